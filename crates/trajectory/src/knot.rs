@@ -1,0 +1,63 @@
+//! The points of a motion that are stored, and the state anywhere on it.
+
+use crate::Configuration;
+
+/// A stored point of a motion: time in seconds, position in rad, velocity in rad/s, acceleration in rad/s².
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Knot {
+    /// Seconds since the start of the motion.
+    pub time: f64,
+    /// Configuration ζ, rad.
+    pub position: Configuration,
+    /// dζ/dt, rad/s.
+    pub velocity: Configuration,
+    /// d²ζ/dt², rad/s².
+    pub acceleration: Configuration,
+}
+
+impl Knot {
+    /// A knot without motion at `time`.
+    pub fn resting(time: f64, position: Configuration) -> Self {
+        Self {
+            time,
+            position,
+            velocity: Configuration::zeros(),
+            acceleration: Configuration::zeros(),
+        }
+    }
+
+    /// Whether every number of the knot is finite.
+    pub fn is_finite(&self) -> bool {
+        let finite = |v: &Configuration| v.iter().all(|x| x.is_finite());
+        self.time.is_finite()
+            && finite(&self.position)
+            && finite(&self.velocity)
+            && finite(&self.acceleration)
+    }
+}
+
+/// Where a motion is at one instant, with its first three time derivatives.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct State {
+    /// Configuration ζ, rad.
+    pub position: Configuration,
+    /// dζ/dt, rad/s.
+    pub velocity: Configuration,
+    /// d²ζ/dt², rad/s².
+    pub acceleration: Configuration,
+    /// d³ζ/dt³, rad/s³.
+    pub jerk: Configuration,
+}
+
+impl State {
+    /// The state of a robot that rests at `position`.
+    pub fn resting(position: Configuration) -> Self {
+        let zero = Configuration::zeros();
+        Self {
+            position,
+            velocity: zero,
+            acceleration: zero,
+            jerk: zero,
+        }
+    }
+}
