@@ -1,1 +1,20 @@
-//! (being written)
+//! What the processes say to one another: plain messages, their validated twins, and the services they travel on.
+//!
+//! * [`message`]: the wire types: `repr(C)`, arrays and counts only, no padding, so that C and Python match byte for byte;
+//! * [`codes`]: what each `u32` code on the wire means;
+//! * [`valid`]: one checked type a message, converted in one place, which rejects and never clamps;
+//! * [`ipc`]: the node, the services and the exclusive roles;
+//! * [`clock`], [`lateness`], [`capacity`]: the time base, the loop histogram, and how much of everything there is.
+//!
+//! Units are SI throughout: metres, radians, seconds; stamps are nanoseconds of `CLOCK_MONOTONIC`.
+//! Another process can write any bit pattern into shared memory: copy a message once, then convert it.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+pub mod capacity;
+pub mod clock;
+pub mod codes;
+pub mod lateness;
+pub mod message;
+
+/// The version of every message in this crate; a request of another version is answered with `wrong version`.
+pub const PROTOCOL_VERSION: u32 = 1;

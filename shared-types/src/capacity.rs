@@ -1,0 +1,20 @@
+//! Array sizes of the wire messages: changing one changes the protocol version.
+
+/// Degrees of freedom: two bending components a section, three sections.
+pub const DOF: usize = 6;
+/// Tendons of the robot: three a section.
+pub const TENDONS: usize = 9;
+/// Obstacle balls in one plan request.
+pub const MAX_BALLS: usize = 64;
+/// Obstacle balls in the live scene.
+pub const MAX_SCENE_BALLS: usize = 1024;
+/// Candidates in one plan response.
+pub const MAX_CANDIDATES: usize = 64;
+/// Knots of one trajectory.
+pub const MAX_KNOTS: usize = 256;
+/// Bins of the loop's lateness histogram ([`crate::lateness`]).
+pub const HISTOGRAM_BINS: usize = 64;
+/// Stages of planning that a response times ([`crate::codes::Stage`]).
+pub const STAGES: usize = 8;
+/// Bytes of UTF-8 text that explain an outcome.
+pub const REASON_BYTES: usize = 160;

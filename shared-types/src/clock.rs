@@ -1,0 +1,26 @@
+//! The one time base of all messages.
+
+use rustix::time::{ClockId, clock_gettime};
+
+/// Now, nanoseconds of `CLOCK_MONOTONIC`: the same in every process of this machine, no allocation, no lock.
+#[must_use]
+pub fn mono_now_ns() -> i64 {
+    let now = clock_gettime(ClockId::Monotonic);
+    now.tv_sec * 1_000_000_000 + now.tv_nsec
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn never_runs_backwards_and_moves() {
+        let first = mono_now_ns();
+        let mut last = first;
+        while last == first {
+            let now = mono_now_ns();
+            assert!(now >= last);
+            last = now;
+        }
+    }
+}

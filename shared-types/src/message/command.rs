@@ -1,0 +1,35 @@
+//! Orders of a person or a program to the controller.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::wire_message;
+
+wire_message! {
+    /// An order (service `command`, server: the controller's relay thread).
+    pub struct Command: "pcc.v1.Command", 24 bytes {
+        /// [`crate::PROTOCOL_VERSION`] of the sender.
+        pub protocol_version: u32,
+        /// [`crate::codes::CommandKind`].
+        pub kind: u32,
+        /// The rate to run at, 0..=1, if the kind is set speed.
+        pub speed: f64,
+        /// The sender's number for this command; returned in the reply.
+        pub command_id: u64,
+    }
+}
+
+wire_message! {
+    /// What became of an order.
+    pub struct CommandReply: "pcc.v1.CommandReply", 24 bytes {
+        /// The command's own number.
+        pub command_id: u64,
+        /// [`crate::PROTOCOL_VERSION`] of the controller.
+        pub protocol_version: u32,
+        /// 1: the command takes effect; 0: it does not.
+        pub accepted: u32,
+        /// [`crate::codes::CommandRefusal`]: why not.
+        pub reason: u32,
+        /// [`crate::codes::LoopState`] when it was answered.
+        pub state: u32,
+    }
+}

@@ -1,0 +1,86 @@
+//! What the controller does, for everyone, and each cycle of it, for recorders.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::wire_message;
+use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
+
+wire_message! {
+    /// State of the controller (service `controller_state`, one publisher: its relay thread, about 50 Hz).
+    pub struct ControllerState: "pcc.v1.ControllerState", 592 bytes {
+        /// Time of the cycle it describes, nanoseconds of `CLOCK_MONOTONIC`.
+        pub stamp_mono_ns: i64,
+        /// Cycles since the loop began.
+        pub cycle: u64,
+        /// The loop's period, nanoseconds.
+        pub period_ns: u64,
+        /// [`crate::codes::LoopState`].
+        pub state: u32,
+        /// [`crate::codes::LoopFault`], latched until reset.
+        pub fault: u32,
+        /// The trajectory executing, or the last one executed; 0: none yet.
+        pub trajectory_id: u32,
+        /// The last trajectory refused; 0: none yet.
+        pub refused_trajectory_id: u32,
+        /// [`crate::codes::Refusal`]: why.
+        pub refusal: u32,
+        /// Cycles that began more than one period late.
+        pub late_cycles: u32,
+        /// Most of them in a row.
+        pub longest_late_run: u32,
+        /// Linux thread id of the loop, so that its system calls can be counted from outside.
+        pub loop_thread_id: u32,
+        /// Commanded configuration, radians.
+        pub commanded_configuration_rad: [f64; DOF],
+        /// Its velocity, rad/s.
+        pub commanded_velocity_rad_s: [f64; DOF],
+        /// Commanded tendon length changes, metres.
+        pub commanded_tendon_m: [f64; TENDONS],
+        /// Configuration that the measured tendons mean, radians.
+        pub measured_configuration_rad: [f64; DOF],
+        /// Norm of the commanded minus the measured configuration, radians.
+        pub tracking_error_rad: f64,
+        /// Part of the measured tendon lengths that no configuration explains, metres (norm).
+        pub slack_residual_m: f64,
+        /// Step of the commanded tendons when the trajectory was last swapped, metres (norm).
+        pub splice_error_m: f64,
+        /// Time on the executing trajectory, seconds.
+        pub trajectory_time_s: f64,
+        /// Rate at which that time runs, 0..=1.
+        pub rate: f64,
+        /// Set-points sent.
+        pub setpoints_sent: u64,
+        /// Allocations of the loop thread that its own arena served.
+        pub loop_arena_allocations: u64,
+        /// Allocations of the loop thread that reached the system allocator.
+        pub loop_system_allocations: u64,
+        /// Wake-ups by lateness ([`crate::lateness`]).
+        pub lateness_histogram: [u32; HISTOGRAM_BINS],
+    }
+}
+
+wire_message! {
+    /// One cycle of the loop (service `cycle`: slices of them, every cycle exactly once).
+    pub struct Cycle: "pcc.v1.Cycle", 408 bytes {
+        /// Counts the loop's cycles.
+        pub sequence: u64,
+        /// Time at which the trajectory was evaluated, nanoseconds of `CLOCK_MONOTONIC`.
+        pub stamp_mono_ns: i64,
+        /// Set-point: tendon length changes, metres.
+        pub setpoint_m: [f64; TENDONS],
+        /// Their velocities, m/s.
+        pub setpoint_velocity_m_s: [f64; TENDONS],
+        /// Their accelerations, m/s².
+        pub setpoint_acceleration_m_s2: [f64; TENDONS],
+        /// Measured tendon length changes, metres.
+        pub measured_tendon_m: [f64; TENDONS],
+        /// Commanded configuration, radians.
+        pub commanded_configuration_rad: [f64; DOF],
+        /// Measured configuration, radians.
+        pub measured_configuration_rad: [f64; DOF],
+        /// [`crate::codes::LoopState`].
+        pub state: u32,
+        /// The executing trajectory; 0: none.
+        pub trajectory_id: u32,
+    }
+}

@@ -1,0 +1,176 @@
+//! The `plan` service: a request, and the answer's header (its payload is a slice of [`Knot`](super::Knot)).
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::wire_message;
+use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES, REASON_BYTES, STAGES};
+
+/// [`PlanReport::selected`] when no candidate is.
+pub const NONE_SELECTED: u32 = u32::MAX;
+
+wire_message! {
+    /// An obstacle at rest.
+    pub struct Ball: "pcc.v1.Ball", 32 bytes {
+        /// Centre in the base frame, metres.
+        pub centre_m: [f64; 3],
+        /// Radius, metres, not negative.
+        pub radius_m: f64,
+    }
+}
+
+wire_message! {
+    /// What is to be planned (service `plan`).
+    pub struct PlanRequest: "pcc.v1.PlanRequest", 2344 bytes {
+        /// [`crate::PROTOCOL_VERSION`] of the sender.
+        pub protocol_version: u32,
+        /// Candidates wanted, 1..=64; the daemon's own limit may be lower.
+        pub candidate_count: u32,
+        /// The sender's number for this request; returned in the answer.
+        pub request_id: u64,
+        /// Seed of all random draws: same request, same seed, same answer.
+        pub seed: u64,
+        /// Time the answer may take, nanoseconds from its reception; 0: the daemon's default.
+        pub deadline_ns: u64,
+        /// [`crate::codes::Sampler`].
+        pub sampler: u32,
+        /// [`crate::codes::Selection`].
+        pub selection: u32,
+        /// The candidate to select, if the selection is by index.
+        pub selected_index: u32,
+        /// 1: publish the selected trajectory for execution; 0: only plan.
+        pub execute: u32,
+        /// [`crate::codes::GoalKind`].
+        pub goal_kind: u32,
+        /// Balls in use, 0..=64.
+        pub ball_count: u32,
+        /// Configuration at the begin, radians.
+        pub start_configuration_rad: [f64; DOF],
+        /// Its velocity, rad/s.
+        pub start_velocity_rad_s: [f64; DOF],
+        /// Its acceleration, rad/s².
+        pub start_acceleration_rad_s2: [f64; DOF],
+        /// The tip to reach in the base frame, metres, if the goal is a tip.
+        pub goal_tip_m: [f64; 3],
+        /// The configuration to reach, radians, if the goal is a configuration.
+        pub goal_configuration_rad: [f64; DOF],
+        /// Distance from the goal tip that counts as reached, metres; 0: a hundredth of a section's length.
+        pub tip_tolerance_m: f64,
+        /// Share of the tendon limits to use, 0 < scale <= 1.
+        pub limits_scale: f64,
+        /// When the motion is to begin if executed, nanoseconds of `CLOCK_MONOTONIC`; 0: as soon as possible.
+        pub begin_mono_ns: i64,
+        /// The first `ball_count` are obstacles; the others are not read.
+        pub balls: [Ball; MAX_BALLS],
+    }
+}
+
+wire_message! {
+    /// One certified candidate of a plan.
+    pub struct CandidateSummary: "pcc.v1.CandidateSummary", 56 bytes {
+        /// Where its knots begin in the answer's slice.
+        pub first_knot: u32,
+        /// How many they are.
+        pub knot_count: u32,
+        /// [`crate::codes::Source`].
+        pub source: u32,
+        /// The random draw it came from; the same for the same request and seed.
+        pub draw: u32,
+        /// Duration of the motion, seconds.
+        pub duration_s: f64,
+        /// Length of the tip's path, metres.
+        pub tip_path_m: f64,
+        /// Least distance of the body's surface to a ball, metres; infinite without balls.
+        pub clearance_m: f64,
+        /// Smoothness measure, less is smoother.
+        pub smoothness: f64,
+        /// Distance of the final tip to the goal tip, metres.
+        pub tip_error_m: f64,
+    }
+}
+
+wire_message! {
+    /// The answer's user header: what happened, how long it took, and where each candidate's knots are.
+    pub struct PlanReport: "pcc.v1.PlanReport", 3872 bytes {
+        /// [`crate::PROTOCOL_VERSION`] of the daemon.
+        pub protocol_version: u32,
+        /// [`crate::codes::Outcome`].
+        pub outcome: u32,
+        /// The request's own number.
+        pub request_id: u64,
+        /// The daemon's number of this plan.
+        pub plan_id: u64,
+        /// Hash of all candidates' knots: equal plans have equal hashes.
+        pub plan_hash: u64,
+        /// Candidates in the answer, 0..=64.
+        pub candidate_count: u32,
+        /// The selected one, or [`NONE_SELECTED`].
+        pub selected: u32,
+        /// Id under which the selected one was published for execution; 0: it was not.
+        pub trajectory_id: u32,
+        /// [`crate::codes::PlanField`] that was wrong, if the outcome is an invalid request.
+        pub invalid_field: u32,
+        /// Draws of the learned sampler.
+        pub learned_drawn: u32,
+        /// Those of them that were certified.
+        pub learned_certified: u32,
+        /// Candidates that the classical planner filled in.
+        pub classical_certified: u32,
+        /// Bytes of `reason` in use.
+        pub reason_len: u32,
+        /// Time of each [`crate::codes::Stage`], nanoseconds.
+        pub stages_ns: [u64; STAGES],
+        /// UTF-8 text that explains the outcome.
+        pub reason: [u8; REASON_BYTES],
+        /// The first `candidate_count` are candidates; the others are not read.
+        pub candidates: [CandidateSummary; MAX_CANDIDATES],
+    }
+}
+
+impl PlanReport {
+    /// Sets the explaining text, cut at the last whole character that fits.
+    pub fn set_reason(&mut self, text: &str) {
+        let mut length = text.len().min(REASON_BYTES);
+        while !text.is_char_boundary(length) {
+            length -= 1;
+        }
+        self.reason = [0; REASON_BYTES];
+        self.reason[..length].copy_from_slice(&text.as_bytes()[..length]);
+        self.reason_len = length as u32;
+    }
+
+    /// The explaining text; bytes that are no UTF-8 are replaced, lengths beyond the array are cut.
+    #[must_use]
+    pub fn reason_text(&self) -> std::borrow::Cow<'_, str> {
+        let length = (self.reason_len as usize).min(REASON_BYTES);
+        String::from_utf8_lossy(&self.reason[..length])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_long_reason_is_cut_between_characters() {
+        let mut report = PlanReport::ZEROED;
+        let text = "ζ".repeat(REASON_BYTES);
+        assert!(text.len() > REASON_BYTES);
+        report.set_reason(&format!("a{text}"));
+        assert_eq!(report.reason_text(), format!("a{}", "ζ".repeat(79)));
+        report.set_reason("short");
+        assert_eq!(report.reason_text(), "short");
+    }
+
+    #[test]
+    fn a_reason_of_any_bytes_and_any_length_is_readable() {
+        let mut report = PlanReport::ZEROED;
+        report.reason = [0xff; REASON_BYTES];
+        report.reason_len = u32::MAX;
+        assert!(
+            report
+                .reason_text()
+                .chars()
+                .all(|character| character == '\u{fffd}')
+        );
+    }
+}

@@ -1,0 +1,34 @@
+//! What the robot does and measures.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::wire_message;
+use crate::capacity::{DOF, TENDONS};
+
+wire_message! {
+    /// State of the motor end (service `robot_state`, one publisher: the robot, 1 kHz).
+    pub struct RobotState: "pcc.v1.RobotState", 304 bytes {
+        /// Counts the publisher's states, from 1.
+        pub sequence: u64,
+        /// Time of the measurement, nanoseconds of `CLOCK_MONOTONIC`.
+        pub stamp_mono_ns: i64,
+        /// Sequence of the last accepted set-point; 0: none yet.
+        pub accepted_sequence: u64,
+        /// [`crate::codes::MotorState`].
+        pub state: u32,
+        /// [`crate::codes::MotorFault`].
+        pub fault: u32,
+        /// The robot's own reference, metres: the last accepted set-point, or where its ramp to rest has led since.
+        pub accepted_setpoint_m: [f64; TENDONS],
+        /// Velocity of that reference, m/s.
+        pub accepted_velocity_m_s: [f64; TENDONS],
+        /// Measured tendon length changes, metres.
+        pub measured_tendon_m: [f64; TENDONS],
+        /// Configuration that the measured tendons mean, radians.
+        pub measured_configuration_rad: [f64; DOF],
+        /// Times it ramped to rest because set-points stayed away.
+        pub ramps_to_rest: u32,
+        /// Set-points it refused.
+        pub rejected_setpoints: u32,
+    }
+}

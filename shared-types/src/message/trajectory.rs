@@ -1,0 +1,42 @@
+//! A timed motion: what the planner answers and what the controller follows.
+
+use iceoryx2::prelude::ZeroCopySend;
+
+use super::wire_message;
+use crate::capacity::{DOF, MAX_KNOTS};
+
+wire_message! {
+    /// One knot of a motion; neighbours are joined by quintic Hermite segments.
+    pub struct Knot: "pcc.v1.Knot", 152 bytes {
+        /// Time since the motion's begin, seconds.
+        pub time_s: f64,
+        /// Configuration ζ, radians: (x, y) bending components of sections 1, 2, 3.
+        pub configuration_rad: [f64; DOF],
+        /// Its first derivative by time, rad/s.
+        pub velocity_rad_s: [f64; DOF],
+        /// Its second derivative by time, rad/s².
+        pub acceleration_rad_s2: [f64; DOF],
+    }
+}
+
+wire_message! {
+    /// What the controller is to execute (service `trajectory`, history 1).
+    pub struct TrajectoryMessage: "pcc.v1.TrajectoryMessage", 38952 bytes {
+        /// [`crate::PROTOCOL_VERSION`] of the sender.
+        pub protocol_version: u32,
+        /// Names this trajectory in the controller's state; at least 1, increasing.
+        pub trajectory_id: u32,
+        /// The plan it was selected from.
+        pub plan_id: u64,
+        /// When the motion begins, nanoseconds of `CLOCK_MONOTONIC`.
+        pub begin_mono_ns: i64,
+        /// Knots in use, 2..=256.
+        pub knot_count: u32,
+        /// Which of the plan's candidates this is.
+        pub candidate_index: u32,
+        /// Tracking error that the certificate covers, radians (Euclidean norm of the configuration error).
+        pub path_tolerance_rad: f64,
+        /// The first `knot_count` are the motion; the others are not read.
+        pub knots: [Knot; MAX_KNOTS],
+    }
+}
