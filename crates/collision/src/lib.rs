@@ -1,1 +1,19 @@
-//! (being written)
+//! Scenes of balls, the exact clearance of a robot's body, and certificates for whole motions.
+//!
+//! Lengths have the unit of the robot's section lengths; positions are in the robot's base frame. The body is a tube
+//! of constant radius around the backbone, so clearances are exact (ROBOT "Exact geometry of a section").
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod bound;
+mod certificate;
+mod clearance;
+mod minimum;
+mod moving;
+mod scene;
+
+pub use bound::{Displacement, tracking_growth};
+pub use certificate::{Verdict, certify_edge, certify_polyline, certify_trajectory};
+pub use clearance::Contact;
+pub use minimum::minimum_clearance;
+pub use moving::{MovingBall, certify_moving};
+pub use scene::{Ball, MAX_BALLS, Scene, SceneError};

@@ -1,1 +1,30 @@
-//! (being written)
+//! Piecewise-constant-curvature model of a three-section continuum robot (Webster & Jones 2010; the paper, section III).
+//!
+//! A configuration ζ holds, for each section, the pair ξ_i = θ_i (−sin φ_i, cos φ_i) in radians: its norm is the
+//! section's bending angle, and the straight shape ζ = 0 is regular. Lengths have the unit of the section lengths.
+//! Positions and Jacobians are in the robot's base frame.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod arc;
+mod backbone;
+mod limits;
+mod robot;
+mod robot_file;
+mod section;
+mod tendons;
+
+pub use arc::Nearest;
+pub use backbone::{Backbone, Pose};
+pub use robot::{Robot, TendonLimits};
+pub use robot_file::RobotFileError;
+pub use tendons::{Tendon, TendonMap, TendonMapError};
+
+/// Number of sections.
+pub const SECTIONS: usize = 3;
+/// Number of configuration components: two a section.
+pub const DOF: usize = 2 * SECTIONS;
+
+/// A configuration `[ξ11, ξ12, ξ21, ξ22, ξ31, ξ32]`, radians.
+pub type Configuration = nalgebra::SVector<f64, DOF>;
+/// A position or a direction in the base frame.
+pub type Point = nalgebra::Vector3<f64>;

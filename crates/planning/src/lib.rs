@@ -1,1 +1,35 @@
-//! (being written)
+//! Motion planning for three-section continuum robots: a request becomes certified, timed candidates.
+//!
+//! Lengths are in units of one section's arc length, angles in radians, and every position is in the robot's
+//! base frame. The stages of [`Planner::plan`] are: end shapes by analytic inverse kinematics, paths from a
+//! learned sampler (or straight ones, or a tree), analytic correction, time allocation, certification of the
+//! executed curve, selection.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod basis;
+mod canonical;
+mod correction;
+pub mod dataset;
+mod end_shapes;
+mod features;
+mod finish;
+mod inverse_kinematics;
+mod metrics;
+mod path;
+mod pipeline;
+mod problem;
+mod rrt_connect;
+mod sampling;
+pub mod scenes;
+mod select;
+pub mod teacher;
+
+pub use end_shapes::{EndShapes, end_shapes};
+pub use features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, features, residual_coefficients};
+pub use inverse_kinematics::solve_tip;
+pub use metrics::{PathMetrics, SetMetrics, modes, path_metrics, set_metrics};
+pub use path::{WAYPOINTS, Waypoints, straight_path};
+pub use pipeline::{Candidate, Draw, Failure, Plan, Planner, PlannerError, Request, Sampler, Source, StageTimes};
+pub use problem::{Goal, Infeasible, Problem};
+pub use rrt_connect::{RrtSettings, rrt_connect};
+pub use select::{Selection, select};

@@ -1,0 +1,225 @@
+//! `pcc dataset` and `pcc features`: paths by the teacher, and the training arrays made from them.
+
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use pcc_model::Robot;
+use planning::dataset::{BlockReport, Dataset, Meta, Recipe, Row, generate_block, training_rows};
+use planning::scenes::Setting;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Targets of one block: the unit of work, of resuming and of sharding.
+const BLOCK: u64 = 32;
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SettingName {
+    /// The paper's four fixed layouts.
+    Reference,
+    /// No balls.
+    ObstacleFree,
+    /// Random balls, counts cycled over 0, 1, 2, 3, 4, 5, 6, 8.
+    General,
+    /// 8 to 16 balls where straight segments collide.
+    Hard,
+}
+
+/// Arguments of `pcc dataset`.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Kind of scenes.
+    #[arg(long, value_enum, default_value = "general")]
+    setting: SettingName,
+    /// Number of balls in every general scene, instead of the cycle (0 to 64).
+    #[arg(long)]
+    balls: Option<usize>,
+    /// Targets to draw.
+    #[arg(long, default_value_t = 320)]
+    targets: u64,
+    /// Starts of each target (1 to 5).
+    #[arg(long, default_value_t = 5)]
+    starts: usize,
+    /// End shapes of each start.
+    #[arg(long, default_value_t = 10)]
+    ends: usize,
+    /// Seed; the same seed gives the same rows whatever the shards and threads.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Put every row into the test split.
+    #[arg(long)]
+    test_only: bool,
+    /// This shard of how many, as `i/n`, counted from 0; the shard that ends last merges.
+    #[arg(long, default_value = "0/1")]
+    shard: String,
+    /// Worker threads (0: one a core).
+    #[arg(long, default_value_t = 0)]
+    threads: usize,
+    /// Robot file.
+    #[arg(long, default_value = "config/robots/unit.toml")]
+    robot: PathBuf,
+    /// Folder for the data set; finished blocks in it are not made again.
+    #[arg(long)]
+    out: PathBuf,
+}
+
+/// Arguments of `pcc features`.
+#[derive(Args)]
+pub(crate) struct FeatureArguments {
+    /// Folder of a data set.
+    #[arg(long)]
+    dataset: PathBuf,
+    /// Added to the target indices, so that the targets of several data sets stay apart.
+    #[arg(long, default_value_t = 0)]
+    first_group: i64,
+    /// Robot file.
+    #[arg(long, default_value = "config/robots/unit.toml")]
+    robot: PathBuf,
+    /// Training archive to write.
+    #[arg(long)]
+    out: PathBuf,
+}
+
+struct Job<'a> {
+    arguments: &'a Arguments,
+    robot: Robot,
+    recipe: Recipe,
+    blocks: PathBuf,
+}
+
+pub(crate) fn generate(arguments: &Arguments) -> anyhow::Result<()> {
+    let (shard, shards) = parse_shard(&arguments.shard)?;
+    let job = Job::new(arguments)?;
+    let all = arguments.targets.div_ceil(BLOCK);
+    let mine: Vec<u64> = (0..all).filter(|b| b % shards == shard && !job.is_done(*b)).collect();
+    job.make(&mine)?;
+    if (0..all).all(|block| job.is_done(block)) {
+        job.merge(all)?;
+    } else {
+        println!("waiting for the other shards: the one that ends last merges");
+    }
+    Ok(())
+}
+
+fn parse_shard(text: &str) -> anyhow::Result<(u64, u64)> {
+    let (shard, shards) = text.split_once('/').context("--shard must look like 0/4")?;
+    let (shard, shards): (u64, u64) = (shard.parse()?, shards.parse()?);
+    if shard >= shards {
+        bail!("--shard {text}: the first number must be below the second");
+    }
+    Ok((shard, shards))
+}
+
+impl<'a> Job<'a> {
+    fn new(arguments: &'a Arguments) -> anyhow::Result<Self> {
+        let setting = match (arguments.setting, arguments.balls) {
+            (SettingName::General, balls) if balls.unwrap_or(0) <= 64 => Setting::General(balls),
+            (SettingName::General, Some(balls)) => bail!("--balls {balls}: 0 to 64 are allowed"),
+            (_, Some(_)) => bail!("--balls goes with --setting general"),
+            (SettingName::Reference, None) => Setting::Reference,
+            (SettingName::ObstacleFree, None) => Setting::ObstacleFree,
+            (SettingName::Hard, None) => Setting::Hard,
+            (SettingName::General, None) => Setting::General(None),
+        };
+        let recipe = Recipe { setting, seed: arguments.seed, starts: arguments.starts, ends: arguments.ends, test_only: arguments.test_only };
+        let blocks = arguments.out.join("blocks");
+        std::fs::create_dir_all(&blocks).with_context(|| format!("cannot make {}", blocks.display()))?;
+        let job = Self { arguments, robot: unit_robot(&arguments.robot)?, recipe, blocks };
+        job.check_recipe()?;
+        Ok(job)
+    }
+
+    /// Refuses to mix blocks of different recipes in one folder.
+    fn check_recipe(&self) -> anyhow::Result<()> {
+        let file = self.arguments.out.join("recipe.json");
+        let text = serde_json::to_string_pretty(&self.recipe_json())?;
+        match std::fs::read_to_string(&file) {
+            Ok(found) if found != text => bail!("{} was made with another recipe: {found}", self.arguments.out.display()),
+            Ok(_) => Ok(()),
+            Err(_) => std::fs::write(&file, text).with_context(|| format!("cannot write {}", file.display())),
+        }
+    }
+
+    fn recipe_json(&self) -> serde_json::Value {
+        let a = self.arguments;
+        json!({
+            "setting": format!("{:?}", self.recipe.setting), "targets": a.targets, "starts": a.starts, "ends": a.ends,
+            "seed": a.seed, "test_only": a.test_only, "robot": self.robot.name,
+        })
+    }
+
+    fn block_folder(&self, block: u64) -> PathBuf {
+        self.blocks.join(format!("block-{block:06}"))
+    }
+
+    fn is_done(&self, block: u64) -> bool {
+        self.block_folder(block).join("dataset_meta.json").exists()
+    }
+
+    fn make(&self, blocks: &[u64]) -> anyhow::Result<()> {
+        let bar = progress_bar(blocks.len() as u64);
+        let (next, total) = (AtomicU64::new(0), Mutex::new(BlockReport::default()));
+        let threads = match self.arguments.threads {
+            0 => std::thread::available_parallelism()?.get(),
+            n => n,
+        };
+        std::thread::scope(|scope| {
+            let work = || -> anyhow::Result<()> {
+                while let Some(block) = blocks.get(next.fetch_add(1, Ordering::Relaxed) as usize) {
+                    let report = self.make_block(*block)?;
+                    let mut total = total.lock().map_err(|_| anyhow::anyhow!("a worker stopped"))?;
+                    *total += report;
+                    bar.set_message(format!("{} paths kept", total.kept));
+                    bar.inc(1);
+                }
+                Ok(())
+            };
+            let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+            workers.into_iter().try_for_each(|w| w.join().map_err(|_| anyhow::anyhow!("a worker stopped"))?)
+        })?;
+        bar.finish();
+        let total = total.into_inner().unwrap_or_default();
+        println!("{total:?}");
+        Ok(())
+    }
+
+    fn make_block(&self, block: u64) -> anyhow::Result<BlockReport> {
+        let end = ((block + 1) * BLOCK).min(self.arguments.targets);
+        let (rows, report) = generate_block(&self.robot, &self.recipe, block * BLOCK..end);
+        Dataset { rows, meta: Meta::new(json!({ "block": block, "report": format!("{report:?}") })) }.write(&self.block_folder(block))?;
+        Ok(report)
+    }
+
+    fn merge(&self, blocks: u64) -> anyhow::Result<()> {
+        let mut rows: Vec<Row> = Vec::new();
+        for block in 0..blocks {
+            rows.extend(Dataset::read(&self.block_folder(block))?.rows);
+        }
+        let count = rows.len();
+        Dataset { rows, meta: Meta::new(self.recipe_json()) }.write(&self.arguments.out)?;
+        println!("{}: {count} paths", self.arguments.out.display());
+        Ok(())
+    }
+}
+
+pub(crate) fn features(arguments: &FeatureArguments) -> anyhow::Result<()> {
+    let robot = unit_robot(&arguments.robot)?;
+    let dataset = Dataset::read(&arguments.dataset)?;
+    let rows = training_rows(&robot, &dataset.rows, arguments.first_group)?;
+    rows.write(&arguments.out)?;
+    println!("{}: {} rows", arguments.out.display(), rows.len());
+    Ok(())
+}
+
+/// Loads a robot in units of its section length.
+pub(crate) fn unit_robot(file: &Path) -> anyhow::Result<Robot> {
+    let robot = Robot::from_file(file).with_context(|| format!("robot file {}", file.display()))?;
+    let length = robot.equal_section_length().context("the three sections must be equally long")?;
+    Ok(robot.scaled(1.0 / length))
+}
+
+fn progress_bar(length: u64) -> ProgressBar {
+    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} blocks, {msg}, {eta} left");
+    ProgressBar::new(length).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
+}

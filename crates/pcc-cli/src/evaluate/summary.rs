@@ -1,0 +1,155 @@
+//! `result.json`: every figure of merit, the settings, the machine.
+
+use super::{Answer, Arguments};
+use pcc_model::{Configuration, Robot};
+use planning::{Candidate, Failure, Plan, set_metrics};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Share of requests and candidates, figures of merit, times.
+#[derive(Serialize)]
+pub(super) struct Summary {
+    planner: String,
+    dataset: String,
+    cases: usize,
+    candidates: usize,
+    seed: u64,
+    threads: usize,
+    machine: String,
+    /// Requests refused as infeasible, by reason.
+    infeasible: BTreeMap<String, usize>,
+    /// Share of the requests with at least one certified candidate.
+    success_any: f64,
+    /// Share of the requests whose first draw is certified.
+    success_first: f64,
+    /// Share of all draws certified (for the learned sampler: before anything is filled).
+    share_before_fallback: f64,
+    /// Share of all candidates asked for that were delivered certified.
+    share_delivered: f64,
+    /// Share of the requests with at least one certified learned candidate.
+    learned_any: f64,
+    failures: BTreeMap<String, usize>,
+    tip_error: Spread,
+    clearance: Spread,
+    tip_length_ratio: Spread,
+    tip_smoothness: Spread,
+    configuration_length_rad: Spread,
+    duration_s: Spread,
+    modes: Spread,
+    mean_distance_rad: Spread,
+    min_distance_rad: Spread,
+    vendi: Spread,
+    seconds: Spread,
+    stage_seconds: BTreeMap<&'static str, Spread>,
+}
+
+/// Order statistics of one figure.
+#[derive(Serialize)]
+struct Spread {
+    mean: f64,
+    p5: f64,
+    median: f64,
+    p90: f64,
+    p95: f64,
+    p99: f64,
+    max: f64,
+}
+
+impl Spread {
+    fn of(values: impl Iterator<Item = f64>) -> Self {
+        let mut sorted: Vec<f64> = values.collect();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| match sorted.len() {
+            0 => f64::NAN,
+            n => sorted[((n - 1) as f64 * share).round() as usize],
+        };
+        let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
+        Self { mean, p5: at(0.05), median: at(0.5), p90: at(0.9), p95: at(0.95), p99: at(0.99), max: at(1.0) }
+    }
+}
+
+pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]) -> Summary {
+    let plans: Vec<&Plan> = answers.iter().filter_map(|a| a.plan.as_ref().ok()).collect();
+    let certified: Vec<(&Answer, &Candidate)> =
+        answers.iter().flat_map(|a| a.plan.iter().flat_map(move |p| p.candidates.iter().map(move |c| (a, c)))).collect();
+    let asked = (answers.len() * arguments.candidates) as f64;
+    let share = |count: usize| count as f64 / answers.len() as f64;
+    let path = |figure: fn(&Candidate) -> f64| Spread::of(certified.iter().map(move |(_, c)| figure(c)));
+    let sets: Vec<_> = plans.iter().map(|p| set_metrics(&p.candidates.iter().map(Candidate::end).collect::<Vec<Configuration>>())).collect();
+    let tip_error = |(a, c): &(&Answer, &Candidate)| (robot.tip(&c.end()) - a.case.target_tip).norm();
+    Summary {
+        planner: format!("{:?}", arguments.planner),
+        dataset: arguments.dataset.display().to_string(),
+        cases: answers.len(),
+        candidates: arguments.candidates,
+        seed: arguments.seed,
+        threads: arguments.threads,
+        machine: machine(),
+        infeasible: count(answers.iter().filter_map(|a| a.plan.as_ref().err()).map(|reason| first_words(&reason.to_string()))),
+        success_any: share(plans.iter().filter(|p| !p.candidates.is_empty()).count()),
+        success_first: share(plans.iter().filter(|p| p.draws.first().is_some_and(|d| d.outcome.is_ok())).count()),
+        share_before_fallback: before_fallback(&plans) as f64 / asked,
+        share_delivered: certified.len() as f64 / asked,
+        learned_any: share(plans.iter().filter(|p| p.learned_certified > 0).count()),
+        failures: count(plans.iter().flat_map(|p| &p.draws).filter_map(|d| d.outcome.as_ref().err()).map(Failure::to_string)),
+        tip_error: Spread::of(certified.iter().map(tip_error)),
+        clearance: path(|c| c.metrics.clearance),
+        tip_length_ratio: path(|c| c.metrics.tip_length / c.metrics.tip_distance),
+        tip_smoothness: path(|c| c.metrics.tip_smoothness),
+        configuration_length_rad: path(|c| c.metrics.configuration_length),
+        duration_s: path(|c| c.metrics.duration_s),
+        modes: Spread::of(sets.iter().map(|s| s.modes as f64)),
+        mean_distance_rad: Spread::of(sets.iter().map(|s| s.mean_distance_rad)),
+        min_distance_rad: Spread::of(sets.iter().map(|s| s.min_distance_rad)),
+        vendi: Spread::of(sets.iter().map(|s| s.vendi)),
+        seconds: Spread::of(answers.iter().map(|a| a.seconds)),
+        stage_seconds: stages(&plans),
+    }
+}
+
+/// Certified draws before anything was filled: the learned ones where there are any, else all.
+fn before_fallback(plans: &[&Plan]) -> usize {
+    let certified = |p: &&Plan| if p.learned_drawn > 0 { p.learned_certified } else { p.candidates.len() };
+    plans.iter().map(certified).sum()
+}
+
+fn stages(plans: &[&Plan]) -> BTreeMap<&'static str, Spread> {
+    let stage = |of: fn(&Plan) -> f64| Spread::of(plans.iter().map(move |p| of(p)));
+    BTreeMap::from([
+        ("condition", stage(|p| p.stages.condition)),
+        ("sample", stage(|p| p.stages.sample)),
+        ("correct", stage(|p| p.stages.correct)),
+        ("time", stage(|p| p.stages.time)),
+        ("certify", stage(|p| p.stages.certify)),
+        ("select", stage(|p| p.stages.select)),
+    ])
+}
+
+fn count(names: impl Iterator<Item = String>) -> BTreeMap<String, usize> {
+    names.fold(BTreeMap::new(), |mut counts, name| {
+        *counts.entry(name).or_insert(0) += 1;
+        counts
+    })
+}
+
+fn first_words(reason: &str) -> String {
+    reason.split(':').next().unwrap_or(reason).to_owned()
+}
+
+fn machine() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = text.lines().find_map(|l| l.strip_prefix("model name")).unwrap_or("unknown").trim_start_matches(['\t', ' ', ':']);
+    format!("{model}, {} cores", std::thread::available_parallelism().map_or(0, std::num::NonZero::get))
+}
+
+pub(super) fn print(s: &Summary) {
+    println!("{} on {}: {} cases, {} candidates each", s.planner, s.dataset, s.cases, s.candidates);
+    println!("  certified before fallback {:6.2} %   delivered {:6.2} %", 100.0 * s.share_before_fallback, 100.0 * s.share_delivered);
+    println!("  requests answered         {:6.2} %   with a learned candidate {:6.2} %", 100.0 * s.success_any, 100.0 * s.learned_any);
+    println!("  tip length / distance     {:6.3} median   duration {:.2} s median", s.tip_length_ratio.median, s.duration_s.median);
+    println!("  terminal modes            {:6.1} mean     Vendi {:.2} mean", s.modes.mean, s.vendi.mean);
+    println!("  time per request          {:6.2} ms median, {:.2} ms p99", 1e3 * s.seconds.median, 1e3 * s.seconds.p99);
+    for (reason, times) in s.failures.iter().chain(&s.infeasible) {
+        println!("  {times:6} × {reason}");
+    }
+}

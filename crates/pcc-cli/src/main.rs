@@ -1,0 +1,33 @@
+//! `pcc`: the one tool that talks to the planner daemon and the controller, makes data, and evaluates planners.
+
+mod dataset;
+mod evaluate;
+mod planner;
+
+use clap::{Parser, Subcommand};
+
+/// Plans, watches, evaluates: motion planning for three-section continuum robots.
+#[derive(Parser)]
+#[command(version, about)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Generate paths for training or evaluation, sharded and resumable.
+    Dataset(dataset::Arguments),
+    /// Write the training arrays of the few-step model from a data set.
+    Features(dataset::FeatureArguments),
+    /// Evaluate a planner on a data set and write result.json and paths.npz.
+    Evaluate(evaluate::Arguments),
+}
+
+fn main() -> anyhow::Result<()> {
+    match Arguments::parse().command {
+        Command::Dataset(arguments) => dataset::generate(&arguments),
+        Command::Features(arguments) => dataset::features(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
+    }
+}

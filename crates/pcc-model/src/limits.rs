@@ -1,0 +1,30 @@
+//! The bending limit: a disc for each section.
+
+use crate::{Configuration, Robot, SECTIONS};
+
+impl Robot {
+    /// Bending angle θ_i of each section, rad.
+    #[must_use]
+    pub fn bending_angles(&self, shape: &Configuration) -> [f64; SECTIONS] {
+        std::array::from_fn(|i| shape[2 * i].hypot(shape[2 * i + 1]))
+    }
+
+    /// Largest θ_i minus the limit, rad; negative inside.
+    #[must_use]
+    pub fn limit_excess(&self, shape: &Configuration) -> f64 {
+        self.bending_angles(shape).into_iter().fold(f64::NEG_INFINITY, f64::max) - self.bending_limit
+    }
+
+    /// The nearest configuration within the bending limit.
+    #[must_use]
+    pub fn project_to_limits(&self, shape: &Configuration) -> Configuration {
+        let mut projected = *shape;
+        for (i, angle) in self.bending_angles(shape).into_iter().enumerate() {
+            if angle > self.bending_limit {
+                projected[2 * i] *= self.bending_limit / angle;
+                projected[2 * i + 1] *= self.bending_limit / angle;
+            }
+        }
+        projected
+    }
+}

@@ -1,0 +1,83 @@
+//! The robot: lengths, limits, tendons.
+
+use crate::tendons::{Tendon, TendonMap};
+use crate::{Backbone, Configuration, Point, SECTIONS};
+
+/// Limits of every tendon's motion, in the length unit of the robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TendonLimits {
+    /// Speed, length/s.
+    pub velocity: f64,
+    /// Acceleration, length/s².
+    pub acceleration: f64,
+    /// Jerk, length/s³.
+    pub jerk: f64,
+}
+
+/// A three-section robot.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Robot {
+    /// What it is called.
+    pub name: String,
+    /// Arc length L_i of each section.
+    pub section_lengths: [f64; SECTIONS],
+    /// Largest bending angle θ of a section, rad.
+    pub bending_limit: f64,
+    /// Radius of the body around the backbone.
+    pub tube_radius: f64,
+    /// Radius of the motors' spools.
+    pub spool_radius: f64,
+    /// The tendons.
+    pub tendons: TendonMap,
+    /// Limits of the tendons' motion.
+    pub tendon_limits: TendonLimits,
+}
+
+impl Robot {
+    /// The backbone of a configuration.
+    #[must_use]
+    pub fn backbone(&self, shape: &Configuration) -> Backbone {
+        Backbone::new(&self.section_lengths, shape)
+    }
+
+    /// Position of the tip, base frame.
+    #[must_use]
+    pub fn tip(&self, shape: &Configuration) -> Point {
+        self.backbone(shape).tip()
+    }
+
+    /// The length of the sections, if all three have the same (to 1e-9 of it).
+    #[must_use]
+    pub fn equal_section_length(&self) -> Option<f64> {
+        let first = self.section_lengths[0];
+        let equal = |l: &f64| (l - first).abs() <= 1e-9 * first;
+        self.section_lengths.iter().all(equal).then_some(first)
+    }
+
+    /// The same robot with every length multiplied by `factor`; `1/L` gives it in units of the section length L.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        let scale = |t: &Tendon| Tendon { radius: t.radius * factor, ..*t };
+        let tendons = TendonMap::new(self.tendons.tendons().iter().map(scale).collect());
+        let limits = &self.tendon_limits;
+        Self {
+            name: self.name.clone(),
+            section_lengths: self.section_lengths.map(|l| l * factor),
+            bending_limit: self.bending_limit,
+            tube_radius: self.tube_radius * factor,
+            spool_radius: self.spool_radius * factor,
+            tendons: tendons.expect("a map that was valid stays valid when scaled"),
+            tendon_limits: TendonLimits {
+                velocity: limits.velocity * factor,
+                acceleration: limits.acceleration * factor,
+                jerk: limits.jerk * factor,
+            },
+        }
+    }
+
+    /// The same robot with a thicker body.
+    #[must_use]
+    pub fn with_tube_growth(&self, growth: f64) -> Self {
+        Self { tube_radius: self.tube_radius + growth, ..self.clone() }
+    }
+}

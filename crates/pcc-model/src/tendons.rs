@@ -1,0 +1,138 @@
+//! Tendon lengths: linear in the configuration (ROBOT "Tendons").
+
+use crate::{Configuration, DOF, SECTIONS};
+use nalgebra::{DMatrix, DVector};
+use thiserror::Error;
+
+/// One tendon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tendon {
+    /// Section it ends in, 1 to 3.
+    pub section: usize,
+    /// Distance from the backbone.
+    pub radius: f64,
+    /// Angle ψ about the base axis, rad.
+    pub angle: f64,
+}
+
+/// Why tendons do not make a map.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum TendonMapError {
+    /// A tendon's section does not exist.
+    #[error("tendon {tendon} ends in section {section}; 1 to {SECTIONS} are allowed")]
+    Section {
+        /// Index of the tendon, from 1.
+        tendon: usize,
+        /// The section it names.
+        section: usize,
+    },
+    /// A tendon's radius or angle is not usable.
+    #[error("tendon {tendon} has radius {radius} and angle {angle}; a finite radius above 0 and a finite angle are allowed")]
+    Placement {
+        /// Index of the tendon, from 1.
+        tendon: usize,
+        /// Its radius.
+        radius: f64,
+        /// Its angle, rad.
+        angle: f64,
+    },
+    /// The tendons do not determine the configuration.
+    #[error("the tendons determine only {rank} of the {DOF} bending components; at least two tendons a section, not opposite each other, are needed")]
+    Rank {
+        /// Rank of the map.
+        rank: usize,
+    },
+}
+
+/// The map Δl = A ζ of tendon length changes; positive Δl is a longer tendon.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TendonMap {
+    tendons: Vec<Tendon>,
+    matrix: DMatrix<f64>,
+    pseudo_inverse: DMatrix<f64>,
+}
+
+impl TendonMap {
+    /// Builds the map and its pseudo-inverse.
+    ///
+    /// # Errors
+    /// [`TendonMapError`], naming the tendon and what is allowed.
+    pub fn new(tendons: Vec<Tendon>) -> Result<Self, TendonMapError> {
+        for (index, t) in tendons.iter().enumerate() {
+            let tendon = index + 1;
+            if !(1..=SECTIONS).contains(&t.section) {
+                return Err(TendonMapError::Section { tendon, section: t.section });
+            }
+            if !(t.radius.is_finite() && t.radius > 0.0 && t.angle.is_finite()) {
+                return Err(TendonMapError::Placement { tendon, radius: t.radius, angle: t.angle });
+            }
+        }
+        let matrix = DMatrix::from_fn(tendons.len(), DOF, |j, k| coefficient(&tendons[j], k));
+        let rank = if tendons.is_empty() { 0 } else { matrix.rank(1e-9 * matrix.amax()) };
+        if rank < DOF {
+            return Err(TendonMapError::Rank { rank });
+        }
+        let pseudo_inverse = matrix.clone().pseudo_inverse(1e-12).map_err(|_| TendonMapError::Rank { rank })?;
+        Ok(Self { tendons, matrix, pseudo_inverse })
+    }
+
+    /// The tendons, in the order of the lengths.
+    #[must_use]
+    pub fn tendons(&self) -> &[Tendon] {
+        &self.tendons
+    }
+
+    /// Number of tendons.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.tendons.len()
+    }
+
+    /// A: tendons × 6, length unit per radian.
+    #[must_use]
+    pub fn matrix(&self) -> &DMatrix<f64> {
+        &self.matrix
+    }
+
+    /// A⁺: 6 × tendons.
+    #[must_use]
+    pub fn pseudo_inverse(&self) -> &DMatrix<f64> {
+        &self.pseudo_inverse
+    }
+
+    /// Writes Δl = A ζ (or its time derivatives for those of ζ) into `out`, one number a tendon; allocates nothing.
+    pub fn lengths(&self, shape: &Configuration, out: &mut [f64]) {
+        for (j, length) in out.iter_mut().enumerate().take(self.count()) {
+            *length = (0..DOF).map(|k| self.matrix[(j, k)] * shape[k]).sum();
+        }
+    }
+
+    /// ζ = A⁺ Δl; allocates nothing.
+    #[must_use]
+    pub fn configuration(&self, lengths: &[f64]) -> Configuration {
+        Configuration::from_fn(|k, _| lengths.iter().enumerate().map(|(j, l)| self.pseudo_inverse[(k, j)] * l).sum())
+    }
+
+    /// ‖(I − A A⁺) Δl‖: how far the lengths are from any shape; a slack or broken tendon shows here.
+    #[must_use]
+    pub fn slack_residual(&self, lengths: &[f64]) -> f64 {
+        let shape = self.configuration(lengths);
+        let fitted = |j: usize| (0..DOF).map(|k| self.matrix[(j, k)] * shape[k]).sum::<f64>();
+        lengths.iter().enumerate().map(|(j, l)| (l - fitted(j)).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Ratio of the largest to the smallest singular value of A.
+    #[must_use]
+    pub fn condition_number(&self) -> f64 {
+        let values: DVector<f64> = self.matrix.singular_values();
+        values.max() / values.min()
+    }
+}
+
+fn coefficient(tendon: &Tendon, component: usize) -> f64 {
+    if component / 2 >= tendon.section {
+        return 0.0;
+    }
+    let direction = if component % 2 == 0 { tendon.angle.sin() } else { -tendon.angle.cos() };
+    tendon.radius * direction
+}

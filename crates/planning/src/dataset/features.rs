@@ -1,0 +1,66 @@
+//! Training arrays of the few-step model, made from a data set.
+
+use super::archive::{ArchiveError, ArchiveWriter};
+use super::format::Row;
+use crate::features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, residual_coefficients};
+use collision::{Scene, SceneError};
+use pcc_model::Robot;
+use std::path::Path;
+
+/// Rows of training arrays, in the canonical frame, each path also as its mirror image.
+#[derive(Clone, Debug, Default)]
+pub struct TrainingRows {
+    ends: Vec<f32>,
+    balls: Vec<f32>,
+    ball_offsets: Vec<i64>,
+    coefficients: Vec<f32>,
+    groups: Vec<i64>,
+}
+
+/// Computes the training arrays of some rows; `group` is the same for all rows of one target.
+///
+/// # Errors
+/// [`SceneError`] where the obstacles of a row do not make a scene.
+pub fn training_rows(robot: &Robot, rows: &[Row], first_group: i64) -> Result<TrainingRows, SceneError> {
+    let mut out = TrainingRows { ball_offsets: vec![0], ..TrainingRows::default() };
+    for row in rows {
+        let scene = Scene::new(row.balls.clone())?;
+        for mirrored in [false, true] {
+            let (features, coefficients) = residual_coefficients(robot, &row.path, &row.target_tip, &scene, mirrored);
+            out.ends.extend(&features.ends);
+            out.balls.extend(&features.balls);
+            out.ball_offsets.push((out.balls.len() / BALL_FEATURES) as i64);
+            out.coefficients.extend(coefficients.map(|c| c as f32));
+            out.groups.push(first_group + i64::from(row.target_index));
+        }
+    }
+    Ok(out)
+}
+
+impl TrainingRows {
+    /// Number of rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.groups.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.groups.is_empty()
+    }
+
+    /// Writes the arrays `ends`, `balls`, `ball_offsets`, `coefficients`, `group`.
+    ///
+    /// # Errors
+    /// [`ArchiveError`].
+    pub fn write(&self, file: &Path) -> Result<(), ArchiveError> {
+        let mut archive = ArchiveWriter::create(file)?;
+        archive.write("ends", &[self.len(), END_FEATURES], self.ends.iter().copied())?;
+        archive.write("balls", &[self.balls.len() / BALL_FEATURES, BALL_FEATURES], self.balls.iter().copied())?;
+        archive.write("ball_offsets", &[self.len() + 1], self.ball_offsets.iter().copied())?;
+        archive.write("coefficients", &[self.len(), COEFFICIENTS], self.coefficients.iter().copied())?;
+        archive.write("group", &[self.len()], self.groups.iter().copied())?;
+        archive.finish()
+    }
+}

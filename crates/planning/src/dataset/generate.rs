@@ -1,0 +1,128 @@
+//! Making paths for training and tests: targets, starts, end shapes, and the teacher's certified paths.
+
+use super::format::{Row, Split};
+use crate::end_shapes::end_shapes;
+use crate::path::{WAYPOINTS, Waypoints, resample, straight_path};
+use crate::problem::{Goal, Problem};
+use crate::rrt_connect::{RrtSettings, rrt_connect};
+use crate::scenes::{Setting, Target, draw_target};
+use crate::teacher::teach;
+use collision::{Scene, certify_polyline};
+use pcc_model::{Configuration, Robot};
+use rand::seq::SliceRandom;
+use rand::RngExt;
+use rand_pcg::Pcg64;
+
+/// Split by target, 80 / 10 / 10 (EVALUATION), from a generator of its own.
+const SPLIT_SEED: u64 = 999;
+/// The tree works with this much room to spare, so that the teacher starts from a clear path.
+const TREE_MARGIN: f64 = 0.02;
+
+/// What is generated.
+#[derive(Clone, Copy, Debug)]
+pub struct Recipe {
+    /// The kind of scenes.
+    pub setting: Setting,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Starts used of each target.
+    pub starts: usize,
+    /// End shapes used of each start.
+    pub ends: usize,
+    /// Puts every row into the test split (for sets that are only evaluated on).
+    pub test_only: bool,
+}
+
+/// What became of the paths asked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BlockReport {
+    /// Targets drawn.
+    pub targets: usize,
+    /// Targets without a valid tip or start.
+    pub dropped_targets: usize,
+    /// Starts without a clear end shape.
+    pub dropped_starts: usize,
+    /// Paths the teacher could not certify.
+    pub dropped_paths: usize,
+    /// Paths that needed the tree.
+    pub from_tree: usize,
+    /// Paths kept.
+    pub kept: usize,
+}
+
+impl std::ops::AddAssign for BlockReport {
+    fn add_assign(&mut self, other: Self) {
+        self.targets += other.targets;
+        self.dropped_targets += other.dropped_targets;
+        self.dropped_starts += other.dropped_starts;
+        self.dropped_paths += other.dropped_paths;
+        self.from_tree += other.from_tree;
+        self.kept += other.kept;
+    }
+}
+
+/// Generates the rows of the targets with the given indices; the result depends on the recipe and the indices alone.
+#[must_use]
+pub fn generate_block(robot: &Robot, recipe: &Recipe, targets: std::ops::Range<u64>) -> (Vec<Row>, BlockReport) {
+    let mut rows = Vec::new();
+    let mut report = BlockReport::default();
+    for index in targets {
+        report.targets += 1;
+        match draw_target(robot, recipe.setting, recipe.seed, index) {
+            Some(target) => target_rows(robot, recipe, index, &target, &mut rows, &mut report),
+            None => report.dropped_targets += 1,
+        }
+    }
+    (rows, report)
+}
+
+fn target_rows(robot: &Robot, recipe: &Recipe, index: u64, target: &Target, rows: &mut Vec<Row>, report: &mut BlockReport) {
+    let mut rng = Pcg64::new(u128::from(recipe.seed), u128::from(index) + 1);
+    for (start_index, start) in target.starts.iter().enumerate().take(recipe.starts) {
+        let problem = Problem { start: *start, goal: Goal::Tip(target.tip), scene: target.scene.clone() };
+        let Ok(mut ends) = end_shapes(robot, &problem, 10.max(recipe.ends), 0.0, &mut rng) else {
+            report.dropped_starts += 1;
+            continue;
+        };
+        ends.shapes.shuffle(&mut rng);
+        for (ik_index, end) in ends.shapes.iter().enumerate().take(recipe.ends) {
+            let Some(path) = taught_path(robot, &target.scene, start, end, &mut rng, report) else {
+                report.dropped_paths += 1;
+                continue;
+            };
+            report.kept += 1;
+            rows.push(Row {
+                path,
+                target_tip: target.tip,
+                target_index: index as i32,
+                start_index: start_index as i16,
+                ik_index: ik_index as i16,
+                split: if recipe.test_only { Split::Test } else { split_of(index) },
+                balls: target.scene.balls().to_vec(),
+            });
+        }
+    }
+}
+
+fn taught_path(robot: &Robot, scene: &Scene, start: &Configuration, end: &Configuration, rng: &mut Pcg64, report: &mut BlockReport) -> Option<Waypoints> {
+    let certified = |path: &Waypoints| certify_polyline(robot, scene, path).is_free();
+    let direct = teach(robot, scene, &straight_path(start, end));
+    if certified(&direct) {
+        return Some(direct);
+    }
+    let grown = robot.with_tube_growth(TREE_MARGIN);
+    let polyline = rrt_connect(&grown, scene, start, &[*end], &RrtSettings::default(), rng)?;
+    let guided = teach(robot, scene, &resample(&polyline));
+    debug_assert_eq!(guided.len(), WAYPOINTS);
+    let kept = certified(&guided);
+    report.from_tree += usize::from(kept);
+    kept.then_some(guided)
+}
+
+fn split_of(target: u64) -> Split {
+    match Pcg64::new(u128::from(SPLIT_SEED), u128::from(target)).random_range(0..10) {
+        0 => Split::Validation,
+        1 => Split::Test,
+        _ => Split::Train,
+    }
+}

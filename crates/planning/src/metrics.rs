@@ -1,0 +1,143 @@
+//! Figures of merit of a path and of a set of paths (EVALUATION "Metrics").
+
+use crate::path::WAYPOINTS;
+use collision::{Scene, minimum_clearance};
+use nalgebra::DMatrix;
+use pcc_model::{Configuration, Point, Robot};
+use trajectory::Trajectory;
+
+/// Accuracy of the minimum clearance, section lengths.
+const CLEARANCE_TOLERANCE: f64 = 1e-3;
+/// Shapes nearer than this are one terminal mode, rad.
+const MODE_SEPARATION_RAD: f64 = 0.5;
+
+/// Figures of one certified motion; lengths in section lengths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PathMetrics {
+    /// Duration, s.
+    pub duration_s: f64,
+    /// Length of the tip's way.
+    pub tip_length: f64,
+    /// Straight distance between the tip's two ends.
+    pub tip_distance: f64,
+    /// ∫‖p‴‖² over the normalised arc length of the tip's way, in squared section lengths.
+    pub tip_smoothness: f64,
+    /// Smallest clearance of the whole body over the whole motion (within 1e-3).
+    pub clearance: f64,
+    /// Length in configuration space, rad.
+    pub configuration_length: f64,
+}
+
+/// Computes the figures of one motion in a scene.
+#[must_use]
+pub fn path_metrics(robot: &Robot, scene: &Scene, trajectory: &Trajectory) -> PathMetrics {
+    let samples = trajectory.sample(4 * WAYPOINTS);
+    let tips: Vec<Point> = samples.iter().map(|q| robot.tip(q)).collect();
+    PathMetrics {
+        duration_s: trajectory.duration(),
+        tip_length: tips.windows(2).map(|w| (w[1] - w[0]).norm()).sum(),
+        tip_distance: (tips[tips.len() - 1] - tips[0]).norm(),
+        tip_smoothness: smoothness(&tips),
+        clearance: minimum_clearance(robot, scene, trajectory, CLEARANCE_TOLERANCE),
+        configuration_length: samples.windows(2).map(|w| (w[1] - w[0]).norm()).sum(),
+    }
+}
+
+/// ∫‖p‴‖² by third differences on points resampled to equal arc length.
+fn smoothness(tips: &[Point]) -> f64 {
+    let points = equal_arc_lengths(tips, WAYPOINTS);
+    let step = 1.0 / (WAYPOINTS - 1) as f64;
+    let third = |w: &[Point]| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]) / step.powi(3);
+    points.windows(4).map(|w| third(w).norm_squared() * step).sum()
+}
+
+fn equal_arc_lengths(points: &[Point], count: usize) -> Vec<Point> {
+    let mut reached = vec![0.0];
+    for w in points.windows(2) {
+        reached.push(reached[reached.len() - 1] + (w[1] - w[0]).norm());
+    }
+    let total = reached[reached.len() - 1];
+    let mut edge = 0;
+    (0..count)
+        .map(|i| {
+            let wanted = total * i as f64 / (count - 1) as f64;
+            while edge + 2 < points.len() && reached[edge + 1] < wanted {
+                edge += 1;
+            }
+            let span = (reached[edge + 1] - reached[edge]).max(f64::MIN_POSITIVE);
+            points[edge].lerp(&points[edge + 1], ((wanted - reached[edge]) / span).clamp(0.0, 1.0))
+        })
+        .collect()
+}
+
+/// Figures of a set of end shapes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SetMetrics {
+    /// Distinct terminal modes, greedily counted at 0.5 rad.
+    pub modes: usize,
+    /// Mean distance between pairs, rad (0 for fewer than two shapes).
+    pub mean_distance_rad: f64,
+    /// Smallest distance between pairs, rad (0 for fewer than two shapes).
+    pub min_distance_rad: f64,
+    /// Vendi score with a Gaussian kernel of width 0.5 rad (Friedman & Dieng 2023): the effective number of shapes.
+    pub vendi: f64,
+}
+
+/// Counts terminal modes: shapes at least 0.5 rad from every mode counted before, in the order given.
+#[must_use]
+pub fn modes(ends: &[Configuration]) -> usize {
+    let mut found: Vec<&Configuration> = Vec::new();
+    for end in ends {
+        if found.iter().all(|m| (*m - end).norm() >= MODE_SEPARATION_RAD) {
+            found.push(end);
+        }
+    }
+    found.len()
+}
+
+/// Computes the figures of a set of end shapes.
+#[must_use]
+pub fn set_metrics(ends: &[Configuration]) -> SetMetrics {
+    let pairs: Vec<f64> = (0..ends.len())
+        .flat_map(|i| (0..i).map(move |j| (i, j)))
+        .map(|(i, j)| (ends[i] - ends[j]).norm())
+        .collect();
+    SetMetrics {
+        modes: modes(ends),
+        mean_distance_rad: pairs.iter().sum::<f64>() / pairs.len().max(1) as f64,
+        min_distance_rad: pairs.iter().copied().reduce(f64::min).unwrap_or(0.0),
+        vendi: vendi(ends),
+    }
+}
+
+fn vendi(ends: &[Configuration]) -> f64 {
+    if ends.is_empty() {
+        return 0.0;
+    }
+    let n = ends.len();
+    let kernel = |i: usize, j: usize| (-(ends[i] - ends[j]).norm_squared() / (2.0 * 0.25)).exp() / n as f64;
+    let eigenvalues = DMatrix::from_fn(n, n, kernel).symmetric_eigenvalues();
+    let entropy: f64 = eigenvalues.iter().filter(|e| **e > 1e-12).map(|e| -e * e.ln()).sum();
+    entropy.exp()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_vendi_score_counts_far_shapes_and_not_copies() {
+        let far: Vec<Configuration> = (0..4).map(|i| Configuration::repeat(5.0 * f64::from(i))).collect();
+        assert!((vendi(&far) - 4.0).abs() < 1e-9);
+        assert!((vendi(&[far[0]; 4]) - 1.0).abs() < 1e-9);
+        assert_eq!((modes(&far), modes(&[far[0]; 4])), (4, 1));
+    }
+
+    #[test]
+    fn a_straight_even_way_is_perfectly_smooth() {
+        let line: Vec<Point> = (0..200).map(|i| Point::new(f64::from(i * i), 0.0, 1.0)).collect();
+        assert!(smoothness(&line) < 1e-3 * line[199].norm_squared());
+        let bent: Vec<Point> = (0..200).map(|i| Point::new((f64::from(i) / 30.0).sin(), f64::from(i) / 60.0, 1.0)).collect();
+        assert!(smoothness(&bent) > 1.0);
+    }
+}

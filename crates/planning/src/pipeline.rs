@@ -1,0 +1,393 @@
+//! The planner: condition, sample, correct, time, certify, fill what is missing, select.
+//!
+//! Everything is budgeted in counts, so the same request and seed give the same bits whatever the number of
+//! threads; an interrupt only truncates.
+
+use crate::basis::SineBasis;
+use crate::canonical::CanonicalFrame;
+use crate::correction::correct;
+use crate::end_shapes::end_shapes;
+use crate::features::CanonicalProblem;
+use crate::finish::Demands;
+use crate::metrics::{PathMetrics, path_metrics};
+use crate::path::{Waypoints, straight_path};
+use crate::problem::{Infeasible, Problem};
+use crate::rrt_connect::{RrtSettings, rrt_connect};
+use crate::sampling::sample_paths;
+use crate::select::{Selection, select};
+use denoiser::FastModel;
+use pcc_model::{Configuration, Robot, TendonLimits};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+use std::time::Instant;
+use thiserror::Error;
+use trajectory::Trajectory;
+
+/// Clearance that corrections aim for beyond the tube, in the first and the second attempt, section lengths.
+const CORRECTION_MARGINS: [f64; 2] = [0.03, 0.07];
+/// Tube growth of the tree's attempts: rounding its corners needs room, a narrow way may not have it.
+const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
+/// Samples of the tree's last attempt with all goal shapes at once, when nothing else was found.
+const LAST_ATTEMPT: RrtSettings = RrtSettings { samples: 20_000, step_rad: 0.4, shortcuts: 120 };
+
+/// Where paths come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sampler {
+    /// The learned sampler, filled by straight segments and the tree where it did not deliver.
+    Default,
+    /// The learned few-step sampler alone.
+    Fast,
+    /// Straight segments in configuration space: the null arm.
+    Straight,
+    /// RRT-Connect on certified edges.
+    RrtConnect,
+}
+
+/// Who proposed a path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Source {
+    /// The learned sampler.
+    Learned,
+    /// A straight segment or the tree.
+    Classical,
+}
+
+/// Why a draw did not become a certified motion.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+pub enum Failure {
+    /// No path was produced.
+    #[error("no path was found")]
+    NoPath,
+    /// The motion could not be certified free of collisions.
+    #[error("not certified free of collisions")]
+    Collision,
+    /// A section bends beyond the limit.
+    #[error("bends beyond the limit")]
+    Bending,
+    /// No time allocation within the limits.
+    #[error("no time allocation within the tendon limits")]
+    Time,
+    /// The request was truncated before this draw was finished.
+    #[error("truncated")]
+    Truncated,
+}
+
+/// What a plan must deliver, beside its problem.
+#[derive(Clone, Copy, Debug)]
+pub struct Request {
+    /// Candidates to draw (1..=64).
+    pub candidates: usize,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Where paths come from.
+    pub sampler: Sampler,
+    /// Which candidate is selected.
+    pub selection: Selection,
+    /// Factor on the tendon velocity, acceleration and jerk limits, in (0, 1].
+    pub limits_scale: f64,
+    /// Growth of the tube that the certificate includes, section lengths (tracking error).
+    pub growth: f64,
+    /// Knots of each motion (at most 256).
+    pub knots: usize,
+}
+
+/// One certified, timed motion.
+#[derive(Clone, Debug)]
+pub struct Candidate {
+    /// The curve that is executed.
+    pub trajectory: Trajectory,
+    /// Its figures.
+    pub metrics: PathMetrics,
+    /// Who proposed it.
+    pub source: Source,
+    /// The draw it came from.
+    pub draw: usize,
+}
+
+impl Candidate {
+    /// The end shape, radians.
+    #[must_use]
+    pub fn end(&self) -> Configuration {
+        let knots = self.trajectory.knots();
+        knots[knots.len() - 1].position
+    }
+}
+
+/// One draw, certified or not.
+#[derive(Clone, Debug)]
+pub struct Draw {
+    /// The path after correction (64 waypoints), if one was produced.
+    pub path: Option<Waypoints>,
+    /// Who proposed it.
+    pub source: Source,
+    /// The motion, or why there is none.
+    pub outcome: Result<Trajectory, Failure>,
+}
+
+/// Wall time of the stages, seconds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct StageTimes {
+    /// End shapes and features.
+    pub condition: f64,
+    /// The learned sampler, or the tree.
+    pub sample: f64,
+    /// Analytic correction.
+    pub correct: f64,
+    /// Time allocation.
+    pub time: f64,
+    /// Certification.
+    pub certify: f64,
+    /// Filling, figures of merit and selection.
+    pub select: f64,
+}
+
+/// The answer to a request.
+#[derive(Clone, Debug)]
+pub struct Plan {
+    /// What was drawn, in order; for [`Sampler::Default`] what was delivered.
+    pub draws: Vec<Draw>,
+    /// The certified ones.
+    pub candidates: Vec<Candidate>,
+    /// Index into `candidates`.
+    pub selected: Option<usize>,
+    /// Learned draws that certified before anything was filled.
+    pub learned_certified: usize,
+    /// Learned draws made.
+    pub learned_drawn: usize,
+    /// Whether the interrupt cut the work short.
+    pub truncated: bool,
+    /// Wall time of the stages.
+    pub stages: StageTimes,
+}
+
+/// Why a planner cannot serve a request.
+#[derive(Debug, Error, PartialEq)]
+pub enum PlannerError {
+    /// The problem itself has no solution.
+    #[error(transparent)]
+    Infeasible(#[from] Infeasible),
+    /// The learned sampler was asked for and no model is loaded.
+    #[error("sampler not loaded: the request needs the learned model; load weights or ask for `straight` or `rrt-connect`")]
+    ModelNotLoaded,
+    /// The robot's sections differ in length, which the unit model cannot express.
+    #[error("the planner needs three sections of one length, got {0:?}")]
+    UnequalSections([f64; 3]),
+    /// The worker threads could not be started.
+    #[error("the worker threads could not be started: {0}")]
+    Threads(String),
+}
+
+/// The planner, resident: the unit robot, the model, and worker threads.
+pub struct Planner {
+    pub(crate) robot: Robot,
+    pub(crate) model: Option<FastModel>,
+    pub(crate) basis: SineBasis,
+    workers: rayon::ThreadPool,
+}
+
+type Interrupt<'a> = &'a (dyn Fn() -> bool + Sync);
+
+impl Planner {
+    /// Makes a planner for a robot (any unit of length) with `threads` workers.
+    ///
+    /// # Errors
+    /// [`PlannerError::UnequalSections`] or [`PlannerError::Threads`].
+    pub fn new(robot: &Robot, model: Option<FastModel>, threads: usize) -> Result<Self, PlannerError> {
+        let length = robot.equal_section_length().ok_or(PlannerError::UnequalSections(robot.section_lengths))?;
+        let workers = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|e| PlannerError::Threads(e.to_string()))?;
+        Ok(Self { robot: robot.scaled(1.0 / length), model, basis: SineBasis::new(), workers })
+    }
+
+    /// The robot in units of its section length.
+    #[must_use]
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Answers one request; `interrupt` is asked between candidates and returns true to truncate.
+    ///
+    /// # Errors
+    /// [`PlannerError::Infeasible`] or [`PlannerError::ModelNotLoaded`].
+    pub fn plan(&self, problem: &Problem, request: &Request, interrupt: Interrupt) -> Result<Plan, PlannerError> {
+        if matches!(request.sampler, Sampler::Default | Sampler::Fast) && self.model.is_none() {
+            return Err(PlannerError::ModelNotLoaded);
+        }
+        problem.check_start(&self.robot)?;
+        self.workers.install(|| Run::new(self, problem, request, interrupt).plan())
+    }
+}
+
+/// One request on its way through the stages.
+struct Run<'a> {
+    planner: &'a Planner,
+    problem: &'a Problem,
+    request: &'a Request,
+    interrupt: Interrupt<'a>,
+    demands: Demands<'a>,
+    stages: StageTimes,
+}
+
+impl<'a> Run<'a> {
+    fn new(planner: &'a Planner, problem: &'a Problem, request: &'a Request, interrupt: Interrupt<'a>) -> Self {
+        let full = &planner.robot.tendon_limits;
+        let limits = TendonLimits {
+            velocity: full.velocity * request.limits_scale,
+            acceleration: full.acceleration * request.limits_scale,
+            jerk: full.jerk * request.limits_scale,
+        };
+        let demands = Demands { robot: &planner.robot, scene: &problem.scene, limits, knots: request.knots, growth: request.growth };
+        Self { planner, problem, request, interrupt, demands, stages: StageTimes::default() }
+    }
+
+    fn plan(mut self) -> Result<Plan, PlannerError> {
+        let clock = Instant::now();
+        let mut rng = Pcg64::seed_from_u64(self.request.seed);
+        let (robot, count) = (&self.planner.robot, self.request.candidates);
+        let ends = end_shapes(robot, self.problem, count, self.request.growth, &mut rng)?.shapes;
+        let goals: Vec<Configuration> = (0..count).map(|i| ends[i % ends.len()]).collect();
+        self.stages.condition = clock.elapsed().as_secs_f64();
+        let mut draws = match self.request.sampler {
+            Sampler::Default | Sampler::Fast => self.learned(&goals),
+            Sampler::Straight => self.straight(&ends),
+            Sampler::RrtConnect => self.trees(&goals),
+        };
+        let learned = |d: &&Draw| d.source == Source::Learned;
+        let learned_drawn = draws.iter().filter(learned).count();
+        let learned_certified = draws.iter().filter(learned).filter(|d| d.outcome.is_ok()).count();
+        let clock = Instant::now();
+        if self.request.sampler == Sampler::Default {
+            self.fill(&goals, &mut draws);
+        }
+        Ok(self.answer(draws, [learned_drawn, learned_certified], clock))
+    }
+
+    fn learned(&mut self, goals: &[Configuration]) -> Vec<Draw> {
+        let Some(model) = &self.planner.model else { return Vec::new() };
+        let clock = Instant::now();
+        let robot = &self.planner.robot;
+        let frame = CanonicalFrame::of(robot, &self.problem.start, &self.problem.goal_tip(robot));
+        let canonical = CanonicalProblem::new(frame, &self.problem.scene);
+        let features: Vec<_> = goals.par_iter().map(|g| canonical.features(robot, &self.problem.start, g)).collect();
+        self.stages.condition += clock.elapsed().as_secs_f64();
+        let clock = Instant::now();
+        let residuals = sample_paths(model, &features, self.request.seed);
+        let paths = residuals.iter().zip(goals).map(|(residual, goal)| self.bend(&frame, goal, residual)).collect();
+        self.stages.sample = clock.elapsed().as_secs_f64();
+        self.finish(paths, Source::Learned)
+    }
+
+    /// The straight segment to a goal shape plus a sampled residual given in the canonical frame.
+    fn bend(&self, frame: &CanonicalFrame, goal: &Configuration, residual: &[f64]) -> Waypoints {
+        let line = straight_path(&self.problem.start, goal);
+        line.iter().enumerate().map(|(h, q)| q + frame.restore(&self.planner.basis.change(h, residual))).collect()
+    }
+
+    fn straight(&mut self, ends: &[Configuration]) -> Vec<Draw> {
+        let paths = ends.iter().map(|end| straight_path(&self.problem.start, end)).collect();
+        self.finish(paths, Source::Classical)
+    }
+
+    /// Corrects, times and certifies; what does not certify is corrected once more with a larger margin.
+    fn finish(&mut self, mut paths: Vec<Waypoints>, source: Source) -> Vec<Draw> {
+        let mut outcomes: Vec<Result<Trajectory, Failure>> = vec![Err(Failure::Truncated); paths.len()];
+        for margin in CORRECTION_MARGINS {
+            self.attempt(margin + self.request.growth, &mut paths, &mut outcomes);
+        }
+        let draw = |(path, outcome)| Draw { path: Some(path), source, outcome };
+        paths.into_iter().zip(outcomes).map(draw).collect()
+    }
+
+    fn attempt(&mut self, margin: f64, paths: &mut [Waypoints], outcomes: &mut [Result<Trajectory, Failure>]) {
+        let (planner, demands, interrupt) = (self.planner, &self.demands, self.interrupt);
+        let clock = Instant::now();
+        let mut open: Vec<_> = paths.iter_mut().zip(outcomes).filter(|(_, outcome)| outcome.is_err()).collect();
+        open.par_iter_mut().for_each(|(path, _)| {
+            if !interrupt() {
+                correct(&planner.robot, demands.scene, &planner.basis, margin, path);
+            }
+        });
+        let corrected = clock.elapsed().as_secs_f64();
+        open.par_iter_mut().for_each(|(path, outcome)| {
+            **outcome = if interrupt() { Err(Failure::Truncated) } else { demands.time(path) };
+        });
+        let timed = clock.elapsed().as_secs_f64();
+        open.par_iter_mut().for_each(|(_, outcome)| {
+            if let Ok(trajectory) = &**outcome {
+                let verdict = if interrupt() { Err(Failure::Truncated) } else { demands.certify(trajectory) };
+                if let Err(failure) = verdict {
+                    **outcome = Err(failure);
+                }
+            }
+        });
+        self.stages.correct += corrected;
+        self.stages.time += timed - corrected;
+        self.stages.certify += clock.elapsed().as_secs_f64() - timed;
+    }
+
+    fn trees(&mut self, goals: &[Configuration]) -> Vec<Draw> {
+        let clock = Instant::now();
+        let draws = goals.par_iter().enumerate().map(|(i, goal)| self.tree(i as u64, &[*goal], &RrtSettings::default())).collect();
+        self.stages.sample += clock.elapsed().as_secs_f64();
+        draws
+    }
+
+    fn tree(&self, stream: u64, goals: &[Configuration], settings: &RrtSettings) -> Draw {
+        let mut draw = Draw { path: None, source: Source::Classical, outcome: Err(Failure::NoPath) };
+        let mut rng = Pcg64::new(u128::from(self.request.seed), u128::from(stream) + 1);
+        for margin in TREE_MARGINS {
+            if (self.interrupt)() {
+                draw.outcome = Err(Failure::Truncated);
+                break;
+            }
+            let grown = self.planner.robot.with_tube_growth(margin + self.request.growth);
+            let found = rrt_connect(&grown, &self.problem.scene, &self.problem.start, goals, settings, &mut rng);
+            if let Some(polyline) = found
+                && let Ok((path, trajectory)) = self.demands.follow(&polyline)
+            {
+                draw.path = Some(path);
+                draw.outcome = Ok(trajectory);
+                break;
+            }
+        }
+        draw
+    }
+
+    /// Replaces what the learned sampler did not deliver: a straight segment, else the tree, to the same shape.
+    fn fill(&mut self, goals: &[Configuration], draws: &mut [Draw]) {
+        let missing: Vec<usize> = (0..draws.len()).filter(|&i| draws[i].outcome.is_err()).collect();
+        let ends: Vec<Configuration> = missing.iter().map(|&i| goals[i]).collect();
+        let straight = self.straight(&ends);
+        let filled: Vec<Draw> = straight
+            .into_par_iter()
+            .zip(&missing)
+            .map(|(draw, &i)| if draw.outcome.is_ok() { draw } else { self.tree(i as u64, &[goals[i]], &RrtSettings::default()) })
+            .collect();
+        for (i, draw) in missing.into_iter().zip(filled) {
+            if draw.outcome.is_ok() {
+                draws[i] = draw;
+            }
+        }
+        if draws.iter().all(|d| d.outcome.is_err()) {
+            draws[0] = self.tree(goals.len() as u64, goals, &LAST_ATTEMPT);
+        }
+    }
+
+    fn answer(mut self, draws: Vec<Draw>, learned: [usize; 2], clock: Instant) -> Plan {
+        let (robot, scene) = (&self.planner.robot, &self.problem.scene);
+        let candidates: Vec<Candidate> = draws
+            .par_iter()
+            .enumerate()
+            .filter_map(|(draw, d)| d.outcome.as_ref().ok().map(|t| (draw, d.source, t)))
+            .map(|(draw, source, t)| Candidate { trajectory: t.clone(), metrics: path_metrics(robot, scene, t), source, draw })
+            .collect();
+        let selected = select(&candidates, &self.problem.start, self.request.selection);
+        self.stages.select = clock.elapsed().as_secs_f64();
+        let truncated = draws.iter().any(|d| d.outcome == Err(Failure::Truncated));
+        let [learned_drawn, learned_certified] = learned;
+        Plan { draws, candidates, selected, learned_certified, learned_drawn, truncated, stages: self.stages }
+    }
+}

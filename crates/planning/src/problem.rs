@@ -1,0 +1,88 @@
+//! What is asked: a start shape, a goal, and the scene between them.
+
+use collision::Scene;
+use pcc_model::{Configuration, Point, Robot};
+use thiserror::Error;
+
+/// Where the motion ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// A tip position in the base frame, in section lengths; the end shape is the planner's choice.
+    Tip(Point),
+    /// One exact end shape (homing), in radians.
+    Configuration(Configuration),
+}
+
+/// One planning problem in units of the section length.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// Shape at the start, radians; the robot is at rest.
+    pub start: Configuration,
+    /// Where the motion ends.
+    pub goal: Goal,
+    /// The obstacles.
+    pub scene: Scene,
+}
+
+/// Why a problem has no solution, found before any path is searched.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum Infeasible {
+    /// A section of the start shape is bent beyond the robot's limit.
+    #[error("start out of limits: a section is bent {excess_rad:.4} rad beyond the allowed {limit_rad:.4} rad")]
+    StartOutOfLimits {
+        /// Angle above the limit, rad.
+        excess_rad: f64,
+        /// The limit, rad.
+        limit_rad: f64,
+    },
+    /// The body touches an obstacle at the start.
+    #[error("start in collision: clearance {clearance:.4} section lengths, at least 0 is needed")]
+    StartInCollision {
+        /// Signed clearance, section lengths.
+        clearance: f64,
+    },
+    /// No shape within the limits puts the tip on the goal.
+    #[error("goal out of reach: the closest shape found within the bending limit misses it by {miss:.4} section lengths")]
+    GoalOutOfReach {
+        /// Distance of the closest tip found, section lengths; for a configuration the angle above the limit.
+        miss: f64,
+    },
+    /// Every shape found that reaches the goal touches an obstacle.
+    #[error("goal in collision: the clearest of {shapes} end shapes has clearance {clearance:.4} section lengths, at least 0 is needed")]
+    GoalInCollision {
+        /// End shapes that reach the goal.
+        shapes: usize,
+        /// Their largest clearance, section lengths.
+        clearance: f64,
+    },
+}
+
+/// Bending above the limit that is still taken as rounding, rad.
+const LIMIT_SLACK_RAD: f64 = 1e-6;
+
+impl Problem {
+    /// Checks what can be known of the start alone.
+    ///
+    /// # Errors
+    /// [`Infeasible::StartOutOfLimits`] or [`Infeasible::StartInCollision`].
+    pub fn check_start(&self, robot: &Robot) -> Result<(), Infeasible> {
+        let excess_rad = robot.limit_excess(&self.start);
+        if excess_rad > LIMIT_SLACK_RAD {
+            return Err(Infeasible::StartOutOfLimits { excess_rad, limit_rad: robot.bending_limit });
+        }
+        let clearance = self.scene.clearance(&robot.backbone(&self.start), robot.tube_radius);
+        if clearance < 0.0 {
+            return Err(Infeasible::StartInCollision { clearance });
+        }
+        Ok(())
+    }
+
+    /// The tip position the motion ends at, base frame, section lengths.
+    #[must_use]
+    pub fn goal_tip(&self, robot: &Robot) -> Point {
+        match &self.goal {
+            Goal::Tip(tip) => *tip,
+            Goal::Configuration(shape) => robot.tip(shape),
+        }
+    }
+}

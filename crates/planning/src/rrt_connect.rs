@@ -1,0 +1,164 @@
+//! RRT-Connect (Kuffner & LaValle 2000) in configuration space on certified edges, with several goals at once.
+//!
+//! It departs from the paper in that every edge is certified for the whole body and the whole motion instead of
+//! being sampled, and in that the second tree is rooted in all goal shapes.
+
+use crate::scenes::random_configuration;
+use collision::{Scene, certify_edge};
+use pcc_model::{Configuration, Robot};
+use rand::RngExt;
+use rand_pcg::Pcg64;
+
+/// Bisection depth of an edge's certificate; undecided edges count as colliding.
+const EDGE_DEPTH: u32 = 7;
+
+/// Budgets of one search, all of them counts.
+#[derive(Clone, Copy, Debug)]
+pub struct RrtSettings {
+    /// Random samples at most.
+    pub samples: usize,
+    /// Longest edge, rad.
+    pub step_rad: f64,
+    /// Attempts to shorten the path found.
+    pub shortcuts: usize,
+}
+
+impl Default for RrtSettings {
+    fn default() -> Self {
+        Self { samples: 3000, step_rad: 0.6, shortcuts: 120 }
+    }
+}
+
+struct Node {
+    shape: Configuration,
+    parent: Option<usize>,
+}
+
+struct Tree {
+    nodes: Vec<Node>,
+}
+
+enum Extension {
+    Reached(usize),
+    Advanced(usize),
+    Trapped,
+}
+
+impl Tree {
+    fn rooted(shapes: &[Configuration]) -> Self {
+        Self { nodes: shapes.iter().map(|s| Node { shape: *s, parent: None }).collect() }
+    }
+
+    fn nearest(&self, shape: &Configuration) -> usize {
+        let distance = |node: &Node| (node.shape - shape).norm_squared();
+        let order = |a: &usize, b: &usize| distance(&self.nodes[*a]).total_cmp(&distance(&self.nodes[*b]));
+        (0..self.nodes.len()).min_by(order).unwrap_or(0)
+    }
+
+    fn extend(&mut self, search: &Search, from: usize, target: &Configuration) -> Extension {
+        let shape = self.nodes[from].shape;
+        let distance = (target - shape).norm();
+        let reached = distance <= search.settings.step_rad;
+        let next = if reached { *target } else { shape.lerp(target, search.settings.step_rad / distance) };
+        if !search.edge_is_free(&shape, &next) {
+            return Extension::Trapped;
+        }
+        self.nodes.push(Node { shape: next, parent: Some(from) });
+        let index = self.nodes.len() - 1;
+        if reached { Extension::Reached(index) } else { Extension::Advanced(index) }
+    }
+
+    fn connect(&mut self, search: &Search, target: &Configuration) -> Option<usize> {
+        let mut from = self.nearest(target);
+        loop {
+            match self.extend(search, from, target) {
+                Extension::Reached(index) => return Some(index),
+                Extension::Advanced(index) => from = index,
+                Extension::Trapped => return None,
+            }
+        }
+    }
+
+    fn branch(&self, leaf: usize) -> Vec<Configuration> {
+        std::iter::successors(Some(leaf), |&i| self.nodes[i].parent).map(|i| self.nodes[i].shape).collect()
+    }
+}
+
+struct Search<'a> {
+    robot: &'a Robot,
+    scene: &'a Scene,
+    settings: &'a RrtSettings,
+}
+
+impl Search<'_> {
+    fn edge_is_free(&self, a: &Configuration, b: &Configuration) -> bool {
+        certify_edge(self.robot, self.scene, a, b, EDGE_DEPTH).is_free()
+    }
+
+    fn grow(&self, start: &Configuration, goals: &[Configuration], rng: &mut Pcg64) -> Option<Vec<Configuration>> {
+        let mut trees = [Tree::rooted(&[*start]), Tree::rooted(goals)];
+        if let Some(direct) = goals.iter().find(|g| self.edge_is_free(start, g)) {
+            return Some(vec![*start, *direct]);
+        }
+        for round in 0..self.settings.samples {
+            let sample = random_configuration(self.robot, rng);
+            let (active, other) = (round % 2, 1 - round % 2);
+            let from = trees[active].nearest(&sample);
+            let (Extension::Reached(leaf) | Extension::Advanced(leaf)) = trees[active].extend(self, from, &sample) else { continue };
+            let meeting = trees[active].nodes[leaf].shape;
+            if let Some(other_leaf) = trees[other].connect(self, &meeting) {
+                let leaves = if active == 0 { [leaf, other_leaf] } else { [other_leaf, leaf] };
+                return Some(join(&trees, leaves));
+            }
+        }
+        None
+    }
+
+    fn shorten(&self, mut path: Vec<Configuration>, rng: &mut Pcg64) -> Vec<Configuration> {
+        for _ in 0..self.settings.shortcuts {
+            if path.len() < 3 {
+                break;
+            }
+            let [(i, a), (j, b)] = two_points(&path, rng);
+            if j > i && self.edge_is_free(&a, &b) {
+                path.splice(i + 1..=j, [a, b]);
+                path.dedup_by(|x, y| (*x - *y).norm() < 1e-9);
+            }
+        }
+        path
+    }
+}
+
+fn two_points(path: &[Configuration], rng: &mut Pcg64) -> [(usize, Configuration); 2] {
+    let last = (path.len() - 1) as f64;
+    let (a, b) = (rng.random::<f64>() * last, rng.random::<f64>() * last);
+    [a.min(b), a.max(b)].map(|s| {
+        let edge = (s as usize).min(path.len() - 2);
+        (edge, path[edge].lerp(&path[edge + 1], s - edge as f64))
+    })
+}
+
+fn join(trees: &[Tree; 2], leaves: [usize; 2]) -> Vec<Configuration> {
+    let mut path = trees[0].branch(leaves[0]);
+    path.reverse();
+    path.extend(trees[1].branch(leaves[1]).into_iter().skip(1));
+    path
+}
+
+/// Finds a certified polyline (radians) from `start` to one of `goals`, shortened, or nothing within the budget.
+#[must_use]
+pub fn rrt_connect(
+    robot: &Robot,
+    scene: &Scene,
+    start: &Configuration,
+    goals: &[Configuration],
+    settings: &RrtSettings,
+    rng: &mut Pcg64,
+) -> Option<Vec<Configuration>> {
+    if goals.is_empty() {
+        return None;
+    }
+    let search = Search { robot, scene, settings };
+    let path = search.grow(start, goals, rng)?;
+    Some(search.shorten(path, rng))
+}
