@@ -1,6 +1,7 @@
 //! A whole motion: knots joined by quintic segments.
 
-use crate::{Configuration, Knot, QuinticSegment, State};
+use crate::{Knot, QuinticSegment, State};
+use pcc_model::Configuration;
 
 /// What is wrong with a list of knots.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -57,6 +58,11 @@ impl Trajectory {
     /// The knots, in order of time.
     pub fn knots(&self) -> &[Knot] {
         &self.knots
+    }
+
+    /// Gives the knots back.
+    pub fn into_knots(self) -> Vec<Knot> {
+        self.knots
     }
 
     /// The quintic segments between the knots, in order of time.

@@ -1,6 +1,6 @@
 //! The points of a motion that are stored, and the state anywhere on it.
 
-use crate::Configuration;
+use pcc_model::Configuration;
 
 /// A stored point of a motion: time in seconds, position in rad, velocity in rad/s, acceleration in rad/s².
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -8,12 +8,22 @@
 //! Units: radians for positions, seconds for times; tendon quantities in the length unit of the tendon map.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod allocation;
 mod curve;
+mod jerk;
 mod knot;
+mod limit_use;
+mod placement;
 mod segment;
+mod spline;
+mod tendon;
+mod topp;
 
+pub use allocation::{AllocationError, AllocationOptions, Allocator, MAX_KNOTS, allocate};
 pub use curve::{Trajectory, TrajectoryError, evaluate};
 pub use knot::{Knot, State};
+pub use limit_use::{LimitUse, limit_use};
 pub use segment::QuinticSegment;
 
-pub(crate) type Configuration = nalgebra::SVector<f64, 6>;
+#[cfg(test)]
+mod test_paths;

@@ -1,6 +1,7 @@
 //! One quintic piece of a motion, in Bézier form.
 
-use crate::{Configuration, Knot, State};
+use crate::{Knot, State};
+use pcc_model::Configuration;
 
 /// The quintic that joins two knots, as the six Bézier control points of its position.
 ///
@@ -50,6 +51,31 @@ impl QuinticSegment {
             acceleration: blend(&acceleration, &bernstein::<4>(u)),
             jerk: blend(&jerk, &bernstein::<3>(u)),
         }
+    }
+
+    /// The first and the second half of the segment (de Casteljau), each of half the duration.
+    #[must_use]
+    pub fn halves(&self) -> (Self, Self) {
+        let mut points = self.control;
+        let (mut first, mut second) = (points, points);
+        for level in 1..points.len() {
+            for i in 0..points.len() - level {
+                points[i] = (points[i] + points[i + 1]) * 0.5;
+            }
+            first[level] = points[0];
+            second[5 - level] = points[5 - level];
+        }
+        let duration = 0.5 * self.duration;
+        (
+            Self {
+                duration,
+                control: first,
+            },
+            Self {
+                duration,
+                control: second,
+            },
+        )
     }
 
     /// Bézier control values of dζ/dt, rad/s: the velocity stays in their convex hull.

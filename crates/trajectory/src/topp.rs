@@ -1,0 +1,270 @@
+//! Time-optimal speed along a path: TOPP-RA in tendon space.
+//!
+//! Source: H. Pham and Q.-C. Pham, "A New Approach to Time-Optimal Path Parameterization Based on Reachability
+//! Analysis", IEEE Transactions on Robotics 34(3), 2018. With x = ṡ² and u = s̈ the limits of a tendon of path
+//! derivatives l′, l″ are |l′| √x ≤ v and |l′ u + l″ x| ≤ a, and between grid points (u constant) x is linear in s.
+//! The backward pass finds the x from which the end can be reached, the forward pass is as fast as they allow.
+//! Every acceleration limit is imposed at both ends of each interval (their "first-order interpolation scheme").
+
+use crate::spline::{PathPoint, Spline};
+use crate::tendon::TendonRows;
+use pcc_model::TendonLimits;
+
+/// The path speed ṡ ≥ 0 that a motion must have at its ends, in path parameter per second.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct EndSpeeds {
+    pub(crate) start: f64,
+    pub(crate) end: f64,
+}
+
+/// A point of the grid.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GridPoint {
+    /// Spline piece that the interval after this point lies in.
+    pub(crate) piece: usize,
+    /// Path parameter s.
+    pub(crate) parameter: f64,
+}
+
+/// The solver's memory, and after [`SpeedProfile::solve`] its result: x = ṡ² at each grid point.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SpeedProfile {
+    grid: Vec<GridPoint>,
+    refined: Vec<GridPoint>,
+    /// l′ ÷ a and l″ ÷ a, tendon by tendon, for each grid point.
+    slope: Vec<f64>,
+    bend: Vec<f64>,
+    speed_cap: Vec<f64>,
+    reachable: Vec<[f64; 2]>,
+    square_speed: Vec<f64>,
+    polygon: Vec<[f64; 2]>,
+    clipped: Vec<[f64; 2]>,
+}
+
+/// Between grid points the sampled limits may be exceeded by this much before an interval is divided.
+const EXCESS_TOLERANCE: f64 = 0.02;
+/// x where no limit bounds it (tendons that stand still at a point).
+const UNBOUNDED: f64 = 1e100;
+/// How often the grid is refined at most.
+const REFINEMENTS: usize = 3;
+
+impl SpeedProfile {
+    /// Finds the fastest x along `spline` on about `intervals` grid intervals; false if `ends` cannot be met.
+    pub(crate) fn solve(
+        &mut self,
+        spline: &Spline,
+        rows: &TendonRows,
+        limits: &TendonLimits,
+        ends: EndSpeeds,
+        intervals: usize,
+    ) -> bool {
+        self.lay_grid(spline, intervals);
+        for round in 0..=REFINEMENTS {
+            self.project(spline, rows, limits);
+            if !self.backward(ends.end) || !self.forward(ends.start, rows.count()) {
+                return false;
+            }
+            if round == REFINEMENTS || !self.refine(spline, rows, limits) {
+                break;
+            }
+        }
+        true
+    }
+
+    pub(crate) fn grid(&self) -> &[GridPoint] {
+        &self.grid
+    }
+
+    pub(crate) fn square_speeds(&self) -> &[f64] {
+        &self.square_speed
+    }
+
+    /// Every node of the spline is a grid point, so l″ is linear within an interval.
+    fn lay_grid(&mut self, spline: &Spline, intervals: usize) {
+        self.grid.clear();
+        let nodes = spline.parameters();
+        let wanted = intervals as f64 / spline.length();
+        for (piece, pair) in nodes.windows(2).enumerate() {
+            let parts = ((pair[1] - pair[0]) * wanted).round().max(1.0);
+            for part in 0..parts as usize {
+                let parameter = pair[0] + (pair[1] - pair[0]) * (part as f64 / parts);
+                self.grid.push(GridPoint { piece, parameter });
+            }
+        }
+        self.grid.push(GridPoint {
+            piece: nodes.len() - 2,
+            parameter: spline.length(),
+        });
+    }
+
+    fn project(&mut self, spline: &Spline, rows: &TendonRows, limits: &TendonLimits) {
+        self.slope.clear();
+        self.bend.clear();
+        self.speed_cap.clear();
+        for place in &self.grid {
+            let PathPoint { slope, bend, .. } = spline.at(place.piece, place.parameter);
+            let mut fastest: f64 = 0.0;
+            for row in rows.iter() {
+                let tendon_slope = row.dot(&slope);
+                fastest = fastest.max(tendon_slope.abs());
+                self.slope.push(tendon_slope / limits.acceleration);
+                self.bend.push(row.dot(&bend) / limits.acceleration);
+            }
+            let speed = limits.velocity / fastest;
+            self.speed_cap.push((speed * speed).min(UNBOUNDED));
+        }
+    }
+
+    /// The intervals of x from which the end can be reached ("controllable sets").
+    fn backward(&mut self, end_speed: f64) -> bool {
+        let count = self.grid.len();
+        let end = end_speed * end_speed;
+        self.reachable.clear();
+        self.reachable.resize(count, [end; 2]);
+        if end > self.speed_cap[count - 1] {
+            return false;
+        }
+        for i in (0..count - 1).rev() {
+            self.feasible_pairs(i);
+            let least = self
+                .polygon
+                .iter()
+                .map(|point| point[0])
+                .fold(f64::INFINITY, f64::min);
+            let most = self
+                .polygon
+                .iter()
+                .map(|point| point[0])
+                .fold(0.0, f64::max);
+            if self.polygon.is_empty() {
+                return false;
+            }
+            self.reachable[i] = [least, most];
+        }
+        true
+    }
+
+    /// The limits of interval `i` as factors of (x_i, x_{i+1}): each product must be within ±1.
+    fn interval_limits(&self, i: usize) -> impl Iterator<Item = [f64; 2]> + '_ {
+        let tendons = self.slope.len() / self.grid.len();
+        let (here, next) = (
+            i * tendons..(i + 1) * tendons,
+            (i + 1) * tendons..(i + 2) * tendons,
+        );
+        let half = 0.5 / (self.grid[i + 1].parameter - self.grid[i].parameter);
+        let at_start = self.slope[here.clone()]
+            .iter()
+            .zip(&self.bend[here])
+            .map(move |(p, q)| [q - p * half, p * half]);
+        let at_end = self.slope[next.clone()]
+            .iter()
+            .zip(&self.bend[next])
+            .map(move |(p, q)| [-p * half, q + p * half]);
+        at_start.chain(at_end)
+    }
+
+    /// Leaves in `polygon` the pairs (x_i, x_{i+1}) that keep the limits of interval `i` and reach the end.
+    fn feasible_pairs(&mut self, i: usize) {
+        let (cap, [low, high]) = (self.speed_cap[i], self.reachable[i + 1]);
+        let mut polygon = std::mem::take(&mut self.polygon);
+        let mut clipped = std::mem::take(&mut self.clipped);
+        polygon.clear();
+        polygon.extend([[0.0, low], [cap, low], [cap, high], [0.0, high]]);
+        for normal in self.interval_limits(i) {
+            for normal in [normal, [-normal[0], -normal[1]]] {
+                if polygon.iter().any(|point| dot(&normal, point) > 1.0) {
+                    clip(&polygon, &normal, &mut clipped);
+                    std::mem::swap(&mut polygon, &mut clipped);
+                }
+            }
+        }
+        (self.polygon, self.clipped) = (polygon, clipped);
+    }
+
+    /// From the start, the largest x at each next point.
+    fn forward(&mut self, start_speed: f64, tendons: usize) -> bool {
+        debug_assert_eq!(self.slope.len(), tendons * self.grid.len());
+        let start = start_speed * start_speed;
+        let [low, high] = self.reachable[0];
+        if start < low || start > high {
+            return false;
+        }
+        self.square_speed.clear();
+        self.square_speed.push(start);
+        let mut x = start;
+        for i in 0..self.grid.len() - 1 {
+            let [low, high] = self.reachable[i + 1];
+            let most = self
+                .interval_limits(i)
+                .map(|normal| largest_second(&normal, x))
+                .fold(high, f64::min);
+            // `low` wins over rounding: it is reachable from every x of the controllable set.
+            x = most.max(low);
+            self.square_speed.push(x);
+        }
+        true
+    }
+
+    /// Divides the intervals in whose middle a limit is exceeded; false if there are none.
+    fn refine(&mut self, spline: &Spline, rows: &TendonRows, limits: &TendonLimits) -> bool {
+        self.refined.clear();
+        let mut divided = false;
+        for i in 0..self.grid.len() - 1 {
+            let (from, to) = (self.grid[i], self.grid[i + 1]);
+            self.refined.push(from);
+            let middle = GridPoint {
+                piece: from.piece,
+                parameter: 0.5 * (from.parameter + to.parameter),
+            };
+            let x = 0.5 * (self.square_speed[i] + self.square_speed[i + 1]);
+            let u = 0.5 * (self.square_speed[i + 1] - self.square_speed[i])
+                / (to.parameter - from.parameter);
+            let path = spline.at(middle.piece, middle.parameter);
+            let exceeds = rows.iter().any(|row| {
+                let (slope, bend) = (row.dot(&path.slope), row.dot(&path.bend));
+                (slope * u + bend * x).abs() > limits.acceleration * (1.0 + EXCESS_TOLERANCE)
+                    || slope.abs() * x.sqrt() > limits.velocity * (1.0 + EXCESS_TOLERANCE)
+            });
+            if exceeds && middle.parameter > from.parameter && middle.parameter < to.parameter {
+                self.refined.push(middle);
+                divided = true;
+            }
+        }
+        self.refined.push(self.grid[self.grid.len() - 1]);
+        std::mem::swap(&mut self.grid, &mut self.refined);
+        divided
+    }
+}
+
+fn dot(normal: &[f64; 2], point: &[f64; 2]) -> f64 {
+    normal[0] * point[0] + normal[1] * point[1]
+}
+
+/// The part of a convex polygon with normal · point ≤ 1 (Sutherland and Hodgman).
+fn clip(polygon: &[[f64; 2]], normal: &[f64; 2], clipped: &mut Vec<[f64; 2]>) {
+    clipped.clear();
+    let mut from = polygon[polygon.len() - 1];
+    let mut from_excess = dot(normal, &from) - 1.0;
+    for &to in polygon {
+        let to_excess = dot(normal, &to) - 1.0;
+        if (from_excess > 0.0) != (to_excess > 0.0) {
+            let part = from_excess / (from_excess - to_excess);
+            clipped.push([
+                from[0] + part * (to[0] - from[0]),
+                from[1] + part * (to[1] - from[1]),
+            ]);
+        }
+        if to_excess <= 0.0 {
+            clipped.push(to);
+        }
+        (from, from_excess) = (to, to_excess);
+    }
+}
+
+/// The largest y with |normal · (x, y)| ≤ 1.
+fn largest_second(normal: &[f64; 2], x: f64) -> f64 {
+    if normal[1] == 0.0 {
+        return f64::INFINITY;
+    }
+    (1.0 - normal[0] * normal[1].signum() * x) / normal[1].abs()
+}
