@@ -13,6 +13,7 @@
 pub mod capacity;
 pub mod clock;
 pub mod codes;
+pub mod ipc;
 pub mod lateness;
 pub mod message;
 

@@ -1,0 +1,119 @@
+//! What can go wrong between a program and the shared services.
+
+use std::io;
+use std::path::PathBuf;
+
+use iceoryx2::node::NodeCreationFailure;
+
+/// Why a service, a port or a role is not available.
+#[derive(Debug, thiserror::Error)]
+pub enum IpcError {
+    /// The prefix cannot be part of a file name.
+    #[error(
+        "prefix {prefix:?} is not usable: 1 to 32 of a-z, A-Z, 0-9, '_' and '-' are allowed (PCC_PREFIX)"
+    )]
+    InvalidPrefix {
+        /// The prefix found.
+        prefix: String,
+    },
+    /// The root directory cannot be used.
+    #[error("cannot use {path:?} as the directory for service files (PCC_ROOT): {source}")]
+    Root {
+        /// The directory.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The root directory belongs to someone else.
+    #[error(
+        "{path:?} belongs to user {owner}, this process runs as {user}: all processes of one robot run as one user \
+         (or set PCC_ROOT)"
+    )]
+    ForeignRoot {
+        /// The directory.
+        path: PathBuf,
+        /// Its owner.
+        owner: u32,
+        /// This process's user.
+        user: u32,
+    },
+    /// The node could not be created.
+    #[error("cannot join the services under {root:?}: {reason:?}")]
+    Node {
+        /// The root directory.
+        root: PathBuf,
+        /// What iceoryx2 said.
+        reason: NodeCreationFailure,
+    },
+    /// Another live process has the role.
+    #[error(
+        "a {role} already runs here (process {pid}); stop it first, or use another PCC_PREFIX (lock {lock_file:?})"
+    )]
+    AlreadyRunning {
+        /// The role's name.
+        role: &'static str,
+        /// Process id that the holder wrote, empty if it has not yet.
+        pid: String,
+        /// The lock that it holds.
+        lock_file: PathBuf,
+    },
+    /// The role's lock file cannot be used.
+    #[error("cannot lock {lock_file:?} for the role {role}: {source}")]
+    Lock {
+        /// The role's name.
+        role: &'static str,
+        /// The lock file.
+        lock_file: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The service does not exist: the process that creates it has not started.
+    #[error(
+        "service {service} does not exist: {creator} is not running under this prefix and root"
+    )]
+    Missing {
+        /// The service's name.
+        service: String,
+        /// Who creates it.
+        creator: &'static str,
+    },
+    /// The service exists with other messages or qualities.
+    #[error(
+        "service {service} exists with other types or capacities ({reason}): stop all its users and start them again from one build and one configuration"
+    )]
+    Incompatible {
+        /// The service's name.
+        service: String,
+        /// What iceoryx2 said.
+        reason: String,
+    },
+    /// The service was made by another version of iceoryx2.
+    #[error(
+        "service {service} was made by another iceoryx2 version, or is damaged ({reason}): every program, also Python's, \
+         needs iceoryx2 0.10.0"
+    )]
+    OtherLibraryVersion {
+        /// The service's name.
+        service: String,
+        /// What iceoryx2 said.
+        reason: String,
+    },
+    /// All places of a service are taken by live processes.
+    #[error("service {service} has no free place for another {port}")]
+    Full {
+        /// The service's name.
+        service: String,
+        /// The kind of port.
+        port: &'static str,
+    },
+    /// Anything else.
+    #[error("cannot open {what} of service {service}: {reason}")]
+    Failed {
+        /// The service's name.
+        service: String,
+        /// The service itself or a port.
+        what: &'static str,
+        /// What iceoryx2 said.
+        reason: String,
+    },
+}

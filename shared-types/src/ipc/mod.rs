@@ -1,0 +1,31 @@
+//! The services' names and qualities, opened by one typed function each, so that any start order works.
+//!
+//! Everything lives under a private prefix and root path ([`IpcOptions`]). A program creates one [`IpcNode`], opens the
+//! services it needs and makes its ports with [`publisher`], [`subscriber`], [`plan_server`] and so on; these clean up
+//! after dead processes and try again before they give up. **Ports are not `Send`**: create them in the thread that
+//! uses them; the node and the open services may be moved there.
+//!
+//! A process that must be the only one of its kind holds a [`RoleLock`] for as long as it lives.
+
+mod error;
+mod node;
+mod options;
+mod request;
+mod role;
+mod topic;
+
+pub use error::IpcError;
+pub use node::IpcNode;
+pub use options::IpcOptions;
+pub use request::{
+    CommandClient, CommandServer, CommandService, PlanActiveRequest, PlanClient, PlanPending,
+    PlanResponse, PlanServer, PlanService, PlanServiceCapacity, command_client, command_server,
+    command_service, open_plan_service, plan_client, plan_server, plan_service,
+};
+pub use role::{Role, RoleLock};
+pub use topic::{
+    CYCLES_PER_BATCH, CyclePublisher, CycleSubscriber, CycleTopic, Publisher, Subscriber, Topic,
+    controller_state_service, cycle_publisher, cycle_service, cycle_subscriber, heartbeat_service,
+    publisher, robot_state_service, scene_service, setpoint_service, subscriber,
+    trajectory_service,
+};

@@ -1,0 +1,329 @@
+//! Request–response services: `plan` (created by the daemon, opened by clients) and `command`.
+
+use iceoryx2::active_request::ActiveRequest;
+use iceoryx2::pending_response::PendingResponse;
+use iceoryx2::port::client::Client;
+use iceoryx2::port::server::Server;
+use iceoryx2::prelude::{AllocationStrategy, ipc};
+use iceoryx2::response::Response;
+use iceoryx2::service::builder::request_response::{
+    RequestResponseCreateError, RequestResponseOpenError, RequestResponseOpenOrCreateError,
+};
+use iceoryx2::service::port_factory::client::ClientCreateError;
+use iceoryx2::service::port_factory::request_response::PortFactory;
+use iceoryx2::service::port_factory::server::ServerCreateError;
+
+use super::{IpcError, IpcNode};
+use crate::capacity::{MAX_CANDIDATES, MAX_KNOTS};
+use crate::message::{Command, CommandReply, Knot, PlanReport, PlanRequest};
+
+/// The open service `plan`.
+pub type PlanService = PortFactory<ipc::Service, PlanRequest, (), [Knot], PlanReport>;
+/// Answers plan requests; create it in the thread that uses it.
+pub type PlanServer = Server<ipc::Service, PlanRequest, (), [Knot], PlanReport>;
+/// Sends plan requests; create it in the thread that uses it.
+pub type PlanClient = Client<ipc::Service, PlanRequest, (), [Knot], PlanReport>;
+/// A request at the daemon; dropping it without an answer tells the client.
+pub type PlanActiveRequest = ActiveRequest<ipc::Service, PlanRequest, (), [Knot], PlanReport>;
+/// A request at the client; dropping it cancels.
+pub type PlanPending = PendingResponse<ipc::Service, PlanRequest, (), [Knot], PlanReport>;
+/// An answer in shared memory: the report is its user header, all candidates' knots its slice.
+pub type PlanResponse = Response<ipc::Service, [Knot], PlanReport>;
+/// The open service `command`.
+pub type CommandService = PortFactory<ipc::Service, Command, (), CommandReply, ()>;
+/// Answers commands; create it in the thread that uses it.
+pub type CommandServer = Server<ipc::Service, Command, (), CommandReply, ()>;
+/// Sends commands; create it in the thread that uses it.
+pub type CommandClient = Client<ipc::Service, Command, (), CommandReply, ()>;
+
+const PLAN: &str = "plan";
+const COMMAND: &str = "command";
+/// One server at work, and one that died and was not cleaned up yet.
+const SERVERS: usize = 2;
+const NODES: usize = 40;
+/// Responses that one request's buffer holds, that a client holds of one request, and that the server prepares for it.
+pub(super) const RESPONSES: usize = 1;
+/// Requests that a client may prepare at once.
+const REQUEST_LOANS: usize = 2;
+const COMMAND_CLIENTS: usize = 8;
+const COMMANDS_PER_CLIENT: usize = 2;
+
+/// How much the daemon serves at once: it decides the shared memory ([`super::plan_bytes`]).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PlanServiceCapacity {
+    /// Clients connected at once; default 4.
+    pub clients: usize,
+    /// Requests of one client at once, its queue included; default 4.
+    pub active_requests_per_client: usize,
+    /// Candidates of one answer, at most [`MAX_CANDIDATES`]; default 16.
+    pub candidates: usize,
+    /// Knots of one candidate, at most [`MAX_KNOTS`]; default 96.
+    pub knots_per_candidate: usize,
+}
+
+impl Default for PlanServiceCapacity {
+    fn default() -> Self {
+        Self {
+            clients: 4,
+            active_requests_per_client: 4,
+            candidates: 16,
+            knots_per_candidate: 96,
+        }
+    }
+}
+
+impl PlanServiceCapacity {
+    /// Knots that one answer can carry.
+    #[must_use]
+    pub const fn knots_per_response(&self) -> usize {
+        self.candidates * self.knots_per_candidate
+    }
+
+    /// Whether the messages can carry it: all at least 1, candidates and knots within the wire's arrays.
+    #[must_use]
+    pub const fn is_valid(&self) -> bool {
+        self.clients >= 1
+            && self.active_requests_per_client >= 1
+            && self.candidates >= 1
+            && self.candidates <= MAX_CANDIDATES
+            && self.knots_per_candidate >= 2
+            && self.knots_per_candidate <= MAX_KNOTS
+    }
+}
+
+/// Opens or creates `plan`: the daemon's side.
+///
+/// If clients outlived a daemon, their service is opened again and keeps the capacity it was created with, which must
+/// suffice.
+///
+/// # Errors
+/// [`IpcError::Incompatible`] if the service is there with less capacity, or any other [`IpcError`].
+pub fn plan_service(
+    node: &IpcNode,
+    capacity: &PlanServiceCapacity,
+) -> Result<PlanService, IpcError> {
+    let (builder, name) = node.builder(PLAN)?;
+    let open = || {
+        builder
+            .clone()
+            .request_response::<PlanRequest, [Knot]>()
+            .response_user_header::<PlanReport>()
+            .enable_safe_overflow_for_requests(true)
+            .enable_safe_overflow_for_responses(true)
+            .enable_fire_and_forget_requests(false)
+            .max_active_requests_per_client(capacity.active_requests_per_client)
+            .max_loaned_requests(REQUEST_LOANS)
+            .max_response_buffer_size(RESPONSES)
+            .max_borrowed_responses_per_pending_response(RESPONSES)
+            .max_servers(SERVERS)
+            .max_clients(capacity.clients)
+            .max_nodes(NODES)
+            .open_or_create()
+    };
+    node.retry(open, is_passing)
+        .map_err(|error| translate(name, error))
+}
+
+/// Opens `plan` as it is: the clients' side.
+///
+/// # Errors
+/// [`IpcError::Missing`] at once if no daemon has created it, or any other [`IpcError`].
+pub fn open_plan_service(node: &IpcNode) -> Result<PlanService, IpcError> {
+    let (builder, name) = node.builder(PLAN)?;
+    let open = || {
+        let builder = builder.clone().request_response::<PlanRequest, [Knot]>();
+        builder.response_user_header::<PlanReport>().open()
+    };
+    node.retry(open, is_passing_when_opening)
+        .map_err(|error| match error {
+            RequestResponseOpenError::DoesNotExist => IpcError::Missing {
+                service: name,
+                creator: "the planner-daemon",
+            },
+            error => translate(
+                name,
+                RequestResponseOpenOrCreateError::RequestResponseOpenError(error),
+            ),
+        })
+}
+
+/// Makes the daemon's server, after cleaning up dead ones.
+///
+/// # Errors
+/// [`IpcError::Full`] if live processes hold the places, or [`IpcError::Failed`] (no shared memory left, for example).
+pub fn plan_server(
+    node: &IpcNode,
+    service: &PlanService,
+    capacity: &PlanServiceCapacity,
+) -> Result<PlanServer, IpcError> {
+    let create = || {
+        let builder = service
+            .server_builder()
+            .max_loaned_responses_per_request(RESPONSES);
+        let builder = builder.initial_max_slice_len(capacity.knots_per_response());
+        builder
+            .allocation_strategy(AllocationStrategy::Static)
+            .create()
+    };
+    server(node, PLAN, create)
+}
+
+/// Makes a client of `plan`, after cleaning up dead ones.
+///
+/// # Errors
+/// [`IpcError::Full`] if live processes hold all places, or [`IpcError::Failed`].
+pub fn plan_client(node: &IpcNode, service: &PlanService) -> Result<PlanClient, IpcError> {
+    client(node, PLAN, || service.client_builder().create())
+}
+
+/// Opens or creates `command`: both sides.
+///
+/// # Errors
+/// Any [`IpcError`].
+pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
+    let (builder, name) = node.builder(COMMAND)?;
+    let open = || {
+        builder
+            .clone()
+            .request_response::<Command, CommandReply>()
+            .enable_safe_overflow_for_requests(true)
+            .enable_safe_overflow_for_responses(true)
+            .enable_fire_and_forget_requests(false)
+            .max_active_requests_per_client(COMMANDS_PER_CLIENT)
+            .max_response_buffer_size(RESPONSES)
+            .max_borrowed_responses_per_pending_response(RESPONSES)
+            .max_servers(SERVERS)
+            .max_clients(COMMAND_CLIENTS)
+            .max_nodes(NODES)
+            .open_or_create()
+    };
+    node.retry(open, is_passing)
+        .map_err(|error| translate(name, error))
+}
+
+/// Makes the controller's server of commands, after cleaning up dead ones.
+///
+/// # Errors
+/// As [`plan_server`].
+pub fn command_server(node: &IpcNode, service: &CommandService) -> Result<CommandServer, IpcError> {
+    server(node, COMMAND, || service.server_builder().create())
+}
+
+/// Makes a client of `command`, after cleaning up dead ones.
+///
+/// # Errors
+/// As [`plan_client`].
+pub fn command_client(node: &IpcNode, service: &CommandService) -> Result<CommandClient, IpcError> {
+    client(node, COMMAND, || service.client_builder().create())
+}
+
+fn server<T>(
+    node: &IpcNode,
+    service: &str,
+    create: impl FnMut() -> Result<T, ServerCreateError>,
+) -> Result<T, IpcError> {
+    let passing =
+        |error: &ServerCreateError| *error == ServerCreateError::ExceedsMaxSupportedServers;
+    node.retry(create, passing).map_err(|error| {
+        let service = node.options().service_name(service);
+        match error {
+            ServerCreateError::ExceedsMaxSupportedServers => IpcError::Full {
+                service,
+                port: "server",
+            },
+            other => IpcError::Failed {
+                service,
+                what: "a server",
+                reason: format!("{other:?}"),
+            },
+        }
+    })
+}
+
+fn client<T>(
+    node: &IpcNode,
+    service: &str,
+    create: impl FnMut() -> Result<T, ClientCreateError>,
+) -> Result<T, IpcError> {
+    let passing =
+        |error: &ClientCreateError| *error == ClientCreateError::ExceedsMaxSupportedClients;
+    node.retry(create, passing).map_err(|error| {
+        let service = node.options().service_name(service);
+        match error {
+            ClientCreateError::ExceedsMaxSupportedClients => IpcError::Full {
+                service,
+                port: "client",
+            },
+            other => IpcError::Failed {
+                service,
+                what: "a client",
+                reason: format!("{other:?}"),
+            },
+        }
+    })
+}
+
+fn is_passing_when_opening(error: &RequestResponseOpenError) -> bool {
+    use RequestResponseOpenError as Open;
+    matches!(
+        error,
+        Open::ServiceInCorruptedState
+            | Open::IsMarkedForDestruction
+            | Open::HangsInCreation
+            | Open::ExceedsMaxNumberOfNodes
+    )
+}
+
+fn is_passing(error: &RequestResponseOpenOrCreateError) -> bool {
+    use RequestResponseCreateError as Create;
+    use RequestResponseOpenOrCreateError as Either;
+    match error {
+        Either::SystemInFlux => true,
+        Either::RequestResponseOpenError(error) => {
+            *error == RequestResponseOpenError::DoesNotExist || is_passing_when_opening(error)
+        }
+        Either::RequestResponseCreateError(error) => matches!(
+            error,
+            Create::ServiceInCorruptedState
+                | Create::AlreadyExists
+                | Create::IsBeingCreatedByAnotherInstance
+                | Create::HangsInCreation
+        ),
+    }
+}
+
+fn translate(service: String, error: RequestResponseOpenOrCreateError) -> IpcError {
+    use RequestResponseOpenError as Open;
+    use RequestResponseOpenOrCreateError as Either;
+    let reason = format!("{error:?}");
+    match error {
+        Either::RequestResponseOpenError(Open::ServiceInCorruptedState | Open::VersionMismatch)
+        | Either::RequestResponseCreateError(RequestResponseCreateError::ServiceInCorruptedState) => {
+            IpcError::OtherLibraryVersion { service, reason }
+        }
+        Either::RequestResponseOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
+            service,
+            port: "process",
+        },
+        Either::RequestResponseOpenError(
+            Open::IncompatibleRequestOrResponseType
+            | Open::IncompatibleMessagingPattern
+            | Open::IncompatibleAttributes
+            | Open::IncompatibleOverflowBehaviorForRequests
+            | Open::IncompatibleOverflowBehaviorForResponses
+            | Open::IncompatibleBehaviorForFireAndForgetRequests
+            | Open::DoesNotSupportRequestedAmountOfClientRequestLoans
+            | Open::DoesNotSupportRequestedAmountOfActiveRequestsPerClient
+            | Open::DoesNotSupportRequestedResponseBufferSize
+            | Open::DoesNotSupportRequestedAmountOfServers
+            | Open::DoesNotSupportRequestedAmountOfClients
+            | Open::DoesNotSupportRequestedAmountOfNodes
+            | Open::DoesNotSupportRequestedAmountOfBorrowedResponsesPerPendingResponse,
+        ) => IpcError::Incompatible { service, reason },
+        _ => IpcError::Failed {
+            service,
+            what: "the service",
+            reason,
+        },
+    }
+}

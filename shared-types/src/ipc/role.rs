@@ -1,0 +1,110 @@
+//! Processes of which there may be only one.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::io::{Read, Write};
+
+use super::{IpcError, IpcOptions};
+
+/// A kind of process of which one prefix has at most one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Answers plan requests and publishes trajectories.
+    PlannerDaemon,
+    /// Runs the hard loop.
+    Controller,
+    /// Is the motor end.
+    Robot,
+}
+
+impl Role {
+    /// The name in messages and of the lock file.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PlannerDaemon => "planner-daemon",
+            Self::Controller => "controller",
+            Self::Robot => "robot",
+        }
+    }
+}
+
+/// The right to be the only process of a role, until dropped or until the process ends in whatever way.
+///
+/// An advisory lock of the kernel (`flock`): it is gone the moment its holder is, kill -9 included, and needs no
+/// clean-up. The file stays; only its lock means something.
+#[derive(Debug)]
+pub struct RoleLock {
+    _locked: File,
+}
+
+impl RoleLock {
+    /// Takes the role.
+    ///
+    /// # Errors
+    /// [`IpcError::AlreadyRunning`] with the holder's process id if another live process has it, [`IpcError::Lock`] if
+    /// the file cannot be used, or what is wrong with the options.
+    pub fn acquire(options: &IpcOptions, role: Role) -> Result<Self, IpcError> {
+        options.prepare()?;
+        let (role, lock_file) = (role.name(), options.lock_file(role.name()));
+        let io = |source| IpcError::Lock {
+            role,
+            lock_file: lock_file.clone(),
+            source,
+        };
+        let mut file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(&lock_file)
+            .map_err(io)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::Error(source)) => return Err(io(source)),
+            Err(TryLockError::WouldBlock) => {
+                let mut pid = String::new();
+                // An unreadable pid only makes the message shorter.
+                let _ = file.read_to_string(&mut pid);
+                return Err(IpcError::AlreadyRunning {
+                    role,
+                    pid: pid.trim().to_owned(),
+                    lock_file,
+                });
+            }
+        }
+        file.set_len(0)
+            .and_then(|()| writeln!(file, "{}", std::process::id()))
+            .map_err(io)?;
+        Ok(Self { _locked: file })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_second_holder_is_refused_by_name_and_the_role_is_free_after_the_first() {
+        let directory = tempfile::tempdir().unwrap();
+        let options = IpcOptions {
+            prefix: "test".to_owned(),
+            root: directory.path().to_owned(),
+        };
+        let first = RoleLock::acquire(&options, Role::Controller).unwrap();
+        let error = RoleLock::acquire(&options, Role::Controller).unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains("a controller already runs"), "{text}");
+        assert!(text.contains(&std::process::id().to_string()), "{text}");
+        RoleLock::acquire(&options, Role::PlannerDaemon).unwrap();
+        RoleLock::acquire(
+            &IpcOptions {
+                prefix: "other".to_owned(),
+                ..options.clone()
+            },
+            Role::Controller,
+        )
+        .unwrap();
+        drop(first);
+        RoleLock::acquire(&options, Role::Controller).unwrap();
+    }
+}

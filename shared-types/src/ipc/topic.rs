@@ -1,0 +1,344 @@
+//! Publish–subscribe services: every side opens or creates them with the same qualities.
+
+use std::fmt::Debug;
+
+use iceoryx2::port::publisher;
+use iceoryx2::port::subscriber;
+use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, IceoryxSend, ZeroCopySend, ipc};
+use iceoryx2::service::builder::publish_subscribe::{
+    Builder, PublishSubscribeCreateError, PublishSubscribeOpenError,
+    PublishSubscribeOpenOrCreateError,
+};
+use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
+use iceoryx2::port::publisher::PublisherCreateError;
+use iceoryx2::port::subscriber::SubscriberCreateError;
+
+use super::{IpcError, IpcNode};
+use crate::message::{
+    ControllerState, Cycle, Heartbeat, RobotState, SceneMessage, Setpoint, TrajectoryMessage,
+};
+
+/// Most cycles in one batch of the service `cycle`: 16 ms at 4 kHz.
+pub const CYCLES_PER_BATCH: usize = 64;
+/// Samples that a publisher may prepare at once, and that a subscriber may hold at once.
+pub(super) const LOANS: usize = 2;
+/// Processes that may open one service at the same time, dead ones that nobody has cleaned up yet included.
+const NODES: usize = 40;
+
+/// Sends `T`; create it in the thread that uses it.
+pub type Publisher<T> = publisher::Publisher<ipc::Service, T, ()>;
+/// Receives `T`; create it in the thread that uses it.
+pub type Subscriber<T> = subscriber::Subscriber<ipc::Service, T, ()>;
+/// Sends batches of cycles.
+pub type CyclePublisher = Publisher<[Cycle]>;
+/// Receives batches of cycles.
+pub type CycleSubscriber = Subscriber<[Cycle]>;
+/// The service of batches of cycles.
+pub type CycleTopic = Topic<[Cycle]>;
+
+/// What a publish–subscribe service guarantees, the same for everyone who opens it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Qualities {
+    pub(super) name: &'static str,
+    pub(super) publishers: usize,
+    pub(super) subscribers: usize,
+    pub(super) history: usize,
+    pub(super) buffer: usize,
+    pub(super) slice: usize,
+}
+
+/// `trajectory`: one publisher, a late controller gets the last one.
+pub(super) const TRAJECTORY: Qualities = Qualities {
+    name: "trajectory",
+    publishers: 1,
+    subscribers: 8,
+    history: 1,
+    buffer: 4,
+    slice: 1,
+};
+/// `setpoint`: one publisher.
+pub(super) const SETPOINT: Qualities = Qualities {
+    name: "setpoint",
+    publishers: 1,
+    subscribers: 8,
+    history: 0,
+    buffer: 8,
+    slice: 1,
+};
+/// `robot_state`: one publisher.
+pub(super) const ROBOT_STATE: Qualities = Qualities {
+    name: "robot_state",
+    publishers: 1,
+    subscribers: 16,
+    history: 1,
+    buffer: 8,
+    slice: 1,
+};
+/// `controller_state`: one publisher.
+pub(super) const CONTROLLER_STATE: Qualities = Qualities {
+    name: "controller_state",
+    publishers: 1,
+    subscribers: 16,
+    history: 1,
+    buffer: 8,
+    slice: 1,
+};
+/// `cycle`: one publisher; the buffer holds 0.64 s of batches every 10 ms.
+pub(super) const CYCLE: Qualities = Qualities {
+    name: "cycle",
+    publishers: 1,
+    subscribers: 4,
+    history: 0,
+    buffer: 64,
+    slice: CYCLES_PER_BATCH,
+};
+/// `scene`: who sees the obstacles publishes them; a late daemon gets the last one.
+pub(super) const SCENE: Qualities = Qualities {
+    name: "scene",
+    publishers: 4,
+    subscribers: 8,
+    history: 1,
+    buffer: 2,
+    slice: 1,
+};
+/// `heartbeat`: one publisher a process.
+pub(super) const HEARTBEAT: Qualities = Qualities {
+    name: "heartbeat",
+    publishers: 8,
+    subscribers: 16,
+    history: 0,
+    buffer: 16,
+    slice: 1,
+};
+
+/// An open publish–subscribe service: what its ports are made from.
+#[derive(Debug)]
+pub struct Topic<T: Debug + IceoryxSend + ?Sized> {
+    service: PortFactory<ipc::Service, T, ()>,
+    full_name: String,
+    qualities: Qualities,
+}
+
+impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
+    /// The iceoryx2 service, for its properties.
+    #[must_use]
+    pub fn service(&self) -> &PortFactory<ipc::Service, T, ()> {
+        &self.service
+    }
+
+    /// The service's full name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.full_name
+    }
+}
+
+macro_rules! topic_functions {
+    ($($(#[$attribute:meta])* $function:ident: $message:ty = $qualities:ident;)*) => { $(
+        $(#[$attribute])*
+        ///
+        /// # Errors
+        /// [`IpcError`]: the service cannot be opened and not be created.
+        pub fn $function(node: &IpcNode) -> Result<Topic<$message>, IpcError> {
+            let (builder, full_name) = node.builder($qualities.name)?;
+            let open = || with_qualities(builder.clone().publish_subscribe::<$message>(), &$qualities).open_or_create();
+            let service = node.retry(open, is_passing).map_err(|error| translate(&full_name, error))?;
+            Ok(Topic { service, full_name, qualities: $qualities })
+        }
+    )* };
+}
+
+topic_functions! {
+    /// Opens `trajectory`: what the controller is to execute; publisher: the daemon.
+    trajectory_service: TrajectoryMessage = TRAJECTORY;
+    /// Opens `setpoint`: what the motors are to do now; publisher: the controller's loop.
+    setpoint_service: Setpoint = SETPOINT;
+    /// Opens `robot_state`; publisher: the robot.
+    robot_state_service: RobotState = ROBOT_STATE;
+    /// Opens `controller_state`; publisher: the controller's relay thread.
+    controller_state_service: ControllerState = CONTROLLER_STATE;
+    /// Opens `cycle`: batches of at most [`CYCLES_PER_BATCH`]; publisher: the controller's relay thread.
+    cycle_service: [Cycle] = CYCLE;
+    /// Opens `scene`: all obstacles there are now; publishers: whoever sees them.
+    scene_service: SceneMessage = SCENE;
+    /// Opens `heartbeat`; publishers: daemon, controller, robot.
+    heartbeat_service: Heartbeat = HEARTBEAT;
+}
+
+fn with_qualities<T: Debug + IceoryxSend + ?Sized>(
+    builder: Builder<T, (), ipc::Service>,
+    qualities: &Qualities,
+) -> Builder<T, (), ipc::Service> {
+    builder
+        .enable_safe_overflow(true)
+        .max_publishers(qualities.publishers)
+        .max_subscribers(qualities.subscribers)
+        .max_nodes(NODES)
+        .history_size(qualities.history)
+        .subscriber_max_buffer_size(qualities.buffer)
+        .subscriber_max_borrowed_samples(LOANS)
+}
+
+/// Makes a publisher, after cleaning up dead ones that hold its place.
+///
+/// A full receiver loses its oldest sample; sending never waits.
+///
+/// # Errors
+/// [`IpcError::Full`] if live processes hold all places (a second daemon or controller), or [`IpcError::Failed`].
+pub fn publisher<T: Debug + ZeroCopySend>(
+    node: &IpcNode,
+    topic: &Topic<T>,
+) -> Result<Publisher<T>, IpcError> {
+    let create = || {
+        let builder = topic.service.publisher_builder().max_loaned_samples(LOANS);
+        builder
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+    };
+    let passing = |error: &PublisherCreateError| {
+        *error == PublisherCreateError::ExceedsMaxSupportedPublishers
+    };
+    node.retry(create, passing)
+        .map_err(|error| publisher_error(&topic.full_name, error))
+}
+
+/// Makes the publisher of cycles, like [`publisher`]; batches have at most [`CYCLES_PER_BATCH`].
+///
+/// # Errors
+/// As [`publisher`].
+pub fn cycle_publisher(node: &IpcNode, topic: &CycleTopic) -> Result<CyclePublisher, IpcError> {
+    let create = || {
+        let builder = topic.service.publisher_builder().max_loaned_samples(LOANS);
+        let builder = builder
+            .initial_max_slice_len(CYCLES_PER_BATCH)
+            .allocation_strategy(AllocationStrategy::Static);
+        builder
+            .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .create()
+    };
+    let passing = |error: &PublisherCreateError| {
+        *error == PublisherCreateError::ExceedsMaxSupportedPublishers
+    };
+    node.retry(create, passing)
+        .map_err(|error| publisher_error(&topic.full_name, error))
+}
+
+/// Makes a subscriber, after cleaning up dead ones that hold its place; it receives the service's history.
+///
+/// # Errors
+/// [`IpcError::Full`] if live processes hold all places, or [`IpcError::Failed`].
+pub fn subscriber<T: Debug + ZeroCopySend>(
+    node: &IpcNode,
+    topic: &Topic<T>,
+) -> Result<Subscriber<T>, IpcError> {
+    any_subscriber(node, topic)
+}
+
+/// Makes a subscriber of cycles, like [`subscriber`].
+///
+/// # Errors
+/// As [`subscriber`].
+pub fn cycle_subscriber(node: &IpcNode, topic: &CycleTopic) -> Result<CycleSubscriber, IpcError> {
+    any_subscriber(node, topic)
+}
+
+fn any_subscriber<T: Debug + IceoryxSend + ?Sized>(
+    node: &IpcNode,
+    topic: &Topic<T>,
+) -> Result<Subscriber<T>, IpcError> {
+    let create = || {
+        topic
+            .service
+            .subscriber_builder()
+            .buffer_size(topic.qualities.buffer)
+            .create()
+    };
+    let passing = |error: &SubscriberCreateError| {
+        *error == SubscriberCreateError::ExceedsMaxSupportedSubscribers
+    };
+    node.retry(create, passing).map_err(|error| match error {
+        SubscriberCreateError::ExceedsMaxSupportedSubscribers => IpcError::Full {
+            service: topic.full_name.clone(),
+            port: "subscriber",
+        },
+        other => IpcError::Failed {
+            service: topic.full_name.clone(),
+            what: "a subscriber",
+            reason: format!("{other:?}"),
+        },
+    })
+}
+
+fn publisher_error(service: &str, error: PublisherCreateError) -> IpcError {
+    match error {
+        PublisherCreateError::ExceedsMaxSupportedPublishers => IpcError::Full {
+            service: service.to_owned(),
+            port: "publisher",
+        },
+        other => IpcError::Failed {
+            service: service.to_owned(),
+            what: "a publisher",
+            reason: format!("{other:?}"),
+        },
+    }
+}
+
+/// Whether opening again may succeed: the service is being made or removed, or dead processes hold its places.
+fn is_passing(error: &PublishSubscribeOpenOrCreateError) -> bool {
+    use PublishSubscribeCreateError as Create;
+    use PublishSubscribeOpenError as Open;
+    use PublishSubscribeOpenOrCreateError as Either;
+    match error {
+        Either::SystemInFlux => true,
+        Either::PublishSubscribeOpenError(error) => matches!(
+            error,
+            Open::DoesNotExist
+                | Open::ServiceInCorruptedState
+                | Open::IsMarkedForDestruction
+                | Open::HangsInCreation
+                | Open::ExceedsMaxNumberOfNodes
+        ),
+        Either::PublishSubscribeCreateError(error) => matches!(
+            error,
+            Create::ServiceInCorruptedState
+                | Create::AlreadyExists
+                | Create::IsBeingCreatedByAnotherInstance
+                | Create::HangsInCreation
+        ),
+    }
+}
+
+fn translate(service: &str, error: PublishSubscribeOpenOrCreateError) -> IpcError {
+    use PublishSubscribeOpenError as Open;
+    use PublishSubscribeOpenOrCreateError as Either;
+    let (service, reason) = (service.to_owned(), format!("{error:?}"));
+    match error {
+        Either::PublishSubscribeOpenError(
+            Open::ServiceInCorruptedState | Open::VersionMismatch,
+        )
+        | Either::PublishSubscribeCreateError(
+            PublishSubscribeCreateError::ServiceInCorruptedState,
+        ) => IpcError::OtherLibraryVersion { service, reason },
+        Either::PublishSubscribeOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
+            service,
+            port: "process",
+        },
+        Either::PublishSubscribeOpenError(
+            Open::IncompatibleTypes
+            | Open::IncompatibleMessagingPattern
+            | Open::IncompatibleAttributes
+            | Open::DoesNotSupportRequestedMinBufferSize
+            | Open::DoesNotSupportRequestedMinHistorySize
+            | Open::DoesNotSupportRequestedMinSubscriberBorrowedSamples
+            | Open::DoesNotSupportRequestedAmountOfPublishers
+            | Open::DoesNotSupportRequestedAmountOfSubscribers
+            | Open::DoesNotSupportRequestedAmountOfNodes
+            | Open::IncompatibleOverflowBehavior,
+        ) => IpcError::Incompatible { service, reason },
+        _ => IpcError::Failed {
+            service,
+            what: "the service",
+            reason,
+        },
+    }
+}
