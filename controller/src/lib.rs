@@ -1,1 +1,24 @@
-//! (being written)
+//! The controller: a hard loop that turns certified trajectories into tendon set-points, and the simulated robot.
+//!
+//! * [`executive`]: what the loop decides each cycle, as a plain state machine;
+//! * [`arena`], [`realtime`]: what makes a loop hard: memory of its own, priority, absolute sleeping;
+//! * [`robot`]: the simulated robot.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+pub mod arena;
+pub mod config;
+pub mod executive;
+#[cfg(test)]
+mod fixtures;
+pub mod realtime;
+pub mod robot;
+
+/// Tendons in every message; robots with fewer leave the rest at zero.
+pub const TENDONS: usize = shared_types::capacity::TENDONS;
+
+/// One number a tendon.
+pub type TendonVector = [f64; TENDONS];
+
+#[cfg(test)]
+#[global_allocator]
+static ALLOCATOR: arena::LoopAllocator = arena::LoopAllocator;

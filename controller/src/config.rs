@@ -1,0 +1,113 @@
+//! Reading the configuration files of both programs.
+
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+
+/// Why a configuration file was refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("cannot read configuration {path}: {error}")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The system's answer.
+        error: std::io::Error,
+    },
+    /// It is not TOML, has an unknown key, or a value of the wrong type.
+    #[error("configuration {path}: {error}")]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// Where and what.
+        error: Box<toml::de::Error>,
+    },
+    /// A setting is outside its range.
+    #[error("configuration {path}: {setting} = {value} is not allowed: {allowed}")]
+    Range {
+        /// The file.
+        path: PathBuf,
+        /// The setting's name.
+        setting: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// The robot file that it names was refused.
+    #[error("configuration {path}: {error}")]
+    Robot {
+        /// The configuration file.
+        path: PathBuf,
+        /// What is wrong with the robot file.
+        error: Box<pcc_model::RobotFileError>,
+    },
+    /// The robot has more tendons than a message carries.
+    #[error(
+        "configuration {path}: the robot has {count} tendons, at most {} are allowed",
+        crate::TENDONS
+    )]
+    Tendons {
+        /// The configuration file.
+        path: PathBuf,
+        /// Tendons in the robot file.
+        count: usize,
+    },
+}
+
+/// A file's settings, and the checks of single numbers against it.
+pub(crate) struct Checked<'a> {
+    pub(crate) path: &'a Path,
+}
+
+impl Checked<'_> {
+    /// Parses the file as `T`.
+    pub(crate) fn read<T: DeserializeOwned>(&self) -> Result<T, ConfigError> {
+        let path = self.path.to_owned();
+        let text = std::fs::read_to_string(self.path).map_err(|error| ConfigError::Unreadable {
+            path: path.clone(),
+            error,
+        })?;
+        toml::from_str(&text).map_err(|error| ConfigError::Syntax {
+            path,
+            error: Box::new(error),
+        })
+    }
+
+    /// Loads the robot file `robot`, relative to the configuration's folder.
+    pub(crate) fn robot(&self, robot: &Path) -> Result<pcc_model::Robot, ConfigError> {
+        let folder = self.path.parent().unwrap_or(Path::new("."));
+        let path = self.path.to_owned();
+        let robot = pcc_model::Robot::from_file(&folder.join(robot)).map_err(|error| {
+            ConfigError::Robot {
+                path: path.clone(),
+                error: Box::new(error),
+            }
+        })?;
+        let count = robot.tendons.count();
+        if count > crate::TENDONS {
+            return Err(ConfigError::Tendons { path, count });
+        }
+        Ok(robot)
+    }
+
+    /// Refuses `value` unless `holds`.
+    pub(crate) fn require(
+        &self,
+        holds: bool,
+        setting: &'static str,
+        value: f64,
+        allowed: &'static str,
+    ) -> Result<(), ConfigError> {
+        if holds {
+            return Ok(());
+        }
+        Err(ConfigError::Range {
+            path: self.path.to_owned(),
+            setting,
+            value,
+            allowed,
+        })
+    }
+}

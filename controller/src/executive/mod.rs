@@ -1,0 +1,428 @@
+//! What the loop decides each cycle: a plain state machine, driven by time and inputs, that knows nothing of threads.
+//!
+//! ```text
+//! starting ──robot follows──▶ holding ──begin──▶ executing ──end──▶ holding
+//!    ▲                          │                    │ stop, lost peer, late, fault
+//!    └──────robot gone──────────┘                    ▼
+//!    ▲                                            stopping ──at rest──▶ holding, or fault where one is latched
+//!    └──────────────reset─────────────────────────────────────────────── fault
+//! ```
+//!
+//! It never moves by itself: it starts from the robot's own reference (`accepted_setpoint_m`, never a measurement), and
+//! a trajectory is followed only from where it holds. Stops go along the trajectory ([`pace`]), as fast as the
+//! acceleration limits allow. Where the robot has let go of the set-points (it ramped to rest by itself, or is gone) the
+//! machine is detached: it sends nothing and mirrors the robot's reference, so that nothing jumps when it takes hold
+//! again.
+
+mod motion;
+mod pace;
+mod settings;
+mod supervision;
+#[cfg(test)]
+mod tests;
+mod tracking;
+
+pub use motion::{
+    BeginWindow, Motion, START_TOLERANCE_RAD, Situation, Unacceptable, can_start, check,
+};
+pub use pace::{Commanded, Pace, PaceLimits};
+pub use settings::ExecutiveSettings;
+pub use tracking::Tracking;
+
+use pcc_model::{Configuration, Robot, TendonMap};
+use shared_types::codes::{CommandRefusal, LoopFault, LoopState, MotorState};
+
+use crate::{TENDONS, TendonVector};
+
+/// The robot's state as the loop uses it.
+#[derive(Clone, Copy, Debug)]
+pub struct RobotSample {
+    /// Time of the measurement, ns of CLOCK_MONOTONIC.
+    pub stamp_ns: i64,
+    /// What the motor end does.
+    pub state: MotorState,
+    /// Its reference, m.
+    pub accepted_m: TendonVector,
+    /// The reference's velocity, m/s.
+    pub accepted_velocity_m_s: TendonVector,
+    /// Measured tendons, m.
+    pub measured_m: TendonVector,
+    /// Measured configuration, rad.
+    pub measured_rad: Configuration,
+}
+
+/// What the loop is told about the world in one cycle.
+#[derive(Clone, Copy, Debug)]
+pub struct CycleInput<'a> {
+    /// Now, ns of CLOCK_MONOTONIC: the instant for which the set-point is evaluated.
+    pub now_ns: i64,
+    /// The robot's newest state, where a new one arrived.
+    pub robot: Option<&'a RobotSample>,
+    /// A robot state arrived that cannot be one.
+    pub robot_state_invalid: bool,
+    /// Whether the daemon's heart beats.
+    pub daemon_alive: bool,
+}
+
+/// One cycle's result: the set-point, and everything that is published about it.
+#[derive(Clone, Copy, Debug)]
+pub struct CycleOutput {
+    /// The instant evaluated, ns of CLOCK_MONOTONIC.
+    pub stamp_ns: i64,
+    /// Whether the set-point is to be sent (not while detached).
+    pub send: bool,
+    /// What the loop does.
+    pub state: LoopState,
+    /// The latched fault.
+    pub fault: LoopFault,
+    /// The trajectory being followed, 0 for none.
+    pub trajectory_id: u32,
+    /// Commanded configuration and its derivatives.
+    pub commanded: Commanded,
+    /// Set-point, m.
+    pub tendon_m: TendonVector,
+    /// Its velocity, m/s.
+    pub tendon_velocity_m_s: TendonVector,
+    /// Its acceleration, m/s².
+    pub tendon_acceleration_m_s2: TendonVector,
+    /// The newest measurement; zeros before the first.
+    pub measured_m: TendonVector,
+    /// The newest measured configuration; zeros before the first.
+    pub measured_rad: Configuration,
+    /// Filtered tracking error, rad.
+    pub tracking_error_rad: f64,
+    /// Part of the measured tendons that no configuration explains, m.
+    pub slack_residual_m: f64,
+    /// Step of the set-point where the last trajectory was taken, m (it is kept as an offset, not made).
+    pub splice_error_m: f64,
+    /// Path time, s.
+    pub path_time_s: f64,
+    /// Path time per time.
+    pub rate: f64,
+    /// Whether this cycle came late.
+    pub late: bool,
+}
+
+/// The set-point of all tendons.
+#[derive(Clone, Copy, Debug)]
+struct Tendons {
+    position_m: TendonVector,
+    velocity_m_s: TendonVector,
+    acceleration_m_s2: TendonVector,
+}
+
+/// What separates the set-point from the trajectory being followed; constant while it is.
+#[derive(Clone, Copy, Debug)]
+struct Splice {
+    configuration_rad: Configuration,
+    tendon_m: TendonVector,
+}
+
+/// The state machine.
+pub struct Executive {
+    settings: ExecutiveSettings,
+    map: TendonMap,
+    limits: PaceLimits,
+    state: LoopState,
+    fault: LoopFault,
+    commanded: Commanded,
+    tendons: Tendons,
+    /// Waiting for its begin while holding, followed while executing and stopping.
+    motion: Option<Box<Motion>>,
+    /// Done with; to be given back outside the cycle.
+    finished: Option<Box<Motion>>,
+    pace: Pace,
+    splice: Splice,
+    speed: f64,
+    path_tolerance_rad: f64,
+    tracking: Tracking,
+    /// Sending set-points to a robot that takes them.
+    attached: bool,
+    /// The robot has been seen following since it was attached: false means starting or fault.
+    followed: bool,
+    attached_ns: i64,
+    robot: Option<RobotSample>,
+    slack_residual_m: f64,
+    last_ns: Option<i64>,
+    late_run: u32,
+}
+
+impl Executive {
+    /// A machine that waits for its robot.
+    #[must_use]
+    pub fn new(settings: ExecutiveSettings, robot: &Robot) -> Self {
+        let zero = [0.0; TENDONS];
+        Self {
+            settings,
+            map: robot.tendons.clone(),
+            limits: PaceLimits::new(&robot.tendons, &robot.tendon_limits),
+            state: LoopState::Starting,
+            fault: LoopFault::None,
+            commanded: Commanded::resting(Configuration::zeros()),
+            tendons: Tendons {
+                position_m: zero,
+                velocity_m_s: zero,
+                acceleration_m_s2: zero,
+            },
+            motion: None,
+            finished: None,
+            pace: Pace::beginning(1.0),
+            splice: Splice {
+                configuration_rad: Configuration::zeros(),
+                tendon_m: zero,
+            },
+            speed: 1.0,
+            path_tolerance_rad: settings.hold_tolerance_rad,
+            tracking: Tracking::new(settings.tracking_filter_s),
+            attached: false,
+            followed: false,
+            attached_ns: 0,
+            robot: None,
+            slack_residual_m: 0.0,
+            last_ns: None,
+            late_run: 0,
+        }
+    }
+
+    /// What it does.
+    #[must_use]
+    pub fn state(&self) -> LoopState {
+        self.state
+    }
+
+    /// Takes a trajectory to follow from its begin on.
+    ///
+    /// # Errors
+    /// The trajectory back, and why it cannot start from here.
+    pub fn execute(&mut self, motion: Box<Motion>) -> Result<(), (Unacceptable, Box<Motion>)> {
+        if self.motion.is_some() && self.state == LoopState::Holding {
+            return Err((Unacceptable::Waiting, motion));
+        }
+        if let Err(reason) = can_start(&motion, self.state, &self.commanded.position) {
+            return Err((reason, motion));
+        }
+        let first = motion.knots[0].position;
+        let on_path_m = self.limits.tendons(&first);
+        self.splice = Splice {
+            configuration_rad: self.commanded.position - first,
+            tendon_m: std::array::from_fn(|i| self.tendons.position_m[i] - on_path_m[i]),
+        };
+        self.path_tolerance_rad = motion.path_tolerance_rad;
+        self.motion = Some(motion);
+        Ok(())
+    }
+
+    /// Gives back a trajectory that is done with.
+    pub fn take_finished(&mut self) -> Option<Box<Motion>> {
+        self.finished.take()
+    }
+
+    /// Brakes along the trajectory and holds; forgets one that waits for its begin.
+    ///
+    /// # Errors
+    /// [`CommandRefusal::NothingToDo`] where nothing moves or is about to.
+    pub fn stop(&mut self) -> Result<(), CommandRefusal> {
+        match self.state {
+            LoopState::Executing => self.state = LoopState::Stopping,
+            LoopState::Holding if self.motion.is_some() => self.put_motion_aside(),
+            _ => return Err(CommandRefusal::NothingToDo),
+        }
+        Ok(())
+    }
+
+    /// Clears the latched fault and holds, or waits for the robot where it has let go.
+    ///
+    /// # Errors
+    /// [`CommandRefusal::NothingToDo`] without a fault, [`CommandRefusal::FaultPersists`] while it still brakes.
+    pub fn reset(&mut self) -> Result<(), CommandRefusal> {
+        match (self.state, self.fault) {
+            (_, LoopFault::None) => return Err(CommandRefusal::NothingToDo),
+            (LoopState::Fault, _) => {}
+            _ => return Err(CommandRefusal::FaultPersists),
+        }
+        self.fault = LoopFault::None;
+        self.tracking.restart();
+        self.late_run = 0;
+        self.state = if self.followed {
+            LoopState::Holding
+        } else {
+            LoopState::Starting
+        };
+        Ok(())
+    }
+
+    /// Follows trajectories at `speed` (0..=1) times their own rate, reached by a ramp within the limits.
+    ///
+    /// # Errors
+    /// [`CommandRefusal::InvalidSpeed`] outside 0..=1.
+    pub fn set_speed(&mut self, speed: f64) -> Result<(), CommandRefusal> {
+        if !(0.0..=1.0).contains(&speed) {
+            return Err(CommandRefusal::InvalidSpeed);
+        }
+        self.speed = speed;
+        Ok(())
+    }
+
+    /// One cycle.
+    pub fn step(&mut self, input: &CycleInput<'_>) -> CycleOutput {
+        let elapsed_ns = input.now_ns - self.last_ns.unwrap_or(input.now_ns);
+        self.last_ns = Some(input.now_ns);
+        let late = self.supervise(input, elapsed_ns);
+        if self.attached {
+            self.move_on(input.now_ns, elapsed_ns);
+        } else {
+            self.mirror_robot(input.now_ns);
+        }
+        self.output(input.now_ns, late)
+    }
+
+    fn move_on(&mut self, now_ns: i64, elapsed_ns: i64) {
+        // A late cycle samples by absolute time, but never further on than `step_cap`: the path time then lags.
+        let mut step_ns = elapsed_ns.min(self.settings.step_cap_ns);
+        if self.state == LoopState::Holding {
+            let Some(begun_ns) = self.motion.as_ref().map(|motion| now_ns - motion.begin_ns) else {
+                return;
+            };
+            if begun_ns < 0 {
+                return;
+            }
+            self.state = LoopState::Executing;
+            self.pace = Pace::beginning(self.speed);
+            step_ns = step_ns.min(begun_ns);
+        }
+        if self.is_moving() {
+            self.follow(seconds(step_ns));
+            self.check_setpoint(now_ns);
+        }
+    }
+
+    /// The last barrier: a set-point beyond the limits is never sent, the robot ramps to rest instead.
+    fn check_setpoint(&mut self, now_ns: i64) {
+        let tendons = &self.tendons;
+        let finite = tendons
+            .position_m
+            .iter()
+            .all(|position| position.is_finite());
+        if !finite
+            || !self
+                .limits
+                .allow(&tendons.velocity_m_s, &tendons.acceleration_m_s2)
+        {
+            self.let_go(Some(LoopFault::InvalidSetpoint));
+            self.mirror_robot(now_ns);
+        }
+    }
+
+    fn is_moving(&self) -> bool {
+        matches!(self.state, LoopState::Executing | LoopState::Stopping)
+    }
+
+    fn is_lost(&self, robot: &RobotSample, now_ns: i64) -> bool {
+        now_ns - robot.stamp_ns > self.settings.robot_lost_ns
+    }
+
+    /// Puts the trajectory aside; the loop gives it back in the same cycle, so there is never more than one.
+    fn put_motion_aside(&mut self) {
+        if let Some(motion) = self.motion.take() {
+            self.finished = Some(motion);
+        }
+    }
+
+    fn follow(&mut self, step_s: f64) {
+        let stopping = self.state == LoopState::Stopping;
+        let target = if stopping { 0.0 } else { self.speed };
+        let Some(motion) = &self.motion else {
+            return self.rest();
+        };
+        let knots = &motion.knots;
+        let mut commanded = self.pace.advance(knots, &self.limits, target, step_s);
+        let on_path_m = self.limits.tendons(&commanded.position);
+        self.tendons = Tendons {
+            position_m: std::array::from_fn(|i| on_path_m[i] + self.splice.tendon_m[i]),
+            velocity_m_s: self.limits.tendons(&commanded.velocity),
+            acceleration_m_s2: self.limits.tendons(&commanded.acceleration),
+        };
+        commanded.position += self.splice.configuration_rad;
+        self.commanded = commanded;
+        let ended = self.pace.time_s >= motion.duration_s();
+        if ended || (stopping && self.pace.rate == 0.0) {
+            self.rest();
+        }
+    }
+
+    /// The motion is over: holds where it is.
+    fn rest(&mut self) {
+        self.put_motion_aside();
+        self.commanded = Commanded::resting(self.commanded.position);
+        self.tendons.velocity_m_s = [0.0; TENDONS];
+        self.tendons.acceleration_m_s2 = [0.0; TENDONS];
+        self.state = match self.fault {
+            LoopFault::None => LoopState::Holding,
+            _ => LoopState::Fault,
+        };
+    }
+
+    fn mirror_robot(&mut self, now_ns: i64) {
+        let Some(robot) = self
+            .robot
+            .as_ref()
+            .filter(|robot| !self.is_lost(robot, now_ns))
+        else {
+            return;
+        };
+        let count = self.map.count();
+        self.tendons = Tendons {
+            position_m: robot.accepted_m,
+            velocity_m_s: robot.accepted_velocity_m_s,
+            acceleration_m_s2: [0.0; TENDONS],
+        };
+        self.commanded = Commanded {
+            position: self.map.configuration(&robot.accepted_m[..count]),
+            velocity: self
+                .map
+                .configuration(&robot.accepted_velocity_m_s[..count]),
+            acceleration: Configuration::zeros(),
+        };
+    }
+
+    fn output(&self, now_ns: i64, late: bool) -> CycleOutput {
+        let robot = self.robot.as_ref();
+        CycleOutput {
+            stamp_ns: now_ns,
+            send: self.attached,
+            state: self.state,
+            fault: self.fault,
+            trajectory_id: self
+                .motion
+                .as_ref()
+                .filter(|_| self.is_moving())
+                .map_or(0, |motion| motion.id),
+            commanded: self.commanded,
+            tendon_m: self.tendons.position_m,
+            tendon_velocity_m_s: self.tendons.velocity_m_s,
+            tendon_acceleration_m_s2: self.tendons.acceleration_m_s2,
+            measured_m: robot.map_or([0.0; TENDONS], |robot| robot.measured_m),
+            measured_rad: robot.map_or_else(Configuration::zeros, |robot| robot.measured_rad),
+            tracking_error_rad: self.tracking.norm_rad(),
+            slack_residual_m: self.slack_residual_m,
+            splice_error_m: self
+                .splice
+                .tendon_m
+                .iter()
+                .map(|x| x * x)
+                .sum::<f64>()
+                .sqrt(),
+            path_time_s: self.pace.time_s,
+            rate: self.pace.rate,
+            late,
+        }
+    }
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "intervals are far below 2^53 ns"
+)]
+fn seconds(interval_ns: i64) -> f64 {
+    interval_ns as f64 * 1e-9
+}

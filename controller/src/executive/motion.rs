@@ -1,0 +1,268 @@
+//! A trajectory on its way to the loop and back, and the checks that it has to pass outside of it.
+
+use pcc_model::{Configuration, Robot};
+use shared_types::{
+    capacity::MAX_KNOTS,
+    codes::{LoopState, Refusal},
+};
+use trajectory::{Knot, QuinticSegment, Trajectory, limit_use};
+
+/// A trajectory may start this far from the commanded configuration, rad; the difference is kept as an offset.
+pub const START_TOLERANCE_RAD: f64 = 1e-6;
+
+/// A velocity, rad/s, or acceleration, rad/s², under this is rest.
+const REST: f64 = 1e-9;
+
+/// Relative excess over a tendon limit that rounding may cause.
+const LIMIT_TOLERANCE: f64 = 1e-6;
+
+/// Excess over the bending limit that certified motions may have, rad.
+const BENDING_TOLERANCE_RAD: f64 = 5e-3;
+
+/// Points of each segment at which bending is checked, besides its ends.
+const BENDING_SAMPLES: u32 = 4;
+
+/// A trajectory in memory of our own, made once and filled again and again.
+#[derive(Debug)]
+pub struct Motion {
+    /// Its id, at least 1.
+    pub id: u32,
+    /// When it begins, ns of CLOCK_MONOTONIC.
+    pub begin_ns: i64,
+    /// Tracking error that its certificate covers, rad.
+    pub path_tolerance_rad: f64,
+    /// The motion; never more than its capacity of [`MAX_KNOTS`].
+    pub knots: Vec<Knot>,
+}
+
+impl Motion {
+    /// An empty motion with room for every trajectory.
+    #[must_use]
+    pub fn empty() -> Box<Self> {
+        Box::new(Self {
+            id: 0,
+            begin_ns: 0,
+            path_tolerance_rad: 0.0,
+            knots: Vec::with_capacity(MAX_KNOTS),
+        })
+    }
+
+    /// Duration, s.
+    #[must_use]
+    pub fn duration_s(&self) -> f64 {
+        self.knots.last().map_or(0.0, |knot| knot.time)
+    }
+}
+
+/// Why a trajectory is not executed.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum Unacceptable {
+    /// The loop is not holding.
+    #[error("the controller is {0}, a trajectory is taken only while it is holding")]
+    State(LoopState),
+    /// Another one is waiting for its begin.
+    #[error("another trajectory is waiting for its begin")]
+    Waiting,
+    /// Its id was used before.
+    #[error("its id {id} is not larger than the last one's, {last}")]
+    OldId {
+        /// Its id.
+        id: u32,
+        /// The last id taken.
+        last: u32,
+    },
+    /// It begins in the past.
+    #[error("it begins {late_ms:.1} ms in the past, {allowed_ms:.1} ms are allowed")]
+    Past {
+        /// How far.
+        late_ms: f64,
+        /// How far it may.
+        allowed_ms: f64,
+    },
+    /// It begins too far in the future.
+    #[error("it begins {ahead_s:.1} s from now, {allowed_s:.1} s are allowed")]
+    Ahead {
+        /// How far.
+        ahead_s: f64,
+        /// How far it may.
+        allowed_s: f64,
+    },
+    /// Its first knot is not the commanded configuration.
+    #[error(
+        "it starts {distance_rad:.2e} rad from the commanded configuration, {START_TOLERANCE_RAD:.0e} are allowed"
+    )]
+    Start {
+        /// How far.
+        distance_rad: f64,
+    },
+    /// An end is not at rest.
+    #[error("it does not {0} at rest")]
+    InMotion(&'static str),
+    /// The knots are no motion.
+    #[error("it is no motion: {0}")]
+    Malformed(String),
+    /// It exceeds a tendon limit.
+    #[error("it uses {share:.6} of the tendons' {limit} limit")]
+    Tendons {
+        /// Which limit.
+        limit: &'static str,
+        /// The largest ratio to it.
+        share: f64,
+    },
+    /// It bends a section too far.
+    #[error(
+        "it bends a section {excess_rad:.4} rad over its limit, {BENDING_TOLERANCE_RAD} are allowed"
+    )]
+    Bending {
+        /// Excess over the limit.
+        excess_rad: f64,
+    },
+}
+
+impl Unacceptable {
+    /// The reason as a code in the controller's state.
+    #[must_use]
+    pub fn code(&self) -> Refusal {
+        match self {
+            Self::State(LoopState::Starting) => Refusal::NotReady,
+            Self::State(LoopState::Fault) => Refusal::Faulted,
+            Self::State(_) | Self::Waiting => Refusal::Busy,
+            Self::OldId { .. } => Refusal::OldId,
+            Self::Past { .. } => Refusal::BeginsInThePast,
+            Self::Ahead { .. } => Refusal::BeginsTooLate,
+            Self::Start { .. } | Self::InMotion("begin") => Refusal::StartsElsewhere,
+            Self::InMotion(_) => Refusal::EndsInMotion,
+            Self::Malformed(_) => Refusal::Malformed,
+            Self::Tendons { .. } | Self::Bending { .. } => Refusal::OutOfLimits,
+        }
+    }
+}
+
+/// What a trajectory is checked against.
+#[derive(Clone, Copy, Debug)]
+pub struct Situation {
+    /// What the loop does.
+    pub state: LoopState,
+    /// Its commanded configuration, rad.
+    pub commanded_rad: Configuration,
+    /// Now, ns of CLOCK_MONOTONIC.
+    pub now_ns: i64,
+    /// The id of the last trajectory taken.
+    pub last_id: u32,
+}
+
+/// How far a trajectory's begin may be from now.
+#[derive(Clone, Copy, Debug)]
+pub struct BeginWindow {
+    /// In the past, ns.
+    pub past_ns: i64,
+    /// In the future, ns.
+    pub ahead_ns: i64,
+}
+
+/// Checks a trajectory completely; not for the loop (it allocates and solves polynomials).
+///
+/// # Errors
+/// The first rule of [`Unacceptable`] that it breaks.
+pub fn check(
+    motion: &Motion,
+    situation: &Situation,
+    robot: &Robot,
+    window: &BeginWindow,
+) -> Result<(), Unacceptable> {
+    let last = situation.last_id;
+    if motion.id <= last {
+        return Err(Unacceptable::OldId {
+            id: motion.id,
+            last,
+        });
+    }
+    let path = Trajectory::new(motion.knots.clone())
+        .map_err(|error| Unacceptable::Malformed(error.to_string()))?;
+    check_begin(motion.begin_ns - situation.now_ns, window)?;
+    check_ends(motion)?;
+    check_limits(&path, robot)?;
+    can_start(motion, situation.state, &situation.commanded_rad)
+}
+
+/// The part of the checks that the loop repeats when it takes the trajectory.
+///
+/// # Errors
+/// [`Unacceptable::State`] or [`Unacceptable::Start`].
+pub fn can_start(
+    motion: &Motion,
+    state: LoopState,
+    commanded_rad: &Configuration,
+) -> Result<(), Unacceptable> {
+    if state != LoopState::Holding {
+        return Err(Unacceptable::State(state));
+    }
+    let distance_rad = motion.knots.first().map_or(f64::INFINITY, |first| {
+        (first.position - commanded_rad).norm()
+    });
+    if distance_rad <= START_TOLERANCE_RAD {
+        Ok(())
+    } else {
+        Err(Unacceptable::Start { distance_rad })
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "milliseconds for a message")]
+fn check_begin(ahead_ns: i64, window: &BeginWindow) -> Result<(), Unacceptable> {
+    let ms = |ns: i64| ns as f64 * 1e-6;
+    if ahead_ns < -window.past_ns {
+        let (late_ms, allowed_ms) = (-ms(ahead_ns), ms(window.past_ns));
+        return Err(Unacceptable::Past {
+            late_ms,
+            allowed_ms,
+        });
+    }
+    if ahead_ns > window.ahead_ns {
+        let (ahead_s, allowed_s) = (ms(ahead_ns) * 1e-3, ms(window.ahead_ns) * 1e-3);
+        return Err(Unacceptable::Ahead { ahead_s, allowed_s });
+    }
+    Ok(())
+}
+
+fn check_ends(motion: &Motion) -> Result<(), Unacceptable> {
+    let rests = |knot: Option<&Knot>| {
+        knot.is_some_and(|knot| knot.velocity.amax() <= REST && knot.acceleration.amax() <= REST)
+    };
+    if !rests(motion.knots.first()) {
+        return Err(Unacceptable::InMotion("begin"));
+    }
+    if !rests(motion.knots.last()) {
+        return Err(Unacceptable::InMotion("end"));
+    }
+    Ok(())
+}
+
+fn check_limits(path: &Trajectory, robot: &Robot) -> Result<(), Unacceptable> {
+    let used = limit_use(path, &robot.tendons, &robot.tendon_limits);
+    let ratios = [
+        ("velocity", used.velocity),
+        ("acceleration", used.acceleration),
+        ("jerk", used.jerk),
+    ];
+    for (limit, share) in ratios {
+        // Written so that NaN is refused.
+        if share.is_nan() || share > 1.0 + LIMIT_TOLERANCE {
+            return Err(Unacceptable::Tendons { limit, share });
+        }
+    }
+    let excess_rad = path
+        .segments()
+        .map(|segment| bending_excess_rad(&segment, robot))
+        .fold(f64::NEG_INFINITY, f64::max);
+    if excess_rad > BENDING_TOLERANCE_RAD {
+        return Err(Unacceptable::Bending { excess_rad });
+    }
+    Ok(())
+}
+
+fn bending_excess_rad(segment: &QuinticSegment, robot: &Robot) -> f64 {
+    (0..=BENDING_SAMPLES)
+        .map(|sample| segment.duration * f64::from(sample) / f64::from(BENDING_SAMPLES))
+        .map(|time| robot.limit_excess(&segment.evaluate(time).position))
+        .fold(f64::NEG_INFINITY, f64::max)
+}

@@ -1,0 +1,18 @@
+//! Thresholds of the state machine.
+
+/// When the machine calls a cycle late, a peer lost, a robot astray.
+#[derive(Clone, Copy, Debug)]
+pub struct ExecutiveSettings {
+    /// Length of a cycle, ns. A cycle is late that comes more than 1.5 of these after the one before.
+    pub period_ns: i64,
+    /// Furthest step along a trajectory in one cycle, ns.
+    pub step_cap_ns: i64,
+    /// Late cycles in a row after which a motion is stopped.
+    pub late_run_limit: u32,
+    /// Age of the newest robot state at which the robot counts as lost, ns.
+    pub robot_lost_ns: i64,
+    /// Time constant of the tracking error's low pass, s.
+    pub tracking_filter_s: f64,
+    /// Tracking error allowed before the first trajectory brings its own, rad.
+    pub hold_tolerance_rad: f64,
+}

@@ -1,0 +1,145 @@
+//! What each cycle watches: the robot, the daemon, the loop's own punctuality.
+
+use shared_types::codes::{LoopFault, LoopState, MotorState};
+
+use super::{CycleInput, Executive, RobotSample, seconds};
+
+/// An accepted reference may be this far from every configuration's tendons before the first trajectory, m.
+const CONSISTENCY_M: f64 = 1e-6;
+
+/// How long a robot may leave our first set-points unanswered, ns.
+const TAKE_UP_NS: i64 = 200_000_000;
+
+impl Executive {
+    /// Watches everything; returns whether this cycle came late.
+    pub(super) fn supervise(&mut self, input: &CycleInput<'_>, elapsed_ns: i64) -> bool {
+        if let Some(sample) = input.robot {
+            self.hear(sample);
+        }
+        if input.robot_state_invalid && self.state != LoopState::Starting {
+            self.stop_for(LoopFault::InvalidRobotState);
+        }
+        self.watch_robot(input.now_ns);
+        if self.state == LoopState::Executing && !input.daemon_alive {
+            self.state = LoopState::Stopping;
+        }
+        self.watch_punctuality(elapsed_ns)
+    }
+
+    /// Latches `fault` (the first one stays) and stops along the trajectory.
+    pub(super) fn stop_for(&mut self, fault: LoopFault) {
+        if self.fault == LoopFault::None {
+            self.fault = fault;
+        }
+        self.state = match self.state {
+            LoopState::Executing | LoopState::Stopping => LoopState::Stopping,
+            LoopState::Starting | LoopState::Holding | LoopState::Fault => {
+                self.put_motion_aside();
+                LoopState::Fault
+            }
+        };
+    }
+
+    fn hear(&mut self, sample: &RobotSample) {
+        self.slack_residual_m = self
+            .map
+            .slack_residual(&sample.measured_m[..self.map.count()]);
+        self.robot = Some(*sample);
+        if !self.attached {
+            return;
+        }
+        if sample.state == MotorState::Following {
+            self.followed = true;
+            if self.state == LoopState::Starting {
+                self.state = LoopState::Holding;
+            }
+            self.watch_tracking(sample);
+        }
+    }
+
+    fn watch_tracking(&mut self, sample: &RobotSample) {
+        let since_s = self
+            .last_ns
+            .map_or(0.0, |now_ns| seconds(now_ns - sample.stamp_ns));
+        let expected = self.commanded.position - self.commanded.velocity * since_s;
+        let error_rad = self
+            .tracking
+            .observe(sample.stamp_ns, &(sample.measured_rad - expected));
+        if error_rad > self.path_tolerance_rad {
+            self.stop_for(LoopFault::TrackingError);
+        }
+    }
+
+    fn watch_robot(&mut self, now_ns: i64) {
+        let Some(robot) = self.robot else {
+            return;
+        };
+        let lost = self.is_lost(&robot, now_ns);
+        if !self.attached {
+            if self.state == LoopState::Starting && !lost {
+                self.take_hold(now_ns, &robot);
+            }
+            return;
+        }
+        let moving = self.is_moving();
+        if lost && moving {
+            return self.stop_for(LoopFault::RobotLost);
+        }
+        if robot.state == MotorState::Fault {
+            return self.let_go(Some(LoopFault::RobotFault));
+        }
+        let let_go = self.followed && robot.state != MotorState::Following;
+        let ignored = !self.followed && now_ns - self.attached_ns > TAKE_UP_NS;
+        if let_go {
+            self.let_go(moving.then_some(LoopFault::RobotRampedToRest));
+        } else if lost || ignored {
+            self.let_go(None);
+        }
+    }
+
+    /// Begins to send the robot's own reference, once that is at rest; holds as soon as the robot follows.
+    fn take_hold(&mut self, now_ns: i64, robot: &RobotSample) {
+        let rests = matches!(robot.state, MotorState::Idle | MotorState::AtRestAfterLoss)
+            && robot
+                .accepted_velocity_m_s
+                .iter()
+                .all(|velocity| *velocity == 0.0);
+        let consistent = self
+            .map
+            .slack_residual(&robot.accepted_m[..self.map.count()])
+            <= CONSISTENCY_M;
+        if !rests || !consistent {
+            return;
+        }
+        self.mirror_robot(now_ns);
+        self.attached = true;
+        self.followed = false;
+        self.attached_ns = now_ns;
+        self.tracking.restart();
+    }
+
+    /// The robot does not take our set-points any more: sends nothing, follows nothing, mirrors the robot.
+    pub(super) fn let_go(&mut self, fault: Option<LoopFault>) {
+        self.attached = false;
+        self.followed = false;
+        self.put_motion_aside();
+        if let Some(fault) = fault
+            && self.fault == LoopFault::None
+        {
+            self.fault = fault;
+        }
+        self.state = match self.fault {
+            LoopFault::None => LoopState::Starting,
+            _ => LoopState::Fault,
+        };
+    }
+
+    fn watch_punctuality(&mut self, elapsed_ns: i64) -> bool {
+        let late = elapsed_ns > self.settings.period_ns + self.settings.period_ns / 2;
+        self.late_run = if late { self.late_run + 1 } else { 0 };
+        if self.is_moving() && self.late_run > self.settings.late_run_limit {
+            self.stop_for(LoopFault::TooLate);
+        }
+        late
+    }
+}

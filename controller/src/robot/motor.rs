@@ -1,0 +1,142 @@
+//! One tendon's motor: second-order tracking with velocity and acceleration limits, and backlash behind it.
+
+/// What a motor can do.
+#[derive(Clone, Copy, Debug)]
+pub struct MotorLimits {
+    /// Largest speed, m/s.
+    pub velocity_m_s: f64,
+    /// Largest acceleration, m/s².
+    pub acceleration_m_s2: f64,
+    /// Natural frequency of the (critically damped) position loop, rad/s.
+    pub natural_frequency_rad_s: f64,
+    /// Play between motor and tendon, m (whole width).
+    pub backlash_m: f64,
+}
+
+/// The state of one motor and its tendon.
+#[derive(Clone, Copy, Debug)]
+pub struct Motor {
+    shaft_m: f64,
+    velocity_m_s: f64,
+    tendon_m: f64,
+}
+
+/// What a motor is to track at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct MotorTarget {
+    /// m.
+    pub position_m: f64,
+    /// m/s.
+    pub velocity_m_s: f64,
+    /// m/s².
+    pub acceleration_m_s2: f64,
+}
+
+impl Motor {
+    /// A motor at rest.
+    #[must_use]
+    pub fn at(position_m: f64) -> Self {
+        Self {
+            shaft_m: position_m,
+            velocity_m_s: 0.0,
+            tendon_m: position_m,
+        }
+    }
+
+    /// The tendon's length behind the backlash, m.
+    #[must_use]
+    pub fn tendon_m(&self) -> f64 {
+        self.tendon_m
+    }
+
+    /// Tracks `target` for `step_s` (semi-implicit Euler; stable for steps below 2 / natural frequency).
+    pub fn step(&mut self, target: &MotorTarget, limits: &MotorLimits, step_s: f64) {
+        let stiffness = limits.natural_frequency_rad_s.powi(2);
+        let damping = 2.0 * limits.natural_frequency_rad_s;
+        let wanted_m_s2 = target.acceleration_m_s2
+            + damping * (target.velocity_m_s - self.velocity_m_s)
+            + stiffness * (target.position_m - self.shaft_m);
+        let acceleration_m_s2 =
+            wanted_m_s2.clamp(-limits.acceleration_m_s2, limits.acceleration_m_s2);
+        self.velocity_m_s = (self.velocity_m_s + acceleration_m_s2 * step_s)
+            .clamp(-limits.velocity_m_s, limits.velocity_m_s);
+        self.shaft_m += self.velocity_m_s * step_s;
+        let play_m = 0.5 * limits.backlash_m;
+        self.tendon_m = self
+            .tendon_m
+            .clamp(self.shaft_m - play_m, self.shaft_m + play_m);
+    }
+
+    /// The motor sticks: it stays where it is, whatever it is to track.
+    pub fn stick(&mut self) {
+        self.velocity_m_s = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: MotorLimits = MotorLimits {
+        velocity_m_s: 0.1,
+        acceleration_m_s2: 0.5,
+        natural_frequency_rad_s: 100.0,
+        backlash_m: 1e-4,
+    };
+
+    #[test]
+    fn a_smooth_motion_is_followed_within_the_backlash_and_a_little() {
+        let mut motor = Motor::at(0.0);
+        for step in 0..5_000 {
+            let t = f64::from(step) * 1e-3;
+            let target = MotorTarget {
+                position_m: 0.02 * (1.0 - (2.0 * t).cos()),
+                velocity_m_s: 0.04 * (2.0 * t).sin(),
+                acceleration_m_s2: 0.08 * (2.0 * t).cos(),
+            };
+            motor.step(&target, &LIMITS, 1e-3);
+            let error_m = (motor.tendon_m() - target.position_m).abs();
+            assert!(error_m < 0.5e-4 + 1e-4, "{error_m} at {t}");
+        }
+    }
+
+    #[test]
+    fn a_jump_of_the_target_is_followed_within_the_motors_limits() {
+        let mut motor = Motor::at(0.0);
+        let target = MotorTarget {
+            position_m: 1.0,
+            velocity_m_s: 0.0,
+            acceleration_m_s2: 0.0,
+        };
+        let mut fastest_m_s: f64 = 0.0;
+        for _ in 0..20_000 {
+            let before = motor;
+            motor.step(&target, &LIMITS, 1e-3);
+            let change_m_s = motor.velocity_m_s - before.velocity_m_s;
+            assert!(change_m_s.abs() <= 0.5e-3 + 1e-12 && motor.velocity_m_s.abs() <= 0.1);
+            fastest_m_s = fastest_m_s.max(motor.velocity_m_s);
+        }
+        assert!((fastest_m_s - 0.1).abs() < 1e-12, "the limit was reached");
+        assert!((motor.tendon_m() - 1.0).abs() <= 0.51e-4);
+    }
+
+    #[test]
+    fn backlash_shows_when_the_direction_turns() {
+        let mut motor = Motor::at(0.0);
+        let mut to = |position_m: f64| {
+            let target = MotorTarget {
+                position_m,
+                velocity_m_s: 0.0,
+                acceleration_m_s2: 0.0,
+            };
+            (0..2_000).for_each(|_| motor.step(&target, &LIMITS, 1e-3));
+            motor.tendon_m()
+        };
+        assert!((to(0.01) - 0.00995).abs() < 1e-6);
+        assert!(
+            (to(0.00995) - 0.00995).abs() < 1e-6,
+            "inside the play nothing moves"
+        );
+        assert!((to(0.0) - 0.00005).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,498 @@
+//! What the simulated robot lets through to its motors: set-point checks, extrapolation, and the ramp to rest.
+//!
+//! Between set-points the reference goes on at constant velocity. After [`ReferenceLimits::lost_after_ns`] without one
+//! it ramps to rest: all tendon velocities are scaled by one factor, so that the shape decelerates along its tangent,
+//! and that factor falls so fast that the fastest tendon decelerates at the acceleration limit. A ramp that has begun
+//! is finished: set-points are refused until the robot is at rest, and then only those that begin where it stands.
+//!
+//! A set-point that breaks a rule while the robot follows latches a fault: the old reference is kept and ramped to
+//! rest. The fault lasts until the line has been silent for [`FAULT_SILENCE_NS`]: a controller goes silent only when
+//! it starts or is reset.
+
+use shared_types::codes::MotorState;
+
+use crate::{TENDONS, TendonVector};
+
+/// Silence after which a latched fault is forgiven, ns.
+pub const FAULT_SILENCE_NS: i64 = 100_000_000;
+
+/// A set-point may be stamped this far in the future, ns (both ends read the same clock).
+const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
+
+/// Slack of a step in position and velocity: what the limits allow in this time, s.
+const SLACK_S: f64 = 1e-4;
+
+/// What the reference may do; the limits hold for each tendon.
+#[derive(Clone, Copy, Debug)]
+pub struct ReferenceLimits {
+    /// Velocity limit, m/s.
+    pub velocity_m_s: f64,
+    /// Acceleration limit, m/s²; the ramp to rest uses exactly this.
+    pub acceleration_m_s2: f64,
+    /// Factor on both limits up to which a set-point is accepted.
+    pub allowance: f64,
+    /// Time without a set-point after which the ramp to rest begins, ns.
+    pub lost_after_ns: i64,
+}
+
+/// What the reference is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Never commanded.
+    Idle,
+    /// Following set-points.
+    Following,
+    /// Ramping to rest after set-points stopped coming.
+    Ramping,
+    /// At rest after such a ramp.
+    AtRestAfterLoss,
+    /// A set-point was refused while following: ramping to rest, or at rest.
+    Fault(Refusal),
+}
+
+impl From<Mode> for MotorState {
+    fn from(mode: Mode) -> Self {
+        match mode {
+            Mode::Idle => Self::Idle,
+            Mode::Following => Self::Following,
+            Mode::Ramping => Self::RampingToRest,
+            Mode::AtRestAfterLoss => Self::AtRestAfterLoss,
+            Mode::Fault(_) => Self::Fault,
+        }
+    }
+}
+
+/// Why a set-point was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// A number is NaN or infinite.
+    #[error("a number in the set-point is not finite")]
+    NotFinite,
+    /// Its stamp is not after the last one, or in the future.
+    #[error("its stamp is not between the last accepted set-point's and now")]
+    Stamp,
+    /// It is further from the reference than the velocity limit allows.
+    #[error("its position is further from the reference than the velocity limit allows")]
+    PositionStep,
+    /// Its velocity is over the limit.
+    #[error("its velocity is over the limit")]
+    Velocity,
+    /// Its velocity differs from the reference's by more than the acceleration limit allows.
+    #[error("its velocity differs from the last by more than the acceleration limit allows")]
+    VelocityStep,
+    /// Its acceleration is over the limit.
+    #[error("its acceleration is over the limit")]
+    Acceleration,
+    /// The robot is ramping to rest or in fault.
+    #[error("the robot is not at rest yet after a loss or a fault")]
+    NotAtRest,
+}
+
+/// A set-point as received.
+#[derive(Clone, Copy, Debug)]
+pub struct Target {
+    /// The sender's count.
+    pub sequence: u64,
+    /// Time for which it was evaluated, ns of CLOCK_MONOTONIC.
+    pub stamp_ns: i64,
+    /// Tendon lengths relative to straight, m.
+    pub position_m: TendonVector,
+    /// Their rates, m/s.
+    pub velocity_m_s: TendonVector,
+    /// Their second derivatives, m/s².
+    pub acceleration_m_s2: TendonVector,
+}
+
+/// The reference that the motors track.
+#[derive(Clone, Debug)]
+pub struct Reference {
+    limits: ReferenceLimits,
+    mode: Mode,
+    /// Last accepted set-point, or where a ramp began.
+    anchor: Target,
+    /// Factor on the anchor's velocity: 1 while following, falling to 0 in a ramp.
+    ramp: f64,
+    position_m: TendonVector,
+    stepped_ns: i64,
+    heard_ns: i64,
+    ramps_to_rest: u32,
+    refused: u32,
+}
+
+impl Reference {
+    /// A reference at `position_m` moving at `velocity_m_s`: at rest it is [`Mode::Idle`], otherwise it ramps to rest.
+    #[must_use]
+    pub fn new(
+        limits: ReferenceLimits,
+        now_ns: i64,
+        position_m: TendonVector,
+        velocity_m_s: TendonVector,
+    ) -> Self {
+        let moving = largest(&velocity_m_s) > 0.0;
+        Self {
+            limits,
+            mode: if moving { Mode::Ramping } else { Mode::Idle },
+            anchor: Target {
+                sequence: 0,
+                stamp_ns: now_ns,
+                position_m,
+                velocity_m_s,
+                acceleration_m_s2: [0.0; TENDONS],
+            },
+            ramp: if moving { 1.0 } else { 0.0 },
+            position_m,
+            stepped_ns: now_ns,
+            heard_ns: now_ns,
+            ramps_to_rest: u32::from(moving),
+            refused: 0,
+        }
+    }
+
+    /// What it is doing.
+    #[must_use]
+    pub fn mode(&self) -> Mode {
+        self.mode
+    }
+
+    /// Its position, m.
+    #[must_use]
+    pub fn position_m(&self) -> &TendonVector {
+        &self.position_m
+    }
+
+    /// Its velocity, m/s.
+    #[must_use]
+    pub fn velocity_m_s(&self) -> TendonVector {
+        self.anchor
+            .velocity_m_s
+            .map(|velocity| velocity * self.ramp)
+    }
+
+    /// Its acceleration, m/s²: the set-point's while following, the ramp's otherwise.
+    #[must_use]
+    pub fn acceleration_m_s2(&self) -> TendonVector {
+        match self.mode {
+            Mode::Following => self.anchor.acceleration_m_s2,
+            _ if self.ramp > 0.0 => {
+                let rate = self.ramp_rate_per_s();
+                self.anchor.velocity_m_s.map(|velocity| -velocity * rate)
+            }
+            _ => [0.0; TENDONS],
+        }
+    }
+
+    /// Sequence of the last accepted set-point, 0 before the first.
+    #[must_use]
+    pub fn accepted_sequence(&self) -> u64 {
+        self.anchor.sequence
+    }
+
+    /// How often set-points stopped coming (or broke a rule) and the reference went to rest by itself.
+    #[must_use]
+    pub fn ramps_to_rest(&self) -> u32 {
+        self.ramps_to_rest
+    }
+
+    /// How many set-points were refused.
+    #[must_use]
+    pub fn refused(&self) -> u32 {
+        self.refused
+    }
+
+    /// Moves the reference on to `now_ns`.
+    pub fn advance(&mut self, now_ns: i64) {
+        let elapsed_s = seconds((now_ns - self.stepped_ns).max(0));
+        self.stepped_ns = self.stepped_ns.max(now_ns);
+        let silent_ns = now_ns - self.heard_ns;
+        match self.mode {
+            Mode::Following if silent_ns > self.limits.lost_after_ns => {
+                self.begin_ramp(Mode::Ramping);
+                self.ramp_on(elapsed_s);
+            }
+            Mode::Following => self.extrapolate(now_ns),
+            Mode::Ramping => self.ramp_on(elapsed_s),
+            Mode::Fault(_) => {
+                self.ramp_on(elapsed_s);
+                if self.ramp == 0.0 && silent_ns > FAULT_SILENCE_NS {
+                    self.mode = Mode::AtRestAfterLoss;
+                }
+            }
+            Mode::Idle | Mode::AtRestAfterLoss => {}
+        }
+    }
+
+    /// Takes a set-point that arrived at `now_ns`, or refuses it and keeps the old reference.
+    ///
+    /// # Errors
+    /// The first rule of [`Refusal`] that it breaks. While following, that rule is latched as a fault.
+    pub fn offer(&mut self, now_ns: i64, target: &Target) -> Result<(), Refusal> {
+        self.heard_ns = now_ns;
+        let checked = self.check(now_ns, target);
+        match checked {
+            Ok(()) => self.accept(now_ns, target),
+            Err(refusal) => {
+                self.refused = self.refused.wrapping_add(1);
+                if self.mode == Mode::Following {
+                    self.begin_ramp(Mode::Fault(refusal));
+                }
+            }
+        }
+        checked
+    }
+
+    fn accept(&mut self, now_ns: i64, target: &Target) {
+        self.mode = Mode::Following;
+        self.anchor = *target;
+        self.ramp = 1.0;
+        self.extrapolate(now_ns);
+    }
+
+    fn check(&self, now_ns: i64, target: &Target) -> Result<(), Refusal> {
+        let numbers = [
+            &target.position_m,
+            &target.velocity_m_s,
+            &target.acceleration_m_s2,
+        ];
+        if !numbers
+            .iter()
+            .all(|numbers| numbers.iter().all(|x| x.is_finite()))
+        {
+            return Err(Refusal::NotFinite);
+        }
+        let elapsed_s = match self.mode {
+            Mode::Ramping | Mode::Fault(_) => return Err(Refusal::NotAtRest),
+            Mode::Idle | Mode::AtRestAfterLoss => 0.0,
+            Mode::Following if target.stamp_ns <= self.anchor.stamp_ns => {
+                return Err(Refusal::Stamp);
+            }
+            Mode::Following => seconds(target.stamp_ns - self.anchor.stamp_ns),
+        };
+        if target.stamp_ns > now_ns + STAMP_ALLOWANCE_NS {
+            return Err(Refusal::Stamp);
+        }
+        self.check_steps(elapsed_s, target)
+    }
+
+    fn check_steps(&self, elapsed_s: f64, target: &Target) -> Result<(), Refusal> {
+        let velocity_m_s = self.limits.velocity_m_s * self.limits.allowance;
+        let acceleration_m_s2 = self.limits.acceleration_m_s2 * self.limits.allowance;
+        let (position_m, current_m_s) = match self.mode {
+            Mode::Following => (self.anchor.position_m, self.anchor.velocity_m_s),
+            _ => (self.position_m, [0.0; TENDONS]),
+        };
+        let allowed_s = elapsed_s + SLACK_S;
+        if largest_difference(&target.position_m, &position_m) > velocity_m_s * allowed_s {
+            return Err(Refusal::PositionStep);
+        }
+        if largest(&target.velocity_m_s) > velocity_m_s {
+            return Err(Refusal::Velocity);
+        }
+        if largest_difference(&target.velocity_m_s, &current_m_s) > acceleration_m_s2 * allowed_s {
+            return Err(Refusal::VelocityStep);
+        }
+        if largest(&target.acceleration_m_s2) > acceleration_m_s2 {
+            return Err(Refusal::Acceleration);
+        }
+        Ok(())
+    }
+
+    fn extrapolate(&mut self, now_ns: i64) {
+        let age_s = seconds((now_ns - self.anchor.stamp_ns).clamp(0, self.limits.lost_after_ns));
+        for (tendon, position_m) in self.position_m.iter_mut().enumerate() {
+            *position_m = self.anchor.position_m[tendon] + self.anchor.velocity_m_s[tendon] * age_s;
+        }
+    }
+
+    fn begin_ramp(&mut self, mode: Mode) {
+        self.mode = mode;
+        self.ramps_to_rest = self.ramps_to_rest.wrapping_add(1);
+    }
+
+    /// How fast the ramp factor falls, 1/s: the fastest tendon decelerates at the limit.
+    fn ramp_rate_per_s(&self) -> f64 {
+        let fastest_m_s = largest(&self.anchor.velocity_m_s);
+        if fastest_m_s > 0.0 {
+            self.limits.acceleration_m_s2 / fastest_m_s
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    fn ramp_on(&mut self, elapsed_s: f64) {
+        if self.ramp == 0.0 {
+            return;
+        }
+        let rate_per_s = self.ramp_rate_per_s();
+        let left_s = self.ramp / rate_per_s;
+        let braked_s = elapsed_s.min(left_s);
+        let next = if left_s <= elapsed_s {
+            0.0
+        } else {
+            self.ramp - rate_per_s * braked_s
+        };
+        let travelled_s = 0.5 * (self.ramp + next) * braked_s;
+        for (position_m, velocity_m_s) in self.position_m.iter_mut().zip(&self.anchor.velocity_m_s)
+        {
+            *position_m += velocity_m_s * travelled_s;
+        }
+        self.ramp = next;
+        if next == 0.0 && self.mode == Mode::Ramping {
+            self.mode = Mode::AtRestAfterLoss;
+        }
+    }
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "intervals are far below 2^53 ns"
+)]
+fn seconds(interval_ns: i64) -> f64 {
+    interval_ns as f64 * 1e-9
+}
+
+fn largest(values: &TendonVector) -> f64 {
+    values
+        .iter()
+        .fold(0.0, |most: f64, value| most.max(value.abs()))
+}
+
+fn largest_difference(a: &TendonVector, b: &TendonVector) -> f64 {
+    a.iter()
+        .zip(b)
+        .fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: ReferenceLimits = ReferenceLimits {
+        velocity_m_s: 0.08,
+        acceleration_m_s2: 0.4,
+        allowance: 1.05,
+        lost_after_ns: 20_000_000,
+    };
+    const MS: i64 = 1_000_000;
+
+    fn at_rest() -> Reference {
+        Reference::new(LIMITS, 0, [0.0; TENDONS], [0.0; TENDONS])
+    }
+
+    /// Accelerates all tendons (the first fastest) at half the limit until `end_ms`; returns the last target.
+    fn speed_up(reference: &mut Reference, end_ms: i64) -> Target {
+        let mut last = None;
+        for ms in 1..=end_ms {
+            let t = seconds((ms - 1) * MS);
+            let target = Target {
+                sequence: ms.unsigned_abs(),
+                stamp_ns: ms * MS,
+                position_m: std::array::from_fn(|i| 0.1 * t * t / (1.0 + i as f64)),
+                velocity_m_s: std::array::from_fn(|i| 0.2 * t / (1.0 + i as f64)),
+                acceleration_m_s2: std::array::from_fn(|i| 0.2 / (1.0 + i as f64)),
+            };
+            reference.advance(ms * MS);
+            reference.offer(ms * MS, &target).unwrap();
+            last = Some(target);
+        }
+        last.unwrap()
+    }
+
+    #[test]
+    fn lost_setpoints_ramp_to_rest_within_limits_and_along_the_tangent() {
+        let mut reference = at_rest();
+        let last = speed_up(&mut reference, 300);
+        let (mut position, mut velocity) = (*reference.position_m(), reference.velocity_m_s());
+        assert!(velocity[0] > 0.05, "the premise: it moves");
+        let mut rested_ms = None;
+        for ms in 301..900 {
+            reference.advance(ms * MS);
+            let (next, next_velocity) = (*reference.position_m(), reference.velocity_m_s());
+            assert!(largest_difference(&next, &position) <= 0.08 * 1e-3);
+            assert!(largest_difference(&next_velocity, &velocity) <= 0.4 * 1e-3 * (1.0 + 1e-9));
+            let direction = next_velocity[0] / last.velocity_m_s[0];
+            assert!((next_velocity[8] - direction * last.velocity_m_s[8]).abs() < 1e-15);
+            if ms <= 320 {
+                assert_eq!(reference.mode(), Mode::Following);
+            }
+            if reference.mode() == Mode::AtRestAfterLoss {
+                rested_ms.get_or_insert(ms);
+            }
+            (position, velocity) = (next, next_velocity);
+        }
+        // v / a = 0.0598 / 0.4 = 149.5 ms of braking after 20 ms of silence.
+        assert_eq!(rested_ms, Some(470));
+        assert_eq!((reference.ramps_to_rest(), velocity), (1, [0.0; TENDONS]));
+    }
+
+    #[test]
+    fn a_ramp_is_finished_and_then_only_a_target_at_rest_there_is_taken() {
+        let mut reference = at_rest();
+        let last = speed_up(&mut reference, 300);
+        reference.advance(330 * MS);
+        let late = Target {
+            stamp_ns: 330 * MS,
+            ..last
+        };
+        assert_eq!(reference.offer(330 * MS, &late), Err(Refusal::NotAtRest));
+        assert_eq!(reference.mode(), Mode::Ramping);
+        (331..600).for_each(|ms| reference.advance(ms * MS));
+        assert_eq!(reference.offer(600 * MS, &late), Err(Refusal::PositionStep));
+        let here = Target {
+            stamp_ns: 601 * MS,
+            position_m: *reference.position_m(),
+            velocity_m_s: [0.0; TENDONS],
+            acceleration_m_s2: [0.0; TENDONS],
+            ..late
+        };
+        reference.offer(601 * MS, &here).unwrap();
+        assert_eq!(
+            (reference.mode(), reference.refused()),
+            (Mode::Following, 2)
+        );
+        assert_eq!(*reference.position_m(), here.position_m);
+    }
+
+    #[test]
+    fn every_broken_rule_is_named_latched_and_changes_nothing() {
+        let cases: [(Refusal, fn(&mut Target)); 6] = [
+            (Refusal::NotFinite, |t| t.position_m[3] = f64::NAN),
+            (Refusal::Stamp, |t| t.stamp_ns = 300 * MS),
+            (Refusal::PositionStep, |t| t.position_m[1] += 2e-4),
+            (Refusal::Velocity, |t| t.velocity_m_s[2] = -0.09),
+            (Refusal::VelocityStep, |t| t.velocity_m_s[2] += 6e-4),
+            (Refusal::Acceleration, |t| t.acceleration_m_s2[0] = 0.5),
+        ];
+        for (expected, spoil) in cases {
+            let mut reference = at_rest();
+            let mut target = speed_up(&mut reference, 300);
+            target.stamp_ns += MS;
+            spoil(&mut target);
+            reference.advance(301 * MS);
+            let (position, velocity) = (*reference.position_m(), reference.velocity_m_s());
+            assert_eq!(reference.offer(301 * MS, &target), Err(expected));
+            assert_eq!(reference.mode(), Mode::Fault(expected));
+            assert_eq!(
+                (*reference.position_m(), reference.velocity_m_s()),
+                (position, velocity)
+            );
+            // Set-points that keep coming keep the fault latched; silence ends it, at rest.
+            for ms in 302..700 {
+                reference.advance(ms * MS);
+                assert!(reference.offer(ms * MS, &target).is_err());
+                assert_eq!(reference.mode(), Mode::Fault(expected));
+            }
+            (700..810).for_each(|ms| reference.advance(ms * MS));
+            assert_eq!(reference.mode(), Mode::AtRestAfterLoss);
+        }
+    }
+
+    #[test]
+    fn a_robot_that_was_moving_when_it_restarted_ramps_to_rest_first() {
+        let mut reference = Reference::new(LIMITS, 0, [0.1; TENDONS], [0.04; TENDONS]);
+        assert_eq!(reference.mode(), Mode::Ramping);
+        (1..=101).for_each(|ms| reference.advance(ms * MS));
+        assert_eq!(reference.mode(), Mode::AtRestAfterLoss);
+        // v² / 2a
+        assert!((reference.position_m()[4] - 0.102).abs() < 1e-12);
+    }
+}
