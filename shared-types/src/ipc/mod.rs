@@ -8,6 +8,7 @@
 //! A process that must be the only one of its kind holds a [`RoleLock`] for as long as it lives.
 
 mod error;
+mod memory;
 mod node;
 mod options;
 mod request;
@@ -15,6 +16,7 @@ mod role;
 mod topic;
 
 pub use error::IpcError;
+pub use memory::{ServiceMemory, plan_bytes, shared_memory};
 pub use node::IpcNode;
 pub use options::IpcOptions;
 pub use request::{

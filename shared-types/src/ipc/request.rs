@@ -39,14 +39,14 @@ pub type CommandClient = Client<ipc::Service, Command, (), CommandReply, ()>;
 const PLAN: &str = "plan";
 const COMMAND: &str = "command";
 /// One server at work, and one that died and was not cleaned up yet.
-const SERVERS: usize = 2;
+pub(super) const SERVERS: usize = 2;
 const NODES: usize = 40;
 /// Responses that one request's buffer holds, that a client holds of one request, and that the server prepares for it.
 pub(super) const RESPONSES: usize = 1;
 /// Requests that a client may prepare at once.
-const REQUEST_LOANS: usize = 2;
-const COMMAND_CLIENTS: usize = 8;
-const COMMANDS_PER_CLIENT: usize = 2;
+pub(super) const REQUEST_LOANS: usize = 2;
+pub(super) const COMMAND_CLIENTS: usize = 8;
+pub(super) const COMMANDS_PER_CLIENT: usize = 2;
 
 /// How much the daemon serves at once: it decides the shared memory ([`super::plan_bytes`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -190,6 +190,7 @@ pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
             .enable_safe_overflow_for_responses(true)
             .enable_fire_and_forget_requests(false)
             .max_active_requests_per_client(COMMANDS_PER_CLIENT)
+            .max_loaned_requests(REQUEST_LOANS)
             .max_response_buffer_size(RESPONSES)
             .max_borrowed_responses_per_pending_response(RESPONSES)
             .max_servers(SERVERS)
@@ -206,7 +207,12 @@ pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
 /// # Errors
 /// As [`plan_server`].
 pub fn command_server(node: &IpcNode, service: &CommandService) -> Result<CommandServer, IpcError> {
-    server(node, COMMAND, || service.server_builder().create())
+    server(node, COMMAND, || {
+        service
+            .server_builder()
+            .max_loaned_responses_per_request(RESPONSES)
+            .create()
+    })
 }
 
 /// Makes a client of `command`, after cleaning up dead ones.

@@ -3,15 +3,15 @@
 use std::fmt::Debug;
 
 use iceoryx2::port::publisher;
+use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::subscriber;
+use iceoryx2::port::subscriber::SubscriberCreateError;
 use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, IceoryxSend, ZeroCopySend, ipc};
 use iceoryx2::service::builder::publish_subscribe::{
     Builder, PublishSubscribeCreateError, PublishSubscribeOpenError,
     PublishSubscribeOpenOrCreateError,
 };
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
-use iceoryx2::port::publisher::PublisherCreateError;
-use iceoryx2::port::subscriber::SubscriberCreateError;
 
 use super::{IpcError, IpcNode};
 use crate::message::{

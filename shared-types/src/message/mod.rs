@@ -53,6 +53,12 @@ macro_rules! wire_message {
             pub const ZEROED: Self = Self { $($field: <$field_type as $crate::message::Zeroed>::ZEROED,)* };
         }
 
+        impl Default for $name {
+            fn default() -> Self {
+                Self::ZEROED
+            }
+        }
+
         impl $crate::message::Zeroed for $name {
             const ZEROED: Self = $name::ZEROED;
         }

@@ -1,0 +1,133 @@
+//! How much shared memory the services take: iceoryx2's own chunk counts with this protocol's messages and qualities.
+
+use iceoryx2::service::header::{publish_subscribe, request_response};
+
+use super::PlanServiceCapacity;
+use super::request::{COMMAND_CLIENTS, COMMANDS_PER_CLIENT, REQUEST_LOANS, RESPONSES, SERVERS};
+use super::topic::{
+    CONTROLLER_STATE, CYCLE, HEARTBEAT, LOANS, Qualities, ROBOT_STATE, SCENE, SETPOINT, TRAJECTORY,
+};
+use crate::message::{
+    Command, CommandReply, ControllerState, Cycle, Heartbeat, Knot, PlanReport, PlanRequest,
+    RobotState, SceneMessage, Setpoint, TrajectoryMessage,
+};
+
+/// Shared memory of one service.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServiceMemory {
+    /// The service's short name.
+    pub service: &'static str,
+    /// Payload memory of the processes that are normally at work, bytes.
+    pub bytes: usize,
+}
+
+/// Shared memory of each service with one daemon, one controller, one robot, one source of scenes, and as many clients
+/// as the capacity allows. Payload memory only: the queues between the ports add a few per cent.
+#[must_use]
+pub fn shared_memory(capacity: &PlanServiceCapacity) -> Vec<ServiceMemory> {
+    vec![
+        ServiceMemory {
+            service: "plan",
+            bytes: plan_bytes(capacity),
+        },
+        ServiceMemory {
+            service: "command",
+            bytes: command_bytes(),
+        },
+        topic::<TrajectoryMessage>(&TRAJECTORY, 1),
+        topic::<Setpoint>(&SETPOINT, 1),
+        topic::<RobotState>(&ROBOT_STATE, 1),
+        topic::<ControllerState>(&CONTROLLER_STATE, 1),
+        topic::<Cycle>(&CYCLE, 1),
+        topic::<SceneMessage>(&SCENE, 1),
+        topic::<Heartbeat>(&HEARTBEAT, 3),
+    ]
+}
+
+/// Shared memory of `plan`, bytes: the daemon's answers and every client's requests.
+#[must_use]
+pub fn plan_bytes(capacity: &PlanServiceCapacity) -> usize {
+    let answer = chunk_bytes::<request_response::ResponseHeader, PlanReport, Knot>(
+        capacity.knots_per_response(),
+    );
+    let request = chunk_bytes::<request_response::RequestHeader, (), PlanRequest>(1);
+    exchange_bytes(
+        capacity.clients,
+        capacity.active_requests_per_client,
+        [answer, request],
+    )
+}
+
+fn command_bytes() -> usize {
+    let answer = chunk_bytes::<request_response::ResponseHeader, (), CommandReply>(1);
+    let request = chunk_bytes::<request_response::RequestHeader, (), Command>(1);
+    exchange_bytes(COMMAND_CLIENTS, COMMANDS_PER_CLIENT, [answer, request])
+}
+
+/// One server's answers and all clients' requests. A client's requests count twice: the ones at work, and the ones that
+/// it dropped and the server has not yet. An answer is prepared, waits, or is held by the client: three chunks.
+fn exchange_bytes(
+    clients: usize,
+    requests_per_client: usize,
+    [answer, request]: [usize; 2],
+) -> usize {
+    let requests = 2 * requests_per_client;
+    let answers = clients * requests * 3 * RESPONSES;
+    let client_chunks = SERVERS * requests + REQUEST_LOANS;
+    answers * answer + clients * client_chunks * request
+}
+
+fn topic<T>(qualities: &Qualities, publishers: usize) -> ServiceMemory {
+    let chunks = qualities.subscribers * (qualities.buffer + LOANS) + qualities.history + LOANS;
+    let chunk = chunk_bytes::<publish_subscribe::Header, (), T>(qualities.slice);
+    ServiceMemory {
+        service: qualities.name,
+        bytes: publishers * chunks * chunk,
+    }
+}
+
+/// A chunk: iceoryx2's header, ours, the payload, each at its alignment.
+fn chunk_bytes<Header, UserHeader, Element>(elements: usize) -> usize {
+    let user_header_begin = size_of::<Header>().next_multiple_of(align_of::<UserHeader>());
+    let payload_begin =
+        (user_header_begin + size_of::<UserHeader>()).next_multiple_of(align_of::<Element>());
+    let alignment = align_of::<Header>()
+        .max(align_of::<UserHeader>())
+        .max(align_of::<Element>());
+    (payload_begin + elements * size_of::<Element>()).next_multiple_of(alignment)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_stay_within_48_megabytes() {
+        let services = shared_memory(&PlanServiceCapacity::default());
+        let total: usize = services.iter().map(|service| service.bytes).sum();
+        assert!(total < 48_000_000, "{total}: {services:?}");
+        assert!(services.iter().all(|service| service.bytes > 0));
+    }
+
+    #[test]
+    fn more_of_anything_takes_more() {
+        let base = PlanServiceCapacity::default();
+        for larger in [
+            PlanServiceCapacity { clients: 5, ..base },
+            PlanServiceCapacity {
+                active_requests_per_client: 5,
+                ..base
+            },
+            PlanServiceCapacity {
+                candidates: 17,
+                ..base
+            },
+            PlanServiceCapacity {
+                knots_per_candidate: 97,
+                ..base
+            },
+        ] {
+            assert!(plan_bytes(&larger) > plan_bytes(&base), "{larger:?}");
+        }
+    }
+}

@@ -1,0 +1,376 @@
+//! The services over real shared memory, each test under a root and a prefix of its own.
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test that cannot set up its world has to stop"
+)]
+
+use std::fs;
+
+use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::*;
+use shared_types::capacity::MAX_SCENE_BALLS;
+use shared_types::ipc::*;
+use shared_types::message::*;
+
+/// A private root on tmpfs, gone with the test.
+struct World {
+    _directory: tempfile::TempDir,
+    options: IpcOptions,
+}
+
+impl Drop for World {
+    /// iceoryx2 keeps one small file a prefix for ever; nobody else uses this prefix.
+    fn drop(&mut self) {
+        for file in files_of(&self.options) {
+            fs::remove_file(file.path()).unwrap();
+        }
+    }
+}
+
+/// This prefix's files in /dev/shm.
+fn files_of(options: &IpcOptions) -> impl Iterator<Item = fs::DirEntry> {
+    let files = fs::read_dir("/dev/shm").unwrap().map(Result::unwrap);
+    files.filter(|file| {
+        let name = file.file_name().into_string().unwrap();
+        name.starts_with(&options.prefix) && file.file_type().unwrap().is_file()
+    })
+}
+
+fn world() -> World {
+    let directory = tempfile::tempdir_in("/dev/shm").unwrap();
+    let unique = directory
+        .path()
+        .file_name()
+        .unwrap()
+        .to_str()
+        .unwrap()
+        .replace('.', "t");
+    let options = IpcOptions {
+        prefix: unique,
+        root: directory.path().join("root"),
+    };
+    World {
+        _directory: directory,
+        options,
+    }
+}
+
+/// Bytes of this prefix's files in /dev/shm whose names end like this.
+fn segment_bytes(options: &IpcOptions, suffix: &str) -> usize {
+    files_of(options)
+        .filter(|file| file.file_name().into_string().unwrap().ends_with(suffix))
+        .map(|file| file.metadata().unwrap().len() as usize)
+        .sum()
+}
+
+fn round_trip<T>(open: impl Fn(&IpcNode) -> Result<Topic<T>, IpcError>, message: T)
+where
+    T: Copy + std::fmt::Debug + PartialEq + ZeroCopySend + 'static,
+{
+    let world = world();
+    let sender = IpcNode::create(&world.options, "sender").unwrap();
+    let receiver = IpcNode::create(&world.options, "receiver").unwrap();
+    let (sending, receiving) = (open(&sender).unwrap(), open(&receiver).unwrap());
+    let subscriber = subscriber(&receiver, &receiving).unwrap();
+    let publisher = publisher(&sender, &sending).unwrap();
+    assert!(subscriber.receive().unwrap().is_none());
+    publisher.send_copy(message).unwrap();
+    assert_eq!(*subscriber.receive().unwrap().unwrap(), message);
+}
+
+#[test]
+fn every_message_arrives_as_it_was_sent() {
+    let mut trajectory = TrajectoryMessage {
+        trajectory_id: 3,
+        knot_count: 2,
+        ..TrajectoryMessage::ZEROED
+    };
+    trajectory.knots[255].acceleration_rad_s2[5] = 1.5;
+    round_trip(trajectory_service, trajectory);
+    round_trip(
+        setpoint_service,
+        Setpoint {
+            acceleration_m_s2: [2.5; 9],
+            ..Setpoint::ZEROED
+        },
+    );
+    round_trip(
+        robot_state_service,
+        RobotState {
+            rejected_setpoints: 4,
+            ..RobotState::ZEROED
+        },
+    );
+    round_trip(
+        controller_state_service,
+        ControllerState {
+            lateness_histogram: [5; 64],
+            ..ControllerState::ZEROED
+        },
+    );
+    let mut scene = SceneMessage {
+        ball_count: 1024,
+        ..SceneMessage::ZEROED
+    };
+    scene.balls[MAX_SCENE_BALLS - 1].velocity_m_s[2] = -0.5;
+    round_trip(scene_service, scene);
+    round_trip(
+        heartbeat_service,
+        Heartbeat {
+            pid: 6,
+            ..Heartbeat::ZEROED
+        },
+    );
+}
+
+#[test]
+fn cycles_arrive_in_batches_each_exactly_once() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let topic = cycle_service(&node).unwrap();
+    let subscriber = cycle_subscriber(&node, &topic).unwrap();
+    let publisher = cycle_publisher(&node, &topic).unwrap();
+    for batch in 0..60_u64 {
+        let sample = publisher.loan_slice_uninit(10).unwrap();
+        let sample = sample.write_from_fn(|index| Cycle {
+            sequence: batch * 10 + index as u64,
+            ..Cycle::ZEROED
+        });
+        sample.send().unwrap();
+    }
+    let mut received = Vec::new();
+    while let Some(sample) = subscriber.receive().unwrap() {
+        received.extend(sample.payload().iter().map(|cycle| cycle.sequence));
+    }
+    assert_eq!(received, (0..600).collect::<Vec<_>>());
+}
+
+#[test]
+fn a_late_subscriber_gets_the_last_trajectory() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let topic = trajectory_service(&node).unwrap();
+    let publisher = publisher(&node, &topic).unwrap();
+    for trajectory_id in 1..=3 {
+        publisher
+            .send_copy(TrajectoryMessage {
+                trajectory_id,
+                ..TrajectoryMessage::ZEROED
+            })
+            .unwrap();
+    }
+    let subscriber = subscriber(&node, &topic).unwrap();
+    publisher.update_connections().unwrap();
+    assert_eq!(subscriber.receive().unwrap().unwrap().trajectory_id, 3);
+    assert!(subscriber.receive().unwrap().is_none());
+}
+
+#[test]
+fn a_second_publisher_of_trajectories_is_refused() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let topic = trajectory_service(&node).unwrap();
+    let first = publisher(&node, &topic).unwrap();
+    let error = publisher(&node, &topic).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            IpcError::Full {
+                port: "publisher",
+                ..
+            }
+        ),
+        "{error}"
+    );
+    drop(first);
+    publisher(&node, &topic).unwrap();
+}
+
+#[test]
+fn a_plan_is_written_in_place_and_read_in_place() {
+    let world = world();
+    let (daemon, user) = (
+        IpcNode::create(&world.options, "daemon").unwrap(),
+        IpcNode::create(&world.options, "user").unwrap(),
+    );
+    let capacity = PlanServiceCapacity::default();
+    let service = plan_service(&daemon, &capacity).unwrap();
+    let server = plan_server(&daemon, &service, &capacity).unwrap();
+    let opened = open_plan_service(&user).unwrap();
+    let client = plan_client(&user, &opened).unwrap();
+
+    let request = PlanRequest {
+        request_id: 42,
+        candidate_count: 16,
+        ..PlanRequest::ZEROED
+    };
+    let pending = client
+        .loan_uninit()
+        .unwrap()
+        .write_payload(request)
+        .send()
+        .unwrap();
+    assert_eq!(pending.number_of_server_connections(), 1);
+    let active = server.receive().unwrap().unwrap();
+    assert_eq!(*active.payload(), request);
+
+    let knots = capacity.knots_per_response();
+    let mut response = active.loan_slice_uninit(knots).unwrap();
+    let report = response.user_header_mut();
+    *report = PlanReport {
+        request_id: request.request_id,
+        candidate_count: 16,
+        ..PlanReport::ZEROED
+    };
+    report.set_reason("done");
+    let response = response.write_from_fn(|index| Knot {
+        time_s: index as f64,
+        ..Knot::ZEROED
+    });
+    response.send().unwrap();
+    drop(active);
+
+    let answer = pending.receive().unwrap().unwrap();
+    drop(pending);
+    assert_eq!(answer.user_header().request_id, 42);
+    assert_eq!(answer.user_header().reason_text(), "done");
+    assert_eq!(answer.payload().len(), knots);
+    assert!(
+        answer
+            .payload()
+            .iter()
+            .enumerate()
+            .all(|(index, knot)| knot.time_s == index as f64)
+    );
+    let too_long = client
+        .loan_uninit()
+        .unwrap()
+        .write_payload(request)
+        .send()
+        .unwrap();
+    assert!(
+        server
+            .receive()
+            .unwrap()
+            .unwrap()
+            .loan_slice_uninit(knots + 1)
+            .is_err()
+    );
+    drop(too_long);
+}
+
+#[test]
+fn without_a_daemon_the_plan_service_is_missing_and_says_who_creates_it() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let error = open_plan_service(&node).unwrap_err();
+    assert!(matches!(error, IpcError::Missing { .. }), "{error}");
+    assert!(error.to_string().contains("planner-daemon"), "{error}");
+}
+
+#[test]
+fn a_daemon_that_wants_more_than_a_living_service_has_is_refused() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let capacity = PlanServiceCapacity::default();
+    let _service = plan_service(&node, &capacity).unwrap();
+    let larger = PlanServiceCapacity {
+        clients: capacity.clients + 1,
+        ..capacity
+    };
+    let error = plan_service(&node, &larger).unwrap_err();
+    assert!(matches!(error, IpcError::Incompatible { .. }), "{error}");
+}
+
+#[test]
+fn a_client_beyond_the_capacity_is_refused_and_may_come_when_another_leaves() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let service = plan_service(
+        &node,
+        &PlanServiceCapacity {
+            clients: 2,
+            ..Default::default()
+        },
+    )
+    .unwrap();
+    let mut clients: Vec<_> = (0..2)
+        .map(|_| plan_client(&node, &service).unwrap())
+        .collect();
+    let error = plan_client(&node, &service).unwrap_err();
+    assert!(
+        matches!(error, IpcError::Full { port: "client", .. }),
+        "{error}"
+    );
+    clients.pop();
+    plan_client(&node, &service).unwrap();
+}
+
+#[test]
+fn commands_are_answered() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let service = command_service(&node).unwrap();
+    let (server, client) = (
+        command_server(&node, &service).unwrap(),
+        command_client(&node, &service).unwrap(),
+    );
+    let pending = client
+        .send_copy(Command {
+            command_id: 7,
+            kind: 1,
+            ..Command::ZEROED
+        })
+        .unwrap();
+    let active = server.receive().unwrap().unwrap();
+    active
+        .send_copy(CommandReply {
+            command_id: active.command_id,
+            accepted: 1,
+            ..CommandReply::ZEROED
+        })
+        .unwrap();
+    let reply = pending.receive().unwrap().unwrap();
+    assert_eq!((reply.command_id, reply.accepted), (7, 1));
+}
+
+#[test]
+fn the_budget_is_what_the_segments_take() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let capacity = PlanServiceCapacity::default();
+    let service = plan_service(&node, &capacity).unwrap();
+    let server = plan_server(&node, &service, &capacity).unwrap();
+    let clients: Vec<_> = (0..capacity.clients)
+        .map(|_| plan_client(&node, &service).unwrap())
+        .collect();
+    let (computed, real) = (
+        plan_bytes(&capacity),
+        segment_bytes(&world.options, ".data"),
+    );
+    assert!(
+        real >= computed && real - computed < computed / 50,
+        "computed {computed}, real {real}"
+    );
+    println!(
+        "plan: computed {computed}, real {real}; {:?}",
+        shared_memory(&capacity)
+    );
+    drop((server, clients));
+
+    let scene = scene_service(&node).unwrap();
+    let scene_publisher = publisher(&node, &scene).unwrap();
+    let cycle = cycle_service(&node).unwrap();
+    let cycle_publisher = cycle_publisher(&node, &cycle).unwrap();
+    let expected: usize = shared_memory(&capacity)
+        .iter()
+        .filter(|service| service.service == "scene" || service.service == "cycle")
+        .map(|service| service.bytes)
+        .sum();
+    let real = segment_bytes(&world.options, ".data");
+    assert!(
+        real >= expected && real - expected < expected / 50,
+        "computed {expected}, real {real}"
+    );
+    drop((scene_publisher, cycle_publisher));
+}
