@@ -208,6 +208,11 @@ impl Motion<'_> {
         reference + area / (to - from)
     }
 
+    /// Position alone of [`Motion::averaged`].
+    pub(crate) fn mean_position_until(&self, time: f64, width: f64) -> Configuration {
+        self.mean_position(time - width, time)
+    }
+
     /// The averaged motion, of length duration + `width`, at `time`.
     pub(crate) fn averaged(&self, width: f64, time: f64) -> Knot {
         let (late_position, late_velocity) = self.state(time);

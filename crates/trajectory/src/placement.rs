@@ -1,8 +1,9 @@
 //! Which instants of a smooth motion become knots.
 //!
-//! Half of the knots are laid evenly. Then the segment that exceeds its limits most is divided, again and again,
-//! where the motion's jerk steps most inside it: a quintic cannot follow a step of jerk within a segment without
-//! exceeding it, wherever the segment's ends are, but follows the motion closely between steps.
+//! Half of the knots are laid evenly. Then the worst segment is divided, again and again: the one that exceeds its
+//! limits most or leaves the motion most. It is divided where the motion's jerk steps most inside it: a quintic
+//! cannot follow a step of jerk within a segment without exceeding it, wherever the segment's ends are, but
+//! follows the motion closely between steps.
 
 use crate::jerk::Motion;
 use crate::limit_use::segment_use;
@@ -10,8 +11,11 @@ use crate::tendon::TendonRows;
 use crate::{Knot, LimitUse, QuinticSegment};
 use pcc_model::TendonLimits;
 
-/// Segments that need no more than this longer time are left as they are.
-const SCALE_TOLERANCE: f64 = 1.002;
+/// A segment that needs this part more time to keep its limits is as bad as one that is
+/// [`POSITION_TOLERANCE`] off; better ones are left as they are.
+const TIME_TOLERANCE: f64 = 0.002;
+/// Distance between a segment's middle and the motion it stands for, rad.
+const POSITION_TOLERANCE: f64 = 1e-3;
 /// No segment becomes shorter than this part of the mean segment.
 const SHORTEST_PART: f64 = 0.2;
 /// A jerk step is preferred to the middle of a segment from this acceleration step on, ÷ limit.
@@ -37,6 +41,8 @@ struct Segment {
     from: Knot,
     to: Knot,
     limit_use: LimitUse,
+    /// What is worst about it ÷ its tolerance.
+    badness: f64,
 }
 
 /// The chosen knots, and the memory to choose them.
@@ -47,12 +53,20 @@ pub(crate) struct Placement {
 }
 
 impl Target<'_> {
-    fn segment(&self, from: Knot, to: Knot) -> Segment {
-        let limit_use = segment_use(&QuinticSegment::between(&from, &to), self.rows, self.limits);
+    fn segment(&self, width: f64, from: Knot, to: Knot) -> Segment {
+        let curve = QuinticSegment::between(&from, &to);
+        let limit_use = segment_use(&curve, self.rows, self.limits);
+        let middle = self
+            .motion
+            .mean_position_until(0.5 * (from.time + to.time), width);
+        let distance = (curve.evaluate(0.5 * curve.duration).position - middle).norm();
+        let excess = limit_use.time_scale() - 1.0;
+        let badness = (excess / TIME_TOLERANCE).max(distance / POSITION_TOLERANCE);
         Segment {
             from,
             to,
             limit_use,
+            badness,
         }
     }
 }
@@ -127,19 +141,18 @@ impl Placement {
             } else {
                 target.motion.averaged(width, time)
             };
-            self.segments.push(target.segment(from, to));
+            self.segments.push(target.segment(width, from, to));
             from = to;
         }
     }
 
-    /// Divides the segment that exceeds its limits most; false if none does or all are short.
+    /// Divides the worst segment; false if none is bad enough or all such are short.
     fn divide_worst(&mut self, target: &Target, width: f64, shortest: f64) -> bool {
         let mut worst = None;
-        let mut largest = SCALE_TOLERANCE;
+        let mut most = 1.0;
         for (i, segment) in self.segments.iter().enumerate() {
-            let scale = segment.limit_use.time_scale();
-            if scale > largest && segment.to.time - segment.from.time > 2.0 * shortest {
-                (worst, largest) = (Some(i), scale);
+            if segment.badness > most && segment.to.time - segment.from.time > 2.0 * shortest {
+                (worst, most) = (Some(i), segment.badness);
             }
         }
         let Some(worst) = worst else { return false };
@@ -147,8 +160,9 @@ impl Placement {
         let middle = target
             .motion
             .averaged(width, self.divide_at(from.time, to.time, shortest));
-        self.segments[worst] = target.segment(from, middle);
-        self.segments.insert(worst + 1, target.segment(middle, to));
+        self.segments[worst] = target.segment(width, from, middle);
+        self.segments
+            .insert(worst + 1, target.segment(width, middle, to));
         true
     }
 

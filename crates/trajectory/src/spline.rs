@@ -188,8 +188,8 @@ mod tests {
         assert_eq!(through(&[a, b, almost, c], 10.0).point, vec![a, b, c]);
         let mut still = Spline::default();
         assert!(
-            !still.rebuild(&[b, b], 10.0)
-                && !still.rebuild(&[b], 10.0)
+            !still.rebuild(&[b, b], 10.0, 0.0)
+                && !still.rebuild(&[b], 10.0, 0.0)
                 && !still.rebuild(&[], 10.0, 0.0)
         );
     }
