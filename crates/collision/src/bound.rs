@@ -15,14 +15,22 @@ pub struct Displacement {
 
 impl Displacement {
     /// No motion.
-    pub(crate) const NONE: Self = Self { sections: [0.0; SECTIONS] };
+    pub(crate) const NONE: Self = Self {
+        sections: [0.0; SECTIONS],
+    };
 
     /// The bounds for path lengths (rad) of the three bending pairs.
     #[must_use]
     pub fn of_turns(robot: &Robot, turns: [f64; SECTIONS]) -> Self {
         let lengths = &robot.section_lengths;
-        let bound = |k: usize| -> f64 { (0..=k).map(|i| turns[i] * (0.5 * lengths[i] + lengths[i + 1..=k].iter().sum::<f64>())).sum() };
-        Self { sections: std::array::from_fn(bound) }
+        let bound = |k: usize| -> f64 {
+            (0..=k)
+                .map(|i| turns[i] * (0.5 * lengths[i] + lengths[i + 1..=k].iter().sum::<f64>()))
+                .sum()
+        };
+        Self {
+            sections: std::array::from_fn(bound),
+        }
     }
 
     /// The bounds for a straight move between two configurations.
@@ -42,7 +50,9 @@ impl Add for Displacement {
     type Output = Self;
 
     fn add(self, other: Self) -> Self {
-        Self { sections: std::array::from_fn(|k| self.sections[k] + other.sections[k]) }
+        Self {
+            sections: std::array::from_fn(|k| self.sections[k] + other.sections[k]),
+        }
     }
 }
 

@@ -56,11 +56,22 @@ struct Checker<'a> {
 
 impl Checker<'_> {
     fn clearances(&self, shape: &Configuration) -> Clearances {
-        self.scene.section_clearances(&self.robot.backbone(shape), self.tube_radius)
+        self.scene
+            .section_clearances(&self.robot.backbone(shape), self.tube_radius)
     }
 
-    fn edge(&self, ends: [&Configuration; 2], clear: [&Clearances; 2], span: [f64; 2], depth: u32) -> Verdict {
-        if is_covered(clear[0], clear[1], &Displacement::of_edge(self.robot, ends[0], ends[1])) {
+    fn edge(
+        &self,
+        ends: [&Configuration; 2],
+        clear: [&Clearances; 2],
+        span: [f64; 2],
+        depth: u32,
+    ) -> Verdict {
+        if is_covered(
+            clear[0],
+            clear[1],
+            &Displacement::of_edge(self.robot, ends[0], ends[1]),
+        ) {
             return Verdict::Free;
         }
         let at = 0.5 * (span[0] + span[1]);
@@ -72,13 +83,29 @@ impl Checker<'_> {
         if touches(&between) {
             return Verdict::Colliding { at };
         }
-        match self.edge([ends[0], &middle], [clear[0], &between], [span[0], at], depth - 1) {
-            Verdict::Free => self.edge([&middle, ends[1]], [&between, clear[1]], [at, span[1]], depth - 1),
+        match self.edge(
+            [ends[0], &middle],
+            [clear[0], &between],
+            [span[0], at],
+            depth - 1,
+        ) {
+            Verdict::Free => self.edge(
+                [&middle, ends[1]],
+                [&between, clear[1]],
+                [at, span[1]],
+                depth - 1,
+            ),
             found => found,
         }
     }
 
-    fn curve(&self, curve: &QuinticSegment, clear: [&Clearances; 2], span: [f64; 2], depth: u32) -> Verdict {
+    fn curve(
+        &self,
+        curve: &QuinticSegment,
+        clear: [&Clearances; 2],
+        span: [f64; 2],
+        depth: u32,
+    ) -> Verdict {
         if is_covered(clear[0], clear[1], &segment_displacement(self.robot, curve)) {
             return Verdict::Free;
         }
@@ -102,16 +129,28 @@ impl Checker<'_> {
         let [first, end] = range;
         let knots = trajectory.knots();
         if end - first == 1 {
-            return self.curve(&QuinticSegment::between(&knots[first], &knots[end]), clear, [knots[first].time, knots[end].time], DEPTH);
+            return self.curve(
+                &QuinticSegment::between(&knots[first], &knots[end]),
+                clear,
+                [knots[first].time, knots[end].time],
+                DEPTH,
+            );
         }
-        let total = (first..end).fold(Displacement::NONE, |sum, i| sum + segment_displacement(self.robot, &QuinticSegment::between(&knots[i], &knots[i + 1])));
+        let total = (first..end).fold(Displacement::NONE, |sum, i| {
+            sum + segment_displacement(
+                self.robot,
+                &QuinticSegment::between(&knots[i], &knots[i + 1]),
+            )
+        });
         if is_covered(clear[0], clear[1], &total) {
             return Verdict::Free;
         }
         let middle = usize::midpoint(first, end);
         let between = self.clearances(&knots[middle].position);
         if touches(&between) {
-            return Verdict::Colliding { at: knots[middle].time };
+            return Verdict::Colliding {
+                at: knots[middle].time,
+            };
         }
         match self.run(trajectory, [first, middle], [clear[0], &between]) {
             Verdict::Free => self.run(trajectory, [middle, end], [&between, clear[1]]),
@@ -133,11 +172,21 @@ pub(crate) fn segment_displacement(robot: &Robot, segment: &QuinticSegment) -> D
 
 /// Certifies a straight move in configuration space, with at most `depth` bisections.
 #[must_use]
-pub fn certify_edge(robot: &Robot, scene: &Scene, a: &Configuration, b: &Configuration, depth: u32) -> Verdict {
+pub fn certify_edge(
+    robot: &Robot,
+    scene: &Scene,
+    a: &Configuration,
+    b: &Configuration,
+    depth: u32,
+) -> Verdict {
     if scene.is_empty() {
         return Verdict::Free;
     }
-    let checker = Checker { robot, scene, tube_radius: robot.tube_radius };
+    let checker = Checker {
+        robot,
+        scene,
+        tube_radius: robot.tube_radius,
+    };
     let clear = [checker.clearances(a), checker.clearances(b)];
     if let Some(end) = clear.iter().position(touches) {
         return Verdict::Colliding { at: end as f64 };
@@ -151,7 +200,11 @@ pub fn certify_polyline(robot: &Robot, scene: &Scene, points: &[Configuration]) 
     if scene.is_empty() || points.is_empty() {
         return Verdict::Free;
     }
-    let checker = Checker { robot, scene, tube_radius: robot.tube_radius };
+    let checker = Checker {
+        robot,
+        scene,
+        tube_radius: robot.tube_radius,
+    };
     let mut before = checker.clearances(&points[0]);
     if touches(&before) {
         return Verdict::Colliding { at: 0.0 };
@@ -175,15 +228,31 @@ pub fn certify_polyline(robot: &Robot, scene: &Scene, points: &[Configuration]) 
 ///
 /// The segment that holds `from_time` is checked from its beginning.
 #[must_use]
-pub fn certify_trajectory(robot: &Robot, scene: &Scene, trajectory: &Trajectory, from_time: f64, growth: f64) -> Verdict {
+pub fn certify_trajectory(
+    robot: &Robot,
+    scene: &Scene,
+    trajectory: &Trajectory,
+    from_time: f64,
+    growth: f64,
+) -> Verdict {
     if scene.is_empty() {
         return Verdict::Free;
     }
     let knots = trajectory.knots();
-    let checker = Checker { robot, scene, tube_radius: robot.tube_radius + growth };
+    let checker = Checker {
+        robot,
+        scene,
+        tube_radius: robot.tube_radius + growth,
+    };
     let last = knots.len() - 1;
-    let first = knots.partition_point(|k| k.time <= from_time).saturating_sub(1).min(last - 1);
-    let clear = [checker.clearances(&knots[first].position), checker.clearances(&knots[last].position)];
+    let first = knots
+        .partition_point(|k| k.time <= from_time)
+        .saturating_sub(1)
+        .min(last - 1);
+    let clear = [
+        checker.clearances(&knots[first].position),
+        checker.clearances(&knots[last].position),
+    ];
     for (clearances, at) in clear.iter().zip([knots[first].time, knots[last].time]) {
         if touches(clearances) {
             return Verdict::Colliding { at };

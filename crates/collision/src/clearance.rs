@@ -29,7 +29,10 @@ struct Bounds {
 
 impl Bounds {
     fn of(backbone: &Backbone, section: usize) -> Self {
-        Self { middle: backbone.point(section, 0.5), half_length: 0.5 * backbone.section_length(section) }
+        Self {
+            middle: backbone.point(section, 0.5),
+            half_length: 0.5 * backbone.section_length(section),
+        }
     }
 
     /// A lower bound of the distance between the section and the ball's surface.
@@ -42,7 +45,9 @@ impl Scene {
     /// Smallest clearance between the whole tube and all balls; infinite in an empty scene.
     #[must_use]
     pub fn clearance(&self, backbone: &Backbone, tube_radius: f64) -> f64 {
-        self.section_clearances(backbone, tube_radius).into_iter().fold(f64::INFINITY, f64::min)
+        self.section_clearances(backbone, tube_radius)
+            .into_iter()
+            .fold(f64::INFINITY, f64::min)
     }
 
     /// Smallest clearance between the tube of each section and all balls.
@@ -72,14 +77,21 @@ impl Scene {
     }
 
     /// Appends, for every ball nearer than `margin` to the tube, the nearest body point. Allocates only to grow `out`.
-    pub fn contacts_within(&self, backbone: &Backbone, tube_radius: f64, margin: f64, out: &mut Vec<Contact>) {
+    pub fn contacts_within(
+        &self,
+        backbone: &Backbone,
+        tube_radius: f64,
+        margin: f64,
+        out: &mut Vec<Contact>,
+    ) {
         let first = out.len();
         let reach = tube_radius + margin;
         for section in 0..SECTIONS {
             let bounds = Bounds::of(backbone, section);
             self.for_each_near(&bounds.middle, bounds.half_length + reach, |index, ball| {
                 if bounds.gap(ball) < reach
-                    && let Some(contact) = contact(backbone, section, tube_radius, index, ball, margin)
+                    && let Some(contact) =
+                        contact(backbone, section, tube_radius, index, ball, margin)
                     && let Some(new) = keep_nearest(&mut out[first..], contact)
                 {
                     out.push(new);
@@ -91,7 +103,8 @@ impl Scene {
     /// The deepest contact, if any ball is there at all.
     #[must_use]
     pub fn deepest(&self, backbone: &Backbone, tube_radius: f64) -> Option<Contact> {
-        let all = (0..SECTIONS).flat_map(|s| self.balls().iter().enumerate().map(move |(i, b)| (s, i, b)));
+        let all = (0..SECTIONS)
+            .flat_map(|s| self.balls().iter().enumerate().map(move |(i, b)| (s, i, b)));
         all.filter_map(|(s, i, b)| contact(backbone, s, tube_radius, i, b, f64::INFINITY))
             .min_by(|a, b| a.clearance.total_cmp(&b.clearance))
     }
@@ -110,7 +123,14 @@ fn keep_nearest(contacts: &mut [Contact], new: Contact) -> Option<Contact> {
     }
 }
 
-fn contact(backbone: &Backbone, section: usize, tube_radius: f64, index: usize, ball: &Ball, margin: f64) -> Option<Contact> {
+fn contact(
+    backbone: &Backbone,
+    section: usize,
+    tube_radius: f64,
+    index: usize,
+    ball: &Ball,
+    margin: f64,
+) -> Option<Contact> {
     if backbone.distance(section, &ball.centre) - ball.radius - tube_radius >= margin {
         return None;
     }

@@ -9,7 +9,12 @@ use trajectory::{QuinticSegment, Trajectory};
 ///
 /// Between two configurations with clearances a and b that are Λ apart, no clearance is below (a + b − Λ)/2.
 #[must_use]
-pub fn minimum_clearance(robot: &Robot, scene: &Scene, trajectory: &Trajectory, tolerance: f64) -> f64 {
+pub fn minimum_clearance(
+    robot: &Robot,
+    scene: &Scene,
+    trajectory: &Trajectory,
+    tolerance: f64,
+) -> f64 {
     if scene.is_empty() {
         return f64::INFINITY;
     }
@@ -17,12 +22,26 @@ pub fn minimum_clearance(robot: &Robot, scene: &Scene, trajectory: &Trajectory, 
     let ends: Vec<f64> = trajectory.knots().iter().map(|k| at(&k.position)).collect();
     let mut least = ends.iter().copied().fold(f64::INFINITY, f64::min);
     for (i, segment) in trajectory.segments().enumerate() {
-        refine(robot, &at, &segment, [ends[i], ends[i + 1]], tolerance, &mut least);
+        refine(
+            robot,
+            &at,
+            &segment,
+            [ends[i], ends[i + 1]],
+            tolerance,
+            &mut least,
+        );
     }
     least
 }
 
-fn refine(robot: &Robot, at: &impl Fn(&Configuration) -> f64, segment: &QuinticSegment, ends: [f64; 2], tolerance: f64, least: &mut f64) {
+fn refine(
+    robot: &Robot,
+    at: &impl Fn(&Configuration) -> f64,
+    segment: &QuinticSegment,
+    ends: [f64; 2],
+    tolerance: f64,
+    least: &mut f64,
+) {
     let lowest = 0.5 * (ends[0] + ends[1] - segment_displacement(robot, segment).largest());
     if lowest >= *least - tolerance {
         return;

@@ -20,7 +20,10 @@ pub struct MovingBall {
 
 impl MovingBall {
     fn at(&self, time: f64) -> Ball {
-        Ball { centre: self.ball.centre + self.velocity * time, radius: self.ball.radius }
+        Ball {
+            centre: self.ball.centre + self.velocity * time,
+            radius: self.ball.radius,
+        }
     }
 }
 
@@ -42,8 +45,18 @@ impl Checker<'_> {
         (0..SECTIONS).all(|k| clear[0][k] + clear[1][k] > body.sections[k] + ball)
     }
 
-    fn curve(&self, curve: &QuinticSegment, clear: [&[f64; SECTIONS]; 2], begin: f64, depth: u32) -> Verdict {
-        if self.is_covered(clear, &segment_displacement(self.robot, curve), curve.duration) {
+    fn curve(
+        &self,
+        curve: &QuinticSegment,
+        clear: [&[f64; SECTIONS]; 2],
+        begin: f64,
+        depth: u32,
+    ) -> Verdict {
+        if self.is_covered(
+            clear,
+            &segment_displacement(self.robot, curve),
+            curve.duration,
+        ) {
             return Verdict::Free;
         }
         let at = begin + 0.5 * curve.duration;
@@ -63,7 +76,10 @@ impl Checker<'_> {
 
     fn trajectory(&self, trajectory: &Trajectory, from_time: f64) -> Verdict {
         let knots = trajectory.knots();
-        let first = knots.partition_point(|k| k.time <= from_time).saturating_sub(1).min(knots.len() - 2);
+        let first = knots
+            .partition_point(|k| k.time <= from_time)
+            .saturating_sub(1)
+            .min(knots.len() - 2);
         let mut before = self.clearances(&knots[first].position, knots[first].time);
         for i in first..knots.len() - 1 {
             let after = self.clearances(&knots[i + 1].position, knots[i + 1].time);
@@ -72,7 +88,12 @@ impl Checker<'_> {
                     return Verdict::Colliding { at };
                 }
             }
-            let verdict = self.curve(&QuinticSegment::between(&knots[i], &knots[i + 1]), [&before, &after], knots[i].time, DEPTH);
+            let verdict = self.curve(
+                &QuinticSegment::between(&knots[i], &knots[i + 1]),
+                [&before, &after],
+                knots[i].time,
+                DEPTH,
+            );
             if !verdict.is_free() {
                 return verdict;
             }
@@ -84,7 +105,24 @@ impl Checker<'_> {
 
 /// Certifies the executed curve from `from_time` (s) on against moving balls, for a tube grown by `growth`.
 #[must_use]
-pub fn certify_moving(robot: &Robot, balls: &[MovingBall], trajectory: &Trajectory, from_time: f64, growth: f64) -> Verdict {
-    let check = |ball| Checker { robot, ball, tube_radius: robot.tube_radius + growth }.trajectory(trajectory, from_time);
-    balls.iter().map(check).find(|v| !v.is_free()).unwrap_or(Verdict::Free)
+pub fn certify_moving(
+    robot: &Robot,
+    balls: &[MovingBall],
+    trajectory: &Trajectory,
+    from_time: f64,
+    growth: f64,
+) -> Verdict {
+    let check = |ball| {
+        Checker {
+            robot,
+            ball,
+            tube_radius: robot.tube_radius + growth,
+        }
+        .trajectory(trajectory, from_time)
+    };
+    balls
+        .iter()
+        .map(check)
+        .find(|v| !v.is_free())
+        .unwrap_or(Verdict::Free)
 }

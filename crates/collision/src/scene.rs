@@ -30,7 +30,9 @@ pub enum SceneError {
         count: usize,
     },
     /// A centre or a radius is not usable.
-    #[error("ball {index} has centre {centre:?} and radius {radius}; a finite centre and a finite radius of at least 0 are allowed")]
+    #[error(
+        "ball {index} has centre {centre:?} and radius {radius}; a finite centre and a finite radius of at least 0 are allowed"
+    )]
     Ball {
         /// Index of the ball.
         index: usize,
@@ -58,8 +60,13 @@ impl Scene {
             return Err(SceneError::Count { count: balls.len() });
         }
         for (index, b) in balls.iter().enumerate() {
-            if !(b.centre.iter().all(|v| v.is_finite()) && b.radius.is_finite() && b.radius >= 0.0) {
-                return Err(SceneError::Ball { index, centre: b.centre.into(), radius: b.radius });
+            if !(b.centre.iter().all(|v| v.is_finite()) && b.radius.is_finite() && b.radius >= 0.0)
+            {
+                return Err(SceneError::Ball {
+                    index,
+                    centre: b.centre.into(),
+                    radius: b.radius,
+                });
             }
         }
         let tree = (balls.len() > SCAN_UP_TO).then(|| {
@@ -87,12 +94,18 @@ impl Scene {
     }
 
     /// Calls `visit` with every ball that comes within `reach` of `centre` (and possibly some others).
-    pub(crate) fn for_each_near(&self, centre: &Point, reach: f64, mut visit: impl FnMut(usize, &Ball)) {
+    pub(crate) fn for_each_near(
+        &self,
+        centre: &Point,
+        reach: f64,
+        mut visit: impl FnMut(usize, &Ball),
+    ) {
         match &self.tree {
             None => self.balls.iter().enumerate().for_each(|(i, b)| visit(i, b)),
             Some(tree) => {
                 let region = cube(centre, reach);
-                tree.intersect_aabb(&region).for_each(|i| visit(i as usize, &self.balls[i as usize]));
+                tree.intersect_aabb(&region)
+                    .for_each(|i| visit(i as usize, &self.balls[i as usize]));
             }
         }
     }

@@ -92,7 +92,9 @@ pub(crate) fn generate(arguments: &Arguments) -> anyhow::Result<()> {
     let (shard, shards) = parse_shard(&arguments.shard)?;
     let job = Job::new(arguments)?;
     let all = arguments.targets.div_ceil(BLOCK);
-    let mine: Vec<u64> = (0..all).filter(|b| b % shards == shard && !job.is_done(*b)).collect();
+    let mine: Vec<u64> = (0..all)
+        .filter(|b| b % shards == shard && !job.is_done(*b))
+        .collect();
     job.make(&mine)?;
     if (0..all).all(|block| job.is_done(block)) {
         job.merge(all)?;
@@ -122,10 +124,22 @@ impl<'a> Job<'a> {
             (SettingName::Hard, None) => Setting::Hard,
             (SettingName::General, None) => Setting::General(None),
         };
-        let recipe = Recipe { setting, seed: arguments.seed, starts: arguments.starts, ends: arguments.ends, test_only: arguments.test_only };
+        let recipe = Recipe {
+            setting,
+            seed: arguments.seed,
+            starts: arguments.starts,
+            ends: arguments.ends,
+            test_only: arguments.test_only,
+        };
         let blocks = arguments.out.join("blocks");
-        std::fs::create_dir_all(&blocks).with_context(|| format!("cannot make {}", blocks.display()))?;
-        let job = Self { arguments, robot: unit_robot(&arguments.robot)?, recipe, blocks };
+        std::fs::create_dir_all(&blocks)
+            .with_context(|| format!("cannot make {}", blocks.display()))?;
+        let job = Self {
+            arguments,
+            robot: unit_robot(&arguments.robot)?,
+            recipe,
+            blocks,
+        };
         job.check_recipe()?;
         Ok(job)
     }
@@ -135,9 +149,13 @@ impl<'a> Job<'a> {
         let file = self.arguments.out.join("recipe.json");
         let text = serde_json::to_string_pretty(&self.recipe_json())?;
         match std::fs::read_to_string(&file) {
-            Ok(found) if found != text => bail!("{} was made with another recipe: {found}", self.arguments.out.display()),
+            Ok(found) if found != text => bail!(
+                "{} was made with another recipe: {found}",
+                self.arguments.out.display()
+            ),
             Ok(_) => Ok(()),
-            Err(_) => std::fs::write(&file, text).with_context(|| format!("cannot write {}", file.display())),
+            Err(_) => std::fs::write(&file, text)
+                .with_context(|| format!("cannot write {}", file.display())),
         }
     }
 
@@ -168,7 +186,9 @@ impl<'a> Job<'a> {
             let work = || -> anyhow::Result<()> {
                 while let Some(block) = blocks.get(next.fetch_add(1, Ordering::Relaxed) as usize) {
                     let report = self.make_block(*block)?;
-                    let mut total = total.lock().map_err(|_| anyhow::anyhow!("a worker stopped"))?;
+                    let mut total = total
+                        .lock()
+                        .map_err(|_| anyhow::anyhow!("a worker stopped"))?;
                     *total += report;
                     bar.set_message(format!("{} paths kept", total.kept));
                     bar.inc(1);
@@ -176,7 +196,9 @@ impl<'a> Job<'a> {
                 Ok(())
             };
             let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
-            workers.into_iter().try_for_each(|w| w.join().map_err(|_| anyhow::anyhow!("a worker stopped"))?)
+            workers
+                .into_iter()
+                .try_for_each(|w| w.join().map_err(|_| anyhow::anyhow!("a worker stopped"))?)
         })?;
         bar.finish();
         let total = total.into_inner().unwrap_or_default();
@@ -187,7 +209,11 @@ impl<'a> Job<'a> {
     fn make_block(&self, block: u64) -> anyhow::Result<BlockReport> {
         let end = ((block + 1) * BLOCK).min(self.arguments.targets);
         let (rows, report) = generate_block(&self.robot, &self.recipe, block * BLOCK..end);
-        Dataset { rows, meta: Meta::new(json!({ "block": block, "report": format!("{report:?}") })) }.write(&self.block_folder(block))?;
+        Dataset {
+            rows,
+            meta: Meta::new(json!({ "block": block, "report": format!("{report:?}") })),
+        }
+        .write(&self.block_folder(block))?;
         Ok(report)
     }
 
@@ -197,7 +223,11 @@ impl<'a> Job<'a> {
             rows.extend(Dataset::read(&self.block_folder(block))?.rows);
         }
         let count = rows.len();
-        Dataset { rows, meta: Meta::new(self.recipe_json()) }.write(&self.arguments.out)?;
+        Dataset {
+            rows,
+            meta: Meta::new(self.recipe_json()),
+        }
+        .write(&self.arguments.out)?;
         println!("{}: {count} paths", self.arguments.out.display());
         Ok(())
     }
@@ -215,7 +245,9 @@ pub(crate) fn features(arguments: &FeatureArguments) -> anyhow::Result<()> {
 /// Loads a robot in units of its section length.
 pub(crate) fn unit_robot(file: &Path) -> anyhow::Result<Robot> {
     let robot = Robot::from_file(file).with_context(|| format!("robot file {}", file.display()))?;
-    let length = robot.equal_section_length().context("the three sections must be equally long")?;
+    let length = robot
+        .equal_section_length()
+        .context("the three sections must be equally long")?;
     Ok(robot.scaled(1.0 / length))
 }
 

@@ -35,7 +35,12 @@ impl PlannerName {
 }
 
 /// Makes the planner, loading weights from the folder if the name needs them.
-pub(crate) fn load(name: PlannerName, robot: &Robot, weights: &Path, threads: usize) -> anyhow::Result<Planner> {
+pub(crate) fn load(
+    name: PlannerName,
+    robot: &Robot,
+    weights: &Path,
+    threads: usize,
+) -> anyhow::Result<Planner> {
     let model = match name {
         PlannerName::Default | PlannerName::Fast => Some(load_model(robot, weights)?),
         PlannerName::Straight | PlannerName::RrtConnect => None,

@@ -40,7 +40,11 @@ impl Arc {
         let theta = x.hypot(y);
         let coefficients = Coefficients::at(theta * theta);
         let turned = rotation(x, y, &coefficients);
-        let direction = if theta > 0.0 { [y / theta, -x / theta] } else { [1.0, 0.0] };
+        let direction = if theta > 0.0 {
+            [y / theta, -x / theta]
+        } else {
+            [1.0, 0.0]
+        };
         let arc = Self {
             x,
             y,
@@ -59,7 +63,10 @@ impl Arc {
     fn at(&self, fraction: f64) -> (Vector3<f64>, [Vector3<f64>; 2]) {
         let (x, y, l) = (fraction * self.x, fraction * self.y, fraction * self.length);
         let c = Coefficients::at(x * x + y * y);
-        (position(x, y, l, &c), position_derivatives(x, y, l, &c).map(|d| d * fraction))
+        (
+            position(x, y, l, &c),
+            position_derivatives(x, y, l, &c).map(|d| d * fraction),
+        )
     }
 
     /// Nearest distance and fraction for a point in the section's base frame.
@@ -67,23 +74,36 @@ impl Arc {
         let beyond_end = (p - self.end).dot(&self.end_tangent) > 0.0;
         if p.z < 0.0 || beyond_end {
             let (to_base, to_end) = (p.norm_squared(), (p - self.end).norm_squared());
-            return if to_base <= to_end { (to_base.sqrt(), 0.0) } else { (to_end.sqrt(), 1.0) };
+            return if to_base <= to_end {
+                (to_base.sqrt(), 0.0)
+            } else {
+                (to_end.sqrt(), 1.0)
+            };
         }
         let along = p.x * self.direction[0] + p.y * self.direction[1];
         let out = p.y * self.direction[0] - p.x * self.direction[1];
         let fraction = foot_arc_length(self.curvature, along, p.z) / self.length;
-        (distance_to_circle(self.curvature, along, out, p.z), fraction.clamp(0.0, 1.0))
+        (
+            distance_to_circle(self.curvature, along, out, p.z),
+            fraction.clamp(0.0, 1.0),
+        )
     }
 }
 
 impl Backbone {
     pub(crate) fn new(lengths: &[f64; SECTIONS], shape: &Configuration) -> Self {
-        let base = Pose { rotation: Matrix3::identity(), position: Point::zeros() };
+        let base = Pose {
+            rotation: Matrix3::identity(),
+            position: Point::zeros(),
+        };
         let mut frames = [base; SECTIONS + 1];
         let arcs = std::array::from_fn(|i| {
             let (arc, turned) = Arc::new(shape[2 * i], shape[2 * i + 1], lengths[i]);
             let Pose { rotation, position } = frames[i];
-            frames[i + 1] = Pose { rotation: rotation * turned, position: position + rotation * arc.end };
+            frames[i + 1] = Pose {
+                rotation: rotation * turned,
+                position: position + rotation * arc.end,
+            };
             arc
         });
         Self { frames, arcs }
@@ -128,18 +148,27 @@ impl Backbone {
         self.jacobian(SECTIONS - 1, self.tip(), self.arcs[SECTIONS - 1].linear)
     }
 
-    fn jacobian(&self, section: usize, point: Point, local: [Vector3<f64>; 2]) -> SMatrix<f64, 3, DOF> {
+    fn jacobian(
+        &self,
+        section: usize,
+        point: Point,
+        local: [Vector3<f64>; 2],
+    ) -> SMatrix<f64, 3, DOF> {
         let mut jacobian = SMatrix::<f64, 3, DOF>::zeros();
         for i in 0..section {
             let rotation = &self.frames[i].rotation;
             let arm = point - self.frames[i + 1].position;
             for k in 0..2 {
-                let moved = rotation * self.arcs[i].linear[k] + (rotation * self.arcs[i].angular[k]).cross(&arm);
+                let moved = rotation * self.arcs[i].linear[k]
+                    + (rotation * self.arcs[i].angular[k]).cross(&arm);
                 jacobian.set_column(2 * i + k, &moved);
             }
         }
         for (k, derivative) in local.iter().enumerate() {
-            jacobian.set_column(2 * section + k, &(self.frames[section].rotation * derivative));
+            jacobian.set_column(
+                2 * section + k,
+                &(self.frames[section].rotation * derivative),
+            );
         }
         jacobian
     }
@@ -154,7 +183,11 @@ impl Backbone {
     #[must_use]
     pub fn nearest(&self, section: usize, point: &Point) -> Nearest {
         let (distance, fraction) = self.arcs[section].nearest(&self.local(section, point));
-        Nearest { distance, fraction, point: self.point(section, fraction) }
+        Nearest {
+            distance,
+            fraction,
+            point: self.point(section, fraction),
+        }
     }
 
     /// Distance from a section to a point, and its gradient with respect to ζ (envelope theorem: the foot stays).
@@ -162,7 +195,10 @@ impl Backbone {
     pub fn distance_gradient(&self, section: usize, point: &Point) -> (f64, Configuration) {
         let nearest = self.nearest(section, point);
         let away = (nearest.point - point) / nearest.distance.max(f64::MIN_POSITIVE);
-        (nearest.distance, self.point_jacobian(section, nearest.fraction).transpose() * away)
+        (
+            nearest.distance,
+            self.point_jacobian(section, nearest.fraction).transpose() * away,
+        )
     }
 
     fn local(&self, section: usize, point: &Point) -> Vector3<f64> {

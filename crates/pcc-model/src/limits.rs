@@ -12,7 +12,10 @@ impl Robot {
     /// Largest θ_i minus the limit, rad; negative inside.
     #[must_use]
     pub fn limit_excess(&self, shape: &Configuration) -> f64 {
-        self.bending_angles(shape).into_iter().fold(f64::NEG_INFINITY, f64::max) - self.bending_limit
+        self.bending_angles(shape)
+            .into_iter()
+            .fold(f64::NEG_INFINITY, f64::max)
+            - self.bending_limit
     }
 
     /// The nearest configuration within the bending limit.

@@ -57,7 +57,10 @@ impl Robot {
     /// The same robot with every length multiplied by `factor`; `1/L` gives it in units of the section length L.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
-        let scale = |t: &Tendon| Tendon { radius: t.radius * factor, ..*t };
+        let scale = |t: &Tendon| Tendon {
+            radius: t.radius * factor,
+            ..*t
+        };
         let tendons = TendonMap::new(self.tendons.tendons().iter().map(scale).collect());
         let limits = &self.tendon_limits;
         Self {
@@ -78,6 +81,9 @@ impl Robot {
     /// The same robot with a thicker body.
     #[must_use]
     pub fn with_tube_growth(&self, growth: f64) -> Self {
-        Self { tube_radius: self.tube_radius + growth, ..self.clone() }
+        Self {
+            tube_radius: self.tube_radius + growth,
+            ..self.clone()
+        }
     }
 }

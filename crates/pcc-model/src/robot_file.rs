@@ -1,8 +1,8 @@
 //! Robot files: TOML in SI units, unknown keys refused.
 
+use crate::SECTIONS;
 use crate::robot::{Robot, TendonLimits};
 use crate::tendons::{Tendon, TendonMap, TendonMapError};
-use crate::SECTIONS;
 use serde::Deserialize;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -71,7 +71,10 @@ impl Robot {
     /// # Errors
     /// [`RobotFileError`], naming the key and what is allowed.
     pub fn from_file(path: &Path) -> Result<Self, RobotFileError> {
-        let text = std::fs::read_to_string(path).map_err(|source| RobotFileError::Read { path: path.into(), source })?;
+        let text = std::fs::read_to_string(path).map_err(|source| RobotFileError::Read {
+            path: path.into(),
+            source,
+        })?;
         Self::from_toml_str(&text)
     }
 
@@ -82,7 +85,11 @@ impl Robot {
     pub fn from_toml_str(text: &str) -> Result<Self, RobotFileError> {
         let file: RobotFile = toml::from_str(text)?;
         file.check()?;
-        let tendon = |t: &TendonTable| Tendon { section: t.section, radius: t.radius_m, angle: t.angle_deg.to_radians() };
+        let tendon = |t: &TendonTable| Tendon {
+            section: t.section,
+            radius: t.radius_m,
+            angle: t.angle_deg.to_radians(),
+        };
         Ok(Self {
             name: file.name,
             section_lengths: file.section_lengths_m,
@@ -105,11 +112,27 @@ impl RobotFile {
             positive("section_lengths_m", length)?;
         }
         positive("spool_radius_m", self.spool_radius_m)?;
-        positive("tendon_limits.velocity_m_s", self.tendon_limits.velocity_m_s)?;
-        positive("tendon_limits.acceleration_m_s2", self.tendon_limits.acceleration_m_s2)?;
+        positive(
+            "tendon_limits.velocity_m_s",
+            self.tendon_limits.velocity_m_s,
+        )?;
+        positive(
+            "tendon_limits.acceleration_m_s2",
+            self.tendon_limits.acceleration_m_s2,
+        )?;
         positive("tendon_limits.jerk_m_s3", self.tendon_limits.jerk_m_s3)?;
-        check("tube_radius_m", self.tube_radius_m, |v| v >= 0.0, "a finite radius of at least 0 m")?;
-        check("bending_limit_rad", self.bending_limit_rad, |v| v > 0.0 && v <= PI, "above 0 and at most π rad")
+        check(
+            "tube_radius_m",
+            self.tube_radius_m,
+            |v| v >= 0.0,
+            "a finite radius of at least 0 m",
+        )?;
+        check(
+            "bending_limit_rad",
+            self.bending_limit_rad,
+            |v| v > 0.0 && v <= PI,
+            "above 0 and at most π rad",
+        )
     }
 }
 
@@ -117,6 +140,19 @@ fn positive(key: &'static str, value: f64) -> Result<(), RobotFileError> {
     check(key, value, |v| v > 0.0, "a finite value above 0")
 }
 
-fn check(key: &'static str, value: f64, is_allowed: impl Fn(f64) -> bool, allowed: &'static str) -> Result<(), RobotFileError> {
-    if value.is_finite() && is_allowed(value) { Ok(()) } else { Err(RobotFileError::Range { key, value, allowed }) }
+fn check(
+    key: &'static str,
+    value: f64,
+    is_allowed: impl Fn(f64) -> bool,
+    allowed: &'static str,
+) -> Result<(), RobotFileError> {
+    if value.is_finite() && is_allowed(value) {
+        Ok(())
+    } else {
+        Err(RobotFileError::Range {
+            key,
+            value,
+            allowed,
+        })
+    }
 }

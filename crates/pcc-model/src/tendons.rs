@@ -27,7 +27,9 @@ pub enum TendonMapError {
         section: usize,
     },
     /// A tendon's radius or angle is not usable.
-    #[error("tendon {tendon} has radius {radius} and angle {angle}; a finite radius above 0 and a finite angle are allowed")]
+    #[error(
+        "tendon {tendon} has radius {radius} and angle {angle}; a finite radius above 0 and a finite angle are allowed"
+    )]
     Placement {
         /// Index of the tendon, from 1.
         tendon: usize,
@@ -37,7 +39,9 @@ pub enum TendonMapError {
         angle: f64,
     },
     /// The tendons do not determine the configuration.
-    #[error("the tendons determine only {rank} of the {DOF} bending components; at least two tendons a section, not opposite each other, are needed")]
+    #[error(
+        "the tendons determine only {rank} of the {DOF} bending components; at least two tendons a section, not opposite each other, are needed"
+    )]
     Rank {
         /// Rank of the map.
         rank: usize,
@@ -61,19 +65,37 @@ impl TendonMap {
         for (index, t) in tendons.iter().enumerate() {
             let tendon = index + 1;
             if !(1..=SECTIONS).contains(&t.section) {
-                return Err(TendonMapError::Section { tendon, section: t.section });
+                return Err(TendonMapError::Section {
+                    tendon,
+                    section: t.section,
+                });
             }
             if !(t.radius.is_finite() && t.radius > 0.0 && t.angle.is_finite()) {
-                return Err(TendonMapError::Placement { tendon, radius: t.radius, angle: t.angle });
+                return Err(TendonMapError::Placement {
+                    tendon,
+                    radius: t.radius,
+                    angle: t.angle,
+                });
             }
         }
         let matrix = DMatrix::from_fn(tendons.len(), DOF, |j, k| coefficient(&tendons[j], k));
-        let rank = if tendons.is_empty() { 0 } else { matrix.rank(1e-9 * matrix.amax()) };
+        let rank = if tendons.is_empty() {
+            0
+        } else {
+            matrix.rank(1e-9 * matrix.amax())
+        };
         if rank < DOF {
             return Err(TendonMapError::Rank { rank });
         }
-        let pseudo_inverse = matrix.clone().pseudo_inverse(1e-12).map_err(|_| TendonMapError::Rank { rank })?;
-        Ok(Self { tendons, matrix, pseudo_inverse })
+        let pseudo_inverse = matrix
+            .clone()
+            .pseudo_inverse(1e-12)
+            .map_err(|_| TendonMapError::Rank { rank })?;
+        Ok(Self {
+            tendons,
+            matrix,
+            pseudo_inverse,
+        })
     }
 
     /// The tendons, in the order of the lengths.
@@ -110,15 +132,30 @@ impl TendonMap {
     /// ζ = A⁺ Δl; allocates nothing.
     #[must_use]
     pub fn configuration(&self, lengths: &[f64]) -> Configuration {
-        Configuration::from_fn(|k, _| lengths.iter().enumerate().map(|(j, l)| self.pseudo_inverse[(k, j)] * l).sum())
+        Configuration::from_fn(|k, _| {
+            lengths
+                .iter()
+                .enumerate()
+                .map(|(j, l)| self.pseudo_inverse[(k, j)] * l)
+                .sum()
+        })
     }
 
     /// ‖(I − A A⁺) Δl‖: how far the lengths are from any shape; a slack or broken tendon shows here.
     #[must_use]
     pub fn slack_residual(&self, lengths: &[f64]) -> f64 {
         let shape = self.configuration(lengths);
-        let fitted = |j: usize| (0..DOF).map(|k| self.matrix[(j, k)] * shape[k]).sum::<f64>();
-        lengths.iter().enumerate().map(|(j, l)| (l - fitted(j)).powi(2)).sum::<f64>().sqrt()
+        let fitted = |j: usize| {
+            (0..DOF)
+                .map(|k| self.matrix[(j, k)] * shape[k])
+                .sum::<f64>()
+        };
+        lengths
+            .iter()
+            .enumerate()
+            .map(|(j, l)| (l - fitted(j)).powi(2))
+            .sum::<f64>()
+            .sqrt()
     }
 
     /// Ratio of the largest to the smallest singular value of A.
@@ -133,6 +170,10 @@ fn coefficient(tendon: &Tendon, component: usize) -> f64 {
     if component / 2 >= tendon.section {
         return 0.0;
     }
-    let direction = if component % 2 == 0 { tendon.angle.sin() } else { -tendon.angle.cos() };
+    let direction = if component % 2 == 0 {
+        tendon.angle.sin()
+    } else {
+        -tendon.angle.cos()
+    };
     tendon.radius * direction
 }

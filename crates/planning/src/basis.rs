@@ -19,7 +19,9 @@ pub(crate) struct SineBasis {
 impl SineBasis {
     pub(crate) fn new() -> Self {
         let value = |h: usize, k: usize| ((k + 1) as f64 * PI * parameter(h)).sin();
-        Self { values: std::array::from_fn(|h| std::array::from_fn(|k| value(h, k))) }
+        Self {
+            values: std::array::from_fn(|h| std::array::from_fn(|k| value(h, k))),
+        }
     }
 
     /// Values of all terms at waypoint h.
@@ -43,7 +45,10 @@ impl SineBasis {
         let mut coefficients = [0.0; UNKNOWNS];
         for (h, waypoint) in path.iter().enumerate() {
             let residual = waypoint - first.lerp(&last, parameter(h));
-            for (value, block) in self.values[h].iter().zip(coefficients.chunks_exact_mut(DOF)) {
+            for (value, block) in self.values[h]
+                .iter()
+                .zip(coefficients.chunks_exact_mut(DOF))
+            {
                 for (c, r) in block.iter_mut().zip(residual.iter()) {
                     *c += value * r * 2.0 / (WAYPOINTS - 1) as f64;
                 }
@@ -61,7 +66,10 @@ pub(crate) struct SmoothLeastSquares {
 
 impl SmoothLeastSquares {
     pub(crate) fn new() -> Self {
-        Self { rows: Vec::new(), targets: Vec::new() }
+        Self {
+            rows: Vec::new(),
+            targets: Vec::new(),
+        }
     }
 
     pub(crate) fn clear(&mut self) {
@@ -69,31 +77,56 @@ impl SmoothLeastSquares {
         self.targets.clear();
     }
 
-
     /// Adds `weight · (gradientᵀ change_h − target)²`.
-    pub(crate) fn push(&mut self, sines: &[f64; TERMS], gradient: &Configuration, target: f64, weight: f64) {
+    pub(crate) fn push(
+        &mut self,
+        sines: &[f64; TERMS],
+        gradient: &Configuration,
+        target: f64,
+        weight: f64,
+    ) {
         let scale = weight.sqrt();
-        self.rows.extend(sines.iter().flat_map(|s| gradient.iter().map(move |g| scale * s * g)));
+        self.rows.extend(
+            sines
+                .iter()
+                .flat_map(|s| gradient.iter().map(move |g| scale * s * g)),
+        );
         self.targets.push(scale * target);
     }
 
     /// Adds `weight · (aᵀ change_h + bᵀ change_{h+1} − target)²`.
-    pub(crate) fn push_pair(&mut self, sines: [&[f64; TERMS]; 2], gradients: [&Configuration; 2], target: f64, weight: f64) {
+    pub(crate) fn push_pair(
+        &mut self,
+        sines: [&[f64; TERMS]; 2],
+        gradients: [&Configuration; 2],
+        target: f64,
+        weight: f64,
+    ) {
         let scale = weight.sqrt();
         for (s0, s1) in sines[0].iter().zip(sines[1]) {
-            self.rows.extend(gradients[0].iter().zip(gradients[1]).map(|(a, b)| scale * (s0 * a + s1 * b)));
+            self.rows.extend(
+                gradients[0]
+                    .iter()
+                    .zip(gradients[1])
+                    .map(|(a, b)| scale * (s0 * a + s1 * b)),
+            );
         }
         self.targets.push(scale * target);
     }
 
     /// Minimises the sum plus `Σ damping_k |c_k − c̄_k|²`, where `pull_k = damping_k c̄_k` is given.
-    pub(crate) fn solve(&self, damping: &[f64; UNKNOWNS], pull: &[f64; UNKNOWNS]) -> Option<DVector<f64>> {
+    pub(crate) fn solve(
+        &self,
+        damping: &[f64; UNKNOWNS],
+        pull: &[f64; UNKNOWNS],
+    ) -> Option<DVector<f64>> {
         let transposed = DMatrix::from_column_slice(UNKNOWNS, self.targets.len(), &self.rows);
         let mut normal = &transposed * transposed.transpose();
         for (k, d) in damping.iter().enumerate() {
             normal[(k, k)] += d;
         }
-        let right = &transposed * DVector::from_column_slice(&self.targets) + DVector::from_column_slice(pull);
+        let right = &transposed * DVector::from_column_slice(&self.targets)
+            + DVector::from_column_slice(pull);
         Cholesky::new(normal).map(|c| c.solve(&right))
     }
 }
@@ -106,13 +139,19 @@ mod tests {
     #[test]
     fn analysis_recovers_what_synthesis_put_in() {
         let basis = SineBasis::new();
-        let coefficients: [f64; UNKNOWNS] = std::array::from_fn(|i| ((i * 37 % 11) as f64 - 5.0) / 20.0);
+        let coefficients: [f64; UNKNOWNS] =
+            std::array::from_fn(|i| ((i * 37 % 11) as f64 - 5.0) / 20.0);
         let mut path = straight_path(&Configuration::repeat(0.3), &Configuration::repeat(-0.4));
         for (h, waypoint) in path.iter_mut().enumerate() {
             *waypoint += basis.change(h, &coefficients);
         }
         let found = basis.analyse(&path);
-        assert!(found.iter().zip(&coefficients).all(|(a, b)| (a - b).abs() < 1e-12));
+        assert!(
+            found
+                .iter()
+                .zip(&coefficients)
+                .all(|(a, b)| (a - b).abs() < 1e-12)
+        );
     }
 
     #[test]

@@ -18,33 +18,57 @@ pub(crate) struct CanonicalFrame {
 impl CanonicalFrame {
     /// The frame in which the goal tip, else the start tip, has azimuth zero.
     pub(crate) fn of(robot: &Robot, start: &Configuration, goal_tip: &Point) -> Self {
-        let azimuth = azimuth(goal_tip).or_else(|| azimuth(&robot.tip(start))).unwrap_or(0.0);
-        Self { cosine: azimuth.cos(), sine: azimuth.sin(), mirror: 1.0 }
+        let azimuth = azimuth(goal_tip)
+            .or_else(|| azimuth(&robot.tip(start)))
+            .unwrap_or(0.0);
+        Self {
+            cosine: azimuth.cos(),
+            sine: azimuth.sin(),
+            mirror: 1.0,
+        }
     }
 
     /// The same frame seen in a mirror: the training's augmentation.
     pub(crate) fn mirrored(self) -> Self {
-        Self { mirror: -self.mirror, ..self }
+        Self {
+            mirror: -self.mirror,
+            ..self
+        }
     }
 
     pub(crate) fn point(&self, p: &Point) -> Point {
-        Point::new(self.cosine * p.x + self.sine * p.y, self.mirror * (self.cosine * p.y - self.sine * p.x), p.z)
+        Point::new(
+            self.cosine * p.x + self.sine * p.y,
+            self.mirror * (self.cosine * p.y - self.sine * p.x),
+            p.z,
+        )
     }
 
     pub(crate) fn ball(&self, ball: &Ball) -> Ball {
-        Ball { centre: self.point(&ball.centre), radius: ball.radius }
+        Ball {
+            centre: self.point(&ball.centre),
+            radius: ball.radius,
+        }
     }
 
     /// Bending pairs are axial vectors: they rotate with the frame and change sign in x under the mirror.
     pub(crate) fn shape(&self, q: &Configuration) -> Configuration {
-        pairs(q, |a, b| (self.mirror * (self.cosine * a + self.sine * b), self.cosine * b - self.sine * a))
+        pairs(q, |a, b| {
+            (
+                self.mirror * (self.cosine * a + self.sine * b),
+                self.cosine * b - self.sine * a,
+            )
+        })
     }
 
     /// Back from the canonical frame.
     pub(crate) fn restore(&self, q: &Configuration) -> Configuration {
         pairs(q, |a, b| {
             let a = self.mirror * a;
-            (self.cosine * a - self.sine * b, self.sine * a + self.cosine * b)
+            (
+                self.cosine * a - self.sine * b,
+                self.sine * a + self.cosine * b,
+            )
         })
     }
 }
@@ -60,4 +84,3 @@ fn pairs(q: &Configuration, turn: impl Fn(f64, f64) -> (f64, f64)) -> Configurat
 fn azimuth(p: &Point) -> Option<f64> {
     (p.x.hypot(p.y) >= AXIS_RADIUS).then(|| p.y.atan2(p.x))
 }
-

@@ -21,18 +21,34 @@ const CHANGE_COST: f64 = 1e-3;
 /// Pushes a path (64 waypoints, radians) out of the scene to `margin` (section lengths) beyond the tube.
 ///
 /// Returns whether nothing was closer than half the margin at the waypoints in the end.
-pub(crate) fn correct(robot: &Robot, scene: &Scene, basis: &SineBasis, margin: f64, path: &mut [Configuration]) -> bool {
+pub(crate) fn correct(
+    robot: &Robot,
+    scene: &Scene,
+    basis: &SineBasis,
+    margin: f64,
+    path: &mut [Configuration],
+) -> bool {
     project(robot, path);
     let damping = damping();
     let mut contacts = Vec::new();
     let mut problem = SmoothLeastSquares::new();
     for _ in 0..ROUNDS {
         problem.clear();
-        let deepest = push_rows(robot, scene, basis, margin, path, &mut contacts, &mut problem);
+        let deepest = push_rows(
+            robot,
+            scene,
+            basis,
+            margin,
+            path,
+            &mut contacts,
+            &mut problem,
+        );
         if deepest >= 0.5 * margin {
             return true;
         }
-        let Some(solution) = problem.solve(&damping, &[0.0; UNKNOWNS]) else { return false };
+        let Some(solution) = problem.solve(&damping, &[0.0; UNKNOWNS]) else {
+            return false;
+        };
         apply(basis, solution.as_slice(), path);
         project(robot, path);
     }
@@ -59,7 +75,10 @@ fn push_rows(
         contacts.clear();
         scene.contacts_within(&backbone, robot.tube_radius, margin, contacts);
         for contact in contacts.iter() {
-            let gradient = backbone.point_jacobian(contact.section, contact.fraction).transpose() * contact.normal;
+            let gradient = backbone
+                .point_jacobian(contact.section, contact.fraction)
+                .transpose()
+                * contact.normal;
             problem.push(basis.at(h), &gradient, margin - contact.clearance, 1.0);
             deepest = deepest.min(contact.clearance);
         }
@@ -68,9 +87,19 @@ fn push_rows(
 }
 
 /// Adds a row for every section of a waypoint that is bent to within the limit margin.
-pub(crate) fn limit_rows(robot: &Robot, sines: &[f64; TERMS], waypoint: &Configuration, problem: &mut SmoothLeastSquares) {
+pub(crate) fn limit_rows(
+    robot: &Robot,
+    sines: &[f64; TERMS],
+    waypoint: &Configuration,
+    problem: &mut SmoothLeastSquares,
+) {
     let allowed = robot.bending_limit - LIMIT_MARGIN_RAD;
-    for (section, angle) in robot.bending_angles(waypoint).into_iter().enumerate().take(SECTIONS) {
+    for (section, angle) in robot
+        .bending_angles(waypoint)
+        .into_iter()
+        .enumerate()
+        .take(SECTIONS)
+    {
         if angle > allowed {
             let mut gradient = Configuration::zeros();
             gradient[2 * section] = waypoint[2 * section] / angle;
@@ -81,7 +110,9 @@ pub(crate) fn limit_rows(robot: &Robot, sines: &[f64; TERMS], waypoint: &Configu
 }
 
 fn apply(basis: &SineBasis, coefficients: &[f64], path: &mut [Configuration]) {
-    let changes: Vec<Configuration> = (0..WAYPOINTS).map(|h| basis.change(h, coefficients)).collect();
+    let changes: Vec<Configuration> = (0..WAYPOINTS)
+        .map(|h| basis.change(h, coefficients))
+        .collect();
     let largest = changes.iter().map(Configuration::norm).fold(0.0, f64::max);
     let scale = (LARGEST_STEP_RAD / largest.max(f64::MIN_POSITIVE)).min(1.0);
     for (waypoint, change) in path.iter_mut().zip(&changes).take(WAYPOINTS - 1).skip(1) {
@@ -102,11 +133,16 @@ mod tests {
         let robot = unit_robot();
         let start = Configuration::from_column_slice(&[0.0, 0.6, 0.0, 0.6, 0.0, 0.6]);
         let end = -start;
-        let ball = Ball { centre: Point::new(0.15, 0.1, 2.9), radius: 0.3 };
+        let ball = Ball {
+            centre: Point::new(0.15, 0.1, 2.9),
+            radius: 0.3,
+        };
         let scene = Scene::new(vec![ball]).unwrap();
         let mut path = straight_path(&start, &end);
         let deepest = |path: &[Configuration]| {
-            path.iter().map(|q| scene.clearance(&robot.backbone(q), robot.tube_radius)).fold(f64::INFINITY, f64::min)
+            path.iter()
+                .map(|q| scene.clearance(&robot.backbone(q), robot.tube_radius))
+                .fold(f64::INFINITY, f64::min)
         };
         assert!(deepest(&path) < -0.2, "the straight path collides");
         assert!(correct(&robot, &scene, &SineBasis::new(), 0.04, &mut path));

@@ -10,11 +10,26 @@ use rand_pcg::Pcg64;
 const ROUNDS: [usize; 2] = [64, 256];
 /// Wanted clearance and distance between shapes, relaxed in this order until enough are found.
 const WISHES: [Wish; 5] = [
-    Wish { clearance: 0.1, separation: 0.5 },
-    Wish { clearance: 0.04, separation: 0.5 },
-    Wish { clearance: 0.02, separation: 0.25 },
-    Wish { clearance: 0.0, separation: 0.1 },
-    Wish { clearance: 0.0, separation: 0.01 },
+    Wish {
+        clearance: 0.1,
+        separation: 0.5,
+    },
+    Wish {
+        clearance: 0.04,
+        separation: 0.5,
+    },
+    Wish {
+        clearance: 0.02,
+        separation: 0.25,
+    },
+    Wish {
+        clearance: 0.0,
+        separation: 0.1,
+    },
+    Wish {
+        clearance: 0.0,
+        separation: 0.01,
+    },
 ];
 
 struct Wish {
@@ -40,14 +55,25 @@ struct Solution {
 ///
 /// # Errors
 /// [`Infeasible::GoalOutOfReach`] or [`Infeasible::GoalInCollision`].
-pub fn end_shapes(robot: &Robot, problem: &Problem, count: usize, growth: f64, rng: &mut Pcg64) -> Result<EndShapes, Infeasible> {
+pub fn end_shapes(
+    robot: &Robot,
+    problem: &Problem,
+    count: usize,
+    growth: f64,
+    rng: &mut Pcg64,
+) -> Result<EndShapes, Infeasible> {
     match &problem.goal {
         Goal::Configuration(shape) => fixed_shape(robot, problem, shape, growth),
         Goal::Tip(target) => {
-            let mut found = Pool { solutions: Vec::new(), closest: f64::INFINITY };
+            let mut found = Pool {
+                solutions: Vec::new(),
+                closest: f64::INFINITY,
+            };
             for seeds in ROUNDS {
                 let first = found.solutions.is_empty().then_some(problem.start);
-                let random = (0..seeds).map(|_| random_configuration(robot, rng)).collect::<Vec<_>>();
+                let random = (0..seeds)
+                    .map(|_| random_configuration(robot, rng))
+                    .collect::<Vec<_>>();
                 for seed in first.iter().chain(&random) {
                     found.try_seed(robot, problem, target, seed, growth);
                 }
@@ -57,21 +83,37 @@ pub fn end_shapes(robot: &Robot, problem: &Problem, count: usize, growth: f64, r
                 }
             }
             let shapes = found.choose(&problem.start, count, &WISHES);
-            if shapes.is_empty() { Err(found.failure()) } else { Ok(EndShapes { shapes }) }
+            if shapes.is_empty() {
+                Err(found.failure())
+            } else {
+                Ok(EndShapes { shapes })
+            }
         }
     }
 }
 
-fn fixed_shape(robot: &Robot, problem: &Problem, shape: &Configuration, growth: f64) -> Result<EndShapes, Infeasible> {
+fn fixed_shape(
+    robot: &Robot,
+    problem: &Problem,
+    shape: &Configuration,
+    growth: f64,
+) -> Result<EndShapes, Infeasible> {
     let excess = robot.limit_excess(shape);
     if excess > 1e-6 {
         return Err(Infeasible::GoalOutOfReach { miss: excess });
     }
-    let clearance = problem.scene.clearance(&robot.backbone(shape), robot.tube_radius + growth);
+    let clearance = problem
+        .scene
+        .clearance(&robot.backbone(shape), robot.tube_radius + growth);
     if clearance < 0.0 {
-        return Err(Infeasible::GoalInCollision { shapes: 1, clearance });
+        return Err(Infeasible::GoalInCollision {
+            shapes: 1,
+            clearance,
+        });
     }
-    Ok(EndShapes { shapes: vec![*shape] })
+    Ok(EndShapes {
+        shapes: vec![*shape],
+    })
 }
 
 struct Pool {
@@ -80,22 +122,37 @@ struct Pool {
 }
 
 impl Pool {
-    fn try_seed(&mut self, robot: &Robot, problem: &Problem, target: &pcc_model::Point, seed: &Configuration, growth: f64) {
+    fn try_seed(
+        &mut self,
+        robot: &Robot,
+        problem: &Problem,
+        target: &pcc_model::Point,
+        seed: &Configuration,
+        growth: f64,
+    ) {
         let (shape, distance) = solve_tip(robot, target, seed);
         self.closest = self.closest.min(distance);
         if is_solved(distance) {
-            let clearance = problem.scene.clearance(&robot.backbone(&shape), robot.tube_radius + growth);
+            let clearance = problem
+                .scene
+                .clearance(&robot.backbone(&shape), robot.tube_radius + growth);
             self.solutions.push(Solution { shape, clearance });
         }
     }
 
     fn choose(&self, start: &Configuration, count: usize, wishes: &[Wish]) -> Vec<Configuration> {
         let mut order: Vec<&Solution> = self.solutions.iter().collect();
-        order.sort_by(|a, b| (a.shape - start).norm().total_cmp(&(b.shape - start).norm()));
+        order.sort_by(|a, b| {
+            (a.shape - start)
+                .norm()
+                .total_cmp(&(b.shape - start).norm())
+        });
         let mut chosen: Vec<Configuration> = Vec::with_capacity(count);
         for wish in wishes {
             for solution in &order {
-                let distinct = chosen.iter().all(|c| (c - solution.shape).norm() >= wish.separation);
+                let distinct = chosen
+                    .iter()
+                    .all(|c| (c - solution.shape).norm() >= wish.separation);
                 if chosen.len() < count && solution.clearance >= wish.clearance && distinct {
                     chosen.push(solution.shape);
                 }
@@ -105,7 +162,11 @@ impl Pool {
     }
 
     fn failure(&self) -> Infeasible {
-        let clearance = self.solutions.iter().map(|s| s.clearance).fold(f64::NEG_INFINITY, f64::max);
+        let clearance = self
+            .solutions
+            .iter()
+            .map(|s| s.clearance)
+            .fold(f64::NEG_INFINITY, f64::max);
         match self.solutions.len() {
             0 => Infeasible::GoalOutOfReach { miss: self.closest },
             shapes => Infeasible::GoalInCollision { shapes, clearance },

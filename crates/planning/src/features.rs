@@ -30,7 +30,12 @@ pub struct Features {
 
 /// Computes the features of a path from `start` to `end` around `balls`; all in the canonical frame already.
 #[must_use]
-pub fn features(robot: &Robot, start: &Configuration, end: &Configuration, balls: &[Ball]) -> Features {
+pub fn features(
+    robot: &Robot,
+    start: &Configuration,
+    end: &Configuration,
+    balls: &[Ball],
+) -> Features {
     let views = VIEWS.map(|u| robot.backbone(&start.lerp(end, u)));
     let mut features = Features::default();
     describe_ends(start, end, &views, balls.len(), &mut features.ends);
@@ -40,7 +45,13 @@ pub fn features(robot: &Robot, start: &Configuration, end: &Configuration, balls
     features
 }
 
-fn describe_ends(start: &Configuration, end: &Configuration, views: &[Backbone; 5], balls: usize, out: &mut Vec<f32>) {
+fn describe_ends(
+    start: &Configuration,
+    end: &Configuration,
+    views: &[Backbone; 5],
+    balls: usize,
+    out: &mut Vec<f32>,
+) {
     let (first, last) = (views[0].tip(), views[4].tip());
     let mut values = [0.0_f64; END_FEATURES];
     values[..6].copy_from_slice(start.as_slice());
@@ -51,7 +62,11 @@ fn describe_ends(start: &Configuration, end: &Configuration, views: &[Backbone; 
     for (slot, point) in values[12..33].chunks_exact_mut(3).zip(points) {
         slot.copy_from_slice(point.as_slice());
     }
-    values[33..].copy_from_slice(&[(end - start).norm(), (last - first).norm(), balls as f64 / 8.0]);
+    values[33..].copy_from_slice(&[
+        (end - start).norm(),
+        (last - first).norm(),
+        balls as f64 / 8.0,
+    ]);
     out.extend(values.map(|v| v as f32));
 }
 
@@ -69,9 +84,14 @@ fn describe_ball(robot: &Robot, ball: &Ball, views: &[Backbone; 5], out: &mut Ve
     for (slot, sight) in values[18..21].iter_mut().zip(&seen[1..4]) {
         *slot = (sight.section as f64 + sight.fraction) / 3.0;
     }
-    values[21] = (distance_to_segment(&ball.centre, &views[0].tip(), &views[4].tip()) - ball.radius).min(FAR);
+    values[21] = (distance_to_segment(&ball.centre, &views[0].tip(), &views[4].tip())
+        - ball.radius)
+        .min(FAR);
     let middle = &seen[2];
-    let gradient = views[2].point_jacobian(middle.section, middle.fraction).transpose() * middle.normal;
+    let gradient = views[2]
+        .point_jacobian(middle.section, middle.fraction)
+        .transpose()
+        * middle.normal;
     values[22..28].copy_from_slice(gradient.as_slice());
     out.extend(values.map(|v| v as f32));
 }
@@ -112,11 +132,24 @@ pub(crate) struct CanonicalProblem {
 
 impl CanonicalProblem {
     pub(crate) fn new(frame: CanonicalFrame, scene: &Scene) -> Self {
-        Self { frame, balls: scene.balls().iter().map(|b| frame.ball(b)).collect() }
+        Self {
+            frame,
+            balls: scene.balls().iter().map(|b| frame.ball(b)).collect(),
+        }
     }
 
-    pub(crate) fn features(&self, robot: &Robot, start: &Configuration, end: &Configuration) -> Features {
-        features(robot, &self.frame.shape(start), &self.frame.shape(end), &self.balls)
+    pub(crate) fn features(
+        &self,
+        robot: &Robot,
+        start: &Configuration,
+        end: &Configuration,
+    ) -> Features {
+        features(
+            robot,
+            &self.frame.shape(start),
+            &self.frame.shape(end),
+            &self.balls,
+        )
     }
 }
 
@@ -134,7 +167,10 @@ pub fn residual_coefficients(
     let frame = CanonicalFrame::of(robot, &start, goal_tip);
     let problem = CanonicalProblem::new(if mirrored { frame.mirrored() } else { frame }, scene);
     let turned: Vec<Configuration> = path.iter().map(|q| problem.frame.shape(q)).collect();
-    (problem.features(robot, &start, &end), SineBasis::new().analyse(&turned))
+    (
+        problem.features(robot, &start, &end),
+        SineBasis::new().analyse(&turned),
+    )
 }
 
 #[cfg(test)]
@@ -152,14 +188,34 @@ mod tests {
         let robot = unit_robot();
         let start = Configuration::from_column_slice(&[0.3, -0.2, 0.5, 0.1, -0.4, 0.6]);
         let end = Configuration::from_column_slice(&[-0.7, 0.4, 0.2, 0.9, 0.3, -0.2]);
-        let ball = Ball { centre: Point::new(0.7, 0.4, 1.2), radius: 0.3 };
+        let ball = Ball {
+            centre: Point::new(0.7, 0.4, 1.2),
+            radius: 0.3,
+        };
         let turn = CanonicalFrame::of(&robot, &start, &Point::new(0.4, -1.0, 2.0));
         let path = straight_path(&start, &end);
         let turned: Vec<Configuration> = path.iter().map(|q| turn.shape(q)).collect();
-        let here = residual_coefficients(&robot, &path, &robot.tip(&end), &Scene::new(vec![ball]).unwrap(), false).0;
+        let here = residual_coefficients(
+            &robot,
+            &path,
+            &robot.tip(&end),
+            &Scene::new(vec![ball]).unwrap(),
+            false,
+        )
+        .0;
         let there_tip = robot.tip(&turned[63]);
-        let there = residual_coefficients(&robot, &turned, &there_tip, &Scene::new(vec![turn.ball(&ball)]).unwrap(), false).0;
-        assert!((robot.tip(&end) - there_tip).norm() > 0.1, "the world was turned");
+        let there = residual_coefficients(
+            &robot,
+            &turned,
+            &there_tip,
+            &Scene::new(vec![turn.ball(&ball)]).unwrap(),
+            false,
+        )
+        .0;
+        assert!(
+            (robot.tip(&end) - there_tip).norm() > 0.1,
+            "the world was turned"
+        );
         assert!(close(&here.ends, &there.ends) && close(&here.balls, &there.balls));
     }
 

@@ -21,7 +21,10 @@ pub(crate) struct Demands<'a> {
 impl Demands<'_> {
     /// Times a path of 64 waypoints from rest to rest.
     pub(crate) fn time(&self, path: &[Configuration]) -> Result<Trajectory, Failure> {
-        let options = AllocationOptions { knots: self.knots, ..AllocationOptions::default() };
+        let options = AllocationOptions {
+            knots: self.knots,
+            ..AllocationOptions::default()
+        };
         allocate(path, &self.robot.tendons, &self.limits, &options).map_err(|_| Failure::Time)
     }
 
@@ -31,19 +34,32 @@ impl Demands<'_> {
             return Err(Failure::Bending);
         }
         let verdict = certify_trajectory(self.robot, self.scene, trajectory, 0.0, self.growth);
-        if verdict.is_free() { Ok(()) } else { Err(Failure::Collision) }
+        if verdict.is_free() {
+            Ok(())
+        } else {
+            Err(Failure::Collision)
+        }
     }
 
     /// The Bézier control points bound the curve, since the allowed bending is convex.
     fn keeps_bending(&self, trajectory: &Trajectory) -> bool {
-        trajectory.segments().all(|s| s.control.iter().all(|q| self.robot.limit_excess(q) <= BENDING_SLACK_RAD))
+        trajectory.segments().all(|s| {
+            s.control
+                .iter()
+                .all(|q| self.robot.limit_excess(q) <= BENDING_SLACK_RAD)
+        })
     }
 
     /// Turns a certified polyline into a motion: rounded where that certifies, else resting at each corner.
-    pub(crate) fn follow(&self, polyline: &[Configuration]) -> Result<(Waypoints, Trajectory), Failure> {
+    pub(crate) fn follow(
+        &self,
+        polyline: &[Configuration],
+    ) -> Result<(Waypoints, Trajectory), Failure> {
         let path = resample(polyline);
         let rounded = self.time(&path).and_then(|t| self.certify(&t).map(|()| t));
-        rounded.or_else(|_| self.rest_at_corners(polyline)).map(|t| (path, t))
+        rounded
+            .or_else(|_| self.rest_at_corners(polyline))
+            .map(|t| (path, t))
     }
 
     fn rest_at_corners(&self, polyline: &[Configuration]) -> Result<Trajectory, Failure> {
@@ -51,12 +67,19 @@ impl Demands<'_> {
             return Err(Failure::Collision);
         }
         let edges = polyline.len() - 1;
-        let options = AllocationOptions { knots: (self.knots / edges).max(8), ..AllocationOptions::default() };
+        let options = AllocationOptions {
+            knots: (self.knots / edges).max(8),
+            ..AllocationOptions::default()
+        };
         let mut knots: Vec<Knot> = Vec::new();
         for edge in polyline.windows(2) {
-            let leg = allocate(edge, &self.robot.tendons, &self.limits, &options).map_err(|_| Failure::Time)?;
+            let leg = allocate(edge, &self.robot.tendons, &self.limits, &options)
+                .map_err(|_| Failure::Time)?;
             let begin = knots.pop().map_or(0.0, |k| k.time);
-            knots.extend(leg.knots().iter().map(|k| Knot { time: k.time + begin, ..*k }));
+            knots.extend(leg.knots().iter().map(|k| Knot {
+                time: k.time + begin,
+                ..*k
+            }));
         }
         let trajectory = Trajectory::new(knots).map_err(|_| Failure::Time)?;
         self.certify(&trajectory).map(|()| trajectory)

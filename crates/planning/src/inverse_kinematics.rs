@@ -27,8 +27,11 @@ pub fn solve_tip(robot: &Robot, target: &Point, seed: &Configuration) -> (Config
         }
         previous = distance;
         let jacobian = backbone.tip_jacobian();
-        let normal = jacobian * jacobian.transpose() + Matrix3::identity() * (DAMPING * distance.min(1.0));
-        let Some(factor) = Cholesky::new(normal) else { return (shape, distance) };
+        let normal =
+            jacobian * jacobian.transpose() + Matrix3::identity() * (DAMPING * distance.min(1.0));
+        let Some(factor) = Cholesky::new(normal) else {
+            return (shape, distance);
+        };
         shape = robot.project_to_limits(&(shape + jacobian.transpose() * factor.solve(&error)));
     }
     let distance = (target - robot.tip(&shape)).norm();

@@ -48,7 +48,10 @@ fn smoothness(tips: &[Point]) -> f64 {
     let points = equal_arc_lengths(tips, WAYPOINTS);
     let step = 1.0 / (WAYPOINTS - 1) as f64;
     let third = |w: &[Point]| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]) / step.powi(3);
-    points.windows(4).map(|w| third(w).norm_squared() * step).sum()
+    points
+        .windows(4)
+        .map(|w| third(w).norm_squared() * step)
+        .sum()
 }
 
 fn equal_arc_lengths(points: &[Point], count: usize) -> Vec<Point> {
@@ -65,7 +68,10 @@ fn equal_arc_lengths(points: &[Point], count: usize) -> Vec<Point> {
                 edge += 1;
             }
             let span = (reached[edge + 1] - reached[edge]).max(f64::MIN_POSITIVE);
-            points[edge].lerp(&points[edge + 1], ((wanted - reached[edge]) / span).clamp(0.0, 1.0))
+            points[edge].lerp(
+                &points[edge + 1],
+                ((wanted - reached[edge]) / span).clamp(0.0, 1.0),
+            )
         })
         .collect()
 }
@@ -88,7 +94,10 @@ pub struct SetMetrics {
 pub fn modes(ends: &[Configuration]) -> usize {
     let mut found: Vec<&Configuration> = Vec::new();
     for end in ends {
-        if found.iter().all(|m| (*m - end).norm() >= MODE_SEPARATION_RAD) {
+        if found
+            .iter()
+            .all(|m| (*m - end).norm() >= MODE_SEPARATION_RAD)
+        {
             found.push(end);
         }
     }
@@ -115,9 +124,14 @@ fn vendi(ends: &[Configuration]) -> f64 {
         return 0.0;
     }
     let n = ends.len();
-    let kernel = |i: usize, j: usize| (-(ends[i] - ends[j]).norm_squared() / (2.0 * 0.25)).exp() / n as f64;
+    let kernel =
+        |i: usize, j: usize| (-(ends[i] - ends[j]).norm_squared() / (2.0 * 0.25)).exp() / n as f64;
     let eigenvalues = DMatrix::from_fn(n, n, kernel).symmetric_eigenvalues();
-    let entropy: f64 = eigenvalues.iter().filter(|e| **e > 1e-12).map(|e| -e * e.ln()).sum();
+    let entropy: f64 = eigenvalues
+        .iter()
+        .filter(|e| **e > 1e-12)
+        .map(|e| -e * e.ln())
+        .sum();
     entropy.exp()
 }
 
@@ -127,7 +141,9 @@ mod tests {
 
     #[test]
     fn the_vendi_score_counts_far_shapes_and_not_copies() {
-        let far: Vec<Configuration> = (0..4).map(|i| Configuration::repeat(5.0 * f64::from(i))).collect();
+        let far: Vec<Configuration> = (0..4)
+            .map(|i| Configuration::repeat(5.0 * f64::from(i)))
+            .collect();
         assert!((vendi(&far) - 4.0).abs() < 1e-9);
         assert!((vendi(&[far[0]; 4]) - 1.0).abs() < 1e-9);
         assert_eq!((modes(&far), modes(&[far[0]; 4])), (4, 1));
@@ -135,9 +151,13 @@ mod tests {
 
     #[test]
     fn a_straight_even_way_is_perfectly_smooth() {
-        let line: Vec<Point> = (0..200).map(|i| Point::new(f64::from(i * i), 0.0, 1.0)).collect();
+        let line: Vec<Point> = (0..200)
+            .map(|i| Point::new(f64::from(i * i), 0.0, 1.0))
+            .collect();
         assert!(smoothness(&line) < 1e-3 * line[199].norm_squared());
-        let bent: Vec<Point> = (0..200).map(|i| Point::new((f64::from(i) / 30.0).sin(), f64::from(i) / 60.0, 1.0)).collect();
+        let bent: Vec<Point> = (0..200)
+            .map(|i| Point::new((f64::from(i) / 30.0).sin(), f64::from(i) / 60.0, 1.0))
+            .collect();
         assert!(smoothness(&bent) > 1.0);
     }
 }

@@ -11,7 +11,9 @@ pub type Waypoints = Vec<Configuration>;
 /// The straight segment between two shapes: the fastest motion, since tendons are linear in ζ (ROBOT "Tendons").
 #[must_use]
 pub fn straight_path(start: &Configuration, end: &Configuration) -> Waypoints {
-    (0..WAYPOINTS).map(|h| start.lerp(end, parameter(h))).collect()
+    (0..WAYPOINTS)
+        .map(|h| start.lerp(end, parameter(h)))
+        .collect()
 }
 
 /// u of waypoint h.
@@ -31,7 +33,8 @@ pub(crate) fn resample(polyline: &[Configuration]) -> Waypoints {
                 passed += lengths[edge];
                 edge += 1;
             }
-            let fraction = ((wanted - passed) / lengths[edge].max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+            let fraction =
+                ((wanted - passed) / lengths[edge].max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
             polyline[edge].lerp(&polyline[edge + 1], fraction)
         })
         .collect()

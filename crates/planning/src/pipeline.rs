@@ -29,7 +29,11 @@ const CORRECTION_MARGINS: [f64; 2] = [0.03, 0.07];
 /// Tube growth of the tree's attempts: rounding its corners needs room, a narrow way may not have it.
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
 /// Samples of the tree's last attempt with all goal shapes at once, when nothing else was found.
-const LAST_ATTEMPT: RrtSettings = RrtSettings { samples: 20_000, step_rad: 0.4, shortcuts: 120 };
+const LAST_ATTEMPT: RrtSettings = RrtSettings {
+    samples: 20_000,
+    step_rad: 0.4,
+    shortcuts: 120,
+};
 
 /// Where paths come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -168,7 +172,9 @@ pub enum PlannerError {
     #[error(transparent)]
     Infeasible(#[from] Infeasible),
     /// The learned sampler was asked for and no model is loaded.
-    #[error("sampler not loaded: the request needs the learned model; load weights or ask for `straight` or `rrt-connect`")]
+    #[error(
+        "sampler not loaded: the request needs the learned model; load weights or ask for `straight` or `rrt-connect`"
+    )]
     ModelNotLoaded,
     /// The robot's sections differ in length, which the unit model cannot express.
     #[error("the planner needs three sections of one length, got {0:?}")]
@@ -193,13 +199,24 @@ impl Planner {
     ///
     /// # Errors
     /// [`PlannerError::UnequalSections`] or [`PlannerError::Threads`].
-    pub fn new(robot: &Robot, model: Option<FastModel>, threads: usize) -> Result<Self, PlannerError> {
-        let length = robot.equal_section_length().ok_or(PlannerError::UnequalSections(robot.section_lengths))?;
+    pub fn new(
+        robot: &Robot,
+        model: Option<FastModel>,
+        threads: usize,
+    ) -> Result<Self, PlannerError> {
+        let length = robot
+            .equal_section_length()
+            .ok_or(PlannerError::UnequalSections(robot.section_lengths))?;
         let workers = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()
             .map_err(|e| PlannerError::Threads(e.to_string()))?;
-        Ok(Self { robot: robot.scaled(1.0 / length), model, basis: SineBasis::new(), workers })
+        Ok(Self {
+            robot: robot.scaled(1.0 / length),
+            model,
+            basis: SineBasis::new(),
+            workers,
+        })
     }
 
     /// The robot in units of its section length.
@@ -212,12 +229,18 @@ impl Planner {
     ///
     /// # Errors
     /// [`PlannerError::Infeasible`] or [`PlannerError::ModelNotLoaded`].
-    pub fn plan(&self, problem: &Problem, request: &Request, interrupt: Interrupt) -> Result<Plan, PlannerError> {
+    pub fn plan(
+        &self,
+        problem: &Problem,
+        request: &Request,
+        interrupt: Interrupt,
+    ) -> Result<Plan, PlannerError> {
         if matches!(request.sampler, Sampler::Default | Sampler::Fast) && self.model.is_none() {
             return Err(PlannerError::ModelNotLoaded);
         }
         problem.check_start(&self.robot)?;
-        self.workers.install(|| Run::new(self, problem, request, interrupt).plan())
+        self.workers
+            .install(|| Run::new(self, problem, request, interrupt).plan())
     }
 }
 
@@ -232,15 +255,33 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(planner: &'a Planner, problem: &'a Problem, request: &'a Request, interrupt: Interrupt<'a>) -> Self {
+    fn new(
+        planner: &'a Planner,
+        problem: &'a Problem,
+        request: &'a Request,
+        interrupt: Interrupt<'a>,
+    ) -> Self {
         let full = &planner.robot.tendon_limits;
         let limits = TendonLimits {
             velocity: full.velocity * request.limits_scale,
             acceleration: full.acceleration * request.limits_scale,
             jerk: full.jerk * request.limits_scale,
         };
-        let demands = Demands { robot: &planner.robot, scene: &problem.scene, limits, knots: request.knots, growth: request.growth };
-        Self { planner, problem, request, interrupt, demands, stages: StageTimes::default() }
+        let demands = Demands {
+            robot: &planner.robot,
+            scene: &problem.scene,
+            limits,
+            knots: request.knots,
+            growth: request.growth,
+        };
+        Self {
+            planner,
+            problem,
+            request,
+            interrupt,
+            demands,
+            stages: StageTimes::default(),
+        }
     }
 
     fn plan(mut self) -> Result<Plan, PlannerError> {
@@ -257,7 +298,11 @@ impl<'a> Run<'a> {
         };
         let learned = |d: &&Draw| d.source == Source::Learned;
         let learned_drawn = draws.iter().filter(learned).count();
-        let learned_certified = draws.iter().filter(learned).filter(|d| d.outcome.is_ok()).count();
+        let learned_certified = draws
+            .iter()
+            .filter(learned)
+            .filter(|d| d.outcome.is_ok())
+            .count();
         let clock = Instant::now();
         if self.request.sampler == Sampler::Default {
             self.fill(&goals, &mut draws);
@@ -266,16 +311,25 @@ impl<'a> Run<'a> {
     }
 
     fn learned(&mut self, goals: &[Configuration]) -> Vec<Draw> {
-        let Some(model) = &self.planner.model else { return Vec::new() };
+        let Some(model) = &self.planner.model else {
+            return Vec::new();
+        };
         let clock = Instant::now();
         let robot = &self.planner.robot;
         let frame = CanonicalFrame::of(robot, &self.problem.start, &self.problem.goal_tip(robot));
         let canonical = CanonicalProblem::new(frame, &self.problem.scene);
-        let features: Vec<_> = goals.par_iter().map(|g| canonical.features(robot, &self.problem.start, g)).collect();
+        let features: Vec<_> = goals
+            .par_iter()
+            .map(|g| canonical.features(robot, &self.problem.start, g))
+            .collect();
         self.stages.condition += clock.elapsed().as_secs_f64();
         let clock = Instant::now();
         let residuals = sample_paths(model, &features, self.request.seed);
-        let paths = residuals.iter().zip(goals).map(|(residual, goal)| self.bend(&frame, goal, residual)).collect();
+        let paths = residuals
+            .iter()
+            .zip(goals)
+            .map(|(residual, goal)| self.bend(&frame, goal, residual))
+            .collect();
         self.stages.sample = clock.elapsed().as_secs_f64();
         self.finish(paths, Source::Learned)
     }
@@ -283,28 +337,48 @@ impl<'a> Run<'a> {
     /// The straight segment to a goal shape plus a sampled residual given in the canonical frame.
     fn bend(&self, frame: &CanonicalFrame, goal: &Configuration, residual: &[f64]) -> Waypoints {
         let line = straight_path(&self.problem.start, goal);
-        line.iter().enumerate().map(|(h, q)| q + frame.restore(&self.planner.basis.change(h, residual))).collect()
+        line.iter()
+            .enumerate()
+            .map(|(h, q)| q + frame.restore(&self.planner.basis.change(h, residual)))
+            .collect()
     }
 
     fn straight(&mut self, ends: &[Configuration]) -> Vec<Draw> {
-        let paths = ends.iter().map(|end| straight_path(&self.problem.start, end)).collect();
+        let paths = ends
+            .iter()
+            .map(|end| straight_path(&self.problem.start, end))
+            .collect();
         self.finish(paths, Source::Classical)
     }
 
     /// Corrects, times and certifies; what does not certify is corrected once more with a larger margin.
     fn finish(&mut self, mut paths: Vec<Waypoints>, source: Source) -> Vec<Draw> {
-        let mut outcomes: Vec<Result<Trajectory, Failure>> = vec![Err(Failure::Truncated); paths.len()];
+        let mut outcomes: Vec<Result<Trajectory, Failure>> =
+            vec![Err(Failure::Truncated); paths.len()];
         for margin in CORRECTION_MARGINS {
             self.attempt(margin + self.request.growth, &mut paths, &mut outcomes);
         }
-        let draw = |(path, outcome)| Draw { path: Some(path), source, outcome };
+        let draw = |(path, outcome)| Draw {
+            path: Some(path),
+            source,
+            outcome,
+        };
         paths.into_iter().zip(outcomes).map(draw).collect()
     }
 
-    fn attempt(&mut self, margin: f64, paths: &mut [Waypoints], outcomes: &mut [Result<Trajectory, Failure>]) {
+    fn attempt(
+        &mut self,
+        margin: f64,
+        paths: &mut [Waypoints],
+        outcomes: &mut [Result<Trajectory, Failure>],
+    ) {
         let (planner, demands, interrupt) = (self.planner, &self.demands, self.interrupt);
         let clock = Instant::now();
-        let mut open: Vec<_> = paths.iter_mut().zip(outcomes).filter(|(_, outcome)| outcome.is_err()).collect();
+        let mut open: Vec<_> = paths
+            .iter_mut()
+            .zip(outcomes)
+            .filter(|(_, outcome)| outcome.is_err())
+            .collect();
         open.par_iter_mut().for_each(|(path, _)| {
             if !interrupt() {
                 correct(&planner.robot, demands.scene, &planner.basis, margin, path);
@@ -312,12 +386,20 @@ impl<'a> Run<'a> {
         });
         let corrected = clock.elapsed().as_secs_f64();
         open.par_iter_mut().for_each(|(path, outcome)| {
-            **outcome = if interrupt() { Err(Failure::Truncated) } else { demands.time(path) };
+            **outcome = if interrupt() {
+                Err(Failure::Truncated)
+            } else {
+                demands.time(path)
+            };
         });
         let timed = clock.elapsed().as_secs_f64();
         open.par_iter_mut().for_each(|(_, outcome)| {
             if let Ok(trajectory) = &**outcome {
-                let verdict = if interrupt() { Err(Failure::Truncated) } else { demands.certify(trajectory) };
+                let verdict = if interrupt() {
+                    Err(Failure::Truncated)
+                } else {
+                    demands.certify(trajectory)
+                };
                 if let Err(failure) = verdict {
                     **outcome = Err(failure);
                 }
@@ -330,21 +412,39 @@ impl<'a> Run<'a> {
 
     fn trees(&mut self, goals: &[Configuration]) -> Vec<Draw> {
         let clock = Instant::now();
-        let draws = goals.par_iter().enumerate().map(|(i, goal)| self.tree(i as u64, &[*goal], &RrtSettings::default())).collect();
+        let draws = goals
+            .par_iter()
+            .enumerate()
+            .map(|(i, goal)| self.tree(i as u64, &[*goal], &RrtSettings::default()))
+            .collect();
         self.stages.sample += clock.elapsed().as_secs_f64();
         draws
     }
 
     fn tree(&self, stream: u64, goals: &[Configuration], settings: &RrtSettings) -> Draw {
-        let mut draw = Draw { path: None, source: Source::Classical, outcome: Err(Failure::NoPath) };
+        let mut draw = Draw {
+            path: None,
+            source: Source::Classical,
+            outcome: Err(Failure::NoPath),
+        };
         let mut rng = Pcg64::new(u128::from(self.request.seed), u128::from(stream) + 1);
         for margin in TREE_MARGINS {
             if (self.interrupt)() {
                 draw.outcome = Err(Failure::Truncated);
                 break;
             }
-            let grown = self.planner.robot.with_tube_growth(margin + self.request.growth);
-            let found = rrt_connect(&grown, &self.problem.scene, &self.problem.start, goals, settings, &mut rng);
+            let grown = self
+                .planner
+                .robot
+                .with_tube_growth(margin + self.request.growth);
+            let found = rrt_connect(
+                &grown,
+                &self.problem.scene,
+                &self.problem.start,
+                goals,
+                settings,
+                &mut rng,
+            );
             if let Some(polyline) = found
                 && let Ok((path, trajectory)) = self.demands.follow(&polyline)
             {
@@ -358,13 +458,21 @@ impl<'a> Run<'a> {
 
     /// Replaces what the learned sampler did not deliver: a straight segment, else the tree, to the same shape.
     fn fill(&mut self, goals: &[Configuration], draws: &mut [Draw]) {
-        let missing: Vec<usize> = (0..draws.len()).filter(|&i| draws[i].outcome.is_err()).collect();
+        let missing: Vec<usize> = (0..draws.len())
+            .filter(|&i| draws[i].outcome.is_err())
+            .collect();
         let ends: Vec<Configuration> = missing.iter().map(|&i| goals[i]).collect();
         let straight = self.straight(&ends);
         let filled: Vec<Draw> = straight
             .into_par_iter()
             .zip(&missing)
-            .map(|(draw, &i)| if draw.outcome.is_ok() { draw } else { self.tree(i as u64, &[goals[i]], &RrtSettings::default()) })
+            .map(|(draw, &i)| {
+                if draw.outcome.is_ok() {
+                    draw
+                } else {
+                    self.tree(i as u64, &[goals[i]], &RrtSettings::default())
+                }
+            })
             .collect();
         for (i, draw) in missing.into_iter().zip(filled) {
             if draw.outcome.is_ok() {
@@ -382,12 +490,25 @@ impl<'a> Run<'a> {
             .par_iter()
             .enumerate()
             .filter_map(|(draw, d)| d.outcome.as_ref().ok().map(|t| (draw, d.source, t)))
-            .map(|(draw, source, t)| Candidate { trajectory: t.clone(), metrics: path_metrics(robot, scene, t), source, draw })
+            .map(|(draw, source, t)| Candidate {
+                trajectory: t.clone(),
+                metrics: path_metrics(robot, scene, t),
+                source,
+                draw,
+            })
             .collect();
         let selected = select(&candidates, &self.problem.start, self.request.selection);
         self.stages.select = clock.elapsed().as_secs_f64();
         let truncated = draws.iter().any(|d| d.outcome == Err(Failure::Truncated));
         let [learned_drawn, learned_certified] = learned;
-        Plan { draws, candidates, selected, learned_certified, learned_drawn, truncated, stages: self.stages }
+        Plan {
+            draws,
+            candidates,
+            selected,
+            learned_certified,
+            learned_drawn,
+            truncated,
+            stages: self.stages,
+        }
     }
 }

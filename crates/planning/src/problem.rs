@@ -28,7 +28,9 @@ pub struct Problem {
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum Infeasible {
     /// A section of the start shape is bent beyond the robot's limit.
-    #[error("start out of limits: a section is bent {excess_rad:.4} rad beyond the allowed {limit_rad:.4} rad")]
+    #[error(
+        "start out of limits: a section is bent {excess_rad:.4} rad beyond the allowed {limit_rad:.4} rad"
+    )]
     StartOutOfLimits {
         /// Angle above the limit, rad.
         excess_rad: f64,
@@ -42,13 +44,17 @@ pub enum Infeasible {
         clearance: f64,
     },
     /// No shape within the limits puts the tip on the goal.
-    #[error("goal out of reach: the closest shape found within the bending limit misses it by {miss:.4} section lengths")]
+    #[error(
+        "goal out of reach: the closest shape found within the bending limit misses it by {miss:.4} section lengths"
+    )]
     GoalOutOfReach {
         /// Distance of the closest tip found, section lengths; for a configuration the angle above the limit.
         miss: f64,
     },
     /// Every shape found that reaches the goal touches an obstacle.
-    #[error("goal in collision: the clearest of {shapes} end shapes has clearance {clearance:.4} section lengths, at least 0 is needed")]
+    #[error(
+        "goal in collision: the clearest of {shapes} end shapes has clearance {clearance:.4} section lengths, at least 0 is needed"
+    )]
     GoalInCollision {
         /// End shapes that reach the goal.
         shapes: usize,
@@ -68,9 +74,14 @@ impl Problem {
     pub fn check_start(&self, robot: &Robot) -> Result<(), Infeasible> {
         let excess_rad = robot.limit_excess(&self.start);
         if excess_rad > LIMIT_SLACK_RAD {
-            return Err(Infeasible::StartOutOfLimits { excess_rad, limit_rad: robot.bending_limit });
+            return Err(Infeasible::StartOutOfLimits {
+                excess_rad,
+                limit_rad: robot.bending_limit,
+            });
         }
-        let clearance = self.scene.clearance(&robot.backbone(&self.start), robot.tube_radius);
+        let clearance = self
+            .scene
+            .clearance(&robot.backbone(&self.start), robot.tube_radius);
         if clearance < 0.0 {
             return Err(Infeasible::StartInCollision { clearance });
         }

@@ -25,7 +25,11 @@ pub struct RrtSettings {
 
 impl Default for RrtSettings {
     fn default() -> Self {
-        Self { samples: 3000, step_rad: 0.6, shortcuts: 120 }
+        Self {
+            samples: 3000,
+            step_rad: 0.6,
+            shortcuts: 120,
+        }
     }
 }
 
@@ -46,12 +50,21 @@ enum Extension {
 
 impl Tree {
     fn rooted(shapes: &[Configuration]) -> Self {
-        Self { nodes: shapes.iter().map(|s| Node { shape: *s, parent: None }).collect() }
+        Self {
+            nodes: shapes
+                .iter()
+                .map(|s| Node {
+                    shape: *s,
+                    parent: None,
+                })
+                .collect(),
+        }
     }
 
     fn nearest(&self, shape: &Configuration) -> usize {
         let distance = |node: &Node| (node.shape - shape).norm_squared();
-        let order = |a: &usize, b: &usize| distance(&self.nodes[*a]).total_cmp(&distance(&self.nodes[*b]));
+        let order =
+            |a: &usize, b: &usize| distance(&self.nodes[*a]).total_cmp(&distance(&self.nodes[*b]));
         (0..self.nodes.len()).min_by(order).unwrap_or(0)
     }
 
@@ -59,13 +72,24 @@ impl Tree {
         let shape = self.nodes[from].shape;
         let distance = (target - shape).norm();
         let reached = distance <= search.settings.step_rad;
-        let next = if reached { *target } else { shape.lerp(target, search.settings.step_rad / distance) };
+        let next = if reached {
+            *target
+        } else {
+            shape.lerp(target, search.settings.step_rad / distance)
+        };
         if !search.edge_is_free(&shape, &next) {
             return Extension::Trapped;
         }
-        self.nodes.push(Node { shape: next, parent: Some(from) });
+        self.nodes.push(Node {
+            shape: next,
+            parent: Some(from),
+        });
         let index = self.nodes.len() - 1;
-        if reached { Extension::Reached(index) } else { Extension::Advanced(index) }
+        if reached {
+            Extension::Reached(index)
+        } else {
+            Extension::Advanced(index)
+        }
     }
 
     fn connect(&mut self, search: &Search, target: &Configuration) -> Option<usize> {
@@ -80,7 +104,9 @@ impl Tree {
     }
 
     fn branch(&self, leaf: usize) -> Vec<Configuration> {
-        std::iter::successors(Some(leaf), |&i| self.nodes[i].parent).map(|i| self.nodes[i].shape).collect()
+        std::iter::successors(Some(leaf), |&i| self.nodes[i].parent)
+            .map(|i| self.nodes[i].shape)
+            .collect()
     }
 }
 
@@ -95,7 +121,12 @@ impl Search<'_> {
         certify_edge(self.robot, self.scene, a, b, EDGE_DEPTH).is_free()
     }
 
-    fn grow(&self, start: &Configuration, goals: &[Configuration], rng: &mut Pcg64) -> Option<Vec<Configuration>> {
+    fn grow(
+        &self,
+        start: &Configuration,
+        goals: &[Configuration],
+        rng: &mut Pcg64,
+    ) -> Option<Vec<Configuration>> {
         let mut trees = [Tree::rooted(&[*start]), Tree::rooted(goals)];
         if let Some(direct) = goals.iter().find(|g| self.edge_is_free(start, g)) {
             return Some(vec![*start, *direct]);
@@ -104,10 +135,18 @@ impl Search<'_> {
             let sample = random_configuration(self.robot, rng);
             let (active, other) = (round % 2, 1 - round % 2);
             let from = trees[active].nearest(&sample);
-            let (Extension::Reached(leaf) | Extension::Advanced(leaf)) = trees[active].extend(self, from, &sample) else { continue };
+            let (Extension::Reached(leaf) | Extension::Advanced(leaf)) =
+                trees[active].extend(self, from, &sample)
+            else {
+                continue;
+            };
             let meeting = trees[active].nodes[leaf].shape;
             if let Some(other_leaf) = trees[other].connect(self, &meeting) {
-                let leaves = if active == 0 { [leaf, other_leaf] } else { [other_leaf, leaf] };
+                let leaves = if active == 0 {
+                    [leaf, other_leaf]
+                } else {
+                    [other_leaf, leaf]
+                };
                 return Some(join(&trees, leaves));
             }
         }
@@ -158,7 +197,11 @@ pub fn rrt_connect(
     if goals.is_empty() {
         return None;
     }
-    let search = Search { robot, scene, settings };
+    let search = Search {
+        robot,
+        scene,
+        settings,
+    };
     let path = search.grow(start, goals, rng)?;
     Some(search.shorten(path, rng))
 }

@@ -13,8 +13,15 @@ const EVALUATIONS: usize = 2;
 /// Samples one residual (sine coefficients, term-major, radians, canonical frame) for each candidate.
 ///
 /// The noise of a candidate depends on the seed and its index alone, so neither threads nor neighbours matter.
-pub(crate) fn sample_paths(model: &FastModel, candidates: &[Features], seed: u64) -> Vec<[f64; UNKNOWNS]> {
-    let share = candidates.len().div_ceil(rayon::current_num_threads()).max(1);
+pub(crate) fn sample_paths(
+    model: &FastModel,
+    candidates: &[Features],
+    seed: u64,
+) -> Vec<[f64; UNKNOWNS]> {
+    let share = candidates
+        .len()
+        .div_ceil(rayon::current_num_threads())
+        .max(1);
     candidates
         .par_chunks(share)
         .enumerate()
@@ -22,13 +29,28 @@ pub(crate) fn sample_paths(model: &FastModel, candidates: &[Features], seed: u64
         .collect()
 }
 
-fn sample_chunk(model: &FastModel, chunk: &[Features], first: usize, seed: u64) -> Vec<[f64; UNKNOWNS]> {
-    let inputs: Vec<CandidateInput> = chunk.iter().map(|f| CandidateInput { ends: &f.ends, balls: &f.balls }).collect();
-    let noise: Vec<f32> = (first..first + chunk.len()).flat_map(|index| noise(seed, index)).collect();
+fn sample_chunk(
+    model: &FastModel,
+    chunk: &[Features],
+    first: usize,
+    seed: u64,
+) -> Vec<[f64; UNKNOWNS]> {
+    let inputs: Vec<CandidateInput> = chunk
+        .iter()
+        .map(|f| CandidateInput {
+            ends: &f.ends,
+            balls: &f.balls,
+        })
+        .collect();
+    let noise: Vec<f32> = (first..first + chunk.len())
+        .flat_map(|index| noise(seed, index))
+        .collect();
     let mut out = vec![0.0_f32; noise.len()];
     let mut scratch = FastScratch::default();
     model.sample(&inputs, &noise, EVALUATIONS, &mut scratch, &mut out);
-    out.chunks_exact(UNKNOWNS).map(|c| std::array::from_fn(|i| f64::from(c[i]))).collect()
+    out.chunks_exact(UNKNOWNS)
+        .map(|c| std::array::from_fn(|i| f64::from(c[i])))
+        .collect()
 }
 
 fn noise(seed: u64, index: usize) -> [f32; UNKNOWNS] {

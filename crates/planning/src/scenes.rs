@@ -66,7 +66,12 @@ pub fn draw_target(robot: &Robot, setting: Setting, seed: u64, index: u64) -> Op
     if setting == Setting::Hard {
         starts.retain(|start| is_hard(robot, &scene, &tip, start, &mut rng));
     }
-    (!starts.is_empty()).then_some(Target { scene, tip, generator, starts })
+    (!starts.is_empty()).then_some(Target {
+        scene,
+        tip,
+        generator,
+        starts,
+    })
 }
 
 fn draw_balls(setting: Setting, index: u64, rng: &mut Pcg64) -> Vec<Ball> {
@@ -94,7 +99,13 @@ pub fn reference_layout(count: usize) -> Vec<Ball> {
         2 => &[(1.0, 1.0), (-1.0, -1.0)],
         _ => &[(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)],
     };
-    corners.iter().map(|(x, y)| Ball { centre: Point::new(x * o, y * o, 1.5), radius: 0.4 }).collect()
+    corners
+        .iter()
+        .map(|(x, y)| Ball {
+            centre: Point::new(x * o, y * o, 1.5),
+            radius: 0.4,
+        })
+        .collect()
 }
 
 fn random_balls(count: usize, rng: &mut Pcg64) -> Vec<Ball> {
@@ -107,7 +118,9 @@ fn random_balls(count: usize, rng: &mut Pcg64) -> Vec<Ball> {
         let (sine, cosine) = (TAU * rng.random::<f64>()).sin_cos();
         let r = 1.9 * rng.random::<f64>().sqrt();
         let centre = Point::new(r * cosine, r * sine, rng.random_range(0.3..2.8));
-        let apart = balls.iter().all(|b| (b.centre - centre).norm() >= b.radius + radius);
+        let apart = balls
+            .iter()
+            .all(|b| (b.centre - centre).norm() >= b.radius + radius);
         if centre.norm() >= radius + 0.45 && apart {
             balls.push(Ball { centre, radius });
         }
@@ -129,7 +142,12 @@ fn is_clear(robot: &Robot, scene: &Scene, shape: &Configuration) -> bool {
     scene.clearance(&robot.backbone(shape), robot.tube_radius) >= ENDPOINT_CLEARANCE
 }
 
-fn draw_starts(robot: &Robot, scene: &Scene, target: &Point, rng: &mut Pcg64) -> Vec<Configuration> {
+fn draw_starts(
+    robot: &Robot,
+    scene: &Scene,
+    target: &Point,
+    rng: &mut Pcg64,
+) -> Vec<Configuration> {
     let straight = Configuration::zeros();
     let mut starts: Vec<Configuration> = Vec::with_capacity(STARTS);
     if is_clear(robot, scene, &straight) && (robot.tip(&straight) - target).norm() >= 0.6 {
@@ -150,13 +168,34 @@ fn draw_starts(robot: &Robot, scene: &Scene, target: &Point, rng: &mut Pcg64) ->
     starts
 }
 
-fn is_hard(robot: &Robot, scene: &Scene, tip: &Point, start: &Configuration, rng: &mut Pcg64) -> bool {
-    let problem = Problem { start: *start, goal: Goal::Tip(*tip), scene: scene.clone() };
-    let Ok(ends) = end_shapes(robot, &problem, 10, 0.0, rng) else { return false };
-    let free = |end: &&Configuration| certify_polyline(robot, scene, &straight_path(start, end)).is_free();
+fn is_hard(
+    robot: &Robot,
+    scene: &Scene,
+    tip: &Point,
+    start: &Configuration,
+    rng: &mut Pcg64,
+) -> bool {
+    let problem = Problem {
+        start: *start,
+        goal: Goal::Tip(*tip),
+        scene: scene.clone(),
+    };
+    let Ok(ends) = end_shapes(robot, &problem, 10, 0.0, rng) else {
+        return false;
+    };
+    let free =
+        |end: &&Configuration| certify_polyline(robot, scene, &straight_path(start, end)).is_free();
     let straight_ones = ends.shapes.iter().filter(free).count();
     straight_ones * 10 <= ends.shapes.len()
-        && rrt_connect(robot, scene, start, &ends.shapes, &RrtSettings::default(), rng).is_some()
+        && rrt_connect(
+            robot,
+            scene,
+            start,
+            &ends.shapes,
+            &RrtSettings::default(),
+            rng,
+        )
+        .is_some()
 }
 
 /// The paper's unit robot, for tests.
@@ -173,7 +212,9 @@ mod tests {
     #[test]
     fn targets_repeat_by_seed_and_index_alone() {
         let robot = unit_robot();
-        let draw = |index| draw_target(&robot, Setting::General(Some(3)), 5, index).map(|t| (t.tip, t.starts));
+        let draw = |index| {
+            draw_target(&robot, Setting::General(Some(3)), 5, index).map(|t| (t.tip, t.starts))
+        };
         assert_eq!(draw(3), draw(3));
         assert_ne!(draw(3), draw(4));
     }
@@ -181,7 +222,9 @@ mod tests {
     #[test]
     fn drawn_starts_and_targets_keep_the_promised_distances() {
         let robot = unit_robot();
-        let targets: Vec<Target> = (0..32).filter_map(|i| draw_target(&robot, Setting::General(None), 1, i)).collect();
+        let targets: Vec<Target> = (0..32)
+            .filter_map(|i| draw_target(&robot, Setting::General(None), 1, i))
+            .collect();
         assert!(targets.len() > 16);
         for target in &targets {
             for start in &target.starts {

@@ -22,7 +22,11 @@ pub enum Selection {
 
 /// Index of the selected candidate; nothing if there is none, or none with the index asked for.
 #[must_use]
-pub fn select(candidates: &[Candidate], start: &Configuration, selection: Selection) -> Option<usize> {
+pub fn select(
+    candidates: &[Candidate],
+    start: &Configuration,
+    selection: Selection,
+) -> Option<usize> {
     let cost = |c: &Candidate| match selection {
         Selection::ShortestTime => c.metrics.duration_s,
         Selection::ShortestTipPath => c.metrics.tip_length,
@@ -32,6 +36,7 @@ pub fn select(candidates: &[Candidate], start: &Configuration, selection: Select
     };
     match selection {
         Selection::Index(index) => (index < candidates.len()).then_some(index),
-        _ => (0..candidates.len()).min_by(|a, b| cost(&candidates[*a]).total_cmp(&cost(&candidates[*b]))),
+        _ => (0..candidates.len())
+            .min_by(|a, b| cost(&candidates[*a]).total_cmp(&cost(&candidates[*b]))),
     }
 }

@@ -29,7 +29,13 @@ const ENOUGH: f64 = 1e-3;
 pub fn teach(robot: &Robot, scene: &Scene, guess: &[Configuration]) -> Waypoints {
     let basis = SineBasis::new();
     let line = straight_path(&guess[0], &guess[WAYPOINTS - 1]);
-    let mut search = Search { robot, scene, basis: &basis, line, contacts: Vec::new() };
+    let mut search = Search {
+        robot,
+        scene,
+        basis: &basis,
+        line,
+        contacts: Vec::new(),
+    };
     let coefficients = search.descend(basis.analyse(guess));
     let mut path = search.path(&coefficients);
     project(robot, &mut path);
@@ -46,7 +52,11 @@ struct Search<'a> {
 
 impl Search<'_> {
     fn path(&self, coefficients: &[f64; UNKNOWNS]) -> Waypoints {
-        self.line.iter().enumerate().map(|(h, q)| q + self.basis.change(h, coefficients)).collect()
+        self.line
+            .iter()
+            .enumerate()
+            .map(|(h, q)| q + self.basis.change(h, coefficients))
+            .collect()
     }
 
     /// Levenberg–Marquardt with the damping raised after a step that did not help.
@@ -54,7 +64,9 @@ impl Search<'_> {
         let mut damping = 1e-3;
         let mut best = self.linearise(&coefficients);
         for _ in 0..ROUNDS {
-            let Some(trial) = best.step(&coefficients, damping) else { break };
+            let Some(trial) = best.step(&coefficients, damping) else {
+                break;
+            };
             let linear = self.linearise(&trial);
             if linear.cost < best.cost {
                 let gain = 1.0 - linear.cost / best.cost;
@@ -76,12 +88,20 @@ impl Search<'_> {
     fn linearise(&mut self, coefficients: &[f64; UNKNOWNS]) -> Linear {
         let path = self.path(coefficients);
         let backbones: Vec<Backbone> = path.iter().map(|q| self.robot.backbone(q)).collect();
-        let mut linear = Linear { problem: SmoothLeastSquares::new(), cost: regular_cost(coefficients) };
+        let mut linear = Linear {
+            problem: SmoothLeastSquares::new(),
+            cost: regular_cost(coefficients),
+        };
         self.tip_rows(&backbones, &mut linear);
         for h in 1..WAYPOINTS - 1 {
             self.clearance_rows(h, &backbones[h], &mut linear);
             limit_rows(self.robot, self.basis.at(h), &path[h], &mut linear.problem);
-            linear.cost += self.robot.bending_angles(&path[h]).iter().map(|a| (a - self.robot.bending_limit + 0.01).max(0.0).powi(2)).sum::<f64>();
+            linear.cost += self
+                .robot
+                .bending_angles(&path[h])
+                .iter()
+                .map(|a| (a - self.robot.bending_limit + 0.01).max(0.0).powi(2))
+                .sum::<f64>();
         }
         linear
     }
@@ -96,18 +116,26 @@ impl Search<'_> {
             for axis in 0..3 {
                 let behind: Configuration = -jacobians[h].row(axis).transpose();
                 let ahead: Configuration = jacobians[h + 1].row(axis).transpose();
-                linear.problem.push_pair(sines, [&behind, &ahead], -difference[axis], weight);
+                linear
+                    .problem
+                    .push_pair(sines, [&behind, &ahead], -difference[axis], weight);
             }
         }
     }
 
     fn clearance_rows(&mut self, h: usize, backbone: &Backbone, linear: &mut Linear) {
         self.contacts.clear();
-        self.scene.contacts_within(backbone, self.robot.tube_radius, MARGIN, &mut self.contacts);
+        self.scene
+            .contacts_within(backbone, self.robot.tube_radius, MARGIN, &mut self.contacts);
         for contact in &self.contacts {
-            let gradient = backbone.point_jacobian(contact.section, contact.fraction).transpose() * contact.normal;
+            let gradient = backbone
+                .point_jacobian(contact.section, contact.fraction)
+                .transpose()
+                * contact.normal;
             let deficit = MARGIN - contact.clearance;
-            linear.problem.push(self.basis.at(h), &gradient, deficit, CLEARANCE_WEIGHT);
+            linear
+                .problem
+                .push(self.basis.at(h), &gradient, deficit, CLEARANCE_WEIGHT);
             linear.cost += CLEARANCE_WEIGHT * deficit * deficit;
         }
     }
@@ -133,7 +161,11 @@ fn regular_weight(index: usize) -> f64 {
 }
 
 fn regular_cost(coefficients: &[f64; UNKNOWNS]) -> f64 {
-    coefficients.iter().enumerate().map(|(i, c)| regular_weight(i) * c * c).sum()
+    coefficients
+        .iter()
+        .enumerate()
+        .map(|(i, c)| regular_weight(i) * c * c)
+        .sum()
 }
 
 #[cfg(test)]
@@ -142,7 +174,9 @@ mod tests {
     use crate::scenes::unit_robot;
 
     fn tip_length(robot: &Robot, path: &[Configuration]) -> f64 {
-        path.windows(2).map(|w| (robot.tip(&w[1]) - robot.tip(&w[0])).norm()).sum()
+        path.windows(2)
+            .map(|w| (robot.tip(&w[1]) - robot.tip(&w[0])).norm())
+            .sum()
     }
 
     #[test]
@@ -153,7 +187,10 @@ mod tests {
         let straight = straight_path(&start, &end);
         let taught = teach(&robot, &Scene::new(vec![]).unwrap(), &straight);
         let distance = (robot.tip(&end) - robot.tip(&start)).norm();
-        assert!(tip_length(&robot, &straight) > 1.1 * distance, "there is something to gain");
+        assert!(
+            tip_length(&robot, &straight) > 1.1 * distance,
+            "there is something to gain"
+        );
         assert!(tip_length(&robot, &taught) < 1.03 * distance);
         assert!((taught[0] - start).norm() < 1e-12 && (taught[63] - end).norm() < 1e-12);
     }

@@ -14,29 +14,82 @@ pub(super) fn write(file: &Path, answers: &[Answer], slots: usize) -> Result<(),
     let mut archive = ArchiveWriter::create(file)?;
     write_cases(&mut archive, answers)?;
     let draws: Vec<Option<&Draw>> = answers.iter().flat_map(|a| draws_of(a, slots)).collect();
-    archive.write("paths", &[cases, slots, WAYPOINTS, DOF], draws.iter().flat_map(|d| path_values(*d)))?;
-    archive.write("certified", &[cases, slots], draws.iter().map(|d| u8::from(motion(*d).is_some())))?;
-    archive.write("source", &[cases, slots], draws.iter().map(|d| source_code(*d)))?;
-    archive.write("drawn", &[cases], answers.iter().map(|a| a.plan.as_ref().map_or(0, |p| p.draws.len()) as i64))?;
+    archive.write(
+        "paths",
+        &[cases, slots, WAYPOINTS, DOF],
+        draws.iter().flat_map(|d| path_values(*d)),
+    )?;
+    archive.write(
+        "certified",
+        &[cases, slots],
+        draws.iter().map(|d| u8::from(motion(*d).is_some())),
+    )?;
+    archive.write(
+        "source",
+        &[cases, slots],
+        draws.iter().map(|d| source_code(*d)),
+    )?;
+    archive.write(
+        "drawn",
+        &[cases],
+        answers
+            .iter()
+            .map(|a| a.plan.as_ref().map_or(0, |p| p.draws.len()) as i64),
+    )?;
     archive.write("seconds", &[cases], answers.iter().map(|a| a.seconds))?;
-    let knots = draws.iter().filter_map(|d| motion(*d)).map(|t| t.knots().len()).max().unwrap_or(0);
-    archive.write("knot_time", &[cases, slots, knots], draws.iter().flat_map(|d| knot_times(*d, knots)))?;
-    archive.write("knots", &[cases, slots, knots, 3, DOF], draws.iter().flat_map(|d| knot_values(*d, knots)))?;
+    let knots = draws
+        .iter()
+        .filter_map(|d| motion(*d))
+        .map(|t| t.knots().len())
+        .max()
+        .unwrap_or(0);
+    archive.write(
+        "knot_time",
+        &[cases, slots, knots],
+        draws.iter().flat_map(|d| knot_times(*d, knots)),
+    )?;
+    archive.write(
+        "knots",
+        &[cases, slots, knots, 3, DOF],
+        draws.iter().flat_map(|d| knot_values(*d, knots)),
+    )?;
     archive.finish()
 }
 
 fn write_cases(archive: &mut ArchiveWriter, answers: &[Answer]) -> Result<(), ArchiveError> {
     let cases = answers.len();
     let balls: Vec<&Ball> = answers.iter().flat_map(|a| a.case.scene.balls()).collect();
-    archive.write("starts", &[cases, DOF], answers.iter().flat_map(|a| a.case.start.iter().copied()))?;
-    archive.write("target_tips", &[cases, 3], answers.iter().flat_map(|a| a.case.target_tip.iter().copied()))?;
-    archive.write("obstacle_centres", &[balls.len(), 3], balls.iter().flat_map(|b| b.centre.iter().copied()))?;
-    archive.write("obstacle_radii", &[balls.len()], balls.iter().map(|b| b.radius))?;
+    archive.write(
+        "starts",
+        &[cases, DOF],
+        answers.iter().flat_map(|a| a.case.start.iter().copied()),
+    )?;
+    archive.write(
+        "target_tips",
+        &[cases, 3],
+        answers
+            .iter()
+            .flat_map(|a| a.case.target_tip.iter().copied()),
+    )?;
+    archive.write(
+        "obstacle_centres",
+        &[balls.len(), 3],
+        balls.iter().flat_map(|b| b.centre.iter().copied()),
+    )?;
+    archive.write(
+        "obstacle_radii",
+        &[balls.len()],
+        balls.iter().map(|b| b.radius),
+    )?;
     let ends = answers.iter().scan(0_i64, |end, a| {
         *end += a.case.scene.balls().len() as i64;
         Some(*end)
     });
-    archive.write("obstacle_offsets", &[cases + 1], std::iter::once(0).chain(ends))
+    archive.write(
+        "obstacle_offsets",
+        &[cases + 1],
+        std::iter::once(0).chain(ends),
+    )
 }
 
 fn draws_of(answer: &Answer, slots: usize) -> Vec<Option<&Draw>> {
@@ -52,27 +105,45 @@ fn motion(draw: Option<&Draw>) -> Option<&Trajectory> {
 fn path_values(draw: Option<&Draw>) -> Vec<f64> {
     let sampled = motion(draw).map(|t| t.sample(WAYPOINTS));
     match sampled.or_else(|| draw.and_then(|d| d.path.clone())) {
-        Some(path) => path.iter().flat_map(|q| q.iter().copied().collect::<Vec<_>>()).collect(),
+        Some(path) => path
+            .iter()
+            .flat_map(|q| q.iter().copied().collect::<Vec<_>>())
+            .collect(),
         None => vec![f64::NAN; WAYPOINTS * DOF],
     }
 }
 
 fn source_code(draw: Option<&Draw>) -> u8 {
     match draw {
-        Some(Draw { path: Some(_), source: Source::Learned, .. }) => 1,
-        Some(Draw { path: Some(_), source: Source::Classical, .. }) => 2,
+        Some(Draw {
+            path: Some(_),
+            source: Source::Learned,
+            ..
+        }) => 1,
+        Some(Draw {
+            path: Some(_),
+            source: Source::Classical,
+            ..
+        }) => 2,
         _ => 0,
     }
 }
 
 fn knot_times(draw: Option<&Draw>, count: usize) -> Vec<f64> {
     let known = motion(draw).map_or(&[][..], Trajectory::knots);
-    (0..count).map(|i| known.get(i).map_or(f64::NAN, |k| k.time)).collect()
+    (0..count)
+        .map(|i| known.get(i).map_or(f64::NAN, |k| k.time))
+        .collect()
 }
 
 fn knot_values(draw: Option<&Draw>, count: usize) -> Vec<f64> {
     let known = motion(draw).map_or(&[][..], Trajectory::knots);
     let missing = Configuration::repeat(f64::NAN);
-    let triple = |knot: Option<&Knot>| knot.map_or([missing; 3], |k| [k.position, k.velocity, k.acceleration]);
-    (0..count).flat_map(|i| triple(known.get(i))).flat_map(|v| v.iter().copied().collect::<Vec<_>>()).collect()
+    let triple = |knot: Option<&Knot>| {
+        knot.map_or([missing; 3], |k| [k.position, k.velocity, k.acceleration])
+    };
+    (0..count)
+        .flat_map(|i| triple(known.get(i)))
+        .flat_map(|v| v.iter().copied().collect::<Vec<_>>())
+        .collect()
 }

@@ -67,7 +67,12 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         bail!("--candidates {}: 1 to 64 are allowed", arguments.candidates);
     }
     let robot = unit_robot(&arguments.robot)?;
-    let planner = load(arguments.planner, &robot, &arguments.weights, arguments.threads)?;
+    let planner = load(
+        arguments.planner,
+        &robot,
+        &arguments.weights,
+        arguments.threads,
+    )?;
     let dataset = Dataset::read(&arguments.dataset)?;
     let split = match arguments.split {
         SplitName::Train => Split::Train,
@@ -76,18 +81,34 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let cases = dataset.cases(split, arguments.cases)?;
     if cases.is_empty() {
-        bail!("{} has no case in split {:?}", arguments.dataset.display(), arguments.split);
+        bail!(
+            "{} has no case in split {:?}",
+            arguments.dataset.display(),
+            arguments.split
+        );
     }
     let answers = answer_all(&planner, arguments, cases)?;
-    std::fs::create_dir_all(&arguments.out).with_context(|| format!("cannot make {}", arguments.out.display()))?;
-    arrays::write(&arguments.out.join("paths.npz"), &answers, arguments.candidates)?;
+    std::fs::create_dir_all(&arguments.out)
+        .with_context(|| format!("cannot make {}", arguments.out.display()))?;
+    arrays::write(
+        &arguments.out.join("paths.npz"),
+        &answers,
+        arguments.candidates,
+    )?;
     let result = summary::summarise(planner.robot(), arguments, &answers);
-    std::fs::write(arguments.out.join("result.json"), serde_json::to_string_pretty(&result)?)?;
+    std::fs::write(
+        arguments.out.join("result.json"),
+        serde_json::to_string_pretty(&result)?,
+    )?;
     summary::print(&result);
     Ok(())
 }
 
-fn answer_all(planner: &Planner, arguments: &Arguments, cases: Vec<Case>) -> anyhow::Result<Vec<Answer>> {
+fn answer_all(
+    planner: &Planner,
+    arguments: &Arguments,
+    cases: Vec<Case>,
+) -> anyhow::Result<Vec<Answer>> {
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} cases, {eta} left")?;
     let bar = ProgressBar::new(cases.len() as u64).with_style(style);
     let answer = |(index, case): (usize, Case)| {
@@ -99,8 +120,17 @@ fn answer_all(planner: &Planner, arguments: &Arguments, cases: Vec<Case>) -> any
     answers
 }
 
-fn answer(planner: &Planner, arguments: &Arguments, seed: u64, case: Case) -> anyhow::Result<Answer> {
-    let problem = Problem { start: case.start, goal: Goal::Tip(case.target_tip), scene: case.scene.clone() };
+fn answer(
+    planner: &Planner,
+    arguments: &Arguments,
+    seed: u64,
+    case: Case,
+) -> anyhow::Result<Answer> {
+    let problem = Problem {
+        start: case.start,
+        goal: Goal::Tip(case.target_tip),
+        scene: case.scene.clone(),
+    };
     let request = Request {
         candidates: arguments.candidates,
         seed,
@@ -116,5 +146,9 @@ fn answer(planner: &Planner, arguments: &Arguments, seed: u64, case: Case) -> an
         Err(PlannerError::Infeasible(reason)) => Err(reason),
         Err(other) => return Err(other.into()),
     };
-    Ok(Answer { case, plan, seconds: clock.elapsed().as_secs_f64() })
+    Ok(Answer {
+        case,
+        plan,
+        seconds: clock.elapsed().as_secs_f64(),
+    })
 }

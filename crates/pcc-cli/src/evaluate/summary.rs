@@ -64,19 +64,48 @@ impl Spread {
             n => sorted[((n - 1) as f64 * share).round() as usize],
         };
         let mean = sorted.iter().sum::<f64>() / sorted.len() as f64;
-        Self { mean, p5: at(0.05), median: at(0.5), p90: at(0.9), p95: at(0.95), p99: at(0.99), max: at(1.0) }
+        Self {
+            mean,
+            p5: at(0.05),
+            median: at(0.5),
+            p90: at(0.9),
+            p95: at(0.95),
+            p99: at(0.99),
+            max: at(1.0),
+        }
     }
 }
 
 pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]) -> Summary {
-    let plans: Vec<&Plan> = answers.iter().filter_map(|a| a.plan.as_ref().ok()).collect();
-    let certified: Vec<(&Answer, &Candidate)> =
-        answers.iter().flat_map(|a| a.plan.iter().flat_map(move |p| p.candidates.iter().map(move |c| (a, c)))).collect();
+    let plans: Vec<&Plan> = answers
+        .iter()
+        .filter_map(|a| a.plan.as_ref().ok())
+        .collect();
+    let certified: Vec<(&Answer, &Candidate)> = answers
+        .iter()
+        .flat_map(|a| {
+            a.plan
+                .iter()
+                .flat_map(move |p| p.candidates.iter().map(move |c| (a, c)))
+        })
+        .collect();
     let asked = (answers.len() * arguments.candidates) as f64;
     let share = |count: usize| count as f64 / answers.len() as f64;
-    let path = |figure: fn(&Candidate) -> f64| Spread::of(certified.iter().map(move |(_, c)| figure(c)));
-    let sets: Vec<_> = plans.iter().map(|p| set_metrics(&p.candidates.iter().map(Candidate::end).collect::<Vec<Configuration>>())).collect();
-    let tip_error = |(a, c): &(&Answer, &Candidate)| (robot.tip(&c.end()) - a.case.target_tip).norm();
+    let path =
+        |figure: fn(&Candidate) -> f64| Spread::of(certified.iter().map(move |(_, c)| figure(c)));
+    let sets: Vec<_> = plans
+        .iter()
+        .map(|p| {
+            set_metrics(
+                &p.candidates
+                    .iter()
+                    .map(Candidate::end)
+                    .collect::<Vec<Configuration>>(),
+            )
+        })
+        .collect();
+    let tip_error =
+        |(a, c): &(&Answer, &Candidate)| (robot.tip(&c.end()) - a.case.target_tip).norm();
     Summary {
         planner: format!("{:?}", arguments.planner),
         dataset: arguments.dataset.display().to_string(),
@@ -85,13 +114,29 @@ pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]
         seed: arguments.seed,
         threads: arguments.threads,
         machine: machine(),
-        infeasible: count(answers.iter().filter_map(|a| a.plan.as_ref().err()).map(|reason| first_words(&reason.to_string()))),
+        infeasible: count(
+            answers
+                .iter()
+                .filter_map(|a| a.plan.as_ref().err())
+                .map(|reason| first_words(&reason.to_string())),
+        ),
         success_any: share(plans.iter().filter(|p| !p.candidates.is_empty()).count()),
-        success_first: share(plans.iter().filter(|p| p.draws.first().is_some_and(|d| d.outcome.is_ok())).count()),
+        success_first: share(
+            plans
+                .iter()
+                .filter(|p| p.draws.first().is_some_and(|d| d.outcome.is_ok()))
+                .count(),
+        ),
         share_before_fallback: before_fallback(&plans) as f64 / asked,
         share_delivered: certified.len() as f64 / asked,
         learned_any: share(plans.iter().filter(|p| p.learned_certified > 0).count()),
-        failures: count(plans.iter().flat_map(|p| &p.draws).filter_map(|d| d.outcome.as_ref().err()).map(Failure::to_string)),
+        failures: count(
+            plans
+                .iter()
+                .flat_map(|p| &p.draws)
+                .filter_map(|d| d.outcome.as_ref().err())
+                .map(Failure::to_string),
+        ),
         tip_error: Spread::of(certified.iter().map(tip_error)),
         clearance: path(|c| c.metrics.clearance),
         tip_length_ratio: path(|c| c.metrics.tip_length / c.metrics.tip_distance),
@@ -109,7 +154,13 @@ pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]
 
 /// Certified draws before anything was filled: the learned ones where there are any, else all.
 fn before_fallback(plans: &[&Plan]) -> usize {
-    let certified = |p: &&Plan| if p.learned_drawn > 0 { p.learned_certified } else { p.candidates.len() };
+    let certified = |p: &&Plan| {
+        if p.learned_drawn > 0 {
+            p.learned_certified
+        } else {
+            p.candidates.len()
+        }
+    };
     plans.iter().map(certified).sum()
 }
 
@@ -138,17 +189,45 @@ fn first_words(reason: &str) -> String {
 
 fn machine() -> String {
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = text.lines().find_map(|l| l.strip_prefix("model name")).unwrap_or("unknown").trim_start_matches(['\t', ' ', ':']);
-    format!("{model}, {} cores", std::thread::available_parallelism().map_or(0, std::num::NonZero::get))
+    let model = text
+        .lines()
+        .find_map(|l| l.strip_prefix("model name"))
+        .unwrap_or("unknown")
+        .trim_start_matches(['\t', ' ', ':']);
+    format!(
+        "{model}, {} cores",
+        std::thread::available_parallelism().map_or(0, std::num::NonZero::get)
+    )
 }
 
 pub(super) fn print(s: &Summary) {
-    println!("{} on {}: {} cases, {} candidates each", s.planner, s.dataset, s.cases, s.candidates);
-    println!("  certified before fallback {:6.2} %   delivered {:6.2} %", 100.0 * s.share_before_fallback, 100.0 * s.share_delivered);
-    println!("  requests answered         {:6.2} %   with a learned candidate {:6.2} %", 100.0 * s.success_any, 100.0 * s.learned_any);
-    println!("  tip length / distance     {:6.3} median   duration {:.2} s median", s.tip_length_ratio.median, s.duration_s.median);
-    println!("  terminal modes            {:6.1} mean     Vendi {:.2} mean", s.modes.mean, s.vendi.mean);
-    println!("  time per request          {:6.2} ms median, {:.2} ms p99", 1e3 * s.seconds.median, 1e3 * s.seconds.p99);
+    println!(
+        "{} on {}: {} cases, {} candidates each",
+        s.planner, s.dataset, s.cases, s.candidates
+    );
+    println!(
+        "  certified before fallback {:6.2} %   delivered {:6.2} %",
+        100.0 * s.share_before_fallback,
+        100.0 * s.share_delivered
+    );
+    println!(
+        "  requests answered         {:6.2} %   with a learned candidate {:6.2} %",
+        100.0 * s.success_any,
+        100.0 * s.learned_any
+    );
+    println!(
+        "  tip length / distance     {:6.3} median   duration {:.2} s median",
+        s.tip_length_ratio.median, s.duration_s.median
+    );
+    println!(
+        "  terminal modes            {:6.1} mean     Vendi {:.2} mean",
+        s.modes.mean, s.vendi.mean
+    );
+    println!(
+        "  time per request          {:6.2} ms median, {:.2} ms p99",
+        1e3 * s.seconds.median,
+        1e3 * s.seconds.p99
+    );
     for (reason, times) in s.failures.iter().chain(&s.infeasible) {
         println!("  {times:6} × {reason}");
     }

@@ -51,9 +51,18 @@ impl ArchiveReader {
     /// # Errors
     /// [`ArchiveError::File`] or [`ArchiveError::Zip`].
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
-        let file = File::open(path).map_err(|source| ArchiveError::File { path: path.into(), source })?;
-        let zip = ZipArchive::new(BufReader::new(file)).map_err(|source| ArchiveError::Zip { path: path.into(), source })?;
-        Ok(Self { path: path.into(), zip })
+        let file = File::open(path).map_err(|source| ArchiveError::File {
+            path: path.into(),
+            source,
+        })?;
+        let zip = ZipArchive::new(BufReader::new(file)).map_err(|source| ArchiveError::Zip {
+            path: path.into(),
+            source,
+        })?;
+        Ok(Self {
+            path: path.into(),
+            zip,
+        })
     }
 
     /// Whether the archive holds an array of that name.
@@ -66,9 +75,19 @@ impl ArchiveReader {
     ///
     /// # Errors
     /// [`ArchiveError::Array`] if it is missing, column-major, or not of type `T`.
-    pub fn read<T: Deserialize>(&mut self, array: &str) -> Result<(Vec<T>, Vec<u64>), ArchiveError> {
-        let fail = |reason: String| ArchiveError::Array { path: self.path.clone(), array: array.into(), reason };
-        let entry = self.zip.by_name(&format!("{array}.npy")).map_err(|e| fail(e.to_string()))?;
+    pub fn read<T: Deserialize>(
+        &mut self,
+        array: &str,
+    ) -> Result<(Vec<T>, Vec<u64>), ArchiveError> {
+        let fail = |reason: String| ArchiveError::Array {
+            path: self.path.clone(),
+            array: array.into(),
+            reason,
+        };
+        let entry = self
+            .zip
+            .by_name(&format!("{array}.npy"))
+            .map_err(|e| fail(e.to_string()))?;
         let npy = NpyFile::new(entry).map_err(|e| fail(e.to_string()))?;
         if npy.order() != npyz::Order::C {
             return Err(fail("column-major order; row-major is needed".into()));
@@ -91,24 +110,45 @@ impl ArchiveWriter {
     /// # Errors
     /// [`ArchiveError::File`].
     pub fn create(path: &Path) -> Result<Self, ArchiveError> {
-        let file = File::create(path).map_err(|source| ArchiveError::File { path: path.into(), source })?;
-        Ok(Self { path: path.into(), zip: ZipWriter::new(BufWriter::new(file)) })
+        let file = File::create(path).map_err(|source| ArchiveError::File {
+            path: path.into(),
+            source,
+        })?;
+        Ok(Self {
+            path: path.into(),
+            zip: ZipWriter::new(BufWriter::new(file)),
+        })
     }
 
     /// Adds one array given in row-major order.
     ///
     /// # Errors
     /// [`ArchiveError::Array`] if the values do not fill the shape or cannot be written.
-    pub fn write<T: AutoSerialize>(&mut self, array: &str, shape: &[usize], values: impl IntoIterator<Item = T>) -> Result<(), ArchiveError> {
-        let fail = |e: std::io::Error| ArchiveError::Array { path: self.path.clone(), array: array.into(), reason: e.to_string() };
+    pub fn write<T: AutoSerialize>(
+        &mut self,
+        array: &str,
+        shape: &[usize],
+        values: impl IntoIterator<Item = T>,
+    ) -> Result<(), ArchiveError> {
+        let fail = |e: std::io::Error| ArchiveError::Array {
+            path: self.path.clone(),
+            array: array.into(),
+            reason: e.to_string(),
+        };
         let options = SimpleFileOptions::default()
             .compression_method(CompressionMethod::Deflated)
             .compression_level(Some(1))
             .large_file(true);
-        self.zip.start_file(format!("{array}.npy"), options).map_err(|e| fail(e.into()))?;
+        self.zip
+            .start_file(format!("{array}.npy"), options)
+            .map_err(|e| fail(e.into()))?;
         let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
-        let mut writer =
-            npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut self.zip).begin_nd().map_err(fail)?;
+        let mut writer = npyz::WriteOptions::new()
+            .default_dtype()
+            .shape(&shape)
+            .writer(&mut self.zip)
+            .begin_nd()
+            .map_err(fail)?;
         writer.extend(values).map_err(fail)?;
         writer.finish().map_err(fail)
     }
@@ -119,6 +159,9 @@ impl ArchiveWriter {
     /// [`ArchiveError::Zip`].
     pub fn finish(self) -> Result<(), ArchiveError> {
         let path = self.path;
-        self.zip.finish().map(|_| ()).map_err(|source| ArchiveError::Zip { path, source })
+        self.zip
+            .finish()
+            .map(|_| ())
+            .map_err(|source| ArchiveError::Zip { path, source })
     }
 }

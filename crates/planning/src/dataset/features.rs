@@ -21,15 +21,24 @@ pub struct TrainingRows {
 ///
 /// # Errors
 /// [`SceneError`] where the obstacles of a row do not make a scene.
-pub fn training_rows(robot: &Robot, rows: &[Row], first_group: i64) -> Result<TrainingRows, SceneError> {
-    let mut out = TrainingRows { ball_offsets: vec![0], ..TrainingRows::default() };
+pub fn training_rows(
+    robot: &Robot,
+    rows: &[Row],
+    first_group: i64,
+) -> Result<TrainingRows, SceneError> {
+    let mut out = TrainingRows {
+        ball_offsets: vec![0],
+        ..TrainingRows::default()
+    };
     for row in rows {
         let scene = Scene::new(row.balls.clone())?;
         for mirrored in [false, true] {
-            let (features, coefficients) = residual_coefficients(robot, &row.path, &row.target_tip, &scene, mirrored);
+            let (features, coefficients) =
+                residual_coefficients(robot, &row.path, &row.target_tip, &scene, mirrored);
             out.ends.extend(&features.ends);
             out.balls.extend(&features.balls);
-            out.ball_offsets.push((out.balls.len() / BALL_FEATURES) as i64);
+            out.ball_offsets
+                .push((out.balls.len() / BALL_FEATURES) as i64);
             out.coefficients.extend(coefficients.map(|c| c as f32));
             out.groups.push(first_group + i64::from(row.target_index));
         }
@@ -56,10 +65,26 @@ impl TrainingRows {
     /// [`ArchiveError`].
     pub fn write(&self, file: &Path) -> Result<(), ArchiveError> {
         let mut archive = ArchiveWriter::create(file)?;
-        archive.write("ends", &[self.len(), END_FEATURES], self.ends.iter().copied())?;
-        archive.write("balls", &[self.balls.len() / BALL_FEATURES, BALL_FEATURES], self.balls.iter().copied())?;
-        archive.write("ball_offsets", &[self.len() + 1], self.ball_offsets.iter().copied())?;
-        archive.write("coefficients", &[self.len(), COEFFICIENTS], self.coefficients.iter().copied())?;
+        archive.write(
+            "ends",
+            &[self.len(), END_FEATURES],
+            self.ends.iter().copied(),
+        )?;
+        archive.write(
+            "balls",
+            &[self.balls.len() / BALL_FEATURES, BALL_FEATURES],
+            self.balls.iter().copied(),
+        )?;
+        archive.write(
+            "ball_offsets",
+            &[self.len() + 1],
+            self.ball_offsets.iter().copied(),
+        )?;
+        archive.write(
+            "coefficients",
+            &[self.len(), COEFFICIENTS],
+            self.coefficients.iter().copied(),
+        )?;
         archive.write("group", &[self.len()], self.groups.iter().copied())?;
         archive.finish()
     }

@@ -53,7 +53,13 @@ impl Meta {
     /// Meta data of a set made by this project with the given recipe.
     #[must_use]
     pub fn new(config: serde_json::Value) -> Self {
-        Self { format: "pcc_diffuser_npz".into(), version: VERSION, sphere_radius: 0.4, clearance_margin: 0.2, config }
+        Self {
+            format: "pcc_diffuser_npz".into(),
+            version: VERSION,
+            sphere_radius: 0.4,
+            clearance_margin: 0.2,
+            config,
+        }
     }
 }
 
@@ -170,7 +176,10 @@ impl Dataset {
                 balls: obstacles.of(i)?,
             })
         };
-        Ok(Self { rows: (0..rows).map(row).collect::<Result<_, DatasetError>>()?, meta })
+        Ok(Self {
+            rows: (0..rows).map(row).collect::<Result<_, DatasetError>>()?,
+            meta,
+        })
     }
 
     /// Writes both files into a folder, which is made if need be.
@@ -179,7 +188,10 @@ impl Dataset {
     /// [`DatasetError::Archive`] or [`DatasetError::Meta`].
     pub fn write(&self, folder: &Path) -> Result<(), DatasetError> {
         let path = folder.join("dataset_meta.json");
-        let fail = |reason: String| DatasetError::Meta { path: path.clone(), reason };
+        let fail = |reason: String| DatasetError::Meta {
+            path: path.clone(),
+            reason,
+        };
         std::fs::create_dir_all(folder).map_err(|e| fail(e.to_string()))?;
         self.write_arrays(&folder.join("dataset.npz"))?;
         let text = serde_json::to_string_pretty(&self.meta).map_err(|e| fail(e.to_string()))?;
@@ -191,14 +203,34 @@ impl Dataset {
         let n = rows.len();
         let balls: Vec<&Ball> = rows.iter().flat_map(|r| &r.balls).collect();
         let mut archive = ArchiveWriter::create(file)?;
-        archive.write("paths", &[n, WAYPOINTS, DOF], rows.iter().flat_map(|r| r.path.iter().flat_map(|q| q.iter().map(|v| *v as f32))))?;
-        archive.write("target_tips", &[n, 3], rows.iter().flat_map(|r| r.target_tip.iter().map(|v| *v as f32)))?;
+        archive.write(
+            "paths",
+            &[n, WAYPOINTS, DOF],
+            rows.iter()
+                .flat_map(|r| r.path.iter().flat_map(|q| q.iter().map(|v| *v as f32))),
+        )?;
+        archive.write(
+            "target_tips",
+            &[n, 3],
+            rows.iter()
+                .flat_map(|r| r.target_tip.iter().map(|v| *v as f32)),
+        )?;
         archive.write("target_indices", &[n], rows.iter().map(|r| r.target_index))?;
         archive.write("start_indices", &[n], rows.iter().map(|r| r.start_index))?;
         archive.write("ik_indices", &[n], rows.iter().map(|r| r.ik_index))?;
         archive.write("split_indices", &[n], rows.iter().map(|r| r.split.code()))?;
-        archive.write("obstacle_centres", &[balls.len(), 3], balls.iter().flat_map(|b| b.centre.iter().map(|v| *v as f32)))?;
-        archive.write("obstacle_radii", &[balls.len()], balls.iter().map(|b| b.radius as f32))?;
+        archive.write(
+            "obstacle_centres",
+            &[balls.len(), 3],
+            balls
+                .iter()
+                .flat_map(|b| b.centre.iter().map(|v| *v as f32)),
+        )?;
+        archive.write(
+            "obstacle_radii",
+            &[balls.len()],
+            balls.iter().map(|b| b.radius as f32),
+        )?;
         let ends = rows.iter().scan(0_i64, |end, r| {
             *end += r.balls.len() as i64;
             Some(*end)
@@ -214,7 +246,12 @@ impl Dataset {
     pub fn cases(&self, split: Split, limit: Option<usize>) -> Result<Vec<Case>, DatasetError> {
         let mut seen = HashSet::new();
         let mut cases = Vec::new();
-        for (index, row) in self.rows.iter().enumerate().filter(|(_, r)| r.split == split) {
+        for (index, row) in self
+            .rows
+            .iter()
+            .enumerate()
+            .filter(|(_, r)| r.split == split)
+        {
             if limit.is_some_and(|l| cases.len() >= l) {
                 break;
             }
@@ -227,8 +264,15 @@ impl Dataset {
 }
 
 fn case_of(index: usize, row: &Row) -> Result<Case, DatasetError> {
-    let scene = Scene::new(row.balls.clone()).map_err(|source| DatasetError::Scene { row: index, source })?;
-    Ok(Case { target_index: row.target_index, start_index: row.start_index, start: row.path[0], target_tip: row.target_tip, scene })
+    let scene = Scene::new(row.balls.clone())
+        .map_err(|source| DatasetError::Scene { row: index, source })?;
+    Ok(Case {
+        target_index: row.target_index,
+        start_index: row.start_index,
+        start: row.path[0],
+        target_tip: row.target_tip,
+        scene,
+    })
 }
 
 struct Obstacles {
@@ -238,7 +282,11 @@ struct Obstacles {
 }
 
 impl Obstacles {
-    fn read(archive: &mut ArchiveReader, rows: usize, default_radius: f64) -> Result<Self, DatasetError> {
+    fn read(
+        archive: &mut ArchiveReader,
+        rows: usize,
+        default_radius: f64,
+    ) -> Result<Self, DatasetError> {
         let (centres, shape) = archive.read::<f32>("obstacle_centres")?;
         let count = shape[0] as usize;
         expect_shape("obstacle_centres", &shape, &[count, 3])?;
@@ -248,13 +296,20 @@ impl Obstacles {
         } else {
             vec![default_radius as f32; count]
         };
-        Ok(Self { centres, radii, offsets })
+        Ok(Self {
+            centres,
+            radii,
+            offsets,
+        })
     }
 
     fn of(&self, row: usize) -> Result<Vec<Ball>, DatasetError> {
         let (first, end) = (self.offsets[row], self.offsets[row + 1]);
         if first < 0 || end < first || end as usize > self.radii.len() {
-            let reason = format!("obstacle offsets {first}..{end}; they must rise and stay within 0..={}", self.radii.len());
+            let reason = format!(
+                "obstacle offsets {first}..{end}; they must rise and stay within 0..={}",
+                self.radii.len()
+            );
             return Err(DatasetError::Row { row, reason });
         }
         let ball = |i: usize| Ball {
@@ -266,38 +321,69 @@ impl Obstacles {
 }
 
 fn read_meta(path: &Path) -> Result<Meta, DatasetError> {
-    let fail = |reason: String| DatasetError::Meta { path: path.into(), reason };
+    let fail = |reason: String| DatasetError::Meta {
+        path: path.into(),
+        reason,
+    };
     let text = std::fs::read_to_string(path).map_err(|e| fail(e.to_string()))?;
     let meta: Meta = serde_json::from_str(&text).map_err(|e| fail(e.to_string()))?;
     if meta.format != "pcc_diffuser_npz" || meta.version != VERSION {
-        return Err(fail(format!("format `{}` version {}; `pcc_diffuser_npz` version {VERSION} is needed", meta.format, meta.version)));
+        return Err(fail(format!(
+            "format `{}` version {}; `pcc_diffuser_npz` version {VERSION} is needed",
+            meta.format, meta.version
+        )));
     }
     Ok(meta)
 }
 
-fn column<T: npyz::Deserialize>(archive: &mut ArchiveReader, array: &'static str, expected: &[usize]) -> Result<Vec<T>, DatasetError> {
+fn column<T: npyz::Deserialize>(
+    archive: &mut ArchiveReader,
+    array: &'static str,
+    expected: &[usize],
+) -> Result<Vec<T>, DatasetError> {
     let (values, shape) = archive.read::<T>(array)?;
     expect_shape(array, &shape, expected)?;
     Ok(values)
 }
 
-fn expect_shape(array: &'static str, found: &[u64], expected: &[usize]) -> Result<(), DatasetError> {
-    if found.iter().map(|n| *n as usize).eq(expected.iter().copied()) {
+fn expect_shape(
+    array: &'static str,
+    found: &[u64],
+    expected: &[usize],
+) -> Result<(), DatasetError> {
+    if found
+        .iter()
+        .map(|n| *n as usize)
+        .eq(expected.iter().copied())
+    {
         return Ok(());
     }
-    Err(DatasetError::Shape { array, found: found.to_vec(), expected: format!("{expected:?}") })
+    Err(DatasetError::Shape {
+        array,
+        found: found.to_vec(),
+        expected: format!("{expected:?}"),
+    })
 }
 
 fn read_path(row: usize, values: &[f32]) -> Result<Vec<Configuration>, DatasetError> {
     if values.iter().any(|v| !v.is_finite()) {
-        return Err(DatasetError::Row { row, reason: "the path has values that are not finite".into() });
+        return Err(DatasetError::Row {
+            row,
+            reason: "the path has values that are not finite".into(),
+        });
     }
-    Ok(values.chunks_exact(DOF).map(|c| Configuration::from_fn(|d, _| f64::from(c[d]))).collect())
+    Ok(values
+        .chunks_exact(DOF)
+        .map(|c| Configuration::from_fn(|d, _| f64::from(c[d])))
+        .collect())
 }
 
 fn split_of(row: usize, code: i8) -> Result<Split, DatasetError> {
     [Split::Train, Split::Validation, Split::Test]
         .into_iter()
         .find(|s| s.code() == code)
-        .ok_or_else(|| DatasetError::Row { row, reason: format!("split code {code}; 0, 1 or 2 is needed") })
+        .ok_or_else(|| DatasetError::Row {
+            row,
+            reason: format!("split code {code}; 0, 1 or 2 is needed"),
+        })
 }

@@ -9,8 +9,8 @@ use crate::scenes::{Setting, Target, draw_target};
 use crate::teacher::teach;
 use collision::{Scene, certify_polyline};
 use pcc_model::{Configuration, Robot};
-use rand::seq::SliceRandom;
 use rand::RngExt;
+use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 
 /// Split by target, 80 / 10 / 10 (EVALUATION), from a generator of its own.
@@ -63,7 +63,11 @@ impl std::ops::AddAssign for BlockReport {
 
 /// Generates the rows of the targets with the given indices; the result depends on the recipe and the indices alone.
 #[must_use]
-pub fn generate_block(robot: &Robot, recipe: &Recipe, targets: std::ops::Range<u64>) -> (Vec<Row>, BlockReport) {
+pub fn generate_block(
+    robot: &Robot,
+    recipe: &Recipe,
+    targets: std::ops::Range<u64>,
+) -> (Vec<Row>, BlockReport) {
     let mut rows = Vec::new();
     let mut report = BlockReport::default();
     for index in targets {
@@ -76,10 +80,21 @@ pub fn generate_block(robot: &Robot, recipe: &Recipe, targets: std::ops::Range<u
     (rows, report)
 }
 
-fn target_rows(robot: &Robot, recipe: &Recipe, index: u64, target: &Target, rows: &mut Vec<Row>, report: &mut BlockReport) {
+fn target_rows(
+    robot: &Robot,
+    recipe: &Recipe,
+    index: u64,
+    target: &Target,
+    rows: &mut Vec<Row>,
+    report: &mut BlockReport,
+) {
     let mut rng = Pcg64::new(u128::from(recipe.seed), u128::from(index) + 1);
     for (start_index, start) in target.starts.iter().enumerate().take(recipe.starts) {
-        let problem = Problem { start: *start, goal: Goal::Tip(target.tip), scene: target.scene.clone() };
+        let problem = Problem {
+            start: *start,
+            goal: Goal::Tip(target.tip),
+            scene: target.scene.clone(),
+        };
         let Ok(mut ends) = end_shapes(robot, &problem, 10.max(recipe.ends), 0.0, &mut rng) else {
             report.dropped_starts += 1;
             continue;
@@ -97,14 +112,25 @@ fn target_rows(robot: &Robot, recipe: &Recipe, index: u64, target: &Target, rows
                 target_index: index as i32,
                 start_index: start_index as i16,
                 ik_index: ik_index as i16,
-                split: if recipe.test_only { Split::Test } else { split_of(index) },
+                split: if recipe.test_only {
+                    Split::Test
+                } else {
+                    split_of(index)
+                },
                 balls: target.scene.balls().to_vec(),
             });
         }
     }
 }
 
-fn taught_path(robot: &Robot, scene: &Scene, start: &Configuration, end: &Configuration, rng: &mut Pcg64, report: &mut BlockReport) -> Option<Waypoints> {
+fn taught_path(
+    robot: &Robot,
+    scene: &Scene,
+    start: &Configuration,
+    end: &Configuration,
+    rng: &mut Pcg64,
+    report: &mut BlockReport,
+) -> Option<Waypoints> {
     let certified = |path: &Waypoints| certify_polyline(robot, scene, path).is_free();
     let direct = teach(robot, scene, &straight_path(start, end));
     if certified(&direct) {

@@ -1,0 +1,282 @@
+//! The few-step path sampler `both-ends-flow-v1`: flow matching on sine coefficients, given both ends and the scene.
+//!
+//! Balls are encoded one by one and pooled (maximum, and sum/4), joined with the ends into a context; a residual
+//! trunk gives the velocity of the flow from noise (t = 0) to coefficients (t = 1); Euler steps integrate it.
+
+use crate::activation::silu;
+use crate::linear::Linear;
+use crate::norm::LayerNorm;
+use crate::weights_file::{WeightsError, WeightsFile};
+use std::f32::consts::TAU;
+
+const ARCHITECTURE: &str = "both-ends-flow-v1";
+const END_FEATURES: usize = 36;
+const BALL_FEATURES: usize = 28;
+const BALL_WIDTH: usize = 128;
+const TIME_FEATURES: usize = 32;
+const COEFFICIENTS: usize = 72;
+/// Bending limits that differ by less are the same robot, rad.
+const SAME_LIMIT_RAD: f64 = 1e-6;
+
+/// What one candidate is conditioned on.
+#[derive(Clone, Copy, Debug)]
+pub struct CandidateInput<'a> {
+    /// 36 numbers that describe the ends.
+    pub ends: &'a [f32],
+    /// 28 numbers for each ball, any number of balls.
+    pub balls: &'a [f32],
+}
+
+/// Buffers of [`FastModel::sample`]; after the first call of a size nothing is allocated.
+#[derive(Default)]
+pub struct FastScratch {
+    ends: Vec<f32>,
+    balls: Vec<f32>,
+    ball_hidden: Vec<f32>,
+    ball_encoded: Vec<f32>,
+    joined: Vec<f32>,
+    context: Vec<f32>,
+    time: Vec<f32>,
+    trunk: Vec<f32>,
+    normed: Vec<f32>,
+    inner: Vec<f32>,
+    velocity: Vec<f32>,
+}
+
+struct Block {
+    norm: LayerNorm,
+    inner: Linear,
+    outer: Linear,
+}
+
+/// Mean and standard deviation of some features.
+struct Scale {
+    mean: Vec<f32>,
+    deviation: Vec<f32>,
+}
+
+/// The network with its weights.
+pub struct FastModel {
+    width: usize,
+    end_scale: Scale,
+    ball_scale: Scale,
+    coefficient_deviation: Vec<f32>,
+    ball_inner: Linear,
+    ball_outer: Linear,
+    context: Linear,
+    time: Linear,
+    input: Linear,
+    blocks: Vec<Block>,
+    norm: LayerNorm,
+    output: Linear,
+}
+
+impl FastModel {
+    /// Takes the network from a weights file, for a robot with three equal sections and this bending limit (rad).
+    ///
+    /// # Errors
+    /// [`WeightsError`]: another architecture, another robot, or a tensor that does not fit.
+    pub fn from_weights(file: &WeightsFile, bending_limit: f64) -> Result<Self, WeightsError> {
+        file.expect("architecture", ARCHITECTURE)?;
+        file.expect("end_features", &END_FEATURES.to_string())?;
+        file.expect("ball_features", &BALL_FEATURES.to_string())?;
+        file.expect("coefficients", &COEFFICIENTS.to_string())?;
+        check_robot(file, bending_limit)?;
+        let width: usize = file.number("width")?;
+        let block = |i: usize| {
+            let name = |part: &str| format!("blocks.{i}.{part}");
+            Ok(Block {
+                norm: LayerNorm::load(file, &name("norm"), width)?,
+                inner: Linear::load(file, &name("inner"), width, width)?,
+                outer: Linear::load(file, &name("outer"), width, width)?,
+            })
+        };
+        Ok(Self {
+            width,
+            end_scale: Scale::load(file, "end", END_FEATURES)?,
+            ball_scale: Scale::load(file, "ball", BALL_FEATURES)?,
+            coefficient_deviation: file.tensor("coefficient_std", &[COEFFICIENTS])?.to_vec(),
+            ball_inner: Linear::load(file, "ball_inner", BALL_FEATURES, BALL_WIDTH)?,
+            ball_outer: Linear::load(file, "ball_outer", BALL_WIDTH, BALL_WIDTH)?,
+            context: Linear::load(file, "context", 2 * BALL_WIDTH + END_FEATURES, width)?,
+            time: Linear::load(file, "time", TIME_FEATURES, width)?,
+            input: Linear::load(file, "input", COEFFICIENTS, width)?,
+            blocks: (0..file.number("blocks")?)
+                .map(block)
+                .collect::<Result<_, WeightsError>>()?,
+            norm: LayerNorm::load(file, "norm", width)?,
+            output: Linear::load(file, "output", width, COEFFICIENTS)?,
+        })
+    }
+
+    /// Samples coefficients (candidates × 72, the unit of the training data) from noise of the same shape.
+    ///
+    /// `evaluations` Euler steps are made. A candidate's result depends on its own input and noise alone, bit for bit.
+    ///
+    /// # Panics
+    /// If a slice's length does not fit the number of candidates.
+    pub fn sample(
+        &self,
+        candidates: &[CandidateInput],
+        noise: &[f32],
+        evaluations: usize,
+        scratch: &mut FastScratch,
+        out: &mut [f32],
+    ) {
+        assert_eq!(
+            noise.len(),
+            candidates.len() * COEFFICIENTS,
+            "72 noise values a candidate"
+        );
+        assert_eq!(out.len(), noise.len(), "72 coefficients a candidate");
+        self.condition(candidates, scratch);
+        out.copy_from_slice(noise);
+        let step = 1.0 / evaluations as f32;
+        for i in 0..evaluations {
+            self.velocity(out, i as f32 * step, scratch);
+            for (x, v) in out.iter_mut().zip(&scratch.velocity) {
+                *x += step * v;
+            }
+        }
+        for row in out.chunks_exact_mut(COEFFICIENTS) {
+            row.iter_mut()
+                .zip(&self.coefficient_deviation)
+                .for_each(|(x, d)| *x *= d);
+        }
+    }
+
+    /// Computes the context of every candidate.
+    fn condition(&self, candidates: &[CandidateInput], s: &mut FastScratch) {
+        s.joined.clear();
+        for candidate in candidates {
+            assert_eq!(candidate.ends.len(), END_FEATURES, "36 end features");
+            assert_eq!(
+                candidate.balls.len() % BALL_FEATURES,
+                0,
+                "28 features a ball"
+            );
+            self.ball_scale.apply(candidate.balls, &mut s.balls);
+            let balls = candidate.balls.len() / BALL_FEATURES;
+            resize(&mut s.ball_hidden, balls * BALL_WIDTH);
+            resize(&mut s.ball_encoded, balls * BALL_WIDTH);
+            self.ball_inner.apply(&s.balls, &mut s.ball_hidden);
+            silu(&mut s.ball_hidden);
+            self.ball_outer.apply(&s.ball_hidden, &mut s.ball_encoded);
+            silu(&mut s.ball_encoded);
+            pool(&s.ball_encoded, &mut s.joined);
+            self.end_scale.apply(candidate.ends, &mut s.ends);
+            s.joined.extend_from_slice(&s.ends);
+        }
+        resize(&mut s.context, candidates.len() * self.width);
+        self.context.apply(&s.joined, &mut s.context);
+    }
+
+    /// Computes the velocity at `x` (candidates × 72) and time `t`.
+    fn velocity(&self, x: &[f32], t: f32, s: &mut FastScratch) {
+        let rows = x.len() / COEFFICIENTS;
+        for buffer in [&mut s.trunk, &mut s.normed, &mut s.inner] {
+            resize(buffer, rows * self.width);
+        }
+        resize(&mut s.time, self.width);
+        resize(&mut s.velocity, x.len());
+        self.time.apply(&time_features(t), &mut s.time);
+        self.input.apply(x, &mut s.trunk);
+        for (row, context) in s
+            .trunk
+            .chunks_exact_mut(self.width)
+            .zip(s.context.chunks_exact(self.width))
+        {
+            row.iter_mut()
+                .zip(context)
+                .zip(&s.time)
+                .for_each(|((h, c), t)| *h += c + t);
+        }
+        for block in &self.blocks {
+            block.apply(s);
+        }
+        self.norm.apply(&s.trunk, &mut s.normed);
+        silu(&mut s.normed);
+        self.output.apply(&s.normed, &mut s.velocity);
+    }
+}
+
+impl Block {
+    fn apply(&self, s: &mut FastScratch) {
+        self.norm.apply(&s.trunk, &mut s.normed);
+        self.inner.apply(&s.normed, &mut s.inner);
+        silu(&mut s.inner);
+        self.outer.accumulate(&s.inner, &mut s.trunk);
+    }
+}
+
+impl Scale {
+    fn load(file: &WeightsFile, name: &str, width: usize) -> Result<Self, WeightsError> {
+        let part = |suffix: &str| {
+            file.tensor(&format!("{name}_{suffix}"), &[width])
+                .map(<[f32]>::to_vec)
+        };
+        Ok(Self {
+            mean: part("mean")?,
+            deviation: part("std")?,
+        })
+    }
+
+    fn apply(&self, rows: &[f32], out: &mut Vec<f32>) {
+        out.clear();
+        for row in rows.chunks_exact(self.mean.len()) {
+            out.extend(
+                row.iter()
+                    .zip(&self.mean)
+                    .zip(&self.deviation)
+                    .map(|((x, m), d)| (x - m) / d),
+            );
+        }
+    }
+}
+
+fn check_robot(file: &WeightsFile, bending_limit: f64) -> Result<(), WeightsError> {
+    file.expect("sections", "3")?;
+    let found: f64 = file.number("theta_max")?;
+    if (found - bending_limit).abs() > SAME_LIMIT_RAD {
+        return Err(WeightsError::Robot {
+            quantity: "bending limit (rad)",
+            found,
+            expected: bending_limit,
+        });
+    }
+    Ok(())
+}
+
+fn resize(buffer: &mut Vec<f32>, length: usize) {
+    buffer.clear();
+    buffer.resize(length, 0.0);
+}
+
+/// Appends the largest value of each feature (0 without balls) and a quarter of the sum.
+fn pool(encoded: &[f32], out: &mut Vec<f32>) {
+    let mut largest = [f32::NEG_INFINITY; BALL_WIDTH];
+    let mut total = [0.0_f32; BALL_WIDTH];
+    for ball in encoded.chunks_exact(BALL_WIDTH) {
+        for ((l, t), v) in largest.iter_mut().zip(&mut total).zip(ball) {
+            *l = l.max(*v);
+            *t += v;
+        }
+    }
+    if encoded.is_empty() {
+        largest.fill(0.0);
+    }
+    out.extend_from_slice(&largest);
+    out.extend(total.iter().map(|t| t / 4.0));
+}
+
+/// sin and cos of 2π t f with f = 0.5, 1, …, 8.
+fn time_features(t: f32) -> [f32; TIME_FEATURES] {
+    let half = TIME_FEATURES / 2;
+    std::array::from_fn(|i| {
+        let angle = TAU * t * 0.5 * (i % half + 1) as f32;
+        if i < half { angle.sin() } else { angle.cos() }
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,52 @@
+//! Layer normalisation.
+
+use crate::weights_file::{WeightsError, WeightsFile};
+
+/// PyTorch's default.
+const EPSILON: f32 = 1e-5;
+const LANES: usize = 16;
+
+/// y = (x − mean) / √(variance + ε) · weight + bias, row by row.
+pub(crate) struct LayerNorm {
+    weight: Vec<f32>,
+    bias: Vec<f32>,
+}
+
+impl LayerNorm {
+    pub(crate) fn load(file: &WeightsFile, name: &str, width: usize) -> Result<Self, WeightsError> {
+        let part = |suffix: &str| {
+            file.tensor(&format!("{name}.{suffix}"), &[width])
+                .map(<[f32]>::to_vec)
+        };
+        Ok(Self {
+            weight: part("weight")?,
+            bias: part("bias")?,
+        })
+    }
+
+    /// Normalises `rows` (rows × width) into `out`.
+    pub(crate) fn apply(&self, rows: &[f32], out: &mut [f32]) {
+        let width = self.weight.len();
+        for (x, y) in rows.chunks_exact(width).zip(out.chunks_exact_mut(width)) {
+            let mean = sum(x, |v| v) / width as f32;
+            let variance = sum(x, |v| (v - mean) * (v - mean)) / width as f32;
+            let scale = 1.0 / (variance + EPSILON).sqrt();
+            for (((y, x), w), b) in y.iter_mut().zip(x).zip(&self.weight).zip(&self.bias) {
+                *y = (x - mean) * scale * w + b;
+            }
+        }
+    }
+}
+
+/// Sums in a fixed order with independent lanes, so that it vectorises and repeats bit for bit.
+fn sum(values: &[f32], of: impl Fn(f32) -> f32) -> f32 {
+    let mut lanes = [0.0_f32; LANES];
+    let chunks = values.chunks_exact(LANES);
+    let rest: f32 = chunks.remainder().iter().map(|v| of(*v)).sum();
+    for chunk in chunks {
+        for (lane, v) in lanes.iter_mut().zip(chunk) {
+            *lane += of(*v);
+        }
+    }
+    lanes.iter().sum::<f32>() + rest
+}

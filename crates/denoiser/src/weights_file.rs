@@ -1,0 +1,249 @@
+//! Weights files: safetensors with metadata, checked before anything is computed with them.
+
+use crate::manifest::ManifestEntry;
+use safetensors::{Dtype, SafeTensors};
+use sha2::{Digest, Sha256};
+use std::collections::{BTreeMap, HashMap};
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Why weights are refused.
+#[derive(Debug, Error)]
+pub enum WeightsError {
+    /// A file cannot be read.
+    #[error("cannot read {path}: {source}")]
+    Missing {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        source: std::io::Error,
+    },
+    /// The manifest is not understood.
+    #[error("manifest {path} is not understood: {reason}")]
+    Manifest {
+        /// The manifest.
+        path: PathBuf,
+        /// The reason.
+        reason: String,
+    },
+    /// The manifest has no such name.
+    #[error("weights `{name}` are not in the manifest; it has {known:?}")]
+    NotInManifest {
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: Vec<String>,
+    },
+    /// The file is shorter or longer than the manifest says.
+    #[error(
+        "weights file {path} has {found} bytes, the manifest says {expected}: it is truncated or another file"
+    )]
+    Size {
+        /// The file.
+        path: PathBuf,
+        /// Its size.
+        found: u64,
+        /// The manifest's size.
+        expected: u64,
+    },
+    /// The content is not what the manifest says.
+    #[error(
+        "weights file {path} has sha256 {found}, the manifest says {expected}: it is damaged or another file"
+    )]
+    Hash {
+        /// The file.
+        path: PathBuf,
+        /// Its hash.
+        found: String,
+        /// The manifest's hash.
+        expected: String,
+    },
+    /// Not a safetensors file.
+    #[error("weights file {path} is not a safetensors file: {reason}")]
+    Format {
+        /// The file.
+        path: PathBuf,
+        /// The reason.
+        reason: String,
+    },
+    /// A tensor is missing.
+    #[error("weights have no tensor `{tensor}`")]
+    NoTensor {
+        /// The tensor.
+        tensor: String,
+    },
+    /// A tensor has another shape or type.
+    #[error("tensor `{tensor}` has {found}, f32 {expected:?} is needed")]
+    Shape {
+        /// The tensor.
+        tensor: String,
+        /// What it has.
+        found: String,
+        /// The shape needed.
+        expected: Vec<usize>,
+    },
+    /// A tensor holds values that are not finite.
+    #[error("tensor `{tensor}` has a value that is not finite at index {index}")]
+    NotFinite {
+        /// The tensor.
+        tensor: String,
+        /// Index of the first such value.
+        index: usize,
+    },
+    /// The metadata does not fit this program.
+    #[error("weights metadata `{key}` is {found:?}, {expected} is needed")]
+    Metadata {
+        /// The key.
+        key: &'static str,
+        /// Its value, if there is one.
+        found: Option<String>,
+        /// What is needed.
+        expected: String,
+    },
+    /// The weights were trained for another robot.
+    #[error("weights are for another robot: {quantity} is {found}, this robot has {expected}")]
+    Robot {
+        /// What differs.
+        quantity: &'static str,
+        /// The weights' value.
+        found: f64,
+        /// The robot's value.
+        expected: f64,
+    },
+}
+
+struct Tensor {
+    shape: Vec<usize>,
+    values: Vec<f32>,
+}
+
+/// The content of a weights file: finite f32 tensors and metadata.
+pub struct WeightsFile {
+    tensors: BTreeMap<String, Tensor>,
+    metadata: HashMap<String, String>,
+}
+
+impl WeightsFile {
+    /// Opens a weights file and checks its size, hash and values.
+    ///
+    /// # Errors
+    /// [`WeightsError`], naming what does not fit.
+    pub fn open(path: &Path, entry: &ManifestEntry) -> Result<Self, WeightsError> {
+        let content = std::fs::read(path).map_err(|source| WeightsError::Missing {
+            path: path.into(),
+            source,
+        })?;
+        let found = content.len() as u64;
+        if found != entry.bytes {
+            return Err(WeightsError::Size {
+                path: path.into(),
+                found,
+                expected: entry.bytes,
+            });
+        }
+        let hash: String = Sha256::digest(&content)
+            .iter()
+            .map(|b| format!("{b:02x}"))
+            .collect();
+        if hash != entry.sha256 {
+            return Err(WeightsError::Hash {
+                path: path.into(),
+                found: hash,
+                expected: entry.sha256.clone(),
+            });
+        }
+        Self::parse(path, &content)
+    }
+
+    pub(crate) fn parse(path: &Path, content: &[u8]) -> Result<Self, WeightsError> {
+        let fail = |e: safetensors::SafeTensorError| WeightsError::Format {
+            path: path.into(),
+            reason: e.to_string(),
+        };
+        let (_, header) = SafeTensors::read_metadata(content).map_err(fail)?;
+        let file = SafeTensors::deserialize(content).map_err(fail)?;
+        let mut tensors = BTreeMap::new();
+        for (name, view) in file.tensors() {
+            if view.dtype() != Dtype::F32 {
+                let found = format!("{:?} {:?}", view.dtype(), view.shape());
+                return Err(WeightsError::Shape {
+                    tensor: name,
+                    found,
+                    expected: view.shape().to_vec(),
+                });
+            }
+            let values: Vec<f32> = view
+                .data()
+                .chunks_exact(4)
+                .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+                .collect();
+            if let Some(index) = values.iter().position(|v| !v.is_finite()) {
+                return Err(WeightsError::NotFinite {
+                    tensor: name,
+                    index,
+                });
+            }
+            tensors.insert(
+                name,
+                Tensor {
+                    shape: view.shape().to_vec(),
+                    values,
+                },
+            );
+        }
+        Ok(Self {
+            tensors,
+            metadata: header.metadata().clone().unwrap_or_default(),
+        })
+    }
+
+    /// The values of a tensor, row-major, if it has the shape.
+    ///
+    /// # Errors
+    /// [`WeightsError::NoTensor`] or [`WeightsError::Shape`].
+    pub fn tensor(&self, name: &str, shape: &[usize]) -> Result<&[f32], WeightsError> {
+        let tensor = self
+            .tensors
+            .get(name)
+            .ok_or_else(|| WeightsError::NoTensor {
+                tensor: name.into(),
+            })?;
+        if tensor.shape != shape {
+            return Err(WeightsError::Shape {
+                tensor: name.into(),
+                found: format!("f32 {:?}", tensor.shape),
+                expected: shape.to_vec(),
+            });
+        }
+        Ok(&tensor.values)
+    }
+
+    /// Checks that a metadata entry has a value.
+    ///
+    /// # Errors
+    /// [`WeightsError::Metadata`].
+    pub fn expect(&self, key: &'static str, expected: &str) -> Result<(), WeightsError> {
+        match self.metadata.get(key) {
+            Some(found) if found == expected => Ok(()),
+            found => Err(WeightsError::Metadata {
+                key,
+                found: found.cloned(),
+                expected: format!("`{expected}`"),
+            }),
+        }
+    }
+
+    /// A metadata entry as a number.
+    ///
+    /// # Errors
+    /// [`WeightsError::Metadata`].
+    pub fn number<T: std::str::FromStr>(&self, key: &'static str) -> Result<T, WeightsError> {
+        let found = self.metadata.get(key);
+        let missing = || WeightsError::Metadata {
+            key,
+            found: found.cloned(),
+            expected: "a number".into(),
+        };
+        found.and_then(|text| text.parse().ok()).ok_or_else(missing)
+    }
+}
