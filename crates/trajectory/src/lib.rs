@@ -3,7 +3,7 @@
 //! A motion is a list of [`Knot`]s joined by quintic Hermite segments, so position, velocity and acceleration
 //! are continuous everywhere. What is planned, certified, sent and executed is this same curve.
 //! [`allocate`] turns waypoints into such a motion within the tendons' limits, [`limit_use`] measures a motion
-//! against them exactly, and [`rate`] slows or stops one along its own path.
+//! against them exactly, and a [`RateLaw`] slows or stops one along its own path.
 //!
 //! Units: radians for positions, seconds for times; tendon quantities in the length unit of the tendon map.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -14,6 +14,7 @@ mod jerk;
 mod knot;
 mod limit_use;
 mod placement;
+mod rate;
 mod segment;
 mod spline;
 mod tendon;
@@ -23,6 +24,7 @@ pub use allocation::{AllocationError, AllocationOptions, Allocator, MAX_KNOTS, a
 pub use curve::{Trajectory, TrajectoryError, evaluate};
 pub use knot::{Knot, State};
 pub use limit_use::{LimitUse, limit_use};
+pub use rate::{RateLaw, RateStep};
 pub use segment::QuinticSegment;
 
 #[cfg(test)]
