@@ -16,10 +16,6 @@ impl TendonRows {
     pub(crate) fn iter(&self) -> impl ExactSizeIterator<Item = &Configuration> {
         self.0.iter()
     }
-
-    pub(crate) fn count(&self) -> usize {
-        self.0.len()
-    }
 }
 
 /// Whether every limit is a finite number above zero.

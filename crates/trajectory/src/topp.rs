@@ -61,7 +61,7 @@ impl SpeedProfile {
         self.lay_grid(spline, intervals);
         for round in 0..=REFINEMENTS {
             self.project(spline, rows, limits);
-            if !self.backward(ends.end) || !self.forward(ends.start, rows.count()) {
+            if !self.backward(ends.end) || !self.forward(ends.start) {
                 return false;
             }
             if round == REFINEMENTS || !self.refine(spline, rows, limits) {
@@ -126,20 +126,14 @@ impl SpeedProfile {
         }
         for i in (0..count - 1).rev() {
             self.feasible_pairs(i);
-            let least = self
-                .polygon
-                .iter()
-                .map(|point| point[0])
-                .fold(f64::INFINITY, f64::min);
-            let most = self
-                .polygon
-                .iter()
-                .map(|point| point[0])
-                .fold(0.0, f64::max);
             if self.polygon.is_empty() {
                 return false;
             }
-            self.reachable[i] = [least, most];
+            let squares = self.polygon.iter().map(|pair| pair[0]);
+            self.reachable[i] = [
+                squares.clone().fold(f64::INFINITY, f64::min),
+                squares.fold(0.0, f64::max),
+            ];
         }
         true
     }
@@ -182,8 +176,7 @@ impl SpeedProfile {
     }
 
     /// From the start, the largest x at each next point.
-    fn forward(&mut self, start_speed: f64, tendons: usize) -> bool {
-        debug_assert_eq!(self.slope.len(), tendons * self.grid.len());
+    fn forward(&mut self, start_speed: f64) -> bool {
         let start = start_speed * start_speed;
         let [low, high] = self.reachable[0];
         if start < low || start > high {
@@ -267,4 +260,130 @@ fn largest_second(normal: &[f64; 2], x: f64) -> f64 {
         return f64::INFINITY;
     }
     (1.0 - normal[0] * normal[1].signum() * x) / normal[1].abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_paths::{smooth_path, unit_limits, unit_tendons};
+    use pcc_model::Configuration;
+    use rand::SeedableRng;
+
+    fn solved(
+        path: &[Configuration],
+        ends: EndSpeeds,
+        intervals: usize,
+    ) -> (Spline, SpeedProfile, bool) {
+        let (mut spline, mut profile) = (Spline::default(), SpeedProfile::default());
+        assert!(spline.rebuild(path, 0.1, 0.0));
+        let rows = TendonRows::of(&unit_tendons());
+        let is_solved = profile.solve(&spline, &rows, &unit_limits(), ends, intervals);
+        (spline, profile, is_solved)
+    }
+
+    fn line() -> [Configuration; 2] {
+        [
+            Configuration::zeros(),
+            Configuration::from_row_slice(&[1.0, 0.5, -0.4, 0.2, 0.7, 0.1]),
+        ]
+    }
+
+    /// Largest |l′| on the line: tendon length per unit of s.
+    fn line_gain() -> f64 {
+        let mut lengths = [0.0; 9];
+        let chord = line()[1] - line()[0];
+        unit_tendons().lengths(&chord, &mut lengths);
+        lengths
+            .iter()
+            .fold(0.0, |most: f64, length| most.max(length.abs()))
+            / chord.norm()
+    }
+
+    #[test]
+    fn a_line_from_rest_to_rest_is_a_trapezoid() {
+        let (spline, profile, is_solved) = solved(&line(), EndSpeeds::default(), 200);
+        assert!(is_solved);
+        let (limits, gain) = (unit_limits(), line_gain());
+        let (speed, slope) = (limits.velocity / gain, limits.acceleration / gain);
+        for (place, x) in profile.grid().iter().zip(profile.square_speeds()) {
+            let from_end = place.parameter.min(spline.length() - place.parameter);
+            let expected = (2.0 * slope * from_end).min(speed * speed);
+            assert!(
+                (x - expected).abs() < 1e-9 * speed * speed,
+                "{x} against {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn end_speeds_are_met_or_refused() {
+        let speed = unit_limits().velocity / line_gain();
+        for (start, end) in [(0.3, 0.7), (1.0, 0.0), (0.0, 0.999), (0.5, 0.5)] {
+            let ends = EndSpeeds {
+                start: start * speed,
+                end: end * speed,
+            };
+            let (_, profile, is_solved) = solved(&line(), ends, 200);
+            assert!(is_solved, "{ends:?}");
+            let squares = profile.square_speeds();
+            assert_eq!(squares[0].sqrt(), ends.start);
+            assert!((squares[squares.len() - 1].sqrt() - ends.end).abs() < 1e-9 * speed);
+        }
+        for (start, end) in [(1.01, 0.0), (0.0, 1.01)] {
+            let ends = EndSpeeds {
+                start: start * speed,
+                end: end * speed,
+            };
+            assert!(!solved(&line(), ends, 200).2, "{ends:?}");
+        }
+        let short = line().map(|point| point * 1e-3);
+        assert!(
+            !solved(
+                &short,
+                EndSpeeds {
+                    start: speed,
+                    end: 0.0
+                },
+                200
+            )
+            .2,
+            "cannot stop that soon"
+        );
+    }
+
+    #[test]
+    fn some_limit_is_active_nearly_everywhere() {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(7);
+        let (rows, limits) = (TendonRows::of(&unit_tendons()), unit_limits());
+        for _ in 0..20 {
+            let (spline, profile, is_solved) =
+                solved(&smooth_path(&mut random, 64), EndSpeeds::default(), 250);
+            assert!(is_solved);
+            let (grid, squares) = (profile.grid(), profile.square_speeds());
+            let (mut active, mut total) = (0.0, 0.0);
+            for i in 0..grid.len() - 1 {
+                let step = grid[i + 1].parameter - grid[i].parameter;
+                let duration = 2.0 * step / (squares[i].sqrt() + squares[i + 1].sqrt());
+                let slope = 0.5 * (squares[i + 1] - squares[i]) / step;
+                let usage = [i, i + 1].map(|k| {
+                    let path = spline.at(grid[i].piece, grid[k].parameter);
+                    let tendon_use = |row: &Configuration| {
+                        let speed =
+                            row.dot(&path.slope).abs() * squares[k].sqrt() / limits.velocity;
+                        let force = row.dot(&path.slope) * slope + row.dot(&path.bend) * squares[k];
+                        speed.max(force.abs() / limits.acceleration)
+                    };
+                    rows.iter().map(tendon_use).fold(0.0, f64::max)
+                });
+                let most = usage[0].max(usage[1]);
+                assert!(most <= 1.0 + 1e-9, "{most}");
+                total += duration;
+                active += if most > 1.0 - 1e-6 { duration } else { 0.0 };
+            }
+            assert!(
+                active > 0.97 * total,
+                "a limit is active {active} of {total} s"
+            );
+        }
+    }
 }
