@@ -1,4 +1,4 @@
-//! The canonical frame: the goal's azimuth about the base axis is zero (ROBOT "Symmetry").
+//! The canonical frame: the goal's azimuth about the base axis is zero (docs/robot.md "Symmetry").
 
 use collision::Ball;
 

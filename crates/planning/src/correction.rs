@@ -1,7 +1,7 @@
 //! Analytic correction: smooth least-squares pushes out of obstacles and back inside the bending limits.
 //!
 //! Each round takes the exact nearest body point of every waypoint and ball that is closer than the margin,
-//! linearises the clearance by the envelope theorem (ROBOT "Exact geometry"), and solves for the smooth change
+//! linearises the clearance by the envelope theorem (docs/robot.md "Exact geometry"), and solves for the smooth change
 //! that restores it. Both ends stay exactly where they are.
 
 use crate::basis::{SineBasis, SmoothLeastSquares, TERMS, UNKNOWNS};

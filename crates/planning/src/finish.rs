@@ -6,7 +6,7 @@ use collision::{Scene, certify_polyline, certify_trajectory};
 use pcc_model::{Configuration, Robot, TendonLimits};
 use trajectory::{AllocationOptions, Knot, Trajectory, allocate};
 
-/// Bending above the limit that the certificate allows, rad (EVALUATION "Certified").
+/// Bending above the limit that the certificate allows, rad (docs/evaluation.md "Certified").
 const BENDING_SLACK_RAD: f64 = 5e-3;
 
 /// What a motion must keep.

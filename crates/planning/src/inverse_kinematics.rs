@@ -5,7 +5,7 @@ use pcc_model::{Configuration, Point, Robot};
 
 /// Iterations of one seed: a count, so that answers do not depend on time.
 const ITERATIONS: usize = 40;
-/// Damping λ of the pseudo-inverse (EVALUATION, "Targets").
+/// Damping λ of the pseudo-inverse (docs/evaluation.md "Targets").
 const DAMPING: f64 = 1e-4;
 /// Tip residual taken as solved, section lengths.
 const SOLVED: f64 = 1e-9;

@@ -1,4 +1,4 @@
-//! Figures of merit of a path and of a set of paths (EVALUATION "Metrics").
+//! Figures of merit of a path and of a set of paths (docs/evaluation.md "Metrics").
 
 use crate::path::WAYPOINTS;
 use collision::{Scene, minimum_clearance};

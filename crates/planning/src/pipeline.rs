@@ -53,8 +53,10 @@ pub enum Sampler {
 pub enum Source {
     /// The learned sampler.
     Learned,
-    /// A straight segment or the tree.
-    Classical,
+    /// A straight segment in configuration space.
+    Straight,
+    /// The tree, RRT-Connect.
+    Tree,
 }
 
 /// Why a draw did not become a certified motion.
@@ -348,7 +350,7 @@ impl<'a> Run<'a> {
             .iter()
             .map(|end| straight_path(&self.problem.start, end))
             .collect();
-        self.finish(paths, Source::Classical)
+        self.finish(paths, Source::Straight)
     }
 
     /// Corrects, times and certifies; what does not certify is corrected once more with a larger margin.
@@ -424,7 +426,7 @@ impl<'a> Run<'a> {
     fn tree(&self, stream: u64, goals: &[Configuration], settings: &RrtSettings) -> Draw {
         let mut draw = Draw {
             path: None,
-            source: Source::Classical,
+            source: Source::Tree,
             outcome: Err(Failure::NoPath),
         };
         let mut rng = Pcg64::new(u128::from(self.request.seed), u128::from(stream) + 1);

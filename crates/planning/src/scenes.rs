@@ -1,4 +1,4 @@
-//! Random cases: the reference's fixed layouts, general scenes, hard scenes (EVALUATION "Cases").
+//! Random cases: the reference's fixed layouts, general scenes, hard scenes (docs/evaluation.md "Cases").
 
 use crate::end_shapes::end_shapes;
 use crate::path::straight_path;

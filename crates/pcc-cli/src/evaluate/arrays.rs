@@ -1,4 +1,4 @@
-//! `paths.npz`: what was drawn, what was certified, and the executed curves (EVALUATION "The command").
+//! `paths.npz`: what was drawn, what was certified, and the executed curves (docs/evaluation.md "The command").
 
 use super::Answer;
 use collision::Ball;
@@ -122,7 +122,7 @@ fn source_code(draw: Option<&Draw>) -> u8 {
         }) => 1,
         Some(Draw {
             path: Some(_),
-            source: Source::Classical,
+            source: Source::Straight | Source::Tree,
             ..
         }) => 2,
         _ => 0,

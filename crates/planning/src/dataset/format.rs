@@ -1,4 +1,4 @@
-//! The authors' data set format, version 25: one row a path, obstacles by offsets (EVALUATION "The command").
+//! The authors' data set format, version 25: one row a path, obstacles by offsets (docs/evaluation.md "The command").
 
 use super::archive::{ArchiveError, ArchiveReader, ArchiveWriter};
 use crate::path::WAYPOINTS;

@@ -13,7 +13,7 @@ use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 
-/// Split by target, 80 / 10 / 10 (EVALUATION), from a generator of its own.
+/// Split by target, 80 / 10 / 10 (docs/evaluation.md), from a generator of its own.
 const SPLIT_SEED: u64 = 999;
 /// The tree works with this much room to spare, so that the teacher starts from a clear path.
 const TREE_MARGIN: f64 = 0.02;
