@@ -16,6 +16,7 @@ pub mod codes;
 pub mod ipc;
 pub mod lateness;
 pub mod message;
+pub mod valid;
 
 /// The version of every message in this crate; a request of another version is answered with `wrong version`.
 pub const PROTOCOL_VERSION: u32 = 1;

@@ -20,6 +20,19 @@ pub use scene::{MovingBall, SceneMessage};
 pub use setpoint::Setpoint;
 pub use trajectory::{Knot, TrajectoryMessage};
 
+/// Where a field lies in its message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Field {
+    /// Its name.
+    pub name: &'static str,
+    /// Its type as Rust writes it.
+    pub rust_type: &'static str,
+    /// Bytes before it.
+    pub offset: usize,
+    /// Bytes of it.
+    pub bytes: usize,
+}
+
 /// A type whose zero a constant can name: the numbers, their arrays, and every wire message.
 pub trait Zeroed {
     /// All bits zero.
@@ -51,6 +64,14 @@ macro_rules! wire_message {
         impl $name {
             /// All fields zero.
             pub const ZEROED: Self = Self { $($field: <$field_type as $crate::message::Zeroed>::ZEROED,)* };
+
+            /// The fields in order: what another language has to declare.
+            pub const FIELDS: &[$crate::message::Field] = &[$($crate::message::Field {
+                name: stringify!($field),
+                rust_type: stringify!($field_type),
+                offset: std::mem::offset_of!(Self, $field),
+                bytes: size_of::<$field_type>(),
+            },)*];
         }
 
         impl Default for $name {
@@ -68,3 +89,63 @@ macro_rules! wire_message {
     };
 }
 use wire_message;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use iceoryx2::prelude::ZeroCopySend;
+    use std::fmt::Write;
+
+    /// The layout of all messages as text, one line a field: offset, bytes, name, type.
+    fn layout() -> String {
+        let mut text = String::new();
+        macro_rules! describe {
+            ($($message:ident),*) => { $(
+                writeln!(text, "pcc.v1.{} {} bytes", stringify!($message), size_of::<$message>()).unwrap();
+                for Field { name, rust_type, offset, bytes } in $message::FIELDS {
+                    writeln!(text, "{offset:>6} {bytes:>6} {name}: {rust_type}").unwrap();
+                }
+            )* };
+        }
+        describe!(
+            Knot,
+            Ball,
+            PlanRequest,
+            CandidateSummary,
+            PlanReport,
+            TrajectoryMessage,
+            Setpoint,
+            RobotState
+        );
+        describe!(
+            ControllerState,
+            Cycle,
+            MovingBall,
+            SceneMessage,
+            Heartbeat,
+            Command,
+            CommandReply
+        );
+        text
+    }
+
+    #[test]
+    fn the_layout_is_the_published_one() {
+        let layout = layout();
+        assert!(
+            layout == include_str!("../../layout.txt"),
+            "layout.txt is not what the messages are now:\n{layout}"
+        );
+    }
+
+    #[test]
+    #[allow(
+        unsafe_code,
+        reason = "iceoryx2 makes reading a type name unsafe for those who rely on its layout"
+    )]
+    fn type_names_carry_the_version() {
+        // SAFETY: only the text is read; nothing is assumed of the layout.
+        let name = unsafe { <PlanReport as ZeroCopySend>::type_name() };
+        assert_eq!(name, "pcc.v1.PlanReport");
+    }
+}

@@ -1,0 +1,455 @@
+//! What a daemon may plan.
+
+use std::time::Duration;
+
+use super::{
+    Invalid, Quantity, Reason, check_array, check_code, check_count, check_distance, check_flag,
+    check_range, check_stamp, check_version, invalid, invalid_at,
+};
+use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES};
+use crate::codes::{GoalKind, Sampler, Selection};
+use crate::message::{self, Ball};
+
+/// The longest deadline, nanoseconds.
+const MAX_DEADLINE_NS: u64 = 60_000_000_000;
+
+/// Where the motion is to end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Goal {
+    /// Any configuration that puts the tip there.
+    Tip {
+        /// Position in the base frame, metres.
+        position_m: [f64; 3],
+        /// Distance that counts as reached, metres; none: a hundredth of a section's length.
+        tolerance_m: Option<f64>,
+    },
+    /// This configuration, radians.
+    Configuration([f64; DOF]),
+}
+
+/// Which candidate is selected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SelectionRule {
+    /// The best by a measure; never [`Selection::ByIndex`] in a validated request.
+    Best(Selection),
+    /// This one.
+    Index(usize),
+}
+
+/// A plan request without contradictions; lengths metres, angles radians.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PlanRequest {
+    /// The sender's number.
+    pub request_id: u64,
+    /// Seed of all random draws.
+    pub seed: u64,
+    /// Candidates wanted, 1..=64.
+    pub candidate_count: usize,
+    /// Time the answer may take; none: the daemon's default.
+    pub deadline: Option<Duration>,
+    /// Who is to propose paths.
+    pub sampler: Sampler,
+    /// Which candidate is selected.
+    pub selection: SelectionRule,
+    /// Whether the selected one is to be published for execution.
+    pub execute: bool,
+    /// Configuration at the begin, at rest, radians.
+    pub start_configuration_rad: [f64; DOF],
+    /// Where to.
+    pub goal: Goal,
+    /// Share of the tendon limits, 0 < scale <= 1.
+    pub limits_scale: f64,
+    /// When the motion begins if executed, nanoseconds of `CLOCK_MONOTONIC`; none: as soon as possible.
+    pub begin_mono_ns: Option<i64>,
+    /// Obstacles, at most 64.
+    pub balls: Vec<Ball>,
+}
+
+impl PlanRequest {
+    /// A request for one candidate to a goal, with the daemon's defaults, no balls, not executed.
+    #[must_use]
+    pub fn new(start_configuration_rad: [f64; DOF], goal: Goal) -> Self {
+        Self {
+            request_id: 0,
+            seed: 0,
+            candidate_count: 1,
+            deadline: None,
+            sampler: Sampler::Default,
+            selection: SelectionRule::Best(Selection::ShortestTime),
+            execute: false,
+            start_configuration_rad,
+            goal,
+            limits_scale: 1.0,
+            begin_mono_ns: None,
+            balls: Vec::new(),
+        }
+    }
+}
+
+impl TryFrom<&message::PlanRequest> for PlanRequest {
+    type Error = Invalid;
+
+    fn try_from(wire: &message::PlanRequest) -> Result<Self, Invalid> {
+        check_version(wire.protocol_version)?;
+        let candidate_count =
+            check_count("candidate_count", wire.candidate_count, 1, MAX_CANDIDATES)?;
+        let request = Self {
+            request_id: wire.request_id,
+            seed: wire.seed,
+            candidate_count,
+            deadline: deadline(wire.deadline_ns)?,
+            sampler: check_code("sampler", wire.sampler)?,
+            selection: selection(wire, candidate_count)?,
+            execute: check_flag("execute", wire.execute)?,
+            start_configuration_rad: start(wire)?,
+            goal: goal(wire)?,
+            limits_scale: limits_scale(wire.limits_scale)?,
+            begin_mono_ns: Some(check_stamp("begin_mono_ns", wire.begin_mono_ns)?)
+                .filter(|&begin| begin != 0),
+            balls: balls(wire)?,
+        };
+        Ok(request)
+    }
+}
+
+fn deadline(deadline_ns: u64) -> Result<Option<Duration>, Invalid> {
+    if deadline_ns > MAX_DEADLINE_NS {
+        let reason = Reason::Count {
+            count: deadline_ns,
+            least: 0,
+            most: MAX_DEADLINE_NS,
+        };
+        return Err(invalid("deadline_ns", reason));
+    }
+    Ok((deadline_ns != 0).then(|| Duration::from_nanos(deadline_ns)))
+}
+
+fn selection(
+    wire: &message::PlanRequest,
+    candidate_count: usize,
+) -> Result<SelectionRule, Invalid> {
+    match check_code("selection", wire.selection)? {
+        Selection::ByIndex => {
+            let index = check_count(
+                "selected_index",
+                wire.selected_index,
+                0,
+                candidate_count - 1,
+            )?;
+            Ok(SelectionRule::Index(index))
+        }
+        selection => Ok(SelectionRule::Best(selection)),
+    }
+}
+
+fn start(wire: &message::PlanRequest) -> Result<[f64; DOF], Invalid> {
+    check_array(
+        "start_configuration_rad",
+        &wire.start_configuration_rad,
+        Quantity::Angle,
+    )?;
+    at_rest("start_velocity_rad_s", &wire.start_velocity_rad_s)?;
+    at_rest("start_acceleration_rad_s2", &wire.start_acceleration_rad_s2)?;
+    Ok(wire.start_configuration_rad)
+}
+
+fn at_rest(field: &'static str, rates: &[f64; DOF]) -> Result<(), Invalid> {
+    check_array(field, rates, Quantity::Rate)?;
+    match rates.iter().position(|&rate| rate != 0.0) {
+        Some(index) => Err(invalid_at(
+            field,
+            index,
+            Reason::NotServed {
+                what: "replanning in motion (a start not at rest)",
+            },
+        )),
+        None => Ok(()),
+    }
+}
+
+fn goal(wire: &message::PlanRequest) -> Result<Goal, Invalid> {
+    match check_code("goal_kind", wire.goal_kind)? {
+        GoalKind::Tip => {
+            check_array("goal_tip_m", &wire.goal_tip_m, Quantity::Length)?;
+            let tolerance_m = check_distance(wire.tip_tolerance_m)
+                .map_err(|reason| invalid("tip_tolerance_m", reason))?;
+            Ok(Goal::Tip {
+                position_m: wire.goal_tip_m,
+                tolerance_m: (tolerance_m > 0.0).then_some(tolerance_m),
+            })
+        }
+        GoalKind::Configuration => {
+            check_array(
+                "goal_configuration_rad",
+                &wire.goal_configuration_rad,
+                Quantity::Angle,
+            )?;
+            Ok(Goal::Configuration(wire.goal_configuration_rad))
+        }
+    }
+}
+
+fn limits_scale(scale: f64) -> Result<f64, Invalid> {
+    check_range(scale, f64::MIN_POSITIVE, 1.0, "0 < scale <= 1")
+        .map_err(|reason| invalid("limits_scale", reason))
+}
+
+fn balls(wire: &message::PlanRequest) -> Result<Vec<Ball>, Invalid> {
+    let count = check_count("ball_count", wire.ball_count, 0, MAX_BALLS)?;
+    let balls = wire.balls[..count].to_vec();
+    for (index, ball) in balls.iter().enumerate() {
+        let centre = ball
+            .centre_m
+            .iter()
+            .try_for_each(|&value| Quantity::Length.check(value).map(drop));
+        centre
+            .and(check_distance(ball.radius_m))
+            .map_err(|reason| invalid_at("balls", index, reason))?;
+    }
+    Ok(balls)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::codes::{Outcome, PlanField};
+
+    fn request() -> PlanRequest {
+        let goal = Goal::Tip {
+            position_m: [0.1, 0.2, 2.5],
+            tolerance_m: None,
+        };
+        let ball = Ball {
+            centre_m: [1.0, 0.0, 1.0],
+            radius_m: 0.25,
+        };
+        PlanRequest {
+            candidate_count: 16,
+            balls: vec![ball; 2],
+            ..PlanRequest::new([0.1; DOF], goal)
+        }
+    }
+
+    fn wire() -> message::PlanRequest {
+        (&request()).try_into().unwrap()
+    }
+
+    type Change = fn(&mut message::PlanRequest);
+
+    /// A change, the field that is wrong then, and what the error says.
+    const BAD: &[(Change, PlanField, &str)] = &[
+        (
+            |r| r.protocol_version = 2,
+            PlanField::ProtocolVersion,
+            "speaks 1",
+        ),
+        (
+            |r| r.candidate_count = 0,
+            PlanField::CandidateCount,
+            "1..=64",
+        ),
+        (
+            |r| r.candidate_count = 65,
+            PlanField::CandidateCount,
+            "1..=64",
+        ),
+        (
+            |r| r.deadline_ns = u64::MAX,
+            PlanField::Deadline,
+            "0..=60000000000",
+        ),
+        (|r| r.sampler = 4, PlanField::Sampler, "3 (rrt-connect)"),
+        (|r| r.selection = 6, PlanField::Selection, "5 (by index)"),
+        (
+            |r| (r.selection, r.selected_index) = (5, 16),
+            PlanField::SelectedIndex,
+            "0..=15",
+        ),
+        (|r| r.execute = 2, PlanField::Execute, "0 (no) and 1 (yes)"),
+        (
+            |r| r.goal_kind = 2,
+            PlanField::GoalKind,
+            "1 (configuration)",
+        ),
+        (|r| r.ball_count = 65, PlanField::BallCount, "0..=64"),
+        (
+            |r| r.start_configuration_rad[5] = f64::NAN,
+            PlanField::StartConfiguration,
+            "[5] is NaN",
+        ),
+        (
+            |r| r.start_configuration_rad[0] = -1.1e3,
+            PlanField::StartConfiguration,
+            "-1000..=1000 rad",
+        ),
+        (
+            |r| r.start_velocity_rad_s[2] = 1e-3,
+            PlanField::StartVelocity,
+            "replanning in motion",
+        ),
+        (
+            |r| r.start_velocity_rad_s[2] = f64::INFINITY,
+            PlanField::StartVelocity,
+            "[2] is inf",
+        ),
+        (
+            |r| r.start_acceleration_rad_s2[1] = -1.0,
+            PlanField::StartAcceleration,
+            "replanning in motion",
+        ),
+        (
+            |r| r.start_acceleration_rad_s2[1] = f64::NAN,
+            PlanField::StartAcceleration,
+            "[1] is NaN",
+        ),
+        (
+            |r| r.goal_tip_m[2] = f64::NEG_INFINITY,
+            PlanField::GoalTip,
+            "[2] is -inf",
+        ),
+        (
+            |r| r.goal_tip_m[0] = 1e4,
+            PlanField::GoalTip,
+            "-1000..=1000 m",
+        ),
+        (
+            |r| r.tip_tolerance_m = -1e-9,
+            PlanField::TipTolerance,
+            "0..=1000 m",
+        ),
+        (
+            |r| r.tip_tolerance_m = f64::NAN,
+            PlanField::TipTolerance,
+            "NaN",
+        ),
+        (
+            |r| (r.goal_kind, r.goal_configuration_rad[3]) = (1, f64::NAN),
+            PlanField::GoalConfiguration,
+            "[3]",
+        ),
+        (
+            |r| r.limits_scale = 0.0,
+            PlanField::LimitsScale,
+            "0 < scale <= 1",
+        ),
+        (
+            |r| r.limits_scale = -0.5,
+            PlanField::LimitsScale,
+            "0 < scale <= 1",
+        ),
+        (
+            |r| r.limits_scale = 1.0 + 1e-12,
+            PlanField::LimitsScale,
+            "0 < scale <= 1",
+        ),
+        (|r| r.limits_scale = f64::NAN, PlanField::LimitsScale, "NaN"),
+        (|r| r.begin_mono_ns = -1, PlanField::Begin, "0 or later"),
+        (
+            |r| r.balls[1].radius_m = -0.1,
+            PlanField::Balls,
+            "balls[1] is -0.1; allowed is 0..=1000 m",
+        ),
+        (
+            |r| r.balls[0].radius_m = f64::INFINITY,
+            PlanField::Balls,
+            "balls[0] is inf",
+        ),
+        (
+            |r| r.balls[1].centre_m[2] = f64::NAN,
+            PlanField::Balls,
+            "balls[1] is NaN",
+        ),
+    ];
+
+    #[test]
+    fn each_field_is_checked_and_named() {
+        for (change, field, text) in BAD {
+            let mut wire = wire();
+            change(&mut wire);
+            let error = PlanRequest::try_from(&wire).expect_err(text);
+            assert_eq!(error.plan_field(), *field, "{error}");
+            assert!(
+                error.to_string().contains(text),
+                "{error} does not say {text:?}"
+            );
+            let version = *field == PlanField::ProtocolVersion;
+            assert_eq!(
+                error.outcome(),
+                if version {
+                    Outcome::WrongVersion
+                } else {
+                    Outcome::InvalidRequest
+                }
+            );
+        }
+        for field in PlanField::ALL
+            .iter()
+            .filter(|&&field| field != PlanField::None)
+        {
+            assert!(
+                BAD.iter().any(|(_, tested, _)| tested == field),
+                "no case for {field}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_ends_of_every_range_are_accepted_and_what_is_not_used_is_not_read() {
+        let changes: &[Change] = &[
+            |r| r.candidate_count = 1,
+            |r| r.candidate_count = 64,
+            |r| r.deadline_ns = MAX_DEADLINE_NS,
+            |r| (r.selection, r.selected_index) = (5, 15),
+            |r| (r.selection, r.selected_index) = (0, u32::MAX),
+            |r| r.ball_count = 0,
+            |r| r.ball_count = 64,
+            |r| r.balls[2].radius_m = f64::NAN,
+            |r| r.balls[0].radius_m = 0.0,
+            |r| r.limits_scale = 1e-9,
+            |r| r.goal_configuration_rad[0] = f64::NAN,
+            |r| (r.goal_kind, r.goal_tip_m[0]) = (1, f64::NAN),
+            |r| r.start_velocity_rad_s[0] = -0.0,
+        ];
+        for (index, change) in changes.iter().enumerate() {
+            let mut wire = wire();
+            change(&mut wire);
+            PlanRequest::try_from(&wire).unwrap_or_else(|error| panic!("change {index}: {error}"));
+        }
+    }
+
+    #[test]
+    fn a_request_survives_the_wire() {
+        let tip = request();
+        let by_index = PlanRequest {
+            request_id: 7,
+            seed: 8,
+            deadline: Some(Duration::from_millis(20)),
+            sampler: Sampler::RrtConnect,
+            selection: SelectionRule::Index(3),
+            execute: true,
+            goal: Goal::Configuration([0.3; DOF]),
+            limits_scale: 0.5,
+            begin_mono_ns: Some(9),
+            balls: Vec::new(),
+            ..tip.clone()
+        };
+        for request in [tip, by_index] {
+            let wire = message::PlanRequest::try_from(&request).unwrap();
+            assert_eq!(PlanRequest::try_from(&wire), Ok(request));
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_the_wire_is_refused_by_the_sender() {
+        let balls = vec![Ball::ZEROED; MAX_BALLS + 1];
+        let error =
+            message::PlanRequest::try_from(&PlanRequest { balls, ..request() }).unwrap_err();
+        assert_eq!(error.plan_field(), PlanField::BallCount);
+        let error = message::PlanRequest::try_from(&PlanRequest {
+            candidate_count: 0,
+            ..request()
+        })
+        .unwrap_err();
+        assert_eq!(error.plan_field(), PlanField::CandidateCount);
+    }
+}

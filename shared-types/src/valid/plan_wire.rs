@@ -1,0 +1,62 @@
+//! The sender's half of a plan request.
+
+use std::time::Duration;
+
+use super::{Goal, Invalid, PlanRequest, SelectionRule};
+use crate::PROTOCOL_VERSION;
+use crate::codes::{GoalKind, Selection};
+use crate::message;
+
+impl TryFrom<&PlanRequest> for message::PlanRequest {
+    type Error = Invalid;
+
+    /// Writes the wire form; fails where that would not be accepted.
+    fn try_from(request: &PlanRequest) -> Result<Self, Invalid> {
+        let mut wire = Self {
+            protocol_version: PROTOCOL_VERSION,
+            candidate_count: u32::try_from(request.candidate_count).unwrap_or(u32::MAX),
+            request_id: request.request_id,
+            seed: request.seed,
+            deadline_ns: request.deadline.map_or(0, wire_deadline_ns),
+            sampler: request.sampler.code(),
+            execute: u32::from(request.execute),
+            ball_count: u32::try_from(request.balls.len()).unwrap_or(u32::MAX),
+            start_configuration_rad: request.start_configuration_rad,
+            limits_scale: request.limits_scale,
+            begin_mono_ns: request.begin_mono_ns.unwrap_or(0),
+            ..Self::ZEROED
+        };
+        match request.selection {
+            SelectionRule::Best(selection) => wire.selection = selection.code(),
+            SelectionRule::Index(index) => {
+                wire.selection = Selection::ByIndex.code();
+                wire.selected_index = u32::try_from(index).unwrap_or(u32::MAX);
+            }
+        }
+        match request.goal {
+            Goal::Tip {
+                position_m,
+                tolerance_m,
+            } => {
+                wire.goal_tip_m = position_m;
+                wire.tip_tolerance_m = tolerance_m.unwrap_or(0.0);
+            }
+            Goal::Configuration(configuration_rad) => {
+                wire.goal_kind = GoalKind::Configuration.code();
+                wire.goal_configuration_rad = configuration_rad;
+            }
+        }
+        for (slot, ball) in wire.balls.iter_mut().zip(&request.balls) {
+            *slot = *ball;
+        }
+        PlanRequest::try_from(&wire)?;
+        Ok(wire)
+    }
+}
+
+/// No deadline at all is 0 on the wire, so the shortest one is 1 ns.
+fn wire_deadline_ns(deadline: Duration) -> u64 {
+    u64::try_from(deadline.as_nanos())
+        .unwrap_or(u64::MAX)
+        .max(1)
+}

@@ -1,0 +1,339 @@
+//! Set-points and states: the wire values once they are known to be finite, next to their codes' meanings.
+//!
+//! No allocation, so the loop may use them.
+
+use super::{
+    Invalid, Quantity, Reason, check_array, check_code, check_range, check_stamp, invalid,
+};
+use crate::codes::{LoopFault, LoopState, MotorFault, MotorState, Refusal};
+use crate::message;
+
+/// A set-point that a motor may consider.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Setpoint {
+    /// The controller's state.
+    pub state: LoopState,
+    /// The values, all finite.
+    pub values: message::Setpoint,
+}
+
+impl TryFrom<&message::Setpoint> for Setpoint {
+    type Error = Invalid;
+
+    fn try_from(wire: &message::Setpoint) -> Result<Self, Invalid> {
+        let values = *wire;
+        check_stamp("stamp_mono_ns", values.stamp_mono_ns)?;
+        check_array("position_m", &values.position_m, Quantity::Length)?;
+        check_array("velocity_m_s", &values.velocity_m_s, Quantity::Rate)?;
+        check_array(
+            "acceleration_m_s2",
+            &values.acceleration_m_s2,
+            Quantity::Rate,
+        )?;
+        Ok(Self {
+            state: check_code("state", values.state)?,
+            values,
+        })
+    }
+}
+
+/// A robot's state that a controller may use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RobotState {
+    /// What the motor end does.
+    pub state: MotorState,
+    /// What is wrong with it.
+    pub fault: MotorFault,
+    /// The values, all finite.
+    pub values: message::RobotState,
+}
+
+impl TryFrom<&message::RobotState> for RobotState {
+    type Error = Invalid;
+
+    fn try_from(wire: &message::RobotState) -> Result<Self, Invalid> {
+        let values = *wire;
+        check_stamp("stamp_mono_ns", values.stamp_mono_ns)?;
+        check_array(
+            "accepted_setpoint_m",
+            &values.accepted_setpoint_m,
+            Quantity::Length,
+        )?;
+        check_array(
+            "accepted_velocity_m_s",
+            &values.accepted_velocity_m_s,
+            Quantity::Rate,
+        )?;
+        check_array(
+            "measured_tendon_m",
+            &values.measured_tendon_m,
+            Quantity::Length,
+        )?;
+        check_array(
+            "measured_configuration_rad",
+            &values.measured_configuration_rad,
+            Quantity::Angle,
+        )?;
+        let (state, fault) = (
+            check_code("state", values.state)?,
+            check_code("fault", values.fault)?,
+        );
+        Ok(Self {
+            state,
+            fault,
+            values,
+        })
+    }
+}
+
+/// A controller's state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControllerState {
+    /// What the loop does.
+    pub state: LoopState,
+    /// Why it is in fault.
+    pub fault: LoopFault,
+    /// Why it refused the last trajectory that it refused.
+    pub refusal: Refusal,
+    /// The values, all finite.
+    pub values: message::ControllerState,
+}
+
+impl TryFrom<&message::ControllerState> for ControllerState {
+    type Error = Invalid;
+
+    fn try_from(wire: &message::ControllerState) -> Result<Self, Invalid> {
+        let values = *wire;
+        check_stamp("stamp_mono_ns", values.stamp_mono_ns)?;
+        check_array(
+            "commanded_configuration_rad",
+            &values.commanded_configuration_rad,
+            Quantity::Angle,
+        )?;
+        check_array(
+            "commanded_velocity_rad_s",
+            &values.commanded_velocity_rad_s,
+            Quantity::Rate,
+        )?;
+        check_array(
+            "commanded_tendon_m",
+            &values.commanded_tendon_m,
+            Quantity::Length,
+        )?;
+        check_array(
+            "measured_configuration_rad",
+            &values.measured_configuration_rad,
+            Quantity::Angle,
+        )?;
+        check_finite("tracking_error_rad", values.tracking_error_rad)?;
+        check_finite("slack_residual_m", values.slack_residual_m)?;
+        check_finite("splice_error_m", values.splice_error_m)?;
+        check_finite("trajectory_time_s", values.trajectory_time_s)?;
+        check_range(values.rate, 0.0, 1.0, "0..=1").map_err(|reason| invalid("rate", reason))?;
+        Ok(Self {
+            state: check_code("state", values.state)?,
+            fault: check_code("fault", values.fault)?,
+            refusal: check_code("refusal", values.refusal)?,
+            values,
+        })
+    }
+}
+
+/// One cycle of the loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cycle {
+    /// The controller's state.
+    pub state: LoopState,
+    /// The values, all finite.
+    pub values: message::Cycle,
+}
+
+impl TryFrom<&message::Cycle> for Cycle {
+    type Error = Invalid;
+
+    fn try_from(wire: &message::Cycle) -> Result<Self, Invalid> {
+        let values = *wire;
+        check_stamp("stamp_mono_ns", values.stamp_mono_ns)?;
+        check_array("setpoint_m", &values.setpoint_m, Quantity::Length)?;
+        check_array(
+            "setpoint_velocity_m_s",
+            &values.setpoint_velocity_m_s,
+            Quantity::Rate,
+        )?;
+        check_array(
+            "setpoint_acceleration_m_s2",
+            &values.setpoint_acceleration_m_s2,
+            Quantity::Rate,
+        )?;
+        check_array(
+            "measured_tendon_m",
+            &values.measured_tendon_m,
+            Quantity::Length,
+        )?;
+        check_array(
+            "commanded_configuration_rad",
+            &values.commanded_configuration_rad,
+            Quantity::Angle,
+        )?;
+        check_array(
+            "measured_configuration_rad",
+            &values.measured_configuration_rad,
+            Quantity::Angle,
+        )?;
+        Ok(Self {
+            state: check_code("state", values.state)?,
+            values,
+        })
+    }
+}
+
+fn check_finite(field: &'static str, value: f64) -> Result<(), Invalid> {
+    if value.is_finite() {
+        Ok(())
+    } else {
+        Err(invalid(field, Reason::NotFinite { value }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::valid::BadCase;
+
+    /// Applies each change to the message of zeros, which is valid, and expects an error that begins with the text.
+    fn assert_refused<W: Copy, V: std::fmt::Debug>(
+        good: W,
+        validate: fn(&W) -> Result<V, Invalid>,
+        cases: &[BadCase<W>],
+    ) {
+        validate(&good).unwrap();
+        for (change, text) in cases {
+            let mut wire = good;
+            change(&mut wire);
+            let error = validate(&wire).expect_err(text);
+            assert!(
+                error.to_string().starts_with(text),
+                "{error} does not begin with {text:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn setpoints_are_checked() {
+        assert_refused(
+            message::Setpoint::ZEROED,
+            |wire| Setpoint::try_from(wire),
+            &[
+                (|s| s.stamp_mono_ns = -1, "stamp_mono_ns"),
+                (|s| s.state = 5, "state: 5"),
+                (|s| s.position_m[8] = f64::NAN, "position_m[8] is NaN"),
+                (|s| s.position_m[0] = 1001.0, "position_m[0] is 1001"),
+                (
+                    |s| s.velocity_m_s[1] = f64::INFINITY,
+                    "velocity_m_s[1] is inf",
+                ),
+                (
+                    |s| s.acceleration_m_s2[2] = f64::NAN,
+                    "acceleration_m_s2[2] is NaN",
+                ),
+            ],
+        );
+    }
+
+    #[test]
+    fn robot_states_are_checked() {
+        assert_refused(
+            message::RobotState::ZEROED,
+            |wire| RobotState::try_from(wire),
+            &[
+                (|s| s.stamp_mono_ns = -1, "stamp_mono_ns"),
+                (|s| s.state = 5, "state: 5"),
+                (|s| s.fault = 5, "fault: 5"),
+                (
+                    |s| s.accepted_setpoint_m[0] = f64::NAN,
+                    "accepted_setpoint_m[0]",
+                ),
+                (
+                    |s| s.accepted_velocity_m_s[0] = f64::NAN,
+                    "accepted_velocity_m_s[0]",
+                ),
+                (
+                    |s| s.measured_tendon_m[8] = f64::INFINITY,
+                    "measured_tendon_m[8]",
+                ),
+                (
+                    |s| s.measured_configuration_rad[5] = f64::NAN,
+                    "measured_configuration_rad[5]",
+                ),
+            ],
+        );
+    }
+
+    #[test]
+    fn controller_states_are_checked() {
+        assert_refused(
+            message::ControllerState::ZEROED,
+            |wire| ControllerState::try_from(wire),
+            &[
+                (|s| s.stamp_mono_ns = -1, "stamp_mono_ns"),
+                (|s| s.state = 5, "state: 5"),
+                (|s| s.fault = 99, "fault: 99"),
+                (|s| s.refusal = 99, "refusal: 99"),
+                (
+                    |s| s.commanded_configuration_rad[0] = f64::NAN,
+                    "commanded_configuration_rad[0]",
+                ),
+                (
+                    |s| s.commanded_velocity_rad_s[0] = f64::NAN,
+                    "commanded_velocity_rad_s[0]",
+                ),
+                (
+                    |s| s.commanded_tendon_m[0] = f64::NAN,
+                    "commanded_tendon_m[0]",
+                ),
+                (
+                    |s| s.measured_configuration_rad[0] = f64::NAN,
+                    "measured_configuration_rad[0]",
+                ),
+                (|s| s.tracking_error_rad = f64::NAN, "tracking_error_rad"),
+                (|s| s.slack_residual_m = f64::NAN, "slack_residual_m"),
+                (|s| s.splice_error_m = f64::INFINITY, "splice_error_m"),
+                (|s| s.trajectory_time_s = f64::NAN, "trajectory_time_s"),
+                (|s| s.rate = 1.5, "rate is 1.5; allowed is 0..=1"),
+            ],
+        );
+    }
+
+    #[test]
+    fn cycles_are_checked() {
+        assert_refused(
+            message::Cycle::ZEROED,
+            |wire| Cycle::try_from(wire),
+            &[
+                (|c| c.stamp_mono_ns = -1, "stamp_mono_ns"),
+                (|c| c.state = 5, "state: 5"),
+                (|c| c.setpoint_m[0] = f64::NAN, "setpoint_m[0]"),
+                (
+                    |c| c.setpoint_velocity_m_s[0] = f64::NAN,
+                    "setpoint_velocity_m_s[0]",
+                ),
+                (
+                    |c| c.setpoint_acceleration_m_s2[0] = f64::NAN,
+                    "setpoint_acceleration_m_s2[0]",
+                ),
+                (
+                    |c| c.measured_tendon_m[0] = f64::NAN,
+                    "measured_tendon_m[0]",
+                ),
+                (
+                    |c| c.commanded_configuration_rad[0] = f64::NAN,
+                    "commanded_configuration_rad[0]",
+                ),
+                (
+                    |c| c.measured_configuration_rad[0] = f64::NAN,
+                    "measured_configuration_rad[0]",
+                ),
+            ],
+        );
+    }
+}
