@@ -1,42 +1,17 @@
-//! Measures time allocation on seeded smooth paths of the unit robot: `cargo run --release --example allocation_figures`.
+//! Measures time allocation on seeded paths of the unit robot: `cargo run --release --example allocation_figures`.
 //!
-//! Prints, over 200 paths of 64 waypoints: duration ÷ (TOPP-RA's duration + 2a/j), limit use, knots, deviation from
-//! the waypoints' polyline, and the time a call takes.
+//! Prints, for 200 smooth paths of 64 waypoints and 200 polylines of 6: duration ÷ (TOPP-RA's + 2a/j) and ÷ TOPP-RA's
+//! on a fine grid, limit use, knots, deviation from the waypoints' polyline, and the time a call takes.
 
-use pcc_model::{Configuration, Tendon, TendonLimits, TendonMap};
-use rand::{RngExt, SeedableRng};
+use pcc_model::Configuration;
+use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use std::time::Instant;
-use trajectory::{AllocationOptions, Allocator, limit_use};
+use trajectory::{AllocationError, AllocationOptions, Allocator, limit_use};
 
-fn unit_tendons() -> TendonMap {
-    let offsets = [(1, 0.0), (3, 80.0f64), (2, 40.0)];
-    let tendon = |section, degrees: f64| Tendon {
-        section,
-        radius: 0.1636,
-        angle: degrees.to_radians(),
-    };
-    let group = |(section, offset): (usize, f64)| {
-        [0.0, 120.0, 240.0].map(|turn| tendon(section, offset + turn))
-    };
-    TendonMap::new(offsets.into_iter().flat_map(group).collect())
-        .expect("the unit robot's tendons are valid")
-}
-
-fn smooth_path(random: &mut Pcg64) -> Vec<Configuration> {
-    let mut vector = || Configuration::from_fn(|_, _| random.random_range(-1.0..1.0));
-    let (start, end) = (vector(), vector());
-    let waves: Vec<_> = (1..=4)
-        .map(|k| (f64::from(k), vector() * (0.5 / f64::from(k * k))))
-        .collect();
-    let point = |u: f64| {
-        let straight = start + (end - start) * u;
-        waves.iter().fold(straight, |sum, (k, wave)| {
-            sum + wave * (std::f64::consts::PI * u * k).sin()
-        })
-    };
-    (0..64).map(|i| point(f64::from(i) / 63.0)).collect()
-}
+#[path = "../src/test_paths.rs"]
+mod test_paths;
+use test_paths::{cornered_path, smooth_path, unit_limits, unit_tendons};
 
 fn deviation(path: &[Configuration], samples: &[Configuration]) -> f64 {
     let to_chord = |point: &Configuration, from: &Configuration, to: &Configuration| {
@@ -63,41 +38,37 @@ fn summary(name: &str, mut values: Vec<f64>) {
     );
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let (tendons, limits) = (
-        unit_tendons(),
-        TendonLimits {
-            velocity: 0.0779,
-            acceleration: 0.390,
-            jerk: 3.9,
-        },
-    );
+const NAMES: [&str; 7] = [
+    "duration, s",
+    "duration / (TOPP-RA + 2a/j)",
+    "duration / TOPP-RA, 2000 intervals",
+    "largest limit use",
+    "knots",
+    "deviation from polyline, rad",
+    "time of a call, µs",
+];
+
+fn report(title: &str, paths: &[Vec<Configuration>]) -> Result<(), AllocationError> {
+    let (tendons, limits) = (unit_tendons(), unit_limits());
     let options = AllocationOptions::default();
     let fine = AllocationOptions {
         grid_intervals: 2000,
         ..options
     };
-    let mut random = Pcg64::seed_from_u64(5);
-    let paths: Vec<_> = (0..200).map(|_| smooth_path(&mut random)).collect();
     let (mut allocator, mut reference) = (Allocator::default(), Allocator::default());
     allocator.allocate(&paths[0], &tendons, &limits, &options)?;
     let mut figures: [Vec<f64>; 7] = Default::default();
-    for path in &paths {
+    for path in paths {
         let started = Instant::now();
         let motion = allocator.allocate(path, &tendons, &limits, &options)?;
         let seconds = started.elapsed().as_secs_f64();
         reference.allocate(path, &tendons, &limits, &fine)?;
-        let (fastest, optimum) = (
-            allocator.unfiltered_duration(),
-            reference.unfiltered_duration(),
-        );
         let width = 2.0 * limits.acceleration / limits.jerk;
-        let largest = limit_use(&motion, &tendons, &limits).largest();
         let row = [
             motion.duration(),
-            motion.duration() / (fastest + width),
-            motion.duration() / optimum,
-            largest,
+            motion.duration() / (allocator.unfiltered_duration() + width),
+            motion.duration() / reference.unfiltered_duration(),
+            limit_use(&motion, &tendons, &limits).largest(),
             motion.knots().len() as f64,
             deviation(path, &motion.sample(2000)),
             1e6 * seconds,
@@ -107,18 +78,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             .zip(row)
             .for_each(|(figure, value)| figure.push(value));
     }
-    let names = [
-        "duration, s",
-        "duration / (TOPP-RA + 2a/j)",
-        "duration / TOPP-RA, 2000 intervals",
-        "largest limit use",
-        "knots",
-        "deviation from polyline, rad",
-        "time of a call, µs",
-    ];
-    names
+    println!("{title}");
+    NAMES
         .into_iter()
         .zip(figures)
         .for_each(|(name, values)| summary(name, values));
     Ok(())
+}
+
+fn main() -> Result<(), AllocationError> {
+    let mut random = Pcg64::seed_from_u64(5);
+    let smooth: Vec<_> = (0..200).map(|_| smooth_path(&mut random, 64)).collect();
+    let cornered: Vec<_> = (0..200).map(|_| cornered_path(&mut random, 6)).collect();
+    report("smooth paths of 64 waypoints", &smooth)?;
+    report("polylines of 6 waypoints", &cornered)
 }

@@ -225,3 +225,88 @@ impl Motion<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tendon::TendonRows;
+    use crate::test_paths::{smooth_path, unit_limits, unit_tendons};
+    use crate::topp::EndSpeeds;
+    use rand::SeedableRng;
+
+    const WIDTH: f64 = 0.2;
+
+    fn with_motion(check: impl Fn(Motion, &TendonRows)) {
+        let rows = TendonRows::of(&unit_tendons());
+        let mut random = rand_pcg::Pcg64::seed_from_u64(31);
+        for _ in 0..10 {
+            let (mut spline, mut profile) = (Spline::default(), SpeedProfile::default());
+            let mut timed = TimedPath::default();
+            assert!(spline.rebuild(&smooth_path(&mut random, 64), 0.1, 0.0));
+            assert!(profile.solve(&spline, &rows, &unit_limits(), EndSpeeds::default(), 128));
+            assert!(timed.rebuild(&spline, &profile));
+            check(
+                Motion {
+                    spline: &spline,
+                    profile: &profile,
+                    timed: &timed,
+                },
+                &rows,
+            );
+        }
+    }
+
+    #[test]
+    fn averaging_keeps_bounds_and_bounds_jerk() {
+        let limits = unit_limits();
+        with_motion(|motion, rows| {
+            let step = (motion.duration() + WIDTH) / 2000.0;
+            let mut before = motion.averaged(WIDTH, 0.0);
+            for i in 1..=2000 {
+                let here = motion.averaged(WIDTH, step * f64::from(i));
+                for row in rows.iter() {
+                    assert!(row.dot(&here.velocity).abs() <= limits.velocity * 1.01);
+                    assert!(row.dot(&here.acceleration).abs() <= limits.acceleration * 1.02);
+                    let jerk = row.dot(&(here.acceleration - before.acceleration)).abs() / step;
+                    assert!(jerk <= 2.0 * limits.acceleration / WIDTH * 1.02, "{jerk}");
+                }
+                before = here;
+            }
+        });
+    }
+
+    #[test]
+    fn position_velocity_and_acceleration_belong_together() {
+        with_motion(|motion, _| {
+            let step = 1e-5;
+            for i in 0..200 {
+                let time = (motion.duration() + WIDTH) * (f64::from(i) + 0.5) / 200.0;
+                let [before, here, after] =
+                    [-step, 0.0, step].map(|d| motion.averaged(WIDTH, time + d));
+                let slope = |a: Configuration, b: Configuration| (b - a) / (2.0 * step);
+                let velocity = slope(before.position, after.position);
+                assert!(
+                    (velocity - here.velocity).amax() < 1e-8,
+                    "{}",
+                    velocity - here.velocity
+                );
+                let acceleration = slope(before.velocity, after.velocity);
+                assert!((acceleration - here.acceleration).amax() < 1e-3);
+            }
+        });
+    }
+
+    #[test]
+    fn it_starts_and_ends_at_rest_at_the_ends() {
+        with_motion(|motion, _| {
+            let total = motion.duration() + WIDTH;
+            for (knot, expected) in [
+                (motion.averaged(WIDTH, 0.0), motion.start()),
+                (motion.averaged(WIDTH, total), motion.end(WIDTH)),
+            ] {
+                assert!((knot.position - expected.position).amax() < 1e-13);
+                assert!(knot.velocity.amax() < 1e-12 && knot.acceleration.amax() < 1e-9);
+            }
+        });
+    }
+}

@@ -2,8 +2,9 @@
 //!
 //! Played at rate r = d(motion time)/dt, a motion of velocity q′ and acceleration q″ has velocity q′ r and
 //! acceleration q″ r² + q′ ṙ. A motion within its limits leaves room to change the rate: each tendon bounds ṙ to an
-//! interval, which holds 0 while r ≤ 1. Taking the strongest ṙ in all of them, cycle by cycle, is the time-optimal
-//! stop along the path (bang-bang in path acceleration: Bobrow, Dubowsky and Gibson 1985).
+//! interval, which holds 0 while r ≤ 1. The strongest ṙ in all of them, cycle by cycle, stops as soon as the limits
+//! allow (extreme path acceleration, as in Bobrow, Dubowsky and Gibson, "Time-Optimal Control of Robotic
+//! Manipulators Along Specified Paths", IJRR 1985).
 
 use crate::State;
 use crate::tendon::TendonRows;
@@ -134,10 +135,11 @@ mod tests {
     }
 
     fn largest(vector: &Configuration) -> f64 {
-        let mut out = [0.0; 9];
-        unit_tendons().lengths(vector, &mut out);
-        out.iter()
-            .fold(0.0, |most: f64, value| most.max(value.abs()))
+        static ROWS: std::sync::LazyLock<TendonRows> =
+            std::sync::LazyLock::new(|| TendonRows::of(&unit_tendons()));
+        ROWS.iter()
+            .map(|row| row.dot(vector).abs())
+            .fold(0.0, f64::max)
     }
 
     /// Plays `motion` from `time` and `rate` towards the rates that `target` gives; checks every cycle and

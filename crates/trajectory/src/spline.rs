@@ -2,6 +2,10 @@
 
 use pcc_model::Configuration;
 
+/// Waypoints nearer to each other than this part of the path's extent become one: the tight turns of a C2 curve
+/// between them would bring the motion almost to a stop.
+const MERGE: f64 = 1e-4;
+
 /// A natural cubic spline ζ(s), C2, through its nodes; s is the length of the polyline through them, rad.
 ///
 /// Deviation from that polyline: with chords h_i and direction changes δ_i (difference of unit chord vectors) the
@@ -14,6 +18,7 @@ pub(crate) struct Spline {
     point: Vec<Configuration>,
     bend: Vec<Configuration>,
     elimination: Vec<f64>,
+    kept: Vec<Configuration>,
 }
 
 /// A place on the path with its first two derivatives by s.
@@ -25,11 +30,12 @@ pub(crate) struct PathPoint {
 }
 
 impl Spline {
-    /// Rebuilds the spline through `waypoints`, reusing its memory; false if they do not move.
+    /// Rebuilds the spline through `waypoints`, reusing its memory; false if they do not move: none is farther
+    /// from the first than `rounding` × the largest norm of a waypoint.
     ///
-    /// Not moving: the polyline is at most `rounding` × the largest norm of a waypoint long.
-    /// A waypoint closer to the one before it than 1e-6 of the polyline's length is skipped (the last one never:
-    /// it takes the place of the one before), and chords longer than `spacing` rad are divided evenly.
+    /// A waypoint closer to the one before it than 1e-4 of the farthest one's distance from the first is skipped
+    /// (the last one never: it takes the place of the one before), and chords longer than `spacing` rad are
+    /// divided evenly, into 1000 at most.
     pub(crate) fn rebuild(
         &mut self,
         waypoints: &[Configuration],
@@ -38,35 +44,39 @@ impl Spline {
     ) -> bool {
         self.parameter.clear();
         self.point.clear();
-        let length: f64 = waypoints
-            .windows(2)
-            .map(|pair| (pair[1] - pair[0]).norm())
-            .sum();
         let (Some(&first), Some(&last)) = (waypoints.first(), waypoints.last()) else {
             return false;
         };
-        let largest = waypoints
-            .iter()
-            .map(nalgebra::Matrix::norm)
-            .fold(0.0, f64::max);
-        if length <= rounding * largest {
+        let largest_of =
+            |size: &dyn Fn(&Configuration) -> f64| waypoints.iter().map(size).fold(0.0, f64::max);
+        let extent = largest_of(&|point| (point - first).norm());
+        if extent <= rounding * largest_of(&|point| point.norm()) {
             return false;
         }
-        let merge = 1e-6 * length;
-        let far = |from: &Configuration, to: &Configuration| (to - from).norm() > merge;
+        self.keep_apart(waypoints, last, MERGE * extent);
         self.push(0.0, first);
-        let mut from = first;
-        let inner = &waypoints[1..waypoints.len() - 1];
-        for (i, &to) in inner.iter().enumerate() {
-            let is_last_before_end = inner[i..].iter().all(|later| !far(later, &last));
-            if far(&from, &to) && !is_last_before_end {
-                self.chord(from, to, spacing);
-                from = to;
-            }
+        let kept = std::mem::take(&mut self.kept);
+        for pair in kept.windows(2) {
+            self.chord(pair[0], pair[1], spacing);
         }
-        self.chord(from, last, spacing);
+        self.kept = kept;
         self.solve();
         true
+    }
+
+    /// Leaves in `kept` the waypoints that are farther than `merge` from the one before, and `last`.
+    fn keep_apart(&mut self, waypoints: &[Configuration], last: Configuration, merge: f64) {
+        let far = |from: &Configuration, to: &Configuration| (to - from).norm() > merge;
+        self.kept.clear();
+        for &point in waypoints {
+            if self.kept.last().is_none_or(|before| far(before, &point)) {
+                self.kept.push(point);
+            }
+        }
+        while self.kept.len() > 1 && self.kept.last().is_some_and(|before| !far(before, &last)) {
+            self.kept.pop();
+        }
+        self.kept.push(last);
     }
 
     fn push(&mut self, parameter: f64, point: Configuration) {

@@ -1,4 +1,4 @@
-//! Robots and seeded paths for the tests of this crate.
+//! The unit robot's tendons and seeded paths, for the tests and figures of this crate.
 
 use pcc_model::{Configuration, Tendon, TendonLimits, TendonMap};
 use rand::RngExt;
@@ -15,7 +15,8 @@ pub(crate) fn unit_tendons() -> TendonMap {
     let group = |(section, offset): (usize, f64)| {
         [0.0, 120.0, 240.0].map(|turn| tendon(section, offset + turn))
     };
-    TendonMap::new(offsets.into_iter().flat_map(group).collect()).unwrap()
+    TendonMap::new(offsets.into_iter().flat_map(group).collect())
+        .expect("the unit robot's tendons are valid")
 }
 
 /// The unit robot's tendon limits.

@@ -168,6 +168,28 @@ fn repeated_points_and_a_return_to_the_start_are_motions() {
 }
 
 #[test]
+fn nearly_repeated_points_cost_little_time() {
+    let mut random = Pcg64::seed_from_u64(6);
+    for size in [1e-12, 1e-7, 1e-5] {
+        let path = smooth_path(&mut random, 32);
+        let noise = Configuration::from_fn(|row, _| size * (row as f64 - 2.5));
+        let doubled: Vec<_> = path
+            .iter()
+            .flat_map(|&point| [point, point + noise])
+            .collect();
+        let (plain, noisy) = (
+            allocated(&path, &unit_limits()),
+            allocated(&doubled, &unit_limits()),
+        );
+        assert!(
+            noisy.duration() < 1.01 * plain.duration() + 0.05,
+            "{size}: {} s",
+            noisy.duration()
+        );
+    }
+}
+
+#[test]
 fn extreme_limits_and_sizes_are_answered() {
     let mut random = Pcg64::seed_from_u64(4);
     let extremes = [1e-9, 1e-3, 1.0, 1e3, 1e9];
