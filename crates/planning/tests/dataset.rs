@@ -1,0 +1,150 @@
+//! The authors' format: a set of theirs, a set of ours, and broken ones.
+#![allow(clippy::unwrap_used)] // tests
+
+use pcc_model::Robot;
+use planning::dataset::{
+    ArchiveReader, Dataset, DatasetError, Meta, Recipe, Split, generate_block, training_rows,
+};
+use planning::scenes::{Setting, reference_layout};
+use std::path::{Path, PathBuf};
+
+fn project(path: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../..")
+        .join(path)
+}
+
+fn robot() -> Robot {
+    Robot::from_file(&project("config/robots/unit.toml")).unwrap()
+}
+
+fn recipe(setting: Setting) -> Recipe {
+    Recipe {
+        setting,
+        seed: 3,
+        starts: 2,
+        ends: 3,
+        test_only: false,
+    }
+}
+
+#[test]
+fn the_authors_sample_is_read_and_its_layouts_are_ours() {
+    let robot = robot();
+    let sample = Dataset::read(&project("tests/data/reference-mixed-sample")).unwrap();
+    assert_eq!(sample.rows.len(), 170);
+    assert_eq!(sample.cases(Split::Test, None).unwrap().len(), 60);
+    assert_eq!(sample.cases(Split::Test, Some(7)).unwrap().len(), 7);
+    assert!(sample.cases(Split::Train, None).unwrap().is_empty());
+    for row in &sample.rows {
+        let miss = (robot.tip(&row.path[63]) - row.target_tip).norm();
+        assert!(miss < 2e-3, "their tips are ours: {miss}");
+        let layout = reference_layout(row.balls.len());
+        assert!(row.balls.iter().all(|b| {
+            layout
+                .iter()
+                .any(|l| (l.centre - b.centre).norm() < 1e-6 && (l.radius - b.radius).abs() < 1e-6)
+        }));
+    }
+}
+
+#[test]
+fn a_generated_set_survives_writing_and_reading() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rows, report) = generate_block(&robot(), &recipe(Setting::General(Some(3))), 0..12);
+    assert!(report.kept == rows.len() && rows.len() > 30, "{report:?}");
+    Dataset {
+        rows: rows.clone(),
+        meta: Meta::new(serde_json::json!({})),
+    }
+    .write(folder.path())
+    .unwrap();
+    let read = Dataset::read(folder.path()).unwrap();
+    assert_eq!(read.rows.len(), rows.len());
+    for (a, b) in read.rows.iter().zip(&rows) {
+        assert_eq!(
+            (a.target_index, a.start_index, a.ik_index, a.split),
+            (b.target_index, b.start_index, b.ik_index, b.split)
+        );
+        assert!(
+            (a.path[40] - b.path[40]).norm() < 1e-6
+                && (a.balls[2].radius - b.balls[2].radius).abs() < 1e-7
+        );
+    }
+}
+
+#[test]
+fn blocks_do_not_depend_on_how_targets_are_divided() {
+    let recipe = recipe(Setting::Reference);
+    let (whole, _) = generate_block(&robot(), &recipe, 0..6);
+    let (first, _) = generate_block(&robot(), &recipe, 0..2);
+    let (second, _) = generate_block(&robot(), &recipe, 2..6);
+    let parts: Vec<_> = first.into_iter().chain(second).map(|r| r.path).collect();
+    assert_eq!(whole.into_iter().map(|r| r.path).collect::<Vec<_>>(), parts);
+}
+
+#[test]
+fn broken_sets_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let meta = folder.path().join("dataset_meta.json");
+    assert!(matches!(
+        Dataset::read(folder.path()),
+        Err(DatasetError::Meta { .. })
+    ));
+    std::fs::write(&meta, r#"{"format": "pcc_diffuser_npz", "version": 24, "sphere_radius": 0.4, "clearance_margin": 0.2}"#).unwrap();
+    assert!(
+        Dataset::read(folder.path())
+            .unwrap_err()
+            .to_string()
+            .contains("version 25 is needed")
+    );
+    std::fs::copy(
+        project("tests/data/reference-mixed-sample/dataset_meta.json"),
+        &meta,
+    )
+    .unwrap();
+    assert!(matches!(
+        Dataset::read(folder.path()),
+        Err(DatasetError::Archive(_))
+    ));
+    let whole = std::fs::read(project("tests/data/reference-mixed-sample/dataset.npz")).unwrap();
+    std::fs::write(folder.path().join("dataset.npz"), &whole[..whole.len() / 2]).unwrap();
+    assert!(
+        Dataset::read(folder.path())
+            .unwrap_err()
+            .to_string()
+            .contains("not a readable NumPy archive")
+    );
+}
+
+#[test]
+fn training_arrays_hold_each_path_and_its_mirror_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rows, _) = generate_block(&robot(), &recipe(Setting::General(Some(2))), 0..4);
+    let arrays = training_rows(&robot(), &rows, 100).unwrap();
+    let file = folder.path().join("shard-0000.npz");
+    arrays.write(&file).unwrap();
+    let mut archive = ArchiveReader::open(&file).unwrap();
+    let (coefficients, shape) = archive.read::<f32>("coefficients").unwrap();
+    assert_eq!(shape, [2 * rows.len() as u64, 72]);
+    assert_eq!(
+        archive.read::<f32>("balls").unwrap().1,
+        [4 * rows.len() as u64, 28]
+    );
+    assert!(
+        archive
+            .read::<i64>("group")
+            .unwrap()
+            .0
+            .iter()
+            .all(|g| (100..104).contains(g))
+    );
+    for pair in coefficients.chunks_exact(144) {
+        let mirrored = |i: usize| if i % 2 == 0 { -pair[i] } else { pair[i] };
+        assert!((0..72).all(|i| (mirrored(i) - pair[72 + i]).abs() < 1e-5));
+    }
+    assert!(
+        coefficients.iter().any(|c| c.abs() > 0.05),
+        "the paths are not straight segments"
+    );
+}

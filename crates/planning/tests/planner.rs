@@ -1,0 +1,185 @@
+//! The planner as its users see it: determinism, infeasible problems by name, certified answers.
+#![allow(clippy::unwrap_used)] // tests
+
+use collision::{Ball, Scene, certify_trajectory};
+use pcc_model::{Configuration, Point, Robot};
+use planning::scenes::{Setting, draw_target, reference_layout};
+use planning::{
+    Goal, Infeasible, Plan, Planner, PlannerError, Problem, Request, Sampler, Selection,
+};
+use std::path::Path;
+use trajectory::limit_use;
+
+fn robot() -> Robot {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
+    Robot::from_file(Path::new(file)).unwrap()
+}
+
+fn request(sampler: Sampler, seed: u64) -> Request {
+    Request {
+        candidates: 10,
+        seed,
+        sampler,
+        selection: Selection::ShortestTime,
+        limits_scale: 1.0,
+        growth: 0.0,
+        knots: 96,
+    }
+}
+
+fn plan(planner: &Planner, problem: &Problem, request: &Request) -> Result<Plan, PlannerError> {
+    planner.plan(problem, request, &|| false)
+}
+
+fn from_straight(goal: Goal, balls: Vec<Ball>) -> Problem {
+    Problem {
+        start: Configuration::zeros(),
+        goal,
+        scene: Scene::new(balls).unwrap(),
+    }
+}
+
+#[test]
+fn infeasible_problems_are_named() {
+    let planner = Planner::new(&robot(), None, 1).unwrap();
+    let tip = Goal::Tip(Point::new(1.5, 0.0, 2.4));
+    let ask = |problem: &Problem| match plan(&planner, problem, &request(Sampler::Straight, 1)) {
+        Err(PlannerError::Infeasible(reason)) => reason,
+        other => panic!("{other:?}"),
+    };
+    let on_the_axis = from_straight(tip, reference_layout(1));
+    assert!(
+        matches!(ask(&on_the_axis), Infeasible::StartInCollision { clearance } if clearance < -0.5)
+    );
+    let far = from_straight(Goal::Tip(Point::new(3.0, 0.0, 2.0)), vec![]);
+    assert!(matches!(ask(&far), Infeasible::GoalOutOfReach { miss } if miss > 0.1));
+    let on_the_goal = from_straight(
+        tip,
+        vec![Ball {
+            centre: Point::new(1.5, 0.0, 2.4),
+            radius: 0.3,
+        }],
+    );
+    assert!(matches!(ask(&on_the_goal), Infeasible::GoalInCollision { shapes, .. } if shapes > 10));
+    let bent = Problem {
+        start: Configuration::repeat(1.3),
+        ..from_straight(tip, vec![])
+    };
+    assert!(
+        matches!(ask(&bent), Infeasible::StartOutOfLimits { excess_rad, .. } if excess_rad > 0.2)
+    );
+}
+
+#[test]
+fn the_learned_samplers_need_a_model() {
+    let planner = Planner::new(&robot(), None, 1).unwrap();
+    let problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
+    for sampler in [Sampler::Default, Sampler::Fast] {
+        assert_eq!(
+            plan(&planner, &problem, &request(sampler, 1)).unwrap_err(),
+            PlannerError::ModelNotLoaded
+        );
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bits_with_one_thread_and_with_two() {
+    let planners = [1, 2].map(|threads| Planner::new(&robot(), None, threads).unwrap());
+    let target = (0..)
+        .find_map(|i| draw_target(planners[0].robot(), Setting::General(Some(6)), 3, i))
+        .unwrap();
+    let problem = Problem {
+        start: target.starts[0],
+        goal: Goal::Tip(target.tip),
+        scene: target.scene,
+    };
+    for sampler in [Sampler::Straight, Sampler::RrtConnect] {
+        let [one, two] = planners
+            .each_ref()
+            .map(|p| plan(p, &problem, &request(sampler, 7)).unwrap());
+        assert!(!one.candidates.is_empty());
+        assert_eq!(one.candidates.len(), two.candidates.len());
+        for (a, b) in one.candidates.iter().zip(&two.candidates) {
+            assert!(a.trajectory.knots() == b.trajectory.knots());
+        }
+        let other = plan(&planners[0], &problem, &request(sampler, 8)).unwrap();
+        let ends = |p: &Plan| p.candidates.iter().map(Candidate::end).collect::<Vec<_>>();
+        assert!(
+            ends(&one) != ends(&other),
+            "another seed draws other end shapes"
+        );
+    }
+}
+
+#[test]
+fn delivered_candidates_keep_every_promise() {
+    let planner = Planner::new(&robot(), None, 2).unwrap();
+    let robot = planner.robot();
+    let mut checked = 0;
+    for index in 0..24 {
+        let Some(target) = draw_target(robot, Setting::General(None), 11, index) else {
+            continue;
+        };
+        let problem = Problem {
+            start: target.starts[0],
+            goal: Goal::Tip(target.tip),
+            scene: target.scene.clone(),
+        };
+        for sampler in [Sampler::Straight, Sampler::RrtConnect] {
+            let growth = 0.02;
+            let answer = plan(
+                &planner,
+                &problem,
+                &Request {
+                    growth,
+                    ..request(sampler, index)
+                },
+            )
+            .unwrap();
+            for candidate in &answer.candidates {
+                let motion = &candidate.trajectory;
+                assert_eq!(motion.knots()[0].position, problem.start);
+                assert!((robot.tip(&candidate.end()) - target.tip).norm() < 1e-6);
+                assert!(certify_trajectory(robot, &problem.scene, motion, 0.0, growth).is_free());
+                assert!(
+                    limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6
+                );
+                assert!(
+                    motion
+                        .sample(500)
+                        .iter()
+                        .all(|q| robot.limit_excess(q) <= 5e-3)
+                );
+                checked += 1;
+            }
+        }
+    }
+    assert!(
+        checked > 300,
+        "only {checked} candidates were there to check"
+    );
+}
+
+#[test]
+fn an_interrupt_truncates_and_nothing_uncertified_is_delivered() {
+    let planner = Planner::new(&robot(), None, 2).unwrap();
+    let problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
+    let answer = planner
+        .plan(&problem, &request(Sampler::Straight, 1), &|| true)
+        .unwrap();
+    assert!(answer.truncated && answer.candidates.is_empty() && answer.selected.is_none());
+}
+
+#[test]
+fn a_homing_request_ends_in_its_configuration() {
+    let planner = Planner::new(&robot(), None, 1).unwrap();
+    let home = Configuration::from_column_slice(&[0.2, 0.1, -0.3, 0.4, 0.0, 0.5]);
+    let answer = plan(
+        &planner,
+        &from_straight(Goal::Configuration(home), vec![]),
+        &request(Sampler::Straight, 1),
+    )
+    .unwrap();
+    assert_eq!(answer.candidates.len(), 1);
+    assert!((answer.candidates[0].end() - home).norm() < 1e-12);
+}
