@@ -5,7 +5,7 @@ use collision::{Ball, Scene, certify_trajectory};
 use pcc_model::{Configuration, Point, Robot};
 use planning::scenes::{Setting, draw_target, reference_layout};
 use planning::{
-    Goal, Infeasible, Plan, Planner, PlannerError, Problem, Request, Sampler, Selection,
+    Candidate, Goal, Infeasible, Plan, Planner, PlannerError, Problem, Request, Sampler, Selection,
 };
 use std::path::Path;
 use trajectory::limit_use;
