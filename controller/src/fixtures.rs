@@ -38,7 +38,7 @@ pub(crate) fn curved_motion(
     begin_ns: i64,
     from: Configuration,
     to: Configuration,
-) -> Box<Motion> {
+) -> Motion {
     let bulge = Configuration::from([0.2, -0.1, 0.15, 0.1, -0.2, 0.1]);
     let at = |u: f64, duration: f64| {
         let s = u.powi(3) * (10.0 - 15.0 * u + 6.0 * u * u);

@@ -2,7 +2,8 @@
 //!
 //! * [`executive`]: what the loop decides each cycle, as a plain state machine;
 //! * [`arena`], [`realtime`]: what makes a loop hard: memory of its own, priority, absolute sleeping;
-//! * [`robot`]: the simulated robot.
+//! * [`service`]: the controller's process: loop thread and relay thread;
+//! * [`robot`]: the simulated robot, and its process.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod arena;
@@ -12,6 +13,7 @@ pub mod executive;
 mod fixtures;
 pub mod realtime;
 pub mod robot;
+pub mod service;
 
 /// Tendons in every message; robots with fewer leave the rest at zero.
 pub const TENDONS: usize = shared_types::capacity::TENDONS;

@@ -232,12 +232,9 @@ mod tests {
         let arena = prepared();
         let layout = layout(1024, 16);
         let mut blocks = Vec::new();
-        loop {
-            // SAFETY: this thread is the owner.
-            match NonNull::new(unsafe { arena.allocate(layout) }) {
-                Some(block) => blocks.push(block),
-                None => break,
-            }
+        // SAFETY: this thread is the owner.
+        while let Some(block) = NonNull::new(unsafe { arena.allocate(layout) }) {
+            blocks.push(block);
         }
         assert!(blocks.len() > 40, "only {} blocks of 1 KiB", blocks.len());
         for block in blocks {

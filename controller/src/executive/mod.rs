@@ -128,9 +128,9 @@ pub struct Executive {
     commanded: Commanded,
     tendons: Tendons,
     /// Waiting for its begin while holding, followed while executing and stopping.
-    motion: Option<Box<Motion>>,
+    motion: Option<Motion>,
     /// Done with; to be given back outside the cycle.
-    finished: Option<Box<Motion>>,
+    finished: Option<Motion>,
     pace: Pace,
     splice: Splice,
     speed: f64,
@@ -155,7 +155,7 @@ impl Executive {
         Self {
             settings,
             map: robot.tendons.clone(),
-            limits: PaceLimits::new(&robot.tendons, &robot.tendon_limits),
+            limits: PaceLimits::new(robot, seconds(settings.period_ns)),
             state: LoopState::Starting,
             fault: LoopFault::None,
             commanded: Commanded::resting(Configuration::zeros()),
@@ -194,7 +194,11 @@ impl Executive {
     ///
     /// # Errors
     /// The trajectory back, and why it cannot start from here.
-    pub fn execute(&mut self, motion: Box<Motion>) -> Result<(), (Unacceptable, Box<Motion>)> {
+    #[expect(
+        clippy::result_large_err,
+        reason = "the trajectory goes back by value: boxing it would allocate in the loop"
+    )]
+    pub fn execute(&mut self, motion: Motion) -> Result<(), (Unacceptable, Motion)> {
         if self.motion.is_some() && self.state == LoopState::Holding {
             return Err((Unacceptable::Waiting, motion));
         }
@@ -213,7 +217,7 @@ impl Executive {
     }
 
     /// Gives back a trajectory that is done with.
-    pub fn take_finished(&mut self) -> Option<Box<Motion>> {
+    pub fn take_finished(&mut self) -> Option<Motion> {
         self.finished.take()
     }
 

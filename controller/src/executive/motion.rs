@@ -4,8 +4,9 @@ use pcc_model::{Configuration, Robot};
 use shared_types::{
     capacity::MAX_KNOTS,
     codes::{LoopState, Refusal},
+    valid::Invalid,
 };
-use trajectory::{Knot, QuinticSegment, Trajectory, limit_use};
+use trajectory::{Knot, QuinticSegment, Trajectory, TrajectoryError, limit_use};
 
 /// A trajectory may start this far from the commanded configuration, rad; the difference is kept as an offset.
 pub const START_TOLERANCE_RAD: f64 = 1e-6;
@@ -38,13 +39,13 @@ pub struct Motion {
 impl Motion {
     /// An empty motion with room for every trajectory.
     #[must_use]
-    pub fn empty() -> Box<Self> {
-        Box::new(Self {
+    pub fn empty() -> Self {
+        Self {
             id: 0,
             begin_ns: 0,
             path_tolerance_rad: 0.0,
             knots: Vec::with_capacity(MAX_KNOTS),
-        })
+        }
     }
 
     /// Duration, s.
@@ -63,14 +64,15 @@ pub enum Unacceptable {
     /// Another one is waiting for its begin.
     #[error("another trajectory is waiting for its begin")]
     Waiting,
-    /// Its id was used before.
-    #[error("its id {id} is not larger than the last one's, {last}")]
-    OldId {
-        /// Its id.
-        id: u32,
-        /// The last id taken.
-        last: u32,
-    },
+    /// The daemon gives no sign of life.
+    #[error("the daemon that sent it gives no sign of life")]
+    DaemonSilent,
+    /// A field of the message is wrong.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+    /// It was taken before.
+    #[error("trajectory {0} with this begin was taken before")]
+    OldId(u32),
     /// It begins in the past.
     #[error("it begins {late_ms:.1} ms in the past, {allowed_ms:.1} ms are allowed")]
     Past {
@@ -100,7 +102,7 @@ pub enum Unacceptable {
     InMotion(&'static str),
     /// The knots are no motion.
     #[error("it is no motion: {0}")]
-    Malformed(String),
+    NoMotion(#[from] TrajectoryError),
     /// It exceeds a tendon limit.
     #[error("it uses {share:.6} of the tendons' {limit} limit")]
     Tendons {
@@ -124,15 +126,16 @@ impl Unacceptable {
     #[must_use]
     pub fn code(&self) -> Refusal {
         match self {
-            Self::State(LoopState::Starting) => Refusal::NotReady,
+            Self::State(LoopState::Starting) | Self::DaemonSilent => Refusal::NotReady,
             Self::State(LoopState::Fault) => Refusal::Faulted,
             Self::State(_) | Self::Waiting => Refusal::Busy,
-            Self::OldId { .. } => Refusal::OldId,
+            Self::Invalid(invalid) if invalid.field == "protocol_version" => Refusal::WrongVersion,
+            Self::OldId(_) => Refusal::OldId,
             Self::Past { .. } => Refusal::BeginsInThePast,
             Self::Ahead { .. } => Refusal::BeginsTooLate,
             Self::Start { .. } | Self::InMotion("begin") => Refusal::StartsElsewhere,
             Self::InMotion(_) => Refusal::EndsInMotion,
-            Self::Malformed(_) => Refusal::Malformed,
+            Self::Invalid(_) | Self::NoMotion(_) => Refusal::Malformed,
             Self::Tendons { .. } | Self::Bending { .. } => Refusal::OutOfLimits,
         }
     }
@@ -147,8 +150,8 @@ pub struct Situation {
     pub commanded_rad: Configuration,
     /// Now, ns of CLOCK_MONOTONIC.
     pub now_ns: i64,
-    /// The id of the last trajectory taken.
-    pub last_id: u32,
+    /// Id and begin of the last trajectory taken (a new daemon counts its ids from 1 again).
+    pub last_taken: Option<(u32, i64)>,
 }
 
 /// How far a trajectory's begin may be from now.
@@ -170,15 +173,10 @@ pub fn check(
     robot: &Robot,
     window: &BeginWindow,
 ) -> Result<(), Unacceptable> {
-    let last = situation.last_id;
-    if motion.id <= last {
-        return Err(Unacceptable::OldId {
-            id: motion.id,
-            last,
-        });
+    if situation.last_taken == Some((motion.id, motion.begin_ns)) {
+        return Err(Unacceptable::OldId(motion.id));
     }
-    let path = Trajectory::new(motion.knots.clone())
-        .map_err(|error| Unacceptable::Malformed(error.to_string()))?;
+    let path = Trajectory::new(motion.knots.clone())?;
     check_begin(motion.begin_ns - situation.now_ns, window)?;
     check_ends(motion)?;
     check_limits(&path, robot)?;
@@ -265,4 +263,111 @@ fn bending_excess_rad(segment: &QuinticSegment, robot: &Robot) -> f64 {
         .map(|sample| segment.duration * f64::from(sample) / f64::from(BENDING_SAMPLES))
         .map(|time| robot.limit_excess(&segment.evaluate(time).position))
         .fold(f64::NEG_INFINITY, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{MS, curved_motion, target_configuration, unit_robot};
+
+    const NOW_NS: i64 = 5_000 * MS;
+    const WINDOW: BeginWindow = BeginWindow {
+        past_ns: 20 * MS,
+        ahead_ns: 60_000 * MS,
+    };
+
+    fn situation() -> Situation {
+        Situation {
+            state: LoopState::Holding,
+            commanded_rad: Configuration::zeros(),
+            now_ns: NOW_NS,
+            last_taken: Some((6, NOW_NS)),
+        }
+    }
+
+    fn motion() -> Motion {
+        curved_motion(7, NOW_NS, Configuration::zeros(), target_configuration())
+    }
+
+    #[test]
+    fn a_good_trajectory_is_accepted_up_to_the_edges_of_the_window() {
+        for offset_ms in [-20, 0, 60_000] {
+            let mut motion = motion();
+            motion.begin_ns += offset_ms * MS;
+            check(&motion, &situation(), &unit_robot(), &WINDOW).unwrap();
+        }
+    }
+
+    #[test]
+    fn every_rule_is_named_by_reason_and_code() {
+        type Spoil = fn(&mut Motion);
+        let cases: [(Refusal, &str, Spoil); 11] = [
+            (Refusal::OldId, "trajectory 6", |m| m.id = 6),
+            (Refusal::BeginsInThePast, "30.0 ms in the past, 20.0", |m| {
+                m.begin_ns -= 30 * MS;
+            }),
+            (Refusal::BeginsTooLate, "61.0 s from now, 60.0", |m| {
+                m.begin_ns += 61_000 * MS;
+            }),
+            (Refusal::StartsElsewhere, "rad from the commanded", |m| {
+                m.knots.iter_mut().for_each(|knot| knot.position[0] += 2e-6);
+            }),
+            (Refusal::StartsElsewhere, "does not begin at rest", |m| {
+                m.knots[0].velocity[1] = 1e-6;
+            }),
+            (Refusal::EndsInMotion, "does not end at rest", |m| {
+                m.knots[47].acceleration[1] = 1e-6;
+            }),
+            (Refusal::Malformed, "knot 3 has a number", |m| {
+                m.knots[3].position[2] = f64::NAN;
+            }),
+            (Refusal::Malformed, "knot 5 is not after", |m| {
+                m.knots[5].time = m.knots[4].time;
+            }),
+            (Refusal::Malformed, "at least 2 knots", |m| {
+                m.knots.truncate(1);
+            }),
+            (Refusal::OutOfLimits, "of the tendons'", |m| {
+                m.knots.iter_mut().for_each(|knot| {
+                    knot.time *= 0.99;
+                    knot.velocity /= 0.99;
+                    knot.acceleration /= 0.99 * 0.99;
+                });
+            }),
+            (Refusal::OutOfLimits, "bends a section", |m| {
+                let over = curved_motion(
+                    7,
+                    NOW_NS,
+                    Configuration::zeros(),
+                    Configuration::from([1.6, 0.0, 0.0, 0.0, 0.0, 0.0]),
+                );
+                m.knots = over.knots;
+            }),
+        ];
+        for (code, text, spoil) in cases {
+            let mut motion = motion();
+            spoil(&mut motion);
+            let reason = check(&motion, &situation(), &unit_robot(), &WINDOW).unwrap_err();
+            assert!(reason.to_string().contains(text), "{reason} for {text}");
+            assert_eq!(reason.code(), code, "{reason}");
+        }
+    }
+
+    #[test]
+    fn only_a_holding_controller_takes_a_trajectory() {
+        let cases = [
+            (LoopState::Starting, Refusal::NotReady),
+            (LoopState::Executing, Refusal::Busy),
+            (LoopState::Stopping, Refusal::Busy),
+            (LoopState::Fault, Refusal::Faulted),
+        ];
+        for (state, code) in cases {
+            let situation = Situation {
+                state,
+                ..situation()
+            };
+            let reason = check(&motion(), &situation, &unit_robot(), &WINDOW).unwrap_err();
+            assert_eq!(reason.code(), code);
+        }
+    }
 }

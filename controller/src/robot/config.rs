@@ -16,6 +16,7 @@ use crate::{
 struct File {
     robot: PathBuf,
     rate_hz: u32,
+    realtime_priority: u8,
     lost_setpoint_ms: u32,
     limit_allowance: f64,
     motor_margin: f64,
@@ -35,6 +36,8 @@ pub struct RobotConfig {
     pub robot: Robot,
     /// Length of a cycle, ns.
     pub period_ns: i64,
+    /// Priority under SCHED_FIFO, `None` for none.
+    pub realtime_priority: Option<u8>,
     /// Seed of the measurement noise.
     pub seed: u64,
     /// Where a robot that remembers nothing begins, rad.
@@ -64,6 +67,7 @@ impl RobotConfig {
         file.check_robot(&checked, &robot)?;
         Ok(Self {
             period_ns: 1_000_000_000 / i64::from(file.rate_hz),
+            realtime_priority: Some(file.realtime_priority).filter(|priority| *priority > 0),
             seed: file.seed,
             start_configuration_rad: Configuration::from(file.start_configuration_rad),
             remembers_pose: file.remembers_pose,
@@ -100,6 +104,14 @@ impl File {
             "lost_setpoint_ms",
             lost,
             "5 to 1000",
+        )?;
+        let priority = f64::from(self.realtime_priority);
+        let name = "realtime_priority";
+        checked.require(
+            self.realtime_priority <= 99,
+            name,
+            priority,
+            "0 (none) to 99",
         )?;
         let allowance = self.limit_allowance;
         checked.require(

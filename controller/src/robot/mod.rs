@@ -4,11 +4,13 @@ mod config;
 mod motor;
 mod pose_memory;
 mod reference;
+mod service;
 
 pub use config::RobotConfig;
 pub use motor::{Motor, MotorLimits, MotorTarget};
 pub use pose_memory::{PoseMemory, RememberedPose};
 pub use reference::{FAULT_SILENCE_NS, Mode, Reference, ReferenceLimits, Refusal, Target};
+pub use service::{Switches, run};
 
 use pcc_model::{Configuration, TendonMap};
 use rand_distr::{Distribution, StandardNormal};

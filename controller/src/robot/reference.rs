@@ -454,7 +454,8 @@ mod tests {
 
     #[test]
     fn every_broken_rule_is_named_latched_and_changes_nothing() {
-        let cases: [(Refusal, fn(&mut Target)); 6] = [
+        type Spoil = fn(&mut Target);
+        let cases: [(Refusal, Spoil); 6] = [
             (Refusal::NotFinite, |t| t.position_m[3] = f64::NAN),
             (Refusal::Stamp, |t| t.stamp_ns = 300 * MS),
             (Refusal::PositionStep, |t| t.position_m[1] += 2e-4),

@@ -1,0 +1,73 @@
+//! `controller`: the hard loop between the planner daemon and the motors.
+
+use std::{
+    io::stderr,
+    path::PathBuf,
+    process::ExitCode,
+    sync::{Arc, atomic::AtomicBool},
+};
+
+use anyhow::Context;
+use clap::Parser;
+use controller::{
+    arena::LoopAllocator,
+    service::{self, ControllerConfig},
+};
+use shared_types::ipc::IpcOptions;
+use tracing_subscriber::EnvFilter;
+
+#[global_allocator]
+static ALLOCATOR: LoopAllocator = LoopAllocator;
+
+/// Turns certified trajectories into tendon set-points in a hard loop.
+///
+/// It waits for a robot's state, holds where the robot stands, and follows the trajectories that the planner daemon
+/// publishes. It stops along the path when the daemon or the robot is lost, and latches faults until `pcc` (or any
+/// client) sends a reset. One controller runs per prefix; robot, daemon and controller start in any order.
+///
+/// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default /dev/shm/pcc-<user id>) name the robot's shared memory;
+/// RUST_LOG sets the log level on stderr (default info). SIGTERM and SIGINT stop the robot along its path, then exit 0.
+#[derive(Parser)]
+#[command(version, verbatim_doc_comment)]
+struct Arguments {
+    /// Configuration file (TOML; every setting is explained in the shipped one).
+    #[arg(long, value_name = "FILE", default_value = "config/controller.toml")]
+    config: PathBuf,
+}
+
+fn main() -> ExitCode {
+    match start() {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("controller: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn start() -> anyhow::Result<()> {
+    let arguments = Arguments::parse();
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
+    tracing_subscriber::fmt()
+        .with_env_filter(filter)
+        .with_writer(stderr)
+        .init();
+    die_of_any_panic();
+    let config = ControllerConfig::from_file(&arguments.config)?;
+    let shutdown = Arc::new(AtomicBool::new(false));
+    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
+        signal_hook::flag::register(signal, Arc::clone(&shutdown))
+            .context("cannot handle signals")?;
+    }
+    service::run(&config, &IpcOptions::from_env(), &shutdown)?;
+    Ok(())
+}
+
+/// Half a controller is worse than none: without set-points the robot ramps to rest by itself.
+fn die_of_any_panic() {
+    let report = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        report(panic);
+        std::process::abort();
+    }));
+}

@@ -1,0 +1,286 @@
+//! The controller's settings (`config/controller.toml` says what each means).
+
+use std::path::{Path, PathBuf};
+
+use pcc_model::Robot;
+use serde::Deserialize;
+
+use crate::{
+    config::{Checked, ConfigError},
+    executive::{BeginWindow, ExecutiveSettings},
+};
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    robot: PathBuf,
+    rate_hz: u32,
+    realtime_priority: u8,
+    processor: i64,
+    lock_memory: bool,
+    step_cap_ms: f64,
+    late_run_limit: u32,
+    robot_lost_ms: u32,
+    daemon_lost_ms: u32,
+    tracking_filter_ms: f64,
+    hold_tolerance_rad: f64,
+    begin_past_ms: u32,
+    begin_ahead_s: u32,
+}
+
+/// Checked settings of the controller.
+#[derive(Clone, Debug)]
+pub struct ControllerConfig {
+    /// The robot file's content.
+    pub robot: Robot,
+    /// Priority under SCHED_FIFO, `None` for none.
+    pub realtime_priority: Option<u8>,
+    /// The processor that the loop runs on, `None` for any.
+    pub processor: Option<usize>,
+    /// Whether the process's pages are locked in memory.
+    pub lock_memory: bool,
+    /// Age of the daemon's last heartbeat at which it counts as lost, ns; `None` for never.
+    pub daemon_lost_ns: Option<i64>,
+    /// When a trajectory may begin.
+    pub begin: BeginWindow,
+    /// The state machine's thresholds.
+    pub executive: ExecutiveSettings,
+}
+
+impl ControllerConfig {
+    /// Reads and checks `path`; the robot file is looked up relative to the configuration's folder.
+    ///
+    /// # Errors
+    /// [`ConfigError`] names the file, the setting and what is allowed.
+    pub fn from_file(path: &Path) -> Result<Self, ConfigError> {
+        let checked = Checked { path };
+        let file: File = checked.read()?;
+        file.check(&checked)?;
+        file.check_times(&checked)?;
+        let robot = checked.robot(&file.robot)?;
+        Ok(Self {
+            robot,
+            realtime_priority: Some(file.realtime_priority).filter(|priority| *priority > 0),
+            processor: usize::try_from(file.processor).ok(),
+            lock_memory: file.lock_memory,
+            daemon_lost_ns: Some(whole_ms(file.daemon_lost_ms)).filter(|limit_ns| *limit_ns > 0),
+            begin: BeginWindow {
+                past_ns: whole_ms(file.begin_past_ms),
+                ahead_ns: whole_ms(file.begin_ahead_s) * 1_000,
+            },
+            executive: file.executive(),
+        })
+    }
+}
+
+impl File {
+    fn check(&self, checked: &Checked<'_>) -> Result<(), ConfigError> {
+        let rate = f64::from(self.rate_hz);
+        checked.require(
+            (100.0..=4000.0).contains(&rate),
+            "rate_hz",
+            rate,
+            "100 to 4000",
+        )?;
+        let priority = f64::from(self.realtime_priority);
+        let name = "realtime_priority";
+        checked.require(
+            self.realtime_priority <= 99,
+            name,
+            priority,
+            "0 (none) to 99",
+        )?;
+        #[expect(clippy::cast_precision_loss, reason = "a processor's number is small")]
+        let processor = self.processor as f64;
+        let allowed = "-1 (any) or a processor's number";
+        checked.require(
+            (-1.0..1e4).contains(&processor),
+            "processor",
+            processor,
+            allowed,
+        )?;
+        let (tolerance, name) = (self.hold_tolerance_rad, "hold_tolerance_rad");
+        checked.require(
+            tolerance > 0.0 && tolerance < 1.0,
+            name,
+            tolerance,
+            "above 0, below 1",
+        )
+    }
+
+    fn check_times(&self, checked: &Checked<'_>) -> Result<(), ConfigError> {
+        let period_ms = 1e3 / f64::from(self.rate_hz);
+        let within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
+        let cap = self.step_cap_ms;
+        let allowed = "two periods to 100 ms";
+        checked.require(
+            within(cap, 2.0 * period_ms, 100.0),
+            "step_cap_ms",
+            cap,
+            allowed,
+        )?;
+        let run = f64::from(self.late_run_limit);
+        checked.require(within(run, 1.0, 1000.0), "late_run_limit", run, "1 to 1000")?;
+        let robot = f64::from(self.robot_lost_ms);
+        checked.require(
+            within(robot, 5.0, 1000.0),
+            "robot_lost_ms",
+            robot,
+            "5 to 1000",
+        )?;
+        let daemon = f64::from(self.daemon_lost_ms);
+        let holds = daemon == 0.0 || within(daemon, 40.0, 10_000.0);
+        checked.require(holds, "daemon_lost_ms", daemon, "0 (never) or 40 to 10000")?;
+        let filter = self.tracking_filter_ms;
+        checked.require(
+            within(filter, 0.0, 1000.0),
+            "tracking_filter_ms",
+            filter,
+            "0 to 1000",
+        )?;
+        let past = f64::from(self.begin_past_ms);
+        checked.require(
+            within(past, 0.0, 1000.0),
+            "begin_past_ms",
+            past,
+            "0 to 1000",
+        )?;
+        let ahead = f64::from(self.begin_ahead_s);
+        checked.require(
+            within(ahead, 1.0, 3600.0),
+            "begin_ahead_s",
+            ahead,
+            "1 to 3600",
+        )
+    }
+
+    fn executive(&self) -> ExecutiveSettings {
+        #[expect(clippy::cast_possible_truncation, reason = "at most 100 ms")]
+        let step_cap_ns = (self.step_cap_ms * 1e6) as i64;
+        ExecutiveSettings {
+            period_ns: 1_000_000_000 / i64::from(self.rate_hz),
+            step_cap_ns,
+            late_run_limit: self.late_run_limit,
+            robot_lost_ns: whole_ms(self.robot_lost_ms),
+            tracking_filter_s: self.tracking_filter_ms * 1e-3,
+            hold_tolerance_rad: self.hold_tolerance_rad,
+        }
+    }
+}
+
+fn whole_ms(milliseconds: u32) -> i64 {
+    i64::from(milliseconds) * 1_000_000
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn shipped() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/controller.toml")
+    }
+
+    /// The shipped file with `from` replaced by `to`, read as a configuration.
+    fn changed(from: &str, to: &str) -> Result<ControllerConfig, ConfigError> {
+        let text = fs::read_to_string(shipped()).unwrap();
+        assert!(
+            text.contains(from),
+            "the premise: {from} is in the shipped file"
+        );
+        let robot = shipped().parent().unwrap().join("robots/unit.toml");
+        let text = text
+            .replace(from, to)
+            .replace("robots/unit.toml", robot.to_str().unwrap());
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("controller.toml");
+        fs::write(&path, text).unwrap();
+        ControllerConfig::from_file(&path)
+    }
+
+    #[test]
+    fn the_shipped_configuration_is_valid() {
+        let config = ControllerConfig::from_file(&shipped()).unwrap();
+        assert_eq!(config.executive.period_ns, 1_000_000);
+        assert_eq!(config.robot.tendons.count(), 9);
+        assert_eq!(config.processor, None);
+    }
+
+    #[test]
+    fn zeros_switch_off_what_the_comments_say() {
+        assert_eq!(
+            changed("daemon_lost_ms = 200", "daemon_lost_ms = 0")
+                .unwrap()
+                .daemon_lost_ns,
+            None
+        );
+        let none = changed("realtime_priority = 80", "realtime_priority = 0").unwrap();
+        assert_eq!(none.realtime_priority, None);
+    }
+
+    #[test]
+    fn every_bad_setting_is_named_with_what_is_allowed() {
+        let cases = [
+            (
+                "rate_hz = 1000",
+                "rate_hz = 5000",
+                "rate_hz = 5000 is not allowed: 100 to 4000",
+            ),
+            (
+                "realtime_priority = 80",
+                "realtime_priority = 100",
+                "realtime_priority = 100",
+            ),
+            ("processor = -1", "processor = -2", "processor = -2"),
+            (
+                "step_cap_ms = 20.0",
+                "step_cap_ms = nan",
+                "step_cap_ms = NaN",
+            ),
+            (
+                "late_run_limit = 20",
+                "late_run_limit = 0",
+                "late_run_limit = 0",
+            ),
+            (
+                "robot_lost_ms = 20",
+                "robot_lost_ms = 1",
+                "robot_lost_ms = 1",
+            ),
+            (
+                "daemon_lost_ms = 200",
+                "daemon_lost_ms = 10",
+                "0 (never) or 40 to 10000",
+            ),
+            (
+                "hold_tolerance_rad = 0.05",
+                "hold_tolerance_rad = 0.0",
+                "hold_tolerance_rad = 0",
+            ),
+            (
+                "begin_ahead_s = 60",
+                "begin_ahead_s = 0",
+                "begin_ahead_s = 0",
+            ),
+            (
+                "rate_hz = 1000",
+                "rate_hz = 1000\nrate = 3",
+                "unknown field `rate`",
+            ),
+            ("rate_hz = 1000", "", "missing field `rate_hz`"),
+            ("rate_hz = 1000", "rate_hz = \"fast\"", "invalid type"),
+            (
+                "robot = \"robots/unit.toml\"",
+                "robot = \"none.toml\"",
+                "none.toml",
+            ),
+        ];
+        for (from, to, expected) in cases {
+            let error = changed(from, to).unwrap_err().to_string();
+            assert!(error.contains(expected), "{to}: {error}");
+            assert!(error.contains("controller.toml"), "{error}");
+        }
+        let error = ControllerConfig::from_file(Path::new("/nowhere/c.toml")).unwrap_err();
+        assert!(error.to_string().contains("/nowhere/c.toml"), "{error}");
+    }
+}

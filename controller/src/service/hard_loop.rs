@@ -1,0 +1,226 @@
+//! The loop thread: wake, receive, decide, send, report; nothing else.
+//!
+//! In a cycle it takes no lock, writes no log, makes no system call but its sleep (the clock is read through the vDSO)
+//! and allocates only what iceoryx2's send does, from its own arena. When a robot comes or goes, the ports connect and
+//! disconnect: that costs system calls once, in the cycle that sees it.
+
+use std::sync::atomic::Ordering;
+
+use iceoryx2::port::update_connections::UpdateConnections;
+use shared_types::{
+    clock::mono_now_ns,
+    ipc::{self, IpcError, IpcNode, IpcOptions, Publisher, Subscriber},
+    message::{RobotState, Setpoint},
+};
+use tracing::{info, warn};
+
+use super::{
+    config::ControllerConfig,
+    link::{Answer, LoopEnd, Order, Report},
+    wire,
+};
+use crate::{
+    arena::LoopMemory,
+    executive::{CycleInput, Executive},
+    realtime,
+};
+
+/// The loop's ports: only these, so that tools that come and go never touch the loop.
+struct Ports {
+    setpoint: Publisher<Setpoint>,
+    robot_state: Subscriber<RobotState>,
+    // Declared last: the node outlives its ports.
+    _node: IpcNode,
+}
+
+impl Ports {
+    fn open(options: &IpcOptions) -> Result<Self, IpcError> {
+        let node = IpcNode::create(options, "controller-loop")?;
+        let setpoint = ipc::publisher(&node, &ipc::setpoint_service(&node)?)?;
+        let robot_state = ipc::subscriber(&node, &ipc::robot_state_service(&node)?)?;
+        Ok(Self {
+            setpoint,
+            robot_state,
+            _node: node,
+        })
+    }
+
+    /// The newest robot state that has arrived, if any.
+    fn newest_robot_state(&self) -> Option<RobotState> {
+        let mut newest = None;
+        while let Ok(Some(sample)) = self.robot_state.receive() {
+            newest = Some(*sample);
+        }
+        newest
+    }
+}
+
+/// The loop with everything it needs a cycle.
+struct HardLoop {
+    ports: Ports,
+    link: LoopEnd,
+    executive: Executive,
+    sequence: u64,
+    setpoints_sent: u64,
+}
+
+/// Runs the loop until it is told to quit.
+///
+/// # Errors
+/// [`IpcError`] where a port cannot be made; once it runs it does not fail.
+pub(super) fn run(
+    config: &ControllerConfig,
+    options: &IpcOptions,
+    link: LoopEnd,
+) -> Result<(), IpcError> {
+    let mut hard_loop = HardLoop {
+        ports: Ports::open(options)?,
+        link,
+        executive: Executive::new(config.executive, &config.robot),
+        sequence: 0,
+        setpoints_sent: 0,
+    };
+    hard_loop.touch_ports();
+    let Some(mut memory) = LoopMemory::claim() else {
+        unreachable!("one loop a process");
+    };
+    go_real_time(config);
+    info!(
+        period_us = config.executive.period_ns / 1_000,
+        "loop begins"
+    );
+    let period_ns = config.executive.period_ns;
+    let mut deadline_ns = mono_now_ns() + period_ns;
+    while !hard_loop.link.shared.quit.load(Ordering::Relaxed) {
+        realtime::sleep_until(deadline_ns);
+        memory.cycle(|| hard_loop.cycle(deadline_ns));
+        deadline_ns = next_deadline(deadline_ns, mono_now_ns(), period_ns);
+    }
+    Ok(())
+}
+
+/// The first deadline on the grid of periods that is still ahead.
+fn next_deadline(deadline_ns: i64, now_ns: i64, period_ns: i64) -> i64 {
+    let missed = (now_ns - deadline_ns).max(0) / period_ns;
+    deadline_ns + (missed + 1) * period_ns
+}
+
+/// What the system refuses is warned about once, and done without.
+fn go_real_time(config: &ControllerConfig) {
+    let processor = config.processor.map_or(Ok(()), realtime::pin_to_processor);
+    let priority = config
+        .realtime_priority
+        .map_or(Ok(()), realtime::use_fifo_priority);
+    let memory = if config.lock_memory {
+        realtime::lock_memory()
+    } else {
+        Ok(())
+    };
+    for refused in [processor, priority, memory]
+        .into_iter()
+        .filter_map(Result::err)
+    {
+        warn!("{refused}");
+    }
+}
+
+impl HardLoop {
+    /// Connects to what is there, so that the first cycle need not.
+    fn touch_ports(&mut self) {
+        if let Err(error) = self.ports.setpoint.update_connections() {
+            warn!(?error, "cannot connect the set-points yet");
+        }
+        self.ports.newest_robot_state();
+    }
+
+    fn cycle(&mut self, deadline_ns: i64) {
+        let now_ns = mono_now_ns();
+        self.take_orders();
+        let message = self.ports.newest_robot_state();
+        let robot = message.as_ref().and_then(wire::robot_sample);
+        let output = self.executive.step(&CycleInput {
+            now_ns,
+            robot: robot.as_ref(),
+            robot_state_invalid: message.is_some() && robot.is_none(),
+            daemon_alive: self.link.shared.daemon_alive.load(Ordering::Relaxed),
+        });
+        if output.send {
+            self.setpoints_sent += 1;
+            // A set-point that cannot be sent is missed by the robot, which says so.
+            let _ = self
+                .ports
+                .setpoint
+                .send_copy(wire::setpoint(self.setpoints_sent, &output));
+        }
+        if let Some(motion) = self.executive.take_finished() {
+            self.answer(Answer::Finished(motion));
+        }
+        self.sequence += 1;
+        let report = Report {
+            sequence: self.sequence,
+            output,
+            lateness_ns: (now_ns - deadline_ns).max(0).unsigned_abs(),
+            setpoints_sent: self.setpoints_sent,
+            memory: LoopMemory::counts(),
+        };
+        if self.link.reports.push(report).is_err() {
+            self.link
+                .shared
+                .reports_lost
+                .fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    fn take_orders(&mut self) {
+        while let Ok(order) = self.link.orders.pop() {
+            let executive = &mut self.executive;
+            match order {
+                Order::Stop => {
+                    let done = executive.stop();
+                    self.answer(Answer::Command(done));
+                }
+                Order::Reset => {
+                    let done = executive.reset();
+                    self.answer(Answer::Command(done));
+                }
+                Order::Speed(speed) => {
+                    let done = executive.set_speed(speed);
+                    self.answer(Answer::Command(done));
+                }
+                Order::Execute(motion) => {
+                    if let Err((reason, motion)) = executive.execute(motion) {
+                        self.answer(Answer::Refused(reason, motion));
+                    }
+                }
+            }
+            if let Some(motion) = self.executive.take_finished() {
+                self.answer(Answer::Finished(motion));
+            }
+        }
+    }
+
+    /// The ring has room for every answer: there are never more than two trajectories and one command under way.
+    fn answer(&mut self, answer: Answer) {
+        let pushed = self.link.answers.push(answer);
+        debug_assert!(pushed.is_ok(), "the ring of answers is full");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn deadlines_stay_on_the_grid_and_missed_ones_are_left_out() {
+        let cases = [
+            (0, 1_000),
+            (999, 1_000),
+            (1_000, 2_000),
+            (5_300, 6_000),
+            (-200, 1_000),
+        ];
+        for (now_ns, expected) in cases {
+            assert_eq!(next_deadline(0, now_ns, 1_000), expected, "at {now_ns}");
+        }
+    }
+}

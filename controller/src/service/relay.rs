@@ -1,0 +1,333 @@
+//! The relay thread: serves everyone who comes and goes, so that the loop's own peers stay fixed.
+//!
+//! It copies and checks trajectories, takes commands, publishes state and cycles, watches the daemon's heart, and cleans
+//! up after dead processes.
+
+use std::{
+    sync::atomic::{AtomicBool, Ordering},
+    thread,
+    time::Duration,
+};
+
+use shared_types::{
+    PROTOCOL_VERSION,
+    clock::mono_now_ns,
+    codes::{CommandRefusal, LoopState},
+    ipc::{CYCLES_PER_BATCH, IpcError, IpcOptions},
+    message::{self, CommandReply, Cycle, TrajectoryMessage},
+    valid::Command,
+};
+use tracing::{debug, info, warn};
+
+use super::{
+    config::ControllerConfig,
+    link::{Answer, Order, RelayEnd},
+    ports::Ports,
+    view::View,
+    wire,
+};
+use crate::executive::{Motion, Unacceptable, check};
+
+const TICK: Duration = Duration::from_millis(2);
+const BATCH_EVERY_NS: i64 = 10_000_000;
+const STATE_EVERY_NS: i64 = 20_000_000;
+const TIDY_EVERY_NS: i64 = 100_000_000;
+
+/// A trajectory that arrives so soon after the relay's start was meant for a controller before this one.
+const INHERITANCE: Duration = Duration::from_millis(100);
+
+/// The longest that the loop is waited for to take a command, in ticks.
+const COMMAND_TICKS: usize = 25;
+
+/// The longest stop that a shutdown waits for, ns: far above v / a of any robot.
+const SHUTDOWN_NS: i64 = 5_000_000_000;
+
+/// Trajectories in the process: one executing, one waiting or on its way, one being checked.
+const MOTIONS: usize = 3;
+
+/// What is due again at fixed times.
+struct Due {
+    every_ns: i64,
+    next_ns: i64,
+}
+
+impl Due {
+    fn every(every_ns: i64) -> Self {
+        Self {
+            every_ns,
+            next_ns: 0,
+        }
+    }
+
+    fn is_due(&mut self, now_ns: i64) -> bool {
+        if now_ns < self.next_ns {
+            return false;
+        }
+        self.next_ns = now_ns + self.every_ns;
+        true
+    }
+}
+
+/// The relay thread's state.
+pub(super) struct Relay<'a> {
+    config: &'a ControllerConfig,
+    ports: Ports,
+    link: RelayEnd,
+    view: View,
+    spare: Vec<Motion>,
+    incoming: Box<TrajectoryMessage>,
+    batch: Vec<Cycle>,
+    last_taken: Option<(u32, i64)>,
+    daemon_beat_ns: Option<i64>,
+    command_answer: Option<Result<(), CommandRefusal>>,
+}
+
+impl<'a> Relay<'a> {
+    /// Opens the ports, and lets pass what was meant for a controller before this one: a restarted controller never
+    /// resumes a motion by itself.
+    ///
+    /// # Errors
+    /// [`IpcError`] where a service or port cannot be opened.
+    pub(super) fn open(
+        config: &'a ControllerConfig,
+        options: &IpcOptions,
+        link: RelayEnd,
+    ) -> Result<Self, IpcError> {
+        let mut relay = Self {
+            config,
+            ports: Ports::open(options)?,
+            link,
+            view: View::new(config.executive.period_ns),
+            spare: (0..MOTIONS).map(|_| Motion::empty()).collect(),
+            incoming: Box::new(TrajectoryMessage::ZEROED),
+            batch: Vec::with_capacity(CYCLES_PER_BATCH),
+            last_taken: None,
+            daemon_beat_ns: None,
+            command_answer: None,
+        };
+        relay.ports.tidy();
+        thread::sleep(INHERITANCE);
+        while relay.ports.next_trajectory(&mut relay.incoming) {
+            debug!(
+                id = relay.incoming.trajectory_id,
+                "trajectory of an earlier time passed over"
+            );
+        }
+        Ok(relay)
+    }
+
+    /// The loop's thread id is published with the state.
+    pub(super) fn set_loop_thread(&mut self, thread_id: u32) {
+        self.view.set_loop_thread(thread_id);
+    }
+
+    /// Serves until `shutdown` is set and the robot is at rest, or until the loop has ended by itself.
+    pub(super) fn serve(&mut self, shutdown: &AtomicBool, loop_ended: impl Fn() -> bool) {
+        let (mut batch, mut state) = (Due::every(BATCH_EVERY_NS), Due::every(STATE_EVERY_NS));
+        let mut tidy = Due::every(TIDY_EVERY_NS);
+        let mut give_up_ns = None;
+        while !loop_ended() {
+            let now_ns = mono_now_ns();
+            self.take_reports();
+            self.take_answers();
+            self.watch_daemon(now_ns);
+            self.take_trajectories();
+            self.serve_commands();
+            if batch.is_due(now_ns) {
+                self.send_batch();
+            }
+            if state.is_due(now_ns) {
+                self.ports.send_state(&self.view.message());
+                self.ports.send_heartbeat();
+            }
+            if tidy.is_due(now_ns) {
+                self.ports.tidy();
+            }
+            if shutdown.load(Ordering::Relaxed) && self.may_quit(&mut give_up_ns, now_ns) {
+                break;
+            }
+            thread::sleep(TICK);
+        }
+        self.link.shared.quit.store(true, Ordering::Relaxed);
+        self.send_batch();
+        self.ports.send_state(&self.view.message());
+    }
+
+    /// On the first call orders a stop; true once the robot is at rest (or does not come to rest).
+    fn may_quit(&mut self, give_up_ns: &mut Option<i64>, now_ns: i64) -> bool {
+        let limit_ns = *give_up_ns.get_or_insert_with(|| {
+            info!("shutting down: stopping the robot along its path");
+            now_ns + SHUTDOWN_NS
+        });
+        let moving = matches!(
+            self.view.state(),
+            LoopState::Executing | LoopState::Stopping
+        );
+        if self.view.state() == LoopState::Executing {
+            // Nothing to do is a good answer here, too.
+            let _ = self.order(Order::Stop);
+        }
+        !moving || now_ns > limit_ns
+    }
+
+    fn take_reports(&mut self) {
+        while let Ok(report) = self.link.reports.pop() {
+            self.batch.push(wire::cycle(&report));
+            self.view.observe(report);
+            if self.batch.len() == CYCLES_PER_BATCH {
+                self.send_batch();
+            }
+        }
+        let lost = self.link.shared.reports_lost.swap(0, Ordering::Relaxed);
+        if lost > 0 {
+            warn!(
+                lost,
+                "cycles that nobody will know of: the relay thread did not get to run"
+            );
+        }
+    }
+
+    fn send_batch(&mut self) {
+        if !self.batch.is_empty() {
+            self.ports.send_cycles(&self.batch);
+            self.batch.clear();
+        }
+    }
+
+    fn take_answers(&mut self) {
+        while let Ok(answer) = self.link.answers.pop() {
+            match answer {
+                Answer::Command(result) => self.command_answer = Some(result),
+                Answer::Finished(motion) => self.spare.push(motion),
+                Answer::Refused(reason, motion) => {
+                    self.refuse(motion.id, &reason);
+                    self.spare.push(motion);
+                }
+            }
+        }
+    }
+
+    fn watch_daemon(&mut self, now_ns: i64) {
+        self.daemon_beat_ns = self
+            .daemon_beat_ns
+            .max(self.ports.newest_daemon_heartbeat_ns());
+        let alive = match (self.config.daemon_lost_ns, self.daemon_beat_ns) {
+            (None, _) => true,
+            (Some(limit_ns), Some(beat_ns)) => now_ns - beat_ns <= limit_ns,
+            (Some(_), None) => false,
+        };
+        let was_alive = self.link.shared.daemon_alive.swap(alive, Ordering::Relaxed);
+        match (was_alive, alive) {
+            (true, false) => {
+                let state = self.view.state();
+                warn!(%state, "the daemon's heart has stopped: a motion is stopped along its path");
+            }
+            (false, true) => info!("the daemon's heart beats"),
+            _ => {}
+        }
+    }
+
+    fn take_trajectories(&mut self) {
+        while self.ports.next_trajectory(&mut self.incoming) {
+            let id = self.incoming.trajectory_id;
+            let Some(mut motion) = self.spare.pop() else {
+                self.refuse(id, &Unacceptable::Waiting);
+                continue;
+            };
+            match self.accept(&mut motion) {
+                Ok(()) => self.execute(motion),
+                Err(reason) => {
+                    self.refuse(id, &reason);
+                    self.spare.push(motion);
+                }
+            }
+        }
+    }
+
+    /// Checks the private copy completely.
+    fn accept(&self, motion: &mut Motion) -> Result<(), Unacceptable> {
+        wire::fill(motion, &self.incoming)?;
+        if !self.link.shared.daemon_alive.load(Ordering::Relaxed) {
+            return Err(Unacceptable::DaemonSilent);
+        }
+        let situation = self
+            .view
+            .situation(self.last_taken)
+            .ok_or(Unacceptable::State(LoopState::Starting))?;
+        check(motion, &situation, &self.config.robot, &self.config.begin)
+    }
+
+    fn execute(&mut self, motion: Motion) {
+        let (id, begin_ns) = (motion.id, motion.begin_ns);
+        info!(
+            id,
+            knots = motion.knots.len(),
+            duration_s = motion.duration_s(),
+            "trajectory accepted"
+        );
+        match self.link.orders.push(Order::Execute(motion)) {
+            Ok(()) => self.last_taken = Some((id, begin_ns)),
+            Err(rtrb::PushError::Full(order)) => {
+                self.refuse(id, &Unacceptable::Waiting);
+                if let Order::Execute(motion) = order {
+                    self.spare.push(motion);
+                }
+            }
+        }
+    }
+
+    fn refuse(&mut self, id: u32, reason: &Unacceptable) {
+        warn!(id, %reason, "trajectory refused");
+        self.view.refused(id, reason.code());
+    }
+
+    fn serve_commands(&mut self) {
+        while let Ok(Some(request)) = self.ports.commands.receive() {
+            let command = *request;
+            let result = self.obey(&command);
+            self.take_reports();
+            let reply = CommandReply {
+                command_id: command.command_id,
+                protocol_version: PROTOCOL_VERSION,
+                accepted: u32::from(result.is_ok()),
+                reason: result.err().unwrap_or(CommandRefusal::None).code(),
+                state: self.view.state().code(),
+            };
+            if let Err(error) = request.send_copy(reply) {
+                debug!(?error, "cannot answer a command");
+            }
+        }
+    }
+
+    fn obey(&mut self, command: &message::Command) -> Result<(), CommandRefusal> {
+        let command = Command::try_from(command).map_err(|invalid| match invalid.field {
+            "protocol_version" => CommandRefusal::WrongVersion,
+            "speed" => CommandRefusal::InvalidSpeed,
+            _ => CommandRefusal::UnknownKind,
+        })?;
+        let result = self.order(match command {
+            Command::Stop => Order::Stop,
+            Command::ResetFault => Order::Reset,
+            Command::SetSpeed(speed) => Order::Speed(speed),
+        });
+        info!(?command, ?result, "command");
+        result
+    }
+
+    /// Has the loop carry out an order, and waits for its answer.
+    fn order(&mut self, order: Order) -> Result<(), CommandRefusal> {
+        self.command_answer = None;
+        self.link
+            .orders
+            .push(order)
+            .map_err(|_| CommandRefusal::LoopBusy)?;
+        for _ in 0..COMMAND_TICKS {
+            self.take_answers();
+            if let Some(answer) = self.command_answer.take() {
+                return answer;
+            }
+            thread::sleep(TICK);
+        }
+        Err(CommandRefusal::LoopBusy)
+    }
+}

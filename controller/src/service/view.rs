@@ -1,0 +1,125 @@
+//! What the relay knows of the loop, from its reports: the published state, its statistics, its log.
+
+use shared_types::{
+    clock::mono_now_ns,
+    codes::{LoopFault, LoopState, Refusal},
+    lateness,
+    message::ControllerState,
+};
+use tracing::{error, info, warn};
+
+use super::link::Report;
+use crate::{arena::MemoryCounts, executive::Situation};
+
+/// The loop as seen from outside.
+pub(super) struct View {
+    published: ControllerState,
+    state: LoopState,
+    fault: LoopFault,
+    late_run: u32,
+    memory: MemoryCounts,
+    latest: Option<Report>,
+}
+
+impl View {
+    pub(super) fn new(period_ns: i64) -> Self {
+        let mut published = ControllerState::ZEROED;
+        published.period_ns = period_ns.unsigned_abs();
+        Self {
+            published,
+            state: LoopState::Starting,
+            fault: LoopFault::None,
+            late_run: 0,
+            memory: MemoryCounts::default(),
+            latest: None,
+        }
+    }
+
+    pub(super) fn state(&self) -> LoopState {
+        self.state
+    }
+
+    pub(super) fn set_loop_thread(&mut self, thread_id: u32) {
+        self.published.loop_thread_id = thread_id;
+    }
+
+    /// What a trajectory is checked against; `None` before the first cycle.
+    pub(super) fn situation(&self, last_taken: Option<(u32, i64)>) -> Option<Situation> {
+        let output = &self.latest.as_ref()?.output;
+        Some(Situation {
+            state: output.state,
+            commanded_rad: output.commanded.position,
+            now_ns: mono_now_ns(),
+            last_taken,
+        })
+    }
+
+    /// Takes in one cycle.
+    pub(super) fn observe(&mut self, report: Report) {
+        let output = &report.output;
+        if output.state != self.state {
+            info!(from = %self.state, to = %output.state, trajectory = output.trajectory_id, "loop");
+            self.state = output.state;
+        }
+        if output.fault != self.fault {
+            match output.fault {
+                LoopFault::None => info!("fault cleared"),
+                fault => {
+                    let tracking_error_rad = output.tracking_error_rad;
+                    error!(%fault, tracking_error_rad, "fault latched until reset");
+                }
+            }
+            self.fault = output.fault;
+        }
+        if report.memory.system_operations != self.memory.system_operations {
+            let count = report.memory.system_operations;
+            warn!(count, "the loop touched system memory inside a cycle");
+        }
+        self.memory = report.memory;
+        self.count_lateness(output.late, report.lateness_ns);
+        if output.trajectory_id != 0 {
+            self.published.trajectory_id = output.trajectory_id;
+        }
+        self.latest = Some(report);
+    }
+
+    fn count_lateness(&mut self, late: bool, lateness_ns: u64) {
+        let bin = &mut self.published.lateness_histogram[lateness::bin_of(lateness_ns)];
+        *bin = bin.saturating_add(1);
+        self.late_run = if late { self.late_run + 1 } else { 0 };
+        self.published.late_cycles += u32::from(late);
+        self.published.longest_late_run = self.published.longest_late_run.max(self.late_run);
+    }
+
+    pub(super) fn refused(&mut self, trajectory_id: u32, refusal: Refusal) {
+        self.published.refused_trajectory_id = trajectory_id;
+        self.published.refusal = refusal.code();
+    }
+
+    /// The message for everyone.
+    pub(super) fn message(&self) -> ControllerState {
+        let mut message = self.published;
+        let Some(report) = &self.latest else {
+            message.stamp_mono_ns = mono_now_ns();
+            return message;
+        };
+        let output = &report.output;
+        message.stamp_mono_ns = output.stamp_ns;
+        message.cycle = report.sequence;
+        message.state = output.state.code();
+        message.fault = output.fault.code();
+        message.commanded_configuration_rad = output.commanded.position.into();
+        message.commanded_velocity_rad_s = output.commanded.velocity.into();
+        message.commanded_tendon_m = output.tendon_m;
+        message.measured_configuration_rad = output.measured_rad.into();
+        message.tracking_error_rad = output.tracking_error_rad;
+        message.slack_residual_m = output.slack_residual_m;
+        message.splice_error_m = output.splice_error_m;
+        message.trajectory_time_s = output.path_time_s;
+        message.rate = output.rate;
+        message.setpoints_sent = report.setpoints_sent;
+        message.loop_arena_allocations = report.memory.arena_allocations;
+        message.loop_system_allocations = report.memory.system_operations;
+        message
+    }
+}

@@ -1,0 +1,74 @@
+//! Between the messages and what the loop works with.
+
+use pcc_model::Configuration;
+use shared_types::{
+    message::{Cycle, RobotState, Setpoint, TrajectoryMessage},
+    valid,
+};
+
+use trajectory::Knot;
+
+use super::link::Report;
+use crate::executive::{CycleOutput, Motion, RobotSample, Unacceptable};
+
+/// Fills `motion` with a message's content; everything but its form is checked later.
+///
+/// # Errors
+/// [`Unacceptable::Invalid`].
+pub(super) fn fill(motion: &mut Motion, message: &TrajectoryMessage) -> Result<(), Unacceptable> {
+    let checked = valid::Trajectory::try_from(message)?;
+    motion.id = checked.id;
+    motion.begin_ns = checked.begin_mono_ns;
+    motion.path_tolerance_rad = checked.path_tolerance_rad;
+    motion.knots.clear();
+    motion.knots.extend(checked.knots.iter().map(|knot| Knot {
+        time: knot.time_s,
+        position: Configuration::from(knot.configuration_rad),
+        velocity: Configuration::from(knot.velocity_rad_s),
+        acceleration: Configuration::from(knot.acceleration_rad_s2),
+    }));
+    Ok(())
+}
+
+/// The robot's state, or `None` where it cannot be one.
+pub(super) fn robot_sample(message: &RobotState) -> Option<RobotSample> {
+    let valid::RobotState { state, values, .. } = valid::RobotState::try_from(message).ok()?;
+    Some(RobotSample {
+        stamp_ns: values.stamp_mono_ns,
+        state,
+        accepted_m: values.accepted_setpoint_m,
+        accepted_velocity_m_s: values.accepted_velocity_m_s,
+        measured_m: values.measured_tendon_m,
+        measured_rad: Configuration::from(values.measured_configuration_rad),
+    })
+}
+
+/// The set-point of a cycle.
+pub(super) fn setpoint(sequence: u64, output: &CycleOutput) -> Setpoint {
+    Setpoint {
+        sequence,
+        stamp_mono_ns: output.stamp_ns,
+        trajectory_id: output.trajectory_id,
+        state: output.state.code(),
+        position_m: output.tendon_m,
+        velocity_m_s: output.tendon_velocity_m_s,
+        acceleration_m_s2: output.tendon_acceleration_m_s2,
+    }
+}
+
+/// A cycle for recorders.
+pub(super) fn cycle(report: &Report) -> Cycle {
+    let output = &report.output;
+    Cycle {
+        sequence: report.sequence,
+        stamp_mono_ns: output.stamp_ns,
+        setpoint_m: output.tendon_m,
+        setpoint_velocity_m_s: output.tendon_velocity_m_s,
+        setpoint_acceleration_m_s2: output.tendon_acceleration_m_s2,
+        measured_tendon_m: output.measured_m,
+        commanded_configuration_rad: output.commanded.position.into(),
+        measured_configuration_rad: output.measured_rad.into(),
+        state: output.state.code(),
+        trajectory_id: output.trajectory_id,
+    }
+}

@@ -1,0 +1,256 @@
+//! The controller and the simulated robot as real processes: start order, kills, restarts, faults, shutdown.
+#![allow(clippy::unwrap_used, missing_docs)]
+
+mod joined;
+
+use joined::{Joined, Seen};
+use pcc_model::{Configuration, Robot};
+use shared_types::{
+    codes::{CommandRefusal, LoopFault, LoopState, MotorState, Refusal},
+    message::{Cycle, RobotState},
+    valid::Command,
+};
+
+fn goal(sign: f64) -> Configuration {
+    Configuration::from([0.5, -0.3, 0.4, 0.3, -0.4, 0.5]) * sign
+}
+
+/// Velocity and acceleration limits over everything sent, and no step that the velocities do not explain.
+fn assert_within_limits(robot: &Robot, cycles: &[Cycle]) {
+    let limits = &robot.tendon_limits;
+    for pair in cycles.windows(2) {
+        let elapsed_s = (pair[1].stamp_mono_ns - pair[0].stamp_mono_ns) as f64 * 1e-9;
+        assert_eq!(
+            pair[1].sequence,
+            pair[0].sequence + 1,
+            "every cycle exactly once"
+        );
+        for tendon in 0..9 {
+            let [before, after] =
+                [pair[0], pair[1]].map(|cycle| cycle.setpoint_velocity_m_s[tendon]);
+            let step_m = pair[1].setpoint_m[tendon] - pair[0].setpoint_m[tendon];
+            assert!(after.abs() <= limits.velocity * (1.0 + 1e-6));
+            assert!(
+                pair[1].setpoint_acceleration_m_s2[tendon].abs()
+                    <= limits.acceleration * (1.0 + 1e-6)
+            );
+            assert!((after - before).abs() <= limits.acceleration * elapsed_s * 1.01 + 1e-9);
+            let unexplained_m = (step_m - 0.5 * (before + after) * elapsed_s).abs();
+            assert!(
+                unexplained_m <= limits.acceleration * elapsed_s.powi(2) + 1e-9,
+                "{unexplained_m} in {elapsed_s} s"
+            );
+        }
+    }
+}
+
+/// The robot's own reference never moves or accelerates beyond its limits.
+fn assert_smooth_reference(robot: &Robot, states: &[RobotState]) {
+    let limits = &robot.tendon_limits;
+    for pair in states.windows(2) {
+        let elapsed_s = (pair[1].stamp_mono_ns - pair[0].stamp_mono_ns) as f64 * 1e-9;
+        for tendon in 0..9 {
+            let step_m = pair[1].accepted_setpoint_m[tendon] - pair[0].accepted_setpoint_m[tendon];
+            let change_m_s =
+                pair[1].accepted_velocity_m_s[tendon] - pair[0].accepted_velocity_m_s[tendon];
+            // A set-point and the robot's cycle that takes it may be a cycle apart.
+            let elapsed_s = elapsed_s + 2e-3;
+            assert!(
+                step_m.abs() <= limits.velocity * elapsed_s * 1.05,
+                "step {step_m} in {elapsed_s} s"
+            );
+            assert!(
+                change_m_s.abs() <= limits.acceleration * elapsed_s * 1.05,
+                "{change_m_s} in {elapsed_s} s"
+            );
+        }
+    }
+}
+
+fn robot_is(state: MotorState) -> impl Fn(&Seen) -> bool {
+    move |seen: &Seen| {
+        seen.robot
+            .last()
+            .is_some_and(|now| now.state == state.code())
+    }
+}
+
+fn run_into_motion(joined: &mut Joined, goal: &Configuration) {
+    joined.wait_for(LoopState::Holding);
+    let id = joined.send_motion(goal);
+    joined.wait_until("well on its way", |seen| {
+        seen.controller.is_some_and(|now| {
+            now.state == LoopState::Executing.code()
+                && now.trajectory_id == id
+                && now.trajectory_time_s > 0.3
+        })
+    });
+}
+
+#[test]
+fn any_start_order_kills_and_restarts_never_make_the_set_point_jump() {
+    let mut joined = Joined::new();
+    // The controller first, the robot later.
+    let controller = joined.start("controller");
+    joined.wait_for(LoopState::Starting);
+    let robot = joined.start("simulated-robot");
+    run_into_motion(&mut joined, &goal(1.0));
+    joined.wait_for(LoopState::Holding);
+    let reached = Configuration::from(joined.controller().commanded_configuration_rad);
+    assert!((reached - goal(1.0)).amax() < 1e-9);
+    joined.with_seen(|seen| assert_within_limits(&joined.robot, &seen.cycles));
+
+    // The controller is killed in motion: the robot ramps to rest, a new controller takes hold where it rests.
+    run_into_motion(&mut joined, &goal(-1.0));
+    joined.forget();
+    controller.kill();
+    joined.wait_until("at rest after loss", robot_is(MotorState::AtRestAfterLoss));
+    let rest = joined.with_seen(|seen| *seen.robot.last().unwrap());
+    assert_eq!(rest.ramps_to_rest, 1);
+    joined.with_seen(|seen| {
+        assert!(
+            seen.robot
+                .iter()
+                .any(|state| state.state == MotorState::RampingToRest.code())
+        );
+        assert_smooth_reference(&joined.robot, &seen.robot);
+    });
+    joined.forget();
+    let controller = joined.start("controller");
+    joined.wait_for(LoopState::Holding);
+    let held = joined.controller();
+    for (held_m, rest_m) in held
+        .commanded_tendon_m
+        .iter()
+        .zip(&rest.accepted_setpoint_m)
+    {
+        assert!((held_m - rest_m).abs() < 1e-12, "{held_m} against {rest_m}");
+    }
+    joined.with_seen(|seen| assert_smooth_reference(&joined.robot, &seen.robot));
+
+    // The robot is killed in motion: the controller stops, and goes on after a reset.
+    run_into_motion(&mut joined, &goal(1.0));
+    robot.kill();
+    joined.wait_for(LoopState::Fault);
+    assert_eq!(joined.controller().fault, LoopFault::RobotLost.code());
+    let _robot = joined.start("simulated-robot");
+    joined.wait_until("at rest", robot_is(MotorState::AtRestAfterLoss));
+    assert!(joined.command(Command::ResetFault).accepted);
+    run_into_motion(&mut joined, &goal(0.2));
+    joined.wait_for(LoopState::Holding);
+    let end = joined.controller();
+    assert!((Configuration::from(end.commanded_configuration_rad) - goal(0.2)).amax() < 1e-9);
+    assert_eq!(
+        joined.with_seen(|seen| seen.robot.last().unwrap().rejected_setpoints),
+        0
+    );
+    drop(controller);
+}
+
+#[test]
+fn a_lost_daemon_a_stop_and_a_shutdown_brake_along_the_path() {
+    let mut joined = Joined::new();
+    let mut robot = joined.start("simulated-robot");
+    let mut controller = joined.start("controller");
+    run_into_motion(&mut joined, &goal(1.0));
+    joined.set_daemon_alive(false);
+    joined.wait_for(LoopState::Holding);
+    assert_eq!(joined.controller().fault, LoopFault::None.code());
+    // Without a daemon no trajectory is taken, and the reason is published.
+    let id = joined.send_motion(&goal(-1.0));
+    joined.wait_until("refused", |seen| {
+        seen.controller.is_some_and(|now| {
+            now.refused_trajectory_id == id && now.refusal == Refusal::NotReady.code()
+        })
+    });
+    joined.set_daemon_alive(true);
+    std::thread::sleep(std::time::Duration::from_millis(50));
+    run_into_motion(&mut joined, &goal(-1.0));
+    assert!(joined.command(Command::SetSpeed(0.5)).accepted);
+    assert!(joined.command(Command::Stop).accepted);
+    joined.wait_for(LoopState::Holding);
+    assert_eq!(
+        joined.command(Command::Stop).reason,
+        CommandRefusal::NothingToDo
+    );
+    assert_eq!(
+        joined.command(Command::SetSpeed(1.5)).reason,
+        CommandRefusal::InvalidSpeed
+    );
+    assert!(joined.command(Command::SetSpeed(1.0)).accepted);
+    run_into_motion(&mut joined, &goal(1.0));
+    controller.signal("TERM");
+    assert!(controller.wait().success());
+    joined.with_seen(|seen| {
+        assert_within_limits(&joined.robot, &seen.cycles);
+        let last = seen.cycles.last().unwrap();
+        assert_eq!(
+            (last.state, last.setpoint_velocity_m_s),
+            (LoopState::Holding.code(), [0.0; 9])
+        );
+    });
+    robot.signal("TERM");
+    assert!(robot.wait().success());
+    assert!(
+        !joined
+            .files_left()
+            .iter()
+            .any(|path| path.to_string_lossy().ends_with(".pose"))
+    );
+}
+
+#[test]
+fn a_stuck_motor_is_a_latched_fault_and_a_second_process_is_refused_by_name() {
+    let mut joined = Joined::new();
+    let robot = joined.start("simulated-robot");
+    let _controller = joined.start("controller");
+    joined.wait_for(LoopState::Holding);
+    for (program, name) in [
+        ("controller", "a controller already runs"),
+        ("simulated-robot", "a robot already runs"),
+    ] {
+        let mut second = joined.start(program);
+        assert!(!second.wait().success());
+        let said = second.stderr();
+        assert!(said.contains(name), "{said}");
+    }
+    run_into_motion(&mut joined, &goal(1.0));
+    robot.signal("USR1");
+    joined.wait_for(LoopState::Fault);
+    assert_eq!(joined.controller().fault, LoopFault::TrackingError.code());
+    let id = joined.send_motion(&goal(0.0));
+    joined.wait_until("refused", |seen| {
+        seen.controller.is_some_and(|now| {
+            now.refused_trajectory_id == id && now.refusal == Refusal::Faulted.code()
+        })
+    });
+    robot.signal("USR1");
+    joined.wait_until("back in place", |seen| {
+        seen.controller
+            .is_some_and(|now| now.tracking_error_rad < 0.01)
+    });
+    assert!(joined.command(Command::ResetFault).accepted);
+    joined.wait_for(LoopState::Holding);
+}
+
+#[test]
+fn ten_thousand_cycles_with_trajectories_arriving_touch_no_system_memory() {
+    let mut joined = Joined::new();
+    let _robot = joined.start("simulated-robot");
+    let _controller = joined.start("controller");
+    joined.wait_for(LoopState::Holding);
+    let first = joined.controller();
+    let mut sign = 1.0;
+    while joined.controller().cycle < first.cycle + 10_000 {
+        run_into_motion(&mut joined, &goal(sign));
+        joined.wait_for(LoopState::Holding);
+        sign = -sign;
+    }
+    let last = joined.controller();
+    assert_eq!(last.loop_system_allocations, first.loop_system_allocations);
+    let sent = last.setpoints_sent - first.setpoints_sent;
+    let allocations = last.loop_arena_allocations - first.loop_arena_allocations;
+    assert!(sent >= 9_000, "the premise: it sent {sent} set-points");
+    // iceoryx2 0.10 makes one small block a send.
+    assert_eq!(allocations, sent);
+}
