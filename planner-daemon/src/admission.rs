@@ -1,0 +1,291 @@
+//! The border: a request in SI units becomes a problem in the planner's, or is refused with a reason.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use collision::{Ball, Scene};
+use pcc_model::{Configuration, Point};
+use planning::{Goal, Problem, Request, Sampler, Selection};
+use shared_types::codes::{self, Outcome, PlanField};
+use shared_types::ipc::PlanServiceCapacity;
+use shared_types::message;
+use shared_types::valid::{self, PlanRequest, SelectionRule};
+
+/// Distance from the goal that counts as reached where the request does not say, section lengths.
+const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
+
+/// What the daemon asks of a request beyond its own consistency.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Border {
+    /// The robot's section length, metres.
+    pub(crate) section_length_m: f64,
+    /// What the plan service holds.
+    pub(crate) capacity: PlanServiceCapacity,
+    /// Time that an answer may take where the request does not say.
+    pub(crate) default_deadline: Duration,
+    /// Growth of the tube that every certificate includes, section lengths.
+    pub(crate) growth: f64,
+}
+
+/// A request that the planner can take.
+#[derive(Clone, Debug)]
+pub(crate) struct Order {
+    /// The client's number.
+    pub(crate) request_id: u64,
+    /// In units of the section length.
+    pub(crate) problem: Arc<Problem>,
+    /// What to deliver.
+    pub(crate) request: Request,
+    /// Time that the answer may take.
+    pub(crate) deadline: Duration,
+    /// Distance from the goal that counts as reached, section lengths.
+    pub(crate) tip_tolerance: f64,
+    /// Whether the selected motion is to be executed, and from when.
+    pub(crate) execution: Option<Begin>,
+}
+
+/// When a motion is to begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Begin {
+    /// As soon as possible.
+    Soon,
+    /// Not before this time, nanoseconds of `CLOCK_MONOTONIC`.
+    NotBefore(i64),
+}
+
+/// A request that is answered without planning.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Refusal {
+    pub(crate) outcome: Outcome,
+    pub(crate) field: PlanField,
+    pub(crate) reason: String,
+}
+
+impl Refusal {
+    /// A refusal that is not about one field.
+    pub(crate) fn new(outcome: Outcome, reason: impl ToString) -> Self {
+        Self {
+            outcome,
+            field: PlanField::None,
+            reason: reason.to_string(),
+        }
+    }
+
+    fn field(field: PlanField, reason: impl ToString) -> Self {
+        Self {
+            outcome: Outcome::InvalidRequest,
+            field,
+            reason: reason.to_string(),
+        }
+    }
+}
+
+impl From<valid::Invalid> for Refusal {
+    fn from(invalid: valid::Invalid) -> Self {
+        Self {
+            outcome: invalid.outcome(),
+            field: invalid.plan_field(),
+            reason: invalid.to_string(),
+        }
+    }
+}
+
+impl Border {
+    /// Checks a private copy of a request and translates it.
+    pub(crate) fn admit(&self, wire: &message::PlanRequest) -> Result<Order, Refusal> {
+        let asked = PlanRequest::try_from(wire)?;
+        let most = self.capacity.candidates;
+        if asked.candidate_count > most {
+            let reason = format!(
+                "candidate_count is {}; this daemon serves 1..={most}",
+                asked.candidate_count
+            );
+            return Err(Refusal::field(PlanField::CandidateCount, reason));
+        }
+        Ok(Order {
+            request_id: asked.request_id,
+            problem: Arc::new(self.problem(&asked)?),
+            request: self.request(&asked),
+            deadline: asked.deadline.unwrap_or(self.default_deadline),
+            tip_tolerance: self.tip_tolerance(&asked.goal),
+            execution: asked
+                .execute
+                .then(|| asked.begin_mono_ns.map_or(Begin::Soon, Begin::NotBefore)),
+        })
+    }
+
+    fn problem(&self, asked: &PlanRequest) -> Result<Problem, Refusal> {
+        let balls = asked.balls.iter().map(|ball| Ball {
+            centre: Point::from(ball.centre_m) / self.section_length_m,
+            radius: ball.radius_m / self.section_length_m,
+        });
+        let scene = Scene::new(balls.collect());
+        Ok(Problem {
+            start: Configuration::from(asked.start_configuration_rad),
+            goal: match &asked.goal {
+                valid::Goal::Tip { position_m, .. } => {
+                    Goal::Tip(Point::from(*position_m) / self.section_length_m)
+                }
+                valid::Goal::Configuration(shape) => Goal::Configuration((*shape).into()),
+            },
+            scene: scene.map_err(|error| Refusal::field(PlanField::Balls, error))?,
+        })
+    }
+
+    fn request(&self, asked: &PlanRequest) -> Request {
+        Request {
+            candidates: asked.candidate_count,
+            seed: asked.seed,
+            sampler: sampler(asked.sampler),
+            selection: selection(asked.selection),
+            limits_scale: asked.limits_scale,
+            growth: self.growth,
+            knots: self.capacity.knots_per_candidate,
+        }
+    }
+
+    fn tip_tolerance(&self, goal: &valid::Goal) -> f64 {
+        match goal {
+            valid::Goal::Tip {
+                tolerance_m: Some(tolerance_m),
+                ..
+            } => tolerance_m / self.section_length_m,
+            _ => DEFAULT_TIP_TOLERANCE,
+        }
+    }
+}
+
+fn sampler(sampler: codes::Sampler) -> Sampler {
+    match sampler {
+        codes::Sampler::Default => Sampler::Default,
+        codes::Sampler::Fast => Sampler::Fast,
+        codes::Sampler::Straight => Sampler::Straight,
+        codes::Sampler::RrtConnect => Sampler::RrtConnect,
+    }
+}
+
+fn selection(rule: SelectionRule) -> Selection {
+    use codes::Selection as Code;
+    match rule {
+        SelectionRule::Index(index) => Selection::Index(index),
+        SelectionRule::Best(Code::ShortestTime | Code::ByIndex) => Selection::ShortestTime,
+        SelectionRule::Best(Code::ShortestTipPath) => Selection::ShortestTipPath,
+        SelectionRule::Best(Code::LargestClearance) => Selection::LargestClearance,
+        SelectionRule::Best(Code::Smoothest) => Selection::Smoothest,
+        SelectionRule::Best(Code::NearestTerminalShape) => Selection::NearestTerminalShape,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn border() -> Border {
+        Border {
+            section_length_m: 0.25,
+            capacity: PlanServiceCapacity::default(),
+            default_deadline: Duration::from_millis(20),
+            growth: 0.0225,
+        }
+    }
+
+    fn asked() -> PlanRequest {
+        let goal = valid::Goal::Tip {
+            position_m: [0.25, 0.0, 0.5],
+            tolerance_m: None,
+        };
+        PlanRequest {
+            balls: vec![message::Ball {
+                centre_m: [0.5, 0.0, 0.25],
+                radius_m: 0.1,
+            }],
+            ..PlanRequest::new([0.1; 6], goal)
+        }
+    }
+
+    fn admit(asked: &PlanRequest) -> Result<Order, Refusal> {
+        border().admit(&asked.try_into().unwrap())
+    }
+
+    #[test]
+    fn metres_become_section_lengths_and_defaults_are_filled_in() {
+        let order = admit(&asked()).unwrap();
+        assert_eq!(order.problem.goal, Goal::Tip(Point::new(1.0, 0.0, 2.0)));
+        let ball = order.problem.scene.balls()[0];
+        assert_eq!((ball.centre, ball.radius), (Point::new(2.0, 0.0, 1.0), 0.4));
+        assert_eq!(order.problem.start, Configuration::repeat(0.1));
+        assert_eq!(order.deadline, Duration::from_millis(20));
+        assert_eq!(order.tip_tolerance, 0.01);
+        assert_eq!(order.execution, None);
+        assert_eq!((order.request.growth, order.request.knots), (0.0225, 96));
+    }
+
+    #[test]
+    fn what_is_said_replaces_the_defaults() {
+        let order = admit(&PlanRequest {
+            goal: valid::Goal::Tip {
+                position_m: [0.25, 0.0, 0.5],
+                tolerance_m: Some(0.005),
+            },
+            deadline: Some(Duration::from_secs(1)),
+            execute: true,
+            begin_mono_ns: Some(77),
+            limits_scale: 0.5,
+            seed: 9,
+            ..asked()
+        });
+        let order = order.unwrap();
+        assert_eq!(order.tip_tolerance, 0.02);
+        assert_eq!(order.deadline, Duration::from_secs(1));
+        assert_eq!(order.execution, Some(Begin::NotBefore(77)));
+        assert_eq!((order.request.limits_scale, order.request.seed), (0.5, 9));
+        let soon = PlanRequest {
+            execute: true,
+            ..asked()
+        };
+        assert_eq!(admit(&soon).unwrap().execution, Some(Begin::Soon));
+    }
+
+    #[test]
+    fn every_sampler_and_selection_has_its_counterpart() {
+        for (code, expected) in codes::Sampler::ALL.iter().zip([
+            Sampler::Default,
+            Sampler::Fast,
+            Sampler::Straight,
+            Sampler::RrtConnect,
+        ]) {
+            assert_eq!(sampler(*code), expected);
+        }
+        let rules = codes::Selection::ALL[..5].iter().copied();
+        for (rule, expected) in rules.zip([
+            Selection::ShortestTime,
+            Selection::ShortestTipPath,
+            Selection::LargestClearance,
+            Selection::Smoothest,
+            Selection::NearestTerminalShape,
+        ]) {
+            assert_eq!(selection(SelectionRule::Best(rule)), expected);
+        }
+        assert_eq!(selection(SelectionRule::Index(3)), Selection::Index(3));
+    }
+
+    #[test]
+    fn a_refusal_names_the_field_and_what_is_allowed() {
+        let many = PlanRequest {
+            candidate_count: 17,
+            ..asked()
+        };
+        let refusal = admit(&many).unwrap_err();
+        assert_eq!(refusal.outcome, Outcome::InvalidRequest);
+        assert_eq!(refusal.field, PlanField::CandidateCount);
+        assert!(refusal.reason.contains("1..=16"), "{}", refusal.reason);
+
+        let mut wire: message::PlanRequest = (&asked()).try_into().unwrap();
+        wire.goal_tip_m[1] = f64::NAN;
+        let refusal = border().admit(&wire).unwrap_err();
+        assert_eq!(refusal.field, PlanField::GoalTip);
+        wire.protocol_version = 2;
+        let refusal = border().admit(&wire).unwrap_err();
+        assert_eq!(refusal.outcome, Outcome::WrongVersion);
+    }
+}

@@ -1,0 +1,350 @@
+//! The daemon's settings (`config/planner-daemon.toml` says what each means).
+
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use serde::Deserialize;
+use shared_types::capacity::{MAX_CANDIDATES, MAX_KNOTS};
+use shared_types::ipc::PlanServiceCapacity;
+
+/// Why a configuration is refused.
+#[derive(Debug, thiserror::Error)]
+pub enum ConfigError {
+    /// The file cannot be read.
+    #[error("cannot read configuration {path:?}: {source}")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// The system's answer.
+        source: std::io::Error,
+    },
+    /// It is not TOML, a key is missing or unknown, or a value has the wrong type.
+    #[error("configuration {path:?} is not understood: {source}")]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// Where and what.
+        source: Box<toml::de::Error>,
+    },
+    /// A setting is outside its range.
+    #[error("configuration {path:?}: {setting} = {value} is not allowed: {allowed}")]
+    Range {
+        /// The file.
+        path: PathBuf,
+        /// The setting's name.
+        setting: &'static str,
+        /// Its value.
+        value: String,
+        /// What is allowed.
+        allowed: String,
+    },
+}
+
+/// How the daemon waits for requests.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
+pub enum WaitMode {
+    /// Always looks: one processor is busy.
+    Poll,
+    /// Looks for a while after the last work, then pauses between looks.
+    Hybrid,
+    /// Pauses between looks.
+    Wait,
+}
+
+/// What the file says, with the defaults of what it does not.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    robot: PathBuf,
+    weights: Option<PathBuf>,
+    #[serde(default = "defaults::threads")]
+    threads: usize,
+    #[serde(default = "defaults::candidates")]
+    candidates: usize,
+    #[serde(default = "defaults::knots_per_candidate")]
+    knots_per_candidate: usize,
+    #[serde(default = "defaults::clients")]
+    clients: usize,
+    #[serde(default = "defaults::requests_per_client")]
+    requests_per_client: usize,
+    #[serde(default = "defaults::queued_per_client")]
+    queued_per_client: usize,
+    #[serde(default = "defaults::default_deadline_ms")]
+    default_deadline_ms: f64,
+    #[serde(default = "defaults::path_tolerance_rad")]
+    path_tolerance_rad: f64,
+    #[serde(default = "defaults::begin_lead_ms")]
+    begin_lead_ms: f64,
+    #[serde(default = "defaults::wait")]
+    wait: WaitMode,
+    #[serde(default = "defaults::spin_us")]
+    spin_us: u64,
+    #[serde(default = "defaults::pause_us")]
+    pause_us: u64,
+    #[serde(default)]
+    processors: Vec<usize>,
+    #[serde(default = "defaults::lock_memory")]
+    lock_memory: bool,
+    #[serde(default = "defaults::shared_memory_budget_mb")]
+    shared_memory_budget_mb: f64,
+    #[serde(default = "defaults::resident_memory_budget_mb")]
+    resident_memory_budget_mb: f64,
+}
+
+/// The defaults that `config/planner-daemon.toml` states.
+mod defaults {
+    use super::WaitMode;
+
+    macro_rules! defaults {
+        ($($name:ident: $kind:ty = $value:expr;)*) => {
+            $(pub(super) const fn $name() -> $kind { $value })*
+        };
+    }
+    defaults! {
+        threads: usize = 2;
+        candidates: usize = 16;
+        knots_per_candidate: usize = 96;
+        clients: usize = 4;
+        requests_per_client: usize = 4;
+        queued_per_client: usize = 4;
+        default_deadline_ms: f64 = 20.0;
+        path_tolerance_rad: f64 = 0.005;
+        begin_lead_ms: f64 = 50.0;
+        wait: WaitMode = WaitMode::Hybrid;
+        spin_us: u64 = 2000;
+        pause_us: u64 = 200;
+        lock_memory: bool = true;
+        shared_memory_budget_mb: f64 = 48.0;
+        resident_memory_budget_mb: f64 = 250.0;
+    }
+}
+
+/// Checked settings.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// The robot file.
+    pub robot: PathBuf,
+    /// Folder of the learned model, if one is to be loaded.
+    pub weights: Option<PathBuf>,
+    /// Worker threads that plan.
+    pub threads: usize,
+    /// What the plan service holds.
+    pub capacity: PlanServiceCapacity,
+    /// Requests of one client that may wait.
+    pub queued_per_client: usize,
+    /// Time that an answer may take where the request does not say.
+    pub default_deadline: Duration,
+    /// Tracking error that delivered motions are certified for, rad in each bending pair.
+    pub path_tolerance_rad: f64,
+    /// Least time between publishing a motion and its begin.
+    pub begin_lead: Duration,
+    /// How to wait for requests.
+    pub wait: WaitMode,
+    /// Time to go on polling after the last work ([`WaitMode::Hybrid`]).
+    pub spin: Duration,
+    /// Pause between two looks for requests.
+    pub pause: Duration,
+    /// Processors to run on; empty for all.
+    pub processors: Vec<usize>,
+    /// Whether to keep memory from being swapped out.
+    pub lock_memory: bool,
+    /// Shared memory that the services may take, bytes.
+    pub shared_memory_budget: usize,
+    /// Resident memory that the daemon may take after its start, bytes.
+    pub resident_memory_budget: usize,
+}
+
+impl Config {
+    /// Reads and checks a configuration file; the paths in it are relative to its folder.
+    ///
+    /// # Errors
+    /// [`ConfigError`], naming the file, the setting and what is allowed.
+    pub fn from_file(path: &Path) -> Result<Self, ConfigError> {
+        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Unreadable {
+            path: path.into(),
+            source,
+        })?;
+        Self::from_toml_str(&text, path)
+    }
+
+    /// Checks the text of a configuration file that lies at `path`.
+    ///
+    /// # Errors
+    /// As [`Config::from_file`].
+    pub fn from_toml_str(text: &str, path: &Path) -> Result<Self, ConfigError> {
+        let file: File = toml::from_str(text).map_err(|source| ConfigError::Syntax {
+            path: path.into(),
+            source: Box::new(source),
+        })?;
+        file.check(&Checked { path })?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        Ok(file.settings(folder))
+    }
+}
+
+impl File {
+    fn check(&self, checked: &Checked) -> Result<(), ConfigError> {
+        checked.within("threads", self.threads, 1..=64)?;
+        checked.within("candidates", self.candidates, 1..=MAX_CANDIDATES)?;
+        checked.within(
+            "knots_per_candidate",
+            self.knots_per_candidate,
+            16..=MAX_KNOTS,
+        )?;
+        checked.within("clients", self.clients, 1..=64)?;
+        checked.within("requests_per_client", self.requests_per_client, 1..=16)?;
+        checked.within("queued_per_client", self.queued_per_client, 1..=16)?;
+        checked.within(
+            "default_deadline_ms",
+            self.default_deadline_ms,
+            1e-3..=60_000.0,
+        )?;
+        checked.within("path_tolerance_rad", self.path_tolerance_rad, 0.0..=0.1)?;
+        checked.within("begin_lead_ms", self.begin_lead_ms, 10.0..=1000.0)?;
+        checked.within("spin_us", self.spin_us, 0..=1_000_000)?;
+        checked.within("pause_us", self.pause_us, 10..=5000)?;
+        for processor in &self.processors {
+            checked.within("processors", *processor, 0..=1023)?;
+        }
+        let budget = 1.0..=100_000.0;
+        checked.within(
+            "shared_memory_budget_mb",
+            self.shared_memory_budget_mb,
+            budget.clone(),
+        )?;
+        checked.within(
+            "resident_memory_budget_mb",
+            self.resident_memory_budget_mb,
+            budget,
+        )
+    }
+
+    fn settings(self, folder: &Path) -> Config {
+        let milliseconds = |value: f64| Duration::from_secs_f64(value * 1e-3);
+        Config {
+            robot: folder.join(&self.robot),
+            weights: self.weights.as_ref().map(|weights| folder.join(weights)),
+            threads: self.threads,
+            capacity: PlanServiceCapacity {
+                clients: self.clients,
+                active_requests_per_client: self.requests_per_client,
+                candidates: self.candidates,
+                knots_per_candidate: self.knots_per_candidate,
+            },
+            queued_per_client: self.queued_per_client,
+            default_deadline: milliseconds(self.default_deadline_ms),
+            path_tolerance_rad: self.path_tolerance_rad,
+            begin_lead: milliseconds(self.begin_lead_ms),
+            wait: self.wait,
+            spin: Duration::from_micros(self.spin_us),
+            pause: Duration::from_micros(self.pause_us),
+            processors: self.processors,
+            lock_memory: self.lock_memory,
+            shared_memory_budget: (self.shared_memory_budget_mb * 1e6) as usize,
+            resident_memory_budget: (self.resident_memory_budget_mb * 1e6) as usize,
+        }
+    }
+}
+
+/// Checks of single settings against the file they come from.
+struct Checked<'a> {
+    path: &'a Path,
+}
+
+impl Checked<'_> {
+    fn within<T: PartialOrd + Display>(
+        &self,
+        setting: &'static str,
+        value: T,
+        allowed: RangeInclusive<T>,
+    ) -> Result<(), ConfigError> {
+        if allowed.contains(&value) {
+            return Ok(());
+        }
+        Err(ConfigError::Range {
+            path: self.path.to_owned(),
+            setting,
+            value: value.to_string(),
+            allowed: format!("{} to {}", allowed.start(), allowed.end()),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SHIPPED: &str = include_str!("../../config/planner-daemon.toml");
+
+    fn parse(text: &str) -> Result<Config, ConfigError> {
+        Config::from_toml_str(text, Path::new("/etc/pcc/planner-daemon.toml"))
+    }
+
+    #[test]
+    fn the_shipped_file_states_the_defaults() {
+        let shipped = parse(SHIPPED).unwrap();
+        let sparse = "robot = \"robots/unit.toml\"\nweights = \"../weights\"";
+        assert_eq!(shipped, parse(sparse).unwrap());
+        assert_eq!(shipped.robot, Path::new("/etc/pcc/robots/unit.toml"));
+        assert_eq!(shipped.capacity, PlanServiceCapacity::default());
+        assert_eq!(shipped.default_deadline, Duration::from_millis(20));
+    }
+
+    #[test]
+    fn a_broken_file_an_unknown_key_and_a_missing_one_are_named() {
+        for (text, named) in [
+            ("robot = ", "line 1"),
+            ("robot = \"a\"\nthread = 2", "unknown field `thread`"),
+            ("threads = 2", "missing field `robot`"),
+            ("robot = \"a\"\nthreads = \"two\"", "threads"),
+            ("robot = \"a\"\nwait = \"sleep\"", "unknown variant `sleep`"),
+        ] {
+            let error = parse(text).unwrap_err();
+            assert!(matches!(error, ConfigError::Syntax { .. }), "{error}");
+            assert!(error.to_string().contains(named), "{text}: {error}");
+        }
+    }
+
+    #[test]
+    fn every_number_has_a_range() {
+        for setting in [
+            "threads = 0",
+            "threads = 65",
+            "candidates = 65",
+            "knots_per_candidate = 257",
+            "knots_per_candidate = 15",
+            "clients = 0",
+            "requests_per_client = 17",
+            "queued_per_client = 0",
+            "default_deadline_ms = 0.0",
+            "default_deadline_ms = nan",
+            "path_tolerance_rad = -0.001",
+            "path_tolerance_rad = inf",
+            "begin_lead_ms = 9.0",
+            "spin_us = 1000001",
+            "pause_us = 9",
+            "processors = [0, 1024]",
+            "shared_memory_budget_mb = 0.0",
+            "resident_memory_budget_mb = -1.0",
+        ] {
+            let error = parse(&format!("robot = \"a\"\n{setting}")).unwrap_err();
+            let name = setting.split(' ').next().unwrap();
+            assert!(
+                matches!(error, ConfigError::Range { setting, .. } if setting == name),
+                "{setting}: {error}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let error = Config::from_file(Path::new("/nowhere/daemon.toml")).unwrap_err();
+        assert!(
+            error.to_string().contains("/nowhere/daemon.toml"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,49 @@
+//! What the unit tests plan with.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use collision::Scene;
+use pcc_model::{Configuration, Robot};
+use planning::{Goal, Problem, Request, Sampler, Selection};
+
+use crate::admission::Order;
+
+/// The shipped unit robot.
+pub(crate) fn unit_robot() -> Robot {
+    Robot::from_toml_str(include_str!("../../config/robots/unit.toml")).unwrap()
+}
+
+/// From the straight shape to a bent one, nothing in the way.
+pub(crate) fn straight_problem() -> Problem {
+    Problem {
+        start: Configuration::zeros(),
+        goal: Goal::Configuration(Configuration::new(0.4, 0.1, -0.3, 0.2, 0.1, 0.5)),
+        scene: Scene::default(),
+    }
+}
+
+/// One candidate by straight segments.
+pub(crate) fn request() -> Request {
+    Request {
+        candidates: 1,
+        seed: 1,
+        sampler: Sampler::Straight,
+        selection: Selection::ShortestTime,
+        limits_scale: 1.0,
+        growth: 0.0225,
+        knots: 96,
+    }
+}
+
+/// An order for [`request`].
+pub(crate) fn order() -> Order {
+    Order {
+        request_id: 3,
+        problem: Arc::new(straight_problem()),
+        request: request(),
+        deadline: Duration::from_millis(20),
+        tip_tolerance: 0.01,
+        execution: None,
+    }
+}

@@ -1,0 +1,80 @@
+//! What the daemon asks of the operating system: locked memory, processors, its resident size, signals.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use rustix::mm::{MlockAllFlags, mlockall};
+use rustix::thread::{CpuSet, sched_setaffinity};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
+
+/// Keeps every page that is ever touched in memory.
+///
+/// Pages that are mapped and never touched (the ends of the threads' stacks, unused shared memory) are not brought in.
+///
+/// # Errors
+/// The system's answer, where the limit on locked memory is finite and the process is not privileged.
+pub(crate) fn lock_memory() -> io::Result<()> {
+    let flags = MlockAllFlags::CURRENT | MlockAllFlags::FUTURE | MlockAllFlags::ONFAULT;
+    Ok(mlockall(flags)?)
+}
+
+/// Binds this thread, and those that it starts, to some processors.
+///
+/// # Errors
+/// The system's answer, if none of them exists or is allowed.
+pub(crate) fn use_processors(processors: &[usize]) -> io::Result<()> {
+    let mut set = CpuSet::new();
+    for &processor in processors {
+        set.set(processor);
+    }
+    Ok(sched_setaffinity(None, &set)?)
+}
+
+/// Memory of this process that is in RAM, bytes; shared memory included.
+///
+/// # Errors
+/// If `/proc` is not there.
+pub(crate) fn resident_bytes() -> io::Result<usize> {
+    resident_in(&std::fs::read_to_string("/proc/self/status")?)
+        .ok_or_else(|| io::Error::other("/proc/self/status has no VmRSS"))
+}
+
+fn resident_in(status: &str) -> Option<usize> {
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kilobytes: usize = line.split_whitespace().next()?.parse().ok()?;
+    Some(kilobytes * 1024)
+}
+
+/// A flag that SIGTERM and SIGINT set.
+///
+/// # Errors
+/// If the handlers cannot be installed.
+pub(crate) fn termination_flag() -> io::Result<Arc<AtomicBool>> {
+    let terminated = Arc::new(AtomicBool::new(false));
+    for signal in [SIGTERM, SIGINT] {
+        flag::register(signal, Arc::clone(&terminated))?;
+    }
+    Ok(terminated)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_resident_size_is_read_from_its_line() {
+        let status = "Name:\tx\nVmHWM:\t  9 kB\nVmRSS:\t   1234 kB\nRssAnon:\t 5 kB\n";
+        assert_eq!(resident_in(status), Some(1234 * 1024));
+        assert_eq!(resident_in("Name:\tx\n"), None);
+        assert!(resident_bytes().unwrap() > 100_000);
+    }
+
+    #[test]
+    fn processors_that_do_not_exist_are_refused() {
+        assert!(use_processors(&[1023]).is_err());
+    }
+}

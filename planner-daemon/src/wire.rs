@@ -1,0 +1,155 @@
+//! Between the planner's units (lengths in sections) and the wire's (SI).
+
+use pcc_model::Configuration;
+use planning::{Candidate, Source};
+use shared_types::codes;
+use shared_types::message::{CandidateSummary, Knot};
+
+/// A knot as it travels; knots hold seconds and radians, so nothing is scaled.
+pub(crate) fn knot(knot: &trajectory::Knot) -> Knot {
+    Knot {
+        time_s: knot.time,
+        configuration_rad: knot.position.into(),
+        velocity_rad_s: knot.velocity.into(),
+        acceleration_rad_s2: knot.acceleration.into(),
+    }
+}
+
+/// The summary of a candidate: lengths in metres, smoothness in square metres.
+pub(crate) fn summary(
+    candidate: &Candidate,
+    first_knot: usize,
+    tip_error: f64,
+    section_length_m: f64,
+) -> CandidateSummary {
+    let metrics = &candidate.metrics;
+    CandidateSummary {
+        first_knot: first_knot as u32,
+        knot_count: candidate.trajectory.knots().len() as u32,
+        source: source(candidate.source).code(),
+        draw: candidate.draw as u32,
+        duration_s: metrics.duration_s,
+        tip_path_m: metrics.tip_length * section_length_m,
+        clearance_m: metrics.clearance * section_length_m,
+        smoothness: metrics.tip_smoothness * section_length_m.powi(2),
+        tip_error_m: tip_error * section_length_m,
+    }
+}
+
+/// Who proposed a candidate.
+pub(crate) fn source(source: Source) -> codes::Source {
+    match source {
+        Source::Learned => codes::Source::Learned,
+        Source::Straight => codes::Source::StraightLine,
+        Source::Tree => codes::Source::Classical,
+    }
+}
+
+/// Distance of a candidate's last tip from the goal's tip, in the unit of the robot.
+pub(crate) fn tip_error(
+    robot: &pcc_model::Robot,
+    end: &Configuration,
+    goal_tip: &pcc_model::Point,
+) -> f64 {
+    (robot.tip(end) - goal_tip).norm()
+}
+
+/// Hash of knots, one after the other: equal plans have equal hashes.
+///
+/// The `FxHash` of rustc (rotate by 5, exclusive or, multiply) over the bits of every number in the order of [`Knot`]'s
+/// fields; the rotation keeps two changed signs from cancelling.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct KnotHash(u64);
+
+impl KnotHash {
+    pub(crate) const fn new() -> Self {
+        Self(0)
+    }
+
+    pub(crate) fn add(&mut self, knot: &Knot) {
+        let vectors = [
+            &knot.configuration_rad,
+            &knot.velocity_rad_s,
+            &knot.acceleration_rad_s2,
+        ];
+        let numbers = std::iter::once(&knot.time_s).chain(vectors.into_iter().flatten());
+        for number in numbers {
+            self.0 = (self.0.rotate_left(5) ^ number.to_bits()).wrapping_mul(0x517c_c1b7_2722_0a95);
+        }
+    }
+
+    pub(crate) const fn value(self) -> u64 {
+        self.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use planning::PathMetrics;
+    use trajectory::Trajectory;
+
+    fn candidate() -> Candidate {
+        let end = Configuration::repeat(0.25);
+        let knots = [Configuration::zeros(), end];
+        let knots = knots.iter().zip([0.0, 2.0]);
+        let knots = knots.map(|(position, time)| trajectory::Knot::resting(time, *position));
+        Candidate {
+            trajectory: Trajectory::new(knots.collect()).unwrap(),
+            metrics: PathMetrics {
+                duration_s: 2.0,
+                tip_length: 3.0,
+                tip_distance: 2.5,
+                tip_smoothness: 5.0,
+                clearance: f64::INFINITY,
+                configuration_length: 0.6,
+            },
+            source: Source::Tree,
+            draw: 7,
+        }
+    }
+
+    #[test]
+    fn lengths_become_metres_and_nothing_else_changes() {
+        let summary = summary(&candidate(), 96, 0.01, 0.2);
+        let expected = CandidateSummary {
+            first_knot: 96,
+            knot_count: 2,
+            source: 2,
+            draw: 7,
+            duration_s: 2.0,
+            tip_path_m: 3.0 * 0.2,
+            clearance_m: f64::INFINITY,
+            smoothness: 5.0 * 0.2f64.powi(2),
+            tip_error_m: 0.01 * 0.2,
+        };
+        assert_eq!(summary, expected);
+    }
+
+    #[test]
+    fn every_source_has_its_code() {
+        assert_eq!(source(Source::Learned), codes::Source::Learned);
+        assert_eq!(source(Source::Straight), codes::Source::StraightLine);
+        assert_eq!(source(Source::Tree), codes::Source::Classical);
+    }
+
+    #[test]
+    fn the_hash_sees_every_bit_and_the_order() {
+        let hash = |knots: &[Knot]| {
+            let mut hash = KnotHash::new();
+            knots.iter().for_each(|knot| hash.add(knot));
+            hash.value()
+        };
+        let last = knot(&candidate().trajectory.knots()[1]);
+        let mut other = last;
+        other.acceleration_rad_s2[5] = f64::from_bits(1);
+        assert_eq!(hash(&[last, other]), hash(&[last, other]));
+        assert_ne!(hash(&[last, other]), hash(&[other, last]));
+        assert_ne!(hash(&[last]), hash(&[other]));
+        let mirrored = Knot {
+            configuration_rad: last.configuration_rad.map(|angle| -angle),
+            ..last
+        };
+        assert_ne!(hash(&[last]), hash(&[mirrored]));
+    }
+}
