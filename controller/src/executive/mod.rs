@@ -142,6 +142,8 @@ pub struct Executive {
     followed: bool,
     attached_ns: i64,
     robot: Option<RobotSample>,
+    /// Cycle time since the robot was last heard: a pause of the whole machine counts as little as a late cycle.
+    robot_silence_ns: i64,
     slack_residual_m: f64,
     last_ns: Option<i64>,
     late_run: u32,
@@ -178,6 +180,7 @@ impl Executive {
             followed: false,
             attached_ns: 0,
             robot: None,
+            robot_silence_ns: 0,
             slack_residual_m: 0.0,
             last_ns: None,
             late_run: 0,
@@ -275,7 +278,7 @@ impl Executive {
         if self.attached {
             self.move_on(input.now_ns, elapsed_ns);
         } else {
-            self.mirror_robot(input.now_ns);
+            self.mirror_robot();
         }
         self.output(input.now_ns, late)
     }
@@ -296,12 +299,12 @@ impl Executive {
         }
         if self.is_moving() {
             self.follow(seconds(step_ns));
-            self.check_setpoint(now_ns);
+            self.check_setpoint();
         }
     }
 
     /// The last barrier: a set-point beyond the limits is never sent, the robot ramps to rest instead.
-    fn check_setpoint(&mut self, now_ns: i64) {
+    fn check_setpoint(&mut self) {
         let tendons = &self.tendons;
         let finite = tendons
             .position_m
@@ -313,7 +316,7 @@ impl Executive {
                 .allow(&tendons.velocity_m_s, &tendons.acceleration_m_s2)
         {
             self.let_go(Some(LoopFault::InvalidSetpoint));
-            self.mirror_robot(now_ns);
+            self.mirror_robot();
         }
     }
 
@@ -321,8 +324,8 @@ impl Executive {
         matches!(self.state, LoopState::Executing | LoopState::Stopping)
     }
 
-    fn is_lost(&self, robot: &RobotSample, now_ns: i64) -> bool {
-        now_ns - robot.stamp_ns > self.settings.robot_lost_ns
+    fn is_robot_lost(&self) -> bool {
+        self.robot_silence_ns > self.settings.robot_lost_ns
     }
 
     /// Puts the trajectory aside; the loop gives it back in the same cycle, so there is never more than one.
@@ -366,12 +369,8 @@ impl Executive {
         };
     }
 
-    fn mirror_robot(&mut self, now_ns: i64) {
-        let Some(robot) = self
-            .robot
-            .as_ref()
-            .filter(|robot| !self.is_lost(robot, now_ns))
-        else {
+    fn mirror_robot(&mut self) {
+        let Some(robot) = self.robot.as_ref().filter(|_| !self.is_robot_lost()) else {
             return;
         };
         let count = self.map.count();

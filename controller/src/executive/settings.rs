@@ -9,7 +9,7 @@ pub struct ExecutiveSettings {
     pub step_cap_ns: i64,
     /// Late cycles in a row after which a motion is stopped.
     pub late_run_limit: u32,
-    /// Age of the newest robot state at which the robot counts as lost, ns.
+    /// Cycle time without a new robot state at which the robot counts as lost, ns.
     pub robot_lost_ns: i64,
     /// Time constant of the tracking error's low pass, s.
     pub tracking_filter_s: f64,

@@ -13,7 +13,9 @@ const TAKE_UP_NS: i64 = 200_000_000;
 impl Executive {
     /// Watches everything; returns whether this cycle came late.
     pub(super) fn supervise(&mut self, input: &CycleInput<'_>, elapsed_ns: i64) -> bool {
+        self.robot_silence_ns += elapsed_ns.min(2 * self.settings.period_ns);
         if let Some(sample) = input.robot {
+            self.robot_silence_ns = 0;
             self.hear(sample);
         }
         if input.robot_state_invalid && self.state != LoopState::Starting {
@@ -74,7 +76,7 @@ impl Executive {
         let Some(robot) = self.robot else {
             return;
         };
-        let lost = self.is_lost(&robot, now_ns);
+        let lost = self.is_robot_lost();
         if !self.attached {
             if self.state == LoopState::Starting && !lost {
                 self.take_hold(now_ns, &robot);
@@ -111,7 +113,7 @@ impl Executive {
         if !rests || !consistent {
             return;
         }
-        self.mirror_robot(now_ns);
+        self.mirror_robot();
         self.attached = true;
         self.followed = false;
         self.attached_ns = now_ns;

@@ -336,6 +336,28 @@ fn a_stalled_loop_finds_the_robot_at_rest_and_never_pulls_it_back() {
 }
 
 #[test]
+fn a_pause_of_the_whole_machine_is_one_late_cycle_and_no_fault() {
+    for pause_ms in [30, 300] {
+        let mut world = World::holding();
+        world.begin_motion(1);
+        world.run(1_500);
+        let before = *world.last.as_ref().unwrap();
+        // The step is capped, so the path time lags and the positions fall short of what the velocities say.
+        world.last = None;
+        let after = world.cycle(pause_ms * MS);
+        let step_s = after.path_time_s - before.path_time_s;
+        assert!((step_s - 0.020).abs() < 1e-9, "{step_s}");
+        world.run(100);
+        assert_eq!(state(&world), LoopState::Executing);
+        assert_eq!(world.simulated.reference().refused(), 0);
+        run_until(&mut world, 20_000, |world| {
+            state(world) == LoopState::Holding
+        });
+        assert!((world.commanded() - target_configuration()).amax() < 1e-12);
+    }
+}
+
+#[test]
 fn a_killed_robot_that_comes_back_is_found_where_it_stands() {
     for kill_at in [3, 700, 1_500] {
         let mut world = World::holding();

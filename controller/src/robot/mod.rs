@@ -5,12 +5,14 @@ mod motor;
 mod pose_memory;
 mod reference;
 mod service;
+mod setpoint;
 
 pub use config::RobotConfig;
 pub use motor::{Motor, MotorLimits, MotorTarget};
 pub use pose_memory::{PoseMemory, RememberedPose};
-pub use reference::{FAULT_SILENCE_NS, Mode, Reference, ReferenceLimits, Refusal, Target};
+pub use reference::{FAULT_SILENCE_NS, Reference};
 pub use service::{Switches, run};
+pub use setpoint::{Mode, ReferenceLimits, Refusal, Target};
 
 use pcc_model::{Configuration, TendonMap};
 use rand_distr::{Distribution, StandardNormal};

@@ -9,99 +9,20 @@
 //! rest. The fault lasts until the line has been silent for [`FAULT_SILENCE_NS`]: a controller goes silent only when
 //! it starts or is reset.
 
-use shared_types::codes::MotorState;
-
+use super::{Mode, ReferenceLimits, Refusal, Target};
 use crate::{TENDONS, TendonVector};
 
 /// Silence after which a latched fault is forgiven, ns.
 pub const FAULT_SILENCE_NS: i64 = 100_000_000;
+
+/// A cycle counts as at most this much silence, ns: when the whole machine pauses, nobody could have sent anything.
+const LONGEST_CYCLE_NS: i64 = 5_000_000;
 
 /// A set-point may be stamped this far in the future, ns (both ends read the same clock).
 const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
 
 /// Slack of a step in position and velocity: what the limits allow in this time, s.
 const SLACK_S: f64 = 1e-4;
-
-/// What the reference may do; the limits hold for each tendon.
-#[derive(Clone, Copy, Debug)]
-pub struct ReferenceLimits {
-    /// Velocity limit, m/s.
-    pub velocity_m_s: f64,
-    /// Acceleration limit, m/s²; the ramp to rest uses exactly this.
-    pub acceleration_m_s2: f64,
-    /// Factor on both limits up to which a set-point is accepted.
-    pub allowance: f64,
-    /// Time without a set-point after which the ramp to rest begins, ns.
-    pub lost_after_ns: i64,
-}
-
-/// What the reference is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Mode {
-    /// Never commanded.
-    Idle,
-    /// Following set-points.
-    Following,
-    /// Ramping to rest after set-points stopped coming.
-    Ramping,
-    /// At rest after such a ramp.
-    AtRestAfterLoss,
-    /// A set-point was refused while following: ramping to rest, or at rest.
-    Fault(Refusal),
-}
-
-impl From<Mode> for MotorState {
-    fn from(mode: Mode) -> Self {
-        match mode {
-            Mode::Idle => Self::Idle,
-            Mode::Following => Self::Following,
-            Mode::Ramping => Self::RampingToRest,
-            Mode::AtRestAfterLoss => Self::AtRestAfterLoss,
-            Mode::Fault(_) => Self::Fault,
-        }
-    }
-}
-
-/// Why a set-point was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Refusal {
-    /// A number is NaN or infinite.
-    #[error("a number in the set-point is not finite")]
-    NotFinite,
-    /// Its stamp is not after the last one, or in the future.
-    #[error("its stamp is not between the last accepted set-point's and now")]
-    Stamp,
-    /// It is further from the reference than the velocity limit allows.
-    #[error("its position is further from the reference than the velocity limit allows")]
-    PositionStep,
-    /// Its velocity is over the limit.
-    #[error("its velocity is over the limit")]
-    Velocity,
-    /// Its velocity differs from the reference's by more than the acceleration limit allows.
-    #[error("its velocity differs from the last by more than the acceleration limit allows")]
-    VelocityStep,
-    /// Its acceleration is over the limit.
-    #[error("its acceleration is over the limit")]
-    Acceleration,
-    /// The robot is ramping to rest or in fault.
-    #[error("the robot is not at rest yet after a loss or a fault")]
-    NotAtRest,
-}
-
-/// A set-point as received.
-#[derive(Clone, Copy, Debug)]
-pub struct Target {
-    /// The sender's count.
-    pub sequence: u64,
-    /// Time for which it was evaluated, ns of CLOCK_MONOTONIC.
-    pub stamp_ns: i64,
-    /// Tendon lengths relative to straight, m.
-    pub position_m: TendonVector,
-    /// Their rates, m/s.
-    pub velocity_m_s: TendonVector,
-    /// Their second derivatives, m/s².
-    pub acceleration_m_s2: TendonVector,
-}
 
 /// The reference that the motors track.
 #[derive(Clone, Debug)]
@@ -114,7 +35,8 @@ pub struct Reference {
     ramp: f64,
     position_m: TendonVector,
     stepped_ns: i64,
-    heard_ns: i64,
+    /// Cycle time since the last set-point, good or not.
+    silent_ns: i64,
     ramps_to_rest: u32,
     refused: u32,
 }
@@ -142,7 +64,7 @@ impl Reference {
             ramp: if moving { 1.0 } else { 0.0 },
             position_m,
             stepped_ns: now_ns,
-            heard_ns: now_ns,
+            silent_ns: 0,
             ramps_to_rest: u32::from(moving),
             refused: 0,
         }
@@ -201,9 +123,11 @@ impl Reference {
 
     /// Moves the reference on to `now_ns`.
     pub fn advance(&mut self, now_ns: i64) {
-        let elapsed_s = seconds((now_ns - self.stepped_ns).max(0));
-        self.stepped_ns = self.stepped_ns.max(now_ns);
-        let silent_ns = now_ns - self.heard_ns;
+        let elapsed_ns = (now_ns - self.stepped_ns).max(0);
+        let elapsed_s = seconds(elapsed_ns);
+        self.stepped_ns += elapsed_ns;
+        self.silent_ns += elapsed_ns.min(LONGEST_CYCLE_NS);
+        let silent_ns = self.silent_ns;
         match self.mode {
             Mode::Following if silent_ns > self.limits.lost_after_ns => {
                 self.begin_ramp(Mode::Ramping);
@@ -226,7 +150,7 @@ impl Reference {
     /// # Errors
     /// The first rule of [`Refusal`] that it breaks. While following, that rule is latched as a fault.
     pub fn offer(&mut self, now_ns: i64, target: &Target) -> Result<(), Refusal> {
-        self.heard_ns = now_ns;
+        self.silent_ns = 0;
         let checked = self.check(now_ns, target);
         match checked {
             Ok(()) => self.accept(now_ns, target),
@@ -428,7 +352,7 @@ mod tests {
     fn a_ramp_is_finished_and_then_only_a_target_at_rest_there_is_taken() {
         let mut reference = at_rest();
         let last = speed_up(&mut reference, 300);
-        reference.advance(330 * MS);
+        (301..=330).for_each(|ms| reference.advance(ms * MS));
         let late = Target {
             stamp_ns: 330 * MS,
             ..last

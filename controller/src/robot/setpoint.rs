@@ -1,0 +1,86 @@
+//! A set-point as the robot receives it, what it is checked against, and what comes of it.
+
+use shared_types::codes::MotorState;
+
+use crate::TendonVector;
+
+/// What the reference may do; the limits hold for each tendon.
+#[derive(Clone, Copy, Debug)]
+pub struct ReferenceLimits {
+    /// Velocity limit, m/s.
+    pub velocity_m_s: f64,
+    /// Acceleration limit, m/s²; the ramp to rest uses exactly this.
+    pub acceleration_m_s2: f64,
+    /// Factor on both limits up to which a set-point is accepted.
+    pub allowance: f64,
+    /// Time without a set-point after which the ramp to rest begins, ns.
+    pub lost_after_ns: i64,
+}
+
+/// What the reference is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Never commanded.
+    Idle,
+    /// Following set-points.
+    Following,
+    /// Ramping to rest after set-points stopped coming.
+    Ramping,
+    /// At rest after such a ramp.
+    AtRestAfterLoss,
+    /// A set-point was refused while following: ramping to rest, or at rest.
+    Fault(Refusal),
+}
+
+impl From<Mode> for MotorState {
+    fn from(mode: Mode) -> Self {
+        match mode {
+            Mode::Idle => Self::Idle,
+            Mode::Following => Self::Following,
+            Mode::Ramping => Self::RampingToRest,
+            Mode::AtRestAfterLoss => Self::AtRestAfterLoss,
+            Mode::Fault(_) => Self::Fault,
+        }
+    }
+}
+
+/// Why a set-point was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum Refusal {
+    /// A number is NaN or infinite.
+    #[error("a number in the set-point is not finite")]
+    NotFinite,
+    /// Its stamp is not after the last one, or in the future.
+    #[error("its stamp is not between the last accepted set-point's and now")]
+    Stamp,
+    /// It is further from the reference than the velocity limit allows.
+    #[error("its position is further from the reference than the velocity limit allows")]
+    PositionStep,
+    /// Its velocity is over the limit.
+    #[error("its velocity is over the limit")]
+    Velocity,
+    /// Its velocity differs from the reference's by more than the acceleration limit allows.
+    #[error("its velocity differs from the last by more than the acceleration limit allows")]
+    VelocityStep,
+    /// Its acceleration is over the limit.
+    #[error("its acceleration is over the limit")]
+    Acceleration,
+    /// The robot is ramping to rest or in fault.
+    #[error("the robot is not at rest yet after a loss or a fault")]
+    NotAtRest,
+}
+
+/// A set-point as received.
+#[derive(Clone, Copy, Debug)]
+pub struct Target {
+    /// The sender's count.
+    pub sequence: u64,
+    /// Time for which it was evaluated, ns of CLOCK_MONOTONIC.
+    pub stamp_ns: i64,
+    /// Tendon lengths relative to straight, m.
+    pub position_m: TendonVector,
+    /// Their rates, m/s.
+    pub velocity_m_s: TendonVector,
+    /// Their second derivatives, m/s².
+    pub acceleration_m_s2: TendonVector,
+}
