@@ -1,1 +1,23 @@
-//! (being written)
+//! The small Rust API that programs use to talk to the planner daemon, the controller and the robot.
+//!
+//! * [`Client`]: asks for plans; answers stay in shared memory ([`PlanAnswer`]);
+//! * [`ControllerView`]: the controller's state, and commands to it;
+//! * [`RobotView`], [`CycleRecorder`]: what the robot does, and every cycle of the loop;
+//! * [`ScenePublisher`]: tells everyone where the obstacles are.
+//!
+//! Each connects by itself with [`shared_types::ipc::IpcOptions`], in any start order, and survives the other side's
+//! restart. **None of them is `Send`**: create each in the thread that uses it.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod answer;
+mod error;
+mod patience;
+mod plan;
+mod scene;
+mod view;
+
+pub use answer::{Candidate, PlanAnswer};
+pub use error::ClientError;
+pub use plan::{Client, Pending};
+pub use scene::ScenePublisher;
+pub use view::{ControllerView, CycleRecorder, RobotView};

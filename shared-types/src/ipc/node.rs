@@ -67,6 +67,12 @@ impl IpcNode {
         self.node.try_cleanup_dead_nodes().cleanups
     }
 
+    /// Like [`IpcNode::clean_dead_nodes`], but where another process is cleaning already it waits for that, at most this
+    /// long for each of the dead: afterwards what still looks alive is alive.
+    pub fn finish_cleaning(&self, limit: Duration) {
+        self.node.blocking_cleanup_dead_nodes(limit);
+    }
+
     /// A builder for the service named `prefix/service`, with its full name.
     pub(super) fn builder(
         &self,

@@ -1,0 +1,65 @@
+//! An answer, read where the daemon wrote it.
+
+use shared_types::ipc::PlanResponse;
+use shared_types::message::{CandidateSummary, Knot};
+use shared_types::valid::{Invalid, PlanReport};
+
+/// An answer to a plan request; the knots stay in shared memory until it is dropped.
+///
+/// The report is a checked copy. The knots are the daemon's: [`shared_types::valid::check_knots`] before driving
+/// anything with them.
+#[derive(Debug)]
+pub struct PlanAnswer {
+    response: PlanResponse,
+    report: PlanReport,
+}
+
+/// One certified motion of an answer.
+#[derive(Clone, Copy, Debug)]
+pub struct Candidate<'answer> {
+    /// Its figures.
+    pub summary: &'answer CandidateSummary,
+    /// The motion.
+    pub knots: &'answer [Knot],
+}
+
+impl PlanAnswer {
+    pub(crate) fn new(response: PlanResponse) -> Result<Self, Invalid> {
+        let report = PlanReport::try_new(response.user_header(), response.payload().len())?;
+        Ok(Self { response, report })
+    }
+
+    /// What happened.
+    #[must_use]
+    pub fn report(&self) -> &PlanReport {
+        &self.report
+    }
+
+    /// A candidate by its index, below [`PlanReport::candidates`]' length.
+    #[must_use]
+    pub fn candidate(&self, index: usize) -> Option<Candidate<'_>> {
+        let summary = self.report.candidates.get(index)?;
+        Some(Candidate {
+            summary,
+            knots: &self.response.payload()[self.report.knot_range(index)],
+        })
+    }
+
+    /// All candidates, by index.
+    pub fn candidates(&self) -> impl ExactSizeIterator<Item = Candidate<'_>> {
+        self.report
+            .candidates
+            .iter()
+            .enumerate()
+            .map(|(index, summary)| Candidate {
+                summary,
+                knots: &self.response.payload()[self.report.knot_range(index)],
+            })
+    }
+
+    /// The selected candidate.
+    #[must_use]
+    pub fn selected(&self) -> Option<Candidate<'_>> {
+        self.candidate(self.report.selected?)
+    }
+}

@@ -1,0 +1,80 @@
+//! What can go wrong between a program and the processes it talks to.
+
+use std::time::Duration;
+
+use shared_types::ipc::IpcError;
+use shared_types::valid::Invalid;
+
+/// Why there is no answer.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// A service or a port is not available.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// The request was not sent.
+    #[error("the request is not valid: {0}")]
+    InvalidRequest(Invalid),
+    /// Nobody serves under this prefix and root.
+    #[error(
+        "no {server} within {waited:?}: start it, or set PCC_PREFIX and PCC_ROOT to where it runs"
+    )]
+    NoServer {
+        /// Who is missing.
+        server: &'static str,
+        /// For how long it was waited for.
+        waited: Duration,
+    },
+    /// The server died, or dropped the request, before it answered.
+    #[error(
+        "the {server} went away before it answered request {id}; {}",
+        if *.may_have_acted { "it may have acted on it: look at the controller's state before sending it again" }
+        else { "it has no effect that lasts: send it again" }
+    )]
+    ServerLost {
+        /// Who went away.
+        server: &'static str,
+        /// The request's number.
+        id: u64,
+        /// Whether the request could have moved something.
+        may_have_acted: bool,
+    },
+    /// The server is there but did not answer in time; the request was cancelled.
+    #[error("the {server} did not answer request {id} within {waited:?}")]
+    TimedOut {
+        /// Who did not answer.
+        server: &'static str,
+        /// The request's number.
+        id: u64,
+        /// For how long it was waited.
+        waited: Duration,
+    },
+    /// This client has as many requests at work as the daemon allows.
+    #[error("too many requests of this client at once; wait for an answer or drop a pending one")]
+    TooManyRequests,
+    /// What came is no message of this protocol's version.
+    #[error("{sender} sent something this program does not understand: {invalid}")]
+    BadMessage {
+        /// Whose message it was.
+        sender: &'static str,
+        /// What is wrong with it.
+        invalid: Invalid,
+    },
+    /// iceoryx2 could not send or receive.
+    #[error("cannot {what}: {reason}")]
+    Transport {
+        /// The operation.
+        what: &'static str,
+        /// What iceoryx2 said.
+        reason: String,
+    },
+}
+
+impl ClientError {
+    /// A failed operation of iceoryx2.
+    pub(crate) fn transport(what: &'static str, reason: impl std::fmt::Debug) -> Self {
+        Self::Transport {
+            what,
+            reason: format!("{reason:?}"),
+        }
+    }
+}

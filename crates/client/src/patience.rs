@@ -1,0 +1,87 @@
+//! How to wait for another process: first without pause, then with short ones, cleaning up after the dead in between.
+
+use std::hint;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use shared_types::ipc::IpcNode;
+
+/// Polls without pause before the first sleep: some 20 µs, more than a message takes on its way.
+const SPINS: u32 = 200;
+/// Pause between two polls after that.
+const PAUSE: Duration = Duration::from_micros(50);
+/// Time between two clean-ups of dead processes.
+const CLEANING_PERIOD: Duration = Duration::from_millis(100);
+
+/// A time limit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Patience {
+    begin: Instant,
+    limit: Duration,
+}
+
+impl Patience {
+    pub(crate) fn new(limit: Duration) -> Self {
+        Self {
+            begin: Instant::now(),
+            limit,
+        }
+    }
+
+    pub(crate) fn is_exhausted(&self) -> bool {
+        self.begin.elapsed() >= self.limit
+    }
+
+    /// The limit, for messages.
+    pub(crate) fn limit(&self) -> Duration {
+        self.limit
+    }
+}
+
+/// Cleans up after dead processes, but not too often: it lists a directory.
+#[derive(Debug)]
+pub(crate) struct Cleaner {
+    last: Option<Instant>,
+}
+
+impl Cleaner {
+    pub(crate) const fn new() -> Self {
+        Self { last: None }
+    }
+
+    /// Cleans if the last time is long enough ago.
+    pub(crate) fn clean_if_due(&mut self, node: &IpcNode) {
+        if self
+            .last
+            .is_none_or(|last| last.elapsed() >= CLEANING_PERIOD)
+        {
+            node.clean_dead_nodes();
+            self.last = Some(Instant::now());
+        }
+    }
+}
+
+/// Calls `poll` until it has something, fails, or patience ends (none).
+pub(crate) fn wait<T, E>(
+    patience: &Patience,
+    cleaner: &mut Cleaner,
+    node: &IpcNode,
+    mut poll: impl FnMut() -> Result<Option<T>, E>,
+) -> Result<Option<T>, E> {
+    let mut polls = 0;
+    loop {
+        if let Some(value) = poll()? {
+            return Ok(Some(value));
+        }
+        if polls < SPINS {
+            polls += 1;
+            hint::spin_loop();
+            continue;
+        }
+        if patience.is_exhausted() {
+            return Ok(None);
+        }
+        cleaner.clean_if_due(node);
+        thread::sleep(PAUSE);
+    }
+}

@@ -1,0 +1,272 @@
+//! Asking the daemon for plans.
+
+use std::thread;
+use std::time::Duration;
+
+use iceoryx2::port::LoanError;
+use iceoryx2::port::client::RequestSendError;
+use iceoryx2::prelude::PortFactory;
+use shared_types::ipc::{
+    IpcError, IpcNode, IpcOptions, PlanClient, PlanPending, PlanService, open_plan_service,
+    plan_client,
+};
+use shared_types::message;
+use shared_types::valid::PlanRequest;
+
+use crate::patience::{Cleaner, Patience, wait};
+use crate::{ClientError, PlanAnswer};
+
+const DAEMON: &str = "planner-daemon";
+/// Longest wait for other processes that clean up after a dead one.
+const FUNERAL: Duration = Duration::from_millis(500);
+/// Pause between two looks for a daemon.
+const LOOK_PERIOD: Duration = Duration::from_millis(5);
+
+/// A connection to the planner daemon that outlives the daemon's restarts.
+#[derive(Debug)]
+pub struct Client {
+    port: Option<PlanPort>,
+    cleaner: Cleaner,
+    last_request_id: u64,
+    node: IpcNode,
+}
+
+/// Dropped in this order: the port before its service.
+#[derive(Debug)]
+struct PlanPort {
+    client: PlanClient,
+    service: PlanService,
+}
+
+/// A request at work; dropping it cancels it.
+#[derive(Debug)]
+pub struct Pending {
+    response: PlanPending,
+    id: u64,
+    execute: bool,
+}
+
+impl Pending {
+    /// The number under which it was sent.
+    #[must_use]
+    pub fn id(&self) -> u64 {
+        self.id
+    }
+
+    /// Looks for the answer; see [`Client::poll`].
+    fn receive(&mut self) -> Result<Option<PlanAnswer>, ClientError> {
+        // Asked before the answer is: a daemon that answers and lets go in between has not gone away.
+        let connected = self.response.is_connected();
+        let received = self
+            .response
+            .receive()
+            .map_err(|reason| ClientError::transport("receive an answer", reason))?;
+        match received {
+            Some(response) => {
+                let bad = |invalid| ClientError::BadMessage {
+                    sender: DAEMON,
+                    invalid,
+                };
+                PlanAnswer::new(response).map(Some).map_err(bad)
+            }
+            None if connected => Ok(None),
+            None => Err(ClientError::ServerLost {
+                server: DAEMON,
+                id: self.id,
+                may_have_acted: self.execute,
+            }),
+        }
+    }
+}
+
+impl Client {
+    /// Joins the services; the daemon need not run yet.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`]: the options are not usable.
+    pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
+        let node = IpcNode::create(options, "pcc-client")?;
+        Ok(Self {
+            port: None,
+            cleaner: Cleaner::new(),
+            last_request_id: 0,
+            node,
+        })
+    }
+
+    /// Waits until a daemon serves.
+    ///
+    /// # Errors
+    /// [`ClientError::NoServer`] if none does in time, [`ClientError::Ipc`] if its service cannot be joined.
+    pub fn wait_for_daemon(&mut self, timeout: Duration) -> Result<(), ClientError> {
+        self.wait_for_port(&Patience::new(timeout)).map(drop)
+    }
+
+    /// Plans: sends the request and waits for the answer, `timeout` in all.
+    ///
+    /// `request.request_id` 0 is replaced by a number of the client's own. If the daemon dies meanwhile, the request is
+    /// sent once more to its successor, unless it is one to execute, which might then be executed twice.
+    ///
+    /// # Errors
+    /// Any [`ClientError`]; an answer with another outcome than ok is no error.
+    pub fn plan(
+        &mut self,
+        request: &PlanRequest,
+        timeout: Duration,
+    ) -> Result<PlanAnswer, ClientError> {
+        let patience = Patience::new(timeout);
+        let first = self.plan_once(request, &patience);
+        match first {
+            Err(ClientError::ServerLost {
+                may_have_acted: false,
+                ..
+            }) => self.plan_once(request, &patience),
+            result => result,
+        }
+    }
+
+    /// Sends the request to the daemon that serves now and returns at once.
+    ///
+    /// # Errors
+    /// [`ClientError::InvalidRequest`], [`ClientError::NoServer`] if none serves,
+    /// [`ClientError::TooManyRequests`], or [`ClientError::Ipc`] and [`ClientError::Transport`].
+    pub fn submit(&mut self, request: &PlanRequest) -> Result<Pending, ClientError> {
+        self.submit_within(request, &Patience::new(Duration::ZERO))
+    }
+
+    /// Looks whether a request has been answered; never waits.
+    ///
+    /// # Errors
+    /// [`ClientError::ServerLost`] if there will be no answer, [`ClientError::BadMessage`], [`ClientError::Transport`].
+    pub fn poll(&mut self, pending: &mut Pending) -> Result<Option<PlanAnswer>, ClientError> {
+        self.cleaner.clean_if_due(&self.node);
+        let received = pending.receive();
+        self.bury_the_dead(&received);
+        received
+    }
+
+    /// Waits for the answer to a request; without one in time the request is cancelled.
+    ///
+    /// # Errors
+    /// As [`Client::poll`], and [`ClientError::TimedOut`].
+    pub fn wait(&mut self, pending: Pending, timeout: Duration) -> Result<PlanAnswer, ClientError> {
+        self.wait_within(pending, &Patience::new(timeout))
+    }
+
+    fn plan_once(
+        &mut self,
+        request: &PlanRequest,
+        patience: &Patience,
+    ) -> Result<PlanAnswer, ClientError> {
+        let pending = self.submit_within(request, patience)?;
+        self.wait_within(pending, patience)
+    }
+
+    fn wait_within(
+        &mut self,
+        mut pending: Pending,
+        patience: &Patience,
+    ) -> Result<PlanAnswer, ClientError> {
+        let received = wait(patience, &mut self.cleaner, &self.node, || {
+            pending.receive()
+        });
+        self.bury_the_dead(&received);
+        received?.ok_or(ClientError::TimedOut {
+            server: DAEMON,
+            id: pending.id,
+            waited: patience.limit(),
+        })
+    }
+
+    /// After a loss, sees to it that the next request cannot go to the same dead server: another process may still be
+    /// in the middle of cleaning up after it.
+    fn bury_the_dead<T>(&self, received: &Result<T, ClientError>) {
+        if matches!(received, Err(ClientError::ServerLost { .. })) {
+            self.node.finish_cleaning(FUNERAL);
+        }
+    }
+
+    fn submit_within(
+        &mut self,
+        request: &PlanRequest,
+        patience: &Patience,
+    ) -> Result<Pending, ClientError> {
+        let mut wire =
+            message::PlanRequest::try_from(request).map_err(ClientError::InvalidRequest)?;
+        if wire.request_id == 0 {
+            self.last_request_id += 1;
+            wire.request_id = self.last_request_id;
+        }
+        loop {
+            let response = self.wait_for_port(patience)?.send(&wire)?;
+            // A daemon that left between the look and the sending: nobody has the request.
+            if response.number_of_server_connections() > 0 {
+                return Ok(Pending {
+                    response,
+                    id: wire.request_id,
+                    execute: request.execute,
+                });
+            }
+        }
+    }
+
+    /// A port on a service with a living server.
+    fn wait_for_port(&mut self, patience: &Patience) -> Result<&PlanPort, ClientError> {
+        loop {
+            self.cleaner.clean_if_due(&self.node);
+            self.refresh_port()?;
+            if self.port.is_some() {
+                break;
+            }
+            if patience.is_exhausted() {
+                return Err(ClientError::NoServer {
+                    server: DAEMON,
+                    waited: patience.limit(),
+                });
+            }
+            thread::sleep(LOOK_PERIOD);
+        }
+        Ok(self.port.as_ref().expect("the loop ends only with a port"))
+    }
+
+    /// Opens the service if a daemon serves it, and lets go of it if none does, so that a daemon with another capacity
+    /// may make it anew.
+    fn refresh_port(&mut self) -> Result<(), ClientError> {
+        if self.port.as_ref().is_some_and(PlanPort::is_served) {
+            return Ok(());
+        }
+        self.port = None;
+        let service = match open_plan_service(&self.node) {
+            Ok(service) => service,
+            Err(IpcError::Missing { .. }) => return Ok(()),
+            Err(error) => return Err(error.into()),
+        };
+        if service.dynamic_config().number_of_servers() > 0 {
+            self.port = Some(PlanPort {
+                client: plan_client(&self.node, &service)?,
+                service,
+            });
+        }
+        Ok(())
+    }
+}
+
+impl PlanPort {
+    fn is_served(&self) -> bool {
+        self.service.dynamic_config().number_of_servers() > 0
+    }
+
+    fn send(&self, wire: &message::PlanRequest) -> Result<PlanPending, ClientError> {
+        let request = self.client.loan_uninit().map_err(|reason| match reason {
+            LoanError::ExceedsMaxLoans => ClientError::TooManyRequests,
+            reason => ClientError::transport("prepare a request", reason),
+        })?;
+        request
+            .write_payload(*wire)
+            .send()
+            .map_err(|reason| match reason {
+                RequestSendError::ExceedsMaxActiveRequests => ClientError::TooManyRequests,
+                reason => ClientError::transport("send a request", reason),
+            })
+    }
+}

@@ -1,0 +1,219 @@
+//! Watching the controller and the robot, and ordering the controller about.
+
+use std::fmt::Debug;
+use std::time::Duration;
+
+use iceoryx2::prelude::ZeroCopySend;
+use shared_types::ipc::{
+    CommandClient, CycleSubscriber, IpcNode, IpcOptions, Subscriber, command_client,
+    command_service, controller_state_service, cycle_service, cycle_subscriber,
+    robot_state_service, subscriber,
+};
+use shared_types::message;
+use shared_types::valid::{Command, CommandReply, ControllerState, Cycle, Invalid, RobotState};
+
+use crate::ClientError;
+use crate::patience::{Cleaner, Patience, wait};
+
+const CONTROLLER: &str = "controller";
+const ROBOT: &str = "robot";
+
+/// The controller's state, and commands to it.
+#[derive(Debug)]
+pub struct ControllerView {
+    states: Subscriber<message::ControllerState>,
+    latest: Option<ControllerState>,
+    commands: CommandClient,
+    last_command_id: u64,
+    cleaner: Cleaner,
+    node: IpcNode,
+}
+
+impl ControllerView {
+    /// Joins the services; the controller need not run yet.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`].
+    pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
+        let node = IpcNode::create(options, "pcc-controller-view")?;
+        let states = subscriber(&node, &controller_state_service(&node)?)?;
+        let commands = command_client(&node, &command_service(&node)?)?;
+        Ok(Self {
+            states,
+            latest: None,
+            commands,
+            last_command_id: 0,
+            cleaner: Cleaner::new(),
+            node,
+        })
+    }
+
+    /// The newest state received, however old: compare its stamp with [`shared_types::clock::mono_now_ns`]; none if the
+    /// controller has not published yet.
+    ///
+    /// # Errors
+    /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn latest_state(&mut self) -> Result<Option<ControllerState>, ClientError> {
+        self.cleaner.clean_if_due(&self.node);
+        if let Some(wire) = newest(&self.states)? {
+            self.latest = Some(checked(CONTROLLER, ControllerState::try_from(&wire))?);
+        }
+        Ok(self.latest)
+    }
+
+    /// Gives an order and waits for the reply; a refused order is no error.
+    ///
+    /// # Errors
+    /// [`ClientError::InvalidRequest`], [`ClientError::NoServer`], [`ClientError::ServerLost`],
+    /// [`ClientError::TimedOut`], [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn command(
+        &mut self,
+        command: Command,
+        timeout: Duration,
+    ) -> Result<CommandReply, ClientError> {
+        self.last_command_id += 1;
+        let (id, patience) = (self.last_command_id, Patience::new(timeout));
+        let wire = command.to_wire(id);
+        Command::try_from(&wire).map_err(ClientError::InvalidRequest)?;
+        let (node, cleaner, commands) = (&self.node, &mut self.cleaner, &self.commands);
+        let sent = wait(&patience, cleaner, node, || {
+            let pending = commands
+                .send_copy(wire)
+                .map_err(|reason| ClientError::transport("send a command", reason))?;
+            Ok::<_, ClientError>((pending.number_of_server_connections() > 0).then_some(pending))
+        })?;
+        let waited = patience.limit();
+        let pending = sent.ok_or(ClientError::NoServer {
+            server: CONTROLLER,
+            waited,
+        })?;
+        let reply = wait(&patience, cleaner, node, || {
+            let connected = pending.is_connected();
+            let reply = pending
+                .receive()
+                .map_err(|reason| ClientError::transport("receive a reply", reason))?;
+            match reply {
+                None if !connected => Err(ClientError::ServerLost {
+                    server: CONTROLLER,
+                    id,
+                    may_have_acted: true,
+                }),
+                reply => Ok(reply.map(|reply| *reply)),
+            }
+        })?;
+        let reply = reply.ok_or(ClientError::TimedOut {
+            server: CONTROLLER,
+            id,
+            waited,
+        })?;
+        checked(CONTROLLER, CommandReply::try_from(&reply))
+    }
+}
+
+/// The robot's state.
+#[derive(Debug)]
+pub struct RobotView {
+    states: Subscriber<message::RobotState>,
+    latest: Option<RobotState>,
+    _node: IpcNode,
+}
+
+impl RobotView {
+    /// Joins the service; the robot need not run yet.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`].
+    pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
+        let node = IpcNode::create(options, "pcc-robot-view")?;
+        let states = subscriber(&node, &robot_state_service(&node)?)?;
+        Ok(Self {
+            states,
+            latest: None,
+            _node: node,
+        })
+    }
+
+    /// The newest state received, however old: look at its stamp; none if the robot has not published yet.
+    ///
+    /// # Errors
+    /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn latest(&mut self) -> Result<Option<RobotState>, ClientError> {
+        if let Some(wire) = newest(&self.states)? {
+            self.latest = Some(checked(ROBOT, RobotState::try_from(&wire))?);
+        }
+        Ok(self.latest)
+    }
+}
+
+/// Every cycle of the controller's loop.
+#[derive(Debug)]
+pub struct CycleRecorder {
+    batches: CycleSubscriber,
+    next_sequence: Option<u64>,
+    missed: u64,
+    _node: IpcNode,
+}
+
+impl CycleRecorder {
+    /// Joins the service; recording begins with the next cycle published.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`].
+    pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
+        let node = IpcNode::create(options, "pcc-recorder")?;
+        let batches = cycle_subscriber(&node, &cycle_service(&node)?)?;
+        Ok(Self {
+            batches,
+            next_sequence: None,
+            missed: 0,
+            _node: node,
+        })
+    }
+
+    /// Appends the cycles that arrived since the last call; call it at least twice a second. Returns how many.
+    ///
+    /// # Errors
+    /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn drain(&mut self, cycles: &mut Vec<Cycle>) -> Result<usize, ClientError> {
+        let before = cycles.len();
+        while let Some(batch) = receive(|| self.batches.receive())? {
+            for wire in batch.payload() {
+                let cycle = checked(CONTROLLER, Cycle::try_from(wire))?;
+                self.count_missed(cycle.values.sequence);
+                cycles.push(cycle);
+            }
+        }
+        Ok(cycles.len() - before)
+    }
+
+    /// Cycles lost because [`CycleRecorder::drain`] was called too seldom.
+    #[must_use]
+    pub fn missed(&self) -> u64 {
+        self.missed
+    }
+
+    /// A sequence that falls is a new controller's, and nothing is missed.
+    fn count_missed(&mut self, sequence: u64) {
+        self.missed += sequence.saturating_sub(self.next_sequence.unwrap_or(sequence));
+        self.next_sequence = Some(sequence.wrapping_add(1));
+    }
+}
+
+fn receive<T, E: Debug>(receive: impl FnOnce() -> Result<T, E>) -> Result<T, ClientError> {
+    receive().map_err(|reason| ClientError::transport("receive a state", reason))
+}
+
+/// The newest message waiting, copied to private memory.
+fn newest<T: Debug + ZeroCopySend + Copy>(
+    states: &Subscriber<T>,
+) -> Result<Option<T>, ClientError> {
+    let mut newest = None;
+    while let Some(sample) = receive(|| states.receive())? {
+        newest = Some(*sample);
+    }
+    Ok(newest)
+}
+
+fn checked<T>(sender: &'static str, result: Result<T, Invalid>) -> Result<T, ClientError> {
+    result.map_err(|invalid| ClientError::BadMessage { sender, invalid })
+}

@@ -1,0 +1,242 @@
+//! Views of the controller and the robot, the scene, and what a killed publisher leaves.
+
+use std::thread;
+use std::time::Duration;
+
+use client::{ClientError, ControllerView, CycleRecorder, RobotView, ScenePublisher};
+use shared_types::PROTOCOL_VERSION;
+use shared_types::codes::{CommandRefusal, LoopState, MotorState};
+use shared_types::ipc::*;
+use shared_types::message::{self, MovingBall};
+use shared_types::valid::{Command, Scene};
+
+use crate::support::{LONG, World};
+
+fn node(world: &World) -> IpcNode {
+    IpcNode::create(&world.options, "test").unwrap()
+}
+
+#[test]
+fn the_newest_states_are_seen_and_kept() {
+    let world = World::new();
+    let mut controller = ControllerView::connect(&world.options).unwrap();
+    let mut robot = RobotView::connect(&world.options).unwrap();
+    assert!(controller.latest_state().unwrap().is_none());
+    assert!(robot.latest().unwrap().is_none());
+
+    let node = node(&world);
+    let controller_states = publisher(&node, &controller_state_service(&node).unwrap()).unwrap();
+    let robot_states = publisher(&node, &robot_state_service(&node).unwrap()).unwrap();
+    for cycle in 1..=100 {
+        let state = LoopState::Executing.code();
+        controller_states
+            .send_copy(message::ControllerState {
+                cycle,
+                state,
+                ..message::ControllerState::ZEROED
+            })
+            .unwrap();
+        let state = MotorState::Following.code();
+        robot_states
+            .send_copy(message::RobotState {
+                sequence: cycle,
+                state,
+                ..message::RobotState::ZEROED
+            })
+            .unwrap();
+    }
+    for _ in 0..2 {
+        let state = controller.latest_state().unwrap().unwrap();
+        assert_eq!(
+            (state.values.cycle, state.state),
+            (100, LoopState::Executing)
+        );
+        let state = robot.latest().unwrap().unwrap();
+        assert_eq!(
+            (state.values.sequence, state.state),
+            (100, MotorState::Following)
+        );
+    }
+}
+
+#[test]
+fn a_state_that_is_none_is_an_error() {
+    let world = World::new();
+    let mut robot = RobotView::connect(&world.options).unwrap();
+    let node = node(&world);
+    let states = publisher(&node, &robot_state_service(&node).unwrap()).unwrap();
+    states
+        .send_copy(message::RobotState {
+            measured_tendon_m: [f64::NAN; 9],
+            ..message::RobotState::ZEROED
+        })
+        .unwrap();
+    let error = robot.latest().unwrap_err();
+    assert!(
+        matches!(
+            error,
+            ClientError::BadMessage {
+                sender: "robot",
+                ..
+            }
+        ),
+        "{error}"
+    );
+}
+
+#[test]
+fn commands_reach_the_controller_and_its_refusals_come_back() {
+    let world = World::new();
+    let mut view = ControllerView::connect(&world.options).unwrap();
+    let error = view
+        .command(Command::Stop, Duration::from_millis(20))
+        .unwrap_err();
+    assert!(
+        matches!(
+            error,
+            ClientError::NoServer {
+                server: "controller",
+                ..
+            }
+        ),
+        "{error}"
+    );
+    let error = view.command(Command::SetSpeed(2.0), LONG).unwrap_err();
+    assert!(matches!(error, ClientError::InvalidRequest(_)), "{error}");
+    thread::scope(|scope| {
+        scope.spawn(|| answer_commands(&world, 2));
+        assert!(view.command(Command::SetSpeed(0.5), LONG).unwrap().accepted);
+        let reply = view.command(Command::ResetFault, LONG).unwrap();
+        assert_eq!(
+            (reply.accepted, reply.reason),
+            (false, CommandRefusal::NothingToDo)
+        );
+    });
+}
+
+/// Accepts new speeds and refuses everything else.
+fn answer_commands(world: &World, count: usize) {
+    let node = node(world);
+    let server = command_server(&node, &command_service(&node).unwrap()).unwrap();
+    let mut answered = 0;
+    while answered < count {
+        let Some(active) = server.receive().unwrap() else {
+            thread::sleep(Duration::from_millis(1));
+            continue;
+        };
+        let accepted = matches!(
+            Command::try_from(active.payload()),
+            Ok(Command::SetSpeed(_))
+        );
+        let reason = if accepted {
+            CommandRefusal::None
+        } else {
+            CommandRefusal::NothingToDo
+        };
+        let reply = message::CommandReply {
+            command_id: active.command_id,
+            protocol_version: PROTOCOL_VERSION,
+            accepted: u32::from(accepted),
+            reason: reason.code(),
+            state: LoopState::Holding.code(),
+        };
+        active.send_copy(reply).unwrap();
+        answered += 1;
+    }
+}
+
+#[test]
+fn a_recorder_gets_every_cycle_and_counts_what_it_missed() {
+    let world = World::new();
+    let mut recorder = CycleRecorder::connect(&world.options).unwrap();
+    let node = node(&world);
+    let cycles = cycle_publisher(&node, &cycle_service(&node).unwrap()).unwrap();
+    let publish = |batches: std::ops::Range<u64>| {
+        for batch in batches {
+            let sample = cycles.loan_slice_uninit(10).unwrap();
+            let cycle = |index| message::Cycle {
+                sequence: batch * 10 + index as u64,
+                ..message::Cycle::ZEROED
+            };
+            sample.write_from_fn(cycle).send().unwrap();
+        }
+    };
+    let mut recorded = Vec::new();
+    publish(0..50);
+    assert_eq!(recorder.drain(&mut recorded).unwrap(), 500);
+    publish(50..60);
+    assert_eq!(recorder.drain(&mut recorded).unwrap(), 100);
+    assert!(
+        recorded
+            .iter()
+            .enumerate()
+            .all(|(index, cycle)| cycle.values.sequence == index as u64)
+    );
+    assert_eq!(recorder.missed(), 0);
+
+    publish(60..160);
+    let kept = recorder.drain(&mut recorded).unwrap();
+    assert_eq!(kept, 640, "64 batches fit the buffer");
+    assert_eq!(recorder.missed(), 1000 - kept as u64);
+    publish(0..1);
+    recorder.drain(&mut recorded).unwrap();
+    assert_eq!(
+        recorder.missed(),
+        1000 - kept as u64,
+        "a new controller counts from the start"
+    );
+}
+
+#[test]
+fn latecomers_get_the_scene_and_a_bad_one_changes_nothing() {
+    let world = World::new();
+    let scenes = ScenePublisher::connect(&world.options).unwrap();
+    let ball = MovingBall {
+        radius_m: 0.4,
+        ..MovingBall::ZEROED
+    };
+    scenes.publish(&[ball; 2]).unwrap();
+    let error = scenes
+        .publish(&[MovingBall {
+            radius_m: -1.0,
+            ..ball
+        }])
+        .unwrap_err();
+    assert!(error.to_string().contains("balls[0]"), "{error}");
+
+    let node = node(&world);
+    let subscriber = subscriber(&node, &scene_service(&node).unwrap()).unwrap();
+    scenes.greet_latecomers().unwrap();
+    let sample = subscriber.receive().unwrap().unwrap();
+    assert_eq!(Scene::try_from(&*sample).unwrap().balls, [ball; 2]);
+    assert!(subscriber.receive().unwrap().is_none());
+}
+
+#[test]
+fn a_killed_publisher_leaves_its_place_and_its_subscribers_hear_the_next_one() {
+    let world = World::new();
+    let node = node(&world);
+    let setpoints = setpoint_service(&node).unwrap();
+    let subscriber = subscriber(&node, &setpoints).unwrap();
+    for _ in 0..3 {
+        let mut controller = world.process("controller_process", "");
+        while subscriber.receive().unwrap().is_none() {
+            assert!(controller.is_running());
+            thread::sleep(Duration::from_millis(1));
+        }
+        assert!(
+            matches!(publisher(&node, &setpoints), Err(IpcError::Full { .. })),
+            "there is one place"
+        );
+        controller.kill();
+        let successor = publisher(&node, &setpoints).unwrap();
+        while subscriber.receive().unwrap().is_some() {}
+        successor
+            .send_copy(message::Setpoint {
+                sequence: 77,
+                ..message::Setpoint::ZEROED
+            })
+            .unwrap();
+        assert_eq!(subscriber.receive().unwrap().unwrap().sequence, 77);
+    }
+}
