@@ -187,7 +187,7 @@ def flow_times(count, generator, device):
     return torch.where(kind < 0.4, 0.0, torch.where(kind < 0.7, 0.5, t))
 
 
-def batch_loss(model, trunk, rows, batch, weight, generator, bf16):
+def batch_loss(model, rows, batch, weight, generator, bf16):
     """Weighted mean squared error of the estimated normalised coefficients over one batch."""
     ends, balls, groups, coefficients = rows.gather(batch)
     data = coefficients / model.coefficient_std
@@ -195,7 +195,7 @@ def batch_loss(model, trunk, rows, batch, weight, generator, bf16):
     t = flow_times(len(batch), generator, data.device)
     x = torch.lerp(noise, data, t[:, None])
     with torch.autocast(data.device.type, dtype=torch.bfloat16, enabled=bf16):
-        estimate = trunk(x, t, ends, model.pool(balls, groups))
+        estimate = model(x, t, ends, model.pool(balls, groups))
     return ((estimate.float() - data).square() * weight).mean()
 
 
@@ -208,7 +208,7 @@ def validate(model, rows, weight, limit=4096):
     """
     generator = torch.Generator(device=rows.ends.device).manual_seed(1)
     chosen = rows.validation[torch.randperm(len(rows.validation), generator=generator, device=rows.ends.device)[:limit]]
-    report = {"flow_loss": float(batch_loss(model, model, rows, chosen, weight, generator, False))}
+    report = {"flow_loss": float(batch_loss(model, rows, chosen, weight, generator, False))}
     ends, balls, groups, coefficients = rows.gather(chosen)
     context = model.condition(ends, model.pool(balls, groups))
     noise = torch.randn(coefficients.shape, generator=generator, device=coefficients.device)
@@ -236,7 +236,6 @@ class Run:
         self.generator = torch.Generator(device=device).manual_seed(arguments.seed)
         self.updates = 0
         self.seconds = 0.0
-        self.best = None
         self.facts = {
             "width": arguments.width, "blocks": arguments.blocks, "seed": arguments.seed, "batch": arguments.batch,
             "rows": len(rows.train),
@@ -260,13 +259,13 @@ class Run:
         self.updates, self.seconds = state["updates"], state["seconds"]
 
 
-def step(run, trunk, rows, weight, arguments, share):
+def step(run, rows, weight, arguments, share):
     """One update; returns the loss. `share` is the part of the run that is over."""
     rate = arguments.rate * min(1.0, (run.updates + 1) / WARM_UP_UPDATES) * (0.5 + 0.5 * math.cos(math.pi * share))
     for group in run.optimiser.param_groups:
         group["lr"] = rate
     picks = torch.randint(len(rows.train), (arguments.batch,), generator=run.generator, device=rows.train.device)
-    loss = batch_loss(run.model, trunk, rows, rows.train[picks], weight, run.generator, arguments.bf16)
+    loss = batch_loss(run.model, rows, rows.train[picks], weight, run.generator, arguments.bf16)
     run.optimiser.zero_grad(set_to_none=True)
     loss.backward()
     nn.utils.clip_grad_norm_(run.model.parameters(), 1.0)
@@ -290,11 +289,10 @@ def train(arguments):
     if checkpoint.exists():
         run.restore(checkpoint, device)
     weight = loss_weight(run.model)
-    trunk = torch.compile(run.model, dynamic=False) if arguments.compile else run.model
     print(f"{len(rows.train)} training rows, {len(rows.validation)} held out, from update {run.updates}", flush=True)
     began, share, losses = time.monotonic() - run.seconds, 0.0, []
     while share < 1.0:
-        losses.append(step(run, trunk, rows, weight, arguments, share).detach())
+        losses.append(step(run, rows, weight, arguments, share).detach())
         run.seconds = time.monotonic() - began
         share = run.seconds / (60.0 * arguments.minutes) if arguments.minutes else run.updates / arguments.updates
         if run.updates % arguments.every == 0 or share >= 1.0:
@@ -324,6 +322,7 @@ def metadata_of(state, recipe, measured):
         "end_features": str(END_FEATURES),
         "ball_features": str(BALL_FEATURES),
         "coefficients": str(COEFFICIENTS),
+        "estimates": "data",
         "evaluations": str(EVALUATIONS),
         "sections": "3",
         "theta_max": repr(math.pi / 2),
@@ -342,14 +341,27 @@ def metadata_of(state, recipe, measured):
     }
 
 
-def manifest_entry(name, file, content, recipe, measured):
+def toml_value(value):
+    """A JSON value, null apart, as inline TOML; strings, numbers and lists are written alike in both."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{json.dumps(key)} = {toml_value(v)}" for key, v in value.items()) + " }"
+    return json.dumps(value, ensure_ascii=False)
+
+
+def manifest_entry(name, file, metadata):
     """The manifest's table of one weights file."""
+    content = file.read_bytes()
     fields = {
-        "file": file.name, "sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content),
-        "architecture": ARCHITECTURE, "description": recipe, "measured": measured,
-    }  # fmt: skip
-    # JSON's strings and integers are TOML's
-    return f"[{name}]\n" + "".join(f"{key} = {json.dumps(value)}\n" for key, value in fields.items())
+        "file": file.name,
+        "sha256": hashlib.sha256(content).hexdigest(),
+        "bytes": len(content),
+        "architecture": metadata["architecture"],
+        "description": metadata["recipe"],
+        "updates": int(metadata["updates"]),
+        "training_seconds": int(metadata["training_seconds"]),
+        "measured": json.loads(metadata["measured"]),
+    }
+    return f"[{name}]\n" + "".join(f"{key} = {toml_value(value)}\n" for key, value in fields.items())
 
 
 def update_manifest(manifest, name, entry):
@@ -364,13 +376,13 @@ def export(arguments):
     from safetensors.torch import save_file
 
     state = torch.load(arguments.checkpoint, map_location="cpu", weights_only=True)
-    measured = json.dumps(json.loads(arguments.measured))
+    metadata = metadata_of(state, arguments.recipe, json.dumps(json.loads(arguments.measured)))
     folder = Path(arguments.out)
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{arguments.name}.safetensors"
-    tensors = {name: value.float().contiguous() for name, value in state["average"].items()}
-    save_file(tensors, file, metadata_of(state, arguments.recipe, measured))
-    entry = manifest_entry(arguments.name, file, file.read_bytes(), arguments.recipe, measured)
+    save_file({name: value.float().contiguous() for name, value in state["average"].items()}, file, metadata)
+    file.chmod(0o644)
+    entry = manifest_entry(arguments.name, file, metadata)
     update_manifest(folder / "MANIFEST.toml", arguments.name, entry)
     print(entry)
 
@@ -413,11 +425,14 @@ def fixture(arguments):
     folder.mkdir(parents=True, exist_ok=True)
     facts = {"width": 32, "blocks": 2, "seed": 7, "batch": 0, "rows": 0}
     state = {"facts": facts, "updates": 0, "seconds": 0, "record": {}}
-    recipe = "random, for the parity test"
+    metadata = metadata_of(state, "random, for the parity test", "{}") | {"machine": "any"}
     file = folder / "tiny.safetensors"
-    save_file(model.state_dict(), file, metadata_of(state, recipe, "{}") | {"machine": "any"})
-    update_manifest(folder / "MANIFEST.toml", "tiny", manifest_entry("tiny", file, file.read_bytes(), recipe, "{}"))
-    save_file({k: v.contiguous() for k, v in (given | layers).items()}, folder / "tiny_layers.safetensors")
+    save_file(model.state_dict(), file, metadata)
+    update_manifest(folder / "MANIFEST.toml", "tiny", manifest_entry("tiny", file, metadata))
+    outputs = folder / "tiny_layers.safetensors"
+    save_file({name: value.contiguous() for name, value in (given | layers).items()}, outputs)
+    for written in (file, outputs):
+        written.chmod(0o644)
 
 
 def main():
@@ -440,7 +455,6 @@ def main():
     p.add_argument("--seed", type=int, default=0, help="seed of weights, noise and batches (default %(default)s)")
     p.add_argument("--every", type=int, default=1000, help="updates between checkpoints (default %(default)s)")
     p.add_argument("--bf16", action="store_true", help="bfloat16 matrix products: faster where the processor has them")
-    p.add_argument("--compile", action="store_true", help="torch.compile: fuses what is not a matrix product; needs g++")
     p.set_defaults(run=train)
 
     p = commands.add_parser("export", help="write NAME.safetensors and its entry in MANIFEST.toml")

@@ -1,7 +1,10 @@
 //! The few-step path sampler `both-ends-flow-v1`: flow matching on sine coefficients, given both ends and the scene.
 //!
-//! Balls are encoded one by one and pooled (maximum, and sum/4), joined with the ends into a context; a residual
-//! trunk gives the velocity of the flow from noise (t = 0) to coefficients (t = 1); Euler steps integrate it.
+//! Balls are encoded one by one and pooled (maximum, and sum/4), joined with the ends into a context. From the state
+//! x_t = (1 − t)·noise + t·data and the context a residual trunk estimates the data; the flow's velocity is then
+//! (estimate − x_t) / (1 − t), which Euler steps integrate from t = 0 to 1. Flow matching: Lipman et al., "Flow
+//! Matching for Generative Modeling", ICLR 2023; estimating the data instead of the velocity spares the network
+//! carrying the noise through to its output. Trained by `scripts/train_fast.py`, whose layers have the same names.
 
 use crate::activation::silu;
 use crate::linear::Linear;
@@ -30,7 +33,6 @@ pub struct CandidateInput<'a> {
 /// Buffers of [`FastModel::sample`]; after the first call of a size nothing is allocated.
 #[derive(Default)]
 pub struct FastScratch {
-    ends: Vec<f32>,
     balls: Vec<f32>,
     ball_hidden: Vec<f32>,
     ball_encoded: Vec<f32>,
@@ -40,7 +42,7 @@ pub struct FastScratch {
     trunk: Vec<f32>,
     normed: Vec<f32>,
     inner: Vec<f32>,
-    velocity: Vec<f32>,
+    estimate: Vec<f32>,
 }
 
 struct Block {
@@ -81,8 +83,9 @@ impl FastModel {
         file.expect("end_features", &END_FEATURES.to_string())?;
         file.expect("ball_features", &BALL_FEATURES.to_string())?;
         file.expect("coefficients", &COEFFICIENTS.to_string())?;
+        file.expect("estimates", "data")?;
         check_robot(file, bending_limit)?;
-        let width: usize = file.number("width")?;
+        let width = file.count("width")?;
         let block = |i: usize| {
             let name = |part: &str| format!("blocks.{i}.{part}");
             Ok(Block {
@@ -101,7 +104,7 @@ impl FastModel {
             context: Linear::load(file, "context", 2 * BALL_WIDTH + END_FEATURES, width)?,
             time: Linear::load(file, "time", TIME_FEATURES, width)?,
             input: Linear::load(file, "input", COEFFICIENTS, width)?,
-            blocks: (0..file.number("blocks")?)
+            blocks: (0..file.count("blocks")?)
                 .map(block)
                 .collect::<Result<_, WeightsError>>()?,
             norm: LayerNorm::load(file, "norm", width)?,
@@ -109,12 +112,12 @@ impl FastModel {
         })
     }
 
-    /// Samples coefficients (candidates × 72, the unit of the training data) from noise of the same shape.
+    /// Samples coefficients (candidates × 72, the unit of the training data) from standard normal noise of the same shape.
     ///
     /// `evaluations` Euler steps are made. A candidate's result depends on its own input and noise alone, bit for bit.
     ///
     /// # Panics
-    /// If a slice's length does not fit the number of candidates.
+    /// If a slice's length does not fit the number of candidates, or no evaluation is asked for.
     pub fn sample(
         &self,
         candidates: &[CandidateInput],
@@ -123,19 +126,18 @@ impl FastModel {
         scratch: &mut FastScratch,
         out: &mut [f32],
     ) {
-        assert_eq!(
-            noise.len(),
-            candidates.len() * COEFFICIENTS,
-            "72 noise values a candidate"
-        );
-        assert_eq!(out.len(), noise.len(), "72 coefficients a candidate");
+        let length = candidates.len() * COEFFICIENTS;
+        assert_eq!(noise.len(), length, "72 noise values a candidate");
+        assert_eq!(out.len(), length, "72 coefficients a candidate");
+        assert!(evaluations > 0, "at least one evaluation");
         self.condition(candidates, scratch);
         out.copy_from_slice(noise);
-        let step = 1.0 / evaluations as f32;
-        for i in 0..evaluations {
-            self.velocity(out, i as f32 * step, scratch);
-            for (x, v) in out.iter_mut().zip(&scratch.velocity) {
-                *x += step * v;
+        for step in 0..evaluations {
+            self.estimate(out, step as f32 / evaluations as f32, scratch);
+            // velocity / evaluations, with t = step / evaluations
+            let share = 1.0 / (evaluations - step) as f32;
+            for (x, estimate) in out.iter_mut().zip(&scratch.estimate) {
+                *x += (estimate - *x) * share;
             }
         }
         for row in out.chunks_exact_mut(COEFFICIENTS) {
@@ -147,56 +149,64 @@ impl FastModel {
 
     /// Computes the context of every candidate.
     fn condition(&self, candidates: &[CandidateInput], s: &mut FastScratch) {
+        self.encode_balls(candidates, s);
         s.joined.clear();
+        let mut encoded = s.ball_encoded.as_slice();
         for candidate in candidates {
             assert_eq!(candidate.ends.len(), END_FEATURES, "36 end features");
-            assert_eq!(
-                candidate.balls.len() % BALL_FEATURES,
-                0,
-                "28 features a ball"
-            );
-            self.ball_scale.apply(candidate.balls, &mut s.balls);
-            let balls = candidate.balls.len() / BALL_FEATURES;
-            resize(&mut s.ball_hidden, balls * BALL_WIDTH);
-            resize(&mut s.ball_encoded, balls * BALL_WIDTH);
-            self.ball_inner.apply(&s.balls, &mut s.ball_hidden);
-            silu(&mut s.ball_hidden);
-            self.ball_outer.apply(&s.ball_hidden, &mut s.ball_encoded);
-            silu(&mut s.ball_encoded);
-            pool(&s.ball_encoded, &mut s.joined);
-            self.end_scale.apply(candidate.ends, &mut s.ends);
-            s.joined.extend_from_slice(&s.ends);
+            let length = candidate.balls.len() / BALL_FEATURES * BALL_WIDTH;
+            let (own, others) = encoded.split_at(length);
+            pool(own, &mut s.joined);
+            self.end_scale.apply(candidate.ends, &mut s.joined);
+            encoded = others;
         }
         resize(&mut s.context, candidates.len() * self.width);
         self.context.apply(&s.joined, &mut s.context);
     }
 
-    /// Computes the velocity at `x` (candidates × 72) and time `t`.
-    fn velocity(&self, x: &[f32], t: f32, s: &mut FastScratch) {
-        let rows = x.len() / COEFFICIENTS;
-        for buffer in [&mut s.trunk, &mut s.normed, &mut s.inner] {
-            resize(buffer, rows * self.width);
+    /// Encodes the balls of all candidates, one after the other.
+    fn encode_balls(&self, candidates: &[CandidateInput], s: &mut FastScratch) {
+        s.balls.clear();
+        for candidate in candidates {
+            let rest = candidate.balls.len() % BALL_FEATURES;
+            assert_eq!(rest, 0, "28 features a ball");
+            self.ball_scale.apply(candidate.balls, &mut s.balls);
         }
-        resize(&mut s.time, self.width);
-        resize(&mut s.velocity, x.len());
-        self.time.apply(&time_features(t), &mut s.time);
-        self.input.apply(x, &mut s.trunk);
-        for (row, context) in s
-            .trunk
-            .chunks_exact_mut(self.width)
-            .zip(s.context.chunks_exact(self.width))
-        {
-            row.iter_mut()
-                .zip(context)
-                .zip(&s.time)
-                .for_each(|((h, c), t)| *h += c + t);
-        }
+        let length = s.balls.len() / BALL_FEATURES * BALL_WIDTH;
+        resize(&mut s.ball_hidden, length);
+        resize(&mut s.ball_encoded, length);
+        self.ball_inner.apply(&s.balls, &mut s.ball_hidden);
+        silu(&mut s.ball_hidden);
+        self.ball_outer.apply(&s.ball_hidden, &mut s.ball_encoded);
+        silu(&mut s.ball_encoded);
+    }
+
+    /// Estimates the normalised coefficients from `x` (candidates × 72) at time `t`.
+    fn estimate(&self, x: &[f32], t: f32, s: &mut FastScratch) {
+        self.enter_trunk(x, t, s);
         for block in &self.blocks {
             block.apply(s);
         }
         self.norm.apply(&s.trunk, &mut s.normed);
         silu(&mut s.normed);
-        self.output.apply(&s.normed, &mut s.velocity);
+        resize(&mut s.estimate, x.len());
+        self.output.apply(&s.normed, &mut s.estimate);
+    }
+
+    /// Joins state, context and time.
+    fn enter_trunk(&self, x: &[f32], t: f32, s: &mut FastScratch) {
+        for buffer in [&mut s.trunk, &mut s.normed, &mut s.inner] {
+            resize(buffer, x.len() / COEFFICIENTS * self.width);
+        }
+        resize(&mut s.time, self.width);
+        self.time.apply(&time_features(t), &mut s.time);
+        self.input.apply(x, &mut s.trunk);
+        let rows = s.trunk.chunks_exact_mut(self.width);
+        for (row, context) in rows.zip(s.context.chunks_exact(self.width)) {
+            for ((h, c), t) in row.iter_mut().zip(context).zip(&s.time) {
+                *h += c + t;
+            }
+        }
     }
 }
 
@@ -221,15 +231,11 @@ impl Scale {
         })
     }
 
+    /// Appends the scaled rows to `out`.
     fn apply(&self, rows: &[f32], out: &mut Vec<f32>) {
-        out.clear();
         for row in rows.chunks_exact(self.mean.len()) {
-            out.extend(
-                row.iter()
-                    .zip(&self.mean)
-                    .zip(&self.deviation)
-                    .map(|((x, m), d)| (x - m) / d),
-            );
+            let scale = self.mean.iter().zip(&self.deviation);
+            out.extend(row.iter().zip(scale).map(|(x, (m, d))| (x - m) / d));
         }
     }
 }
@@ -247,8 +253,8 @@ fn check_robot(file: &WeightsFile, bending_limit: f64) -> Result<(), WeightsErro
     Ok(())
 }
 
+/// Gives a buffer a length; what it holds is to be overwritten.
 fn resize(buffer: &mut Vec<f32>, length: usize) {
-    buffer.clear();
     buffer.resize(length, 0.0);
 }
 

@@ -6,8 +6,36 @@
 
 use std::sync::LazyLock;
 
+/// What a kernel may know of the processor it runs on.
+pub(crate) trait Level {
+    /// Whether multiply-adds are fused in hardware.
+    const FUSED: bool;
+    /// Rows of 32 sums that fit the registers together.
+    const ROWS: usize;
+}
+
+struct Avx512;
+struct Avx2;
+/// No vector extension at all.
+pub(crate) struct Plain;
+
+impl Level for Avx512 {
+    const FUSED: bool = true;
+    const ROWS: usize = 12;
+}
+
+impl Level for Avx2 {
+    const FUSED: bool = true;
+    const ROWS: usize = 3;
+}
+
+impl Level for Plain {
+    const FUSED: bool = false;
+    const ROWS: usize = 1;
+}
+
 #[derive(Clone, Copy)]
-enum Level {
+enum Detected {
     #[cfg(target_arch = "x86_64")]
     Avx512,
     #[cfg(target_arch = "x86_64")]
@@ -15,7 +43,7 @@ enum Level {
     Plain,
 }
 
-static LEVEL: LazyLock<Level> = LazyLock::new(|| {
+static DETECTED: LazyLock<Detected> = LazyLock::new(|| {
     #[cfg(target_arch = "x86_64")]
     {
         let avx512 = is_x86_feature_detected!("avx512f")
@@ -23,48 +51,48 @@ static LEVEL: LazyLock<Level> = LazyLock::new(|| {
             && is_x86_feature_detected!("avx512dq")
             && is_x86_feature_detected!("avx512bw");
         if avx512 && is_x86_feature_detected!("fma") {
-            return Level::Avx512;
+            return Detected::Avx512;
         }
         if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            return Level::Avx2;
+            return Detected::Avx2;
         }
     }
-    Level::Plain
+    Detected::Plain
 });
 
-/// A loop that is compiled for each vector width; `FUSED` says whether multiply-adds are fused in hardware.
+/// A loop that is compiled for each level.
 pub(crate) trait Kernel {
     /// Does the work; must be marked `#[inline(always)]` so that it takes on the caller's features.
-    fn run<const FUSED: bool>(self);
+    fn run<L: Level>(self);
 }
 
 /// a·b + c, fused where the hardware does it.
 #[inline(always)]
-pub(crate) fn multiply_add<const FUSED: bool>(a: f32, b: f32, c: f32) -> f32 {
-    if FUSED { a.mul_add(b, c) } else { a * b + c }
+pub(crate) fn multiply_add<L: Level>(a: f32, b: f32, c: f32) -> f32 {
+    if L::FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
 /// Runs a kernel with the widest vectors available.
 pub(crate) fn dispatch(kernel: impl Kernel) {
-    match *LEVEL {
+    match *DETECTED {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: this level is chosen only after AVX-512 F, VL, DQ, BW and FMA were detected.
-        Level::Avx512 => unsafe { run_avx512(kernel) },
+        Detected::Avx512 => unsafe { run_avx512(kernel) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: this level is chosen only after AVX2 and FMA were detected.
-        Level::Avx2 => unsafe { run_avx2(kernel) },
-        Level::Plain => kernel.run::<false>(),
+        Detected::Avx2 => unsafe { run_avx2(kernel) },
+        Detected::Plain => kernel.run::<Plain>(),
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
 fn run_avx512(kernel: impl Kernel) {
-    kernel.run::<true>();
+    kernel.run::<Avx512>();
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
 fn run_avx2(kernel: impl Kernel) {
-    kernel.run::<true>();
+    kernel.run::<Avx2>();
 }

@@ -1,7 +1,7 @@
 //! Weights files: safetensors with metadata, checked before anything is computed with them.
 
 use crate::manifest::ManifestEntry;
-use safetensors::{Dtype, SafeTensors};
+use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -117,6 +117,28 @@ struct Tensor {
     values: Vec<f32>,
 }
 
+impl Tensor {
+    fn read(name: &str, view: &TensorView) -> Result<Self, WeightsError> {
+        if view.dtype() != Dtype::F32 {
+            return Err(WeightsError::Shape {
+                tensor: name.into(),
+                found: format!("{:?} {:?}", view.dtype(), view.shape()),
+                expected: view.shape().to_vec(),
+            });
+        }
+        let (bytes, _) = view.data().as_chunks::<4>();
+        let values: Vec<f32> = bytes.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        if let Some(index) = values.iter().position(|v| !v.is_finite()) {
+            return Err(WeightsError::NotFinite {
+                tensor: name.into(),
+                index,
+            });
+        }
+        let shape = view.shape().to_vec();
+        Ok(Self { shape, values })
+    }
+}
+
 /// The content of a weights file: finite f32 tensors and metadata.
 pub struct WeightsFile {
     tensors: BTreeMap<String, Tensor>,
@@ -133,26 +155,10 @@ impl WeightsFile {
             path: path.into(),
             source,
         })?;
-        let found = content.len() as u64;
-        if found != entry.bytes {
-            return Err(WeightsError::Size {
-                path: path.into(),
-                found,
-                expected: entry.bytes,
-            });
-        }
-        let hash: String = Sha256::digest(&content)
-            .iter()
-            .map(|b| format!("{b:02x}"))
-            .collect();
-        if hash != entry.sha256 {
-            return Err(WeightsError::Hash {
-                path: path.into(),
-                found: hash,
-                expected: entry.sha256.clone(),
-            });
-        }
-        Self::parse(path, &content)
+        check_identity(path, &content, entry)?;
+        let file = Self::parse(path, &content)?;
+        file.expect("architecture", &entry.architecture)?;
+        Ok(file)
     }
 
     pub(crate) fn parse(path: &Path, content: &[u8]) -> Result<Self, WeightsError> {
@@ -162,35 +168,11 @@ impl WeightsFile {
         };
         let (_, header) = SafeTensors::read_metadata(content).map_err(fail)?;
         let file = SafeTensors::deserialize(content).map_err(fail)?;
-        let mut tensors = BTreeMap::new();
-        for (name, view) in file.tensors() {
-            if view.dtype() != Dtype::F32 {
-                let found = format!("{:?} {:?}", view.dtype(), view.shape());
-                return Err(WeightsError::Shape {
-                    tensor: name,
-                    found,
-                    expected: view.shape().to_vec(),
-                });
-            }
-            let values: Vec<f32> = view
-                .data()
-                .chunks_exact(4)
-                .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-                .collect();
-            if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-                return Err(WeightsError::NotFinite {
-                    tensor: name,
-                    index,
-                });
-            }
-            tensors.insert(
-                name,
-                Tensor {
-                    shape: view.shape().to_vec(),
-                    values,
-                },
-            );
-        }
+        let tensors = file
+            .tensors()
+            .iter()
+            .map(|(name, view)| Ok((name.clone(), Tensor::read(name, view)?)))
+            .collect::<Result<_, WeightsError>>()?;
         Ok(Self {
             tensors,
             metadata: header.metadata().clone().unwrap_or_default(),
@@ -233,6 +215,21 @@ impl WeightsFile {
         }
     }
 
+    /// A metadata entry as a count of at least 1.
+    ///
+    /// # Errors
+    /// [`WeightsError::Metadata`].
+    pub fn count(&self, key: &'static str) -> Result<usize, WeightsError> {
+        match self.number(key)? {
+            0 => Err(WeightsError::Metadata {
+                key,
+                found: Some("0".into()),
+                expected: "a count of at least 1".into(),
+            }),
+            count => Ok(count),
+        }
+    }
+
     /// A metadata entry as a number.
     ///
     /// # Errors
@@ -246,4 +243,26 @@ impl WeightsFile {
         };
         found.and_then(|text| text.parse().ok()).ok_or_else(missing)
     }
+}
+
+/// Checks the size and the hash.
+fn check_identity(path: &Path, content: &[u8], entry: &ManifestEntry) -> Result<(), WeightsError> {
+    let size = content.len() as u64;
+    if size != entry.bytes {
+        return Err(WeightsError::Size {
+            path: path.into(),
+            found: size,
+            expected: entry.bytes,
+        });
+    }
+    let digest = Sha256::digest(content);
+    let hash: String = digest.iter().map(|b| format!("{b:02x}")).collect();
+    if hash != entry.sha256 {
+        return Err(WeightsError::Hash {
+            path: path.into(),
+            found: hash,
+            expected: entry.sha256.clone(),
+        });
+    }
+    Ok(())
 }
