@@ -199,7 +199,6 @@ impl Client {
         }
         loop {
             let response = self.wait_for_port(patience)?.send(&wire)?;
-            // A daemon that left between the look and the sending: nobody has the request.
             if response.number_of_server_connections() > 0 {
                 return Ok(Pending {
                     response,
@@ -207,6 +206,14 @@ impl Client {
                     execute: request.execute,
                 });
             }
+            // The daemon left between the look and the sending: nobody has the request.
+            if patience.is_exhausted() {
+                return Err(ClientError::NoServer {
+                    server: DAEMON,
+                    waited: patience.limit(),
+                });
+            }
+            thread::sleep(LOOK_PERIOD);
         }
     }
 

@@ -293,3 +293,40 @@ fn killed_clients_leave_their_places() {
         client.plan(&request(seed::ANSWER), LONG).unwrap();
     }
 }
+
+#[test]
+fn after_everyone_was_killed_any_start_order_works_without_cleaning_by_hand() {
+    let world = World::new();
+    for client_first in [true, false] {
+        let (mut daemon, mut other) = (world.daemon(), world.process("client_process", ""));
+        while RoleLock::acquire(&world.options, Role::Robot).is_ok() {
+            thread::sleep(Duration::from_millis(2));
+        }
+        daemon.kill();
+        other.kill();
+        if client_first {
+            let mut client = client(&world);
+            assert!(matches!(
+                client.submit(&request(seed::ANSWER)),
+                Err(ClientError::NoServer { .. })
+            ));
+            let _daemon = world.daemon();
+            client.plan(&request(seed::ANSWER), LONG).unwrap();
+        } else {
+            let _daemon = world.daemon();
+            client(&world).plan(&request(seed::ANSWER), LONG).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_daemon_killed_at_any_moment_of_its_start_does_not_stand_in_its_successors_way() {
+    let world = World::new();
+    for milliseconds in 1..=15 {
+        let mut daemon = world.daemon();
+        thread::sleep(Duration::from_millis(milliseconds));
+        daemon.kill();
+    }
+    let _daemon = world.daemon();
+    client(&world).plan(&request(seed::ANSWER), LONG).unwrap();
+}
