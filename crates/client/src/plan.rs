@@ -134,7 +134,7 @@ impl Client {
         self.submit_within(request, &Patience::new(Duration::ZERO))
     }
 
-    /// Looks whether a request has been answered; never waits.
+    /// Looks whether a request has been answered, without waiting (but for the clean-up, when its daemon has died).
     ///
     /// # Errors
     /// [`ClientError::ServerLost`] if there will be no answer, [`ClientError::BadMessage`], [`ClientError::Transport`].
