@@ -374,3 +374,14 @@ fn the_budget_is_what_the_segments_take() {
     );
     drop((scene_publisher, cycle_publisher));
 }
+
+/// Compiles only as long as what the documentation says may be moved to the thread that uses it may be.
+#[test]
+fn nodes_and_services_may_be_moved_to_another_thread() {
+    fn assert_send<T: Send>() {}
+    assert_send::<IpcNode>();
+    assert_send::<RoleLock>();
+    assert_send::<PlanService>();
+    assert_send::<CommandService>();
+    assert_send::<Topic<Setpoint>>();
+}

@@ -1,7 +1,7 @@
 //! The services' names and qualities, opened by one typed function each, so that any start order works.
 //!
 //! Everything lives under a private prefix and root path ([`IpcOptions`]). A program creates one [`IpcNode`], opens the
-//! services it needs and makes its ports with [`publisher`], [`subscriber`], [`plan_server`] and so on; these clean up
+//! services it needs and makes its ports with [`publisher()`], [`subscriber()`], [`plan_server`] and so on; these clean up
 //! after dead processes and try again before they give up. **Ports are not `Send`**: create them in the thread that
 //! uses them; the node and the open services may be moved there.
 //!

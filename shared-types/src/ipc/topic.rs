@@ -202,10 +202,10 @@ pub fn publisher<T: Debug + ZeroCopySend>(
         .map_err(|error| publisher_error(&topic.full_name, error))
 }
 
-/// Makes the publisher of cycles, like [`publisher`]; batches have at most [`CYCLES_PER_BATCH`].
+/// Makes the publisher of cycles, like [`publisher()`]; batches have at most [`CYCLES_PER_BATCH`].
 ///
 /// # Errors
-/// As [`publisher`].
+/// As [`publisher()`].
 pub fn cycle_publisher(node: &IpcNode, topic: &CycleTopic) -> Result<CyclePublisher, IpcError> {
     let create = || {
         let builder = topic.service.publisher_builder().max_loaned_samples(LOANS);
@@ -234,10 +234,10 @@ pub fn subscriber<T: Debug + ZeroCopySend>(
     any_subscriber(node, topic)
 }
 
-/// Makes a subscriber of cycles, like [`subscriber`].
+/// Makes a subscriber of cycles, like [`subscriber()`].
 ///
 /// # Errors
-/// As [`subscriber`].
+/// As [`subscriber()`].
 pub fn cycle_subscriber(node: &IpcNode, topic: &CycleTopic) -> Result<CycleSubscriber, IpcError> {
     any_subscriber(node, topic)
 }
