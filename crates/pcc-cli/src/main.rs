@@ -1,8 +1,11 @@
 //! `pcc`: the one tool that talks to the planner daemon and the controller, makes data, and evaluates planners.
 
 mod dataset;
+mod demo;
 mod evaluate;
+mod plan;
 mod planner;
+mod watch;
 
 use clap::{Parser, Subcommand};
 
@@ -16,6 +19,12 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Ask the daemon for candidates; can have one executed.
+    Plan(plan::Arguments),
+    /// Carry out the paper's three experiments on the running processes.
+    Demo(demo::Arguments),
+    /// Show the live state of controller and robot.
+    Watch(watch::Arguments),
     /// Generate paths for training or evaluation, sharded and resumable.
     Dataset(dataset::Arguments),
     /// Write the training arrays of the few-step model from a data set.
@@ -26,6 +35,9 @@ enum Command {
 
 fn main() -> anyhow::Result<()> {
     match Arguments::parse().command {
+        Command::Plan(arguments) => plan::run(&arguments),
+        Command::Demo(arguments) => demo::run(&arguments),
+        Command::Watch(arguments) => watch::run(&arguments),
         Command::Dataset(arguments) => dataset::generate(&arguments),
         Command::Features(arguments) => dataset::features(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),

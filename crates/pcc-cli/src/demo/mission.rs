@@ -1,0 +1,284 @@
+//! The paper's three experiments: consecutive planning, two solutions of one target, avoiding an obstacle.
+
+use super::motion::{Proposal, Report, Stage, Task};
+use super::recording::Recording;
+use anyhow::{Context, bail};
+use client::{Client, ControllerView, ScenePublisher};
+use collision::{Ball, Scene};
+use pcc_model::{Configuration, Point, Robot};
+use serde_json::json;
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::Outcome;
+use shared_types::ipc::IpcOptions;
+use shared_types::message::MovingBall;
+use shared_types::valid::Goal;
+use std::path::Path;
+use std::time::Duration;
+
+/// Tip targets in section lengths (the paper, "Real-World Evaluation").
+const CONSECUTIVE: [[f64; 3]; 2] = [[0.0, -1.55, 2.25], [1.5, 0.0, 2.4]];
+const MULTI_SOLUTION: [f64; 3] = [1.55, -0.07, 2.33];
+const AVOIDANCE: [[f64; 3]; 2] = [[-1.45, 0.0, 2.25], [1.35, 0.0, 2.45]];
+/// The ball that appears in the third experiment: centre and radius in section lengths.
+const BALL: ([f64; 3], f64) = ([0.0, 0.0, 1.5], 0.4);
+/// Terminal shapes that count as two solutions, rad.
+const DISTINCT_RAD: f64 = 0.5;
+/// Distance of the backbone from the later ball's surface that the chosen end shape must keep, section lengths.
+const KEPT_CLEAR: f64 = 0.3;
+/// Allowed tip errors, section lengths: commanded, and as measured on the noisy robot.
+const ALLOWED_ERROR: [f64; 2] = [0.01, 0.03];
+
+/// A demonstration under way.
+pub(super) struct Mission<'a> {
+    stage: Stage<'a>,
+    scene: ScenePublisher,
+    recording: Recording,
+    length: f64,
+    reports: Vec<Report>,
+    impossible: Option<String>,
+}
+
+impl<'a> Mission<'a> {
+    pub(super) fn begin(robot: &'a Robot, options: &IpcOptions, seed: u64) -> anyhow::Result<Self> {
+        let length = robot
+            .equal_section_length()
+            .context("the three sections must be equally long")?;
+        let mut client = Client::connect(options)?;
+        client.wait_for_daemon(Duration::from_secs(20))?;
+        let mut mission = Self {
+            stage: Stage {
+                robot,
+                client,
+                controller: ControllerView::connect(options)?,
+                seed,
+            },
+            scene: ScenePublisher::connect(options)?,
+            recording: Recording::begin(options),
+            length,
+            reports: Vec::new(),
+            impossible: None,
+        };
+        mission.show(&[])?;
+        mission.stage.hold()?;
+        Ok(mission)
+    }
+
+    pub(super) fn carry_out(&mut self) -> anyhow::Result<()> {
+        println!("experiment 1: two targets, one after the other");
+        self.home(1)?;
+        for (name, tip) in ["first target", "second target"]
+            .into_iter()
+            .zip(CONSECUTIVE)
+        {
+            self.go(1, name, tip, &[], |_| Ok(0))?;
+        }
+        println!("experiment 2: two solutions of one target");
+        self.home(2)?;
+        self.go(2, "first solution", MULTI_SOLUTION, &[], |_| Ok(0))?;
+        let first = self.last_end()?;
+        self.home(2)?;
+        self.go(2, "second solution", MULTI_SOLUTION, &[], |all| {
+            distinct_from(&first, all)
+        })?;
+        println!(
+            "  terminal shapes {:.3} rad apart",
+            (self.last_end()? - first).norm()
+        );
+        println!("experiment 3: a ball appears");
+        self.home(3)?;
+        self.avoid()?;
+        let missed = self.recording.end()?;
+        println!(
+            "{} motions, {missed} cycles missed by the recorder",
+            self.reports.len()
+        );
+        self.judge()
+    }
+
+    fn avoid(&mut self) -> anyhow::Result<()> {
+        let ball = Ball {
+            centre: self.point(BALL.0),
+            radius: BALL.1 * self.length,
+        };
+        self.ask_the_impossible(ball)?;
+        let (robot, kept) = (self.stage.robot, KEPT_CLEAR * self.length);
+        let later = Scene::new(vec![ball])?;
+        self.go(3, "before the ball", AVOIDANCE[0], &[], |all| {
+            clearest(robot, &later, kept, all)
+        })?;
+        self.show(&[ball])?;
+        self.go(3, "around the ball", AVOIDANCE[1], &[ball], |_| Ok(0))
+    }
+
+    /// As printed in the paper the ball is there from the start, where the straight robot stands.
+    fn ask_the_impossible(&mut self, ball: Ball) -> anyhow::Result<()> {
+        let task = Task {
+            experiment: 3,
+            name: "as printed",
+            goal: self.tip(AVOIDANCE[0]),
+            balls: &[ball],
+        };
+        let answer = self.stage.ask(Configuration::zeros(), &task)?;
+        let report = answer.report();
+        println!(
+            "  with the ball there from the start: {} ({})",
+            report.outcome, report.reason
+        );
+        self.impossible = Some(report.outcome.text().into());
+        if report.outcome != Outcome::StartInCollision {
+            bail!(
+                "a start inside the ball was answered with {}",
+                report.outcome
+            );
+        }
+        Ok(())
+    }
+
+    fn home(&mut self, experiment: u32) -> anyhow::Result<()> {
+        let held = self.stage.hold()?.values.commanded_configuration_rad;
+        if Configuration::from(held).norm() < 1e-9 {
+            return Ok(());
+        }
+        let task = Task {
+            experiment,
+            name: "home",
+            goal: Goal::Configuration([0.0; 6]),
+            balls: &[],
+        };
+        self.perform(&task, |_| Ok(0))
+    }
+
+    fn go(
+        &mut self,
+        experiment: u32,
+        name: &str,
+        tip: [f64; 3],
+        balls: &[Ball],
+        choose: impl Fn(&[Proposal]) -> anyhow::Result<usize>,
+    ) -> anyhow::Result<()> {
+        let task = Task {
+            experiment,
+            name,
+            goal: self.tip(tip),
+            balls,
+        };
+        self.perform(&task, choose)
+    }
+
+    fn perform(
+        &mut self,
+        task: &Task,
+        choose: impl Fn(&[Proposal]) -> anyhow::Result<usize>,
+    ) -> anyhow::Result<()> {
+        let report = self
+            .stage
+            .perform(task, &self.recording, choose)
+            .with_context(|| format!("{}, {}", task.experiment, task.name))?;
+        print_report(&report);
+        self.reports.push(report);
+        Ok(())
+    }
+
+    fn point(&self, section_lengths: [f64; 3]) -> Point {
+        Point::from(section_lengths) * self.length
+    }
+
+    fn tip(&self, section_lengths: [f64; 3]) -> Goal {
+        Goal::Tip {
+            position_m: self.point(section_lengths).into(),
+            tolerance_m: None,
+        }
+    }
+
+    fn last_end(&self) -> anyhow::Result<Configuration> {
+        let last = self.reports.last().context("nothing was executed yet")?;
+        Ok(Configuration::from(last.end_configuration_rad))
+    }
+
+    fn show(&mut self, balls: &[Ball]) -> anyhow::Result<()> {
+        let moving = |b: &Ball| MovingBall {
+            centre_m: b.centre.into(),
+            radius_m: b.radius,
+            velocity_m_s: [0.0; 3],
+        };
+        let balls: Vec<MovingBall> = balls.iter().map(moving).collect();
+        self.scene.publish(&balls)?;
+        self.recording.note_scene(mono_now_ns(), &balls);
+        Ok(())
+    }
+
+    /// Every motion must have ended where it was asked to.
+    fn judge(&self) -> anyhow::Result<()> {
+        for report in &self.reports {
+            let errors = errors(report).map(|e| e / self.length);
+            if errors
+                .iter()
+                .zip(ALLOWED_ERROR)
+                .any(|(error, allowed)| *error > allowed)
+            {
+                bail!(
+                    "{}, {}: tip errors {errors:?} section lengths, {ALLOWED_ERROR:?} are allowed",
+                    report.experiment,
+                    report.name
+                );
+            }
+        }
+        println!(
+            "every tip within {} (commanded) and {} (measured) section lengths",
+            ALLOWED_ERROR[0], ALLOWED_ERROR[1]
+        );
+        Ok(())
+    }
+
+    /// Writes `recording.npz`, `scene.json` and `demo.json`.
+    pub(super) fn save(&mut self, folder: &Path) -> anyhow::Result<()> {
+        self.recording.end()?;
+        self.recording.save(folder, self.stage.robot)?;
+        let summary = json!({ "motions": self.reports, "impossible_outcome": self.impossible });
+        Ok(std::fs::write(
+            folder.join("demo.json"),
+            serde_json::to_string_pretty(&summary)?,
+        )?)
+    }
+}
+
+fn errors(report: &Report) -> [f64; 2] {
+    let requested = Point::from(report.requested_tip_m);
+    [report.reached_tip_m, report.measured_tip_m].map(|tip| (Point::from(tip) - requested).norm())
+}
+
+fn print_report(r: &Report) {
+    let tip = |t: [f64; 3]| format!("({:.4}, {:.4}, {:.4})", t[0], t[1], t[2]);
+    let clearance = r
+        .minimum_clearance_m
+        .map_or("no obstacle".to_owned(), |c| format!("clearance {c:.4} m"));
+    let [commanded, measured] = errors(r);
+    println!(
+        "  {}: asked {} m, reached {} m",
+        r.name,
+        tip(r.requested_tip_m),
+        tip(r.reached_tip_m)
+    );
+    println!(
+        "    tip error {commanded:.1e} m commanded, {measured:.4} m measured; {:.2} s; {clearance}; largest step {:.1e} m; {} late cycles",
+        r.duration_s, r.largest_setpoint_step_m, r.late_cycles
+    );
+}
+
+fn distinct_from(first: &Configuration, all: &[Proposal]) -> anyhow::Result<usize> {
+    all.iter()
+        .position(|p| (p.end - first).norm() >= DISTINCT_RAD)
+        .context("no second solution among the candidates")
+}
+
+fn clearest(robot: &Robot, later: &Scene, kept: f64, all: &[Proposal]) -> anyhow::Result<usize> {
+    let clearance = |p: &Proposal| later.clearance(&robot.backbone(&p.end), 0.0);
+    let best = all
+        .iter()
+        .max_by(|a, b| clearance(a).total_cmp(&clearance(b)))
+        .context("no candidate")?;
+    if clearance(best) < kept {
+        bail!("no end shape keeps {kept} m from where the ball will be");
+    }
+    Ok(best.index)
+}

@@ -1,0 +1,38 @@
+//! `pcc demo`: the paper's three hardware experiments on a running daemon, controller and robot.
+
+mod mission;
+mod motion;
+mod recording;
+
+use anyhow::Context;
+use clap::Args;
+use pcc_model::Robot;
+use shared_types::ipc::IpcOptions;
+use std::path::PathBuf;
+
+/// Arguments of `pcc demo`.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Keep recording.npz, scene.json and demo.json in this folder.
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
+    /// Robot file; the same that the daemon and the controller use.
+    #[arg(long, default_value = "config/robots/unit.toml")]
+    robot: PathBuf,
+    /// Seed of the plans.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let robot = Robot::from_file(&arguments.robot)
+        .with_context(|| format!("robot file {}", arguments.robot.display()))?;
+    let options = IpcOptions::from_env();
+    let mut mission = mission::Mission::begin(&robot, &options, arguments.seed)?;
+    let outcome = mission.carry_out();
+    if let Some(folder) = &arguments.record {
+        mission.save(folder)?;
+        println!("recording in {}", folder.display());
+    }
+    outcome
+}

@@ -1,0 +1,243 @@
+//! One motion of the demonstration: ask, choose, execute, wait, measure.
+
+use super::recording::Recording;
+use anyhow::{Context, bail};
+use client::{Client, ControllerView, PlanAnswer};
+use collision::{Ball, Scene, minimum_clearance};
+use pcc_model::{Configuration, Point, Robot};
+use serde::Serialize;
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::{LoopState, Outcome, Refusal};
+use shared_types::message;
+use shared_types::valid::{ControllerState, Goal, PlanRequest, SelectionRule};
+use std::time::{Duration, Instant};
+use trajectory::{Knot, Trajectory};
+
+/// Candidates of every request, as in the paper.
+const CANDIDATES: usize = 10;
+/// The demonstration is not about latency.
+const DEADLINE: Duration = Duration::from_millis(500);
+/// Longest wait for a process.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// How long the robot holds after a motion; its last part is averaged for the measured tip.
+const HOLD: Duration = Duration::from_millis(1000);
+const MEASURED_OVER_NS: i64 = 300_000_000;
+
+/// What is known of a finished motion.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Report {
+    pub(super) experiment: u32,
+    pub(super) name: String,
+    pub(super) requested_tip_m: [f64; 3],
+    /// Tip of the commanded configuration at the end.
+    pub(super) reached_tip_m: [f64; 3],
+    /// Tip of the mean measured configuration while holding.
+    pub(super) measured_tip_m: [f64; 3],
+    pub(super) duration_s: f64,
+    /// Smallest clearance of the whole body over the executed curve; none without obstacles.
+    pub(super) minimum_clearance_m: Option<f64>,
+    /// Largest change of a tendon between two successive set-points.
+    pub(super) largest_setpoint_step_m: f64,
+    pub(super) late_cycles: u32,
+    pub(super) end_configuration_rad: [f64; 6],
+}
+
+/// One candidate, in the robot's own units.
+pub(super) struct Proposal {
+    pub(super) index: usize,
+    pub(super) end: Configuration,
+    motion: Trajectory,
+}
+
+/// Where to, and what is in the way.
+pub(super) struct Task<'a> {
+    pub(super) experiment: u32,
+    pub(super) name: &'a str,
+    pub(super) goal: Goal,
+    pub(super) balls: &'a [Ball],
+}
+
+/// The processes that carry a motion out.
+pub(super) struct Stage<'a> {
+    pub(super) robot: &'a Robot,
+    pub(super) client: Client,
+    pub(super) controller: ControllerView,
+    pub(super) seed: u64,
+}
+
+impl Stage<'_> {
+    /// Plans from where the controller holds, lets `choose` pick among the candidates, and executes that one.
+    pub(super) fn perform(
+        &mut self,
+        task: &Task,
+        recording: &Recording,
+        choose: impl Fn(&[Proposal]) -> anyhow::Result<usize>,
+    ) -> anyhow::Result<Report> {
+        let begun = self.hold()?;
+        let request = self.request(begun.values.commanded_configuration_rad, task);
+        let (proposals, hash) = self.propose(&request)?;
+        let chosen = &proposals[choose(&proposals)?];
+        let since = mono_now_ns();
+        let id = self.execute(&request, chosen, hash)?;
+        let ended = self.follow(id, chosen.motion.duration())?;
+        std::thread::sleep(HOLD);
+        let cycles = recording.since(since)?;
+        let measured: Vec<Configuration> = cycles
+            .iter()
+            .filter(|c| c.stamp_mono_ns > mono_now_ns() - MEASURED_OVER_NS)
+            .map(|c| Configuration::from(c.measured_configuration_rad))
+            .collect();
+        if measured.is_empty() {
+            bail!("no cycle was recorded while holding");
+        }
+        let mean = measured.iter().sum::<Configuration>() / measured.len() as f64;
+        let end = Configuration::from(ended.values.commanded_configuration_rad);
+        let scene = Scene::new(task.balls.to_vec())?;
+        Ok(Report {
+            experiment: task.experiment,
+            name: task.name.into(),
+            requested_tip_m: goal_tip(self.robot, &task.goal).into(),
+            reached_tip_m: self.robot.tip(&end).into(),
+            measured_tip_m: self.robot.tip(&mean).into(),
+            duration_s: chosen.motion.duration(),
+            minimum_clearance_m: (!scene.is_empty())
+                .then(|| minimum_clearance(self.robot, &scene, &chosen.motion, 1e-4)),
+            largest_setpoint_step_m: largest_step(&cycles),
+            late_cycles: ended.values.late_cycles - begun.values.late_cycles,
+            end_configuration_rad: end.into(),
+        })
+    }
+
+    /// What the daemon answers to a request that is only planned.
+    pub(super) fn ask(&mut self, start: Configuration, task: &Task) -> anyhow::Result<PlanAnswer> {
+        Ok(self
+            .client
+            .plan(&self.request(start.into(), task), PATIENCE)?)
+    }
+
+    fn request(&self, start: [f64; 6], task: &Task) -> PlanRequest {
+        let ball = |b: &Ball| message::Ball {
+            centre_m: b.centre.into(),
+            radius_m: b.radius,
+        };
+        PlanRequest {
+            seed: self.seed,
+            candidate_count: CANDIDATES,
+            deadline: Some(DEADLINE),
+            balls: task.balls.iter().map(ball).collect(),
+            ..PlanRequest::new(start, task.goal)
+        }
+    }
+
+    fn propose(&mut self, request: &PlanRequest) -> anyhow::Result<(Vec<Proposal>, u64)> {
+        let answer = self.client.plan(request, PATIENCE)?;
+        let report = answer.report();
+        if report.outcome != Outcome::Ok {
+            bail!("{}: {}", report.outcome, report.reason);
+        }
+        let proposals = answer.candidates().enumerate().map(|(index, candidate)| {
+            let motion = Trajectory::new(candidate.knots.iter().map(knot).collect())?;
+            let end = candidate
+                .knots
+                .last()
+                .context("a candidate without knots")?
+                .configuration_rad
+                .into();
+            Ok(Proposal { index, end, motion })
+        });
+        Ok((proposals.collect::<anyhow::Result<_>>()?, report.plan_hash))
+    }
+
+    /// Repeats the request, which gives the same plan, and has the chosen candidate executed.
+    fn execute(
+        &mut self,
+        request: &PlanRequest,
+        chosen: &Proposal,
+        hash: u64,
+    ) -> anyhow::Result<u32> {
+        let request = PlanRequest {
+            execute: true,
+            selection: SelectionRule::Index(chosen.index),
+            ..request.clone()
+        };
+        let answer = self.client.plan(&request, PATIENCE)?;
+        let report = answer.report();
+        if report.plan_hash != hash {
+            bail!("the same request gave another plan");
+        }
+        report
+            .trajectory_id
+            .with_context(|| format!("{}: {}", report.outcome, report.reason))
+    }
+
+    /// Waits until the controller holds.
+    pub(super) fn hold(&mut self) -> anyhow::Result<ControllerState> {
+        self.wait(PATIENCE, "the controller holds", |s| {
+            s.state == LoopState::Holding
+        })
+    }
+
+    /// Waits until a trajectory has been executed to its end.
+    fn follow(&mut self, id: u32, duration_s: f64) -> anyhow::Result<ControllerState> {
+        let taken = self.wait(PATIENCE, "the trajectory is taken", |s| {
+            s.values.trajectory_id == id || s.values.refused_trajectory_id == id
+        })?;
+        if taken.values.refused_trajectory_id == id && taken.refusal != Refusal::None {
+            bail!("the controller refused the trajectory: {}", taken.refusal);
+        }
+        let patience = PATIENCE + Duration::from_secs_f64(duration_s);
+        let ended = self.wait(patience, "the motion ends", |s| {
+            matches!(s.state, LoopState::Holding | LoopState::Fault)
+        })?;
+        if ended.state == LoopState::Fault {
+            bail!("the controller is in fault: {}", ended.fault);
+        }
+        Ok(ended)
+    }
+
+    fn wait(
+        &mut self,
+        patience: Duration,
+        what: &str,
+        until: impl Fn(&ControllerState) -> bool,
+    ) -> anyhow::Result<ControllerState> {
+        let (asked, end) = (mono_now_ns(), Instant::now() + patience);
+        while Instant::now() < end {
+            if let Some(state) = self.controller.latest_state()?
+                && state.values.stamp_mono_ns >= asked
+                && until(&state)
+            {
+                return Ok(state);
+            }
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        bail!("waited {patience:?} in vain until {what}")
+    }
+}
+
+fn goal_tip(robot: &Robot, goal: &Goal) -> Point {
+    match goal {
+        Goal::Tip { position_m, .. } => Point::from(*position_m),
+        Goal::Configuration(shape) => robot.tip(&Configuration::from(*shape)),
+    }
+}
+
+fn knot(knot: &message::Knot) -> Knot {
+    Knot {
+        time: knot.time_s,
+        position: knot.configuration_rad.into(),
+        velocity: knot.velocity_rad_s.into(),
+        acceleration: knot.acceleration_rad_s2.into(),
+    }
+}
+
+fn largest_step(cycles: &[message::Cycle]) -> f64 {
+    let step = |w: &[message::Cycle]| {
+        w[0].setpoint_m
+            .iter()
+            .zip(&w[1].setpoint_m)
+            .map(|(a, b)| (b - a).abs())
+            .fold(0.0, f64::max)
+    };
+    cycles.windows(2).map(step).fold(0.0, f64::max)
+}

@@ -1,0 +1,149 @@
+//! Every cycle of the loop during the demonstration, and what stood in the way.
+
+use anyhow::{Context, anyhow};
+use client::CycleRecorder;
+use pcc_model::Robot;
+use planning::dataset::ArchiveWriter;
+use serde_json::json;
+use shared_types::ipc::IpcOptions;
+use shared_types::message::{Cycle, MovingBall};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// Records in a thread of its own, since ports stay in the thread that made them.
+pub(super) struct Recording {
+    cycles: Arc<Mutex<Vec<Cycle>>>,
+    stop: Arc<AtomicBool>,
+    worker: Option<JoinHandle<anyhow::Result<u64>>>,
+    scenes: Vec<(i64, Vec<MovingBall>)>,
+}
+
+impl Recording {
+    pub(super) fn begin(options: &IpcOptions) -> Self {
+        let (cycles, stop) = (
+            Arc::new(Mutex::new(Vec::new())),
+            Arc::new(AtomicBool::new(false)),
+        );
+        let (into, until, options) = (Arc::clone(&cycles), Arc::clone(&stop), options.clone());
+        let worker = std::thread::spawn(move || record(&options, &into, &until));
+        Self {
+            cycles,
+            stop,
+            worker: Some(worker),
+            scenes: Vec::new(),
+        }
+    }
+
+    /// Notes that the scene changed.
+    pub(super) fn note_scene(&mut self, stamp_mono_ns: i64, balls: &[MovingBall]) {
+        self.scenes.push((stamp_mono_ns, balls.to_vec()));
+    }
+
+    /// The cycles evaluated at or after a time.
+    pub(super) fn since(&self, stamp_mono_ns: i64) -> anyhow::Result<Vec<Cycle>> {
+        let cycles = self
+            .cycles
+            .lock()
+            .map_err(|_| anyhow!("the recorder stopped"))?;
+        Ok(cycles[cycles.partition_point(|c| c.stamp_mono_ns < stamp_mono_ns)..].to_vec())
+    }
+
+    /// Ends the recording; returns how many cycles were missed.
+    pub(super) fn end(&mut self) -> anyhow::Result<u64> {
+        self.stop.store(true, Ordering::Relaxed);
+        self.worker.take().map_or(Ok(0), |w| {
+            w.join().map_err(|_| anyhow!("the recorder panicked"))?
+        })
+    }
+
+    /// Writes `recording.npz` and `scene.json`.
+    pub(super) fn save(&self, folder: &Path, robot: &Robot) -> anyhow::Result<()> {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make {}", folder.display()))?;
+        let cycles = self.since(i64::MIN)?;
+        write_cycles(&folder.join("recording.npz"), &cycles)?;
+        let event = |(stamp, balls): &(i64, Vec<MovingBall>)| {
+            let balls: Vec<[f64; 4]> = balls
+                .iter()
+                .map(|b| [b.centre_m[0], b.centre_m[1], b.centre_m[2], b.radius_m])
+                .collect();
+            json!({ "stamp_ns": stamp, "balls": balls })
+        };
+        let limits = &robot.tendon_limits;
+        let scene = json!({
+            "robot": robot.name,
+            "limits": { "velocity_m_s": limits.velocity, "acceleration_m_s2": limits.acceleration, "jerk_m_s3": limits.jerk },
+            "events": self.scenes.iter().map(event).collect::<Vec<_>>(),
+        });
+        Ok(std::fs::write(
+            folder.join("scene.json"),
+            serde_json::to_string_pretty(&scene)?,
+        )?)
+    }
+}
+
+fn record(
+    options: &IpcOptions,
+    into: &Mutex<Vec<Cycle>>,
+    until: &AtomicBool,
+) -> anyhow::Result<u64> {
+    let mut recorder = CycleRecorder::connect(options)?;
+    let mut fresh = Vec::new();
+    loop {
+        let last = until.load(Ordering::Relaxed);
+        recorder.drain(&mut fresh)?;
+        into.lock()
+            .map_err(|_| anyhow!("the recording was abandoned"))?
+            .extend(fresh.drain(..).map(|cycle| cycle.values));
+        if last {
+            return Ok(recorder.missed());
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+fn write_cycles(file: &Path, cycles: &[Cycle]) -> anyhow::Result<()> {
+    let n = cycles.len();
+    let mut archive = ArchiveWriter::create(file)?;
+    archive.write("stamp_ns", &[n], cycles.iter().map(|c| c.stamp_mono_ns))?;
+    archive.write(
+        "setpoint_m",
+        &[n, 9],
+        cycles.iter().flat_map(|c| c.setpoint_m),
+    )?;
+    archive.write(
+        "setpoint_velocity_m_s",
+        &[n, 9],
+        cycles.iter().flat_map(|c| c.setpoint_velocity_m_s),
+    )?;
+    archive.write(
+        "setpoint_acceleration_m_s2",
+        &[n, 9],
+        cycles.iter().flat_map(|c| c.setpoint_acceleration_m_s2),
+    )?;
+    archive.write(
+        "measured_tendon_m",
+        &[n, 9],
+        cycles.iter().flat_map(|c| c.measured_tendon_m),
+    )?;
+    archive.write(
+        "commanded_configuration",
+        &[n, 6],
+        cycles.iter().flat_map(|c| c.commanded_configuration_rad),
+    )?;
+    archive.write(
+        "measured_configuration",
+        &[n, 6],
+        cycles.iter().flat_map(|c| c.measured_configuration_rad),
+    )?;
+    archive.write("state", &[n], cycles.iter().map(|c| c.state))?;
+    archive.write(
+        "trajectory_id",
+        &[n],
+        cycles.iter().map(|c| c.trajectory_id),
+    )?;
+    Ok(archive.finish()?)
+}

@@ -1,0 +1,208 @@
+//! `pcc plan`: asks the daemon for candidates, shows them, and can have one executed.
+
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use client::{Client, ControllerView, PlanAnswer};
+use shared_types::capacity::DOF;
+use shared_types::codes::{Outcome, Sampler, Selection, Source, Stage};
+use shared_types::ipc::IpcOptions;
+use shared_types::message::Ball;
+use shared_types::valid::{Goal, PlanRequest, SelectionRule};
+use std::time::{Duration, Instant};
+
+/// How long a running daemon and controller are looked for.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SamplerName {
+    Default,
+    Fast,
+    Straight,
+    RrtConnect,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum SelectionName {
+    ShortestTime,
+    ShortestTipPath,
+    LargestClearance,
+    Smoothest,
+    NearestTerminalShape,
+}
+
+/// Arguments of `pcc plan`.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Tip position to reach, metres, base frame.
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true, required_unless_present = "configuration")]
+    tip: Option<Vec<f64>>,
+    /// Configuration to reach instead, radians.
+    #[arg(
+        long,
+        num_args = 6,
+        value_name = "RAD",
+        allow_negative_numbers = true,
+        conflicts_with = "tip"
+    )]
+    configuration: Option<Vec<f64>>,
+    /// Start configuration, radians; without it, where the controller holds the robot.
+    #[arg(long, num_args = 6, value_name = "RAD", allow_negative_numbers = true)]
+    start: Option<Vec<f64>>,
+    /// An obstacle, metres; may be given up to 64 times.
+    #[arg(long, num_args = 4, value_names = ["X", "Y", "Z", "RADIUS"], allow_negative_numbers = true, action = clap::ArgAction::Append)]
+    ball: Vec<f64>,
+    /// Candidates wanted.
+    #[arg(long, default_value_t = 10)]
+    candidates: usize,
+    /// Seed; the same request and seed give the same answer.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Who proposes paths.
+    #[arg(long, value_enum, default_value = "default")]
+    sampler: SamplerName,
+    /// Which candidate is selected.
+    #[arg(long, value_enum, default_value = "shortest-time")]
+    select: SelectionName,
+    /// Select the candidate with this index (as the table shows) instead.
+    #[arg(long, conflicts_with = "select")]
+    index: Option<usize>,
+    /// Deadline, milliseconds (0: the daemon's default).
+    #[arg(long, default_value_t = 0)]
+    deadline_ms: u64,
+    /// Share of the tendon limits to use, above 0 and at most 1.
+    #[arg(long, default_value_t = 1.0)]
+    limits_scale: f64,
+    /// Have the selected candidate executed.
+    #[arg(long)]
+    execute: bool,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let options = IpcOptions::from_env();
+    let request = arguments.request(&options)?;
+    let mut client = Client::connect(&options)?;
+    let clock = Instant::now();
+    let answer = client.plan(&request, PATIENCE)?;
+    let round_trip = clock.elapsed();
+    print_answer(&answer, round_trip);
+    let report = answer.report();
+    match report.outcome {
+        Outcome::Ok | Outcome::Truncated => Ok(()),
+        other => bail!("{other}: {}", report.reason),
+    }
+}
+
+impl Arguments {
+    fn request(&self, options: &IpcOptions) -> anyhow::Result<PlanRequest> {
+        let start = match &self.start {
+            Some(values) => six(values),
+            None => held_configuration(options)?,
+        };
+        let balls = self.ball.chunks_exact(4).map(|b| Ball {
+            centre_m: [b[0], b[1], b[2]],
+            radius_m: b[3],
+        });
+        Ok(PlanRequest {
+            seed: self.seed,
+            candidate_count: self.candidates,
+            deadline: (self.deadline_ms > 0).then(|| Duration::from_millis(self.deadline_ms)),
+            sampler: self.sampler.code(),
+            selection: self.index.map_or(
+                SelectionRule::Best(self.select.code()),
+                SelectionRule::Index,
+            ),
+            execute: self.execute,
+            limits_scale: self.limits_scale,
+            balls: balls.collect(),
+            ..PlanRequest::new(start, self.goal()?)
+        })
+    }
+
+    fn goal(&self) -> anyhow::Result<Goal> {
+        match (&self.tip, &self.configuration) {
+            (Some(tip), _) => Ok(Goal::Tip {
+                position_m: [tip[0], tip[1], tip[2]],
+                tolerance_m: None,
+            }),
+            (None, Some(shape)) => Ok(Goal::Configuration(six(shape))),
+            (None, None) => bail!("--tip or --configuration is needed"),
+        }
+    }
+}
+
+impl SamplerName {
+    fn code(self) -> Sampler {
+        match self {
+            Self::Default => Sampler::Default,
+            Self::Fast => Sampler::Fast,
+            Self::Straight => Sampler::Straight,
+            Self::RrtConnect => Sampler::RrtConnect,
+        }
+    }
+}
+
+impl SelectionName {
+    fn code(self) -> Selection {
+        match self {
+            Self::ShortestTime => Selection::ShortestTime,
+            Self::ShortestTipPath => Selection::ShortestTipPath,
+            Self::LargestClearance => Selection::LargestClearance,
+            Self::Smoothest => Selection::Smoothest,
+            Self::NearestTerminalShape => Selection::NearestTerminalShape,
+        }
+    }
+}
+
+fn six(values: &[f64]) -> [f64; DOF] {
+    std::array::from_fn(|i| values[i])
+}
+
+fn held_configuration(options: &IpcOptions) -> anyhow::Result<[f64; DOF]> {
+    let mut controller = ControllerView::connect(options)?;
+    let until = Instant::now() + PATIENCE;
+    while Instant::now() < until {
+        if let Some(state) = controller.latest_state()? {
+            return Ok(state.values.commanded_configuration_rad);
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    Err(anyhow::anyhow!("no controller within {PATIENCE:?}")).context("start it, or give --start")
+}
+
+fn print_answer(answer: &PlanAnswer, round_trip: Duration) {
+    let report = answer.report();
+    println!(
+        "{}: {} candidates, {:.2} ms round trip",
+        report.outcome,
+        report.candidates.len(),
+        1e3 * round_trip.as_secs_f64()
+    );
+    if !report.reason.is_empty() {
+        println!("{}", report.reason);
+    }
+    println!(
+        "  #  source         duration s  tip path m  clearance m  smoothness  tip error m  knots"
+    );
+    for (index, c) in report.candidates.iter().enumerate() {
+        let mark = if report.selected == Some(index) {
+            '*'
+        } else {
+            ' '
+        };
+        let source = Source::try_from(c.source).map_or("unknown", Source::text);
+        println!(
+            "{mark} {index:2} {source:14} {:10.3} {:11.4} {:12.4} {:11.3e} {:12.2e} {:6}",
+            c.duration_s, c.tip_path_m, c.clearance_m, c.smoothness, c.tip_error_m, c.knot_count
+        );
+    }
+    println!("{}", stage_times(&report.stages_ns));
+    if let Some(id) = report.trajectory_id {
+        println!("published for execution as trajectory {id}");
+    }
+}
+
+fn stage_times(stages_ns: &[u64]) -> String {
+    let stage = |(stage, ns): (&Stage, &u64)| format!("{stage} {:.2}", *ns as f64 * 1e-6);
+    let parts: Vec<String> = Stage::ALL.iter().zip(stages_ns).map(stage).collect();
+    format!("stages, ms: {}", parts.join(", "))
+}
