@@ -17,7 +17,6 @@ import argparse
 import hashlib
 import json
 import math
-import os
 import platform
 import re
 import time
@@ -247,7 +246,7 @@ class Run:
         state |= {"facts": self.facts, "record": record}
         part = file.with_suffix(".part")
         torch.save(state, part)
-        os.replace(part, file)
+        part.replace(file)
 
     def restore(self, file, device):
         state = torch.load(file, map_location=device, weights_only=True)

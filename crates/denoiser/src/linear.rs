@@ -3,11 +3,8 @@
 //! Every output is one chain of multiply-adds over the inputs in order, whatever the number of rows, so a row's
 //! result does not depend on the batch it is in. Weights are read once for all the rows that fit the registers.
 
-use crate::simd::{Kernel, Level, dispatch, multiply_add};
+use crate::simd::{Kernel, Level, PANEL, dispatch};
 use crate::weights_file::{WeightsError, WeightsFile};
-
-/// Outputs computed together: two AVX-512 registers.
-const PANEL: usize = 32;
 
 /// A layer with its weights packed in panels of `PANEL` outputs, `[panel][input][output in panel]`.
 pub(crate) struct Linear {
@@ -129,21 +126,88 @@ impl Product<'_> {
         } = self.layer;
         let rows: [&[f32]; N] = std::array::from_fn(|r| &self.x[(first + r) * inputs..][..*inputs]);
         let weights = &panels[panel * inputs * PANEL..][..inputs * PANEL];
-        let mut sums = [[0.0_f32; PANEL]; N];
+        let mut sums = [L::load(&[0.0; PANEL]); N];
         for (k, weights) in weights.as_chunks::<PANEL>().0.iter().enumerate() {
+            let weights = L::load(weights);
             for (sum, row) in sums.iter_mut().zip(&rows) {
-                let value = row[k];
-                for (s, w) in sum.iter_mut().zip(weights) {
-                    *s = multiply_add::<L>(value, *w, *s);
-                }
+                *sum = L::add_scaled(*sum, row[k], weights);
             }
         }
         let columns = panel * PANEL..outputs.min(&((panel + 1) * PANEL)).to_owned();
-        for (r, sum) in sums.iter().enumerate() {
+        for (r, sum) in sums.into_iter().enumerate() {
             let target = &mut self.out[(first + r) * outputs..][columns.clone()];
-            for ((t, s), b) in target.iter_mut().zip(sum).zip(&bias[columns.clone()]) {
+            for ((t, s), b) in target
+                .iter_mut()
+                .zip(L::store(sum))
+                .zip(&bias[columns.clone()])
+            {
                 *t = if self.add { *t + (s + b) } else { s + b };
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::{detected_levels, run_at};
+
+    /// Numbers without a pattern that a wrong index could hide in.
+    fn scattered(count: usize, seed: u32) -> Vec<f32> {
+        let value = |i: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 8) as f32;
+        (0..count as u32)
+            .map(|i| value(i) / 16_777_216.0 - 0.5)
+            .collect()
+    }
+
+    fn product(weight: &[f32], bias: &[f32], x: &[f32]) -> Vec<f64> {
+        let dot = |a: &[f32], b: &[f32]| {
+            let terms = a.iter().zip(b);
+            terms
+                .map(|(a, b)| f64::from(*a) * f64::from(*b))
+                .sum::<f64>()
+        };
+        let outputs = |row| {
+            let rows = weight.chunks_exact(weight.len() / bias.len()).zip(bias);
+            rows.map(move |(w, b)| dot(w, row) + f64::from(*b))
+        };
+        x.chunks_exact(weight.len() / bias.len())
+            .flat_map(outputs)
+            .collect()
+    }
+
+    #[test]
+    fn every_level_agrees_with_the_definition_for_any_number_of_rows() {
+        let (inputs, outputs) = (37, 72);
+        let (weight, bias) = (scattered(inputs * outputs, 1), scattered(outputs, 2));
+        let layer = Linear::pack(&weight, &bias, inputs);
+        for rows in 0..=26 {
+            let x = scattered(rows * inputs, 3);
+            let expected = product(&weight, &bias, &x);
+            for level in detected_levels() {
+                for (add, before) in [(false, 0.0_f32), (true, 7.0)] {
+                    let mut out = vec![7.0; rows * outputs];
+                    let product = Product {
+                        layer: &layer,
+                        x: &x,
+                        out: &mut out,
+                        add,
+                    };
+                    run_at(level, product);
+                    let sums = expected.iter().map(|e| e + f64::from(before));
+                    for (found, sum) in out.iter().zip(sums) {
+                        let error = (f64::from(*found) - sum).abs();
+                        assert!(error < 4e-6, "{rows} rows: {found} for {sum}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "whole input rows")]
+    fn a_row_of_another_length_is_refused() {
+        let layer = Linear::pack(&scattered(12, 1), &scattered(4, 2), 3);
+        layer.apply(&[0.0; 5], &mut [0.0; 4]);
     }
 }

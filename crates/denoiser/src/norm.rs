@@ -1,5 +1,6 @@
 //! Layer normalisation.
 
+use crate::simd::{Kernel, Level, dispatch};
 use crate::weights_file::{WeightsError, WeightsFile};
 
 /// PyTorch's default.
@@ -26,12 +27,32 @@ impl LayerNorm {
 
     /// Normalises `rows` (rows × width) into `out`.
     pub(crate) fn apply(&self, rows: &[f32], out: &mut [f32]) {
-        let width = self.weight.len();
-        for (x, y) in rows.chunks_exact(width).zip(out.chunks_exact_mut(width)) {
+        dispatch(Normalise {
+            norm: self,
+            rows,
+            out,
+        });
+    }
+}
+
+struct Normalise<'a> {
+    norm: &'a LayerNorm,
+    rows: &'a [f32],
+    out: &'a mut [f32],
+}
+
+impl Kernel for Normalise<'_> {
+    #[inline(always)]
+    fn run<L: Level>(self) {
+        let LayerNorm { weight, bias } = self.norm;
+        let width = weight.len();
+        let rows = self.rows.chunks_exact(width);
+        for (x, y) in rows.zip(self.out.chunks_exact_mut(width)) {
             let mean = sum(x, |v| v) / width as f32;
             let variance = sum(x, |v| (v - mean) * (v - mean)) / width as f32;
             let scale = 1.0 / (variance + EPSILON).sqrt();
-            for (((y, x), w), b) in y.iter_mut().zip(x).zip(&self.weight).zip(&self.bias) {
+            let affine = weight.iter().zip(bias);
+            for ((y, x), (w, b)) in y.iter_mut().zip(x).zip(affine) {
                 *y = (x - mean) * scale * w + b;
             }
         }
@@ -39,14 +60,15 @@ impl LayerNorm {
 }
 
 /// Sums in a fixed order with independent lanes, so that it vectorises and repeats bit for bit.
+#[inline(always)]
 fn sum(values: &[f32], of: impl Fn(f32) -> f32) -> f32 {
     let mut lanes = [0.0_f32; LANES];
-    let chunks = values.chunks_exact(LANES);
-    let rest: f32 = chunks.remainder().iter().map(|v| of(*v)).sum();
+    let (chunks, rest) = values.as_chunks::<LANES>();
     for chunk in chunks {
         for (lane, v) in lanes.iter_mut().zip(chunk) {
             *lane += of(*v);
         }
     }
+    let rest: f32 = rest.iter().map(|v| of(*v)).sum();
     lanes.iter().sum::<f32>() + rest
 }

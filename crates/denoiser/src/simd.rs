@@ -1,41 +1,132 @@
 //! One way to run a loop with the widest vectors that the processor has.
 //!
-//! A kernel is written once as a plain loop; [`dispatch`] compiles it for AVX-512, for AVX2 with FMA, and without
-//! either, and picks at run time. The choice is the same for the whole life of the process.
-#![allow(unsafe_code)] // calling a function compiled for features that were just detected
+//! A kernel is written once; [`dispatch`] compiles it for AVX-512, for AVX2 with FMA, and without either, and picks at
+//! run time. The choice is the same for the whole life of the process.
+#![allow(unsafe_code)] // vector instructions, and calling what is compiled for features that were just detected
 
+#[cfg(target_arch = "x86_64")]
+use std::arch::x86_64::*;
 use std::sync::LazyLock;
 
-/// What a kernel may know of the processor it runs on.
+/// Values handled together: two AVX-512 registers.
+pub(crate) const PANEL: usize = 32;
+
+/// What a kernel may use of the processor it runs on.
+///
+/// Only [`dispatch`] hands out levels, after it detected their features; that is what makes their methods sound.
 pub(crate) trait Level {
     /// Whether multiply-adds are fused in hardware.
     const FUSED: bool;
-    /// Rows of 32 sums that fit the registers together.
+    /// Panels of sums that fit the registers together.
     const ROWS: usize;
+    /// [`PANEL`] values in registers.
+    type Panel: Copy;
+    fn load(values: &[f32; PANEL]) -> Self::Panel;
+    fn store(panel: Self::Panel) -> [f32; PANEL];
+    /// sums + value · weights.
+    fn add_scaled(sums: Self::Panel, value: f32, weights: Self::Panel) -> Self::Panel;
 }
 
-struct Avx512;
-struct Avx2;
-/// No vector extension at all.
+/// No vector extension.
 pub(crate) struct Plain;
-
-impl Level for Avx512 {
-    const FUSED: bool = true;
-    const ROWS: usize = 12;
-}
-
-impl Level for Avx2 {
-    const FUSED: bool = true;
-    const ROWS: usize = 3;
-}
 
 impl Level for Plain {
     const FUSED: bool = false;
     const ROWS: usize = 1;
+    type Panel = [f32; PANEL];
+
+    #[inline(always)]
+    fn load(values: &[f32; PANEL]) -> Self::Panel {
+        *values
+    }
+
+    #[inline(always)]
+    fn store(panel: Self::Panel) -> [f32; PANEL] {
+        panel
+    }
+
+    #[inline(always)]
+    fn add_scaled(mut sums: Self::Panel, value: f32, weights: Self::Panel) -> Self::Panel {
+        for (sum, weight) in sums.iter_mut().zip(weights) {
+            *sum += value * weight;
+        }
+        sums
+    }
 }
 
+/// AVX2 and FMA.
+#[cfg(target_arch = "x86_64")]
+struct Avx2;
+
+#[cfg(target_arch = "x86_64")]
+impl Level for Avx2 {
+    const FUSED: bool = true;
+    const ROWS: usize = 2;
+    type Panel = [__m256; 4];
+
+    #[inline(always)]
+    fn load(values: &[f32; PANEL]) -> Self::Panel {
+        // SAFETY: AVX2 was detected; each load reads 8 of the 32 values.
+        [0, 8, 16, 24].map(|first| unsafe { _mm256_loadu_ps(values.as_ptr().add(first)) })
+    }
+
+    #[inline(always)]
+    fn store(panel: Self::Panel) -> [f32; PANEL] {
+        let mut out = [0.0; PANEL];
+        for (chunk, register) in out.as_chunks_mut::<8>().0.iter_mut().zip(panel) {
+            // SAFETY: AVX2 was detected; the chunk has 8 values.
+            unsafe { _mm256_storeu_ps(chunk.as_mut_ptr(), register) };
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn add_scaled(sums: Self::Panel, value: f32, weights: Self::Panel) -> Self::Panel {
+        // SAFETY: AVX2 and FMA were detected.
+        std::array::from_fn(|i| unsafe {
+            _mm256_fmadd_ps(_mm256_set1_ps(value), weights[i], sums[i])
+        })
+    }
+}
+
+/// AVX-512 F, VL, DQ and BW.
+#[cfg(target_arch = "x86_64")]
+struct Avx512;
+
+#[cfg(target_arch = "x86_64")]
+impl Level for Avx512 {
+    const FUSED: bool = true;
+    const ROWS: usize = 12;
+    type Panel = [__m512; 2];
+
+    #[inline(always)]
+    fn load(values: &[f32; PANEL]) -> Self::Panel {
+        // SAFETY: AVX-512 was detected; each load reads 16 of the 32 values.
+        [0, 16].map(|first| unsafe { _mm512_loadu_ps(values.as_ptr().add(first)) })
+    }
+
+    #[inline(always)]
+    fn store(panel: Self::Panel) -> [f32; PANEL] {
+        let mut out = [0.0; PANEL];
+        for (chunk, register) in out.as_chunks_mut::<16>().0.iter_mut().zip(panel) {
+            // SAFETY: AVX-512 was detected; the chunk has 16 values.
+            unsafe { _mm512_storeu_ps(chunk.as_mut_ptr(), register) };
+        }
+        out
+    }
+
+    #[inline(always)]
+    fn add_scaled(sums: Self::Panel, value: f32, weights: Self::Panel) -> Self::Panel {
+        // SAFETY: AVX-512 was detected.
+        std::array::from_fn(|i| unsafe {
+            _mm512_fmadd_ps(_mm512_set1_ps(value), weights[i], sums[i])
+        })
+    }
+}
+
+/// A level that this processor has.
 #[derive(Clone, Copy)]
-enum Detected {
+pub(crate) enum Detected {
     #[cfg(target_arch = "x86_64")]
     Avx512,
     #[cfg(target_arch = "x86_64")]
@@ -46,21 +137,21 @@ enum Detected {
 static DETECTED: LazyLock<Detected> = LazyLock::new(|| {
     #[cfg(target_arch = "x86_64")]
     {
+        let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
         let avx512 = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512vl")
             && is_x86_feature_detected!("avx512dq")
             && is_x86_feature_detected!("avx512bw");
-        if avx512 && is_x86_feature_detected!("fma") {
-            return Detected::Avx512;
-        }
-        if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
-            return Detected::Avx2;
+        match (avx512, avx2) {
+            (true, true) => return Detected::Avx512,
+            (false, true) => return Detected::Avx2,
+            (_, false) => {}
         }
     }
     Detected::Plain
 });
 
-/// A loop that is compiled for each level.
+/// Work that is compiled for each level.
 pub(crate) trait Kernel {
     /// Does the work; must be marked `#[inline(always)]` so that it takes on the caller's features.
     fn run<L: Level>(self);
@@ -74,9 +165,14 @@ pub(crate) fn multiply_add<L: Level>(a: f32, b: f32, c: f32) -> f32 {
 
 /// Runs a kernel with the widest vectors available.
 pub(crate) fn dispatch(kernel: impl Kernel) {
-    match *DETECTED {
+    run_at(*DETECTED, kernel);
+}
+
+/// Runs a kernel at a level that was detected.
+pub(crate) fn run_at(level: Detected, kernel: impl Kernel) {
+    match level {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: this level is chosen only after AVX-512 F, VL, DQ, BW and FMA were detected.
+        // SAFETY: this level is chosen only after AVX-512 F, VL, DQ, BW, AVX2 and FMA were detected.
         Detected::Avx512 => unsafe { run_avx512(kernel) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: this level is chosen only after AVX2 and FMA were detected.
@@ -95,4 +191,16 @@ fn run_avx512(kernel: impl Kernel) {
 #[target_feature(enable = "avx2,fma")]
 fn run_avx2(kernel: impl Kernel) {
     kernel.run::<Avx2>();
+}
+
+/// Every level that this processor has.
+#[cfg(test)]
+pub(crate) fn detected_levels() -> Vec<Detected> {
+    match *DETECTED {
+        #[cfg(target_arch = "x86_64")]
+        Detected::Avx512 => vec![Detected::Avx512, Detected::Avx2, Detected::Plain],
+        #[cfg(target_arch = "x86_64")]
+        Detected::Avx2 => vec![Detected::Avx2, Detected::Plain],
+        Detected::Plain => vec![Detected::Plain],
+    }
 }

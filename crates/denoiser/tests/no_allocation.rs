@@ -1,0 +1,60 @@
+//! Sampling allocates nothing once its buffers have grown.
+#![allow(clippy::unwrap_used)]
+#![allow(unsafe_code)] // a global allocator that counts
+
+use denoiser::{CandidateInput, FastModel, FastScratch, Manifest};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+
+struct Counting;
+
+// SAFETY: every call is handed to the system's allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        // SAFETY: the caller keeps GlobalAlloc's contract.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        // SAFETY: the caller keeps GlobalAlloc's contract.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn sampling_allocates_only_in_the_first_call_of_a_size() {
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures");
+    let file = Manifest::open(&fixtures).unwrap().weights("tiny").unwrap();
+    let model = FastModel::from_weights(&file, std::f64::consts::FRAC_PI_2).unwrap();
+    let (ends, balls) = (vec![0.1; 36], vec![0.2; 28 * 5]);
+    let candidate = CandidateInput {
+        ends: &ends,
+        balls: &balls,
+    };
+    let candidates = [candidate; 10];
+    let (noise, mut out) = (vec![0.3; 720], vec![0.0; 720]);
+    let mut scratch = FastScratch::default();
+    let mut count = |candidates: &[CandidateInput]| {
+        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let length = 72 * candidates.len();
+        model.sample(
+            candidates,
+            &noise[..length],
+            2,
+            &mut scratch,
+            &mut out[..length],
+        );
+        ALLOCATIONS.load(Ordering::Relaxed) - before
+    };
+    assert!(count(&candidates) > 0, "the counter counts");
+    assert_eq!(count(&candidates), 0, "the same size again");
+    assert_eq!(count(&candidates[..3]), 0, "fewer candidates");
+    assert_eq!(count(&candidates), 0, "the first size again");
+}
