@@ -9,7 +9,7 @@
 //! ```
 //!
 //! It never moves by itself: it starts from the robot's own reference (`accepted_setpoint_m`, never a measurement), and
-//! a trajectory is followed only from where it holds. Stops go along the trajectory ([`pace`]), as fast as the
+//! a trajectory is followed only from where it holds. Stops go along the trajectory ([`Pace`]), as fast as the
 //! acceleration limits allow. Where the robot has let go of the set-points (it ramped to rest by itself, or is gone) the
 //! machine is detached: it sends nothing and mirrors the robot's reference, so that nothing jumps when it takes hold
 //! again.

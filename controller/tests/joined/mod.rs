@@ -106,7 +106,7 @@ impl Joined {
         .unwrap();
         let robot = write_configurations(folder.path());
         let options = IpcOptions {
-            prefix: format!("test{}", std::process::id()),
+            prefix: "test-controller".to_owned(),
             root: folder.path().join("ipc"),
         };
         let node = IpcNode::create(&options, "test").unwrap();
