@@ -63,19 +63,19 @@ pub(crate) struct Refusal {
 
 impl Refusal {
     /// A refusal that is not about one field.
-    pub(crate) fn new(outcome: Outcome, reason: impl ToString) -> Self {
+    pub(crate) fn new(outcome: Outcome, reason: impl Into<String>) -> Self {
         Self {
             outcome,
             field: PlanField::None,
-            reason: reason.to_string(),
+            reason: reason.into(),
         }
     }
 
-    fn field(field: PlanField, reason: impl ToString) -> Self {
+    fn field(field: PlanField, reason: impl Into<String>) -> Self {
         Self {
             outcome: Outcome::InvalidRequest,
             field,
-            reason: reason.to_string(),
+            reason: reason.into(),
         }
     }
 }
@@ -128,7 +128,7 @@ impl Border {
                 }
                 valid::Goal::Configuration(shape) => Goal::Configuration((*shape).into()),
             },
-            scene: scene.map_err(|error| Refusal::field(PlanField::Balls, error))?,
+            scene: scene.map_err(|error| Refusal::field(PlanField::Balls, error.to_string()))?,
         })
     }
 

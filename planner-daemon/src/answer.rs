@@ -251,7 +251,7 @@ fn fault_refusal(fault: &PlanFault) -> Refusal {
         PlanFault::Planner(PlannerError::ModelNotLoaded) => Outcome::SamplerNotLoaded,
         PlanFault::Planner(_) | PlanFault::Panic(_) => Outcome::NoPath,
     };
-    Refusal::new(outcome, fault)
+    Refusal::new(outcome, fault.to_string())
 }
 
 #[cfg(test)]

@@ -255,7 +255,7 @@ struct Checked<'a> {
 }
 
 impl Checked<'_> {
-    fn within<T: PartialOrd + Display>(
+    fn within<T: PartialOrd + Display + Copy>(
         &self,
         setting: &'static str,
         value: T,

@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use collision::Scene;
 use pcc_model::{Configuration, Robot};
-use planning::{Goal, Problem, Request, Sampler, Selection};
+use planning::{Goal, Planner, Problem, Request, Sampler, Selection};
+use shared_types::{message, valid};
+use trajectory::Trajectory;
 
 use crate::admission::Order;
 
@@ -46,4 +48,20 @@ pub(crate) fn order() -> Order {
         tip_tolerance: 0.01,
         execution: None,
     }
+}
+
+/// A motion of some seconds from the straight shape to a bent one.
+pub(crate) fn motion() -> Trajectory {
+    let planner = Planner::new(&unit_robot(), None, 1).unwrap();
+    let plan = planner.plan(&straight_problem(), &request(), &|| false);
+    plan.unwrap().candidates[0].trajectory.clone()
+}
+
+/// A validated controller's state with some changes to zero.
+pub(crate) fn controller_state(
+    change: impl FnOnce(&mut message::ControllerState),
+) -> valid::ControllerState {
+    let mut values = message::ControllerState::ZEROED;
+    change(&mut values);
+    valid::ControllerState::try_from(&values).unwrap()
 }

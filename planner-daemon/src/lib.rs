@@ -1,13 +1,32 @@
 //! The planner daemon: keeps robot and model resident, and answers plan requests over shared memory.
+//!
+//! One thread owns the ports and never plans ([`Daemon::run`]); a second one plans, one request at a time, on the
+//! planner's own workers; two more send heartbeats and clean up after dead processes. The plan's way through it:
+//! private copy, border check, fair queue, planning, selection, and for a motion to be executed the check against
+//! controller and live scene.
+//!
+//! On the wire everything is SI; inside, lengths are in units of the robot's section length.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod admission;
 mod answer;
-pub mod config;
+mod config;
+mod daemon;
+mod execution;
+mod heartbeat;
+mod live_scene;
 mod planning_thread;
 mod process;
 mod queue;
+mod service;
+mod stop_order;
+mod supervision;
 mod wire;
 
 #[cfg(test)]
 mod fixtures;
+
+pub use config::{Config, ConfigError, WaitMode};
+pub use daemon::{Daemon, StartError};
+pub use heartbeat::BackgroundError;
+pub use process::termination_flag;

@@ -53,7 +53,7 @@ fn resident_in(status: &str) -> Option<usize> {
 ///
 /// # Errors
 /// If the handlers cannot be installed.
-pub(crate) fn termination_flag() -> io::Result<Arc<AtomicBool>> {
+pub fn termination_flag() -> io::Result<Arc<AtomicBool>> {
     let terminated = Arc::new(AtomicBool::new(false));
     for signal in [SIGTERM, SIGINT] {
         flag::register(signal, Arc::clone(&terminated))?;

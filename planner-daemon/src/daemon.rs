@@ -1,0 +1,285 @@
+//! Starting the daemon: everything is loaded, checked and opened before the first request.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use collision::{Scene, tracking_growth};
+use denoiser::{FastModel, Manifest, WeightsError};
+use pcc_model::{Configuration, Robot, RobotFileError};
+use planning::{Goal, Planner, PlannerError, Problem, Request, Sampler, Selection};
+use shared_types::ipc::{
+    IpcError, IpcNode, IpcOptions, Role, RoleLock, plan_server, plan_service, shared_memory,
+};
+
+use crate::admission::Border;
+use crate::config::Config;
+use crate::execution::{Execution, ExecutionRules};
+use crate::heartbeat::{Background, BackgroundError, Progress};
+use crate::planning_thread::PlanningThread;
+use crate::process;
+use crate::service::{Parts, Service, Waiting};
+
+/// Name of the learned model in the manifest.
+const MODEL: &str = "fast";
+
+/// Why the daemon does not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The robot file is refused.
+    #[error("robot file {path:?}: {source}")]
+    Robot {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: Box<RobotFileError>,
+    },
+    /// The learned model is refused.
+    #[error("weights in {folder:?}: {source}")]
+    Weights {
+        /// The folder.
+        folder: PathBuf,
+        /// What is wrong with them.
+        source: Box<WeightsError>,
+    },
+    /// The planner cannot serve this robot.
+    #[error(transparent)]
+    Planner(#[from] PlannerError),
+    /// The services are not available, or another daemon runs.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// A background thread did not start.
+    #[error(transparent)]
+    Background(#[from] BackgroundError),
+    /// The configuration takes more shared memory than it declares.
+    #[error(
+        "the services would take {needed_mb:.1} MB of shared memory, shared_memory_budget_mb allows {allowed_mb:.1}: \
+         lower clients, requests_per_client, candidates or knots_per_candidate, or declare more"
+    )]
+    SharedMemory {
+        /// What the services take, 10^6 bytes.
+        needed_mb: f64,
+        /// What is declared.
+        allowed_mb: f64,
+    },
+    /// The process takes more memory than is declared.
+    #[error(
+        "the daemon takes {needed_mb:.1} MB of resident memory, resident_memory_budget_mb allows {allowed_mb:.1}: \
+         lower threads or the plan service's capacity, or declare more"
+    )]
+    ResidentMemory {
+        /// What it takes, 10^6 bytes.
+        needed_mb: f64,
+        /// What is declared.
+        allowed_mb: f64,
+    },
+    /// The processors asked for are not available.
+    #[error("cannot run on processors {processors:?}: {source}")]
+    Processors {
+        /// The processors asked for.
+        processors: Vec<usize>,
+        /// The system's answer.
+        source: std::io::Error,
+    },
+    /// The system refuses something that the daemon cannot go without.
+    #[error("the system refuses: {0}")]
+    System(#[from] std::io::Error),
+}
+
+/// The daemon, ready to serve. It belongs to the thread that started it.
+pub struct Daemon {
+    // Dropped in this order: threads and ports before the node, the role last.
+    _background: Background,
+    service: Service,
+    _node: IpcNode,
+    _role: RoleLock,
+}
+
+impl Daemon {
+    /// Takes the daemon's role, loads robot and model, opens the services and checks the budgets.
+    ///
+    /// # Errors
+    /// [`StartError`]: the first thing that is not as it must be; nothing stays behind.
+    pub fn start(config: &Config, options: &IpcOptions) -> Result<Self, StartError> {
+        use_processors(config)?;
+        let role = RoleLock::acquire(options, Role::PlannerDaemon)?;
+        let shared_bytes = check_shared_memory(config)?;
+        let robot = load_robot(config)?;
+        let planner = load_planner(config, &robot)?;
+        lock_memory(config);
+        warm_up(&planner, config)?;
+        let node = IpcNode::create(options, "planner-daemon")?;
+        let progress = Arc::new(Progress::default());
+        let service = open_service(config, &node, &robot, planner, &progress)?;
+        let background = Background::start(options, &progress)?;
+        let resident_bytes = check_resident_memory(config)?;
+        tracing::info!(
+            "robot {}, model {}, {} threads, up to {} candidates of {} knots for {} clients",
+            robot.name,
+            config.weights.as_ref().map_or("none", |_| MODEL),
+            config.threads,
+            config.capacity.candidates,
+            config.capacity.knots_per_candidate,
+            config.capacity.clients
+        );
+        tracing::info!(
+            "shared memory {:.1} of {:.1} MB, resident memory {:.1} of {:.1} MB",
+            megabytes(shared_bytes),
+            megabytes(config.shared_memory_budget),
+            megabytes(resident_bytes),
+            megabytes(config.resident_memory_budget)
+        );
+        Ok(Self {
+            _background: background,
+            service,
+            _node: node,
+            _role: role,
+        })
+    }
+
+    /// Serves until `terminated` is set; what is under way then is answered.
+    pub fn run(&mut self, terminated: &AtomicBool) {
+        tracing::info!("ready");
+        self.service.run(terminated);
+        tracing::info!("ended");
+    }
+}
+
+fn megabytes(bytes: usize) -> f64 {
+    bytes as f64 * 1e-6
+}
+
+fn use_processors(config: &Config) -> Result<(), StartError> {
+    if config.processors.is_empty() {
+        return Ok(());
+    }
+    let failed = |source| StartError::Processors {
+        processors: config.processors.clone(),
+        source,
+    };
+    process::use_processors(&config.processors).map_err(failed)
+}
+
+fn lock_memory(config: &Config) {
+    if !config.lock_memory {
+        return;
+    }
+    if let Err(error) = process::lock_memory() {
+        tracing::warn!(
+            "memory is not locked, answers can be delayed by swapping ({error}): allow it with CAP_IPC_LOCK or \
+             `ulimit -l unlimited`, or set lock_memory = false"
+        );
+    }
+}
+
+fn load_robot(config: &Config) -> Result<Robot, StartError> {
+    Robot::from_file(&config.robot).map_err(|source| StartError::Robot {
+        path: config.robot.clone(),
+        source: Box::new(source),
+    })
+}
+
+fn load_planner(config: &Config, robot: &Robot) -> Result<Planner, StartError> {
+    let folder = config.weights.as_ref();
+    let model = folder.map(|folder| {
+        let weights = Manifest::open(folder).and_then(|manifest| manifest.weights(MODEL));
+        let model = weights.and_then(|file| FastModel::from_weights(&file, robot.bending_limit));
+        model.map_err(|source| StartError::Weights {
+            folder: folder.clone(),
+            source: Box::new(source),
+        })
+    });
+    Ok(Planner::new(robot, model.transpose()?, config.threads)?)
+}
+
+/// Plans once, so that the first request finds code and memory as warm as the others.
+fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
+    let problem = Problem {
+        start: Configuration::zeros(),
+        goal: Goal::Configuration(Configuration::repeat(0.1)),
+        scene: Scene::default(),
+    };
+    let sampler = if config.weights.is_some() {
+        Sampler::Default
+    } else {
+        Sampler::Straight
+    };
+    let request = Request {
+        candidates: config.capacity.candidates,
+        seed: 0,
+        sampler,
+        selection: Selection::ShortestTime,
+        limits_scale: 1.0,
+        growth: tracking_growth(planner.robot(), config.path_tolerance_rad),
+        knots: config.capacity.knots_per_candidate,
+    };
+    planner.plan(&problem, &request, &|| false)?;
+    Ok(())
+}
+
+fn open_service(
+    config: &Config,
+    node: &IpcNode,
+    robot: &Robot,
+    planner: Planner,
+    progress: &Arc<Progress>,
+) -> Result<Service, StartError> {
+    let section_length_m = robot.section_lengths[0];
+    let unit_robot = planner.robot().clone();
+    let growth = tracking_growth(&unit_robot, config.path_tolerance_rad);
+    let rules = ExecutionRules {
+        robot: unit_robot.clone(),
+        section_length_m,
+        path_tolerance_rad: config.path_tolerance_rad,
+        growth,
+        begin_lead: config.begin_lead,
+    };
+    let execution = Execution::open(node, rules)?;
+    let planning = PlanningThread::start(Arc::new(planner))?;
+    let plan = plan_service(node, &config.capacity)?;
+    Ok(Service::new(Parts {
+        server: plan_server(node, &plan, &config.capacity)?,
+        execution,
+        planning,
+        border: Border {
+            section_length_m,
+            capacity: config.capacity,
+            default_deadline: config.default_deadline,
+            growth,
+        },
+        robot: unit_robot,
+        waiting: Waiting {
+            mode: config.wait,
+            spin: config.spin,
+            pause: config.pause,
+        },
+        queued_per_client: config.queued_per_client,
+        progress: Arc::clone(progress),
+    }))
+}
+
+fn check_shared_memory(config: &Config) -> Result<usize, StartError> {
+    let services = shared_memory(&config.capacity);
+    let needed: usize = services.iter().map(|service| service.bytes).sum();
+    for service in &services {
+        tracing::debug!("{}: {:.2} MB", service.service, megabytes(service.bytes));
+    }
+    if needed > config.shared_memory_budget {
+        return Err(StartError::SharedMemory {
+            needed_mb: megabytes(needed),
+            allowed_mb: megabytes(config.shared_memory_budget),
+        });
+    }
+    Ok(needed)
+}
+
+fn check_resident_memory(config: &Config) -> Result<usize, StartError> {
+    let needed = process::resident_bytes()?;
+    if needed > config.resident_memory_budget {
+        return Err(StartError::ResidentMemory {
+            needed_mb: megabytes(needed),
+            allowed_mb: megabytes(config.resident_memory_budget),
+        });
+    }
+    Ok(needed)
+}

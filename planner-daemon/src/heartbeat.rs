@@ -1,0 +1,148 @@
+//! Signs of life, and cleaning up after dead processes, in threads that no plan delays.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::thread::{Builder, JoinHandle, sleep};
+use std::time::Duration;
+
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::ProcessKind;
+use shared_types::ipc::{IpcError, IpcNode, IpcOptions, heartbeat_service, publisher};
+use shared_types::message::Heartbeat;
+
+/// Time between two heartbeats.
+const BEAT: Duration = Duration::from_millis(10);
+/// Time between two looks for dead processes.
+const CLEANING: Duration = Duration::from_millis(100);
+/// Time without progress of the service after which the heart stops, nanoseconds.
+const STUCK_NS: i64 = 1_000_000_000;
+
+/// Why the background threads did not start.
+#[derive(Debug, thiserror::Error)]
+pub enum BackgroundError {
+    /// The services are not available.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// The system has no more threads.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[from] io::Error),
+}
+
+/// When the service last did its round; heartbeats stop where it no longer does.
+#[derive(Debug, Default)]
+pub(crate) struct Progress {
+    last_mono_ns: AtomicI64,
+}
+
+impl Progress {
+    /// States that the service does its rounds.
+    pub(crate) fn made(&self) {
+        self.last_mono_ns.store(mono_now_ns(), Ordering::Relaxed);
+    }
+
+    fn is_recent(&self, now_mono_ns: i64) -> bool {
+        now_mono_ns - self.last_mono_ns.load(Ordering::Relaxed) < STUCK_NS
+    }
+}
+
+/// The background threads; they end with this value.
+pub(crate) struct Background {
+    ended: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl Background {
+    /// Starts both threads, each with a node of its own.
+    pub(crate) fn start(
+        options: &IpcOptions,
+        progress: &Arc<Progress>,
+    ) -> Result<Self, BackgroundError> {
+        let ended = Arc::new(AtomicBool::new(false));
+        let mut background = Self {
+            ended: Arc::clone(&ended),
+            threads: Vec::new(),
+        };
+        progress.made();
+        let (node, progress) = (
+            IpcNode::create(options, "planner-daemon heartbeat")?,
+            Arc::clone(progress),
+        );
+        let beating = move || {
+            if let Err(error) = beat(&node, &progress, &ended) {
+                tracing::error!("no heartbeat: {error}");
+            }
+        };
+        background.spawn("heartbeat", beating)?;
+        let node = IpcNode::create(options, "planner-daemon cleaning")?;
+        let ended = Arc::clone(&background.ended);
+        background.spawn("cleaning", move || clean(&node, &ended))?;
+        Ok(background)
+    }
+
+    fn spawn(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<()> {
+        let thread = Builder::new().name(name.to_owned()).spawn(work)?;
+        self.threads.push(thread);
+        Ok(())
+    }
+}
+
+impl Drop for Background {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            // A thread that panicked has said so already.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn beat(node: &IpcNode, progress: &Progress, ended: &AtomicBool) -> Result<(), IpcError> {
+    let publisher = publisher(node, &heartbeat_service(node)?)?;
+    let (mut sequence, mut failing) = (0, false);
+    while !ended.load(Ordering::Relaxed) {
+        let now = mono_now_ns();
+        if progress.is_recent(now) {
+            sequence += 1;
+            let sent = publisher.send_copy(Heartbeat {
+                stamp_mono_ns: now,
+                sequence,
+                kind: ProcessKind::Daemon.code(),
+                pid: std::process::id(),
+            });
+            if let Err(error) = &sent
+                && !failing
+            {
+                tracing::warn!("a heartbeat was not sent: {error:?}");
+            }
+            failing = sent.is_err();
+        }
+        sleep(BEAT);
+    }
+    Ok(())
+}
+
+fn clean(node: &IpcNode, ended: &AtomicBool) {
+    while !ended.load(Ordering::Relaxed) {
+        let removed = node.clean_dead_nodes();
+        if removed > 0 {
+            tracing::info!("cleaned up after {removed} dead nodes");
+        }
+        sleep(CLEANING);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_heart_stops_when_the_service_does() {
+        let progress = Progress::default();
+        progress.made();
+        let now = progress.last_mono_ns.load(Ordering::Relaxed);
+        assert!(now > 0);
+        assert!(progress.is_recent(now + STUCK_NS - 1));
+        assert!(!progress.is_recent(now + STUCK_NS));
+    }
+}

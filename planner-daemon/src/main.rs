@@ -1,0 +1,42 @@
+//! The planner daemon's program.
+
+use std::io::stderr;
+use std::path::PathBuf;
+
+use anyhow::Context;
+use clap::Parser;
+use planner_daemon::{Config, Daemon, termination_flag};
+use shared_types::ipc::IpcOptions;
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::LevelFilter;
+
+/// Answers plan requests over shared memory and publishes motions for execution.
+///
+/// It serves under the prefix PCC_PREFIX (default `pcc`) and the directory PCC_ROOT (default /dev/shm/pcc-<user id>),
+/// which clients, controller and robot must share. One daemon runs under a prefix. SIGTERM and SIGINT end it after it
+/// has answered what is under way; after SIGKILL it can be started again at once. Logs go to standard error; RUST_LOG
+/// says how much (error, warn, info, debug). It exits with 0 when it is ended, and with 1 and the reason when it
+/// cannot start.
+#[derive(Parser)]
+#[command(version, verbatim_doc_comment)]
+struct Arguments {
+    /// Configuration file (TOML); the shipped config/planner-daemon.toml explains every setting.
+    #[arg(long, value_name = "FILE")]
+    config: PathBuf,
+}
+
+fn main() -> anyhow::Result<()> {
+    let arguments = Arguments::parse();
+    let filter = EnvFilter::builder()
+        .with_default_directive(LevelFilter::INFO.into())
+        .from_env_lossy();
+    tracing_subscriber::fmt()
+        .with_writer(stderr)
+        .with_env_filter(filter)
+        .init();
+    let terminated = termination_flag().context("cannot handle signals")?;
+    let config = Config::from_file(&arguments.config)?;
+    let mut daemon = Daemon::start(&config, &IpcOptions::from_env())?;
+    daemon.run(&terminated);
+    Ok(())
+}

@@ -1,0 +1,361 @@
+//! The loop that owns the ports: receives, refuses, hands over to planning, answers, supervises.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use iceoryx2::identifiers::UniqueClientId;
+use iceoryx2::port::ReceiveError;
+use pcc_model::Robot;
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::Outcome;
+use shared_types::ipc::{PlanActiveRequest, PlanServer};
+
+use crate::admission::{Border, Order, Refusal};
+use crate::answer::Answer;
+use crate::config::WaitMode;
+use crate::execution::{Execution, ExecutionRefusal, Selected};
+use crate::heartbeat::Progress;
+use crate::planning_thread::{Job, Planned, PlanningThread};
+use crate::queue::FairQueue;
+
+/// Time between two looks at controller and scene.
+const ATTENTION: Duration = Duration::from_millis(1);
+/// Time that a plan under way gets when the daemon ends, before it is truncated.
+const GRACE: Duration = Duration::from_millis(500);
+
+/// Requests received in one round.
+const MOST_RECEIVED: usize = 64;
+
+/// How to wait for requests.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Waiting {
+    pub(crate) mode: WaitMode,
+    pub(crate) spin: Duration,
+    pub(crate) pause: Duration,
+}
+
+/// A request that waits for its turn.
+struct Queued {
+    active: PlanActiveRequest,
+    order: Order,
+    received: Instant,
+}
+
+impl Queued {
+    fn deadline(&self) -> Instant {
+        self.received + self.order.deadline
+    }
+}
+
+/// The request that is being planned.
+struct InFlight {
+    queued: Queued,
+    waited: Duration,
+    cancelled: Arc<AtomicBool>,
+}
+
+/// Everything that the loop works with.
+pub(crate) struct Service {
+    server: PlanServer,
+    execution: Execution,
+    planning: PlanningThread,
+    border: Border,
+    /// In units of its section length.
+    robot: Robot,
+    waiting: Waiting,
+    queue: FairQueue<UniqueClientId, Queued>,
+    in_flight: Option<InFlight>,
+    progress: Arc<Progress>,
+    next_plan_id: u64,
+    receiving_fails: bool,
+}
+
+/// What [`Service::new`] joins.
+pub(crate) struct Parts {
+    pub(crate) server: PlanServer,
+    pub(crate) execution: Execution,
+    pub(crate) planning: PlanningThread,
+    pub(crate) border: Border,
+    pub(crate) robot: Robot,
+    pub(crate) waiting: Waiting,
+    pub(crate) queued_per_client: usize,
+    pub(crate) progress: Arc<Progress>,
+}
+
+impl Service {
+    pub(crate) fn new(parts: Parts) -> Self {
+        Self {
+            server: parts.server,
+            execution: parts.execution,
+            planning: parts.planning,
+            border: parts.border,
+            robot: parts.robot,
+            waiting: parts.waiting,
+            queue: FairQueue::new(parts.queued_per_client),
+            in_flight: None,
+            progress: parts.progress,
+            // Larger than those of every daemon before since this machine was booted.
+            next_plan_id: mono_now_ns().unsigned_abs(),
+            receiving_fails: false,
+        }
+    }
+
+    /// Serves until `terminated`, then answers what is there.
+    pub(crate) fn run(&mut self, terminated: &AtomicBool) {
+        let (mut last_work, mut last_attention) = (Instant::now(), None);
+        while !terminated.load(Ordering::Relaxed) {
+            if self.round() {
+                last_work = Instant::now();
+            } else {
+                self.pause(last_work);
+            }
+            if last_attention.is_none_or(|last: Instant| last.elapsed() >= ATTENTION) {
+                last_attention = Some(Instant::now());
+                self.execution.attend();
+                self.progress.made();
+            }
+        }
+        self.finish();
+    }
+
+    /// One look at everything; whether there was something to do.
+    fn round(&mut self) -> bool {
+        let received = self.receive();
+        self.drop_cancelled();
+        let planned = self.take_plan();
+        let begun = self.begin_next();
+        received || planned || begun
+    }
+
+    /// Takes the requests that have arrived; a bounded number, so that a flood does not keep it from the rest.
+    fn receive(&mut self) -> bool {
+        for count in 0..MOST_RECEIVED {
+            match self.server.receive() {
+                Ok(Some(active)) => self.accept(active),
+                Ok(None) => {
+                    self.receiving_fails = false;
+                    return count > 0;
+                }
+                Err(error) => {
+                    self.report_receiving(error);
+                    return count > 0;
+                }
+            }
+        }
+        true
+    }
+
+    fn report_receiving(&mut self, error: ReceiveError) {
+        if !self.receiving_fails {
+            tracing::error!("requests cannot be received: {error:?}");
+        }
+        self.receiving_fails = true;
+    }
+
+    /// Copies a request to private memory, checks the copy, and queues or refuses it.
+    fn accept(&mut self, active: PlanActiveRequest) {
+        let received = Instant::now();
+        let copy = *active.payload();
+        let order = match self.border.admit(&copy) {
+            Ok(order) => order,
+            Err(refusal) => return refuse(&active, copy.request_id, &refusal),
+        };
+        let client = active.origin();
+        let queued = Queued {
+            active,
+            order,
+            received,
+        };
+        if let Err(queued) = self.queue.push(client, queued) {
+            let reason = "the client has as many requests waiting as it may (queued_per_client)";
+            let refusal = Refusal::new(Outcome::Overloaded, reason);
+            refuse(&queued.active, queued.order.request_id, &refusal);
+        }
+    }
+
+    /// Forgets what waits for clients that gave up, and interrupts the plan of one.
+    fn drop_cancelled(&mut self) {
+        let dropped = self.queue.retain(|queued| is_wanted(&queued.active));
+        if dropped > 0 {
+            tracing::debug!("{dropped} requests were cancelled while they waited");
+        }
+        if let Some(in_flight) = &self.in_flight
+            && !is_wanted(&in_flight.queued.active)
+        {
+            in_flight.cancelled.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Hands the next request over to planning, if that is idle.
+    fn begin_next(&mut self) -> bool {
+        if self.in_flight.is_some() {
+            return false;
+        }
+        let Some(queued) = self.queue.pop() else {
+            return false;
+        };
+        let now = Instant::now();
+        let waited = now - queued.received;
+        if now >= queued.deadline() {
+            let (id, refusal) = (queued.order.request_id, too_late(&queued.order));
+            let mut answer = Answer::refused(id, &refusal);
+            answer.set_wait(waited);
+            send(answer, &queued.active);
+            return true;
+        }
+        let cancelled = Arc::new(AtomicBool::new(false));
+        self.planning.begin(Job {
+            problem: Arc::clone(&queued.order.problem),
+            request: queued.order.request,
+            deadline: queued.deadline(),
+            cancelled: Arc::clone(&cancelled),
+        });
+        self.in_flight = Some(InFlight {
+            queued,
+            waited,
+            cancelled,
+        });
+        true
+    }
+
+    /// Answers the plan under way, if it is made.
+    fn take_plan(&mut self) -> bool {
+        if self.in_flight.is_none() {
+            return false;
+        }
+        match self.planning.wait(Duration::ZERO) {
+            Some(planned) => self.answer(planned),
+            None => return false,
+        }
+        true
+    }
+
+    fn answer(&mut self, planned: Planned) {
+        let Some(in_flight) = self.in_flight.take() else {
+            return;
+        };
+        if let Err(fault) = &planned {
+            tracing::debug!("no plan: {fault}");
+        }
+        let Queued { active, order, .. } = in_flight.queued;
+        let length = self.border.section_length_m;
+        let mut answer = Answer::of_plan(&order, planned, &self.robot, length);
+        let plan_id = self.next_plan_id;
+        self.next_plan_id += 1;
+        answer.set_plan_id(plan_id);
+        answer.set_wait(in_flight.waited);
+        let cancelled = in_flight.cancelled.load(Ordering::Relaxed);
+        if !cancelled && answer.outcome().is_some_and(Outcome::has_candidates) {
+            self.execute(&order, plan_id, &mut answer);
+        }
+        send(answer, &active);
+    }
+
+    fn execute(&mut self, order: &Order, plan_id: u64, answer: &mut Answer) {
+        let Some(begin) = order.execution else {
+            return;
+        };
+        let published = match answer.selected() {
+            Some((candidate_index, motion)) => self.execution.publish(&Selected {
+                motion,
+                candidate_index,
+                plan_id,
+                begin,
+            }),
+            None => Err(ExecutionRefusal::NothingSelected),
+        };
+        match published {
+            Ok(id) => {
+                tracing::info!("trajectory {id} of plan {plan_id} is published for execution");
+                answer.set_executed(id);
+            }
+            Err(refusal) => {
+                tracing::info!("plan {plan_id} is not executed: {refusal}");
+                answer.set_execution_refused(&refusal.to_string());
+            }
+        }
+    }
+
+    /// Waits a moment for the plan under way, or for requests.
+    fn pause(&mut self, last_work: Instant) {
+        let Waiting { mode, spin, pause } = self.waiting;
+        let polls = match mode {
+            WaitMode::Poll => true,
+            WaitMode::Hybrid => self.in_flight.is_none() && last_work.elapsed() < spin,
+            WaitMode::Wait => false,
+        };
+        if polls {
+            std::hint::spin_loop();
+        } else if self.in_flight.is_some() {
+            if let Some(planned) = self.planning.wait(pause) {
+                self.answer(planned);
+            }
+        } else {
+            sleep(pause);
+        }
+    }
+
+    /// Answers the plan under way, and tells all who wait that the daemon ends.
+    fn finish(&mut self) {
+        self.receive();
+        while let Some(queued) = self.queue.pop() {
+            let refusal = Refusal::new(Outcome::Cancelled, "the daemon ends");
+            refuse(&queued.active, queued.order.request_id, &refusal);
+        }
+        let begun = Instant::now();
+        while let Some(in_flight) = &self.in_flight {
+            if begun.elapsed() > GRACE {
+                in_flight.cancelled.store(true, Ordering::Relaxed);
+            }
+            if let Some(planned) = self.planning.wait(ATTENTION) {
+                self.answer(planned);
+            }
+            self.progress.made();
+        }
+    }
+}
+
+fn is_wanted(active: &PlanActiveRequest) -> bool {
+    active.is_connected() && !active.has_disconnect_hint()
+}
+
+fn too_late(order: &Order) -> Refusal {
+    let milliseconds = order.deadline.as_secs_f64() * 1e3;
+    let reason = format!("the deadline of {milliseconds} ms passed while the request waited");
+    Refusal::new(Outcome::Truncated, reason)
+}
+
+fn refuse(active: &PlanActiveRequest, request_id: u64, refusal: &Refusal) {
+    send(Answer::refused(request_id, refusal), active);
+}
+
+/// Sends an answer; what does not arrive is logged, the client sees its request end.
+fn send(answer: Answer, active: &PlanActiveRequest) {
+    let outcome = answer.outcome();
+    tracing::debug!(
+        "{} candidates, outcome {:?}: {}",
+        answer.candidate_count(),
+        outcome,
+        answer.reason()
+    );
+    if let Err(error) = answer.send(active)
+        && is_wanted(active)
+    {
+        tracing::error!("{error}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::order;
+
+    #[test]
+    fn a_request_whose_deadline_passed_in_the_queue_is_truncated() {
+        let refusal = too_late(&order());
+        assert_eq!(refusal.outcome, Outcome::Truncated);
+        assert!(refusal.reason.contains("20 ms"), "{}", refusal.reason);
+    }
+}

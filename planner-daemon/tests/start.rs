@@ -1,0 +1,65 @@
+//! What keeps the daemon from starting is named, and it exits with a failure.
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test that cannot set up its world has to stop"
+)]
+
+mod common;
+
+use std::fs;
+
+use common::World;
+
+#[test]
+fn every_reason_not_to_start_is_named() {
+    let world = World::new();
+    let no_robot = world.path().join("no-robot.toml");
+    fs::write(&no_robot, "robot = \"nowhere.toml\"").unwrap();
+    let (status, said) = world.run(&no_robot);
+    assert!(!status.success());
+    assert!(said.contains("nowhere.toml"), "{said}");
+    let missing = world.path().join("missing.toml");
+    let (status, said) = world.run(&missing);
+    assert!(!status.success());
+    assert!(said.contains("missing.toml"), "{said}");
+    for (settings, named) in [
+        ("threads = ", "is not understood"),
+        ("colour = \"red\"", "unknown field `colour`"),
+        ("threads = 0", "threads = 0 is not allowed: 1 to 64"),
+        ("weights = \"nowhere\"", "weights in"),
+        ("shared_memory_budget_mb = 1.0", "shared_memory_budget_mb"),
+        (
+            "candidates = 64\nknots_per_candidate = 256",
+            "MB of shared memory",
+        ),
+        (
+            "resident_memory_budget_mb = 1.0",
+            "resident_memory_budget_mb",
+        ),
+        ("processors = [1000]", "processors [1000]"),
+    ] {
+        let (status, said) = world.run(&world.configuration(settings));
+        assert_eq!(status.code(), Some(1), "{settings}: {said}");
+        assert!(said.contains(named), "{settings}: {said}");
+    }
+}
+
+#[test]
+fn a_second_daemon_is_refused_by_name_and_budgets_are_printed() {
+    let world = World::new();
+    let configuration = world.configuration("");
+    let first = world.start(&configuration);
+    let said = first.said();
+    assert!(
+        said.contains("shared memory") && said.contains("of 48.0 MB"),
+        "{said}"
+    );
+    assert!(
+        said.contains("resident memory") && said.contains("of 250.0 MB"),
+        "{said}"
+    );
+    let (status, said) = world.run(&configuration);
+    assert_eq!(status.code(), Some(1));
+    assert!(said.contains("a planner-daemon already runs"), "{said}");
+    assert!(first.terminate().success());
+}
