@@ -1,0 +1,214 @@
+//! What the daemon publishes for execution, to a controller that the test plays.
+#![allow(
+    clippy::unwrap_used,
+    reason = "a test that cannot set up its world has to stop"
+)]
+
+mod common;
+
+use client::{Client, PlanAnswer, ScenePublisher};
+use common::{PATIENCE, World, request, until};
+use shared_types::PROTOCOL_VERSION;
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::{CommandKind, LoopState, Outcome, ProcessKind};
+use shared_types::ipc::*;
+use shared_types::message::*;
+use shared_types::valid::{self, PlanReport, PlanRequest};
+
+/// A controller that does what it is told to have done.
+struct PlayedController {
+    states: Publisher<ControllerState>,
+    trajectories: Subscriber<TrajectoryMessage>,
+    heartbeats: Subscriber<Heartbeat>,
+    commands: CommandServer,
+    state: ControllerState,
+    /// Stops ordered.
+    stops: usize,
+    _node: IpcNode,
+}
+
+impl PlayedController {
+    fn start(options: &IpcOptions) -> Self {
+        let node = IpcNode::create(options, "controller").unwrap();
+        let state = ControllerState {
+            state: LoopState::Holding.code(),
+            rate: 1.0,
+            ..ControllerState::ZEROED
+        };
+        Self {
+            states: publisher(&node, &controller_state_service(&node).unwrap()).unwrap(),
+            trajectories: subscriber(&node, &trajectory_service(&node).unwrap()).unwrap(),
+            heartbeats: subscriber(&node, &heartbeat_service(&node).unwrap()).unwrap(),
+            commands: command_server(&node, &command_service(&node).unwrap()).unwrap(),
+            state,
+            stops: 0,
+            _node: node,
+        }
+    }
+
+    /// Publishes its state and accepts orders.
+    fn cycle(&mut self) {
+        self.state.stamp_mono_ns = mono_now_ns();
+        self.states.send_copy(self.state).unwrap();
+        while let Some(request) = self.commands.receive().unwrap() {
+            let command: Command = *request;
+            assert_eq!(command.kind, CommandKind::Stop.code());
+            self.stops += 1;
+            self.state.state = LoopState::Stopping.code();
+            let reply = CommandReply {
+                command_id: command.command_id,
+                protocol_version: PROTOCOL_VERSION,
+                accepted: 1,
+                reason: 0,
+                state: self.state.state,
+            };
+            request.send_copy(reply).unwrap();
+        }
+    }
+
+    fn trajectory(&self) -> Option<valid::Trajectory> {
+        let message: TrajectoryMessage = *self.trajectories.receive().unwrap()?;
+        Some(valid::Trajectory::try_from(&message).unwrap())
+    }
+}
+
+/// Plans while the controller goes on.
+fn plan(
+    client: &mut Client,
+    controller: &mut PlayedController,
+    request: &PlanRequest,
+) -> PlanAnswer {
+    for _ in 0..10 {
+        controller.cycle();
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    let mut pending = client.submit(request).unwrap();
+    until(|| {
+        controller.cycle();
+        client.poll(&mut pending).unwrap()
+    })
+}
+
+fn executed() -> PlanRequest {
+    PlanRequest {
+        execute: true,
+        ..request()
+    }
+}
+
+fn assert_refused(report: &PlanReport, reason: &str) {
+    assert_eq!(report.outcome, Outcome::ExecutionRefused, "{report:?}");
+    assert!(report.reason.contains(reason), "{}", report.reason);
+    assert_eq!(report.trajectory_id, None);
+    assert!(!report.candidates.is_empty(), "planned all the same");
+}
+
+fn ball(centre_m: [f64; 3]) -> MovingBall {
+    MovingBall {
+        centre_m,
+        radius_m: 0.3,
+        velocity_m_s: [0.0; 3],
+    }
+}
+
+#[test]
+fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
+    let world = World::new();
+    let daemon = world.start(&world.configuration(""));
+    let mut client = Client::connect(&world.options).unwrap();
+    client.wait_for_daemon(PATIENCE).unwrap();
+    let mut controller = PlayedController::start(&world.options);
+
+    let before = mono_now_ns();
+    let answer = plan(&mut client, &mut controller, &executed());
+    let report = answer.report();
+    assert_eq!(report.outcome, Outcome::Ok, "{}", report.reason);
+    let trajectory = until(|| controller.trajectory());
+    assert_eq!(report.trajectory_id, Some(trajectory.id));
+    assert_eq!(trajectory.plan_id, report.plan_id);
+    assert_eq!(Some(trajectory.candidate_index), report.selected);
+    assert_eq!(trajectory.knots, answer.selected().unwrap().knots);
+    assert_eq!(trajectory.path_tolerance_rad, 0.005);
+    assert!(trajectory.begin_mono_ns >= before + 50_000_000);
+
+    let second = plan(&mut client, &mut controller, &executed());
+    assert_refused(second.report(), "still to be executed");
+
+    controller.state.trajectory_id = trajectory.id;
+    controller.state.state = LoopState::Executing.code();
+    let scenes = ScenePublisher::connect(&world.options).unwrap();
+    scenes.publish(&[ball([-2.0, 0.0, 1.0])]).unwrap();
+    for _ in 0..50 {
+        controller.cycle();
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    assert_eq!(controller.stops, 0, "a ball aside stops nothing");
+    let end = trajectory.knots[trajectory.knots.len() - 1];
+    let position_m = match request().goal {
+        valid::Goal::Tip { position_m, .. } => position_m,
+        valid::Goal::Configuration(_) => unreachable!(),
+    };
+    scenes.publish(&[ball(position_m)]).unwrap();
+    until(|| {
+        controller.cycle();
+        (controller.stops > 0).then_some(())
+    });
+
+    // It has stopped somewhere; a motion from there onto the ball is planned and not published.
+    controller.state.state = LoopState::Holding.code();
+    let refused = plan(&mut client, &mut controller, &executed());
+    assert_refused(refused.report(), "the live scene is in the way");
+    scenes.publish(&[]).unwrap();
+    controller.state.commanded_configuration_rad = end.configuration_rad;
+    let refused = plan(&mut client, &mut controller, &executed());
+    assert_refused(refused.report(), "away from the commanded configuration");
+    assert!(controller.trajectory().is_none());
+    assert!(
+        daemon.said().contains("ordered to stop"),
+        "{}",
+        daemon.said()
+    );
+}
+
+#[test]
+fn trajectory_ids_grow_over_a_killed_daemon_and_the_heart_beats() {
+    let world = World::new();
+    let configuration = world.configuration("");
+    let mut controller = PlayedController::start(&world.options);
+    let mut client = Client::connect(&world.options).unwrap();
+    let mut ids = vec![0];
+    for _ in 0..2 {
+        let daemon = world.start(&configuration);
+        client.wait_for_daemon(PATIENCE).unwrap();
+        let id = plan(&mut client, &mut controller, &executed())
+            .report()
+            .trajectory_id
+            .unwrap();
+        assert!(id > ids[ids.len() - 1], "{id} after {ids:?}");
+        ids.push(id);
+        let beats: Vec<Heartbeat> = std::iter::from_fn(|| controller.heartbeats.receive().unwrap())
+            .map(|sample| *sample)
+            .collect();
+        assert!(beats.len() > 1);
+        assert!(
+            beats
+                .iter()
+                .all(|beat| beat.kind == ProcessKind::Daemon.code())
+        );
+        daemon.kill();
+    }
+}
+
+#[test]
+fn a_controller_that_comes_late_gets_the_last_trajectory() {
+    let world = World::new();
+    let _daemon = world.start(&world.configuration(""));
+    let mut client = Client::connect(&world.options).unwrap();
+    let mut controller = PlayedController::start(&world.options);
+    let id = plan(&mut client, &mut controller, &executed())
+        .report()
+        .trajectory_id;
+    drop(controller);
+    let late = PlayedController::start(&world.options);
+    assert_eq!(Some(until(|| late.trajectory()).id), id);
+}
