@@ -25,7 +25,7 @@ static ALLOCATOR: LoopAllocator = LoopAllocator;
 /// publishes. It stops along the path when the daemon or the robot is lost, and latches faults until `pcc` (or any
 /// client) sends a reset. One controller runs per prefix; robot, daemon and controller start in any order.
 ///
-/// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default /dev/shm/pcc-<user id>) name the robot's shared memory;
+/// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default /dev/shm/pcc-UID) name the robot's shared memory;
 /// RUST_LOG sets the log level on stderr (default info). SIGTERM and SIGINT stop the robot along its path, then exit 0.
 #[derive(Parser)]
 #[command(version, verbatim_doc_comment)]

@@ -28,7 +28,7 @@ use tracing_subscriber::EnvFilter;
 /// kill it still stands where it stood; after a clean exit the next one stands at its start configuration. One robot
 /// runs per prefix.
 ///
-/// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default /dev/shm/pcc-<user id>) name the robot's shared memory;
+/// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default /dev/shm/pcc-UID) name the robot's shared memory;
 /// RUST_LOG sets the log level on stderr (default info). SIGTERM and SIGINT end it with exit 0. For tests, SIGUSR1 makes
 /// one motor stick (and free again), SIGUSR2 stops (and restarts) the publishing of its state.
 #[derive(Parser)]

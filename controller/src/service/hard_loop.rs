@@ -73,17 +73,19 @@ pub(super) fn run(
     options: &IpcOptions,
     link: LoopEnd,
 ) -> Result<(), IpcError> {
+    let Some(mut memory) = LoopMemory::claim() else {
+        unreachable!("one loop a process");
+    };
+    // The ports' own blocks come from the arena, too: some are freed in the cycle that sees a robot go.
+    let ports = memory.cycle(|| Ports::open(options))?;
     let mut hard_loop = HardLoop {
-        ports: Ports::open(options)?,
+        ports,
         link,
         executive: Executive::new(config.executive, &config.robot),
         sequence: 0,
         setpoints_sent: 0,
     };
-    hard_loop.touch_ports();
-    let Some(mut memory) = LoopMemory::claim() else {
-        unreachable!("one loop a process");
-    };
+    memory.cycle(|| hard_loop.touch_ports());
     go_real_time(config);
     info!(
         period_us = config.executive.period_ns / 1_000,
