@@ -1,0 +1,240 @@
+//! Many requests of several clients at once while the controller runs: every answer is its own request's.
+
+use std::collections::BTreeMap;
+use std::thread;
+
+use client::{Client, ControllerView, PlanAnswer};
+use pcc_model::{Configuration, Point, Robot};
+use planning::scenes::{Setting, draw_target};
+use rand::seq::SliceRandom;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use shared_types::codes::{LoopState, Sampler};
+use shared_types::message::{Ball, Knot};
+use shared_types::valid::{Goal, PlanRequest};
+
+use crate::stack::{NO_DEADLINE, PATIENCE};
+use crate::world::World;
+
+/// Clients at once: what the shipped configuration allows.
+pub const CLIENTS: usize = 4;
+/// Every so many requests the first client also has a motion executed, if the robot rests.
+const EXECUTE_EVERY: usize = 5;
+
+/// What came of the requests.
+#[derive(Clone, Debug, Default)]
+pub struct Answers {
+    /// Requests sent.
+    pub sent: usize,
+    /// Answers with at least one candidate.
+    pub with_candidates: usize,
+    /// Requests without an answer, with the reason.
+    pub lost: Vec<String>,
+    /// Answers that belong to another request, with what differs.
+    pub mixed_up: Vec<String>,
+    /// Answers that differ from another one to the same request.
+    pub differing: usize,
+    /// Motions executed on the side.
+    pub executed: usize,
+    /// Fingerprint of the answer to each distinct request.
+    pub fingerprints: BTreeMap<u64, u64>,
+}
+
+/// Distinct feasible requests of general scenes for the unit robot; the seed of each is its index.
+#[must_use]
+pub fn general_requests(robot: &Robot, count: usize, sampler: Sampler) -> Vec<PlanRequest> {
+    let targets = (0..).filter_map(|i| draw_target(robot, Setting::General(None), 4242, i));
+    let requests = targets.flat_map(|target| {
+        let balls = target.scene.balls().iter().map(|ball| Ball {
+            centre_m: ball.centre.into(),
+            radius_m: ball.radius,
+        });
+        let balls: Vec<Ball> = balls.collect();
+        let goal = Goal::Tip {
+            position_m: target.tip.into(),
+            tolerance_m: None,
+        };
+        target.starts.into_iter().map(move |start| PlanRequest {
+            balls: balls.clone(),
+            ..PlanRequest::new(start.into(), goal)
+        })
+    });
+    let numbered = (0..count as u64)
+        .zip(requests)
+        .map(|(seed, request)| PlanRequest {
+            seed,
+            sampler,
+            candidate_count: 1 + (seed % 4) as usize,
+            deadline: Some(NO_DEADLINE),
+            ..request
+        });
+    numbered.collect()
+}
+
+/// Each of [`CLIENTS`] clients asks for every request of `pool` `rounds` times, in an order of its own.
+#[must_use]
+pub fn ask_at_once(world: &World, pool: &[PlanRequest], rounds: usize) -> Answers {
+    let ask = |client| move || ClientRun::new(world, pool, client).run(rounds);
+    let parts: Vec<Answers> = thread::scope(|scope| {
+        let clients: Vec<_> = (0..CLIENTS).map(|i| scope.spawn(ask(i))).collect();
+        clients.into_iter().map(|c| c.join().unwrap()).collect()
+    });
+    parts.into_iter().fold(Answers::default(), merge)
+}
+
+fn merge(mut all: Answers, part: Answers) -> Answers {
+    all.sent += part.sent;
+    all.with_candidates += part.with_candidates;
+    all.lost.extend(part.lost);
+    all.mixed_up.extend(part.mixed_up);
+    all.differing += part.differing;
+    all.executed += part.executed;
+    for (seed, fingerprint) in part.fingerprints {
+        note(&mut all.fingerprints, &mut all.differing, seed, fingerprint);
+    }
+    all
+}
+
+fn note(known: &mut BTreeMap<u64, u64>, differing: &mut usize, seed: u64, fingerprint: u64) {
+    let first = *known.entry(seed).or_insert(fingerprint);
+    *differing += usize::from(first != fingerprint);
+}
+
+struct ClientRun<'a> {
+    world: &'a World,
+    pool: &'a [PlanRequest],
+    index: usize,
+    client: Client,
+    controller: ControllerView,
+    answers: Answers,
+}
+
+impl<'a> ClientRun<'a> {
+    fn new(world: &'a World, pool: &'a [PlanRequest], index: usize) -> Self {
+        Self {
+            world,
+            pool,
+            index,
+            client: Client::connect(&world.options).unwrap(),
+            controller: ControllerView::connect(&world.options).unwrap(),
+            answers: Answers::default(),
+        }
+    }
+
+    fn run(mut self, rounds: usize) -> Answers {
+        let mut rng = Pcg64::seed_from_u64(self.index as u64);
+        let mut order: Vec<usize> = (0..self.pool.len()).collect();
+        for round in 0..rounds {
+            order.shuffle(&mut rng);
+            for (turn, &which) in order.iter().enumerate() {
+                let number = ((self.index * rounds + round) * self.pool.len() + turn) as u64 + 1;
+                self.ask(which, number);
+                if self.index == 0 && turn % EXECUTE_EVERY == 0 {
+                    self.execute(rng.random_range(-0.6..0.6));
+                }
+            }
+        }
+        self.answers
+    }
+
+    fn ask(&mut self, which: usize, number: u64) {
+        let pool = self.pool;
+        let request = PlanRequest {
+            request_id: number,
+            ..pool[which].clone()
+        };
+        self.answers.sent += 1;
+        let answer = match self.client.plan(&request, PATIENCE) {
+            Ok(answer) => answer,
+            Err(error) => return self.answers.lost.push(error.to_string()),
+        };
+        let answers = &mut self.answers;
+        answers.with_candidates += usize::from(!answer.report().candidates.is_empty());
+        if let Err(difference) = belongs_to(&self.world.robot, &request, &answer) {
+            answers.mixed_up.push(difference);
+        }
+        let print = fingerprint(&answer);
+        note(
+            &mut answers.fingerprints,
+            &mut answers.differing,
+            request.seed,
+            print,
+        );
+    }
+
+    /// Sends the robot to a configuration in the plane, if it rests.
+    fn execute(&mut self, bend: f64) {
+        let Ok(Some(state)) = self.controller.latest_state() else {
+            return;
+        };
+        if state.state != LoopState::Holding {
+            return;
+        }
+        let goal = Goal::Configuration([bend, 0.3 * bend, bend, 0.0, -bend, 0.2]);
+        let request = PlanRequest {
+            sampler: Sampler::Straight,
+            execute: true,
+            deadline: Some(NO_DEADLINE),
+            ..PlanRequest::new(state.values.commanded_configuration_rad, goal)
+        };
+        let answer = self.client.plan(&request, PATIENCE);
+        let executed = answer.is_ok_and(|answer| answer.report().trajectory_id.is_some());
+        self.answers.executed += usize::from(executed);
+    }
+}
+
+/// Whether an answer is this request's: number, start to the bit, tip.
+fn belongs_to(robot: &Robot, request: &PlanRequest, answer: &PlanAnswer) -> Result<(), String> {
+    let report = answer.report();
+    if report.request_id != request.request_id {
+        return Err(format!(
+            "number {} instead of {}",
+            report.request_id, request.request_id
+        ));
+    }
+    if report.candidates.len() > request.candidate_count {
+        return Err(format!("{} candidates", report.candidates.len()));
+    }
+    answer
+        .candidates()
+        .try_for_each(|candidate| joins_ends(robot, request, candidate.knots))
+}
+
+fn joins_ends(robot: &Robot, request: &PlanRequest, knots: &[Knot]) -> Result<(), String> {
+    let (first, last) = (&knots[0], &knots[knots.len() - 1]);
+    if first.configuration_rad.map(f64::to_bits)
+        != request.start_configuration_rad.map(f64::to_bits)
+    {
+        return Err(format!("starts at {:?}", first.configuration_rad));
+    }
+    let Goal::Tip { position_m, .. } = request.goal else {
+        return Ok(());
+    };
+    let tip = robot.tip(&Configuration::from(last.configuration_rad));
+    let error = (tip - Point::from(position_m)).norm();
+    let tolerance = 0.01 * robot.section_lengths[0];
+    if error <= tolerance {
+        Ok(())
+    } else {
+        Err(format!("ends {error} m from its goal"))
+    }
+}
+
+/// A hash of every bit of the knots and of the daemon's own hash (FNV-1a).
+fn fingerprint(answer: &PlanAnswer) -> u64 {
+    let knots = answer.candidates().flat_map(|candidate| {
+        candidate.knots.iter().flat_map(|knot| {
+            [
+                &[knot.time_s][..],
+                &knot.configuration_rad,
+                &knot.velocity_rad_s,
+                &knot.acceleration_rad_s2,
+            ]
+            .concat()
+        })
+    });
+    let words = knots.map(f64::to_bits).chain([answer.report().plan_hash]);
+    words.fold(0xcbf2_9ce4_8422_2325, |hash, word| {
+        (hash ^ word).wrapping_mul(0x0100_0000_01b3)
+    })
+}

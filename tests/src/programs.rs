@@ -1,0 +1,91 @@
+//! Where the programs under test are, and building them where they are missing or older than their source.
+
+use std::env;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Once;
+use std::time::SystemTime;
+
+/// The programs, with the package that each is built from.
+const PROGRAMS: [(&str, &str); 4] = [
+    ("planner-daemon", "planner-daemon"),
+    ("controller", "controller"),
+    ("simulated-robot", "controller"),
+    ("pcc", "pcc-cli"),
+];
+const SOURCES: [&str; 4] = ["shared-types", "planner-daemon", "controller", "crates"];
+
+/// The repository's root folder.
+#[must_use]
+pub fn repository() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .unwrap()
+        .to_owned()
+}
+
+/// The path of a program, built in the profile of the program that asks.
+///
+/// `cargo test --workspace` builds most of them before the tests begin; what is missing or old is built here, once.
+#[must_use]
+pub fn program(name: &str) -> PathBuf {
+    static BUILT: Once = Once::new();
+    BUILT.call_once(build_if_old);
+    profile_folder().join(name)
+}
+
+/// `target/<profile>`: tests run from its `deps`.
+fn profile_folder() -> PathBuf {
+    let folder = env::current_exe().unwrap().parent().unwrap().to_owned();
+    if folder.ends_with("deps") {
+        folder.parent().unwrap().to_owned()
+    } else {
+        folder
+    }
+}
+
+fn build_if_old() {
+    let folder = profile_folder();
+    let built = PROGRAMS.map(|(name, _)| modified(&folder.join(name)));
+    let newest_source = SOURCES
+        .iter()
+        .filter_map(|source| newest_rust_file(&repository().join(source)))
+        .max();
+    if built.iter().any(|time| *time < newest_source) {
+        build(&folder);
+    }
+}
+
+fn build(folder: &Path) {
+    let mut cargo = Command::new(env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    cargo.current_dir(repository()).arg("build").arg("--locked");
+    for (_, package) in PROGRAMS {
+        cargo.args(["-p", package]);
+    }
+    if folder.ends_with("release") {
+        cargo.arg("--release");
+    }
+    cargo.arg("--target-dir").arg(folder.parent().unwrap());
+    assert!(
+        cargo.status().unwrap().success(),
+        "the programs under test do not build"
+    );
+}
+
+fn modified(file: &Path) -> Option<SystemTime> {
+    fs::metadata(file).ok()?.modified().ok()
+}
+
+fn newest_rust_file(folder: &Path) -> Option<SystemTime> {
+    let entries = fs::read_dir(folder).ok()?.filter_map(Result::ok);
+    let time = |entry: fs::DirEntry| {
+        let path = entry.path();
+        match path.extension().and_then(|extension| extension.to_str()) {
+            Some("rs") => modified(&path),
+            _ if path.is_dir() && entry.file_name() != "tests" => newest_rust_file(&path),
+            _ => None,
+        }
+    };
+    entries.filter_map(time).max()
+}

@@ -1,0 +1,320 @@
+//! The three processes of one robot, and how to make them move.
+
+use std::time::Duration;
+
+use client::{Client, ClientError, ControllerView, RobotView};
+use pcc_model::{Configuration, Point, Robot};
+use shared_types::codes::{LoopState, Outcome};
+use shared_types::valid::{Command, ControllerState, Goal, PlanRequest};
+
+use crate::process::{Process, TimedOut, wait_for};
+use crate::world::{Settings, World};
+
+/// Long enough for everything that should happen at all.
+pub const PATIENCE: Duration = Duration::from_secs(60);
+/// Deadline of requests whose answers are compared: never reached.
+pub const NO_DEADLINE: Duration = Duration::from_secs(60);
+/// How often a motion that was refused because something is not ready yet is asked for.
+const ATTEMPTS: usize = 40;
+const PAUSE: Duration = Duration::from_millis(250);
+
+/// One of the three.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The planner daemon.
+    Daemon,
+    /// The controller.
+    Controller,
+    /// The simulated robot.
+    Robot,
+}
+
+impl Part {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Daemon, Self::Controller, Self::Robot];
+
+    /// Its program's name.
+    #[must_use]
+    pub const fn program(self) -> &'static str {
+        match self {
+            Self::Daemon => "planner-daemon",
+            Self::Controller => "controller",
+            Self::Robot => "simulated-robot",
+        }
+    }
+
+    /// Starts it.
+    #[must_use]
+    pub fn start(self, world: &World) -> Process {
+        let config = world.config(&format!("{}.toml", self.program()));
+        Process::start(
+            world,
+            self.program(),
+            &["--config", config.to_str().unwrap()],
+        )
+    }
+}
+
+/// Why a motion did not come about.
+#[derive(Debug, thiserror::Error)]
+pub enum MoveError {
+    /// A process did not do its part in time.
+    #[error(transparent)]
+    TimedOut(#[from] TimedOut),
+    /// The client failed.
+    #[error(transparent)]
+    Client(#[from] ClientError),
+    /// The daemon said no, or published nothing.
+    #[error("not executed: {outcome}: {reason}")]
+    Refused {
+        /// The daemon's outcome.
+        outcome: Outcome,
+        /// Its text.
+        reason: String,
+    },
+    /// The controller did not finish it.
+    #[error("the motion was cut short: {0}")]
+    CutShort(String),
+}
+
+/// What a motion did.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion {
+    /// Its id.
+    pub trajectory_id: u32,
+    /// Tip error of the commanded configuration at its end, m.
+    pub commanded_tip_error: f64,
+    /// Tip error of the measured configuration at its end, m.
+    pub measured_tip_error: f64,
+    /// Its duration, s.
+    pub duration_s: f64,
+}
+
+/// The running processes and the test's own connections to them.
+#[derive(Debug)]
+pub struct Stack {
+    /// Asks for plans.
+    pub client: Client,
+    /// Watches and commands the controller.
+    pub controller: ControllerView,
+    /// Watches the robot.
+    pub robot: RobotView,
+    processes: [Option<Process>; 3],
+    /// Where they run; dropped last.
+    pub world: World,
+}
+
+impl Stack {
+    /// Connects to a world in which nothing runs yet.
+    #[must_use]
+    pub fn new(settings: &Settings) -> Self {
+        let world = World::new(settings);
+        let options = &world.options;
+        Self {
+            client: Client::connect(options).unwrap(),
+            controller: ControllerView::connect(options).unwrap(),
+            robot: RobotView::connect(options).unwrap(),
+            processes: [None, None, None],
+            world,
+        }
+    }
+
+    /// Starts all three and waits until they are ready.
+    ///
+    /// # Errors
+    /// [`TimedOut`] with the log of the one that is not.
+    pub fn running(settings: &Settings) -> Result<Self, TimedOut> {
+        let mut stack = Self::new(settings);
+        for part in Part::ALL {
+            stack.start(part);
+        }
+        stack.wait_until_ready()?;
+        Ok(stack)
+    }
+
+    /// Starts a part, in place of the one that ran.
+    pub fn start(&mut self, part: Part) {
+        self.processes[part as usize] = None;
+        self.processes[part as usize] = Some(part.start(&self.world));
+    }
+
+    /// The running process of a part.
+    #[must_use]
+    pub fn process(&mut self, part: Part) -> &mut Process {
+        self.processes[part as usize]
+            .as_mut()
+            .expect("the test started it")
+    }
+
+    /// SIGKILL.
+    pub fn kill9(&mut self, part: Part) {
+        self.process(part).kill9();
+    }
+
+    /// Waits until the daemon serves and the controller holds; resets a fault that a killed peer has left.
+    ///
+    /// # Errors
+    /// [`TimedOut`] with the log of the one that is not ready.
+    pub fn wait_until_ready(&mut self) -> Result<(), TimedOut> {
+        if let Err(error) = self.client.wait_for_daemon(PATIENCE) {
+            return Err(self.not_ready(Part::Daemon, &error.to_string()));
+        }
+        let begin_ns = shared_types::clock::mono_now_ns();
+        let view = &mut self.controller;
+        let held = wait_for("the controller holds", PATIENCE, || {
+            let state = view.latest_state().ok().flatten()?;
+            let is_new = state.values.stamp_mono_ns > begin_ns;
+            if is_new && state.state == LoopState::Fault {
+                let _ = view.command(Command::ResetFault, Duration::from_secs(2));
+            }
+            (is_new && state.state == LoopState::Holding).then_some(())
+        });
+        held.map_err(|_| self.not_ready(Part::Controller, "the controller does not hold"))
+    }
+
+    fn not_ready(&mut self, part: Part, what: &str) -> TimedOut {
+        let state = self.controller.latest_state();
+        let state = state.map(|state| state.map(|now| (now.state, now.fault, now.refusal)));
+        let logs: String = self
+            .processes
+            .iter()
+            .flatten()
+            .map(|process| tail(&process.log()))
+            .collect();
+        TimedOut {
+            what: format!("{}: {what}; controller {state:?}", part.program()),
+            waited: PATIENCE,
+            log: logs,
+        }
+    }
+
+    /// The newest state of the controller.
+    #[must_use]
+    pub fn controller_state(&mut self) -> ControllerState {
+        let view = &mut self.controller;
+        wait_for("a controller state", PATIENCE, || {
+            view.latest_state().unwrap()
+        })
+        .unwrap()
+    }
+
+    /// The configuration commanded now.
+    #[must_use]
+    pub fn commanded(&mut self) -> Configuration {
+        Configuration::from(self.controller_state().values.commanded_configuration_rad)
+    }
+
+    /// Plans a motion from where the robot is and has it executed; returns its id without waiting for its end.
+    ///
+    /// # Errors
+    /// [`MoveError`].
+    pub fn begin_motion(&mut self, goal: Goal) -> Result<u32, MoveError> {
+        let mut refused = None;
+        for _ in 0..ATTEMPTS {
+            let request = PlanRequest {
+                sampler: self.world.sampler(),
+                deadline: Some(Duration::from_secs(10)),
+                execute: true,
+                seed: 3,
+                ..PlanRequest::new(self.commanded().into(), goal)
+            };
+            match self.try_motion(&request) {
+                Err(MoveError::Refused { outcome, reason })
+                    if outcome == Outcome::ExecutionRefused =>
+                {
+                    refused = Some(MoveError::Refused { outcome, reason });
+                    std::thread::sleep(PAUSE);
+                }
+                result => return result,
+            }
+        }
+        Err(refused.expect("there was an attempt"))
+    }
+
+    /// Has a request executed.
+    ///
+    /// # Errors
+    /// [`MoveError`].
+    pub fn try_motion(&mut self, request: &PlanRequest) -> Result<u32, MoveError> {
+        let answer = self.client.plan(request, PATIENCE)?;
+        let report = answer.report();
+        report.trajectory_id.ok_or_else(|| MoveError::Refused {
+            outcome: report.outcome,
+            reason: report.reason.clone(),
+        })
+    }
+
+    /// Waits until the controller is on its way along a trajectory, at least for `seconds`.
+    ///
+    /// # Errors
+    /// [`TimedOut`].
+    pub fn wait_for_progress(&mut self, id: u32, seconds: f64) -> Result<(), TimedOut> {
+        let view = &mut self.controller;
+        let moving = wait_for("the robot is on its way", PATIENCE, || {
+            let state = view.latest_state().ok().flatten()?;
+            let on_it =
+                state.values.trajectory_id == id && state.values.trajectory_time_s >= seconds;
+            (on_it && state.state == LoopState::Executing).then_some(())
+        });
+        moving.map_err(|_| self.not_ready(Part::Controller, "no progress"))
+    }
+
+    /// Waits until the controller holds at the end of a trajectory.
+    ///
+    /// # Errors
+    /// [`MoveError::CutShort`] if it holds elsewhere or is in fault.
+    pub fn wait_for_end(&mut self, id: u32) -> Result<ControllerState, MoveError> {
+        let view = &mut self.controller;
+        let end = wait_for("the motion ends", PATIENCE, || {
+            let state = view.latest_state().ok().flatten()?;
+            let is_over = matches!(state.state, LoopState::Holding | LoopState::Fault);
+            let known =
+                state.values.trajectory_id == id || state.values.refused_trajectory_id == id;
+            (known && is_over).then_some(state)
+        });
+        let state = end.map_err(|_| self.not_ready(Part::Controller, "the motion does not end"))?;
+        if state.state == LoopState::Fault || state.values.refused_trajectory_id == id {
+            let text = format!("fault {}, refusal {}", state.fault, state.refusal);
+            return Err(MoveError::CutShort(text));
+        }
+        Ok(state)
+    }
+
+    /// A whole motion to a tip, base frame, m.
+    ///
+    /// # Errors
+    /// [`MoveError`].
+    pub fn move_tip(&mut self, tip: [f64; 3]) -> Result<Motion, MoveError> {
+        let goal = Goal::Tip {
+            position_m: tip,
+            tolerance_m: None,
+        };
+        let id = self.begin_motion(goal)?;
+        let end = self.wait_for_end(id)?;
+        // The motors have settled and the noise of one measurement is not the figure.
+        std::thread::sleep(Duration::from_millis(200));
+        let measured = self
+            .robot
+            .latest()?
+            .map_or([0.0; 6], |state| state.values.measured_configuration_rad);
+        let robot = &self.world.robot;
+        Ok(Motion {
+            trajectory_id: id,
+            commanded_tip_error: tip_error(robot, &end.values.commanded_configuration_rad, &tip),
+            measured_tip_error: tip_error(robot, &measured, &tip),
+            duration_s: end.values.trajectory_time_s,
+        })
+    }
+}
+
+/// Distance of the tip that a configuration means from a point, m.
+#[must_use]
+pub fn tip_error(robot: &Robot, configuration: &[f64; 6], tip: &[f64; 3]) -> f64 {
+    (robot.tip(&Configuration::from(*configuration)) - Point::from(*tip)).norm()
+}
+
+/// The last lines of a log.
+fn tail(log: &str) -> String {
+    let lines: Vec<&str> = log.lines().collect();
+    lines[lines.len().saturating_sub(8)..].join("\n") + "\n"
+}

@@ -1,0 +1,182 @@
+//! A private place for one set of processes: services, configuration files, logs.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+use pcc_model::Robot;
+use shared_types::codes::Sampler;
+use shared_types::ipc::IpcOptions;
+use tempfile::TempDir;
+use toml::{Table, Value};
+
+use crate::programs::repository;
+
+/// What a world has different from the shipped configuration.
+#[derive(Clone, Debug, Default)]
+pub struct Settings {
+    /// The tendon limits are the unit robot's times this, if given: bulk tests use 10.
+    pub limits_factor: Option<f64>,
+    /// Keys of the daemon's configuration.
+    pub daemon: Vec<(&'static str, Value)>,
+    /// Whether the daemon is to have no model even where one is shipped.
+    pub without_weights: bool,
+}
+
+impl Settings {
+    /// Limits ten times higher, so that motions are short.
+    #[must_use]
+    pub fn fast_robot() -> Self {
+        Self {
+            limits_factor: Some(10.0),
+            ..Self::default()
+        }
+    }
+}
+
+/// A prefix and a root of its own, and configuration files; everything is removed when dropped.
+#[derive(Debug)]
+pub struct World {
+    /// Where its services are.
+    pub options: IpcOptions,
+    /// The robot that its configuration files name.
+    pub robot: Robot,
+    /// Whether its daemon has a model.
+    pub has_weights: bool,
+    folder: TempDir,
+    logs: AtomicU32,
+}
+
+/// Whether a trained model is in the repository.
+#[must_use]
+pub fn weights_are_shipped() -> bool {
+    repository().join("weights/MANIFEST.toml").is_file()
+}
+
+impl World {
+    /// Makes one.
+    #[must_use]
+    pub fn new(settings: &Settings) -> Self {
+        let folder = tempfile::Builder::new()
+            .prefix("pcct")
+            .tempdir_in("/dev/shm")
+            .unwrap();
+        let prefix = folder.path().file_name().unwrap().to_str().unwrap();
+        let options = IpcOptions {
+            prefix: prefix.replace('.', "-"),
+            root: folder.path().join("root"),
+        };
+        let has_weights = weights_are_shipped() && !settings.without_weights;
+        let robot = write_configuration(&folder.path().join("config"), settings, has_weights);
+        Self {
+            options,
+            robot,
+            has_weights,
+            folder,
+            logs: AtomicU32::new(0),
+        }
+    }
+
+    /// A path of a configuration file.
+    #[must_use]
+    pub fn config(&self, name: &str) -> PathBuf {
+        self.folder.path().join("config").join(name)
+    }
+
+    /// The folder that is removed with the world.
+    #[must_use]
+    pub fn folder(&self) -> &Path {
+        self.folder.path()
+    }
+
+    /// What its daemon can propose with: the model where there is one, else the null arm.
+    #[must_use]
+    pub fn sampler(&self) -> Sampler {
+        if self.has_weights {
+            Sampler::Default
+        } else {
+            Sampler::Straight
+        }
+    }
+
+    /// Bytes in shared memory under this world's prefix and root, as the files' sizes.
+    #[must_use]
+    pub fn shared_memory_bytes(&self) -> u64 {
+        let segments = fs::read_dir("/dev/shm").unwrap().filter_map(Result::ok);
+        let mine = segments.filter(|entry| {
+            let name = entry.file_name();
+            name.to_string_lossy().starts_with(&self.options.prefix)
+        });
+        let segments: u64 = mine
+            .filter(|entry| entry.path().is_file())
+            .map(|entry| entry.metadata().map_or(0, |data| data.len()))
+            .sum();
+        segments + folder_bytes(&self.options.root)
+    }
+
+    pub(crate) fn new_log(&self, program: &str) -> PathBuf {
+        let number = self.logs.fetch_add(1, Ordering::Relaxed);
+        self.folder.path().join(format!("{program}-{number}.log"))
+    }
+}
+
+impl Drop for World {
+    /// What killed processes have left; nobody else uses this prefix.
+    fn drop(&mut self) {
+        for entry in fs::read_dir("/dev/shm").into_iter().flatten().flatten() {
+            let name = entry.file_name();
+            if name.to_string_lossy().starts_with(&self.options.prefix) && entry.path().is_file() {
+                let _ = fs::remove_file(entry.path());
+            }
+        }
+    }
+}
+
+fn folder_bytes(folder: &Path) -> u64 {
+    let entries = fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .filter_map(Result::ok);
+    entries
+        .map(|entry| match entry.metadata() {
+            Ok(data) if data.is_dir() => folder_bytes(&entry.path()),
+            Ok(data) => data.len(),
+            Err(_) => 0,
+        })
+        .sum()
+}
+
+/// A shipped configuration file as a table.
+#[must_use]
+pub fn shipped(name: &str) -> Table {
+    let path = repository().join("config").join(name);
+    fs::read_to_string(&path)
+        .unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+        .parse()
+        .unwrap()
+}
+
+fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) -> Robot {
+    fs::create_dir_all(folder.join("robots")).unwrap();
+    let mut robot = shipped("robots/unit.toml");
+    if let Some(factor) = settings.limits_factor {
+        for (_, limit) in robot["tendon_limits"].as_table_mut().unwrap() {
+            *limit = Value::Float(limit.as_float().unwrap() * factor);
+        }
+    }
+    fs::write(folder.join("robots/unit.toml"), robot.to_string()).unwrap();
+    for name in ["controller.toml", "simulated-robot.toml"] {
+        fs::write(folder.join(name), shipped(name).to_string()).unwrap();
+    }
+    let mut daemon = shipped("planner-daemon.toml");
+    daemon.remove("weights");
+    if has_weights {
+        let weights = repository().join("weights");
+        daemon.insert("weights".into(), weights.to_str().unwrap().into());
+    }
+    for (key, value) in &settings.daemon {
+        daemon.insert((*key).to_owned(), value.clone());
+    }
+    fs::write(folder.join("planner-daemon.toml"), daemon.to_string()).unwrap();
+    Robot::from_toml_str(&robot.to_string()).unwrap()
+}

@@ -1,0 +1,106 @@
+//! Plans that become motions, and processes that die under them.
+#![allow(clippy::unwrap_used)]
+
+use shared_types::codes::{MotorState, Outcome};
+use shared_types::valid::Goal;
+use tests::kills::{STAMP_SLACK_S, kill_and_restart};
+use tests::listener::Listener;
+use tests::motion::{TendonSample, limits_kept};
+use tests::process::wait_for;
+use tests::stack::{MoveError, PATIENCE, Part, Stack};
+use tests::world::Settings;
+
+#[test]
+fn a_plan_becomes_a_motion_within_limits_that_reaches_the_tip() {
+    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let listener = Listener::start(&stack.world.options);
+    for tip in [[0.0, -1.55, 2.25], [1.5, 0.0, 2.4]] {
+        let motion = stack.move_tip(tip).unwrap();
+        assert!(motion.commanded_tip_error <= 0.01, "{motion:?}");
+        assert!(motion.measured_tip_error <= 0.03, "{motion:?}");
+        assert!(motion.duration_s > 0.1, "{motion:?}");
+    }
+    let heard = listener.take();
+    let cycles: Vec<TendonSample> = heard.cycles.iter().map(TendonSample::from).collect();
+    let kept = limits_kept(&cycles, &stack.world.robot.tendon_limits, 0.0);
+    assert!(kept.samples > 500, "{kept:?}");
+    assert!(kept.velocity > 0.5, "the premise, it moved: {kept:?}");
+    assert!(kept.velocity <= 1.0 + 1e-6, "{kept:?}");
+    assert!(kept.acceleration <= 1.0 + 1e-6, "{kept:?}");
+    assert!(kept.difference_velocity <= 1.001, "{kept:?}");
+    assert!(kept.difference_acceleration <= 1.01, "{kept:?}");
+    assert!(kept.unexplained_step <= 0.5, "{kept:?}");
+}
+
+#[test]
+fn a_killed_controller_lets_the_robot_ramp_to_rest_and_a_new_one_takes_over() {
+    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let listener = Listener::start(&stack.world.options);
+    let goal = Goal::Configuration([0.9, 0.6, 0.5, -0.4, -0.6, 0.3]);
+    let id = stack.begin_motion(goal).unwrap();
+    stack.wait_for_progress(id, 0.2).unwrap();
+    stack.kill9(Part::Controller);
+    wait_for("the robot rests", PATIENCE, || {
+        let state = stack.robot.latest().unwrap()?;
+        (state.state == MotorState::AtRestAfterLoss).then_some(())
+    })
+    .unwrap();
+    let heard = listener.take();
+    let is_ramping = |state: u32| state == MotorState::RampingToRest.code();
+    assert!(heard.robot.iter().any(|state| is_ramping(state.state)));
+    let samples: Vec<TendonSample> = heard.robot.iter().map(TendonSample::from).collect();
+    let limits = &stack.world.robot.tendon_limits;
+    let kept = limits_kept(&samples, limits, STAMP_SLACK_S);
+    assert!(kept.difference_velocity <= 1.05, "{kept:?}");
+    assert!(kept.difference_acceleration <= 1.05, "{kept:?}");
+    stack.start(Part::Controller);
+    stack.wait_until_ready().unwrap();
+    let motion = stack.move_tip([0.0, -1.55, 2.25]).unwrap();
+    assert!(motion.commanded_tip_error <= 0.01, "{motion:?}");
+}
+
+#[test]
+fn killed_and_restarted_in_any_order_everything_works_again() {
+    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let survival = kill_and_restart(&mut stack, 2, 1).unwrap();
+    assert_eq!(survival.failures, Vec::<String>::new());
+    assert_eq!(survival.recovered, survival.rounds);
+    assert_eq!(survival.ramps_seen, survival.controller_killed_in_motion);
+    let kept = survival.reference;
+    assert!(kept.samples > 1000, "{kept:?}");
+    assert!(kept.difference_velocity <= 1.05, "{kept:?}");
+    assert!(kept.difference_acceleration <= 1.05, "{kept:?}");
+    assert_eq!(survival.rejected_setpoints, 0);
+}
+
+#[test]
+fn a_second_daemon_and_a_second_controller_refuse_by_name() {
+    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    for part in [Part::Daemon, Part::Controller] {
+        let mut second = part.start(&stack.world);
+        let status = second.wait(PATIENCE).unwrap();
+        assert!(!status.success());
+        let (log, pid) = (second.log(), stack.process(part).pid().to_string());
+        assert!(
+            log.contains(part.program()) && log.contains("already runs"),
+            "{log}"
+        );
+        assert!(log.contains(&pid), "{log}");
+    }
+    stack.move_tip([1.5, 0.0, 2.4]).unwrap();
+}
+
+#[test]
+fn a_motion_that_does_not_start_where_the_robot_is_is_not_executed() {
+    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let request = shared_types::valid::PlanRequest {
+        sampler: stack.world.sampler(),
+        execute: true,
+        ..shared_types::valid::PlanRequest::new([0.3; 6], Goal::Configuration([0.2; 6]))
+    };
+    let refused = stack.try_motion(&request);
+    assert!(
+        matches!(&refused, Err(MoveError::Refused { outcome: Outcome::ExecutionRefused, reason }) if !reason.is_empty()),
+        "{refused:?}"
+    );
+}

@@ -1,0 +1,117 @@
+//! The daemon's answers: to one client, to several at once, again and again, and to what is malformed.
+#![allow(clippy::unwrap_used)]
+
+use std::time::Duration;
+
+use client::Client;
+use shared_types::codes::{LoopFault, Outcome};
+use shared_types::valid::{Goal, PlanRequest};
+use tests::borders::send_malformed;
+use tests::concurrency::{CLIENTS, ask_at_once, general_requests};
+use tests::raw::{RawClient, good_request};
+use tests::stack::{NO_DEADLINE, PATIENCE, Part, Stack, tip_error};
+use tests::world::{Settings, World};
+use toml::Value;
+
+const GOAL: [f64; 3] = [0.0, -1.55, 2.25];
+
+#[test]
+fn a_plan_starts_and_ends_where_it_should() {
+    let mut stack = Stack::new(&Settings::default());
+    stack.start(Part::Daemon);
+    let request = PlanRequest {
+        candidate_count: 4,
+        sampler: stack.world.sampler(),
+        deadline: Some(NO_DEADLINE),
+        ..PlanRequest::new(
+            [0.0; 6],
+            Goal::Tip {
+                position_m: GOAL,
+                tolerance_m: None,
+            },
+        )
+    };
+    stack.client.wait_for_daemon(PATIENCE).unwrap();
+    let answer = stack.client.plan(&request, PATIENCE).unwrap();
+    assert_eq!(answer.report().outcome, Outcome::Ok);
+    assert_eq!(answer.candidates().len(), 4);
+    for candidate in answer.candidates() {
+        let (first, last) = (candidate.knots[0], *candidate.knots.last().unwrap());
+        assert_eq!(first.configuration_rad, [0.0; 6]);
+        assert_eq!(first.velocity_rad_s, [0.0; 6]);
+        assert_eq!(last.velocity_rad_s, [0.0; 6]);
+        assert!(tip_error(&stack.world.robot, &last.configuration_rad, &GOAL) <= 0.01);
+        assert_eq!(
+            last.time_s.to_bits(),
+            candidate.summary.duration_s.to_bits()
+        );
+    }
+    assert_eq!(answer.report().trajectory_id, None, "it was not asked for");
+    drop(answer);
+    let status = stack.process(Part::Daemon).sigterm(PATIENCE).unwrap();
+    assert!(status.success(), "SIGTERM ends it cleanly: {status}");
+}
+
+#[test]
+fn answers_are_not_lost_not_mixed_up_and_the_same_with_one_thread_and_with_two() {
+    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let pool = general_requests(&stack.world.robot, 25, stack.world.sampler());
+    let two_threads = ask_at_once(&stack.world, &pool, 1);
+    assert_eq!(two_threads.sent, 25 * CLIENTS);
+    assert_eq!(two_threads.lost, Vec::<String>::new());
+    assert_eq!(two_threads.mixed_up, Vec::<String>::new());
+    assert_eq!(two_threads.differing, 0, "four clients asked the same");
+    assert!(two_threads.with_candidates > 0 && two_threads.executed > 0);
+    let state = stack.controller_state();
+    assert_eq!(state.fault, LoopFault::None);
+
+    let one_thread = Settings {
+        daemon: vec![("threads", Value::Integer(1))],
+        ..Settings::fast_robot()
+    };
+    let world = World::new(&one_thread);
+    let _daemon = Part::Daemon.start(&world);
+    wait_for_daemon(&world);
+    let one_thread = ask_at_once(&world, &pool, 1);
+    assert_eq!(one_thread.fingerprints.len(), pool.len());
+    assert_eq!(one_thread.fingerprints, two_threads.fingerprints);
+}
+
+#[test]
+fn every_malformed_request_is_named_and_the_next_good_one_is_served() {
+    for without_weights in [false, true] {
+        let world = World::new(&Settings {
+            without_weights,
+            ..Settings::default()
+        });
+        let mut daemon = Part::Daemon.start(&world);
+        let client = RawClient::connect(&world.options, PATIENCE).unwrap();
+        let refusals = send_malformed(&client, world.has_weights).unwrap();
+        assert_eq!(refusals.unexpected, Vec::<String>::new());
+        assert!(refusals.sent > 30);
+        assert_eq!(refusals.named, refusals.sent);
+        assert_eq!(refusals.good_after, refusals.sent);
+        assert!(daemon.is_running());
+    }
+}
+
+#[test]
+fn raw_answers_repeat_to_the_bit() {
+    let world = World::new(&Settings::default());
+    let _daemon = Part::Daemon.start(&world);
+    let client = RawClient::connect(&world.options, PATIENCE).unwrap();
+    let ask = || client.ask(&good_request(), PATIENCE).unwrap();
+    let (first, second) = (ask(), ask());
+    assert_eq!(first.report.outcome, Outcome::Ok.code());
+    assert_eq!(first.report.plan_hash, second.report.plan_hash);
+    assert!(second.report.plan_id > first.report.plan_id);
+    let times = |knots: &[shared_types::message::Knot]| -> Vec<u64> {
+        knots.iter().map(|knot| knot.time_s.to_bits()).collect()
+    };
+    assert_eq!(times(&first.knots), times(&second.knots));
+}
+
+fn wait_for_daemon(world: &World) {
+    let mut client = Client::connect(&world.options).unwrap();
+    client.wait_for_daemon(Duration::from_secs(60)).unwrap();
+}
