@@ -1,7 +1,7 @@
 //! The whole backbone of one configuration: frames, points, Jacobians, exact distances.
 
 use crate::arc::{Nearest, distance_to_circle, foot_arc_length};
-use crate::section::{Coefficients, angular_derivatives, position, position_derivatives, rotation};
+use crate::section::Arc;
 use crate::{Configuration, DOF, Point, SECTIONS};
 use nalgebra::{Matrix3, SMatrix, Vector3};
 
@@ -14,79 +14,77 @@ pub struct Pose {
     pub position: Point,
 }
 
-/// The backbone of one configuration.
+/// The backbone of one configuration; plain data, nothing on the heap.
 #[derive(Clone, Copy, Debug)]
 pub struct Backbone {
     frames: [Pose; SECTIONS + 1],
-    arcs: [Arc; SECTIONS],
+    sections: [Section; SECTIONS],
 }
 
-/// One section's bending pair, its length, curvature, bending direction, and end in its own base frame.
+/// One section, seen from its base frame.
 #[derive(Clone, Copy, Debug)]
-struct Arc {
-    x: f64,
-    y: f64,
-    length: f64,
+struct Section {
+    arc: Arc,
     curvature: f64,
+    /// Unit bending direction in the x–y plane; any where the section is straight.
     direction: [f64; 2],
     end: Vector3<f64>,
     end_tangent: Vector3<f64>,
-    angular: [Vector3<f64>; 2],
-    linear: [Vector3<f64>; 2],
 }
 
-impl Arc {
-    fn new(x: f64, y: f64, length: f64) -> (Self, Matrix3<f64>) {
-        let theta = x.hypot(y);
-        let coefficients = Coefficients::at(theta * theta);
-        let turned = rotation(x, y, &coefficients);
-        let direction = if theta > 0.0 {
-            [y / theta, -x / theta]
+impl Section {
+    fn new(arc: Arc, rotation: &Matrix3<f64>) -> Self {
+        let direction = if arc.angle > 0.0 {
+            [arc.y / arc.angle, -arc.x / arc.angle]
         } else {
             [1.0, 0.0]
         };
-        let arc = Self {
-            x,
-            y,
-            length,
-            curvature: theta / length,
+        Self {
+            arc,
+            curvature: arc.angle / arc.length,
             direction,
-            end: position(x, y, length, &coefficients),
-            end_tangent: turned.column(2).into(),
-            angular: angular_derivatives(x, y, &coefficients),
-            linear: position_derivatives(x, y, length, &coefficients),
-        };
-        (arc, turned)
-    }
-
-    /// Position and its derivatives at a fraction, in the section's base frame.
-    fn at(&self, fraction: f64) -> (Vector3<f64>, [Vector3<f64>; 2]) {
-        let (x, y, l) = (fraction * self.x, fraction * self.y, fraction * self.length);
-        let c = Coefficients::at(x * x + y * y);
-        (
-            position(x, y, l, &c),
-            position_derivatives(x, y, l, &c).map(|d| d * fraction),
-        )
-    }
-
-    /// Nearest distance and fraction for a point in the section's base frame.
-    fn nearest(&self, p: &Vector3<f64>) -> (f64, f64) {
-        let beyond_end = (p - self.end).dot(&self.end_tangent) > 0.0;
-        if p.z < 0.0 || beyond_end {
-            let (to_base, to_end) = (p.norm_squared(), (p - self.end).norm_squared());
-            return if to_base <= to_end {
-                (to_base.sqrt(), 0.0)
-            } else {
-                (to_end.sqrt(), 1.0)
-            };
+            end: arc.end(),
+            end_tangent: rotation.column(2).into(),
         }
-        let along = p.x * self.direction[0] + p.y * self.direction[1];
-        let out = p.y * self.direction[0] - p.x * self.direction[1];
-        let fraction = foot_arc_length(self.curvature, along, p.z) / self.length;
-        (
-            distance_to_circle(self.curvature, along, out, p.z),
-            fraction.clamp(0.0, 1.0),
-        )
+    }
+
+    /// The fraction of a point's foot on the arc and its distance, for a point in the section's base frame.
+    fn nearest(&self, p: &Vector3<f64>) -> (f64, f64) {
+        if let Some(nearest) = self.nearest_end(p) {
+            return nearest;
+        }
+        let (along, out) = self.in_plane_and_out(p);
+        let fraction = foot_arc_length(self.curvature, along, p.z) / self.arc.length;
+        let distance = distance_to_circle(self.curvature, along, out, p.z);
+        (distance, fraction.clamp(0.0, 1.0))
+    }
+
+    fn distance(&self, p: &Vector3<f64>) -> f64 {
+        if let Some((distance, _)) = self.nearest_end(p) {
+            return distance;
+        }
+        let (along, out) = self.in_plane_and_out(p);
+        distance_to_circle(self.curvature, along, out, p.z)
+    }
+
+    /// Distance to an end of the arc and that end's fraction, where no inner point is nearest.
+    fn nearest_end(&self, p: &Vector3<f64>) -> Option<(f64, f64)> {
+        let from_end = p - self.end;
+        let has_inner_foot = p.z >= 0.0 && from_end.dot(&self.end_tangent) <= 0.0;
+        if has_inner_foot {
+            return None;
+        }
+        let (to_base, to_end) = (p.norm_squared(), from_end.norm_squared());
+        Some(if to_base <= to_end {
+            (to_base.sqrt(), 0.0)
+        } else {
+            (to_end.sqrt(), 1.0)
+        })
+    }
+
+    fn in_plane_and_out(&self, p: &Vector3<f64>) -> (f64, f64) {
+        let [x, y] = self.direction;
+        (p.x * x + p.y * y, p.y * x - p.x * y)
     }
 }
 
@@ -97,16 +95,18 @@ impl Backbone {
             position: Point::zeros(),
         };
         let mut frames = [base; SECTIONS + 1];
-        let arcs = std::array::from_fn(|i| {
-            let (arc, turned) = Arc::new(shape[2 * i], shape[2 * i + 1], lengths[i]);
+        let sections = std::array::from_fn(|i| {
+            let arc = Arc::new(shape[2 * i], shape[2 * i + 1], lengths[i]);
+            let turn = arc.rotation();
+            let section = Section::new(arc, &turn);
             let Pose { rotation, position } = frames[i];
             frames[i + 1] = Pose {
-                rotation: rotation * turned,
-                position: position + rotation * arc.end,
+                rotation: rotation * turn,
+                position: position + rotation * section.end,
             };
-            arc
+            section
         });
-        Self { frames, arcs }
+        Self { frames, sections }
     }
 
     /// Frames of the base and of the end of each section.
@@ -118,7 +118,7 @@ impl Backbone {
     /// Arc length of a section (0 to 2).
     #[must_use]
     pub fn section_length(&self, section: usize) -> f64 {
-        self.arcs[section].length
+        self.sections[section].arc.length
     }
 
     /// Position of the tip.
@@ -130,41 +130,50 @@ impl Backbone {
     /// Position at a fraction (0 to 1) of a section (0 to 2).
     #[must_use]
     pub fn point(&self, section: usize, fraction: f64) -> Point {
-        let base = &self.frames[section];
-        base.position + base.rotation * self.arcs[section].at(fraction).0
+        self.in_base(section, &self.sections[section].arc.part(fraction).end())
+    }
+
+    /// Position of the middle of a section (0 to 2); cheaper than [`Self::point`] at 0.5.
+    #[must_use]
+    pub fn middle(&self, section: usize) -> Point {
+        self.in_base(section, &self.sections[section].arc.middle())
     }
 
     /// Jacobian ∂point/∂ζ at a fraction of a section: 3 × 6, length unit per radian, base frame.
     #[must_use]
     pub fn point_jacobian(&self, section: usize, fraction: f64) -> SMatrix<f64, 3, DOF> {
-        let base = &self.frames[section];
-        let (local, derivatives) = self.arcs[section].at(fraction);
-        self.jacobian(section, base.position + base.rotation * local, derivatives)
+        let part = self.sections[section].arc.part(fraction);
+        let own = part.end_derivatives().map(|d| d * fraction);
+        self.jacobian(section, &self.in_base(section, &part.end()), &own)
     }
 
-    /// Jacobian of the tip position: 3 × 6, base frame.
+    /// Jacobian ∂tip/∂ζ: 3 × 6, length unit per radian, base frame.
     #[must_use]
     pub fn tip_jacobian(&self) -> SMatrix<f64, 3, DOF> {
-        self.jacobian(SECTIONS - 1, self.tip(), self.arcs[SECTIONS - 1].linear)
+        let last = SECTIONS - 1;
+        let own = self.sections[last].arc.end_derivatives();
+        self.jacobian(last, &self.tip(), &own)
     }
 
+    /// `own`: derivatives of the point in the base frame of its own section.
     fn jacobian(
         &self,
         section: usize,
-        point: Point,
-        local: [Vector3<f64>; 2],
+        point: &Point,
+        own: &[Vector3<f64>; 2],
     ) -> SMatrix<f64, 3, DOF> {
         let mut jacobian = SMatrix::<f64, 3, DOF>::zeros();
         for i in 0..section {
             let rotation = &self.frames[i].rotation;
             let arm = point - self.frames[i + 1].position;
+            let arc = &self.sections[i].arc;
+            let (linear, angular) = (arc.end_derivatives(), arc.angular_derivatives());
             for k in 0..2 {
-                let moved = rotation * self.arcs[i].linear[k]
-                    + (rotation * self.arcs[i].angular[k]).cross(&arm);
+                let moved = rotation * linear[k] + (rotation * angular[k]).cross(&arm);
                 jacobian.set_column(2 * i + k, &moved);
             }
         }
-        for (k, derivative) in local.iter().enumerate() {
+        for (k, derivative) in own.iter().enumerate() {
             jacobian.set_column(
                 2 * section + k,
                 &(self.frames[section].rotation * derivative),
@@ -173,16 +182,16 @@ impl Backbone {
         jacobian
     }
 
-    /// Distance from a point (base frame) to the nearest point of a section; cheaper than [`Self::nearest`].
+    /// Distance from a point (base frame) to a section, exact for bending angles up to π.
     #[must_use]
     pub fn distance(&self, section: usize, point: &Point) -> f64 {
-        self.arcs[section].nearest(&self.local(section, point)).0
+        self.sections[section].distance(&self.in_section(section, point))
     }
 
     /// The point of a section nearest to a given one (base frame), exact for bending angles up to π.
     #[must_use]
     pub fn nearest(&self, section: usize, point: &Point) -> Nearest {
-        let (distance, fraction) = self.arcs[section].nearest(&self.local(section, point));
+        let (distance, fraction) = self.sections[section].nearest(&self.in_section(section, point));
         Nearest {
             distance,
             fraction,
@@ -190,19 +199,27 @@ impl Backbone {
         }
     }
 
-    /// Distance from a section to a point, and its gradient with respect to ζ (envelope theorem: the foot stays).
+    /// Distance from a section to a point (base frame), and its gradient with respect to ζ, length unit per radian.
+    ///
+    /// Envelope theorem: as the foot is nearest, its own motion along the arc does not count. The gradient is zero
+    /// where the point lies on the backbone, where the distance has none.
     #[must_use]
     pub fn distance_gradient(&self, section: usize, point: &Point) -> (f64, Configuration) {
         let nearest = self.nearest(section, point);
-        let away = (nearest.point - point) / nearest.distance.max(f64::MIN_POSITIVE);
-        (
-            nearest.distance,
-            self.point_jacobian(section, nearest.fraction).transpose() * away,
-        )
+        let away = (nearest.point - point).try_normalize(1e-12 * self.section_length(section));
+        let gradient = away.map_or_else(Configuration::zeros, |away| {
+            self.point_jacobian(section, nearest.fraction).tr_mul(&away)
+        });
+        (nearest.distance, gradient)
     }
 
-    fn local(&self, section: usize, point: &Point) -> Vector3<f64> {
-        let base = &self.frames[section];
-        base.rotation.tr_mul(&(point - base.position))
+    fn in_section(&self, section: usize, point: &Point) -> Vector3<f64> {
+        let frame = &self.frames[section];
+        frame.rotation.tr_mul(&(point - frame.position))
+    }
+
+    fn in_base(&self, section: usize, local: &Vector3<f64>) -> Point {
+        let frame = &self.frames[section];
+        frame.position + frame.rotation * local
     }
 }

@@ -9,16 +9,17 @@ impl Robot {
         std::array::from_fn(|i| shape[2 * i].hypot(shape[2 * i + 1]))
     }
 
-    /// Largest θ_i minus the limit, rad; negative inside.
+    /// Largest θ_i minus the limit, rad: negative inside, infinite for a shape with a component that is NaN.
     #[must_use]
     pub fn limit_excess(&self, shape: &Configuration) -> f64 {
-        self.bending_angles(shape)
-            .into_iter()
-            .fold(f64::NEG_INFINITY, f64::max)
-            - self.bending_limit
+        let angles = self.bending_angles(shape);
+        if angles.iter().any(|angle| angle.is_nan()) {
+            return f64::INFINITY;
+        }
+        angles.into_iter().fold(0.0, f64::max) - self.bending_limit
     }
 
-    /// The nearest configuration within the bending limit.
+    /// The nearest configuration within the bending limit, to rounding.
     #[must_use]
     pub fn project_to_limits(&self, shape: &Configuration) -> Configuration {
         let mut projected = *shape;

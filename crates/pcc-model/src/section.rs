@@ -1,101 +1,135 @@
 //! One section: a circular arc as a function of its bending pair, regular at zero.
+//!
+//! Everything follows from S = sin(θ/2)/(θ/2) and c = cos(θ/2), which need one sine and cosine and lose no digits:
+//! A = sin θ/θ = S c, B = (1 − cos θ)/θ² = S²/2.
 
 use nalgebra::{Matrix3, Vector3};
 
-/// Below this squared angle the series are used; their truncation error is below 1e-17 there.
-const SERIES_BELOW: f64 = 1e-3;
+/// Below this squared angle the two quotients that cancel are computed by series (truncation below 1e-15).
+const SERIES_BELOW: f64 = 0.06;
 
-/// A = sin θ/θ, B = (1 − cos θ)/θ², and their derivatives with respect to s = θ².
+/// The part of a section between its base and a fraction of it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Coefficients {
-    pub(crate) a: f64,
-    pub(crate) b: f64,
-    pub(crate) da: f64,
-    pub(crate) db: f64,
+pub(crate) struct Arc {
+    /// Bending pair, rad.
+    pub(crate) x: f64,
+    pub(crate) y: f64,
+    /// Arc length.
+    pub(crate) length: f64,
+    /// Bending angle θ, rad.
+    pub(crate) angle: f64,
+    /// S = sin(θ/2)/(θ/2).
+    half_sinc: f64,
+    /// c = cos(θ/2).
+    half_cosine: f64,
 }
 
-impl Coefficients {
-    pub(crate) fn at(s: f64) -> Self {
-        if s < SERIES_BELOW {
-            Self::series(s)
+impl Arc {
+    pub(crate) fn new(x: f64, y: f64, length: f64) -> Self {
+        let angle = (x * x + y * y).sqrt();
+        let (sine, half_cosine) = (0.5 * angle).sin_cos();
+        let half_sinc = if angle > 0.0 {
+            sine / (0.5 * angle)
         } else {
-            Self::closed(s)
-        }
-    }
-
-    fn series(s: f64) -> Self {
+            1.0
+        };
         Self {
-            a: 1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0))),
-            b: 0.5 * (1.0 - s / 12.0 * (1.0 - s / 30.0 * (1.0 - s / 56.0 * (1.0 - s / 90.0)))),
-            da: -1.0 / 6.0
-                * (1.0 - s / 10.0 * (1.0 - s / 28.0 * (1.0 - s / 54.0 * (1.0 - s / 88.0)))),
-            db: -1.0 / 24.0
-                * (1.0 - s / 15.0 * (1.0 - s / 37.333_333_333_333_336 * (1.0 - s / 67.5))),
+            x,
+            y,
+            length,
+            angle,
+            half_sinc,
+            half_cosine,
         }
     }
 
-    fn closed(s: f64) -> Self {
-        let theta = s.sqrt();
-        let half = (0.5 * theta).sin();
-        let a = theta.sin() / theta;
-        let b = 2.0 * half * half / s;
-        Self {
-            a,
-            b,
-            da: (theta.cos() - a) / (2.0 * s),
-            db: (0.5 * a - b) / s,
+    /// The part from the base to a fraction.
+    pub(crate) fn part(&self, fraction: f64) -> Self {
+        Self::new(fraction * self.x, fraction * self.y, fraction * self.length)
+    }
+
+    fn a(&self) -> f64 {
+        self.half_sinc * self.half_cosine
+    }
+
+    fn b(&self) -> f64 {
+        0.5 * self.half_sinc * self.half_sinc
+    }
+
+    /// dA/ds and dB/ds, s = θ².
+    fn slopes(&self) -> (f64, f64) {
+        let s = self.angle * self.angle;
+        let half_sinc_slope = if s < SERIES_BELOW {
+            let h = 0.25 * s;
+            (-1.0 + h / 10.0 * (1.0 - h / 28.0 * (1.0 - h / 54.0 * (1.0 - h / 88.0)))) / 24.0
+        } else {
+            (self.half_cosine - self.half_sinc) / (2.0 * s)
+        };
+        let a = half_sinc_slope * self.half_cosine - 0.125 * self.half_sinc * self.half_sinc;
+        (a, self.half_sinc * half_sinc_slope)
+    }
+
+    /// (1 − A)/θ².
+    fn one_minus_a_quotient(&self) -> f64 {
+        let s = self.angle * self.angle;
+        if s < SERIES_BELOW {
+            (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0)))) / 6.0
+        } else {
+            (1.0 - self.a()) / s
         }
     }
-}
 
-/// Rotation over a section (or a part of one) with bending pair `(x, y)`: I + A ŵ + B ŵ², w = (x, y, 0).
-pub(crate) fn rotation(x: f64, y: f64, c: &Coefficients) -> Matrix3<f64> {
-    let (xx, yy, xy) = (c.b * x * x, c.b * y * y, c.b * x * y);
-    Matrix3::new(
-        1.0 - yy,
-        xy,
-        c.a * y,
-        xy,
-        1.0 - xx,
-        -c.a * x,
-        -c.a * y,
-        c.a * x,
-        1.0 - xx - yy,
-    )
-}
+    /// Rotation from the base to the end: I + A ŵ + B ŵ², w = (x, y, 0).
+    pub(crate) fn rotation(&self) -> Matrix3<f64> {
+        let (a, b) = (self.a(), self.b());
+        let (xx, yy, xy) = (
+            b * self.x * self.x,
+            b * self.y * self.y,
+            b * self.x * self.y,
+        );
+        let (ax, ay) = (a * self.x, a * self.y);
+        Matrix3::new(
+            1.0 - yy,
+            xy,
+            ay, //
+            xy,
+            1.0 - xx,
+            -ax, //
+            -ay,
+            ax,
+            1.0 - xx - yy,
+        )
+    }
 
-/// Position at the end of a section of length `l`: l (B y, −B x, A).
-pub(crate) fn position(x: f64, y: f64, l: f64, c: &Coefficients) -> Vector3<f64> {
-    Vector3::new(c.b * y, -c.b * x, c.a) * l
-}
+    /// The end in the section's base frame: L (B y, −B x, A).
+    pub(crate) fn end(&self) -> Vector3<f64> {
+        let b = self.b();
+        Vector3::new(b * self.y, -b * self.x, self.a()) * self.length
+    }
 
-/// Derivatives of [`position`] with respect to `x` and `y`.
-pub(crate) fn position_derivatives(x: f64, y: f64, l: f64, c: &Coefficients) -> [Vector3<f64>; 2] {
-    let by_x = Vector3::new(
-        2.0 * x * c.db * y,
-        -c.b - 2.0 * x * c.db * x,
-        2.0 * x * c.da,
-    );
-    let by_y = Vector3::new(
-        c.b + 2.0 * y * c.db * y,
-        -2.0 * y * c.db * x,
-        2.0 * y * c.da,
-    );
-    [by_x * l, by_y * l]
-}
+    /// The middle in the section's base frame; needs no further sine.
+    pub(crate) fn middle(&self) -> Vector3<f64> {
+        let b = 0.5 * self.half_sinc * self.half_sinc / (1.0 + self.half_cosine);
+        Vector3::new(b * self.y, -b * self.x, self.half_sinc) * (0.5 * self.length)
+    }
 
-/// Angular velocities (in the section's base frame) that changes of `x` and `y` give to its end:
-/// the columns of the left Jacobian I + B ŵ + (1 − A)/θ² ŵ² of SO(3).
-pub(crate) fn angular_derivatives(x: f64, y: f64, c: &Coefficients) -> [Vector3<f64>; 2] {
-    let s = x * x + y * y;
-    let q = if s < SERIES_BELOW {
-        (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0))) / 6.0
-    } else {
-        (1.0 - c.a) / s
-    };
-    let by_x = Vector3::new(1.0 - q * y * y, q * x * y, -c.b * y);
-    let by_y = Vector3::new(q * x * y, 1.0 - q * x * x, c.b * x);
-    [by_x, by_y]
+    /// Derivatives of [`Self::end`] with respect to x and y.
+    pub(crate) fn end_derivatives(&self) -> [Vector3<f64>; 2] {
+        let (b, (da, db)) = (self.b(), self.slopes());
+        let (x2, y2) = (2.0 * self.x, 2.0 * self.y);
+        let by_x = Vector3::new(x2 * db * self.y, -b - x2 * db * self.x, x2 * da);
+        let by_y = Vector3::new(b + y2 * db * self.y, -y2 * db * self.x, y2 * da);
+        [by_x * self.length, by_y * self.length]
+    }
+
+    /// Angular velocities of the end, in the section's base frame, for unit rates of x and y:
+    /// the columns of the left Jacobian I + B ŵ + (1 − A)/θ² ŵ² of SO(3).
+    pub(crate) fn angular_derivatives(&self) -> [Vector3<f64>; 2] {
+        let (x, y, b, q) = (self.x, self.y, self.b(), self.one_minus_a_quotient());
+        let by_x = Vector3::new(1.0 - q * y * y, q * x * y, -b * y);
+        let by_y = Vector3::new(q * x * y, 1.0 - q * x * x, b * x);
+        [by_x, by_y]
+    }
 }
 
 #[cfg(test)]
@@ -103,14 +137,36 @@ mod tests {
     use super::*;
 
     #[test]
-    fn series_and_closed_form_agree_where_they_meet() {
-        let (series, closed) = (
-            Coefficients::series(SERIES_BELOW),
-            Coefficients::closed(SERIES_BELOW),
+    fn coefficients_are_those_of_the_model() {
+        for angle in [1e-3_f64, 0.1, 0.7, 1.5, 3.0] {
+            let arc = Arc::new(angle, 0.0, 1.0);
+            assert!((arc.a() - angle.sin() / angle).abs() < 1e-15);
+            assert!((arc.b() - (1.0 - angle.cos()) / (angle * angle)).abs() < 1e-10);
+        }
+        let straight = Arc::new(0.0, 0.0, 2.0);
+        assert_eq!((straight.a(), straight.b()), (1.0, 0.5));
+        assert_eq!(straight.end(), Vector3::new(0.0, 0.0, 2.0));
+        assert_eq!(straight.rotation(), Matrix3::identity());
+    }
+
+    #[test]
+    fn series_and_quotients_agree_where_they_meet() {
+        let edge = SERIES_BELOW.sqrt();
+        let [below, above] =
+            [edge * (1.0 - 1e-13), edge * (1.0 + 1e-13)].map(|x| Arc::new(x, 0.0, 1.0));
+        assert!(
+            below.angle * below.angle < SERIES_BELOW && above.angle * above.angle >= SERIES_BELOW
         );
-        assert!((series.a - closed.a).abs() < 1e-15);
-        assert!((series.b - closed.b).abs() < 1e-13);
-        assert!((series.da - closed.da).abs() < 1e-12);
-        assert!((series.db - closed.db).abs() < 1e-9);
+        assert!((below.slopes().0 - above.slopes().0).abs() < 1e-14);
+        assert!((below.slopes().1 - above.slopes().1).abs() < 1e-14);
+        assert!((below.one_minus_a_quotient() - above.one_minus_a_quotient()).abs() < 1e-14);
+    }
+
+    #[test]
+    fn the_middle_is_the_end_of_the_first_half() {
+        for (x, y) in [(0.0, 0.0), (1e-9, 0.0), (0.4, -0.9), (-2.0, 2.2)] {
+            let arc = Arc::new(x, y, 1.3);
+            assert!((arc.middle() - arc.part(0.5).end()).norm() < 1e-15);
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! Tendon lengths: linear in the configuration (ROBOT "Tendons").
+//! Tendon lengths: linear in the configuration (docs/robot.md "Tendons").
 
 use crate::{Configuration, DOF, SECTIONS};
 use nalgebra::{DMatrix, DVector};
@@ -9,7 +9,7 @@ use thiserror::Error;
 pub struct Tendon {
     /// Section it ends in, 1 to 3.
     pub section: usize,
-    /// Distance from the backbone.
+    /// Distance from the backbone, in the length unit of the map.
     pub radius: f64,
     /// Angle ψ about the base axis, rad.
     pub angle: f64,
@@ -123,13 +123,18 @@ impl TendonMap {
     }
 
     /// Writes Δl = A ζ (or its time derivatives for those of ζ) into `out`, one number a tendon; allocates nothing.
+    ///
+    /// Only as many tendons are written as `out` has room for; what it has beyond [`Self::count`] stays.
     pub fn lengths(&self, shape: &Configuration, out: &mut [f64]) {
         for (j, length) in out.iter_mut().enumerate().take(self.count()) {
             *length = (0..DOF).map(|k| self.matrix[(j, k)] * shape[k]).sum();
         }
     }
 
-    /// ζ = A⁺ Δl; allocates nothing.
+    /// ζ = A⁺ Δl, rad: the shape that fits the lengths best; allocates nothing.
+    ///
+    /// # Panics
+    /// If there are more lengths than tendons.
     #[must_use]
     pub fn configuration(&self, lengths: &[f64]) -> Configuration {
         Configuration::from_fn(|k, _| {
@@ -141,7 +146,10 @@ impl TendonMap {
         })
     }
 
-    /// ‖(I − A A⁺) Δl‖: how far the lengths are from any shape; a slack or broken tendon shows here.
+    /// ‖(I − A A⁺) Δl‖, a length: how far the lengths are from any shape; a slack or broken tendon shows here.
+    ///
+    /// # Panics
+    /// If there are more lengths than tendons.
     #[must_use]
     pub fn slack_residual(&self, lengths: &[f64]) -> f64 {
         let shape = self.configuration(lengths);
@@ -170,7 +178,7 @@ fn coefficient(tendon: &Tendon, component: usize) -> f64 {
     if component / 2 >= tendon.section {
         return 0.0;
     }
-    let direction = if component % 2 == 0 {
+    let direction = if component.is_multiple_of(2) {
         tendon.angle.sin()
     } else {
         -tendon.angle.cos()

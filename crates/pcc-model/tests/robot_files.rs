@@ -1,0 +1,152 @@
+//! Robot files: the shipped ones load, and what is wrong with others is said by name.
+#![allow(clippy::unwrap_used)] // tests
+
+mod shapes;
+
+use pcc_model::{Robot, RobotFileError, TendonMapError};
+use std::path::Path;
+
+fn unit_text() -> String {
+    std::fs::read_to_string(shapes::robot_file("unit.toml")).unwrap()
+}
+
+/// The error of the unit robot's file after a replacement.
+fn refused(what: &str, by: &str) -> RobotFileError {
+    let text = unit_text();
+    assert!(text.contains(what), "{what} is in the file");
+    Robot::from_toml_str(&text.replacen(what, by, 1)).unwrap_err()
+}
+
+#[test]
+fn shipped_files_load() {
+    let (unit, authors) = (shapes::unit_robot(), shapes::authors_robot());
+    assert_eq!(
+        (unit.name.as_str(), authors.name.as_str()),
+        ("unit", "authors-42mm")
+    );
+    assert_eq!(unit.section_lengths, [1.0; 3]);
+    assert!((authors.section_lengths.iter().sum::<f64>() - 0.77).abs() < 1e-3);
+    let limits = authors.tendon_limits;
+    assert_eq!(
+        (limits.velocity, limits.acceleration, limits.jerk),
+        (0.02, 0.1, 1.0)
+    );
+}
+
+#[test]
+fn missing_file_is_named() {
+    let error = Robot::from_file(Path::new("no/such-robot.toml")).unwrap_err();
+    assert!(matches!(error, RobotFileError::Read { .. }));
+    assert!(error.to_string().contains("no/such-robot.toml"));
+}
+
+#[test]
+fn keys_must_be_known_and_complete() {
+    for (what, by, named) in [
+        ("name =", "colour = 3\nname =", "colour"),
+        ("tube_radius_m = 0.2", "", "tube_radius_m"),
+        ("jerk_m_s3 = 3.9", "jerk_m_s3 = 3.9\nsnap = 1.0", "snap"),
+        ("section = 1", "section = 1\ncolour = 3", "colour"),
+        ("[1.0, 1.0, 1.0]", "[1.0, 1.0]", "section_lengths_m"),
+        ("name =", "name = =", "name"),
+    ] {
+        let error = refused(what, by);
+        assert!(matches!(error, RobotFileError::Syntax(_)), "{error}");
+        assert!(error.to_string().contains(named), "{error}");
+    }
+}
+
+#[test]
+fn quantities_out_of_range_are_named_with_what_is_allowed() {
+    for (what, by, named) in [
+        ("[1.0, 1.0, 1.0]", "[1.0, nan, 1.0]", "section_lengths_m"),
+        ("[1.0, 1.0, 1.0]", "[1.0, 0.0, 1.0]", "section_lengths_m"),
+        ("[1.0, 1.0, 1.0]", "[1.0, inf, 1.0]", "section_lengths_m"),
+        ("rad = 1.57", "rad = 3.15", "bending_limit_rad"),
+        ("rad = 1.57", "rad = -1.57", "bending_limit_rad"),
+        (
+            "tube_radius_m = 0.2",
+            "tube_radius_m = -0.1",
+            "tube_radius_m",
+        ),
+        (
+            "spool_radius_m = 0.039",
+            "spool_radius_m = 0.0",
+            "spool_radius_m",
+        ),
+        (
+            "velocity_m_s = 0.0779",
+            "velocity_m_s = 0.0",
+            "velocity_m_s",
+        ),
+        (
+            "acceleration_m_s2 = 0.39",
+            "acceleration_m_s2 = -1.0",
+            "acceleration_m_s2",
+        ),
+        ("jerk_m_s3 = 3.9", "jerk_m_s3 = nan", "jerk_m_s3"),
+    ] {
+        let error = refused(what, by);
+        let RobotFileError::Range { key, allowed, .. } = &error else {
+            panic!("{error}");
+        };
+        assert!(key.contains(named) && allowed.contains("0"), "{error}");
+        let text = error.to_string();
+        assert!(text.contains(key) && text.contains(allowed), "{text}");
+    }
+}
+
+#[test]
+fn tendons_that_do_not_fit_are_named() {
+    let tendons = |error| match error {
+        RobotFileError::Tendons(error) => error,
+        other => panic!("{other}"),
+    };
+    let section = tendons(refused("section = 3", "section = 4"));
+    assert_eq!(
+        section,
+        TendonMapError::Section {
+            tendon: 4,
+            section: 4
+        }
+    );
+    assert!(section.to_string().contains("1 to 3"));
+    assert!(matches!(
+        tendons(refused("section = 1", "section = 0")),
+        TendonMapError::Section {
+            tendon: 1,
+            section: 0
+        }
+    ));
+    for (what, by) in [
+        ("radius_m = 0.1636", "radius_m = 0.0"),
+        ("deg = 0.0", "deg = nan"),
+    ] {
+        let placement = tendons(refused(what, by));
+        assert!(
+            matches!(placement, TendonMapError::Placement { tendon: 1, .. }),
+            "{placement}"
+        );
+        assert!(placement.to_string().contains("above 0"), "{placement}");
+    }
+}
+
+#[test]
+fn tendons_must_determine_the_shape() {
+    let text = unit_text().replace("section = 3", "section = 2");
+    let error = Robot::from_toml_str(&text).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            RobotFileError::Tendons(TendonMapError::Rank { rank: 4 })
+        ),
+        "{error}"
+    );
+    assert!(error.to_string().contains("4 of the 6"), "{error}");
+    let head = unit_text().split("[[tendons]]").next().unwrap().to_owned();
+    let none = head.replacen("name =", "tendons = []\nname =", 1);
+    assert!(matches!(
+        Robot::from_toml_str(&none).unwrap_err(),
+        RobotFileError::Tendons(TendonMapError::Rank { rank: 0 })
+    ));
+}
