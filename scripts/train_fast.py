@@ -250,7 +250,8 @@ class Run:
 
     def restore(self, file, device):
         state = torch.load(file, map_location=device, weights_only=True)
-        if state["facts"] != self.facts:
+        known = ("width", "blocks", "seed", "batch")
+        if any(state["facts"][name] != self.facts[name] for name in known):
             raise SystemExit(f"{file} is of another run: {state['facts']}, this one is {self.facts}")
         for name in ("model", "average", "optimiser"):
             getattr(self, name).load_state_dict(state[name])
@@ -276,8 +277,13 @@ def step(run, rows, weight, arguments, share):
     return loss
 
 
+def share_done(run, arguments):
+    """The part of the run that is over: 1 or more when it has its length."""
+    return run.seconds / (60.0 * arguments.minutes) if arguments.minutes else run.updates / arguments.updates
+
+
 def train(arguments):
-    """Trains, with checkpoints; a run that was stopped goes on where it was."""
+    """Trains, with checkpoints; a run that was stopped goes on where it was, with shards added since if there are any."""
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
@@ -289,11 +295,11 @@ def train(arguments):
         run.restore(checkpoint, device)
     weight = loss_weight(run.model)
     print(f"{len(rows.train)} training rows, {len(rows.validation)} held out, from update {run.updates}", flush=True)
-    began, share, losses = time.monotonic() - run.seconds, 0.0, []
+    began, share, losses = time.monotonic() - run.seconds, share_done(run, arguments), []
     while share < 1.0:
         losses.append(step(run, rows, weight, arguments, share).detach())
         run.seconds = time.monotonic() - began
-        share = run.seconds / (60.0 * arguments.minutes) if arguments.minutes else run.updates / arguments.updates
+        share = share_done(run, arguments)
         if run.updates % arguments.every == 0 or share >= 1.0:
             record = {"update": run.updates, "seconds": round(run.seconds, 1), "loss": float(torch.stack(losses).mean())}
             record |= validate(run.average, rows, weight)
@@ -311,7 +317,13 @@ def processor_name():
     return found.group(1) if found else platform.machine()
 
 
-def metadata_of(state, recipe, measured):
+def this_machine():
+    """The processor, or the accelerator if there is one, and the version of PyTorch."""
+    name = torch.cuda.get_device_name() if torch.cuda.is_available() else processor_name()
+    return f"{name}, torch {torch.__version__}"
+
+
+def metadata_of(state, recipe, measured, machine):
     """Everything the loader checks, and how the weights were made; safetensors wants strings."""
     facts = state["facts"]
     return {
@@ -334,7 +346,7 @@ def metadata_of(state, recipe, measured):
         "batch": str(facts["batch"]),
         "training_rows": str(facts["rows"]),
         "training_seconds": str(round(state["seconds"])),
-        "machine": f"{processor_name()}, {torch.get_num_threads()} threads, torch {torch.__version__}",
+        "machine": machine,
         "validation": json.dumps(state["record"]),
         "measured": measured,
     }
@@ -375,7 +387,8 @@ def export(arguments):
     from safetensors.torch import save_file
 
     state = torch.load(arguments.checkpoint, map_location="cpu", weights_only=True)
-    metadata = metadata_of(state, arguments.recipe, json.dumps(json.loads(arguments.measured)))
+    measured = json.dumps(json.loads(arguments.measured))
+    metadata = metadata_of(state, arguments.recipe, measured, arguments.machine or this_machine())
     folder = Path(arguments.out)
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / f"{arguments.name}.safetensors"
@@ -424,7 +437,7 @@ def fixture(arguments):
     folder.mkdir(parents=True, exist_ok=True)
     facts = {"width": 32, "blocks": 2, "seed": 7, "batch": 0, "rows": 0}
     state = {"facts": facts, "updates": 0, "seconds": 0, "record": {}}
-    metadata = metadata_of(state, "random, for the parity test", "{}") | {"machine": "any"}
+    metadata = metadata_of(state, "random, for the parity test", "{}", "any")
     file = folder / "tiny.safetensors"
     save_file(model.state_dict(), file, metadata)
     update_manifest(folder / "MANIFEST.toml", "tiny", manifest_entry("tiny", file, metadata))
@@ -448,7 +461,7 @@ def main():
     p.add_argument("--batch", type=int, default=1024, help="rows an update (default %(default)s)")
     p.add_argument("--rate", type=float, default=1e-3, help="highest learning rate (default %(default)s)")
     p.add_argument("--decay", type=float, default=1e-2, help="AdamW's weight decay (default %(default)s)")
-    p.add_argument("--width", type=int, default=384, help="W, a multiple of 16 (default %(default)s)")
+    p.add_argument("--width", type=int, default=384, help="W (default %(default)s)")
     p.add_argument("--blocks", type=int, default=4, help="N (default %(default)s)")
     p.add_argument("--threads", type=int, default=1, help="processor threads (default %(default)s)")
     p.add_argument("--seed", type=int, default=0, help="seed of weights, noise and batches (default %(default)s)")
@@ -460,6 +473,7 @@ def main():
     p.add_argument("--checkpoint", **checkpoint)
     p.add_argument("--name", default="fast", help="name of the weights (default %(default)s)")
     p.add_argument("--recipe", required=True, help="how the data was made and the training went, in one line")
+    p.add_argument("--machine", help="where and with how many threads it was trained (default: this machine)")
     p.add_argument("--measured", default="{}", help="what `pcc evaluate` measured, as a JSON object")
     p.add_argument("--out", default="weights", help="folder of the weights (default %(default)s)")
     p.set_defaults(run=export)
