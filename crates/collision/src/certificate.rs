@@ -1,176 +1,54 @@
-//! Certificates: a motion is free if the clearances at the ends of an interval exceed what can happen between them.
-//!
-//! A point of section k moves by at most Λ_k during an interval, so with clearances d_k(a) and d_k(b) at its ends no
-//! contact is possible if d_k(a) + d_k(b) > Λ_k for every section. Else the interval is halved, to a depth;
-//! what stays undecided counts as colliding.
+//! Certificates for motions among balls at rest: edges, polylines, executed curves.
 
-use crate::bound::{Displacement, turns};
+use crate::bound::Displacement;
+use crate::chain::{Certifier, DEPTH, Obstacles, Piece, Verdict};
 use crate::scene::Scene;
-use pcc_model::{Configuration, Robot, SECTIONS};
-use trajectory::{QuinticSegment, Trajectory};
+use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
+use trajectory::{Knot, Trajectory};
 
-/// Bisections of one curve segment or polyline edge.
-const DEPTH: u32 = 10;
-
-/// What is known of a motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Verdict {
-    /// No contact is possible.
-    Free,
-    /// There is contact.
-    Colliding {
-        /// Where: the time of a trajectory (s), or the index and fraction of a polyline's edge.
-        at: f64,
-    },
-    /// Too close to decide.
-    Undecided {
-        /// Where, as above.
-        at: f64,
-    },
-}
-
-impl Verdict {
-    /// Whether the motion is certified.
-    #[must_use]
-    pub fn is_free(self) -> bool {
-        self == Self::Free
-    }
-}
-
-pub(crate) type Clearances = [f64; SECTIONS];
-
-/// Whether two clearances leave no room for contact during a displacement.
-pub(crate) fn is_covered(a: &Clearances, b: &Clearances, displacement: &Displacement) -> bool {
-    (0..SECTIONS).all(|k| a[k] + b[k] > displacement.sections[k])
-}
-
-pub(crate) fn touches(clearances: &Clearances) -> bool {
-    clearances.iter().any(|c| *c < 0.0)
-}
-
-struct Checker<'a> {
-    robot: &'a Robot,
+/// A scene seen by a tube.
+struct AtRest<'a> {
     scene: &'a Scene,
     tube_radius: f64,
 }
 
-impl Checker<'_> {
-    fn clearances(&self, shape: &Configuration) -> Clearances {
-        self.scene
-            .section_clearances(&self.robot.backbone(shape), self.tube_radius)
+impl Obstacles for AtRest<'_> {
+    type Clearances = [f64; SECTIONS];
+
+    fn clearances(&self, backbone: &Backbone, _: f64) -> Self::Clearances {
+        self.scene.section_clearances(backbone, self.tube_radius)
     }
 
-    fn edge(
+    fn touch(clearances: &Self::Clearances) -> bool {
+        clearances.iter().any(|c| *c < 0.0)
+    }
+
+    fn are_clear(
         &self,
-        ends: [&Configuration; 2],
-        clear: [&Clearances; 2],
-        span: [f64; 2],
-        depth: u32,
-    ) -> Verdict {
-        if is_covered(
-            clear[0],
-            clear[1],
-            &Displacement::of_edge(self.robot, ends[0], ends[1]),
-        ) {
-            return Verdict::Free;
-        }
-        let at = 0.5 * (span[0] + span[1]);
-        if depth == 0 {
-            return Verdict::Undecided { at };
-        }
-        let middle = ends[0].lerp(ends[1], 0.5);
-        let between = self.clearances(&middle);
-        if touches(&between) {
-            return Verdict::Colliding { at };
-        }
-        match self.edge(
-            [ends[0], &middle],
-            [clear[0], &between],
-            [span[0], at],
-            depth - 1,
-        ) {
-            Verdict::Free => self.edge(
-                [&middle, ends[1]],
-                [&between, clear[1]],
-                [at, span[1]],
-                depth - 1,
-            ),
-            found => found,
-        }
-    }
-
-    fn curve(
-        &self,
-        curve: &QuinticSegment,
-        clear: [&Clearances; 2],
-        span: [f64; 2],
-        depth: u32,
-    ) -> Verdict {
-        if is_covered(clear[0], clear[1], &segment_displacement(self.robot, curve)) {
-            return Verdict::Free;
-        }
-        let at = 0.5 * (span[0] + span[1]);
-        if depth == 0 {
-            return Verdict::Undecided { at };
-        }
-        let (first, second) = curve.halves();
-        let between = self.clearances(&second.control[0]);
-        if touches(&between) {
-            return Verdict::Colliding { at };
-        }
-        match self.curve(&first, [clear[0], &between], [span[0], at], depth - 1) {
-            Verdict::Free => self.curve(&second, [&between, clear[1]], [at, span[1]], depth - 1),
-            found => found,
-        }
-    }
-
-    /// A run of whole segments, `first..end`, decided together where it can be.
-    fn run(&self, trajectory: &Trajectory, range: [usize; 2], clear: [&Clearances; 2]) -> Verdict {
-        let [first, end] = range;
-        let knots = trajectory.knots();
-        if end - first == 1 {
-            return self.curve(
-                &QuinticSegment::between(&knots[first], &knots[end]),
-                clear,
-                [knots[first].time, knots[end].time],
-                DEPTH,
-            );
-        }
-        let total = (first..end).fold(Displacement::NONE, |sum, i| {
-            sum + segment_displacement(
-                self.robot,
-                &QuinticSegment::between(&knots[i], &knots[i + 1]),
-            )
-        });
-        if is_covered(clear[0], clear[1], &total) {
-            return Verdict::Free;
-        }
-        let middle = usize::midpoint(first, end);
-        let between = self.clearances(&knots[middle].position);
-        if touches(&between) {
-            return Verdict::Colliding {
-                at: knots[middle].time,
-            };
-        }
-        match self.run(trajectory, [first, middle], [clear[0], &between]) {
-            Verdict::Free => self.run(trajectory, [middle, end], [&between, clear[1]]),
-            found => found,
-        }
+        from: &Self::Clearances,
+        to: &Self::Clearances,
+        displacement: &Displacement,
+        _: f64,
+    ) -> bool {
+        (0..SECTIONS).all(|k| from[k] + to[k] > displacement.sections[k])
     }
 }
 
-/// Displacement during a curve segment: its duration times the largest derivative control value of each pair.
-pub(crate) fn segment_displacement(robot: &Robot, segment: &QuinticSegment) -> Displacement {
-    let mut largest = [0.0_f64; SECTIONS];
-    for pair in segment.control.windows(2) {
-        for (l, t) in largest.iter_mut().zip(turns(&(pair[1] - pair[0]))) {
-            *l = l.max(5.0 * t);
-        }
+fn certifier<'a>(
+    robot: &'a Robot,
+    scene: &'a Scene,
+    growth: f64,
+    depth: u32,
+) -> Certifier<'a, AtRest<'a>> {
+    let tube_radius = robot.tube_radius + growth;
+    Certifier {
+        robot,
+        obstacles: AtRest { scene, tube_radius },
+        depth,
     }
-    Displacement::of_turns(robot, largest)
 }
 
-/// Certifies a straight move in configuration space, with at most `depth` bisections.
+/// Certifies a straight move in configuration space, with at most `depth` bisections; places are fractions of it.
 #[must_use]
 pub fn certify_edge(
     robot: &Robot,
@@ -182,51 +60,21 @@ pub fn certify_edge(
     if scene.is_empty() {
         return Verdict::Free;
     }
-    let checker = Checker {
-        robot,
-        scene,
-        tube_radius: robot.tube_radius,
-    };
-    let clear = [checker.clearances(a), checker.clearances(b)];
-    if let Some(end) = clear.iter().position(touches) {
-        return Verdict::Colliding { at: end as f64 };
-    }
-    checker.edge([a, b], [&clear[0], &clear[1]], [0.0, 1.0], depth)
+    certifier(robot, scene, 0.0, depth).chain(1, &|_| Piece::edge(a, b, 0.0))
 }
 
-/// Certifies a polyline in configuration space; places are edge index + fraction.
+/// Certifies a polyline in configuration space; places are edge index + fraction. A single point is a motion at rest.
 #[must_use]
 pub fn certify_polyline(robot: &Robot, scene: &Scene, points: &[Configuration]) -> Verdict {
     if scene.is_empty() || points.is_empty() {
         return Verdict::Free;
     }
-    let checker = Checker {
-        robot,
-        scene,
-        tube_radius: robot.tube_radius,
-    };
-    let mut before = checker.clearances(&points[0]);
-    if touches(&before) {
-        return Verdict::Colliding { at: 0.0 };
-    }
-    for (i, edge) in points.windows(2).enumerate() {
-        let after = checker.clearances(&edge[1]);
-        let (begin, end) = (i as f64, i as f64 + 1.0);
-        if touches(&after) {
-            return Verdict::Colliding { at: end };
-        }
-        let verdict = checker.edge([&edge[0], &edge[1]], [&before, &after], [begin, end], DEPTH);
-        if !verdict.is_free() {
-            return verdict;
-        }
-        before = after;
-    }
-    Verdict::Free
+    let last = points.len() - 1;
+    let edge = |i: usize| Piece::edge(&points[i], &points[(i + 1).min(last)], i as f64);
+    certifier(robot, scene, 0.0, DEPTH).chain(last.max(1), &edge)
 }
 
-/// Certifies the executed curve from `from_time` (s) to its end, for a tube grown by `growth`.
-///
-/// The segment that holds `from_time` is checked from its beginning.
+/// Certifies the executed curve from `from_time` (s) to its end, for a tube grown by `growth`; allocates nothing.
 #[must_use]
 pub fn certify_trajectory(
     robot: &Robot,
@@ -238,25 +86,36 @@ pub fn certify_trajectory(
     if scene.is_empty() {
         return Verdict::Free;
     }
-    let knots = trajectory.knots();
-    let checker = Checker {
-        robot,
-        scene,
-        tube_radius: robot.tube_radius + growth,
-    };
-    let last = knots.len() - 1;
-    let first = knots
-        .partition_point(|k| k.time <= from_time)
-        .saturating_sub(1)
-        .min(last - 1);
-    let clear = [
-        checker.clearances(&knots[first].position),
-        checker.clearances(&knots[last].position),
-    ];
-    for (clearances, at) in clear.iter().zip([knots[first].time, knots[last].time]) {
-        if touches(clearances) {
-            return Verdict::Colliding { at };
+    let rest = RestOfMotion::new(trajectory.knots(), from_time);
+    certifier(robot, scene, growth, DEPTH).chain(rest.count(), &|i| rest.piece(i))
+}
+
+/// The pieces of a motion that are left from a time on; at least one, be it of no duration.
+pub(crate) struct RestOfMotion<'a> {
+    knots: &'a [Knot],
+    from_time: f64,
+}
+
+impl<'a> RestOfMotion<'a> {
+    pub(crate) fn new(knots: &'a [Knot], from_time: f64) -> Self {
+        let passed = knots.partition_point(|k| k.time <= from_time);
+        let first = passed.saturating_sub(1).min(knots.len() - 2);
+        Self {
+            knots: &knots[first..],
+            from_time: from_time.max(0.0),
         }
     }
-    checker.run(trajectory, [first, last], [&clear[0], &clear[1]])
+
+    pub(crate) fn count(&self) -> usize {
+        self.knots.len() - 1
+    }
+
+    pub(crate) fn piece(&self, index: usize) -> Piece {
+        let piece = Piece::between(&self.knots[index], &self.knots[index + 1]);
+        if index == 0 {
+            piece.remaining(self.from_time)
+        } else {
+            piece
+        }
+    }
 }

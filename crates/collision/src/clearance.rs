@@ -3,9 +3,6 @@
 use crate::scene::{Ball, Scene};
 use pcc_model::{Backbone, Point, SECTIONS};
 
-/// In large scenes clearances are searched for within these distances, one after the other.
-const REACHES: [f64; 3] = [0.5, 2.0, f64::MAX];
-
 /// The body point nearest to one ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
@@ -17,32 +14,12 @@ pub struct Contact {
     pub fraction: f64,
     /// Index of the ball.
     pub ball: usize,
-    /// Unit vector from the ball's centre to the body point, base frame.
+    /// Unit vector from the ball's centre to the body point, base frame; any where the two coincide.
     pub normal: Point,
 }
 
-/// A ball around a section's backbone: every point of an arc is within half its length of its middle.
-struct Bounds {
-    middle: Point,
-    half_length: f64,
-}
-
-impl Bounds {
-    fn of(backbone: &Backbone, section: usize) -> Self {
-        Self {
-            middle: backbone.point(section, 0.5),
-            half_length: 0.5 * backbone.section_length(section),
-        }
-    }
-
-    /// A lower bound of the distance between the section and the ball's surface.
-    fn gap(&self, ball: &Ball) -> f64 {
-        (ball.centre - self.middle).norm() - self.half_length - ball.radius
-    }
-}
-
 impl Scene {
-    /// Smallest clearance between the whole tube and all balls; infinite in an empty scene.
+    /// Smallest clearance between the whole tube and all balls; +∞ in an empty scene.
     #[must_use]
     pub fn clearance(&self, backbone: &Backbone, tube_radius: f64) -> f64 {
         self.section_clearances(backbone, tube_radius)
@@ -50,33 +27,34 @@ impl Scene {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Smallest clearance between the tube of each section and all balls.
+    /// Smallest clearance between the tube of each section and all balls; allocates nothing.
+    ///
+    /// +∞ in an empty scene; −∞ for a backbone that is not finite, so that nothing takes it for a free one.
     #[must_use]
     pub fn section_clearances(&self, backbone: &Backbone, tube_radius: f64) -> [f64; SECTIONS] {
-        if self.is_empty() {
-            return [f64::INFINITY; SECTIONS];
+        if !backbone.tip().iter().all(|v| v.is_finite()) {
+            return [f64::NEG_INFINITY; SECTIONS];
         }
-        std::array::from_fn(|section| self.section_distance(backbone, section) - tube_radius)
+        std::array::from_fn(|section| {
+            self.nearest_ball(backbone, section)
+                .map_or(f64::INFINITY, |(_, distance)| distance - tube_radius)
+        })
     }
 
-    /// Distance between a section's backbone and the nearest surface.
-    fn section_distance(&self, backbone: &Backbone, section: usize) -> f64 {
-        let bounds = Bounds::of(backbone, section);
-        let mut nearest = f64::INFINITY;
-        for reach in REACHES {
-            self.for_each_near(&bounds.middle, bounds.half_length + reach, |_, ball| {
-                if bounds.gap(ball) < nearest {
-                    nearest = nearest.min(backbone.distance(section, &ball.centre) - ball.radius);
-                }
-            });
-            if nearest <= reach || !self.is_large() {
-                break;
-            }
-        }
-        nearest
+    /// The nearest ball of all to the tube, if there is any.
+    #[must_use]
+    pub fn deepest(&self, backbone: &Backbone, tube_radius: f64) -> Option<Contact> {
+        let nearest = |section| {
+            self.nearest_ball(backbone, section)
+                .map(|(ball, distance)| (section, ball, distance))
+        };
+        let (section, ball, _) = (0..SECTIONS)
+            .filter_map(nearest)
+            .min_by(|a, b| a.2.total_cmp(&b.2))?;
+        Some(self.contact(backbone, tube_radius, section, ball))
     }
 
-    /// Appends, for every ball nearer than `margin` to the tube, the nearest body point. Allocates only to grow `out`.
+    /// Appends, for every ball nearer than `margin` to the tube, its nearest body point; allocates only to grow `out`.
     pub fn contacts_within(
         &self,
         backbone: &Backbone,
@@ -87,61 +65,57 @@ impl Scene {
         let first = out.len();
         let reach = tube_radius + margin;
         for section in 0..SECTIONS {
-            let bounds = Bounds::of(backbone, section);
-            self.for_each_near(&bounds.middle, bounds.half_length + reach, |index, ball| {
-                if bounds.gap(ball) < reach
-                    && let Some(contact) =
-                        contact(backbone, section, tube_radius, index, ball, margin)
-                    && let Some(new) = keep_nearest(&mut out[first..], contact)
-                {
-                    out.push(new);
+            let half_length = 0.5 * backbone.section_length(section);
+            let middle = backbone.middle(section);
+            self.for_each_near(&middle, half_length + reach, |index, ball| {
+                let gap = (ball.centre - middle).norm() - half_length - ball.radius;
+                if gap < reach && surface_distance(backbone, section, ball) < reach {
+                    let contact = self.contact(backbone, tube_radius, section, index);
+                    keep_nearest(out, first, contact);
                 }
             });
         }
     }
 
-    /// The deepest contact, if any ball is there at all.
-    #[must_use]
-    pub fn deepest(&self, backbone: &Backbone, tube_radius: f64) -> Option<Contact> {
-        let all = (0..SECTIONS)
-            .flat_map(|s| self.balls().iter().enumerate().map(move |(i, b)| (s, i, b)));
-        all.filter_map(|(s, i, b)| contact(backbone, s, tube_radius, i, b, f64::INFINITY))
-            .min_by(|a, b| a.clearance.total_cmp(&b.clearance))
+    /// Index of the ball nearest to a section, and the distance from the backbone to its surface.
+    ///
+    /// Every point of the section is within half its length of its middle.
+    fn nearest_ball(&self, backbone: &Backbone, section: usize) -> Option<(usize, f64)> {
+        let half_length = 0.5 * backbone.section_length(section);
+        self.least(&backbone.middle(section), half_length, |ball| {
+            surface_distance(backbone, section, ball)
+        })
     }
-}
 
-/// Replaces the contact of the same ball if the new one is nearer; gives the new one back if its ball is new.
-fn keep_nearest(contacts: &mut [Contact], new: Contact) -> Option<Contact> {
-    match contacts.iter_mut().find(|c| c.ball == new.ball) {
-        Some(known) => {
-            if new.clearance < known.clearance {
-                *known = new;
-            }
-            None
+    fn contact(
+        &self,
+        backbone: &Backbone,
+        tube_radius: f64,
+        section: usize,
+        index: usize,
+    ) -> Contact {
+        let ball = &self.balls()[index];
+        let nearest = backbone.nearest(section, &ball.centre);
+        let away = nearest.point - ball.centre;
+        Contact {
+            clearance: nearest.distance - ball.radius - tube_radius,
+            section,
+            fraction: nearest.fraction,
+            ball: index,
+            normal: away.try_normalize(1e-12).unwrap_or_else(Point::x),
         }
-        None => Some(new),
     }
 }
 
-fn contact(
-    backbone: &Backbone,
-    section: usize,
-    tube_radius: f64,
-    index: usize,
-    ball: &Ball,
-    margin: f64,
-) -> Option<Contact> {
-    if backbone.distance(section, &ball.centre) - ball.radius - tube_radius >= margin {
-        return None;
+fn surface_distance(backbone: &Backbone, section: usize, ball: &Ball) -> f64 {
+    backbone.distance(section, &ball.centre) - ball.radius
+}
+
+/// Adds a contact, or replaces that of the same ball among those from `first` on if the new one is nearer.
+fn keep_nearest(contacts: &mut Vec<Contact>, first: usize, new: Contact) {
+    match contacts[first..].iter_mut().find(|c| c.ball == new.ball) {
+        Some(known) if new.clearance < known.clearance => *known = new,
+        Some(_) => {}
+        None => contacts.push(new),
     }
-    let nearest = backbone.nearest(section, &ball.centre);
-    let away = nearest.point - ball.centre;
-    let normal = away.try_normalize(1e-12).unwrap_or_else(Point::x);
-    Some(Contact {
-        clearance: nearest.distance - ball.radius - tube_radius,
-        section,
-        fraction: nearest.fraction,
-        ball: index,
-        normal,
-    })
 }

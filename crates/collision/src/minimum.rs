@@ -1,13 +1,16 @@
 //! The smallest clearance of a whole motion, by branch and bound.
 
-use crate::certificate::segment_displacement;
+use crate::bound::{Displacement, curve_turns};
 use crate::scene::Scene;
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, Robot, SECTIONS};
 use trajectory::{QuinticSegment, Trajectory};
 
-/// Smallest clearance over the body and the motion, at most `tolerance` above the true minimum; infinite in an empty scene.
+/// Finest tolerance, as a part of the robot's length: below it the search would only measure rounding.
+const FINEST_TOLERANCE: f64 = 1e-6;
+
+/// Smallest clearance over the body and the motion: at most `tolerance` below the true minimum, never above it.
 ///
-/// Between two configurations with clearances a and b that are Λ apart, no clearance is below (a + b − Λ)/2.
+/// `tolerance` is a length, and taken as 1e-6 of the robot's length if it is smaller. +∞ in an empty scene.
 #[must_use]
 pub fn minimum_clearance(
     robot: &Robot,
@@ -18,37 +21,55 @@ pub fn minimum_clearance(
     if scene.is_empty() {
         return f64::INFINITY;
     }
-    let at = |q: &Configuration| scene.clearance(&robot.backbone(q), robot.tube_radius);
-    let ends: Vec<f64> = trajectory.knots().iter().map(|k| at(&k.position)).collect();
-    let mut least = ends.iter().copied().fold(f64::INFINITY, f64::min);
-    for (i, segment) in trajectory.segments().enumerate() {
-        refine(
-            robot,
-            &at,
-            &segment,
-            [ends[i], ends[i + 1]],
-            tolerance,
-            &mut least,
-        );
+    let robot_length: f64 = robot.section_lengths.iter().sum();
+    let mut search = Search {
+        robot,
+        scene,
+        tolerance: tolerance.max(FINEST_TOLERANCE * robot_length),
+        attained: f64::INFINITY,
+        lower_bound: f64::INFINITY,
+    };
+    let mut from = search.clearances(&trajectory.knots()[0].position);
+    for segment in trajectory.segments() {
+        let to = search.clearances(&segment.control[5]);
+        search.refine(&segment, &from, &to);
+        from = to;
     }
-    least
+    search.attained.min(search.lower_bound)
 }
 
-fn refine(
-    robot: &Robot,
-    at: &impl Fn(&Configuration) -> f64,
-    segment: &QuinticSegment,
-    ends: [f64; 2],
+struct Search<'a> {
+    robot: &'a Robot,
+    scene: &'a Scene,
     tolerance: f64,
-    least: &mut f64,
-) {
-    let lowest = 0.5 * (ends[0] + ends[1] - segment_displacement(robot, segment).largest());
-    if lowest >= *least - tolerance {
-        return;
+    attained: f64,
+    /// Of all that was not refined further.
+    lower_bound: f64,
+}
+
+impl Search<'_> {
+    fn clearances(&mut self, shape: &Configuration) -> [f64; SECTIONS] {
+        let backbone = self.robot.backbone(shape);
+        let clearances = self
+            .scene
+            .section_clearances(&backbone, self.robot.tube_radius);
+        self.attained = clearances.into_iter().fold(self.attained, f64::min);
+        clearances
     }
-    let (first, second) = segment.halves();
-    let middle = at(&second.control[0]);
-    *least = least.min(middle);
-    refine(robot, at, &first, [ends[0], middle], tolerance, least);
-    refine(robot, at, &second, [middle, ends[1]], tolerance, least);
+
+    /// Between two configurations with clearances a and b, whose motion is bounded by Λ, none is below (a + b − Λ)/2.
+    fn refine(&mut self, curve: &QuinticSegment, from: &[f64; SECTIONS], to: &[f64; SECTIONS]) {
+        let displacement = Displacement::of_turns(self.robot, curve_turns(curve));
+        let lowest = (0..SECTIONS)
+            .map(|k| 0.5 * (from[k] + to[k] - displacement.sections[k]))
+            .fold(f64::INFINITY, f64::min);
+        if lowest >= self.attained - self.tolerance {
+            self.lower_bound = self.lower_bound.min(lowest);
+            return;
+        }
+        let (first, second) = curve.halves();
+        let between = self.clearances(&second.control[0]);
+        self.refine(&first, from, &between);
+        self.refine(&second, &between, to);
+    }
 }

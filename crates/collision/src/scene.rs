@@ -47,6 +47,7 @@ pub enum SceneError {
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     balls: Vec<Ball>,
+    largest_radius: f64,
     tree: Option<Bvh>,
 }
 
@@ -59,21 +60,23 @@ impl Scene {
         if balls.len() > MAX_BALLS {
             return Err(SceneError::Count { count: balls.len() });
         }
-        for (index, b) in balls.iter().enumerate() {
-            if !(b.centre.iter().all(|v| v.is_finite()) && b.radius.is_finite() && b.radius >= 0.0)
-            {
-                return Err(SceneError::Ball {
-                    index,
-                    centre: b.centre.into(),
-                    radius: b.radius,
-                });
-            }
+        if let Some(index) = balls.iter().position(|ball| !is_allowed(ball)) {
+            return Err(SceneError::Ball {
+                index,
+                centre: balls[index].centre.into(),
+                radius: balls[index].radius,
+            });
         }
         let tree = (balls.len() > SCAN_UP_TO).then(|| {
             let boxes: Vec<Aabb> = balls.iter().map(|b| cube(&b.centre, b.radius)).collect();
             Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)
         });
-        Ok(Self { balls, tree })
+        let largest_radius = balls.iter().map(|b| b.radius).fold(0.0, f64::max);
+        Ok(Self {
+            balls,
+            largest_radius,
+            tree,
+        })
     }
 
     /// The balls, in the order given.
@@ -88,12 +91,54 @@ impl Scene {
         self.balls.is_empty()
     }
 
-    /// Whether the scene is large enough to be searched through the tree.
-    pub(crate) fn is_large(&self) -> bool {
-        self.tree.is_some()
+    /// Index and cost of the ball of least `cost`, if there is any ball.
+    ///
+    /// `cost` must be at least the signed distance from `centre` to the ball's surface minus `reach`: the balls
+    /// for which that exceeds the least cost found are passed over.
+    pub(crate) fn least(
+        &self,
+        centre: &Point,
+        reach: f64,
+        cost: impl Fn(&Ball) -> f64,
+    ) -> Option<(usize, f64)> {
+        match &self.tree {
+            None => self.least_by_scan(centre, reach, cost),
+            Some(tree) => {
+                let from = DVec3::from(*centre);
+                let deepest = -self.largest_radius;
+                let node_cost = |gap: f64| if gap > 0.0 { gap } else { deepest } - reach;
+                tree.find_best(
+                    f64::MAX,
+                    |node, _| node_cost(gap_to_box(&from, &node.aabb())),
+                    |i, best| {
+                        let ball = &self.balls[i as usize];
+                        may_cost_less(ball, centre, reach, best).then(|| cost(ball))
+                    },
+                )
+                .map(|(i, least)| (i as usize, least))
+            }
+        }
     }
 
-    /// Calls `visit` with every ball that comes within `reach` of `centre` (and possibly some others).
+    fn least_by_scan(
+        &self,
+        centre: &Point,
+        reach: f64,
+        cost: impl Fn(&Ball) -> f64,
+    ) -> Option<(usize, f64)> {
+        let mut least: Option<(usize, f64)> = None;
+        for (i, ball) in self.balls.iter().enumerate() {
+            if least.is_none_or(|(_, best)| may_cost_less(ball, centre, reach, best)) {
+                let cost = cost(ball);
+                if least.is_none_or(|(_, best)| cost < best) {
+                    least = Some((i, cost));
+                }
+            }
+        }
+        least
+    }
+
+    /// Calls `visit` with every ball whose surface comes within `reach` of `centre` (and possibly some others).
     pub(crate) fn for_each_near(
         &self,
         centre: &Point,
@@ -102,13 +147,25 @@ impl Scene {
     ) {
         match &self.tree {
             None => self.balls.iter().enumerate().for_each(|(i, b)| visit(i, b)),
-            Some(tree) => {
-                let region = cube(centre, reach);
-                tree.intersect_aabb(&region)
-                    .for_each(|i| visit(i as usize, &self.balls[i as usize]));
-            }
+            Some(tree) => tree
+                .intersect_aabb(&cube(centre, reach))
+                .for_each(|i| visit(i as usize, &self.balls[i as usize])),
         }
     }
+}
+
+fn is_allowed(ball: &Ball) -> bool {
+    ball.centre.iter().all(|v| v.is_finite()) && ball.radius.is_finite() && ball.radius >= 0.0
+}
+
+/// Whether the signed distance from `centre` to the surface, minus `reach`, is below `best`; without a square root.
+fn may_cost_less(ball: &Ball, centre: &Point, reach: f64, best: f64) -> bool {
+    let limit = best + reach + ball.radius;
+    limit > 0.0 && (ball.centre - centre).norm_squared() < limit * limit
+}
+
+fn gap_to_box(from: &DVec3, aabb: &Aabb) -> f64 {
+    (from.clamp(aabb.mins, aabb.maxs) - from).length()
 }
 
 fn cube(centre: &Point, half: f64) -> Aabb {

@@ -1,0 +1,260 @@
+//! The certificate for a chain of curves: bisection in time.
+//!
+//! A point of section k moves by at most Λ_k during an interval, so with clearances d_k(a) and d_k(b) at its ends no
+//! contact is possible if d_k(a) + d_k(b) > Λ_k for every section and obstacle. Else the interval is halved, to a depth;
+//! what stays undecided counts as colliding. Nothing here allocates.
+
+use crate::bound::{Displacement, add, curve_turns};
+use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
+use trajectory::{Knot, QuinticSegment};
+
+/// Bisections of one piece.
+pub(crate) const DEPTH: u32 = 10;
+/// Pieces whose bounds are kept at once, on the stack.
+const BLOCK: usize = 48;
+
+/// What is known of a motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Verdict {
+    /// No contact is possible.
+    Free,
+    /// There is contact.
+    Colliding {
+        /// Where: the time of a trajectory (s), the index and fraction of a polyline's edge, the fraction of an edge.
+        at: f64,
+    },
+    /// Too close to decide.
+    Undecided {
+        /// Where, as above.
+        at: f64,
+    },
+}
+
+impl Verdict {
+    /// Whether the motion is certified.
+    #[must_use]
+    pub fn is_free(self) -> bool {
+        self == Self::Free
+    }
+}
+
+/// What a motion is certified against.
+pub(crate) trait Obstacles {
+    /// Clearances at one instant.
+    type Clearances;
+
+    fn clearances(&self, backbone: &Backbone, time: f64) -> Self::Clearances;
+
+    /// Whether there is contact.
+    fn touch(clearances: &Self::Clearances) -> bool;
+
+    /// Whether the clearances at both ends of an interval leave no room for contact during it.
+    fn are_clear(
+        &self,
+        from: &Self::Clearances,
+        to: &Self::Clearances,
+        displacement: &Displacement,
+        duration: f64,
+    ) -> bool;
+}
+
+/// A curve and the time at which it begins.
+pub(crate) struct Piece {
+    begin: f64,
+    curve: QuinticSegment,
+}
+
+impl Piece {
+    pub(crate) fn between(from: &Knot, to: &Knot) -> Self {
+        Self {
+            begin: from.time,
+            curve: QuinticSegment::between(from, to),
+        }
+    }
+
+    /// A straight edge, passed in unit time.
+    pub(crate) fn edge(from: &Configuration, to: &Configuration, begin: f64) -> Self {
+        let step = (to - from) * 0.2;
+        let duration = 1.0;
+        let control = [
+            *from,
+            from + step,
+            from + step * 2.0,
+            to - step * 2.0,
+            to - step,
+            *to,
+        ];
+        Self {
+            begin,
+            curve: QuinticSegment { duration, control },
+        }
+    }
+
+    /// What is left from `time` on, which is clamped to the piece (de Casteljau).
+    pub(crate) fn remaining(&self, time: f64) -> Self {
+        let passed = (time - self.begin).clamp(0.0, self.curve.duration);
+        let fraction = passed / self.curve.duration;
+        let mut control = self.curve.control;
+        for last in (0..control.len() - 1).rev() {
+            for i in 0..=last {
+                control[i] = control[i].lerp(&control[i + 1], fraction);
+            }
+        }
+        let duration = self.curve.duration - passed;
+        Self {
+            begin: self.begin + passed,
+            curve: QuinticSegment { duration, control },
+        }
+    }
+
+    fn halves(&self) -> (Self, Self) {
+        let (first, second) = self.curve.halves();
+        let middle = self.begin + first.duration;
+        (
+            Self {
+                begin: self.begin,
+                curve: first,
+            },
+            Self {
+                begin: middle,
+                curve: second,
+            },
+        )
+    }
+
+    fn start(&self) -> &Configuration {
+        &self.curve.control[0]
+    }
+
+    fn end(&self) -> f64 {
+        self.begin + self.curve.duration
+    }
+}
+
+/// Certifies pieces that follow each other.
+pub(crate) struct Certifier<'a, O> {
+    pub(crate) robot: &'a Robot,
+    pub(crate) obstacles: O,
+    pub(crate) depth: u32,
+}
+
+/// Some pieces of a chain, from index `first` on, with bounds on the ways of their bending pairs and their durations.
+struct Run<'a> {
+    first: usize,
+    turns: &'a [[f64; SECTIONS]],
+    durations: &'a [f64],
+}
+
+impl Run<'_> {
+    fn halves(&self) -> (Self, Self) {
+        let half = self.turns.len() / 2;
+        let ((turns, later_turns), (durations, later_durations)) =
+            (self.turns.split_at(half), self.durations.split_at(half));
+        (
+            Self {
+                first: self.first,
+                turns,
+                durations,
+            },
+            Self {
+                first: self.first + half,
+                turns: later_turns,
+                durations: later_durations,
+            },
+        )
+    }
+}
+
+impl<O: Obstacles> Certifier<'_, O> {
+    /// Certifies the pieces 0 to `count` − 1 given by `piece`, each beginning where the one before it ends.
+    pub(crate) fn chain(&self, count: usize, piece: &impl Fn(usize) -> Piece) -> Verdict {
+        let start = piece(0);
+        let mut from = self.clearances(start.start(), start.begin);
+        if O::touch(&from) {
+            return Verdict::Colliding { at: start.begin };
+        }
+        for first in (0..count).step_by(BLOCK) {
+            let (mut turns, mut durations) = ([[0.0; SECTIONS]; BLOCK], [0.0; BLOCK]);
+            let length = BLOCK.min(count - first);
+            for i in 0..length {
+                let Piece { curve, .. } = piece(first + i);
+                (turns[i], durations[i]) = (curve_turns(&curve), curve.duration);
+            }
+            let last = piece(first + length - 1);
+            let to = self.clearances(&last.curve.control[5], last.end());
+            if O::touch(&to) {
+                return Verdict::Colliding { at: last.end() };
+            }
+            let run = Run {
+                first,
+                turns: &turns[..length],
+                durations: &durations[..length],
+            };
+            let verdict = self.run(piece, &run, &from, &to);
+            if !verdict.is_free() {
+                return verdict;
+            }
+            from = to;
+        }
+        Verdict::Free
+    }
+
+    fn clearances(&self, shape: &Configuration, time: f64) -> O::Clearances {
+        self.obstacles.clearances(&self.robot.backbone(shape), time)
+    }
+
+    fn run(
+        &self,
+        piece: &impl Fn(usize) -> Piece,
+        run: &Run<'_>,
+        from: &O::Clearances,
+        to: &O::Clearances,
+    ) -> Verdict {
+        if run.turns.len() == 1 {
+            return self.piece(&piece(run.first), from, to, self.depth);
+        }
+        let turns = run.turns.iter().copied().fold([0.0; SECTIONS], add);
+        let displacement = Displacement::of_turns(self.robot, turns);
+        let duration = run.durations.iter().sum();
+        if self.obstacles.are_clear(from, to, &displacement, duration) {
+            return Verdict::Free;
+        }
+        let (earlier, later) = run.halves();
+        let middle = piece(later.first);
+        let between = self.clearances(middle.start(), middle.begin);
+        if O::touch(&between) {
+            return Verdict::Colliding { at: middle.begin };
+        }
+        match self.run(piece, &earlier, from, &between) {
+            Verdict::Free => self.run(piece, &later, &between, to),
+            found => found,
+        }
+    }
+
+    fn piece(
+        &self,
+        piece: &Piece,
+        from: &O::Clearances,
+        to: &O::Clearances,
+        depth: u32,
+    ) -> Verdict {
+        let displacement = Displacement::of_turns(self.robot, curve_turns(&piece.curve));
+        let duration = piece.curve.duration;
+        if self.obstacles.are_clear(from, to, &displacement, duration) {
+            return Verdict::Free;
+        }
+        let (first, second) = piece.halves();
+        let at = second.begin;
+        if depth == 0 {
+            return Verdict::Undecided { at };
+        }
+        let between = self.clearances(second.start(), at);
+        if O::touch(&between) {
+            return Verdict::Colliding { at };
+        }
+        match self.piece(&first, from, &between, depth - 1) {
+            Verdict::Free => self.piece(&second, &between, to, depth - 1),
+            found => found,
+        }
+    }
+}

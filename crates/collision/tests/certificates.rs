@@ -1,0 +1,380 @@
+//! Certificates against dense sampling: what is certified never collides, what is called colliding does.
+#![allow(clippy::unwrap_used)]
+
+mod motions;
+
+use collision::{
+    Ball, Displacement, Scene, Verdict, certify_edge, certify_polyline, certify_trajectory,
+    minimum_clearance, tracking_growth,
+};
+use motions::{motion, random, sampled_clearance, scene, shape, step, uneven_robot, unit_robot};
+use pcc_model::{Configuration, Point, Robot, SECTIONS};
+use rand::RngExt;
+use std::f64::consts::FRAC_PI_2;
+use trajectory::{Knot, Trajectory};
+
+/// How often each verdict was given.
+#[derive(Debug, Default)]
+struct Tally {
+    free: usize,
+    colliding: usize,
+    undecided: usize,
+}
+
+impl Tally {
+    fn count(&mut self, verdict: Verdict) {
+        match verdict {
+            Verdict::Free => self.free += 1,
+            Verdict::Colliding { .. } => self.colliding += 1,
+            Verdict::Undecided { .. } => self.undecided += 1,
+        }
+    }
+}
+
+fn clearance(robot: &Robot, scene: &Scene, shape: &Configuration) -> f64 {
+    scene.clearance(&robot.backbone(shape), robot.tube_radius)
+}
+
+fn ball(x: f64, y: f64, z: f64, radius: f64) -> Ball {
+    Ball {
+        centre: Point::new(x, y, z),
+        radius,
+    }
+}
+
+/// An eighth-turn of the whole robot towards +x or, for a negative angle, −x.
+fn leaning(angle: f64) -> Configuration {
+    Configuration::from_row_slice(&[0.0, angle, 0.0, angle, 0.0, angle])
+}
+
+#[test]
+fn no_body_point_moves_further_than_the_bound() {
+    let (robot, mut random) = (uneven_robot(), random(1));
+    let mut tightest: f64 = 0.0;
+    for _ in 0..20_000 {
+        let a = shape(&mut random, FRAC_PI_2);
+        let length = random.random_range(1e-3..1.0);
+        let mut b = a;
+        if random.random() {
+            b[random.random_range(0..6)] += length;
+        } else {
+            b += step(&mut random, length);
+        }
+        let bound = Displacement::of_edge(&robot, &a, &b).sections;
+        let (from, to) = (robot.backbone(&a), robot.backbone(&b));
+        for (section, bound) in bound.into_iter().enumerate() {
+            let fraction = if random.random() {
+                1.0
+            } else {
+                random.random()
+            };
+            let moved = (to.point(section, fraction) - from.point(section, fraction)).norm();
+            assert!(moved <= bound * (1.0 + 1e-12));
+            tightest = tightest.max(moved / bound);
+        }
+    }
+    assert!(
+        tightest > 0.99,
+        "a bound that is never met is too wide: {tightest}"
+    );
+}
+
+#[test]
+fn the_bound_is_exact_to_first_order_where_a_straight_robot_begins_to_bend() {
+    let robot = uneven_robot();
+    let (straight, mut bent) = (Configuration::zeros(), Configuration::zeros());
+    bent[1] = 1e-6;
+    let bound = Displacement::of_edge(&robot, &straight, &bent).sections;
+    for (section, expected) in [0.5e-6, 1.2e-6, 2.5e-6].into_iter().enumerate() {
+        let [from, to] = [&straight, &bent].map(|q| robot.backbone(q).point(section, 1.0));
+        assert!((bound[section] - expected).abs() < 1e-18);
+        assert!(((to - from).norm() - expected).abs() < 1e-15);
+    }
+}
+
+#[test]
+fn certified_edges_never_collide() {
+    let (robot, mut random) = (uneven_robot(), random(2));
+    let mut tally = Tally::default();
+    let mut closest = f64::INFINITY;
+    for i in 0..20_000 {
+        let scene = scene(&mut random, [2, 4, 8, 16][i % 4], 0.05..0.5);
+        let a = shape(&mut random, FRAC_PI_2);
+        let b = a + step(&mut random, [0.1, 0.5, 2.0][i % 3]);
+        let verdict = certify_edge(&robot, &scene, &a, &b, 10);
+        tally.count(verdict);
+        match verdict {
+            Verdict::Free => {
+                for k in 0..=60 {
+                    let between = a.lerp(&b, f64::from(k) / 60.0);
+                    let clearance = clearance(&robot, &scene, &between);
+                    assert!(clearance > 0.0, "edge {i} collides: {clearance}");
+                    closest = closest.min(clearance);
+                }
+            }
+            Verdict::Colliding { at } => {
+                assert!(
+                    clearance(&robot, &scene, &a.lerp(&b, at)) < 1e-12,
+                    "edge {i}"
+                );
+            }
+            Verdict::Undecided { at } => {
+                assert!(
+                    clearance(&robot, &scene, &a.lerp(&b, at)).abs() < 0.01,
+                    "edge {i}"
+                );
+            }
+        }
+    }
+    assert!(tally.free > 5_000 && tally.colliding > 5_000, "{tally:?}");
+    assert!(tally.undecided < 20, "{tally:?}");
+    assert!(closest < 1e-3, "no edge came near: {closest}");
+}
+
+#[test]
+fn a_deeper_search_never_takes_a_certificate_back() {
+    let (robot, mut random) = (uneven_robot(), random(3));
+    let mut gained = 0;
+    for _ in 0..2_000 {
+        let scene = scene(&mut random, 2, 0.05..0.5);
+        let (a, b) = (shape(&mut random, 1.5), shape(&mut random, 1.5));
+        let free = [0, 2, 4, 8].map(|depth| certify_edge(&robot, &scene, &a, &b, depth).is_free());
+        assert!(free.windows(2).all(|pair| pair[0] <= pair[1]), "{free:?}");
+        gained += usize::from(free[3] && !free[0]);
+    }
+    assert!(gained > 100, "{gained}");
+}
+
+#[test]
+fn a_polyline_is_its_edges() {
+    let (robot, mut random) = (uneven_robot(), random(4));
+    let mut tally = Tally::default();
+    for i in 0..500 {
+        let scene = scene(&mut random, 8, 0.05..0.4);
+        let mut points = vec![shape(&mut random, FRAC_PI_2)];
+        for _ in 0..1 + i % 120 {
+            let next = points[points.len() - 1] + step(&mut random, 0.04);
+            points.push(next);
+        }
+        let verdict = certify_polyline(&robot, &scene, &points);
+        tally.count(verdict);
+        let edges_are_free = points
+            .windows(2)
+            .all(|edge| certify_edge(&robot, &scene, &edge[0], &edge[1], 10).is_free());
+        assert_eq!(verdict.is_free(), edges_are_free);
+        if let Verdict::Colliding { at } = verdict {
+            let edge = (at as usize).min(points.len() - 2);
+            let place = points[edge].lerp(&points[edge + 1], at - edge as f64);
+            assert!(clearance(&robot, &scene, &place) < 1e-12);
+        }
+    }
+    assert!(tally.free > 100 && tally.colliding > 100, "{tally:?}");
+}
+
+#[test]
+fn certified_curves_never_collide() {
+    let (robot, mut random) = (uneven_robot(), random(5));
+    let mut tally = Tally::default();
+    for i in 0..2_000 {
+        let count = [1, 2, 4, 30][i % 4];
+        let scene = scene(&mut random, count, 0.02..0.6 / (count as f64).sqrt());
+        let motion = motion(&mut random);
+        let verdict = certify_trajectory(&robot, &scene, &motion, 0.0, 0.0);
+        tally.count(verdict);
+        let sampled = sampled_clearance(&robot, &scene, &motion, 0.0, 300);
+        match verdict {
+            Verdict::Free => assert!(sampled > 0.0, "curve {i} collides: {sampled}"),
+            Verdict::Colliding { at } => {
+                let there = clearance(&robot, &scene, &motion.at(at).position);
+                assert!(there < 1e-12, "curve {i} is free at {at} s: {there}");
+            }
+            Verdict::Undecided { .. } => assert!(sampled < 0.01, "curve {i}: {sampled}"),
+        }
+    }
+    assert!(tally.free > 500 && tally.colliding > 500, "{tally:?}");
+    assert!(tally.undecided < 10, "{tally:?}");
+}
+
+#[test]
+fn what_lies_before_the_time_asked_for_does_not_count() {
+    let (robot, mut random) = (uneven_robot(), random(6));
+    let (mut escaped, mut caught) = (0, 0);
+    for _ in 0..1_000 {
+        let scene = scene(&mut random, 3, 0.05..0.4);
+        let motion = motion(&mut random);
+        let from_time = motion.duration() * random.random_range(0.0..1.0);
+        let verdict = certify_trajectory(&robot, &scene, &motion, from_time, 0.0);
+        let sampled = sampled_clearance(&robot, &scene, &motion, from_time, 300);
+        let whole = certify_trajectory(&robot, &scene, &motion, 0.0, 0.0);
+        match verdict {
+            Verdict::Free => {
+                assert!(sampled > 0.0);
+                escaped += usize::from(!whole.is_free());
+            }
+            Verdict::Colliding { at } => {
+                assert!(!whole.is_free() && at >= from_time);
+                assert!(clearance(&robot, &scene, &motion.at(at).position) < 1e-9);
+                caught += 1;
+            }
+            Verdict::Undecided { .. } => assert!(sampled < 0.01, "{sampled}"),
+        }
+    }
+    assert!(escaped > 50 && caught > 100, "{escaped} {caught}");
+}
+
+#[test]
+fn growth_covers_every_body_within_the_path_tolerance() {
+    let (robot, mut random) = (uneven_robot(), random(7));
+    let tolerance = 0.03;
+    let growth = tracking_growth(&robot, tolerance);
+    let (mut certified, mut closest) = (0, f64::INFINITY);
+    for _ in 0..300 {
+        let scene = scene(&mut random, 2, 0.05..0.4);
+        let motion = motion(&mut random);
+        if !certify_trajectory(&robot, &scene, &motion, 0.0, growth).is_free() {
+            continue;
+        }
+        certified += 1;
+        for _ in 0..200 {
+            let mut measured = motion
+                .at(motion.duration() * random.random::<f64>())
+                .position;
+            for i in 0..SECTIONS {
+                let direction = random.random_range(0.0..std::f64::consts::TAU);
+                measured[2 * i] += tolerance * direction.cos();
+                measured[2 * i + 1] += tolerance * direction.sin();
+            }
+            let clearance = clearance(&robot, &scene, &measured);
+            assert!(clearance > 0.0, "{clearance}");
+            closest = closest.min(clearance);
+        }
+    }
+    assert!(certified > 50 && closest < growth, "{certified} {closest}");
+}
+
+#[test]
+fn tracking_growth_is_the_motion_of_the_tip_of_the_straight_robot() {
+    let robot = unit_robot();
+    assert!((tracking_growth(&robot, 0.01) - 0.01 * (2.5 + 1.5 + 0.5)).abs() < 1e-15);
+    assert_eq!(tracking_growth(&robot, 0.0), 0.0);
+}
+
+#[test]
+fn a_motion_at_rest_is_free_exactly_if_its_shape_is() {
+    let robot = unit_robot();
+    let straight = Configuration::zeros();
+    let knots = [0.0, 1.0].map(|time| Knot {
+        time,
+        position: straight,
+        velocity: Configuration::zeros(),
+        acceleration: Configuration::zeros(),
+    });
+    let motion = Trajectory::new(knots.to_vec()).unwrap();
+    for (x, free) in [(0.5 + 1e-9, true), (0.5, false), (0.5 - 1e-9, false)] {
+        let scene = Scene::new(vec![ball(x, 0.0, 1.5, 0.3)]).unwrap();
+        assert_eq!(
+            certify_edge(&robot, &scene, &straight, &straight, 10).is_free(),
+            free
+        );
+        assert_eq!(
+            certify_polyline(&robot, &scene, &[straight]).is_free(),
+            free
+        );
+        for from_time in [-1.0, 0.0, 0.3, 1.0, 7.0] {
+            let verdict = certify_trajectory(&robot, &scene, &motion, from_time, 0.0);
+            assert_eq!(verdict.is_free(), free, "from {from_time} s");
+        }
+    }
+}
+
+#[test]
+fn a_ball_between_two_free_shapes_is_found() {
+    let robot = unit_robot();
+    let scene = Scene::new(vec![ball(0.0, 0.0, 3.3, 0.12)]).unwrap();
+    let (a, b) = (leaning(-0.4), leaning(0.4));
+    assert!(clearance(&robot, &scene, &a) > 0.0 && clearance(&robot, &scene, &b) > 0.0);
+    let verdict = certify_edge(&robot, &scene, &a, &b, 10);
+    assert_eq!(verdict, Verdict::Colliding { at: 0.5 });
+    let undecided = certify_edge(&robot, &scene, &a, &b, 0);
+    assert_eq!(undecided, Verdict::Undecided { at: 0.5 });
+    let points = [a, b, a];
+    let verdict = certify_polyline(&robot, &scene, &points);
+    assert_eq!(verdict, Verdict::Colliding { at: 0.5 });
+}
+
+#[test]
+fn nothing_to_hit_is_free() {
+    let (robot, empty) = (unit_robot(), Scene::default());
+    let (a, b) = (leaning(-0.4), leaning(0.4));
+    assert!(certify_edge(&robot, &empty, &a, &b, 0).is_free());
+    assert!(certify_polyline(&robot, &empty, &[a, b]).is_free());
+    let scene = Scene::new(vec![ball(0.0, 0.0, 9.0, 0.1)]).unwrap();
+    assert!(certify_polyline(&robot, &scene, &[]).is_free());
+}
+
+#[test]
+fn shapes_that_are_not_finite_are_never_certified() {
+    let robot = unit_robot();
+    let scene = Scene::new(vec![ball(5.0, 0.0, 0.0, 0.1)]).unwrap();
+    let (good, mut bad) = (leaning(0.1), leaning(0.2));
+    bad[3] = f64::NAN;
+    for (a, b) in [(good, bad), (bad, good), (bad, bad)] {
+        assert!(!certify_edge(&robot, &scene, &a, &b, 10).is_free());
+        assert!(!certify_polyline(&robot, &scene, &[a, b, a]).is_free());
+    }
+}
+
+#[test]
+fn verdicts_do_not_depend_on_the_unit_of_length() {
+    let (robot, mut random) = (unit_robot(), random(8));
+    let small = robot.scaled(0.2567);
+    for i in 0..300 {
+        let scene = scene(&mut random, [3, 40][i % 2], 0.05..0.2);
+        let scaled = scene.balls().iter().map(|b| Ball {
+            centre: b.centre * 0.2567,
+            radius: b.radius * 0.2567,
+        });
+        let scaled = Scene::new(scaled.collect()).unwrap();
+        let motion = motion(&mut random);
+        assert_eq!(
+            certify_trajectory(&robot, &scene, &motion, 0.0, 0.0),
+            certify_trajectory(&small, &scaled, &motion, 0.0, 0.0)
+        );
+    }
+}
+
+#[test]
+fn minimum_clearance_is_below_dense_sampling_by_no_more_than_the_tolerance() {
+    let (robot, mut random) = (uneven_robot(), random(9));
+    for i in 0..300 {
+        let scene = scene(&mut random, [1, 4, 40][i % 3], 0.05..0.4);
+        let motion = motion(&mut random);
+        let sampled = sampled_clearance(&robot, &scene, &motion, 0.0, 2_000);
+        for tolerance in [0.1, 1e-3] {
+            let minimum = minimum_clearance(&robot, &scene, &motion, tolerance);
+            assert!(minimum <= sampled + 1e-12, "{minimum} {sampled}");
+            assert!(minimum >= sampled - tolerance - 2e-3, "{minimum} {sampled}");
+        }
+        let minimum = minimum_clearance(&robot, &scene, &motion, 1e-4);
+        let verdict = certify_trajectory(&robot, &scene, &motion, 0.0, 0.0);
+        if minimum > 0.01 {
+            assert!(verdict.is_free(), "{minimum} {verdict:?}");
+        } else if minimum < -1e-4 {
+            assert!(!verdict.is_free(), "{minimum}");
+        }
+    }
+}
+
+#[test]
+fn minimum_clearance_ends_at_any_tolerance() {
+    let robot = unit_robot();
+    let scene = Scene::new(vec![ball(1.0, 0.0, 1.0, 0.3)]).unwrap();
+    let motion = motion(&mut random(10));
+    let coarse = minimum_clearance(&robot, &scene, &motion, 1e-5);
+    let finest = minimum_clearance(&robot, &scene, &motion, 0.0);
+    assert!((coarse - finest).abs() <= 1e-5);
+    assert_eq!(
+        minimum_clearance(&robot, &Scene::default(), &motion, 1e-3),
+        f64::INFINITY
+    );
+}

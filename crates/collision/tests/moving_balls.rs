@@ -1,0 +1,143 @@
+//! The certificate against moving balls, by dense sampling in time.
+#![allow(clippy::unwrap_used)]
+
+mod motions;
+
+use collision::{Ball, MovingBall, Scene, Verdict, certify_moving, certify_trajectory};
+use motions::{ball, motion, random, uneven_robot};
+use pcc_model::{Configuration, Point, Robot};
+use rand::RngExt;
+use rand_pcg::Pcg64;
+use trajectory::{Knot, Trajectory};
+
+fn moving_balls(random: &mut Pcg64, count: usize) -> Vec<MovingBall> {
+    let mut moving = || MovingBall {
+        ball: ball(random, 0.02..0.3),
+        velocity: Point::from_fn(|_, _| random.random_range(-0.5..0.5)),
+    };
+    (0..count).map(|_| moving()).collect()
+}
+
+fn clearance_at(robot: &Robot, balls: &[MovingBall], motion: &Trajectory, time: f64) -> f64 {
+    let backbone = robot.backbone(&motion.at(time).position);
+    let scene = Scene::new(balls.iter().map(|b| b.at(time)).collect()).unwrap();
+    scene.clearance(&backbone, robot.tube_radius)
+}
+
+fn resting(duration: f64) -> Trajectory {
+    let knots = [0.0, duration].map(|time| Knot {
+        time,
+        position: Configuration::zeros(),
+        velocity: Configuration::zeros(),
+        acceleration: Configuration::zeros(),
+    });
+    Trajectory::new(knots.to_vec()).unwrap()
+}
+
+#[test]
+fn certified_motions_never_meet_a_moving_ball() {
+    let (robot, mut random) = (uneven_robot(), random(1));
+    let (mut free, mut colliding, mut undecided) = (0, 0, 0);
+    for i in 0..2_000 {
+        let balls = moving_balls(&mut random, [1, 2, 5, 20][i % 4]);
+        let motion = motion(&mut random);
+        let from_time = motion.duration() * random.random_range(-0.5..0.9_f64).max(0.0);
+        let sample = |k: u32| {
+            let time = from_time + (motion.duration() - from_time) * f64::from(k) / 200.0;
+            clearance_at(&robot, &balls, &motion, time)
+        };
+        match certify_moving(&robot, &balls, &motion, from_time, 0.0) {
+            Verdict::Free => {
+                free += 1;
+                let least = (0..=200).map(sample).fold(f64::INFINITY, f64::min);
+                assert!(least > 0.0, "motion {i} collides: {least}");
+            }
+            Verdict::Colliding { at } => {
+                colliding += 1;
+                assert!(at >= from_time);
+                let there = clearance_at(&robot, &balls, &motion, at);
+                assert!(there < 1e-9, "motion {i} is free at {at} s: {there}");
+            }
+            Verdict::Undecided { .. } => undecided += 1,
+        }
+    }
+    assert!(
+        free > 300 && colliding > 500,
+        "{free} {colliding} {undecided}"
+    );
+    assert!(undecided < 10, "{free} {colliding} {undecided}");
+}
+
+#[test]
+fn a_ball_that_does_not_move_is_a_scene() {
+    let (robot, mut random) = (uneven_robot(), random(2));
+    let mut free = 0;
+    for _ in 0..300 {
+        let mut balls = moving_balls(&mut random, 4);
+        balls.iter_mut().for_each(|b| b.velocity = Point::zeros());
+        let scene = Scene::new(balls.iter().map(|b| b.ball).collect()).unwrap();
+        let motion = motion(&mut random);
+        let growth = random.random_range(0.0..0.1);
+        let verdict = certify_moving(&robot, &balls, &motion, 0.0, growth);
+        let at_rest = certify_trajectory(&robot, &scene, &motion, 0.0, growth);
+        assert_eq!(verdict.is_free(), at_rest.is_free());
+        free += usize::from(verdict.is_free());
+    }
+    assert!((50..250).contains(&free), "{free}");
+}
+
+#[test]
+fn a_ball_that_flies_through_the_resting_robot_is_found() {
+    let robot = uneven_robot();
+    let ball = Ball {
+        centre: Point::new(3.0, 0.0, 1.5),
+        radius: 0.2,
+    };
+    let through = MovingBall {
+        ball,
+        velocity: Point::new(-2.0, 0.0, 0.0),
+    };
+    let past = MovingBall {
+        ball: Ball {
+            centre: Point::new(3.0, 0.32, 1.5),
+            radius: 0.2,
+        },
+        ..through
+    };
+    let motion = resting(3.0);
+    assert!(certify_moving(&robot, &[past], &motion, 0.0, 0.0).is_free());
+    assert!(!certify_moving(&robot, &[past], &motion, 0.0, 0.03).is_free());
+    let verdict = certify_moving(&robot, &[past, through], &motion, 0.0, 0.0);
+    let Verdict::Colliding { at } = verdict else {
+        panic!("{verdict:?}")
+    };
+    assert!(
+        (1.35..=1.65).contains(&at),
+        "contact lasts from 1.35 s to 1.65 s, not {at} s"
+    );
+    assert!(certify_moving(&robot, &[through], &motion, 1.66, 0.0).is_free());
+    assert!(!certify_moving(&robot, &[through], &motion, 1.64, 0.0).is_free());
+}
+
+#[test]
+fn no_balls_are_no_danger_and_unknown_ones_are() {
+    let robot = uneven_robot();
+    let motion = resting(1.0);
+    assert!(certify_moving(&robot, &[], &motion, 0.0, 0.0).is_free());
+    let far = MovingBall {
+        ball: Ball {
+            centre: Point::new(9.0, 0.0, 0.0),
+            radius: 0.1,
+        },
+        velocity: Point::zeros(),
+    };
+    assert!(certify_moving(&robot, &[far], &motion, 0.0, 0.0).is_free());
+    for bad in [f64::NAN, f64::INFINITY] {
+        let mut lost = far;
+        lost.velocity.x = bad;
+        assert!(!certify_moving(&robot, &[lost], &motion, 0.0, 0.0).is_free());
+        let mut lost = far;
+        lost.ball.centre.y = f64::NAN;
+        assert!(!certify_moving(&robot, &[far, lost], &motion, 0.0, 0.0).is_free());
+    }
+}
