@@ -133,11 +133,14 @@ impl Execution {
 
     fn supervise(&mut self) {
         let now = mono_now_ns();
-        self.stop_order.attend(now);
+        let obeyed = self.stop_order.attend(now);
         let Some(supervised) = &mut self.supervised else {
             return;
         };
-        let standing = supervised.standing(self.state.as_ref(), now);
+        let standing = match supervised.standing(self.state.as_ref(), now) {
+            Standing::Awaited if obeyed => Standing::Over("it was taken back before its begin"),
+            standing => standing,
+        };
         if let Standing::Over(reason) = standing {
             tracing::info!("trajectory {} is over: {reason}", supervised.id);
             self.supervised = None;

@@ -1,6 +1,6 @@
 //! The planner daemon's program.
 
-use std::io::stderr;
+use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 
 use anyhow::Context;
@@ -32,6 +32,7 @@ fn main() -> anyhow::Result<()> {
         .from_env_lossy();
     tracing_subscriber::fmt()
         .with_writer(stderr)
+        .with_ansi(stderr().is_terminal())
         .with_env_filter(filter)
         .init();
     let terminated = termination_flag().context("cannot handle signals")?;

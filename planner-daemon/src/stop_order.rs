@@ -46,30 +46,37 @@ impl StopOrder {
         }
     }
 
-    /// Hears the controller's reply.
-    pub(crate) fn attend(&mut self, now_mono_ns: i64) {
-        let Some(pending) = &self.pending else { return };
-        match pending.receive() {
-            Ok(Some(response)) => {
-                let copy: message::CommandReply = *response;
-                match CommandReply::try_from(&copy) {
-                    Ok(reply) if reply.accepted => tracing::info!("the controller stops"),
-                    Ok(reply) => {
-                        tracing::warn!("the controller does not stop: {}", reply.reason);
-                    }
-                    Err(error) => tracing::warn!("the controller's reply is refused: {error}"),
-                }
-                self.pending = None;
-            }
-            Ok(None) if now_mono_ns.saturating_sub(self.given_mono_ns) < REPEAT_NS => {}
+    /// Hears the controller's reply; whether it just said that the order takes effect.
+    pub(crate) fn attend(&mut self, now_mono_ns: i64) -> bool {
+        let Some(pending) = &self.pending else {
+            return false;
+        };
+        let waits = now_mono_ns.saturating_sub(self.given_mono_ns) < REPEAT_NS;
+        let reply: Option<message::CommandReply> = match pending.receive() {
+            Ok(Some(response)) => Some(*response),
+            Ok(None) if waits => return false,
             Ok(None) => {
                 tracing::error!("the controller did not reply to the order to stop");
-                self.pending = None;
+                None
             }
             Err(error) => {
                 tracing::error!("the controller's reply cannot be received: {error:?}");
-                self.pending = None;
+                None
             }
-        }
+        };
+        self.pending = None;
+        reply.as_ref().is_some_and(is_obeyed)
     }
+}
+
+fn is_obeyed(reply: &message::CommandReply) -> bool {
+    match CommandReply::try_from(reply) {
+        Ok(reply) if reply.accepted => {
+            tracing::info!("the controller obeys the order to stop");
+            return true;
+        }
+        Ok(reply) => tracing::warn!("the controller does not stop: {}", reply.reason),
+        Err(error) => tracing::warn!("the controller's reply is refused: {error}"),
+    }
+    false
 }

@@ -81,7 +81,7 @@ impl Supervised {
                 }
             }
             LoopState::Stopping => Standing::Stopping,
-            LoopState::Holding if now_mono_ns < self.begin_mono_ns => Standing::Awaited,
+            LoopState::Holding if values.stamp_mono_ns < self.begin_mono_ns => Standing::Awaited,
             LoopState::Holding => Standing::Over("the controller holds"),
             LoopState::Starting => Standing::Over("the controller started again"),
             LoopState::Fault => Standing::Over("the controller is in fault"),

@@ -54,7 +54,9 @@ impl PlayedController {
             let command: Command = *request;
             assert_eq!(command.kind, CommandKind::Stop.code());
             self.stops += 1;
-            self.state.state = LoopState::Stopping.code();
+            if self.state.state == LoopState::Executing.code() {
+                self.state.state = LoopState::Stopping.code();
+            }
             let reply = CommandReply {
                 command_id: command.command_id,
                 protocol_version: PROTOCOL_VERSION,
@@ -167,6 +169,38 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
         daemon.said().contains("ordered to stop"),
         "{}",
         daemon.said()
+    );
+}
+
+#[test]
+fn a_motion_that_waits_for_its_begin_is_taken_back_when_a_ball_appears() {
+    let world = World::new();
+    let daemon = world.start(&world.configuration(""));
+    let mut client = Client::connect(&world.options).unwrap();
+    client.wait_for_daemon(PATIENCE).unwrap();
+    let mut controller = PlayedController::start(&world.options);
+    let later = PlanRequest {
+        begin_mono_ns: Some(mono_now_ns() + 600_000_000_000),
+        ..executed()
+    };
+    let first = plan(&mut client, &mut controller, &later);
+    assert_eq!(first.report().outcome, Outcome::Ok);
+    let begin_mono_ns = until(|| controller.trajectory()).begin_mono_ns;
+    assert_eq!(Some(begin_mono_ns), later.begin_mono_ns);
+    let scenes = ScenePublisher::connect(&world.options).unwrap();
+    scenes.publish(&[ball([0.0, 0.0, 3.0])]).unwrap();
+    until(|| {
+        controller.cycle();
+        daemon.said().contains("taken back").then_some(())
+    });
+    assert!(controller.stops > 0);
+    scenes.publish(&[]).unwrap();
+    let second = plan(&mut client, &mut controller, &executed());
+    assert_eq!(
+        second.report().outcome,
+        Outcome::Ok,
+        "{}",
+        second.report().reason
     );
 }
 
