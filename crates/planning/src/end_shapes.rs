@@ -1,4 +1,4 @@
-//! Diverse end shapes of a goal: multi-start inverse kinematics, clear and distinct, nearest to the start first.
+//! Diverse end shapes of a goal: multi-start inverse kinematics, clear and distinct, near ones and far ones in turn.
 
 use crate::inverse_kinematics::{is_solved, solve_tip};
 use crate::problem::{Goal, Infeasible, Problem};
@@ -140,21 +140,26 @@ impl Pool {
         }
     }
 
+    /// Fills up to `count` places, in turn with the shape nearest to the start and with the one farthest from all
+    /// chosen so far: short motions and different ones.
     fn choose(&self, start: &Configuration, count: usize, wishes: &[Wish]) -> Vec<Configuration> {
-        let mut order: Vec<&Solution> = self.solutions.iter().collect();
-        order.sort_by(|a, b| {
-            (a.shape - start)
-                .norm()
-                .total_cmp(&(b.shape - start).norm())
-        });
         let mut chosen: Vec<Configuration> = Vec::with_capacity(count);
         for wish in wishes {
-            for solution in &order {
-                let distinct = chosen
-                    .iter()
-                    .all(|c| (c - solution.shape).norm() >= wish.separation);
-                if chosen.len() < count && solution.clearance >= wish.clearance && distinct {
-                    chosen.push(solution.shape);
+            let mut open: Vec<&Solution> = self
+                .solutions
+                .iter()
+                .filter(|s| s.clearance >= wish.clearance)
+                .collect();
+            while chosen.len() < count {
+                open.retain(|s| apart(&chosen, &s.shape) >= wish.separation);
+                let nearest_is_next = chosen.len() % 2 == 0;
+                let rank = |s: &&&Solution| match nearest_is_next {
+                    true => (s.shape - start).norm(),
+                    false => -apart(&chosen, &s.shape),
+                };
+                match open.iter().min_by(|a, b| rank(a).total_cmp(&rank(b))) {
+                    Some(next) => chosen.push(next.shape),
+                    None => break,
                 }
             }
         }
@@ -172,4 +177,12 @@ impl Pool {
             shapes => Infeasible::GoalInCollision { shapes, clearance },
         }
     }
+}
+
+/// Distance to the nearest of the chosen shapes, rad; infinite if there is none.
+fn apart(chosen: &[Configuration], shape: &Configuration) -> f64 {
+    chosen
+        .iter()
+        .map(|c| (c - shape).norm())
+        .fold(f64::INFINITY, f64::min)
 }
