@@ -64,7 +64,8 @@ impl Answer {
     }
 
     fn certified(order: &Order, plan: Plan, robot: &Robot, section_length_m: f64) -> Self {
-        let (outcome, reason) = verdict(order, &plan, &deliverable(order, &plan, robot));
+        let keep = deliverable(order, &plan, robot);
+        let (outcome, reason) = verdict(order, &plan, &keep);
         let mut answer = Self::refused(order.request_id, &Refusal::new(outcome, reason));
         let report = &mut answer.report;
         report.learned_drawn = plan.learned_drawn as u32;
@@ -80,15 +81,15 @@ impl Answer {
         ] {
             report.stages_ns[stage.code() as usize] = (seconds * 1e9) as u64;
         }
-        answer.set_candidates(order, plan, robot, section_length_m);
+        let mut kept = keep.into_iter();
+        answer.candidates = plan.candidates;
+        answer.candidates.retain(|_| kept.next() == Some(true));
+        answer.summarise(order, robot, section_length_m);
         answer
     }
 
-    fn set_candidates(&mut self, order: &Order, plan: Plan, robot: &Robot, section_length_m: f64) {
-        let keep = deliverable(order, &plan, robot);
-        let mut kept = keep.iter();
-        self.candidates = plan.candidates;
-        self.candidates.retain(|_| kept.next() == Some(&true));
+    /// Selects among the candidates and fills in their part of the report.
+    fn summarise(&mut self, order: &Order, robot: &Robot, section_length_m: f64) {
         let selection = order.request.selection;
         let selected = select(&self.candidates, &order.problem.start, selection);
         self.report.selected = selected.map_or(NONE_SELECTED, |index| index as u32);
