@@ -152,7 +152,7 @@ impl Pool {
                 .collect();
             while chosen.len() < count {
                 open.retain(|s| apart(&chosen, &s.shape) >= wish.separation);
-                let nearest_is_next = chosen.len() % 2 == 0;
+                let nearest_is_next = chosen.len().is_multiple_of(2);
                 let rank = |s: &&&Solution| match nearest_is_next {
                     true => (s.shape - start).norm(),
                     false => -apart(&chosen, &s.shape),

@@ -140,7 +140,13 @@ fn training_arrays_hold_each_path_and_its_mirror_image() {
             .all(|g| (100..104).contains(g))
     );
     for pair in coefficients.chunks_exact(144) {
-        let mirrored = |i: usize| if i % 2 == 0 { -pair[i] } else { pair[i] };
+        let mirrored = |i: usize| {
+            if i.is_multiple_of(2) {
+                -pair[i]
+            } else {
+                pair[i]
+            }
+        };
         assert!((0..72).all(|i| (mirrored(i) - pair[72 + i]).abs() < 1e-5));
     }
     assert!(
