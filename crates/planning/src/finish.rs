@@ -1,7 +1,7 @@
 //! From a path to a motion: time allocation, then the certificate of the curve that is executed.
 
 use crate::path::{Waypoints, resample};
-use crate::pipeline::Failure;
+use crate::plan::Failure;
 use collision::{Scene, certify_polyline, certify_trajectory};
 use pcc_model::{Configuration, Robot, TendonLimits};
 use trajectory::{AllocationOptions, Knot, Trajectory, allocate};

@@ -17,6 +17,7 @@ mod inverse_kinematics;
 mod metrics;
 mod path;
 mod pipeline;
+mod plan;
 mod problem;
 mod rrt_connect;
 mod sampling;
@@ -29,9 +30,8 @@ pub use features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, features, residual
 pub use inverse_kinematics::solve_tip;
 pub use metrics::{PathMetrics, SetMetrics, modes, path_metrics, set_metrics};
 pub use path::{WAYPOINTS, Waypoints, straight_path};
-pub use pipeline::{
-    Candidate, Draw, Failure, Plan, Planner, PlannerError, Request, Sampler, Source, StageTimes,
-};
+pub use pipeline::{Planner, PlannerError};
+pub use plan::{Candidate, Draw, Failure, Plan, Request, Sampler, Source, StageTimes};
 pub use problem::{Goal, Infeasible, Problem};
 pub use rrt_connect::{RrtSettings, rrt_connect};
 pub use select::{Selection, select};

@@ -9,12 +9,13 @@ use crate::correction::correct;
 use crate::end_shapes::end_shapes;
 use crate::features::CanonicalProblem;
 use crate::finish::Demands;
-use crate::metrics::{PathMetrics, path_metrics};
+use crate::metrics::path_metrics;
 use crate::path::{Waypoints, straight_path};
+use crate::plan::{Candidate, Draw, Failure, Plan, Request, Sampler, Source, StageTimes};
 use crate::problem::{Infeasible, Problem};
 use crate::rrt_connect::{RrtSettings, rrt_connect};
 use crate::sampling::sample_paths;
-use crate::select::{Selection, select};
+use crate::select::select;
 use denoiser::FastModel;
 use pcc_model::{Configuration, Robot, TendonLimits};
 use rand::SeedableRng;
@@ -34,138 +35,6 @@ const LAST_ATTEMPT: RrtSettings = RrtSettings {
     step_rad: 0.4,
     shortcuts: 120,
 };
-
-/// Where paths come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sampler {
-    /// The learned sampler, filled by straight segments and the tree where it did not deliver.
-    Default,
-    /// The learned few-step sampler alone.
-    Fast,
-    /// Straight segments in configuration space: the null arm.
-    Straight,
-    /// RRT-Connect on certified edges.
-    RrtConnect,
-}
-
-/// Who proposed a path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Source {
-    /// The learned sampler.
-    Learned,
-    /// A straight segment in configuration space.
-    Straight,
-    /// The tree, RRT-Connect.
-    Tree,
-}
-
-/// Why a draw did not become a certified motion.
-#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
-pub enum Failure {
-    /// No path was produced.
-    #[error("no path was found")]
-    NoPath,
-    /// The motion could not be certified free of collisions.
-    #[error("not certified free of collisions")]
-    Collision,
-    /// A section bends beyond the limit.
-    #[error("bends beyond the limit")]
-    Bending,
-    /// No time allocation within the limits.
-    #[error("no time allocation within the tendon limits")]
-    Time,
-    /// The request was truncated before this draw was finished.
-    #[error("truncated")]
-    Truncated,
-}
-
-/// What a plan must deliver, beside its problem.
-#[derive(Clone, Copy, Debug)]
-pub struct Request {
-    /// Candidates to draw (1..=64).
-    pub candidates: usize,
-    /// Seed of everything random.
-    pub seed: u64,
-    /// Where paths come from.
-    pub sampler: Sampler,
-    /// Which candidate is selected.
-    pub selection: Selection,
-    /// Factor on the tendon velocity, acceleration and jerk limits, in (0, 1].
-    pub limits_scale: f64,
-    /// Growth of the tube that the certificate includes, section lengths (tracking error).
-    pub growth: f64,
-    /// Knots of each motion (at most 256).
-    pub knots: usize,
-}
-
-/// One certified, timed motion.
-#[derive(Clone, Debug)]
-pub struct Candidate {
-    /// The curve that is executed.
-    pub trajectory: Trajectory,
-    /// Its figures.
-    pub metrics: PathMetrics,
-    /// Who proposed it.
-    pub source: Source,
-    /// The draw it came from.
-    pub draw: usize,
-}
-
-impl Candidate {
-    /// The end shape, radians.
-    #[must_use]
-    pub fn end(&self) -> Configuration {
-        let knots = self.trajectory.knots();
-        knots[knots.len() - 1].position
-    }
-}
-
-/// One draw, certified or not.
-#[derive(Clone, Debug)]
-pub struct Draw {
-    /// The path after correction (64 waypoints), if one was produced.
-    pub path: Option<Waypoints>,
-    /// Who proposed it.
-    pub source: Source,
-    /// The motion, or why there is none.
-    pub outcome: Result<Trajectory, Failure>,
-}
-
-/// Wall time of the stages, seconds.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StageTimes {
-    /// End shapes and features.
-    pub condition: f64,
-    /// The learned sampler, or the tree.
-    pub sample: f64,
-    /// Analytic correction.
-    pub correct: f64,
-    /// Time allocation.
-    pub time: f64,
-    /// Certification.
-    pub certify: f64,
-    /// Filling, figures of merit and selection.
-    pub select: f64,
-}
-
-/// The answer to a request.
-#[derive(Clone, Debug)]
-pub struct Plan {
-    /// What was drawn, in order; for [`Sampler::Default`] what was delivered.
-    pub draws: Vec<Draw>,
-    /// The certified ones.
-    pub candidates: Vec<Candidate>,
-    /// Index into `candidates`.
-    pub selected: Option<usize>,
-    /// Learned draws that certified before anything was filled.
-    pub learned_certified: usize,
-    /// Learned draws made.
-    pub learned_drawn: usize,
-    /// Whether the interrupt cut the work short.
-    pub truncated: bool,
-    /// Wall time of the stages.
-    pub stages: StageTimes,
-}
 
 /// Why a planner cannot serve a request.
 #[derive(Debug, Error, PartialEq)]

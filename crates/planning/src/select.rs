@@ -1,6 +1,6 @@
 //! Choosing one certified candidate.
 
-use crate::pipeline::Candidate;
+use crate::plan::Candidate;
 use pcc_model::Configuration;
 
 /// What the best candidate is.
