@@ -132,6 +132,11 @@ impl Stack {
         Ok(stack)
     }
 
+    /// Gives the place at the daemon back that this stack's own client has taken.
+    pub fn disconnect_client(&mut self) {
+        self.client = Client::connect(&self.world.options).unwrap();
+    }
+
     /// Starts a part, in place of the one that ran.
     pub fn start(&mut self, part: Part) {
         self.processes[part as usize] = None;

@@ -165,9 +165,17 @@ fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) ->
         }
     }
     fs::write(folder.join("robots/unit.toml"), robot.to_string()).unwrap();
-    for name in ["controller.toml", "simulated-robot.toml"] {
-        fs::write(folder.join(name), shipped(name).to_string()).unwrap();
-    }
+    fs::write(
+        folder.join("controller.toml"),
+        shipped("controller.toml").to_string(),
+    )
+    .unwrap();
+    let mut motors = shipped("simulated-robot.toml");
+    // The lag behind an acceleration a is a/ω²: motors that keep up with faster motions as well as the shipped ones.
+    let frequency = motors["natural_frequency_rad_s"].as_float().unwrap()
+        * settings.limits_factor.unwrap_or(1.0).sqrt();
+    motors.insert("natural_frequency_rad_s".into(), frequency.into());
+    fs::write(folder.join("simulated-robot.toml"), motors.to_string()).unwrap();
     let mut daemon = shipped("planner-daemon.toml");
     daemon.remove("weights");
     if has_weights {

@@ -56,6 +56,7 @@ fn a_plan_starts_and_ends_where_it_should() {
 fn answers_are_not_lost_not_mixed_up_and_the_same_with_one_thread_and_with_two() {
     let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
     let pool = general_requests(&stack.world.robot, 25, stack.world.sampler());
+    stack.disconnect_client();
     let two_threads = ask_at_once(&stack.world, &pool, 1);
     assert_eq!(two_threads.sent, 25 * CLIENTS);
     assert_eq!(two_threads.lost, Vec::<String>::new());

@@ -1,0 +1,235 @@
+//! The demonstration on a clean clone, judged from its recording.
+
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::ensure;
+use pcc_model::{Point, Robot};
+use tests::programs::repository;
+use tests::recording::{RecordedMotion, Recording, ToldMotion};
+
+use crate::{Report, Scale};
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command = "git clone; scripts/demo --record DIR";
+    report.group("demonstration", command, |report| {
+        let folder = tempfile::tempdir()?;
+        let recorded = folder.path().join("recording");
+        on_a_clean_clone(report, scale, folder.path(), &recorded)?;
+        judge(report, &recorded)
+    });
+}
+
+/// The quick form shares the build folder; the full one builds from nothing.
+fn on_a_clean_clone(
+    report: &mut Report,
+    scale: Scale,
+    folder: &Path,
+    recorded: &Path,
+) -> anyhow::Result<()> {
+    let clone = folder.join("clone");
+    let status = Command::new("git")
+        .args(["clone", "--quiet"])
+        .args([repository().as_path(), clone.as_path()])
+        .status()?;
+    ensure!(status.success(), "git clone: {status}");
+    let mut demo = Command::new(clone.join("scripts/demo"));
+    demo.current_dir(&clone).arg("--record").arg(recorded);
+    demo.env_remove("CARGO_TARGET_DIR");
+    if !scale.full {
+        demo.env(
+            "CARGO_TARGET_DIR",
+            repository().join("target/acceptance/clone"),
+        );
+    }
+    let output = demo.output()?;
+    let text = String::from_utf8_lossy(&output.stdout);
+    let last = text.lines().rev().take(4).collect::<Vec<_>>().join(" | ");
+    report.check(
+        "scripts/demo on a clean clone",
+        format!(
+            "{}{}",
+            output.status,
+            if output.status.success() {
+                String::new()
+            } else {
+                format!(": {last}")
+            }
+        ),
+        "exit status: 0",
+        output.status.success(),
+    );
+    ensure!(
+        recorded.join("recording.npz").is_file(),
+        "no recording: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    Ok(())
+}
+
+fn judge(report: &mut Report, folder: &Path) -> anyhow::Result<()> {
+    let recording = Recording::read(folder)?;
+    let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
+    let stated = recording.robot == robot.name && recording.limits == robot.tendon_limits;
+    let figure = format!("{}, {:?}", recording.robot, recording.limits);
+    report.check(
+        "recording states robot and limits",
+        figure,
+        "the robot file's",
+        stated,
+    );
+    limits(report, &recording, &robot);
+    let motions = recording.motions();
+    let told = &recording.told.motions;
+    let figure = format!("{} recorded, {} told", motions.len(), told.len());
+    report.check(
+        "motions",
+        figure,
+        "as many recorded as told",
+        motions.len() == told.len(),
+    );
+    ensure!(
+        motions.len() == told.len(),
+        "the recording and demo.json disagree"
+    );
+    for (motion, told) in motions.iter().zip(told) {
+        one_motion(report, &recording, &robot, motion, told);
+    }
+    two_shapes(report, &motions, told)?;
+    let outcome = recording
+        .told
+        .impossible_outcome
+        .as_deref()
+        .unwrap_or("none");
+    report.check(
+        "experiment 3 as printed",
+        outcome.to_owned(),
+        "start in collision",
+        outcome == "start in collision",
+    );
+    Ok(())
+}
+
+fn limits(report: &mut Report, recording: &Recording, robot: &Robot) {
+    let kept = recording.limits_kept();
+    let samples = recording.len();
+    report.check(
+        "samples recorded",
+        samples.to_string(),
+        ">= 10000",
+        samples >= 10_000,
+    );
+    report.at_most(
+        "recorded tendon velocity over its limit, every sample",
+        kept.velocity,
+        1.0 + 1e-6,
+    );
+    report.at_most(
+        "recorded tendon acceleration over its limit, every sample",
+        kept.acceleration,
+        1.0 + 1e-6,
+    );
+    report.at_most(
+        "position differences ÷ time over the velocity limit (slack 0.1 %)",
+        kept.difference_velocity,
+        1.001,
+    );
+    report.at_most(
+        "velocity differences ÷ time over the acceleration limit (slack 1 %)",
+        kept.difference_acceleration,
+        1.01,
+    );
+    report.at_most(
+        "step unexplained by the velocities at its ends, over a Δt² (smooth: 1/4)",
+        kept.unexplained_step,
+        0.5,
+    );
+    report.at_most(
+        "set-points against the commanded configurations' tendons, m",
+        recording.tendon_map_error(robot),
+        1e-9,
+    );
+}
+
+fn one_motion(
+    report: &mut Report,
+    recording: &Recording,
+    robot: &Robot,
+    motion: &RecordedMotion,
+    told: &ToldMotion,
+) {
+    let name = |what: &str| format!("experiment {}, {}: {what}", told.experiment, told.name);
+    let requested = Point::from(told.requested_tip_m);
+    let error = |tip: Point| (tip - requested).norm() / robot.section_lengths[0];
+    let tip = robot.tip(&motion.end);
+    let what = format!(
+        "tip asked {:.3?}, reached {:.4?}, error in section lengths",
+        told.requested_tip_m,
+        tip.as_slice()
+    );
+    report.at_most(&name(&what), error(tip), 0.01);
+    report.at_most(
+        &name("tip error as measured"),
+        error(robot.tip(&motion.measured_end)),
+        0.03,
+    );
+    let seconds = (recording.samples[motion.range.1].stamp_ns
+        - recording.samples[motion.range.0].stamp_ns) as f64
+        * 1e-9;
+    let agrees = (seconds - told.duration_s).abs() < 0.1;
+    report.check(
+        &name("duration, s"),
+        format!("{seconds:.2}"),
+        &format!("told: {:.2}", told.duration_s),
+        agrees,
+    );
+    let clearance = recording.clearance(robot, motion.range);
+    let agrees = told
+        .minimum_clearance_m
+        .is_none_or(|told| (told - clearance).abs() < 0.01 && told >= 0.0);
+    let told_text = told
+        .minimum_clearance_m
+        .map_or("no obstacle".to_owned(), |c| format!("{c:.4}"));
+    report.check(
+        &name("least clearance of the executed motion, m"),
+        format!("{clearance:.4}"),
+        &format!(">= 0, told: {told_text}"),
+        clearance >= 0.0 && agrees,
+    );
+    let figure = format!(
+        "{:.2e} m, {} late cycles",
+        told.largest_setpoint_step_m, told.late_cycles
+    );
+    let bar = robot.tendon_limits.velocity * 0.02;
+    report.check(
+        &name("largest set-point step and late cycles"),
+        figure,
+        &format!("<= {bar:.2e} m (20 ms at full speed)"),
+        told.largest_setpoint_step_m <= bar,
+    );
+}
+
+/// The two solutions of experiment 2.
+fn two_shapes(
+    report: &mut Report,
+    motions: &[RecordedMotion],
+    told: &[ToldMotion],
+) -> anyhow::Result<()> {
+    let ends: Vec<_> = motions
+        .iter()
+        .zip(told)
+        .filter(|(_, told)| told.experiment == 2 && told.name.contains("solution"))
+        .map(|(motion, _)| motion.end)
+        .collect();
+    let [first, second] = ends[..] else {
+        anyhow::bail!("experiment 2 has {} motions to its target", ends.len());
+    };
+    let apart = (first - second).norm();
+    report.check(
+        "experiment 2: terminal shapes apart, rad",
+        format!("{apart:.3}"),
+        ">= 0.5",
+        apart >= 0.5,
+    );
+    Ok(())
+}

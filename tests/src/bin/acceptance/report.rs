@@ -1,0 +1,187 @@
+//! Checks as they come in: a line each, and a file that a later run resumes from.
+
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
+use std::process::Command;
+
+use serde::{Deserialize, Serialize};
+use tests::programs::repository;
+
+/// One measured figure beside its bar.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+struct Check {
+    group: String,
+    name: String,
+    figure: String,
+    bar: String,
+    passed: bool,
+    command: String,
+    commit: String,
+}
+
+/// What has been done for a commit.
+#[derive(Debug, Default, Deserialize, Serialize)]
+struct Record {
+    commit: String,
+    finished_groups: Vec<String>,
+    checks: Vec<Check>,
+}
+
+/// Prints checks and, in full runs, keeps them.
+pub(crate) struct Report {
+    record: Record,
+    file: Option<PathBuf>,
+    group: String,
+    command: String,
+}
+
+impl Report {
+    /// With a file, checks that it holds for the same commit are not repeated.
+    pub(crate) fn new(file: Option<PathBuf>) -> Self {
+        let commit = commit();
+        let known = file.as_ref().and_then(|file| fs::read_to_string(file).ok());
+        let known: Option<Record> = known.and_then(|text| serde_json::from_str(&text).ok());
+        let record = known
+            .filter(|record| record.commit == commit)
+            .unwrap_or(Record {
+                commit,
+                ..Record::default()
+            });
+        Self {
+            record,
+            file,
+            group: String::new(),
+            command: String::new(),
+        }
+    }
+
+    /// Runs one group of checks, unless an earlier run for this commit has finished it; a group that breaks has failed.
+    pub(crate) fn group(
+        &mut self,
+        name: &str,
+        command: &str,
+        run: impl FnOnce(&mut Self) -> anyhow::Result<()>,
+    ) {
+        if self
+            .record
+            .finished_groups
+            .iter()
+            .any(|known| known == name)
+        {
+            let known = self.record.checks.iter();
+            known.filter(|check| check.group == name).for_each(print);
+            return;
+        }
+        self.record.checks.retain(|check| check.group != name);
+        (self.group, self.command) = (name.to_owned(), command.to_owned());
+        let outcome = catch_unwind(AssertUnwindSafe(|| run(self)));
+        match outcome {
+            Ok(Ok(())) => {}
+            Ok(Err(error)) => self.broke(name, &format!("{error:#}")),
+            Err(panic) => self.broke(name, &panic_text(panic.as_ref())),
+        }
+        self.record.finished_groups.push(name.to_owned());
+        self.save();
+    }
+
+    fn broke(&mut self, name: &str, error: &str) {
+        let name = format!("{name}: the checks run to their end");
+        self.check(&name, error.trim().to_owned(), "no error", false);
+    }
+
+    /// One figure.
+    pub(crate) fn check(&mut self, name: &str, figure: String, bar: &str, passed: bool) {
+        let check = Check {
+            group: self.group.clone(),
+            name: name.to_owned(),
+            figure,
+            bar: bar.to_owned(),
+            passed,
+            command: self.command.clone(),
+            commit: self.record.commit.clone(),
+        };
+        print(&check);
+        self.record.checks.push(check);
+        self.save();
+    }
+
+    /// A figure that must not exceed its bar.
+    pub(crate) fn at_most(&mut self, name: &str, figure: f64, bar: f64) {
+        let text = format!("{figure:.6}");
+        let text = if figure != 0.0 && figure.abs() < 1e-3 {
+            format!("{figure:.2e}")
+        } else {
+            text
+        };
+        self.check(name, text, &format!("<= {bar}"), figure <= bar);
+    }
+
+    /// How many of how many; all are wanted.
+    pub(crate) fn all_of(&mut self, name: &str, count: usize, total: usize) {
+        let passed = count == total && total > 0;
+        self.check(name, format!("{count} of {total}"), "all", passed);
+    }
+
+    /// A count that must be zero; the first offenders are shown.
+    pub(crate) fn none_of(&mut self, name: &str, offenders: &[String]) {
+        let shown: Vec<&str> = offenders.iter().take(3).map(String::as_str).collect();
+        let figure = format!("{} {}", offenders.len(), shown.join("; "));
+        self.check(name, figure.trim().to_owned(), "0", offenders.is_empty());
+    }
+
+    /// The last line; whether all passed.
+    pub(crate) fn finish(&self) -> bool {
+        let failed = self.record.checks.iter().filter(|c| !c.passed).count();
+        println!(
+            "{} passed, {failed} failed",
+            self.record.checks.len() - failed
+        );
+        failed == 0
+    }
+
+    fn save(&self) {
+        let Some(file) = &self.file else { return };
+        fs::create_dir_all(file.parent().unwrap()).unwrap();
+        let text = serde_json::to_string_pretty(&self.record).unwrap();
+        // Replaced as a whole: a run that is killed leaves the file before.
+        let fresh = file.with_extension("json.new");
+        fs::write(&fresh, text).unwrap();
+        fs::rename(fresh, file).unwrap();
+    }
+}
+
+fn print(check: &Check) {
+    let verdict = if check.passed { "ok  " } else { "FAIL" };
+    println!(
+        "{verdict}  {}: {} (bar: {})  [{}]",
+        check.name, check.figure, check.bar, check.command
+    );
+}
+
+fn panic_text(panic: &(dyn std::any::Any + Send)) -> String {
+    let text = panic.downcast_ref::<String>().map(String::as_str);
+    text.or_else(|| panic.downcast_ref::<&str>().copied())
+        .unwrap_or("panicked")
+        .to_owned()
+}
+
+/// The commit checked out, marked where tracked files differ from it.
+fn commit() -> String {
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git")
+            .current_dir(repository())
+            .args(arguments)
+            .output();
+        output.map_or_else(
+            |_| String::new(),
+            |output| String::from_utf8_lossy(&output.stdout).trim().to_owned(),
+        )
+    };
+    let head = git(&["rev-parse", "HEAD"]);
+    if git(&["status", "--porcelain", "--untracked-files=no"]).is_empty() {
+        head
+    } else {
+        head + "+changes"
+    }
+}
