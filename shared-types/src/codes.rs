@@ -270,8 +270,6 @@ codes! {
         None = 0 "none",
         /// No state of the robot for too long.
         RobotLost = 1 "robot lost",
-        /// No heartbeat of the daemon while executing.
-        DaemonLost = 2 "daemon lost",
         /// Too many late cycles in a row.
         TooLate = 3 "too many late cycles",
         /// The robot does not follow.
@@ -282,8 +280,6 @@ codes! {
         RobotRampedToRest = 6 "robot ramped to rest",
         /// The robot's state is not finite or not plausible.
         InvalidRobotState = 7 "invalid robot state",
-        /// The robot refuses set-points.
-        SetpointsRejected = 8 "set-points rejected",
         /// A set-point would have been beyond the limits or not finite.
         InvalidSetpoint = 9 "invalid set-point",
     }
@@ -313,9 +309,9 @@ codes! {
         Faulted = 8 "in fault",
         /// The controller has no robot yet.
         NotReady = 9 "not ready",
-        /// The controller executes or stops, and this one does not replace that at a switch time.
+        /// The controller executes, stops, or has another one waiting.
         Busy = 10 "busy",
-        /// Its id is not larger than the last one's.
+        /// It has the id and the begin of the last one taken.
         OldId = 11 "old trajectory id",
     }
 }
@@ -351,6 +347,8 @@ codes! {
         Bus = 3 "bus",
         /// A fault injected by a test.
         Injected = 4 "injected",
+        /// A set-point was refused: the motors could not have followed it.
+        Setpoint = 5 "set-point",
     }
 }
 

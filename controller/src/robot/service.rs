@@ -19,7 +19,7 @@ use super::{
 };
 use crate::realtime;
 
-/// Cycles between two heartbeats, and between two looks at dead peers, at 1 kHz.
+/// Time between two heartbeats.
 const HEARTBEAT_EVERY_NS: i64 = 20_000_000;
 
 /// Switches from outside, turned by signals.
@@ -195,8 +195,7 @@ impl Process<'_> {
     fn state(&self, now_ns: i64, measured: &Measurement) -> RobotState {
         let reference = self.robot.reference();
         let fault = match reference.mode() {
-            // The motor end reports an error: it was told what its motors cannot do. The log says what.
-            Mode::Fault(_) => MotorFault::Motor,
+            Mode::Fault(_) => MotorFault::Setpoint,
             _ if self.switches.stuck.load(Ordering::Relaxed) => MotorFault::Injected,
             _ => MotorFault::None,
         };

@@ -24,7 +24,7 @@ wire_message! {
         pub refused_trajectory_id: u32,
         /// [`crate::codes::Refusal`]: why.
         pub refusal: u32,
-        /// Cycles that began more than one period late.
+        /// Cycles that began more than one and a half periods after the one before.
         pub late_cycles: u32,
         /// Most of them in a row.
         pub longest_late_run: u32,
@@ -38,11 +38,11 @@ wire_message! {
         pub commanded_tendon_m: [f64; TENDONS],
         /// Configuration that the measured tendons mean, radians.
         pub measured_configuration_rad: [f64; DOF],
-        /// Norm of the commanded minus the measured configuration, radians.
+        /// Norm of the low-passed difference between commanded and measured configuration, radians.
         pub tracking_error_rad: f64,
         /// Part of the measured tendon lengths that no configuration explains, metres (norm).
         pub slack_residual_m: f64,
-        /// Step of the commanded tendons when the trajectory was last swapped, metres (norm).
+        /// Tendon distance between the last trajectory taken and where it was taken, metres (norm): kept as an offset.
         pub splice_error_m: f64,
         /// Time on the executing trajectory, seconds.
         pub trajectory_time_s: f64,

@@ -248,7 +248,7 @@ mod tests {
             &[
                 (|s| s.stamp_mono_ns = -1, "stamp_mono_ns"),
                 (|s| s.state = 5, "state: 5"),
-                (|s| s.fault = 5, "fault: 5"),
+                (|s| s.fault = 6, "fault: 6"),
                 (
                     |s| s.accepted_setpoint_m[0] = f64::NAN,
                     "accepted_setpoint_m[0]",
