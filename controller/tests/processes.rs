@@ -165,7 +165,13 @@ fn a_lost_daemon_a_stop_and_a_shutdown_brake_along_the_path() {
     });
     joined.set_daemon_alive(true);
     std::thread::sleep(std::time::Duration::from_millis(50));
+    // Another daemon, so soon that no heartbeat is missed, does not know the motion of the one before.
     run_into_motion(&mut joined, &goal(-1.0));
+    joined.replace_daemon();
+    joined.wait_for(LoopState::Holding);
+    let held = Configuration::from(joined.controller().commanded_configuration_rad);
+    assert!((held - goal(-1.0)).norm() > 0.05, "stopped on the way");
+    run_into_motion(&mut joined, &goal(1.0));
     assert!(joined.command(Command::SetSpeed(0.5)).accepted);
     assert!(joined.command(Command::Stop).accepted);
     joined.wait_for(LoopState::Holding);
@@ -178,7 +184,7 @@ fn a_lost_daemon_a_stop_and_a_shutdown_brake_along_the_path() {
         CommandRefusal::InvalidSpeed
     );
     assert!(joined.command(Command::SetSpeed(1.0)).accepted);
-    run_into_motion(&mut joined, &goal(1.0));
+    run_into_motion(&mut joined, &goal(-1.0));
     controller.signal("TERM");
     assert!(controller.wait().success());
     joined.with_seen(|seen| {

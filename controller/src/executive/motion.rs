@@ -150,7 +150,7 @@ pub struct Situation {
     pub commanded_rad: Configuration,
     /// Now, ns of CLOCK_MONOTONIC.
     pub now_ns: i64,
-    /// Id and begin of the last trajectory taken (a new daemon counts its ids from 1 again).
+    /// Id and begin of the last trajectory taken: the service hands its last message out again.
     pub last_taken: Option<(u32, i64)>,
 }
 

@@ -22,8 +22,9 @@ impl Executive {
             self.stop_for(LoopFault::InvalidRobotState);
         }
         self.watch_robot(input.now_ns);
-        if self.state == LoopState::Executing && !input.daemon_alive {
-            self.state = LoopState::Stopping;
+        if !input.daemon_alive {
+            // Nothing to stop is as good.
+            let _ = self.stop();
         }
         self.watch_punctuality(elapsed_ns)
     }
@@ -143,5 +144,28 @@ impl Executive {
             self.stop_for(LoopFault::TooLate);
         }
         late
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{MS, World, curved_motion, target_configuration};
+
+    #[test]
+    fn a_motion_that_waits_for_its_begin_is_given_back_when_the_daemon_is_lost() {
+        let mut world = World::holding();
+        let begin_ns = world.now_ns + 50 * MS;
+        let motion = curved_motion(4, begin_ns, world.commanded(), target_configuration());
+        assert!(world.executive.execute(motion).is_ok());
+        world.run(10);
+        assert!(world.executive.motion.is_some(), "the premise: it waits");
+        world.daemon_alive = false;
+        world.cycle(MS);
+        assert!(world.executive.motion.is_none());
+        world.daemon_alive = true;
+        world.run(100);
+        let last = world.last.as_ref().unwrap();
+        assert_eq!((last.state, last.path_time_s), (LoopState::Holding, 0.0));
     }
 }

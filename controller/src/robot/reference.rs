@@ -185,6 +185,11 @@ impl Reference {
         }
         let elapsed_s = match self.mode {
             Mode::Ramping | Mode::Fault(_) => return Err(Refusal::NotAtRest),
+            Mode::Idle | Mode::AtRestAfterLoss
+                if target.stamp_ns < now_ns - self.limits.lost_after_ns =>
+            {
+                return Err(Refusal::Stamp);
+            }
             Mode::Idle | Mode::AtRestAfterLoss => 0.0,
             Mode::Following if target.stamp_ns <= self.anchor.stamp_ns => {
                 return Err(Refusal::Stamp);
@@ -353,20 +358,19 @@ mod tests {
         let mut reference = at_rest();
         let last = speed_up(&mut reference, 300);
         (301..=330).for_each(|ms| reference.advance(ms * MS));
-        let late = Target {
-            stamp_ns: 330 * MS,
-            ..last
-        };
+        let mut late = last;
+        late.stamp_ns = 330 * MS;
         assert_eq!(reference.offer(330 * MS, &late), Err(Refusal::NotAtRest));
         assert_eq!(reference.mode(), Mode::Ramping);
         (331..600).for_each(|ms| reference.advance(ms * MS));
+        late.stamp_ns = 600 * MS;
         assert_eq!(reference.offer(600 * MS, &late), Err(Refusal::PositionStep));
         let here = Target {
             stamp_ns: 601 * MS,
             position_m: *reference.position_m(),
             velocity_m_s: [0.0; TENDONS],
             acceleration_m_s2: [0.0; TENDONS],
-            ..late
+            ..last
         };
         reference.offer(601 * MS, &here).unwrap();
         assert_eq!(
@@ -374,6 +378,29 @@ mod tests {
             (Mode::Following, 2)
         );
         assert_eq!(*reference.position_m(), here.position_m);
+    }
+
+    #[test]
+    fn a_first_set_point_must_be_fresh_or_the_next_one_might_be_anywhere() {
+        let target = |stamp_ns, position| Target {
+            sequence: 1,
+            stamp_ns,
+            position_m: [position; TENDONS],
+            velocity_m_s: [0.0; TENDONS],
+            acceleration_m_s2: [0.0; TENDONS],
+        };
+        let now_ns = 60_000 * MS;
+        let mut reference = Reference::new(LIMITS, now_ns, [0.0; TENDONS], [0.0; TENDONS]);
+        for stamp_ns in [i64::MIN, 0, now_ns - 21 * MS] {
+            let refusal = reference.offer(now_ns, &target(stamp_ns, 0.0));
+            assert_eq!(refusal, Err(Refusal::Stamp));
+            assert_eq!(reference.mode(), Mode::Idle);
+        }
+        reference
+            .offer(now_ns, &target(now_ns - 20 * MS, 0.0))
+            .unwrap();
+        let jump = reference.offer(now_ns, &target(now_ns, 0.01));
+        assert_eq!(jump, Err(Refusal::PositionStep));
     }
 
     #[test]

@@ -50,8 +50,10 @@ pub enum Refusal {
     /// A number is NaN or infinite.
     #[error("a number in the set-point is not finite")]
     NotFinite,
-    /// Its stamp is not after the last one, or in the future.
-    #[error("its stamp is not between the last accepted set-point's and now")]
+    /// Its stamp is in the future, not after the last one, or (the first one's) older than the time for a loss.
+    #[error(
+        "its stamp is not between the last accepted set-point's and now, or the first one is not fresh"
+    )]
     Stamp,
     /// It is further from the reference than the velocity limit allows.
     #[error("its position is further from the reference than the velocity limit allows")]

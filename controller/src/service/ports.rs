@@ -8,6 +8,7 @@ use shared_types::{
         self, CommandServer, CyclePublisher, IpcError, IpcNode, IpcOptions, Publisher, Subscriber,
     },
     message::{ControllerState, Cycle, Heartbeat, TrajectoryMessage},
+    valid,
 };
 use tracing::debug;
 
@@ -57,12 +58,17 @@ impl Ports {
         }
     }
 
-    /// When the daemon's newest heartbeat that has arrived was sent, ns.
-    pub(super) fn newest_daemon_heartbeat_ns(&self) -> Option<i64> {
-        let mut newest = None;
-        while let Ok(Some(beat)) = self.heartbeats.receive() {
-            if beat.kind == ProcessKind::Daemon.code() {
-                newest = newest.max(Some(beat.stamp_mono_ns));
+    /// The daemon's newest heartbeat that has arrived; one from the future would never grow old, and is none.
+    pub(super) fn newest_daemon_heartbeat(&self) -> Option<valid::Heartbeat> {
+        let mut newest: Option<valid::Heartbeat> = None;
+        while let Ok(Some(sample)) = self.heartbeats.receive() {
+            let copy = *sample;
+            let Ok(beat) = valid::Heartbeat::try_from(&copy) else {
+                continue;
+            };
+            let newer = newest.is_none_or(|newest| newest.stamp_mono_ns <= beat.stamp_mono_ns);
+            if beat.kind == ProcessKind::Daemon && newer && beat.stamp_mono_ns <= mono_now_ns() {
+                newest = Some(beat);
             }
         }
         newest

@@ -15,7 +15,7 @@ use shared_types::{
     codes::{CommandRefusal, LoopState},
     ipc::{CYCLES_PER_BATCH, IpcError, IpcOptions},
     message::{self, CommandReply, Cycle, TrajectoryMessage},
-    valid::Command,
+    valid::{Command, Heartbeat},
 };
 use tracing::{debug, info, warn};
 
@@ -41,6 +41,9 @@ const COMMAND_TICKS: usize = 25;
 
 /// The longest stop that a shutdown waits for, ns: far above v / a of any robot.
 const SHUTDOWN_NS: i64 = 5_000_000_000;
+
+/// Commands served in one round, so that a flood of them does not keep the relay from the rest.
+const COMMANDS_A_ROUND: usize = 4;
 
 /// Trajectories in the process: one executing, one waiting or on its way, one being checked.
 const MOTIONS: usize = 3;
@@ -78,7 +81,7 @@ pub(super) struct Relay<'a> {
     incoming: Box<TrajectoryMessage>,
     batch: Vec<Cycle>,
     last_taken: Option<(u32, i64)>,
-    daemon_beat_ns: Option<i64>,
+    daemon_beat: Option<Heartbeat>,
     command_answer: Option<Result<(), CommandRefusal>>,
 }
 
@@ -102,7 +105,7 @@ impl<'a> Relay<'a> {
             incoming: Box::new(TrajectoryMessage::ZEROED),
             batch: Vec::with_capacity(CYCLES_PER_BATCH),
             last_taken: None,
-            daemon_beat_ns: None,
+            daemon_beat: None,
             command_answer: None,
         };
         relay.ports.tidy();
@@ -208,12 +211,10 @@ impl<'a> Relay<'a> {
     }
 
     fn watch_daemon(&mut self, now_ns: i64) {
-        self.daemon_beat_ns = self
-            .daemon_beat_ns
-            .max(self.ports.newest_daemon_heartbeat_ns());
-        let alive = match (self.config.daemon_lost_ns, self.daemon_beat_ns) {
+        self.hear_daemon();
+        let alive = match (self.config.daemon_lost_ns, self.daemon_beat) {
             (None, _) => true,
-            (Some(limit_ns), Some(beat_ns)) => now_ns - beat_ns <= limit_ns,
+            (Some(limit_ns), Some(beat)) => now_ns - beat.stamp_mono_ns <= limit_ns,
             (Some(_), None) => false,
         };
         let was_alive = self.link.shared.daemon_alive.swap(alive, Ordering::Relaxed);
@@ -224,6 +225,23 @@ impl<'a> Relay<'a> {
             }
             (false, true) => info!("the daemon's heart beats"),
             _ => {}
+        }
+    }
+
+    /// Takes in the daemon's heartbeats. A daemon that comes so soon after another that its heart was not missed knows
+    /// nothing of that one's motion: it is stopped, like that of a lost daemon.
+    fn hear_daemon(&mut self) {
+        let Some(beat) = self.ports.newest_daemon_heartbeat() else {
+            return;
+        };
+        let another = self
+            .daemon_beat
+            .is_some_and(|last| last.pid != beat.pid || last.sequence >= beat.sequence);
+        self.daemon_beat = Some(beat);
+        if another && self.config.daemon_lost_ns.is_some() && self.order(Order::Stop).is_ok() {
+            warn!(
+                "another daemon is there: the motion of the one before is stopped along its path"
+            );
         }
     }
 
@@ -282,7 +300,10 @@ impl<'a> Relay<'a> {
     }
 
     fn serve_commands(&mut self) {
-        while let Ok(Some(request)) = self.ports.commands.receive() {
+        for _ in 0..COMMANDS_A_ROUND {
+            let Ok(Some(request)) = self.ports.commands.receive() else {
+                return;
+            };
             let command = *request;
             let result = self.obey(&command);
             self.take_reports();

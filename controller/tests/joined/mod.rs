@@ -7,7 +7,7 @@ use std::{
     process::{Child, Command as Program, ExitStatus, Stdio},
     sync::{
         Arc, Mutex,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicU32, Ordering},
     },
     thread::{self, JoinHandle},
     time::Duration,
@@ -44,6 +44,7 @@ pub(crate) struct Joined {
     options: IpcOptions,
     seen: Arc<Mutex<Seen>>,
     daemon_beats: Arc<AtomicBool>,
+    daemon_pid: Arc<AtomicU32>,
     quit: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
     trajectory: Publisher<TrajectoryMessage>,
@@ -112,14 +113,16 @@ impl Joined {
         let node = IpcNode::create(&options, "test").unwrap();
         let (seen, quit) = (Arc::<Mutex<Seen>>::default(), Arc::<AtomicBool>::default());
         let daemon_beats = Arc::new(AtomicBool::new(true));
+        let daemon_pid = Arc::new(AtomicU32::new(1));
         let threads = vec![
             listen(&options, &seen, &quit),
-            beat(&options, &daemon_beats, &quit),
+            beat(&options, &daemon_beats, &daemon_pid, &quit),
         ];
         Self {
             robot,
             seen,
             daemon_beats,
+            daemon_pid,
             quit,
             threads,
             trajectory: ipc::publisher(&node, &ipc::trajectory_service(&node).unwrap()).unwrap(),
@@ -152,6 +155,11 @@ impl Joined {
 
     pub(crate) fn set_daemon_alive(&self, alive: bool) {
         self.daemon_beats.store(alive, Ordering::Relaxed);
+    }
+
+    /// Another daemon beats from now on, without a pause.
+    pub(crate) fn replace_daemon(&self) {
+        self.daemon_pid.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Forgets what was heard so far.
@@ -306,8 +314,14 @@ fn listen(options: &IpcOptions, seen: &Arc<Mutex<Seen>>, quit: &Arc<AtomicBool>)
     })
 }
 
-fn beat(options: &IpcOptions, alive: &Arc<AtomicBool>, quit: &Arc<AtomicBool>) -> JoinHandle<()> {
+fn beat(
+    options: &IpcOptions,
+    alive: &Arc<AtomicBool>,
+    pid: &Arc<AtomicU32>,
+    quit: &Arc<AtomicBool>,
+) -> JoinHandle<()> {
     let (options, alive, quit) = (options.clone(), Arc::clone(alive), Arc::clone(quit));
+    let pid = Arc::clone(pid);
     thread::spawn(move || {
         let node = IpcNode::create(&options, "test-heart").unwrap();
         let heart = ipc::publisher(&node, &ipc::heartbeat_service(&node).unwrap()).unwrap();
@@ -319,7 +333,7 @@ fn beat(options: &IpcOptions, alive: &Arc<AtomicBool>, quit: &Arc<AtomicBool>) -
                     stamp_mono_ns: mono_now_ns(),
                     sequence,
                     kind: ProcessKind::Daemon.code(),
-                    pid: std::process::id(),
+                    pid: pid.load(Ordering::Relaxed),
                 };
                 let _ = heart.send_copy(beat);
             }
