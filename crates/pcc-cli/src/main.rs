@@ -8,6 +8,7 @@ mod planner;
 mod watch;
 
 use clap::{Parser, Subcommand};
+use std::process::ExitCode;
 
 /// Plans, watches, evaluates: motion planning for three-section continuum robots.
 #[derive(Parser)]
@@ -33,8 +34,18 @@ enum Command {
     Evaluate(evaluate::Arguments),
 }
 
-fn main() -> anyhow::Result<()> {
-    match Arguments::parse().command {
+fn main() -> ExitCode {
+    match run(Arguments::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("pcc: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> anyhow::Result<()> {
+    match command {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Watch(arguments) => watch::run(&arguments),

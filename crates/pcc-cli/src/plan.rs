@@ -84,11 +84,14 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let clock = Instant::now();
     let answer = client.plan(&request, PATIENCE)?;
     let round_trip = clock.elapsed();
-    print_answer(&answer, round_trip);
     let report = answer.report();
+    if !report.outcome.has_candidates() {
+        bail!("{}: {}", report.outcome, report.reason);
+    }
+    print_answer(&answer, round_trip);
     match report.outcome {
-        Outcome::Ok | Outcome::Truncated => Ok(()),
-        other => bail!("{other}: {}", report.reason),
+        Outcome::ExecutionRefused => bail!("not executed: {}", report.reason),
+        _ => Ok(()),
     }
 }
 
@@ -177,7 +180,7 @@ fn print_answer(answer: &PlanAnswer, round_trip: Duration) {
         report.candidates.len(),
         1e3 * round_trip.as_secs_f64()
     );
-    if !report.reason.is_empty() {
+    if report.outcome == Outcome::Ok && !report.reason.is_empty() {
         println!("{}", report.reason);
     }
     println!(
