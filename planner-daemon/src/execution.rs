@@ -49,6 +49,9 @@ pub(crate) enum ExecutionRefusal {
     /// An obstacle of the live scene is in the way.
     #[error("the live scene is in the way: not certified free at {at_s:.3} s of the motion")]
     SceneInTheWay { at_s: f64 },
+    /// Nobody would watch over the motion.
+    #[error("the daemon ends")]
+    DaemonEnds,
     /// Shared memory did not take it.
     #[error("the trajectory could not be published")]
     NotPublished,

@@ -3,12 +3,13 @@
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::sync::mpsc::sync_channel;
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::Duration;
 
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::ProcessKind;
-use shared_types::ipc::{IpcError, IpcNode, IpcOptions, heartbeat_service, publisher};
+use shared_types::ipc::{IpcError, IpcNode, IpcOptions, Publisher, heartbeat_service, publisher};
 use shared_types::message::Heartbeat;
 
 /// Time between two heartbeats.
@@ -68,12 +69,19 @@ impl Background {
             IpcNode::create(options, "planner-daemon heartbeat")?,
             Arc::clone(progress),
         );
-        let beating = move || {
-            if let Err(error) = beat(&node, &progress, &ended) {
-                tracing::error!("no heartbeat: {error}");
+        // Ports stay in their thread, so it is the thread that says whether there is a heart.
+        let (tell, told) = sync_channel(1);
+        let beating = move || match heart(&node) {
+            Ok(publisher) => {
+                let _ = tell.send(Ok(()));
+                beat(&publisher, &progress, &ended);
+            }
+            Err(error) => {
+                let _ = tell.send(Err(error));
             }
         };
         background.spawn("heartbeat", beating)?;
+        told.recv().map_err(io::Error::other)??;
         let node = IpcNode::create(options, "planner-daemon cleaning")?;
         let ended = Arc::clone(&background.ended);
         background.spawn("cleaning", move || clean(&node, &ended))?;
@@ -97,8 +105,11 @@ impl Drop for Background {
     }
 }
 
-fn beat(node: &IpcNode, progress: &Progress, ended: &AtomicBool) -> Result<(), IpcError> {
-    let publisher = publisher(node, &heartbeat_service(node)?)?;
+fn heart(node: &IpcNode) -> Result<Publisher<Heartbeat>, IpcError> {
+    publisher(node, &heartbeat_service(node)?)
+}
+
+fn beat(publisher: &Publisher<Heartbeat>, progress: &Progress, ended: &AtomicBool) {
     let (mut sequence, mut failing) = (0, false);
     while !ended.load(Ordering::Relaxed) {
         let now = mono_now_ns();
@@ -119,7 +130,6 @@ fn beat(node: &IpcNode, progress: &Progress, ended: &AtomicBool) -> Result<(), I
         }
         sleep(BEAT);
     }
-    Ok(())
 }
 
 fn clean(node: &IpcNode, ended: &AtomicBool) {

@@ -61,8 +61,12 @@ impl LiveScene {
             balls.filter(move |ball| is_resting(ball) == resting)
         };
         let resting = balls(true).map(|ball| moving_ball(ball, section_length_m).ball);
-        // Validated balls are finite and not too many, which is all that a scene asks for.
-        self.resting = Scene::new(resting.collect()).unwrap_or_default();
+        self.resting = match Scene::new(resting.collect()) {
+            Ok(resting) => resting,
+            Err(error) => {
+                return tracing::warn!("a scene is refused, the one before stays: {error}");
+            }
+        };
         self.moving = balls(false)
             .map(|ball| moving_ball(ball, section_length_m))
             .collect();

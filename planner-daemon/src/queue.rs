@@ -39,19 +39,16 @@ impl<Client: PartialEq, Item> FairQueue<Client, Item> {
         item
     }
 
-    /// Removes the items for which `keep` is false, and returns how many.
-    pub(crate) fn retain(&mut self, keep: impl Fn(&Item) -> bool) -> usize {
-        let before = self.len();
+    /// Takes out the items for which `is_out` is true, whosever turn it is.
+    pub(crate) fn take_out(&mut self, is_out: impl Fn(&Item) -> bool) -> Vec<Item> {
+        let mut taken = Vec::new();
         for (_, items) in &mut self.turns {
-            items.retain(&keep);
+            while let Some(index) = items.iter().position(&is_out) {
+                taken.extend(items.remove(index));
+            }
         }
         self.turns.retain(|(_, items)| !items.is_empty());
-        before - self.len()
-    }
-
-    /// Items waiting.
-    pub(crate) fn len(&self) -> usize {
-        self.turns.iter().map(|(_, items)| items.len()).sum()
+        taken
     }
 }
 
@@ -97,20 +94,19 @@ mod tests {
         assert_eq!(queue.push('a', 2), Ok(()));
         assert_eq!(queue.push('a', 3), Err(3));
         assert_eq!(queue.push('b', 4), Ok(()));
-        assert_eq!(queue.len(), 3);
     }
 
     #[test]
-    fn what_is_no_longer_wanted_goes() {
+    fn what_is_taken_out_leaves_the_others_in_their_order() {
         let mut queue = FairQueue::new(4);
         for number in 0..4 {
             queue.push(number % 2, number).unwrap();
         }
-        assert_eq!(queue.retain(|number| number % 2 == 1), 2);
+        assert_eq!(queue.take_out(|number| number % 2 == 0), [0, 2]);
         assert_eq!(
             [queue.pop(), queue.pop(), queue.pop()],
             [Some(1), Some(3), None]
         );
-        assert_eq!(queue.len(), 0);
+        assert!(queue.take_out(|_| true).is_empty());
     }
 }

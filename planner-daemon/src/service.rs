@@ -70,6 +70,7 @@ pub(crate) struct Service {
     progress: Arc<Progress>,
     next_plan_id: u64,
     receiving_fails: bool,
+    ends: bool,
 }
 
 /// What [`Service::new`] joins.
@@ -99,6 +100,7 @@ impl Service {
             // Larger than those of every daemon before since this machine was booted.
             next_plan_id: mono_now_ns().unsigned_abs(),
             receiving_fails: false,
+            ends: false,
         }
     }
 
@@ -124,6 +126,7 @@ impl Service {
     fn round(&mut self) -> bool {
         let received = self.receive();
         self.drop_cancelled();
+        self.answer_late();
         let planned = self.take_plan();
         let begun = self.begin_next();
         received || planned || begun
@@ -177,14 +180,25 @@ impl Service {
 
     /// Forgets what waits for clients that gave up, and interrupts the plan of one.
     fn drop_cancelled(&mut self) {
-        let dropped = self.queue.retain(|queued| is_wanted(&queued.active));
-        if dropped > 0 {
-            tracing::debug!("{dropped} requests were cancelled while they waited");
+        let dropped = self.queue.take_out(|queued| !is_wanted(&queued.active));
+        if !dropped.is_empty() {
+            let count = dropped.len();
+            tracing::debug!("{count} requests were cancelled while they waited");
         }
         if let Some(in_flight) = &self.in_flight
             && !is_wanted(&in_flight.queued.active)
         {
             in_flight.cancelled.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Answers what waited until its deadline, also while another client's long plan is under way.
+    fn answer_late(&mut self) {
+        let now = Instant::now();
+        for late in self.queue.take_out(|queued| now >= queued.deadline()) {
+            let mut answer = Answer::refused(late.order.request_id, &too_late(&late.order));
+            answer.set_wait(now - late.received);
+            send(answer, &late.active);
         }
     }
 
@@ -196,15 +210,7 @@ impl Service {
         let Some(queued) = self.queue.pop() else {
             return false;
         };
-        let now = Instant::now();
-        let waited = now - queued.received;
-        if now >= queued.deadline() {
-            let (id, refusal) = (queued.order.request_id, too_late(&queued.order));
-            let mut answer = Answer::refused(id, &refusal);
-            answer.set_wait(waited);
-            send(answer, &queued.active);
-            return true;
-        }
+        let waited = queued.received.elapsed();
         let cancelled = Arc::new(AtomicBool::new(false));
         self.planning.begin(Job {
             problem: Arc::clone(&queued.order.problem),
@@ -246,8 +252,7 @@ impl Service {
         self.next_plan_id += 1;
         answer.set_plan_id(plan_id);
         answer.set_wait(in_flight.waited);
-        let cancelled = in_flight.cancelled.load(Ordering::Relaxed);
-        if !cancelled && answer.outcome().is_some_and(Outcome::has_candidates) {
+        if is_wanted(&active) && answer.outcome().is_some_and(Outcome::has_candidates) {
             self.execute(&order, plan_id, &mut answer);
         }
         send(answer, &active);
@@ -258,6 +263,7 @@ impl Service {
             return;
         };
         let published = match answer.selected() {
+            _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
             Some((candidate_index, motion)) => self.execution.publish(&Selected {
                 motion,
                 candidate_index,
@@ -299,6 +305,7 @@ impl Service {
 
     /// Answers the plan under way, and tells all who wait that the daemon ends.
     fn finish(&mut self) {
+        self.ends = true;
         self.receive();
         while let Some(queued) = self.queue.pop() {
             let refusal = Refusal::new(Outcome::Cancelled, "the daemon ends");
@@ -312,6 +319,7 @@ impl Service {
             if let Some(planned) = self.planning.wait(ATTENTION) {
                 self.answer(planned);
             }
+            self.execution.attend();
             self.progress.made();
         }
     }

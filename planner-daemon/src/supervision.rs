@@ -66,7 +66,7 @@ impl Supervised {
             return Standing::Over(state.refusal.text());
         }
         if values.trajectory_id != self.id {
-            return if now_mono_ns < self.begin_mono_ns + TAKE_UP_NS {
+            return if now_mono_ns < self.begin_mono_ns.saturating_add(TAKE_UP_NS) {
                 Standing::Awaited
             } else {
                 Standing::Over("the controller did not take it up")
@@ -119,9 +119,10 @@ impl Supervised {
     }
 }
 
-/// Whether a controller's state is recent enough to be believed.
+/// Whether a controller's state is recent enough to be believed; one from the future would never grow old, and is not.
 pub(crate) fn is_fresh(state: &ControllerState, now_mono_ns: i64) -> bool {
-    now_mono_ns.saturating_sub(state.values.stamp_mono_ns) <= STATE_LIFETIME_NS
+    let age_ns = now_mono_ns.saturating_sub(state.values.stamp_mono_ns);
+    (-STATE_LIFETIME_NS..=STATE_LIFETIME_NS).contains(&age_ns)
 }
 
 #[cfg(test)]
@@ -164,10 +165,9 @@ mod tests {
     fn a_motion_is_over_when_nobody_executes_it() {
         let standing = |state: &ControllerState, now| supervised().standing(Some(state), now);
         assert!(over(supervised().standing(None, BEGIN)));
-        assert!(over(standing(
-            &state(|_| ()),
-            BEGIN + STATE_LIFETIME_NS + 1
-        )));
+        for age_ns in [STATE_LIFETIME_NS + 1, -STATE_LIFETIME_NS - 1] {
+            assert!(over(standing(&state(|_| ()), BEGIN + age_ns)));
+        }
         let refused = state(|values| (values.refused_trajectory_id, values.refusal) = (7, 5));
         assert_eq!(
             standing(&refused, BEGIN),
@@ -183,11 +183,13 @@ mod tests {
 
     #[test]
     fn a_motion_that_is_not_taken_up_is_awaited_for_a_while() {
-        let other = state(|values| {
-            (values.trajectory_id, values.state) = (6, LoopState::Holding.code());
-            values.stamp_mono_ns = BEGIN + TAKE_UP_NS;
-        });
-        let standing = |now| supervised().standing(Some(&other), now);
+        let standing = |now| {
+            let other = state(|values| {
+                (values.trajectory_id, values.state) = (6, LoopState::Holding.code());
+                values.stamp_mono_ns = now;
+            });
+            supervised().standing(Some(&other), now)
+        };
         assert_eq!(standing(BEGIN - 1), Standing::Awaited);
         assert_eq!(standing(BEGIN + TAKE_UP_NS - 1), Standing::Awaited);
         assert!(over(standing(BEGIN + TAKE_UP_NS)));

@@ -7,6 +7,7 @@
 mod common;
 
 use std::collections::HashMap;
+use std::time::Duration;
 
 use client::{Client, PlanAnswer};
 use common::{PATIENCE, World, request, until};
@@ -298,6 +299,36 @@ fn more_than_a_client_may_queue_is_answered_overloaded_and_cancelling_makes_room
     drop((client.submit(&slow).unwrap(), client.submit(&slow).unwrap()));
     let answer = client.plan(&request(), PATIENCE).unwrap();
     assert_eq!(answer.report().outcome, Outcome::Ok);
+}
+
+#[test]
+fn a_deadline_that_passes_in_the_queue_is_answered_while_another_plan_is_under_way() {
+    let world = World::new();
+    let _daemon = world.start(&world.configuration(""));
+    let mut clients = [0, 1].map(|_| Client::connect(&world.options).unwrap());
+    let slow = PlanRequest {
+        sampler: Sampler::RrtConnect,
+        candidate_count: 16,
+        ..request()
+    };
+    let hasty = PlanRequest {
+        deadline: Some(Duration::from_nanos(1)),
+        ..request()
+    };
+    let mut answered_before_the_slow_one = || {
+        let mut first = clients[0].submit(&slow).unwrap();
+        let second = clients[1].submit(&hasty).unwrap();
+        let answer = clients[1].wait(second, PATIENCE).unwrap();
+        let report = answer.report();
+        assert_eq!(report.outcome, Outcome::Truncated);
+        assert!(
+            report.reason.contains("while the request waited"),
+            "{}",
+            report.reason
+        );
+        clients[0].poll(&mut first).unwrap().is_none()
+    };
+    assert!((0..20).any(|_| answered_before_the_slow_one()));
 }
 
 #[test]
