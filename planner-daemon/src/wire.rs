@@ -1,9 +1,11 @@
 //! Between the planner's units (lengths in sections) and the wire's (SI).
 
 use pcc_model::Configuration;
-use planning::{Candidate, Source};
-use shared_types::codes;
+use planning::{Candidate, Goal, Infeasible, Source};
+use shared_types::codes::{self, Outcome};
 use shared_types::message::{CandidateSummary, Knot};
+
+use crate::admission::Refusal;
 
 /// A knot as it travels; knots hold seconds and radians, so nothing is scaled.
 pub(crate) fn knot(knot: &trajectory::Knot) -> Knot {
@@ -33,6 +35,45 @@ pub(crate) fn summary(
         clearance_m: metrics.clearance * section_length_m,
         smoothness: metrics.tip_smoothness * section_length_m.powi(2),
         tip_error_m: tip_error * section_length_m,
+    }
+}
+
+/// Why a problem to this goal has no solution, with lengths in metres.
+pub(crate) fn infeasible(infeasible: &Infeasible, goal: &Goal, section_length_m: f64) -> Refusal {
+    let metres = |length: f64| format!("{:.4} m", length * section_length_m);
+    match *infeasible {
+        Infeasible::StartOutOfLimits { .. } => {
+            Refusal::new(Outcome::StartOutOfLimits, infeasible.to_string())
+        }
+        Infeasible::StartInCollision { clearance } => Refusal::new(
+            Outcome::StartInCollision,
+            format!(
+                "start in collision: clearance {}, at least 0 is needed",
+                metres(clearance)
+            ),
+        ),
+        Infeasible::GoalOutOfReach { miss } => {
+            let reason = match goal {
+                Goal::Tip(_) => {
+                    let miss = metres(miss);
+                    format!("the closest shape found within the bending limit misses it by {miss}")
+                }
+                Goal::Configuration(_) => {
+                    format!("a section is bent {miss:.4} rad beyond the limit")
+                }
+            };
+            Refusal::new(
+                Outcome::GoalOutOfReach,
+                format!("goal out of reach: {reason}"),
+            )
+        }
+        Infeasible::GoalInCollision { shapes, clearance } => Refusal::new(
+            Outcome::GoalInCollision,
+            format!(
+                "goal in collision: the clearest of {shapes} end shapes has clearance {}, at least 0 is needed",
+                metres(clearance)
+            ),
+        ),
     }
 }
 
@@ -124,6 +165,54 @@ mod tests {
             tip_error_m: 0.01 * 0.2,
         };
         assert_eq!(summary, expected);
+    }
+
+    #[test]
+    fn what_is_infeasible_is_said_in_metres_and_radians() {
+        let tip = Goal::Tip(pcc_model::Point::new(9.0, 0.0, 0.0));
+        let shape = Goal::Configuration(Configuration::repeat(9.0));
+        let (excess_rad, limit_rad) = (0.1, 1.5);
+        let (clearance, shapes, miss) = (-0.1, 3, 0.5);
+        let bent = Infeasible::StartOutOfLimits {
+            excess_rad,
+            limit_rad,
+        };
+        for (reason, goal, outcome, text) in [
+            (bent, tip, Outcome::StartOutOfLimits, "0.1000 rad"),
+            (
+                Infeasible::StartInCollision { clearance },
+                tip,
+                Outcome::StartInCollision,
+                "clearance -0.0200 m",
+            ),
+            (
+                Infeasible::GoalOutOfReach { miss },
+                tip,
+                Outcome::GoalOutOfReach,
+                "by 0.1000 m",
+            ),
+            (
+                Infeasible::GoalOutOfReach { miss },
+                shape,
+                Outcome::GoalOutOfReach,
+                "bent 0.5000 rad",
+            ),
+            (
+                Infeasible::GoalInCollision { shapes, clearance },
+                tip,
+                Outcome::GoalInCollision,
+                "3 end shapes has clearance -0.0200 m",
+            ),
+        ] {
+            let refusal = infeasible(&reason, &goal, 0.2);
+            assert_eq!(refusal.outcome, outcome);
+            assert!(refusal.reason.contains(text), "{}", refusal.reason);
+            assert!(
+                refusal.reason.starts_with(outcome.text()),
+                "{}",
+                refusal.reason
+            );
+        }
     }
 
     #[test]
