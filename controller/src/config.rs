@@ -1,6 +1,9 @@
 //! Reading the configuration files of both programs.
 
-use std::path::{Path, PathBuf};
+use std::{
+    ops::RangeInclusive,
+    path::{Path, PathBuf},
+};
 
 use serde::de::DeserializeOwned;
 
@@ -33,7 +36,7 @@ pub enum ConfigError {
         /// Its value.
         value: f64,
         /// What is allowed.
-        allowed: &'static str,
+        allowed: String,
     },
     /// The robot file that it names was refused.
     #[error("configuration {path}: {error}")]
@@ -98,7 +101,7 @@ impl Checked<'_> {
         holds: bool,
         setting: &'static str,
         value: f64,
-        allowed: &'static str,
+        allowed: impl Into<String>,
     ) -> Result<(), ConfigError> {
         if holds {
             return Ok(());
@@ -107,7 +110,29 @@ impl Checked<'_> {
             path: self.path.to_owned(),
             setting,
             value,
-            allowed,
+            allowed: allowed.into(),
         })
+    }
+
+    /// Refuses `value` unless it is in `range`.
+    pub(crate) fn within(
+        &self,
+        setting: &'static str,
+        value: impl Into<f64>,
+        range: RangeInclusive<f64>,
+    ) -> Result<(), ConfigError> {
+        let (value, allowed) = (
+            value.into(),
+            format!("{} to {}", range.start(), range.end()),
+        );
+        self.require(range.contains(&value), setting, value, allowed)
+    }
+
+    /// Checks what both programs' loops have: their rate and their real-time priority.
+    pub(crate) fn real_time_loop(&self, rate_hz: u32, priority: u8) -> Result<(), ConfigError> {
+        self.within("rate_hz", rate_hz, 100.0..=4000.0)?;
+        let allowed = "0 (none) to 99";
+        let value = f64::from(priority);
+        self.require(priority <= 99, "realtime_priority", value, allowed)
     }
 }

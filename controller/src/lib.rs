@@ -3,7 +3,8 @@
 //! * [`executive`]: what the loop decides each cycle, as a plain state machine;
 //! * [`arena`], [`realtime`]: what makes a loop hard: memory of its own, priority, absolute sleeping;
 //! * [`service`]: the controller's process: loop thread and relay thread;
-//! * [`robot`]: the simulated robot, and its process.
+//! * [`robot`]: the simulated robot, and its process;
+//! * [`config`], [`program`]: what both programs have in common.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod arena;
@@ -11,6 +12,7 @@ pub mod config;
 pub mod executive;
 #[cfg(test)]
 mod fixtures;
+pub mod program;
 pub mod realtime;
 pub mod robot;
 pub mod service;

@@ -1,7 +1,6 @@
 //! `controller`: the hard loop between the planner daemon and the motors.
 
 use std::{
-    io::stderr,
     path::PathBuf,
     process::ExitCode,
     sync::{Arc, atomic::AtomicBool},
@@ -11,10 +10,10 @@ use anyhow::Context;
 use clap::Parser;
 use controller::{
     arena::LoopAllocator,
+    program::{exit_code, start_logging},
     service::{self, ControllerConfig},
 };
 use shared_types::ipc::IpcOptions;
-use tracing_subscriber::EnvFilter;
 
 #[global_allocator]
 static ALLOCATOR: LoopAllocator = LoopAllocator;
@@ -36,22 +35,12 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match start() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("controller: {error:#}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code("controller", start())
 }
 
 fn start() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(stderr)
-        .init();
+    start_logging();
     die_of_any_panic();
     let config = ControllerConfig::from_file(&arguments.config)?;
     let shutdown = Arc::new(AtomicBool::new(false));

@@ -1,7 +1,6 @@
 //! `simulated-robot`: stands in for the motors and the arm.
 
 use std::{
-    io::stderr,
     path::PathBuf,
     process::ExitCode,
     sync::{
@@ -13,14 +12,16 @@ use std::{
 
 use anyhow::Context;
 use clap::Parser;
-use controller::robot::{RobotConfig, Switches, run};
+use controller::{
+    program::{exit_code, start_logging},
+    robot::{RobotConfig, Switches, run},
+};
 use shared_types::ipc::IpcOptions;
 use signal_hook::{
     consts::{SIGINT, SIGTERM, SIGUSR1, SIGUSR2},
     iterator::Signals,
 };
 use tracing::warn;
-use tracing_subscriber::EnvFilter;
 
 /// Simulates the robot: motors with limits, backlash and noise, driven by the controller's set-points.
 ///
@@ -44,22 +45,12 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match start() {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("simulated-robot: {error:#}");
-            ExitCode::FAILURE
-        }
-    }
+    exit_code("simulated-robot", start())
 }
 
 fn start() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
-    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new("info"));
-    tracing_subscriber::fmt()
-        .with_env_filter(filter)
-        .with_writer(stderr)
-        .init();
+    start_logging();
     let config = RobotConfig::from_file(&arguments.config)?;
     let switches = Switches::default();
     listen_to_signals(&switches)?;

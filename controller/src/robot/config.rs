@@ -96,43 +96,14 @@ impl RobotConfig {
 
 impl File {
     fn check(&self, checked: &Checked<'_>) -> Result<(), ConfigError> {
-        let within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
-        let (rate, lost) = (f64::from(self.rate_hz), f64::from(self.lost_setpoint_ms));
-        checked.require(within(rate, 100.0, 4000.0), "rate_hz", rate, "100 to 4000")?;
-        checked.require(
-            within(lost, 5.0, 1000.0),
-            "lost_setpoint_ms",
-            lost,
-            "5 to 1000",
-        )?;
-        let priority = f64::from(self.realtime_priority);
-        let name = "realtime_priority";
-        checked.require(
-            self.realtime_priority <= 99,
-            name,
-            priority,
-            "0 (none) to 99",
-        )?;
-        let allowance = self.limit_allowance;
-        checked.require(
-            within(allowance, 1.0, 2.0),
-            "limit_allowance",
-            allowance,
-            "1 to 2",
-        )?;
-        let margin = self.motor_margin;
-        checked.require(within(margin, 1.0, 10.0), "motor_margin", margin, "1 to 10")?;
-        let frequency = self.natural_frequency_rad_s;
+        checked.real_time_loop(self.rate_hz, self.realtime_priority)?;
+        checked.within("lost_setpoint_ms", self.lost_setpoint_ms, 5.0..=1000.0)?;
+        checked.within("limit_allowance", self.limit_allowance, 1.0..=2.0)?;
+        checked.within("motor_margin", self.motor_margin, 1.0..=10.0)?;
         let name = "natural_frequency_rad_s";
-        checked.require(within(frequency, 1.0, 500.0), name, frequency, "1 to 500")?;
-        let allowed = "0 to 0.01 (of a section's length)";
-        checked.require(
-            within(self.backlash, 0.0, 0.01),
-            "backlash",
-            self.backlash,
-            allowed,
-        )?;
-        checked.require(within(self.noise, 0.0, 0.01), "noise", self.noise, allowed)
+        checked.within(name, self.natural_frequency_rad_s, 1.0..=500.0)?;
+        checked.within("backlash", self.backlash, 0.0..=0.01)?;
+        checked.within("noise", self.noise, 0.0..=0.01)
     }
 
     fn check_robot(&self, checked: &Checked<'_>, robot: &Robot) -> Result<(), ConfigError> {

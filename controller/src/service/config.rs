@@ -75,83 +75,28 @@ impl ControllerConfig {
 
 impl File {
     fn check(&self, checked: &Checked<'_>) -> Result<(), ConfigError> {
-        let rate = f64::from(self.rate_hz);
-        checked.require(
-            (100.0..=4000.0).contains(&rate),
-            "rate_hz",
-            rate,
-            "100 to 4000",
-        )?;
-        let priority = f64::from(self.realtime_priority);
-        let name = "realtime_priority";
-        checked.require(
-            self.realtime_priority <= 99,
-            name,
-            priority,
-            "0 (none) to 99",
-        )?;
+        checked.real_time_loop(self.rate_hz, self.realtime_priority)?;
         #[expect(clippy::cast_precision_loss, reason = "a processor's number is small")]
         let processor = self.processor as f64;
         let allowed = "-1 (any) or a processor's number";
-        checked.require(
-            (-1.0..1e4).contains(&processor),
-            "processor",
-            processor,
-            allowed,
-        )?;
-        let (tolerance, name) = (self.hold_tolerance_rad, "hold_tolerance_rad");
-        checked.require(
-            tolerance > 0.0 && tolerance < 1.0,
-            name,
-            tolerance,
-            "above 0, below 1",
-        )
+        let holds = (-1.0..1e4).contains(&processor);
+        checked.require(holds, "processor", processor, allowed)?;
+        let tolerance = self.hold_tolerance_rad;
+        let holds = tolerance > 0.0 && tolerance < 1.0;
+        checked.require(holds, "hold_tolerance_rad", tolerance, "above 0, below 1")
     }
 
     fn check_times(&self, checked: &Checked<'_>) -> Result<(), ConfigError> {
-        let period_ms = 1e3 / f64::from(self.rate_hz);
-        let within = |value: f64, low: f64, high: f64| (low..=high).contains(&value);
-        let cap = self.step_cap_ms;
-        let allowed = "two periods to 100 ms";
-        checked.require(
-            within(cap, 2.0 * period_ms, 100.0),
-            "step_cap_ms",
-            cap,
-            allowed,
-        )?;
-        let run = f64::from(self.late_run_limit);
-        checked.require(within(run, 1.0, 1000.0), "late_run_limit", run, "1 to 1000")?;
-        let robot = f64::from(self.robot_lost_ms);
-        checked.require(
-            within(robot, 5.0, 1000.0),
-            "robot_lost_ms",
-            robot,
-            "5 to 1000",
-        )?;
+        let two_periods_ms = 2e3 / f64::from(self.rate_hz);
+        checked.within("step_cap_ms", self.step_cap_ms, two_periods_ms..=100.0)?;
+        checked.within("late_run_limit", self.late_run_limit, 1.0..=1000.0)?;
+        checked.within("robot_lost_ms", self.robot_lost_ms, 5.0..=1000.0)?;
         let daemon = f64::from(self.daemon_lost_ms);
-        let holds = daemon == 0.0 || within(daemon, 40.0, 10_000.0);
+        let holds = daemon == 0.0 || (40.0..=10_000.0).contains(&daemon);
         checked.require(holds, "daemon_lost_ms", daemon, "0 (never) or 40 to 10000")?;
-        let filter = self.tracking_filter_ms;
-        checked.require(
-            within(filter, 0.0, 1000.0),
-            "tracking_filter_ms",
-            filter,
-            "0 to 1000",
-        )?;
-        let past = f64::from(self.begin_past_ms);
-        checked.require(
-            within(past, 0.0, 1000.0),
-            "begin_past_ms",
-            past,
-            "0 to 1000",
-        )?;
-        let ahead = f64::from(self.begin_ahead_s);
-        checked.require(
-            within(ahead, 1.0, 3600.0),
-            "begin_ahead_s",
-            ahead,
-            "1 to 3600",
-        )
+        checked.within("tracking_filter_ms", self.tracking_filter_ms, 0.0..=1000.0)?;
+        checked.within("begin_past_ms", self.begin_past_ms, 0.0..=1000.0)?;
+        checked.within("begin_ahead_s", self.begin_ahead_s, 1.0..=3600.0)
     }
 
     fn executive(&self) -> ExecutiveSettings {
