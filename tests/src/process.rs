@@ -67,6 +67,7 @@ impl Process {
             .env("PCC_PREFIX", &world.options.prefix)
             .env("PCC_ROOT", &world.options.root)
             .env("NO_COLOR", "1")
+            .env_remove("RUST_BACKTRACE")
             .stdin(Stdio::null())
             .stdout(file.try_clone().unwrap())
             .stderr(file)

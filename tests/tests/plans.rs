@@ -54,7 +54,7 @@ fn a_plan_starts_and_ends_where_it_should() {
 
 #[test]
 fn answers_are_not_lost_not_mixed_up_and_the_same_with_one_thread_and_with_two() {
-    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let mut stack = Stack::running(&Settings::default()).unwrap();
     let pool = general_requests(&stack.world.robot, 25, stack.world.sampler());
     stack.disconnect_client();
     let two_threads = ask_at_once(&stack.world, &pool, 1);
@@ -68,7 +68,7 @@ fn answers_are_not_lost_not_mixed_up_and_the_same_with_one_thread_and_with_two()
 
     let one_thread = Settings {
         daemon: vec![("threads", Value::Integer(1))],
-        ..Settings::fast_robot()
+        ..Settings::default()
     };
     let world = World::new(&one_thread);
     let _daemon = Part::Daemon.start(&world);
@@ -110,6 +110,19 @@ fn raw_answers_repeat_to_the_bit() {
         knots.iter().map(|knot| knot.time_s.to_bits()).collect()
     };
     assert_eq!(times(&first.knots), times(&second.knots));
+}
+
+#[test]
+fn a_robot_that_ramped_to_rest_a_little_beyond_its_bending_limit_gets_away_from_there() {
+    let world = World::new(&Settings::default());
+    let _daemon = Part::Daemon.start(&world);
+    let client = RawClient::connect(&world.options, PATIENCE).unwrap();
+    for (excess_rad, outcome) in [(4e-3, Outcome::Ok), (6e-3, Outcome::StartOutOfLimits)] {
+        let mut request = good_request();
+        request.start_configuration_rad[2] = world.robot.bending_limit + excess_rad;
+        let answer = client.ask(&request, PATIENCE).unwrap();
+        assert_eq!(answer.report.outcome, outcome.code(), "{excess_rad}");
+    }
 }
 
 fn wait_for_daemon(world: &World) {

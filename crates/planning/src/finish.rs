@@ -2,12 +2,10 @@
 
 use crate::path::{Waypoints, resample};
 use crate::plan::Failure;
+use crate::problem::BENDING_SLACK_RAD;
 use collision::{Scene, certify_polyline, certify_trajectory};
 use pcc_model::{Configuration, Robot, TendonLimits};
 use trajectory::{AllocationOptions, Knot, Trajectory, allocate};
-
-/// Bending above the limit that the certificate allows, rad (docs/evaluation.md "Certified").
-const BENDING_SLACK_RAD: f64 = 5e-3;
 
 /// What a motion must keep.
 pub(crate) struct Demands<'a> {

@@ -27,7 +27,15 @@ fn on_a_clean_clone(
     folder: &Path,
     recorded: &Path,
 ) -> anyhow::Result<()> {
-    let clone = folder.join("clone");
+    let kept = repository().join("target/acceptance/clone");
+    let clone = if scale.full {
+        folder.join("clone")
+    } else {
+        kept
+    };
+    if clone.exists() {
+        std::fs::remove_dir_all(&clone)?;
+    }
     let status = Command::new("git")
         .args(["clone", "--quiet"])
         .args([repository().as_path(), clone.as_path()])
@@ -35,16 +43,18 @@ fn on_a_clean_clone(
     ensure!(status.success(), "git clone: {status}");
     let mut demo = Command::new(clone.join("scripts/demo"));
     demo.current_dir(&clone).arg("--record").arg(recorded);
-    demo.env_remove("CARGO_TARGET_DIR");
+    demo.env_remove("CARGO_TARGET_DIR")
+        .env_remove("RUST_BACKTRACE")
+        .env("NO_COLOR", "1");
     if !scale.full {
         demo.env(
             "CARGO_TARGET_DIR",
-            repository().join("target/acceptance/clone"),
+            repository().join("target/acceptance/clone-target"),
         );
     }
     let output = demo.output()?;
-    let text = String::from_utf8_lossy(&output.stdout);
-    let last = text.lines().rev().take(4).collect::<Vec<_>>().join(" | ");
+    let error = String::from_utf8_lossy(&output.stderr);
+    let last = error.lines().rev().take(2).collect::<Vec<_>>().join(" | ");
     report.check(
         "scripts/demo on a clean clone",
         format!(

@@ -23,7 +23,7 @@ fn ask_with_threads(
 ) -> anyhow::Result<(Answers, LoopFault)> {
     let settings = Settings {
         daemon: vec![("threads", Value::Integer(threads))],
-        ..Settings::fast_robot()
+        ..Settings::default()
     };
     let mut stack = Stack::running(&settings)?;
     stack.disconnect_client();

@@ -46,7 +46,8 @@ fn malformed_requests(report: &mut Report) -> anyhow::Result<()> {
 }
 
 fn bad_starts(report: &mut Report) -> anyhow::Result<()> {
-    let kinds: [(&str, fn() -> BadStarts); 3] = [
+    type Kind = (&'static str, fn() -> BadStarts);
+    let kinds: [Kind; 3] = [
         ("weights files", weights),
         ("robot files", robot_files),
         ("configurations", configurations),
