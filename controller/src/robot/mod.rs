@@ -60,7 +60,10 @@ impl SimulatedRobot {
         Self {
             tendons: config.robot.tendons.clone(),
             reference: Reference::new(config.reference, now_ns, pose.position_m, pose.velocity_m_s),
-            motors: pose.position_m.map(Motor::at),
+            // Else the motors would start behind a reference that moves, and swing about it for seconds.
+            motors: std::array::from_fn(|tendon| {
+                Motor::at(pose.position_m[tendon]).moving(pose.velocity_m_s[tendon])
+            }),
             limits: config.motor,
             noise_m: config.noise_m,
             random: Pcg64::seed_from_u64(config.seed),

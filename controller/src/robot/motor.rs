@@ -43,6 +43,15 @@ impl Motor {
         }
     }
 
+    /// The same motor, already turning at `velocity_m_s`.
+    #[must_use]
+    pub fn moving(self, velocity_m_s: f64) -> Self {
+        Self {
+            velocity_m_s,
+            ..self
+        }
+    }
+
     /// The tendon's length behind the backlash, m.
     #[must_use]
     pub fn tendon_m(&self) -> f64 {
@@ -83,6 +92,25 @@ mod tests {
         natural_frequency_rad_s: 100.0,
         backlash_m: 1e-4,
     };
+
+    #[test]
+    fn a_motor_that_was_moving_comes_to_rest_with_its_reference() {
+        // As after a restart: at full speed, braking at the acceleration that the motor has to spare.
+        let (speed_m_s, braking_m_s2) = (0.08, 0.4);
+        let mut motor = Motor::at(0.0).moving(speed_m_s);
+        let mut reference = MotorTarget {
+            position_m: 0.0,
+            velocity_m_s: speed_m_s,
+            acceleration_m_s2: -braking_m_s2,
+        };
+        for _ in 0..200 {
+            reference.velocity_m_s -= braking_m_s2 * 1e-3;
+            reference.position_m += reference.velocity_m_s * 1e-3;
+            motor.step(&reference, &LIMITS, 1e-3);
+            assert!((motor.tendon_m() - reference.position_m).abs() < 2e-4);
+        }
+        assert!(reference.velocity_m_s.abs() < 1e-9, "the premise: it rests");
+    }
 
     #[test]
     fn a_smooth_motion_is_followed_within_the_backlash_and_a_little() {
