@@ -90,6 +90,12 @@ fn kills(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         survival.rounds,
     );
     report.none_of("rounds that failed", &survival.failures);
+    let (again, bar) = (&survival.interruptions, survival.rounds.div_ceil(10));
+    let figure = format!("{} {}", again.len(), again.join("; "));
+    let name = "motions stopped by a stalled machine and asked for again";
+    let bar = format!("<= {bar}, a tenth of the rounds");
+    let few = again.len() * 10 <= survival.rounds + 9;
+    report.check(name, figure.trim().to_owned(), &bar, few);
     report.at_most("tip error after the kills, m", survival.tip_error, 0.01);
     report.all_of(
         "ramps to rest seen after the controller was killed in motion",
