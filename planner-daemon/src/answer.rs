@@ -9,6 +9,7 @@ use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::{Outcome, Stage};
 use shared_types::ipc::PlanActiveRequest;
 use shared_types::message::{Knot, NONE_SELECTED, PlanReport};
+use shared_types::valid::MAX_DURATION_S;
 use trajectory::Trajectory;
 
 use crate::admission::{Order, Refusal};
@@ -183,12 +184,13 @@ fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// Which candidates reach the goal as closely as the client wants and fit their share of the answer.
+/// Which candidates reach the goal as closely as the client wants and fit the message and their share of the answer.
 fn deliverable(order: &Order, plan: &Plan, robot: &Robot) -> Vec<bool> {
     let goal_tip = order.problem.goal_tip(robot);
     let fits = |candidate: &Candidate| {
         wire::tip_error(robot, &candidate.end(), &goal_tip) <= order.tip_tolerance
             && candidate.trajectory.knots().len() <= order.request.knots
+            && candidate.trajectory.duration() <= MAX_DURATION_S
     };
     plan.candidates.iter().map(fits).collect()
 }
@@ -232,7 +234,10 @@ fn failures(plan: &Plan, undeliverable: usize) -> String {
     };
     let mut counts: Vec<(usize, &str)> =
         causes.map(|(failure, text)| (count(failure), text)).into();
-    counts.push((undeliverable, "off the goal or with too many knots"));
+    counts.push((
+        undeliverable,
+        "off the goal, too long or with too many knots",
+    ));
     let parts = counts.iter().filter(|(count, _)| *count > 0);
     let parts: Vec<String> = parts
         .map(|(count, text)| format!("{count} {text}"))
@@ -301,7 +306,17 @@ mod tests {
     }
 
     #[test]
-    fn candidates_off_the_goal_or_too_long_are_not_delivered() {
+    fn a_motion_longer_than_the_message_allows_is_not_delivered() {
+        for (scale, outcome) in [(1e-4, Outcome::Ok), (1e-20, Outcome::NoPath)] {
+            let mut order = order();
+            order.request.limits_scale = scale;
+            let answer = answer(&order, plan(&order, false));
+            assert_eq!(answer.outcome(), Some(outcome), "{}", answer.reason());
+        }
+    }
+
+    #[test]
+    fn candidates_off_the_goal_or_with_too_many_knots_are_not_delivered() {
         let (mut precise, mut short) = (order(), order());
         let plan = plan(&precise, false);
         precise.tip_tolerance = -1.0;

@@ -14,7 +14,6 @@ use iceoryx2::service::port_factory::request_response::PortFactory;
 use iceoryx2::service::port_factory::server::ServerCreateError;
 
 use super::{IpcError, IpcNode};
-use crate::capacity::{MAX_CANDIDATES, MAX_KNOTS};
 use crate::message::{Command, CommandReply, Knot, PlanReport, PlanRequest};
 
 /// The open service `plan`.
@@ -55,9 +54,9 @@ pub struct PlanServiceCapacity {
     pub clients: usize,
     /// Requests of one client at once, its queue included; default 4.
     pub active_requests_per_client: usize,
-    /// Candidates of one answer, at most [`MAX_CANDIDATES`]; default 16.
+    /// Candidates of one answer, at most [`crate::capacity::MAX_CANDIDATES`]; default 16.
     pub candidates: usize,
-    /// Knots of one candidate, at most [`MAX_KNOTS`]; default 96.
+    /// Knots of one candidate, at most [`crate::capacity::MAX_KNOTS`]; default 96.
     pub knots_per_candidate: usize,
 }
 
@@ -77,17 +76,6 @@ impl PlanServiceCapacity {
     #[must_use]
     pub const fn knots_per_response(&self) -> usize {
         self.candidates * self.knots_per_candidate
-    }
-
-    /// Whether the messages can carry it: all at least 1, candidates and knots within the wire's arrays.
-    #[must_use]
-    pub const fn is_valid(&self) -> bool {
-        self.clients >= 1
-            && self.active_requests_per_client >= 1
-            && self.candidates >= 1
-            && self.candidates <= MAX_CANDIDATES
-            && self.knots_per_candidate >= 2
-            && self.knots_per_candidate <= MAX_KNOTS
     }
 }
 

@@ -119,20 +119,6 @@ pub struct Topic<T: Debug + IceoryxSend + ?Sized> {
     qualities: Qualities,
 }
 
-impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
-    /// The iceoryx2 service, for its properties.
-    #[must_use]
-    pub fn service(&self) -> &PortFactory<ipc::Service, T, ()> {
-        &self.service
-    }
-
-    /// The service's full name.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.full_name
-    }
-}
-
 macro_rules! topic_functions {
     ($($(#[$attribute:meta])* $function:ident: $message:ty = $qualities:ident;)*) => { $(
         $(#[$attribute])*

@@ -32,6 +32,8 @@ pub const MAX_LENGTH_M: f64 = 1e3;
 pub const MAX_ANGLE_RAD: f64 = 1e3;
 /// Largest magnitude of a velocity or an acceleration, per s or s².
 pub const MAX_RATE: f64 = 1e6;
+/// Longest motion, s.
+pub const MAX_DURATION_S: f64 = 1e6;
 
 /// A message that is not acceptable: which field, and why.
 #[derive(Clone, Copy, Debug, PartialEq)]

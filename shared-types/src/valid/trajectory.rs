@@ -70,7 +70,7 @@ pub fn check_knots(knots: &[Knot]) -> Result<(), Invalid> {
 }
 
 fn check_knot(knot: &Knot, previous: Option<f64>) -> Result<(), Reason> {
-    check_range(knot.time_s, 0.0, super::MAX_RATE, "0..=1e6 s")?;
+    check_range(knot.time_s, 0.0, super::MAX_DURATION_S, "0..=1e6 s")?;
     match previous {
         None if knot.time_s != 0.0 => {
             return Err(Reason::OutOfRange {
