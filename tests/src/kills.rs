@@ -161,11 +161,27 @@ fn comes_to_rest_by_itself(listener: &Listener) -> Result<bool, TimedOut> {
     }))
 }
 
+/// The states at which the robot had taken another set-point, or was not following one.
+///
+/// Between set-points its reference goes on at constant velocity: where the controller was late, the time that a change
+/// of velocity took is that since the set-point before.
+#[must_use]
+pub fn taken_setpoints(states: &[RobotState]) -> Vec<TendonSample> {
+    let following = MotorState::Following.code();
+    let fresh = |pair: &&[RobotState]| {
+        pair[1].state != following || pair[0].accepted_sequence != pair[1].accepted_sequence
+    };
+    let taken = states.windows(2).filter(fresh);
+    taken.map(|pair| TendonSample::from(&pair[1])).collect()
+}
+
 impl Survival {
     fn look_at(&mut self, stack: &Stack, heard: &Heard) {
         let samples: Vec<TendonSample> = heard.robot.iter().map(TendonSample::from).collect();
         let limits = &stack.world.robot.tendon_limits;
-        let kept = limits_kept(&samples, limits, STAMP_SLACK_S);
+        let mut kept = limits_kept(&samples, limits, STAMP_SLACK_S);
+        let taken = limits_kept(&taken_setpoints(&heard.robot), limits, STAMP_SLACK_S);
+        kept.difference_acceleration = taken.difference_acceleration;
         let all = &mut self.reference;
         all.samples += kept.samples;
         all.velocity = all.velocity.max(kept.velocity);

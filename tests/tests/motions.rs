@@ -3,7 +3,7 @@
 
 use shared_types::codes::{MotorState, Outcome};
 use shared_types::valid::Goal;
-use tests::kills::{STAMP_SLACK_S, kill_and_restart};
+use tests::kills::{STAMP_SLACK_S, kill_and_restart, taken_setpoints};
 use tests::listener::Listener;
 use tests::motion::{TendonSample, limits_kept};
 use tests::process::wait_for;
@@ -48,7 +48,7 @@ fn a_killed_controller_lets_the_robot_ramp_to_rest_and_a_new_one_takes_over() {
     let heard = listener.take();
     let is_ramping = |state: u32| state == MotorState::RampingToRest.code();
     assert!(heard.robot.iter().any(|state| is_ramping(state.state)));
-    let samples: Vec<TendonSample> = heard.robot.iter().map(TendonSample::from).collect();
+    let samples = taken_setpoints(&heard.robot);
     let limits = &stack.world.robot.tendon_limits;
     let kept = limits_kept(&samples, limits, STAMP_SLACK_S);
     assert!(kept.difference_velocity <= 1.05, "{kept:?}");
