@@ -41,8 +41,9 @@ pub struct Survival {
     pub ramps_seen: usize,
     /// Largest use of the limits by the robot's own reference, restarts included.
     pub reference: LimitsKept,
-    /// Set-points that the robot refused.
-    pub rejected_setpoints: u32,
+    /// States of the robot in fault: a set-point broke a rule while it followed. (Set-points are also refused while it
+    /// ramps to rest; those are no fault.)
+    pub robot_faults: usize,
     /// Largest tip error at the end of the motions after the kills, m.
     pub tip_error: f64,
 }
@@ -190,7 +191,7 @@ impl Survival {
             .difference_acceleration
             .max(kept.difference_acceleration);
         all.largest_step_m = all.largest_step_m.max(kept.largest_step_m);
-        let rejected = heard.robot.iter().map(|state| state.rejected_setpoints);
-        self.rejected_setpoints = self.rejected_setpoints.max(rejected.max().unwrap_or(0));
+        let is_fault = |state: &&RobotState| state.state == MotorState::Fault.code();
+        self.robot_faults += heard.robot.iter().filter(is_fault).count();
     }
 }

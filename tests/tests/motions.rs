@@ -70,7 +70,7 @@ fn killed_and_restarted_in_any_order_everything_works_again() {
     assert!(kept.samples > 1000, "{kept:?}");
     assert!(kept.difference_velocity <= 1.05, "{kept:?}");
     assert!(kept.difference_acceleration <= 1.05, "{kept:?}");
-    assert_eq!(survival.rejected_setpoints, 0);
+    assert_eq!(survival.robot_faults, 0);
 }
 
 #[test]

@@ -107,13 +107,9 @@ fn kills(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     report.at_most(name, kept.difference_velocity, 1.05);
     let name = "robot's reference over all kills: velocity step ÷ time over the acceleration limit";
     report.at_most(name, kept.difference_acceleration, 1.05);
-    let rejected = survival.rejected_setpoints;
-    report.check(
-        "set-points refused by the robot",
-        rejected.to_string(),
-        "0",
-        rejected == 0,
-    );
+    let faults = survival.robot_faults;
+    let name = "robot's states in fault (a set-point broke a rule)";
+    report.check(name, faults.to_string(), "0", faults == 0);
     Ok(())
 }
 
