@@ -18,4 +18,4 @@ pub use chain::Verdict;
 pub use clearance::Contact;
 pub use minimum::minimum_clearance;
 pub use moving::{MovingBall, certify_moving};
-pub use scene::{Ball, MAX_BALLS, Scene, SceneError};
+pub use scene::{Ball, MAX_BALLS, MAX_EXTENT, Scene, SceneError};

@@ -8,6 +8,8 @@ use thiserror::Error;
 
 /// Balls a scene may hold.
 pub const MAX_BALLS: usize = 1024;
+/// Largest coordinate and radius of a ball, length unit: beyond it clearances lose more digits than a motion has room.
+pub const MAX_EXTENT: f64 = 1e7;
 /// Up to this many balls a plain scan is faster than the tree.
 const SCAN_UP_TO: usize = 16;
 
@@ -31,7 +33,7 @@ pub enum SceneError {
     },
     /// A centre or a radius is not usable.
     #[error(
-        "ball {index} has centre {centre:?} and radius {radius}; a finite centre and a finite radius of at least 0 are allowed"
+        "ball {index} has centre {centre:?} and radius {radius}; coordinates within ±{MAX_EXTENT:e} and a radius of 0 to {MAX_EXTENT:e} are allowed"
     )]
     Ball {
         /// Index of the ball.
@@ -155,7 +157,7 @@ impl Scene {
 }
 
 fn is_allowed(ball: &Ball) -> bool {
-    ball.centre.iter().all(|v| v.is_finite()) && ball.radius.is_finite() && ball.radius >= 0.0
+    ball.centre.iter().all(|v| v.abs() <= MAX_EXTENT) && (0.0..=MAX_EXTENT).contains(&ball.radius)
 }
 
 /// Whether the signed distance from `centre` to the surface, minus `reach`, is below `best`; without a square root.

@@ -197,6 +197,8 @@ fn scenes_that_are_not_usable_are_refused_by_name() {
         (f64::INFINITY, 1.0),
         (0.1, f64::NAN),
         (0.1, f64::INFINITY),
+        (1e200, 1.0),
+        (0.1, -1e200),
     ] {
         let ball = Ball {
             centre: Point::new(x, 0.0, 0.0),
@@ -207,7 +209,7 @@ fn scenes_that_are_not_usable_are_refused_by_name() {
         assert!(
             error
                 .to_string()
-                .contains("a finite centre and a finite radius of at least 0")
+                .contains("coordinates within ±1e7 and a radius of 0 to 1e7")
         );
     }
 }

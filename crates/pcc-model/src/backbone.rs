@@ -4,6 +4,7 @@ use crate::arc::{Nearest, distance_to_circle, foot_arc_length};
 use crate::section::Arc;
 use crate::{Configuration, DOF, Point, SECTIONS};
 use nalgebra::{Matrix3, SMatrix, Vector3};
+use std::f64::consts::{PI, TAU};
 
 /// A rigid frame in the base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,9 +55,12 @@ impl Section {
             return nearest;
         }
         let (along, out) = self.in_plane_and_out(p);
-        let fraction = foot_arc_length(self.curvature, along, p.z) / self.arc.length;
+        let mut foot = foot_arc_length(self.curvature, along, p.z);
+        if foot < 0.0 && self.arc.angle > PI {
+            foot += TAU / self.curvature;
+        }
         let distance = distance_to_circle(self.curvature, along, out, p.z);
-        (distance, fraction.clamp(0.0, 1.0))
+        (distance, (foot / self.arc.length).clamp(0.0, 1.0))
     }
 
     fn distance(&self, p: &Vector3<f64>) -> f64 {
@@ -68,9 +72,17 @@ impl Section {
     }
 
     /// Distance to an end of the arc and that end's fraction, where no inner point is nearest.
+    ///
+    /// The half-planes of the points after the base and before the end: up to half a turn the arc is in both of them,
+    /// beyond it each of its points is in one.
     fn nearest_end(&self, p: &Vector3<f64>) -> Option<(f64, f64)> {
         let from_end = p - self.end;
-        let has_inner_foot = p.z >= 0.0 && from_end.dot(&self.end_tangent) <= 0.0;
+        let (after_base, before_end) = (p.z >= 0.0, from_end.dot(&self.end_tangent) <= 0.0);
+        let has_inner_foot = if self.arc.angle <= PI {
+            after_base && before_end
+        } else {
+            after_base || before_end
+        };
         if has_inner_foot {
             return None;
         }
@@ -182,13 +194,13 @@ impl Backbone {
         jacobian
     }
 
-    /// Distance from a point (base frame) to a section, exact for bending angles up to π.
+    /// Distance from a point (base frame) to a section, exact for bending angles below 2π.
     #[must_use]
     pub fn distance(&self, section: usize, point: &Point) -> f64 {
         self.sections[section].distance(&self.in_section(section, point))
     }
 
-    /// The point of a section nearest to a given one (base frame), exact for bending angles up to π.
+    /// The point of a section nearest to a given one (base frame), exact for bending angles below 2π.
     #[must_use]
     pub fn nearest(&self, section: usize, point: &Point) -> Nearest {
         let (distance, fraction) = self.sections[section].nearest(&self.in_section(section, point));

@@ -8,6 +8,11 @@ use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
+/// Lengths that a section may have, m: beyond them distances and scaled quantities lose their digits.
+const SECTION_LENGTHS_M: [f64; 2] = [1e-4, 1e3];
+/// Distances of a tendon from the backbone, m.
+const TENDON_RADII_M: [f64; 2] = [1e-6, 1e3];
+
 /// Why a robot file is refused.
 #[derive(Debug, Error)]
 pub enum RobotFileError {
@@ -109,7 +114,21 @@ impl Robot {
 impl RobotFile {
     fn check(&self) -> Result<(), RobotFileError> {
         for length in self.section_lengths_m {
-            positive("section_lengths_m", length)?;
+            check(
+                "section_lengths_m",
+                length,
+                |v| is_within(v, SECTION_LENGTHS_M),
+                "0.0001 to 1000 m",
+            )?;
+        }
+        // The map refuses a radius that is not above 0, by the tendon's number.
+        for radius in self.tendons.iter().map(|t| t.radius_m).filter(|r| *r > 0.0) {
+            check(
+                "tendons.radius_m",
+                radius,
+                |v| is_within(v, TENDON_RADII_M),
+                "0.000001 to 1000 m",
+            )?;
         }
         positive("spool_radius_m", self.spool_radius_m)?;
         positive(
@@ -134,6 +153,10 @@ impl RobotFile {
             "above 0 and at most π rad",
         )
     }
+}
+
+fn is_within(value: f64, [least, most]: [f64; 2]) -> bool {
+    (least..=most).contains(&value)
 }
 
 fn positive(key: &'static str, value: f64) -> Result<(), RobotFileError> {

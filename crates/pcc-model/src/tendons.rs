@@ -89,7 +89,7 @@ impl TendonMap {
         }
         let pseudo_inverse = matrix
             .clone()
-            .pseudo_inverse(1e-12)
+            .pseudo_inverse(1e-12 * matrix.amax())
             .map_err(|_| TendonMapError::Rank { rank })?;
         Ok(Self {
             tendons,

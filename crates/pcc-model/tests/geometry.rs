@@ -96,6 +96,23 @@ fn points_on_the_axis_behind_the_base_and_beyond_the_tip() {
     }
 }
 
+/// A motion may bend a robot whose limit is π a little beyond it, and its certificate must hold there too.
+#[test]
+fn sections_bent_beyond_half_a_turn() {
+    let (robot, mut random) = (unit_robot(), random(14));
+    let mut far = 0;
+    for _ in 0..3_000 {
+        let mut angle = || PI + random.random_range(0.0_f64..1.4).powi(3);
+        let angles = [angle(), angle(), angle()];
+        let shape = shape_of(angles, [0.3, 2.0, random.random_range(0.0..TAU)]);
+        let (section, point) = (random.random_range(0..3), any_point(&mut random));
+        check(&robot, &shape, section, &point);
+        let fraction = robot.backbone(&shape).nearest(section, &point).fraction;
+        far += u32::from(fraction * angles[section] > PI && fraction < 1.0);
+    }
+    assert!(far > 100, "{far} feet were beyond half a turn");
+}
+
 #[test]
 fn straight_section_is_a_line_segment() {
     let backbone = unit_robot().backbone(&Configuration::zeros());

@@ -62,6 +62,9 @@ fn quantities_out_of_range_are_named_with_what_is_allowed() {
         ("[1.0, 1.0, 1.0]", "[1.0, nan, 1.0]", "section_lengths_m"),
         ("[1.0, 1.0, 1.0]", "[1.0, 0.0, 1.0]", "section_lengths_m"),
         ("[1.0, 1.0, 1.0]", "[1.0, inf, 1.0]", "section_lengths_m"),
+        ("[1.0, 1.0, 1.0]", "[1.0, 1e-5, 1.0]", "section_lengths_m"),
+        ("[1.0, 1.0, 1.0]", "[1.0, 1e300, 1.0]", "section_lengths_m"),
+        ("radius_m = 0.1636", "radius_m = 1e200", "tendons.radius_m"),
         ("rad = 1.57", "rad = 3.15", "bending_limit_rad"),
         ("rad = 1.57", "rad = -1.57", "bending_limit_rad"),
         (
