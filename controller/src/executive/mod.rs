@@ -273,8 +273,9 @@ impl Executive {
     /// One cycle.
     pub fn step(&mut self, input: &CycleInput<'_>) -> CycleOutput {
         let elapsed_ns = input.now_ns - self.last_ns.unwrap_or(input.now_ns);
-        self.last_ns = Some(input.now_ns);
+        // What is commanded until it moves on is the last cycle's, and so is its time.
         let late = self.supervise(input, elapsed_ns);
+        self.last_ns = Some(input.now_ns);
         if self.attached {
             self.move_on(input.now_ns, elapsed_ns);
         } else {

@@ -63,7 +63,7 @@ impl Executive {
     fn watch_tracking(&mut self, sample: &RobotSample) {
         let since_s = self
             .last_ns
-            .map_or(0.0, |now_ns| seconds(now_ns - sample.stamp_ns));
+            .map_or(0.0, |commanded_ns| seconds(commanded_ns - sample.stamp_ns));
         let expected = self.commanded.position - self.commanded.velocity * since_s;
         let error_rad = self
             .tracking

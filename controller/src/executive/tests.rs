@@ -321,6 +321,8 @@ fn a_stalled_loop_finds_the_robot_at_rest_and_never_pulls_it_back() {
                 (output.state, output.fault),
                 (LoopState::Executing, LoopFault::None)
             );
+            let error_rad = output.tracking_error_rad;
+            assert!(error_rad < 2e-3, "{error_rad} rad: the robot has gone on");
             continue;
         }
         assert_eq!(

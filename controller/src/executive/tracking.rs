@@ -1,6 +1,6 @@
 //! Does the robot do what it is told: the configuration error, filtered against measurement noise.
 //!
-//! Rule: each measurement is compared with the command extrapolated back, at its velocity, to the instant of the
+//! Rule: each measurement is compared with the last cycle's command extrapolated, at its velocity, to the instant of the
 //! measurement. The six-component error goes through a first-order low pass (time constant: setting
 //! `tracking_filter_ms`), and its Euclidean norm is compared with the trajectory's path tolerance. So zero-mean noise far above
 //! the tolerance for one sample does not trip it, and a lasting error of twice the tolerance trips after 0.7 time
