@@ -6,8 +6,8 @@ use std::time::Duration;
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use shared_types::codes::MotorState;
-use shared_types::message::RobotState;
+use shared_types::codes::{LoopState, MotorState};
+use shared_types::message::{Cycle, RobotState};
 use shared_types::valid::Goal;
 
 use crate::listener::{Heard, Listener};
@@ -39,8 +39,12 @@ pub struct Survival {
     pub controller_killed_in_motion: usize,
     /// Those of them in which the robot was seen to ramp to rest.
     pub ramps_seen: usize,
-    /// Largest use of the limits by the robot's own reference, restarts included.
+    /// Largest steps of the robot's own reference, restarts included.
     pub reference: LimitsKept,
+    /// Largest use of the limits by the robot's ramps to rest.
+    pub ramps: LimitsKept,
+    /// Largest use of the limits by the set-points in motion, stops included.
+    pub setpoints: LimitsKept,
     /// States of the robot in fault: a set-point broke a rule while it followed. (Set-points are also refused while it
     /// ramps to rest; those are no fault.)
     pub robot_faults: usize,
@@ -162,34 +166,37 @@ fn comes_to_rest_by_itself(listener: &Listener) -> Result<bool, TimedOut> {
     }))
 }
 
-/// The states at which the robot had taken another set-point, or was not following one.
-///
-/// Between set-points its reference goes on at constant velocity: where the controller was late, the time that a change
-/// of velocity took is that since the set-point before.
-#[must_use]
-pub fn taken_setpoints(states: &[RobotState]) -> Vec<TendonSample> {
-    let following = MotorState::Following.code();
-    let fresh = |pair: &&[RobotState]| {
-        pair[1].state != following || pair[0].accepted_sequence != pair[1].accepted_sequence
-    };
-    let taken = states.windows(2).filter(fresh);
-    taken.map(|pair| TendonSample::from(&pair[1])).collect()
+/// Pairs of neighbours between which the robot ramps to rest.
+pub fn ramp_pairs(states: &[RobotState]) -> impl Iterator<Item = (TendonSample, TendonSample)> {
+    let ramping = |state: &RobotState| state.state == MotorState::RampingToRest.code();
+    let pairs = states.windows(2);
+    let pairs = pairs.filter(move |pair| ramping(&pair[0]) && ramping(&pair[1]));
+    pairs.map(|pair| ((&pair[0]).into(), (&pair[1]).into()))
+}
+
+/// Pairs of successive set-points of one controller in motion.
+fn motion_pairs(cycles: &[Cycle]) -> impl Iterator<Item = (TendonSample, TendonSample)> {
+    let moving = [LoopState::Executing, LoopState::Stopping].map(LoopState::code);
+    let pairs = cycles.windows(2).filter(move |pair| {
+        let in_motion = pair.iter().all(|cycle| moving.contains(&cycle.state));
+        in_motion && pair[1].sequence == pair[0].sequence + 1
+    });
+    pairs.map(|pair| ((&pair[0]).into(), (&pair[1]).into()))
 }
 
 impl Survival {
     fn look_at(&mut self, stack: &Stack, heard: &Heard) {
         let samples: Vec<TendonSample> = heard.robot.iter().map(TendonSample::from).collect();
         let limits = &stack.world.robot.tendon_limits;
-        let mut kept = limits_kept(&samples, limits, STAMP_SLACK_S);
-        let taken = limits_kept(&taken_setpoints(&heard.robot), limits, STAMP_SLACK_S);
-        kept.difference_acceleration = taken.difference_acceleration;
+        let kept = limits_kept(&samples, limits, STAMP_SLACK_S);
+        self.ramps
+            .add_pairs(ramp_pairs(&heard.robot), limits, STAMP_SLACK_S);
+        self.setpoints
+            .add_pairs(motion_pairs(&heard.cycles), limits, 0.0);
         let all = &mut self.reference;
         all.samples += kept.samples;
         all.velocity = all.velocity.max(kept.velocity);
         all.difference_velocity = all.difference_velocity.max(kept.difference_velocity);
-        all.difference_acceleration = all
-            .difference_acceleration
-            .max(kept.difference_acceleration);
         all.largest_step_m = all.largest_step_m.max(kept.largest_step_m);
         let is_fault = |state: &&RobotState| state.state == MotorState::Fault.code();
         self.robot_faults += heard.robot.iter().filter(is_fault).count();

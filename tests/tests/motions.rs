@@ -3,9 +3,9 @@
 
 use shared_types::codes::{MotorState, Outcome};
 use shared_types::valid::Goal;
-use tests::kills::{STAMP_SLACK_S, kill_and_restart, taken_setpoints};
+use tests::kills::{STAMP_SLACK_S, kill_and_restart, ramp_pairs};
 use tests::listener::Listener;
-use tests::motion::{TendonSample, limits_kept};
+use tests::motion::{LimitsKept, TendonSample, limits_kept};
 use tests::process::wait_for;
 use tests::stack::{MoveError, PATIENCE, Part, Stack};
 use tests::world::Settings;
@@ -48,11 +48,14 @@ fn a_killed_controller_lets_the_robot_ramp_to_rest_and_a_new_one_takes_over() {
     let heard = listener.take();
     let is_ramping = |state: u32| state == MotorState::RampingToRest.code();
     assert!(heard.robot.iter().any(|state| is_ramping(state.state)));
-    let samples = taken_setpoints(&heard.robot);
+    let samples: Vec<TendonSample> = heard.robot.iter().map(TendonSample::from).collect();
     let limits = &stack.world.robot.tendon_limits;
     let kept = limits_kept(&samples, limits, STAMP_SLACK_S);
     assert!(kept.difference_velocity <= 1.05, "{kept:?}");
-    assert!(kept.difference_acceleration <= 1.05, "{kept:?}");
+    let mut ramp = LimitsKept::default();
+    ramp.add_pairs(ramp_pairs(&heard.robot), limits, STAMP_SLACK_S);
+    assert!(ramp.difference_acceleration > 0.1, "the premise: {ramp:?}");
+    assert!(ramp.difference_acceleration <= 1.05, "{ramp:?}");
     stack.start(Part::Controller);
     stack.wait_until_ready().unwrap();
     let motion = stack.move_tip([0.0, -1.55, 2.25]).unwrap();
@@ -69,7 +72,10 @@ fn killed_and_restarted_in_any_order_everything_works_again() {
     let kept = survival.reference;
     assert!(kept.samples > 1000, "{kept:?}");
     assert!(kept.difference_velocity <= 1.05, "{kept:?}");
-    assert!(kept.difference_acceleration <= 1.05, "{kept:?}");
+    for kept in [survival.ramps, survival.setpoints] {
+        assert!(kept.difference_acceleration > 0.1, "the premise: {kept:?}");
+        assert!(kept.difference_acceleration <= 1.05, "{kept:?}");
+    }
     assert_eq!(survival.robot_faults, 0);
 }
 

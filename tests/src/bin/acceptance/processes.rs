@@ -102,11 +102,18 @@ fn kills(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         survival.ramps_seen,
         survival.controller_killed_in_motion,
     );
-    let kept = survival.reference;
+    let reference = survival.reference.difference_velocity;
     let name = "robot's reference over all kills: step ÷ time over the velocity limit";
-    report.at_most(name, kept.difference_velocity, 1.05);
-    let name = "robot's reference over all kills: velocity step ÷ time over the acceleration limit";
-    report.at_most(name, kept.difference_acceleration, 1.05);
+    report.at_most(name, reference, 1.05);
+    let name = "ramps to rest: velocity step ÷ time over the acceleration limit";
+    report.at_most(name, survival.ramps.difference_acceleration, 1.05);
+    let setpoints = survival.setpoints;
+    let name =
+        "set-points in motion over all kills: velocity step ÷ time over the acceleration limit";
+    report.at_most(name, setpoints.difference_acceleration, 1.01);
+    let name =
+        "set-points in motion over all kills: step unexplained by its velocities, over a Δt²";
+    report.at_most(name, setpoints.unexplained_step, 0.5);
     let faults = survival.robot_faults;
     let name = "robot's states in fault (a set-point broke a rule)";
     report.check(name, faults.to_string(), "0", faults == 0);
