@@ -243,7 +243,8 @@ impl Scale {
 fn check_robot(file: &WeightsFile, bending_limit: f64) -> Result<(), WeightsError> {
     file.expect("sections", "3")?;
     let found: f64 = file.number("theta_max")?;
-    if (found - bending_limit).abs() > SAME_LIMIT_RAD {
+    let is_same = (found - bending_limit).abs() <= SAME_LIMIT_RAD;
+    if !is_same {
         return Err(WeightsError::Robot {
             quantity: "bending limit (rad)",
             found,

@@ -5,7 +5,7 @@ use crate::plan::Failure;
 use crate::problem::BENDING_SLACK_RAD;
 use collision::{Scene, certify_polyline, certify_trajectory};
 use pcc_model::{Configuration, Robot, TendonLimits};
-use trajectory::{AllocationOptions, Knot, Trajectory, allocate};
+use trajectory::{AllocationOptions, Knot, MAX_KNOTS, Trajectory, allocate};
 
 /// What a motion must keep.
 pub(crate) struct Demands<'a> {
@@ -78,6 +78,9 @@ impl Demands<'_> {
                 time: k.time + begin,
                 ..*k
             }));
+        }
+        if knots.len() > MAX_KNOTS {
+            return Err(Failure::Time);
         }
         let trajectory = Trajectory::new(knots).map_err(|_| Failure::Time)?;
         self.certify(&trajectory).map(|()| trajectory)

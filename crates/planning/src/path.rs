@@ -40,9 +40,10 @@ pub(crate) fn resample(polyline: &[Configuration]) -> Waypoints {
         .collect()
 }
 
-/// Brings every waypoint inside the bending limit, section by section.
+/// Brings every waypoint between the ends inside the bending limit, section by section; the ends stay as they are.
 pub(crate) fn project(robot: &Robot, path: &mut [Configuration]) {
-    for waypoint in path {
+    let last = path.len().saturating_sub(1);
+    for waypoint in path.iter_mut().take(last).skip(1) {
         *waypoint = robot.project_to_limits(waypoint);
     }
 }

@@ -43,8 +43,8 @@ pub enum Failure {
     /// A section bends beyond the limit.
     #[error("bends beyond the limit")]
     Bending,
-    /// No time allocation within the limits.
-    #[error("no time allocation within the tendon limits")]
+    /// No time allocation within the limits, or not with the knots that a motion may have.
+    #[error("no time allocation within the tendon limits and the knots of a motion")]
     Time,
     /// The request was truncated before this draw was finished.
     #[error("truncated")]
@@ -66,7 +66,7 @@ pub struct Request {
     pub limits_scale: f64,
     /// Growth of the tube that the certificate includes, section lengths (tracking error).
     pub growth: f64,
-    /// Knots of each motion (at most 256).
+    /// Knots of each motion (4 to 256); one that rests at its corners may take up to 256.
     pub knots: usize,
 }
 

@@ -3,7 +3,8 @@
 
 use pcc_model::Robot;
 use planning::dataset::{
-    ArchiveReader, Dataset, DatasetError, Meta, Recipe, Split, generate_block, training_rows,
+    ArchiveReader, ArchiveWriter, Dataset, DatasetError, Meta, Recipe, Split, generate_block,
+    training_rows,
 };
 use planning::scenes::{Setting, reference_layout};
 use std::path::{Path, PathBuf};
@@ -115,6 +116,73 @@ fn broken_sets_are_refused_by_name() {
             .to_string()
             .contains("not a readable NumPy archive")
     );
+}
+
+#[test]
+fn sets_without_rows_or_without_balls_are_sets_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let meta = Meta::new(serde_json::json!({}));
+    for targets in [0, 2] {
+        let (rows, _) = generate_block(&robot(), &recipe(Setting::ObstacleFree), 0..targets);
+        assert_eq!(rows.is_empty(), targets == 0);
+        let written = Dataset {
+            rows,
+            meta: meta.clone(),
+        };
+        written.write(folder.path()).unwrap();
+        let read = Dataset::read(folder.path()).unwrap();
+        assert_eq!(read.rows.len(), written.rows.len());
+        assert!(read.rows.iter().all(|row| row.balls.is_empty()));
+        assert!(training_rows(&robot(), &read.rows, 0).is_ok());
+    }
+    let files = std::fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(files, 2, "nothing half-written is left");
+}
+
+/// One row with a ball, in the widths that NumPy makes by itself.
+fn write_wide(file: &Path, path_shape: &[usize], tip: f64) {
+    let mut archive = ArchiveWriter::create(file).unwrap();
+    archive
+        .write(
+            "paths",
+            path_shape,
+            vec![0.0_f64; path_shape.iter().product()],
+        )
+        .unwrap();
+    archive
+        .write("target_tips", &[1, 3], [1.5, 0.0, tip])
+        .unwrap();
+    for array in ["target_indices", "start_indices", "ik_indices"] {
+        archive.write(array, &[1], [0_i64]).unwrap();
+    }
+    archive.write("split_indices", &[1], [2_i64]).unwrap();
+    let centre = [0.5_f64, 0.0, 1.5];
+    archive.write("obstacle_centres", &[1, 3], centre).unwrap();
+    archive.write("obstacle_radii", &[1], [0.25_f64]).unwrap();
+    archive.write("obstacle_offsets", &[2], [0_i32, 1]).unwrap();
+    archive.finish().unwrap();
+}
+
+#[test]
+fn arrays_of_any_width_are_read_and_shapes_and_values_are_checked() {
+    let folder = tempfile::tempdir().unwrap();
+    let sample = project("tests/data/reference-mixed-sample/dataset_meta.json");
+    std::fs::copy(sample, folder.path().join("dataset_meta.json")).unwrap();
+    let file = folder.path().join("dataset.npz");
+    write_wide(&file, &[1, 64, 6], 2.4);
+    let read = Dataset::read(folder.path()).unwrap();
+    assert_eq!(read.rows[0].balls[0].radius, 0.25);
+    assert_eq!(read.cases(Split::Test, None).unwrap().len(), 1);
+    for (path_shape, tip, named) in [
+        (&[][..], 2.4, "paths"),
+        (&[1, 64], 2.4, "paths"),
+        (&[2, 64, 6], 2.4, "target_tips"),
+        (&[1, 64, 6], f64::NAN, "target tip"),
+    ] {
+        write_wide(&file, path_shape, tip);
+        let error = Dataset::read(folder.path()).unwrap_err().to_string();
+        assert!(error.contains(named), "{error}");
+    }
 }
 
 #[test]

@@ -171,6 +171,51 @@ fn an_interrupt_truncates_and_nothing_uncertified_is_delivered() {
 }
 
 #[test]
+fn a_start_a_little_beyond_the_bending_limit_is_left_from_exactly_there() {
+    let planner = Planner::new(&robot(), None, 1).unwrap();
+    let mut problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
+    problem.start[2] = planner.robot().bending_limit + 4e-3;
+    for sampler in [Sampler::Straight, Sampler::RrtConnect] {
+        let answer = plan(&planner, &problem, &request(sampler, 1)).unwrap();
+        assert!(!answer.candidates.is_empty());
+        for candidate in &answer.candidates {
+            let start = candidate.trajectory.knots()[0].position;
+            assert_eq!(start, problem.start);
+        }
+    }
+}
+
+#[test]
+fn start_and_goal_may_be_the_same_and_scenes_of_any_size_are_answered() {
+    let planner = Planner::new(&robot(), None, 2).unwrap();
+    let here = Configuration::from_column_slice(&[0.2, 0.1, -0.3, 0.4, 0.0, 0.5]);
+    let at_most = Request {
+        candidates: 64,
+        ..request(Sampler::Straight, 1)
+    };
+    let far_points = (0..64).map(|i| Ball {
+        centre: Point::new(3.0 + f64::from(i), 0.0, 1.0),
+        radius: 0.0,
+    });
+    for goal in [
+        Goal::Configuration(here),
+        Goal::Tip(planner.robot().tip(&here)),
+    ] {
+        let problem = Problem {
+            start: here,
+            goal,
+            scene: Scene::new(far_points.clone().collect()).unwrap(),
+        };
+        for sampler in [Sampler::Straight, Sampler::RrtConnect] {
+            let answer = plan(&planner, &problem, &Request { sampler, ..at_most }).unwrap();
+            assert!(!answer.candidates.is_empty() && answer.selected.is_some());
+            let finite = |c: &Candidate| c.trajectory.knots().iter().all(|k| k.is_finite());
+            assert!(answer.candidates.iter().all(finite));
+        }
+    }
+}
+
+#[test]
 fn a_homing_request_ends_in_its_configuration() {
     let planner = Planner::new(&robot(), None, 1).unwrap();
     let home = Configuration::from_column_slice(&[0.2, 0.1, -0.3, 0.4, 0.0, 0.5]);

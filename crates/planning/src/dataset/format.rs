@@ -149,29 +149,29 @@ pub enum DatasetError {
 }
 
 impl Dataset {
-    /// Reads `dataset.npz` and `dataset_meta.json` from a folder.
+    /// Reads `dataset.npz` and `dataset_meta.json` from a folder; real numbers and integers of any width are taken.
     ///
     /// # Errors
     /// [`DatasetError`], naming the file or array and what is allowed.
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
         let meta = read_meta(&folder.join("dataset_meta.json"))?;
         let mut archive = ArchiveReader::open(&folder.join("dataset.npz"))?;
-        let (paths, shape) = archive.read::<f32>("paths")?;
-        let rows = shape[0] as usize;
+        let (paths, shape) = reals(&mut archive, "paths")?;
+        let rows = first(&shape);
         expect_shape("paths", &shape, &[rows, WAYPOINTS, DOF])?;
-        let tips = column::<f32>(&mut archive, "target_tips", &[rows, 3])?;
-        let targets = column::<i32>(&mut archive, "target_indices", &[rows])?;
-        let starts = column::<i16>(&mut archive, "start_indices", &[rows])?;
-        let shapes = column::<i16>(&mut archive, "ik_indices", &[rows])?;
-        let splits = column::<i8>(&mut archive, "split_indices", &[rows])?;
+        let tips = real_column(&mut archive, "target_tips", &[rows, 3])?;
+        let targets = integer_column(&mut archive, "target_indices", rows)?;
+        let starts = integer_column(&mut archive, "start_indices", rows)?;
+        let shapes = integer_column(&mut archive, "ik_indices", rows)?;
+        let splits = integer_column(&mut archive, "split_indices", rows)?;
         let obstacles = Obstacles::read(&mut archive, rows, meta.sphere_radius)?;
         let row = |i: usize| {
             Ok(Row {
                 path: read_path(i, &paths[i * WAYPOINTS * DOF..][..WAYPOINTS * DOF])?,
-                target_tip: Point::from_fn(|axis, _| f64::from(tips[3 * i + axis])),
-                target_index: targets[i],
-                start_index: starts[i],
-                ik_index: shapes[i],
+                target_tip: read_tip(i, &tips[3 * i..][..3])?,
+                target_index: index(i, "target", targets[i])?,
+                start_index: index(i, "start", starts[i])?,
+                ik_index: index(i, "end shape", shapes[i])?,
                 split: split_of(i, splits[i])?,
                 balls: obstacles.of(i)?,
             })
@@ -182,7 +182,7 @@ impl Dataset {
         })
     }
 
-    /// Writes both files into a folder, which is made if need be.
+    /// Writes both files into a folder, which is made if need be; each appears whole, the meta data last.
     ///
     /// # Errors
     /// [`DatasetError::Archive`] or [`DatasetError::Meta`].
@@ -193,9 +193,14 @@ impl Dataset {
             reason,
         };
         std::fs::create_dir_all(folder).map_err(|e| fail(e.to_string()))?;
-        self.write_arrays(&folder.join("dataset.npz"))?;
+        let arrays = folder.join("dataset.npz");
+        let part = part_of(&arrays);
+        self.write_arrays(&part)?;
+        std::fs::rename(&part, &arrays).map_err(|e| fail(e.to_string()))?;
         let text = serde_json::to_string_pretty(&self.meta).map_err(|e| fail(e.to_string()))?;
-        std::fs::write(&path, text).map_err(|e| fail(e.to_string()))
+        let part = part_of(&path);
+        std::fs::write(&part, text).map_err(|e| fail(e.to_string()))?;
+        std::fs::rename(&part, &path).map_err(|e| fail(e.to_string()))
     }
 
     fn write_arrays(&self, file: &Path) -> Result<(), ArchiveError> {
@@ -263,6 +268,11 @@ impl Dataset {
     }
 }
 
+/// Where a file is written before it is whole; of this process alone, since shards may end at the same time.
+fn part_of(file: &Path) -> PathBuf {
+    file.with_extension(format!("{}.part", std::process::id()))
+}
+
 fn case_of(index: usize, row: &Row) -> Result<Case, DatasetError> {
     let scene = Scene::new(row.balls.clone())
         .map_err(|source| DatasetError::Scene { row: index, source })?;
@@ -287,12 +297,12 @@ impl Obstacles {
         rows: usize,
         default_radius: f64,
     ) -> Result<Self, DatasetError> {
-        let (centres, shape) = archive.read::<f32>("obstacle_centres")?;
-        let count = shape[0] as usize;
+        let (centres, shape) = reals(archive, "obstacle_centres")?;
+        let count = first(&shape);
         expect_shape("obstacle_centres", &shape, &[count, 3])?;
-        let offsets = column::<i64>(archive, "obstacle_offsets", &[rows + 1])?;
+        let offsets = integer_column(archive, "obstacle_offsets", rows + 1)?;
         let radii = if archive.has("obstacle_radii") {
-            column::<f32>(archive, "obstacle_radii", &[count])?
+            real_column(archive, "obstacle_radii", &[count])?
         } else {
             vec![default_radius as f32; count]
         };
@@ -336,14 +346,53 @@ fn read_meta(path: &Path) -> Result<Meta, DatasetError> {
     Ok(meta)
 }
 
-fn column<T: npyz::Deserialize>(
+/// First dimension of a shape; 0 for a scalar, which no array of rows is.
+fn first(shape: &[u64]) -> usize {
+    shape.first().map_or(0, |n| *n as usize)
+}
+
+/// An array of real numbers; f32, as the format has it, or f64.
+fn reals(
+    archive: &mut ArchiveReader,
+    array: &'static str,
+) -> Result<(Vec<f32>, Vec<u64>), ArchiveError> {
+    let narrow = |v: f64| v as f32;
+    archive.read::<f32>(array).or_else(|as_written| {
+        let (values, shape) = archive.read::<f64>(array).map_err(|_| as_written)?;
+        Ok((values.into_iter().map(narrow).collect(), shape))
+    })
+}
+
+fn real_column(
     archive: &mut ArchiveReader,
     array: &'static str,
     expected: &[usize],
-) -> Result<Vec<T>, DatasetError> {
-    let (values, shape) = archive.read::<T>(array)?;
+) -> Result<Vec<f32>, DatasetError> {
+    let (values, shape) = reals(archive, array)?;
     expect_shape(array, &shape, expected)?;
     Ok(values)
+}
+
+fn integer_column(
+    archive: &mut ArchiveReader,
+    array: &'static str,
+    count: usize,
+) -> Result<Vec<i64>, DatasetError> {
+    let (values, shape) = archive
+        .read::<i64>(array)
+        .or_else(|error| integers::<i32>(archive, array).map_err(|_| error))
+        .or_else(|error| integers::<i16>(archive, array).map_err(|_| error))
+        .or_else(|error| integers::<i8>(archive, array).map_err(|_| error))?;
+    expect_shape(array, &shape, &[count])?;
+    Ok(values)
+}
+
+fn integers<T: npyz::Deserialize + Into<i64>>(
+    archive: &mut ArchiveReader,
+    array: &'static str,
+) -> Result<(Vec<i64>, Vec<u64>), ArchiveError> {
+    let (values, shape) = archive.read::<T>(array)?;
+    Ok((values.into_iter().map(Into::into).collect(), shape))
 }
 
 fn expect_shape(
@@ -378,10 +427,27 @@ fn read_path(row: usize, values: &[f32]) -> Result<Vec<Configuration>, DatasetEr
         .collect())
 }
 
-fn split_of(row: usize, code: i8) -> Result<Split, DatasetError> {
+fn read_tip(row: usize, values: &[f32]) -> Result<Point, DatasetError> {
+    if values.iter().any(|v| !v.is_finite()) {
+        return Err(DatasetError::Row {
+            row,
+            reason: format!("target tip {values:?}; finite numbers are needed"),
+        });
+    }
+    Ok(Point::from_fn(|axis, _| f64::from(values[axis])))
+}
+
+fn index<T: TryFrom<i64>>(row: usize, what: &str, value: i64) -> Result<T, DatasetError> {
+    T::try_from(value).map_err(|_| DatasetError::Row {
+        row,
+        reason: format!("{what} index {value} is out of range"),
+    })
+}
+
+fn split_of(row: usize, code: i64) -> Result<Split, DatasetError> {
     [Split::Train, Split::Validation, Split::Test]
         .into_iter()
-        .find(|s| s.code() == code)
+        .find(|s| i64::from(s.code()) == code)
         .ok_or_else(|| DatasetError::Row {
             row,
             reason: format!("split code {code}; 0, 1 or 2 is needed"),
