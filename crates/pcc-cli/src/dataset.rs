@@ -5,7 +5,7 @@ use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::Robot;
 use planning::dataset::{BlockReport, Dataset, Meta, Recipe, Row, generate_block, training_rows};
-use planning::scenes::Setting;
+use planning::scenes::{STARTS, Setting};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -41,7 +41,7 @@ pub(crate) struct Arguments {
     /// Starts of each target (1 to 5).
     #[arg(long, default_value_t = 5)]
     starts: usize,
-    /// End shapes of each start.
+    /// End shapes of each start, as many of them as there are (1 to 64).
     #[arg(long, default_value_t = 10)]
     ends: usize,
     /// Seed; the same seed gives the same rows whatever the shards and threads.
@@ -56,7 +56,7 @@ pub(crate) struct Arguments {
     /// Worker threads (0: one a core).
     #[arg(long, default_value_t = 0)]
     threads: usize,
-    /// Robot file.
+    /// Robot file; its three sections must be equally long.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
     /// Folder for the data set; finished blocks in it are not made again.
@@ -106,7 +106,11 @@ pub(crate) fn generate(arguments: &Arguments) -> anyhow::Result<()> {
 
 fn parse_shard(text: &str) -> anyhow::Result<(u64, u64)> {
     let (shard, shards) = text.split_once('/').context("--shard must look like 0/4")?;
-    let (shard, shards): (u64, u64) = (shard.parse()?, shards.parse()?);
+    let number = |part: &str| -> anyhow::Result<u64> {
+        let number = part.parse();
+        number.with_context(|| format!("--shard {text}: two whole numbers are needed, like 0/4"))
+    };
+    let (shard, shards) = (number(shard)?, number(shards)?);
     if shard >= shards {
         bail!("--shard {text}: the first number must be below the second");
     }
@@ -124,6 +128,14 @@ impl<'a> Job<'a> {
             (SettingName::Hard, None) => Setting::Hard,
             (SettingName::General, None) => Setting::General(None),
         };
+        for (name, value, most) in [
+            ("starts", arguments.starts, STARTS),
+            ("ends", arguments.ends, 64),
+        ] {
+            if !(1..=most).contains(&value) {
+                bail!("--{name} {value}: 1 to {most} are allowed");
+            }
+        }
         let recipe = Recipe {
             setting,
             seed: arguments.seed,
@@ -154,7 +166,7 @@ impl<'a> Job<'a> {
                 self.arguments.out.display()
             ),
             Ok(_) => Ok(()),
-            Err(_) => std::fs::write(&file, text)
+            Err(_) => write_whole(&file, &text)
                 .with_context(|| format!("cannot write {}", file.display())),
         }
     }
@@ -202,7 +214,7 @@ impl<'a> Job<'a> {
         })?;
         bar.finish();
         let total = total.into_inner().unwrap_or_default();
-        println!("{total:?}");
+        print_report(&total);
         Ok(())
     }
 
@@ -211,10 +223,17 @@ impl<'a> Job<'a> {
         let (rows, report) = generate_block(&self.robot, &self.recipe, block * BLOCK..end);
         Dataset {
             rows,
-            meta: Meta::new(json!({ "block": block, "report": format!("{report:?}") })),
+            meta: self.meta(json!({ "block": block, "report": format!("{report:?}") })),
         }
         .write(&self.block_folder(block))?;
         Ok(report)
+    }
+
+    fn meta(&self, config: serde_json::Value) -> Meta {
+        Meta {
+            clearance_margin: self.robot.tube_radius,
+            ..Meta::new(config)
+        }
     }
 
     fn merge(&self, blocks: u64) -> anyhow::Result<()> {
@@ -225,7 +244,7 @@ impl<'a> Job<'a> {
         let count = rows.len();
         Dataset {
             rows,
-            meta: Meta::new(self.recipe_json()),
+            meta: self.meta(self.recipe_json()),
         }
         .write(&self.arguments.out)?;
         println!("{}: {count} paths", self.arguments.out.display());
@@ -233,7 +252,25 @@ impl<'a> Job<'a> {
     }
 }
 
+fn print_report(r: &BlockReport) {
+    println!(
+        "{} targets ({} dropped), {} starts without an end shape; {} paths kept ({} with the tree's help), {} dropped",
+        r.targets, r.dropped_targets, r.dropped_starts, r.kept, r.from_tree, r.dropped_paths
+    );
+}
+
+/// Writes a file that others, such as another shard, see whole or not at all.
+fn write_whole(file: &Path, text: &str) -> std::io::Result<()> {
+    let part = file.with_extension(format!("{}.part", std::process::id()));
+    std::fs::write(&part, text)?;
+    std::fs::rename(part, file)
+}
+
 pub(crate) fn features(arguments: &FeatureArguments) -> anyhow::Result<()> {
+    if let Some(folder) = arguments.out.parent() {
+        std::fs::create_dir_all(folder)
+            .with_context(|| format!("cannot make {}", folder.display()))?;
+    }
     let robot = unit_robot(&arguments.robot)?;
     let dataset = Dataset::read(&arguments.dataset)?;
     let rows = training_rows(&robot, &dataset.rows, arguments.first_group)?;

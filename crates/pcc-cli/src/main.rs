@@ -38,10 +38,24 @@ fn main() -> ExitCode {
     match run(Arguments::parse().command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("pcc: {error:#}");
+            eprintln!("pcc: {}", with_causes(&error));
             ExitCode::FAILURE
         }
     }
+}
+
+/// An error and its causes in one line, without those that the text before has already said.
+fn with_causes(error: &anyhow::Error) -> String {
+    error.chain().fold(String::new(), |text, cause| {
+        let cause = cause.to_string();
+        if text.is_empty() {
+            cause
+        } else if text.ends_with(&cause) {
+            text
+        } else {
+            format!("{text}: {cause}")
+        }
+    })
 }
 
 fn run(command: Command) -> anyhow::Result<()> {
@@ -52,5 +66,22 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Dataset(arguments) => dataset::generate(&arguments),
         Command::Features(arguments) => dataset::features(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context;
+
+    #[test]
+    fn a_cause_is_said_once() {
+        let refused = || std::io::Error::from(std::io::ErrorKind::PermissionDenied);
+        let once = anyhow::Error::from(refused()).context(format!("cannot read x: {}", refused()));
+        assert_eq!(with_causes(&once), format!("cannot read x: {}", refused()));
+        let Err(chain) = Err::<(), _>(refused()).context("robot file x") else {
+            unreachable!("it was an error");
+        };
+        assert_eq!(with_causes(&chain), format!("robot file x: {}", refused()));
     }
 }

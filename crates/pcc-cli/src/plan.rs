@@ -15,18 +15,27 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 #[derive(Clone, Copy, ValueEnum)]
 enum SamplerName {
+    /// The learned sampler, filled by classical candidates where it does not deliver.
     Default,
+    /// The learned sampler alone.
     Fast,
+    /// Straight segments in configuration space.
     Straight,
+    /// A tree of certified edges.
     RrtConnect,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 enum SelectionName {
+    /// Shortest duration.
     ShortestTime,
+    /// Shortest way of the tip.
     ShortestTipPath,
+    /// Largest clearance over the motion.
     LargestClearance,
+    /// Smallest third derivative of the tip's way.
     Smoothest,
+    /// End shape nearest to the start.
     NearestTerminalShape,
 }
 
@@ -51,7 +60,7 @@ pub(crate) struct Arguments {
     /// An obstacle, metres; may be given up to 64 times.
     #[arg(long, num_args = 4, value_names = ["X", "Y", "Z", "RADIUS"], allow_negative_numbers = true, action = clap::ArgAction::Append)]
     ball: Vec<f64>,
-    /// Candidates wanted.
+    /// Candidates wanted (1 to 64).
     #[arg(long, default_value_t = 10)]
     candidates: usize,
     /// Seed; the same request and seed give the same answer.

@@ -1,5 +1,6 @@
 //! `pcc watch`: the live state of controller and robot in the terminal.
 
+use anyhow::bail;
 use clap::Args;
 use client::{ControllerView, RobotView};
 use shared_types::clock::mono_now_ns;
@@ -13,7 +14,7 @@ use std::time::Duration;
 /// Arguments of `pcc watch`.
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// Times a second.
+    /// Times a second, 0.1 to 100.
     #[arg(long, default_value_t = 5.0)]
     rate_hz: f64,
     /// Show the state this many times, then end (0: until interrupted).
@@ -22,12 +23,16 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let rate_hz = arguments.rate_hz;
+    if !(0.1..=100.0).contains(&rate_hz) {
+        bail!("--rate-hz {rate_hz}: 0.1 to 100 are allowed");
+    }
     let options = IpcOptions::from_env();
     let (mut controller, mut robot) = (
         ControllerView::connect(&options)?,
         RobotView::connect(&options)?,
     );
-    let pause = Duration::from_secs_f64(1.0 / arguments.rate_hz.clamp(0.1, 100.0));
+    let pause = Duration::from_secs_f64(1.0 / rate_hz);
     let mut out = std::io::stdout();
     let clear = if out.is_terminal() {
         "\x1b[H\x1b[2J"

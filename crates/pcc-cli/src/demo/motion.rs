@@ -103,7 +103,10 @@ impl Stage<'_> {
             minimum_clearance_m: (!scene.is_empty())
                 .then(|| minimum_clearance(self.robot, &scene, &chosen.motion, 1e-4)),
             largest_setpoint_step_m: largest_step(&cycles),
-            late_cycles: ended.values.late_cycles - begun.values.late_cycles,
+            late_cycles: ended
+                .values
+                .late_cycles
+                .saturating_sub(begun.values.late_cycles),
             end_configuration_rad: end.into(),
         })
     }

@@ -87,9 +87,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
             arguments.split
         );
     }
-    let answers = answer_all(&planner, arguments, cases)?;
     std::fs::create_dir_all(&arguments.out)
         .with_context(|| format!("cannot make {}", arguments.out.display()))?;
+    let answers = answer_all(&planner, arguments, cases)?;
     arrays::write(
         &arguments.out.join("paths.npz"),
         &answers,
@@ -113,7 +113,8 @@ fn answer_all(
     let bar = ProgressBar::new(cases.len() as u64).with_style(style);
     let answer = |(index, case): (usize, Case)| {
         bar.inc(1);
-        answer(planner, arguments, arguments.seed + index as u64, case)
+        let seed = arguments.seed.wrapping_add(index as u64);
+        answer(planner, arguments, seed, case)
     };
     let answers = cases.into_iter().enumerate().map(answer).collect();
     bar.finish_and_clear();

@@ -1,8 +1,9 @@
 //! `result.json`: every figure of merit, the settings, the machine.
 
 use super::{Answer, Arguments};
+use clap::ValueEnum;
 use pcc_model::{Configuration, Robot};
-use planning::{Candidate, Failure, Plan, set_metrics};
+use planning::{Candidate, Failure, Plan, SetMetrics, set_metrics};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -11,6 +12,8 @@ use std::collections::BTreeMap;
 pub(super) struct Summary {
     planner: String,
     dataset: String,
+    split: String,
+    robot: String,
     cases: usize,
     candidates: usize,
     seed: u64,
@@ -29,7 +32,10 @@ pub(super) struct Summary {
     /// Share of the requests with at least one certified learned candidate.
     learned_any: f64,
     failures: BTreeMap<String, usize>,
+    /// Distance of the tip's end from the target over the certified, section lengths.
     tip_error: Spread,
+    /// The same ÷ 3 L, the robot's length.
+    tip_error_of_robot_length: Spread,
     clearance: Spread,
     tip_length_ratio: Spread,
     tip_smoothness: Spread,
@@ -93,22 +99,15 @@ pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]
     let share = |count: usize| count as f64 / answers.len() as f64;
     let path =
         |figure: fn(&Candidate) -> f64| Spread::of(certified.iter().map(move |(_, c)| figure(c)));
-    let sets: Vec<_> = plans
-        .iter()
-        .map(|p| {
-            set_metrics(
-                &p.candidates
-                    .iter()
-                    .map(Candidate::end)
-                    .collect::<Vec<Configuration>>(),
-            )
-        })
-        .collect();
+    let sets: Vec<SetMetrics> = plans.iter().map(|p| end_shapes(p)).collect();
     let tip_error =
         |(a, c): &(&Answer, &Candidate)| (robot.tip(&c.end()) - a.case.target_tip).norm();
+    let robot_length: f64 = robot.section_lengths.iter().sum();
     Summary {
-        planner: format!("{:?}", arguments.planner),
+        planner: name_of(&arguments.planner),
         dataset: arguments.dataset.display().to_string(),
+        split: name_of(&arguments.split),
+        robot: robot.name.clone(),
         cases: answers.len(),
         candidates: arguments.candidates,
         seed: arguments.seed,
@@ -138,6 +137,9 @@ pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]
                 .map(Failure::to_string),
         ),
         tip_error: Spread::of(certified.iter().map(tip_error)),
+        tip_error_of_robot_length: Spread::of(
+            certified.iter().map(|c| tip_error(c) / robot_length),
+        ),
         clearance: path(|c| c.metrics.clearance),
         tip_length_ratio: path(|c| c.metrics.tip_length / c.metrics.tip_distance),
         tip_smoothness: path(|c| c.metrics.tip_smoothness),
@@ -150,6 +152,12 @@ pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]
         seconds: Spread::of(answers.iter().map(|a| a.seconds)),
         stage_seconds: stages(&plans),
     }
+}
+
+/// Figures of the end shapes of a plan's certified candidates.
+fn end_shapes(plan: &Plan) -> SetMetrics {
+    let ends: Vec<Configuration> = plan.candidates.iter().map(Candidate::end).collect();
+    set_metrics(&ends)
 }
 
 /// Certified draws before anything was filled: the learned ones where there are any, else all.
@@ -185,6 +193,12 @@ fn count(names: impl Iterator<Item = String>) -> BTreeMap<String, usize> {
 
 fn first_words(reason: &str) -> String {
     reason.split(':').next().unwrap_or(reason).to_owned()
+}
+
+/// The name of a choice on the command line.
+fn name_of(choice: &impl ValueEnum) -> String {
+    let value = choice.to_possible_value();
+    value.map_or_else(String::new, |v| v.get_name().to_owned())
 }
 
 fn machine() -> String {
