@@ -61,9 +61,10 @@ impl Executive {
     }
 
     fn watch_tracking(&mut self, sample: &RobotSample) {
-        let since_s = self
-            .last_ns
-            .map_or(0.0, |commanded_ns| seconds(commanded_ns - sample.stamp_ns));
+        // A command goes on by the step cap at most, and a robot without set-points does not go on for longer.
+        let since_s = self.last_ns.map_or(0.0, |commanded_ns| {
+            seconds((commanded_ns - sample.stamp_ns).max(-self.settings.step_cap_ns))
+        });
         let expected = self.commanded.position - self.commanded.velocity * since_s;
         let error_rad = self
             .tracking

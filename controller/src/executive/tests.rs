@@ -349,6 +349,7 @@ fn a_pause_of_the_whole_machine_is_one_late_cycle_and_no_fault() {
         let after = world.cycle(pause_ms * MS);
         let step_s = after.path_time_s - before.path_time_s;
         assert!((step_s - 0.020).abs() < 1e-9, "{step_s}");
+        assert!(after.tracking_error_rad < 2e-3, "{after:?}");
         world.run(100);
         assert_eq!(state(&world), LoopState::Executing);
         assert_eq!(world.simulated.reference().refused(), 0);
