@@ -81,6 +81,8 @@ struct Evaluation {
     /// Cases with a certified candidate, with a certified learned one.
     answered: Vec<bool>,
     learned: Vec<bool>,
+    /// Share of the first ten draws of every case that are certified, counted in `paths.npz`.
+    share: f64,
     /// Certified motions that a second look at their knots contradicts, of how many.
     contradicted: Vec<String>,
     looked_at: usize,
@@ -145,10 +147,16 @@ fn before_fallback(
     setting: &str,
     all: &BTreeMap<&str, Evaluation>,
 ) -> anyhow::Result<()> {
-    let shares =
-        ["fast", "straight"].map(|planner| number(&all[planner], "/share_before_fallback"));
-    let [fast, straight] = shares;
-    let (fast, straight) = (fast?, straight?);
+    let [fast, straight] = ["fast", "straight"].map(|planner| all[planner].share);
+    let stated = number(&all["fast"], "/share_before_fallback")?;
+    let name = format!("{setting}: fast, the share that result.json states");
+    let agrees = (stated - fast).abs() < 1e-9;
+    report.check(
+        &name,
+        format!("{:.2} %", 100.0 * stated),
+        "as in paths.npz",
+        agrees,
+    );
     let figure = format!(
         "{:.2} % (null arm straight: {:.2} %)",
         100.0 * fast,
@@ -202,6 +210,7 @@ fn read(robot: &Robot, folder: &Path) -> anyhow::Result<Evaluation> {
     Ok(Evaluation {
         summary,
         answered: rows().map(|(c, _)| c.contains(&1)).collect(),
+        share: certified.iter().filter(|c| **c == 1).count() as f64 / certified.len() as f64,
         learned: rows()
             .map(|(c, s)| c.iter().zip(s).any(is_learned))
             .collect(),

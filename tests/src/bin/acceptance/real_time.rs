@@ -7,7 +7,7 @@ use std::time::Duration;
 use shared_types::valid::{ControllerState, Goal};
 use tests::process::wait_for;
 use tests::programs::repository;
-use tests::stack::{PATIENCE, Stack};
+use tests::stack::{MoveError, PATIENCE, Stack};
 use tests::system_calls;
 use tests::world::Settings;
 
@@ -25,11 +25,19 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
 /// Motions between two configurations until the controller has counted so many cycles more.
 fn move_for(stack: &mut Stack, cycles: u64) -> anyhow::Result<usize> {
     let begin = stack.controller_state().values.cycle;
-    let mut motions = 0;
+    let (mut motions, mut cut_short) = (0, 0);
     while stack.controller_state().values.cycle < begin + cycles {
         let side = if motions % 2 == 0 { 0.8 } else { -0.8 };
         let id = stack.begin_motion(Goal::Configuration([side, 0.4, -side, 0.3, 0.5, side]))?;
-        stack.wait_for_end(id)?;
+        match stack.wait_for_end(id) {
+            // A machine that stalls, or a counter that stops the loop, for too long: safe, and not what is measured here.
+            Err(MoveError::CutShort(fault)) if cut_short < 3 => {
+                cut_short += 1;
+                eprintln!("a motion was cut short: {fault}");
+                stack.wait_until_ready()?;
+            }
+            end => drop(end?),
+        }
         motions += 1;
     }
     Ok(motions)
