@@ -8,7 +8,7 @@ files `shard-XXXX.npz` with
   balls [M, 28] f32         descriptions of all balls, those of row n at ball_offsets[n]..ball_offsets[n + 1]
   ball_offsets [N + 1] i64
   coefficients [N, 72] f32  residual to the straight segment, rad: [k * 6 + d] multiplies sin((k + 1) pi u) of degree d
-  group [N] i64             the same for all rows of one case; 2 % of the groups are held out
+  group [N] i64             the same for all rows of one target; 2 % of the groups are held out
 
 The mirror images are in the arrays already. weights/README.md has the recipe of the committed weights.
 """
@@ -164,8 +164,9 @@ def normalise(model, rows):
     """Sets the normalisation from the training rows; the floors keep constant features and tiny coefficients harmless."""
     model.end_mean.copy_(rows.ends[rows.train].mean(0))
     model.end_std.copy_(rows.ends[rows.train].std(0).clamp(min=1e-2))
-    model.ball_mean.copy_(rows.balls.mean(0))
-    model.ball_std.copy_(rows.balls.std(0).clamp(min=1e-2))
+    if len(rows.balls) > 1:
+        model.ball_mean.copy_(rows.balls.mean(0))
+        model.ball_std.copy_(rows.balls.std(0).clamp(min=1e-2))
     model.coefficient_std.copy_(rows.coefficients[rows.train].square().mean(0).sqrt().clamp(min=1e-3))
 
 
