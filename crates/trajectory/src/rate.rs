@@ -46,9 +46,14 @@ impl RateLaw {
     ///
     /// `state` is the motion's own state (as at rate 1) at the present motion time. Both rates are taken as within
     /// 0..=1 (NaN as 0, a stop). The limit holds at the start and, extrapolating `state` by its jerk, at the end
-    /// of the cycle. Allocates nothing; the work is bounded.
+    /// of the cycle. Nothing changes in a cycle that takes no time. Allocates nothing; the work is bounded.
     pub fn step(&self, state: &State, rate: f64, target: f64, cycle: f64) -> RateStep {
         let (rate, target) = (within_unit(rate), within_unit(target));
+        let takes_time = cycle > 0.0 && cycle.is_finite();
+        if !takes_time {
+            let advance = 0.0;
+            return RateStep { rate, advance };
+        }
         let [slowest, fastest] = self.rate_slopes(state, rate);
         let strongest = (target - rate).clamp(slowest * cycle, fastest * cycle);
         let change = self.change_within(state, rate, strongest, cycle);
@@ -187,6 +192,16 @@ mod tests {
             let acceleration = (three[2] - three[1] * 2.0 + three[0]) / (CYCLE * CYCLE);
             assert!(largest(&velocity) <= limits.velocity * (1.0 + 1e-6));
             assert!(largest(&acceleration) <= limits.acceleration + 0.2 * limits.jerk * CYCLE);
+        }
+    }
+
+    #[test]
+    fn a_cycle_that_takes_no_time_changes_nothing() {
+        let law = RateLaw::new(&unit_tendons(), unit_limits().acceleration);
+        let still = State::resting(Configuration::zeros());
+        for cycle in [0.0, -CYCLE, f64::NAN, f64::INFINITY] {
+            let step = law.step(&still, 0.5, 0.0, cycle);
+            assert_eq!((step.rate, step.advance), (0.5, 0.0), "{cycle}");
         }
     }
 
