@@ -86,3 +86,30 @@ impl Demands<'_> {
         self.certify(&trajectory).map(|()| trajectory)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::unit_robot;
+
+    #[test]
+    fn a_motion_that_rests_at_its_corners_has_the_knots_of_a_motion_or_is_none() {
+        let (robot, scene) = (unit_robot(), Scene::default());
+        let demands = Demands {
+            robot: &robot,
+            scene: &scene,
+            limits: robot.tendon_limits,
+            knots: 96,
+            growth: 0.0,
+        };
+        let zigzag = |edges: usize| -> Vec<Configuration> {
+            let corner = |i: usize| Configuration::repeat([0.0, 0.3][i % 2] + 1e-3 * i as f64);
+            (0..=edges).map(corner).collect()
+        };
+        let few = demands.rest_at_corners(&zigzag(12)).unwrap();
+        assert!((12..=MAX_KNOTS).contains(&few.knots().len()));
+        let rests = few.knots().iter().filter(|k| k.velocity.norm() == 0.0);
+        assert_eq!(rests.count(), 13, "it rests at every corner");
+        assert_eq!(demands.rest_at_corners(&zigzag(120)), Err(Failure::Time));
+    }
+}
