@@ -17,7 +17,7 @@ const PRIORITY: c_int = 60;
 /// A stop at a system call is a SIGTRAP with this bit.
 const SYSTEM_CALL_STOP: c_int = libc::SIGTRAP | 0x80;
 
-/// How often each system call (its x86-64 number) was entered.
+/// How often each system call (its number) was entered.
 pub type Counts = BTreeMap<u64, u64>;
 
 /// The name of the calls that a loop may meet; else the number.
@@ -63,14 +63,12 @@ fn follow(thread: pid_t, duration: Duration) -> io::Result<Counts> {
     )?;
     request(libc::PTRACE_INTERRUPT, thread, null_mut(), null_mut())?;
     let mut counts = Counts::new();
-    let (begin, mut inside) = (Instant::now(), false);
+    let begin = Instant::now();
     loop {
-        let signal = wait_for_stop(thread)?;
-        if signal == SYSTEM_CALL_STOP {
-            inside = !inside;
-            if inside {
-                *counts.entry(system_call(thread)?).or_insert(0) += 1;
-            }
+        if wait_for_stop(thread)? == SYSTEM_CALL_STOP
+            && let Some(number) = entered_call(thread)?
+        {
+            *counts.entry(number).or_insert(0) += 1;
         }
         if begin.elapsed() >= duration {
             request(libc::PTRACE_DETACH, thread, null_mut(), null_mut())?;
@@ -86,8 +84,7 @@ fn request(
     address: *mut c_void,
     data: *mut c_void,
 ) -> io::Result<()> {
-    // SAFETY: the operations used here take no pointer except `PTRACE_GETREGS`, whose `data` points to a whole
-    // `user_regs_struct` that outlives the call.
+    // SAFETY: the operations used here take numbers, no pointers.
     match unsafe { libc::ptrace(operation, thread, address, data) } {
         -1 => Err(io::Error::last_os_error()),
         _ => Ok(()),
@@ -105,16 +102,28 @@ fn wait_for_stop(thread: pid_t) -> io::Result<c_int> {
     Ok(libc::WSTOPSIG(status))
 }
 
-fn system_call(thread: pid_t) -> io::Result<u64> {
-    let mut registers = MaybeUninit::<libc::user_regs_struct>::uninit();
-    request(
-        libc::PTRACE_GETREGS,
-        thread,
-        null_mut(),
-        registers.as_mut_ptr().cast(),
-    )?;
-    // SAFETY: the call succeeded, so the kernel has written all of it.
-    Ok(unsafe { registers.assume_init() }.orig_rax)
+/// The number of the call that the thread stopped at the entry of; none at its exit.
+fn entered_call(thread: pid_t) -> io::Result<Option<u64>> {
+    let mut information = MaybeUninit::<libc::ptrace_syscall_info>::zeroed();
+    // SAFETY: `information` is as large as the address argument says, and outlives the call.
+    let written = unsafe {
+        libc::ptrace(
+            libc::PTRACE_GET_SYSCALL_INFO,
+            thread,
+            size_of::<libc::ptrace_syscall_info>(),
+            information.as_mut_ptr(),
+        )
+    };
+    if written <= 0 {
+        return Err(io::Error::last_os_error());
+    }
+    // SAFETY: all bits zero are a value of this type, and the kernel has written a valid one over it.
+    let information = unsafe { information.assume_init() };
+    Ok(match information.op {
+        // SAFETY: at an entry, the kernel has written this member.
+        libc::PTRACE_SYSCALL_INFO_ENTRY => Some(unsafe { information.u.entry.nr }),
+        _ => None,
+    })
 }
 
 /// Where the system permits it: a loop at a real-time priority should not wait for its counter.

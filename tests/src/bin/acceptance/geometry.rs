@@ -96,3 +96,16 @@ fn certificate(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod unit {
+    use super::*;
+
+    #[test]
+    fn counts_are_read_from_the_result_line() {
+        let line =
+            "test result: FAILED. 12 passed; 3 failed; 0 ignored; 0 measured; 1 filtered out";
+        assert_eq!(test_counts(line), Some([12, 3]));
+        assert_eq!(test_counts("test geometry ... ok"), None);
+    }
+}

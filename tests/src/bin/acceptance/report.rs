@@ -185,3 +185,33 @@ fn commit() -> String {
         head + "+changes"
     }
 }
+
+#[cfg(test)]
+mod unit {
+    use super::*;
+
+    #[test]
+    fn a_finished_group_is_not_repeated_for_the_same_commit_and_a_broken_one_has_failed() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("acceptance/chain.json");
+        let mut first = Report::new(Some(file.clone()));
+        first.group("good", "true", |report| {
+            report.at_most("figure", 1.0, 2.0);
+            Ok(())
+        });
+        assert!(first.finish());
+        first.group("broken", "false", |_| anyhow::bail!("it broke"));
+        assert!(!first.finish());
+        let mut second = Report::new(Some(file.clone()));
+        second.group("good", "true", |_| panic!("it is repeated"));
+        second.group("broken", "false", |_| panic!("it is repeated"));
+        assert_eq!(second.record.checks.len(), 2);
+        assert!(!second.finish());
+
+        let other = fs::read_to_string(&file)
+            .unwrap()
+            .replace(&commit(), "another commit");
+        fs::write(&file, other).unwrap();
+        assert_eq!(Report::new(Some(file)).record.checks.len(), 0);
+    }
+}
