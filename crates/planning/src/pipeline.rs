@@ -96,7 +96,7 @@ impl Planner {
         &self.robot
     }
 
-    /// Answers one request; `interrupt` is asked between candidates and returns true to truncate.
+    /// Answers one request; `interrupt` is asked between candidates and while a tree grows, and returns true to truncate.
     ///
     /// # Errors
     /// [`PlannerError::Infeasible`] or [`PlannerError::ModelNotLoaded`].
@@ -301,7 +301,6 @@ impl<'a> Run<'a> {
         let mut rng = Pcg64::new(u128::from(self.request.seed), u128::from(stream) + 1);
         for margin in TREE_MARGINS {
             if (self.interrupt)() {
-                draw.outcome = Err(Failure::Truncated);
                 break;
             }
             let grown = self
@@ -315,14 +314,18 @@ impl<'a> Run<'a> {
                 goals,
                 settings,
                 &mut rng,
+                self.interrupt,
             );
             if let Some(polyline) = found
                 && let Ok((path, trajectory)) = self.demands.follow(&polyline)
             {
                 draw.path = Some(path);
                 draw.outcome = Ok(trajectory);
-                break;
+                return draw;
             }
+        }
+        if (self.interrupt)() {
+            draw.outcome = Err(Failure::Truncated);
         }
         draw
     }
@@ -346,8 +349,10 @@ impl<'a> Run<'a> {
             })
             .collect();
         for (i, draw) in missing.into_iter().zip(filled) {
-            if draw.outcome.is_ok() {
-                draws[i] = draw;
+            match draw.outcome {
+                Ok(_) => draws[i] = draw,
+                Err(Failure::Truncated) => draws[i].outcome = draw.outcome,
+                Err(_) => {}
             }
         }
         if draws.iter().all(|d| d.outcome.is_err()) {

@@ -12,6 +12,9 @@ use rand_pcg::Pcg64;
 /// Bisection depth of an edge's certificate; undecided edges count as colliding.
 const EDGE_DEPTH: u32 = 7;
 
+/// Samples between two questions whether to go on.
+const INTERRUPT_EVERY: usize = 64;
+
 /// Budgets of one search, all of them counts.
 #[derive(Clone, Copy, Debug)]
 pub struct RrtSettings {
@@ -114,6 +117,7 @@ struct Search<'a> {
     robot: &'a Robot,
     scene: &'a Scene,
     settings: &'a RrtSettings,
+    interrupt: &'a dyn Fn() -> bool,
 }
 
 impl Search<'_> {
@@ -132,6 +136,9 @@ impl Search<'_> {
             return Some(vec![*start, *direct]);
         }
         for round in 0..self.settings.samples {
+            if round.is_multiple_of(INTERRUPT_EVERY) && (self.interrupt)() {
+                return None;
+            }
             let sample = random_configuration(self.robot, rng);
             let (active, other) = (round % 2, 1 - round % 2);
             let from = trees[active].nearest(&sample);
@@ -185,6 +192,8 @@ fn join(trees: &[Tree; 2], leaves: [usize; 2]) -> Vec<Configuration> {
 }
 
 /// Finds a certified polyline (radians) from `start` to one of `goals`, shortened, or nothing within the budget.
+///
+/// `interrupt` is asked every 64 samples and returns true to give up.
 #[must_use]
 pub fn rrt_connect(
     robot: &Robot,
@@ -193,6 +202,7 @@ pub fn rrt_connect(
     goals: &[Configuration],
     settings: &RrtSettings,
     rng: &mut Pcg64,
+    interrupt: &dyn Fn() -> bool,
 ) -> Option<Vec<Configuration>> {
     if goals.is_empty() {
         return None;
@@ -201,7 +211,47 @@ pub fn rrt_connect(
         robot,
         scene,
         settings,
+        interrupt,
     };
     let path = search.grow(start, goals, rng)?;
     Some(search.shorten(path, rng))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::unit_robot;
+    use collision::Ball;
+    use rand::SeedableRng;
+    use std::cell::Cell;
+
+    #[test]
+    fn a_search_in_vain_gives_up_when_it_is_interrupted() {
+        let robot = unit_robot();
+        let goal = Configuration::from_column_slice(&[0.0, 0.8, 0.0, 0.8, 0.0, 0.0]);
+        let ball = Ball {
+            centre: robot.tip(&goal),
+            radius: 0.3,
+        };
+        let scene = Scene::new(vec![ball]).unwrap();
+        let asked = Cell::new(0);
+        let interrupt = || {
+            asked.set(asked.get() + 1);
+            asked.get() == 4
+        };
+        let settings = RrtSettings::default();
+        let start = Configuration::zeros();
+        let mut rng = Pcg64::seed_from_u64(1);
+        let found = rrt_connect(
+            &robot,
+            &scene,
+            &start,
+            &[goal],
+            &settings,
+            &mut rng,
+            &interrupt,
+        );
+        assert!(found.is_none());
+        assert_eq!(asked.get(), 4, "it would have asked 47 times");
+    }
 }

@@ -194,6 +194,7 @@ fn is_hard(
             &ends.shapes,
             &RrtSettings::default(),
             rng,
+            &|| false,
         )
         .is_some()
 }

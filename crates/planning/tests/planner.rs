@@ -171,6 +171,37 @@ fn an_interrupt_truncates_and_nothing_uncertified_is_delivered() {
 }
 
 #[test]
+fn a_tree_that_is_interrupted_while_it_grows_says_so() {
+    let planner = Planner::new(&robot(), None, 1).unwrap();
+    // A cage around the straight robot: its goal is clear, no way leads out.
+    let cage = (0..3).flat_map(|ring| {
+        (0..12).map(move |i| {
+            let angle = f64::from(i) * std::f64::consts::TAU / 12.0;
+            let height = 1.3 + 0.7 * f64::from(ring);
+            Ball {
+                centre: Point::new(0.65 * angle.cos(), 0.65 * angle.sin(), height),
+                radius: 0.35,
+            }
+        })
+    });
+    let out = Configuration::from_column_slice(&[0.0, 1.5, 0.0, 1.5, 0.0, 0.0]);
+    let problem = from_straight(Goal::Configuration(out), cage.collect());
+    let asked = std::sync::atomic::AtomicUsize::new(0);
+    let interrupt = || asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= 20;
+    let one = Request {
+        candidates: 1,
+        ..request(Sampler::RrtConnect, 1)
+    };
+    let answer = planner.plan(&problem, &one, &interrupt).unwrap();
+    assert!(answer.truncated && answer.candidates.is_empty());
+    let whole = plan(&planner, &problem, &one).unwrap();
+    assert!(
+        !whole.truncated && whole.candidates.is_empty(),
+        "there is no way out"
+    );
+}
+
+#[test]
 fn a_start_a_little_beyond_the_bending_limit_is_left_from_exactly_there() {
     let planner = Planner::new(&robot(), None, 1).unwrap();
     let mut problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);

@@ -137,7 +137,8 @@ fn taught_path(
         return Some(direct);
     }
     let grown = robot.with_tube_growth(TREE_MARGIN);
-    let polyline = rrt_connect(&grown, scene, start, &[*end], &RrtSettings::default(), rng)?;
+    let settings = RrtSettings::default();
+    let polyline = rrt_connect(&grown, scene, start, &[*end], &settings, rng, &|| false)?;
     let guided = teach(robot, scene, &resample(&polyline));
     debug_assert_eq!(guided.len(), WAYPOINTS);
     let kept = certified(&guided);
