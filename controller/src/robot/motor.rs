@@ -13,6 +13,26 @@ pub struct MotorLimits {
     pub backlash_m: f64,
 }
 
+/// Share of the largest acceleration that catching up counts on for its own braking.
+const CATCH_UP_SHARE: f64 = 0.4;
+
+impl MotorLimits {
+    /// How much faster than its target a motor turns that is `behind_m` behind it, m/s.
+    ///
+    /// Proportional where the motor is nearly there: with the damping of [`Motor::step`], a critically damped loop. Farther
+    /// away only as fast as it can brake again, or it would swing about the target.
+    fn catch_up_m_s(&self, behind_m: f64) -> f64 {
+        let gain_per_s = 0.5 * self.natural_frequency_rad_s;
+        let braking_m_s2 = CATCH_UP_SHARE * self.acceleration_m_s2;
+        let near_m = braking_m_s2 / gain_per_s.powi(2);
+        if behind_m.abs() <= near_m {
+            return gain_per_s * behind_m;
+        }
+        let distance_m = behind_m.abs() - 0.5 * near_m;
+        (2.0 * braking_m_s2 * distance_m).sqrt().copysign(behind_m)
+    }
+}
+
 /// The state of one motor and its tendon.
 #[derive(Clone, Copy, Debug)]
 pub struct Motor {
@@ -60,11 +80,10 @@ impl Motor {
 
     /// Tracks `target` for `step_s` (semi-implicit Euler; stable for steps below 2 / natural frequency).
     pub fn step(&mut self, target: &MotorTarget, limits: &MotorLimits, step_s: f64) {
-        let stiffness = limits.natural_frequency_rad_s.powi(2);
         let damping = 2.0 * limits.natural_frequency_rad_s;
+        let catch_up_m_s = limits.catch_up_m_s(target.position_m - self.shaft_m);
         let wanted_m_s2 = target.acceleration_m_s2
-            + damping * (target.velocity_m_s - self.velocity_m_s)
-            + stiffness * (target.position_m - self.shaft_m);
+            + damping * (target.velocity_m_s + catch_up_m_s - self.velocity_m_s);
         let acceleration_m_s2 =
             wanted_m_s2.clamp(-limits.acceleration_m_s2, limits.acceleration_m_s2);
         self.velocity_m_s = (self.velocity_m_s + acceleration_m_s2 * step_s)
@@ -92,6 +111,26 @@ mod tests {
         natural_frequency_rad_s: 100.0,
         backlash_m: 1e-4,
     };
+
+    #[test]
+    fn a_motor_far_from_its_target_gets_there_without_swinging_about_it() {
+        let mut motor = Motor::at(0.0);
+        let target = MotorTarget {
+            position_m: 8e-3,
+            velocity_m_s: 0.0,
+            acceleration_m_s2: 0.0,
+        };
+        let mut arrived_ms = None;
+        for ms in 0..1_000 {
+            motor.step(&target, &LIMITS, 1e-3);
+            assert!(motor.tendon_m() < 8e-3 + 1e-4, "{} m", motor.tendon_m());
+            if motor.tendon_m() > 8e-3 - 1.5e-4 {
+                arrived_ms = arrived_ms.or(Some(ms));
+            }
+        }
+        // At the least 2 √(d / a) = 253 ms.
+        assert!(arrived_ms.unwrap() < 400, "{arrived_ms:?} ms");
+    }
 
     #[test]
     fn a_motor_that_was_moving_comes_to_rest_with_its_reference() {
