@@ -111,7 +111,7 @@ mod defaults {
         requests_per_client: usize = 4;
         queued_per_client: usize = 4;
         default_deadline_ms: f64 = 20.0;
-        path_tolerance_rad: f64 = 0.005;
+        path_tolerance_rad: f64 = 0.01;
         begin_lead_ms: f64 = 50.0;
         wait: WaitMode = WaitMode::Hybrid;
         spin_us: u64 = 2000;

@@ -58,6 +58,8 @@ pub struct ToldMotion {
 pub struct Told {
     /// The motions in order.
     pub motions: Vec<ToldMotion>,
+    /// Ids of the motions that the controller stopped on the way, and that were asked for again.
+    pub interrupted: Vec<u32>,
     /// How the impossible form of experiment 3 was answered.
     pub impossible_outcome: Option<String>,
 }
@@ -181,6 +183,7 @@ impl Recording {
                 _ => ranges.push((self.trajectory_id[i], i, i)),
             }
         }
+        ranges.retain(|(id, ..)| !self.told.interrupted.contains(id));
         ranges.into_iter().map(|range| self.motion(range)).collect()
     }
 

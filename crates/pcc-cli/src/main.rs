@@ -3,6 +3,7 @@
 mod dataset;
 mod demo;
 mod evaluate;
+mod order;
 mod plan;
 mod planner;
 mod watch;
@@ -26,6 +27,12 @@ enum Command {
     Demo(demo::Arguments),
     /// Show the live state of controller and robot.
     Watch(watch::Arguments),
+    /// Order the controller to stop the robot along its path, and hold.
+    Stop,
+    /// Clear the controller's latched fault; it then holds where the robot is.
+    Reset,
+    /// Set the rate at which motions run.
+    Speed(order::SpeedArguments),
     /// Generate paths for training or evaluation, sharded and resumable.
     Dataset(dataset::Arguments),
     /// Write the training arrays of the few-step model from a data set.
@@ -63,6 +70,9 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Watch(arguments) => watch::run(&arguments),
+        Command::Stop => order::stop(),
+        Command::Reset => order::reset(),
+        Command::Speed(arguments) => order::speed(&arguments),
         Command::Dataset(arguments) => dataset::generate(&arguments),
         Command::Features(arguments) => dataset::features(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),

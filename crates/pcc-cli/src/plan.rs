@@ -7,7 +7,7 @@ use shared_types::capacity::DOF;
 use shared_types::codes::{Outcome, Sampler, Selection, Source, Stage};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
-use shared_types::valid::{Goal, PlanRequest, SelectionRule};
+use shared_types::valid::{Goal, PlanReport, PlanRequest, SelectionRule};
 use std::time::{Duration, Instant};
 
 /// How long a running daemon and controller are looked for.
@@ -95,7 +95,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let round_trip = clock.elapsed();
     let report = answer.report();
     if !report.outcome.has_candidates() {
-        bail!("{}: {}", report.outcome, report.reason);
+        bail!("{}", explain(report));
     }
     print_answer(&answer, round_trip);
     match report.outcome {
@@ -179,6 +179,16 @@ fn held_configuration(options: &IpcOptions) -> anyhow::Result<[f64; DOF]> {
         std::thread::sleep(Duration::from_millis(10));
     }
     Err(anyhow::anyhow!("no controller within {PATIENCE:?}")).context("start it, or give --start")
+}
+
+/// The outcome and its reason, which may begin with the outcome's own words.
+fn explain(report: &PlanReport) -> String {
+    let outcome = report.outcome.text();
+    if report.reason.starts_with(outcome) {
+        report.reason.clone()
+    } else {
+        format!("{outcome}: {}", report.reason)
+    }
 }
 
 fn print_answer(answer: &PlanAnswer, round_trip: Duration) {

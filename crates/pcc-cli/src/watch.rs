@@ -8,7 +8,10 @@ use shared_types::codes::{LoopFault, MotorFault, Refusal};
 use shared_types::ipc::IpcOptions;
 use shared_types::lateness::quantile_ns;
 use shared_types::valid::{ControllerState, RobotState};
+use signal_hook::consts::{SIGINT, SIGTERM};
 use std::io::{IsTerminal, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// Arguments of `pcc watch`.
@@ -39,8 +42,13 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     } else {
         ""
     };
+    let interrupted = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM] {
+        signal_hook::flag::register(signal, Arc::clone(&interrupted))?;
+    }
     let mut shown = 0;
-    while arguments.times == 0 || shown < arguments.times {
+    while !interrupted.load(Ordering::Relaxed) && (arguments.times == 0 || shown < arguments.times)
+    {
         std::thread::sleep(pause);
         let lines = [
             describe_controller(controller.latest_state()?),

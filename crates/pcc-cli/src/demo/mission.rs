@@ -1,6 +1,6 @@
 //! The paper's three experiments: consecutive planning, two solutions of one target, avoiding an obstacle.
 
-use super::motion::{Proposal, Report, Stage, Task};
+use super::motion::{Execution, Proposal, Report, Stage, Task};
 use super::recording::Recording;
 use anyhow::{Context, bail};
 use client::{Client, ControllerView, ScenePublisher};
@@ -25,6 +25,8 @@ const BALL: ([f64; 3], f64) = ([0.0, 0.0, 1.5], 0.4);
 const DISTINCT_RAD: f64 = 0.5;
 /// Distance of the backbone from the later ball's surface that the chosen end shape must keep, section lengths.
 const KEPT_CLEAR: f64 = 0.3;
+/// Times a motion is asked for: a machine that stalls for more than the robot's 20 ms makes the controller stop it.
+const ATTEMPTS: usize = 4;
 /// Allowed tip errors, section lengths: commanded, and as measured on the noisy robot.
 const ALLOWED_ERROR: [f64; 2] = [0.01, 0.03];
 
@@ -35,6 +37,7 @@ pub(super) struct Mission<'a> {
     recording: Recording,
     length: f64,
     reports: Vec<Report>,
+    interrupted: Vec<u32>,
     impossible: Option<String>,
 }
 
@@ -56,6 +59,7 @@ impl<'a> Mission<'a> {
             recording: Recording::begin(options),
             length,
             reports: Vec::new(),
+            interrupted: Vec::new(),
             impossible: None,
         };
         mission.show(&[])?;
@@ -89,8 +93,9 @@ impl<'a> Mission<'a> {
         self.avoid()?;
         let missed = self.recording.end()?;
         println!(
-            "{} motions, {missed} cycles missed by the recorder",
-            self.reports.len()
+            "{} motions, {} stopped on the way, {missed} cycles missed by the recorder",
+            self.reports.len(),
+            self.interrupted.len()
         );
         self.judge()
     }
@@ -170,13 +175,36 @@ impl<'a> Mission<'a> {
         task: &Task,
         choose: impl Fn(&[Proposal]) -> anyhow::Result<usize>,
     ) -> anyhow::Result<()> {
-        let report = self
-            .stage
-            .perform(task, &self.recording, choose)
-            .with_context(|| format!("{}, {}", task.experiment, task.name))?;
-        print_report(&report);
-        self.reports.push(report);
-        Ok(())
+        for _ in 0..ATTEMPTS {
+            let context = || format!("{}, {}", task.experiment, task.name);
+            let execution = self
+                .stage
+                .perform(task, &self.recording, &choose)
+                .with_context(context)?;
+            match execution {
+                Execution::Done(report) => {
+                    print_report(&report);
+                    self.reports.push(report);
+                    return Ok(());
+                }
+                Execution::Stopped {
+                    trajectory_id,
+                    fault,
+                } => {
+                    println!(
+                        "  {}: the controller stopped on the way ({fault}); reset, and asked again",
+                        task.name
+                    );
+                    self.interrupted.push(trajectory_id);
+                    self.stage.reset()?;
+                }
+            }
+        }
+        bail!(
+            "{}, {}: stopped on the way {ATTEMPTS} times",
+            task.experiment,
+            task.name
+        )
     }
 
     fn point(&self, section_lengths: [f64; 3]) -> Point {
@@ -234,7 +262,11 @@ impl<'a> Mission<'a> {
     pub(super) fn save(&mut self, folder: &Path) -> anyhow::Result<()> {
         self.recording.end()?;
         self.recording.save(folder, self.stage.robot)?;
-        let summary = json!({ "motions": self.reports, "impossible_outcome": self.impossible });
+        let summary = json!({
+            "motions": self.reports,
+            "interrupted": self.interrupted,
+            "impossible_outcome": self.impossible,
+        });
         Ok(std::fs::write(
             folder.join("demo.json"),
             serde_json::to_string_pretty(&summary)?,

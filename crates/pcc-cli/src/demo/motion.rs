@@ -7,9 +7,9 @@ use collision::{Ball, Scene, minimum_clearance};
 use pcc_model::{Configuration, Point, Robot};
 use serde::Serialize;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopState, Outcome, Refusal};
+use shared_types::codes::{LoopFault, LoopState, Outcome, Refusal};
 use shared_types::message;
-use shared_types::valid::{ControllerState, Goal, PlanRequest, SelectionRule};
+use shared_types::valid::{Command, ControllerState, Goal, PlanRequest, SelectionRule};
 use std::time::{Duration, Instant};
 use trajectory::{Knot, Trajectory};
 
@@ -17,6 +17,8 @@ use trajectory::{Knot, Trajectory};
 const CANDIDATES: usize = 10;
 /// The demonstration is not about latency.
 const DEADLINE: Duration = Duration::from_millis(500);
+/// A motion that ends farther from its end shape was stopped on the way, rad.
+const SAME_CONFIGURATION_RAD: f64 = 1e-5;
 /// Longest wait for a process.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How long the robot holds after a motion; its last part is averaged for the measured tip.
@@ -40,6 +42,17 @@ pub(super) struct Report {
     pub(super) largest_setpoint_step_m: f64,
     pub(super) late_cycles: u32,
     pub(super) end_configuration_rad: [f64; 6],
+}
+
+/// How an execution ended.
+pub(super) enum Execution {
+    /// At the end of the trajectory.
+    Done(Report),
+    /// On the way: the controller stopped the robot along its path.
+    Stopped {
+        trajectory_id: u32,
+        fault: LoopFault,
+    },
 }
 
 /// One candidate, in the robot's own units.
@@ -72,7 +85,7 @@ impl Stage<'_> {
         task: &Task,
         recording: &Recording,
         choose: impl Fn(&[Proposal]) -> anyhow::Result<usize>,
-    ) -> anyhow::Result<Report> {
+    ) -> anyhow::Result<Execution> {
         let begun = self.hold()?;
         let request = self.request(begun.values.commanded_configuration_rad, task);
         let (proposals, hash) = self.propose(&request)?;
@@ -80,6 +93,13 @@ impl Stage<'_> {
         let since = mono_now_ns();
         let id = self.execute(&request, chosen, hash)?;
         let ended = self.follow(id, chosen.motion.duration())?;
+        let end = Configuration::from(ended.values.commanded_configuration_rad);
+        if ended.state == LoopState::Fault || (end - chosen.end).norm() > SAME_CONFIGURATION_RAD {
+            return Ok(Execution::Stopped {
+                trajectory_id: id,
+                fault: ended.fault,
+            });
+        }
         std::thread::sleep(HOLD);
         let cycles = recording.since(since)?;
         let measured: Vec<Configuration> = cycles
@@ -91,9 +111,8 @@ impl Stage<'_> {
             bail!("no cycle was recorded while holding");
         }
         let mean = measured.iter().sum::<Configuration>() / measured.len() as f64;
-        let end = Configuration::from(ended.values.commanded_configuration_rad);
         let scene = Scene::new(task.balls.to_vec())?;
-        Ok(Report {
+        Ok(Execution::Done(Report {
             experiment: task.experiment,
             name: task.name.into(),
             requested_tip_m: goal_tip(self.robot, &task.goal).into(),
@@ -108,7 +127,7 @@ impl Stage<'_> {
                 .late_cycles
                 .saturating_sub(begun.values.late_cycles),
             end_configuration_rad: end.into(),
-        })
+        }))
     }
 
     /// What the daemon answers to a request that is only planned.
@@ -180,7 +199,7 @@ impl Stage<'_> {
         })
     }
 
-    /// Waits until a trajectory has been executed to its end.
+    /// Waits until a trajectory is taken, and until the robot rests again.
     fn follow(&mut self, id: u32, duration_s: f64) -> anyhow::Result<ControllerState> {
         let taken = self.wait(PATIENCE, "the trajectory is taken", |s| {
             s.values.trajectory_id == id || s.values.refused_trajectory_id == id
@@ -189,13 +208,18 @@ impl Stage<'_> {
             bail!("the controller refused the trajectory: {}", taken.refusal);
         }
         let patience = PATIENCE + Duration::from_secs_f64(duration_s);
-        let ended = self.wait(patience, "the motion ends", |s| {
+        self.wait(patience, "the motion ends", |s| {
             matches!(s.state, LoopState::Holding | LoopState::Fault)
-        })?;
-        if ended.state == LoopState::Fault {
-            bail!("the controller is in fault: {}", ended.fault);
+        })
+    }
+
+    /// Clears the controller's fault, if there is one.
+    pub(super) fn reset(&mut self) -> anyhow::Result<()> {
+        let reply = self.controller.command(Command::ResetFault, PATIENCE)?;
+        if !reply.accepted {
+            bail!("the controller does not reset: {}", reply.reason);
         }
-        Ok(ended)
+        Ok(())
     }
 
     fn wait(
