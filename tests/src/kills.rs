@@ -13,13 +13,10 @@ use shared_types::valid::Goal;
 use crate::listener::{Heard, Listener};
 use crate::motion::{LimitsKept, TendonSample, limits_kept};
 use crate::process::{TimedOut, wait_for};
-use crate::stack::{MoveError, PATIENCE, Part, Stack};
+use crate::stack::{MOTION_ATTEMPTS, MoveError, PATIENCE, Part, Stack};
 
 /// A robot state's stamp is that of the measurement, up to two cycles from the evaluation of its set-point, s.
 pub const STAMP_SLACK_S: f64 = 2e-3;
-
-/// How often the motion after a kill is asked for.
-const ATTEMPTS: usize = 3;
 
 /// What the kills did.
 #[derive(Clone, Debug, Default)]
@@ -115,8 +112,8 @@ fn kill_round(
 fn recover(stack: &mut Stack, survival: &mut Survival) -> Result<(), MoveError> {
     for attempt in 1.. {
         stack.wait_until_ready()?;
-        match stack.move_tip([0.0, -1.55, 2.25]) {
-            Err(MoveError::CutShort(fault)) if attempt < ATTEMPTS => {
+        match stack.move_tip_once([0.0, -1.55, 2.25]) {
+            Err(MoveError::CutShort(fault)) if attempt < MOTION_ATTEMPTS => {
                 survival.interruptions.push(fault);
             }
             result => {
@@ -175,7 +172,7 @@ pub fn ramp_pairs(states: &[RobotState]) -> impl Iterator<Item = (TendonSample, 
 }
 
 /// Pairs of successive set-points of one controller in motion.
-fn motion_pairs(cycles: &[Cycle]) -> impl Iterator<Item = (TendonSample, TendonSample)> {
+pub fn motion_pairs(cycles: &[Cycle]) -> impl Iterator<Item = (TendonSample, TendonSample)> {
     let moving = [LoopState::Executing, LoopState::Stopping].map(LoopState::code);
     let pairs = cycles.windows(2).filter(move |pair| {
         let in_motion = pair.iter().all(|cycle| moving.contains(&cycle.state));

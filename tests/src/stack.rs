@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use client::{Client, ClientError, ControllerView, RobotView};
 use pcc_model::{Configuration, Point, Robot};
+use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopState, Outcome};
 use shared_types::valid::{Command, ControllerState, Goal, PlanRequest};
 
@@ -17,6 +18,10 @@ pub const NO_DEADLINE: Duration = Duration::from_secs(60);
 /// How often a motion that was refused because something is not ready yet is asked for.
 const ATTEMPTS: usize = 40;
 const PAUSE: Duration = Duration::from_millis(250);
+/// How often a motion that was cut short is asked for.
+pub const MOTION_ATTEMPTS: usize = 3;
+/// A motion that has not begun so long after it was published, ns, was let go of: the robot had ramped to rest.
+const BEGINS_WITHIN_NS: i64 = 2_000_000_000;
 
 /// One of the three.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,7 +169,7 @@ impl Stack {
         if let Err(error) = self.client.wait_for_daemon(PATIENCE) {
             return Err(self.not_ready(Part::Daemon, &error.to_string()));
         }
-        let begin_ns = shared_types::clock::mono_now_ns();
+        let begin_ns = mono_now_ns();
         let view = &mut self.controller;
         let held = wait_for("the controller holds", PATIENCE, || {
             let state = view.latest_state().ok().flatten()?;
@@ -269,27 +274,42 @@ impl Stack {
     /// # Errors
     /// [`MoveError::CutShort`] if it holds elsewhere or is in fault.
     pub fn wait_for_end(&mut self, id: u32) -> Result<ControllerState, MoveError> {
-        let view = &mut self.controller;
+        let (view, asked_ns) = (&mut self.controller, mono_now_ns());
         let end = wait_for("the motion ends", PATIENCE, || {
             let state = view.latest_state().ok().flatten()?;
+            let values = &state.values;
             let is_over = matches!(state.state, LoopState::Holding | LoopState::Fault);
-            let known =
-                state.values.trajectory_id == id || state.values.refused_trajectory_id == id;
-            (known && is_over).then_some(state)
+            let known = values.trajectory_id == id || values.refused_trajectory_id == id;
+            let never_begun = values.stamp_mono_ns > asked_ns + BEGINS_WITHIN_NS;
+            (is_over && (known || never_begun)).then_some(state)
         });
         let state = end.map_err(|_| self.not_ready(Part::Controller, "the motion does not end"))?;
-        if state.state == LoopState::Fault || state.values.refused_trajectory_id == id {
+        if state.state == LoopState::Fault || state.values.trajectory_id != id {
             let text = format!("fault {}, refusal {}", state.fault, state.refusal);
             return Err(MoveError::CutShort(text));
         }
         Ok(state)
     }
 
-    /// A whole motion to a tip, base frame, m.
+    /// A whole motion to a tip, base frame, m; asked for again where a machine that stalled has cut it short.
     ///
     /// # Errors
     /// [`MoveError`].
     pub fn move_tip(&mut self, tip: [f64; 3]) -> Result<Motion, MoveError> {
+        for _ in 1..MOTION_ATTEMPTS {
+            match self.move_tip_once(tip) {
+                Err(MoveError::CutShort(_)) => self.wait_until_ready()?,
+                result => return result,
+            }
+        }
+        self.move_tip_once(tip)
+    }
+
+    /// A whole motion to a tip, base frame, m.
+    ///
+    /// # Errors
+    /// [`MoveError`].
+    pub fn move_tip_once(&mut self, tip: [f64; 3]) -> Result<Motion, MoveError> {
         let goal = Goal::Tip {
             position_m: tip,
             tolerance_m: None,

@@ -3,7 +3,7 @@
 
 use shared_types::codes::{MotorState, Outcome};
 use shared_types::valid::Goal;
-use tests::kills::{STAMP_SLACK_S, kill_and_restart, ramp_pairs};
+use tests::kills::{STAMP_SLACK_S, kill_and_restart, motion_pairs, ramp_pairs};
 use tests::listener::Listener;
 use tests::motion::{LimitsKept, TendonSample, limits_kept};
 use tests::process::wait_for;
@@ -21,12 +21,15 @@ fn a_plan_becomes_a_motion_within_limits_that_reaches_the_tip() {
         assert!(motion.duration_s > 0.1, "{motion:?}");
     }
     let heard = listener.take();
+    let limits = &stack.world.robot.tendon_limits;
     let cycles: Vec<TendonSample> = heard.cycles.iter().map(TendonSample::from).collect();
-    let kept = limits_kept(&cycles, &stack.world.robot.tendon_limits, 0.0);
+    let mut kept = limits_kept(&cycles, limits, 0.0);
     assert!(kept.samples > 500, "{kept:?}");
     assert!(kept.velocity > 0.5, "the premise, it moved: {kept:?}");
     assert!(kept.velocity <= 1.0 + 1e-6, "{kept:?}");
     assert!(kept.acceleration <= 1.0 + 1e-6, "{kept:?}");
+    kept = LimitsKept::default();
+    kept.add_pairs(motion_pairs(&heard.cycles), limits, 0.0);
     assert!(kept.difference_velocity <= 1.001, "{kept:?}");
     assert!(kept.difference_acceleration <= 1.01, "{kept:?}");
     assert!(kept.unexplained_step <= 0.5, "{kept:?}");
