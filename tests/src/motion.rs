@@ -79,6 +79,16 @@ pub fn limits_kept(samples: &[TendonSample], limits: &TendonLimits, slack_s: f64
 }
 
 impl LimitsKept {
+    /// Keeps what single samples showed.
+    pub fn forget_steps(&mut self) {
+        *self = Self {
+            velocity: self.velocity,
+            acceleration: self.acceleration,
+            samples: self.samples,
+            ..Self::default()
+        };
+    }
+
     /// Measures the steps between the samples of each pair.
     pub fn add_pairs(
         &mut self,

@@ -7,8 +7,12 @@ use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point, Robot, TendonLimits};
 use planning::dataset::{ArchiveError, ArchiveReader};
 use serde::Deserialize;
+use shared_types::codes::LoopState;
 
 use crate::motion::{LimitsKept, TendonSample, limits_kept};
+
+/// Age of the robot's reference in a set-point that mirrors it, at most: two cycles and their jitter, s.
+const MIRROR_SLACK_S: f64 = 3e-3;
 
 /// Why a recording cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -97,6 +101,7 @@ pub struct Recording {
     commanded: Vec<Configuration>,
     measured: Vec<Configuration>,
     trajectory_id: Vec<u32>,
+    state: Vec<u32>,
     scenes: Vec<(i64, Scene)>,
 }
 
@@ -149,14 +154,43 @@ impl Recording {
                 .map(Configuration::from)
                 .collect(),
             trajectory_id: archive.read("trajectory_id")?.0,
+            state: archive.read("state")?.0,
             scenes: scenes.collect(),
         })
     }
 
-    /// Limits and continuity over everything.
+    /// Limits at every sample, and continuity between neighbours.
+    ///
+    /// A controller that the robot has let go of sends nothing: its set-point is then the robot's own reference, of up to
+    /// [`MIRROR_SLACK_S`] before.
     #[must_use]
     pub fn limits_kept(&self) -> LimitsKept {
-        limits_kept(&self.samples, &self.limits, 0.0)
+        let samples = &self.samples;
+        let mut kept = limits_kept(samples, &self.limits, MIRROR_SLACK_S);
+        kept.forget_steps();
+        let pairs = |mirrored: bool| {
+            let pairs = (1..samples.len()).filter(move |&i| self.is_mirrored(i) == mirrored);
+            pairs.map(|i| (samples[i - 1], samples[i]))
+        };
+        kept.add_pairs(pairs(false), &self.limits, 0.0);
+        kept.add_pairs(pairs(true), &self.limits, MIRROR_SLACK_S);
+        kept
+    }
+
+    /// Whether a sample or the one before it is the robot's own reference.
+    fn is_mirrored(&self, index: usize) -> bool {
+        let detached = [LoopState::Starting, LoopState::Fault].map(LoopState::code);
+        self.state[index - 1..=index]
+            .iter()
+            .any(|state| detached.contains(state))
+    }
+
+    /// Samples of a controller that the robot had let go of.
+    #[must_use]
+    pub fn mirrored(&self) -> usize {
+        (1..self.state.len())
+            .filter(|&i| self.is_mirrored(i))
+            .count()
     }
 
     /// Largest difference of the set-points from the tendon lengths that the commanded configurations mean, m.
@@ -172,10 +206,12 @@ impl Recording {
         pairs.map(&mut error).fold(0.0, f64::max)
     }
 
-    /// The motions, in order of their ids.
+    /// The motions in order, without those that were cut short.
     #[must_use]
     pub fn motions(&self) -> Vec<RecordedMotion> {
-        let moving = |i: usize| self.samples[i].velocity.iter().any(|v| *v != 0.0);
+        let moving = |i: usize| {
+            self.trajectory_id[i] != 0 && self.samples[i].velocity.iter().any(|v| *v != 0.0)
+        };
         let mut ranges: Vec<(u32, usize, usize)> = Vec::new();
         for i in (0..self.samples.len()).filter(|&i| moving(i)) {
             match ranges.last_mut() {

@@ -91,6 +91,14 @@ fn judge(report: &mut Report, folder: &Path) -> anyhow::Result<()> {
     limits(report, &recording, &robot);
     let motions = recording.motions();
     let told = &recording.told.motions;
+    let interrupted = &recording.told.interrupted;
+    let figure = format!("{} of {} samples", recording.mirrored(), recording.len());
+    let name = format!(
+        "samples without a hold of the robot, {} motions cut short by stalls",
+        interrupted.len()
+    );
+    let passed = recording.mirrored() * 20 <= recording.len();
+    report.check(&name, figure, "<= a twentieth", passed);
     let figure = format!("{} recorded, {} told", motions.len(), told.len());
     report.check(
         "motions",

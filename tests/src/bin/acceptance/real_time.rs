@@ -22,6 +22,9 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     report.group("unsafe code", command, unsafe_code);
 }
 
+/// Stalls of the machine that a measurement goes on after.
+const CUT_SHORT_AT_MOST: usize = 10;
+
 /// Motions between two configurations until the controller has counted so many cycles more.
 fn move_for(stack: &mut Stack, cycles: u64) -> anyhow::Result<usize> {
     let begin = stack.controller_state().values.cycle;
@@ -31,7 +34,7 @@ fn move_for(stack: &mut Stack, cycles: u64) -> anyhow::Result<usize> {
         let id = stack.begin_motion(Goal::Configuration([side, 0.4, -side, 0.3, 0.5, side]))?;
         match stack.wait_for_end(id) {
             // A machine that stalls, or a counter that stops the loop, for too long: safe, and not what is measured here.
-            Err(MoveError::CutShort(fault)) if cut_short < 3 => {
+            Err(MoveError::CutShort(fault)) if cut_short < CUT_SHORT_AT_MOST => {
                 cut_short += 1;
                 eprintln!("a motion was cut short: {fault}");
                 stack.wait_until_ready()?;
