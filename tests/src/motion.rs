@@ -106,13 +106,16 @@ impl LimitsKept {
         limits: &TendonLimits,
         slack_s: f64,
     ) {
-        let elapsed_s = (after.stamp_ns - before.stamp_ns) as f64 * 1e-9 + slack_s;
+        let stamped_s = (after.stamp_ns - before.stamp_ns) as f64 * 1e-9;
+        let elapsed_s = stamped_s + slack_s;
+        // A later cycle goes on by no more than the cap: the path time lags then, and the robot falls short.
+        let moved_s = stamped_s.min(STEP_CAP_S);
         for tendon in 0..9 {
             let step = after.position[tendon] - before.position[tendon];
             let (begin, end) = (before.velocity[tendon], after.velocity[tendon]);
-            // A later cycle goes on by no more than the cap: the path time lags then, and the robot falls short.
-            let moved_s = elapsed_s.min(STEP_CAP_S);
-            let unexplained = (step - 0.5 * (begin + end) * moved_s).abs() - ROUNDING_M;
+            let mean = 0.5 * (begin + end);
+            let allowed = mean.abs() * slack_s + ROUNDING_M;
+            let unexplained = (step - mean * moved_s).abs() - allowed;
             let raise = |figure: &mut f64, value: f64| *figure = figure.max(value);
             raise(&mut self.largest_step_m, step.abs());
             raise(
@@ -125,7 +128,7 @@ impl LimitsKept {
             );
             raise(
                 &mut self.unexplained_step,
-                unexplained / (limits.acceleration * moved_s.powi(2)),
+                unexplained / (limits.acceleration * (moved_s + slack_s).powi(2)),
             );
         }
     }
