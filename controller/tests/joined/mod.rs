@@ -262,8 +262,15 @@ fn write_configurations(folder: &Path) -> Robot {
     }
     fs::create_dir(folder.join("robots")).unwrap();
     fs::write(folder.join("robots/unit.toml"), &fast).unwrap();
-    for name in ["controller.toml", "simulated-robot.toml"] {
-        fs::write(folder.join(name), read(name)).unwrap();
+    // A virtual machine can lose a processor for some 30 ms: that is not what these tests are about.
+    for (name, key) in [
+        ("controller.toml", "robot_lost_ms"),
+        ("simulated-robot.toml", "lost_setpoint_ms"),
+    ] {
+        let (shipped, patient) = (format!("{key} = 20"), format!("{key} = 100"));
+        let text = read(name);
+        assert!(text.contains(&shipped), "{name} has {shipped}");
+        fs::write(folder.join(name), text.replace(&shipped, &patient)).unwrap();
     }
     Robot::from_toml_str(&fast).unwrap()
 }
@@ -275,7 +282,7 @@ fn message(id: u32, motion: &Trajectory) -> TrajectoryMessage {
         plan_id: u64::from(id),
         begin_mono_ns: mono_now_ns() + 20_000_000,
         knot_count: u32::try_from(motion.knots().len()).unwrap(),
-        path_tolerance_rad: 0.1,
+        path_tolerance_rad: 0.2,
         ..TrajectoryMessage::ZEROED
     };
     for (wire, knot) in message.knots.iter_mut().zip(motion.knots()) {
