@@ -208,6 +208,7 @@ fn a_lost_daemon_a_stop_and_a_shutdown_brake_along_the_path() {
 #[test]
 fn a_stuck_motor_is_a_latched_fault_and_a_second_process_is_refused_by_name() {
     let mut joined = Joined::new();
+    joined.path_tolerance_rad = 0.1;
     let robot = joined.start("simulated-robot");
     let _controller = joined.start("controller");
     joined.wait_for(LoopState::Holding);

@@ -39,6 +39,8 @@ pub(crate) struct Seen {
 
 /// The processes and everything the test says and hears.
 pub(crate) struct Joined {
+    /// Tolerance of the motions sent from now on, rad.
+    pub(crate) path_tolerance_rad: f64,
     pub(crate) robot: Robot,
     folder: tempfile::TempDir,
     options: IpcOptions,
@@ -119,6 +121,7 @@ impl Joined {
             beat(&options, &daemon_beats, &daemon_pid, &quit),
         ];
         Self {
+            path_tolerance_rad: 0.2,
             robot,
             seen,
             daemon_beats,
@@ -212,7 +215,9 @@ impl Joined {
         .unwrap();
         let id = self.next_id;
         self.next_id += 1;
-        self.trajectory.send_copy(message(id, &motion)).unwrap();
+        let mut sent = message(id, &motion);
+        sent.path_tolerance_rad = self.path_tolerance_rad;
+        self.trajectory.send_copy(sent).unwrap();
         id
     }
 
