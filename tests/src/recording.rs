@@ -162,7 +162,7 @@ impl Recording {
     /// Limits at every sample, and continuity between neighbours.
     ///
     /// A controller that the robot has let go of sends nothing: its set-point is then the robot's own reference, of up to
-    /// [`MIRROR_SLACK_S`] before.
+    /// `MIRROR_SLACK_S` before.
     #[must_use]
     pub fn limits_kept(&self) -> LimitsKept {
         let samples = &self.samples;
