@@ -5,6 +5,7 @@
 )]
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::*;
@@ -266,6 +267,45 @@ fn without_a_daemon_the_plan_service_is_missing_and_says_who_creates_it() {
     let error = open_plan_service(&node).unwrap_err();
     assert!(matches!(error, IpcError::Missing { .. }), "{error}");
     assert!(error.to_string().contains("planner-daemon"), "{error}");
+}
+
+/// What a creator leaves that was killed while it wrote: a file that is still writable, and no user of it.
+#[test]
+fn a_service_that_a_dead_process_left_half_made_is_made_again() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let capacity = PlanServiceCapacity::default();
+    let service = plan_service(&node, &capacity).unwrap();
+    let mut files = fs::read_dir(world.options.root.join("services")).unwrap();
+    let file = files.next().unwrap().unwrap().path();
+    let text = fs::read(&file).unwrap();
+    drop(service);
+    assert!(!file.exists());
+    for open_first in [false, true] {
+        fs::write(&file, &text[..text.len() / 2]).unwrap();
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).unwrap();
+        if open_first {
+            let error = open_plan_service(&node).unwrap_err();
+            assert!(matches!(error, IpcError::Missing { .. }), "{error}");
+        }
+        drop(plan_service(&node, &capacity).unwrap());
+    }
+}
+
+#[test]
+fn who_opens_services_and_stops_is_named_to_the_others() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let lock = world
+        .options
+        .root
+        .join(format!("{}.services.lock", world.options.prefix));
+    let held = fs::File::create(lock).unwrap();
+    held.lock().unwrap();
+    let error = open_plan_service(&node).unwrap_err();
+    assert!(matches!(error, IpcError::Busy { .. }), "{error}");
+    drop(held);
+    scene_service(&node).unwrap();
 }
 
 #[test]

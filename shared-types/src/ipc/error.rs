@@ -57,11 +57,17 @@ pub enum IpcError {
         /// The lock that it holds.
         lock_file: PathBuf,
     },
-    /// The role's lock file cannot be used.
-    #[error("cannot lock {lock_file:?} for the role {role}: {source}")]
+    /// Another process is opening services and does not come to an end.
+    #[error(
+        "another process holds {lock_file:?} for longer than opening services takes; is one of them stopped?"
+    )]
+    Busy {
+        /// The lock that it holds.
+        lock_file: PathBuf,
+    },
+    /// A lock file cannot be used.
+    #[error("cannot lock {lock_file:?}: {source}")]
     Lock {
-        /// The role's name.
-        role: &'static str,
         /// The lock file.
         lock_file: PathBuf,
         /// What the system said.

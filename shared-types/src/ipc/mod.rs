@@ -10,6 +10,7 @@
 mod error;
 mod memory;
 mod node;
+mod opening;
 mod options;
 mod request;
 mod role;

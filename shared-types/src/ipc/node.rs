@@ -4,6 +4,7 @@ use std::env;
 use std::thread;
 use std::time::Duration;
 
+use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::prelude::{LogLevel, NodeName, ServiceName, SignalHandlingMode, ipc, set_log_level};
 use iceoryx2::service::builder::Builder;
@@ -73,18 +74,14 @@ impl IpcNode {
         self.node.blocking_cleanup_dead_nodes(limit);
     }
 
-    /// A builder for the service named `prefix/service`, with its full name.
-    pub(super) fn builder(
-        &self,
-        service: &str,
-    ) -> Result<(Builder<ipc::Service>, String), IpcError> {
-        let full = self.options.service_name(service);
-        let name = ServiceName::new(&full).map_err(|reason| IpcError::Failed {
-            service: full.clone(),
-            what: "the name",
-            reason: format!("{reason:?}"),
-        })?;
-        Ok((self.node.service_builder(&name), full))
+    /// A builder for the service with this full name.
+    pub(super) fn builder(&self, name: &ServiceName) -> Builder<ipc::Service> {
+        self.node.service_builder(name)
+    }
+
+    /// What iceoryx2 was told.
+    pub(super) fn config(&self) -> &Config {
+        self.node.config()
     }
 
     /// Tries until it succeeds or fails for a lasting reason, at most [`ATTEMPTS`] times; dead processes are cleaned up

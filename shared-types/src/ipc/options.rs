@@ -4,12 +4,16 @@ use std::env;
 use std::fs;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, Path as IoxPath, SemanticString};
 use rustix::process::getuid;
 
 use super::IpcError;
+
+/// How long a service may take to be made: some milliseconds, and the stalls of a busy machine.
+const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
 
 /// Prefix and root directory that all processes of one robot share.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,7 +42,7 @@ impl IpcOptions {
         format!("{}/{service}", self.prefix)
     }
 
-    /// The lock file of a role.
+    /// The lock file of a role, or of what else one process at a time may do.
     pub(super) fn lock_file(&self, role: &str) -> PathBuf {
         self.root.join(format!("{}.{role}.lock", self.prefix))
     }
@@ -95,6 +99,7 @@ impl IpcOptions {
         let mut config = Config::default();
         config.global.set_root_path(&root);
         config.global.prefix = prefix;
+        config.global.creation_timeout = CREATION_TIMEOUT;
         Ok(config)
     }
 }

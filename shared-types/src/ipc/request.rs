@@ -4,8 +4,9 @@ use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
-use iceoryx2::prelude::{AllocationStrategy, ipc};
+use iceoryx2::prelude::{AllocationStrategy, MessagingPattern, ipc};
 use iceoryx2::response::Response;
+use iceoryx2::service::builder::Builder;
 use iceoryx2::service::builder::request_response::{
     RequestResponseCreateError, RequestResponseOpenError, RequestResponseOpenOrCreateError,
 };
@@ -13,6 +14,7 @@ use iceoryx2::service::port_factory::client::ClientCreateError;
 use iceoryx2::service::port_factory::request_response::PortFactory;
 use iceoryx2::service::port_factory::server::ServerCreateError;
 
+use super::opening::open_service;
 use super::{IpcError, IpcNode};
 use crate::message::{Command, CommandReply, Knot, PlanReport, PlanRequest};
 
@@ -90,10 +92,8 @@ pub fn plan_service(
     node: &IpcNode,
     capacity: &PlanServiceCapacity,
 ) -> Result<PlanService, IpcError> {
-    let (builder, name) = node.builder(PLAN)?;
-    let open = || {
+    let open = |builder: Builder<ipc::Service>| {
         builder
-            .clone()
             .request_response::<PlanRequest, [Knot]>()
             .response_user_header::<PlanReport>()
             .enable_safe_overflow_for_requests(true)
@@ -108,8 +108,13 @@ pub fn plan_service(
             .max_nodes(NODES)
             .open_or_create()
     };
-    node.retry(open, is_passing)
-        .map_err(|error| translate(name, error))
+    open_service(
+        node,
+        PLAN,
+        MessagingPattern::RequestResponse,
+        open,
+        translate,
+    )
 }
 
 /// Opens `plan` as it is: the clients' side.
@@ -117,22 +122,27 @@ pub fn plan_service(
 /// # Errors
 /// [`IpcError::Missing`] at once if no daemon has created it, or any other [`IpcError`].
 pub fn open_plan_service(node: &IpcNode) -> Result<PlanService, IpcError> {
-    let (builder, name) = node.builder(PLAN)?;
-    let open = || {
-        let builder = builder.clone().request_response::<PlanRequest, [Knot]>();
+    let open = |builder: Builder<ipc::Service>| {
+        let builder = builder.request_response::<PlanRequest, [Knot]>();
         builder.response_user_header::<PlanReport>().open()
     };
-    node.retry(open, is_passing_when_opening)
-        .map_err(|error| match error {
-            RequestResponseOpenError::DoesNotExist => IpcError::Missing {
-                service: name,
-                creator: "the planner-daemon",
-            },
-            error => translate(
-                name,
-                RequestResponseOpenOrCreateError::RequestResponseOpenError(error),
-            ),
-        })
+    let translate = |service, error| match error {
+        RequestResponseOpenError::DoesNotExist => IpcError::Missing {
+            service,
+            creator: "the planner-daemon",
+        },
+        error => translate(
+            service,
+            RequestResponseOpenOrCreateError::RequestResponseOpenError(error),
+        ),
+    };
+    open_service(
+        node,
+        PLAN,
+        MessagingPattern::RequestResponse,
+        open,
+        translate,
+    )
 }
 
 /// Makes the daemon's server, after cleaning up dead ones.
@@ -169,10 +179,8 @@ pub fn plan_client(node: &IpcNode, service: &PlanService) -> Result<PlanClient, 
 /// # Errors
 /// Any [`IpcError`].
 pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
-    let (builder, name) = node.builder(COMMAND)?;
-    let open = || {
+    let open = |builder: Builder<ipc::Service>| {
         builder
-            .clone()
             .request_response::<Command, CommandReply>()
             .enable_safe_overflow_for_requests(true)
             .enable_safe_overflow_for_responses(true)
@@ -186,8 +194,13 @@ pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
             .max_nodes(NODES)
             .open_or_create()
     };
-    node.retry(open, is_passing)
-        .map_err(|error| translate(name, error))
+    open_service(
+        node,
+        COMMAND,
+        MessagingPattern::RequestResponse,
+        open,
+        translate,
+    )
 }
 
 /// Makes the controller's server of commands, after cleaning up dead ones.
@@ -255,35 +268,6 @@ fn client<T>(
             },
         }
     })
-}
-
-fn is_passing_when_opening(error: &RequestResponseOpenError) -> bool {
-    use RequestResponseOpenError as Open;
-    matches!(
-        error,
-        Open::ServiceInCorruptedState
-            | Open::IsMarkedForDestruction
-            | Open::HangsInCreation
-            | Open::ExceedsMaxNumberOfNodes
-    )
-}
-
-fn is_passing(error: &RequestResponseOpenOrCreateError) -> bool {
-    use RequestResponseCreateError as Create;
-    use RequestResponseOpenOrCreateError as Either;
-    match error {
-        Either::SystemInFlux => true,
-        Either::RequestResponseOpenError(error) => {
-            *error == RequestResponseOpenError::DoesNotExist || is_passing_when_opening(error)
-        }
-        Either::RequestResponseCreateError(error) => matches!(
-            error,
-            Create::ServiceInCorruptedState
-                | Create::AlreadyExists
-                | Create::IsBeingCreatedByAnotherInstance
-                | Create::HangsInCreation
-        ),
-    }
 }
 
 fn translate(service: String, error: RequestResponseOpenOrCreateError) -> IpcError {

@@ -47,7 +47,6 @@ impl RoleLock {
         options.prepare()?;
         let (role, lock_file) = (role.name(), options.lock_file(role.name()));
         let io = |source| IpcError::Lock {
-            role,
             lock_file: lock_file.clone(),
             source,
         };

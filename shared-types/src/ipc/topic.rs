@@ -6,13 +6,17 @@ use iceoryx2::port::publisher;
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::subscriber;
 use iceoryx2::port::subscriber::SubscriberCreateError;
-use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, IceoryxSend, ZeroCopySend, ipc};
+use iceoryx2::prelude::{
+    AllocationStrategy, BackpressureStrategy, IceoryxSend, MessagingPattern, ZeroCopySend, ipc,
+};
+use iceoryx2::service::builder::Builder as ServiceBuilder;
 use iceoryx2::service::builder::publish_subscribe::{
     Builder, PublishSubscribeCreateError, PublishSubscribeOpenError,
     PublishSubscribeOpenOrCreateError,
 };
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
+use super::opening::open_service;
 use super::{IpcError, IpcNode};
 use crate::message::{
     ControllerState, Cycle, Heartbeat, RobotState, SceneMessage, Setpoint, TrajectoryMessage,
@@ -126,9 +130,12 @@ macro_rules! topic_functions {
         /// # Errors
         /// [`IpcError`]: the service cannot be opened and not be created.
         pub fn $function(node: &IpcNode) -> Result<Topic<$message>, IpcError> {
-            let (builder, full_name) = node.builder($qualities.name)?;
-            let open = || with_qualities(builder.clone().publish_subscribe::<$message>(), &$qualities).open_or_create();
-            let service = node.retry(open, is_passing).map_err(|error| translate(&full_name, error))?;
+            let open = |builder: ServiceBuilder<ipc::Service>| {
+                with_qualities(builder.publish_subscribe::<$message>(), &$qualities).open_or_create()
+            };
+            let pattern = MessagingPattern::PublishSubscribe;
+            let service = open_service(node, $qualities.name, pattern, open, translate)?;
+            let full_name = node.options().service_name($qualities.name);
             Ok(Topic { service, full_name, qualities: $qualities })
         }
     )* };
@@ -269,35 +276,10 @@ fn publisher_error(service: &str, error: PublisherCreateError) -> IpcError {
     }
 }
 
-/// Whether opening again may succeed: the service is being made or removed, or dead processes hold its places.
-fn is_passing(error: &PublishSubscribeOpenOrCreateError) -> bool {
-    use PublishSubscribeCreateError as Create;
+fn translate(service: String, error: PublishSubscribeOpenOrCreateError) -> IpcError {
     use PublishSubscribeOpenError as Open;
     use PublishSubscribeOpenOrCreateError as Either;
-    match error {
-        Either::SystemInFlux => true,
-        Either::PublishSubscribeOpenError(error) => matches!(
-            error,
-            Open::DoesNotExist
-                | Open::ServiceInCorruptedState
-                | Open::IsMarkedForDestruction
-                | Open::HangsInCreation
-                | Open::ExceedsMaxNumberOfNodes
-        ),
-        Either::PublishSubscribeCreateError(error) => matches!(
-            error,
-            Create::ServiceInCorruptedState
-                | Create::AlreadyExists
-                | Create::IsBeingCreatedByAnotherInstance
-                | Create::HangsInCreation
-        ),
-    }
-}
-
-fn translate(service: &str, error: PublishSubscribeOpenOrCreateError) -> IpcError {
-    use PublishSubscribeOpenError as Open;
-    use PublishSubscribeOpenOrCreateError as Either;
-    let (service, reason) = (service.to_owned(), format!("{error:?}"));
+    let reason = format!("{error:?}");
     match error {
         Either::PublishSubscribeOpenError(
             Open::ServiceInCorruptedState | Open::VersionMismatch,

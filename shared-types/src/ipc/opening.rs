@@ -1,0 +1,194 @@
+//! Opening and creating services, one process at a time, so that a creator that died half-way can be told from a slow one.
+
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::path::PathBuf;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use iceoryx2::prelude::{MessagingPattern, ServiceName, ipc};
+use iceoryx2::service::Service;
+use iceoryx2::service::builder::Builder;
+use iceoryx2::service::builder::publish_subscribe::{
+    PublishSubscribeCreateError, PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
+};
+use iceoryx2::service::builder::request_response::{
+    RequestResponseCreateError, RequestResponseOpenError, RequestResponseOpenOrCreateError,
+};
+use iceoryx2::service::internal::ServiceInternal;
+use iceoryx2::service::service_hash::ServiceHash;
+
+use super::{IpcError, IpcNode};
+
+/// How long another process may take to open a service: milliseconds, or some 0.2 s where it meets a dead
+/// creator's remains.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Pause between two looks at the lock.
+const PAUSE: Duration = Duration::from_millis(1);
+
+/// What opening needs to know of iceoryx2's errors.
+pub(super) trait OpeningError {
+    /// Whether opening again may succeed: the service is being made or removed, or dead processes hold its places.
+    fn is_passing(&self) -> bool;
+    /// Whether the service was begun and is not finished.
+    fn is_half_made(&self) -> bool;
+}
+
+/// Opens the service `name` with `open`, again where it failed for a passing reason. No two of this project's processes
+/// open at once; what is half-made then is a dead process's and is removed.
+///
+/// # Errors
+/// [`IpcError::Busy`] if another process is opening and does not come to an end, [`IpcError::Lock`], or what
+/// `translate` makes of `open`'s error and the service's full name.
+pub(super) fn open_service<T, E: OpeningError>(
+    node: &IpcNode,
+    name: &str,
+    pattern: MessagingPattern,
+    open: impl Fn(Builder<ipc::Service>) -> Result<T, E>,
+    translate: impl FnOnce(String, E) -> IpcError,
+) -> Result<T, IpcError> {
+    let full = node.options().service_name(name);
+    let name = ServiceName::new(&full).map_err(|reason| IpcError::Failed {
+        service: full.clone(),
+        what: "the name",
+        reason: format!("{reason:?}"),
+    })?;
+    let open_alone = || {
+        let _alone = lock(node).map_err(Failure::Lock)?;
+        open(node.builder(&name)).map_err(|error| {
+            if error.is_half_made() {
+                remove(node, &name, pattern);
+            }
+            Failure::Open(error)
+        })
+    };
+    let passing =
+        |failure: &Failure<E>| matches!(failure, Failure::Open(error) if error.is_passing());
+    node.retry(open_alone, passing)
+        .map_err(|failure| match failure {
+            Failure::Lock(error) => error,
+            Failure::Open(error) => translate(full, error),
+        })
+}
+
+enum Failure<E> {
+    Lock(IpcError),
+    Open(E),
+}
+
+/// Removes what a dead process began. What cannot be removed shows when it is opened again.
+fn remove(node: &IpcNode, name: &ServiceName, pattern: MessagingPattern) {
+    // SAFETY: nobody uses the service: it was never finished, so nobody can have opened it, and its creator is dead,
+    // for creators hold the lock that this process holds.
+    #[allow(unsafe_code)]
+    let _ = unsafe { ipc::Service::__internal_force_remove_service(name, node.config(), pattern) };
+    // iceoryx2 takes a description that was never finished for none.
+    let _ = fs::remove_file(description_file(node, name, pattern));
+}
+
+fn description_file(node: &IpcNode, name: &ServiceName, pattern: MessagingPattern) -> PathBuf {
+    let global = &node.config().global;
+    let hash = ServiceHash::new::<<ipc::Service as Service>::ServiceNameHasher>(name, pattern);
+    let suffix = &global.service.static_config_storage_suffix;
+    let directory = PathBuf::from(global.service_dir().to_string());
+    directory.join(format!("{}{hash}{suffix}", global.prefix))
+}
+
+/// The right to open services: a lock of the kernel's, gone with its holder.
+fn lock(node: &IpcNode) -> Result<File, IpcError> {
+    let lock_file = node.options().lock_file("services");
+    let io = |source| IpcError::Lock {
+        lock_file: lock_file.clone(),
+        source,
+    };
+    let file = OpenOptions::new()
+        .write(true)
+        .create(true)
+        .truncate(false)
+        .open(&lock_file)
+        .map_err(io)?;
+    let begin = Instant::now();
+    loop {
+        match file.try_lock() {
+            Ok(()) => return Ok(file),
+            Err(TryLockError::Error(source)) => return Err(io(source)),
+            Err(TryLockError::WouldBlock) if begin.elapsed() < PATIENCE => thread::sleep(PAUSE),
+            Err(TryLockError::WouldBlock) => return Err(IpcError::Busy { lock_file }),
+        }
+    }
+}
+
+impl OpeningError for RequestResponseOpenError {
+    fn is_passing(&self) -> bool {
+        matches!(
+            self,
+            Self::ServiceInCorruptedState
+                | Self::IsMarkedForDestruction
+                | Self::HangsInCreation
+                | Self::ExceedsMaxNumberOfNodes
+        )
+    }
+
+    fn is_half_made(&self) -> bool {
+        *self == Self::HangsInCreation
+    }
+}
+
+impl OpeningError for RequestResponseOpenOrCreateError {
+    fn is_passing(&self) -> bool {
+        use RequestResponseCreateError as Create;
+        match self {
+            Self::SystemInFlux => true,
+            Self::RequestResponseOpenError(error) => {
+                *error == RequestResponseOpenError::DoesNotExist || error.is_passing()
+            }
+            Self::RequestResponseCreateError(error) => matches!(
+                error,
+                Create::ServiceInCorruptedState
+                    | Create::AlreadyExists
+                    | Create::IsBeingCreatedByAnotherInstance
+                    | Create::HangsInCreation
+            ),
+        }
+    }
+
+    fn is_half_made(&self) -> bool {
+        matches!(
+            self,
+            Self::RequestResponseOpenError(RequestResponseOpenError::HangsInCreation)
+                | Self::RequestResponseCreateError(RequestResponseCreateError::HangsInCreation)
+        )
+    }
+}
+
+impl OpeningError for PublishSubscribeOpenOrCreateError {
+    fn is_passing(&self) -> bool {
+        use PublishSubscribeCreateError as Create;
+        use PublishSubscribeOpenError as Open;
+        match self {
+            Self::SystemInFlux => true,
+            Self::PublishSubscribeOpenError(error) => matches!(
+                error,
+                Open::DoesNotExist
+                    | Open::ServiceInCorruptedState
+                    | Open::IsMarkedForDestruction
+                    | Open::HangsInCreation
+                    | Open::ExceedsMaxNumberOfNodes
+            ),
+            Self::PublishSubscribeCreateError(error) => matches!(
+                error,
+                Create::ServiceInCorruptedState
+                    | Create::AlreadyExists
+                    | Create::IsBeingCreatedByAnotherInstance
+                    | Create::HangsInCreation
+            ),
+        }
+    }
+
+    fn is_half_made(&self) -> bool {
+        matches!(
+            self,
+            Self::PublishSubscribeOpenError(PublishSubscribeOpenError::HangsInCreation)
+                | Self::PublishSubscribeCreateError(PublishSubscribeCreateError::HangsInCreation)
+        )
+    }
+}
