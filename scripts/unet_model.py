@@ -1,0 +1,154 @@
+"""The paper's denoiser in PyTorch: temporal U-Net, FiLM, obstacle graph (docs/evaluation.md "Network").
+
+Paths are [batch, 64, 6] in normalised configuration, scenes are padded to the batch's largest number of balls:
+centres [batch, balls, 3] and radii [batch, balls] in normalised positions, `present` [batch, balls] tells real balls.
+The layers' names are those of the weights file, which `crates/denoiser` reads.
+"""
+
+import math
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+HORIZON = 64
+CONTEXT = 256
+GRAPH = 128
+GROUPS = 8
+
+
+def perceptron(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
+    return nn.Sequential(nn.Linear(inputs, hidden), nn.SiLU(), nn.Linear(hidden, outputs))
+
+
+class Block(nn.Module):
+    """A residual block that the context scales and shifts (FiLM)."""
+
+    def __init__(self, inputs: int, outputs: int):
+        super().__init__()
+        self.norm1 = nn.GroupNorm(GROUPS, inputs)
+        self.conv1 = nn.Conv1d(inputs, outputs, 3, padding=1)
+        self.film = nn.Linear(CONTEXT, 2 * outputs)
+        self.norm2 = nn.GroupNorm(GROUPS, outputs)
+        self.conv2 = nn.Conv1d(outputs, outputs, 3, padding=1)
+        if inputs != outputs:
+            self.skip = nn.Conv1d(inputs, outputs, 1)
+
+    def forward(self, x: Tensor, context: Tensor) -> Tensor:
+        h = self.conv1(F.silu(self.norm1(x)))
+        scale, shift = self.film(context).unsqueeze(-1).chunk(2, dim=1)
+        h = self.conv2(F.silu(self.norm2(h) * (1 + scale) + shift))
+        return h + (self.skip(x) if hasattr(self, "skip") else x)
+
+
+class GraphLayer(nn.Module):
+    """One round of messages between all pairs of balls."""
+
+    def __init__(self):
+        super().__init__()
+        self.message = perceptron(2 * GRAPH + 4, GRAPH, GRAPH)
+        self.update = perceptron(2 * GRAPH, GRAPH, GRAPH)
+        self.norm = nn.LayerNorm(GRAPH)
+
+    def forward(self, x: Tensor, relative: Tensor, pairs: Tensor) -> Tensor:
+        count = x.shape[1]
+        receiver = x.unsqueeze(2).expand(-1, -1, count, -1)
+        sender = x.unsqueeze(1).expand(-1, count, -1, -1)
+        messages = self.message(torch.cat([receiver, sender, relative], dim=-1))
+        received = (messages * pairs.unsqueeze(-1)).sum(dim=2)
+        return self.norm(x + self.update(torch.cat([x, received], dim=-1)))
+
+
+class Graph(nn.Module):
+    """Any number of balls to one vector."""
+
+    def __init__(self):
+        super().__init__()
+        self.node = perceptron(4, GRAPH, GRAPH)
+        self.layers = nn.ModuleList([GraphLayer(), GraphLayer()])
+        self.pool = perceptron(2 * GRAPH + 1, CONTEXT, CONTEXT)
+        self.empty = nn.Parameter(torch.zeros(2 * GRAPH))
+
+    def forward(self, centres: Tensor, radii: Tensor, present: Tensor) -> Tensor:
+        count = present.sum(dim=1, keepdim=True).to(centres.dtype)
+        log_count = torch.log1p(count)
+        if centres.shape[1] == 0:
+            pooled = self.empty.expand(len(centres), -1)
+            return self.pool(torch.cat([pooled, log_count], dim=1))
+        x = self.node(torch.cat([centres, radii.unsqueeze(-1)], dim=-1))
+        offset = centres.unsqueeze(1) - centres.unsqueeze(2)
+        relative = torch.cat([offset, torch.sqrt((offset**2).sum(-1, keepdim=True) + 1e-12)], dim=-1)
+        others = ~torch.eye(centres.shape[1], dtype=torch.bool, device=centres.device)
+        pairs = (present.unsqueeze(1) & present.unsqueeze(2) & others).to(x.dtype)
+        for layer in self.layers:
+            x = layer(x, relative, pairs)
+        weights = present.unsqueeze(-1).to(x.dtype)
+        mean = (x * weights).sum(1) / count.clamp(min=1)
+        largest = x.masked_fill(~present.unsqueeze(-1), -torch.inf).amax(1)
+        pooled = torch.where(count > 0, torch.cat([mean, largest], dim=1), self.empty)
+        return self.pool(torch.cat([pooled, log_count], dim=1))
+
+
+class TemporalUnet(nn.Module):
+    """Predicts the noise of a noisy path."""
+
+    def __init__(self, width: int = 64):
+        super().__init__()
+        widths = [width, 2 * width, 4 * width]
+        self.width = width
+        self.stem = nn.Conv1d(7, width, 3, padding=1)
+        self.down = nn.ModuleList()
+        for level, outputs in enumerate(widths):
+            inputs = widths[max(level - 1, 0)]
+            parts = {"block1": Block(inputs, outputs), "block2": Block(outputs, outputs)}
+            if level < 2:
+                parts["shrink"] = nn.Conv1d(outputs, outputs, 4, stride=2, padding=1)
+            self.down.append(nn.ModuleDict(parts))
+        self.middle = nn.ModuleDict({name: Block(widths[2], widths[2]) for name in ("block1", "block2")})
+        self.up = nn.ModuleList()
+        for level in range(2):
+            inner, outer = widths[level + 1], widths[level]
+            grow = nn.ConvTranspose1d(inner, outer, 4, stride=2, padding=1)
+            parts = {"grow": grow, "block1": Block(2 * outer, outer), "block2": Block(outer, outer)}
+            self.up.append(nn.ModuleDict(parts))
+        self.final = nn.ModuleDict(
+            {"norm": nn.GroupNorm(GROUPS, width), "conv": nn.Conv1d(width, 6, 3, padding=1)}
+        )
+        self.time = perceptron(width, CONTEXT, CONTEXT)
+        self.start = perceptron(6, CONTEXT, CONTEXT)
+        self.goal = perceptron(3, CONTEXT, CONTEXT)
+        self.graph = Graph()
+        self.context = nn.Sequential(nn.SiLU(), nn.Linear(CONTEXT, CONTEXT), nn.SiLU())
+
+    def embed(self, step: Tensor, start: Tensor, goal: Tensor, scene: tuple[Tensor, Tensor, Tensor]) -> Tensor:
+        """The context: [batch, 256] of diffusion step (0..999), start, goal and scene."""
+        half = self.width // 2
+        rates = torch.exp(-math.log(1e4) * torch.arange(half, device=step.device) / (half - 1))
+        angles = step.float().unsqueeze(1) * rates
+        time = self.time(torch.cat([angles.sin(), angles.cos()], dim=1))
+        return self.context(time + self.start(start) + self.goal(goal) + self.graph(*scene))
+
+    def forward(self, paths: Tensor, context: Tensor) -> Tensor:
+        """Noise [batch, 64, 6] of normalised paths [batch, 64, 6]."""
+        mask = torch.zeros_like(paths[..., :1])
+        mask[:, 0] = 1
+        x = self.stem(torch.cat([paths, mask], dim=-1).transpose(1, 2))
+        skips = []
+        for level in self.down:
+            x = level["block2"](level["block1"](x, context), context)
+            if "shrink" in level:
+                skips.append(x)
+                x = level["shrink"](x)
+        x = self.middle["block2"](self.middle["block1"](x, context), context)
+        for level in reversed(self.up):
+            x = torch.cat([level["grow"](x), skips.pop()], dim=1)
+            x = level["block2"](level["block1"](x, context), context)
+        return self.final["conv"](F.silu(self.final["norm"](x))).transpose(1, 2)
+
+
+def cosine_schedule(steps: int = 1000, offset: float = 0.008) -> Tensor:
+    """Cumulated signal shares ᾱ_t [steps], f64 (Nichol & Dhariwal 2021; betas within [1e-8, 0.999])."""
+    t = torch.arange(steps + 1, dtype=torch.float64) / steps
+    share = torch.cos((t + offset) / (1 + offset) * math.pi / 2) ** 2
+    betas = (1 - share[1:] / share[:-1]).clamp(1e-8, 0.999)
+    return torch.cumprod(1 - betas, 0)
