@@ -1,6 +1,7 @@
 //! SiLU with a vectorised exponential.
 
-use crate::simd::{Kernel, Level, dispatch, multiply_add};
+use crate::lanes::{LANES, Lanes, ROUND};
+use crate::simd::{Kernel, dispatch};
 
 /// Replaces every value x by x / (1 + e^−x).
 pub(crate) fn silu(values: &mut [f32]) {
@@ -13,26 +14,39 @@ struct Silu<'a> {
 
 impl Kernel for Silu<'_> {
     #[inline(always)]
-    fn run<L: Level>(self) {
-        for v in self.values {
-            *v /= 1.0 + exponential::<L>(-*v);
-        }
+    fn run<L: Lanes>(self) {
+        let (chunks, rest) = self.values.as_chunks_mut::<LANES>();
+        let silu = |values: &mut [f32; LANES]| {
+            let x = L::get(values);
+            L::put(L::mul(x, sigmoid::<L>(x)), values);
+        };
+        chunks.iter_mut().for_each(silu);
+        let mut last = [0.0; LANES];
+        last[..rest.len()].copy_from_slice(rest);
+        silu(&mut last);
+        rest.copy_from_slice(&last[..rest.len()]);
     }
+}
+
+/// 1 / (1 + e^−x).
+#[inline(always)]
+pub(crate) fn sigmoid<L: Lanes>(x: L::Values) -> L::Values {
+    let one = L::splat(1.0);
+    let negative = L::sub(L::splat(0.0), x);
+    L::div(one, L::add(one, exponential::<L>(negative)))
 }
 
 /// e^x with a relative error below 2e-7, for x in [−87, 87] (clamped): 2^n times a polynomial on |r| ≤ ln 2 / 2.
 #[inline(always)]
-fn exponential<L: Level>(x: f32) -> f32 {
-    /// Adding and subtracting 1.5 · 2²³ rounds to the nearest integer.
-    const ROUND: f32 = 12_582_912.0;
+fn exponential<L: Lanes>(x: L::Values) -> L::Values {
     const LN2_HIGH: f32 = 0.693_359_4;
     const LN2_LOW: f32 = -2.121_944_4e-4;
-    let x = x.clamp(-87.0, 87.0);
-    let shifted = multiply_add::<L>(x, std::f32::consts::LOG2_E, ROUND);
-    let n = shifted - ROUND;
-    let r = multiply_add::<L>(n, -LN2_HIGH, x);
-    let r = multiply_add::<L>(n, -LN2_LOW, r);
-    let mut p = 1.987_569_1e-4;
+    let x = L::max(L::splat(-87.0), L::min(L::splat(87.0), x));
+    let shifted = L::fma(x, L::splat(std::f32::consts::LOG2_E), L::splat(ROUND));
+    let n = L::sub(shifted, L::splat(ROUND));
+    let r = L::fma(n, L::splat(-LN2_HIGH), x);
+    let r = L::fma(n, L::splat(-LN2_LOW), r);
+    let mut p = L::splat(1.987_569_1e-4);
     for coefficient in [
         1.398_199_9e-3,
         8.333_452e-3,
@@ -40,38 +54,43 @@ fn exponential<L: Level>(x: f32) -> f32 {
         1.666_666_5e-1,
         0.5,
     ] {
-        p = multiply_add::<L>(p, r, coefficient);
+        p = L::fma(p, r, L::splat(coefficient));
     }
-    let fraction = multiply_add::<L>(p * r, r, r) + 1.0;
-    let exponent = (shifted.to_bits().wrapping_sub(ROUND.to_bits())).wrapping_add(127) << 23;
-    fraction * f32::from_bits(exponent)
+    let fraction = L::add(L::fma(L::mul(p, r), r, r), L::splat(1.0));
+    L::mul(fraction, L::power_of_two(shifted))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::Plain;
+    use crate::simd::{Plain, detected_levels, run_at};
 
     #[test]
     fn the_exponential_is_accurate_over_its_range() {
         for i in -8600..=8600 {
             let x = i as f32 / 100.0;
-            let relative = (f64::from(exponential::<Plain>(x)) / f64::from(x).exp() - 1.0).abs();
+            let found = exponential::<Plain>([x; LANES])[0];
+            let relative = (f64::from(found) / f64::from(x).exp() - 1.0).abs();
             assert!(relative < 2e-7, "e^{x} is off by {relative}");
         }
     }
 
     #[test]
     fn silu_agrees_with_its_definition_and_survives_extremes() {
-        let given = [-1e9_f32, -80.0, -1.0, 0.0, 1.0, 80.0, 1e9];
-        let mut values = given;
-        silu(&mut values);
-        for (y, x) in values.iter().zip(given) {
-            let expected = f64::from(x) / (1.0 + (-f64::from(x)).exp());
-            assert!(
-                (f64::from(*y) - expected).abs() <= 1e-6 * expected.abs().max(1e-6),
-                "silu({x}) = {y}"
-            );
+        let given = [-1e9_f32, -80.0, -1.0, 0.0, 1.0, 80.0, 1e9].repeat(3);
+        for level in detected_levels() {
+            let mut values = given.clone();
+            let kernel = Silu {
+                values: &mut values,
+            };
+            run_at(level, kernel);
+            for (y, x) in values.iter().zip(&given) {
+                let expected = f64::from(*x) / (1.0 + (-f64::from(*x)).exp());
+                assert!(
+                    (f64::from(*y) - expected).abs() <= 1e-6 * expected.abs().max(1e-6),
+                    "silu({x}) = {y}"
+                );
+            }
         }
     }
 }

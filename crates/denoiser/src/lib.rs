@@ -5,6 +5,7 @@
 
 mod activation;
 mod fast_model;
+mod lanes;
 mod linear;
 mod manifest;
 mod norm;

@@ -3,6 +3,7 @@
 //! Every output is one chain of multiply-adds over the inputs in order, whatever the number of rows, so a row's
 //! result does not depend on the batch it is in. Weights are read once for all the rows that fit the registers.
 
+use crate::lanes::Lanes;
 use crate::simd::{Kernel, Level, PANEL, dispatch};
 use crate::weights_file::{WeightsError, WeightsFile};
 
@@ -27,7 +28,7 @@ impl Linear {
     }
 
     /// Packs a row-major weight matrix (outputs × inputs) and its bias.
-    fn pack(weight: &[f32], bias: &[f32], inputs: usize) -> Self {
+    pub(crate) fn pack(weight: &[f32], bias: &[f32], inputs: usize) -> Self {
         let outputs = bias.len();
         let padded = outputs.next_multiple_of(PANEL);
         let mut panels = vec![0.0; padded * inputs];
@@ -49,42 +50,103 @@ impl Linear {
 
     /// Writes W x + b for each row of `x` (rows × inputs) into `out` (rows × outputs).
     pub(crate) fn apply(&self, x: &[f32], out: &mut [f32]) {
-        dispatch(Product {
-            layer: self,
-            x,
-            out,
-            add: false,
-        });
+        self.apply_dense(x, out, Onto::Nothing);
     }
 
     /// Adds W x + b for each row of `x` to `out`.
     pub(crate) fn accumulate(&self, x: &[f32], out: &mut [f32]) {
+        self.apply_dense(x, out, Onto::Before);
+    }
+
+    fn apply_dense(&self, x: &[f32], out: &mut [f32], onto: Onto) {
+        let rows = x.len() / self.inputs;
+        assert_eq!(rows * self.inputs, x.len(), "whole input rows");
+        assert_eq!(rows * self.outputs, out.len(), "a row out for each row in");
+        let count = Count {
+            candidates: 1,
+            rows,
+        };
+        let (from, to) = (Layout::dense(self.inputs), Layout::dense(self.outputs));
+        self.apply_strided(count, (x, from), (out, to), onto);
+    }
+
+    /// Writes or adds W x + b for rows that lie apart, or overlap: each row of `x` is `inputs` values from its start.
+    ///
+    /// # Panics
+    /// If a row ends outside its slice.
+    pub(crate) fn apply_strided(
+        &self,
+        count: Count,
+        (x, from): (&[f32], Layout),
+        (out, to): (&mut [f32], Layout),
+        onto: Onto,
+    ) {
         dispatch(Product {
             layer: self,
+            count,
             x,
+            from,
             out,
-            add: true,
+            to,
+            onto,
         });
     }
 }
 
+/// How many rows take part: `rows` of each candidate.
+#[derive(Clone, Copy)]
+pub(crate) struct Count {
+    pub(crate) candidates: usize,
+    pub(crate) rows: usize,
+}
+
+/// Where rows start: the first, the distance between rows, and the distance between candidates, in values.
+#[derive(Clone, Copy)]
+pub(crate) struct Layout {
+    pub(crate) first: usize,
+    pub(crate) row: usize,
+    pub(crate) candidate: usize,
+}
+
+impl Layout {
+    /// Rows of one candidate that lie one after the other.
+    pub(crate) fn dense(width: usize) -> Self {
+        Self {
+            first: 0,
+            row: width,
+            candidate: 0,
+        }
+    }
+
+    #[inline(always)]
+    fn start(&self, rows: usize, index: usize) -> usize {
+        self.first + index / rows * self.candidate + index % rows * self.row
+    }
+}
+
+/// What a product is added to.
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Onto {
+    /// It overwrites.
+    Nothing,
+    /// To the values before.
+    Before,
+}
+
 struct Product<'a> {
     layer: &'a Linear,
+    count: Count,
     x: &'a [f32],
+    from: Layout,
     out: &'a mut [f32],
-    add: bool,
+    to: Layout,
+    onto: Onto,
 }
 
 impl Kernel for Product<'_> {
     #[inline(always)]
-    fn run<L: Level>(mut self) {
-        let rows = self.x.len() / self.layer.inputs;
-        assert_eq!(rows * self.layer.inputs, self.x.len(), "whole input rows");
-        assert_eq!(
-            rows * self.layer.outputs,
-            self.out.len(),
-            "a row out for each row in"
-        );
+    fn run<L: Lanes>(mut self) {
+        let rows = self.count.candidates * self.count.rows;
         let blocks = rows.div_ceil(L::ROWS);
         for panel in 0..self.layer.bias.len() / PANEL {
             for block in 0..blocks {
@@ -124,7 +186,10 @@ impl Product<'_> {
             panels,
             bias,
         } = self.layer;
-        let rows: [&[f32]; N] = std::array::from_fn(|r| &self.x[(first + r) * inputs..][..*inputs]);
+        let per_candidate = self.count.rows;
+        let rows: [&[f32]; N] = std::array::from_fn(|r| {
+            &self.x[self.from.start(per_candidate, first + r)..][..*inputs]
+        });
         let weights = &panels[panel * inputs * PANEL..][..inputs * PANEL];
         let mut sums = [L::load(&[0.0; PANEL]); N];
         for (k, weights) in weights.as_chunks::<PANEL>().0.iter().enumerate() {
@@ -135,13 +200,17 @@ impl Product<'_> {
         }
         let columns = panel * PANEL..outputs.min(&((panel + 1) * PANEL)).to_owned();
         for (r, sum) in sums.into_iter().enumerate() {
-            let target = &mut self.out[(first + r) * outputs..][columns.clone()];
+            let start = self.to.start(per_candidate, first + r);
+            let target = &mut self.out[start..][columns.clone()];
             for ((t, s), b) in target
                 .iter_mut()
                 .zip(L::store(sum))
                 .zip(&bias[columns.clone()])
             {
-                *t = if self.add { *t + (s + b) } else { s + b };
+                *t = match self.onto {
+                    Onto::Nothing => s + b,
+                    Onto::Before => *t + (s + b),
+                };
             }
         }
     }
@@ -185,13 +254,19 @@ mod tests {
             let x = scattered(rows * inputs, 3);
             let expected = product(&weight, &bias, &x);
             for level in detected_levels() {
-                for (add, before) in [(false, 0.0_f32), (true, 7.0)] {
+                for (onto, before) in [(Onto::Nothing, 0.0_f32), (Onto::Before, 7.0)] {
                     let mut out = vec![7.0; rows * outputs];
                     let product = Product {
                         layer: &layer,
+                        count: Count {
+                            candidates: 1,
+                            rows,
+                        },
                         x: &x,
+                        from: Layout::dense(inputs),
                         out: &mut out,
-                        add,
+                        to: Layout::dense(outputs),
+                        onto,
                     };
                     run_at(level, product);
                     let sums = expected.iter().map(|e| e + f64::from(before));

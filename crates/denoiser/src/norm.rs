@@ -1,6 +1,7 @@
 //! Layer normalisation.
 
-use crate::simd::{Kernel, Level, dispatch};
+use crate::lanes::Lanes;
+use crate::simd::{Kernel, dispatch};
 use crate::weights_file::{WeightsError, WeightsFile};
 
 /// PyTorch's default.
@@ -43,7 +44,7 @@ struct Normalise<'a> {
 
 impl Kernel for Normalise<'_> {
     #[inline(always)]
-    fn run<L: Level>(self) {
+    fn run<L: Lanes>(self) {
         let LayerNorm { weight, bias } = self.norm;
         let width = weight.len();
         let rows = self.rows.chunks_exact(width);

@@ -4,6 +4,7 @@
 //! run time. The choice is the same for the whole life of the process.
 #![allow(unsafe_code)] // vector instructions, and calling what is compiled for features that were just detected
 
+use crate::lanes::Lanes;
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
 use std::sync::LazyLock;
@@ -15,8 +16,6 @@ pub(crate) const PANEL: usize = 32;
 ///
 /// Only [`dispatch`] hands out levels, after it detected their features; that is what makes their methods sound.
 pub(crate) trait Level {
-    /// Whether multiply-adds are fused in hardware.
-    const FUSED: bool;
     /// Panels of sums that fit the registers together.
     const ROWS: usize;
     /// [`PANEL`] values in registers.
@@ -31,7 +30,6 @@ pub(crate) trait Level {
 pub(crate) struct Plain;
 
 impl Level for Plain {
-    const FUSED: bool = false;
     const ROWS: usize = 1;
     type Panel = [f32; PANEL];
 
@@ -56,11 +54,10 @@ impl Level for Plain {
 
 /// AVX2 and FMA.
 #[cfg(target_arch = "x86_64")]
-struct Avx2;
+pub(crate) struct Avx2;
 
 #[cfg(target_arch = "x86_64")]
 impl Level for Avx2 {
-    const FUSED: bool = true;
     const ROWS: usize = 2;
     type Panel = [__m256; 4];
 
@@ -91,11 +88,10 @@ impl Level for Avx2 {
 
 /// AVX-512 F, VL, DQ and BW.
 #[cfg(target_arch = "x86_64")]
-struct Avx512;
+pub(crate) struct Avx512;
 
 #[cfg(target_arch = "x86_64")]
 impl Level for Avx512 {
-    const FUSED: bool = true;
     const ROWS: usize = 12;
     type Panel = [__m512; 2];
 
@@ -154,13 +150,7 @@ static DETECTED: LazyLock<Detected> = LazyLock::new(|| {
 /// Work that is compiled for each level.
 pub(crate) trait Kernel {
     /// Does the work; must be marked `#[inline(always)]` so that it takes on the caller's features.
-    fn run<L: Level>(self);
-}
-
-/// a·b + c, fused where the hardware does it.
-#[inline(always)]
-pub(crate) fn multiply_add<L: Level>(a: f32, b: f32, c: f32) -> f32 {
-    if L::FUSED { a.mul_add(b, c) } else { a * b + c }
+    fn run<L: Lanes>(self);
 }
 
 /// Runs a kernel with the widest vectors available.
