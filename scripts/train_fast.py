@@ -14,11 +14,8 @@ The mirror images are in the arrays already. weights/README.md has the recipe of
 """
 
 import argparse
-import hashlib
 import json
 import math
-import platform
-import re
 import time
 from pathlib import Path
 
@@ -26,6 +23,8 @@ import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional
+
+from weights_export import this_machine, write_weights
 
 ARCHITECTURE = "both-ends-flow-v1"
 COEFFICIENTS = 72
@@ -311,19 +310,6 @@ def train(arguments):
             run.save(checkpoint, record)
 
 
-def processor_name():
-    """The processor's model name where /proc/cpuinfo tells it."""
-    info = Path("/proc/cpuinfo")
-    found = re.search(r"model name\s*:\s*(.+)", info.read_text()) if info.exists() else None
-    return found.group(1) if found else platform.machine()
-
-
-def this_machine():
-    """The processor, or the accelerator if there is one, and the version of PyTorch."""
-    name = torch.cuda.get_device_name() if torch.cuda.is_available() else processor_name()
-    return f"{name}, torch {torch.__version__}"
-
-
 def metadata_of(state, recipe, measured, machine):
     """Everything the loader checks, and how the weights were made; safetensors wants strings."""
     facts = state["facts"]
@@ -353,50 +339,12 @@ def metadata_of(state, recipe, measured, machine):
     }
 
 
-def toml_value(value):
-    """A JSON value, null apart, as inline TOML; strings, numbers and lists are written alike in both."""
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{json.dumps(key)} = {toml_value(v)}" for key, v in value.items()) + " }"
-    return json.dumps(value, ensure_ascii=False)
-
-
-def manifest_entry(name, file, metadata):
-    """The manifest's table of one weights file."""
-    content = file.read_bytes()
-    fields = {
-        "file": file.name,
-        "sha256": hashlib.sha256(content).hexdigest(),
-        "bytes": len(content),
-        "architecture": metadata["architecture"],
-        "description": metadata["recipe"],
-        "updates": int(metadata["updates"]),
-        "training_seconds": int(metadata["training_seconds"]),
-        "measured": json.loads(metadata["measured"]),
-    }
-    return f"[{name}]\n" + "".join(f"{key} = {toml_value(value)}\n" for key, value in fields.items())
-
-
-def update_manifest(manifest, name, entry):
-    """Replaces or adds one table, leaving the others as they are."""
-    text = manifest.read_text() if manifest.exists() else ""
-    tables = [t for t in re.split(r"(?m)^(?=\[)", text) if t.strip() and not t.startswith(f"[{name}]")]
-    manifest.write_text("\n".join(t.strip() + "\n" for t in [*tables, entry]))
-
-
 def export(arguments):
     """Writes the averaged weights and the manifest's entry."""
-    from safetensors.torch import save_file
-
     state = torch.load(arguments.checkpoint, map_location="cpu", weights_only=True)
     measured = json.dumps(json.loads(arguments.measured))
     metadata = metadata_of(state, arguments.recipe, measured, arguments.machine or this_machine())
-    folder = Path(arguments.out)
-    folder.mkdir(parents=True, exist_ok=True)
-    file = folder / f"{arguments.name}.safetensors"
-    save_file({name: value.float().contiguous() for name, value in state["average"].items()}, file, metadata)
-    file.chmod(0o644)
-    entry = manifest_entry(arguments.name, file, metadata)
-    update_manifest(folder / "MANIFEST.toml", arguments.name, entry)
+    entry = write_weights(Path(arguments.out), arguments.name, state["average"], metadata)
     print(entry)
 
 
@@ -439,13 +387,10 @@ def fixture(arguments):
     facts = {"width": 32, "blocks": 2, "seed": 7, "batch": 0, "rows": 0}
     state = {"facts": facts, "updates": 0, "seconds": 0, "record": {}}
     metadata = metadata_of(state, "random, for the parity test", "{}", "any")
-    file = folder / "tiny.safetensors"
-    save_file(model.state_dict(), file, metadata)
-    update_manifest(folder / "MANIFEST.toml", "tiny", manifest_entry("tiny", file, metadata))
+    write_weights(folder, "tiny", model.state_dict(), metadata)
     outputs = folder / "tiny_layers.safetensors"
     save_file({name: value.contiguous() for name, value in (given | layers).items()}, outputs)
-    for written in (file, outputs):
-        written.chmod(0o644)
+    outputs.chmod(0o644)
 
 
 def main():

@@ -1,0 +1,280 @@
+#!/usr/bin/env python3
+"""Train and export the paper's denoiser, the temporal U-Net with its obstacle graph (docs/evaluation.md "Training").
+
+Subcommands: `train`, `export`; each has its own --help. Data: folders written by `pcc dataset`, the authors' format. Rows
+whose exact clearance is stored and negative are left out: they collide between the points that the generator looks at.
+A run that was stopped goes on from its checkpoint; weights/README.md has the recipe of the committed weights.
+"""
+
+import argparse
+import json
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import nn
+
+from unet_model import HORIZON, TemporalUnet, cosine_schedule
+from weights_export import this_machine, write_weights
+
+ARCHITECTURE = "temporal-unet-v1"
+STEPS = 1000
+WARM_UP_UPDATES = 500
+AVERAGE_DECAY = 0.995
+AVERAGE_EVERY = 4
+VALIDATION_ROWS = 2048
+
+
+class Scale:
+    """Normalisation: configurations to [-1, 1] by the data's range, positions by one centre and one scale."""
+
+    def __init__(self, low, high, centre, scale):
+        self.low, self.high, self.centre, self.scale = low, high, centre, scale
+
+    @classmethod
+    def of(cls, paths, tips, centres):
+        low, high = paths.amin((0, 1)).clamp(max=0), paths.amax((0, 1)).clamp(min=0)
+        points = torch.cat([tips, centres])
+        centre = (points.amin(0) + points.amax(0)) / 2
+        return cls(low, high, centre, (points - centre).abs().max().reshape(1))
+
+    def configuration(self, values):
+        return 2 * (values - self.low) / (self.high - self.low) - 1
+
+    def position(self, values):
+        return (values - self.centre) / self.scale
+
+    def tensors(self):
+        return {
+            "normalisation.configuration_low": self.low, "normalisation.configuration_high": self.high,
+            "normalisation.position_centre": self.centre, "normalisation.position_scale": self.scale,
+        }  # fmt: skip
+
+
+class Rows:
+    """The training and validation rows of some data sets, normalised, on the device."""
+
+    def __init__(self, folders, device, scale=None):
+        parts = [read(Path(folder)) for folder in folders]
+        most = max(part["balls"].shape[1] for part in parts)
+        for part in parts:
+            part["balls"] = nn.functional.pad(part["balls"], (0, 0, 0, most - part["balls"].shape[1]))
+        merged = {key: torch.cat([part[key] for part in parts]).to(device) for key in parts[0]}
+        balls, counts = merged["balls"], merged["counts"]
+        self.present = torch.arange(most, device=device) < counts.unsqueeze(1)
+        self.scale = scale or Scale.of(merged["paths"], merged["tips"], balls[self.present][:, :3])
+        self.paths = self.scale.configuration(merged["paths"])
+        self.goals = self.scale.position(merged["tips"])
+        self.centres = self.scale.position(balls[..., :3]) * self.present.unsqueeze(-1)
+        self.radii = balls[..., 3] / self.scale.scale
+        self.train = (merged["split"] == 0).nonzero().squeeze(1)
+        self.validation = (merged["split"] == 1).nonzero().squeeze(1)[:VALIDATION_ROWS]
+
+    def batch(self, rows):
+        scene = (self.centres[rows], self.radii[rows], self.present[rows])
+        return self.paths[rows], self.goals[rows], scene
+
+
+def read(folder):
+    """The rows of one data set that do not collide, balls padded to the largest number [rows, balls, 4]."""
+    meta = json.loads((folder / "dataset_meta.json").read_text())
+    arrays = np.load(folder / "dataset.npz")
+    offsets = arrays["obstacle_offsets"]
+    counts = np.diff(offsets)
+    centres = arrays["obstacle_centres"].reshape(-1, 3)
+    radii = arrays["obstacle_radii"] if "obstacle_radii" in arrays else np.full(len(centres), meta["sphere_radius"])
+    balls = np.zeros((len(counts), counts.max(initial=0), 4), np.float32)
+    row = np.repeat(np.arange(len(counts)), counts)
+    balls[row, np.arange(len(centres)) - offsets[row]] = np.column_stack([centres, radii])
+    clear = arrays["clearances"] >= 0 if "clearances" in arrays else np.ones(len(counts), bool)
+    print(f"{folder}: {clear.sum()} of {len(clear)} rows are clear", flush=True)
+    columns = {
+        "paths": arrays["paths"].astype(np.float32), "tips": arrays["target_tips"].astype(np.float32),
+        "split": arrays["split_indices"], "counts": counts, "balls": balls,
+    }  # fmt: skip
+    return {key: torch.from_numpy(np.ascontiguousarray(value[clear])) for key, value in columns.items()}
+
+
+class Diffusion:
+    """The forward process and the loss."""
+
+    def __init__(self, model, device, bf16):
+        share = cosine_schedule(STEPS).to(device)
+        self.signal, self.noise = share.sqrt().float(), (1 - share).sqrt().float()
+        self.model, self.device, self.bf16 = model, device, bf16
+        self.compiled = torch.compile(self.loss)
+
+    def loss(self, paths, goals, scene, steps, noise):
+        """Mean squared error of the predicted noise over frames 1..63; the first frame is given."""
+        signal, spread = self.signal[steps].view(-1, 1, 1), self.noise[steps].view(-1, 1, 1)
+        noisy = torch.cat([paths[:, :1], (signal * paths + spread * noise)[:, 1:]], dim=1)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bf16):
+            context = self.model.embed(steps, paths[:, 0], goals, scene)
+            predicted = self.model(noisy, context)
+        return ((predicted - noise)[:, 1:] ** 2).mean()
+
+    def random_loss(self, rows, picks, generator, operation):
+        paths, goals, scene = rows.batch(picks)
+        steps = torch.randint(STEPS, (len(picks),), generator=generator, device=self.device)
+        noise = torch.randn(paths.shape, generator=generator, device=self.device)
+        return operation(paths, goals, scene, steps, noise)
+
+
+class Run:
+    """Everything a training run changes; saved and restored as a whole."""
+
+    def __init__(self, arguments, device):
+        self.model = TemporalUnet(arguments.width).to(device)
+        self.average = TemporalUnet(arguments.width).to(device)
+        self.average.load_state_dict(self.model.state_dict())
+        self.optimiser = torch.optim.AdamW(self.model.parameters(), lr=arguments.rate, weight_decay=1e-4, fused=True)
+        self.generator = torch.Generator(device=device).manual_seed(arguments.seed)
+        self.updates, self.seconds, self.scale = 0, 0.0, None
+        self.facts = {"width": arguments.width, "seed": arguments.seed, "batch": arguments.batch}
+
+    def save(self, file, rows, record):
+        state = {name: getattr(self, name).state_dict() for name in ("model", "average", "optimiser")}
+        state |= {"generator": self.generator.get_state(), "updates": self.updates, "seconds": self.seconds}
+        state |= {"facts": self.facts | {"rows": len(rows.train)}, "record": record, "scale": rows.scale.tensors()}
+        part = file.with_suffix(".part")
+        torch.save(state, part)
+        part.replace(file)
+
+    def restore(self, file, device):
+        state = torch.load(file, map_location=device, weights_only=True)
+        if any(state["facts"][name] != value for name, value in self.facts.items()):
+            raise SystemExit(f"{file} is of another run: {state['facts']}, this one is {self.facts}")
+        for name in ("model", "average", "optimiser"):
+            getattr(self, name).load_state_dict(state[name])
+        self.generator.set_state(state["generator"].cpu())
+        self.updates, self.seconds = state["updates"], state["seconds"]
+        self.scale = Scale(*state["scale"].values())
+
+
+def step(run, diffusion, rows, arguments):
+    """One update; returns the loss. The rate falls to nothing over the last `cool_down` updates."""
+    left = (arguments.updates - run.updates) / max(arguments.cool_down, 1)
+    for group in run.optimiser.param_groups:
+        group["lr"] = arguments.rate * min(1.0, (run.updates + 1) / WARM_UP_UPDATES, left)
+    picks = torch.randint(len(rows.train), (arguments.batch,), generator=run.generator, device=diffusion.device)
+    loss = diffusion.random_loss(rows, rows.train[picks], run.generator, diffusion.compiled)
+    run.optimiser.zero_grad(set_to_none=True)
+    loss.backward()
+    nn.utils.clip_grad_norm_(run.model.parameters(), 1.0)
+    run.optimiser.step()
+    run.updates += 1
+    if run.updates % AVERAGE_EVERY == 0:
+        keep = min(AVERAGE_DECAY**AVERAGE_EVERY, run.updates / (run.updates + 10))
+        with torch.no_grad():
+            torch._foreach_lerp_(list(run.average.parameters()), list(run.model.parameters()), 1.0 - keep)
+    return loss.detach()
+
+
+@torch.no_grad()
+def validate(run, diffusion, rows):
+    """The averaged model's loss on held-out targets, always with the same steps and noise."""
+    generator = torch.Generator(device=diffusion.device).manual_seed(1)
+    averaged = Diffusion(run.average, diffusion.device, diffusion.bf16)
+    chunks = rows.validation.split(256)
+    losses = [averaged.random_loss(rows, chunk, generator, averaged.loss) * len(chunk) for chunk in chunks]
+    return float(sum(losses) / len(rows.validation)) if chunks and len(rows.validation) else math.nan
+
+
+def train(arguments):
+    """Trains, with checkpoints; the state before the cool-down is kept, so that a longer run can go on from it."""
+    torch.manual_seed(arguments.seed)
+    torch.set_num_threads(arguments.threads)
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    run = Run(arguments, device)
+    checkpoint = Path(arguments.checkpoint)
+    checkpoint.parent.mkdir(parents=True, exist_ok=True)
+    if checkpoint.exists():
+        run.restore(checkpoint, device)
+    rows = Rows(arguments.data, device, run.scale)
+    diffusion = Diffusion(run.model, device, arguments.bf16)
+    print(f"{len(rows.train)} training rows, {len(rows.validation)} to validate, from update {run.updates}", flush=True)
+    began, losses, record = time.monotonic() - run.seconds, [], {}
+    while run.updates < arguments.updates:
+        if run.updates == arguments.updates - arguments.cool_down:
+            run.save(checkpoint.with_suffix(".warm.pt"), rows, record)
+        losses.append(step(run, diffusion, rows, arguments))
+        run.seconds = time.monotonic() - began
+        if run.updates % arguments.every == 0 or run.updates == arguments.updates:
+            record = {"update": run.updates, "seconds": round(run.seconds, 1), "loss": float(torch.stack(losses).mean())}
+            record["validation_loss"] = validate(run, diffusion, rows)
+            losses.clear()
+            print(json.dumps(record), flush=True)
+            with checkpoint.with_suffix(".jsonl").open("a") as log:
+                log.write(json.dumps(record) + "\n")
+            run.save(checkpoint, rows, record)
+
+
+def metadata_of(state, recipe, measured, machine):
+    """Everything the loader checks, and how the weights were made; safetensors wants strings."""
+    facts = state["facts"]
+    return {
+        "architecture": ARCHITECTURE,
+        "width": str(facts["width"]),
+        "context": "256",
+        "graph_hidden": "128",
+        "horizon": str(HORIZON),
+        "steps": str(STEPS),
+        "sections": "3",
+        "theta_max": repr(math.pi / 2),
+        "schedule": "cosine, offset 0.008, betas within [1e-8, 0.999]; the network predicts the noise",
+        "normalisation": "configurations to [-1, 1], positions by one centre and one scale: the tensors say",
+        "recipe": recipe,
+        "seed": str(facts["seed"]),
+        "updates": str(state["updates"]),
+        "batch": str(facts["batch"]),
+        "training_rows": str(facts["rows"]),
+        "training_seconds": str(round(state["seconds"])),
+        "machine": machine,
+        "validation": json.dumps(state["record"]),
+        "measured": measured,
+    }
+
+
+def export(arguments):
+    """Writes the averaged weights and the manifest's entry."""
+    state = torch.load(arguments.checkpoint, map_location="cpu", weights_only=True)
+    measured = json.dumps(json.loads(arguments.measured))
+    metadata = metadata_of(state, arguments.recipe, measured, arguments.machine or this_machine())
+    print(write_weights(Path(arguments.out), arguments.name, state["average"] | state["scale"], metadata))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(required=True)
+    checkpoint = {"required": True, "help": "checkpoint, such as weights/checkpoints/mixed.pt; the log is beside it"}
+
+    p = commands.add_parser("train", help="train; goes on from the checkpoint if there is one")
+    p.add_argument("--data", required=True, nargs="+", help="folders of data sets from `pcc dataset`")
+    p.add_argument("--checkpoint", **checkpoint)
+    p.add_argument("--updates", type=int, default=100_000, help="length of the run (default %(default)s, the paper's)")
+    p.add_argument("--cool-down", type=int, default=0, help="last updates, over which the rate falls to 0 (default none)")
+    p.add_argument("--batch", type=int, default=64, help="rows an update (default %(default)s)")
+    p.add_argument("--rate", type=float, default=2e-4, help="learning rate (default %(default)s)")
+    p.add_argument("--width", type=int, default=64, help="channels of the first level (default %(default)s)")
+    p.add_argument("--threads", type=int, default=1, help="processor threads (default %(default)s)")
+    p.add_argument("--seed", type=int, default=0, help="seed of weights, noise and batches (default %(default)s)")
+    p.add_argument("--every", type=int, default=1000, help="updates between checkpoints (default %(default)s)")
+    p.add_argument("--bf16", action="store_true", help="bfloat16 products: faster where the processor has them")
+    p.set_defaults(run=train)
+
+    p = commands.add_parser("export", help="write NAME.safetensors and its entry in MANIFEST.toml")
+    p.add_argument("--checkpoint", **checkpoint)
+    p.add_argument("--name", required=True, help="name of the weights: mixed, free or general")
+    p.add_argument("--recipe", required=True, help="how the data was made and the training went, in one line")
+    p.add_argument("--machine", help="where and with how many threads it was trained (default: this machine)")
+    p.add_argument("--measured", default="{}", help="what `pcc evaluate` measured, as a JSON object")
+    p.add_argument("--out", default="weights", help="folder of the weights (default %(default)s)")
+    p.set_defaults(run=export)
+    arguments = parser.parse_args()
+    arguments.run(arguments)
+
+
+if __name__ == "__main__":
+    main()
