@@ -8,6 +8,7 @@ mod fast_model;
 mod lanes;
 mod linear;
 mod manifest;
+pub mod matrix;
 mod norm;
 mod simd;
 mod weights_file;

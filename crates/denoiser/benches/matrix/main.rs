@@ -1,0 +1,119 @@
+//! How fast the packed products are, and how much of the processor they use: `cargo bench -p denoiser --bench matrix`.
+//!
+//! For the products of a temporal U-Net on the candidates of one core, in 10⁹ multiply-adds a second and as a share of
+//! what the same instructions reach without memory. "warm": one matrix again and again. "cold": many matrices in turn,
+//! more than the caches of a core hold, as a whole network finds them.
+
+mod peak;
+
+use denoiser::matrix::{Batch, BrainBuffer, Input, Packed, Precision, Store, Strides, Unit};
+use std::time::Instant;
+
+const CANDIDATES: usize = 5;
+/// Rows of a candidate, inputs, outputs, and the distance between rows of x.
+const SHAPES: [(usize, usize, usize, usize); 4] = [
+    (64, 192, 64, 64),
+    (32, 384, 128, 128),
+    (16, 768, 256, 256),
+    (16, 1536, 256, 512),
+];
+/// Weights of all matrices together when they are to be cold.
+const COLD_WEIGHTS: usize = 6_000_000;
+const REPEATS: usize = 40;
+
+fn main() {
+    let peaks = Peaks::measure();
+    println!("{peaks:#.1?}");
+    println!("rows inputs outputs         f32 warm      cold, bf16 by unit warm      cold");
+    for (rows, inputs, outputs, stride) in SHAPES {
+        print!("{:4} {inputs:6} {outputs:7}", CANDIDATES * rows);
+        let batch = batch(rows, inputs, outputs, stride);
+        let x = vec![0.3; CANDIDATES * batch.from.candidate];
+        let mut rounded = BrainBuffer::default();
+        if Precision::Brain.available() {
+            rounded.fill(&x);
+        }
+        let mut out = vec![0.0; CANDIDATES * batch.to.candidate];
+        let mut report = |peak: Option<f64>, product: &dyn Fn(&Packed, &mut [f32])| {
+            let products = CANDIDATES * rows * inputs * outputs;
+            for count in [1, COLD_WEIGHTS / (inputs * outputs)] {
+                let matrices: Vec<_> = (0..count).map(|_| matrix(inputs, outputs)).collect();
+                let seconds = time(&matrices, |matrix| product(matrix, &mut out));
+                let rate = products as f64 / seconds / 1e9;
+                let share = peak.map_or(f64::NAN, |peak| 100.0 * rate / peak);
+                print!(" {rate:7.1} ({share:2.0} %)");
+            }
+        };
+        report(peaks.single, &|matrix, out| {
+            matrix.multiply(Input::Single(&x), out, batch, Store::Replace);
+        });
+        for unit in Unit::detected() {
+            print!("  {unit:?}");
+            report(peaks.of(*unit), &|matrix, out| {
+                matrix.multiply_on(*unit, rounded.values(), out, batch, Store::Replace);
+            });
+        }
+        println!();
+    }
+}
+
+/// The most that each kind of multiply-add reaches, in 10⁹ a second.
+#[derive(Debug)]
+struct Peaks {
+    single: Option<f64>,
+    vectors: Option<f64>,
+}
+
+impl Peaks {
+    fn measure() -> Self {
+        Self {
+            single: peak::single(),
+            vectors: peak::brain_vectors(),
+        }
+    }
+
+    fn of(&self, unit: Unit) -> Option<f64> {
+        match unit {
+            Unit::Vectors => self.vectors,
+        }
+    }
+}
+
+/// Windows of padded time-major activations.
+fn batch(rows: usize, inputs: usize, outputs: usize, stride: usize) -> Batch {
+    let from = Strides {
+        row: stride,
+        candidate: (rows - 1) * stride + inputs,
+    };
+    let to = Strides {
+        row: outputs,
+        candidate: rows * outputs,
+    };
+    Batch {
+        candidates: CANDIDATES,
+        rows,
+        from,
+        to,
+    }
+}
+
+fn matrix(inputs: usize, outputs: usize) -> Packed {
+    let weight: Vec<_> = (0..inputs * outputs)
+        .map(|i| (i * 7919 % 1000) as f32 * 1e-3 - 0.5)
+        .collect();
+    let packed = Packed::new(&weight, &vec![0.1; outputs]);
+    if Precision::Brain.available() {
+        packed.prepare(Precision::Brain);
+    }
+    packed
+}
+
+/// Seconds a product, over all matrices in turn, the best of several runs.
+fn time(matrices: &[Packed], mut product: impl FnMut(&Packed)) -> f64 {
+    let mut run = || {
+        let start = Instant::now();
+        matrices.iter().for_each(&mut product);
+        start.elapsed().as_secs_f64() / matrices.len() as f64
+    };
+    (0..REPEATS).map(|_| run()).fold(f64::MAX, f64::min)
+}

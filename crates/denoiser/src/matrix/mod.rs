@@ -1,0 +1,302 @@
+//! Products of a constant matrix with many rows: y = W x + b in one of two precisions.
+//!
+//! The rows may overlap and have any stride, so that a convolution over time is a product on windows of its
+//! time-major activations. The rows of several candidates go through together: the weights, which are by far the
+//! larger part, are then read once for all of them. Every output is computed from its own row alone in a fixed order,
+//! so a row's result does not depend, bit for bit, on the rows beside it or on their number.
+
+mod brain;
+mod single;
+#[cfg(test)]
+mod tests;
+#[cfg(target_arch = "x86_64")]
+mod vectors;
+
+use crate::simd::PANEL;
+use brain::BrainPanels;
+pub use brain::{Brain, BrainBuffer, Unit};
+use single::SinglePanels;
+use std::ops::Range;
+use std::sync::OnceLock;
+
+/// The number format of the factors of a product; sums are always f32.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Precision {
+    /// f32: 24 significant bits.
+    Single,
+    /// bf16, "brain floating point": the range of f32 with 8 significant bits.
+    Brain,
+}
+
+impl Precision {
+    /// Whether this processor computes in this precision: [`Precision::Brain`] needs AVX-512 BF16.
+    #[must_use]
+    pub fn available(self) -> bool {
+        match self {
+            Self::Single => true,
+            Self::Brain => Unit::best().is_some(),
+        }
+    }
+}
+
+/// Distances between rows in a buffer, in values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Strides {
+    /// From a row of a candidate to its next row.
+    pub row: usize,
+    /// From the first row of a candidate to that of the next candidate.
+    pub candidate: usize,
+}
+
+/// The rows of a product: row `r` of candidate `c` starts at value `c · stride.candidate + r · stride.row` of a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Batch {
+    /// How many candidates.
+    pub candidates: usize,
+    /// Rows of each candidate.
+    pub rows: usize,
+    /// Where the rows of x lie; they may overlap.
+    pub from: Strides,
+    /// Where the rows of y lie; they must not overlap.
+    pub to: Strides,
+}
+
+impl Batch {
+    /// Rows that lie one behind the other in both buffers.
+    #[must_use]
+    pub fn contiguous(rows: usize, inputs: usize, outputs: usize) -> Self {
+        Self {
+            candidates: 1,
+            rows,
+            from: Strides {
+                row: inputs,
+                candidate: rows * inputs,
+            },
+            to: Strides {
+                row: outputs,
+                candidate: rows * outputs,
+            },
+        }
+    }
+
+    /// One past the last value that rows of this width reach.
+    fn end(&self, strides: Strides, width: usize) -> usize {
+        if self.candidates * self.rows == 0 {
+            return 0;
+        }
+        (self.candidates - 1) * strides.candidate + (self.rows - 1) * strides.row + width
+    }
+}
+
+/// The factors x of a product, which decide its precision.
+#[derive(Clone, Copy)]
+pub enum Input<'a> {
+    /// For [`Precision::Single`].
+    Single(&'a [f32]),
+    /// For [`Precision::Brain`].
+    Brain(&'a [Brain]),
+}
+
+/// What becomes of the values that stood in the output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Store {
+    /// y = W x + b.
+    Replace,
+    /// y += W x + b.
+    Add,
+}
+
+/// A product to be done; its rows lie within `x` and `out`.
+struct Job<'a, T> {
+    x: &'a [T],
+    out: &'a mut [f32],
+    batch: Batch,
+    bias: &'a [f32],
+    store: Store,
+}
+
+/// Rows of one candidate that are computed together for one panel of outputs.
+#[derive(Clone, Copy)]
+struct Block {
+    panel: usize,
+    candidate: usize,
+    first_row: usize,
+    rows: usize,
+}
+
+impl<T> Job<'_, T> {
+    /// Every block of at most `most` rows, panel by panel, so that the weights of one are used for all rows in turn.
+    #[inline(always)]
+    fn blocks(&self, most: usize) -> impl Iterator<Item = Block> + use<T> {
+        let Batch {
+            candidates, rows, ..
+        } = self.batch;
+        let parts = rows.div_ceil(most);
+        let panels = self.bias.len().div_ceil(PANEL);
+        (0..panels * candidates * parts).map(move |i| {
+            let (panel, i) = (i / (candidates * parts), i % (candidates * parts));
+            let (candidate, part) = (i / parts, i % parts);
+            let first_row = part * rows / parts;
+            Block {
+                panel,
+                candidate,
+                first_row,
+                rows: (part + 1) * rows / parts - first_row,
+            }
+        })
+    }
+
+    /// A row of x.
+    #[inline(always)]
+    fn input(&self, block: Block, row: usize, inputs: usize) -> &[T] {
+        let Strides {
+            row: stride,
+            candidate,
+        } = self.batch.from;
+        let first = block.candidate * candidate + (block.first_row + row) * stride;
+        &self.x[first..][..inputs]
+    }
+
+    /// Outputs of a panel.
+    #[inline(always)]
+    fn columns(&self, panel: usize) -> Range<usize> {
+        panel * PANEL..self.bias.len().min((panel + 1) * PANEL)
+    }
+
+    /// Writes the products of a row and the bias.
+    #[inline(always)]
+    fn finish(&mut self, block: Block, row: usize, sums: &[f32; PANEL]) {
+        let Strides {
+            row: stride,
+            candidate,
+        } = self.batch.to;
+        let first = block.candidate * candidate + (block.first_row + row) * stride;
+        let columns = self.columns(block.panel);
+        let target = &mut self.out[first..][columns.clone()];
+        let values = sums.iter().zip(&self.bias[columns]).map(|(s, b)| s + b);
+        match self.store {
+            Store::Replace => target.iter_mut().zip(values).for_each(|(t, v)| *t = v),
+            Store::Add => target.iter_mut().zip(values).for_each(|(t, v)| *t += v),
+        }
+    }
+}
+
+/// A matrix W (outputs × inputs) and a bias, packed for products.
+pub struct Packed {
+    inputs: usize,
+    outputs: usize,
+    bias: Vec<f32>,
+    single: SinglePanels,
+    brain: OnceLock<BrainPanels>,
+}
+
+impl Packed {
+    /// Packs a row-major matrix (outputs × inputs) and its bias (outputs).
+    ///
+    /// # Panics
+    ///
+    /// When there is no output, or the matrix is not `bias.len()` rows of equal length.
+    #[must_use]
+    pub fn new(weight: &[f32], bias: &[f32]) -> Self {
+        let outputs = bias.len();
+        assert!(outputs > 0, "at least one output");
+        let inputs = weight.len() / outputs;
+        assert_eq!(
+            weight.len(),
+            inputs * outputs,
+            "a whole row for each output"
+        );
+        Self {
+            inputs,
+            outputs,
+            bias: bias.to_vec(),
+            single: SinglePanels::new(weight, outputs),
+            brain: OnceLock::new(),
+        }
+    }
+
+    /// Values of a row of x.
+    #[must_use]
+    pub fn inputs(&self) -> usize {
+        self.inputs
+    }
+
+    /// Values of a row of y.
+    #[must_use]
+    pub fn outputs(&self) -> usize {
+        self.outputs
+    }
+
+    /// Packs for a precision now, not in the first product that needs it.
+    pub fn prepare(&self, precision: Precision) {
+        if precision == Precision::Brain {
+            self.brain_panels();
+        }
+    }
+
+    /// Computes W x + b for every row of a batch.
+    ///
+    /// # Panics
+    ///
+    /// When a row lies outside of `x` or `out`, or the precision is not [available](Precision::available).
+    pub fn multiply(&self, x: Input<'_>, out: &mut [f32], batch: Batch, store: Store) {
+        match x {
+            Input::Single(x) => self.single.multiply(self.job(x, out, batch, store)),
+            Input::Brain(x) => {
+                let unit = Unit::best().expect("bf16 is available on this processor");
+                self.multiply_on(unit, x, out, batch, store);
+            }
+        }
+    }
+
+    /// Computes W x + b in bf16 on a certain unit of those [detected](Unit::detected), to compare them.
+    ///
+    /// # Panics
+    ///
+    /// When a row lies outside of `x` or `out`.
+    pub fn multiply_on(
+        &self,
+        unit: Unit,
+        x: &[Brain],
+        out: &mut [f32],
+        batch: Batch,
+        store: Store,
+    ) {
+        self.brain_panels()
+            .multiply(unit, self.job(x, out, batch, store));
+    }
+
+    fn brain_panels(&self) -> &BrainPanels {
+        self.brain.get_or_init(|| {
+            BrainPanels::new(self.inputs, self.outputs, |o, i| self.single.weight(o, i))
+        })
+    }
+
+    fn job<'a, T>(
+        &'a self,
+        x: &'a [T],
+        out: &'a mut [f32],
+        batch: Batch,
+        store: Store,
+    ) -> Job<'a, T> {
+        assert!(
+            batch.end(batch.from, self.inputs) <= x.len(),
+            "rows of {} inputs within {} values: {batch:?}",
+            self.inputs,
+            x.len()
+        );
+        assert!(
+            batch.end(batch.to, self.outputs) <= out.len(),
+            "rows of {} outputs within {} values: {batch:?}",
+            self.outputs,
+            out.len()
+        );
+        Job {
+            x,
+            out,
+            batch,
+            bias: &self.bias,
+            store,
+        }
+    }
+}
