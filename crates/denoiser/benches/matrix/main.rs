@@ -3,6 +3,7 @@
 //! For the products of a temporal U-Net on the candidates of one core, in 10⁹ multiply-adds a second and as a share of
 //! what the same instructions reach without memory. "warm": one matrix again and again. "cold": many matrices in turn,
 //! more than the caches of a core hold, as a whole network finds them.
+#![allow(unsafe_code)] // the peak of tiles may be measured only where there are any
 
 mod peak;
 
@@ -62,19 +63,24 @@ fn main() {
 struct Peaks {
     single: Option<f64>,
     vectors: Option<f64>,
+    tiles: Option<f64>,
 }
 
 impl Peaks {
     fn measure() -> Self {
+        let has_tiles = Unit::detected().contains(&Unit::Tiles);
         Self {
             single: peak::single(),
             vectors: peak::brain_vectors(),
+            // SAFETY: the unit exists only where this process may use tiles.
+            tiles: has_tiles.then(|| unsafe { peak::brain_tiles() }),
         }
     }
 
     fn of(&self, unit: Unit) -> Option<f64> {
         match unit {
             Unit::Vectors => self.vectors,
+            Unit::Tiles => self.tiles,
         }
     }
 }

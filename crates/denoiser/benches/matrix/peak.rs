@@ -62,3 +62,47 @@ fn brain_chains() {
     }
     std::hint::black_box(sums);
 }
+
+/// bf16 multiply-adds of AMX with four independent sums.
+///
+/// # Safety
+///
+/// The processor must have AMX BF16 and this process the permission to use it.
+pub(crate) unsafe fn brain_tiles() -> f64 {
+    // SAFETY: as the caller promises.
+    best(4 * 16 * 16 * 32, || unsafe { tile_chains() })
+}
+
+#[repr(align(64))]
+struct Configuration([u8; 64]);
+
+/// # Safety
+///
+/// As for [`brain_tiles`].
+unsafe fn tile_chains() {
+    let mut configuration = Configuration([0; 64]);
+    configuration.0[0] = 1;
+    for tile in 0..8 {
+        configuration.0[16 + 2 * tile] = 64;
+        configuration.0[48 + tile] = 16;
+    }
+    // SAFETY: the configuration is a valid one of palette 1; only tiles and the counter are written.
+    unsafe {
+        std::arch::asm!(
+            "ldtilecfg [{configuration}]",
+            "2:",
+            "tdpbf16ps tmm0, tmm4, tmm6",
+            "tdpbf16ps tmm1, tmm4, tmm7",
+            "tdpbf16ps tmm2, tmm5, tmm6",
+            "tdpbf16ps tmm3, tmm5, tmm7",
+            "dec {count}",
+            "jnz 2b",
+            "tilerelease",
+            configuration = in(reg) &raw const configuration,
+            count = inout(reg) LOOPS => _,
+            out("tmm0") _, out("tmm1") _, out("tmm2") _, out("tmm3") _,
+            out("tmm4") _, out("tmm5") _, out("tmm6") _, out("tmm7") _,
+            options(nostack),
+        );
+    }
+}

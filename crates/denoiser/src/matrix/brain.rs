@@ -1,9 +1,9 @@
 //! bf16 products: factors of 8 significant bits, sums in f32.
 #![allow(unsafe_code)] // vector instructions, and calling what is compiled for features that were just detected
 
-#[cfg(target_arch = "x86_64")]
-use super::vectors;
 use super::{Job, PANEL};
+#[cfg(target_arch = "x86_64")]
+use super::{tiles, vectors};
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
 use std::sync::LazyLock;
@@ -111,6 +111,8 @@ fn round_all(values: &[f32], out: &mut [Brain]) {
 pub enum Unit {
     /// AVX-512 BF16: pairs of products in vector registers.
     Vectors,
+    /// AMX BF16: tiles of products.
+    Tiles,
 }
 
 static UNITS: LazyLock<Vec<Unit>> = LazyLock::new(|| {
@@ -122,6 +124,9 @@ static UNITS: LazyLock<Vec<Unit>> = LazyLock::new(|| {
         && is_x86_feature_detected!("avx512bf16")
     {
         units.push(Unit::Vectors);
+        if tiles::available() {
+            units.push(Unit::Tiles);
+        }
     }
     units
 });
@@ -170,8 +175,11 @@ impl BrainPanels {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the unit exists only where AVX-512 F, BW, VL and BF16 were detected.
             Unit::Vectors => unsafe { vectors::multiply(self, job) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the unit exists only where tiles are available.
+            Unit::Tiles => unsafe { tiles::multiply(self, job) },
             #[cfg(not(target_arch = "x86_64"))]
-            Unit::Vectors => unreachable!("detected on x86-64 only, not for {job:?}"),
+            unit => unreachable!("{unit:?} is of x86-64, not for {} rows", job.batch.rows),
         }
     }
 

@@ -10,6 +10,8 @@ mod single;
 #[cfg(test)]
 mod tests;
 #[cfg(target_arch = "x86_64")]
+mod tiles;
+#[cfg(target_arch = "x86_64")]
 mod vectors;
 
 use crate::simd::PANEL;
@@ -48,6 +50,14 @@ pub struct Strides {
     pub candidate: usize,
 }
 
+impl Strides {
+    /// The first value of the first row of a block.
+    #[inline(always)]
+    fn start(self, block: Block) -> usize {
+        block.candidate * self.candidate + block.first_row * self.row
+    }
+}
+
 /// The rows of a product: row `r` of candidate `c` starts at value `c · stride.candidate + r · stride.row` of a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Batch {
@@ -81,10 +91,12 @@ impl Batch {
 
     /// One past the last value that rows of this width reach.
     fn end(&self, strides: Strides, width: usize) -> usize {
-        if self.candidates * self.rows == 0 {
+        if self.candidates == 0 || self.rows == 0 {
             return 0;
         }
-        (self.candidates - 1) * strides.candidate + (self.rows - 1) * strides.row + width
+        let candidate = (self.candidates - 1).saturating_mul(strides.candidate);
+        let row = (self.rows - 1).saturating_mul(strides.row);
+        candidate.saturating_add(row).saturating_add(width)
     }
 }
 
@@ -116,7 +128,7 @@ struct Job<'a, T> {
 }
 
 /// Rows of one candidate that are computed together for one panel of outputs.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 struct Block {
     panel: usize,
     candidate: usize,
@@ -149,12 +161,8 @@ impl<T> Job<'_, T> {
     /// A row of x.
     #[inline(always)]
     fn input(&self, block: Block, row: usize, inputs: usize) -> &[T] {
-        let Strides {
-            row: stride,
-            candidate,
-        } = self.batch.from;
-        let first = block.candidate * candidate + (block.first_row + row) * stride;
-        &self.x[first..][..inputs]
+        let from = self.batch.from;
+        &self.x[from.start(block) + row * from.row..][..inputs]
     }
 
     /// Outputs of a panel.
@@ -166,16 +174,20 @@ impl<T> Job<'_, T> {
     /// Writes the products of a row and the bias.
     #[inline(always)]
     fn finish(&mut self, block: Block, row: usize, sums: &[f32; PANEL]) {
-        let Strides {
-            row: stride,
-            candidate,
-        } = self.batch.to;
-        let first = block.candidate * candidate + (block.first_row + row) * stride;
+        let mut values = *sums;
+        let bias = &self.bias[self.columns(block.panel)];
+        values.iter_mut().zip(bias).for_each(|(v, b)| *v += b);
+        self.write(block, row, &values);
+    }
+
+    /// Writes the outputs of a row.
+    #[inline(always)]
+    fn write(&mut self, block: Block, row: usize, values: &[f32; PANEL]) {
+        let to = self.batch.to;
         let columns = self.columns(block.panel);
-        let target = &mut self.out[first..][columns.clone()];
-        let values = sums.iter().zip(&self.bias[columns]).map(|(s, b)| s + b);
+        let target = &mut self.out[to.start(block) + row * to.row..][columns];
         match self.store {
-            Store::Replace => target.iter_mut().zip(values).for_each(|(t, v)| *t = v),
+            Store::Replace => target.iter_mut().zip(values).for_each(|(t, v)| *t = *v),
             Store::Add => target.iter_mut().zip(values).for_each(|(t, v)| *t += v),
         }
     }
