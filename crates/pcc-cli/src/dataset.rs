@@ -1,10 +1,13 @@
-//! `pcc dataset` and `pcc features`: paths by the teacher, and the training arrays made from them.
+//! `pcc dataset` and `pcc features`: paths by the teacher or by the paper's generator, and training arrays.
 
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::Robot;
-use planning::dataset::{BlockReport, Dataset, Meta, Recipe, Row, generate_block, training_rows};
+use planning::dataset::{
+    BlockReport, Dataset, Meta, PaperReport, Recipe, Row, TERMINALS, generate_block,
+    generate_paper_block, training_rows,
+};
 use planning::scenes::{STARTS, Setting};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -26,12 +29,23 @@ enum SettingName {
     Hard,
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Method {
+    /// Certified paths with a straight tip, by this project's teacher.
+    Teacher,
+    /// The paper's own generator, with its sampled criterion of collision.
+    Paper,
+}
+
 /// Arguments of `pcc dataset`.
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Kind of scenes.
     #[arg(long, value_enum, default_value = "general")]
     setting: SettingName,
+    /// How paths are made.
+    #[arg(long, value_enum, default_value = "teacher")]
+    method: Method,
     /// Number of balls in every general scene, instead of the cycle (0 to 64).
     #[arg(long)]
     balls: Option<usize>,
@@ -41,7 +55,7 @@ pub(crate) struct Arguments {
     /// Starts of each target (1 to 5).
     #[arg(long, default_value_t = 5)]
     starts: usize,
-    /// End shapes of each start, as many of them as there are (1 to 64).
+    /// End shapes of each start, as many of them as there are (1 to 64; the paper's generator: 1 to 10).
     #[arg(long, default_value_t = 10)]
     ends: usize,
     /// Seed; the same seed gives the same rows whatever the shards and threads.
@@ -79,6 +93,13 @@ pub(crate) struct FeatureArguments {
     /// Training archive to write.
     #[arg(long)]
     out: PathBuf,
+}
+
+/// What became of what was asked for; the part of the method that was not used stays empty.
+#[derive(Default)]
+struct Reports {
+    teacher: BlockReport,
+    paper: PaperReport,
 }
 
 struct Job<'a> {
@@ -128,9 +149,17 @@ impl<'a> Job<'a> {
             (SettingName::Hard, None) => Setting::Hard,
             (SettingName::General, None) => Setting::General(None),
         };
+        let is_paper = arguments.method == Method::Paper;
+        if is_paper && setting == Setting::Hard {
+            bail!("--method paper makes the settings reference, obstacle-free and general");
+        }
         for (name, value, most) in [
             ("starts", arguments.starts, STARTS),
-            ("ends", arguments.ends, 64),
+            (
+                "ends",
+                arguments.ends,
+                if is_paper { TERMINALS } else { 64 },
+            ),
         ] {
             if !(1..=most).contains(&value) {
                 bail!("--{name} {value}: 1 to {most} are allowed");
@@ -174,6 +203,7 @@ impl<'a> Job<'a> {
     fn recipe_json(&self) -> serde_json::Value {
         let a = self.arguments;
         json!({
+            "method": format!("{:?}", a.method),
             "setting": format!("{:?}", self.recipe.setting), "targets": a.targets, "starts": a.starts, "ends": a.ends,
             "seed": a.seed, "test_only": a.test_only, "robot": self.robot.name,
         })
@@ -189,7 +219,7 @@ impl<'a> Job<'a> {
 
     fn make(&self, blocks: &[u64]) -> anyhow::Result<()> {
         let bar = progress_bar(blocks.len() as u64);
-        let (next, total) = (AtomicU64::new(0), Mutex::new(BlockReport::default()));
+        let (next, total) = (AtomicU64::new(0), Mutex::new(Reports::default()));
         let threads = match self.arguments.threads {
             0 => std::thread::available_parallelism()?.get(),
             n => n,
@@ -197,12 +227,14 @@ impl<'a> Job<'a> {
         std::thread::scope(|scope| {
             let work = || -> anyhow::Result<()> {
                 while let Some(block) = blocks.get(next.fetch_add(1, Ordering::Relaxed) as usize) {
-                    let report = self.make_block(*block)?;
+                    let reports = self.make_block(*block)?;
                     let mut total = total
                         .lock()
                         .map_err(|_| anyhow::anyhow!("a worker stopped"))?;
-                    *total += report;
-                    bar.set_message(format!("{} paths kept", total.kept));
+                    total.teacher += reports.teacher;
+                    total.paper += reports.paper;
+                    let kept = total.teacher.kept + total.paper.actual_paths;
+                    bar.set_message(format!("{kept} paths kept"));
                     bar.inc(1);
                 }
                 Ok(())
@@ -214,48 +246,83 @@ impl<'a> Job<'a> {
         })?;
         bar.finish();
         let total = total.into_inner().unwrap_or_default();
-        print_report(&total);
+        match self.arguments.method {
+            Method::Teacher => print_teacher_report(&total.teacher),
+            Method::Paper => print_paper_report(&total.paper),
+        }
         Ok(())
     }
 
-    fn make_block(&self, block: u64) -> anyhow::Result<BlockReport> {
+    fn make_block(&self, block: u64) -> anyhow::Result<Reports> {
         let end = ((block + 1) * BLOCK).min(self.arguments.targets);
-        let (rows, report) = generate_block(&self.robot, &self.recipe, block * BLOCK..end);
-        Dataset {
-            rows,
-            meta: self.meta(json!({ "block": block, "report": format!("{report:?}") })),
+        let targets = block * BLOCK..end;
+        let mut reports = Reports::default();
+        let (rows, meta);
+        match self.arguments.method {
+            Method::Teacher => {
+                (rows, reports.teacher) = generate_block(&self.robot, &self.recipe, targets);
+                let report = format!("{:?}", reports.teacher);
+                meta = self.meta(json!({ "block": block, "report": report }), None);
+            }
+            Method::Paper => {
+                (rows, reports.paper) = generate_paper_block(&self.robot, &self.recipe, targets);
+                meta = self.meta(json!({ "block": block }), Some(reports.paper));
+            }
         }
-        .write(&self.block_folder(block))?;
-        Ok(report)
+        Dataset { rows, meta }.write(&self.block_folder(block))?;
+        Ok(reports)
     }
 
-    fn meta(&self, config: serde_json::Value) -> Meta {
+    fn meta(&self, config: serde_json::Value, report: Option<PaperReport>) -> Meta {
         Meta {
             clearance_margin: self.robot.tube_radius,
+            report,
             ..Meta::new(config)
         }
     }
 
     fn merge(&self, blocks: u64) -> anyhow::Result<()> {
         let mut rows: Vec<Row> = Vec::new();
+        let mut report = PaperReport::default();
         for block in 0..blocks {
-            rows.extend(Dataset::read(&self.block_folder(block))?.rows);
+            let block = Dataset::read(&self.block_folder(block))?;
+            rows.extend(block.rows);
+            report += block.meta.report.unwrap_or_default();
         }
         let count = rows.len();
-        Dataset {
-            rows,
-            meta: self.meta(self.recipe_json()),
-        }
-        .write(&self.arguments.out)?;
+        let is_paper = self.arguments.method == Method::Paper;
+        let meta = self.meta(self.recipe_json(), is_paper.then_some(report));
+        Dataset { rows, meta }.write(&self.arguments.out)?;
         println!("{}: {count} paths", self.arguments.out.display());
         Ok(())
     }
 }
 
-fn print_report(r: &BlockReport) {
+fn print_teacher_report(r: &BlockReport) {
     println!(
         "{} targets ({} dropped), {} starts without an end shape; {} paths kept ({} with the tree's help), {} dropped",
         r.targets, r.dropped_targets, r.dropped_starts, r.kept, r.from_tree, r.dropped_paths
+    );
+}
+
+fn print_paper_report(r: &PaperReport) {
+    let (targets, paths) = (&r.target_discarded_counts, &r.path_failure_counts);
+    println!(
+        "{} of {} targets (dropped: {} without ten terminal solutions, {} without starts, {} without a path)",
+        r.actual_targets,
+        r.requested_targets,
+        targets.terminal_ik,
+        targets.start_sampling,
+        targets.zero_retained_paths
+    );
+    println!(
+        "{} of {} paths kept, {:.1} % (dropped: {} not followed, {} with too large steps, {} colliding)",
+        r.actual_paths,
+        r.requested_paths,
+        100.0 * r.actual_paths as f64 / r.requested_paths.max(1) as f64,
+        paths.workspace_ik,
+        paths.path_constraints,
+        paths.collision_repair
     );
 }
 

@@ -74,7 +74,8 @@ pub fn draw_target(robot: &Robot, setting: Setting, seed: u64, index: u64) -> Op
     })
 }
 
-fn draw_balls(setting: Setting, index: u64, rng: &mut Pcg64) -> Vec<Ball> {
+/// The balls of a target's scene.
+pub(crate) fn draw_balls(setting: Setting, index: u64, rng: &mut Pcg64) -> Vec<Ball> {
     match setting {
         Setting::ObstacleFree => Vec::new(),
         Setting::Reference => reference_layout([0, 1, 2, 4][(index % 4) as usize]),
@@ -134,7 +135,8 @@ fn draw_tip(robot: &Robot, scene: &Scene, rng: &mut Pcg64) -> Option<(Configurat
     (in_workspace(&tip) && is_clear(robot, scene, &shape)).then_some((shape, tip))
 }
 
-fn in_workspace(tip: &Point) -> bool {
+/// Whether targets and starts may have their tip there.
+pub(crate) fn in_workspace(tip: &Point) -> bool {
     (0.1..=2.5).contains(&tip.x.hypot(tip.y)) && (1.5..=3.0).contains(&tip.z)
 }
 

@@ -1,6 +1,8 @@
 //! The authors' data set format, version 25: one row a path, obstacles by offsets (docs/evaluation.md "The command").
 
 use super::archive::{ArchiveError, ArchiveReader, ArchiveWriter};
+use super::columns::{expect_shape, first, integer_column, real_column, reals};
+use super::paper::PaperReport;
 use crate::path::WAYPOINTS;
 use collision::{Ball, Scene, SceneError};
 use pcc_model::{Configuration, DOF, Point};
@@ -47,6 +49,9 @@ pub struct Meta {
     /// How the data was made.
     #[serde(default)]
     pub config: serde_json::Value,
+    /// What the paper's generator dropped, where it was that one.
+    #[serde(flatten)]
+    pub report: Option<PaperReport>,
 }
 
 impl Meta {
@@ -59,6 +64,7 @@ impl Meta {
             sphere_radius: 0.4,
             clearance_margin: 0.2,
             config,
+            report: None,
         }
     }
 }
@@ -80,6 +86,17 @@ pub struct Row {
     pub split: Split,
     /// Obstacles, section lengths.
     pub balls: Vec<Ball>,
+    /// How its collision was judged exactly, where it was.
+    pub check: Option<Check>,
+}
+
+/// An exact judgement of a path, whose maker may have looked at samples only.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Check {
+    /// Smallest clearance of the tube over the waypoints, section lengths; +∞ without obstacles.
+    pub clearance: f32,
+    /// Whether the polyline through the waypoints is certified free.
+    pub is_certified: bool,
 }
 
 /// A case: what a planner is asked (the first row of a target and start).
@@ -165,6 +182,7 @@ impl Dataset {
         let shapes = integer_column(&mut archive, "ik_indices", rows)?;
         let splits = integer_column(&mut archive, "split_indices", rows)?;
         let obstacles = Obstacles::read(&mut archive, rows, meta.sphere_radius)?;
+        let checks = read_checks(&mut archive, rows)?;
         let row = |i: usize| {
             Ok(Row {
                 path: read_path(i, &paths[i * WAYPOINTS * DOF..][..WAYPOINTS * DOF])?,
@@ -174,6 +192,7 @@ impl Dataset {
                 ik_index: index(i, "end shape", shapes[i])?,
                 split: split_of(i, splits[i])?,
                 balls: obstacles.of(i)?,
+                check: checks.as_ref().map(|checks| checks[i]),
             })
         };
         Ok(Self {
@@ -241,7 +260,23 @@ impl Dataset {
             Some(*end)
         });
         archive.write("obstacle_offsets", &[n + 1], std::iter::once(0).chain(ends))?;
+        self.write_checks(&mut archive)?;
         archive.finish()
+    }
+
+    /// Writes `clearances` and `certified`, if every row has them.
+    fn write_checks(&self, archive: &mut ArchiveWriter) -> Result<(), ArchiveError> {
+        let checks: Option<Vec<Check>> = self.rows.iter().map(|row| row.check).collect();
+        let Some(checks) = checks else {
+            return Ok(());
+        };
+        let shape = [checks.len()];
+        archive.write("clearances", &shape, checks.iter().map(|c| c.clearance))?;
+        archive.write(
+            "certified",
+            &shape,
+            checks.iter().map(|c| u8::from(c.is_certified)),
+        )
     }
 
     /// The distinct cases of a split in file order, at most `limit`.
@@ -266,6 +301,26 @@ impl Dataset {
         }
         Ok(cases)
     }
+}
+
+fn read_checks(
+    archive: &mut ArchiveReader,
+    rows: usize,
+) -> Result<Option<Vec<Check>>, DatasetError> {
+    if !(archive.has("clearances") && archive.has("certified")) {
+        return Ok(None);
+    }
+    let clearances = real_column(archive, "clearances", &[rows])?;
+    let certified = integer_column(archive, "certified", rows)?;
+    let checks = clearances.into_iter().zip(certified);
+    Ok(Some(
+        checks
+            .map(|(clearance, certified)| Check {
+                clearance,
+                is_certified: certified != 0,
+            })
+            .collect(),
+    ))
 }
 
 /// Where a file is written before it is whole; of this process alone, since shards may end at the same time.
@@ -344,74 +399,6 @@ fn read_meta(path: &Path) -> Result<Meta, DatasetError> {
         )));
     }
     Ok(meta)
-}
-
-/// First dimension of a shape; 0 for a scalar, which no array of rows is.
-fn first(shape: &[u64]) -> usize {
-    shape.first().map_or(0, |n| *n as usize)
-}
-
-/// An array of real numbers; f32, as the format has it, or f64.
-fn reals(
-    archive: &mut ArchiveReader,
-    array: &'static str,
-) -> Result<(Vec<f32>, Vec<u64>), ArchiveError> {
-    let narrow = |v: f64| v as f32;
-    archive.read::<f32>(array).or_else(|as_written| {
-        let (values, shape) = archive.read::<f64>(array).map_err(|_| as_written)?;
-        Ok((values.into_iter().map(narrow).collect(), shape))
-    })
-}
-
-fn real_column(
-    archive: &mut ArchiveReader,
-    array: &'static str,
-    expected: &[usize],
-) -> Result<Vec<f32>, DatasetError> {
-    let (values, shape) = reals(archive, array)?;
-    expect_shape(array, &shape, expected)?;
-    Ok(values)
-}
-
-fn integer_column(
-    archive: &mut ArchiveReader,
-    array: &'static str,
-    count: usize,
-) -> Result<Vec<i64>, DatasetError> {
-    let (values, shape) = archive
-        .read::<i64>(array)
-        .or_else(|error| integers::<i32>(archive, array).map_err(|_| error))
-        .or_else(|error| integers::<i16>(archive, array).map_err(|_| error))
-        .or_else(|error| integers::<i8>(archive, array).map_err(|_| error))?;
-    expect_shape(array, &shape, &[count])?;
-    Ok(values)
-}
-
-fn integers<T: npyz::Deserialize + Into<i64>>(
-    archive: &mut ArchiveReader,
-    array: &'static str,
-) -> Result<(Vec<i64>, Vec<u64>), ArchiveError> {
-    let (values, shape) = archive.read::<T>(array)?;
-    Ok((values.into_iter().map(Into::into).collect(), shape))
-}
-
-fn expect_shape(
-    array: &'static str,
-    found: &[u64],
-    expected: &[usize],
-) -> Result<(), DatasetError> {
-    if found
-        .iter()
-        .map(|n| *n as usize)
-        .eq(expected.iter().copied())
-    {
-        return Ok(());
-    }
-    Err(DatasetError::Shape {
-        array,
-        found: found.to_vec(),
-        expected: format!("{expected:?}"),
-    })
 }
 
 fn read_path(row: usize, values: &[f32]) -> Result<Vec<Configuration>, DatasetError> {

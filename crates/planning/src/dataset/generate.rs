@@ -112,12 +112,9 @@ fn target_rows(
                 target_index: index as i32,
                 start_index: start_index as i16,
                 ik_index: ik_index as i16,
-                split: if recipe.test_only {
-                    Split::Test
-                } else {
-                    split_of(index)
-                },
+                split: split_of(recipe, index),
                 balls: target.scene.balls().to_vec(),
+                check: None,
             });
         }
     }
@@ -146,7 +143,10 @@ fn taught_path(
     kept.then_some(guided)
 }
 
-fn split_of(target: u64) -> Split {
+pub(super) fn split_of(recipe: &Recipe, target: u64) -> Split {
+    if recipe.test_only {
+        return Split::Test;
+    }
     match Pcg64::new(u128::from(SPLIT_SEED), u128::from(target)).random_range(0..10) {
         0 => Split::Validation,
         1 => Split::Test,
