@@ -18,8 +18,6 @@ const BALL_FEATURES: usize = 28;
 const BALL_WIDTH: usize = 128;
 const TIME_FEATURES: usize = 32;
 const COEFFICIENTS: usize = 72;
-/// Bending limits that differ by less are the same robot, rad.
-const SAME_LIMIT_RAD: f64 = 1e-6;
 
 /// What one candidate is conditioned on.
 #[derive(Clone, Copy, Debug)]
@@ -84,7 +82,7 @@ impl FastModel {
         file.expect("ball_features", &BALL_FEATURES.to_string())?;
         file.expect("coefficients", &COEFFICIENTS.to_string())?;
         file.expect("estimates", "data")?;
-        check_robot(file, bending_limit)?;
+        file.expect_robot(bending_limit)?;
         let width = file.count("width")?;
         let block = |i: usize| {
             let name = |part: &str| format!("blocks.{i}.{part}");
@@ -238,20 +236,6 @@ impl Scale {
             out.extend(row.iter().zip(scale).map(|(x, (m, d))| (x - m) / d));
         }
     }
-}
-
-fn check_robot(file: &WeightsFile, bending_limit: f64) -> Result<(), WeightsError> {
-    file.expect("sections", "3")?;
-    let found: f64 = file.number("theta_max")?;
-    let is_same = (found - bending_limit).abs() <= SAME_LIMIT_RAD;
-    if !is_same {
-        return Err(WeightsError::Robot {
-            quantity: "bending limit (rad)",
-            found,
-            expected: bending_limit,
-        });
-    }
-    Ok(())
 }
 
 /// Gives a buffer a length; what it holds is to be overwritten.

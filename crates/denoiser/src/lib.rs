@@ -4,15 +4,21 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod activation;
+mod conv;
+mod diffusion;
 mod fast_model;
+mod group_norm;
 mod lanes;
 mod linear;
 mod manifest;
 pub mod matrix;
 mod norm;
 mod simd;
+mod unet;
 mod weights_file;
 
+pub use diffusion::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Schedule, Solver};
 pub use fast_model::{CandidateInput, FastModel, FastScratch};
 pub use manifest::{Manifest, ManifestEntry};
+pub use unet::{FRAME, HORIZON, Normalisation, TemporalUnet, UnetCondition, UnetScratch};
 pub use weights_file::{WeightsError, WeightsFile};

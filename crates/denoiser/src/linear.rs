@@ -50,103 +50,42 @@ impl Linear {
 
     /// Writes W x + b for each row of `x` (rows × inputs) into `out` (rows × outputs).
     pub(crate) fn apply(&self, x: &[f32], out: &mut [f32]) {
-        self.apply_dense(x, out, Onto::Nothing);
+        dispatch(Product {
+            layer: self,
+            x,
+            out,
+            add: false,
+        });
     }
 
     /// Adds W x + b for each row of `x` to `out`.
     pub(crate) fn accumulate(&self, x: &[f32], out: &mut [f32]) {
-        self.apply_dense(x, out, Onto::Before);
-    }
-
-    fn apply_dense(&self, x: &[f32], out: &mut [f32], onto: Onto) {
-        let rows = x.len() / self.inputs;
-        assert_eq!(rows * self.inputs, x.len(), "whole input rows");
-        assert_eq!(rows * self.outputs, out.len(), "a row out for each row in");
-        let count = Count {
-            candidates: 1,
-            rows,
-        };
-        let (from, to) = (Layout::dense(self.inputs), Layout::dense(self.outputs));
-        self.apply_strided(count, (x, from), (out, to), onto);
-    }
-
-    /// Writes or adds W x + b for rows that lie apart, or overlap: each row of `x` is `inputs` values from its start.
-    ///
-    /// # Panics
-    /// If a row ends outside its slice.
-    pub(crate) fn apply_strided(
-        &self,
-        count: Count,
-        (x, from): (&[f32], Layout),
-        (out, to): (&mut [f32], Layout),
-        onto: Onto,
-    ) {
         dispatch(Product {
             layer: self,
-            count,
             x,
-            from,
             out,
-            to,
-            onto,
+            add: true,
         });
     }
 }
 
-/// How many rows take part: `rows` of each candidate.
-#[derive(Clone, Copy)]
-pub(crate) struct Count {
-    pub(crate) candidates: usize,
-    pub(crate) rows: usize,
-}
-
-/// Where rows start: the first, the distance between rows, and the distance between candidates, in values.
-#[derive(Clone, Copy)]
-pub(crate) struct Layout {
-    pub(crate) first: usize,
-    pub(crate) row: usize,
-    pub(crate) candidate: usize,
-}
-
-impl Layout {
-    /// Rows of one candidate that lie one after the other.
-    pub(crate) fn dense(width: usize) -> Self {
-        Self {
-            first: 0,
-            row: width,
-            candidate: 0,
-        }
-    }
-
-    #[inline(always)]
-    fn start(&self, rows: usize, index: usize) -> usize {
-        self.first + index / rows * self.candidate + index % rows * self.row
-    }
-}
-
-/// What a product is added to.
-#[derive(Clone, Copy, PartialEq)]
-pub(crate) enum Onto {
-    /// It overwrites.
-    Nothing,
-    /// To the values before.
-    Before,
-}
-
 struct Product<'a> {
     layer: &'a Linear,
-    count: Count,
     x: &'a [f32],
-    from: Layout,
     out: &'a mut [f32],
-    to: Layout,
-    onto: Onto,
+    add: bool,
 }
 
 impl Kernel for Product<'_> {
     #[inline(always)]
     fn run<L: Lanes>(mut self) {
-        let rows = self.count.candidates * self.count.rows;
+        let rows = self.x.len() / self.layer.inputs;
+        assert_eq!(rows * self.layer.inputs, self.x.len(), "whole input rows");
+        assert_eq!(
+            rows * self.layer.outputs,
+            self.out.len(),
+            "a row out for each row in"
+        );
         let blocks = rows.div_ceil(L::ROWS);
         for panel in 0..self.layer.bias.len() / PANEL {
             for block in 0..blocks {
@@ -186,10 +125,7 @@ impl Product<'_> {
             panels,
             bias,
         } = self.layer;
-        let per_candidate = self.count.rows;
-        let rows: [&[f32]; N] = std::array::from_fn(|r| {
-            &self.x[self.from.start(per_candidate, first + r)..][..*inputs]
-        });
+        let rows: [&[f32]; N] = std::array::from_fn(|r| &self.x[(first + r) * inputs..][..*inputs]);
         let weights = &panels[panel * inputs * PANEL..][..inputs * PANEL];
         let mut sums = [L::load(&[0.0; PANEL]); N];
         for (k, weights) in weights.as_chunks::<PANEL>().0.iter().enumerate() {
@@ -200,17 +136,13 @@ impl Product<'_> {
         }
         let columns = panel * PANEL..outputs.min(&((panel + 1) * PANEL)).to_owned();
         for (r, sum) in sums.into_iter().enumerate() {
-            let start = self.to.start(per_candidate, first + r);
-            let target = &mut self.out[start..][columns.clone()];
+            let target = &mut self.out[(first + r) * outputs..][columns.clone()];
             for ((t, s), b) in target
                 .iter_mut()
                 .zip(L::store(sum))
                 .zip(&bias[columns.clone()])
             {
-                *t = match self.onto {
-                    Onto::Nothing => s + b,
-                    Onto::Before => *t + (s + b),
-                };
+                *t = if self.add { *t + (s + b) } else { s + b };
             }
         }
     }
@@ -254,19 +186,13 @@ mod tests {
             let x = scattered(rows * inputs, 3);
             let expected = product(&weight, &bias, &x);
             for level in detected_levels() {
-                for (onto, before) in [(Onto::Nothing, 0.0_f32), (Onto::Before, 7.0)] {
+                for (add, before) in [(false, 0.0_f32), (true, 7.0)] {
                     let mut out = vec![7.0; rows * outputs];
                     let product = Product {
                         layer: &layer,
-                        count: Count {
-                            candidates: 1,
-                            rows,
-                        },
                         x: &x,
-                        from: Layout::dense(inputs),
                         out: &mut out,
-                        to: Layout::dense(outputs),
-                        onto,
+                        add,
                     };
                     run_at(level, product);
                     let sums = expected.iter().map(|e| e + f64::from(before));

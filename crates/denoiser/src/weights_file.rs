@@ -215,6 +215,26 @@ impl WeightsFile {
         }
     }
 
+    /// Checks that the weights are for a robot of three sections with this bending limit (rad).
+    ///
+    /// # Errors
+    /// [`WeightsError::Metadata`] or [`WeightsError::Robot`].
+    pub fn expect_robot(&self, bending_limit: f64) -> Result<(), WeightsError> {
+        /// Limits that differ by less are the same.
+        const SAME_LIMIT_RAD: f64 = 1e-6;
+        self.expect("sections", "3")?;
+        let found: f64 = self.number("theta_max")?;
+        let is_same = (found - bending_limit).abs() <= SAME_LIMIT_RAD;
+        if !is_same {
+            return Err(WeightsError::Robot {
+                quantity: "bending limit (rad)",
+                found,
+                expected: bending_limit,
+            });
+        }
+        Ok(())
+    }
+
     /// A metadata entry as a count of at least 1.
     ///
     /// # Errors

@@ -1,6 +1,7 @@
 //! From noise to paths: DDIM (Song et al., ICLR 2021, η = 0) and DPM-Solver++(2M) (Lu et al., 2022) on the same network.
 
 use super::schedule::{Amplitudes, STEPS, Schedule};
+use std::ops::ControlFlow;
 
 /// Share of the steps, the last ones, in which a path is refined.
 const REFINED_SHARE: f64 = 0.4;
@@ -72,10 +73,16 @@ impl Sampler {
         }
     }
 
+    /// The diffusion steps at which the network is evaluated, in order.
+    pub fn visited(&self) -> impl Iterator<Item = usize> {
+        self.visited.iter().copied()
+    }
+
     /// Turns `paths` (candidates × frames × degrees of freedom, normalised) from standard normal noise into samples, in
     /// place.
     ///
-    /// `observe` sees the noisy paths before each evaluation, and the result.
+    /// `observe` sees the noisy paths before each evaluation, and the result; it may break off the work, and then the
+    /// paths are not finished.
     pub fn sample(
         &self,
         denoiser: &mut impl Denoiser,
@@ -83,14 +90,14 @@ impl Sampler {
         mut refinement: Refinement,
         scratch: &mut SamplerScratch,
         paths: &mut [f32],
-        observe: &mut dyn FnMut(&[f32]),
-    ) {
+        observe: &mut dyn FnMut(&[f32]) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
         scratch.fit(paths.len());
         held.restore(paths);
         let refined_from = self.visited.len() - self.refined_steps();
         let mut before: Option<f64> = None;
         for (index, step) in self.visited.iter().copied().enumerate() {
-            observe(paths);
+            observe(paths)?;
             let at = self.schedule.amplitudes(step);
             let next = self.visited.get(index + 1);
             let next = next.map_or(Amplitudes::CLEAN, |s| self.schedule.amplitudes(*s));
@@ -104,7 +111,7 @@ impl Sampler {
             std::mem::swap(&mut scratch.estimate, &mut scratch.previous);
             held.restore(paths);
         }
-        observe(paths);
+        observe(paths)
     }
 
     fn refined_steps(&self) -> usize {
@@ -263,7 +270,7 @@ mod tests {
         let mut paths = noise.to_vec();
         let sampler = Sampler::new(solver, steps);
         let mut scratch = SamplerScratch::default();
-        sampler.sample(
+        let finished = sampler.sample(
             &mut Gaussian::new(),
             Held {
                 start: &[0.7],
@@ -272,8 +279,9 @@ mod tests {
             refinement,
             &mut scratch,
             &mut paths,
-            &mut |_| {},
+            &mut |_| ControlFlow::Continue(()),
         );
+        assert!(finished.is_continue());
         paths
     }
 
@@ -334,7 +342,7 @@ mod tests {
     fn whoever_observes_sees_every_step_and_the_result() {
         let mut paths = NOISE.to_vec();
         let mut seen = Vec::new();
-        Sampler::new(Solver::DpmSolver, 7).sample(
+        let _ = Sampler::new(Solver::DpmSolver, 7).sample(
             &mut Gaussian::new(),
             Held {
                 start: &[0.7],
@@ -343,7 +351,10 @@ mod tests {
             Refinement::None,
             &mut SamplerScratch::default(),
             &mut paths,
-            &mut |x| seen.push(x.to_vec()),
+            &mut |x| {
+                seen.push(x.to_vec());
+                ControlFlow::Continue(())
+            },
         );
         assert_eq!(seen.len(), 8);
         assert_eq!(seen[7], paths);

@@ -1,0 +1,292 @@
+//! Group normalisation, a factor and a summand for each channel, and SiLU in one pass; and the gradient of the whole.
+//!
+//! Each of [`GROUPS`] groups of channels is normalised over its channels and all frames of one candidate.
+
+use crate::activation::sigmoid;
+use crate::conv::Rows;
+use crate::lanes::{LANES, Lanes};
+use crate::simd::{Kernel, dispatch};
+use crate::weights_file::{WeightsError, WeightsFile};
+
+/// Groups of channels that are normalised together.
+pub(crate) const GROUPS: usize = 8;
+/// PyTorch's default.
+const EPSILON: f32 = 1e-5;
+
+/// Factor and summand of each channel, applied after the normalisation.
+#[derive(Clone, Default)]
+pub(crate) struct Affine {
+    pub(crate) gain: Vec<f32>,
+    pub(crate) offset: Vec<f32>,
+}
+
+impl Affine {
+    /// Loads `name`.weight and `name`.bias.
+    pub(crate) fn load(
+        file: &WeightsFile,
+        name: &str,
+        channels: usize,
+    ) -> Result<Self, WeightsError> {
+        let part = |suffix: &str| {
+            file.tensor(&format!("{name}.{suffix}"), &[channels])
+                .map(<[f32]>::to_vec)
+        };
+        Ok(Self {
+            gain: part("weight")?,
+            offset: part("bias")?,
+        })
+    }
+}
+
+/// What normalisation found: candidates × channels, where the channels of a group share their values.
+#[derive(Default)]
+pub(crate) struct Statistics {
+    mean: Vec<f32>,
+    /// 1 / √(variance + ε).
+    scale: Vec<f32>,
+}
+
+/// out = SiLU(normalised(x) · gain + offset); notes the statistics for [`pull_back`].
+pub(crate) fn apply(x: &Rows, affine: &Affine, statistics: &mut Statistics, out: &mut Rows) {
+    assert_eq!(affine.gain.len(), x.channels(), "channels");
+    assert_eq!(x.channels() % LANES, 0, "whole registers");
+    out.shape(x.candidates(), x.height(), x.channels());
+    for values in [&mut statistics.mean, &mut statistics.scale] {
+        values.resize(x.candidates() * x.channels(), 0.0);
+    }
+    dispatch(Forward {
+        x,
+        affine,
+        statistics,
+        out,
+    });
+}
+
+/// Turns the gradient with respect to the output of [`apply`] into that with respect to its input, in place.
+pub(crate) fn pull_back(
+    x: &Rows,
+    affine: &Affine,
+    statistics: &Statistics,
+    gradient: &mut Rows,
+    sums: &mut [Vec<f32>; 2],
+) {
+    for sum in sums.iter_mut() {
+        sum.resize(x.channels(), 0.0);
+    }
+    dispatch(Backward {
+        x,
+        affine,
+        statistics,
+        gradient,
+        sums,
+    });
+}
+
+struct Forward<'a> {
+    x: &'a Rows,
+    affine: &'a Affine,
+    statistics: &'a mut Statistics,
+    out: &'a mut Rows,
+}
+
+impl Kernel for Forward<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let channels = self.x.channels();
+        let means = self.statistics.mean.chunks_exact_mut(channels);
+        let scales = self.statistics.scale.chunks_exact_mut(channels);
+        let candidates = self.x.each().zip(self.out.each_mut());
+        for ((x, out), (mean, scale)) in candidates.zip(means.zip(scales)) {
+            measure::<L>(x, mean, scale);
+            activate::<L>(x, self.affine, mean, scale, out);
+        }
+    }
+}
+
+/// Mean and scale of each group of height × channels values.
+#[inline(always)]
+fn measure<L: Lanes>(x: &[f32], mean: &mut [f32], scale: &mut [f32]) {
+    let channels = mean.len();
+    let share = GROUPS as f32 / x.len() as f32;
+    for first in (0..channels).step_by(LANES) {
+        let sums = sum_rows::<L>(x, channels, first, |v| v);
+        L::put(sums, part_mut(mean, first));
+    }
+    join_groups(mean, |sum| sum * share);
+    for first in (0..channels).step_by(LANES) {
+        let centre = L::get(part(mean, first));
+        let square = |v| {
+            let d = L::sub(v, centre);
+            L::mul(d, d)
+        };
+        L::put(
+            sum_rows::<L>(x, channels, first, square),
+            part_mut(scale, first),
+        );
+    }
+    join_groups(scale, |sum| 1.0 / (sum * share + EPSILON).sqrt());
+}
+
+#[inline(always)]
+fn activate<L: Lanes>(x: &[f32], affine: &Affine, mean: &[f32], scale: &[f32], out: &mut [f32]) {
+    let channels = mean.len();
+    for first in (0..channels).step_by(LANES) {
+        let (factor, summand) = folded::<L>(affine, mean, scale, first);
+        for (x, out) in x.chunks_exact(channels).zip(out.chunks_exact_mut(channels)) {
+            let y = L::fma(L::get(part(x, first)), factor, summand);
+            L::put(L::mul(y, sigmoid::<L>(y)), part_mut(out, first));
+        }
+    }
+}
+
+/// Normalisation and affine map as one factor and one summand.
+#[inline(always)]
+fn folded<L: Lanes>(
+    affine: &Affine,
+    mean: &[f32],
+    scale: &[f32],
+    first: usize,
+) -> (L::Values, L::Values) {
+    let factor = L::mul(
+        L::get(part(&affine.gain, first)),
+        L::get(part(scale, first)),
+    );
+    let centre = L::mul(L::get(part(mean, first)), factor);
+    (factor, L::sub(L::get(part(&affine.offset, first)), centre))
+}
+
+struct Backward<'a> {
+    x: &'a Rows,
+    affine: &'a Affine,
+    statistics: &'a Statistics,
+    gradient: &'a mut Rows,
+    sums: &'a mut [Vec<f32>; 2],
+}
+
+impl Kernel for Backward<'_> {
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let channels = self.x.channels();
+        let means = self.statistics.mean.chunks_exact(channels);
+        let scales = self.statistics.scale.chunks_exact(channels);
+        let candidates = self.x.each().zip(self.gradient.each_mut());
+        for ((x, gradient), (mean, scale)) in candidates.zip(means.zip(scales)) {
+            let normalised = Normalised { x, mean, scale };
+            normalised.through_activation::<L>(self.affine, gradient, self.sums);
+            normalised.through_norm::<L>(gradient, self.sums);
+        }
+    }
+}
+
+/// One candidate's input of a normalisation, and what it found there.
+struct Normalised<'a> {
+    x: &'a [f32],
+    mean: &'a [f32],
+    scale: &'a [f32],
+}
+
+impl Normalised<'_> {
+    /// Through SiLU and the affine map; leaves the averages of the gradient, and of gradient · normalised x.
+    #[inline(always)]
+    fn through_activation<L: Lanes>(
+        &self,
+        affine: &Affine,
+        gradient: &mut [f32],
+        sums: &mut [Vec<f32>; 2],
+    ) {
+        let Self { x, mean, scale } = *self;
+        let channels = mean.len();
+        let one = L::splat(1.0);
+        for first in (0..channels).step_by(LANES) {
+            let (factor, summand) = folded::<L>(affine, mean, scale, first);
+            let gain = L::get(part(&affine.gain, first));
+            let centre = L::get(part(mean, first));
+            let (mut total, mut along) = (L::splat(0.0), L::splat(0.0));
+            let rows = x.chunks_exact(channels);
+            for (x, g) in rows.zip(gradient.chunks_exact_mut(channels)) {
+                let x = L::get(part(x, first));
+                let y = L::fma(x, factor, summand);
+                let s = sigmoid::<L>(y);
+                // SiLU' = s + y s (1 − s)
+                let slope = L::fma(L::mul(y, s), L::sub(one, s), s);
+                let d = L::mul(L::mul(L::get(part(g, first)), slope), gain);
+                total = L::add(total, d);
+                along = L::fma(d, L::sub(x, centre), along);
+                L::put(d, part_mut(g, first));
+            }
+            L::put(total, part_mut(&mut sums[0], first));
+            let along = L::mul(along, L::get(part(scale, first)));
+            L::put(along, part_mut(&mut sums[1], first));
+        }
+        let share = GROUPS as f32 / x.len() as f32;
+        for sum in sums {
+            join_groups(sum, |sum| sum * share);
+        }
+    }
+
+    /// Through the normalisation: scale · (g − average g − normalised x · average (g · normalised x)).
+    #[inline(always)]
+    fn through_norm<L: Lanes>(&self, gradient: &mut [f32], averages: &[Vec<f32>; 2]) {
+        let channels = self.mean.len();
+        for first in (0..channels).step_by(LANES) {
+            let at = |values: &[f32]| L::get(part(values, first));
+            let (mean, scale) = (at(self.mean), at(self.scale));
+            // g · scale + x · slope + rest
+            let slope = L::mul(L::mul(scale, scale), at(&averages[1]));
+            let slope = L::sub(L::splat(0.0), slope);
+            let rest = L::fma(mean, slope, L::mul(scale, at(&averages[0])));
+            let rest = L::sub(L::splat(0.0), rest);
+            let rows = self.x.chunks_exact(channels);
+            for (x, g) in rows.zip(gradient.chunks_exact_mut(channels)) {
+                let along = L::fma(L::get(part(x, first)), slope, rest);
+                let d = L::fma(L::get(part(g, first)), scale, along);
+                L::put(d, part_mut(g, first));
+            }
+        }
+    }
+}
+
+/// Sums a function of the values of some channels over all rows, in a fixed order.
+#[inline(always)]
+fn sum_rows<L: Lanes>(
+    x: &[f32],
+    channels: usize,
+    first: usize,
+    of: impl Fn(L::Values) -> L::Values,
+) -> L::Values {
+    /// Independent chains of additions.
+    const CHAINS: usize = 4;
+    let mut sums = [L::splat(0.0); CHAINS];
+    let blocks = x.chunks_exact(CHAINS * channels);
+    assert!(blocks.remainder().is_empty(), "rows in fours");
+    for block in blocks {
+        for (sum, row) in sums.iter_mut().zip(block.chunks_exact(channels)) {
+            *sum = L::add(*sum, of(L::get(part(row, first))));
+        }
+    }
+    L::add(L::add(sums[0], sums[1]), L::add(sums[2], sums[3]))
+}
+
+/// Replaces each channel's value by a function of the sum over its group.
+#[inline(always)]
+fn join_groups(values: &mut [f32], of: impl Fn(f32) -> f32) {
+    let width = values.len() / GROUPS;
+    for group in values.chunks_exact_mut(width) {
+        let sum = group.iter().sum();
+        group.fill(of(sum));
+    }
+}
+
+#[inline(always)]
+fn part(values: &[f32], first: usize) -> &[f32; LANES] {
+    values[first..]
+        .first_chunk()
+        .expect("channels come in whole registers")
+}
+
+#[inline(always)]
+fn part_mut(values: &mut [f32], first: usize) -> &mut [f32; LANES] {
+    values[first..]
+        .first_chunk_mut()
+        .expect("channels come in whole registers")
+}
