@@ -1,50 +1,38 @@
-//! Kinematics of eight configurations at a time, and the damped step of the tip towards a point.
+//! Tip kinematics written so that a loop over many configurations becomes vector instructions.
 //!
 //! Everything about a section of bending angle θ, s = θ², follows from two power series without any division:
 //! q = (1 − A)/s and r = (1/2 − B)/s, so that A = 1 − s q, B = 1/2 − s r, dA/ds = (q − B)/2, dB/ds = r − q/2.
+//! There are no branches and no calls but inlined ones, and no fused operation: the result does not depend on the
+//! processor.
 
-use super::lanes::Lanes;
-use pcc_model::{DOF, Robot, SECTIONS};
+use pcc_model::{DOF, SECTIONS};
 
 /// λ of the damped pseudo-inverse Jᵀ(JJᵀ + λI)⁻¹ (docs/evaluation.md "The reference setting").
 pub(super) const DAMPING: f64 = 1e-4;
 /// Terms of the two series: the next one is below 1e-16 up to a bending angle of π.
 const TERMS: usize = 13;
 
+/// Shapes looked at together where work may be left out.
+const CHUNK: usize = 8;
+
 /// Three components.
-pub(super) type Vector = [Lanes; 3];
-/// Eight configurations.
-pub(super) type Shapes = [Lanes; DOF];
-
-/// What of the robot matters here.
-#[derive(Clone, Copy)]
-pub(super) struct Limbs {
-    /// Arc length of each section.
-    pub(super) lengths: [f64; SECTIONS],
-    /// Largest bending angle, rad, at most π.
-    pub(super) limit: f64,
-}
-
-impl Limbs {
-    pub(super) fn of(robot: &Robot) -> Self {
-        Self {
-            lengths: robot.section_lengths,
-            limit: robot.bending_limit,
-        }
-    }
-}
+pub(super) type Vector = [f64; 3];
+/// Rows of a rotation.
+pub(super) type Rotation = [Vector; 3];
+/// A configuration, radians.
+pub(super) type Shape = [f64; DOF];
 
 /// A section, or the part of it from its base.
 #[derive(Clone, Copy)]
 pub(super) struct Arc {
-    x: Lanes,
-    y: Lanes,
+    x: f64,
+    y: f64,
     length: f64,
-    a: Lanes,
-    b: Lanes,
-    q: Lanes,
-    r: Lanes,
-    cosine: Lanes,
+    a: f64,
+    b: f64,
+    q: f64,
+    r: f64,
+    cosine: f64,
 }
 
 /// 1/(2k+3)! and 1/(2k+4)! with alternating signs.
@@ -64,23 +52,23 @@ const SERIES: [[f64; 2]; TERMS] = {
 
 impl Arc {
     #[inline(always)]
-    pub(super) fn new(x: Lanes, y: Lanes, length: f64) -> Self {
+    pub(super) fn new(x: f64, y: f64, length: f64) -> Self {
         let s = x * x + y * y;
-        let [mut q, mut r] = SERIES[TERMS - 1].map(Lanes::splat);
+        let [mut q, mut r] = SERIES[TERMS - 1];
         for [q_term, r_term] in SERIES[..TERMS - 1].iter().rev() {
-            q = q * s + Lanes::splat(*q_term);
-            r = r * s + Lanes::splat(*r_term);
+            q = q * s + q_term;
+            r = r * s + r_term;
         }
-        let b = Lanes::splat(0.5) - s * r;
+        let b = 0.5 - s * r;
         Self {
             x,
             y,
             length,
-            a: Lanes::splat(1.0) - s * q,
+            a: 1.0 - s * q,
             b,
             q,
             r,
-            cosine: Lanes::splat(1.0) - s * b,
+            cosine: 1.0 - s * b,
         }
     }
 
@@ -108,54 +96,59 @@ impl Arc {
     /// Angular velocities of the end for unit rates of x and y, in the base frame (`side` 1) or the end frame (−1).
     #[inline(always)]
     fn angular_derivatives(&self, side: f64) -> [Vector; 2] {
-        let (x, y, one) = (self.x, self.y, Lanes::splat(1.0));
+        let (x, y) = (self.x, self.y);
         let (qx, qy, b) = (self.q * x, self.q * y, self.b * side);
         let cross = qx * y;
         [
-            [one - qy * y, cross, -(b * y)],
-            [cross, one - qx * x, b * x],
+            [1.0 - qy * y, cross, -(b * y)],
+            [cross, 1.0 - qx * x, b * x],
         ]
     }
 
     /// Rows of the rotation from the base to the end.
     #[inline(always)]
-    pub(super) fn rotation(&self) -> [Vector; 3] {
-        let (x, y, one) = (self.x, self.y, Lanes::splat(1.0));
+    pub(super) fn rotation(&self) -> Rotation {
+        let (x, y) = (self.x, self.y);
         let (ax, ay, bx, by) = (self.a * x, self.a * y, self.b * x, self.b * y);
         let cross = bx * y;
         [
-            [one - by * y, cross, ay],
-            [cross, one - bx * x, -ax],
+            [1.0 - by * y, cross, ay],
+            [cross, 1.0 - bx * x, -ax],
             [-ay, ax, self.cosine],
         ]
     }
 }
 
-/// What one look at the tips finds out.
+/// What one look at a tip finds out.
 pub(super) struct TipStep {
-    /// Squared distance of each tip to its point.
-    pub(super) squared_distance: Lanes,
-    /// The shapes after one damped step towards the points, inside the limits.
-    pub(super) next: Shapes,
+    /// Squared distance of the tip to its point.
+    pub(super) squared_distance: f64,
+    /// The shape after one damped step towards the point; it may be outside the bending limit.
+    pub(super) next: Shape,
 }
 
-/// Looks at the tips of eight shapes and makes the damped step J⁺(e − J w) + w towards `points` with the wish w.
+/// Looks at the tip of a shape and makes the damped step J⁺(e − J w) + w towards `point` with the wish w.
 #[inline(always)]
-pub(super) fn tip_step(limbs: &Limbs, shapes: &Shapes, points: &Vector, wish: &Shapes) -> TipStep {
-    let (error, jacobian) = tip_in_first_frame(&limbs.lengths, shapes, points);
-    let wished = [0, 1, 2].map(|axis| {
-        let mut sum = jacobian[0][axis] * wish[0];
+pub(super) fn tip_step(
+    lengths: &[f64; SECTIONS],
+    shape: &Shape,
+    point: &Vector,
+    wish: &Shape,
+) -> TipStep {
+    let (error, jacobian) = tip_in_first_frame(lengths, shape, point);
+    let mut left = error;
+    for axis in 0..3 {
+        let mut wished = jacobian[0][axis] * wish[0];
         for d in 1..DOF {
-            sum = sum + jacobian[d][axis] * wish[d];
+            wished += jacobian[d][axis] * wish[d];
         }
-        sum
-    });
-    let pull = solve_damped(&jacobian, &subtract(&error, &wished));
-    let mut next = *shapes;
-    for d in 0..DOF {
-        next[d] = next[d] + (wish[d] + dot(&jacobian[d], &pull));
+        left[axis] -= wished;
     }
-    project(limbs.limit, &mut next);
+    let pull = solve_damped(&jacobian, &left);
+    let mut next = *shape;
+    for d in 0..DOF {
+        next[d] += wish[d] + dot(&jacobian[d], &pull);
+    }
     TipStep {
         squared_distance: dot(&error, &error),
         next,
@@ -168,57 +161,47 @@ pub(super) fn tip_step(limbs: &Limbs, shapes: &Shapes, points: &Vector, wish: &S
 #[inline(always)]
 fn tip_in_first_frame(
     lengths: &[f64; SECTIONS],
-    shapes: &Shapes,
-    points: &Vector,
+    shape: &Shape,
+    point: &Vector,
 ) -> (Vector, [Vector; DOF]) {
-    let [first, second, third] =
-        [0, 1, 2].map(|i| Arc::new(shapes[2 * i], shapes[2 * i + 1], lengths[i]));
+    let first = Arc::new(shape[0], shape[1], lengths[0]);
+    let second = Arc::new(shape[2], shape[3], lengths[1]);
+    let third = Arc::new(shape[4], shape[5], lengths[2]);
     let turn = second.rotation();
     let third_in_first = rotate(&turn, &third.end());
     let beyond = add(&second.end(), &third_in_first);
-    let third_columns = third.end_derivatives().map(|d| rotate(&turn, &d));
-    let (linear, angular) = (second.end_derivatives(), second.angular_derivatives(1.0));
-    let second_columns = [0, 1].map(|k| add(&linear[k], &cross(&angular[k], &third_in_first)));
+    let [third_x, third_y] = third.end_derivatives();
+    let [x, y] = second.end_derivatives();
+    let [turn_x, turn_y] = second.angular_derivatives(1.0);
+    let second_x = add(&x, &cross(&turn_x, &third_in_first));
+    let second_y = add(&y, &cross(&turn_y, &third_in_first));
+    let (third_x, third_y) = (rotate(&turn, &third_x), rotate(&turn, &third_y));
     let turn = first.rotation();
-    let (linear, angular) = (first.end_derivatives(), first.angular_derivatives(-1.0));
-    let first_columns = [0, 1].map(|k| {
-        add(
-            &rotate_back(&turn, &linear[k]),
-            &cross(&angular[k], &beyond),
-        )
-    });
-    let error = rotate_back(&turn, &subtract(points, &first.end()));
-    let columns = [
-        first_columns[0],
-        first_columns[1],
-        second_columns[0],
-        second_columns[1],
-        third_columns[0],
-        third_columns[1],
-    ];
+    let [x, y] = first.end_derivatives();
+    let [turn_x, turn_y] = first.angular_derivatives(-1.0);
+    let first_x = add(&rotate_back(&turn, &x), &cross(&turn_x, &beyond));
+    let first_y = add(&rotate_back(&turn, &y), &cross(&turn_y, &beyond));
+    let error = rotate_back(&turn, &subtract(point, &first.end()));
+    let columns = [first_x, first_y, second_x, second_y, third_x, third_y];
     (subtract(&error, &beyond), columns)
 }
 
 /// (JJᵀ + λI)⁻¹ v by cofactors.
 #[inline(always)]
 fn solve_damped(jacobian: &[Vector; DOF], v: &Vector) -> Vector {
-    let gram = |a: usize, b: usize| {
-        let mut sum = jacobian[0][a] * jacobian[0][b];
-        for column in &jacobian[1..] {
-            sum = sum + column[a] * column[b];
-        }
-        sum
-    };
-    let damping = Lanes::splat(DAMPING);
-    let (xx, yy, zz) = (
-        gram(0, 0) + damping,
-        gram(1, 1) + damping,
-        gram(2, 2) + damping,
-    );
-    let (xy, xz, yz) = (gram(0, 1), gram(0, 2), gram(1, 2));
+    let (mut xx, mut yy, mut zz) = (DAMPING, DAMPING, DAMPING);
+    let (mut xy, mut xz, mut yz) = (0.0, 0.0, 0.0);
+    for [x, y, z] in jacobian {
+        xx += x * x;
+        yy += y * y;
+        zz += z * z;
+        xy += x * y;
+        xz += x * z;
+        yz += y * z;
+    }
     let (c00, c01, c02) = (yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy);
     let (c11, c12, c22) = (xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy);
-    let inverse = Lanes::splat(1.0) / (xx * c00 + xy * c01 + xz * c02);
+    let inverse = 1.0 / (xx * c00 + xy * c01 + xz * c02);
     [
         (c00 * v[0] + c01 * v[1] + c02 * v[2]) * inverse,
         (c01 * v[0] + c11 * v[1] + c12 * v[2]) * inverse,
@@ -226,26 +209,28 @@ fn solve_damped(jacobian: &[Vector; DOF], v: &Vector) -> Vector {
     ]
 }
 
-/// Brings eight shapes inside the bending limit, section by section.
+/// Brings the bending pairs (x, y) of one section of many shapes inside the bending limit.
 #[inline(always)]
-fn project(limit: f64, shapes: &mut Shapes) {
-    for i in 0..SECTIONS {
-        let (x, y) = (shapes[2 * i], shapes[2 * i + 1]);
-        let s = x * x + y * y;
-        if s.any_above(limit * limit) {
-            let one = Lanes::splat(1.0);
-            let inside = s.choose_below(
-                Lanes::splat(limit * limit),
-                one,
-                Lanes::splat(limit) / s.sqrt(),
-            );
-            (shapes[2 * i], shapes[2 * i + 1]) = (x * inside, y * inside);
+pub(super) fn project_section(limit: f64, x: &mut [f64], y: &mut [f64]) {
+    for (x, y) in x.chunks_mut(CHUNK).zip(y.chunks_mut(CHUNK)) {
+        let mut largest = 0.0_f64;
+        for (x, y) in x.iter().zip(&*y) {
+            let squared = x * x + y * y;
+            largest = if squared > largest { squared } else { largest };
+        }
+        if largest > limit * limit {
+            for (x, y) in x.iter_mut().zip(y) {
+                let squared = *x * *x + *y * *y;
+                let inside = limit / squared.sqrt();
+                let factor = if squared > limit * limit { inside } else { 1.0 };
+                (*x, *y) = (*x * factor, *y * factor);
+            }
         }
     }
 }
 
 #[inline(always)]
-pub(super) fn dot(a: &Vector, b: &Vector) -> Lanes {
+fn dot(a: &Vector, b: &Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
@@ -255,7 +240,7 @@ pub(super) fn add(a: &Vector, b: &Vector) -> Vector {
 }
 
 #[inline(always)]
-pub(super) fn subtract(a: &Vector, b: &Vector) -> Vector {
+fn subtract(a: &Vector, b: &Vector) -> Vector {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
@@ -268,14 +253,61 @@ fn cross(a: &Vector, b: &Vector) -> Vector {
     ]
 }
 
-/// R v, R given by its rows.
 #[inline(always)]
-pub(super) fn rotate(rows: &[Vector; 3], v: &Vector) -> Vector {
+pub(super) fn rotate(rows: &Rotation, v: &Vector) -> Vector {
     [dot(&rows[0], v), dot(&rows[1], v), dot(&rows[2], v)]
 }
 
-/// Rᵀ v, R given by its rows.
 #[inline(always)]
-fn rotate_back(rows: &[Vector; 3], v: &Vector) -> Vector {
-    [0, 1, 2].map(|k| rows[0][k] * v[0] + rows[1][k] * v[1] + rows[2][k] * v[2])
+fn rotate_back(rows: &Rotation, v: &Vector) -> Vector {
+    [
+        rows[0][0] * v[0] + rows[1][0] * v[1] + rows[2][0] * v[2],
+        rows[0][1] * v[0] + rows[1][1] * v[1] + rows[2][1] * v[2],
+        rows[0][2] * v[0] + rows[1][2] * v[1] + rows[2][2] * v[2],
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::unit_robot;
+    use nalgebra::Matrix3;
+    use pcc_model::{Configuration, Point};
+
+    /// From straight to bent by almost π.
+    const SHAPES: [Shape; 4] = [
+        [0.0; DOF],
+        [1e-9, 0.0, 0.3, -0.2, 0.0, 1e-5],
+        [0.9, -0.4, -1.0, 0.6, 0.4, 1.2],
+        [3.1, 0.0, -2.0, 2.3, 0.0, -3.1],
+    ];
+
+    #[test]
+    fn the_step_is_the_models_damped_one() {
+        let mut robot = unit_robot();
+        robot.section_lengths = [1.0, 0.7, 1.2];
+        let (point, wish) = (Point::new(0.4, -0.3, 1.9), [0.1, -0.2, 0.3, 0.0, 0.2, -0.1]);
+        for shape in SHAPES {
+            let (q, w) = (Configuration::from(shape), Configuration::from(wish));
+            let error = point - robot.tip(&q);
+            let jacobian = robot.backbone(&q).tip_jacobian();
+            let normal = jacobian * jacobian.transpose() + Matrix3::identity() * DAMPING;
+            let pull = normal.cholesky().unwrap().solve(&(error - jacobian * w));
+            let expected = q + w + jacobian.transpose() * pull;
+            let step = tip_step(&robot.section_lengths, &shape, &point.into(), &wish);
+            assert!((step.squared_distance - error.norm_squared()).abs() < 1e-13);
+            let miss = (Configuration::from(step.next) - expected).norm();
+            assert!(miss < 1e-9 * expected.norm().max(1.0), "{miss}");
+        }
+    }
+
+    #[test]
+    fn projection_moves_only_what_is_beyond_the_limit() {
+        let (mut x, mut y) = ([0.3, 3.0, 0.0, 0.0], [0.4, 4.0, 0.0, -2.0]);
+        project_section(1.0, &mut x, &mut y);
+        assert_eq!(
+            (x, y),
+            ([0.3, 0.6000000000000001, 0.0, 0.0], [0.4, 0.8, 0.0, -1.0])
+        );
+    }
 }

@@ -4,8 +4,8 @@
 //! repaired; what reaches, moves in small enough steps and is clear by the sampled criterion is kept. Checked against
 //! the paths of the authors' program: from the same ends it makes the same paths.
 
+mod dispatch;
 mod kinematics;
-mod lanes;
 mod repair;
 mod sampled;
 mod solver;
@@ -16,7 +16,7 @@ use super::format::{Check, Row};
 use super::generate::{Recipe, split_of};
 use crate::path::{WAYPOINTS, Waypoints};
 use crate::scenes::{STARTS, draw_balls};
-use collision::{Ball, Scene, certify_polyline};
+use collision::{Scene, certify_polyline};
 use pcc_model::{Configuration, Point, Robot};
 use rand_pcg::Pcg64;
 use repair::Repairer;
@@ -44,9 +44,9 @@ pub struct DroppedTargets {
 pub struct DroppedPaths {
     /// The straight way of the tip could not be followed.
     pub workspace_ik: usize,
-    /// A step between neighbouring waypoints is too large.
+    /// A step between neighbouring waypoints is too large, without a repair.
     pub path_constraints: usize,
-    /// It collides, and the repair did not help.
+    /// It collides, and the repair failed or left too large steps.
     pub collision_repair: usize,
 }
 
@@ -136,7 +136,7 @@ impl Generator<'_> {
         let before = self.rows.len();
         for (start_index, start) in case.starts.iter().enumerate().take(self.recipe.starts) {
             for (ik_index, end) in case.terminals.iter().enumerate().take(self.recipe.ends) {
-                if let Some(path) = self.path(case.scene.balls(), &case.tip, start, end) {
+                if let Some(path) = self.path(&case, start, end) {
                     self.keep(&case, start_index, ik_index, path);
                 }
             }
@@ -150,9 +150,10 @@ impl Generator<'_> {
     fn draw(&mut self, index: u64) -> Option<Case> {
         let mut rng = Pcg64::new(u128::from(self.recipe.seed), u128::from(index) | 1 << 64);
         let balls = draw_balls(self.recipe.setting, index, &mut rng);
+        let scene = Scene::new(balls).expect("the balls of a setting are few and finite");
         let place = Place {
             robot: self.robot,
-            balls: &balls,
+            balls: scene.balls(),
         };
         let dropped = &mut self.report.target_discarded_counts;
         let solved = place
@@ -168,38 +169,38 @@ impl Generator<'_> {
         };
         Some(Case {
             index,
-            scene: Scene::new(balls).ok()?,
-            tip,
-            terminals,
             starts,
+            terminals,
+            tip,
+            scene,
         })
     }
 
     /// The path from a start to a terminal solution, counted if it is dropped.
     fn path(
         &mut self,
-        balls: &[Ball],
-        target: &Point,
+        case: &Case,
         start: &Configuration,
         end: &Configuration,
     ) -> Option<Waypoints> {
+        let (solver, balls) = (&mut self.solver, case.scene.balls());
         let dropped = &mut self.report.path_failure_counts;
-        self.solver.start(self.robot, target, start, end);
-        if !self.solver.solve() {
+        solver.start(self.robot, &case.tip, start, end);
+        if !solver.solve() {
             dropped.workspace_ik += 1;
             return None;
         }
-        if !self.repairer.make_clear(&mut self.solver, balls) {
+        let small_steps = |solver: &PathSolver| solver.largest_step() <= LARGEST_STEP;
+        if self.repairer.is_clear(solver, balls) {
+            if !small_steps(solver) {
+                dropped.path_constraints += 1;
+                return None;
+            }
+        } else if !(self.repairer.repair(solver, balls) && small_steps(solver)) {
             dropped.collision_repair += 1;
             return None;
         }
-        let path: Waypoints = (0..WAYPOINTS).map(|h| self.solver.frame(h)).collect();
-        let largest = path.windows(2).map(|w| (w[1] - w[0]).norm());
-        if largest.fold(0.0, f64::max) > LARGEST_STEP {
-            dropped.path_constraints += 1;
-            return None;
-        }
-        Some(path)
+        Some((0..WAYPOINTS).map(|h| solver.frame(h)).collect())
     }
 
     /// Adds a row; what is checked is the path as it will be stored, with single precision.
@@ -226,5 +227,125 @@ fn exact_check(robot: &Robot, scene: &Scene, path: &[Configuration]) -> Check {
     Check {
         clearance: path.iter().map(clearance).fold(f64::INFINITY, f64::min) as f32,
         is_certified: certify_polyline(robot, scene, path).is_free(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Dataset;
+    use crate::scenes::{Setting, unit_robot};
+    use std::path::Path;
+
+    fn recipe(setting: Setting, starts: usize, ends: usize) -> Recipe {
+        Recipe {
+            setting,
+            seed: 11,
+            starts,
+            ends,
+            test_only: false,
+        }
+    }
+
+    /// The authors stored single precision, from which some solves and repairs start a little differently.
+    #[test]
+    fn from_their_ends_the_authors_paths_come_out() {
+        let folder = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../../tests/data/reference-mixed-sample"
+        );
+        let sample = Dataset::read(Path::new(folder)).unwrap();
+        let robot = unit_robot();
+        let (mut solver, mut repairer) = (PathSolver::new(&robot), Repairer::new(&robot));
+        let mut repaired = 0;
+        for row in &sample.rows {
+            let [start, end] = [row.path[0], row.path[63]];
+            solver.start(&robot, &row.target_tip, &start, &end);
+            assert!(solver.solve());
+            let is_clear = repairer.is_clear(&solver, &row.balls);
+            assert!(is_clear || repairer.repair(&mut solver, &row.balls));
+            repaired += usize::from(!is_clear);
+            let miss = |(h, shape)| (solver.frame(h) - shape as &Configuration).amax();
+            let miss = row.path.iter().enumerate().map(miss).fold(0.0, f64::max);
+            assert!(miss < if is_clear { 5e-6 } else { 3e-4 }, "{miss}");
+        }
+        assert_eq!(repaired, 13, "the sample has repaired paths");
+    }
+
+    #[test]
+    fn kept_paths_keep_the_limits_and_every_path_is_accounted_for() {
+        let robot = unit_robot();
+        let (rows, report) =
+            generate_paper_block(&robot, &recipe(Setting::Reference, 5, 10), 0..60);
+        let (targets, paths) = (report.target_discarded_counts, report.path_failure_counts);
+        let lost_targets = targets.terminal_ik + targets.start_sampling;
+        let lost = paths.workspace_ik + paths.path_constraints + paths.collision_repair;
+        assert_eq!(report.requested_paths, 60 * 50);
+        assert_eq!(
+            rows.len() + lost + 50 * lost_targets,
+            report.requested_paths
+        );
+        assert!(targets.terminal_ik > 0 && targets.start_sampling > 0);
+        assert!(paths.workspace_ik > 0 && paths.path_constraints > 0 && paths.collision_repair > 0);
+        for row in &rows {
+            let largest = row
+                .path
+                .windows(2)
+                .map(|w| (w[1] - w[0]).norm())
+                .fold(0.0, f64::max);
+            assert!(largest <= LARGEST_STEP + 1e-6);
+            assert!(
+                row.path
+                    .iter()
+                    .all(|shape| robot.limit_excess(shape) < 1e-6)
+            );
+            assert!((robot.tip(&row.path[63]) - row.target_tip).norm() <= 1.001e-3);
+            let mut sampled = f64::INFINITY;
+            for (shape, ball) in row
+                .path
+                .iter()
+                .flat_map(|q| row.balls.iter().map(move |b| (q, b)))
+            {
+                let backbone = robot.backbone(shape);
+                for (section, third) in (0..3).flat_map(|s| (1..=3).map(move |t| (s, t))) {
+                    let point = backbone.point(section, f64::from(third) / 3.0);
+                    sampled = sampled.min((point - ball.centre).norm() - ball.radius - 0.2);
+                }
+            }
+            assert!(sampled > -1e-6);
+            let check = row.check.unwrap();
+            assert!(f64::from(check.clearance) <= sampled + 1e-6);
+            assert!(!check.is_certified || check.clearance >= 0.0);
+        }
+    }
+
+    #[test]
+    fn a_target_without_a_path_is_dropped() {
+        let robot = unit_robot();
+        let (rows, report) =
+            generate_paper_block(&robot, &recipe(Setting::ObstacleFree, 1, 1), 0..24);
+        assert!(report.target_discarded_counts.zero_retained_paths > 0);
+        assert_eq!(report.actual_targets, rows.len());
+    }
+
+    #[test]
+    fn blocks_do_not_depend_on_how_targets_are_divided() {
+        let (robot, recipe) = (unit_robot(), recipe(Setting::General(None), 2, 3));
+        let (whole, mut sum) = generate_paper_block(&robot, &recipe, 0..12);
+        let (first, report) = generate_paper_block(&robot, &recipe, 0..5);
+        let (second, more) = generate_paper_block(&robot, &recipe, 5..12);
+        let parts: Vec<_> = first
+            .into_iter()
+            .chain(second)
+            .map(|row| row.path)
+            .collect();
+        assert!(whole.len() > 10);
+        assert_eq!(
+            whole.into_iter().map(|row| row.path).collect::<Vec<_>>(),
+            parts
+        );
+        let mut parts = report;
+        parts += more;
+        assert_eq!(parts, std::mem::take(&mut sum));
     }
 }

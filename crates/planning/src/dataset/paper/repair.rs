@@ -1,8 +1,7 @@
 //! Repair of a colliding path by an artificial potential field: push, smooth the tip line, follow it again.
 
 use super::kinematics::DAMPING;
-use super::lanes::LANES;
-use super::sampled::{deepest, distances};
+use super::sampled::Samples;
 use super::solver::PathSolver;
 use super::spline::LineSmoother;
 use crate::path::WAYPOINTS;
@@ -21,6 +20,7 @@ const AXIS: f64 = 1e-9;
 pub(super) struct Repairer<'a> {
     robot: &'a Robot,
     smoother: LineSmoother,
+    samples: Samples<WAYPOINTS>,
     tips: [Point; WAYPOINTS],
 }
 
@@ -29,16 +29,24 @@ impl<'a> Repairer<'a> {
         Self {
             robot,
             smoother: LineSmoother::new(),
+            samples: Samples::new(),
             tips: [Point::zeros(); WAYPOINTS],
         }
     }
 
-    /// Whether every frame is clear by the tube radius, after at most [`ROUNDS`] rounds.
-    pub(super) fn make_clear(&mut self, solver: &mut PathSolver, balls: &[Ball]) -> bool {
+    /// Whether every frame is clear by the tube radius.
+    pub(super) fn is_clear(&mut self, solver: &PathSolver, balls: &[Ball]) -> bool {
+        let (robot, components) = (self.robot, solver.components());
+        self.samples.look(&robot.section_lengths, balls, components);
+        self.samples
+            .distances
+            .iter()
+            .all(|d| *d >= robot.tube_radius)
+    }
+
+    /// Repairs the path that [`Self::is_clear`] has just found not to be; whether it is clear now.
+    pub(super) fn repair(&mut self, solver: &mut PathSolver, balls: &[Ball]) -> bool {
         for _ in 0..ROUNDS {
-            if self.is_clear(solver, balls) {
-                return true;
-            }
             self.push(solver, balls);
             for (h, tip) in self.tips.iter_mut().enumerate() {
                 *tip = self.robot.tip(&solver.frame(h));
@@ -48,32 +56,19 @@ impl<'a> Repairer<'a> {
             if !solver.solve() {
                 return false;
             }
+            if self.is_clear(solver, balls) {
+                return true;
+            }
         }
-        self.is_clear(solver, balls)
+        false
     }
 
-    fn is_clear(&self, solver: &PathSolver, balls: &[Ball]) -> bool {
-        let margin = self.robot.tube_radius;
-        balls.is_empty()
-            || (0..WAYPOINTS).step_by(LANES).all(|first| {
-                let shapes = solver.shapes(first);
-                let nearest = distances(&self.robot.section_lengths, balls, &shapes);
-                nearest.0.iter().all(|distance| *distance >= margin)
-            })
-    }
-
+    /// Pushes the frames that were last looked at.
     fn push(&self, solver: &mut PathSolver, balls: &[Ball]) {
         let margin = REPULSION * self.robot.tube_radius;
-        for first in (0..WAYPOINTS).step_by(LANES) {
-            let shapes = solver.shapes(first);
-            let deepest = deepest(&self.robot.section_lengths, balls, &shapes);
-            for lane in 0..LANES {
-                let h = first + lane;
-                let is_end = h == 0 || h == WAYPOINTS - 1;
-                if is_end || deepest.distance.0[lane] >= margin {
-                    continue;
-                }
-                let (section, fraction, ball) = deepest.of(lane);
+        for h in 1..WAYPOINTS - 1 {
+            if self.samples.distances[h] < margin {
+                let (section, fraction, ball) = self.samples.deepest(h);
                 let shape = solver.frame(h);
                 let pushed = self.pushed(&shape, section, fraction, &balls[ball], margin);
                 solver.set_frame(h, &pushed);
@@ -112,4 +107,18 @@ fn way_out(from_centre: &Point, radius: f64) -> Point {
     let wanted = (radius * radius - height * height).max(0.0).sqrt();
     let scale = (wanted - out) / out;
     Point::new(from_centre.x * scale, from_centre.y * scale, 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_leaves_the_sphere_at_its_height() {
+        let inside = Point::new(0.3, -0.4, 0.2);
+        let outside = inside + way_out(&inside, 0.7);
+        assert!((outside.norm() - 0.7).abs() < 1e-15 && outside.z == inside.z);
+        let on_axis = Point::new(0.0, 0.0, -0.25);
+        assert_eq!(way_out(&on_axis, 0.75), Point::new(0.0, 0.0, -0.5));
+    }
 }

@@ -1,93 +1,193 @@
 //! The reference's own criterion of collision: nine points of the backbone, three a section, against the balls.
 
-use super::kinematics::{Arc, Shapes, Vector, add, dot, rotate, subtract};
-use super::lanes::Lanes;
+use super::dispatch::{Kernel, dispatch};
+use super::kinematics::{Arc, Shape, Vector, add, rotate};
 use collision::Ball;
-use pcc_model::SECTIONS;
+use pcc_model::{DOF, SECTIONS};
 
 /// Fractions of each section that are looked at.
-pub(super) const FRACTIONS: [f64; 3] = [1.0 / 3.0, 2.0 / 3.0, 1.0];
+const FRACTIONS: [f64; 3] = [1.0 / 3.0, 2.0 / 3.0, 1.0];
 /// Points looked at.
 const POINTS: usize = SECTIONS * FRACTIONS.len();
 
-/// The nine points of eight shapes, from the base on.
+/// The deepest of the nine points of each of N shapes.
+pub(super) struct Samples<const N: usize> {
+    points: [[[f64; N]; 3]; POINTS],
+    /// Its distance to the ball's surface; +∞ without balls.
+    pub(super) distances: [f64; N],
+    /// Its number, from the base on.
+    points_of: [f64; N],
+    /// The index of its ball.
+    balls_of: [f64; N],
+}
+
+impl<const N: usize> Samples<N> {
+    pub(super) fn new() -> Self {
+        Self {
+            points: [[[0.0; N]; 3]; POINTS],
+            distances: [f64::INFINITY; N],
+            points_of: [0.0; N],
+            balls_of: [0.0; N],
+        }
+    }
+
+    /// Looks at N shapes, given component by component.
+    pub(super) fn look(
+        &mut self,
+        lengths: &[f64; SECTIONS],
+        balls: &[Ball],
+        components: [&[f64]; DOF],
+    ) {
+        self.distances = [f64::INFINITY; N];
+        if !balls.is_empty() {
+            dispatch(Look {
+                lengths,
+                balls,
+                components,
+                samples: self,
+            });
+        }
+    }
+
+    /// Section, fraction of it, and index of the ball, where shape i is deepest.
+    pub(super) fn deepest(&self, i: usize) -> (usize, f64, usize) {
+        let (point, per_section) = (self.points_of[i] as usize, FRACTIONS.len());
+        let ball = self.balls_of[i] as usize;
+        (point / per_section, FRACTIONS[point % per_section], ball)
+    }
+}
+
+struct Look<'a, const N: usize> {
+    lengths: &'a [f64; SECTIONS],
+    balls: &'a [Ball],
+    components: [&'a [f64]; DOF],
+    samples: &'a mut Samples<N>,
+}
+
+impl<const N: usize> Kernel for Look<'_, N> {
+    #[inline(always)]
+    fn run(self) {
+        place_points(self.lengths, self.components, &mut self.samples.points);
+        for (b, ball) in self.balls.iter().enumerate() {
+            look_at(ball, b as f64, self.samples);
+        }
+    }
+}
+
 #[inline(always)]
-fn points(lengths: &[f64; SECTIONS], shapes: &Shapes) -> [Vector; POINTS] {
-    let zero = Lanes::splat(0.0);
-    let mut out = [[zero; 3]; POINTS];
-    let parts = |i: usize| {
-        FRACTIONS.map(|f| Arc::new(shapes[2 * i] * f, shapes[2 * i + 1] * f, lengths[i] * f))
-    };
-    let [first, second, third] = [parts(0), parts(1), parts(2)];
-    let (first_turn, second_turn) = (first[2].rotation(), second[2].rotation());
-    let (first_end, second_end) = (first[2].end(), second[2].end());
-    for k in 0..FRACTIONS.len() {
-        out[k] = first[k].end();
-        out[3 + k] = add(&first_end, &rotate(&first_turn, &second[k].end()));
-        let in_first = add(&second_end, &rotate(&second_turn, &third[k].end()));
+fn place_points<const N: usize>(
+    lengths: &[f64; SECTIONS],
+    components: [&[f64]; DOF],
+    points: &mut [[[f64; N]; 3]; POINTS],
+) {
+    let [c0, c1, c2, c3, c4, c5] = components;
+    let [c0, c1, c2, c3, c4, c5] = [&c0[..N], &c1[..N], &c2[..N], &c3[..N], &c4[..N], &c5[..N]];
+    for i in 0..N {
+        let nine = nine_points(lengths, &[c0[i], c1[i], c2[i], c3[i], c4[i], c5[i]]);
+        for k in 0..POINTS {
+            for axis in 0..3 {
+                points[k][axis][i] = nine[k][axis];
+            }
+        }
+    }
+}
+
+/// Takes over, where it is deeper than what was found before, the deepest of the nine points in one ball.
+#[inline(always)]
+fn look_at<const N: usize>(ball: &Ball, name: f64, samples: &mut Samples<N>) {
+    let (mut nearest, mut nearest_point) = ([f64::INFINITY; N], [0.0; N]);
+    let centre = [ball.centre.x, ball.centre.y, ball.centre.z];
+    for (k, [xs, ys, zs]) in samples.points.iter().enumerate() {
+        for i in 0..N {
+            let (x, y, z) = (xs[i] - centre[0], ys[i] - centre[1], zs[i] - centre[2]);
+            let squared = x * x + y * y + z * z;
+            let is_nearer = squared < nearest[i];
+            nearest[i] = if is_nearer { squared } else { nearest[i] };
+            nearest_point[i] = if is_nearer {
+                k as f64
+            } else {
+                nearest_point[i]
+            };
+        }
+    }
+    for i in 0..N {
+        let distance = nearest[i].sqrt() - ball.radius;
+        let is_deeper = distance < samples.distances[i];
+        samples.distances[i] = if is_deeper {
+            distance
+        } else {
+            samples.distances[i]
+        };
+        samples.points_of[i] = if is_deeper {
+            nearest_point[i]
+        } else {
+            samples.points_of[i]
+        };
+        samples.balls_of[i] = if is_deeper { name } else { samples.balls_of[i] };
+    }
+}
+
+/// The nine points of a shape, from the base on.
+#[inline(always)]
+fn nine_points(lengths: &[f64; SECTIONS], shape: &Shape) -> [Vector; POINTS] {
+    let first = Arc::new(shape[0], shape[1], lengths[0]);
+    let second = Arc::new(shape[2], shape[3], lengths[1]);
+    let (first_turn, second_turn) = (first.rotation(), second.rotation());
+    let (first_end, second_end) = (first.end(), second.end());
+    let mut out = [[0.0; 3]; POINTS];
+    for (k, f) in FRACTIONS.into_iter().enumerate() {
+        let part = |i: usize| Arc::new(shape[2 * i] * f, shape[2 * i + 1] * f, lengths[i] * f);
+        out[k] = part(0).end();
+        out[3 + k] = add(&first_end, &rotate(&first_turn, &part(1).end()));
+        let in_first = add(&second_end, &rotate(&second_turn, &part(2).end()));
         out[6 + k] = add(&first_end, &rotate(&first_turn, &in_first));
     }
     out
 }
 
-/// Smallest distance of the nine points of eight shapes to the balls' surfaces; +∞ without balls.
-#[inline(always)]
-pub(super) fn distances(lengths: &[f64; SECTIONS], balls: &[Ball], shapes: &Shapes) -> Lanes {
-    let points = points(lengths, shapes);
-    let mut nearest = Lanes::splat(f64::INFINITY);
-    for ball in balls {
-        let mut squared = Lanes::splat(f64::INFINITY);
-        for point in &points {
-            squared = squared.min(squared_distance(point, ball));
-        }
-        nearest = nearest.min(squared.sqrt() - Lanes::splat(ball.radius));
-    }
-    nearest
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::{random_configuration, reference_layout, unit_robot};
+    use pcc_model::Configuration;
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64;
 
-/// The deepest of the nine points of each of eight shapes.
-pub(super) struct Deepest {
-    /// Its distance to the ball's surface.
-    pub(super) distance: Lanes,
-    /// Point × number of balls + ball.
-    code: Lanes,
-    balls: usize,
-}
-
-impl Deepest {
-    /// Section, fraction of it, and index of the ball, of one lane.
-    pub(super) fn of(&self, lane: usize) -> (usize, f64, usize) {
-        let code = self.code.0[lane] as usize;
-        let (point, ball) = (code / self.balls, code % self.balls);
-        let per_section = FRACTIONS.len();
-        (point / per_section, FRACTIONS[point % per_section], ball)
-    }
-}
-
-/// Finds the deepest of the nine points of eight shapes; `balls` must not be empty.
-#[inline(always)]
-pub(super) fn deepest(lengths: &[f64; SECTIONS], balls: &[Ball], shapes: &Shapes) -> Deepest {
-    let points = points(lengths, shapes);
-    let mut distance = Lanes::splat(f64::INFINITY);
-    let mut code = Lanes::splat(0.0);
-    for (k, point) in points.iter().enumerate() {
-        for (b, ball) in balls.iter().enumerate() {
-            let here = squared_distance(point, ball).sqrt() - Lanes::splat(ball.radius);
-            let name = Lanes::splat((k * balls.len() + b) as f64);
-            code = here.choose_below(distance, name, code);
-            distance = distance.min(here);
+    #[test]
+    fn the_deepest_point_is_the_one_of_the_backbone() {
+        let (robot, balls) = (unit_robot(), reference_layout(4));
+        let mut rng = Pcg64::seed_from_u64(1);
+        let shapes: [Configuration; 8] =
+            std::array::from_fn(|_| random_configuration(&robot, &mut rng));
+        let components: [[f64; 8]; DOF] =
+            std::array::from_fn(|d| std::array::from_fn(|i| shapes[i][d]));
+        let mut samples = Samples::<8>::new();
+        samples.look(
+            &robot.section_lengths,
+            &balls,
+            components.each_ref().map(|c| &c[..]),
+        );
+        for (i, shape) in shapes.iter().enumerate() {
+            let backbone = robot.backbone(shape);
+            let distance = |section: usize, fraction: f64, ball: &Ball| {
+                (backbone.point(section, fraction) - ball.centre).norm() - ball.radius
+            };
+            let mut nearest = f64::INFINITY;
+            for (section, fraction) in (0..3).flat_map(|s| FRACTIONS.map(|f| (s, f))) {
+                for ball in &balls {
+                    nearest = nearest.min(distance(section, fraction, ball));
+                }
+            }
+            let (section, fraction, ball) = samples.deepest(i);
+            assert!((samples.distances[i] - nearest).abs() < 1e-12);
+            assert!((distance(section, fraction, &balls[ball]) - nearest).abs() < 1e-12);
         }
     }
-    Deepest {
-        distance,
-        code,
-        balls: balls.len(),
-    }
-}
 
-#[inline(always)]
-fn squared_distance(point: &Vector, ball: &Ball) -> Lanes {
-    let centre = [0, 1, 2].map(|axis| Lanes::splat(ball.centre[axis]));
-    let from_centre = subtract(point, &centre);
-    dot(&from_centre, &from_centre)
+    #[test]
+    fn nothing_is_near_without_balls() {
+        let mut samples = Samples::<2>::new();
+        samples.look(&[1.0; SECTIONS], &[], [&[0.0; 2]; DOF]);
+        assert_eq!(samples.distances, [f64::INFINITY; 2]);
+    }
 }

@@ -1,9 +1,9 @@
 //! Following a line of the tip: all frames of a path iterated together, each towards its point and its neighbours.
 
-use super::kinematics::{Limbs, Shapes, tip_step};
-use super::lanes::{LANES, Lanes};
+use super::dispatch::{Kernel, dispatch};
+use super::kinematics::{project_section, tip_step};
 use crate::path::{WAYPOINTS, parameter};
-use pcc_model::{Configuration, DOF, Point, Robot};
+use pcc_model::{Configuration, DOF, Point, Robot, SECTIONS};
 
 /// Iterations at most (docs/evaluation.md "The reference setting").
 pub(super) const ITERATIONS: usize = 200;
@@ -11,21 +11,26 @@ pub(super) const ITERATIONS: usize = 200;
 pub(super) const TOLERANCE: f64 = 1e-3;
 /// Gain of the descent of Σ‖ζ_{h+1} − ζ_h‖² in the null space of the tip.
 const CONTINUITY: f64 = 0.1;
-/// Frames with one vector of padding on either side, so that neighbours are loads too.
-const PADDED: usize = LANES + WAYPOINTS + LANES;
+/// Frame h has the place h + 1, so that the ends have neighbours to load, too.
+const PADDED: usize = WAYPOINTS + 2;
 
-/// Room for one path and its tip line, component by component.
+/// Frames component by component.
+type Frames = [[f64; PADDED]; DOF];
+
+/// Room for one path and its tip line.
 pub(super) struct PathSolver {
-    limbs: Limbs,
+    lengths: [f64; SECTIONS],
+    limit: f64,
     line: [[f64; WAYPOINTS]; 3],
-    frames: Box<[[f64; PADDED]; DOF]>,
-    next: Box<[[f64; PADDED]; DOF]>,
+    frames: Box<Frames>,
+    next: Box<Frames>,
 }
 
 impl PathSolver {
     pub(super) fn new(robot: &Robot) -> Self {
         Self {
-            limbs: Limbs::of(robot),
+            lengths: robot.section_lengths,
+            limit: robot.bending_limit,
             line: [[0.0; WAYPOINTS]; 3],
             frames: Box::new([[0.0; PADDED]; DOF]),
             next: Box::new([[0.0; PADDED]; DOF]),
@@ -60,13 +65,24 @@ impl PathSolver {
     /// Sets frame h.
     pub(super) fn set_frame(&mut self, h: usize, shape: &Configuration) {
         for d in 0..DOF {
-            self.frames[d][LANES + h] = shape[d];
+            self.frames[d][h + 1] = shape[d];
         }
     }
 
     /// Frame h.
     pub(super) fn frame(&self, h: usize) -> Configuration {
-        Configuration::from_fn(|d, _| self.frames[d][LANES + h])
+        Configuration::from_fn(|d, _| self.frames[d][h + 1])
+    }
+
+    /// Largest step between neighbouring frames, rad.
+    pub(super) fn largest_step(&self) -> f64 {
+        let step = |h| (self.frame(h + 1) - self.frame(h)).norm();
+        (0..WAYPOINTS - 1).map(step).fold(0.0, f64::max)
+    }
+
+    /// The components of all frames.
+    pub(super) fn components(&self) -> [&[f64]; DOF] {
+        std::array::from_fn(|d| &self.frames[d][1..=WAYPOINTS])
     }
 
     /// Iterates the frames between the ends until every tip is on its point; whether that came about.
@@ -80,43 +96,130 @@ impl PathSolver {
         self.sweep() <= TOLERANCE * TOLERANCE
     }
 
-    /// One step of all frames into `next`; the largest squared tip distance before it.
-    #[inline(always)]
+    /// Makes one step of all frames into `next`; the largest squared tip distance before it.
     fn sweep(&mut self) -> f64 {
-        let mut worst = 0.0_f64;
-        for first in (0..WAYPOINTS).step_by(LANES) {
-            let shapes = self.shapes(first);
-            let wish = std::array::from_fn(|d| {
-                let [before, at, after] =
-                    [7, 8, 9].map(|from| Lanes::load(&self.frames[d], first + from));
-                (before + after - at - at) * (2.0 * CONTINUITY)
-            });
-            let points = [0, 1, 2].map(|axis| Lanes::load(&self.line[axis], first));
-            let found = tip_step(&self.limbs, &shapes, &points, &wish);
-            for (component, next) in self.next.iter_mut().zip(found.next) {
-                next.store(component, LANES + first);
-            }
-            for (lane, distance) in found.squared_distance.0.iter().enumerate() {
-                if (1..WAYPOINTS - 1).contains(&(first + lane)) {
-                    worst = worst.max(*distance);
-                }
-            }
+        let mut squared_distances = [0.0; WAYPOINTS];
+        dispatch(Sweep {
+            lengths: &self.lengths,
+            limit: self.limit,
+            line: &self.line,
+            frames: &self.frames,
+            next: &mut self.next,
+            squared_distances: &mut squared_distances,
+        });
+        for (frames, next) in self.frames.iter().zip(self.next.iter_mut()) {
+            (next[1], next[WAYPOINTS]) = (frames[1], frames[WAYPOINTS]);
         }
-        self.keep_ends();
-        worst
+        let inner = &squared_distances[1..WAYPOINTS - 1];
+        inner.iter().copied().fold(0.0, f64::max)
     }
+}
 
-    fn keep_ends(&mut self) {
-        for d in 0..DOF {
-            for end in [LANES, LANES + WAYPOINTS - 1] {
-                self.next[d][end] = self.frames[d][end];
-            }
-        }
-    }
+struct Sweep<'a> {
+    lengths: &'a [f64; SECTIONS],
+    limit: f64,
+    line: &'a [[f64; WAYPOINTS]; 3],
+    frames: &'a Frames,
+    next: &'a mut Frames,
+    squared_distances: &'a mut [f64; WAYPOINTS],
+}
 
-    /// The eight frames from `first` on.
+impl Kernel for Sweep<'_> {
     #[inline(always)]
-    pub(super) fn shapes(&self, first: usize) -> Shapes {
-        std::array::from_fn(|d| Lanes::load(&self.frames[d], LANES + first))
+    fn run(self) {
+        step_frames(
+            self.lengths,
+            self.line,
+            self.frames,
+            self.next,
+            self.squared_distances,
+        );
+        for pair in self.next.as_chunks_mut::<2>().0 {
+            let [x, y] = pair;
+            project_section(self.limit, &mut x[1..=WAYPOINTS], &mut y[1..=WAYPOINTS]);
+        }
+    }
+}
+
+/// The step of each frame; the ends get one too, which nobody uses, so that the loop has no remainder.
+#[inline(always)]
+fn step_frames(
+    lengths: &[f64; SECTIONS],
+    line: &[[f64; WAYPOINTS]; 3],
+    frames: &Frames,
+    next: &mut Frames,
+    squared_distances: &mut [f64; WAYPOINTS],
+) {
+    for h in 0..WAYPOINTS {
+        let (mut shape, mut wish) = ([0.0; DOF], [0.0; DOF]);
+        for d in 0..DOF {
+            shape[d] = frames[d][h + 1];
+            let bend = frames[d][h] + frames[d][h + 2] - shape[d] - shape[d];
+            wish[d] = bend * (2.0 * CONTINUITY);
+        }
+        let point = [line[0][h], line[1][h], line[2][h]];
+        let step = tip_step(lengths, &shape, &point, &wish);
+        for d in 0..DOF {
+            next[d][h + 1] = step.next[d];
+        }
+        squared_distances[h] = step.squared_distance;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::unit_robot;
+
+    fn solver() -> (Robot, PathSolver, Point) {
+        let robot = unit_robot();
+        let start = Configuration::from_column_slice(&[0.9, -0.4, 0.2, 0.6, -0.4, 0.7]);
+        let end = Configuration::from_column_slice(&[-0.3, 0.9, 0.3, -0.6, 0.5, 0.8]);
+        let target = robot.tip(&end);
+        let mut solver = PathSolver::new(&robot);
+        solver.start(&robot, &target, &start, &end);
+        (robot, solver, target)
+    }
+
+    #[test]
+    fn the_tip_follows_the_line_between_ends_that_stay() {
+        let (robot, mut solver, target) = solver();
+        let ends = [0, 63].map(|h| solver.frame(h));
+        let from = robot.tip(&ends[0]);
+        let miss = |solver: &PathSolver, h: usize| {
+            (robot.tip(&solver.frame(h)) - from.lerp(&target, parameter(h))).norm()
+        };
+        assert!(miss(&solver, 31) > 0.05, "there is something to solve");
+        assert!(solver.solve());
+        assert!((0..WAYPOINTS).all(|h| miss(&solver, h) <= TOLERANCE));
+        assert_eq!(ends, [0, 63].map(|h| solver.frame(h)));
+    }
+
+    #[test]
+    fn a_line_out_of_reach_is_not_followed() {
+        let (_, mut solver, _) = solver();
+        solver.set_line(|_| Point::new(0.0, 0.0, 3.1));
+        assert!(!solver.solve());
+        assert!((1..63).all(|h| solver.frame(h).iter().all(|angle| angle.is_finite())));
+    }
+
+    #[test]
+    fn every_processor_makes_the_same_step() {
+        let (_, mut solver, _) = solver();
+        let (mut plain, mut distances) = (solver.next.clone(), [0.0; WAYPOINTS]);
+        Sweep {
+            lengths: &solver.lengths,
+            limit: solver.limit,
+            line: &solver.line,
+            frames: &solver.frames,
+            next: &mut plain,
+            squared_distances: &mut distances,
+        }
+        .run();
+        let worst = solver.sweep();
+        assert_eq!(worst, distances[1..63].iter().copied().fold(0.0, f64::max));
+        for (plain, widest) in plain.iter().zip(solver.next.iter()) {
+            assert_eq!(plain[2..64], widest[2..64]);
+        }
     }
 }

@@ -117,3 +117,50 @@ fn de_boor(mut control: [Point; 4], span: usize, spans: usize, along: f64) -> Po
     }
     control[3]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tips(point: impl Fn(f64) -> Point) -> [Point; WAYPOINTS] {
+        std::array::from_fn(|h| point(h as f64 / 63.0))
+    }
+
+    #[test]
+    fn a_straight_line_stays_and_becomes_even() {
+        let mut line = tips(|u| Point::new(u * u, 0.0, 2.0));
+        let mut smoother = LineSmoother::new();
+        smoother.smooth(&mut line);
+        assert_eq!(
+            smoother.kept,
+            [0, 31, 47, 63],
+            "gaps are halved, the widest first"
+        );
+        for (h, tip) in line.iter().enumerate() {
+            assert!((tip - Point::new(h as f64 / 63.0, 0.0, 2.0)).norm() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn a_bump_is_kept_and_rounded() {
+        let bump = |u: f64| Point::new(u, (1.0 - (10.0 * u - 5.0).abs()).max(0.0), 2.0);
+        let mut line = tips(bump);
+        let ends = [line[0], line[63]];
+        let mut smoother = LineSmoother::new();
+        smoother.smooth(&mut line);
+        assert!(smoother.kept.len() > FEWEST);
+        assert_eq!([line[0], line[63]], ends);
+        let top = line.iter().map(|tip| tip.y).fold(0.0, f64::max);
+        assert!((0.2..0.9).contains(&top), "{top}");
+        let steps: Vec<f64> = line.windows(2).map(|w| (w[1] - w[0]).norm()).collect();
+        let longest = steps.iter().copied().fold(0.0, f64::max);
+        assert!(steps.iter().all(|step| *step > 0.8 * longest), "{steps:?}");
+    }
+
+    #[test]
+    fn the_spline_of_a_cubic_is_its_bezier_curve() {
+        let control = [0.0, 1.0, 3.0, 2.0].map(|x| Point::new(x, 0.0, 0.0));
+        let middle = de_boor(control, 0, 1, 0.5);
+        assert!((middle.x - (3.0 * 1.0 + 3.0 * 3.0 + 2.0) / 8.0).abs() < 1e-15);
+    }
+}

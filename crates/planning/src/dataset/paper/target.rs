@@ -1,13 +1,13 @@
 //! Targets, their terminal solutions and their starts.
 
-use super::kinematics::{Limbs, Shapes, tip_step};
-use super::lanes::{LANES, Lanes};
+use super::dispatch::{Kernel, dispatch};
+use super::kinematics::{Vector, project_section, tip_step};
 use super::repair::REPULSION;
-use super::sampled::distances;
+use super::sampled::Samples;
 use super::solver::{ITERATIONS, TOLERANCE};
 use crate::scenes::{STARTS, in_workspace, random_configuration};
 use collision::Ball;
-use pcc_model::{Configuration, DOF, Point, Robot};
+use pcc_model::{Configuration, DOF, Point, Robot, SECTIONS};
 use rand_pcg::Pcg64;
 
 /// Terminal solutions of a target.
@@ -18,10 +18,15 @@ const SEEDS: usize = 32;
 const SEPARATION: f64 = 0.5;
 /// Distance of a random start's tip from the target, section lengths.
 const START_DISTANCE: f64 = 0.6;
-/// Configurations drawn for a target, in groups of [`LANES`].
+/// Configurations drawn for a target, in groups of [`GROUP`].
 const TARGET_GROUPS: usize = 4096;
-/// Configurations drawn for the starts of a target, in groups of [`LANES`].
+/// Configurations drawn for the starts of a target, in groups of [`GROUP`].
 const START_GROUPS: usize = 4;
+/// Configurations drawn at once; four of them make the authors' batch of 32, which is all they try for the starts.
+const GROUP: usize = 8;
+
+/// Some configurations, component by component.
+type SideBySide<const N: usize> = [[f64; N]; DOF];
 
 /// A robot and the balls around it.
 #[derive(Clone, Copy)]
@@ -31,17 +36,18 @@ pub(super) struct Place<'a> {
 }
 
 impl Place<'_> {
-    /// Whether each of eight shapes is clear by the margin of repulsion.
-    fn are_clear(&self, shapes: &Shapes) -> [bool; LANES] {
+    /// Whether each of some shapes is clear by the margin of repulsion.
+    fn are_clear<const N: usize>(&self, shapes: &SideBySide<N>) -> [bool; N] {
         let margin = REPULSION * self.robot.tube_radius;
-        distances(&self.robot.section_lengths, self.balls, shapes)
-            .0
-            .map(|distance| distance >= margin)
+        let mut samples = Samples::<N>::new();
+        let components = std::array::from_fn(|d| &shapes[d][..]);
+        samples.look(&self.robot.section_lengths, self.balls, components);
+        samples.distances.map(|distance| distance >= margin)
     }
 
     /// Eight random configurations with their tips, where they are clear and the tip is in the workspace.
     fn draw(&self, rng: &mut Pcg64) -> impl Iterator<Item = (Configuration, Point)> + use<'_> {
-        let shapes: [Configuration; LANES] =
+        let shapes: [Configuration; GROUP] =
             std::array::from_fn(|_| random_configuration(self.robot, rng));
         let clear = self.are_clear(&side_by_side(&shapes));
         let usable = shapes.into_iter().zip(clear).filter(|(_, clear)| *clear);
@@ -66,15 +72,13 @@ impl Place<'_> {
         for seed in &mut seeds[1..] {
             *seed = random_configuration(self.robot, rng);
         }
+        let mut shapes = side_by_side(&seeds);
+        let residuals = self.solve(&mut shapes, tip);
+        let clear = self.are_clear(&shapes);
         let mut found = Vec::with_capacity(SEEDS);
-        for group in seeds.as_chunks::<LANES>().0 {
-            let mut shapes = side_by_side(group);
-            let residuals = self.solve(&mut shapes, tip);
-            let clear = self.are_clear(&shapes);
-            for (lane, residual) in residuals.0.into_iter().enumerate() {
-                if clear[lane] && residual <= TOLERANCE * TOLERANCE {
-                    found.push((residual, lane_of(&shapes, lane)));
-                }
+        for (i, residual) in residuals.into_iter().enumerate() {
+            if clear[i] && residual <= TOLERANCE * TOLERANCE {
+                found.push((residual, shape_of(&shapes, i)));
             }
         }
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -87,25 +91,29 @@ impl Place<'_> {
         distinct.try_into().ok()
     }
 
-    /// Damped Newton steps of eight shapes towards a tip, each until it is there; their squared residuals.
-    fn solve(&self, shapes: &mut Shapes, tip: &Point) -> Lanes {
-        let points = [0, 1, 2].map(|axis| Lanes::splat(tip[axis]));
-        let (still, reached) = (
-            [Lanes::splat(0.0); DOF],
-            Lanes::splat(TOLERANCE * TOLERANCE),
-        );
-        let limbs = Limbs::of(self.robot);
-        let mut found = tip_step(&limbs, shapes, &points, &still);
-        for _ in 0..ITERATIONS {
-            if !found.squared_distance.any_above(TOLERANCE * TOLERANCE) {
+    /// Damped Newton steps of the seeds towards a tip, each until it is there; their squared residuals.
+    fn solve(&self, shapes: &mut SideBySide<SEEDS>, tip: &Point) -> [f64; SEEDS] {
+        let mut next = *shapes;
+        let mut residuals = [f64::INFINITY; SEEDS];
+        for _ in 0..=ITERATIONS {
+            for d in 0..DOF {
+                for i in 0..SEEDS {
+                    let is_there = residuals[i] <= TOLERANCE * TOLERANCE;
+                    shapes[d][i] = if is_there { shapes[d][i] } else { next[d][i] };
+                }
+            }
+            dispatch(Newton {
+                robot: self.robot,
+                tip: [tip.x, tip.y, tip.z],
+                shapes,
+                next: &mut next,
+                residuals: &mut residuals,
+            });
+            if residuals.iter().all(|r| *r <= TOLERANCE * TOLERANCE) {
                 break;
             }
-            for (shape, next) in shapes.iter_mut().zip(found.next) {
-                *shape = reached.choose_below(found.squared_distance, next, *shape);
-            }
-            found = tip_step(&limbs, shapes, &points, &still);
         }
-        found.squared_distance
+        residuals
     }
 
     /// The starts of a target: the straight shape if it is clear, and random ones.
@@ -116,7 +124,7 @@ impl Place<'_> {
     ) -> Option<[Configuration; STARTS]> {
         let mut starts = Vec::with_capacity(STARTS);
         let straight = Configuration::zeros();
-        if self.are_clear(&side_by_side(&[straight; LANES]))[0] {
+        if self.are_clear(&side_by_side(&[straight; GROUP]))[0] {
             starts.push(straight);
         }
         for _ in 0..START_GROUPS {
@@ -140,10 +148,112 @@ fn is_apart(others: &[Configuration], shape: &Configuration) -> bool {
         .all(|other| (other - shape).norm() >= SEPARATION)
 }
 
-fn side_by_side(shapes: &[Configuration; LANES]) -> Shapes {
-    std::array::from_fn(|d| Lanes(std::array::from_fn(|lane| shapes[lane][d])))
+fn side_by_side<const N: usize>(shapes: &[Configuration; N]) -> SideBySide<N> {
+    std::array::from_fn(|d| std::array::from_fn(|i| shapes[i][d]))
 }
 
-fn lane_of(shapes: &Shapes, lane: usize) -> Configuration {
-    Configuration::from_fn(|d, _| shapes[d].0[lane])
+fn shape_of<const N: usize>(shapes: &SideBySide<N>, i: usize) -> Configuration {
+    Configuration::from_fn(|d, _| shapes[d][i])
+}
+
+/// One step of every seed, into `next`, and the squared residuals before it.
+struct Newton<'a> {
+    robot: &'a Robot,
+    tip: Vector,
+    shapes: &'a SideBySide<SEEDS>,
+    next: &'a mut SideBySide<SEEDS>,
+    residuals: &'a mut [f64; SEEDS],
+}
+
+impl Kernel for Newton<'_> {
+    #[inline(always)]
+    fn run(self) {
+        let lengths = &self.robot.section_lengths;
+        step_seeds(lengths, &self.tip, self.shapes, self.next, self.residuals);
+        for [x, y] in self.next.as_chunks_mut::<2>().0 {
+            project_section(self.robot.bending_limit, x, y);
+        }
+    }
+}
+
+#[inline(always)]
+fn step_seeds(
+    lengths: &[f64; SECTIONS],
+    tip: &Vector,
+    shapes: &SideBySide<SEEDS>,
+    next: &mut SideBySide<SEEDS>,
+    residuals: &mut [f64; SEEDS],
+) {
+    for i in 0..SEEDS {
+        let mut shape = [0.0; DOF];
+        for d in 0..DOF {
+            shape[d] = shapes[d][i];
+        }
+        let step = tip_step(lengths, &shape, tip, &[0.0; DOF]);
+        for d in 0..DOF {
+            next[d][i] = step.next[d];
+        }
+        residuals[i] = step.squared_distance;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::{reference_layout, unit_robot};
+    use collision::Scene;
+
+    /// Clearance of the reference's nine points beyond the ball.
+    fn sampled_clearance(place: &Place, shape: &Configuration) -> f64 {
+        let mut samples = Samples::<1>::new();
+        let components = std::array::from_fn(|d| &shape.as_slice()[d..=d]);
+        samples.look(&place.robot.section_lengths, place.balls, components);
+        samples.distances[0]
+    }
+
+    #[test]
+    fn terminals_and_starts_keep_what_is_promised() {
+        let (robot, balls) = (unit_robot(), reference_layout(4));
+        let place = Place {
+            robot: &robot,
+            balls: &balls,
+        };
+        let mut rng = Pcg64::new(5, 1);
+        let (mut solved, mut started) = (0, 0);
+        for _ in 0..20 {
+            let (generator, tip) = place.target(&mut rng).unwrap();
+            assert!(in_workspace(&tip) && (robot.tip(&generator) - tip).norm() < 1e-12);
+            let terminals = place.terminals(&generator, &tip, &mut rng);
+            let starts = place.starts(&tip, &mut rng);
+            solved += usize::from(terminals.is_some());
+            started += usize::from(starts.is_some());
+            for (i, shape) in terminals.iter().flatten().enumerate() {
+                assert!((robot.tip(shape) - tip).norm() <= TOLERANCE);
+                assert!(sampled_clearance(&place, shape) >= 0.3);
+                assert!(robot.limit_excess(shape) < 1e-12);
+                assert!(is_apart(&terminals.as_ref().unwrap()[..i], shape));
+            }
+            for shape in starts.iter().flatten().skip(1) {
+                assert!((robot.tip(shape) - tip).norm() >= 0.6 && shape.norm() >= 0.5);
+                assert!(sampled_clearance(&place, shape) >= 0.3);
+            }
+            assert!(starts.is_none_or(|starts| starts[0] == Configuration::zeros()));
+        }
+        assert!(solved > 10 && started > 10, "{solved} {started}");
+    }
+
+    #[test]
+    fn the_generating_configuration_is_the_best_terminal() {
+        let (robot, scene) = (unit_robot(), Scene::default());
+        let place = Place {
+            robot: &robot,
+            balls: scene.balls(),
+        };
+        let mut rng = Pcg64::new(1, 1);
+        let (generator, tip) = place.target(&mut rng).unwrap();
+        assert_eq!(
+            place.terminals(&generator, &tip, &mut rng).unwrap()[0],
+            generator
+        );
+    }
 }
