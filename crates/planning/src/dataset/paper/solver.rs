@@ -159,8 +159,8 @@ fn step_frames(
         }
         let point = [line[0][h], line[1][h], line[2][h]];
         let step = tip_step(lengths, &shape, &point, &wish);
-        for d in 0..DOF {
-            next[d][h + 1] = step.next[d];
+        for (component, value) in next.iter_mut().zip(step.next) {
+            component[h + 1] = value;
         }
         squared_distances[h] = step.squared_distance;
     }

@@ -190,8 +190,8 @@ fn step_seeds(
             shape[d] = shapes[d][i];
         }
         let step = tip_step(lengths, &shape, tip, &[0.0; DOF]);
-        for d in 0..DOF {
-            next[d][i] = step.next[d];
+        for (component, value) in next.iter_mut().zip(step.next) {
+            component[i] = value;
         }
         residuals[i] = step.squared_distance;
     }
