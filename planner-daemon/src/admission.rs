@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point};
-use planning::{Goal, Problem, Request, Sampler, Selection};
+use planning::{Goal, Guidance, Problem, Request, Sampler, Selection};
 use shared_types::codes::{self, Outcome, PlanField};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::message;
@@ -161,6 +161,9 @@ fn sampler(sampler: codes::Sampler) -> Sampler {
         codes::Sampler::Fast => Sampler::Fast,
         codes::Sampler::Straight => Sampler::Straight,
         codes::Sampler::RrtConnect => Sampler::RrtConnect,
+        codes::Sampler::Diffusion => Sampler::Diffusion(Guidance::Pure),
+        codes::Sampler::DiffusionPost => Sampler::Diffusion(Guidance::Post),
+        codes::Sampler::DiffusionGuided => Sampler::Diffusion(Guidance::Guided),
     }
 }
 
@@ -253,6 +256,9 @@ mod tests {
             Sampler::Fast,
             Sampler::Straight,
             Sampler::RrtConnect,
+            Sampler::Diffusion(Guidance::Pure),
+            Sampler::Diffusion(Guidance::Post),
+            Sampler::Diffusion(Guidance::Guided),
         ]) {
             assert_eq!(sampler(*code), expected);
         }

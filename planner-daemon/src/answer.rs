@@ -254,7 +254,7 @@ fn fault_refusal(fault: &PlanFault, goal: &Goal, section_length_m: f64) -> Refus
         PlanFault::Planner(PlannerError::Infeasible(infeasible)) => {
             return wire::infeasible(infeasible, goal, section_length_m);
         }
-        PlanFault::Planner(PlannerError::ModelNotLoaded) => Outcome::SamplerNotLoaded,
+        PlanFault::Planner(PlannerError::ModelNotLoaded(_)) => Outcome::SamplerNotLoaded,
         PlanFault::Planner(_) | PlanFault::Panic(_) => Outcome::NoPath,
     };
     Refusal::new(outcome, fault.to_string())
@@ -264,10 +264,10 @@ fn fault_refusal(fault: &PlanFault, goal: &Goal, section_length_m: f64) -> Refus
 mod tests {
     use super::*;
     use crate::fixtures::{order, unit_robot};
-    use planning::{Planner, Selection};
+    use planning::{Models, Planner, Selection};
 
     fn plan(order: &Order, interrupted: bool) -> Plan {
-        let planner = Planner::new(&unit_robot(), None, 1).unwrap();
+        let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
         let interrupt = || interrupted;
         planner
             .plan(&order.problem, &order.request, &interrupt)
@@ -357,7 +357,7 @@ mod tests {
                 Outcome::StartInCollision,
             ),
             (
-                PlanFault::Planner(PlannerError::ModelNotLoaded),
+                PlanFault::Planner(PlannerError::ModelNotLoaded("fast")),
                 Outcome::SamplerNotLoaded,
             ),
             (PlanFault::Panic("defect".to_owned()), Outcome::NoPath),

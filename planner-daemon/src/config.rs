@@ -5,6 +5,8 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use denoiser::{Precision, Solver};
+use planning::DiffusionSettings;
 use serde::Deserialize;
 use shared_types::capacity::{MAX_CANDIDATES, MAX_KNOTS};
 use shared_types::ipc::PlanServiceCapacity;
@@ -60,6 +62,7 @@ pub enum WaitMode {
 struct File {
     robot: PathBuf,
     weights: Option<PathBuf>,
+    diffusion: Option<DiffusionConfig>,
     #[serde(default = "defaults::threads")]
     threads: usize,
     #[serde(default = "defaults::candidates")]
@@ -122,6 +125,56 @@ mod defaults {
     }
 }
 
+/// Which diffusion model is resident, and how it is sampled.
+#[derive(Clone, Debug, Deserialize, PartialEq, Eq)]
+#[serde(deny_unknown_fields)]
+pub struct DiffusionConfig {
+    /// Name of the weights in the manifest.
+    pub model: String,
+    /// How noise is removed.
+    pub solver: SolverName,
+    /// Evaluations of the network.
+    pub steps: usize,
+    /// Arithmetic of its products.
+    pub precision: PrecisionName,
+}
+
+/// A solver as the configuration names it.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum SolverName {
+    /// Deterministic DDIM, the paper's.
+    Ddim,
+    /// DPM-Solver++(2M).
+    DpmSolver,
+}
+
+/// A number format as the configuration names it.
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "kebab-case")]
+pub enum PrecisionName {
+    /// 32 bits.
+    F32,
+    /// 16 bits, sums of 32 bits.
+    Bf16,
+}
+
+impl DiffusionConfig {
+    pub(crate) fn settings(&self) -> DiffusionSettings {
+        DiffusionSettings {
+            solver: match self.solver {
+                SolverName::Ddim => Solver::Ddim,
+                SolverName::DpmSolver => Solver::DpmSolver,
+            },
+            steps: self.steps,
+            precision: match self.precision {
+                PrecisionName::F32 => Precision::Single,
+                PrecisionName::Bf16 => Precision::Brain,
+            },
+        }
+    }
+}
+
 /// Checked settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Config {
@@ -129,6 +182,8 @@ pub struct Config {
     pub robot: PathBuf,
     /// Folder of the learned model, if one is to be loaded.
     pub weights: Option<PathBuf>,
+    /// The diffusion model, if one is to be loaded.
+    pub diffusion: Option<DiffusionConfig>,
     /// Worker threads that plan.
     pub threads: usize,
     /// What the plan service holds.
@@ -206,6 +261,9 @@ impl File {
         checked.within("begin_lead_ms", self.begin_lead_ms, 10.0..=1000.0)?;
         checked.within("spin_us", self.spin_us, 0..=1_000_000)?;
         checked.within("pause_us", self.pause_us, 10..=5000)?;
+        if let Some(diffusion) = &self.diffusion {
+            checked.within("diffusion.steps", diffusion.steps, 1..=1000)?;
+        }
         for processor in &self.processors {
             checked.within("processors", *processor, 0..=1023)?;
         }
@@ -227,6 +285,7 @@ impl File {
         Config {
             robot: folder.join(&self.robot),
             weights: self.weights.as_ref().map(|weights| folder.join(weights)),
+            diffusion: self.diffusion,
             threads: self.threads,
             capacity: PlanServiceCapacity {
                 clients: self.clients,

@@ -1,13 +1,15 @@
 //! Starting the daemon: everything is loaded, checked and opened before the first request.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use collision::{Scene, tracking_growth};
-use denoiser::{FastModel, Manifest, WeightsError};
+use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
 use pcc_model::{Configuration, Robot, RobotFileError};
-use planning::{Goal, Planner, PlannerError, Problem, Request, Sampler, Selection};
+use planning::{
+    DiffusionModel, Goal, Models, Planner, PlannerError, Problem, Request, Sampler, Selection,
+};
 use shared_types::ipc::{
     IpcError, IpcNode, IpcOptions, Role, RoleLock, plan_server, plan_service, shared_memory,
 };
@@ -180,16 +182,28 @@ fn load_robot(config: &Config) -> Result<Robot, StartError> {
 }
 
 fn load_planner(config: &Config, robot: &Robot) -> Result<Planner, StartError> {
-    let folder = config.weights.as_ref();
-    let model = folder.map(|folder| {
-        let weights = Manifest::open(folder).and_then(|manifest| manifest.weights(MODEL));
-        let model = weights.and_then(|file| FastModel::from_weights(&file, robot.bending_limit));
-        model.map_err(|source| StartError::Weights {
+    let models = config.weights.as_ref().map(|folder| {
+        load_models(folder, config, robot).map_err(|source| StartError::Weights {
             folder: folder.clone(),
             source: Box::new(source),
         })
     });
-    Ok(Planner::new(robot, model.transpose()?, config.threads)?)
+    let models = models.transpose()?.unwrap_or_default();
+    Ok(Planner::new(robot, models, config.threads)?)
+}
+
+fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, WeightsError> {
+    let manifest = Manifest::open(folder)?;
+    let fast = FastModel::from_weights(&manifest.weights(MODEL)?, robot.bending_limit)?;
+    let diffusion = config.diffusion.as_ref().map(|diffusion| {
+        let file = manifest.weights(&diffusion.model)?;
+        let unet = TemporalUnet::load(&file, robot.bending_limit)?;
+        Ok(DiffusionModel::new(unet, diffusion.settings()))
+    });
+    Ok(Models {
+        fast: Some(fast),
+        diffusion: diffusion.transpose()?,
+    })
 }
 
 /// Plans once, so that the first request finds code and memory as warm as the others.

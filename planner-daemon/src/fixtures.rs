@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use collision::Scene;
 use pcc_model::{Configuration, Robot};
-use planning::{Goal, Planner, Problem, Request, Sampler, Selection};
+use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
 use shared_types::{message, valid};
 use trajectory::Trajectory;
 
@@ -52,7 +52,7 @@ pub(crate) fn order() -> Order {
 
 /// A motion of some seconds from the straight shape to a bent one.
 pub(crate) fn motion() -> Trajectory {
-    let planner = Planner::new(&unit_robot(), None, 1).unwrap();
+    let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
     let plan = planner.plan(&straight_problem(), &request(), &|| false);
     plan.unwrap().candidates[0].trajectory.clone()
 }

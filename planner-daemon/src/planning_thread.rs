@@ -122,9 +122,10 @@ fn panic_text(payload: &(dyn Any + Send)) -> String {
 mod tests {
     use super::*;
     use crate::fixtures::{request, straight_problem, unit_robot};
+    use planning::Models;
 
     fn thread() -> PlanningThread {
-        let planner = Planner::new(&unit_robot(), None, 1).unwrap();
+        let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
         PlanningThread::start(Arc::new(planner)).unwrap()
     }
 

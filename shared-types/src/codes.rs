@@ -90,6 +90,12 @@ codes! {
         Straight = 2 "straight",
         /// The classical planner alone.
         RrtConnect = 3 "rrt-connect",
+        /// The paper's diffusion model.
+        Diffusion = 4 "diffusion",
+        /// The paper's diffusion model with post correction.
+        DiffusionPost = 5 "diffusion-post",
+        /// The paper's diffusion model with guided prediction.
+        DiffusionGuided = 6 "diffusion-guided",
     }
 }
 

@@ -23,6 +23,12 @@ enum SamplerName {
     Straight,
     /// A tree of certified edges.
     RrtConnect,
+    /// The paper's diffusion model; ask for a deadline of some hundred milliseconds.
+    Diffusion,
+    /// The same with post correction.
+    DiffusionPost,
+    /// The same with guided prediction.
+    DiffusionGuided,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -149,6 +155,9 @@ impl SamplerName {
             Self::Fast => Sampler::Fast,
             Self::Straight => Sampler::Straight,
             Self::RrtConnect => Sampler::RrtConnect,
+            Self::Diffusion => Sampler::Diffusion,
+            Self::DiffusionPost => Sampler::DiffusionPost,
+            Self::DiffusionGuided => Sampler::DiffusionGuided,
         }
     }
 }

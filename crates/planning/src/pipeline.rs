@@ -6,6 +6,7 @@
 use crate::basis::SineBasis;
 use crate::canonical::CanonicalFrame;
 use crate::correction::correct;
+use crate::diffusion::{DiffusionModel, Guidance, Task};
 use crate::end_shapes::end_shapes;
 use crate::features::CanonicalProblem;
 use crate::finish::Demands;
@@ -42,11 +43,11 @@ pub enum PlannerError {
     /// The problem itself has no solution.
     #[error(transparent)]
     Infeasible(#[from] Infeasible),
-    /// The learned sampler was asked for and no model is loaded.
+    /// A learned sampler was asked for and its model is not loaded.
     #[error(
-        "sampler not loaded: the request needs the learned model; load weights or ask for `straight` or `rrt-connect`"
+        "sampler not loaded: the request needs the {0} model; load its weights or ask for `straight` or `rrt-connect`"
     )]
-    ModelNotLoaded,
+    ModelNotLoaded(&'static str),
     /// The robot's sections differ in length, which the unit model cannot express.
     #[error("the planner needs three sections of one length, got {0:?}")]
     UnequalSections([f64; 3]),
@@ -55,10 +56,19 @@ pub enum PlannerError {
     Threads(String),
 }
 
-/// The planner, resident: the unit robot, the model, and worker threads.
+/// The learned models of a planner; what is not there cannot be asked for.
+#[derive(Default)]
+pub struct Models {
+    /// The few-step model.
+    pub fast: Option<FastModel>,
+    /// The paper's.
+    pub diffusion: Option<DiffusionModel>,
+}
+
+/// The planner, resident: the unit robot, the models, and worker threads.
 pub struct Planner {
     pub(crate) robot: Robot,
-    pub(crate) model: Option<FastModel>,
+    pub(crate) models: Models,
     pub(crate) basis: SineBasis,
     workers: rayon::ThreadPool,
 }
@@ -70,11 +80,7 @@ impl Planner {
     ///
     /// # Errors
     /// [`PlannerError::UnequalSections`] or [`PlannerError::Threads`].
-    pub fn new(
-        robot: &Robot,
-        model: Option<FastModel>,
-        threads: usize,
-    ) -> Result<Self, PlannerError> {
+    pub fn new(robot: &Robot, mut models: Models, threads: usize) -> Result<Self, PlannerError> {
         let length = robot
             .equal_section_length()
             .ok_or(PlannerError::UnequalSections(robot.section_lengths))?;
@@ -82,9 +88,12 @@ impl Planner {
             .num_threads(threads)
             .build()
             .map_err(|e| PlannerError::Threads(e.to_string()))?;
+        if let Some(diffusion) = &mut models.diffusion {
+            diffusion.prepare(workers.current_num_threads());
+        }
         Ok(Self {
             robot: robot.scaled(1.0 / length),
-            model,
+            models,
             basis: SineBasis::new(),
             workers,
         })
@@ -106,13 +115,51 @@ impl Planner {
         request: &Request,
         interrupt: Interrupt,
     ) -> Result<Plan, PlannerError> {
-        if matches!(request.sampler, Sampler::Default | Sampler::Fast) && self.model.is_none() {
-            return Err(PlannerError::ModelNotLoaded);
-        }
+        self.check_loaded(request.sampler)?;
         problem.check_start(&self.robot)?;
         self.workers
             .install(|| Run::new(self, problem, request, interrupt).plan())
     }
+
+    /// Draws one path by diffusion and returns it before every step and at the end: steps + 1 paths of 64 waypoints.
+    ///
+    /// # Errors
+    /// [`PlannerError::ModelNotLoaded`] or [`PlannerError::Infeasible`].
+    pub fn trace(
+        &self,
+        problem: &Problem,
+        guidance: Guidance,
+        seed: u64,
+    ) -> Result<Vec<Waypoints>, PlannerError> {
+        let diffusion = self.models.diffusion.as_ref();
+        let diffusion = diffusion.ok_or(PlannerError::ModelNotLoaded("diffusion"))?;
+        problem.check_start(&self.robot)?;
+        let task = Task {
+            robot: &self.robot,
+            problem,
+            guidance,
+            seed,
+        };
+        Ok(self.workers.install(|| diffusion.trace(&task)))
+    }
+
+    fn check_loaded(&self, sampler: Sampler) -> Result<(), PlannerError> {
+        let (name, loaded) = match sampler {
+            Sampler::Default | Sampler::Fast => ("fast", self.models.fast.is_some()),
+            Sampler::Diffusion(_) => ("diffusion", self.models.diffusion.is_some()),
+            Sampler::Straight | Sampler::RrtConnect => return Ok(()),
+        };
+        loaded
+            .then_some(())
+            .ok_or(PlannerError::ModelNotLoaded(name))
+    }
+}
+
+/// Learned draws, and how many of them are certified.
+fn count_learned(draws: &[Draw]) -> [usize; 2] {
+    let learned = draws.iter().filter(|d| d.source == Source::Learned);
+    let certified = learned.clone().filter(|d| d.outcome.is_ok());
+    [learned.count(), certified.count()]
 }
 
 /// One request on its way through the stages.
@@ -156,6 +203,9 @@ impl<'a> Run<'a> {
     }
 
     fn plan(mut self) -> Result<Plan, PlannerError> {
+        if let Sampler::Diffusion(guidance) = self.request.sampler {
+            return Ok(self.diffusion(guidance));
+        }
         let clock = Instant::now();
         let mut rng = Pcg64::seed_from_u64(self.request.seed);
         let (robot, count) = (&self.planner.robot, self.request.candidates);
@@ -165,24 +215,44 @@ impl<'a> Run<'a> {
         let mut draws = match self.request.sampler {
             Sampler::Default | Sampler::Fast => self.learned(&goals),
             Sampler::Straight => self.straight(&ends),
-            Sampler::RrtConnect => self.trees(&goals),
+            Sampler::RrtConnect | Sampler::Diffusion(_) => self.trees(&goals),
         };
-        let learned = |d: &&Draw| d.source == Source::Learned;
-        let learned_drawn = draws.iter().filter(learned).count();
-        let learned_certified = draws
-            .iter()
-            .filter(learned)
-            .filter(|d| d.outcome.is_ok())
-            .count();
+        let learned = count_learned(&draws);
         let clock = Instant::now();
         if self.request.sampler == Sampler::Default {
             self.fill(&goals, &mut draws);
         }
-        Ok(self.answer(draws, [learned_drawn, learned_certified], clock))
+        Ok(self.answer(draws, learned, clock))
+    }
+
+    /// The paper's sampler; the end shapes are the network's, and correction brings their tips to the goal.
+    fn diffusion(mut self, guidance: Guidance) -> Plan {
+        let clock = Instant::now();
+        let task = Task {
+            robot: &self.planner.robot,
+            problem: self.problem,
+            guidance,
+            seed: self.request.seed,
+        };
+        let model = self.planner.models.diffusion.as_ref();
+        let paths = model.map_or_else(Vec::new, |model| {
+            model.sample(&task, self.request.candidates, self.interrupt)
+        });
+        self.stages.sample = clock.elapsed().as_secs_f64();
+        let truncated = paths.iter().filter(|path| path.is_none()).count();
+        let mut draws = self.finish(paths.into_iter().flatten().collect(), Source::Learned);
+        draws.extend((0..truncated).map(|_| Draw {
+            sampled: None,
+            path: None,
+            source: Source::Learned,
+            outcome: Err(Failure::Truncated),
+        }));
+        let learned = count_learned(&draws);
+        self.answer(draws, learned, Instant::now())
     }
 
     fn learned(&mut self, goals: &[Configuration]) -> Vec<Draw> {
-        let Some(model) = &self.planner.model else {
+        let Some(model) = &self.planner.models.fast else {
             return Vec::new();
         };
         let clock = Instant::now();
@@ -224,17 +294,20 @@ impl<'a> Run<'a> {
 
     /// Corrects, times and certifies; what does not certify is corrected once more with a larger margin.
     fn finish(&mut self, mut paths: Vec<Waypoints>, source: Source) -> Vec<Draw> {
+        let sampled = paths.clone();
         let mut outcomes: Vec<Result<Trajectory, Failure>> =
             vec![Err(Failure::Truncated); paths.len()];
         for margin in CORRECTION_MARGINS {
             self.attempt(margin + self.request.growth, &mut paths, &mut outcomes);
         }
-        let draw = |(path, outcome)| Draw {
+        let draw = |((sampled, path), outcome)| Draw {
+            sampled: Some(sampled),
             path: Some(path),
             source,
             outcome,
         };
-        paths.into_iter().zip(outcomes).map(draw).collect()
+        let paths = sampled.into_iter().zip(paths);
+        paths.zip(outcomes).map(draw).collect()
     }
 
     fn attempt(
@@ -294,6 +367,7 @@ impl<'a> Run<'a> {
 
     fn tree(&self, stream: u64, goals: &[Configuration], settings: &RrtSettings) -> Draw {
         let mut draw = Draw {
+            sampled: None,
             path: None,
             source: Source::Tree,
             outcome: Err(Failure::NoPath),

@@ -1,5 +1,6 @@
 //! What a plan is asked for, and what it delivers.
 
+use crate::diffusion::Guidance;
 use crate::metrics::PathMetrics;
 use crate::path::Waypoints;
 use crate::select::Selection;
@@ -18,6 +19,8 @@ pub enum Sampler {
     Straight,
     /// RRT-Connect on certified edges.
     RrtConnect,
+    /// The paper's diffusion model alone; the goal's end shape is the network's choice.
+    Diffusion(Guidance),
 }
 
 /// Who proposed a path.
@@ -95,6 +98,8 @@ impl Candidate {
 /// One draw, certified or not.
 #[derive(Clone, Debug)]
 pub struct Draw {
+    /// The path before correction, if a sampler or a straight segment proposed one.
+    pub sampled: Option<Waypoints>,
     /// The path after correction (64 waypoints), if one was produced.
     pub path: Option<Waypoints>,
     /// Who proposed it.

@@ -5,7 +5,8 @@ use collision::{Ball, Scene, certify_trajectory};
 use pcc_model::{Configuration, Point, Robot};
 use planning::scenes::{Setting, draw_target, reference_layout};
 use planning::{
-    Candidate, Goal, Infeasible, Plan, Planner, PlannerError, Problem, Request, Sampler, Selection,
+    Candidate, Goal, Infeasible, Models, Plan, Planner, PlannerError, Problem, Request, Sampler,
+    Selection,
 };
 use std::path::Path;
 use trajectory::limit_use;
@@ -41,7 +42,7 @@ fn from_straight(goal: Goal, balls: Vec<Ball>) -> Problem {
 
 #[test]
 fn infeasible_problems_are_named() {
-    let planner = Planner::new(&robot(), None, 1).unwrap();
+    let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
     let tip = Goal::Tip(Point::new(1.5, 0.0, 2.4));
     let ask = |problem: &Problem| match plan(&planner, problem, &request(Sampler::Straight, 1)) {
         Err(PlannerError::Infeasible(reason)) => reason,
@@ -72,19 +73,20 @@ fn infeasible_problems_are_named() {
 
 #[test]
 fn the_learned_samplers_need_a_model() {
-    let planner = Planner::new(&robot(), None, 1).unwrap();
+    let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
     let problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
     for sampler in [Sampler::Default, Sampler::Fast] {
         assert_eq!(
             plan(&planner, &problem, &request(sampler, 1)).unwrap_err(),
-            PlannerError::ModelNotLoaded
+            PlannerError::ModelNotLoaded("fast")
         );
     }
 }
 
 #[test]
 fn the_same_seed_gives_the_same_bits_with_one_thread_and_with_two() {
-    let planners = [1, 2].map(|threads| Planner::new(&robot(), None, threads).unwrap());
+    let planners =
+        [1, 2].map(|threads| Planner::new(&robot(), Models::default(), threads).unwrap());
     let target = (0..)
         .find_map(|i| draw_target(planners[0].robot(), Setting::General(Some(6)), 3, i))
         .unwrap();
@@ -113,7 +115,7 @@ fn the_same_seed_gives_the_same_bits_with_one_thread_and_with_two() {
 
 #[test]
 fn delivered_candidates_keep_every_promise() {
-    let planner = Planner::new(&robot(), None, 2).unwrap();
+    let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
     let robot = planner.robot();
     let mut checked = 0;
     for index in 0..24 {
@@ -162,7 +164,7 @@ fn delivered_candidates_keep_every_promise() {
 
 #[test]
 fn an_interrupt_truncates_and_nothing_uncertified_is_delivered() {
-    let planner = Planner::new(&robot(), None, 2).unwrap();
+    let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
     let problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
     let answer = planner
         .plan(&problem, &request(Sampler::Straight, 1), &|| true)
@@ -172,7 +174,7 @@ fn an_interrupt_truncates_and_nothing_uncertified_is_delivered() {
 
 #[test]
 fn a_tree_that_is_interrupted_while_it_grows_says_so() {
-    let planner = Planner::new(&robot(), None, 1).unwrap();
+    let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
     // A cage around the straight robot: its goal is clear, no way leads out.
     let cage = (0..3).flat_map(|ring| {
         (0..12).map(move |i| {
@@ -203,7 +205,7 @@ fn a_tree_that_is_interrupted_while_it_grows_says_so() {
 
 #[test]
 fn a_start_a_little_beyond_the_bending_limit_is_left_from_exactly_there() {
-    let planner = Planner::new(&robot(), None, 1).unwrap();
+    let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
     let mut problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
     problem.start[2] = planner.robot().bending_limit + 4e-3;
     for sampler in [Sampler::Straight, Sampler::RrtConnect] {
@@ -218,7 +220,7 @@ fn a_start_a_little_beyond_the_bending_limit_is_left_from_exactly_there() {
 
 #[test]
 fn start_and_goal_may_be_the_same_and_scenes_of_any_size_are_answered() {
-    let planner = Planner::new(&robot(), None, 2).unwrap();
+    let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
     let here = Configuration::from_column_slice(&[0.2, 0.1, -0.3, 0.4, 0.0, 0.5]);
     let at_most = Request {
         candidates: 64,
@@ -252,7 +254,7 @@ fn start_and_goal_may_be_the_same_and_scenes_of_any_size_are_answered() {
 
 #[test]
 fn a_homing_request_ends_in_its_configuration() {
-    let planner = Planner::new(&robot(), None, 1).unwrap();
+    let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
     let home = Configuration::from_column_slice(&[0.2, 0.1, -0.3, 0.4, 0.0, 0.5]);
     let answer = plan(
         &planner,

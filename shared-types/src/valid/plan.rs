@@ -258,7 +258,11 @@ mod tests {
             PlanField::Deadline,
             "0..=60000000000",
         ),
-        (|r| r.sampler = 4, PlanField::Sampler, "3 (rrt-connect)"),
+        (
+            |r| r.sampler = 7,
+            PlanField::Sampler,
+            "6 (diffusion-guided)",
+        ),
         (|r| r.selection = 6, PlanField::Selection, "5 (by index)"),
         (
             |r| (r.selection, r.selected_index) = (5, 16),

@@ -9,12 +9,9 @@ const REFINED_SHARE: f64 = 0.4;
 /// A network that predicts noise, with the request's conditions and its own scratch memory.
 pub trait Denoiser {
     /// Predicts the noise in `paths` (candidates × frames × degrees of freedom, normalised) at a step 0..999.
-    ///
-    /// What [`Denoiser::pull_back`] needs is kept if `keep` is set.
-    fn predict(&mut self, paths: &[f32], step: usize, keep: bool, noise: &mut [f32]);
+    fn predict(&mut self, paths: &[f32], step: usize, noise: &mut [f32]);
 
-    /// The product of a cotangent of the noise with the Jacobian of the last prediction that was kept, with respect to
-    /// the paths.
+    /// The product of a cotangent of the noise with the Jacobian of the last prediction with respect to the paths.
     fn pull_back(&mut self, cotangent: &[f32], gradient: &mut [f32]);
 }
 
@@ -160,8 +157,7 @@ impl SamplerScratch {
         active: bool,
         refinement: &mut Refinement,
     ) {
-        let guided = active && matches!(refinement, Refinement::Guide(_));
-        denoiser.predict(paths, step, guided, &mut self.noise);
+        denoiser.predict(paths, step, &mut self.noise);
         if let (true, Refinement::Guide(energy)) = (active, &mut *refinement) {
             self.clean(paths, at, f32::INFINITY);
             energy(&self.estimate, &mut self.gradient);
@@ -229,14 +225,14 @@ mod tests {
     /// The exact noise of normally distributed data.
     struct Gaussian {
         schedule: Schedule,
-        kept: Option<usize>,
+        last: usize,
     }
 
     impl Gaussian {
         fn new() -> Self {
             Self {
                 schedule: Schedule::new(),
-                kept: None,
+                last: 0,
             }
         }
 
@@ -247,8 +243,8 @@ mod tests {
     }
 
     impl Denoiser for Gaussian {
-        fn predict(&mut self, paths: &[f32], step: usize, keep: bool, noise: &mut [f32]) {
-            self.kept = keep.then_some(step);
+        fn predict(&mut self, paths: &[f32], step: usize, noise: &mut [f32]) {
+            self.last = step;
             let (slope, signal) = (
                 self.slope(step),
                 self.schedule.amplitudes(step).signal as f32,
@@ -259,7 +255,7 @@ mod tests {
         }
 
         fn pull_back(&mut self, cotangent: &[f32], gradient: &mut [f32]) {
-            let slope = self.slope(self.kept.expect("a prediction was kept"));
+            let slope = self.slope(self.last);
             for (g, c) in gradient.iter_mut().zip(cotangent) {
                 *g = slope * c;
             }

@@ -4,7 +4,7 @@ use super::Answer;
 use collision::Ball;
 use pcc_model::{Configuration, DOF};
 use planning::dataset::{ArchiveError, ArchiveWriter};
-use planning::{Draw, Source, WAYPOINTS};
+use planning::{Draw, Source, WAYPOINTS, Waypoints};
 use std::path::Path;
 use trajectory::{Knot, Trajectory};
 
@@ -18,6 +18,13 @@ pub(super) fn write(file: &Path, answers: &[Answer], slots: usize) -> Result<(),
         "paths",
         &[cases, slots, WAYPOINTS, DOF],
         draws.iter().flat_map(|d| path_values(*d)),
+    )?;
+    archive.write(
+        "sampled",
+        &[cases, slots, WAYPOINTS, DOF],
+        draws
+            .iter()
+            .flat_map(|d| values_of(d.and_then(|d| d.sampled.as_ref()))),
     )?;
     archive.write(
         "certified",
@@ -104,13 +111,22 @@ fn motion(draw: Option<&Draw>) -> Option<&Trajectory> {
 /// The executed curve's samples where it is certified, else the path that was drawn.
 fn path_values(draw: Option<&Draw>) -> Vec<f64> {
     let sampled = motion(draw).map(|t| t.sample(WAYPOINTS));
-    match sampled.or_else(|| draw.and_then(|d| d.path.clone())) {
-        Some(path) => path
-            .iter()
-            .flat_map(|q| q.iter().copied().collect::<Vec<_>>())
-            .collect(),
-        None => vec![f64::NAN; WAYPOINTS * DOF],
-    }
+    values_of(
+        sampled
+            .or_else(|| draw.and_then(|d| d.path.clone()))
+            .as_ref(),
+    )
+}
+
+fn values_of(path: Option<&Waypoints>) -> Vec<f64> {
+    path.map_or_else(
+        || vec![f64::NAN; WAYPOINTS * DOF],
+        |path| {
+            path.iter()
+                .flat_map(|q| q.iter().copied().collect::<Vec<_>>())
+                .collect()
+        },
+    )
 }
 
 fn source_code(draw: Option<&Draw>) -> u8 {

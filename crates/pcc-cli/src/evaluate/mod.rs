@@ -4,7 +4,7 @@ mod arrays;
 mod summary;
 
 use crate::dataset::unit_robot;
-use crate::planner::{PlannerName, load};
+use crate::planner::{ModelArguments, PlannerName, load};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -47,9 +47,8 @@ pub(crate) struct Arguments {
     /// Robot file.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
-    /// Folder of the weights and their manifest.
-    #[arg(long, default_value = "weights")]
-    weights: PathBuf,
+    #[command(flatten)]
+    models: ModelArguments,
     /// Folder for result.json and paths.npz.
     #[arg(long)]
     out: PathBuf,
@@ -68,9 +67,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let robot = unit_robot(&arguments.robot)?;
     let planner = load(
-        arguments.planner,
+        arguments.planner.sampler(),
         &robot,
-        &arguments.weights,
+        &arguments.models,
         arguments.threads,
     )?;
     let dataset = Dataset::read(&arguments.dataset)?;

@@ -3,7 +3,9 @@
 use super::{Answer, Arguments};
 use clap::ValueEnum;
 use pcc_model::{Configuration, Robot};
-use planning::{Candidate, Failure, Plan, SetMetrics, set_metrics};
+use planning::{
+    Candidate, Draw, Failure, Plan, SampledVerdict, SetMetrics, Waypoints, set_metrics,
+};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -27,6 +29,8 @@ pub(super) struct Summary {
     success_first: f64,
     /// Share of all draws certified (for the learned sampler: before anything is filled).
     share_before_fallback: f64,
+    /// What was sampled, by the paper's criterion.
+    sampled: Sampled,
     /// Share of all candidates asked for that were delivered certified.
     share_delivered: f64,
     /// Share of the requests with at least one certified learned candidate.
@@ -47,6 +51,50 @@ pub(super) struct Summary {
     vendi: Spread,
     seconds: Spread,
     stage_seconds: BTreeMap<&'static str, Spread>,
+}
+
+/// What the sampler drew, by the paper's criterion, before any correction outside of the sampler.
+#[derive(Serialize)]
+struct Sampled {
+    /// Share of all candidates asked for that succeed.
+    success: f64,
+    /// The same after correction.
+    success_corrected: f64,
+    /// Share of the requests with a candidate that succeeds.
+    success_any: f64,
+    /// Tip error, section lengths.
+    tip_error: Spread,
+    /// The same ÷ 3 L over those that succeed.
+    tip_error_of_robot_length: Spread,
+    /// Time of sampling alone ÷ candidates, s.
+    seconds_per_candidate: Spread,
+}
+
+impl Sampled {
+    fn of(robot: &Robot, arguments: &Arguments, answers: &[Answer]) -> Self {
+        let length: f64 = robot.section_lengths.iter().sum();
+        let sampled = verdicts(robot, answers, |draw| draw.sampled.as_ref());
+        let corrected = verdicts(robot, answers, |draw| draw.path.as_ref());
+        let successes = |verdicts: &[Vec<SampledVerdict>]| {
+            let all = verdicts.iter().flatten();
+            all.filter(|v| v.is_success()).count() as f64
+                / (answers.len() * arguments.candidates) as f64
+        };
+        let any = |case: &&Vec<SampledVerdict>| case.iter().any(SampledVerdict::is_success);
+        let all = sampled.iter().flatten();
+        let successful = all.clone().filter(|v| v.is_success());
+        let plans = answers.iter().filter_map(|a| a.plan.as_ref().ok());
+        Self {
+            success: successes(&sampled),
+            success_corrected: successes(&corrected),
+            success_any: sampled.iter().filter(any).count() as f64 / answers.len() as f64,
+            tip_error: Spread::of(all.map(|v| v.tip_error)),
+            tip_error_of_robot_length: Spread::of(successful.map(|v| v.tip_error / length)),
+            seconds_per_candidate: Spread::of(
+                plans.map(|p| p.stages.sample / arguments.candidates as f64),
+            ),
+        }
+    }
 }
 
 /// Order statistics of one figure.
@@ -127,6 +175,7 @@ pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]
                 .count(),
         ),
         share_before_fallback: before_fallback(&plans) as f64 / asked,
+        sampled: Sampled::of(robot, arguments, answers),
         share_delivered: certified.len() as f64 / asked,
         learned_any: share(plans.iter().filter(|p| p.learned_certified > 0).count()),
         failures: count(
@@ -152,6 +201,26 @@ pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]
         seconds: Spread::of(answers.iter().map(|a| a.seconds)),
         stage_seconds: stages(&plans),
     }
+}
+
+/// The paper's criterion on one path of every draw that has it, case by case.
+fn verdicts(
+    robot: &Robot,
+    answers: &[Answer],
+    path: impl Fn(&Draw) -> Option<&Waypoints>,
+) -> Vec<Vec<SampledVerdict>> {
+    let case = |answer: &Answer| {
+        let paths = answer
+            .plan
+            .iter()
+            .flat_map(|plan| &plan.draws)
+            .filter_map(&path);
+        let judge = |path: &Waypoints| {
+            SampledVerdict::of(robot, &answer.case.scene, &answer.case.target_tip, path)
+        };
+        paths.map(judge).collect()
+    };
+    answers.iter().map(case).collect()
 }
 
 /// Figures of the end shapes of a plan's certified candidates.
@@ -223,6 +292,12 @@ pub(super) fn print(s: &Summary) {
         "  certified before fallback {:6.2} %   delivered {:6.2} %",
         100.0 * s.share_before_fallback,
         100.0 * s.share_delivered
+    );
+    println!(
+        "  paper's criterion, sampled {:5.2} %   corrected {:6.2} %   tip error {:.4} mean",
+        100.0 * s.sampled.success,
+        100.0 * s.sampled.success_corrected,
+        s.sampled.tip_error.mean
     );
     println!(
         "  requests answered         {:6.2} %   with a learned candidate {:6.2} %",
