@@ -33,7 +33,7 @@ impl Kernel for Silu<'_> {
 pub(crate) fn sigmoid<L: Lanes>(x: L::Values) -> L::Values {
     let one = L::splat(1.0);
     let negative = L::sub(L::splat(0.0), x);
-    L::div(one, L::add(one, exponential::<L>(negative)))
+    L::inverse(L::add(one, exponential::<L>(negative)))
 }
 
 /// e^x with a relative error below 2e-7, for x in [−87, 87] (clamped): 2^n times a polynomial on |r| ≤ ln 2 / 2.

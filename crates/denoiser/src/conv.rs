@@ -7,28 +7,51 @@
 use crate::matrix::{Batch, BrainBuffer, Input, Packed, Precision, Store, Strides};
 use crate::weights_file::{WeightsError, WeightsFile};
 
+/// Bytes of a cache line; vectors that straddle two take twice as long.
+const LINE: usize = 64;
+
 /// Values of candidates, time-major, with a row of zeros before and after each: candidates × (height + 2) × channels.
 #[derive(Default)]
 pub(crate) struct Rows {
     candidates: usize,
     height: usize,
     channels: usize,
-    values: Vec<f32>,
+    /// Holds the values from the first cache line on.
+    memory: Vec<f32>,
 }
 
 impl Rows {
     /// Takes a shape; the zero rows are written, what lies between is to be overwritten.
     pub(crate) fn shape(&mut self, candidates: usize, height: usize, channels: usize) {
         (self.candidates, self.height, self.channels) = (candidates, height, channels);
-        self.values
-            .resize(candidates * (height + 2) * channels, 0.0);
-        if candidates == 0 {
-            return;
+        let needed = candidates * self.pitch() + LINE / size_of::<f32>();
+        if self.memory.len() < needed {
+            self.memory.resize(needed, 0.0);
         }
-        for candidate in self.values.chunks_exact_mut((height + 2) * channels) {
+        let pitch = self.pitch().max(1);
+        for candidate in self.values_mut().chunks_exact_mut(pitch) {
             candidate[..channels].fill(0.0);
             candidate[(height + 1) * channels..].fill(0.0);
         }
+    }
+
+    fn values(&self) -> &[f32] {
+        let length = self.candidates * self.pitch();
+        &self.memory[self
+            .memory
+            .as_ptr()
+            .align_offset(LINE)
+            .min(self.memory.len())..][..length]
+    }
+
+    fn values_mut(&mut self) -> &mut [f32] {
+        let length = self.candidates * self.pitch();
+        let first = self
+            .memory
+            .as_ptr()
+            .align_offset(LINE)
+            .min(self.memory.len());
+        &mut self.memory[first..][..length]
     }
 
     pub(crate) fn candidates(&self) -> usize {
@@ -46,27 +69,26 @@ impl Rows {
     /// The rows of each candidate without the zeros: height × channels.
     pub(crate) fn each(&self) -> impl Iterator<Item = &[f32]> {
         let (pitch, margin) = (self.pitch(), self.channels);
-        let all = self.values.chunks_exact(pitch.max(1));
+        let all = self.values().chunks_exact(pitch.max(1));
         all.map(move |candidate| &candidate[margin..pitch - margin])
     }
 
     pub(crate) fn each_mut(&mut self) -> impl Iterator<Item = &mut [f32]> {
         let (pitch, margin) = (self.pitch(), self.channels);
-        let all = self.values.chunks_exact_mut(pitch.max(1));
+        let all = self.values_mut().chunks_exact_mut(pitch.max(1));
         all.map(move |candidate| &mut candidate[margin..pitch - margin])
     }
 
     /// Takes the shape and the values of another.
     pub(crate) fn copy(&mut self, source: &Self) {
-        (self.candidates, self.height, self.channels) =
-            (source.candidates, source.height, source.channels);
-        self.values.clone_from(&source.values);
+        self.shape(source.candidates, source.height, source.channels);
+        self.values_mut().copy_from_slice(source.values());
     }
 
     /// Adds another of the same shape.
     pub(crate) fn add(&mut self, other: &Self) {
-        assert_eq!(self.values.len(), other.values.len(), "the same shape");
-        let values = self.values.iter_mut().zip(&other.values);
+        assert_eq!(self.values().len(), other.values().len(), "the same shape");
+        let values = self.values_mut().iter_mut().zip(other.values());
         values.for_each(|(value, other)| *value += other);
     }
 
@@ -118,9 +140,9 @@ impl Factors {
 
     fn of<'a>(&'a mut self, x: &'a Rows) -> Input<'a> {
         match self.precision {
-            Precision::Single => Input::Single(&x.values),
+            Precision::Single => Input::Single(x.values()),
             Precision::Brain => {
-                self.rounded.fill(&x.values);
+                self.rounded.fill(x.values());
                 Input::Brain(self.rounded.values())
             }
         }
@@ -312,7 +334,7 @@ impl Products {
                 Input::Brain(values) => Input::Brain(&values[first..]),
             };
             let first_out = first_out * out.channels;
-            product.multiply(input, &mut out.values[first_out..], batch, store);
+            product.multiply(input, &mut out.values_mut()[first_out..], batch, store);
         }
     }
 }
