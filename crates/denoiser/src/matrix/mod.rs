@@ -123,9 +123,15 @@ struct Job<'a, T> {
     x: &'a [T],
     out: &'a mut [f32],
     batch: Batch,
-    bias: &'a [f32],
+    outputs: usize,
+    bias: &'a [Bias],
     store: Store,
 }
+
+/// The bias of the outputs of a panel, with zeros for those that are not there.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Bias([f32; PANEL]);
 
 /// Rows of one candidate that are computed together for one panel of outputs.
 #[derive(Clone, Copy, PartialEq)]
@@ -144,7 +150,7 @@ impl<T> Job<'_, T> {
             candidates, rows, ..
         } = self.batch;
         let parts = rows.div_ceil(most);
-        let panels = self.bias.len().div_ceil(PANEL);
+        let panels = self.bias.len();
         (0..panels * candidates * parts).map(move |i| {
             let (panel, i) = (i / (candidates * parts), i % (candidates * parts));
             let (candidate, part) = (i / parts, i % parts);
@@ -168,14 +174,14 @@ impl<T> Job<'_, T> {
     /// Outputs of a panel.
     #[inline(always)]
     fn columns(&self, panel: usize) -> Range<usize> {
-        panel * PANEL..self.bias.len().min((panel + 1) * PANEL)
+        panel * PANEL..self.outputs.min((panel + 1) * PANEL)
     }
 
     /// Writes the products of a row and the bias.
     #[inline(always)]
     fn finish(&mut self, block: Block, row: usize, sums: &[f32; PANEL]) {
         let mut values = *sums;
-        let bias = &self.bias[self.columns(block.panel)];
+        let bias = &self.bias[block.panel].0;
         values.iter_mut().zip(bias).for_each(|(v, b)| *v += b);
         self.write(block, row, &values);
     }
@@ -197,7 +203,7 @@ impl<T> Job<'_, T> {
 pub struct Packed {
     inputs: usize,
     outputs: usize,
-    bias: Vec<f32>,
+    bias: Vec<Bias>,
     single: SinglePanels,
     brain: OnceLock<BrainPanels>,
 }
@@ -207,21 +213,27 @@ impl Packed {
     ///
     /// # Panics
     ///
-    /// When there is no output, or the matrix is not `bias.len()` rows of equal length.
+    /// When there is no output or no input, or the matrix is not `bias.len()` rows of equal length.
     #[must_use]
     pub fn new(weight: &[f32], bias: &[f32]) -> Self {
         let outputs = bias.len();
         assert!(outputs > 0, "at least one output");
         let inputs = weight.len() / outputs;
+        assert!(inputs > 0, "at least one input");
         assert_eq!(
             weight.len(),
             inputs * outputs,
             "a whole row for each output"
         );
+        let bias = bias.chunks(PANEL).map(|chunk| {
+            let mut panel = Bias([0.0; PANEL]);
+            panel.0[..chunk.len()].copy_from_slice(chunk);
+            panel
+        });
         Self {
             inputs,
             outputs,
-            bias: bias.to_vec(),
+            bias: bias.collect(),
             single: SinglePanels::new(weight, outputs),
             brain: OnceLock::new(),
         }
@@ -307,6 +319,7 @@ impl Packed {
             x,
             out,
             batch,
+            outputs: self.outputs,
             bias: &self.bias,
             store,
         }

@@ -83,110 +83,221 @@ static CONFIGURATION: Configuration = Configuration {
     rows: [16, 16, 16, 16, 16, 16, 16, 16, 0, 0, 0, 0, 0, 0, 0, 0],
 };
 
-/// Sums of two tiles of rows and one panel.
-#[repr(C, align(64))]
-struct SumValues([[[f32; PANEL]; ROWS]; 2]);
+/// Bytes of the next panel that every step asks the second cache for.
+const AHEAD_BYTES: usize = 16 * 64;
 
-/// The inputs of two tiles of rows in one step, with zeros for what is beyond the rows.
+/// Sums of some tiles of rows and one panel.
 #[repr(C, align(64))]
-struct StepValues([[[Brain; STEP]; ROWS]; 2]);
+struct SumValues<const N: usize>([[[f32; PANEL]; ROWS]; N]);
+
+/// The inputs of some tiles of rows in one step, with zeros for what is beyond the rows.
+#[repr(C, align(64))]
+struct StepValues<const N: usize>([[[Brain; STEP]; ROWS]; N]);
+
+/// Where some tiles of rows of x start, and the bytes from a row to the next.
+#[derive(Clone, Copy)]
+struct Rows<const N: usize> {
+    tiles: [*const Brain; N],
+    stride: usize,
+}
+
+/// Where the sums of some tiles of rows start, and the bytes from a row to the next.
+#[derive(Clone, Copy)]
+#[repr(C)]
+struct Sums<const N: usize> {
+    tiles: [*mut f32; N],
+    stride: usize,
+}
+
+/// Weights of whole steps, and those to ask the second cache for meanwhile.
+#[derive(Clone, Copy)]
+struct Weights<'a> {
+    now: &'a [PairWeights],
+    ahead: *const PairWeights,
+    /// Bytes that `ahead` moves in a step.
+    ahead_stride: usize,
+}
 
 /// Computes with tiles.
 ///
 /// # Safety
 ///
-/// [`available`] must have said that there are any.
-pub(super) unsafe fn multiply(panels: &BrainPanels, mut job: Job<'_, Brain>) {
-    // SAFETY: tiles are available, and the configuration is a valid one.
-    unsafe { asm!("ldtilecfg [{}]", in(reg) &raw const CONFIGURATION, options(nostack, readonly)) };
+/// [`available`] must have said that there are any, and AVX-512 F, BW and VL must have been detected.
+#[target_feature(enable = "avx512f,avx512bw,avx512vl")]
+pub(super) unsafe fn multiply(panels: &BrainPanels, job: Job<'_, Brain>) {
     let Batch {
         candidates, rows, ..
     } = job.batch;
     let per_candidate = rows.div_ceil(ROWS);
-    let tiles = per_candidate * candidates;
-    for panel in 0..job.bias.len().div_ceil(PANEL) {
-        let block = |tile: usize| {
-            let first_row = tile % per_candidate * ROWS;
-            Block {
-                panel,
-                candidate: tile / per_candidate,
-                first_row,
-                rows: ROWS.min(rows - first_row),
-            }
-        };
-        for first in (0..tiles).step_by(2) {
-            let blocks = [first, (first + 1).min(tiles - 1)].map(block);
-            // SAFETY: tiles are available, and configured as `CONFIGURATION`.
-            unsafe { pair(panels, &mut job, blocks) };
+    let mut product = Product {
+        panels,
+        job,
+        per_candidate,
+        whole: rows.is_multiple_of(ROWS) && panels.inputs.is_multiple_of(STEP),
+        tiles: per_candidate * candidates,
+    };
+    // SAFETY: tiles are available, and the configuration is a valid one, which all blocks go by.
+    unsafe {
+        asm!("ldtilecfg [{}]", in(reg) &raw const CONFIGURATION, options(nostack, readonly));
+        for panel in 0..product.job.bias.len() {
+            product.panel(panel);
         }
+        asm!("tilerelease", options(nostack, nomem));
     }
-    // SAFETY: tiles are available; nothing is expected to stay in them.
-    unsafe { asm!("tilerelease", options(nostack, nomem)) };
 }
 
-/// Two tiles of rows, which may be the same one, times one panel.
-///
-/// # Safety
-///
-/// Tiles must be available and configured as [`CONFIGURATION`].
-unsafe fn pair(panels: &BrainPanels, job: &mut Job<'_, Brain>, blocks: [Block; 2]) {
-    let columns = job.columns(blocks[0].panel);
-    let weights = panels.panel(blocks[0].panel);
-    let mut bias = [0.0; PANEL];
-    bias[..columns.len()].copy_from_slice(&job.bias[columns.clone()]);
-    let whole_rows = blocks.iter().all(|block| block.rows == ROWS);
-    let whole_steps = if whole_rows { panels.inputs / STEP } else { 0 };
-    let (weights, rest) = weights.split_at(whole_steps * STEP_PAIRS);
-    let x = Rows {
-        tiles: blocks.map(|block| job.x.as_ptr().wrapping_add(job.batch.from.start(block))),
-        stride: job.batch.from.row * size_of::<Brain>(),
-    };
-    if rest.is_empty() && columns.len() == PANEL && job.store == Store::Replace {
-        let from = Sums {
-            tiles: [bias.as_mut_ptr(); 2],
-            stride: 0,
-        };
-        let out = job.out.as_mut_ptr();
-        let first = |block| job.batch.to.start(block) + columns.start;
+struct Product<'a> {
+    panels: &'a BrainPanels,
+    job: Job<'a, Brain>,
+    /// Tiles of rows of each candidate.
+    per_candidate: usize,
+    /// Tiles of rows of all candidates.
+    tiles: usize,
+    /// Whether all tiles of rows and all steps are full.
+    whole: bool,
+}
+
+// The unsafe functions need tiles that are available and configured as `CONFIGURATION`.
+impl Product<'_> {
+    /// All rows times one panel.
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
+    unsafe fn panel(&mut self, panel: usize) {
+        let weights = self.panels.panel(panel);
+        let in_place = self.whole
+            && self.job.columns(panel).len() == PANEL
+            && self.job.store == Store::Replace;
+        let mut ahead = Ahead::new(weights, panel + 1 < self.job.bias.len());
+        for tile in (0..self.tiles).step_by(2) {
+            let part = Part {
+                panel,
+                tile,
+                weights: ahead.beside(weights),
+            };
+            // SAFETY: tiles are as the caller promises.
+            unsafe {
+                match (self.tiles - tile, in_place) {
+                    (1, true) => self.in_place::<1>(part),
+                    (_, true) => self.in_place::<2>(part),
+                    (1, false) => self.aside::<1>(part),
+                    (_, false) => self.aside::<2>(part),
+                }
+            }
+        }
+    }
+
+    fn block(&self, panel: usize, tile: usize) -> Block {
+        let first_row = tile % self.per_candidate * ROWS;
+        Block {
+            panel,
+            candidate: tile / self.per_candidate,
+            first_row,
+            rows: ROWS.min(self.job.batch.rows - first_row),
+        }
+    }
+
+    /// Full tiles of rows times full steps of a full panel, with the sums where they are to be in the end.
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
+    unsafe fn in_place<const N: usize>(&mut self, part: Part<'_>) {
+        let blocks: [Block; N] = std::array::from_fn(|i| self.block(part.panel, part.tile + i));
+        let (out, to) = (self.job.out.as_mut_ptr(), self.job.batch.to);
+        let first = |block| to.start(block) + part.panel * PANEL;
         let to = Sums {
             tiles: blocks.map(|block| out.wrapping_add(first(block))),
-            stride: job.batch.to.row * size_of::<f32>(),
+            stride: to.row * size_of::<f32>(),
         };
-        // SAFETY: tiles are as the caller promises. All 16 rows of both blocks are in the batch, whose rows lie within
-        // `x` and `out`; the inputs of whole steps and the columns lie within those rows.
-        unsafe { add_products(x, weights, from, to) };
-        return;
-    }
-    let mut sums = SumValues([[bias; ROWS]; 2]);
-    let place = Sums {
-        tiles: sums.0.each_mut().map(|tile| tile.as_mut_ptr().cast()),
-        stride: size_of::<[f32; PANEL]>(),
-    };
-    if whole_steps > 0 {
-        // SAFETY: as above, and `sums` has place for all sums.
-        unsafe { add_products(x, weights, place, place) };
-    }
-    for (i, weights) in rest.chunks_exact(STEP_PAIRS).enumerate() {
-        let step = StepValues::gather(job, blocks, panels.inputs, (whole_steps + i) * STEP);
-        let x = Rows {
-            tiles: step.0.each_ref().map(|tile| tile.as_ptr().cast()),
-            stride: size_of::<[Brain; STEP]>(),
+        let bias = Sums {
+            tiles: [self.job.bias[part.panel].0.as_ptr().cast_mut(); N],
+            stride: 0,
         };
-        // SAFETY: tiles are as the caller promises; `step` has all inputs of a step, and `sums` place for all sums.
-        unsafe { add_products(x, weights, place, place) };
+        // SAFETY: tiles are as the caller promises. All rows of full tiles are in the batch, whose rows lie within `x`
+        // and `out`; full steps and panels lie within those rows. The bias is read alone.
+        unsafe { add_products(self.rows(blocks), part.weights, bias, to) };
     }
-    let different = if blocks[0] == blocks[1] { 1 } else { 2 };
-    for (block, sums) in blocks.into_iter().zip(&sums.0).take(different) {
-        for (row, sums) in sums.iter().enumerate().take(block.rows) {
-            job.write(block, row, sums);
+
+    /// Any tiles of rows times a panel, with the sums set aside until the outputs are written.
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
+    unsafe fn aside<const N: usize>(&mut self, part: Part<'_>) {
+        let blocks: [Block; N] = std::array::from_fn(|i| self.block(part.panel, part.tile + i));
+        let mut values = SumValues([[self.job.bias[part.panel].0; ROWS]; N]);
+        let sums = Sums {
+            tiles: values.0.each_mut().map(|tile| tile.as_mut_ptr().cast()),
+            stride: size_of::<[f32; PANEL]>(),
+        };
+        if self.whole {
+            // SAFETY: tiles are as the caller promises; `x` as in `in_place`, and `values` has place for all sums.
+            unsafe { add_products(self.rows(blocks), part.weights, sums, sums) };
+        } else {
+            for (i, now) in part.weights.now.chunks(STEP_PAIRS).enumerate() {
+                let step = StepValues::gather(&self.job, blocks, self.panels.inputs, i * STEP);
+                let weights = Weights {
+                    now,
+                    ..part.weights
+                };
+                // SAFETY: as above; `step` has all inputs of a step.
+                unsafe { add_products(step.rows(), weights, sums, sums) };
+            }
+        }
+        for (block, sums) in blocks.into_iter().zip(&values.0) {
+            for (row, sums) in sums.iter().enumerate().take(block.rows) {
+                self.job.write(block, row, sums);
+            }
+        }
+    }
+
+    /// Where the rows of tiles lie.
+    fn rows<const N: usize>(&self, blocks: [Block; N]) -> Rows<N> {
+        let from = self.job.batch.from;
+        let x = self.job.x.as_ptr();
+        Rows {
+            tiles: blocks.map(|block| x.wrapping_add(from.start(block))),
+            stride: from.row * size_of::<Brain>(),
         }
     }
 }
 
-impl StepValues {
+/// Some tiles of rows, from `tile` on, times one panel.
+#[derive(Clone, Copy)]
+struct Part<'a> {
+    panel: usize,
+    tile: usize,
+    weights: Weights<'a>,
+}
+
+/// How much of the panel that follows has been asked for.
+struct Ahead {
+    next: *const PairWeights,
+    end: *const PairWeights,
+}
+
+impl Ahead {
+    /// Of the panel that lies behind these weights, if there is one.
+    fn new(weights: &[PairWeights], another: bool) -> Self {
+        let next = weights.as_ptr().wrapping_add(weights.len());
+        let count = if another { weights.len() } else { 0 };
+        Self {
+            next,
+            end: next.wrapping_add(count),
+        }
+    }
+
+    /// Weights for which products are computed once, and those to ask for meanwhile.
+    fn beside<'a>(&mut self, now: &'a [PairWeights]) -> Weights<'a> {
+        let left = self.next < self.end;
+        let weights = Weights {
+            now,
+            ahead: if left { self.next } else { now.as_ptr() },
+            ahead_stride: if left { AHEAD_BYTES } else { 0 },
+        };
+        let asked = now.len() / STEP_PAIRS * AHEAD_BYTES / size_of::<PairWeights>();
+        self.next = self.next.wrapping_add(asked);
+        weights
+    }
+}
+
+impl<const N: usize> StepValues<N> {
     /// The inputs from `first` on.
-    fn gather(job: &Job<'_, Brain>, blocks: [Block; 2], inputs: usize, first: usize) -> Self {
-        let mut step = Self([[[Brain::default(); STEP]; ROWS]; 2]);
+    fn gather(job: &Job<'_, Brain>, blocks: [Block; N], inputs: usize, first: usize) -> Self {
+        let mut step = Self([[[Brain::default(); STEP]; ROWS]; N]);
         let count = STEP.min(inputs - first);
         for (block, tile) in blocks.into_iter().zip(&mut step.0) {
             for (row, values) in tile.iter_mut().enumerate().take(block.rows) {
@@ -196,69 +307,127 @@ impl StepValues {
         }
         step
     }
+
+    fn rows(&self) -> Rows<N> {
+        Rows {
+            tiles: self.0.each_ref().map(|tile| tile.as_ptr().cast()),
+            stride: size_of::<[Brain; STEP]>(),
+        }
+    }
 }
 
-/// Where two tiles of rows of x start, and the bytes from a row to the next.
-#[derive(Clone, Copy)]
-struct Rows {
-    tiles: [*const Brain; 2],
-    stride: usize,
+/// The assembly for a number of tiles of rows: loads of the first sums, a step, and stores of the last sums.
+macro_rules! add_products {
+    (($x:ident, $weights:ident, $from:ident, $to:ident),
+     from: $($from_line:literal)*, step: $($step_line:literal)*, to: $($to_line:literal)*,
+     x: $($name:ident $index:literal)*) => {
+        asm!(
+            $($from_line,)*
+            "2:",
+            $($step_line,)*
+            "prefetcht1 [{ahead}]",
+            "prefetcht1 [{ahead} + 64]",
+            "prefetcht1 [{ahead} + 128]",
+            "prefetcht1 [{ahead} + 192]",
+            "prefetcht1 [{ahead} + 256]",
+            "prefetcht1 [{ahead} + 320]",
+            "prefetcht1 [{ahead} + 384]",
+            "prefetcht1 [{ahead} + 448]",
+            "prefetcht1 [{ahead} + 512]",
+            "prefetcht1 [{ahead} + 576]",
+            "prefetcht1 [{ahead} + 640]",
+            "prefetcht1 [{ahead} + 704]",
+            "prefetcht1 [{ahead} + 768]",
+            "prefetcht1 [{ahead} + 832]",
+            "prefetcht1 [{ahead} + 896]",
+            "prefetcht1 [{ahead} + 960]",
+            "add {ahead}, {ahead_stride}",
+            $(concat!("add {", stringify!($name), "}, 64"),)*
+            "add {weights}, 2048",
+            "dec {steps}",
+            "jnz 2b",
+            $($to_line,)*
+            $($name = inout(reg) $x.tiles[$index] => _,)*
+            x_stride = in(reg) $x.stride,
+            weights = inout(reg) $weights.now.as_ptr() => _,
+            weights_stride = in(reg) size_of::<PairWeights>(),
+            ahead = inout(reg) $weights.ahead => _,
+            ahead_stride = in(reg) $weights.ahead_stride,
+            steps = inout(reg) $weights.now.len() / STEP_PAIRS => _,
+            from = in(reg) &raw const $from,
+            to = in(reg) &raw const $to,
+            sums = out(reg) _,
+            sums_stride = out(reg) _,
+            out("tmm0") _, out("tmm1") _, out("tmm2") _, out("tmm3") _,
+            out("tmm4") _, out("tmm5") _, out("tmm6") _, out("tmm7") _,
+            options(nostack),
+        )
+    };
 }
 
-/// Where the sums of two tiles of rows start, and the bytes from a row to the next.
-#[derive(Clone, Copy)]
-struct Sums {
-    tiles: [*mut f32; 2],
-    stride: usize,
-}
-
-/// Adds the products of x and whole steps of weights, at least one, to the sums in `from` and stores them in `to`.
+/// Adds the products of x and the weights, at least of one step, to the sums in `from` and stores them in `to`.
 ///
 /// # Safety
 ///
 /// Tiles must be available and configured as [`CONFIGURATION`]. 16 rows of each tile must be valid: as many inputs as
-/// there are weights to read in `x`, 32 sums to read in `from` and to write in `to`.
-unsafe fn add_products(x: Rows, weights: &[PairWeights], from: Sums, to: Sums) {
+/// there are weights to read in `x`, 32 sums to read in `from` and to write in `to`. `N` is 1 or 2.
+unsafe fn add_products<const N: usize>(
+    x: Rows<N>,
+    weights: Weights<'_>,
+    from: Sums<N>,
+    to: Sums<N>,
+) {
     // SAFETY: what is read and written is as the caller promises, and as many weights as there are.
     unsafe {
-        asm!(
-            "tileloadd tmm0, [{from0} + {from_stride}]",
-            "tileloadd tmm1, [{from0} + {from_stride} + 64]",
-            "tileloadd tmm2, [{from1} + {from_stride}]",
-            "tileloadd tmm3, [{from1} + {from_stride} + 64]",
-            "2:",
-            "tileloadd tmm6, [{weights} + {weights_stride}]",
-            "tileloadd tmm4, [{x0} + {x_stride}]",
-            "tdpbf16ps tmm0, tmm4, tmm6",
-            "tileloadd tmm7, [{weights} + {weights_stride} + 64]",
-            "tdpbf16ps tmm1, tmm4, tmm7",
-            "tileloadd tmm5, [{x1} + {x_stride}]",
-            "tdpbf16ps tmm2, tmm5, tmm6",
-            "tdpbf16ps tmm3, tmm5, tmm7",
-            "add {x0}, 64",
-            "add {x1}, 64",
-            "add {weights}, 2048",
-            "dec {steps}",
-            "jnz 2b",
-            "tilestored [{to0} + {to_stride}], tmm0",
-            "tilestored [{to0} + {to_stride} + 64], tmm1",
-            "tilestored [{to1} + {to_stride}], tmm2",
-            "tilestored [{to1} + {to_stride} + 64], tmm3",
-            x0 = inout(reg) x.tiles[0] => _,
-            x1 = inout(reg) x.tiles[1] => _,
-            x_stride = in(reg) x.stride,
-            weights = inout(reg) weights.as_ptr() => _,
-            weights_stride = in(reg) size_of::<PairWeights>(),
-            steps = inout(reg) weights.len() / STEP_PAIRS => _,
-            from0 = in(reg) from.tiles[0],
-            from1 = in(reg) from.tiles[1],
-            from_stride = in(reg) from.stride,
-            to0 = in(reg) to.tiles[0],
-            to1 = in(reg) to.tiles[1],
-            to_stride = in(reg) to.stride,
-            out("tmm0") _, out("tmm1") _, out("tmm2") _, out("tmm3") _,
-            out("tmm4") _, out("tmm5") _, out("tmm6") _, out("tmm7") _,
-            options(nostack),
-        );
+        match N {
+            1 => add_products!((x, weights, from, to),
+                from:
+                    "mov {sums_stride}, [{from} + 8]"
+                    "mov {sums}, [{from}]"
+                    "tileloadd tmm0, [{sums} + {sums_stride}]"
+                    "tileloadd tmm1, [{sums} + {sums_stride} + 64]",
+                step:
+                    "tileloadd tmm4, [{x0} + {x_stride}]"
+                    "tileloadd tmm6, [{weights} + {weights_stride}]"
+                    "tdpbf16ps tmm0, tmm4, tmm6"
+                    "tileloadd tmm7, [{weights} + {weights_stride} + 64]"
+                    "tdpbf16ps tmm1, tmm4, tmm7",
+                to:
+                    "mov {sums_stride}, [{to} + 8]"
+                    "mov {sums}, [{to}]"
+                    "tilestored [{sums} + {sums_stride}], tmm0"
+                    "tilestored [{sums} + {sums_stride} + 64], tmm1",
+                x: x0 0
+            ),
+            2 => add_products!((x, weights, from, to),
+                from:
+                    "mov {sums_stride}, [{from} + 16]"
+                    "mov {sums}, [{from}]"
+                    "tileloadd tmm0, [{sums} + {sums_stride}]"
+                    "tileloadd tmm1, [{sums} + {sums_stride} + 64]"
+                    "mov {sums}, [{from} + 8]"
+                    "tileloadd tmm2, [{sums} + {sums_stride}]"
+                    "tileloadd tmm3, [{sums} + {sums_stride} + 64]",
+                step:
+                    "tileloadd tmm6, [{weights} + {weights_stride}]"
+                    "tileloadd tmm4, [{x0} + {x_stride}]"
+                    "tdpbf16ps tmm0, tmm4, tmm6"
+                    "tileloadd tmm7, [{weights} + {weights_stride} + 64]"
+                    "tdpbf16ps tmm1, tmm4, tmm7"
+                    "tileloadd tmm5, [{x1} + {x_stride}]"
+                    "tdpbf16ps tmm2, tmm5, tmm6"
+                    "tdpbf16ps tmm3, tmm5, tmm7",
+                to:
+                    "mov {sums_stride}, [{to} + 16]"
+                    "mov {sums}, [{to}]"
+                    "tilestored [{sums} + {sums_stride}], tmm0"
+                    "tilestored [{sums} + {sums_stride} + 64], tmm1"
+                    "mov {sums}, [{to} + 8]"
+                    "tilestored [{sums} + {sums_stride}], tmm2"
+                    "tilestored [{sums} + {sums_stride} + 64], tmm3",
+                x: x0 0 x1 1
+            ),
+            _ => unreachable!("one or two tiles of rows, not {N}"),
+        }
     }
 }
