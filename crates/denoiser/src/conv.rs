@@ -105,7 +105,8 @@ impl Rows {
         }
     }
 
-    fn pitch(&self) -> usize {
+    /// Values from a candidate to the next.
+    pub(crate) fn pitch(&self) -> usize {
         (self.height + 2) * self.channels
     }
 

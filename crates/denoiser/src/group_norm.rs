@@ -5,7 +5,7 @@
 use crate::activation::sigmoid;
 use crate::conv::Rows;
 use crate::lanes::{LANES, Lanes};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, ask_for, dispatch};
 use crate::weights_file::{WeightsError, WeightsFile};
 
 /// Groups of channels that are normalised together.
@@ -171,7 +171,12 @@ impl Kernel for Backward<'_> {
         let scales = self.statistics.scale.chunks_exact(channels);
         let candidates = self.x.each().zip(self.gradient.each_mut());
         for ((x, gradient), (mean, scale)) in candidates.zip(means.zip(scales)) {
-            let normalised = Normalised { x, mean, scale };
+            let normalised = Normalised {
+                x,
+                pitch: self.x.pitch(),
+                mean,
+                scale,
+            };
             normalised.through_activation::<L>(self.affine, gradient, self.sums);
             normalised.through_norm::<L>(gradient, self.sums);
         }
@@ -181,6 +186,8 @@ impl Kernel for Backward<'_> {
 /// One candidate's input of a normalisation, and what it found there.
 struct Normalised<'a> {
     x: &'a [f32],
+    /// From here to the next candidate's, which has long left the near caches when it is needed.
+    pitch: usize,
     mean: &'a [f32],
     scale: &'a [f32],
 }
@@ -194,7 +201,7 @@ impl Normalised<'_> {
         gradient: &mut [f32],
         sums: &mut [Vec<f32>; 2],
     ) {
-        let Self { x, mean, scale } = *self;
+        let Self { x, mean, scale, .. } = *self;
         let channels = mean.len();
         let one = L::splat(1.0);
         for first in (0..channels).step_by(LANES) {
@@ -204,7 +211,9 @@ impl Normalised<'_> {
             let (mut total, mut along) = (L::splat(0.0), L::splat(0.0));
             let rows = x.chunks_exact(channels);
             for (x, g) in rows.zip(gradient.chunks_exact_mut(channels)) {
-                let x = L::get(part(x, first));
+                let x = part(x, first);
+                ask_for(x.as_ptr().wrapping_add(self.pitch));
+                let x = L::get(x);
                 let y = L::fma(x, factor, summand);
                 let s = sigmoid::<L>(y);
                 // SiLU' = s + y s (1 − s)

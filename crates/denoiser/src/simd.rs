@@ -153,9 +153,26 @@ pub(crate) trait Kernel {
     fn run<L: Lanes>(self);
 }
 
+/// Asks the first cache for the line of an address, which need not be valid.
+#[inline(always)]
+pub(crate) fn ask_for(address: *const f32) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: asking has no effect but on time, whatever the address, and every x86-64 processor can.
+    unsafe {
+        _mm_prefetch::<_MM_HINT_T0>(address.cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = address;
+}
+
+/// The widest level that this processor has.
+pub(crate) fn detected() -> Detected {
+    *DETECTED
+}
+
 /// Runs a kernel with the widest vectors available.
 pub(crate) fn dispatch(kernel: impl Kernel) {
-    run_at(*DETECTED, kernel);
+    run_at(detected(), kernel);
 }
 
 /// Runs a kernel at a level that was detected.

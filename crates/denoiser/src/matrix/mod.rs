@@ -13,6 +13,8 @@ mod tests;
 mod tiles;
 #[cfg(target_arch = "x86_64")]
 mod vectors;
+#[cfg(target_arch = "x86_64")]
+mod wide;
 
 use crate::simd::PANEL;
 use brain::BrainPanels;

@@ -1,12 +1,15 @@
 //! f32 products.
+#![allow(unsafe_code)] // calling what is compiled for features that were detected
 
+#[cfg(target_arch = "x86_64")]
+use super::wide;
 use super::{Block, Job};
-use crate::simd::{Kernel, Level, PANEL, dispatch};
+use crate::simd::{Detected, Kernel, Level, PANEL, detected, run_at};
 
 /// The weights of one input for the outputs of one panel, on cache lines of its own.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Weights([f32; PANEL]);
+pub(super) struct Weights(pub(super) [f32; PANEL]);
 
 /// A matrix packed as `[panel][input][output in panel]`.
 pub(super) struct SinglePanels {
@@ -34,13 +37,23 @@ impl SinglePanels {
     }
 
     pub(super) fn multiply(&self, job: Job<'_, f32>) {
-        dispatch(Product { panels: self, job });
+        self.multiply_at(detected(), job);
+    }
+
+    /// Computes at a level that was detected.
+    pub(super) fn multiply_at(&self, level: Detected, job: Job<'_, f32>) {
+        match level {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: this level is handed out only after its features were detected.
+            Detected::Avx512 => unsafe { wide::multiply(&self.weights, self.inputs, job) },
+            level => run_at(level, Product { panels: self, job }),
+        }
     }
 }
 
-pub(super) struct Product<'a> {
-    pub(super) panels: &'a SinglePanels,
-    pub(super) job: Job<'a, f32>,
+struct Product<'a> {
+    panels: &'a SinglePanels,
+    job: Job<'a, f32>,
 }
 
 impl Kernel for Product<'_> {

@@ -1,8 +1,7 @@
 //! Every kernel that this machine has, against the definition in f64.
 
-use super::single::Product;
 use super::*;
-use crate::simd::{detected_levels, run_at};
+use crate::simd::detected_levels;
 
 /// Numbers in [−0.5, 0.5) that look random: a wrong index does not hide in them.
 fn scattered(count: usize, seed: u32) -> Vec<f32> {
@@ -85,8 +84,7 @@ impl Case {
         let single = detected_levels().into_iter().map(|level| {
             let mut out = before.clone();
             let job = self.packed.job(&self.x, &mut out, self.batch, store);
-            let panels = &self.packed.single;
-            run_at(level, Product { panels, job });
+            self.packed.single.multiply_at(level, job);
             ("single", out)
         });
         let brain = Unit::detected().iter().map(|unit| {
