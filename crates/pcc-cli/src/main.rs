@@ -6,6 +6,7 @@ mod evaluate;
 mod order;
 mod plan;
 mod planner;
+mod trace;
 mod watch;
 
 use clap::{Parser, Subcommand};
@@ -39,6 +40,8 @@ enum Command {
     Features(dataset::FeatureArguments),
     /// Evaluate a planner on a data set and write result.json and paths.npz.
     Evaluate(evaluate::Arguments),
+    /// Write how noise becomes a path, step by step, as an archive for pictures.
+    Trace(trace::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -76,6 +79,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Dataset(arguments) => dataset::generate(&arguments),
         Command::Features(arguments) => dataset::features(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Trace(arguments) => trace::run(&arguments),
     }
 }
 

@@ -1,0 +1,111 @@
+//! `pcc trace`: how noise becomes a path, step by step, for pictures of the reverse process.
+
+use crate::dataset::unit_robot;
+use crate::planner::{ModelArguments, PlannerName, load};
+use anyhow::{Context, bail};
+use clap::Args;
+use collision::{Ball, Scene};
+use pcc_model::{Configuration, DOF, Point, Robot};
+use planning::dataset::ArchiveWriter;
+use planning::scenes::random_configuration;
+use planning::{Goal, Problem, Sampler, WAYPOINTS, Waypoints};
+use rand::SeedableRng;
+use rand_pcg::Pcg64;
+use std::path::PathBuf;
+
+/// Random shapes looked at for a start that is clear.
+const START_DRAWS: usize = 1000;
+
+/// Arguments of `pcc trace`.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Tip position to reach, section lengths, base frame.
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    tip: Vec<f64>,
+    /// Start configuration, radians; without it the straight one.
+    #[arg(long, num_args = 6, value_name = "RAD", allow_negative_numbers = true)]
+    start: Option<Vec<f64>>,
+    /// Start from a random configuration that is clear, drawn from the seed.
+    #[arg(long, conflicts_with = "start")]
+    random_start: bool,
+    /// An obstacle, section lengths; may be given up to 64 times.
+    #[arg(long, num_args = 4, value_names = ["X", "Y", "Z", "RADIUS"], allow_negative_numbers = true, action = clap::ArgAction::Append)]
+    ball: Vec<f64>,
+    /// Which of the diffusion planners.
+    #[arg(long, value_enum, default_value = "diffusion-post")]
+    planner: PlannerName,
+    /// Seed of the noise.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    #[command(flatten)]
+    models: ModelArguments,
+    /// Robot file.
+    #[arg(long, default_value = "config/robots/unit.toml")]
+    robot: PathBuf,
+    /// Archive to write: `paths [S+1,64,6]` (radians) and `tips [S+1,64,3]` (section lengths) before each of the S steps and
+    /// at the end.
+    #[arg(long)]
+    out: PathBuf,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let Sampler::Diffusion(guidance) = arguments.planner.sampler() else {
+        bail!("--planner: diffusion, diffusion-post and diffusion-guided are allowed");
+    };
+    let robot = unit_robot(&arguments.robot)?;
+    let planner = load(arguments.planner.sampler(), &robot, &arguments.models, 1)?;
+    let problem = arguments.problem(planner.robot())?;
+    let trace = planner.trace(&problem, guidance, arguments.seed)?;
+    write(&arguments.out, planner.robot(), &trace)
+        .with_context(|| format!("cannot write {}", arguments.out.display()))?;
+    let last = &trace[trace.len() - 1];
+    let miss =
+        (planner.robot().tip(&last[WAYPOINTS - 1]) - problem.goal_tip(planner.robot())).norm();
+    println!(
+        "{}: {} steps, the last path's tip is {miss:.4} section lengths from the target",
+        arguments.out.display(),
+        trace.len() - 1
+    );
+    Ok(())
+}
+
+impl Arguments {
+    fn problem(&self, robot: &Robot) -> anyhow::Result<Problem> {
+        let balls = self.ball.chunks_exact(4).map(|b| Ball {
+            centre: Point::new(b[0], b[1], b[2]),
+            radius: b[3],
+        });
+        let problem = |start, scene: &Scene| Problem {
+            start,
+            goal: Goal::Tip(Point::from_column_slice(&self.tip)),
+            scene: scene.clone(),
+        };
+        let scene = Scene::new(balls.collect())?;
+        if !self.random_start {
+            let start = self.start.as_ref();
+            let start = start.map_or_else(Configuration::zeros, |s| {
+                Configuration::from_column_slice(s)
+            });
+            return Ok(problem(start, &scene));
+        }
+        let mut rng = Pcg64::seed_from_u64(self.seed);
+        (0..START_DRAWS)
+            .map(|_| problem(random_configuration(robot, &mut rng), &scene))
+            .find(|problem| problem.check_start(robot).is_ok())
+            .with_context(|| format!("none of {START_DRAWS} random starts is clear of the balls"))
+    }
+}
+
+fn write(
+    file: &std::path::Path,
+    robot: &Robot,
+    trace: &[Waypoints],
+) -> Result<(), planning::dataset::ArchiveError> {
+    let mut archive = ArchiveWriter::create(file)?;
+    let shapes = trace.iter().flatten();
+    let values = shapes.clone().flat_map(|q| <[f64; DOF]>::from(*q));
+    archive.write("paths", &[trace.len(), WAYPOINTS, DOF], values)?;
+    let tips = shapes.flat_map(|q| <[f64; 3]>::from(robot.tip(q)));
+    archive.write("tips", &[trace.len(), WAYPOINTS, 3], tips)?;
+    archive.finish()
+}
