@@ -2,19 +2,23 @@
 #![allow(clippy::unwrap_used)]
 #![allow(unsafe_code)] // a global allocator that counts
 
-use denoiser::{CandidateInput, FastModel, FastScratch, Manifest};
+use denoiser::matrix::Precision;
+use denoiser::{CandidateInput, FastModel, FastScratch, Manifest, TemporalUnet, UnetScratch};
 use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
-static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+thread_local! {
+    /// Of this thread, whose test counts them.
+    static ALLOCATIONS: Cell<usize> = const { Cell::new(0) };
+}
 
 struct Counting;
 
 // SAFETY: every call is handed to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.fetch_add(1, Ordering::Relaxed);
+        ALLOCATIONS.set(ALLOCATIONS.get() + 1);
         // SAFETY: the caller keeps GlobalAlloc's contract.
         unsafe { System.alloc(layout) }
     }
@@ -42,7 +46,7 @@ fn sampling_allocates_only_in_the_first_call_of_a_size() {
     let (noise, mut out) = (vec![0.3; 720], vec![0.0; 720]);
     let mut scratch = FastScratch::default();
     let mut count = |candidates: &[CandidateInput]| {
-        let before = ALLOCATIONS.load(Ordering::Relaxed);
+        let before = ALLOCATIONS.get();
         let length = 72 * candidates.len();
         model.sample(
             candidates,
@@ -51,10 +55,39 @@ fn sampling_allocates_only_in_the_first_call_of_a_size() {
             &mut scratch,
             &mut out[..length],
         );
-        ALLOCATIONS.load(Ordering::Relaxed) - before
+        ALLOCATIONS.get() - before
     };
     assert!(count(&candidates) > 0, "the counter counts");
     assert_eq!(count(&candidates), 0, "the same size again");
     assert_eq!(count(&candidates[..3]), 0, "fewer candidates");
     assert_eq!(count(&candidates), 0, "the first size again");
+}
+
+#[test]
+fn predicting_noise_and_its_gradient_allocates_only_in_the_first_call_of_a_size() {
+    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/unet");
+    let file = Manifest::open(&fixtures).unwrap().weights("unet").unwrap();
+    let unet = TemporalUnet::load(&file, std::f64::consts::FRAC_PI_2).unwrap();
+    let condition = unet.condition(&[0.1; 6], &[0.2; 3], &[[0.3, 0.2, 0.1, 0.1]; 4]);
+    let paths = vec![0.3; 5 * 384];
+    let [mut noise, mut gradient] = [paths.clone(), paths.clone()];
+    let mut scratch = UnetScratch::default();
+    for precision in [Precision::Single, Precision::Brain] {
+        if !precision.available() {
+            continue;
+        }
+        unet.prepare_precision(precision);
+        let mut count = |candidates: usize| {
+            let before = ALLOCATIONS.get();
+            let length = candidates * 384;
+            let (paths, noise) = (&paths[..length], &mut noise[..length]);
+            unet.predict(&condition, 7.0, paths, precision, &mut scratch, noise);
+            unet.pull_back(&mut scratch, paths, &mut gradient[..length]);
+            ALLOCATIONS.get() - before
+        };
+        assert!(count(5) > 0, "the counter counts");
+        assert_eq!(count(5), 0, "the same size again");
+        assert_eq!(count(2), 0, "fewer candidates");
+        assert_eq!(count(5), 0, "the first size again");
+    }
 }

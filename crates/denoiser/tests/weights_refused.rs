@@ -1,101 +1,26 @@
 //! Every weights file that does not fit is refused by name.
 #![allow(clippy::unwrap_used)]
 
+mod damage;
+
+use damage::{Folder, Weights};
 use denoiser::{FastModel, Manifest, WeightsError};
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
-use sha2::{Digest, Sha256};
-use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
 use std::fs;
-use std::path::Path;
-use tempfile::TempDir;
 
-/// The fixture's weights in memory, to be damaged.
-struct Weights {
-    metadata: HashMap<String, String>,
-    tensors: HashMap<String, (Vec<usize>, Vec<f32>)>,
+const ARCHITECTURE: &str = "both-ends-flow-v1";
+
+fn tiny() -> Weights {
+    Weights::fixture("tiny.safetensors")
 }
 
-impl Weights {
-    fn tiny() -> Self {
-        let fixture = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/fixtures/tiny.safetensors");
-        let content = fs::read(fixture).unwrap();
-        let (_, header) = SafeTensors::read_metadata(&content).unwrap();
-        let file = SafeTensors::deserialize(&content).unwrap();
-        let values = |view: &TensorView| {
-            let (bytes, _) = view.data().as_chunks::<4>();
-            bytes.iter().map(|b| f32::from_le_bytes(*b)).collect()
-        };
-        let tensors = file.tensors().into_iter();
-        Self {
-            metadata: header.metadata().clone().unwrap(),
-            tensors: tensors
-                .map(|(name, view)| (name, (view.shape().to_vec(), values(&view))))
-                .collect(),
-        }
-    }
-
-    fn with(mut self, key: &str, value: &str) -> Self {
-        assert!(
-            self.metadata.insert(key.into(), value.into()).is_some(),
-            "{key} was there"
-        );
-        self
-    }
-
-    fn content(&self) -> Vec<u8> {
-        let bytes: HashMap<_, Vec<u8>> = self
-            .tensors
-            .iter()
-            .map(|(name, (_, v))| (name, v.iter().flat_map(|v| v.to_le_bytes()).collect()))
-            .collect();
-        let view = |name: &String, shape: &Vec<usize>| {
-            TensorView::new(Dtype::F32, shape.clone(), &bytes[name]).unwrap()
-        };
-        let views = self
-            .tensors
-            .iter()
-            .map(|(name, (shape, _))| (name.clone(), view(name, shape)));
-        safetensors::serialize(views, Some(self.metadata.clone())).unwrap()
-    }
-
-    /// Loads the weights as a planner would, with a manifest that fits the file.
-    fn load(&self) -> Result<FastModel, WeightsError> {
-        load(&Folder::of(&self.content()))
-    }
-}
-
-/// A folder with `tiny.safetensors` and a manifest that describes it.
-struct Folder(TempDir);
-
-impl Folder {
-    fn of(content: &[u8]) -> Self {
-        let folder = Self(tempfile::tempdir().unwrap());
-        fs::write(folder.file("tiny.safetensors"), content).unwrap();
-        let hash: String = Sha256::digest(content)
-            .iter()
-            .map(|b| format!("{b:02x}"))
-            .collect();
-        folder.manifest(&format!(
-            "[tiny]\nfile = \"tiny.safetensors\"\nsha256 = \"{hash}\"\nbytes = {}\narchitecture = \"both-ends-flow-v1\"\n\
-             description = \"a test\"\nupdates = 0\ntraining_seconds = 0\n",
-            content.len()
-        ));
-        folder
-    }
-
-    fn file(&self, name: &str) -> std::path::PathBuf {
-        self.0.path().join(name)
-    }
-
-    fn manifest(&self, text: &str) {
-        fs::write(self.file("MANIFEST.toml"), text).unwrap();
-    }
+/// Takes the weights as a planner would, with a manifest that fits the file.
+fn load_weights(weights: &Weights) -> Result<FastModel, WeightsError> {
+    load(&Folder::of(&weights.content(), ARCHITECTURE))
 }
 
 fn load(folder: &Folder) -> Result<FastModel, WeightsError> {
-    let file = Manifest::open(folder.0.path())?.weights("tiny")?;
-    FastModel::from_weights(&file, FRAC_PI_2)
+    FastModel::from_weights(&folder.weights()?, FRAC_PI_2)
 }
 
 fn refusal(result: Result<FastModel, WeightsError>) -> WeightsError {
@@ -104,7 +29,7 @@ fn refusal(result: Result<FastModel, WeightsError>) -> WeightsError {
 
 #[test]
 fn sound_weights_are_taken() {
-    assert!(Weights::tiny().load().is_ok());
+    assert!(load_weights(&tiny()).is_ok());
 }
 
 #[test]
@@ -113,7 +38,7 @@ fn files_that_are_not_there_are_named() {
     assert!(
         matches!(Manifest::open(nowhere.path()), Err(WeightsError::Missing { path, .. }) if path.ends_with("MANIFEST.toml"))
     );
-    let folder = Folder::of(&Weights::tiny().content());
+    let folder = Folder::of(&tiny().content(), ARCHITECTURE);
     fs::remove_file(folder.file("tiny.safetensors")).unwrap();
     assert!(
         matches!(refusal(load(&folder)), WeightsError::Missing { path, .. } if path.ends_with("tiny.safetensors"))
@@ -122,8 +47,8 @@ fn files_that_are_not_there_are_named() {
 
 #[test]
 fn a_manifest_that_is_not_understood_or_lacks_the_name_is_refused() {
-    let folder = Folder::of(&Weights::tiny().content());
-    let manifest = Manifest::open(folder.0.path()).unwrap();
+    let folder = Folder::of(&tiny().content(), ARCHITECTURE);
+    let manifest = folder.open().unwrap();
     let refused = manifest.weights("fast").err().unwrap();
     assert!(
         matches!(&refused, WeightsError::NotInManifest { name, known } if name == "fast" && known == &["tiny"]),
@@ -137,8 +62,8 @@ fn a_manifest_that_is_not_understood_or_lacks_the_name_is_refused() {
 
 #[test]
 fn a_truncated_or_altered_file_is_refused() {
-    let content = Weights::tiny().content();
-    let folder = Folder::of(&content);
+    let content = tiny().content();
+    let folder = Folder::of(&content, ARCHITECTURE);
     fs::write(
         folder.file("tiny.safetensors"),
         &content[..content.len() - 1],
@@ -158,7 +83,7 @@ fn a_truncated_or_altered_file_is_refused() {
 fn what_is_not_a_weights_file_is_refused() {
     for content in [&b""[..], b"{}", &[0xff; 64]] {
         assert!(matches!(
-            refusal(load(&Folder::of(content))),
+            refusal(load(&Folder::of(content, ARCHITECTURE))),
             WeightsError::Format { .. }
         ));
     }
@@ -174,7 +99,7 @@ fn metadata_that_does_not_fit_is_named() {
         ("width", "0"),
         ("blocks", "many"),
     ] {
-        let refused = refusal(Weights::tiny().with(key, value).load());
+        let refused = refusal(load_weights(&tiny().with(key, value)));
         assert!(
             matches!(&refused, WeightsError::Metadata { key: k, found: Some(f), .. } if *k == key && f == value),
             "{refused}"
@@ -184,7 +109,7 @@ fn metadata_that_does_not_fit_is_named() {
 
 #[test]
 fn another_robot_is_named_with_both_limits() {
-    let refused = refusal(Weights::tiny().with("theta_max", "1.2").load());
+    let refused = refusal(load_weights(&tiny().with("theta_max", "1.2")));
     assert!(
         matches!(refused, WeightsError::Robot { found, expected, .. } if found == 1.2 && expected == FRAC_PI_2)
     );
@@ -192,9 +117,9 @@ fn another_robot_is_named_with_both_limits() {
 
 #[test]
 fn a_tensor_of_another_shape_is_named_with_both_shapes() {
-    let mut weights = Weights::tiny();
+    let mut weights = tiny();
     weights.tensors.get_mut("blocks.1.inner.weight").unwrap().0 = vec![16, 64];
-    let refused = refusal(weights.load());
+    let refused = refusal(load_weights(&weights));
     assert!(
         matches!(&refused, WeightsError::Shape { tensor, found, expected }
             if tensor == "blocks.1.inner.weight" && found == "f32 [16, 64]" && expected == &[32, 32]),
@@ -204,16 +129,16 @@ fn a_tensor_of_another_shape_is_named_with_both_shapes() {
 
 #[test]
 fn a_tensor_that_is_missing_or_not_finite_is_named() {
-    let mut weights = Weights::tiny();
+    let mut weights = tiny();
     weights.tensors.remove("output.bias");
     assert!(
-        matches!(refusal(weights.load()), WeightsError::NoTensor { tensor } if tensor == "output.bias")
+        matches!(refusal(load_weights(&weights)), WeightsError::NoTensor { tensor } if tensor == "output.bias")
     );
     for value in [f32::NAN, f32::INFINITY] {
-        let mut weights = Weights::tiny();
+        let mut weights = tiny();
         weights.tensors.get_mut("time.weight").unwrap().1[17] = value;
         assert!(
-            matches!(refusal(weights.load()), WeightsError::NotFinite { tensor, index: 17 } if tensor == "time.weight")
+            matches!(refusal(load_weights(&weights)), WeightsError::NotFinite { tensor, index: 17 } if tensor == "time.weight")
         );
     }
 }
