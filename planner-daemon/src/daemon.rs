@@ -8,7 +8,8 @@ use collision::{Scene, tracking_growth};
 use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
 use pcc_model::{Configuration, Robot, RobotFileError};
 use planning::{
-    DiffusionModel, Goal, Models, Planner, PlannerError, Problem, Request, Sampler, Selection,
+    DiffusionModel, Goal, Guidance, Models, Planner, PlannerError, PrecisionUnavailable, Problem,
+    Request, Sampler, Selection,
 };
 use shared_types::ipc::{
     IpcError, IpcNode, IpcOptions, Role, RoleLock, plan_server, plan_service, shared_memory,
@@ -44,6 +45,9 @@ pub enum StartError {
         /// What is wrong with them.
         source: Box<WeightsError>,
     },
+    /// The diffusion model cannot be computed as configured.
+    #[error(transparent)]
+    Precision(#[from] PrecisionUnavailable),
     /// The planner cannot serve this robot.
     #[error(transparent)]
     Planner(#[from] PlannerError),
@@ -182,23 +186,26 @@ fn load_robot(config: &Config) -> Result<Robot, StartError> {
 }
 
 fn load_planner(config: &Config, robot: &Robot) -> Result<Planner, StartError> {
-    let models = config.weights.as_ref().map(|folder| {
-        load_models(folder, config, robot).map_err(|source| StartError::Weights {
-            folder: folder.clone(),
-            source: Box::new(source),
-        })
-    });
+    let models = config
+        .weights
+        .as_ref()
+        .map(|folder| load_models(folder, config, robot));
     let models = models.transpose()?.unwrap_or_default();
     Ok(Planner::new(robot, models, config.threads)?)
 }
 
-fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, WeightsError> {
-    let manifest = Manifest::open(folder)?;
-    let fast = FastModel::from_weights(&manifest.weights(MODEL)?, robot.bending_limit)?;
+fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, StartError> {
+    let refused = |source| StartError::Weights {
+        folder: folder.into(),
+        source: Box::new(source),
+    };
+    let manifest = Manifest::open(folder).map_err(refused)?;
+    let weights = |name: &str| manifest.weights(name).map_err(refused);
+    let limit = robot.bending_limit;
+    let fast = FastModel::from_weights(&weights(MODEL)?, limit).map_err(refused)?;
     let diffusion = config.diffusion.as_ref().map(|diffusion| {
-        let file = manifest.weights(&diffusion.model)?;
-        let unet = TemporalUnet::load(&file, robot.bending_limit)?;
-        Ok(DiffusionModel::new(unet, diffusion.settings()))
+        let unet = TemporalUnet::load(&weights(&diffusion.model)?, limit).map_err(refused)?;
+        Ok::<_, StartError>(DiffusionModel::new(unet, diffusion.settings())?)
     });
     Ok(Models {
         fast: Some(fast),
@@ -206,19 +213,14 @@ fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, 
     })
 }
 
-/// Plans once, so that the first request finds code and memory as warm as the others.
+/// Plans once with every sampler that has a model, so that the first request finds code and memory as warm as the others.
 fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
     let problem = Problem {
         start: Configuration::zeros(),
         goal: Goal::Configuration(Configuration::repeat(0.1)),
         scene: Scene::default(),
     };
-    let sampler = if config.weights.is_some() {
-        Sampler::Default
-    } else {
-        Sampler::Straight
-    };
-    let request = Request {
+    let request = |sampler| Request {
         candidates: config.capacity.candidates,
         seed: 0,
         sampler,
@@ -227,7 +229,15 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         growth: tracking_growth(planner.robot(), config.path_tolerance_rad),
         knots: config.capacity.knots_per_candidate,
     };
-    planner.plan(&problem, &request, &|| false)?;
+    let main = match config.weights {
+        Some(_) => Sampler::Default,
+        None => Sampler::Straight,
+    };
+    let diffusion = config.weights.as_ref().and(config.diffusion.as_ref());
+    let diffusion = diffusion.map(|_| Sampler::Diffusion(Guidance::Post));
+    for sampler in std::iter::once(main).chain(diffusion) {
+        planner.plan(&problem, &request(sampler), &|| false)?;
+    }
     Ok(())
 }
 

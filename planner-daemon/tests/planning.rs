@@ -7,6 +7,7 @@
 mod common;
 
 use std::collections::HashMap;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use client::{Client, PlanAnswer};
@@ -34,6 +35,58 @@ fn bits(knots: &[Knot]) -> Vec<u64> {
         std::iter::once(knot.time_s).chain(vectors.into_iter().flatten())
     });
     numbers.map(f64::to_bits).collect()
+}
+
+/// A folder with the shipped few-step model and the small diffusion model of the parity test.
+fn weights_of_both_kinds(world: &World) -> PathBuf {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let folders = ["weights", "crates/planning/tests/fixtures"].map(|folder| root.join(folder));
+    let both = world.path().join("weights");
+    std::fs::create_dir(&both).unwrap();
+    let manifests = folders.each_ref().map(|folder| {
+        for name in ["fast", "sampled"] {
+            let file = format!("{name}.safetensors");
+            let _ = std::fs::copy(folder.join(&file), both.join(&file));
+        }
+        std::fs::read_to_string(folder.join("MANIFEST.toml")).unwrap()
+    });
+    std::fs::write(both.join("MANIFEST.toml"), manifests.concat()).unwrap();
+    both
+}
+
+#[test]
+fn a_diffusion_model_is_served_beside_the_default_one_where_it_is_configured() {
+    let world = World::new();
+    let weights = weights_of_both_kinds(&world);
+    let table =
+        "[diffusion]\nmodel = \"sampled\"\nsolver = \"ddim\"\nsteps = 10\nprecision = \"f32\"";
+    for (table, expected) in [("", Outcome::SamplerNotLoaded), (table, Outcome::Ok)] {
+        let settings = format!("weights = {weights:?}\n{table}");
+        let daemon = world.start(&world.configuration(&settings));
+        let mut client = Client::connect(&world.options).unwrap();
+        for sampler in [
+            Sampler::DiffusionPost,
+            Sampler::DiffusionGuided,
+            Sampler::Default,
+        ] {
+            let answer = client.plan(
+                &PlanRequest {
+                    sampler,
+                    ..request()
+                },
+                PATIENCE,
+            );
+            let outcome = answer.unwrap().report().outcome;
+            let expected = match sampler {
+                Sampler::Default => Outcome::Ok,
+                // small and hardly trained: what matters is that it was asked
+                _ if outcome == Outcome::NoPath && expected == Outcome::Ok => Outcome::NoPath,
+                _ => expected,
+            };
+            assert_eq!(outcome, expected, "{sampler}");
+        }
+        assert!(daemon.terminate().success());
+    }
 }
 
 #[test]

@@ -88,11 +88,6 @@ impl ModelArguments {
             PrecisionName::F32 => Precision::Single,
             PrecisionName::Bf16 => Precision::Brain,
         };
-        if !precision.available() {
-            bail!(
-                "--precision bf16: this processor has no products of 16 bits (AVX-512 BF16); f32 is allowed"
-            );
-        }
         let solver = match self.solver {
             SolverName::Ddim => Solver::Ddim,
             SolverName::DpmSolver => Solver::DpmSolver,
@@ -122,7 +117,7 @@ pub(crate) fn load(
             let settings = arguments.settings()?;
             let file = Manifest::open(&arguments.weights)?.weights(&arguments.model)?;
             let unet = TemporalUnet::load(&file, robot.bending_limit)?;
-            models.diffusion = Some(DiffusionModel::new(unet, settings));
+            models.diffusion = Some(DiffusionModel::new(unet, settings)?);
         }
         Sampler::Straight | Sampler::RrtConnect => {}
     }

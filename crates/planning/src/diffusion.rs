@@ -16,6 +16,7 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
+use thiserror::Error;
 
 /// Values of a path.
 const PATH: usize = WAYPOINTS * DOF;
@@ -42,6 +43,11 @@ pub struct DiffusionSettings {
     pub precision: Precision,
 }
 
+/// The processor does not compute in the precision asked for.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("precision bf16: this processor has no products of 16 bits (AVX-512 BF16); f32 is allowed")]
+pub struct PrecisionUnavailable;
+
 /// A diffusion model, resident, with working memory for every worker.
 pub struct DiffusionModel {
     unet: TemporalUnet,
@@ -66,15 +72,23 @@ pub(crate) struct Task<'a> {
 
 impl DiffusionModel {
     /// Makes a network resident.
-    #[must_use]
-    pub fn new(unet: TemporalUnet, settings: DiffusionSettings) -> Self {
+    ///
+    /// # Errors
+    /// [`PrecisionUnavailable`].
+    pub fn new(
+        unet: TemporalUnet,
+        settings: DiffusionSettings,
+    ) -> Result<Self, PrecisionUnavailable> {
+        if !settings.precision.available() {
+            return Err(PrecisionUnavailable);
+        }
         unet.prepare_precision(settings.precision);
-        Self {
+        Ok(Self {
             unet,
             settings,
             sampler: Sampler::new(settings.solver, settings.steps),
             scratch: Vec::new(),
-        }
+        })
     }
 
     /// Makes room for each of `threads` workers.

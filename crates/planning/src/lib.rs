@@ -27,7 +27,7 @@ pub mod scenes;
 mod select;
 pub mod teacher;
 
-pub use diffusion::{DiffusionModel, DiffusionSettings, Guidance};
+pub use diffusion::{DiffusionModel, DiffusionSettings, Guidance, PrecisionUnavailable};
 pub use end_shapes::{EndShapes, end_shapes};
 pub use features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, features, residual_coefficients};
 pub use inverse_kinematics::solve_tip;
