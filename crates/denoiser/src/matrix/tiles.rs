@@ -83,12 +83,9 @@ static CONFIGURATION: Configuration = Configuration {
     rows: [16, 16, 16, 16, 16, 16, 16, 16, 0, 0, 0, 0, 0, 0, 0, 0],
 };
 
-/// Bytes of the next panel that every step asks the second cache for.
-const AHEAD_BYTES: usize = 16 * 64;
-
-/// Sums of some tiles of rows and one panel.
+/// Sums of two tiles of rows and one panel.
 #[repr(C, align(64))]
-struct SumValues<const N: usize>([[[f32; PANEL]; ROWS]; N]);
+struct SumValues([[[f32; PANEL]; ROWS]; 2]);
 
 /// The inputs of some tiles of rows in one step, with zeros for what is beyond the rows.
 #[repr(C, align(64))]
@@ -109,15 +106,6 @@ struct Sums<const N: usize> {
     stride: usize,
 }
 
-/// Weights of whole steps, and those to ask the second cache for meanwhile.
-#[derive(Clone, Copy)]
-struct Weights<'a> {
-    now: &'a [PairWeights],
-    ahead: *const PairWeights,
-    /// Bytes that `ahead` moves in a step.
-    ahead_stride: usize,
-}
-
 /// Computes with tiles.
 ///
 /// # Safety
@@ -135,6 +123,7 @@ pub(super) unsafe fn multiply(panels: &BrainPanels, job: Job<'_, Brain>) {
         per_candidate,
         whole: rows.is_multiple_of(ROWS) && panels.inputs.is_multiple_of(STEP),
         tiles: per_candidate * candidates,
+        aside: SumValues([[[0.0; PANEL]; ROWS]; 2]),
     };
     // SAFETY: tiles are available, and the configuration is a valid one, which all blocks go by.
     unsafe {
@@ -155,6 +144,7 @@ struct Product<'a> {
     tiles: usize,
     /// Whether all tiles of rows and all steps are full.
     whole: bool,
+    aside: SumValues,
 }
 
 // The unsafe functions need tiles that are available and configured as `CONFIGURATION`.
@@ -162,24 +152,17 @@ impl Product<'_> {
     /// All rows times one panel.
     #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
     unsafe fn panel(&mut self, panel: usize) {
-        let weights = self.panels.panel(panel);
         let in_place = self.whole
             && self.job.columns(panel).len() == PANEL
             && self.job.store == Store::Replace;
-        let mut ahead = Ahead::new(weights, panel + 1 < self.job.bias.len());
         for tile in (0..self.tiles).step_by(2) {
-            let part = Part {
-                panel,
-                tile,
-                weights: ahead.beside(weights),
-            };
             // SAFETY: tiles are as the caller promises.
             unsafe {
                 match (self.tiles - tile, in_place) {
-                    (1, true) => self.in_place::<1>(part),
-                    (_, true) => self.in_place::<2>(part),
-                    (1, false) => self.aside::<1>(part),
-                    (_, false) => self.aside::<2>(part),
+                    (1, true) => self.in_place::<1>(panel, tile),
+                    (_, true) => self.in_place::<2>(panel, tile),
+                    (1, false) => self.aside::<1>(panel, tile),
+                    (_, false) => self.aside::<2>(panel, tile),
                 }
             }
         }
@@ -197,50 +180,53 @@ impl Product<'_> {
 
     /// Full tiles of rows times full steps of a full panel, with the sums where they are to be in the end.
     #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-    unsafe fn in_place<const N: usize>(&mut self, part: Part<'_>) {
-        let blocks: [Block; N] = std::array::from_fn(|i| self.block(part.panel, part.tile + i));
+    unsafe fn in_place<const N: usize>(&mut self, panel: usize, tile: usize) {
+        let blocks: [Block; N] = std::array::from_fn(|i| self.block(panel, tile + i));
         let (out, to) = (self.job.out.as_mut_ptr(), self.job.batch.to);
-        let first = |block| to.start(block) + part.panel * PANEL;
+        let first = |block| to.start(block) + panel * PANEL;
         let to = Sums {
             tiles: blocks.map(|block| out.wrapping_add(first(block))),
             stride: to.row * size_of::<f32>(),
         };
-        let bias = Sums {
-            tiles: [self.job.bias[part.panel].0.as_ptr().cast_mut(); N],
-            stride: 0,
-        };
+        let (x, weights) = (self.rows(blocks), self.panels.panel(panel));
         // SAFETY: tiles are as the caller promises. All rows of full tiles are in the batch, whose rows lie within `x`
-        // and `out`; full steps and panels lie within those rows. The bias is read alone.
-        unsafe { add_products(self.rows(blocks), part.weights, bias, to) };
+        // and `out`; full steps and panels lie within those rows.
+        unsafe { add_products(x, weights, self.bias(panel), to) };
     }
 
     /// Any tiles of rows times a panel, with the sums set aside until the outputs are written.
     #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-    unsafe fn aside<const N: usize>(&mut self, part: Part<'_>) {
-        let blocks: [Block; N] = std::array::from_fn(|i| self.block(part.panel, part.tile + i));
-        let mut values = SumValues([[self.job.bias[part.panel].0; ROWS]; N]);
+    unsafe fn aside<const N: usize>(&mut self, panel: usize, tile: usize) {
+        let blocks: [Block; N] = std::array::from_fn(|i| self.block(panel, tile + i));
+        let aside = self.aside.0.as_mut_ptr();
         let sums = Sums {
-            tiles: values.0.each_mut().map(|tile| tile.as_mut_ptr().cast()),
+            tiles: std::array::from_fn(|i| aside.wrapping_add(i).cast()),
             stride: size_of::<[f32; PANEL]>(),
         };
+        let (mut from, weights) = (self.bias(panel), self.panels.panel(panel));
         if self.whole {
-            // SAFETY: tiles are as the caller promises; `x` as in `in_place`, and `values` has place for all sums.
-            unsafe { add_products(self.rows(blocks), part.weights, sums, sums) };
+            // SAFETY: tiles are as the caller promises; `x` as in `in_place`, and `aside` has room for two tiles of sums.
+            unsafe { add_products(self.rows(blocks), weights, from, sums) };
         } else {
-            for (i, now) in part.weights.now.chunks(STEP_PAIRS).enumerate() {
+            for (i, weights) in weights.chunks(STEP_PAIRS).enumerate() {
                 let step = StepValues::gather(&self.job, blocks, self.panels.inputs, i * STEP);
-                let weights = Weights {
-                    now,
-                    ..part.weights
-                };
                 // SAFETY: as above; `step` has all inputs of a step.
-                unsafe { add_products(step.rows(), weights, sums, sums) };
+                unsafe { add_products(step.rows(), weights, from, sums) };
+                from = sums;
             }
         }
-        for (block, sums) in blocks.into_iter().zip(&values.0) {
+        for (block, sums) in blocks.into_iter().zip(&self.aside.0) {
             for (row, sums) in sums.iter().enumerate().take(block.rows) {
                 self.job.write(block, row, sums);
             }
+        }
+    }
+
+    /// The bias of a panel in every row; to be read alone.
+    fn bias<const N: usize>(&self, panel: usize) -> Sums<N> {
+        Sums {
+            tiles: [self.job.bias[panel].0.as_ptr().cast_mut(); N],
+            stride: 0,
         }
     }
 
@@ -252,45 +238,6 @@ impl Product<'_> {
             tiles: blocks.map(|block| x.wrapping_add(from.start(block))),
             stride: from.row * size_of::<Brain>(),
         }
-    }
-}
-
-/// Some tiles of rows, from `tile` on, times one panel.
-#[derive(Clone, Copy)]
-struct Part<'a> {
-    panel: usize,
-    tile: usize,
-    weights: Weights<'a>,
-}
-
-/// How much of the panel that follows has been asked for.
-struct Ahead {
-    next: *const PairWeights,
-    end: *const PairWeights,
-}
-
-impl Ahead {
-    /// Of the panel that lies behind these weights, if there is one.
-    fn new(weights: &[PairWeights], another: bool) -> Self {
-        let next = weights.as_ptr().wrapping_add(weights.len());
-        let count = if another { weights.len() } else { 0 };
-        Self {
-            next,
-            end: next.wrapping_add(count),
-        }
-    }
-
-    /// Weights for which products are computed once, and those to ask for meanwhile.
-    fn beside<'a>(&mut self, now: &'a [PairWeights]) -> Weights<'a> {
-        let left = self.next < self.end;
-        let weights = Weights {
-            now,
-            ahead: if left { self.next } else { now.as_ptr() },
-            ahead_stride: if left { AHEAD_BYTES } else { 0 },
-        };
-        let asked = now.len() / STEP_PAIRS * AHEAD_BYTES / size_of::<PairWeights>();
-        self.next = self.next.wrapping_add(asked);
-        weights
     }
 }
 
@@ -325,23 +272,6 @@ macro_rules! add_products {
             $($from_line,)*
             "2:",
             $($step_line,)*
-            "prefetcht1 [{ahead}]",
-            "prefetcht1 [{ahead} + 64]",
-            "prefetcht1 [{ahead} + 128]",
-            "prefetcht1 [{ahead} + 192]",
-            "prefetcht1 [{ahead} + 256]",
-            "prefetcht1 [{ahead} + 320]",
-            "prefetcht1 [{ahead} + 384]",
-            "prefetcht1 [{ahead} + 448]",
-            "prefetcht1 [{ahead} + 512]",
-            "prefetcht1 [{ahead} + 576]",
-            "prefetcht1 [{ahead} + 640]",
-            "prefetcht1 [{ahead} + 704]",
-            "prefetcht1 [{ahead} + 768]",
-            "prefetcht1 [{ahead} + 832]",
-            "prefetcht1 [{ahead} + 896]",
-            "prefetcht1 [{ahead} + 960]",
-            "add {ahead}, {ahead_stride}",
             $(concat!("add {", stringify!($name), "}, 64"),)*
             "add {weights}, 2048",
             "dec {steps}",
@@ -349,11 +279,9 @@ macro_rules! add_products {
             $($to_line,)*
             $($name = inout(reg) $x.tiles[$index] => _,)*
             x_stride = in(reg) $x.stride,
-            weights = inout(reg) $weights.now.as_ptr() => _,
+            weights = inout(reg) $weights.as_ptr() => _,
             weights_stride = in(reg) size_of::<PairWeights>(),
-            ahead = inout(reg) $weights.ahead => _,
-            ahead_stride = in(reg) $weights.ahead_stride,
-            steps = inout(reg) $weights.now.len() / STEP_PAIRS => _,
+            steps = inout(reg) $weights.len() / STEP_PAIRS => _,
             from = in(reg) &raw const $from,
             to = in(reg) &raw const $to,
             sums = out(reg) _,
@@ -373,7 +301,7 @@ macro_rules! add_products {
 /// there are weights to read in `x`, 32 sums to read in `from` and to write in `to`. `N` is 1 or 2.
 unsafe fn add_products<const N: usize>(
     x: Rows<N>,
-    weights: Weights<'_>,
+    weights: &[PairWeights],
     from: Sums<N>,
     to: Sums<N>,
 ) {
