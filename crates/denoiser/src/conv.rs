@@ -16,23 +16,31 @@ pub(crate) struct Rows {
     candidates: usize,
     height: usize,
     channels: usize,
+    /// Candidates whose rows of zeros are written.
+    padded: usize,
     /// Holds the values from the first cache line on.
     memory: Vec<f32>,
 }
 
 impl Rows {
-    /// Takes a shape; the zero rows are written, what lies between is to be overwritten.
+    /// Takes a shape with rows of zeros; what lies between is to be overwritten.
     pub(crate) fn shape(&mut self, candidates: usize, height: usize, channels: usize) {
+        if (self.height, self.channels) != (height, channels) {
+            self.padded = 0;
+        }
         (self.candidates, self.height, self.channels) = (candidates, height, channels);
         let needed = candidates * self.pitch() + LINE / size_of::<f32>();
         if self.memory.len() < needed {
             self.memory.resize(needed, 0.0);
+            self.padded = 0;
         }
-        let pitch = self.pitch().max(1);
-        for candidate in self.values_mut().chunks_exact_mut(pitch) {
+        let (pitch, padded) = (self.pitch(), self.padded);
+        let all = self.values_mut().chunks_exact_mut(pitch.max(1));
+        for candidate in all.skip(padded) {
             candidate[..channels].fill(0.0);
             candidate[(height + 1) * channels..].fill(0.0);
         }
+        self.padded = padded.max(candidates);
     }
 
     fn values(&self) -> &[f32] {
@@ -82,14 +90,9 @@ impl Rows {
     /// Takes the shape and the values of another.
     pub(crate) fn copy(&mut self, source: &Self) {
         self.shape(source.candidates, source.height, source.channels);
-        self.values_mut().copy_from_slice(source.values());
-    }
-
-    /// Adds another of the same shape.
-    pub(crate) fn add(&mut self, other: &Self) {
-        assert_eq!(self.values().len(), other.values().len(), "the same shape");
-        let values = self.values_mut().iter_mut().zip(other.values());
-        values.for_each(|(value, other)| *value += other);
+        for (target, source) in self.each_mut().zip(source.each()) {
+            target.copy_from_slice(source);
+        }
     }
 
     /// Copies channels of another, from `from` on, to the channels from `to` on.

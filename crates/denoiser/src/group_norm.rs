@@ -46,11 +46,20 @@ pub(crate) struct Statistics {
     scale: Vec<f32>,
 }
 
-/// out = SiLU(normalised(x) · gain + offset); notes the statistics for [`pull_back`].
-pub(crate) fn apply(x: &Rows, affine: &Affine, statistics: &mut Statistics, out: &mut Rows) {
+/// out = SiLU(normalised(x) · gain + offset); notes the statistics for [`pull_back`], and copies x if asked to.
+pub(crate) fn apply(
+    x: &Rows,
+    affine: &Affine,
+    statistics: &mut Statistics,
+    out: &mut Rows,
+    copy: Option<&mut Rows>,
+) {
     assert_eq!(affine.gain.len(), x.channels(), "channels");
     assert_eq!(x.channels() % LANES, 0, "whole registers");
-    out.shape(x.candidates(), x.height(), x.channels());
+    let mut copy = copy;
+    for out in std::iter::once(&mut *out).chain(copy.as_deref_mut()) {
+        out.shape(x.candidates(), x.height(), x.channels());
+    }
     for values in [&mut statistics.mean, &mut statistics.scale] {
         values.resize(x.candidates() * x.channels(), 0.0);
     }
@@ -59,15 +68,19 @@ pub(crate) fn apply(x: &Rows, affine: &Affine, statistics: &mut Statistics, out:
         affine,
         statistics,
         out,
+        copy,
     });
 }
 
 /// Turns the gradient with respect to the output of [`apply`] into that with respect to its input, in place.
+///
+/// `copied` is the gradient with respect to the copy of the input, if there is one.
 pub(crate) fn pull_back(
     x: &Rows,
     affine: &Affine,
     statistics: &Statistics,
     gradient: &mut Rows,
+    copied: Option<&Rows>,
     sums: &mut [Vec<f32>; 2],
 ) {
     for sum in sums.iter_mut() {
@@ -78,6 +91,7 @@ pub(crate) fn pull_back(
         affine,
         statistics,
         gradient,
+        copied,
         sums,
     });
 }
@@ -87,6 +101,7 @@ struct Forward<'a> {
     affine: &'a Affine,
     statistics: &'a mut Statistics,
     out: &'a mut Rows,
+    copy: Option<&'a mut Rows>,
 }
 
 impl Kernel for Forward<'_> {
@@ -96,9 +111,11 @@ impl Kernel for Forward<'_> {
         let means = self.statistics.mean.chunks_exact_mut(channels);
         let scales = self.statistics.scale.chunks_exact_mut(channels);
         let candidates = self.x.each().zip(self.out.each_mut());
+        let mut copies = self.copy.map(Rows::each_mut);
         for ((x, out), (mean, scale)) in candidates.zip(means.zip(scales)) {
             measure::<L>(x, mean, scale);
-            activate::<L>(x, self.affine, mean, scale, out);
+            let copy = copies.as_mut().and_then(Iterator::next);
+            activate::<L>(x, (self.affine, mean, scale), out, copy.unwrap_or(&mut []));
         }
     }
 }
@@ -127,14 +144,26 @@ fn measure<L: Lanes>(x: &[f32], mean: &mut [f32], scale: &mut [f32]) {
     join_groups(scale, |sum| 1.0 / (sum * share + EPSILON).sqrt());
 }
 
+/// Writes the activations, and x itself unless `copy` is empty.
 #[inline(always)]
-fn activate<L: Lanes>(x: &[f32], affine: &Affine, mean: &[f32], scale: &[f32], out: &mut [f32]) {
+fn activate<L: Lanes>(
+    x: &[f32],
+    (affine, mean, scale): (&Affine, &[f32], &[f32]),
+    out: &mut [f32],
+    copy: &mut [f32],
+) {
     let channels = mean.len();
     for first in (0..channels).step_by(LANES) {
         let (factor, summand) = folded::<L>(affine, mean, scale, first);
-        for (x, out) in x.chunks_exact(channels).zip(out.chunks_exact_mut(channels)) {
-            let y = L::fma(L::get(part(x, first)), factor, summand);
+        let rows = x.chunks_exact(channels);
+        let mut copies = copy.chunks_exact_mut(channels);
+        for (x, out) in rows.zip(out.chunks_exact_mut(channels)) {
+            let x = L::get(part(x, first));
+            let y = L::fma(x, factor, summand);
             L::put(L::mul(y, sigmoid::<L>(y)), part_mut(out, first));
+            if let Some(copy) = copies.next() {
+                L::put(x, part_mut(copy, first));
+            }
         }
     }
 }
@@ -160,6 +189,7 @@ struct Backward<'a> {
     affine: &'a Affine,
     statistics: &'a Statistics,
     gradient: &'a mut Rows,
+    copied: Option<&'a Rows>,
     sums: &'a mut [Vec<f32>; 2],
 }
 
@@ -170,6 +200,7 @@ impl Kernel for Backward<'_> {
         let means = self.statistics.mean.chunks_exact(channels);
         let scales = self.statistics.scale.chunks_exact(channels);
         let candidates = self.x.each().zip(self.gradient.each_mut());
+        let mut copied = self.copied.map(Rows::each);
         for ((x, gradient), (mean, scale)) in candidates.zip(means.zip(scales)) {
             let normalised = Normalised {
                 x,
@@ -178,7 +209,8 @@ impl Kernel for Backward<'_> {
                 scale,
             };
             normalised.through_activation::<L>(self.affine, gradient, self.sums);
-            normalised.through_norm::<L>(gradient, self.sums);
+            let copied = copied.as_mut().and_then(Iterator::next);
+            normalised.through_norm::<L>(gradient, copied.unwrap_or(&[]), self.sums);
         }
     }
 }
@@ -233,9 +265,15 @@ impl Normalised<'_> {
         }
     }
 
-    /// Through the normalisation: scale · (g − average g − normalised x · average (g · normalised x)).
+    /// Through the normalisation: scale · (g − average g − normalised x · average (g · normalised x)), and adds the
+    /// gradient of the copy unless that is empty.
     #[inline(always)]
-    fn through_norm<L: Lanes>(&self, gradient: &mut [f32], averages: &[Vec<f32>; 2]) {
+    fn through_norm<L: Lanes>(
+        &self,
+        gradient: &mut [f32],
+        copied: &[f32],
+        averages: &[Vec<f32>; 2],
+    ) {
         let channels = self.mean.len();
         for first in (0..channels).step_by(LANES) {
             let at = |values: &[f32]| L::get(part(values, first));
@@ -246,9 +284,13 @@ impl Normalised<'_> {
             let rest = L::fma(mean, slope, L::mul(scale, at(&averages[0])));
             let rest = L::sub(L::splat(0.0), rest);
             let rows = self.x.chunks_exact(channels);
+            let mut copied = copied.chunks_exact(channels);
             for (x, g) in rows.zip(gradient.chunks_exact_mut(channels)) {
                 let along = L::fma(L::get(part(x, first)), slope, rest);
-                let d = L::fma(L::get(part(g, first)), scale, along);
+                let mut d = L::fma(L::get(part(g, first)), scale, along);
+                if let Some(copied) = copied.next() {
+                    d = L::add(d, L::get(part(copied, first)));
+                }
                 L::put(d, part_mut(g, first));
             }
         }

@@ -87,12 +87,12 @@ impl ResidualBlock {
     pub(super) fn apply(&self, x: &Rows, film: &Affine, work: &mut Work, tape: &mut BlockTape) {
         let Work { factors, activated } = work;
         let [first, second] = &mut tape.statistics;
-        group_norm::apply(x, &self.norm1, first, activated);
+        let straight = self.skip.is_none().then_some(&mut tape.out);
+        group_norm::apply(x, &self.norm1, first, activated, straight);
         self.conv1.apply(activated, factors, &mut tape.hidden);
-        group_norm::apply(&tape.hidden, film, second, activated);
-        match &self.skip {
-            Some(skip) => skip.apply(x, factors, &mut tape.out),
-            None => tape.out.copy(x),
+        group_norm::apply(&tape.hidden, film, second, activated, None);
+        if let Some(skip) = &self.skip {
+            skip.apply(x, factors, &mut tape.out);
         }
         self.conv2.accumulate(activated, factors, &mut tape.out);
     }
@@ -110,12 +110,12 @@ impl ResidualBlock {
         let GradientWork { inner, outer, sums } = work;
         let [first, second] = &tape.statistics;
         self.conv2.pull_back(gradient, factors, inner);
-        group_norm::pull_back(&tape.hidden, film, second, inner, sums);
+        group_norm::pull_back(&tape.hidden, film, second, inner, None, sums);
         self.conv1.pull_back(inner, factors, outer);
-        group_norm::pull_back(x, &self.norm1, first, outer, sums);
-        match &self.skip {
-            Some(skip) => skip.pull_back_onto(gradient, factors, outer),
-            None => outer.add(gradient),
+        let straight = self.skip.is_none().then_some(&*gradient);
+        group_norm::pull_back(x, &self.norm1, first, outer, straight, sums);
+        if let Some(skip) = &self.skip {
+            skip.pull_back_onto(gradient, factors, outer);
         }
         std::mem::swap(outer, gradient);
     }

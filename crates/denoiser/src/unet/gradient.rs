@@ -66,7 +66,14 @@ impl TemporalUnet {
         self.final_convolution
             .pull_back(&g.cotangent, &mut s.work.factors, last);
         let out = s.tapes[STAGES - 1].out();
-        group_norm::pull_back(out, &self.final_norm, &s.statistics, last, &mut g.work.sums);
+        group_norm::pull_back(
+            out,
+            &self.final_norm,
+            &s.statistics,
+            last,
+            None,
+            &mut g.work.sums,
+        );
     }
 }
 

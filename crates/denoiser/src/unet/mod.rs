@@ -241,7 +241,7 @@ impl TemporalUnet {
         }
         let out = s.tapes[STAGES - 1].out();
         let Work { factors, activated } = &mut s.work;
-        group_norm::apply(out, &self.final_norm, &mut s.statistics, activated);
+        group_norm::apply(out, &self.final_norm, &mut s.statistics, activated, None);
         self.final_convolution
             .apply(activated, factors, &mut s.noise);
         for (noise, rows) in noise.chunks_exact_mut(PATH).zip(s.noise.each()) {
