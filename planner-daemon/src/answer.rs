@@ -221,6 +221,7 @@ fn verdict(order: &Order, plan: &Plan, deliverable: &[bool]) -> (Outcome, String
 fn failures(plan: &Plan, undeliverable: usize) -> String {
     let causes = [
         (Failure::NoPath, "without a path"),
+        (Failure::Goal, "short of the goal"),
         (Failure::Collision, "not certified free"),
         (Failure::Bending, "bent too far"),
         (Failure::Time, "without time allocation"),

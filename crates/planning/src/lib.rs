@@ -26,6 +26,7 @@ mod sampling;
 pub mod scenes;
 mod select;
 pub mod teacher;
+mod terminal;
 
 pub use diffusion::{DiffusionModel, DiffusionSettings, Guidance, PrecisionUnavailable};
 pub use end_shapes::{EndShapes, end_shapes};

@@ -17,6 +17,7 @@ use crate::problem::{Infeasible, Problem};
 use crate::rrt_connect::{RrtSettings, rrt_connect};
 use crate::sampling::sample_paths;
 use crate::select::select;
+use crate::terminal::attach;
 use denoiser::FastModel;
 use pcc_model::{Configuration, Robot, TendonLimits};
 use rand::SeedableRng;
@@ -235,18 +236,35 @@ impl<'a> Run<'a> {
             seed: self.request.seed,
         };
         let model = self.planner.models.diffusion.as_ref();
-        let paths = model.map_or_else(Vec::new, |model| {
+        let sampled = model.map_or_else(Vec::new, |model| {
             model.sample(&task, self.request.candidates, self.interrupt)
         });
         self.stages.sample = clock.elapsed().as_secs_f64();
-        let truncated = paths.iter().filter(|path| path.is_none()).count();
-        let mut draws = self.finish(paths.into_iter().flatten().collect(), Source::Learned);
-        draws.extend((0..truncated).map(|_| Draw {
-            sampled: None,
-            path: None,
-            source: Source::Learned,
-            outcome: Err(Failure::Truncated),
-        }));
+        let mut paths: Vec<Waypoints> = sampled.iter().flatten().cloned().collect();
+        let (robot, problem) = (&self.planner.robot, self.problem);
+        let attached: Vec<bool> = paths
+            .iter_mut()
+            .map(|path| attach(robot, problem, path))
+            .collect();
+        let mut finished = self
+            .finish(paths, Source::Learned)
+            .into_iter()
+            .zip(attached);
+        let draws = sampled.into_iter().map(|sampled| {
+            let finished = sampled.as_ref().and_then(|_| finished.next());
+            let (path, outcome) = match finished {
+                Some((draw, true)) => (draw.path, draw.outcome),
+                Some((draw, false)) => (draw.path, Err(Failure::Goal)),
+                None => (None, Err(Failure::Truncated)),
+            };
+            Draw {
+                sampled,
+                path,
+                source: Source::Learned,
+                outcome,
+            }
+        });
+        let draws: Vec<Draw> = draws.collect();
         let learned = count_learned(&draws);
         self.answer(draws, learned, Instant::now())
     }

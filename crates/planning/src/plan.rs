@@ -40,6 +40,9 @@ pub enum Failure {
     /// No path was produced.
     #[error("no path was found")]
     NoPath,
+    /// The sampled end is too far from any shape that reaches the goal.
+    #[error("does not reach the goal")]
+    Goal,
     /// The motion could not be certified free of collisions.
     #[error("not certified free of collisions")]
     Collision,

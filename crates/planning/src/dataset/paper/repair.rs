@@ -5,16 +5,13 @@ use super::sampled::Samples;
 use super::solver::PathSolver;
 use super::spline::LineSmoother;
 use crate::path::WAYPOINTS;
+use crate::reference::{REPULSION, way_out};
 use collision::Ball;
 use nalgebra::{Cholesky, Matrix3};
 use pcc_model::{Configuration, Point, Robot};
 
 /// Rounds at most.
 const ROUNDS: usize = 10;
-/// Margin of repulsion over the margin of acceptance.
-pub(super) const REPULSION: f64 = 1.5;
-/// Nearer to the axis of a ball than this, a point is pushed along it, section lengths.
-const AXIS: f64 = 1e-9;
 
 /// Pushes paths out of the balls.
 pub(super) struct Repairer<'a> {
@@ -95,30 +92,5 @@ impl<'a> Repairer<'a> {
         };
         self.robot
             .project_to_limits(&(shape + jacobian.transpose() * factor.solve(&move_out)))
-    }
-}
-
-/// The way of a point to a sphere around the origin: horizontally at its height, vertically only on the axis.
-fn way_out(from_centre: &Point, radius: f64) -> Point {
-    let (out, height) = (from_centre.x.hypot(from_centre.y), from_centre.z);
-    if out < AXIS {
-        return Point::new(0.0, 0.0, (radius - height.abs()).copysign(height));
-    }
-    let wanted = (radius * radius - height * height).max(0.0).sqrt();
-    let scale = (wanted - out) / out;
-    Point::new(from_centre.x * scale, from_centre.y * scale, 0.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_point_leaves_the_sphere_at_its_height() {
-        let inside = Point::new(0.3, -0.4, 0.2);
-        let outside = inside + way_out(&inside, 0.7);
-        assert!((outside.norm() - 0.7).abs() < 1e-15 && outside.z == inside.z);
-        let on_axis = Point::new(0.0, 0.0, -0.25);
-        assert_eq!(way_out(&on_axis, 0.75), Point::new(0.0, 0.0, -0.5));
     }
 }

@@ -2,11 +2,10 @@
 
 use super::dispatch::{Kernel, dispatch};
 use super::kinematics::{Arc, Shape, Vector, add, rotate};
+use crate::reference::FRACTIONS;
 use collision::Ball;
 use pcc_model::{DOF, SECTIONS};
 
-/// Fractions of each section that are looked at.
-const FRACTIONS: [f64; 3] = [1.0 / 3.0, 2.0 / 3.0, 1.0];
 /// Points looked at.
 const POINTS: usize = SECTIONS * FRACTIONS.len();
 

@@ -2,9 +2,9 @@
 
 use super::dispatch::{Kernel, dispatch};
 use super::kinematics::{Vector, project_section, tip_step};
-use super::repair::REPULSION;
 use super::sampled::Samples;
 use super::solver::{ITERATIONS, TOLERANCE};
+use crate::reference::REPULSION;
 use crate::scenes::{STARTS, in_workspace, random_configuration};
 use collision::Ball;
 use pcc_model::{Configuration, DOF, Point, Robot, SECTIONS};
