@@ -63,36 +63,57 @@ fn multiply_rows<const N: usize>(
     panel: usize,
     first: usize,
 ) {
-    let Batch {
-        rows: per_candidate,
-        from,
-        to,
-        ..
-    } = job.batch;
-    let place = |r: usize| ((first + r) / per_candidate, (first + r) % per_candidate);
-    let x: [&[f32]; N] = std::array::from_fn(|r| {
-        let (candidate, row) = place(r);
-        &job.x[candidate * from.candidate + row * from.row..][..weights.len()]
-    });
-    let sums = add_products(weights, ahead, x);
+    let starts = starts::<N>(job.batch, first);
+    let mut x = [job.x.as_ptr(); N];
+    for (x, start) in x.iter_mut().zip(&starts) {
+        *x = job.x[start.from..][..weights.len()].as_ptr();
+    }
+    // SAFETY: every row was just found to have a value for each of the weights.
+    let sums = unsafe { add_products(weights, ahead, x) };
     let Bias(bias) = &job.bias[panel];
     let columns = job.columns(panel);
-    for (r, sums) in sums.iter().enumerate() {
-        let (candidate, row) = place(r);
-        let target = &mut job.out[candidate * to.candidate + row * to.row..][columns.clone()];
+    for (start, sums) in starts.iter().zip(&sums) {
+        let target = &mut job.out[start.to + columns.start..][..columns.len()];
         finish(target, *sums, bias, job.store);
     }
 }
 
+/// Where a row starts in both buffers.
+#[derive(Clone, Copy, Default)]
+struct Start {
+    from: usize,
+    to: usize,
+}
+
+/// Where rows start; those of a candidate follow those of the candidate before.
+#[inline]
+fn starts<const N: usize>(batch: Batch, first: usize) -> [Start; N] {
+    let Batch { rows, from, to, .. } = batch;
+    let (mut candidate, mut row) = (first / rows, first % rows);
+    let mut starts = [Start::default(); N];
+    for start in &mut starts {
+        start.from = candidate * from.candidate + row * from.row;
+        start.to = candidate * to.candidate + row * to.row;
+        row += 1;
+        if row == rows {
+            (candidate, row) = (candidate + 1, 0);
+        }
+    }
+    starts
+}
+
 /// Each sum is one chain over the inputs in order.
+///
+/// # Safety
+///
+/// Each row of x has a value for each of the weights.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx2,fma")]
-fn add_products<const N: usize>(
+unsafe fn add_products<const N: usize>(
     weights: &[Weights],
     ahead: &[Weights],
-    x: [&[f32]; N],
+    x: [*const f32; N],
 ) -> [Sums; N] {
-    let x = x.map(|row| row[..weights.len()].as_ptr());
     let mut sums = [[_mm512_setzero_ps(); 2]; N];
     let (chunks, last_weights) = weights.as_chunks::<UNROLLED>();
     let at_once = ahead.len().div_ceil(chunks.len().max(1)).max(1);
