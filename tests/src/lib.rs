@@ -6,6 +6,7 @@
 
 pub mod borders;
 pub mod concurrency;
+pub mod diffusion_starts;
 pub mod geometry;
 pub mod kills;
 pub mod listener;

@@ -166,7 +166,7 @@ const ROBOT: &[Bad] = &[
     ),
 ];
 
-fn set(table: &mut Table, key: &str, value: impl Into<Value>) {
+pub(crate) fn set(table: &mut Table, key: &str, value: impl Into<Value>) {
     table.insert(key.to_owned(), value.into());
 }
 
@@ -233,13 +233,9 @@ pub fn weights() -> BadStarts {
     let mut starts = BadStarts::default();
     type Damage = fn(&mut Weights);
     let damages: [(&str, Damage, &str); 7] = [
-        (
-            "truncated",
-            |w| w.content.truncate(w.content.len() / 2),
-            "truncated",
-        ),
-        ("one bit", |w| *w.content.last_mut().unwrap() ^= 1, "sha256"),
-        ("NaN", |w| (w.put_nan(), w.sign()).1, "not finite"),
+        ("truncated", Weights::truncate, "truncated"),
+        ("one bit", Weights::flip_a_bit, "sha256"),
+        ("NaN", Weights::put_nan, "not finite"),
         (
             "no safetensors",
             |w| (w.content[..8].fill(0xff), w.sign()).1,
@@ -263,7 +259,10 @@ pub fn weights() -> BadStarts {
             return starts;
         };
         damage(&mut weights);
-        weights.write(&world);
+        let folder = weights.write(&world);
+        edit(&world.config("planner-daemon.toml"), &|daemon| {
+            set(daemon, "weights", folder.to_str().unwrap());
+        });
         starts.refuse(&world, "planner-daemon", name, named);
     }
     let world = World::new(&Settings::default());
@@ -274,7 +273,7 @@ pub fn weights() -> BadStarts {
     starts
 }
 
-fn edit(file: &Path, change: &dyn Fn(&mut Table)) {
+pub(crate) fn edit(file: &Path, change: &dyn Fn(&mut Table)) {
     let mut table: Table = fs::read_to_string(file).unwrap().parse().unwrap();
     change(&mut table);
     fs::write(file, table.to_string()).unwrap();
@@ -283,7 +282,19 @@ fn edit(file: &Path, change: &dyn Fn(&mut Table)) {
 impl BadStarts {
     fn refuse(&mut self, world: &World, program: &str, name: &str, named: &str) {
         let config = world.config(&format!("{program}.toml"));
-        let mut process = Process::start(world, program, &["--config", config.to_str().unwrap()]);
+        let arguments = ["--config", config.to_str().unwrap()];
+        self.refuse_with(world, (program, &arguments), name, named);
+    }
+
+    /// Runs a program with these arguments, which must end with status 1 and name what is wrong.
+    pub(crate) fn refuse_with(
+        &mut self,
+        world: &World,
+        (program, arguments): (&str, &[&str]),
+        name: &str,
+        named: &str,
+    ) {
+        let mut process = Process::start(world, program, arguments);
         let status = process.wait(PATIENCE);
         let log = process.log();
         self.tried += 1;
@@ -298,9 +309,10 @@ impl BadStarts {
     }
 }
 
-/// A manifest and its weights file, to be damaged.
-struct Weights {
+/// A manifest and one of its weights files, to be damaged.
+pub(crate) struct Weights {
     manifest: Table,
+    name: String,
     content: Vec<u8>,
     file: PathBuf,
 }
@@ -308,22 +320,53 @@ struct Weights {
 impl Weights {
     /// What is shipped, under the name that the daemon loads.
     fn shipped() -> Option<Self> {
-        let folder = repository().join("weights");
+        Self::read(&repository().join("weights"), "fast")
+    }
+
+    /// What a folder has under a name.
+    pub(crate) fn read(folder: &Path, name: &str) -> Option<Self> {
         let manifest: Table = fs::read_to_string(folder.join("MANIFEST.toml"))
             .ok()?
             .parse()
             .ok()?;
-        let file = PathBuf::from(manifest["fast"]["file"].as_str()?);
+        let file = PathBuf::from(manifest.get(name)?["file"].as_str()?);
         let content = fs::read(folder.join(&file)).ok()?;
         Some(Self {
             manifest,
+            name: name.to_owned(),
             content,
             file,
         })
     }
 
     fn entry(&mut self) -> &mut Table {
-        self.manifest["fast"].as_table_mut().unwrap()
+        self.manifest[&self.name].as_table_mut().unwrap()
+    }
+
+    /// Cuts half of it off.
+    pub(crate) fn truncate(&mut self) {
+        self.content.truncate(self.content.len() / 2);
+    }
+
+    /// Changes a bit of its last value.
+    pub(crate) fn flip_a_bit(&mut self) {
+        *self.content.last_mut().unwrap() ^= 1;
+    }
+
+    /// Replaces text of the file's header by other text of the same length; the manifest then fits again.
+    pub(crate) fn replace(&mut self, old: &str, new: &str) {
+        assert_eq!(old.len(), new.len(), "{old} and {new}");
+        let windows = self.content.windows(old.len());
+        let at = windows.clone().position(|bytes| bytes == old.as_bytes());
+        let at = at.unwrap_or_else(|| panic!("{} has no {old}", self.file.display()));
+        self.content[at..at + new.len()].copy_from_slice(new.as_bytes());
+        self.sign();
+    }
+
+    /// Adds what another folder's manifest has under a name, to be written beside it.
+    pub(crate) fn add(&mut self, other: &Self) {
+        let entry = other.manifest[&other.name].clone();
+        self.manifest.insert(other.name.clone(), entry);
     }
 
     /// Makes the manifest fit the content again.
@@ -333,24 +376,24 @@ impl Weights {
         set(self.entry(), "sha256", text);
     }
 
-    /// The last value of the last tensor.
-    fn put_nan(&mut self) {
+    /// The last value of the last tensor; the manifest then fits again.
+    pub(crate) fn put_nan(&mut self) {
         let end = self.content.len();
         self.content[end - 4..].copy_from_slice(&f32::NAN.to_le_bytes());
+        self.sign();
     }
 
     fn rename(&mut self) {
-        let entry = self.manifest.remove("fast").unwrap();
+        let entry = self.manifest.remove(&self.name).unwrap();
         self.manifest.insert("slow".to_owned(), entry);
     }
 
-    fn write(&self, world: &World) {
+    /// Writes both into a folder of the world, and says which.
+    pub(crate) fn write(&self, world: &World) -> PathBuf {
         let folder = world.folder().join("weights");
         fs::create_dir_all(&folder).unwrap();
         fs::write(folder.join("MANIFEST.toml"), self.manifest.to_string()).unwrap();
         fs::write(folder.join(&self.file), &self.content).unwrap();
-        edit(&world.config("planner-daemon.toml"), &|daemon| {
-            set(daemon, "weights", folder.to_str().unwrap());
-        });
+        folder
     }
 }

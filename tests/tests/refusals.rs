@@ -1,6 +1,8 @@
 //! What the processes refuse to start with, each by name and with a status other than 0.
 #![allow(clippy::unwrap_used)]
 
+use tests::diffusion_starts::{bad_diffusion_weights, undamaged_start};
+use tests::programs::repository;
 use tests::starts::{BadStarts, configurations, robot_files, weights};
 use tests::world::weights_are_shipped;
 
@@ -23,4 +25,11 @@ fn bad_configurations() {
 #[test]
 fn bad_weights() {
     assert_all_named(&weights(), if weights_are_shipped() { 8 } else { 0 });
+}
+
+#[test]
+fn bad_diffusion_weights_of_daemon_and_pcc() {
+    let folder = repository().join("crates/denoiser/tests/fixtures/unet");
+    assert_eq!(undamaged_start(&folder, "unet"), Vec::<String>::new());
+    assert_all_named(&bad_diffusion_weights(&folder, "unet"), 10);
 }

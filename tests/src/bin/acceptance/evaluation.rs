@@ -33,11 +33,11 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-fn folder() -> PathBuf {
+pub(crate) fn folder() -> PathBuf {
     repository().join("target/acceptance")
 }
 
-fn run_pcc(arguments: &[&str]) -> anyhow::Result<()> {
+pub(crate) fn run_pcc(arguments: &[&str]) -> anyhow::Result<()> {
     let output = Command::new(program("pcc"))
         .current_dir(repository())
         .args(arguments)

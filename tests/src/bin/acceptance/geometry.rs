@@ -44,7 +44,7 @@ fn unit_tests(report: &mut Report) -> anyhow::Result<()> {
 }
 
 /// Of `test result: ok. 12 passed; 0 failed; …`.
-fn test_counts(line: &str) -> Option<[usize; 2]> {
+pub(crate) fn test_counts(line: &str) -> Option<[usize; 2]> {
     let counts = line.strip_prefix("test result: ")?;
     let number = |before: &str| {
         let words: Vec<&str> = counts.split([' ', ';']).collect();

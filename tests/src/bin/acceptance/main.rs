@@ -1,4 +1,4 @@
-//! Measures every line that the whole chain must show, beside its bar: see `scripts/acceptance`.
+//! Measures every line that a suite must show, beside its bar: see `scripts/acceptance`.
 #![allow(
     clippy::unwrap_used,
     reason = "a broken environment panics, and that group of checks has failed"
@@ -7,10 +7,18 @@
 mod demo;
 mod evaluation;
 mod geometry;
+mod paper_ablation;
+mod paper_data;
+mod paper_parity;
+mod paper_refusals;
+mod paper_runs;
+mod paper_scenes;
+mod paper_speed;
 mod processes;
 mod real_time;
 mod refusals;
 mod report;
+mod timer;
 
 use std::process::ExitCode;
 
@@ -29,24 +37,57 @@ impl Scale {
     }
 }
 
+/// What can be measured as a whole: its groups of checks, in this order.
+struct Suite {
+    name: &'static str,
+    /// The weights that the groups measure, where these are a matter of choice.
+    weights: fn() -> String,
+    groups: &'static [fn(&mut Report, Scale)],
+}
+
+const SUITES: [Suite; 2] = [
+    Suite {
+        name: "chain",
+        weights: String::new,
+        groups: &[
+            geometry::run,
+            |report, _| refusals::run(report),
+            processes::run,
+            real_time::run,
+            evaluation::run,
+            demo::run,
+        ],
+    },
+    Suite {
+        name: "paper",
+        weights: paper_runs::weights_in_use,
+        groups: &[
+            paper_data::run,
+            |report, _| paper_parity::run(report),
+            |report, _| paper_refusals::run(report),
+            paper_ablation::run,
+            paper_speed::run,
+        ],
+    },
+];
+
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let scale = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        ["chain"] => Scale { full: false },
-        ["chain", "--full"] => Scale { full: true },
-        _ => {
-            eprintln!("usage: acceptance chain [--full]");
-            return ExitCode::from(2);
-        }
+    let (name, full) = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
+        [name] => (name, false),
+        [name, "--full"] => (name, true),
+        _ => ("", false),
     };
-    let file = repository().join("target/acceptance/chain.json");
-    let mut report = Report::new(scale.full.then_some(file));
-    geometry::run(&mut report, scale);
-    refusals::run(&mut report);
-    processes::run(&mut report, scale);
-    real_time::run(&mut report, scale);
-    evaluation::run(&mut report, scale);
-    demo::run(&mut report, scale);
+    let Some(suite) = SUITES.iter().find(|suite| suite.name == name) else {
+        let names: Vec<&str> = SUITES.iter().map(|suite| suite.name).collect();
+        eprintln!("usage: acceptance {} [--full]", names.join("|"));
+        return ExitCode::from(2);
+    };
+    let file = repository().join(format!("target/acceptance/{name}.json"));
+    let mut report = Report::new(full.then_some(file), (suite.weights)());
+    for group in suite.groups {
+        group(&mut report, Scale { full });
+    }
     if report.finish() {
         ExitCode::SUCCESS
     } else {

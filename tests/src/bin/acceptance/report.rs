@@ -20,10 +20,15 @@ struct Check {
     commit: String,
 }
 
-/// What has been done for a commit.
+/// The bar of a figure that is shown without one: it neither passes nor fails.
+const NO_BAR: &str = "none";
+
+/// What has been done for a commit and the weights in use.
 #[derive(Debug, Default, Deserialize, Serialize)]
 struct Record {
     commit: String,
+    #[serde(default)]
+    weights: String,
     finished_groups: Vec<String>,
     checks: Vec<Check>,
 }
@@ -37,15 +42,16 @@ pub(crate) struct Report {
 }
 
 impl Report {
-    /// With a file, checks that it holds for the same commit are not repeated.
-    pub(crate) fn new(file: Option<PathBuf>) -> Self {
+    /// With a file, checks that it holds for the same commit and weights are not repeated.
+    pub(crate) fn new(file: Option<PathBuf>, weights: String) -> Self {
         let commit = commit();
         let known = file.as_ref().and_then(|file| fs::read_to_string(file).ok());
         let known: Option<Record> = known.and_then(|text| serde_json::from_str(&text).ok());
         let record = known
-            .filter(|record| record.commit == commit)
+            .filter(|record| record.commit == commit && record.weights == weights)
             .unwrap_or(Record {
                 commit,
+                weights,
                 ..Record::default()
             });
         Self {
@@ -106,6 +112,16 @@ impl Report {
         self.save();
     }
 
+    /// A figure without a bar.
+    pub(crate) fn shown(&mut self, name: &str, figure: String) {
+        self.check(name, figure, NO_BAR, true);
+    }
+
+    /// The commit and the weights that the figures are of.
+    pub(crate) fn subject(&self) -> String {
+        format!("{} {}", self.record.commit, self.record.weights)
+    }
+
     /// A figure that must not exceed its bar.
     pub(crate) fn at_most(&mut self, name: &str, figure: f64, bar: f64) {
         let text = format!("{figure:.6}");
@@ -132,11 +148,9 @@ impl Report {
 
     /// The last line; whether all passed.
     pub(crate) fn finish(&self) -> bool {
-        let failed = self.record.checks.iter().filter(|c| !c.passed).count();
-        println!(
-            "{} passed, {failed} failed",
-            self.record.checks.len() - failed
-        );
+        let barred = || self.record.checks.iter().filter(|c| c.bar != NO_BAR);
+        let failed = barred().filter(|c| !c.passed).count();
+        println!("{} passed, {failed} failed", barred().count() - failed);
         failed == 0
     }
 
@@ -152,7 +166,11 @@ impl Report {
 }
 
 fn print(check: &Check) {
-    let verdict = if check.passed { "ok  " } else { "FAIL" };
+    let verdict = match check.passed {
+        _ if check.bar == NO_BAR => "    ",
+        true => "ok  ",
+        false => "FAIL",
+    };
     println!(
         "{verdict}  {}: {} (bar: {})  [{}]",
         check.name, check.figure, check.bar, check.command
@@ -194,7 +212,7 @@ mod unit {
     fn a_finished_group_is_not_repeated_for_the_same_commit_and_a_broken_one_has_failed() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("acceptance/chain.json");
-        let mut first = Report::new(Some(file.clone()));
+        let mut first = Report::new(Some(file.clone()), "a".to_owned());
         first.group("good", "true", |report| {
             report.at_most("figure", 1.0, 2.0);
             Ok(())
@@ -202,16 +220,19 @@ mod unit {
         assert!(first.finish());
         first.group("broken", "false", |_| anyhow::bail!("it broke"));
         assert!(!first.finish());
-        let mut second = Report::new(Some(file.clone()));
+        let mut second = Report::new(Some(file.clone()), "a".to_owned());
         second.group("good", "true", |_| panic!("it is repeated"));
         second.group("broken", "false", |_| panic!("it is repeated"));
         assert_eq!(second.record.checks.len(), 2);
         assert!(!second.finish());
+        let retrained = Report::new(Some(file.clone()), "b".to_owned());
+        assert_eq!(retrained.record.checks.len(), 0);
 
         let other = fs::read_to_string(&file)
             .unwrap()
             .replace(&commit(), "another commit");
         fs::write(&file, other).unwrap();
-        assert_eq!(Report::new(Some(file)).record.checks.len(), 0);
+        let other = Report::new(Some(file), "a".to_owned());
+        assert_eq!(other.record.checks.len(), 0);
     }
 }

@@ -1,0 +1,254 @@
+//! The paper's ablation over unseen scenes: success by its criterion, tip error, certified share, time, diversity.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use anyhow::ensure;
+use pcc_model::Configuration;
+use planning::dataset::{ArchiveReader, Dataset, Row, Split};
+use planning::modes;
+use serde_json::Value;
+
+use crate::paper_runs::{Evaluation, FREE, GENERAL, HARD, MIXED, Unseen, figure, number};
+use crate::{Report, Scale};
+
+/// The null arm is the last.
+const PLANNERS: [&str; 4] = [
+    "diffusion",
+    "diffusion-post",
+    "diffusion-guided",
+    "straight",
+];
+const PURE: &str = PLANNERS[0];
+const POST: &str = PLANNERS[1];
+const GUIDED: &str = PLANNERS[2];
+const STEPS: [usize; 8] = [1, 2, 4, 8, 10, 15, 25, 50];
+const SOLVERS: [&str; 2] = ["ddim", "dpm-solver"];
+/// Percentage points that the paper's 50 DDIM steps may stay behind the best.
+const STEPS_TOLERANCE: f64 = 2.0;
+
+/// What the paper reports of a setting.
+struct Paper {
+    /// Success of a candidate with post correction, %.
+    post_success: f64,
+    /// Change of the mean terminal error by post correction, %.
+    post_tip_error: f64,
+    /// Change of the run time by post correction and by guidance, %.
+    post_time: f64,
+    guided_time: f64,
+}
+
+const PAPER_MIXED: Paper = Paper {
+    post_success: 91.11,
+    post_tip_error: -45.4,
+    post_time: 56.8,
+    guided_time: 102.2,
+};
+const PAPER_FREE: Paper = Paper {
+    post_success: 99.62,
+    post_tip_error: -55.6,
+    post_time: 15.1,
+    guided_time: 60.4,
+};
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    for (unseen, paper) in [
+        (MIXED, Some(PAPER_MIXED)),
+        (FREE, Some(PAPER_FREE)),
+        (GENERAL, None),
+        (HARD, None),
+    ] {
+        let command = format!("{}; pcc evaluate --planner …", unseen.command());
+        let name = format!("ablation, {}", unseen.name);
+        report.group(&name, &command, |report| {
+            ablation(report, scale, &unseen, paper.as_ref())
+        });
+    }
+    let command = "pcc evaluate --planner diffusion-post --solver … --steps …";
+    report.group("success against steps", command, |report| {
+        success_against_steps(report, scale)
+    });
+}
+
+/// Cases of every ablation.
+fn cases(scale: Scale) -> usize {
+    scale.pick(20, 250)
+}
+
+fn ablation(
+    report: &mut Report,
+    scale: Scale,
+    unseen: &Unseen,
+    paper: Option<&Paper>,
+) -> anyhow::Result<()> {
+    let (name, wanted, model) = (unseen.name, cases(scale), unseen.model()?);
+    let dataset = unseen.make(wanted)?;
+    report.shown(&format!("{name}: weights"), model.text.clone());
+    let mut results = BTreeMap::new();
+    for planner in PLANNERS {
+        let evaluation = Evaluation::of(name, &dataset, &model, planner, wanted);
+        let result = evaluation.run(report, scale)?;
+        report.shown(&format!("{name}: {planner}"), row(&result)?);
+        results.insert(planner, (result, evaluation.out()));
+    }
+    let evaluated = number(&results[PURE].0, "/cases")?;
+    let bar = format!(">= {wanted}");
+    let enough = evaluated >= wanted as f64;
+    report.check(
+        &format!("{name}: unseen cases"),
+        evaluated.to_string(),
+        &bar,
+        enough,
+    );
+    let result = |planner: &str| &results[planner].0;
+    if let Some(paper) = paper {
+        let success = 100.0 * number(result(POST), "/sampled/success")?;
+        let line = format!(
+            "{name}: {POST}, success by the paper's criterion, {}",
+            model.text
+        );
+        let bar = format!(">= {} %", paper.post_success);
+        report.check(
+            &line,
+            format!("{success:.2} %"),
+            &bar,
+            success >= paper.post_success,
+        );
+    }
+    for planner in [POST, GUIDED] {
+        let text = changes(result(PURE), result(planner), planner, paper)?;
+        report.shown(&format!("{name}: {planner} against {PURE}"), text);
+    }
+    let outs = PLANNERS.map(|planner| (planner, results[planner].1.as_path()));
+    diversity(report, name, &dataset, wanted, &outs)
+}
+
+/// One planner's figures; times are of sampling alone.
+fn row(result: &Value) -> anyhow::Result<String> {
+    let share = |path: &str| Ok::<_, anyhow::Error>(100.0 * number(result, path)?);
+    let of_length = figure(result, "/sampled/tip_error_of_robot_length/mean")?;
+    let of_length = of_length.map_or("-".to_owned(), |error| format!("{:.3}", 100.0 * error));
+    Ok(format!(
+        "success {:.2} % (any of ten {:.2} %), tip error {:.4} L mean, {of_length} % of the robot's length where it succeeds, certified {:.2} %, {:.2} ms a candidate, {:.2} ms a request in all",
+        share("/sampled/success")?,
+        share("/sampled/success_any")?,
+        number(result, "/sampled/tip_error/mean")?,
+        share("/share_before_fallback")?,
+        1e3 * number(result, "/sampled/seconds_per_candidate/median")?,
+        1e3 * number(result, "/seconds/median")?,
+    ))
+}
+
+/// What a planner changes of the pure sampler's tip error and time, beside what it changes in the paper.
+fn changes(
+    pure: &Value,
+    other: &Value,
+    planner: &str,
+    paper: Option<&Paper>,
+) -> anyhow::Result<String> {
+    let change = |path: &str| {
+        let [before, after] = [number(pure, path)?, number(other, path)?];
+        Ok::<_, anyhow::Error>(100.0 * (after / before - 1.0))
+    };
+    let beside = |figure: Option<f64>| {
+        figure.map_or(String::new(), |figure| format!(" (paper {figure:+.1} %)"))
+    };
+    let is_post = planner == POST;
+    let tip_error = paper.filter(|_| is_post).map(|p| p.post_tip_error);
+    let time = paper.map(|p| if is_post { p.post_time } else { p.guided_time });
+    Ok(format!(
+        "mean tip error {:+.1} %{}, time a candidate {:+.1} %{}",
+        change("/sampled/tip_error/mean")?,
+        beside(tip_error),
+        change("/sampled/seconds_per_candidate/median")?,
+        beside(time),
+    ))
+}
+
+/// Distinct end shapes among the ten certified candidates of a case, beside those of the case's paths in the data.
+fn diversity(
+    report: &mut Report,
+    name: &str,
+    dataset: &Path,
+    cases: usize,
+    outs: &[(&str, &Path)],
+) -> anyhow::Result<()> {
+    let data = mean(&modes_of_data(dataset, cases)?);
+    for (planner, out) in outs {
+        let found = modes_of_certified(out)?;
+        ensure!(!found.is_empty(), "{} has no cases", out.display());
+        let line = format!("{name}: {planner}, distinct certified terminal modes among ten");
+        let figure = format!("{:.2} a case (the data's: {data:.2})", mean(&found));
+        report.shown(&line, figure);
+    }
+    Ok(())
+}
+
+fn mean(counts: &[usize]) -> f64 {
+    counts.iter().sum::<usize>() as f64 / counts.len() as f64
+}
+
+fn modes_of_data(dataset: &Path, cases: usize) -> anyhow::Result<Vec<usize>> {
+    let rows = Dataset::read(dataset)?.rows;
+    let key = |row: &Row| (row.target_index, row.start_index);
+    let mut groups: Vec<Vec<Configuration>> = Vec::new();
+    let mut indices = BTreeMap::new();
+    for row in rows.iter().filter(|row| row.split == Split::Test) {
+        let index = *indices.entry(key(row)).or_insert_with(|| {
+            groups.push(Vec::new());
+            groups.len() - 1
+        });
+        groups[index].extend(row.path.last());
+    }
+    groups.truncate(cases);
+    Ok(groups.iter().map(|ends| modes(ends)).collect())
+}
+
+fn modes_of_certified(out: &Path) -> anyhow::Result<Vec<usize>> {
+    let mut archive = ArchiveReader::open(&out.join("paths.npz"))?;
+    let (certified, shape) = archive.read::<u8>("certified")?;
+    let (paths, of_paths) = archive.read::<f64>("paths")?;
+    let slots = usize::try_from(shape[1])?;
+    let values = usize::try_from(of_paths[2] * of_paths[3])?;
+    let case = |index: usize| {
+        let known = (index * slots..(index + 1) * slots).filter(|slot| certified[*slot] == 1);
+        let end =
+            |slot: usize| Configuration::from_column_slice(&paths[(slot + 1) * values - 6..][..6]);
+        modes(&known.map(end).collect::<Vec<_>>())
+    };
+    Ok((0..certified.len() / slots).map(case).collect())
+}
+
+fn success_against_steps(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let (wanted, model) = (scale.pick(5, 100), MIXED.model()?);
+    let dataset = MIXED.make(wanted)?;
+    let mut best = 0.0_f64;
+    let mut of_the_paper = 0.0;
+    for solver in SOLVERS {
+        let mut figures = Vec::new();
+        for steps in STEPS {
+            let evaluation = Evaluation {
+                steps,
+                solver,
+                ..Evaluation::of("steps", &dataset, &model, POST, wanted)
+            };
+            let result = evaluation.run(report, scale)?;
+            let success = 100.0 * number(&result, "/sampled/success")?;
+            let ms = 1e3 * number(&result, "/sampled/seconds_per_candidate/median")?;
+            figures.push(format!("{steps}: {success:.1} % in {ms:.1} ms"));
+            best = best.max(success);
+            if (solver, steps) == (SOLVERS[0], STEPS[STEPS.len() - 1]) {
+                of_the_paper = success;
+            }
+        }
+        let line = format!(
+            "{POST}, {solver}, {wanted} mixed cases: success and time of a candidate by steps"
+        );
+        report.shown(&line, figures.join(", "));
+    }
+    let line = format!("{POST}, mixed: 50 DDIM steps, {}", model.text);
+    let bar = format!(">= the best of all steps and solvers, {best:.1} %, - {STEPS_TOLERANCE}");
+    let passed = of_the_paper >= best - STEPS_TOLERANCE;
+    report.check(&line, format!("{of_the_paper:.1} %"), &bar, passed);
+    Ok(())
+}

@@ -1,0 +1,278 @@
+//! Speed of the sampler beside PyTorch and ONNX Runtime on the same weights, and what candidates and balls cost.
+//!
+//! Everything that is compared takes turns, and medians of the ratios count: other load then falls on both.
+
+use std::env;
+use std::path::PathBuf;
+use std::process::Command;
+
+use anyhow::{Context, ensure};
+use tests::programs::repository;
+
+use crate::paper_runs::{Evaluation, MIXED, Model, median, number, weights_folder};
+use crate::timer::Timer;
+use crate::{Report, Scale, paper_scenes};
+
+/// A Python that has what `scripts/requirements-bench.txt` names, where it is not to be installed.
+const PYTHON_VARIABLE: &str = "PCC_REFERENCE_PYTHON";
+/// Multiply-adds of a sample of ten candidates over 50 steps, width 64, in 10⁹ (tests/data/reference-timings.json).
+const MULTIPLY_ADDS: f64 = 55_753_216.0 * 10.0 * 50.0 / 1e9;
+const CANDIDATES: [usize; 8] = [1, 2, 4, 8, 10, 16, 32, 64];
+const BALLS: [usize; 8] = [0, 1, 2, 4, 8, 16, 32, 64];
+/// Cases of a curve's point.
+const CURVE_CASES: usize = 3;
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command = "scripts/bench_unet.py; examples/unet_time";
+    report.group("speed beside PyTorch", command, |report| {
+        beside_the_others(report, scale)
+    });
+    let command = "pcc evaluate --planner diffusion-post --precision f32|bf16";
+    report.group("success in bf16", command, |report| {
+        success_in_bf16(report, scale)
+    });
+    let command = "pcc evaluate --planner diffusion|diffusion-guided";
+    report.group("cost of guidance", command, |report| {
+        cost_of_guidance(report, scale)
+    });
+    let command = "pcc evaluate --planner diffusion-post --candidates …";
+    report.group("cost curves", command, |report| cost_curves(report, scale));
+}
+
+fn beside_the_others(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let model = MIXED.model()?;
+    let mut ours = our_timer(&model)?;
+    let mut others = other_timer(&model)?;
+    report.shown("speed: the others", others.about.clone());
+    for threads in [1, 2] {
+        let rounds = scale.pick(3, 15);
+        let mut turns = Turns::default();
+        for round in 0..rounds {
+            eprintln!(
+                "  speed on {threads} threads, round {} of {rounds}",
+                round + 1
+            );
+            turns.take(&mut ours, &mut others, threads)?;
+        }
+        turns.show(report, &model, threads);
+        if threads == 2 {
+            turns.check(report);
+        }
+    }
+    Ok(())
+}
+
+fn cargo() -> Command {
+    let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(cargo);
+    command.current_dir(repository());
+    command
+}
+
+fn our_timer(model: &Model) -> anyhow::Result<Timer> {
+    let build = ["build", "--release", "--locked", "-p", "denoiser"];
+    let built = cargo()
+        .args(build)
+        .args(["--example", "unet_time"])
+        .status()?;
+    ensure!(built.success(), "examples/unet_time does not build");
+    let target =
+        env::var_os("CARGO_TARGET_DIR").map_or_else(|| repository().join("target"), PathBuf::from);
+    let program = target.join("release/examples/unet_time");
+    Timer::start(Command::new(program).arg(weights_folder()).arg(&model.name))
+}
+
+fn other_timer(model: &Model) -> anyhow::Result<Timer> {
+    let mut command = Command::new(reference_python()?);
+    let script = repository().join("scripts/bench_unet.py");
+    command.arg(script).arg("--weights").arg(weights_folder());
+    command.args(["--name", &model.name]);
+    // For NumPy's products; it has as many threads as there are cores otherwise.
+    Timer::start(command.env("OPENBLAS_NUM_THREADS", "2"))
+}
+
+/// The named Python, or an environment of its own, made from PyPI if it is not there yet.
+fn reference_python() -> anyhow::Result<PathBuf> {
+    if let Some(python) = env::var_os(PYTHON_VARIABLE) {
+        return Ok(python.into());
+    }
+    let folder = repository().join("target/venv-paper");
+    let (python, complete) = (folder.join("bin/python"), folder.join("complete"));
+    if complete.exists() {
+        return Ok(python);
+    }
+    eprintln!(
+        "  installing PyTorch and ONNX Runtime from PyPI into {}",
+        folder.display()
+    );
+    let run = |command: &mut Command| {
+        let status = command.status();
+        let done = status.as_ref().is_ok_and(std::process::ExitStatus::success);
+        ensure!(
+            done,
+            "PyTorch and ONNX Runtime could not be installed ({status:?}); {PYTHON_VARIABLE} may name a Python that has them"
+        );
+        Ok(())
+    };
+    run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
+    let requirements = repository().join("scripts/requirements-bench.txt");
+    let install = ["-m", "pip", "install", "--quiet", "-r"];
+    run(Command::new(&python).args(install).arg(requirements))?;
+    std::fs::write(complete, "")?;
+    Ok(python)
+}
+
+/// What was measured in turns, one value a round: s, and 10⁹ multiply-adds a second for the matrix product.
+#[derive(Default)]
+struct Turns {
+    single: Vec<f64>,
+    brain: Vec<f64>,
+    torch: Vec<f64>,
+    onnx: Vec<f64>,
+    product_rate: Vec<f64>,
+}
+
+impl Turns {
+    fn take(&mut self, ours: &mut Timer, others: &mut Timer, threads: usize) -> anyhow::Result<()> {
+        self.single.push(ours.ask(&format!("f32 {threads}"))?);
+        self.torch.push(others.ask(&format!("torch {threads}"))?);
+        self.brain.push(ours.ask(&format!("bf16 {threads}"))?);
+        self.onnx.push(others.ask(&format!("onnx {threads}"))?);
+        self.product_rate
+            .push(others.ask(&format!("sgemm {threads}"))?);
+        Ok(())
+    }
+
+    fn show(&self, report: &mut Report, model: &Model, threads: usize) {
+        let ms = |values: &[f64]| format!("{:.0} ms", 1e3 * median(values));
+        let line = format!(
+            "speed: ten candidates, 50 steps, {threads} threads, {}, medians",
+            model.text
+        );
+        let figure = format!(
+            "f32 {}, bf16 {}, PyTorch {}, ONNX Runtime {}; matrix product {:.1} G multiply-adds/s",
+            ms(&self.single),
+            ms(&self.brain),
+            ms(&self.torch),
+            ms(&self.onnx),
+            median(&self.product_rate)
+        );
+        report.shown(&line, figure);
+    }
+
+    fn check(&self, report: &mut Report) {
+        let ratio = |of: &[f64], to: &[f64]| {
+            let ratios: Vec<f64> = of.iter().zip(to).map(|(a, b)| a / b).collect();
+            median(&ratios)
+        };
+        let mut times_faster = |name: &str, others: &[f64], ours: &[f64], bar: f64| {
+            let found = ratio(others, ours);
+            let line = format!("speed on two threads: {name}");
+            report.check(
+                &line,
+                format!("{found:.2} × as fast"),
+                &format!(">= {bar} ×"),
+                found >= bar,
+            );
+        };
+        times_faster("f32 beside PyTorch eager", &self.torch, &self.single, 1.4);
+        times_faster("f32 beside ONNX Runtime", &self.onnx, &self.single, 1.0);
+        times_faster("bf16 beside PyTorch f32", &self.torch, &self.brain, 2.5);
+        let rates: Vec<f64> = self.single.iter().map(|s| MULTIPLY_ADDS / s).collect();
+        let share = 100.0 * ratio(&rates, &self.product_rate);
+        let line = "speed on two threads: f32, share of the measured matrix product's rate";
+        report.check(line, format!("{share:.0} %"), ">= 70 %", share >= 70.0);
+    }
+}
+
+/// The same cases and noise in both precisions.
+fn success_in_bf16(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    const TOLERANCE: f64 = 0.5;
+    let (cases, model) = (scale.pick(20, 250), MIXED.model()?);
+    let dataset = MIXED.make(cases)?;
+    let success = |precision| {
+        let evaluation = Evaluation {
+            precision,
+            ..Evaluation::of(MIXED.name, &dataset, &model, "diffusion-post", cases)
+        };
+        let result = evaluation.run(report, scale)?;
+        Ok::<_, anyhow::Error>(100.0 * number(&result, "/sampled/success")?)
+    };
+    let [single, brain] = [success("f32")?, success("bf16")?];
+    let line = format!(
+        "mixed: diffusion-post in bf16, success by the paper's criterion, {}",
+        model.text
+    );
+    let bar = format!("f32's {single:.2} % ± {TOLERANCE}");
+    let passed = (single - brain).abs() <= TOLERANCE;
+    report.check(&line, format!("{brain:.2} %"), &bar, passed);
+    Ok(())
+}
+
+fn cost_of_guidance(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    const BAR: f64 = 1.6;
+    let (cases, rounds) = scale.pick((4, 3), (12, 9));
+    let model = MIXED.model()?;
+    let dataset = MIXED.make(cases)?;
+    let mut ratios = Vec::new();
+    for _ in 0..rounds {
+        let seconds = |planner| {
+            let evaluation = Evaluation::of("guidance", &dataset, &model, planner, cases);
+            let result = evaluation.repeat()?;
+            number(&result, "/stage_seconds/sample/mean")
+        };
+        let [pure, guided] = [seconds("diffusion")?, seconds("diffusion-guided")?];
+        ratios.push(guided / pure);
+    }
+    let line =
+        format!("speed: guided ÷ pure sampler, median of {rounds} rounds of {cases} mixed cases");
+    let found = median(&ratios);
+    report.check(
+        &line,
+        format!("{found:.2}"),
+        &format!("<= {BAR}"),
+        found <= BAR,
+    );
+    Ok(())
+}
+
+fn cost_curves(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let model = MIXED.model()?;
+    let dataset = MIXED.make(CURVE_CASES)?;
+    let mut points = Vec::new();
+    for candidates in CANDIDATES {
+        let evaluation = Evaluation {
+            candidates,
+            ..Evaluation::of("curve", &dataset, &model, "diffusion-post", CURVE_CASES)
+        };
+        points.push(point(report, scale, &evaluation, candidates)?);
+    }
+    report.shown(
+        "cost of a request with post correction by candidates, mixed",
+        points.join(", "),
+    );
+    points.clear();
+    for balls in BALLS {
+        let setting = format!("curve-{balls}-balls");
+        let dataset = paper_scenes::with_balls(balls, CURVE_CASES)?;
+        let evaluation = Evaluation::of(&setting, &dataset, &model, "diffusion-post", CURVE_CASES);
+        points.push(point(report, scale, &evaluation, balls)?);
+    }
+    report.shown(
+        "cost of a request with post correction by balls, ten candidates",
+        points.join(", "),
+    );
+    Ok(())
+}
+
+fn point(
+    report: &Report,
+    scale: Scale,
+    evaluation: &Evaluation,
+    at: usize,
+) -> anyhow::Result<String> {
+    let result = evaluation.run(report, scale)?;
+    let sampling = number(&result, "/stage_seconds/sample/median");
+    let sampling = sampling.with_context(|| format!("nothing was sampled at {at}"))?;
+    Ok(format!("{at}: {:.0} ms", 1e3 * sampling))
+}
