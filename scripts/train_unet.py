@@ -142,6 +142,13 @@ class Run:
         torch.save(state, part)
         part.replace(file)
 
+    def begin_from(self, file, device):
+        """Takes weights and normalisation of another run, and nothing else."""
+        state = torch.load(file, map_location=device, weights_only=True)
+        for model in (self.model, self.average):
+            model.load_state_dict(state["average"])
+        self.scale = Scale(*state["scale"].values())
+
     def restore(self, file, device):
         state = torch.load(file, map_location=device, weights_only=True)
         if any(state["facts"][name] != value for name, value in self.facts.items()):
@@ -192,6 +199,8 @@ def train(arguments):
     checkpoint.parent.mkdir(parents=True, exist_ok=True)
     if checkpoint.exists():
         run.restore(checkpoint, device)
+    elif arguments.begin_from:
+        run.begin_from(arguments.begin_from, device)
     rows = Rows(arguments.data, device, run.scale)
     diffusion = Diffusion(run.model, device, arguments.bf16)
     print(f"{len(rows.train)} training rows, {len(rows.validation)} to validate, from update {run.updates}", flush=True)
@@ -253,6 +262,7 @@ def main():
     p = commands.add_parser("train", help="train; goes on from the checkpoint if there is one")
     p.add_argument("--data", required=True, nargs="+", help="folders of data sets from `pcc dataset`")
     p.add_argument("--checkpoint", **checkpoint)
+    p.add_argument("--begin-from", help="checkpoint of another run whose weights a new one begins with")
     p.add_argument("--updates", type=int, default=100_000, help="length of the run (default %(default)s, the paper's)")
     p.add_argument("--cool-down", type=int, default=0, help="last updates, over which the rate falls to 0 (default none)")
     p.add_argument("--batch", type=int, default=64, help="rows an update (default %(default)s)")
