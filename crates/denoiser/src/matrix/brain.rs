@@ -59,8 +59,10 @@ impl BrainBuffer {
     ///
     /// When [`Precision::Brain`](super::Precision::Brain) is not available.
     pub fn fill(&mut self, values: &[f32]) {
-        let zero = Line([Brain(0); LINE]);
-        self.lines.resize(values.len().div_ceil(LINE), zero);
+        let needed = values.len().div_ceil(LINE);
+        if self.lines.len() < needed {
+            self.lines.resize(needed, Line([Brain(0); LINE]));
+        }
         self.len = values.len();
         assert!(
             Unit::best().is_some(),
@@ -80,8 +82,7 @@ impl BrainBuffer {
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.len) }
     }
 
-    /// The numbers, to be changed.
-    pub fn values_mut(&mut self) -> &mut [Brain] {
+    fn values_mut(&mut self) -> &mut [Brain] {
         // SAFETY: as above.
         unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.len) }
     }
