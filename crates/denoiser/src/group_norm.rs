@@ -341,3 +341,117 @@ fn part_mut(values: &mut [f32], first: usize) -> &mut [f32; LANES] {
         .first_chunk_mut()
         .expect("channels come in whole registers")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simd::{detected_levels, run_at};
+
+    const HEIGHT: usize = 8;
+    const CHANNELS: usize = 32;
+    const SIZE: usize = HEIGHT * CHANNELS;
+
+    /// Numbers without a pattern that a wrong index could hide in.
+    fn scattered(count: usize, seed: u32) -> Vec<f32> {
+        let value = |i: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(seed) >> 8) as f32;
+        (0..count as u32)
+            .map(|i| value(i) / 4_194_304.0 - 2.0)
+            .collect()
+    }
+
+    fn rows(values: &[f32]) -> Rows {
+        let mut rows = Rows::default();
+        rows.shape(values.len() / SIZE, HEIGHT, CHANNELS);
+        for (rows, values) in rows.each_mut().zip(values.chunks_exact(SIZE)) {
+            rows.copy_from_slice(values);
+        }
+        rows
+    }
+
+    fn affine() -> Affine {
+        Affine {
+            gain: scattered(CHANNELS, 5),
+            offset: scattered(CHANNELS, 6),
+        }
+    }
+
+    /// The definition, for one candidate.
+    fn definition(x: &[f64]) -> Vec<f64> {
+        let Affine { gain, offset } = affine();
+        let width = CHANNELS / GROUPS;
+        let mut out = vec![0.0; SIZE];
+        for group in 0..GROUPS {
+            let members: Vec<usize> = (0..SIZE)
+                .filter(|i| i % CHANNELS / width == group)
+                .collect();
+            let average = |of: &dyn Fn(f64) -> f64| {
+                members.iter().map(|i| of(x[*i])).sum::<f64>() / members.len() as f64
+            };
+            let mean = average(&|v| v);
+            let variance = average(&|v| (v - mean).powi(2));
+            for i in members {
+                let normalised = (x[i] - mean) / (variance + f64::from(EPSILON)).sqrt();
+                let (gain, offset) = (gain[i % CHANNELS], offset[i % CHANNELS]);
+                let y = normalised * f64::from(gain) + f64::from(offset);
+                out[i] = y / (1.0 + (-y).exp());
+            }
+        }
+        out
+    }
+
+    fn wide(values: &[f32]) -> Vec<f64> {
+        values.iter().map(|v| f64::from(*v)).collect()
+    }
+
+    #[test]
+    fn every_level_agrees_with_the_definition_and_its_derivative() {
+        const CHANGE: f64 = 1e-5;
+        let (x, cotangent) = (scattered(2 * SIZE, 1), scattered(2 * SIZE, 2));
+        let (x_rows, affine) = (rows(&x), affine());
+        for level in detected_levels() {
+            let mut statistics = Statistics {
+                mean: vec![0.0; 2 * CHANNELS],
+                scale: vec![0.0; 2 * CHANNELS],
+            };
+            let (mut out, mut copy) = (rows(&cotangent), rows(&cotangent));
+            let forward = Forward {
+                x: &x_rows,
+                affine: &affine,
+                statistics: &mut statistics,
+                out: &mut out,
+                copy: Some(&mut copy),
+            };
+            run_at(level, forward);
+            let mut gradient = rows(&cotangent);
+            let backward = Backward {
+                x: &x_rows,
+                affine: &affine,
+                statistics: &statistics,
+                gradient: &mut gradient,
+                copied: None,
+                sums: &mut [vec![0.0; CHANNELS], vec![0.0; CHANNELS]],
+            };
+            run_at(level, backward);
+            let found = out.each().zip(copy.each()).zip(gradient.each());
+            let given = x.chunks_exact(SIZE).zip(cotangent.chunks_exact(SIZE));
+            for (((out, copy), gradient), (x, cotangent)) in found.zip(given) {
+                assert_eq!(copy, x);
+                let (x, cotangent) = (wide(x), wide(cotangent));
+                for (found, expected) in out.iter().zip(definition(&x)) {
+                    assert!((f64::from(*found) - expected).abs() < 1e-5);
+                }
+                let value_at = |i: usize, change: f64| {
+                    let mut x = x.clone();
+                    x[i] += change;
+                    let terms = definition(&x).into_iter().zip(&cotangent);
+                    terms.map(|(y, c)| y * c).sum::<f64>()
+                };
+                for i in (0..SIZE).step_by(13) {
+                    let difference = (value_at(i, CHANGE) - value_at(i, -CHANGE)) / (2.0 * CHANGE);
+                    let error = (f64::from(gradient[i]) - difference).abs();
+                    assert!(error < 1e-4, "{} for {difference}", gradient[i]);
+                }
+            }
+        }
+    }
+}
