@@ -65,8 +65,8 @@ const SUITES: [Suite; 2] = [
             paper_data::run,
             |report, _| paper_parity::run(report),
             |report, _| paper_refusals::run(report),
-            paper_ablation::run,
             paper_speed::run,
+            paper_ablation::run,
         ],
     },
 ];

@@ -9,7 +9,7 @@ use planning::dataset::{ArchiveReader, Dataset, Row, Split};
 use planning::modes;
 use serde_json::Value;
 
-use crate::paper_runs::{Evaluation, FREE, GENERAL, HARD, MIXED, Unseen, figure, number};
+use crate::paper_runs::{Evaluation, FREE, GENERAL, HARD, MIXED, Unseen, figure, median, number};
 use crate::{Report, Scale};
 
 /// The null arm is the last.
@@ -24,6 +24,8 @@ const POST: &str = PLANNERS[1];
 const GUIDED: &str = PLANNERS[2];
 const STEPS: [usize; 8] = [1, 2, 4, 8, 10, 15, 25, 50];
 const SOLVERS: [&str; 2] = ["ddim", "dpm-solver"];
+/// Times of the pure sampler that the guided one may take.
+const GUIDED_AT_MOST: f64 = 1.6;
 /// Percentage points that the paper's 50 DDIM steps may stay behind the best.
 const STEPS_TOLERANCE: f64 = 2.0;
 
@@ -64,6 +66,13 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
             ablation(report, scale, &unseen, paper.as_ref())
         });
     }
+    let command = "pcc evaluate --planner diffusion|diffusion-post|diffusion-guided, in turns";
+    report.group("time of the refinements", command, |report| {
+        for (unseen, paper) in [(MIXED, PAPER_MIXED), (FREE, PAPER_FREE)] {
+            time_of_refinements(report, scale, &unseen, &paper)?;
+        }
+        Ok(())
+    });
     let command = "pcc evaluate --planner diffusion-post --solver … --steps …";
     report.group("success against steps", command, |report| {
         success_against_steps(report, scale)
@@ -115,9 +124,10 @@ fn ablation(
             success >= paper.post_success,
         );
     }
-    for planner in [POST, GUIDED] {
-        let text = changes(result(PURE), result(planner), planner, paper)?;
-        report.shown(&format!("{name}: {planner} against {PURE}"), text);
+    for (planner, change) in [(POST, paper.map(|p| p.post_tip_error)), (GUIDED, None)] {
+        let text = tip_error_change(result(PURE), result(planner), change)?;
+        let line = format!("{name}: {planner}, mean tip error against {PURE}");
+        report.shown(&line, text);
     }
     let outs = PLANNERS.map(|planner| (planner, results[planner].1.as_path()));
     diversity(report, name, &dataset, wanted, &outs)
@@ -129,9 +139,10 @@ fn row(result: &Value) -> anyhow::Result<String> {
     let of_length = figure(result, "/sampled/tip_error_of_robot_length/mean")?;
     let of_length = of_length.map_or("-".to_owned(), |error| format!("{:.3}", 100.0 * error));
     Ok(format!(
-        "success {:.2} % (any of ten {:.2} %), tip error {:.4} L mean, {of_length} % of the robot's length where it succeeds, certified {:.2} %, {:.2} ms a candidate, {:.2} ms a request in all",
+        "success {:.2} % (any of ten {:.2} %; {:.2} % when corrected for certification), tip error {:.4} L mean, {of_length} % of the robot's length where it succeeds, certified {:.2} %, {:.2} ms a candidate, {:.2} ms a request in all",
         share("/sampled/success")?,
         share("/sampled/success_any")?,
+        share("/sampled/success_corrected")?,
         number(result, "/sampled/tip_error/mean")?,
         share("/share_before_fallback")?,
         1e3 * number(result, "/sampled/seconds_per_candidate/median")?,
@@ -139,30 +150,21 @@ fn row(result: &Value) -> anyhow::Result<String> {
     ))
 }
 
-/// What a planner changes of the pure sampler's tip error and time, beside what it changes in the paper.
-fn changes(
-    pure: &Value,
-    other: &Value,
-    planner: &str,
-    paper: Option<&Paper>,
-) -> anyhow::Result<String> {
-    let change = |path: &str| {
-        let [before, after] = [number(pure, path)?, number(other, path)?];
-        Ok::<_, anyhow::Error>(100.0 * (after / before - 1.0))
-    };
-    let beside = |figure: Option<f64>| {
-        figure.map_or(String::new(), |figure| format!(" (paper {figure:+.1} %)"))
-    };
-    let is_post = planner == POST;
-    let tip_error = paper.filter(|_| is_post).map(|p| p.post_tip_error);
-    let time = paper.map(|p| if is_post { p.post_time } else { p.guided_time });
-    Ok(format!(
-        "mean tip error {:+.1} %{}, time a candidate {:+.1} %{}",
-        change("/sampled/tip_error/mean")?,
-        beside(tip_error),
-        change("/sampled/seconds_per_candidate/median")?,
-        beside(time),
-    ))
+/// What a planner changes of the pure sampler's mean tip error, beside what post correction changes in the paper.
+fn tip_error_change(pure: &Value, other: &Value, paper: Option<f64>) -> anyhow::Result<String> {
+    let [before, after] = [pure, other].map(|result| number(result, "/sampled/tip_error/mean"));
+    let change = percent_more(after?, before?);
+    Ok(format!("{change:+.1} %{}", beside(paper)))
+}
+
+/// By how many percent `a` is larger than `b`.
+fn percent_more(a: f64, b: f64) -> f64 {
+    100.0 * (a / b - 1.0)
+}
+
+/// The paper's change, where it has one.
+fn beside(paper: Option<f64>) -> String {
+    paper.map_or(String::new(), |change| format!(" (paper {change:+.1} %)"))
 }
 
 /// Distinct end shapes among the ten certified candidates of a case, beside those of the case's paths in the data.
@@ -217,6 +219,37 @@ fn modes_of_certified(out: &Path) -> anyhow::Result<Vec<usize>> {
         modes(&known.map(end).collect::<Vec<_>>())
     };
     Ok((0..certified.len() / slots).map(case).collect())
+}
+
+/// Sampling alone, the three samplers in turns, so that other load falls on all of them.
+fn time_of_refinements(
+    report: &mut Report,
+    scale: Scale,
+    unseen: &Unseen,
+    paper: &Paper,
+) -> anyhow::Result<()> {
+    let (cases, rounds) = scale.pick((4, 3), (12, 9));
+    let (name, model) = (unseen.name, unseen.model()?);
+    let dataset = unseen.make(cases)?;
+    let setting = format!("{name}-turns");
+    let seconds = |planner| {
+        let evaluation = Evaluation::of(&setting, &dataset, &model, planner, cases);
+        number(&evaluation.repeat()?, "/stage_seconds/sample/median")
+    };
+    let [mut post, mut guided] = [Vec::new(), Vec::new()];
+    for _ in 0..rounds {
+        let pure = seconds(PURE)?;
+        post.push(seconds(POST)? / pure);
+        guided.push(seconds(GUIDED)? / pure);
+    }
+    let [post, guided] = [median(&post), median(&guided)];
+    let line = |planner| format!("{name}: {planner}, time of sampling against {PURE}");
+    let text = |ratio, paper| format!("{:+.1} %{}", percent_more(ratio, 1.0), beside(Some(paper)));
+    report.shown(&line(POST), text(post, paper.post_time));
+    let bar = format!("<= {GUIDED_AT_MOST} times");
+    let passed = guided <= GUIDED_AT_MOST;
+    report.check(&line(GUIDED), text(guided, paper.guided_time), &bar, passed);
+    Ok(())
 }
 
 fn success_against_steps(report: &mut Report, scale: Scale) -> anyhow::Result<()> {

@@ -31,10 +31,6 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     report.group("success in bf16", command, |report| {
         success_in_bf16(report, scale)
     });
-    let command = "pcc evaluate --planner diffusion|diffusion-guided";
-    report.group("cost of guidance", command, |report| {
-        cost_of_guidance(report, scale)
-    });
     let command = "pcc evaluate --planner diffusion-post --candidates …";
     report.group("cost curves", command, |report| cost_curves(report, scale));
 }
@@ -206,33 +202,6 @@ fn success_in_bf16(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let bar = format!("f32's {single:.2} % ± {TOLERANCE}");
     let passed = (single - brain).abs() <= TOLERANCE;
     report.check(&line, format!("{brain:.2} %"), &bar, passed);
-    Ok(())
-}
-
-fn cost_of_guidance(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    const BAR: f64 = 1.6;
-    let (cases, rounds) = scale.pick((4, 3), (12, 9));
-    let model = MIXED.model()?;
-    let dataset = MIXED.make(cases)?;
-    let mut ratios = Vec::new();
-    for _ in 0..rounds {
-        let seconds = |planner| {
-            let evaluation = Evaluation::of("guidance", &dataset, &model, planner, cases);
-            let result = evaluation.repeat()?;
-            number(&result, "/stage_seconds/sample/mean")
-        };
-        let [pure, guided] = [seconds("diffusion")?, seconds("diffusion-guided")?];
-        ratios.push(guided / pure);
-    }
-    let line =
-        format!("speed: guided ÷ pure sampler, median of {rounds} rounds of {cases} mixed cases");
-    let found = median(&ratios);
-    report.check(
-        &line,
-        format!("{found:.2}"),
-        &format!("<= {BAR}"),
-        found <= BAR,
-    );
     Ok(())
 }
 
