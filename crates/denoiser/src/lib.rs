@@ -20,5 +20,6 @@ mod weights_file;
 pub use diffusion::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Schedule, Solver};
 pub use fast_model::{CandidateInput, FastModel, FastScratch};
 pub use manifest::{Manifest, ManifestEntry};
+pub use matrix::Precision;
 pub use unet::{FRAME, HORIZON, Normalisation, TemporalUnet, UnetCondition, UnetScratch};
 pub use weights_file::{WeightsError, WeightsFile};
