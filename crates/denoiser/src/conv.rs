@@ -5,10 +5,8 @@
 //! one of the kinds, with the weights transposed.
 
 use crate::matrix::{Batch, BrainBuffer, Input, Packed, Precision, Store, Strides};
+use crate::paged::Paged;
 use crate::weights_file::{WeightsError, WeightsFile};
-
-/// Bytes of a cache line; vectors that straddle two take twice as long.
-const LINE: usize = 64;
 
 /// Values of candidates, time-major, with a row of zeros before and after each: candidates × (height + 2) × channels.
 #[derive(Default)]
@@ -18,8 +16,7 @@ pub(crate) struct Rows {
     channels: usize,
     /// Candidates whose rows of zeros are written.
     padded: usize,
-    /// Holds the values from the first cache line on.
-    memory: Vec<f32>,
+    memory: Paged<f32>,
 }
 
 impl Rows {
@@ -29,9 +26,9 @@ impl Rows {
             self.padded = 0;
         }
         (self.candidates, self.height, self.channels) = (candidates, height, channels);
-        let needed = candidates * self.pitch() + LINE / size_of::<f32>();
+        let needed = candidates * self.pitch();
         if self.memory.len() < needed {
-            self.memory.resize(needed, 0.0);
+            self.memory = Paged::filled(0.0, needed);
             self.padded = 0;
         }
         let (pitch, padded) = (self.pitch(), self.padded);
@@ -44,22 +41,12 @@ impl Rows {
     }
 
     fn values(&self) -> &[f32] {
-        let length = self.candidates * self.pitch();
-        &self.memory[self
-            .memory
-            .as_ptr()
-            .align_offset(LINE)
-            .min(self.memory.len())..][..length]
+        &self.memory[..self.candidates * self.pitch()]
     }
 
     fn values_mut(&mut self) -> &mut [f32] {
         let length = self.candidates * self.pitch();
-        let first = self
-            .memory
-            .as_ptr()
-            .align_offset(LINE)
-            .min(self.memory.len());
-        &mut self.memory[first..][..length]
+        &mut self.memory[..length]
     }
 
     pub(crate) fn candidates(&self) -> usize {

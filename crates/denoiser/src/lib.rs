@@ -13,6 +13,7 @@ mod linear;
 mod manifest;
 pub mod matrix;
 mod norm;
+mod paged;
 mod simd;
 mod unet;
 mod weights_file;

@@ -4,6 +4,7 @@
 use super::{Job, PANEL};
 #[cfg(target_arch = "x86_64")]
 use super::{tiles, vectors};
+use crate::paged::Paged;
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
 use std::sync::LazyLock;
@@ -48,7 +49,7 @@ struct Line([Brain; LINE]);
 /// Numbers in bf16 that start on a cache line, which products read fastest when a stride is whole lines too.
 #[derive(Default)]
 pub struct BrainBuffer {
-    lines: Vec<Line>,
+    lines: Paged<Line>,
     len: usize,
 }
 
@@ -61,7 +62,7 @@ impl BrainBuffer {
     pub fn fill(&mut self, values: &[f32]) {
         let needed = values.len().div_ceil(LINE);
         if self.lines.len() < needed {
-            self.lines.resize(needed, Line([Brain(0); LINE]));
+            self.lines = Paged::filled(Line([Brain(0); LINE]), needed);
         }
         self.len = values.len();
         assert!(
@@ -152,15 +153,17 @@ pub(super) struct PairWeights(pub(super) [[Brain; 2]; PANEL]);
 /// A matrix packed as `[panel][pair of inputs][output in panel][2]`, with zeros up to whole tiles.
 pub(super) struct BrainPanels {
     pub(super) inputs: usize,
-    weights: Vec<PairWeights>,
+    weights: Paged<PairWeights>,
 }
 
 impl BrainPanels {
     /// Packs the matrix whose weight for (output, input) `weight` tells.
     pub(super) fn new(inputs: usize, outputs: usize, weight: impl Fn(usize, usize) -> f32) -> Self {
         let pairs = padded_pairs(inputs);
-        let mut weights =
-            vec![PairWeights([[Brain(0); 2]; PANEL]); outputs.div_ceil(PANEL) * pairs];
+        let mut weights = Paged::filled(
+            PairWeights([[Brain(0); 2]; PANEL]),
+            outputs.div_ceil(PANEL) * pairs,
+        );
         for output in 0..outputs {
             for input in 0..inputs {
                 let pair = output / PANEL * pairs + input / 2;

@@ -4,6 +4,7 @@
 #[cfg(target_arch = "x86_64")]
 use super::wide;
 use super::{Block, Job};
+use crate::paged::Paged;
 use crate::simd::{Detected, Kernel, Level, PANEL, detected, run_at};
 
 /// The weights of one input for the outputs of one panel, on cache lines of its own.
@@ -14,14 +15,15 @@ pub(super) struct Weights(pub(super) [f32; PANEL]);
 /// A matrix packed as `[panel][input][output in panel]`.
 pub(super) struct SinglePanels {
     inputs: usize,
-    weights: Vec<Weights>,
+    weights: Paged<Weights>,
 }
 
 impl SinglePanels {
     /// Packs a row-major matrix (outputs × inputs).
     pub(super) fn new(weight: &[f32], outputs: usize) -> Self {
         let inputs = weight.len() / outputs;
-        let mut weights = vec![Weights([0.0; PANEL]); outputs.div_ceil(PANEL) * inputs];
+        let count = outputs.div_ceil(PANEL) * inputs;
+        let mut weights = Paged::filled(Weights([0.0; PANEL]), count);
         for output in 0..outputs {
             for input in 0..inputs {
                 weights[output / PANEL * inputs + input].0[output % PANEL] =
