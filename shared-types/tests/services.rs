@@ -292,6 +292,28 @@ fn a_service_that_a_dead_process_left_half_made_is_made_again() {
     }
 }
 
+/// What a creator leaves that was killed before it gave its shared memory a size: iceoryx2 alone waits for it for ever.
+#[test]
+fn shared_memory_that_a_dead_process_left_without_a_size_stands_in_nobodys_way() {
+    let world = world();
+    let capacity = PlanServiceCapacity::default();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let service = plan_service(&node, &capacity).unwrap();
+    let mut files = fs::read_dir(world.options.root.join("services")).unwrap();
+    let file = files.next().unwrap().unwrap().path();
+    let text = fs::read(&file).unwrap();
+    let is_dynamic = |file: &fs::DirEntry| file.path().extension().is_some_and(|e| e == "dynamic");
+    let memory = files_of(&world.options).find(is_dynamic).unwrap().path();
+    drop(service);
+    assert!(!file.exists() && !memory.exists());
+    fs::write(&memory, "").unwrap();
+    fs::set_permissions(&memory, fs::Permissions::from_mode(0o200)).unwrap();
+    fs::write(&file, text).unwrap();
+    fs::set_permissions(&file, fs::Permissions::from_mode(0o400)).unwrap();
+    drop(plan_service(&node, &capacity).unwrap());
+    assert!(!memory.exists());
+}
+
 #[test]
 fn who_opens_services_and_stops_is_named_to_the_others() {
     let world = world();

@@ -45,6 +45,12 @@ pub enum IpcError {
         /// What iceoryx2 said.
         reason: NodeCreationFailure,
     },
+    /// The thread that removes what killed processes left half-made did not start.
+    #[error("cannot start the thread that removes what killed processes left half-made: {source}")]
+    Sweeper {
+        /// What the system said.
+        source: io::Error,
+    },
     /// Another live process has the role.
     #[error(
         "a {role} already runs here (process {pid}); stop it first, or use another PCC_PREFIX (lock {lock_file:?})"

@@ -14,6 +14,7 @@ mod opening;
 mod options;
 mod request;
 mod role;
+mod sweeper;
 mod topic;
 
 pub use error::IpcError;

@@ -9,6 +9,7 @@ use iceoryx2::node::{Node, NodeBuilder};
 use iceoryx2::prelude::{LogLevel, NodeName, ServiceName, SignalHandlingMode, ipc, set_log_level};
 use iceoryx2::service::builder::Builder;
 
+use super::sweeper::Sweeper;
 use super::{IpcError, IpcOptions};
 
 /// How often an operation that failed for a passing reason is tried again.
@@ -23,6 +24,7 @@ const PAUSE: Duration = Duration::from_millis(5);
 pub struct IpcNode {
     node: Node<ipc::Service>,
     options: IpcOptions,
+    _sweeper: Sweeper,
 }
 
 impl IpcNode {
@@ -32,7 +34,8 @@ impl IpcNode {
     /// (`trace`, `debug`, `info`, `warn`, `error`, `fatal`).
     ///
     /// # Errors
-    /// [`IpcError::InvalidPrefix`], [`IpcError::Root`], [`IpcError::ForeignRoot`] or [`IpcError::Node`].
+    /// [`IpcError::InvalidPrefix`], [`IpcError::Root`], [`IpcError::ForeignRoot`], [`IpcError::Sweeper`] or
+    /// [`IpcError::Node`].
     pub fn create(options: &IpcOptions, name: &str) -> Result<Self, IpcError> {
         set_log_level(log_level(env::var("PCC_IPC_LOG").ok().as_deref()));
         options.prepare()?;
@@ -43,6 +46,7 @@ impl IpcNode {
         };
         let name = NodeName::new(name)
             .map_err(|_| failed(iceoryx2::node::NodeCreationFailure::InternalError))?;
+        let sweeper = Sweeper::start(options).map_err(|source| IpcError::Sweeper { source })?;
         let builder = NodeBuilder::new()
             .name(&name)
             .config(&config)
@@ -51,6 +55,7 @@ impl IpcNode {
         Ok(Self {
             node,
             options: options.clone(),
+            _sweeper: sweeper,
         })
     }
 

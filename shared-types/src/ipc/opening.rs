@@ -19,9 +19,9 @@ use iceoryx2::service::service_hash::ServiceHash;
 
 use super::{IpcError, IpcNode};
 
-/// How long another process may take to open a service: milliseconds, or some 0.2 s where it meets a dead
+/// How long another process may take to open a service: milliseconds, or somewhat over a second where it meets a dead
 /// creator's remains.
-const PATIENCE: Duration = Duration::from_secs(2);
+const PATIENCE: Duration = Duration::from_secs(4);
 /// Pause between two looks at the lock.
 const PAUSE: Duration = Duration::from_millis(1);
 
