@@ -34,7 +34,7 @@ const INVALID: &[BadRequest] = invalid! {
     CandidateCount "more candidates than configured" |r| r.candidate_count = 17;
     CandidateCount "all bits" |r| r.candidate_count = u32::MAX;
     Deadline "deadline in years" |r| r.deadline_ns = u64::MAX;
-    Sampler "unknown sampler" |r| r.sampler = 4;
+    Sampler "unknown sampler" |r| r.sampler = 99;
     Selection "unknown selection" |r| r.selection = 6;
     SelectedIndex "index beyond the candidates" |r| (r.selection, r.selected_index) = (5, 2);
     Execute "execute = 2" |r| r.execute = 2;
