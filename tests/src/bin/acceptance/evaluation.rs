@@ -56,22 +56,29 @@ fn unseen_general(cases: usize) -> anyhow::Result<PathBuf> {
     let targets = (cases * 2).to_string();
     let out = folder().join(format!("general-{UNSEEN_SEED}-{targets}"));
     let (seed, path) = (UNSEEN_SEED.to_string(), out.to_str().context("path")?);
-    run_pcc(&[
-        "dataset",
-        "--setting",
-        "general",
-        "--test-only",
-        "--seed",
-        &seed,
-        "--targets",
-        &targets,
-        "--starts",
-        "1",
-        "--ends",
-        "1",
-        "--out",
-        path,
-    ])?;
+    let make = || {
+        run_pcc(&[
+            "dataset",
+            "--setting",
+            "general",
+            "--test-only",
+            "--seed",
+            &seed,
+            "--targets",
+            &targets,
+            "--starts",
+            "1",
+            "--ends",
+            "1",
+            "--out",
+            path,
+        ])
+    };
+    if make().is_err() {
+        // What an older generator left cannot be gone on with.
+        std::fs::remove_dir_all(&out)?;
+        make()?;
+    }
     Ok(out)
 }
 
