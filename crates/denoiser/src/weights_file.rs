@@ -90,6 +90,16 @@ pub enum WeightsError {
         /// Index of the first such value.
         index: usize,
     },
+    /// A tensor's values do not make sense together.
+    #[error("tensor `{tensor}` has {found}, {expected} is needed")]
+    Value {
+        /// The tensor.
+        tensor: &'static str,
+        /// What it has.
+        found: String,
+        /// What is needed.
+        expected: &'static str,
+    },
     /// The metadata does not fit this program.
     #[error("weights metadata `{key}` is {found:?}, {expected} is needed")]
     Metadata {

@@ -143,3 +143,17 @@ fn every_tensor_is_needed_and_must_be_finite() {
         );
     }
 }
+
+#[test]
+fn a_normalisation_that_divides_by_nothing_is_named() {
+    for (name, value) in [("configuration_high", -9.0), ("position_scale", 0.0)] {
+        let mut weights = unet();
+        let name = format!("normalisation.{name}");
+        weights.tensors.get_mut(&name).unwrap().1.fill(value);
+        let refused = refusal(&weights);
+        assert!(
+            matches!(&refused, WeightsError::Value { tensor, .. } if *tensor == name),
+            "{refused}"
+        );
+    }
+}

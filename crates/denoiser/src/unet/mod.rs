@@ -60,12 +60,38 @@ impl Normalisation {
             values[..count].copy_from_slice(tensor);
         }
         let [low, high, [x, y, z, ..], [scale, ..]] = values;
-        Ok(Self {
+        let found = Self {
             configuration_low: low,
             configuration_high: high,
             position_centre: [x, y, z],
             position_scale: scale,
-        })
+        };
+        found.check().map(|()| found)
+    }
+
+    fn check(&self) -> Result<(), WeightsError> {
+        let wrong = |tensor, found, expected| WeightsError::Value {
+            tensor,
+            found,
+            expected,
+        };
+        let mut ranges = self.configuration_low.iter().zip(&self.configuration_high);
+        if let Some((low, high)) = ranges.find(|(low, high)| low >= high) {
+            let (tensor, expected) = ("normalisation.configuration_high", "more than the low end");
+            return Err(wrong(
+                tensor,
+                format!("{high} where the low end is {low}"),
+                expected,
+            ));
+        }
+        if self.position_scale <= 0.0 {
+            let (tensor, found) = (
+                "normalisation.position_scale",
+                self.position_scale.to_string(),
+            );
+            return Err(wrong(tensor, found, "more than 0"));
+        }
+        Ok(())
     }
 
     /// A configuration between −1 and 1.
