@@ -24,7 +24,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from weights_export import this_machine, write_weights
+from weights_export import record_of, this_machine, write_weights
 
 ARCHITECTURE = "both-ends-flow-v1"
 COEFFICIENTS = 72
@@ -311,7 +311,7 @@ def train(arguments):
 
 
 def metadata_of(state, recipe, measured, machine):
-    """Everything the loader checks, and how the weights were made; safetensors wants strings."""
+    """Everything the loader checks, and how the weights were made."""
     facts = state["facts"]
     return {
         "architecture": ARCHITECTURE,
@@ -327,16 +327,7 @@ def metadata_of(state, recipe, measured, machine):
         "basis": "coefficient [k * 6 + d] times sin((k + 1) pi u), residual to the straight segment, rad",
         "schedule": "x_t = (1 - t) noise + t data; the network estimates data; Euler from t = 0",
         "normalisation": "ends and balls by mean and standard deviation, coefficients by root mean square: the tensors say",
-        "recipe": recipe,
-        "seed": str(facts["seed"]),
-        "updates": str(state["updates"]),
-        "batch": str(facts["batch"]),
-        "training_rows": str(facts["rows"]),
-        "training_seconds": str(round(state["seconds"])),
-        "machine": machine,
-        "validation": json.dumps(state["record"]),
-        "measured": measured,
-    }
+    } | record_of(state, recipe, measured, machine)
 
 
 def export(arguments):

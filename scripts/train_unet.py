@@ -17,7 +17,7 @@ import torch
 from torch import nn
 
 from unet_model import HORIZON, TemporalUnet, cosine_schedule
-from weights_export import this_machine, write_weights
+from weights_export import record_of, this_machine, write_weights
 
 ARCHITECTURE = "temporal-unet-v1"
 STEPS = 1000
@@ -221,7 +221,7 @@ def train(arguments):
 
 
 def metadata_of(state, recipe, measured, machine):
-    """Everything the loader checks, and how the weights were made; safetensors wants strings."""
+    """Everything the loader checks, and how the weights were made."""
     facts = state["facts"]
     return {
         "architecture": ARCHITECTURE,
@@ -234,16 +234,7 @@ def metadata_of(state, recipe, measured, machine):
         "theta_max": repr(math.pi / 2),
         "schedule": "cosine, offset 0.008, betas within [1e-8, 0.999]; the network predicts the noise",
         "normalisation": "configurations to [-1, 1], positions by one centre and one scale: the tensors say",
-        "recipe": recipe,
-        "seed": str(facts["seed"]),
-        "updates": str(state["updates"]),
-        "batch": str(facts["batch"]),
-        "training_rows": str(facts["rows"]),
-        "training_seconds": str(round(state["seconds"])),
-        "machine": machine,
-        "validation": json.dumps(state["record"]),
-        "measured": measured,
-    }
+    } | record_of(state, recipe, measured, machine)
 
 
 def export(arguments):

@@ -23,6 +23,22 @@ def this_machine():
     return f"{name}, torch {torch.__version__}"
 
 
+def record_of(state, recipe, measured, machine):
+    """How a training run made its weights; safetensors wants strings."""
+    facts = state["facts"]
+    return {
+        "recipe": recipe,
+        "seed": str(facts["seed"]),
+        "updates": str(state["updates"]),
+        "batch": str(facts["batch"]),
+        "training_rows": str(facts["rows"]),
+        "training_seconds": str(round(state["seconds"])),
+        "machine": machine,
+        "validation": json.dumps(state["record"]),
+        "measured": measured,
+    }
+
+
 def toml_value(value):
     """A JSON value, null apart, as inline TOML; strings, numbers and lists are written alike in both."""
     if isinstance(value, dict):
