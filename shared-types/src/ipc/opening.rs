@@ -27,6 +27,8 @@ const PAUSE: Duration = Duration::from_millis(1);
 
 /// What opening needs to know of iceoryx2's errors.
 pub(super) trait OpeningError {
+    /// The messaging pattern of the services that are opened.
+    const PATTERN: MessagingPattern;
     /// Whether opening again may succeed: the service is being made or removed, or dead processes hold its places.
     fn is_passing(&self) -> bool;
     /// Whether the service was begun and is not finished.
@@ -42,7 +44,6 @@ pub(super) trait OpeningError {
 pub(super) fn open_service<T, E: OpeningError>(
     node: &IpcNode,
     name: &str,
-    pattern: MessagingPattern,
     open: impl Fn(Builder<ipc::Service>) -> Result<T, E>,
     translate: impl FnOnce(String, E) -> IpcError,
 ) -> Result<T, IpcError> {
@@ -56,7 +57,7 @@ pub(super) fn open_service<T, E: OpeningError>(
         let _alone = lock(node).map_err(Failure::Lock)?;
         open(node.builder(&name)).map_err(|error| {
             if error.is_half_made() {
-                remove(node, &name, pattern);
+                remove(node, &name, E::PATTERN);
             }
             Failure::Open(error)
         })
@@ -117,78 +118,57 @@ fn lock(node: &IpcNode) -> Result<File, IpcError> {
     }
 }
 
-impl OpeningError for RequestResponseOpenError {
-    fn is_passing(&self) -> bool {
-        matches!(
-            self,
-            Self::ServiceInCorruptedState
-                | Self::IsMarkedForDestruction
-                | Self::HangsInCreation
-                | Self::ExceedsMaxNumberOfNodes
-        )
-    }
+/// The errors of one pattern's services: of opening, and of opening or creating.
+macro_rules! opening_errors {
+    ($pattern:ident: $either:ident { $open:ident, $create:ident }) => {
+        impl OpeningError for $open {
+            const PATTERN: MessagingPattern = MessagingPattern::$pattern;
 
-    fn is_half_made(&self) -> bool {
-        *self == Self::HangsInCreation
-    }
-}
-
-impl OpeningError for RequestResponseOpenOrCreateError {
-    fn is_passing(&self) -> bool {
-        use RequestResponseCreateError as Create;
-        match self {
-            Self::SystemInFlux => true,
-            Self::RequestResponseOpenError(error) => {
-                *error == RequestResponseOpenError::DoesNotExist || error.is_passing()
+            fn is_passing(&self) -> bool {
+                matches!(
+                    self,
+                    Self::ServiceInCorruptedState
+                        | Self::IsMarkedForDestruction
+                        | Self::HangsInCreation
+                        | Self::ExceedsMaxNumberOfNodes
+                )
             }
-            Self::RequestResponseCreateError(error) => matches!(
-                error,
-                Create::ServiceInCorruptedState
-                    | Create::AlreadyExists
-                    | Create::IsBeingCreatedByAnotherInstance
-                    | Create::HangsInCreation
-            ),
-        }
-    }
 
-    fn is_half_made(&self) -> bool {
-        matches!(
-            self,
-            Self::RequestResponseOpenError(RequestResponseOpenError::HangsInCreation)
-                | Self::RequestResponseCreateError(RequestResponseCreateError::HangsInCreation)
-        )
-    }
+            fn is_half_made(&self) -> bool {
+                *self == Self::HangsInCreation
+            }
+        }
+
+        impl OpeningError for $either {
+            const PATTERN: MessagingPattern = MessagingPattern::$pattern;
+
+            fn is_passing(&self) -> bool {
+                match self {
+                    Self::SystemInFlux => true,
+                    Self::$open(error) => *error == $open::DoesNotExist || error.is_passing(),
+                    Self::$create(error) => matches!(
+                        error,
+                        $create::ServiceInCorruptedState
+                            | $create::AlreadyExists
+                            | $create::IsBeingCreatedByAnotherInstance
+                            | $create::HangsInCreation
+                    ),
+                }
+            }
+
+            fn is_half_made(&self) -> bool {
+                matches!(
+                    self,
+                    Self::$open($open::HangsInCreation) | Self::$create($create::HangsInCreation)
+                )
+            }
+        }
+    };
 }
 
-impl OpeningError for PublishSubscribeOpenOrCreateError {
-    fn is_passing(&self) -> bool {
-        use PublishSubscribeCreateError as Create;
-        use PublishSubscribeOpenError as Open;
-        match self {
-            Self::SystemInFlux => true,
-            Self::PublishSubscribeOpenError(error) => matches!(
-                error,
-                Open::DoesNotExist
-                    | Open::ServiceInCorruptedState
-                    | Open::IsMarkedForDestruction
-                    | Open::HangsInCreation
-                    | Open::ExceedsMaxNumberOfNodes
-            ),
-            Self::PublishSubscribeCreateError(error) => matches!(
-                error,
-                Create::ServiceInCorruptedState
-                    | Create::AlreadyExists
-                    | Create::IsBeingCreatedByAnotherInstance
-                    | Create::HangsInCreation
-            ),
-        }
-    }
-
-    fn is_half_made(&self) -> bool {
-        matches!(
-            self,
-            Self::PublishSubscribeOpenError(PublishSubscribeOpenError::HangsInCreation)
-                | Self::PublishSubscribeCreateError(PublishSubscribeCreateError::HangsInCreation)
-        )
-    }
-}
+opening_errors!(RequestResponse: RequestResponseOpenOrCreateError {
+    RequestResponseOpenError, RequestResponseCreateError
+});
+opening_errors!(PublishSubscribe: PublishSubscribeOpenOrCreateError {
+    PublishSubscribeOpenError, PublishSubscribeCreateError
+});

@@ -4,7 +4,7 @@ use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
-use iceoryx2::prelude::{AllocationStrategy, MessagingPattern, ipc};
+use iceoryx2::prelude::{AllocationStrategy, ipc};
 use iceoryx2::response::Response;
 use iceoryx2::service::builder::Builder;
 use iceoryx2::service::builder::request_response::{
@@ -108,13 +108,7 @@ pub fn plan_service(
             .max_nodes(NODES)
             .open_or_create()
     };
-    open_service(
-        node,
-        PLAN,
-        MessagingPattern::RequestResponse,
-        open,
-        translate,
-    )
+    open_service(node, PLAN, open, translate)
 }
 
 /// Opens `plan` as it is: the clients' side.
@@ -136,13 +130,7 @@ pub fn open_plan_service(node: &IpcNode) -> Result<PlanService, IpcError> {
             RequestResponseOpenOrCreateError::RequestResponseOpenError(error),
         ),
     };
-    open_service(
-        node,
-        PLAN,
-        MessagingPattern::RequestResponse,
-        open,
-        translate,
-    )
+    open_service(node, PLAN, open, translate)
 }
 
 /// Makes the daemon's server, after cleaning up dead ones.
@@ -194,13 +182,7 @@ pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
             .max_nodes(NODES)
             .open_or_create()
     };
-    open_service(
-        node,
-        COMMAND,
-        MessagingPattern::RequestResponse,
-        open,
-        translate,
-    )
+    open_service(node, COMMAND, open, translate)
 }
 
 /// Makes the controller's server of commands, after cleaning up dead ones.

@@ -6,9 +6,7 @@ use iceoryx2::port::publisher;
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::subscriber;
 use iceoryx2::port::subscriber::SubscriberCreateError;
-use iceoryx2::prelude::{
-    AllocationStrategy, BackpressureStrategy, IceoryxSend, MessagingPattern, ZeroCopySend, ipc,
-};
+use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, IceoryxSend, ZeroCopySend, ipc};
 use iceoryx2::service::builder::Builder as ServiceBuilder;
 use iceoryx2::service::builder::publish_subscribe::{
     Builder, PublishSubscribeCreateError, PublishSubscribeOpenError,
@@ -133,8 +131,7 @@ macro_rules! topic_functions {
             let open = |builder: ServiceBuilder<ipc::Service>| {
                 with_qualities(builder.publish_subscribe::<$message>(), &$qualities).open_or_create()
             };
-            let pattern = MessagingPattern::PublishSubscribe;
-            let service = open_service(node, $qualities.name, pattern, open, translate)?;
+            let service = open_service(node, $qualities.name, open, translate)?;
             let full_name = node.options().service_name($qualities.name);
             Ok(Topic { service, full_name, qualities: $qualities })
         }
