@@ -20,7 +20,7 @@ const START_DRAWS: usize = 1000;
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Tip position to reach, section lengths, base frame.
-    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    #[arg(long, required = true, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
     tip: Vec<f64>,
     /// Start configuration, radians; without it the straight one.
     #[arg(long, num_args = 6, value_name = "RAD", allow_negative_numbers = true)]
