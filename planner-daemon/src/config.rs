@@ -42,6 +42,12 @@ pub enum ConfigError {
         /// What is allowed.
         allowed: String,
     },
+    /// The diffusion model has no folder to come from.
+    #[error("configuration {path:?}: [diffusion] needs `weights`, the folder that its model is in")]
+    DiffusionWithoutWeights {
+        /// The file.
+        path: PathBuf,
+    },
 }
 
 /// How the daemon waits for requests.
@@ -263,6 +269,10 @@ impl File {
         checked.within("pause_us", self.pause_us, 10..=5000)?;
         if let Some(diffusion) = &self.diffusion {
             checked.within("diffusion.steps", diffusion.steps, 1..=1000)?;
+            if self.weights.is_none() {
+                let path = checked.path.to_owned();
+                return Err(ConfigError::DiffusionWithoutWeights { path });
+            }
         }
         for processor in &self.processors {
             checked.within("processors", *processor, 0..=1023)?;
@@ -395,6 +405,49 @@ mod tests {
                 matches!(error, ConfigError::Range { setting, .. } if setting == name),
                 "{setting}: {error}"
             );
+        }
+    }
+
+    #[test]
+    fn a_diffusion_model_needs_a_folder_and_all_of_its_keys() {
+        const KEYS: [&str; 4] = [
+            "model = \"mixed\"",
+            "solver = \"dpm-solver\"",
+            "steps = 15",
+            "precision = \"f32\"",
+        ];
+        let with = |weights, keys: &[&str]| {
+            let keys = keys.join("\n");
+            parse(&format!("robot = \"a\"\n{weights}\n[diffusion]\n{keys}"))
+        };
+        let weights = "weights = \"w\"";
+        let read = with(weights, &KEYS).unwrap().diffusion.unwrap();
+        assert_eq!((read.model.as_str(), read.steps), ("mixed", 15));
+        let nowhere = with("", &KEYS).unwrap_err();
+        assert!(
+            matches!(nowhere, ConfigError::DiffusionWithoutWeights { .. }),
+            "{nowhere}"
+        );
+        for left_out in KEYS {
+            let keys: Vec<&str> = KEYS.into_iter().filter(|key| *key != left_out).collect();
+            let error = with(weights, &keys).unwrap_err().to_string();
+            let (name, _) = left_out.split_once(' ').unwrap();
+            assert!(
+                error.contains(&format!("missing field `{name}`")),
+                "{error}"
+            );
+        }
+        for (key, wrong, named) in [
+            (0, "models = \"mixed\"", "unknown field `models`"),
+            (1, "solver = \"euler\"", "euler"),
+            (2, "steps = 0", "diffusion.steps = 0"),
+            (2, "steps = 1001", "diffusion.steps = 1001"),
+            (3, "precision = \"f16\"", "f16"),
+        ] {
+            let mut keys = KEYS;
+            keys[key] = wrong;
+            let error = with(weights, &keys).unwrap_err().to_string();
+            assert!(error.contains(named), "{wrong}: {error}");
         }
     }
 

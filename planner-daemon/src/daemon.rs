@@ -233,7 +233,7 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         Some(_) => Sampler::Default,
         None => Sampler::Straight,
     };
-    let diffusion = config.weights.as_ref().and(config.diffusion.as_ref());
+    let diffusion = config.diffusion.as_ref();
     let diffusion = diffusion.map(|_| Sampler::Diffusion(Guidance::Post));
     for sampler in std::iter::once(main).chain(diffusion) {
         planner.plan(&problem, &request(sampler), &|| false)?;

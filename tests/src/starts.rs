@@ -134,6 +134,39 @@ const DAEMON: &[Bad] = &[
         |t| set(t, "weights", "/nonexistent"),
         "/nonexistent",
     ),
+    (
+        "diffusion without weights",
+        |t| {
+            set_diffusion(t, |_| ());
+            t.remove("weights");
+        },
+        "[diffusion] needs `weights`",
+    ),
+    (
+        "no diffusion steps",
+        |t| set_diffusion(t, |d| set(d, "steps", 0)),
+        "diffusion.steps = 0",
+    ),
+    (
+        "1001 diffusion steps",
+        |t| set_diffusion(t, |d| set(d, "steps", 1001)),
+        "diffusion.steps = 1001",
+    ),
+    (
+        "unknown solver",
+        |t| set_diffusion(t, |d| set(d, "solver", "euler")),
+        "euler",
+    ),
+    (
+        "diffusion without a model",
+        |t| set_diffusion(t, |d| drop(d.remove("model"))),
+        "model",
+    ),
+    (
+        "unknown key of the diffusion model",
+        |t| set_diffusion(t, |d| set(d, "colour", "red")),
+        "colour",
+    ),
 ];
 
 const CONTROLLER: &[Bad] = &[
@@ -168,6 +201,18 @@ const ROBOT: &[Bad] = &[
 
 pub(crate) fn set(table: &mut Table, key: &str, value: impl Into<Value>) {
     table.insert(key.to_owned(), value.into());
+}
+
+/// Asks for a diffusion model, whose settings are then changed.
+fn set_diffusion(table: &mut Table, change: fn(&mut Table)) {
+    let mut diffusion = Table::new();
+    for (key, value) in [("model", "mixed"), ("solver", "ddim"), ("precision", "f32")] {
+        set(&mut diffusion, key, value);
+    }
+    set(&mut diffusion, "steps", 50);
+    change(&mut diffusion);
+    set(table, "weights", "weights");
+    set(table, "diffusion", diffusion);
 }
 
 fn lengths(first: f64) -> Vec<f64> {
