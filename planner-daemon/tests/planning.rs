@@ -54,6 +54,15 @@ fn weights_of_both_kinds(world: &World) -> PathBuf {
     both
 }
 
+/// Whether candidates were sampled and each failed in a way of its own: the model is small and hardly trained.
+fn has_drawn_in_vain(report: &PlanReport) -> bool {
+    let causes = ["short of the goal", "not certified free"];
+    report.outcome == Outcome::NoPath
+        && report.stage_ns(Stage::Sample) > 0
+        && report.reason.starts_with("none of 4 paths")
+        && causes.iter().any(|cause| report.reason.contains(cause))
+}
+
 #[test]
 fn a_diffusion_model_is_served_beside_the_default_one_where_it_is_configured() {
     let world = World::new();
@@ -76,14 +85,14 @@ fn a_diffusion_model_is_served_beside_the_default_one_where_it_is_configured() {
                 },
                 PATIENCE,
             );
-            let outcome = answer.unwrap().report().outcome;
+            let answer = answer.unwrap();
+            let report = answer.report();
             let expected = match sampler {
                 Sampler::Default => Outcome::Ok,
-                // small and hardly trained: what matters is that it was asked
-                _ if outcome == Outcome::NoPath && expected == Outcome::Ok => Outcome::NoPath,
+                _ if has_drawn_in_vain(report) => Outcome::NoPath,
                 _ => expected,
             };
-            assert_eq!(outcome, expected, "{sampler}");
+            assert_eq!(report.outcome, expected, "{sampler}: {}", report.reason);
         }
         assert!(daemon.terminate().success());
     }
