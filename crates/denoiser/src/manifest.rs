@@ -61,11 +61,19 @@ impl Manifest {
     /// # Errors
     /// [`WeightsError`]: the name is not in the manifest, or the file does not fit it.
     pub fn weights(&self, name: &str) -> Result<WeightsFile, WeightsError> {
+        let entry = self.entry(name)?;
+        WeightsFile::open(&self.folder.join(&entry.file), entry)
+    }
+
+    /// What it says of the weights of a name.
+    ///
+    /// # Errors
+    /// [`WeightsError::NotInManifest`].
+    pub fn entry(&self, name: &str) -> Result<&ManifestEntry, WeightsError> {
         let unknown = || WeightsError::NotInManifest {
             name: name.into(),
             known: self.entries.keys().cloned().collect(),
         };
-        let entry = self.entries.get(name).ok_or_else(unknown)?;
-        WeightsFile::open(&self.folder.join(&entry.file), entry)
+        self.entries.get(name).ok_or_else(unknown)
     }
 }

@@ -5,6 +5,7 @@ use clap::{Args, ValueEnum};
 use denoiser::{FastModel, Manifest, Precision, Solver, TemporalUnet};
 use pcc_model::Robot;
 use planning::{DiffusionModel, DiffusionSettings, Guidance, Models, Planner, Sampler};
+use serde::Serialize;
 use std::path::PathBuf;
 
 /// Weights that `fast` and `default` use.
@@ -100,13 +101,37 @@ impl ModelArguments {
     }
 }
 
+/// Which diffusion model a planner has, and how it samples.
+#[derive(Serialize)]
+pub(crate) struct DiffusionRecord {
+    model: String,
+    /// Hash of the weights file.
+    sha256: String,
+    /// Updates of the training.
+    updates: u64,
+    /// Steps asked for.
+    steps: usize,
+    /// Evaluations of the network: fewer where two steps coincide.
+    evaluations: usize,
+    solver: String,
+    precision: String,
+}
+
+/// A planner and what belongs in the record of its results.
+pub(crate) struct Loaded {
+    pub(crate) planner: Planner,
+    /// Nothing for planners without a diffusion model.
+    pub(crate) diffusion: Option<DiffusionRecord>,
+}
+
 /// Makes the planner, loading the weights that the sampler needs.
 pub(crate) fn load(
     sampler: Sampler,
     robot: &Robot,
     arguments: &ModelArguments,
     threads: usize,
-) -> anyhow::Result<Planner> {
+) -> anyhow::Result<Loaded> {
+    let mut record = None;
     let mut models = Models::default();
     match sampler {
         Sampler::Default | Sampler::Fast => {
@@ -114,12 +139,41 @@ pub(crate) fn load(
             models.fast = Some(FastModel::from_weights(&file, robot.bending_limit)?);
         }
         Sampler::Diffusion(_) => {
-            let settings = arguments.settings()?;
-            let file = Manifest::open(&arguments.weights)?.weights(&arguments.model)?;
-            let unet = TemporalUnet::load(&file, robot.bending_limit)?;
-            models.diffusion = Some(DiffusionModel::new(unet, settings)?);
+            let (model, made) = load_diffusion(robot, arguments)?;
+            (models.diffusion, record) = (Some(model), Some(made));
         }
         Sampler::Straight | Sampler::RrtConnect => {}
     }
-    Planner::new(robot, models, threads).context("the planner could not be made")
+    let planner = Planner::new(robot, models, threads).context("the planner could not be made")?;
+    Ok(Loaded {
+        planner,
+        diffusion: record,
+    })
+}
+
+fn load_diffusion(
+    robot: &Robot,
+    arguments: &ModelArguments,
+) -> anyhow::Result<(DiffusionModel, DiffusionRecord)> {
+    let settings = arguments.settings()?;
+    let manifest = Manifest::open(&arguments.weights)?;
+    let unet = TemporalUnet::load(&manifest.weights(&arguments.model)?, robot.bending_limit)?;
+    let model = DiffusionModel::new(unet, settings)?;
+    let entry = manifest.entry(&arguments.model)?;
+    let record = DiffusionRecord {
+        model: arguments.model.clone(),
+        sha256: entry.sha256.clone(),
+        updates: entry.updates,
+        steps: settings.steps,
+        evaluations: model.evaluations(),
+        solver: name_of(&arguments.solver),
+        precision: name_of(&arguments.precision),
+    };
+    Ok((model, record))
+}
+
+/// The name of a choice on the command line.
+pub(crate) fn name_of(choice: &impl ValueEnum) -> String {
+    let value = choice.to_possible_value();
+    value.map_or_else(String::new, |v| v.get_name().to_owned())
 }

@@ -91,6 +91,12 @@ impl DiffusionModel {
         })
     }
 
+    /// Evaluations of the network that a path takes: fewer than the steps asked for where two of them coincide.
+    #[must_use]
+    pub fn evaluations(&self) -> usize {
+        self.sampler.visited().count()
+    }
+
     /// Makes room for each of `threads` workers.
     pub(crate) fn prepare(&mut self, threads: usize) {
         self.scratch.resize_with(threads, Mutex::default);

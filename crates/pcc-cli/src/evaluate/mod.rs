@@ -4,7 +4,7 @@ mod arrays;
 mod summary;
 
 use crate::dataset::unit_robot;
-use crate::planner::{ModelArguments, PlannerName, load};
+use crate::planner::{Loaded, ModelArguments, PlannerName, load};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -66,7 +66,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         bail!("--candidates {}: 1 to 64 are allowed", arguments.candidates);
     }
     let robot = unit_robot(&arguments.robot)?;
-    let planner = load(
+    let Loaded { planner, diffusion } = load(
         arguments.planner.sampler(),
         &robot,
         &arguments.models,
@@ -94,7 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         &answers,
         arguments.candidates,
     )?;
-    let result = summary::summarise(planner.robot(), arguments, &answers);
+    let result = summary::summarise(planner.robot(), arguments, diffusion, &answers);
     std::fs::write(
         arguments.out.join("result.json"),
         serde_json::to_string_pretty(&result)?,

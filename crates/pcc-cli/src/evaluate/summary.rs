@@ -1,7 +1,7 @@
 //! `result.json`: every figure of merit, the settings, the machine.
 
 use super::{Answer, Arguments};
-use clap::ValueEnum;
+use crate::planner::{DiffusionRecord, name_of};
 use pcc_model::{Configuration, Robot};
 use planning::{
     Candidate, Draw, Failure, Plan, SampledVerdict, SetMetrics, Waypoints, set_metrics,
@@ -13,6 +13,7 @@ use std::collections::BTreeMap;
 #[derive(Serialize)]
 pub(super) struct Summary {
     planner: String,
+    diffusion: Option<DiffusionRecord>,
     dataset: String,
     split: String,
     robot: String,
@@ -130,7 +131,12 @@ impl Spread {
     }
 }
 
-pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]) -> Summary {
+pub(super) fn summarise(
+    robot: &Robot,
+    arguments: &Arguments,
+    diffusion: Option<DiffusionRecord>,
+    answers: &[Answer],
+) -> Summary {
     let plans: Vec<&Plan> = answers
         .iter()
         .filter_map(|a| a.plan.as_ref().ok())
@@ -153,6 +159,7 @@ pub(super) fn summarise(robot: &Robot, arguments: &Arguments, answers: &[Answer]
     let robot_length: f64 = robot.section_lengths.iter().sum();
     Summary {
         planner: name_of(&arguments.planner),
+        diffusion,
         dataset: arguments.dataset.display().to_string(),
         split: name_of(&arguments.split),
         robot: robot.name.clone(),
@@ -262,12 +269,6 @@ fn count(names: impl Iterator<Item = String>) -> BTreeMap<String, usize> {
 
 fn first_words(reason: &str) -> String {
     reason.split(':').next().unwrap_or(reason).to_owned()
-}
-
-/// The name of a choice on the command line.
-fn name_of(choice: &impl ValueEnum) -> String {
-    let value = choice.to_possible_value();
-    value.map_or_else(String::new, |v| v.get_name().to_owned())
 }
 
 fn machine() -> String {
