@@ -3,6 +3,7 @@
 mod dataset;
 mod demo;
 mod evaluate;
+mod number;
 mod order;
 mod plan;
 mod planner;

@@ -1,7 +1,8 @@
 //! `pcc plan`: asks the daemon for candidates, shows them, and can have one executed.
 
+use crate::number::finite;
 use anyhow::{Context, bail};
-use clap::{Args, ValueEnum};
+use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
 use shared_types::capacity::DOF;
 use shared_types::codes::{Outcome, Sampler, Selection, Source, Stage};
@@ -49,22 +50,24 @@ enum SelectionName {
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Tip position to reach, metres, base frame.
-    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true, required_unless_present = "configuration")]
+    #[arg(long, num_args = 3, action = ArgAction::Set, value_parser = finite, value_names = ["X", "Y", "Z"], allow_negative_numbers = true, required_unless_present = "configuration")]
     tip: Option<Vec<f64>>,
     /// Configuration to reach instead, radians.
     #[arg(
         long,
         num_args = 6,
+        action = ArgAction::Set,
+        value_parser = finite,
         value_name = "RAD",
         allow_negative_numbers = true,
         conflicts_with = "tip"
     )]
     configuration: Option<Vec<f64>>,
     /// Start configuration, radians; without it, where the controller holds the robot.
-    #[arg(long, num_args = 6, value_name = "RAD", allow_negative_numbers = true)]
+    #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = finite, value_name = "RAD", allow_negative_numbers = true)]
     start: Option<Vec<f64>>,
     /// An obstacle, metres; may be given up to 64 times.
-    #[arg(long, num_args = 4, value_names = ["X", "Y", "Z", "RADIUS"], allow_negative_numbers = true, action = clap::ArgAction::Append)]
+    #[arg(long, num_args = 4, action = ArgAction::Append, value_parser = finite, value_names = ["X", "Y", "Z", "RADIUS"], allow_negative_numbers = true)]
     ball: Vec<f64>,
     /// Candidates wanted (1 to 64).
     #[arg(long, default_value_t = 10)]

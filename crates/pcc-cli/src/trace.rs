@@ -1,9 +1,10 @@
 //! `pcc trace`: how noise becomes a path, step by step, for pictures of the reverse process.
 
 use crate::dataset::unit_robot;
+use crate::number::finite;
 use crate::planner::{ModelArguments, PlannerName, load};
 use anyhow::{Context, bail};
-use clap::Args;
+use clap::{ArgAction, Args};
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, DOF, Point, Robot};
 use planning::dataset::ArchiveWriter;
@@ -11,6 +12,7 @@ use planning::scenes::random_configuration;
 use planning::{Goal, Problem, Sampler, WAYPOINTS, Waypoints};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
+use shared_types::capacity::MAX_BALLS;
 use std::path::PathBuf;
 
 /// Random shapes looked at for a start that is clear.
@@ -20,16 +22,16 @@ const START_DRAWS: usize = 1000;
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Tip position to reach, section lengths, base frame.
-    #[arg(long, required = true, num_args = 3, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    #[arg(long, required = true, num_args = 3, action = ArgAction::Set, value_parser = finite, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
     tip: Vec<f64>,
     /// Start configuration, radians; without it the straight one.
-    #[arg(long, num_args = 6, value_name = "RAD", allow_negative_numbers = true)]
+    #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = finite, value_name = "RAD", allow_negative_numbers = true)]
     start: Option<Vec<f64>>,
     /// Start from a random configuration that is clear, drawn from the seed.
     #[arg(long, conflicts_with = "start")]
     random_start: bool,
     /// An obstacle, section lengths; may be given up to 64 times.
-    #[arg(long, num_args = 4, value_names = ["X", "Y", "Z", "RADIUS"], allow_negative_numbers = true, action = clap::ArgAction::Append)]
+    #[arg(long, num_args = 4, action = ArgAction::Append, value_parser = finite, value_names = ["X", "Y", "Z", "RADIUS"], allow_negative_numbers = true)]
     ball: Vec<f64>,
     /// Which of the diffusion planners.
     #[arg(long, value_enum, default_value = "diffusion-post")]
@@ -71,6 +73,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 impl Arguments {
     fn problem(&self, robot: &Robot) -> anyhow::Result<Problem> {
+        let count = self.ball.len() / 4;
+        if count > MAX_BALLS {
+            bail!("{count} of --ball: at most {MAX_BALLS} are allowed");
+        }
         let balls = self.ball.chunks_exact(4).map(|b| Ball {
             centre: Point::new(b[0], b[1], b[2]),
             radius: b[3],
