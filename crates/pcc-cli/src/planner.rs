@@ -10,6 +10,10 @@ use std::path::PathBuf;
 
 /// Weights that `fast` and `default` use.
 const FAST_WEIGHTS: &str = "fast";
+/// Weights of the diffusion planners where none are named.
+const DIFFUSION_WEIGHTS: &str = "mixed";
+/// The paper's steps.
+const STEPS: usize = 50;
 
 /// A planner as `pcc evaluate --planner` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -66,38 +70,56 @@ pub(crate) struct ModelArguments {
     /// Folder of the weights and their manifest.
     #[arg(long, default_value = "weights")]
     pub(crate) weights: PathBuf,
-    /// Weights of the diffusion planners, by their name in the manifest.
-    #[arg(long, default_value = "mixed")]
-    pub(crate) model: String,
-    /// Evaluations of the diffusion planners' network (1 to 1000).
-    #[arg(long, default_value_t = 50)]
-    pub(crate) steps: usize,
-    /// Solver of the diffusion planners.
-    #[arg(long, value_enum, default_value = "ddim")]
-    solver: SolverName,
-    /// Arithmetic of the diffusion planners' network.
-    #[arg(long, value_enum, default_value = "f32")]
-    precision: PrecisionName,
+    /// Weights of the diffusion planners, by their name in the manifest; without it `mixed`.
+    #[arg(long)]
+    model: Option<String>,
+    /// Evaluations of the diffusion planners' network (1 to 1000); without it the paper's 50.
+    #[arg(long)]
+    steps: Option<usize>,
+    /// Solver of the diffusion planners; without it the paper's `ddim`.
+    #[arg(long, value_enum)]
+    solver: Option<SolverName>,
+    /// Arithmetic of the diffusion planners' network; without it `f32`.
+    #[arg(long, value_enum)]
+    precision: Option<PrecisionName>,
 }
 
 impl ModelArguments {
     fn settings(&self) -> anyhow::Result<DiffusionSettings> {
-        if !(1..=1000).contains(&self.steps) {
-            bail!("--steps {}: 1 to 1000 are allowed", self.steps);
+        let steps = self.steps.unwrap_or(STEPS);
+        if !(1..=1000).contains(&steps) {
+            bail!("--steps {steps}: 1 to 1000 are allowed");
         }
         let precision = match self.precision {
-            PrecisionName::F32 => Precision::Single,
-            PrecisionName::Bf16 => Precision::Brain,
+            None | Some(PrecisionName::F32) => Precision::Single,
+            Some(PrecisionName::Bf16) => Precision::Brain,
         };
         let solver = match self.solver {
-            SolverName::Ddim => Solver::Ddim,
-            SolverName::DpmSolver => Solver::DpmSolver,
+            None | Some(SolverName::Ddim) => Solver::Ddim,
+            Some(SolverName::DpmSolver) => Solver::DpmSolver,
         };
         Ok(DiffusionSettings {
             solver,
-            steps: self.steps,
+            steps,
             precision,
         })
+    }
+
+    /// Refuses what a planner without a diffusion model would not read.
+    fn refuse_diffusion_options(&self, planner: PlannerName) -> anyhow::Result<()> {
+        let given = [
+            ("--model", self.model.is_some()),
+            ("--steps", self.steps.is_some()),
+            ("--solver", self.solver.is_some()),
+            ("--precision", self.precision.is_some()),
+        ];
+        match given.iter().find(|(_, is_given)| *is_given) {
+            Some((option, _)) => bail!(
+                "{option} is not read by --planner {}: it goes with diffusion, diffusion-post and diffusion-guided",
+                name_of(&planner)
+            ),
+            None => Ok(()),
+        }
     }
 }
 
@@ -126,11 +148,15 @@ pub(crate) struct Loaded {
 
 /// Makes the planner, loading the weights that the sampler needs.
 pub(crate) fn load(
-    sampler: Sampler,
+    name: PlannerName,
     robot: &Robot,
     arguments: &ModelArguments,
     threads: usize,
 ) -> anyhow::Result<Loaded> {
+    let sampler = name.sampler();
+    if !matches!(sampler, Sampler::Diffusion(_)) {
+        arguments.refuse_diffusion_options(name)?;
+    }
     let mut record = None;
     let mut models = Models::default();
     match sampler {
@@ -157,17 +183,18 @@ fn load_diffusion(
 ) -> anyhow::Result<(DiffusionModel, DiffusionRecord)> {
     let settings = arguments.settings()?;
     let manifest = Manifest::open(&arguments.weights)?;
-    let unet = TemporalUnet::load(&manifest.weights(&arguments.model)?, robot.bending_limit)?;
+    let name = arguments.model.as_deref().unwrap_or(DIFFUSION_WEIGHTS);
+    let unet = TemporalUnet::load(&manifest.weights(name)?, robot.bending_limit)?;
     let model = DiffusionModel::new(unet, settings)?;
-    let entry = manifest.entry(&arguments.model)?;
+    let entry = manifest.entry(name)?;
     let record = DiffusionRecord {
-        model: arguments.model.clone(),
+        model: name.to_owned(),
         sha256: entry.sha256.clone(),
         updates: entry.updates,
         steps: settings.steps,
         evaluations: model.evaluations(),
-        solver: name_of(&arguments.solver),
-        precision: name_of(&arguments.precision),
+        solver: name_of(&arguments.solver.unwrap_or(SolverName::Ddim)),
+        precision: name_of(&arguments.precision.unwrap_or(PrecisionName::F32)),
     };
     Ok((model, record))
 }

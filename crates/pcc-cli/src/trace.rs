@@ -55,7 +55,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         bail!("--planner: diffusion, diffusion-post and diffusion-guided are allowed");
     };
     let robot = unit_robot(&arguments.robot)?;
-    let planner = load(arguments.planner.sampler(), &robot, &arguments.models, 1)?.planner;
+    let planner = load(arguments.planner, &robot, &arguments.models, 1)?.planner;
     let problem = arguments.problem(planner.robot())?;
     let trace = planner.trace(&problem, guidance, arguments.seed)?;
     write(&arguments.out, planner.robot(), &trace)

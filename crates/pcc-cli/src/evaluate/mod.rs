@@ -67,7 +67,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let robot = unit_robot(&arguments.robot)?;
     let Loaded { planner, diffusion } = load(
-        arguments.planner.sampler(),
+        arguments.planner,
         &robot,
         &arguments.models,
         arguments.threads,
