@@ -3,11 +3,12 @@
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::time::Duration;
 
 use denoiser::{Precision, Solver};
 use planning::DiffusionSettings;
-use serde::Deserialize;
+use serde::{Deserialize, Deserializer, de};
 use shared_types::capacity::{MAX_CANDIDATES, MAX_KNOTS};
 use shared_types::ipc::PlanServiceCapacity;
 
@@ -138,45 +139,31 @@ pub struct DiffusionConfig {
     /// Name of the weights in the manifest.
     pub model: String,
     /// How noise is removed.
-    pub solver: SolverName,
+    #[serde(deserialize_with = "named")]
+    pub solver: Solver,
     /// Evaluations of the network.
     pub steps: usize,
     /// Arithmetic of its products.
-    pub precision: PrecisionName,
+    #[serde(deserialize_with = "named")]
+    pub precision: Precision,
 }
 
-/// A solver as the configuration names it.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
-#[serde(rename_all = "kebab-case")]
-pub enum SolverName {
-    /// Deterministic DDIM, the paper's.
-    Ddim,
-    /// DPM-Solver++(2M).
-    DpmSolver,
-}
-
-/// A number format as the configuration names it.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
-#[serde(rename_all = "kebab-case")]
-pub enum PrecisionName {
-    /// 32 bits.
-    F32,
-    /// 16 bits, sums of 32 bits.
-    Bf16,
+/// A choice by its name.
+fn named<'de, D, T>(deserializer: D) -> Result<T, D::Error>
+where
+    D: Deserializer<'de>,
+    T: FromStr<Err: Display>,
+{
+    let name = String::deserialize(deserializer)?;
+    name.parse().map_err(de::Error::custom)
 }
 
 impl DiffusionConfig {
     pub(crate) fn settings(&self) -> DiffusionSettings {
         DiffusionSettings {
-            solver: match self.solver {
-                SolverName::Ddim => Solver::Ddim,
-                SolverName::DpmSolver => Solver::DpmSolver,
-            },
+            solver: self.solver,
             steps: self.steps,
-            precision: match self.precision {
-                PrecisionName::F32 => Precision::Single,
-                PrecisionName::Bf16 => Precision::Brain,
-            },
+            precision: self.precision,
         }
     }
 }
@@ -439,10 +426,10 @@ mod tests {
         }
         for (key, wrong, named) in [
             (0, "models = \"mixed\"", "unknown field `models`"),
-            (1, "solver = \"euler\"", "euler"),
+            (1, "solver = \"euler\"", "ddim and dpm-solver"),
             (2, "steps = 0", "diffusion.steps = 0"),
             (2, "steps = 1001", "diffusion.steps = 1001"),
-            (3, "precision = \"f16\"", "f16"),
+            (3, "precision = \"f16\"", "f32 and bf16"),
         ] {
             let mut keys = KEYS;
             keys[key] = wrong;

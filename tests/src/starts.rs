@@ -155,7 +155,7 @@ const DAEMON: &[Bad] = &[
     (
         "unknown solver",
         |t| set_diffusion(t, |d| set(d, "solver", "euler")),
-        "euler",
+        "ddim and dpm-solver",
     ),
     (
         "diffusion without a model",

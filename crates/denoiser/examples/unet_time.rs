@@ -35,11 +35,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for line in stdin().lock().lines() {
         let line = line?;
         let (precision, threads) = line.split_once(' ').ok_or("PRECISION THREADS")?;
-        let precision = match precision {
-            "f32" => Precision::Single,
-            "bf16" => Precision::Brain,
-            other => return Err(format!("{other}: f32 and bf16 are known").into()),
-        };
+        let precision: Precision = precision.parse()?;
         if !precision.available() {
             return Err("this processor has no products of 16 bits".into());
         }

@@ -48,22 +48,6 @@ impl PlannerName {
     }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum SolverName {
-    /// Deterministic DDIM, the paper's.
-    Ddim,
-    /// DPM-Solver++(2M).
-    DpmSolver,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum PrecisionName {
-    /// 32 bits.
-    F32,
-    /// 16 bits where the processor has products for them, sums of 32 bits.
-    Bf16,
-}
-
 /// Which weights are used, and how the diffusion model is sampled.
 #[derive(Args)]
 pub(crate) struct ModelArguments {
@@ -76,12 +60,13 @@ pub(crate) struct ModelArguments {
     /// Evaluations of the diffusion planners' network (1 to 1000); without it the paper's 50.
     #[arg(long)]
     steps: Option<usize>,
-    /// Solver of the diffusion planners; without it the paper's `ddim`.
-    #[arg(long, value_enum)]
-    solver: Option<SolverName>,
-    /// Arithmetic of the diffusion planners' network; without it `f32`.
-    #[arg(long, value_enum)]
-    precision: Option<PrecisionName>,
+    /// Solver of the diffusion planners: `ddim`, the paper's, which it is without this, or `dpm-solver` (DPM-Solver++(2M)).
+    #[arg(long)]
+    solver: Option<Solver>,
+    /// Arithmetic of the diffusion planners' network: `f32`, which it is without this, or `bf16` where the processor has
+    /// products of 16 bits.
+    #[arg(long)]
+    precision: Option<Precision>,
 }
 
 impl ModelArguments {
@@ -90,18 +75,10 @@ impl ModelArguments {
         if !(1..=1000).contains(&steps) {
             bail!("--steps {steps}: 1 to 1000 are allowed");
         }
-        let precision = match self.precision {
-            None | Some(PrecisionName::F32) => Precision::Single,
-            Some(PrecisionName::Bf16) => Precision::Brain,
-        };
-        let solver = match self.solver {
-            None | Some(SolverName::Ddim) => Solver::Ddim,
-            Some(SolverName::DpmSolver) => Solver::DpmSolver,
-        };
         Ok(DiffusionSettings {
-            solver,
+            solver: self.solver.unwrap_or(Solver::Ddim),
             steps,
-            precision,
+            precision: self.precision.unwrap_or(Precision::Single),
         })
     }
 
@@ -193,8 +170,8 @@ fn load_diffusion(
         updates: entry.updates,
         steps: settings.steps,
         evaluations: model.evaluations(),
-        solver: name_of(&arguments.solver.unwrap_or(SolverName::Ddim)),
-        precision: name_of(&arguments.precision.unwrap_or(PrecisionName::F32)),
+        solver: settings.solver.to_string(),
+        precision: settings.precision.to_string(),
     };
     Ok((model, record))
 }

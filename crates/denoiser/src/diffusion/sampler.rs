@@ -1,7 +1,10 @@
 //! From noise to paths: DDIM (Song et al., ICLR 2021, η = 0) and DPM-Solver++(2M) (Lu et al., 2022) on the same network.
 
 use super::schedule::{Amplitudes, STEPS, Schedule};
+use std::fmt;
 use std::ops::ControlFlow;
+use std::str::FromStr;
+use thiserror::Error;
 
 /// Share of the steps, the last ones, in which a path is refined.
 const REFINED_SHARE: f64 = 0.4;
@@ -22,6 +25,32 @@ pub enum Solver {
     Ddim,
     /// DPM-Solver++(2M): second order, on the clean estimates.
     DpmSolver,
+}
+
+/// There is no solver of this name.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("solver {0:?} is unknown: ddim and dpm-solver are allowed")]
+pub struct UnknownSolver(String);
+
+impl FromStr for Solver {
+    type Err = UnknownSolver;
+
+    fn from_str(name: &str) -> Result<Self, UnknownSolver> {
+        match name {
+            "ddim" => Ok(Self::Ddim),
+            "dpm-solver" => Ok(Self::DpmSolver),
+            _ => Err(UnknownSolver(name.to_owned())),
+        }
+    }
+}
+
+impl fmt::Display for Solver {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Ddim => "ddim",
+            Self::DpmSolver => "dpm-solver",
+        })
+    }
 }
 
 /// What is done to the clean estimate in the last 40 % of the steps (the paper, section IV-D); in one at least.
@@ -218,6 +247,7 @@ impl SamplerScratch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::matrix::Precision;
 
     const MEAN: f32 = 0.3;
     const DEVIATION: f64 = 0.05;
@@ -293,6 +323,26 @@ mod tests {
             .zip(&exact[1..])
             .map(|(x, e)| (x - e).abs());
         errors.fold(0.0, f32::max)
+    }
+
+    #[test]
+    fn names_are_read_as_they_are_written_and_others_are_refused() {
+        for solver in [Solver::Ddim, Solver::DpmSolver] {
+            assert_eq!(solver.to_string().parse(), Ok(solver));
+        }
+        for precision in [Precision::Single, Precision::Brain] {
+            assert_eq!(precision.to_string().parse(), Ok(precision));
+        }
+        let solver = "DDIM".parse::<Solver>().unwrap_err().to_string();
+        assert!(
+            solver.contains("\"DDIM\"") && solver.contains("dpm-solver"),
+            "{solver}"
+        );
+        let precision = "f16".parse::<Precision>().unwrap_err().to_string();
+        assert!(
+            precision.contains("\"f16\"") && precision.contains("bf16"),
+            "{precision}"
+        );
     }
 
     #[test]

@@ -20,8 +20,11 @@ use crate::simd::PANEL;
 use brain::BrainPanels;
 pub use brain::{Brain, BrainBuffer, Unit};
 use single::SinglePanels;
+use std::fmt;
 use std::ops::Range;
+use std::str::FromStr;
 use std::sync::OnceLock;
+use thiserror::Error;
 
 /// The number format of the factors of a product; sums are always f32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,6 +33,32 @@ pub enum Precision {
     Single,
     /// bf16, "brain floating point": the range of f32 with 8 significant bits.
     Brain,
+}
+
+/// There is no precision of this name.
+#[derive(Clone, Debug, Error, PartialEq, Eq)]
+#[error("precision {0:?} is unknown: f32 and bf16 are allowed")]
+pub struct UnknownPrecision(String);
+
+impl FromStr for Precision {
+    type Err = UnknownPrecision;
+
+    fn from_str(name: &str) -> Result<Self, UnknownPrecision> {
+        match name {
+            "f32" => Ok(Self::Single),
+            "bf16" => Ok(Self::Brain),
+            _ => Err(UnknownPrecision(name.to_owned())),
+        }
+    }
+}
+
+impl fmt::Display for Precision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Single => "f32",
+            Self::Brain => "bf16",
+        })
+    }
 }
 
 impl Precision {
