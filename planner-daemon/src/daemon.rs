@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use collision::{Scene, tracking_growth};
+use collision::{Ball, Scene, tracking_growth};
 use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
-use pcc_model::{Configuration, Robot, RobotFileError};
+use pcc_model::{Configuration, Point, Robot, RobotFileError};
 use planning::{
     DiffusionModel, Goal, Guidance, Models, Planner, PlannerError, PrecisionUnavailable, Problem,
     Request, Sampler, Selection,
@@ -214,11 +214,17 @@ fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, 
 }
 
 /// Plans once with every sampler that has a model, so that the first request finds code and memory as warm as the others.
+///
+/// Of the diffusion samplers it is the guided one: it has the gradients' memory beside that of the others.
 fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
+    let beside_the_way = Ball {
+        centre: Point::new(1.5 + planner.robot().tube_radius, 0.0, 1.5),
+        radius: 0.3,
+    };
     let problem = Problem {
         start: Configuration::zeros(),
         goal: Goal::Configuration(Configuration::repeat(0.1)),
-        scene: Scene::default(),
+        scene: Scene::new(vec![beside_the_way]).expect("one ball near the robot is a scene"),
     };
     let request = |sampler| Request {
         candidates: config.capacity.candidates,
@@ -234,7 +240,7 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         None => Sampler::Straight,
     };
     let diffusion = config.diffusion.as_ref();
-    let diffusion = diffusion.map(|_| Sampler::Diffusion(Guidance::Post));
+    let diffusion = diffusion.map(|_| Sampler::Diffusion(Guidance::Guided));
     for sampler in std::iter::once(main).chain(diffusion) {
         planner.plan(&problem, &request(sampler), &|| false)?;
     }
