@@ -1,6 +1,6 @@
 //! The daemon's settings (`config/planner-daemon.toml` says what each means).
 
-use std::fmt::Display;
+use std::fmt::{self, Display, Formatter};
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -156,6 +156,18 @@ where
 {
     let name = String::deserialize(deserializer)?;
     name.parse().map_err(de::Error::custom)
+}
+
+impl Display for DiffusionConfig {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self {
+            model,
+            solver,
+            steps,
+            precision,
+        } = self;
+        write!(f, "{model} ({steps} steps of {solver}, {precision})")
+    }
 }
 
 impl DiffusionConfig {

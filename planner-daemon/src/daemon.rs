@@ -120,9 +120,9 @@ impl Daemon {
         let background = Background::start(options, &progress)?;
         let resident_bytes = check_resident_memory(config)?;
         tracing::info!(
-            "robot {}, model {}, {} threads, up to {} candidates of {} knots for {} clients",
+            "robot {}, {}, {} threads, up to {} candidates of {} knots for {} clients",
             robot.name,
-            config.weights.as_ref().map_or("none", |_| MODEL),
+            resident_models(config),
             config.threads,
             config.capacity.candidates,
             config.capacity.knots_per_candidate,
@@ -148,6 +148,15 @@ impl Daemon {
         tracing::info!("ready");
         self.service.run(terminated);
         tracing::info!("ended");
+    }
+}
+
+/// The models that requests can be answered with.
+fn resident_models(config: &Config) -> String {
+    let fast = config.weights.as_ref().map_or("none", |_| MODEL);
+    match &config.diffusion {
+        Some(diffusion) => format!("model {fast}, diffusion model {diffusion}"),
+        None => format!("model {fast}, no diffusion model"),
     }
 }
 

@@ -72,6 +72,11 @@ fn a_diffusion_model_is_served_beside_the_default_one_where_it_is_configured() {
     for (table, expected) in [("", Outcome::SamplerNotLoaded), (table, Outcome::Ok)] {
         let settings = format!("weights = {weights:?}\n{table}");
         let daemon = world.start(&world.configuration(&settings));
+        let named = match table {
+            "" => "model fast, no diffusion model",
+            _ => "diffusion model sampled (10 steps of ddim, f32)",
+        };
+        assert!(daemon.said().contains(named), "{}", daemon.said());
         let mut client = Client::connect(&world.options).unwrap();
         for sampler in [
             Sampler::DiffusionPost,
