@@ -4,6 +4,7 @@ use crate::inverse_kinematics::{is_solved, solve_tip};
 use crate::problem::{Goal, Infeasible, Problem};
 use crate::scenes::random_configuration;
 use pcc_model::{Configuration, Robot};
+use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
 /// Seeds of the first round, and of the second one when the first left too few shapes.
@@ -90,6 +91,20 @@ pub fn end_shapes(
             }
         }
     }
+}
+
+/// Checks that the goal has a clear end shape, for samplers that choose their own.
+///
+/// # Errors
+/// As [`end_shapes`].
+pub(crate) fn check_goal(
+    robot: &Robot,
+    problem: &Problem,
+    growth: f64,
+    seed: u64,
+) -> Result<(), Infeasible> {
+    let mut rng = Pcg64::seed_from_u64(seed);
+    end_shapes(robot, problem, 1, growth, &mut rng).map(drop)
 }
 
 fn fixed_shape(

@@ -7,7 +7,7 @@ use crate::basis::SineBasis;
 use crate::canonical::CanonicalFrame;
 use crate::correction::correct;
 use crate::diffusion::{DiffusionModel, Guidance, Task};
-use crate::end_shapes::end_shapes;
+use crate::end_shapes::{check_goal, end_shapes};
 use crate::features::CanonicalProblem;
 use crate::finish::Demands;
 use crate::metrics::path_metrics;
@@ -122,7 +122,7 @@ impl Planner {
             .install(|| Run::new(self, problem, request, interrupt).plan())
     }
 
-    /// Draws one path by diffusion and returns it before every step and at the end: steps + 1 paths of 64 waypoints.
+    /// Draws one path by diffusion and returns it before every evaluation of the network and at the end, 64 waypoints each.
     ///
     /// # Errors
     /// [`PlannerError::ModelNotLoaded`] or [`PlannerError::Infeasible`].
@@ -135,6 +135,7 @@ impl Planner {
         let diffusion = self.models.diffusion.as_ref();
         let diffusion = diffusion.ok_or(PlannerError::ModelNotLoaded("diffusion"))?;
         problem.check_start(&self.robot)?;
+        check_goal(&self.robot, problem, 0.0, seed)?;
         let task = Task {
             robot: &self.robot,
             problem,
@@ -205,7 +206,7 @@ impl<'a> Run<'a> {
 
     fn plan(mut self) -> Result<Plan, PlannerError> {
         if let Sampler::Diffusion(guidance) = self.request.sampler {
-            return Ok(self.diffusion(guidance));
+            return self.diffusion(guidance);
         }
         let clock = Instant::now();
         let mut rng = Pcg64::seed_from_u64(self.request.seed);
@@ -227,25 +228,25 @@ impl<'a> Run<'a> {
     }
 
     /// The paper's sampler; the end shapes are the network's, and correction brings their tips to the goal.
-    fn diffusion(mut self, guidance: Guidance) -> Plan {
+    fn diffusion(mut self, guidance: Guidance) -> Result<Plan, PlannerError> {
+        let clock = Instant::now();
+        let (robot, problem, request) = (&self.planner.robot, self.problem, self.request);
+        check_goal(robot, problem, request.growth, request.seed)?;
+        self.stages.condition = clock.elapsed().as_secs_f64();
         let clock = Instant::now();
         let task = Task {
-            robot: &self.planner.robot,
-            problem: self.problem,
+            robot,
+            problem,
             guidance,
-            seed: self.request.seed,
+            seed: request.seed,
         };
         let model = self.planner.models.diffusion.as_ref();
         let sampled = model.map_or_else(Vec::new, |model| {
-            model.sample(&task, self.request.candidates, self.interrupt)
+            model.sample(&task, request.candidates, self.interrupt)
         });
         self.stages.sample = clock.elapsed().as_secs_f64();
         let mut paths: Vec<Waypoints> = sampled.iter().flatten().cloned().collect();
-        let (robot, problem) = (&self.planner.robot, self.problem);
-        let attached: Vec<bool> = paths
-            .iter_mut()
-            .map(|path| attach(robot, problem, path))
-            .collect();
+        let attached = self.attach(&mut paths);
         let mut finished = self
             .finish(paths, Source::Learned)
             .into_iter()
@@ -253,8 +254,7 @@ impl<'a> Run<'a> {
         let draws = sampled.into_iter().map(|sampled| {
             let finished = sampled.as_ref().and_then(|_| finished.next());
             let (path, outcome) = match finished {
-                Some((draw, true)) => (draw.path, draw.outcome),
-                Some((draw, false)) => (draw.path, Err(Failure::Goal)),
+                Some((draw, attached)) => (draw.path, attached.and(draw.outcome)),
                 None => (None, Err(Failure::Truncated)),
             };
             Draw {
@@ -266,7 +266,22 @@ impl<'a> Run<'a> {
         });
         let draws: Vec<Draw> = draws.collect();
         let learned = count_learned(&draws);
-        self.answer(draws, learned, Instant::now())
+        Ok(self.answer(draws, learned, Instant::now()))
+    }
+
+    /// Brings the ends of paths onto start and goal; where that fails, the path is none to deliver.
+    fn attach(&mut self, paths: &mut [Waypoints]) -> Vec<Result<(), Failure>> {
+        let (robot, problem, interrupt) = (&self.planner.robot, self.problem, self.interrupt);
+        let clock = Instant::now();
+        let bring = |path: &mut Waypoints| match interrupt() {
+            true => Err(Failure::Truncated),
+            false => attach(robot, problem, path)
+                .then_some(())
+                .ok_or(Failure::Goal),
+        };
+        let attached = paths.par_iter_mut().map(bring).collect();
+        self.stages.correct += clock.elapsed().as_secs_f64();
+        attached
     }
 
     fn learned(&mut self, goals: &[Configuration]) -> Vec<Draw> {

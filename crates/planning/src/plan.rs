@@ -114,11 +114,11 @@ pub struct Draw {
 /// Wall time of the stages, seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {
-    /// End shapes and features.
+    /// End shapes (for diffusion: whether there is one) and features.
     pub condition: f64,
     /// The learned sampler, or the tree.
     pub sample: f64,
-    /// Analytic correction.
+    /// Analytic correction, the ends of paths by diffusion included.
     pub correct: f64,
     /// Time allocation.
     pub time: f64,

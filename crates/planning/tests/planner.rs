@@ -2,11 +2,12 @@
 #![allow(clippy::unwrap_used)] // tests
 
 use collision::{Ball, Scene, certify_trajectory};
+use denoiser::{Manifest, Precision, Solver, TemporalUnet};
 use pcc_model::{Configuration, Point, Robot};
 use planning::scenes::{Setting, draw_target, reference_layout};
 use planning::{
-    Candidate, Goal, Infeasible, Models, Plan, Planner, PlannerError, Problem, Request, Sampler,
-    Selection,
+    Candidate, DiffusionModel, DiffusionSettings, Failure, Goal, Guidance, Infeasible, Models,
+    Plan, Planner, PlannerError, Problem, Request, Sampler, Selection,
 };
 use std::path::Path;
 use trajectory::limit_use;
@@ -40,35 +41,102 @@ fn from_straight(goal: Goal, balls: Vec<Ball>) -> Problem {
     }
 }
 
+/// The small diffusion model of the parity test.
+fn diffusion() -> Models {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures");
+    let manifest = Manifest::open(Path::new(folder)).unwrap();
+    let file = manifest.weights("sampled").unwrap();
+    let unet = TemporalUnet::load(&file, robot().bending_limit).unwrap();
+    let settings = DiffusionSettings {
+        solver: Solver::Ddim,
+        steps: 2,
+        precision: Precision::Single,
+    };
+    Models {
+        diffusion: Some(DiffusionModel::new(unet, settings).unwrap()),
+        ..Models::default()
+    }
+}
+
+const POST: Sampler = Sampler::Diffusion(Guidance::Post);
+
 #[test]
 fn infeasible_problems_are_named() {
-    let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
+    let planner = Planner::new(&robot(), diffusion(), 1).unwrap();
     let tip = Goal::Tip(Point::new(1.5, 0.0, 2.4));
-    let ask = |problem: &Problem| match plan(&planner, problem, &request(Sampler::Straight, 1)) {
-        Err(PlannerError::Infeasible(reason)) => reason,
-        other => panic!("{other:?}"),
-    };
     let on_the_axis = from_straight(tip, reference_layout(1));
-    assert!(
-        matches!(ask(&on_the_axis), Infeasible::StartInCollision { clearance } if clearance < -0.5)
-    );
-    let far = from_straight(Goal::Tip(Point::new(3.0, 0.0, 2.0)), vec![]);
-    assert!(matches!(ask(&far), Infeasible::GoalOutOfReach { miss } if miss > 0.1));
-    let on_the_goal = from_straight(
-        tip,
-        vec![Ball {
-            centre: Point::new(1.5, 0.0, 2.4),
-            radius: 0.3,
-        }],
-    );
-    assert!(matches!(ask(&on_the_goal), Infeasible::GoalInCollision { shapes, .. } if shapes > 10));
     let bent = Problem {
         start: Configuration::repeat(1.3),
         ..from_straight(tip, vec![])
     };
+    let far = from_straight(Goal::Tip(Point::new(3.0, 0.0, 2.0)), vec![]);
+    let too_bent = from_straight(Goal::Configuration(Configuration::repeat(1.3)), vec![]);
+    let ball = Ball {
+        centre: Point::new(1.5, 0.0, 2.4),
+        radius: 0.3,
+    };
+    let on_the_goal = from_straight(tip, vec![ball]);
+    for sampler in [Sampler::Straight, POST] {
+        let ask = |problem: &Problem| match plan(&planner, problem, &request(sampler, 1)) {
+            Err(PlannerError::Infeasible(reason)) => reason,
+            other => panic!("{other:?}"),
+        };
+        let start = ask(&on_the_axis);
+        assert!(
+            matches!(start, Infeasible::StartInCollision { clearance } if clearance < -0.5),
+            "{start}"
+        );
+        let start = ask(&bent);
+        assert!(
+            matches!(start, Infeasible::StartOutOfLimits { excess_rad, .. } if excess_rad > 0.2),
+            "{start}"
+        );
+        for problem in [&far, &too_bent] {
+            let goal = ask(problem);
+            assert!(
+                matches!(goal, Infeasible::GoalOutOfReach { miss } if miss > 0.1),
+                "{goal}"
+            );
+        }
+        let goal = ask(&on_the_goal);
+        assert!(
+            matches!(goal, Infeasible::GoalInCollision { shapes, .. } if shapes > 10),
+            "{goal}"
+        );
+    }
+    for problem in [far, too_bent, on_the_goal] {
+        let traced = planner.trace(&problem, Guidance::Post, 1);
+        assert!(
+            matches!(traced, Err(PlannerError::Infeasible(_))),
+            "{problem:?}"
+        );
+    }
+}
+
+#[test]
+fn diffusion_books_every_stage_and_attaches_nothing_once_it_is_interrupted() {
+    let planner = Planner::new(&robot(), diffusion(), 2).unwrap();
+    let problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
+    let whole = plan(&planner, &problem, &request(POST, 1)).unwrap();
+    let stages = whole.stages;
     assert!(
-        matches!(ask(&bent), Infeasible::StartOutOfLimits { excess_rad, .. } if excess_rad > 0.2)
+        [stages.condition, stages.sample, stages.correct]
+            .iter()
+            .all(|seconds| *seconds > 0.0),
+        "{stages:?}"
     );
+    assert!(!whole.truncated && whole.draws.len() == 10);
+    // Each of the two workers asks before every evaluation and with the result: then the ends are due.
+    let asked = std::sync::atomic::AtomicUsize::new(0);
+    let interrupt = || asked.fetch_add(1, std::sync::atomic::Ordering::Relaxed) >= 6;
+    let cut = planner
+        .plan(&problem, &request(POST, 1), &interrupt)
+        .unwrap();
+    assert!(cut.truncated && cut.candidates.is_empty());
+    for (draw, of_the_whole) in cut.draws.iter().zip(&whole.draws) {
+        assert_eq!(draw.outcome.as_ref().err(), Some(&Failure::Truncated));
+        assert_eq!(draw.sampled, of_the_whole.sampled);
+    }
 }
 
 #[test]
