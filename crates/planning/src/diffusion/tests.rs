@@ -111,6 +111,29 @@ fn samples_are_those_of_pytorch() {
 }
 
 #[test]
+fn the_scene_of_the_fixture_calls_for_both_refinements() {
+    let (fixture, robot) = (Fixture::read(), unit_robot());
+    let problem = fixture.problem(true);
+    let margin = REPULSION * robot.tube_radius;
+    let pushed = |name: &str| {
+        let values = fixture.values(name);
+        let shapes = values.as_chunks::<DOF>().0.iter();
+        let shapes = shapes.map(|frame| Configuration::from_fn(|i, _| f64::from(frame[i])));
+        let near = |shape: &Configuration| {
+            let deepest = deepest(&robot.backbone(shape), problem.scene.balls());
+            deepest.is_some_and(|d| d.distance < margin)
+        };
+        shapes.filter(near).count()
+    };
+    assert!(pushed("mixed.pure") > 0, "frames that repulsion acts on");
+    for name in ["mixed.post", "mixed.guided"] {
+        assert!(pushed(name) < pushed("mixed.pure"), "{name}");
+        let change = relative_error(&fixture.values(name), &fixture.values("mixed.pure"));
+        assert!(change > 1e-2, "{name}: {change}");
+    }
+}
+
+#[test]
 fn threads_and_neighbours_do_not_matter_and_an_interrupt_leaves_nothing_half_done() {
     let (fixture, robot) = (Fixture::read(), unit_robot());
     let problem = fixture.problem(true);
