@@ -5,8 +5,8 @@ use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::Robot;
 use planning::dataset::{
-    BlockReport, Dataset, Meta, PaperReport, Recipe, Row, TERMINALS, generate_block,
-    generate_paper_block, training_rows,
+    BlockReport, Dataset, Meta, PAPER_VERSION, PaperReport, Recipe, Row, TEACHER_VERSION,
+    TERMINALS, generate_block, generate_paper_block, training_rows,
 };
 use planning::scenes::{STARTS, Setting};
 use serde_json::json;
@@ -35,6 +35,16 @@ enum Method {
     Teacher,
     /// The paper's own generator, with its sampled criterion of collision.
     Paper,
+}
+
+impl Method {
+    /// Version of the generator.
+    fn version(self) -> u32 {
+        match self {
+            Self::Teacher => TEACHER_VERSION,
+            Self::Paper => PAPER_VERSION,
+        }
+    }
 }
 
 /// Arguments of `pcc dataset`.
@@ -185,13 +195,13 @@ impl<'a> Job<'a> {
         Ok(job)
     }
 
-    /// Refuses to mix blocks of different recipes in one folder.
+    /// Refuses to mix blocks of different recipes, generators or robots in one folder.
     fn check_recipe(&self) -> anyhow::Result<()> {
         let file = self.arguments.out.join("recipe.json");
         let text = serde_json::to_string_pretty(&self.recipe_json())?;
         match std::fs::read_to_string(&file) {
             Ok(found) if found != text => bail!(
-                "{} was made with another recipe: {found}",
+                "{} was made with another recipe: {found}\nthis one is: {text}\nchoose another --out, or remove the folder",
                 self.arguments.out.display()
             ),
             Ok(_) => Ok(()),
@@ -202,10 +212,12 @@ impl<'a> Job<'a> {
 
     fn recipe_json(&self) -> serde_json::Value {
         let a = self.arguments;
+        let robot = &self.robot;
         json!({
-            "method": format!("{:?}", a.method),
+            "method": format!("{:?}", a.method), "generator": a.method.version(),
             "setting": format!("{:?}", self.recipe.setting), "targets": a.targets, "starts": a.starts, "ends": a.ends,
-            "seed": a.seed, "test_only": a.test_only, "robot": self.robot.name,
+            "seed": a.seed, "test_only": a.test_only, "robot": robot.name, "section_lengths": robot.section_lengths,
+            "bending_limit_rad": robot.bending_limit, "tube_radius": robot.tube_radius,
         })
     }
 

@@ -57,3 +57,32 @@ fn shards_together_make_the_same_files_as_one_run() {
         assert!(whole == sharded, "{file} differs");
     }
 }
+
+#[test]
+fn a_folder_of_another_generator_or_of_another_robot_is_refused() {
+    let folder = empty_folder("dataset-stale");
+    let shipped = repository("config/robots/unit.toml");
+    let made = dataset(&folder, "0/9", &shipped);
+    assert!(made.status.success(), "{}", said(&made));
+    let refused = |robot: &str| {
+        let output = dataset(&folder, "0/9", robot);
+        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        assert!(
+            said(&output).contains("another recipe"),
+            "{}",
+            said(&output)
+        );
+    };
+    let thicker = folder.join("unit.toml");
+    let text = fs::read_to_string(&shipped).unwrap();
+    assert!(text.contains("tube_radius_m = 0.2"));
+    let text = text.replace("tube_radius_m = 0.2", "tube_radius_m = 0.21");
+    fs::write(&thicker, text).unwrap();
+    refused(thicker.to_str().unwrap());
+    let recipe = folder.join("recipe.json");
+    let text = fs::read_to_string(&recipe).unwrap();
+    let older = text.replace("\"generator\": 1", "\"generator\": 0");
+    assert_ne!(older, text);
+    fs::write(&recipe, older).unwrap();
+    refused(&shipped);
+}

@@ -18,6 +18,9 @@ const SPLIT_SEED: u64 = 999;
 /// The tree works with this much room to spare, so that the teacher starts from a clear path.
 const TREE_MARGIN: f64 = 0.02;
 
+/// Version of [`generate_block`]: another one makes other rows from the same recipe.
+pub const TEACHER_VERSION: u32 = 1;
+
 /// What is generated.
 #[derive(Clone, Copy, Debug)]
 pub struct Recipe {

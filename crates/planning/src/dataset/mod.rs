@@ -10,5 +10,7 @@ mod paper;
 pub use archive::{ArchiveError, ArchiveReader, ArchiveWriter};
 pub use features::{TrainingRows, training_rows};
 pub use format::{Case, Check, Dataset, DatasetError, Meta, Row, Split};
-pub use generate::{BlockReport, Recipe, generate_block};
-pub use paper::{DroppedPaths, DroppedTargets, PaperReport, TERMINALS, generate_paper_block};
+pub use generate::{BlockReport, Recipe, TEACHER_VERSION, generate_block};
+pub use paper::{
+    DroppedPaths, DroppedTargets, PAPER_VERSION, PaperReport, TERMINALS, generate_paper_block,
+};

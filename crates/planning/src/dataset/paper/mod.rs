@@ -25,6 +25,8 @@ use solver::PathSolver;
 use target::Place;
 pub use target::TERMINALS;
 
+/// Version of [`generate_paper_block`]: another one makes other rows from the same recipe.
+pub const PAPER_VERSION: u32 = 1;
 /// Largest step between neighbouring waypoints, rad.
 const LARGEST_STEP: f64 = 0.4;
 
