@@ -11,6 +11,7 @@ use denoiser::{
     TemporalUnet, UnetCondition, UnetScratch,
 };
 use pcc_model::{Backbone, Configuration, DOF, Point, Robot};
+use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -354,8 +355,11 @@ fn configuration(normalisation: &Normalisation, frame: &[f32; DOF]) -> Configura
     Configuration::from_fn(|i, _| f64::from(values[i]))
 }
 
+/// Noise of a candidate, from a generator whose seed is the draw of that index from the request's own.
 fn noise(seed: u64, index: usize) -> [f32; PATH] {
-    let mut rng = Pcg64::new(u128::from(seed), (index as u128) << 64);
+    let mut seeds = Pcg64::seed_from_u64(seed);
+    seeds.advance(index as u128);
+    let mut rng = Pcg64::seed_from_u64(seeds.next_u64());
     std::array::from_fn(|_| StandardNormal.sample(&mut rng))
 }
 

@@ -160,6 +160,23 @@ fn threads_and_neighbours_do_not_matter_and_an_interrupt_leaves_nothing_half_don
 }
 
 #[test]
+fn the_noise_of_candidates_is_normal_and_that_of_neighbours_is_unrelated() {
+    let drawn: Vec<[f32; PATH]> = (0..64).map(|index| noise(7, index)).collect();
+    let product = |a: &[f32; PATH], b: &[f32; PATH]| {
+        let sum: f32 = a.iter().zip(b).map(|(x, y)| x * y).sum();
+        sum / PATH as f32
+    };
+    for (i, a) in drawn.iter().enumerate() {
+        assert!((product(a, a) - 1.0).abs() < 0.35, "variance of {i}");
+        for b in &drawn[..i] {
+            assert!(product(a, b).abs() < 0.25, "candidate {i} and one before");
+        }
+    }
+    assert_eq!(drawn[5], noise(7, 5));
+    assert_ne!(drawn[5], noise(8, 5));
+}
+
+#[test]
 fn a_trace_begins_with_noise_and_ends_with_the_sample() {
     let (fixture, robot) = (Fixture::read(), unit_robot());
     let problem = fixture.problem(true);
