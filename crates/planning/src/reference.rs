@@ -19,7 +19,8 @@ const AXIS: f64 = 1e-9;
 pub struct SampledVerdict {
     /// Distance of the last tip from the target, section lengths.
     pub tip_error: f64,
-    /// Smallest distance of the nine points of any waypoint to a ball, less the tube radius; +∞ without balls.
+    /// Smallest distance of the nine points of any waypoint to a ball, less the tube radius; +∞ without balls, NaN where
+    /// a waypoint is.
     pub clearance: f64,
 }
 
@@ -34,7 +35,7 @@ impl SampledVerdict {
         let tip_error = path.last().map(|end| (robot.tip(end) - target).norm());
         Self {
             tip_error: tip_error.unwrap_or(f64::INFINITY),
-            clearance: path.iter().map(distance).fold(f64::INFINITY, f64::min) - robot.tube_radius,
+            clearance: path.iter().map(distance).fold(f64::INFINITY, smaller) - robot.tube_radius,
         }
     }
 
@@ -43,6 +44,11 @@ impl SampledVerdict {
     pub fn is_success(&self) -> bool {
         self.tip_error <= TIP_TOLERANCE && self.clearance >= 0.0
     }
+}
+
+/// The smaller one, or NaN where there is one: `f64::min` would drop it.
+fn smaller(a: f64, b: f64) -> f64 {
+    if b < a || b.is_nan() { b } else { a }
 }
 
 /// The point of nine that is nearest to, or deepest in, a ball.
@@ -63,7 +69,8 @@ pub(crate) fn deepest<'a>(backbone: &Backbone, balls: &'a [Ball]) -> Option<Deep
             let point = backbone.point(section, fraction);
             for ball in balls {
                 let distance = (point - ball.centre).norm() - ball.radius;
-                if found.as_ref().is_none_or(|f| distance < f.distance) {
+                let is_deeper = |f: &Deepest| distance < f.distance || distance.is_nan();
+                if found.as_ref().is_none_or(is_deeper) {
                     found = Some(Deepest {
                         section,
                         fraction,
@@ -118,5 +125,21 @@ mod tests {
         assert!(judge(&free).is_success());
         assert!((judge(&blocked).clearance - (1.0 / 6.0 - 0.6)).abs() < 1e-9);
         assert!(!judge(&blocked).is_success());
+    }
+
+    #[test]
+    fn a_path_that_is_not_finite_somewhere_is_no_success() {
+        let robot = unit_robot();
+        let straight = Configuration::zeros();
+        let target = robot.tip(&straight);
+        let scene = Scene::new(reference_layout(4)).unwrap();
+        let mut path = [straight; 5];
+        assert!(SampledVerdict::of(&robot, &scene, &target, &path).is_success());
+        for degree_of_freedom in [1, 5] {
+            path[2][degree_of_freedom] = f64::NAN;
+            let verdict = SampledVerdict::of(&robot, &scene, &target, &path);
+            assert!(!verdict.is_success(), "{verdict:?}");
+            path[2] = straight;
+        }
     }
 }
