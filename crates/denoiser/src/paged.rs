@@ -1,7 +1,7 @@
 //! Buffers on large pages.
 //!
 //! A network goes through all its weights at every step, which is more memory than the processor keeps addresses for in
-//! pages of 4 KiB: looking them up took a third of the time. Buffers made here lie together in chunks for which the
+//! pages of 4 KiB: looking them up took a good part of the time. Buffers made here lie together in chunks for which the
 //! system is asked for its large pages; where it has none, they are plain memory. A chunk is given back when all of its
 //! buffers are gone: this is for weights and for buffers that stay.
 #![allow(unsafe_code)] // buffers in memory of their own
@@ -18,6 +18,9 @@ const CHUNK: usize = 4 * PAGE;
 /// Bytes of a cache line, on which every buffer starts.
 const LINE: usize = 64;
 
+/// What is impossible.
+const TOO_LARGE: &str = "no buffer is near the size of the address space";
+
 /// Memory that buffers share; each has its own part of it.
 struct Chunk {
     first: NonNull<u8>,
@@ -31,8 +34,8 @@ unsafe impl Sync for Chunk {}
 
 impl Chunk {
     fn new(bytes: usize) -> Self {
-        let layout = Layout::from_size_align(bytes.next_multiple_of(PAGE), PAGE)
-            .expect("no buffer is near the size of the address space");
+        let layout = Layout::from_size_align(bytes, PAGE).expect(TOO_LARGE);
+        let layout = layout.pad_to_align();
         // SAFETY: the size is not 0.
         let first = unsafe { alloc(layout) };
         let first = NonNull::new(first).unwrap_or_else(|| handle_alloc_error(layout));
@@ -55,12 +58,14 @@ impl Drop for Chunk {
 /// The chunk that is being handed out, and how many bytes of it are.
 static FILLING: Mutex<Option<(Arc<Chunk>, usize)>> = Mutex::new(None);
 
-/// Some bytes of their own in a chunk, from a cache line on.
-fn take(bytes: usize) -> (Arc<Chunk>, NonNull<u8>) {
-    let bytes = bytes.next_multiple_of(LINE);
+/// Memory of its own for a layout in a chunk, from a cache line on.
+fn take(layout: Layout) -> (Arc<Chunk>, NonNull<u8>) {
+    // A layout's size, rounded up to its alignment, does not overflow; so its use below a chunk's size does not either.
+    let layout = layout.align_to(LINE).expect(TOO_LARGE).pad_to_align();
+    let bytes = layout.size();
     let mut filling = FILLING.lock().unwrap_or_else(PoisonError::into_inner);
     let (chunk, used) = match filling.take() {
-        Some((chunk, used)) if used + bytes <= chunk.layout.size() => (chunk, used),
+        Some((chunk, used)) if bytes <= chunk.layout.size() - used => (chunk, used),
         _ => (Arc::new(Chunk::new(bytes.max(CHUNK))), 0),
     };
     *filling = Some((Arc::clone(&chunk), used + bytes));
@@ -85,7 +90,7 @@ unsafe impl<T: Sync> Sync for Paged<T> {}
 impl<T: Copy> Paged<T> {
     pub(crate) fn filled(value: T, length: usize) -> Self {
         const { assert!(align_of::<T>() <= LINE) };
-        let (chunk, first) = take(length * size_of::<T>());
+        let (chunk, first) = take(Layout::array::<T>(length).expect(TOO_LARGE));
         let first = first.cast::<T>();
         for i in 0..length {
             // SAFETY: this memory is large enough for `length` values, aligned for them, and nothing else uses it.

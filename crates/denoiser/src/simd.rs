@@ -120,14 +120,25 @@ impl Level for Avx512 {
     }
 }
 
-/// A level that this processor has.
+/// A level that this processor has: only this module makes one, after it detected the features.
 #[derive(Clone, Copy)]
-pub(crate) enum Detected {
+pub(crate) struct Detected(Features);
+
+#[derive(Clone, Copy)]
+enum Features {
     #[cfg(target_arch = "x86_64")]
     Avx512,
     #[cfg(target_arch = "x86_64")]
     Avx2,
     Plain,
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Detected {
+    /// AVX-512 F, VL, DQ, BW, AVX2 and FMA were detected.
+    pub(crate) fn has_avx512(self) -> bool {
+        matches!(self.0, Features::Avx512)
+    }
 }
 
 static DETECTED: LazyLock<Detected> = LazyLock::new(|| {
@@ -139,12 +150,12 @@ static DETECTED: LazyLock<Detected> = LazyLock::new(|| {
             && is_x86_feature_detected!("avx512dq")
             && is_x86_feature_detected!("avx512bw");
         match (avx512, avx2) {
-            (true, true) => return Detected::Avx512,
-            (false, true) => return Detected::Avx2,
+            (true, true) => return Detected(Features::Avx512),
+            (false, true) => return Detected(Features::Avx2),
             (_, false) => {}
         }
     }
-    Detected::Plain
+    Detected(Features::Plain)
 });
 
 /// Work that is compiled for each level.
@@ -177,14 +188,14 @@ pub(crate) fn dispatch(kernel: impl Kernel) {
 
 /// Runs a kernel at a level that was detected.
 pub(crate) fn run_at(level: Detected, kernel: impl Kernel) {
-    match level {
+    match level.0 {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: this level is chosen only after AVX-512 F, VL, DQ, BW, AVX2 and FMA were detected.
-        Detected::Avx512 => unsafe { run_avx512(kernel) },
+        Features::Avx512 => unsafe { run_avx512(kernel) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: this level is chosen only after AVX2 and FMA were detected.
-        Detected::Avx2 => unsafe { run_avx2(kernel) },
-        Detected::Plain => kernel.run::<Plain>(),
+        Features::Avx2 => unsafe { run_avx2(kernel) },
+        Features::Plain => kernel.run::<Plain>(),
     }
 }
 
@@ -203,11 +214,12 @@ fn run_avx2(kernel: impl Kernel) {
 /// Every level that this processor has.
 #[cfg(test)]
 pub(crate) fn detected_levels() -> Vec<Detected> {
-    match *DETECTED {
+    let features = match DETECTED.0 {
         #[cfg(target_arch = "x86_64")]
-        Detected::Avx512 => vec![Detected::Avx512, Detected::Avx2, Detected::Plain],
+        Features::Avx512 => vec![Features::Avx512, Features::Avx2, Features::Plain],
         #[cfg(target_arch = "x86_64")]
-        Detected::Avx2 => vec![Detected::Avx2, Detected::Plain],
-        Detected::Plain => vec![Detected::Plain],
-    }
+        Features::Avx2 => vec![Features::Avx2, Features::Plain],
+        Features::Plain => vec![Features::Plain],
+    };
+    features.into_iter().map(Detected).collect()
 }

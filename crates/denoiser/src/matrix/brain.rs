@@ -173,14 +173,16 @@ impl BrainPanels {
         Self { inputs, weights }
     }
 
-    /// Computes with a unit, which [`Unit::detected`] told of.
+    /// Computes with a unit, which must be [detected](Unit::detected).
     pub(super) fn multiply(&self, unit: Unit, job: Job<'_, Brain>) {
+        let is_detected = Unit::detected().contains(&unit);
+        assert!(is_detected, "this processor has no {unit:?} for bf16");
         match unit {
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: the unit exists only where AVX-512 F, BW, VL and BF16 were detected.
+            // SAFETY: AVX-512 F, BW, VL and BF16 were detected: asserted above.
             Unit::Vectors => unsafe { vectors::multiply(self, job) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: the unit exists only where tiles are available.
+            // SAFETY: tiles are available: asserted above.
             Unit::Tiles => unsafe { tiles::multiply(self, job) },
             #[cfg(not(target_arch = "x86_64"))]
             unit => unreachable!("{unit:?} is of x86-64, not for {} rows", job.batch.rows),

@@ -304,11 +304,11 @@ impl Packed {
         }
     }
 
-    /// Computes W x + b in bf16 on a certain unit of those [detected](Unit::detected), to compare them.
+    /// Computes W x + b in bf16 on a certain unit, to compare them.
     ///
     /// # Panics
     ///
-    /// When a row lies outside of `x` or `out`.
+    /// When a row lies outside of `x` or `out`, or the unit is not [detected](Unit::detected).
     pub fn multiply_on(
         &self,
         unit: Unit,

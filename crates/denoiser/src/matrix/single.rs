@@ -44,12 +44,13 @@ impl SinglePanels {
 
     /// Computes at a level that was detected.
     pub(super) fn multiply_at(&self, level: Detected, job: Job<'_, f32>) {
-        match level {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: this level is handed out only after its features were detected.
-            Detected::Avx512 => unsafe { wide::multiply(&self.weights, self.inputs, job) },
-            level => run_at(level, Product { panels: self, job }),
+        #[cfg(target_arch = "x86_64")]
+        if level.has_avx512() {
+            // SAFETY: its features were detected.
+            unsafe { wide::multiply(&self.weights, self.inputs, job) };
+            return;
         }
+        run_at(level, Product { panels: self, job });
     }
 }
 
