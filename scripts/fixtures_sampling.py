@@ -104,10 +104,9 @@ class Process:
         self.model.requires_grad_(False)
 
     def write_weights(self, folder: Path):
-        facts = {"width": WIDTH, "seed": 11, "batch": 64, "rows": 170}
-        state = {"facts": facts, "updates": UPDATES, "seconds": 0, "record": {}}
         recipe = "for the parity test, trained on tests/data/reference-mixed-sample"
-        metadata = train_unet.metadata_of(state, recipe, "{}", "any") | {"context": "32", "graph_hidden": "16"}
+        made = {"recipe": recipe, "seed": "11", "updates": str(UPDATES), "training_seconds": "0", "measured": "{}"}
+        metadata = unet_model.metadata(WIDTH, math.pi / 2) | made
         scale = train_unet.Scale(self.low, self.high, self.centre, self.scale).tensors()
         write_weights(folder, "sampled", self.model.state_dict() | scale, metadata)
 

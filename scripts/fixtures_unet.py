@@ -8,13 +8,13 @@ Three cases with 0, 1 and 4 balls; time-major. Needs scripts/requirements-train.
 """
 
 import argparse
-import hashlib
 import pathlib
 
 import torch
 import unet_model
 from safetensors.torch import save_file
 from torch import Tensor, nn
+from weights_export import write_weights
 
 BALLS = [0, 1, 4]
 STEPS = [999.0, 500.0, 3.0]
@@ -111,19 +111,10 @@ def main():
     unet_model.CONTEXT, unet_model.GRAPH = arguments.context, arguments.graph
     model, normalisation, inputs = random_model(arguments.width), random_normalisation(), random_inputs()
     weights = {f"normalisation.{name}": values for name, values in normalisation.items()} | model.state_dict()
-    sizes = {"width": arguments.width, "context": arguments.context, "graph_hidden": arguments.graph}
-    facts = {"architecture": "temporal-unet-v1", "horizon": 64, "steps": 1000, "sections": 3, "theta_max": LIMIT}
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    file = arguments.out / "unet.safetensors"
-    weights = {name: values.float().contiguous() for name, values in weights.items()}
-    save_file(weights, file, {name: str(value) for name, value in (facts | sizes).items()})
+    made = {"recipe": "random, for the parity test", "updates": "0", "training_seconds": "0", "measured": "{}"}
+    write_weights(arguments.out, "unet", weights, unet_model.metadata(arguments.width, LIMIT) | made)
     given = {f"input.{name}": values for name, values in inputs.items()}
     save_file(given | run(model, normalisation, inputs), arguments.out / "layers.safetensors")
-    content = file.read_bytes()
-    (arguments.out / "MANIFEST.toml").write_text(
-        f'[unet]\nfile = "{file.name}"\nsha256 = "{hashlib.sha256(content).hexdigest()}"\nbytes = {len(content)}\n'
-        'architecture = "temporal-unet-v1"\ndescription = "random, for the parity test"\nupdates = 0\ntraining_seconds = 0\n'
-    )
 
 
 if __name__ == "__main__":

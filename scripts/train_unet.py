@@ -16,11 +16,9 @@ import numpy as np
 import torch
 from torch import nn
 
-from unet_model import HORIZON, TemporalUnet, cosine_schedule
+from unet_model import STEPS, TemporalUnet, cosine_schedule, metadata
 from weights_export import record_of, this_machine, write_weights
 
-ARCHITECTURE = "temporal-unet-v1"
-STEPS = 1000
 WARM_UP_UPDATES = 500
 AVERAGE_DECAY = 0.995
 AVERAGE_EVERY = 4
@@ -57,7 +55,10 @@ class Rows:
     """The training and validation rows of some data sets, normalised, on the device."""
 
     def __init__(self, folders, device, scale=None):
-        parts = [read(Path(folder)) for folder in folders]
+        metas = [json.loads((Path(folder) / "dataset_meta.json").read_text()) for folder in folders]
+        self.recipes = [meta.get("config", {}) | {"paths": meta["actual_paths"]} for meta in metas]
+        self.theta_max = bending_limit(self.recipes)
+        parts = [read(Path(folder), meta) for folder, meta in zip(folders, metas)]
         most = max(part["balls"].shape[1] for part in parts)
         for part in parts:
             part["balls"] = nn.functional.pad(part["balls"], (0, 0, 0, most - part["balls"].shape[1]))
@@ -77,9 +78,16 @@ class Rows:
         return self.paths[rows], self.goals[rows], scene
 
 
-def read(folder):
+def bending_limit(recipes):
+    """The one limit of all data, rad; the authors' format does not say it, and theirs is a right angle."""
+    limits = {recipe.get("bending_limit_rad", math.pi / 2) for recipe in recipes}
+    if len(limits) > 1:
+        raise SystemExit(f"data of robots with different bending limits: {sorted(limits)} rad")
+    return limits.pop()
+
+
+def read(folder, meta):
     """The rows of one data set that do not collide, balls padded to the largest number [rows, balls, 4]."""
-    meta = json.loads((folder / "dataset_meta.json").read_text())
     arrays = np.load(folder / "dataset.npz")
     offsets = arrays["obstacle_offsets"]
     counts = np.diff(offsets)
@@ -123,41 +131,43 @@ class Diffusion:
 
 
 class Run:
-    """Everything a training run changes; saved and restored as a whole."""
+    """Everything a training run changes, saved and restored as a whole, and the facts that it may not change."""
 
-    def __init__(self, arguments, device):
+    def __init__(self, arguments, rows, device):
         self.model = TemporalUnet(arguments.width).to(device)
         self.average = TemporalUnet(arguments.width).to(device)
         self.average.load_state_dict(self.model.state_dict())
         self.optimiser = torch.optim.AdamW(self.model.parameters(), lr=arguments.rate, weight_decay=1e-4, fused=True)
         self.generator = torch.Generator(device=device).manual_seed(arguments.seed)
-        self.updates, self.seconds, self.scale = 0, 0.0, None
-        self.facts = {"width": arguments.width, "seed": arguments.seed, "batch": arguments.batch}
+        self.updates, self.seconds, self.cool_down = 0, 0.0, arguments.cool_down
+        self.facts = {name: getattr(arguments, name) for name in ("width", "seed", "batch", "rate")}
+        self.facts |= {"products": "bf16" if arguments.bf16 else "f32", "begun_from": "nothing"}
+        self.facts |= {"rows": len(rows.train), "theta_max": rows.theta_max, "data": json.dumps(rows.recipes)}
 
     def save(self, file, rows, record):
         state = {name: getattr(self, name).state_dict() for name in ("model", "average", "optimiser")}
         state |= {"generator": self.generator.get_state(), "updates": self.updates, "seconds": self.seconds}
-        state |= {"facts": self.facts | {"rows": len(rows.train)}, "record": record, "scale": rows.scale.tensors()}
+        state |= {"facts": self.facts, "cool_down": self.cool_down, "record": record, "scale": rows.scale.tensors()}
         part = file.with_suffix(".part")
         torch.save(state, part)
         part.replace(file)
 
-    def begin_from(self, file, device):
-        """Takes weights and normalisation of another run, and nothing else."""
-        state = torch.load(file, map_location=device, weights_only=True)
+    def begin_from(self, state, name):
+        """Takes another run's weights, and nothing else."""
         for model in (self.model, self.average):
             model.load_state_dict(state["average"])
-        self.scale = Scale(*state["scale"].values())
+        self.facts["begun_from"] = f"{name}, {state['updates']} updates"
 
-    def restore(self, file, device):
-        state = torch.load(file, map_location=device, weights_only=True)
-        if any(state["facts"][name] != value for name, value in self.facts.items()):
-            raise SystemExit(f"{file} is of another run: {state['facts']}, this one is {self.facts}")
+    def restore(self, state):
+        here = self.facts | {"begun_from": state["facts"]["begun_from"]}
+        for name, there in state["facts"].items():
+            if here[name] != there:
+                raise SystemExit(f"the checkpoint is of another run: its {name} is {there}, not {here[name]}")
+        self.facts = here
         for name in ("model", "average", "optimiser"):
             getattr(self, name).load_state_dict(state[name])
         self.generator.set_state(state["generator"].cpu())
         self.updates, self.seconds = state["updates"], state["seconds"]
-        self.scale = Scale(*state["scale"].values())
 
 
 def step(run, diffusion, rows, arguments):
@@ -189,28 +199,36 @@ def validate(run, diffusion, rows):
     return float(sum(losses) / len(rows.validation)) if chunks and len(rows.validation) else math.nan
 
 
+def begin(arguments, device):
+    """The run, from its checkpoint, from another one's weights, or from nothing; and its rows."""
+    checkpoint = Path(arguments.checkpoint)
+    source = checkpoint if checkpoint.exists() else arguments.begin_from
+    state = torch.load(source, map_location=device, weights_only=True) if source else None
+    rows = Rows(arguments.data, device, state and Scale(*state["scale"].values()))
+    run = Run(arguments, rows, device)
+    if checkpoint.exists():
+        run.restore(state)
+    elif state:
+        run.begin_from(state, Path(source).stem)
+    return run, rows
+
+
 def train(arguments):
-    """Trains, with checkpoints; the state before the cool-down is kept, so that a longer run can go on from it."""
+    """Trains, with checkpoints; the state before the cool-down stays, so that a longer run can go on from it."""
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    run = Run(arguments, device)
     checkpoint = Path(arguments.checkpoint)
     checkpoint.parent.mkdir(parents=True, exist_ok=True)
-    if checkpoint.exists():
-        run.restore(checkpoint, device)
-    elif arguments.begin_from:
-        run.begin_from(arguments.begin_from, device)
-    rows = Rows(arguments.data, device, run.scale)
+    run, rows = begin(arguments, device)
     diffusion = Diffusion(run.model, device, arguments.bf16)
     print(f"{len(rows.train)} training rows, {len(rows.validation)} to validate, from update {run.updates}", flush=True)
     began, losses, record = time.monotonic() - run.seconds, [], {}
     while run.updates < arguments.updates:
-        if run.updates == arguments.updates - arguments.cool_down:
-            run.save(checkpoint.with_suffix(".warm.pt"), rows, record)
         losses.append(step(run, diffusion, rows, arguments))
         run.seconds = time.monotonic() - began
-        if run.updates % arguments.every == 0 or run.updates == arguments.updates:
+        stays = run.updates == arguments.updates - arguments.cool_down or run.updates % arguments.keep == 0
+        if run.updates % arguments.every == 0 or stays or run.updates == arguments.updates:
             record = {"update": run.updates, "seconds": round(run.seconds, 1), "loss": float(torch.stack(losses).mean())}
             record["validation_loss"] = validate(run, diffusion, rows)
             losses.clear()
@@ -218,23 +236,17 @@ def train(arguments):
             with checkpoint.with_suffix(".jsonl").open("a") as log:
                 log.write(json.dumps(record) + "\n")
             run.save(checkpoint, rows, record)
+            if stays:
+                run.save(checkpoint.with_suffix(f".{run.updates}.pt"), rows, record)
 
 
 def metadata_of(state, recipe, measured, machine):
     """Everything the loader checks, and how the weights were made."""
     facts = state["facts"]
-    return {
-        "architecture": ARCHITECTURE,
-        "width": str(facts["width"]),
-        "context": "256",
-        "graph_hidden": "128",
-        "horizon": str(HORIZON),
-        "steps": str(STEPS),
-        "sections": "3",
-        "theta_max": repr(math.pi / 2),
-        "schedule": "cosine, offset 0.008, betas within [1e-8, 0.999]; the network predicts the noise",
-        "normalisation": "configurations to [-1, 1], positions by one centre and one scale: the tensors say",
-    } | record_of(state, recipe, measured, machine)
+    made = {name: str(facts[name]) for name in ("rate", "products", "begun_from", "data")}
+    made["cool_down"] = str(state["cool_down"])
+    made["normalisation"] = "configurations to [-1, 1], positions by one centre and one scale: the tensors say"
+    return metadata(facts["width"], facts["theta_max"]) | made | record_of(state, recipe, measured, machine)
 
 
 def export(arguments):
@@ -262,6 +274,7 @@ def main():
     p.add_argument("--threads", type=int, default=1, help="processor threads (default %(default)s)")
     p.add_argument("--seed", type=int, default=0, help="seed of weights, noise and batches (default %(default)s)")
     p.add_argument("--every", type=int, default=1000, help="updates between checkpoints (default %(default)s)")
+    p.add_argument("--keep", type=int, default=10_000, help="updates between checkpoints that stay (default %(default)s)")
     p.add_argument("--bf16", action="store_true", help="bfloat16 products: faster where the processor has them")
     p.set_defaults(run=train)
 

@@ -50,6 +50,8 @@ fn metadata_that_does_not_fit_is_named() {
     for (key, value) in [
         ("architecture", "both-ends-flow-v1"),
         ("horizon", "32"),
+        ("steps", "100"),
+        ("schedule", "linear"),
         ("sections", "2"),
         ("width", "24"),
         ("width", "0"),

@@ -4,4 +4,4 @@ mod sampler;
 mod schedule;
 
 pub use sampler::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver};
-pub use schedule::Schedule;
+pub(crate) use schedule::STEPS;

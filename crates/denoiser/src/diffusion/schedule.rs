@@ -13,20 +13,13 @@ const NOISIEST: usize = 992;
 /// The cosine schedule (Nichol and Dhariwal, "Improved Denoising Diffusion Probabilistic Models", ICML 2021), betas within
 /// [1e-8, 0.999].
 #[derive(Clone, Debug)]
-pub struct Schedule {
+pub(crate) struct Schedule {
     share: Vec<f64>,
-}
-
-impl Default for Schedule {
-    fn default() -> Self {
-        Self::new()
-    }
 }
 
 impl Schedule {
     /// The schedule of 1000 steps.
-    #[must_use]
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let cosine = |step: usize| {
             let t = step as f64 / STEPS as f64;
             ((t + OFFSET) / (1.0 + OFFSET) * FRAC_PI_2).cos().powi(2)
@@ -42,11 +35,7 @@ impl Schedule {
     }
 
     /// Signal and noise amplitudes √ᾱ and √(1 − ᾱ) at a step 0..999.
-    ///
-    /// # Panics
-    /// If the step is beyond 999.
-    #[must_use]
-    pub fn amplitudes(&self, step: usize) -> Amplitudes {
+    pub(crate) fn amplitudes(&self, step: usize) -> Amplitudes {
         let share = self.share[step];
         Amplitudes {
             signal: share.sqrt(),
@@ -82,7 +71,7 @@ impl Schedule {
 
 /// What a noisy path consists of: signal · path + noise · ε.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Amplitudes {
+pub(crate) struct Amplitudes {
     /// √ᾱ.
     pub signal: f64,
     /// √(1 − ᾱ).

@@ -14,6 +14,7 @@ mod gradient;
 mod graph;
 
 use crate::conv::{Convolution, Kind, Rows};
+use crate::diffusion::STEPS;
 use crate::group_norm::{self, Affine, Statistics};
 use crate::lanes::LANES;
 use crate::matrix::Precision;
@@ -24,6 +25,9 @@ use gradient::GradientScratch;
 use graph::{Node, ObstacleGraph};
 
 const ARCHITECTURE: &str = "temporal-unet-v1";
+/// What the metadata says of the schedule that [`crate::Sampler`] follows.
+const SCHEDULE: &str =
+    "cosine, offset 0.008, betas within [1e-8, 0.999]; the network predicts the noise";
 /// Frames of a path.
 pub const HORIZON: usize = 64;
 /// Numbers of a frame.
@@ -177,6 +181,8 @@ impl TemporalUnet {
     pub fn load(file: &WeightsFile, bending_limit: f64) -> Result<Self, WeightsError> {
         file.expect("architecture", ARCHITECTURE)?;
         file.expect("horizon", &HORIZON.to_string())?;
+        file.expect("steps", &STEPS.to_string())?;
+        file.expect("schedule", SCHEDULE)?;
         file.expect_robot(bending_limit)?;
         let width = file.count("width")?;
         if width % LANES != 0 {
