@@ -8,7 +8,7 @@ Every line `WHAT THREADS` on standard input is answered by one number:
     onnx 2    the same with ONNX Runtime, the network exported from PyTorch
     sgemm 2   10^9 multiply-adds a second of the faster of PyTorch's and NumPy's f32 matrix product, 1024 × 1024 × 1024
 The contexts of the 50 steps are computed before and do not count. `crates/denoiser/examples/unet_time.rs` does the same
-in Rust. Needs scripts/requirements-bench.txt; NumPy's threads are those of OPENBLAS_NUM_THREADS.
+in Rust. Needs scripts/requirements-bench.txt.
 """
 
 import argparse
@@ -22,6 +22,7 @@ import numpy as np
 import onnxruntime
 import torch
 from safetensors.torch import load_file
+from threadpoolctl import threadpool_limits
 
 import unet_model
 
@@ -112,7 +113,8 @@ def answer(order, model, paths, contexts, sessions):
         return seconds(onnx_sample)
     if what == "sgemm":
         a, b = torch.randn(2, SGEMM_SIZE, SGEMM_SIZE)
-        return max(sgemm_rate(lambda: torch.mm(a, b)), sgemm_rate(lambda: np.matmul(a.numpy(), b.numpy())))
+        with threadpool_limits(int(threads)):
+            return max(sgemm_rate(lambda: torch.mm(a, b)), sgemm_rate(lambda: np.matmul(a.numpy(), b.numpy())))
     sys.exit(f"bench_unet: {what}: torch, onnx and sgemm are known")
 
 

@@ -84,16 +84,23 @@ def by_products(layer: nn.Conv1d | nn.ConvTranspose1d, x: Tensor) -> Tensor:
     return ThreeTaps.apply(x.unflatten(1, (-1, 2)).flatten(2), taps.permute(2, 3, 1, 0).flatten(1, 2)) + layer.bias
 
 
-def group_scale(norm: nn.GroupNorm, x: Tensor) -> tuple[Tensor, Tensor]:
-    """Group normalisation of x [batch, frames, channels] as a scale and a shift [batch, 1, channels].
+def group_means(x: Tensor, count: int) -> Tensor:
+    """Means over `count` groups of the channels of x [.., channels], each at all channels of its group.
 
-    Products with the groups' members spread the means to channels: by indices, the compiler would not vectorise.
+    With gradients a product brings them there: by indices, the compiler would not vectorise.
     """
-    size = x.shape[-1] // norm.num_groups
-    members = torch.eye(norm.num_groups, device=x.device).repeat_interleave(size, dim=0)
+    size = x.shape[-1] // count
+    if not torch.is_grad_enabled():
+        return x.unflatten(-1, (count, size)).mean(-1).repeat_interleave(size, dim=-1)
+    members = torch.eye(count, device=x.device).repeat_interleave(size, dim=0)
     with torch.autocast(x.device.type, enabled=False):
-        moments = torch.stack([x.mean(1), (x * x).mean(1)])
-        centre, square = (moments @ members @ (members.T / size)).unbind()
+        return x @ members @ (members.T / size)
+
+
+def group_scale(norm: nn.GroupNorm, x: Tensor) -> tuple[Tensor, Tensor]:
+    """Group normalisation of x [batch, frames, channels] as a scale and a shift [batch, 1, channels]."""
+    moments = torch.stack([x.mean(1), (x * x).mean(1)])
+    centre, square = group_means(moments, norm.num_groups).unbind()
     scale = norm.weight * torch.rsqrt((square - centre**2).clamp(min=0) + norm.eps)
     return scale.unsqueeze(1), (norm.bias - centre * scale).unsqueeze(1)
 

@@ -51,34 +51,26 @@ pub(crate) fn run_pcc(arguments: &[&str]) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Makes a data set, on top of what an interrupted run left, or anew where an older generator left something else.
+pub(crate) fn make_dataset(arguments: &[&str], out: &Path) -> anyhow::Result<()> {
+    let mut whole = vec!["dataset"];
+    whole.extend(arguments);
+    whole.extend(["--out", out.to_str().context("path")?]);
+    if run_pcc(&whole).is_err() && out.exists() {
+        std::fs::remove_dir_all(out)?;
+        run_pcc(&whole)?;
+    }
+    Ok(())
+}
+
 /// One start a target and few end shapes: cases are wanted, not paths.
 fn unseen_general(cases: usize) -> anyhow::Result<PathBuf> {
     let targets = (cases * 2).to_string();
     let out = folder().join(format!("general-{UNSEEN_SEED}-{targets}"));
-    let (seed, path) = (UNSEEN_SEED.to_string(), out.to_str().context("path")?);
-    let make = || {
-        run_pcc(&[
-            "dataset",
-            "--setting",
-            "general",
-            "--test-only",
-            "--seed",
-            &seed,
-            "--targets",
-            &targets,
-            "--starts",
-            "1",
-            "--ends",
-            "1",
-            "--out",
-            path,
-        ])
-    };
-    if make().is_err() {
-        // What an older generator left cannot be gone on with.
-        std::fs::remove_dir_all(&out)?;
-        make()?;
-    }
+    let seed = UNSEEN_SEED.to_string();
+    let mut arguments = vec!["--setting", "general", "--test-only", "--seed", &seed];
+    arguments.extend(["--targets", &targets, "--starts", "1", "--ends", "1"]);
+    make_dataset(&arguments, &out)?;
     Ok(out)
 }
 

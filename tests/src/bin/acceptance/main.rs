@@ -10,6 +10,7 @@ mod geometry;
 mod paper_ablation;
 mod paper_data;
 mod paper_parity;
+mod paper_python;
 mod paper_refusals;
 mod paper_runs;
 mod paper_scenes;

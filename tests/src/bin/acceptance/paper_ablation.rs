@@ -9,10 +9,11 @@ use planning::dataset::{ArchiveReader, Dataset, Row, Split};
 use planning::modes;
 use serde_json::Value;
 
-use crate::paper_runs::{Evaluation, FREE, GENERAL, HARD, MIXED, Unseen, figure, median, number};
+use crate::paper_runs::{
+    Evaluation, FREE, GENERAL, HARD, MIXED, Model, Unseen, ablation_cases, figure, median, number,
+};
 use crate::{Report, Scale};
 
-/// The null arm is the last.
 const PLANNERS: [&str; 4] = [
     "diffusion",
     "diffusion-post",
@@ -22,12 +23,14 @@ const PLANNERS: [&str; 4] = [
 const PURE: &str = PLANNERS[0];
 const POST: &str = PLANNERS[1];
 const GUIDED: &str = PLANNERS[2];
+const NULL_ARM: &str = PLANNERS[3];
 const STEPS: [usize; 8] = [1, 2, 4, 8, 10, 15, 25, 50];
 const SOLVERS: [&str; 2] = ["ddim", "dpm-solver"];
 /// Times of the pure sampler that the guided one may take.
 const GUIDED_AT_MOST: f64 = 1.6;
-/// Percentage points that the paper's 50 DDIM steps may stay behind the best.
-const STEPS_TOLERANCE: f64 = 2.0;
+
+/// What a successful path takes in the paper, ms, on an NVIDIA RTX 5090.
+const PAPER_MS: f64 = 34.0;
 
 /// What the paper reports of a setting.
 struct Paper {
@@ -73,15 +76,14 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         }
         Ok(())
     });
+    let command = "pcc evaluate --planner diffusion-post --model mixed…";
+    report.group("success against updates", command, |report| {
+        success_against_updates(report, scale)
+    });
     let command = "pcc evaluate --planner diffusion-post --solver … --steps …";
     report.group("success against steps", command, |report| {
         success_against_steps(report, scale)
     });
-}
-
-/// Cases of every ablation.
-fn cases(scale: Scale) -> usize {
-    scale.pick(20, 250)
 }
 
 fn ablation(
@@ -90,14 +92,19 @@ fn ablation(
     unseen: &Unseen,
     paper: Option<&Paper>,
 ) -> anyhow::Result<()> {
-    let (name, wanted, model) = (unseen.name, cases(scale), unseen.model()?);
+    let (name, wanted, model) = (unseen.name, ablation_cases(scale), unseen.model()?);
     let dataset = unseen.make(wanted)?;
     report.shown(&format!("{name}: weights"), model.text.clone());
     let mut results = BTreeMap::new();
     for planner in PLANNERS {
         let evaluation = Evaluation::of(name, &dataset, &model, planner, wanted);
         let result = evaluation.run(report, scale)?;
-        report.shown(&format!("{name}: {planner}"), row(&result)?);
+        let row = if planner == NULL_ARM {
+            corrected_row(&result)?
+        } else {
+            sampled_row(&result)?
+        };
+        report.shown(&format!("{name}: {planner}"), row);
         results.insert(planner, (result, evaluation.out()));
     }
     let evaluated = number(&results[PURE].0, "/cases")?;
@@ -126,33 +133,48 @@ fn ablation(
     }
     for (planner, change) in [(POST, paper.map(|p| p.post_tip_error)), (GUIDED, None)] {
         let text = tip_error_change(result(PURE), result(planner), change)?;
-        let line = format!("{name}: {planner}, mean tip error against {PURE}");
+        let line = format!("{name}: {planner}, mean tip error of successful paths against {PURE}");
         report.shown(&line, text);
     }
     let outs = PLANNERS.map(|planner| (planner, results[planner].1.as_path()));
     diversity(report, name, &dataset, wanted, &outs)
 }
 
-/// One planner's figures; times are of sampling alone.
-fn row(result: &Value) -> anyhow::Result<String> {
-    let share = |path: &str| Ok::<_, anyhow::Error>(100.0 * number(result, path)?);
-    let of_length = figure(result, "/sampled/tip_error_of_robot_length/mean")?;
-    let of_length = of_length.map_or("-".to_owned(), |error| format!("{:.3}", 100.0 * error));
+/// What a sampler drew, by the paper's criterion; times are of sampling alone.
+fn sampled_row(result: &Value) -> anyhow::Result<String> {
+    let success = number(result, "/sampled/success")?;
+    let of_length = |figure_of: &str| {
+        let path = format!("/sampled/tip_error_of_robot_length/{figure_of}");
+        let error = figure(result, &path)?;
+        Ok::<_, anyhow::Error>(error.map_or("-".to_owned(), |e| format!("{:.3}", 100.0 * e)))
+    };
+    let ms = 1e3 * number(result, "/sampled/seconds_per_candidate/median")?;
     Ok(format!(
-        "success {:.2} % (any of ten {:.2} %; {:.2} % when corrected for certification), tip error {:.4} L mean, {of_length} % of the robot's length where it succeeds, certified {:.2} %, {:.2} ms a candidate, {:.2} ms a request in all",
-        share("/sampled/success")?,
-        share("/sampled/success_any")?,
-        share("/sampled/success_corrected")?,
-        number(result, "/sampled/tip_error/mean")?,
-        share("/share_before_fallback")?,
-        1e3 * number(result, "/sampled/seconds_per_candidate/median")?,
+        "success {:.2} % (any of ten {:.2} %), tip error where it succeeds {} % of the robot's length (p5 {}, p95 {}), {ms:.2} ms a candidate, {:.1} ms a success (paper {PAPER_MS} ms on an RTX 5090); {}",
+        100.0 * success,
+        100.0 * number(result, "/sampled/success_any")?,
+        of_length("mean")?,
+        of_length("p5")?,
+        of_length("p95")?,
+        ms / success,
+        corrected_row(result)?,
+    ))
+}
+
+/// What is left of any planner's draws after the correction that all of them have.
+fn corrected_row(result: &Value) -> anyhow::Result<String> {
+    Ok(format!(
+        "corrected: success {:.2} %, certified {:.2} %, {:.2} ms a request in all",
+        100.0 * number(result, "/sampled/success_corrected")?,
+        100.0 * number(result, "/share_before_fallback")?,
         1e3 * number(result, "/seconds/median")?,
     ))
 }
 
-/// What a planner changes of the pure sampler's mean tip error, beside what post correction changes in the paper.
+/// What a planner changes of the pure sampler's mean tip error where paths succeed, beside what it changes in the paper.
 fn tip_error_change(pure: &Value, other: &Value, paper: Option<f64>) -> anyhow::Result<String> {
-    let [before, after] = [pure, other].map(|result| number(result, "/sampled/tip_error/mean"));
+    let path = "/sampled/tip_error_of_robot_length/mean";
+    let [before, after] = [pure, other].map(|result| number(result, path));
     let change = percent_more(after?, before?);
     Ok(format!("{change:+.1} %{}", beside(paper)))
 }
@@ -252,11 +274,25 @@ fn time_of_refinements(
     Ok(())
 }
 
-fn success_against_steps(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let (wanted, model) = (scale.pick(5, 100), MIXED.model()?);
+fn success_against_updates(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let wanted = scale.pick(5, 250);
     let dataset = MIXED.make(wanted)?;
-    let mut best = 0.0_f64;
-    let mut of_the_paper = 0.0;
+    let mut figures = Vec::new();
+    for model in Model::all("mixed")? {
+        let setting = format!("updates-{}", model.updates);
+        let evaluation = Evaluation::of(&setting, &dataset, &model, POST, wanted);
+        let result = evaluation.run(report, scale)?;
+        let success = 100.0 * number(&result, "/sampled/success")?;
+        figures.push(format!("{}: {success:.1} %", model.updates));
+    }
+    let line = format!("{POST}, {wanted} mixed cases: success by updates of all mixed weights");
+    report.shown(&line, figures.join(", "));
+    Ok(())
+}
+
+fn success_against_steps(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let (wanted, model) = (scale.pick(5, 250), MIXED.model()?);
+    let dataset = MIXED.make(wanted)?;
     for solver in SOLVERS {
         let mut figures = Vec::new();
         for steps in STEPS {
@@ -269,19 +305,11 @@ fn success_against_steps(report: &mut Report, scale: Scale) -> anyhow::Result<()
             let success = 100.0 * number(&result, "/sampled/success")?;
             let ms = 1e3 * number(&result, "/sampled/seconds_per_candidate/median")?;
             figures.push(format!("{steps}: {success:.1} % in {ms:.1} ms"));
-            best = best.max(success);
-            if (solver, steps) == (SOLVERS[0], STEPS[STEPS.len() - 1]) {
-                of_the_paper = success;
-            }
         }
         let line = format!(
             "{POST}, {solver}, {wanted} mixed cases: success and time of a candidate by steps"
         );
         report.shown(&line, figures.join(", "));
     }
-    let line = format!("{POST}, mixed: 50 DDIM steps, {}", model.text);
-    let bar = format!(">= the best of all steps and solvers, {best:.1} %, - {STEPS_TOLERANCE}");
-    let passed = of_the_paper >= best - STEPS_TOLERANCE;
-    report.check(&line, format!("{of_the_paper:.1} %"), &bar, passed);
     Ok(())
 }

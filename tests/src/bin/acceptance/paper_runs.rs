@@ -1,22 +1,29 @@
 //! What several groups of the paper's checks share: the weights in use, unseen data sets, and evaluations.
 
 use std::env;
+use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use denoiser::Manifest;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tests::programs::repository;
 use toml::Table;
 
-use crate::evaluation::{folder, run_pcc};
+use crate::evaluation::{folder, make_dataset, run_pcc};
 use crate::{Report, Scale};
 
 /// Candidates of every case, as the paper draws.
 pub(crate) const CANDIDATES: usize = 10;
 /// The folder of the weights to measure, where it is not the repository's.
 const WEIGHTS_VARIABLE: &str = "PCC_WEIGHTS";
+
+/// Cases of every ablation; those with and without lower precision are the same.
+pub(crate) fn ablation_cases(scale: Scale) -> usize {
+    scale.pick(20, 300)
+}
 
 /// Where the weights are.
 pub(crate) fn weights_folder() -> PathBuf {
@@ -35,35 +42,56 @@ pub(crate) fn weights_in_use() -> String {
 pub(crate) struct Model {
     pub(crate) name: String,
     pub(crate) text: String,
+    pub(crate) updates: i64,
 }
 
 impl Model {
     /// The weights of a name, or `mixed` where there are none of that name, which the text then says.
     pub(crate) fn wanted(name: &str) -> anyhow::Result<Self> {
-        let file = weights_folder().join("MANIFEST.toml");
-        let text =
-            fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
-        let manifest: Table = text.parse()?;
-        let found = if manifest.contains_key(name) {
-            name
-        } else {
-            "mixed"
-        };
-        let entry = manifest
-            .get(found)
-            .with_context(|| format!("{} has neither {name} nor mixed weights", file.display()))?;
+        let manifest = manifest()?;
+        if manifest.contains_key(name) {
+            return Self::of(&manifest, name);
+        }
+        let mut model = Self::of(&manifest, "mixed")?;
+        write!(model.text, ", for the manifest has no {name}")?;
+        Ok(model)
+    }
+
+    /// All weights whose names begin so, by their updates.
+    pub(crate) fn all(prefix: &str) -> anyhow::Result<Vec<Self>> {
+        let manifest = manifest()?;
+        let names = manifest.keys().filter(|name| name.starts_with(prefix));
+        let mut models = names
+            .map(|name| Self::of(&manifest, name))
+            .collect::<Result<Vec<_>, _>>()?;
+        models.sort_by_key(|model| model.updates);
+        Ok(models)
+    }
+
+    fn of(manifest: &Table, name: &str) -> anyhow::Result<Self> {
+        let entry = manifest.get(name);
+        let entry = entry.with_context(|| format!("the manifest has no weights {name}"))?;
         let updates = entry.get("updates").and_then(toml::Value::as_integer);
         let updates = updates.context("weights without a number of updates")?;
-        let instead = if found == name {
-            String::new()
-        } else {
-            format!(", for the manifest has no {name}")
-        };
         Ok(Self {
-            name: found.to_owned(),
-            text: format!("weights {found} of {updates} updates{instead}"),
+            name: name.to_owned(),
+            text: format!("weights {name} of {updates} updates"),
+            updates,
         })
     }
+
+    /// Channels of the network's first level.
+    pub(crate) fn width(&self) -> anyhow::Result<usize> {
+        let file = Manifest::open(&weights_folder())?.weights(&self.name)?;
+        Ok(file.count("width")?)
+    }
+}
+
+fn manifest() -> anyhow::Result<Table> {
+    let file = weights_folder().join("MANIFEST.toml");
+    let text =
+        fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
+    Ok(text.parse()?)
 }
 
 /// A data set that is made on the spot, with a seed that no training data has.
@@ -91,8 +119,8 @@ const fn of_the_paper(
         method: "paper",
         setting,
         seed,
-        starts: 2,
-        targets_for_ten_cases: 7,
+        starts: 5,
+        targets_for_ten_cases: 4,
         weights,
     }
 }
@@ -133,11 +161,10 @@ impl Unseen {
         eprintln!("  making {} {} targets", targets, self.name);
         let (seed, targets) = (self.seed.to_string(), targets.to_string());
         let starts = self.starts.to_string();
-        let mut arguments = vec!["dataset", "--method", self.method];
-        arguments.extend(["--setting", self.setting, "--test-only", "--seed", &seed]);
-        arguments.extend(["--targets", &targets, "--starts", &starts, "--ends", "10"]);
-        arguments.extend(["--out", out.to_str().context("path")?]);
-        run_pcc(&arguments)?;
+        let mut arguments = vec!["--method", self.method, "--setting", self.setting];
+        arguments.extend(["--test-only", "--seed", &seed, "--targets", &targets]);
+        arguments.extend(["--starts", &starts, "--ends", "10"]);
+        make_dataset(&arguments, &out)?;
         Ok(out)
     }
 }
@@ -236,18 +263,25 @@ impl<'a> Evaluation<'a> {
             ("--split", "test".to_owned()),
             ("--planner", self.planner.to_owned()),
             ("--weights", path(&weights_folder())?),
-            ("--model", self.model.name.clone()),
             ("--candidates", self.candidates.to_string()),
             ("--seed", "0".to_owned()),
             ("--cases", self.cases.to_string()),
+            ("--out", path(&self.out())?),
+        ];
+        let of_sampler = [
+            ("--model", self.model.name.clone()),
             ("--steps", self.steps.to_string()),
             ("--solver", self.solver.to_owned()),
             ("--precision", self.precision.to_owned()),
-            ("--out", path(&self.out())?),
         ];
-        let words = pairs.map(|(name, value)| [name.to_owned(), value]);
-        let command = std::iter::once("evaluate".to_owned());
-        Ok(command.chain(words.into_iter().flatten()).collect())
+        let samples = self.planner.starts_with("diffusion");
+        let pairs = pairs
+            .into_iter()
+            .chain(of_sampler.into_iter().filter(|_| samples));
+        let words = pairs.flat_map(|(name, value)| [name.to_owned(), value]);
+        Ok(std::iter::once("evaluate".to_owned())
+            .chain(words)
+            .collect())
     }
 }
 
