@@ -1,12 +1,16 @@
 //! Tip inverse kinematics by damped Newton steps inside the bending discs.
 
-use nalgebra::{Cholesky, Matrix3};
-use pcc_model::{Configuration, Point, Robot};
+use nalgebra::{Cholesky, Matrix3, Matrix3x6, Vector2, Vector3};
+use pcc_model::{Configuration, Point, Robot, SECTIONS};
+
+type TipJacobian = Matrix3x6<f64>;
 
 /// Iterations of one seed: a count, so that answers do not depend on time.
 const ITERATIONS: usize = 40;
 /// Damping λ of the pseudo-inverse (docs/evaluation.md "Targets").
 const DAMPING: f64 = 1e-4;
+/// A section bent this near to its limit is at it, rad.
+const AT_LIMIT_RAD: f64 = 1e-9;
 /// Tip residual taken as solved, section lengths.
 const SOLVED: f64 = 1e-9;
 
@@ -26,19 +30,77 @@ pub fn solve_tip(robot: &Robot, target: &Point, seed: &Configuration) -> (Config
             return (shape, distance);
         }
         previous = distance;
-        let jacobian = backbone.tip_jacobian();
-        let normal =
-            jacobian * jacobian.transpose() + Matrix3::identity() * (DAMPING * distance.min(1.0));
-        let Some(factor) = Cholesky::new(normal) else {
+        let mut jacobian = backbone.tip_jacobian();
+        let Some(mut step) = damped_step(&jacobian, &error) else {
             return (shape, distance);
         };
-        shape = robot.project_to_limits(&(shape + jacobian.transpose() * factor.solve(&error)));
+        // Where a section would leave its disc it may only turn: clipped steps would come nearer by a share at a time.
+        if hold_limits(robot, &shape, &step, &mut jacobian) {
+            step = damped_step(&jacobian, &error).unwrap_or(step);
+        }
+        shape = robot.project_to_limits(&(shape + step));
     }
     let distance = (target - robot.tip(&shape)).norm();
     (shape, distance)
 }
 
+fn damped_step(jacobian: &TipJacobian, error: &Vector3<f64>) -> Option<Configuration> {
+    let damping = DAMPING * error.norm().min(1.0);
+    let normal = jacobian * jacobian.transpose() + Matrix3::identity() * damping;
+    Cholesky::new(normal).map(|factor| jacobian.transpose() * factor.solve(error))
+}
+
+/// Takes from the Jacobian the bending of the sections that are at their limit and that the step would bend further.
+///
+/// Returns whether there are any.
+fn hold_limits(
+    robot: &Robot,
+    shape: &Configuration,
+    step: &Configuration,
+    jacobian: &mut TipJacobian,
+) -> bool {
+    let mut any = false;
+    for section in 0..SECTIONS {
+        let bend: Vector2<f64> = shape.fixed_rows::<2>(2 * section).into_owned();
+        let angle = bend.norm();
+        let outwards = bend.dot(&step.fixed_rows::<2>(2 * section)) > 0.0;
+        if outwards && angle >= robot.bending_limit - AT_LIMIT_RAD {
+            let radial = bend / angle;
+            let mut columns = jacobian.fixed_columns_mut::<2>(2 * section);
+            let held = &columns * radial * radial.transpose();
+            columns -= held;
+            any = true;
+        }
+    }
+    any
+}
+
 /// Whether a residual of [`solve_tip`] counts as reached.
 pub(crate) fn is_solved(distance: f64) -> bool {
     distance < 1e-7
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::{random_configuration, unit_robot};
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64;
+
+    #[test]
+    fn shapes_at_the_bending_limit_are_reached() {
+        let robot = unit_robot();
+        let mut rng = Pcg64::seed_from_u64(1);
+        let reached = (0..200).filter(|case| {
+            let mut shape = random_configuration(&robot, &mut rng);
+            let section = 2 * (case % SECTIONS);
+            let bend = shape.fixed_rows::<2>(section).normalize() * robot.bending_limit;
+            shape.fixed_rows_mut::<2>(section).copy_from(&bend);
+            let near = shape * 0.95 + random_configuration(&robot, &mut rng) * 0.05;
+            let (found, distance) = solve_tip(&robot, &robot.tip(&shape), &near);
+            assert!(robot.limit_excess(&found) < 1e-12);
+            is_solved(distance)
+        });
+        assert_eq!(reached.count(), 200);
+    }
 }
