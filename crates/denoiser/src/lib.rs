@@ -18,7 +18,7 @@ mod simd;
 mod unet;
 mod weights_file;
 
-pub use diffusion::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver};
+pub use diffusion::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver, UnknownSolver};
 pub use fast_model::{CandidateInput, FastModel, FastScratch};
 pub use manifest::{Manifest, ManifestEntry};
 pub use matrix::Precision;

@@ -3,5 +3,5 @@
 mod sampler;
 mod schedule;
 
-pub use sampler::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver};
+pub use sampler::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver, UnknownSolver};
 pub(crate) use schedule::STEPS;
