@@ -4,7 +4,7 @@ use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::Context;
+use anyhow::anyhow;
 use clap::Parser;
 use planner_daemon::{Config, Daemon, termination_flag};
 use shared_types::ipc::IpcOptions;
@@ -30,7 +30,7 @@ fn main() -> ExitCode {
     match serve(&Arguments::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("planner-daemon: {error:#}");
+            eprintln!("planner-daemon: {error}");
             ExitCode::FAILURE
         }
     }
@@ -45,7 +45,7 @@ fn serve(arguments: &Arguments) -> anyhow::Result<()> {
         .with_ansi(stderr().is_terminal())
         .with_env_filter(filter)
         .init();
-    let terminated = termination_flag().context("cannot handle signals")?;
+    let terminated = termination_flag().map_err(|e| anyhow!("cannot handle signals: {e}"))?;
     let config = Config::from_file(&arguments.config)?;
     let mut daemon = Daemon::start(&config, &IpcOptions::from_env())?;
     daemon.run(&terminated);

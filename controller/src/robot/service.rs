@@ -149,12 +149,13 @@ impl Process<'_> {
     }
 
     fn cycle(&mut self) {
+        let target = self.ports.newest_setpoint();
+        // Read after it: a stall in between must not put its stamp into the future.
         let now_ns = mono_now_ns();
         let stuck = self.switches.stuck.load(Ordering::Relaxed);
         let faults = InjectedFaults {
             stuck_tendon: stuck.then_some(self.config.stuck_tendon),
         };
-        let target = self.ports.newest_setpoint();
         let measured = self.robot.step(now_ns, target.as_ref(), faults);
         self.remember();
         self.tell_mode();

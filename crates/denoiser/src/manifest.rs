@@ -5,6 +5,8 @@ use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+const FILE: &str = "MANIFEST.toml";
+
 /// What the manifest says of one file.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
@@ -41,7 +43,7 @@ impl Manifest {
     /// # Errors
     /// [`WeightsError::Missing`] or [`WeightsError::Manifest`].
     pub fn open(folder: &Path) -> Result<Self, WeightsError> {
-        let path = folder.join("MANIFEST.toml");
+        let path = folder.join(FILE);
         let text = std::fs::read_to_string(&path).map_err(|source| WeightsError::Missing {
             path: path.clone(),
             source,
@@ -71,6 +73,7 @@ impl Manifest {
     /// [`WeightsError::NotInManifest`].
     pub fn entry(&self, name: &str) -> Result<&ManifestEntry, WeightsError> {
         let unknown = || WeightsError::NotInManifest {
+            path: self.folder.join(FILE),
             name: name.into(),
             known: self.entries.keys().cloned().collect(),
         };

@@ -27,8 +27,10 @@ pub enum WeightsError {
         reason: String,
     },
     /// The manifest has no such name.
-    #[error("weights `{name}` are not in the manifest; it has {known:?}")]
+    #[error("{path} has no weights `{name}`, only {}; weights/README.md says how to train them", .known.join(", "))]
     NotInManifest {
+        /// The manifest.
+        path: PathBuf,
         /// The name asked for.
         name: String,
         /// The names there are.

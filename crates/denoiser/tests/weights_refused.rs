@@ -51,7 +51,7 @@ fn a_manifest_that_is_not_understood_or_lacks_the_name_is_refused() {
     let manifest = folder.open().unwrap();
     let refused = manifest.weights("fast").err().unwrap();
     assert!(
-        matches!(&refused, WeightsError::NotInManifest { name, known } if name == "fast" && known == &["tiny"]),
+        matches!(&refused, WeightsError::NotInManifest { name, known, .. } if name == "fast" && known == &["tiny"]),
         "{refused}"
     );
     folder.manifest("[tiny]\nfile = \"tiny.safetensors\"\nhash = \"0\"\n");

@@ -1,5 +1,6 @@
 //! `pcc dataset` and `pcc features`: paths by the teacher or by the paper's generator, and training arrays.
 
+use crate::number::threads;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -59,8 +60,8 @@ pub(crate) struct Arguments {
     /// Number of balls in every general scene, instead of the cycle (0 to 64).
     #[arg(long)]
     balls: Option<usize>,
-    /// Targets to draw.
-    #[arg(long, default_value_t = 320)]
+    /// Targets to draw, at least 1.
+    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u64).range(1..))]
     targets: u64,
     /// Starts of each target (1 to 5).
     #[arg(long, default_value_t = 5)]
@@ -77,8 +78,8 @@ pub(crate) struct Arguments {
     /// This shard of how many, as `i/n`, counted from 0; the shard that ends last merges.
     #[arg(long, default_value = "0/1")]
     shard: String,
-    /// Worker threads (0: one a core).
-    #[arg(long, default_value_t = 0)]
+    /// Worker threads, at most 256 (0: one a core).
+    #[arg(long, default_value_t = 0, value_parser = threads())]
     threads: usize,
     /// Robot file; its three sections must be equally long.
     #[arg(long, default_value = "config/robots/unit.toml")]

@@ -1,7 +1,7 @@
 //! `pcc plan`: asks the daemon for candidates, shows them, and can have one executed.
 
 use crate::number::finite;
-use anyhow::{Context, bail};
+use anyhow::bail;
 use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
 use shared_types::capacity::DOF;
@@ -190,7 +190,7 @@ fn held_configuration(options: &IpcOptions) -> anyhow::Result<[f64; DOF]> {
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    Err(anyhow::anyhow!("no controller within {PATIENCE:?}")).context("start it, or give --start")
+    bail!("no controller within {PATIENCE:?}: start it, or give --start")
 }
 
 /// The outcome and its reason, which may begin with the outcome's own words.

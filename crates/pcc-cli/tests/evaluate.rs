@@ -80,7 +80,7 @@ fn options_of_the_diffusion_model_are_refused_where_nothing_reads_them_and_where
         ("--steps", "1001", 1, "--steps 1001: 1 to 1000"),
         ("--solver", "euler", 2, "ddim and dpm-solver are allowed"),
         ("--precision", "f16", 2, "f32 and bf16 are allowed"),
-        ("--model", "mixed", 1, "`mixed` are not in the manifest"),
+        ("--model", "mixed", 1, "has no weights `mixed`"),
     ] {
         let output = evaluate(&out, "diffusion", &[option, value]);
         assert_eq!(output.status.code(), Some(status), "{}", said(&output));

@@ -46,7 +46,7 @@ pub enum PlannerError {
     Infeasible(#[from] Infeasible),
     /// A learned sampler was asked for and its model is not loaded.
     #[error(
-        "sampler not loaded: the request needs the {0} model; load its weights or ask for `straight` or `rrt-connect`"
+        "sampler not loaded: the request needs the {0} model, whose weights the configuration has to name; `straight` and `rrt-connect` need none"
     )]
     ModelNotLoaded(&'static str),
     /// The robot's sections differ in length, which the unit model cannot express.

@@ -4,9 +4,10 @@ mod arrays;
 mod summary;
 
 use crate::dataset::unit_robot;
-use crate::planner::{Loaded, ModelArguments, PlannerName, load};
+use crate::number::threads;
+use crate::planner::{Loaded, ModelArguments, PlannerName, load, name_of};
 use anyhow::{Context, bail};
-use clap::{Args, ValueEnum};
+use clap::{Args, ValueEnum, builder::RangedU64ValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use planning::dataset::{Case, Dataset, Split};
 use planning::{Goal, Infeasible, Plan, Planner, PlannerError, Problem, Request, Selection};
@@ -38,11 +39,11 @@ pub(crate) struct Arguments {
     /// Seed; case i is planned with seed + i.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Only the first N cases.
-    #[arg(long)]
+    /// Only the first N cases, at least 1.
+    #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
     cases: Option<usize>,
-    /// Worker threads of the planner (0: one a core).
-    #[arg(long, default_value_t = 0)]
+    /// Worker threads of the planner, at most 256 (0: one a core).
+    #[arg(long, default_value_t = 0, value_parser = threads())]
     threads: usize,
     /// Robot file.
     #[arg(long, default_value = "config/robots/unit.toml")]
@@ -81,9 +82,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let cases = dataset.cases(split, arguments.cases)?;
     if cases.is_empty() {
         bail!(
-            "{} has no case in split {:?}",
+            "{} has no case in split {}",
             arguments.dataset.display(),
-            arguments.split
+            name_of(&arguments.split)
         );
     }
     std::fs::create_dir_all(&arguments.out)
