@@ -286,7 +286,11 @@ pub fn weights() -> BadStarts {
             |w| (w.content[..8].fill(0xff), w.sign()).1,
             "safetensors",
         ),
-        ("not in the manifest", |w| w.rename(), "has no weights `fast`"),
+        (
+            "not in the manifest",
+            |w| w.rename(),
+            "has no weights `fast`",
+        ),
         (
             "unknown manifest key",
             |w| set(w.entry(), "colour", "red"),
