@@ -67,6 +67,11 @@ impl Manifest {
         WeightsFile::open(&self.folder.join(&entry.file), entry)
     }
 
+    /// The names of the weights, sorted.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.entries.keys().map(String::as_str)
+    }
+
     /// What it says of the weights of a name.
     ///
     /// # Errors

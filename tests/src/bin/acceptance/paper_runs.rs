@@ -10,7 +10,6 @@ use denoiser::Manifest;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tests::programs::repository;
-use toml::Table;
 
 use crate::evaluation::{folder, make_dataset, run_pcc};
 use crate::{Report, Scale};
@@ -42,14 +41,14 @@ pub(crate) fn weights_in_use() -> String {
 pub(crate) struct Model {
     pub(crate) name: String,
     pub(crate) text: String,
-    pub(crate) updates: i64,
+    pub(crate) updates: u64,
 }
 
 impl Model {
     /// The weights of a name, or `mixed` where there are none of that name, which the text then says.
     pub(crate) fn wanted(name: &str) -> anyhow::Result<Self> {
-        let manifest = manifest()?;
-        if manifest.contains_key(name) {
+        let manifest = Manifest::open(&weights_folder())?;
+        if manifest.entry(name).is_ok() {
             return Self::of(&manifest, name);
         }
         let mut model = Self::of(&manifest, "mixed")?;
@@ -59,8 +58,8 @@ impl Model {
 
     /// All weights whose names begin so, by their updates.
     pub(crate) fn all(prefix: &str) -> anyhow::Result<Vec<Self>> {
-        let manifest = manifest()?;
-        let names = manifest.keys().filter(|name| name.starts_with(prefix));
+        let manifest = Manifest::open(&weights_folder())?;
+        let names = manifest.names().filter(|name| name.starts_with(prefix));
         let mut models = names
             .map(|name| Self::of(&manifest, name))
             .collect::<Result<Vec<_>, _>>()?;
@@ -68,11 +67,8 @@ impl Model {
         Ok(models)
     }
 
-    fn of(manifest: &Table, name: &str) -> anyhow::Result<Self> {
-        let entry = manifest.get(name);
-        let entry = entry.with_context(|| format!("the manifest has no weights {name}"))?;
-        let updates = entry.get("updates").and_then(toml::Value::as_integer);
-        let updates = updates.context("weights without a number of updates")?;
+    fn of(manifest: &Manifest, name: &str) -> anyhow::Result<Self> {
+        let updates = manifest.entry(name)?.updates;
         Ok(Self {
             name: name.to_owned(),
             text: format!("weights {name} of {updates} updates"),
@@ -85,13 +81,6 @@ impl Model {
         let file = Manifest::open(&weights_folder())?.weights(&self.name)?;
         Ok(file.count("width")?)
     }
-}
-
-fn manifest() -> anyhow::Result<Table> {
-    let file = weights_folder().join("MANIFEST.toml");
-    let text =
-        fs::read_to_string(&file).with_context(|| format!("cannot read {}", file.display()))?;
-    Ok(text.parse()?)
 }
 
 /// A data set that is made on the spot, with a seed that no training data has.
