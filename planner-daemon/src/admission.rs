@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point};
-use planning::{Goal, Guidance, Problem, Request, Sampler, Selection};
+use planning::{Goal, Guidance, MOST_CORRECTIONS, Problem, Request, Sampler, Selection};
 use shared_types::codes::{self, Outcome, PlanField};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::message;
@@ -141,6 +141,7 @@ impl Border {
             limits_scale: asked.limits_scale,
             growth: self.growth,
             knots: self.capacity.knots_per_candidate,
+            corrections: MOST_CORRECTIONS,
         }
     }
 

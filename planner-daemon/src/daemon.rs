@@ -8,8 +8,8 @@ use collision::{Ball, Scene, tracking_growth};
 use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
 use pcc_model::{Configuration, Point, Robot, RobotFileError};
 use planning::{
-    DiffusionModel, Goal, Guidance, Models, Planner, PlannerError, PrecisionUnavailable, Problem,
-    Request, Sampler, Selection,
+    DiffusionModel, Goal, Guidance, MOST_CORRECTIONS, Models, Planner, PlannerError,
+    PrecisionUnavailable, Problem, Request, Sampler, Selection,
 };
 use shared_types::ipc::{
     IpcError, IpcNode, IpcOptions, Role, RoleLock, plan_server, plan_service, shared_memory,
@@ -243,6 +243,7 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         limits_scale: 1.0,
         growth: tracking_growth(planner.robot(), config.path_tolerance_rad),
         knots: config.capacity.knots_per_candidate,
+        corrections: MOST_CORRECTIONS,
     };
     let main = match config.weights {
         Some(_) => Sampler::Default,

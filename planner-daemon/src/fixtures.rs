@@ -35,6 +35,7 @@ pub(crate) fn request() -> Request {
         limits_scale: 1.0,
         growth: 0.0225,
         knots: 96,
+        corrections: planning::MOST_CORRECTIONS,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Smooth changes of a path: sine series that vanish at both ends, and least squares in their coefficients.
 
 use crate::path::{WAYPOINTS, parameter};
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::SMatrix;
 use pcc_model::{Configuration, DOF};
 use std::f64::consts::PI;
 
@@ -58,77 +58,148 @@ impl SineBasis {
     }
 }
 
+type Block = SMatrix<f64, DOF, DOF>;
+
 /// Weighted linear least squares in the coefficients of a smooth change.
+///
+/// A row that concerns waypoint h is s_h ⊗ g, with the sines of that waypoint and a gradient g. The normal matrix is
+/// therefore Σ_h s_h s_hᵀ ⊗ Σ g gᵀ: it takes as long with many rows as with few.
 pub(crate) struct SmoothLeastSquares {
-    rows: Vec<f64>,
-    targets: Vec<f64>,
+    /// Σ g gᵀ of each waypoint.
+    own: [Block; WAYPOINTS],
+    /// Σ a bᵀ of the rows that concern a waypoint with gradient a and the next one with gradient b.
+    next: [Block; WAYPOINTS],
+    /// Σ target · g.
+    right: [Configuration; WAYPOINTS],
+    concerned: [bool; WAYPOINTS],
 }
 
 impl SmoothLeastSquares {
     pub(crate) fn new() -> Self {
         Self {
-            rows: Vec::new(),
-            targets: Vec::new(),
+            own: [Block::zeros(); WAYPOINTS],
+            next: [Block::zeros(); WAYPOINTS],
+            right: [Configuration::zeros(); WAYPOINTS],
+            concerned: [false; WAYPOINTS],
         }
     }
 
     pub(crate) fn clear(&mut self) {
-        self.rows.clear();
-        self.targets.clear();
+        for h in (0..WAYPOINTS).filter(|&h| self.concerned[h]) {
+            (self.own[h], self.next[h]) = (Block::zeros(), Block::zeros());
+            self.right[h] = Configuration::zeros();
+        }
+        self.concerned = [false; WAYPOINTS];
     }
 
     /// Adds `weight · (gradientᵀ change_h − target)²`.
-    pub(crate) fn push(
-        &mut self,
-        sines: &[f64; TERMS],
-        gradient: &Configuration,
-        target: f64,
-        weight: f64,
-    ) {
-        let scale = weight.sqrt();
-        self.rows.extend(
-            sines
-                .iter()
-                .flat_map(|s| gradient.iter().map(move |g| scale * s * g)),
-        );
-        self.targets.push(scale * target);
+    pub(crate) fn push(&mut self, h: usize, gradient: &Configuration, target: f64, weight: f64) {
+        self.own[h] += gradient * gradient.transpose() * weight;
+        self.right[h] += gradient * (weight * target);
+        self.concerned[h] = true;
     }
 
     /// Adds `weight · (aᵀ change_h + bᵀ change_{h+1} − target)²`.
     pub(crate) fn push_pair(
         &mut self,
-        sines: [&[f64; TERMS]; 2],
-        gradients: [&Configuration; 2],
+        h: usize,
+        [a, b]: [&Configuration; 2],
         target: f64,
         weight: f64,
     ) {
-        let scale = weight.sqrt();
-        for (s0, s1) in sines[0].iter().zip(sines[1]) {
-            self.rows.extend(
-                gradients[0]
-                    .iter()
-                    .zip(gradients[1])
-                    .map(|(a, b)| scale * (s0 * a + s1 * b)),
-            );
-        }
-        self.targets.push(scale * target);
+        self.push(h, a, target, weight);
+        self.push(h + 1, b, target, weight);
+        self.next[h] += a * b.transpose() * weight;
     }
 
     /// Minimises the sum plus `Σ damping_k |c_k − c̄_k|²`, where `pull_k = damping_k c̄_k` is given.
     pub(crate) fn solve(
         &self,
+        basis: &SineBasis,
         damping: &[f64; UNKNOWNS],
         pull: &[f64; UNKNOWNS],
-    ) -> Option<DVector<f64>> {
-        let transposed = DMatrix::from_column_slice(UNKNOWNS, self.targets.len(), &self.rows);
-        let mut normal = &transposed * transposed.transpose();
+    ) -> Option<[f64; UNKNOWNS]> {
+        let mut normal = self.normal(basis);
         for (k, d) in damping.iter().enumerate() {
-            normal[(k, k)] += d;
+            normal[k][k] += d;
         }
-        let right = &transposed * DVector::from_column_slice(&self.targets)
-            + DVector::from_column_slice(pull);
-        Cholesky::new(normal).map(|c| c.solve(&right))
+        let mut right = *pull;
+        for h in (0..WAYPOINTS).filter(|&h| self.concerned[h]) {
+            for (sine, block) in basis.at(h).iter().zip(right.chunks_exact_mut(DOF)) {
+                for (sum, part) in block.iter_mut().zip(self.right[h].iter()) {
+                    *sum += sine * part;
+                }
+            }
+        }
+        factorise(&mut normal).then(|| substitute(&normal, right))
     }
+
+    /// The lower triangle of blocks of the normal matrix.
+    fn normal(&self, basis: &SineBasis) -> Box<Normal> {
+        let mut blocks = [[Block::zeros(); TERMS]; TERMS];
+        for h in (0..WAYPOINTS).filter(|&h| self.concerned[h]) {
+            let sines = basis.at(h);
+            for l in 0..TERMS {
+                let mut column = self.own[h] * sines[l];
+                if h + 1 < WAYPOINTS {
+                    column += self.next[h] * basis.at(h + 1)[l];
+                }
+                if h > 0 {
+                    column += self.next[h - 1].transpose() * basis.at(h - 1)[l];
+                }
+                for k in l..TERMS {
+                    blocks[k][l] += column * sines[k];
+                }
+            }
+        }
+        let mut normal = Box::new([[0.0; UNKNOWNS]; UNKNOWNS]);
+        for (row, values) in normal.iter_mut().enumerate() {
+            for (column, value) in values[..=row].iter_mut().enumerate() {
+                *value = blocks[row / DOF][column / DOF][(row % DOF, column % DOF)];
+            }
+        }
+        normal
+    }
+}
+
+/// A symmetric matrix, or its factor; only the lower triangle is used.
+type Normal = [[f64; UNKNOWNS]; UNKNOWNS];
+
+/// Replaces a matrix by its Cholesky factor, column by column; false if it is not positive definite.
+fn factorise(matrix: &mut Normal) -> bool {
+    for j in 0..UNKNOWNS {
+        let pivot = matrix[j][j];
+        if pivot.is_nan() || pivot <= 0.0 {
+            return false;
+        }
+        let scale = 1.0 / pivot.sqrt();
+        let column: [f64; UNKNOWNS] = std::array::from_fn(|i| matrix[i][j] * scale);
+        matrix[j][j] = column[j];
+        for (i, row) in matrix.iter_mut().enumerate().skip(j + 1) {
+            row[j] = column[i];
+            let entries = row[j + 1..=i].iter_mut();
+            for (entry, other) in entries.zip(&column[j + 1..=i]) {
+                *entry -= column[i] * other;
+            }
+        }
+    }
+    true
+}
+
+/// Solves L Lᵀ x = b.
+fn substitute(factor: &Normal, mut x: [f64; UNKNOWNS]) -> [f64; UNKNOWNS] {
+    let known = |row: &[f64], x: &[f64]| row.iter().zip(x).map(|(a, b)| a * b).sum::<f64>();
+    for i in 0..UNKNOWNS {
+        x[i] = (x[i] - known(&factor[i][..i], &x[..i])) / factor[i][i];
+    }
+    for i in (0..UNKNOWNS).rev() {
+        x[i] /= factor[i][i];
+        let (earlier, rest) = x.split_at_mut(i);
+        for (value, entry) in earlier.iter_mut().zip(&factor[i][..i]) {
+            *value -= entry * rest[0];
+        }
+    }
+    x
 }
 
 #[cfg(test)]
@@ -159,8 +230,48 @@ mod tests {
         let basis = SineBasis::new();
         let mut problem = SmoothLeastSquares::new();
         let gradient = Configuration::from_fn(|i, _| i as f64 + 1.0);
-        problem.push(basis.at(20), &gradient, 0.7, 1.0);
-        let solution = problem.solve(&[1e-9; UNKNOWNS], &[0.0; UNKNOWNS]).unwrap();
-        assert!((gradient.dot(&basis.change(20, solution.as_slice())) - 0.7).abs() < 1e-6);
+        problem.push(20, &gradient, 0.7, 1.0);
+        let solution = problem.solve(&basis, &[1e-9; UNKNOWNS], &[0.0; UNKNOWNS]);
+        assert!((gradient.dot(&basis.change(20, &solution.unwrap())) - 0.7).abs() < 1e-6);
+        problem.clear();
+        let nothing = problem.solve(&basis, &[1.0; UNKNOWNS], &[0.0; UNKNOWNS]);
+        assert_eq!(nothing.unwrap(), [0.0; UNKNOWNS]);
+    }
+
+    #[test]
+    fn least_squares_leaves_no_slope() {
+        let basis = SineBasis::new();
+        let vector = |seed: usize| Configuration::from_fn(|i, _| ((seed * 7 + i * 3) as f64).sin());
+        let rows: Vec<_> = (0..40)
+            .map(|r| {
+                (
+                    r * 17 % (WAYPOINTS - 1),
+                    vector(r),
+                    vector(r + 100),
+                    (r as f64).cos(),
+                )
+            })
+            .collect();
+        let mut problem = SmoothLeastSquares::new();
+        for (h, a, b, target) in &rows {
+            problem.push_pair(*h, [a, b], *target, 2.0);
+            problem.push(*h, b, 0.5, 3.0);
+        }
+        let (damping, pull) = ([0.3; UNKNOWNS], std::array::from_fn(|i| 0.01 * i as f64));
+        let found = problem.solve(&basis, &damping, &pull).unwrap();
+        let mut slope: [f64; UNKNOWNS] = std::array::from_fn(|i| damping[i] * found[i] - pull[i]);
+        let mut add = |sines: &[f64; TERMS], gradient: &Configuration, residual: f64| {
+            for (i, value) in slope.iter_mut().enumerate() {
+                *value += residual * sines[i / DOF] * gradient[i % DOF];
+            }
+        };
+        for (h, a, b, target) in &rows {
+            let [here, there] = [0, 1].map(|next| basis.change(h + next, &found));
+            let pair = 2.0 * (a.dot(&here) + b.dot(&there) - target);
+            add(basis.at(*h), a, pair);
+            add(basis.at(h + 1), b, pair);
+            add(basis.at(*h), b, 3.0 * (b.dot(&here) - 0.5));
+        }
+        assert!(slope.iter().all(|s| s.abs() < 1e-9), "{slope:?}");
     }
 }

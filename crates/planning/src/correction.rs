@@ -4,7 +4,7 @@
 //! linearises the clearance by the envelope theorem (docs/robot.md "Exact geometry"), and solves for the smooth change
 //! that restores it. Both ends stay exactly where they are.
 
-use crate::basis::{SineBasis, SmoothLeastSquares, TERMS, UNKNOWNS};
+use crate::basis::{SineBasis, SmoothLeastSquares, UNKNOWNS};
 use crate::path::{WAYPOINTS, project};
 use collision::{Contact, Scene};
 use pcc_model::{Configuration, DOF, Robot, SECTIONS};
@@ -18,41 +18,45 @@ const LARGEST_STEP_RAD: f64 = 0.5;
 /// Cost of a coefficient, and how it grows with the fourth power of its frequency.
 const CHANGE_COST: f64 = 1e-3;
 
+/// What a correction has come to, at the waypoints.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Correction {
+    /// No waypoint touches an obstacle.
+    Clear,
+    /// One still does: no motion along this path can be certified.
+    Touching,
+}
+
 /// Pushes a path (64 waypoints, radians) out of the scene to `margin` (section lengths) beyond the tube.
-///
-/// Returns whether nothing was closer than half the margin at the waypoints in the end.
 pub(crate) fn correct(
     robot: &Robot,
     scene: &Scene,
     basis: &SineBasis,
     margin: f64,
     path: &mut [Configuration],
-) -> bool {
+) -> Correction {
     project(robot, path);
     let damping = damping();
     let mut contacts = Vec::new();
     let mut problem = SmoothLeastSquares::new();
     for _ in 0..ROUNDS {
         problem.clear();
-        let deepest = push_rows(
-            robot,
-            scene,
-            basis,
-            margin,
-            path,
-            &mut contacts,
-            &mut problem,
-        );
+        let deepest = push_rows(robot, scene, margin, path, &mut contacts, &mut problem);
         if deepest >= 0.5 * margin {
-            return true;
+            return Correction::Clear;
         }
-        let Some(solution) = problem.solve(&damping, &[0.0; UNKNOWNS]) else {
-            return false;
+        let Some(solution) = problem.solve(basis, &damping, &[0.0; UNKNOWNS]) else {
+            break;
         };
-        apply(basis, solution.as_slice(), path);
+        apply(basis, &solution, path);
         project(robot, path);
     }
-    false
+    let touches = |q| scene.clearance(&robot.backbone(q), robot.tube_radius) < 0.0;
+    if path.iter().any(touches) {
+        Correction::Touching
+    } else {
+        Correction::Clear
+    }
 }
 
 fn damping() -> [f64; UNKNOWNS] {
@@ -62,7 +66,6 @@ fn damping() -> [f64; UNKNOWNS] {
 fn push_rows(
     robot: &Robot,
     scene: &Scene,
-    basis: &SineBasis,
     margin: f64,
     path: &[Configuration],
     contacts: &mut Vec<Contact>,
@@ -70,7 +73,7 @@ fn push_rows(
 ) -> f64 {
     let mut deepest = f64::INFINITY;
     for (h, waypoint) in path.iter().enumerate().take(WAYPOINTS - 1).skip(1) {
-        limit_rows(robot, basis.at(h), waypoint, problem);
+        limit_rows(robot, h, waypoint, problem);
         let backbone = robot.backbone(waypoint);
         contacts.clear();
         scene.contacts_within(&backbone, robot.tube_radius, margin, contacts);
@@ -79,7 +82,7 @@ fn push_rows(
                 .point_jacobian(contact.section, contact.fraction)
                 .transpose()
                 * contact.normal;
-            problem.push(basis.at(h), &gradient, margin - contact.clearance, 1.0);
+            problem.push(h, &gradient, margin - contact.clearance, 1.0);
             deepest = deepest.min(contact.clearance);
         }
     }
@@ -89,7 +92,7 @@ fn push_rows(
 /// Adds a row for every section of a waypoint that is bent to within the limit margin.
 pub(crate) fn limit_rows(
     robot: &Robot,
-    sines: &[f64; TERMS],
+    h: usize,
     waypoint: &Configuration,
     problem: &mut SmoothLeastSquares,
 ) {
@@ -104,7 +107,7 @@ pub(crate) fn limit_rows(
             let mut gradient = Configuration::zeros();
             gradient[2 * section] = waypoint[2 * section] / angle;
             gradient[2 * section + 1] = waypoint[2 * section + 1] / angle;
-            problem.push(sines, &gradient, allowed - angle, 1.0);
+            problem.push(h, &gradient, allowed - angle, 1.0);
         }
     }
 }
@@ -145,7 +148,8 @@ mod tests {
                 .fold(f64::INFINITY, f64::min)
         };
         assert!(deepest(&path) < -0.2, "the straight path collides");
-        assert!(correct(&robot, &scene, &SineBasis::new(), 0.04, &mut path));
+        let corrected = correct(&robot, &scene, &SineBasis::new(), 0.04, &mut path);
+        assert_eq!(corrected, Correction::Clear);
         assert!(deepest(&path) >= 0.02);
         assert_eq!((path[0], path[63]), (start, end));
     }

@@ -1,33 +1,153 @@
-//! From a path to a motion: time allocation, then the certificate of the curve that is executed.
+//! From a path to a motion: correction, time allocation, the certificate of the curve that is executed, its figures.
 
+use crate::basis::SineBasis;
+use crate::correction::{Correction, correct};
+use crate::metrics::path_metrics;
 use crate::path::{Waypoints, resample};
-use crate::plan::Failure;
+use crate::plan::{Certified, Failure};
+use crate::planner::Interrupt;
 use crate::problem::BENDING_SLACK_RAD;
 use collision::{Scene, certify_polyline, certify_trajectory};
 use pcc_model::{Configuration, Robot, TendonLimits};
-use trajectory::{AllocationOptions, Knot, MAX_KNOTS, Trajectory, allocate};
+use std::cell::RefCell;
+use std::time::Instant;
+use trajectory::{AllocationOptions, Allocator, Knot, MAX_KNOTS, Trajectory};
 
-/// What a motion must keep.
+/// Clearance that corrections aim for beyond the tube, in the first and the second attempt, section lengths.
+const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
+/// Corrections that a path gets at most.
+pub const MOST_CORRECTIONS: usize = 2;
+
+thread_local! {
+    /// Each worker's memory for time allocation.
+    static ALLOCATOR: RefCell<Allocator> = RefCell::default();
+}
+
+/// What a motion must keep, and how far it may be corrected to that end.
 pub(crate) struct Demands<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) scene: &'a Scene,
+    pub(crate) basis: &'a SineBasis,
     pub(crate) limits: TendonLimits,
     pub(crate) knots: usize,
     pub(crate) growth: f64,
+    pub(crate) corrections: usize,
+    pub(crate) interrupt: Interrupt<'a>,
+}
+
+/// Processor time that one path took in each stage, seconds.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Laps {
+    pub(crate) correct: f64,
+    pub(crate) time: f64,
+    pub(crate) certify: f64,
+    pub(crate) select: f64,
+}
+
+impl Laps {
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.correct += other.correct;
+        self.time += other.time;
+        self.certify += other.certify;
+        self.select += other.select;
+    }
+
+    pub(crate) fn total(&self) -> f64 {
+        self.correct + self.time + self.certify + self.select
+    }
+}
+
+/// A path on its way to a motion.
+pub(crate) struct Finished {
+    pub(crate) path: Waypoints,
+    pub(crate) outcome: Result<Certified, Failure>,
+    pub(crate) laps: Laps,
+}
+
+/// Seconds since `clock`, which is set to now.
+fn lap(clock: &mut Instant) -> f64 {
+    let now = Instant::now();
+    (now - std::mem::replace(clock, now)).as_secs_f64()
 }
 
 impl Demands<'_> {
+    /// Corrects, times and certifies a path; what does not certify is corrected once more with a larger margin.
+    pub(crate) fn finish(&self, path: Waypoints) -> Finished {
+        let mut finished = Finished {
+            path,
+            outcome: Err(Failure::Truncated),
+            laps: Laps::default(),
+        };
+        for attempt in 0..self.corrections.max(1) {
+            if (self.interrupt)() {
+                finished.outcome = Err(Failure::Truncated);
+                break;
+            }
+            if self.corrections > 0 && self.correct(attempt, &mut finished) == Correction::Touching
+            {
+                finished.outcome = Err(Failure::Collision);
+                continue;
+            }
+            self.deliver(&mut finished);
+            if finished.outcome.is_ok() {
+                break;
+            }
+        }
+        finished
+    }
+
+    fn correct(&self, attempt: usize, finished: &mut Finished) -> Correction {
+        let mut clock = Instant::now();
+        let margin = CORRECTION_MARGINS[attempt] + self.growth;
+        let corrected = correct(
+            self.robot,
+            self.scene,
+            self.basis,
+            margin,
+            &mut finished.path,
+        );
+        finished.laps.correct += lap(&mut clock);
+        corrected
+    }
+
+    /// Times, certifies and describes a path as it is.
+    fn deliver(&self, finished: &mut Finished) {
+        let mut clock = Instant::now();
+        let timed = self.time(&finished.path);
+        finished.laps.time += lap(&mut clock);
+        let certified = timed.and_then(|motion| self.certify(&motion).map(|()| motion));
+        finished.laps.certify += lap(&mut clock);
+        finished.outcome = certified.map(|motion| self.describe(motion));
+        finished.laps.select += lap(&mut clock);
+    }
+
+    /// A certified motion with its figures of merit.
+    pub(crate) fn describe(&self, trajectory: Trajectory) -> Certified {
+        let metrics = path_metrics(self.robot, self.scene, &trajectory);
+        Certified {
+            trajectory,
+            metrics,
+        }
+    }
+
     /// Times a path of 64 waypoints from rest to rest.
-    pub(crate) fn time(&self, path: &[Configuration]) -> Result<Trajectory, Failure> {
+    fn time(&self, path: &[Configuration]) -> Result<Trajectory, Failure> {
+        self.allocate(path, self.knots)
+    }
+
+    fn allocate(&self, path: &[Configuration], knots: usize) -> Result<Trajectory, Failure> {
         let options = AllocationOptions {
-            knots: self.knots,
+            knots,
             ..AllocationOptions::default()
         };
-        allocate(path, &self.robot.tendons, &self.limits, &options).map_err(|_| Failure::Time)
+        let tendons = &self.robot.tendons;
+        ALLOCATOR
+            .with_borrow_mut(|memory| memory.allocate(path, tendons, &self.limits, &options))
+            .map_err(|_| Failure::Time)
     }
 
     /// Certifies the executed curve: whole body, whole motion, bending.
-    pub(crate) fn certify(&self, trajectory: &Trajectory) -> Result<(), Failure> {
+    fn certify(&self, trajectory: &Trajectory) -> Result<(), Failure> {
         if !self.keeps_bending(trajectory) {
             return Err(Failure::Bending);
         }
@@ -65,14 +185,10 @@ impl Demands<'_> {
             return Err(Failure::Collision);
         }
         let edges = polyline.len() - 1;
-        let options = AllocationOptions {
-            knots: (self.knots / edges).max(8),
-            ..AllocationOptions::default()
-        };
+        let knots_of_a_leg = (self.knots / edges).max(8);
         let mut knots: Vec<Knot> = Vec::new();
         for edge in polyline.windows(2) {
-            let leg = allocate(edge, &self.robot.tendons, &self.limits, &options)
-                .map_err(|_| Failure::Time)?;
+            let leg = self.allocate(edge, knots_of_a_leg)?;
             let begin = knots.pop().map_or(0.0, |k| k.time);
             knots.extend(leg.knots().iter().map(|k| Knot {
                 time: k.time + begin,
@@ -94,13 +210,16 @@ mod tests {
 
     #[test]
     fn a_motion_that_rests_at_its_corners_has_the_knots_of_a_motion_or_is_none() {
-        let (robot, scene) = (unit_robot(), Scene::default());
+        let (robot, scene, basis) = (unit_robot(), Scene::default(), SineBasis::new());
         let demands = Demands {
             robot: &robot,
             scene: &scene,
+            basis: &basis,
             limits: robot.tendon_limits,
             knots: 96,
             growth: 0.0,
+            corrections: 0,
+            interrupt: &|| false,
         };
         let zigzag = |edges: usize| -> Vec<Configuration> {
             let corner = |i: usize| Configuration::repeat([0.0, 0.3][i % 2] + 1e-3 * i as f64);

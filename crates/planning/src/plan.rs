@@ -1,6 +1,7 @@
 //! What a plan is asked for, and what it delivers.
 
 use crate::diffusion::Guidance;
+use crate::finish::Laps;
 use crate::metrics::PathMetrics;
 use crate::path::Waypoints;
 use crate::select::Selection;
@@ -74,9 +75,20 @@ pub struct Request {
     pub growth: f64,
     /// Knots of each motion (4 to 256); one that rests at its corners may take up to 256.
     pub knots: usize,
+    /// Corrections that a path gets before it is given up (0: none, to [`MOST_CORRECTIONS`], which is the rule).
+    pub corrections: usize,
 }
 
-/// One certified, timed motion.
+/// A certified motion.
+#[derive(Clone, Debug)]
+pub struct Certified {
+    /// The curve that is executed.
+    pub trajectory: Trajectory,
+    /// Its figures.
+    pub metrics: PathMetrics,
+}
+
+/// One certified, timed motion of a plan.
 #[derive(Clone, Debug)]
 pub struct Candidate {
     /// The curve that is executed.
@@ -89,13 +101,25 @@ pub struct Candidate {
     pub draw: usize,
 }
 
+impl Certified {
+    /// The end shape, radians.
+    #[must_use]
+    pub fn end(&self) -> Configuration {
+        end_of(&self.trajectory)
+    }
+}
+
 impl Candidate {
     /// The end shape, radians.
     #[must_use]
     pub fn end(&self) -> Configuration {
-        let knots = self.trajectory.knots();
-        knots[knots.len() - 1].position
+        end_of(&self.trajectory)
     }
+}
+
+fn end_of(trajectory: &Trajectory) -> Configuration {
+    let knots = trajectory.knots();
+    knots[knots.len() - 1].position
 }
 
 /// One draw, certified or not.
@@ -108,10 +132,13 @@ pub struct Draw {
     /// Who proposed it.
     pub source: Source,
     /// The motion, or why there is none.
-    pub outcome: Result<Trajectory, Failure>,
+    pub outcome: Result<Certified, Failure>,
 }
 
 /// Wall time of the stages, seconds.
+///
+/// Paths go through correction, time allocation, certification and their figures one after the other, several paths at
+/// once: the wall time of all is divided among these stages by the processor time that each took.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {
     /// End shapes (for diffusion: whether there is one) and features.
@@ -126,6 +153,21 @@ pub struct StageTimes {
     pub certify: f64,
     /// Filling, figures of merit and selection.
     pub select: f64,
+}
+
+impl StageTimes {
+    /// Divides `wall` seconds among the stages of paths that went through them meanwhile.
+    pub(crate) fn share(&mut self, wall: f64, laps: impl Iterator<Item = Laps>) {
+        let mut spent = Laps::default();
+        for lap in laps {
+            spent.add(&lap);
+        }
+        let scale = wall / spent.total().max(f64::MIN_POSITIVE);
+        self.correct += scale * spent.correct;
+        self.time += scale * spent.time;
+        self.certify += scale * spent.certify;
+        self.select += scale * spent.select;
+    }
 }
 
 /// The answer to a request.

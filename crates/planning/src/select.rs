@@ -1,5 +1,6 @@
 //! Choosing one certified candidate.
 
+use crate::metrics::PathMetrics;
 use crate::plan::Candidate;
 use pcc_model::Configuration;
 
@@ -20,6 +21,22 @@ pub enum Selection {
     Index(usize),
 }
 
+/// What a rule wants to be small of a motion that ends at `end`.
+pub(crate) fn cost(
+    metrics: &PathMetrics,
+    end: &Configuration,
+    start: &Configuration,
+    selection: Selection,
+) -> f64 {
+    match selection {
+        Selection::ShortestTime => metrics.duration_s,
+        Selection::ShortestTipPath => metrics.tip_length,
+        Selection::LargestClearance => -metrics.clearance,
+        Selection::Smoothest => metrics.tip_smoothness,
+        Selection::NearestTerminalShape | Selection::Index(_) => (end - start).norm(),
+    }
+}
+
 /// Index of the selected candidate; nothing if there is none, or none with the index asked for.
 #[must_use]
 pub fn select(
@@ -27,16 +44,12 @@ pub fn select(
     start: &Configuration,
     selection: Selection,
 ) -> Option<usize> {
-    let cost = |c: &Candidate| match selection {
-        Selection::ShortestTime => c.metrics.duration_s,
-        Selection::ShortestTipPath => c.metrics.tip_length,
-        Selection::LargestClearance => -c.metrics.clearance,
-        Selection::Smoothest => c.metrics.tip_smoothness,
-        Selection::NearestTerminalShape | Selection::Index(_) => (c.end() - start).norm(),
+    let cost_of = |index: &usize| {
+        let candidate = &candidates[*index];
+        cost(&candidate.metrics, &candidate.end(), start, selection)
     };
     match selection {
         Selection::Index(index) => (index < candidates.len()).then_some(index),
-        _ => (0..candidates.len())
-            .min_by(|a, b| cost(&candidates[*a]).total_cmp(&cost(&candidates[*b]))),
+        _ => (0..candidates.len()).min_by(|a, b| cost_of(a).total_cmp(&cost_of(b))),
     }
 }

@@ -64,7 +64,7 @@ impl Search<'_> {
         let mut damping = 1e-3;
         let mut best = self.linearise(&coefficients);
         for _ in 0..ROUNDS {
-            let Some(trial) = best.step(&coefficients, damping) else {
+            let Some(trial) = best.step(self.basis, &coefficients, damping) else {
                 break;
             };
             let linear = self.linearise(&trial);
@@ -95,7 +95,7 @@ impl Search<'_> {
         self.tip_rows(&backbones, &mut linear);
         for h in 1..WAYPOINTS - 1 {
             self.clearance_rows(h, &backbones[h], &mut linear);
-            limit_rows(self.robot, self.basis.at(h), &path[h], &mut linear.problem);
+            limit_rows(self.robot, h, &path[h], &mut linear.problem);
             linear.cost += self
                 .robot
                 .bending_angles(&path[h])
@@ -112,13 +112,12 @@ impl Search<'_> {
         for h in 0..WAYPOINTS - 1 {
             let difference = backbones[h + 1].tip() - backbones[h].tip();
             linear.cost += weight * difference.norm_squared();
-            let sines = [self.basis.at(h), self.basis.at(h + 1)];
             for axis in 0..3 {
                 let behind: Configuration = -jacobians[h].row(axis).transpose();
                 let ahead: Configuration = jacobians[h + 1].row(axis).transpose();
                 linear
                     .problem
-                    .push_pair(sines, [&behind, &ahead], -difference[axis], weight);
+                    .push_pair(h, [&behind, &ahead], -difference[axis], weight);
             }
         }
     }
@@ -133,9 +132,7 @@ impl Search<'_> {
                 .transpose()
                 * contact.normal;
             let deficit = MARGIN - contact.clearance;
-            linear
-                .problem
-                .push(self.basis.at(h), &gradient, deficit, CLEARANCE_WEIGHT);
+            linear.problem.push(h, &gradient, deficit, CLEARANCE_WEIGHT);
             linear.cost += CLEARANCE_WEIGHT * deficit * deficit;
         }
     }
@@ -147,10 +144,15 @@ struct Linear {
 }
 
 impl Linear {
-    fn step(&self, at: &[f64; UNKNOWNS], damping: f64) -> Option<[f64; UNKNOWNS]> {
+    fn step(
+        &self,
+        basis: &SineBasis,
+        at: &[f64; UNKNOWNS],
+        damping: f64,
+    ) -> Option<[f64; UNKNOWNS]> {
         let diagonal = std::array::from_fn(|i| regular_weight(i) + damping);
         let pull = std::array::from_fn(|i| -regular_weight(i) * at[i]);
-        let change = self.problem.solve(&diagonal, &pull)?;
+        let change = self.problem.solve(basis, &diagonal, &pull)?;
         Some(std::array::from_fn(|i| at[i] + change[i]))
     }
 }

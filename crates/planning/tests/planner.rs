@@ -26,6 +26,7 @@ fn request(sampler: Sampler, seed: u64) -> Request {
         limits_scale: 1.0,
         growth: 0.0,
         knots: 96,
+        corrections: planning::MOST_CORRECTIONS,
     }
 }
 

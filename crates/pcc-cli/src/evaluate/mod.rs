@@ -10,7 +10,9 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum, builder::RangedU64ValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use planning::dataset::{Case, Dataset, Split};
-use planning::{Goal, Infeasible, Plan, Planner, PlannerError, Problem, Request, Selection};
+use planning::{
+    Goal, Infeasible, MOST_CORRECTIONS, Plan, Planner, PlannerError, Problem, Request, Selection,
+};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -45,6 +47,10 @@ pub(crate) struct Arguments {
     /// Worker threads of the planner, at most 256 (0: one a core).
     #[arg(long, default_value_t = 0, value_parser = threads())]
     threads: usize,
+    /// Corrections that a drawn path gets before it is given up (0 to 2).
+    #[arg(long, default_value_t = MOST_CORRECTIONS,
+        value_parser = RangedU64ValueParser::<usize>::new().range(0..=MOST_CORRECTIONS as u64))]
+    corrections: usize,
     /// Robot file.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
@@ -140,6 +146,7 @@ fn answer(
         limits_scale: 1.0,
         growth: 0.0,
         knots: 96,
+        corrections: arguments.corrections,
     };
     let clock = Instant::now();
     let plan = match planner.plan(&problem, &request, &|| false) {

@@ -1,0 +1,273 @@
+//! The default planner: learned candidates, beside which straight segments compete, filled by both classical planners.
+
+use crate::path::Waypoints;
+use crate::plan::{Draw, Failure, Plan, Source};
+use crate::rrt_connect::{RrtSettings, rrt_connect};
+use crate::run::{Run, count_learned};
+use crate::select::cost;
+use pcc_model::{Configuration, Robot, TendonLimits};
+use rand_pcg::Pcg64;
+use rayon::prelude::*;
+use std::time::Instant;
+
+/// Straight segments that are finished at once: those that may be the fastest.
+const COMPETITORS: usize = 2;
+/// Tube growth of the tree's attempts: rounding its corners needs room, a narrow way may not have it.
+const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
+/// Samples of the tree's last attempt with all goal shapes at once, when nothing else was found.
+const LAST_ATTEMPT: RrtSettings = RrtSettings {
+    samples: 20_000,
+    step_rad: 0.4,
+    shortcuts: 120,
+};
+
+impl Run<'_> {
+    /// Learned paths to every goal shape; the fastest straight segment takes the place of the learned path to the same
+    /// shape where the selection rule prefers it; what is missing then is filled.
+    pub(crate) fn default(mut self, ends: &[Configuration], goals: &[Configuration]) -> Plan {
+        let mut race = Race::new(
+            self.demands.robot,
+            &self.demands.limits,
+            &self.problem.start,
+            ends,
+        );
+        let learned = self.learned(goals).into_iter();
+        let mut paths: Vec<_> = learned.map(|path| (path, Source::Learned)).collect();
+        let first = race.next_heat();
+        paths.extend(self.segments(ends, &first));
+        let mut draws = self.finish_each(paths);
+        race.record(&first, draws.split_off(goals.len()));
+        let learned = count_learned(&draws);
+        loop {
+            let heat = race.next_heat();
+            if heat.is_empty() {
+                break;
+            }
+            let segments = self.segments(ends, &heat);
+            let finished = self.finish_each(segments);
+            race.record(&heat, finished);
+        }
+        let clock = Instant::now();
+        if let Some((end, straight)) = race.winner() {
+            self.compete(straight, &mut draws[end]);
+        }
+        self.stages.select += clock.elapsed().as_secs_f64();
+        self.fill(goals, &race, &mut draws);
+        self.answer(draws, learned)
+    }
+
+    fn segments(&self, ends: &[Configuration], chosen: &[usize]) -> Vec<(Waypoints, Source)> {
+        let chosen: Vec<Configuration> = chosen.iter().map(|&end| ends[end]).collect();
+        let paths = self.straight_paths(&chosen).into_iter();
+        paths.map(|path| (path, Source::Straight)).collect()
+    }
+
+    /// Leaves the better one by the selection rule in the learned path's place.
+    fn compete(&self, straight: &Draw, learned: &mut Draw) {
+        let cost_of = |draw: &Draw| {
+            draw.outcome.as_ref().map_or(f64::INFINITY, |motion| {
+                let start = &self.problem.start;
+                cost(
+                    &motion.metrics,
+                    &motion.end(),
+                    start,
+                    self.request.selection,
+                )
+            })
+        };
+        if cost_of(straight) < cost_of(learned) {
+            *learned = straight.clone();
+        }
+    }
+
+    /// Replaces what is still missing: by a straight segment, else by a tree, to the same shape.
+    fn fill(&mut self, goals: &[Configuration], race: &Race, draws: &mut [Draw]) {
+        let missing: Vec<usize> = (0..draws.len())
+            .filter(|&i| draws[i].outcome.is_err())
+            .collect();
+        let untried: Vec<usize> = missing
+            .iter()
+            .copied()
+            .filter(|i| race.of(i % race.entries.len()).is_none())
+            .collect();
+        let segments = self.segments(goals, &untried);
+        let straight = self.finish_each(segments);
+        for (i, draw) in untried.into_iter().zip(straight) {
+            replace(&mut draws[i], draw);
+        }
+        for &i in &missing {
+            if let Some(draw) = race.of(i % race.entries.len()) {
+                replace(&mut draws[i], draw.clone());
+            }
+        }
+        self.fill_by_trees(goals, draws);
+    }
+
+    fn fill_by_trees(&mut self, goals: &[Configuration], draws: &mut [Draw]) {
+        let clock = Instant::now();
+        let run = &*self;
+        draws.par_iter_mut().enumerate().for_each(|(i, draw)| {
+            if draw.outcome.is_err() {
+                replace(
+                    draw,
+                    run.tree(i as u64, &[goals[i]], &RrtSettings::default()),
+                );
+            }
+        });
+        if draws.iter().all(|d| d.outcome.is_err()) {
+            draws[0] = self.tree(goals.len() as u64, goals, &LAST_ATTEMPT);
+        }
+        self.stages.select += clock.elapsed().as_secs_f64();
+    }
+
+    /// One tree for each goal shape.
+    pub(crate) fn trees(&mut self, goals: &[Configuration]) -> Vec<Draw> {
+        let clock = Instant::now();
+        let run = &*self;
+        let draws = goals
+            .par_iter()
+            .with_max_len(1)
+            .enumerate()
+            .map(|(i, goal)| run.tree(i as u64, &[*goal], &RrtSettings::default()))
+            .collect();
+        self.stages.sample += clock.elapsed().as_secs_f64();
+        draws
+    }
+
+    fn tree(&self, stream: u64, goals: &[Configuration], settings: &RrtSettings) -> Draw {
+        let mut draw = Draw {
+            sampled: None,
+            path: None,
+            source: Source::Tree,
+            outcome: Err(Failure::NoPath),
+        };
+        let mut rng = Pcg64::new(u128::from(self.request.seed), u128::from(stream) + 1);
+        for margin in TREE_MARGINS {
+            if (self.interrupt)() {
+                break;
+            }
+            let growth = margin + self.request.growth;
+            let grown = self.planner.robot.with_tube_growth(growth);
+            let found = rrt_connect(
+                &grown,
+                &self.problem.scene,
+                &self.problem.start,
+                goals,
+                settings,
+                &mut rng,
+                self.interrupt,
+            );
+            if let Some(polyline) = found
+                && let Ok((path, trajectory)) = self.demands.follow(&polyline)
+            {
+                draw.path = Some(path);
+                draw.outcome = Ok(self.demands.describe(trajectory));
+                return draw;
+            }
+        }
+        if (self.interrupt)() {
+            draw.outcome = Err(Failure::Truncated);
+        }
+        draw
+    }
+}
+
+/// Takes a draw that is certified, or that says that there was no time left.
+fn replace(draw: &mut Draw, by: Draw) {
+    match by.outcome {
+        Ok(_) => *draw = by,
+        Err(Failure::Truncated) => draw.outcome = by.outcome,
+        Err(_) => {}
+    }
+}
+
+/// The straight segments in the order of the least time that each can take: the fastest one is found with few of them.
+struct Race {
+    entries: Vec<Entry>,
+    /// Ends in the order of their bounds.
+    order: Vec<usize>,
+    begun: usize,
+}
+
+/// The straight segment to one end shape.
+struct Entry {
+    least_s: f64,
+    finished: Option<Draw>,
+}
+
+impl Entry {
+    /// Duration of the motion; infinite if there is none.
+    fn duration_s(&self) -> f64 {
+        let motion = self.finished.as_ref().and_then(|d| d.outcome.as_ref().ok());
+        motion.map_or(f64::INFINITY, |m| m.metrics.duration_s)
+    }
+}
+
+impl Race {
+    fn new(
+        robot: &Robot,
+        limits: &TendonLimits,
+        start: &Configuration,
+        ends: &[Configuration],
+    ) -> Self {
+        let entry = |end: &Configuration| Entry {
+            least_s: least_duration_s(robot, limits, &(end - start)),
+            finished: None,
+        };
+        let entries: Vec<Entry> = ends.iter().map(entry).collect();
+        let mut order: Vec<usize> = (0..ends.len()).collect();
+        order.sort_by(|&a, &b| entries[a].least_s.total_cmp(&entries[b].least_s));
+        Self {
+            entries,
+            order,
+            begun: 0,
+        }
+    }
+
+    /// The ends whose segments may still be the fastest, at most [`COMPETITORS`] of them.
+    fn next_heat(&mut self) -> Vec<usize> {
+        let best = self
+            .entries
+            .iter()
+            .map(Entry::duration_s)
+            .fold(f64::INFINITY, f64::min);
+        let open = self.order[self.begun..].iter().copied();
+        let heat: Vec<usize> = open
+            .take(COMPETITORS)
+            .filter(|&end| self.entries[end].least_s < best)
+            .collect();
+        self.begun += heat.len();
+        heat
+    }
+
+    fn record(&mut self, heat: &[usize], finished: Vec<Draw>) {
+        for (&end, draw) in heat.iter().zip(finished) {
+            self.entries[end].finished = Some(draw);
+        }
+    }
+
+    /// The end and the motion of the fastest certified segment.
+    fn winner(&self) -> Option<(usize, &Draw)> {
+        let entries = self.entries.iter().enumerate();
+        let certified = entries.filter(|(_, entry)| entry.duration_s().is_finite());
+        let fastest = certified.min_by(|a, b| a.1.duration_s().total_cmp(&b.1.duration_s()));
+        fastest.and_then(|(end, entry)| entry.finished.as_ref().map(|draw| (end, draw)))
+    }
+
+    /// The segment to an end, if it was tried.
+    fn of(&self, end: usize) -> Option<&Draw> {
+        self.entries[end].finished.as_ref()
+    }
+}
+
+/// No motion with this change of configuration is faster, from rest to rest: the tendon with the farthest way needs it.
+fn least_duration_s(robot: &Robot, limits: &TendonLimits, change: &Configuration) -> f64 {
+    let ways = robot.tendons.matrix() * change;
+    let way = ways.amax();
+    let (speed, acceleration) = (limits.velocity, limits.acceleration);
+    if way * acceleration <= speed * speed {
+        2.0 * (way / acceleration).sqrt()
+    } else {
+        way / speed + speed / acceleration
+    }
+}

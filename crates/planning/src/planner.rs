@@ -1,0 +1,132 @@
+//! The planner, resident: robot, models and workers.
+
+use crate::basis::SineBasis;
+use crate::diffusion::{DiffusionModel, Guidance, Task};
+use crate::end_shapes::check_goal;
+use crate::path::Waypoints;
+use crate::plan::{Plan, Request, Sampler};
+use crate::problem::{Infeasible, Problem};
+use crate::run::Run;
+use denoiser::FastModel;
+use pcc_model::Robot;
+use thiserror::Error;
+
+/// Why a planner cannot serve a request.
+#[derive(Debug, Error, PartialEq)]
+pub enum PlannerError {
+    /// The problem itself has no solution.
+    #[error(transparent)]
+    Infeasible(#[from] Infeasible),
+    /// A learned sampler was asked for and its model is not loaded.
+    #[error(
+        "sampler not loaded: the request needs the {0} model, whose weights the configuration has to name; `straight` and `rrt-connect` need none"
+    )]
+    ModelNotLoaded(&'static str),
+    /// The robot's sections differ in length, which the unit model cannot express.
+    #[error("the planner needs three sections of one length, got {0:?}")]
+    UnequalSections([f64; 3]),
+    /// The worker threads could not be started.
+    #[error("the worker threads could not be started: {0}")]
+    Threads(String),
+}
+
+/// The learned models of a planner; what is not there cannot be asked for.
+#[derive(Default)]
+pub struct Models {
+    /// The few-step model.
+    pub fast: Option<FastModel>,
+    /// The paper's.
+    pub diffusion: Option<DiffusionModel>,
+}
+
+/// The planner, resident: the unit robot, the models, and worker threads.
+pub struct Planner {
+    pub(crate) robot: Robot,
+    pub(crate) models: Models,
+    pub(crate) basis: SineBasis,
+    workers: rayon::ThreadPool,
+}
+
+/// Asked again and again while a request is planned; true truncates it.
+pub(crate) type Interrupt<'a> = &'a (dyn Fn() -> bool + Sync);
+
+impl Planner {
+    /// Makes a planner for a robot (any unit of length) with `threads` workers.
+    ///
+    /// # Errors
+    /// [`PlannerError::UnequalSections`] or [`PlannerError::Threads`].
+    pub fn new(robot: &Robot, mut models: Models, threads: usize) -> Result<Self, PlannerError> {
+        let length = robot
+            .equal_section_length()
+            .ok_or(PlannerError::UnequalSections(robot.section_lengths))?;
+        let workers = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .map_err(|e| PlannerError::Threads(e.to_string()))?;
+        if let Some(diffusion) = &mut models.diffusion {
+            diffusion.prepare(workers.current_num_threads());
+        }
+        Ok(Self {
+            robot: robot.scaled(1.0 / length),
+            models,
+            basis: SineBasis::new(),
+            workers,
+        })
+    }
+
+    /// The robot in units of its section length.
+    #[must_use]
+    pub fn robot(&self) -> &Robot {
+        &self.robot
+    }
+
+    /// Answers one request; `interrupt` is asked between candidates and while a tree grows, and returns true to truncate.
+    ///
+    /// # Errors
+    /// [`PlannerError::Infeasible`] or [`PlannerError::ModelNotLoaded`].
+    pub fn plan(
+        &self,
+        problem: &Problem,
+        request: &Request,
+        interrupt: Interrupt,
+    ) -> Result<Plan, PlannerError> {
+        self.check_loaded(request.sampler)?;
+        problem.check_start(&self.robot)?;
+        self.workers
+            .install(|| Run::new(self, problem, request, interrupt).plan())
+    }
+
+    /// Draws one path by diffusion and returns it before every evaluation of the network and at the end, 64 waypoints each.
+    ///
+    /// # Errors
+    /// [`PlannerError::ModelNotLoaded`] or [`PlannerError::Infeasible`].
+    pub fn trace(
+        &self,
+        problem: &Problem,
+        guidance: Guidance,
+        seed: u64,
+    ) -> Result<Vec<Waypoints>, PlannerError> {
+        let diffusion = self.models.diffusion.as_ref();
+        let diffusion = diffusion.ok_or(PlannerError::ModelNotLoaded("diffusion"))?;
+        problem.check_start(&self.robot)?;
+        check_goal(&self.robot, problem, 0.0, seed)?;
+        let task = Task {
+            robot: &self.robot,
+            problem,
+            guidance,
+            seed,
+        };
+        Ok(self.workers.install(|| diffusion.trace(&task)))
+    }
+
+    fn check_loaded(&self, sampler: Sampler) -> Result<(), PlannerError> {
+        let (name, loaded) = match sampler {
+            Sampler::Default | Sampler::Fast => ("fast", self.models.fast.is_some()),
+            Sampler::Diffusion(_) => ("diffusion", self.models.diffusion.is_some()),
+            Sampler::Straight | Sampler::RrtConnect => return Ok(()),
+        };
+        loaded
+            .then_some(())
+            .ok_or(PlannerError::ModelNotLoaded(name))
+    }
+}
