@@ -291,7 +291,7 @@ mod tests {
         wire.goal_tip_m[1] = f64::NAN;
         let refusal = border().admit(&wire).unwrap_err();
         assert_eq!(refusal.field, PlanField::GoalTip);
-        wire.protocol_version = 2;
+        wire.protocol_version = 1;
         let refusal = border().admit(&wire).unwrap_err();
         assert_eq!(refusal.outcome, Outcome::WrongVersion);
     }

@@ -139,6 +139,8 @@ codes! {
         Classical = 2 "classical",
         /// A straight segment in configuration space.
         StraightLine = 3 "straight line",
+        /// The rest of the previous plan's motion.
+        Kept = 4 "kept",
     }
 }
 
@@ -172,6 +174,8 @@ codes! {
         WrongVersion = 11 "wrong version",
         /// Planned, but not published for execution: the text says why.
         ExecutionRefused = 12 "execution refused",
+        /// Some candidates, all of them certified; the whole answer follows.
+        Early = 13 "early",
     }
 }
 
@@ -179,7 +183,10 @@ impl Outcome {
     /// Whether the answer carries candidates that may be used.
     #[must_use]
     pub const fn has_candidates(self) -> bool {
-        matches!(self, Self::Ok | Self::Truncated | Self::ExecutionRefused)
+        matches!(
+            self,
+            Self::Ok | Self::Truncated | Self::ExecutionRefused | Self::Early
+        )
     }
 }
 
@@ -248,6 +255,12 @@ codes! {
         Begin = 17 "begin_mono_ns",
         /// `balls`.
         Balls = 18 "balls",
+        /// `early_candidate_count`.
+        EarlyCandidateCount = 19 "early_candidate_count",
+        /// `previous_plan_id`.
+        PreviousPlan = 20 "previous_plan_id",
+        /// `previous_candidate`.
+        PreviousCandidate = 21 "previous_candidate",
     }
 }
 

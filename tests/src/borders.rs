@@ -43,9 +43,13 @@ const INVALID: &[BadRequest] = invalid! {
     BallCount "all bits of balls" |r| r.ball_count = u32::MAX;
     StartConfiguration "start NaN" |r| r.start_configuration_rad[5] = f64::NAN;
     StartConfiguration "start infinite" |r| r.start_configuration_rad[1] = f64::INFINITY;
-    StartVelocity "start in motion" |r| r.start_velocity_rad_s[2] = 1e-3;
+    StartVelocity "execution from a start in motion" |r| (r.execute, r.start_velocity_rad_s[2]) = (1, 1e-3);
     StartVelocity "velocity infinite" |r| r.start_velocity_rad_s[2] = f64::INFINITY;
-    StartAcceleration "start accelerating" |r| r.start_acceleration_rad_s2[1] = -1.0;
+    StartAcceleration "execution from an accelerating start" |r| (r.execute, r.start_acceleration_rad_s2[1]) = (1, -1.0);
+    EarlyCandidateCount "more early candidates than candidates" |r| r.early_candidate_count = 65;
+    PreviousPlan "a previous plan for straight segments" |r| (r.sampler, r.previous_plan_id) = (2, 1);
+    PreviousPlan "a previous plan that is not kept" |r| r.previous_plan_id = 1;
+    PreviousCandidate "candidate 64 of a previous plan" |r| (r.previous_plan_id, r.previous_candidate) = (1, 64);
     StartAcceleration "acceleration NaN" |r| r.start_acceleration_rad_s2[1] = f64::NAN;
     GoalTip "tip -infinite" |r| r.goal_tip_m[2] = f64::NEG_INFINITY;
     GoalTip "tip NaN" |r| r.goal_tip_m[0] = f64::NAN;
@@ -79,7 +83,7 @@ const fn ball(centre_m: [f64; 3], radius_m: f64) -> Ball {
 const POSED: &[BadRequest] = &[
     BadRequest {
         name: "another protocol version",
-        change: |r| r.protocol_version = 2,
+        change: |r| r.protocol_version = 1,
         outcome: Outcome::WrongVersion,
         field: PlanField::ProtocolVersion,
     },

@@ -101,7 +101,7 @@ mod tests {
         let mut text = String::new();
         macro_rules! describe {
             ($($message:ident),*) => { $(
-                writeln!(text, "pcc.v1.{} {} bytes", stringify!($message), size_of::<$message>()).unwrap();
+                writeln!(text, "pcc.v2.{} {} bytes", stringify!($message), size_of::<$message>()).unwrap();
                 for Field { name, rust_type, offset, bytes } in $message::FIELDS {
                     writeln!(text, "{offset:>6} {bytes:>6} {name}: {rust_type}").unwrap();
                 }
@@ -146,6 +146,6 @@ mod tests {
     fn type_names_carry_the_version() {
         // SAFETY: only the text is read; nothing is assumed of the layout.
         let name = unsafe { <PlanReport as ZeroCopySend>::type_name() };
-        assert_eq!(name, "pcc.v1.PlanReport");
+        assert_eq!(name, "pcc.v2.PlanReport");
     }
 }

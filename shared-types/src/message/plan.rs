@@ -10,7 +10,7 @@ pub const NONE_SELECTED: u32 = u32::MAX;
 
 wire_message! {
     /// An obstacle at rest.
-    pub struct Ball: "pcc.v1.Ball", 32 bytes {
+    pub struct Ball: "pcc.v2.Ball", 32 bytes {
         /// Centre in the base frame, metres.
         pub centre_m: [f64; 3],
         /// Radius, metres, not negative.
@@ -20,7 +20,7 @@ wire_message! {
 
 wire_message! {
     /// What is to be planned (service `plan`).
-    pub struct PlanRequest: "pcc.v1.PlanRequest", 2344 bytes {
+    pub struct PlanRequest: "pcc.v2.PlanRequest", 2360 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Candidates wanted, 1..=64; the daemon's own limit may be lower.
@@ -43,6 +43,14 @@ wire_message! {
         pub goal_kind: u32,
         /// Balls in use, 0..=64.
         pub ball_count: u32,
+        /// As soon as so many candidates are certified they are answered (outcome early), before the whole answer; 0: no
+        /// early answer.
+        pub early_candidate_count: u32,
+        /// The candidate of the previous plan that is being followed, if one is named below; [`NONE_SELECTED`]: the one
+        /// that was selected.
+        pub previous_candidate: u32,
+        /// The plan to start from ([`PlanReport::plan_id`], one of the last [`crate::capacity::KEPT_PLANS`]); 0: none.
+        pub previous_plan_id: u64,
         /// Configuration at the begin, radians.
         pub start_configuration_rad: [f64; DOF],
         /// Its velocity, rad/s.
@@ -66,7 +74,7 @@ wire_message! {
 
 wire_message! {
     /// One certified candidate of a plan.
-    pub struct CandidateSummary: "pcc.v1.CandidateSummary", 56 bytes {
+    pub struct CandidateSummary: "pcc.v2.CandidateSummary", 56 bytes {
         /// Where its knots begin in the answer's slice.
         pub first_knot: u32,
         /// How many they are.
@@ -90,7 +98,7 @@ wire_message! {
 
 wire_message! {
     /// The answer's user header: what happened, how long it took, and where each candidate's knots are.
-    pub struct PlanReport: "pcc.v1.PlanReport", 3872 bytes {
+    pub struct PlanReport: "pcc.v2.PlanReport", 3872 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the daemon.
         pub protocol_version: u32,
         /// [`crate::codes::Outcome`].

@@ -7,7 +7,7 @@ use crate::capacity::MAX_SCENE_BALLS;
 
 wire_message! {
     /// An obstacle that keeps its velocity.
-    pub struct MovingBall: "pcc.v1.MovingBall", 56 bytes {
+    pub struct MovingBall: "pcc.v2.MovingBall", 56 bytes {
         /// Centre in the base frame at the scene's stamp, metres.
         pub centre_m: [f64; 3],
         /// Radius, metres, not negative.
@@ -19,7 +19,7 @@ wire_message! {
 
 wire_message! {
     /// All obstacles there are now (service `scene`, history 1, the latest replaces the one before).
-    pub struct SceneMessage: "pcc.v1.SceneMessage", 57360 bytes {
+    pub struct SceneMessage: "pcc.v2.SceneMessage", 57360 bytes {
         /// Time for which the centres hold, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// [`crate::PROTOCOL_VERSION`] of the sender.

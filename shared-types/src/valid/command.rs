@@ -158,7 +158,7 @@ mod tests {
         assert!(CommandReply::try_from(&good).unwrap().accepted);
         for bad in [
             message::CommandReply {
-                protocol_version: 2,
+                protocol_version: 1,
                 ..good
             },
             message::CommandReply {

@@ -15,7 +15,7 @@ mod state;
 mod trajectory;
 
 pub use command::{Command, CommandReply};
-pub use plan::{Goal, PlanRequest, SelectionRule};
+pub use plan::{Goal, PlanRequest, PreviousPlan, SelectionRule};
 pub use report::PlanReport;
 pub use scene::{Heartbeat, Scene};
 pub use state::{ControllerState, Cycle, RobotState, Setpoint};
@@ -312,7 +312,7 @@ mod tests {
             ),
             (
                 Reason::WrongVersion { found: 9 },
-                "x is 9; this program speaks 1",
+                "x is 9; this program speaks 2",
             ),
             (
                 Reason::NotServed { what: "that" },

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES};
 use crate::codes::{GoalKind, Sampler, Selection};
-use crate::message::{self, Ball};
+use crate::message::{self, Ball, NONE_SELECTED};
 
 /// The longest deadline, nanoseconds.
 const MAX_DEADLINE_NS: u64 = 60_000_000_000;
@@ -36,6 +36,15 @@ pub enum SelectionRule {
     Index(usize),
 }
 
+/// The plan that a request goes on from, and which of its motions is being followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PreviousPlan {
+    /// [`message::PlanReport::plan_id`] of its answer.
+    pub plan_id: u64,
+    /// Index of the candidate; none: the one that was selected.
+    pub candidate: Option<usize>,
+}
+
 /// A plan request without contradictions; lengths metres, angles radians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanRequest {
@@ -53,8 +62,12 @@ pub struct PlanRequest {
     pub selection: SelectionRule,
     /// Whether the selected one is to be published for execution.
     pub execute: bool,
-    /// Configuration at the begin, at rest, radians.
+    /// Configuration at the begin, radians.
     pub start_configuration_rad: [f64; DOF],
+    /// Its velocity, rad/s; a plan that begins in motion is not executed.
+    pub start_velocity_rad_s: [f64; DOF],
+    /// Its acceleration, rad/s².
+    pub start_acceleration_rad_s2: [f64; DOF],
     /// Where to.
     pub goal: Goal,
     /// Share of the tendon limits, 0 < scale <= 1.
@@ -63,6 +76,10 @@ pub struct PlanRequest {
     pub begin_mono_ns: Option<i64>,
     /// Obstacles, at most 64.
     pub balls: Vec<Ball>,
+    /// Certified candidates that are answered before the whole answer, at most `candidate_count`; none: no early answer.
+    pub early_candidate_count: Option<usize>,
+    /// The plan to go on from, for the samplers [`Sampler::Default`] and [`Sampler::Fast`].
+    pub previous: Option<PreviousPlan>,
 }
 
 impl PlanRequest {
@@ -78,11 +95,22 @@ impl PlanRequest {
             selection: SelectionRule::Best(Selection::ShortestTime),
             execute: false,
             start_configuration_rad,
+            start_velocity_rad_s: [0.0; DOF],
+            start_acceleration_rad_s2: [0.0; DOF],
             goal,
             limits_scale: 1.0,
             begin_mono_ns: None,
             balls: Vec::new(),
+            early_candidate_count: None,
+            previous: None,
         }
+    }
+
+    /// Whether the motion begins at rest.
+    #[must_use]
+    pub fn starts_at_rest(&self) -> bool {
+        let rates = [self.start_velocity_rad_s, self.start_acceleration_rad_s2];
+        rates.as_flattened().iter().all(|&rate| rate == 0.0)
     }
 }
 
@@ -93,21 +121,27 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
         check_version(wire.protocol_version)?;
         let candidate_count =
             check_count("candidate_count", wire.candidate_count, 1, MAX_CANDIDATES)?;
+        let sampler = check_code("sampler", wire.sampler)?;
         let request = Self {
             request_id: wire.request_id,
             seed: wire.seed,
             candidate_count,
             deadline: deadline(wire.deadline_ns)?,
-            sampler: check_code("sampler", wire.sampler)?,
+            sampler,
             selection: selection(wire, candidate_count)?,
             execute: check_flag("execute", wire.execute)?,
-            start_configuration_rad: start(wire)?,
+            start_configuration_rad: wire.start_configuration_rad,
+            start_velocity_rad_s: wire.start_velocity_rad_s,
+            start_acceleration_rad_s2: wire.start_acceleration_rad_s2,
             goal: goal(wire)?,
             limits_scale: limits_scale(wire.limits_scale)?,
             begin_mono_ns: Some(check_stamp("begin_mono_ns", wire.begin_mono_ns)?)
                 .filter(|&begin| begin != 0),
             balls: balls(wire)?,
+            early_candidate_count: early(wire.early_candidate_count, candidate_count)?,
+            previous: previous(wire, sampler)?,
         };
+        check_start(&request)?;
         Ok(request)
     }
 }
@@ -142,29 +176,47 @@ fn selection(
     }
 }
 
-fn start(wire: &message::PlanRequest) -> Result<[f64; DOF], Invalid> {
-    check_array(
-        "start_configuration_rad",
-        &wire.start_configuration_rad,
-        Quantity::Angle,
-    )?;
-    at_rest("start_velocity_rad_s", &wire.start_velocity_rad_s)?;
-    at_rest("start_acceleration_rad_s2", &wire.start_acceleration_rad_s2)?;
-    Ok(wire.start_configuration_rad)
+fn check_start(request: &PlanRequest) -> Result<(), Invalid> {
+    let check = |field, values, quantity| check_array(field, values, quantity).map(drop);
+    let shape = &request.start_configuration_rad;
+    check("start_configuration_rad", shape, Quantity::Angle)?;
+    for (field, rates) in [
+        ("start_velocity_rad_s", &request.start_velocity_rad_s),
+        ("start_acceleration_rad_s2", &request.start_acceleration_rad_s2),
+    ] {
+        check(field, rates, Quantity::Rate)?;
+        let moving = rates.iter().position(|&rate| rate != 0.0);
+        if let Some(index) = moving.filter(|_| request.execute) {
+            let what = "executing a plan that begins in motion";
+            return Err(invalid_at(field, index, Reason::NotServed { what }));
+        }
+    }
+    Ok(())
 }
 
-fn at_rest(field: &'static str, rates: &[f64; DOF]) -> Result<(), Invalid> {
-    check_array(field, rates, Quantity::Rate)?;
-    match rates.iter().position(|&rate| rate != 0.0) {
-        Some(index) => Err(invalid_at(
-            field,
-            index,
-            Reason::NotServed {
-                what: "replanning in motion (a start not at rest)",
-            },
-        )),
-        None => Ok(()),
+fn early(count: u32, candidates: usize) -> Result<Option<usize>, Invalid> {
+    let count = check_count("early_candidate_count", count, 0, candidates)?;
+    Ok((count > 0).then_some(count))
+}
+
+fn previous(
+    wire: &message::PlanRequest,
+    sampler: Sampler,
+) -> Result<Option<PreviousPlan>, Invalid> {
+    if wire.previous_plan_id == 0 {
+        return Ok(None);
     }
+    if !matches!(sampler, Sampler::Default | Sampler::Fast) {
+        let what = "going on from a previous plan with a sampler other than default and fast";
+        return Err(invalid("previous_plan_id", Reason::NotServed { what }));
+    }
+    let named = (wire.previous_candidate != NONE_SELECTED).then_some(wire.previous_candidate);
+    let most = MAX_CANDIDATES - 1;
+    let check = |index| check_count("previous_candidate", index, 0, most);
+    Ok(Some(PreviousPlan {
+        plan_id: wire.previous_plan_id,
+        candidate: named.map(check).transpose()?,
+    }))
 }
 
 fn goal(wire: &message::PlanRequest) -> Result<Goal, Invalid> {
@@ -239,9 +291,9 @@ mod tests {
     /// A change, the field that is wrong then, and what the error says.
     const BAD: &[(Change, PlanField, &str)] = &[
         (
-            |r| r.protocol_version = 2,
+            |r| r.protocol_version = 1,
             PlanField::ProtocolVersion,
-            "speaks 1",
+            "speaks 2",
         ),
         (
             |r| r.candidate_count = 0,
@@ -287,9 +339,9 @@ mod tests {
             "-1000..=1000 rad",
         ),
         (
-            |r| r.start_velocity_rad_s[2] = 1e-3,
+            |r| (r.execute, r.start_velocity_rad_s[2]) = (1, 1e-3),
             PlanField::StartVelocity,
-            "replanning in motion",
+            "begins in motion",
         ),
         (
             |r| r.start_velocity_rad_s[2] = f64::INFINITY,
@@ -297,9 +349,9 @@ mod tests {
             "[2] is inf",
         ),
         (
-            |r| r.start_acceleration_rad_s2[1] = -1.0,
+            |r| (r.execute, r.start_acceleration_rad_s2[1]) = (1, -1.0),
             PlanField::StartAcceleration,
-            "replanning in motion",
+            "begins in motion",
         ),
         (
             |r| r.start_acceleration_rad_s2[1] = f64::NAN,
@@ -363,6 +415,21 @@ mod tests {
             PlanField::Balls,
             "balls[1] is NaN",
         ),
+        (
+            |r| r.early_candidate_count = 17,
+            PlanField::EarlyCandidateCount,
+            "0..=16",
+        ),
+        (
+            |r| (r.previous_plan_id, r.sampler) = (9, 2),
+            PlanField::PreviousPlan,
+            "other than default and fast",
+        ),
+        (
+            |r| (r.previous_plan_id, r.previous_candidate) = (9, 64),
+            PlanField::PreviousCandidate,
+            "0..=63",
+        ),
     ];
 
     #[test]
@@ -412,7 +479,11 @@ mod tests {
             |r| r.limits_scale = 1e-9,
             |r| r.goal_configuration_rad[0] = f64::NAN,
             |r| (r.goal_kind, r.goal_tip_m[0]) = (1, f64::NAN),
-            |r| r.start_velocity_rad_s[0] = -0.0,
+            |r| (r.execute, r.start_velocity_rad_s[0]) = (1, -0.0),
+            |r| r.start_velocity_rad_s[0] = 0.1,
+            |r| r.early_candidate_count = 16,
+            |r| (r.previous_plan_id, r.previous_candidate) = (0, 77),
+            |r| (r.previous_plan_id, r.previous_candidate) = (9, NONE_SELECTED),
         ];
         for (index, change) in changes.iter().enumerate() {
             let mut wire = wire();
@@ -437,7 +508,18 @@ mod tests {
             balls: Vec::new(),
             ..tip.clone()
         };
-        for request in [tip, by_index] {
+        let goes_on = PlanRequest {
+            start_velocity_rad_s: [0.1; DOF],
+            start_acceleration_rad_s2: [-0.2; DOF],
+            early_candidate_count: Some(3),
+            previous: Some(PreviousPlan {
+                plan_id: 77,
+                candidate: Some(2),
+            }),
+            ..tip.clone()
+        };
+        assert!(tip.starts_at_rest() && !goes_on.starts_at_rest());
+        for request in [tip, by_index, goes_on] {
             let wire = message::PlanRequest::try_from(&request).unwrap();
             assert_eq!(PlanRequest::try_from(&wire), Ok(request));
         }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::{Goal, Invalid, PlanRequest, SelectionRule};
 use crate::PROTOCOL_VERSION;
 use crate::codes::{GoalKind, Selection};
-use crate::message;
+use crate::message::{self, NONE_SELECTED};
 
 impl TryFrom<&PlanRequest> for message::PlanRequest {
     type Error = Invalid;
@@ -14,14 +14,17 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
     fn try_from(request: &PlanRequest) -> Result<Self, Invalid> {
         let mut wire = Self {
             protocol_version: PROTOCOL_VERSION,
-            candidate_count: u32::try_from(request.candidate_count).unwrap_or(u32::MAX),
+            candidate_count: wire_count(request.candidate_count),
             request_id: request.request_id,
             seed: request.seed,
             deadline_ns: request.deadline.map_or(0, wire_deadline_ns),
             sampler: request.sampler.code(),
             execute: u32::from(request.execute),
-            ball_count: u32::try_from(request.balls.len()).unwrap_or(u32::MAX),
+            ball_count: wire_count(request.balls.len()),
             start_configuration_rad: request.start_configuration_rad,
+            start_velocity_rad_s: request.start_velocity_rad_s,
+            start_acceleration_rad_s2: request.start_acceleration_rad_s2,
+            early_candidate_count: request.early_candidate_count.map_or(0, wire_count),
             limits_scale: request.limits_scale,
             begin_mono_ns: request.begin_mono_ns.unwrap_or(0),
             ..Self::ZEROED
@@ -30,7 +33,7 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
             SelectionRule::Best(selection) => wire.selection = selection.code(),
             SelectionRule::Index(index) => {
                 wire.selection = Selection::ByIndex.code();
-                wire.selected_index = u32::try_from(index).unwrap_or(u32::MAX);
+                wire.selected_index = wire_count(index);
             }
         }
         match request.goal {
@@ -46,12 +49,21 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
                 wire.goal_configuration_rad = configuration_rad;
             }
         }
+        if let Some(previous) = request.previous {
+            wire.previous_plan_id = previous.plan_id;
+            wire.previous_candidate = previous.candidate.map_or(NONE_SELECTED, wire_count);
+        }
         for (slot, ball) in wire.balls.iter_mut().zip(&request.balls) {
             *slot = *ball;
         }
         PlanRequest::try_from(&wire)?;
         Ok(wire)
     }
+}
+
+/// A count that does not fit is too large for every field.
+fn wire_count(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
 }
 
 /// No deadline at all is 0 on the wire, so the shortest one is 1 ns.
