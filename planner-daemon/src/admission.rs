@@ -5,11 +5,15 @@ use std::time::Duration;
 
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point};
-use planning::{Goal, Guidance, MOST_CORRECTIONS, Problem, Request, Sampler, Selection};
+use planning::{
+    Goal, Guidance, MOST_CORRECTIONS, PreviousPlan, Problem, Request, Sampler, Selection,
+};
 use shared_types::codes::{self, Outcome, PlanField};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::message;
 use shared_types::valid::{self, PlanRequest, SelectionRule};
+
+use crate::kept_plans::KeptPlans;
 
 /// Distance from the goal that counts as reached where the request does not say, section lengths.
 const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
@@ -42,6 +46,8 @@ pub(crate) struct Order {
     pub(crate) tip_tolerance: f64,
     /// Whether the selected motion is to be executed, and from when.
     pub(crate) execution: Option<Begin>,
+    /// Certified candidates that are answered before the whole answer.
+    pub(crate) early: Option<usize>,
 }
 
 /// When a motion is to begin.
@@ -71,7 +77,7 @@ impl Refusal {
         }
     }
 
-    fn field(field: PlanField, reason: impl Into<String>) -> Self {
+    pub(crate) fn field(field: PlanField, reason: impl Into<String>) -> Self {
         Self {
             outcome: Outcome::InvalidRequest,
             field,
@@ -92,7 +98,11 @@ impl From<valid::Invalid> for Refusal {
 
 impl Border {
     /// Checks a private copy of a request and translates it.
-    pub(crate) fn admit(&self, wire: &message::PlanRequest) -> Result<Order, Refusal> {
+    pub(crate) fn admit(
+        &self,
+        wire: &message::PlanRequest,
+        plans: &KeptPlans,
+    ) -> Result<Order, Refusal> {
         let asked = PlanRequest::try_from(wire)?;
         let most = self.capacity.candidates;
         if asked.candidate_count > most {
@@ -102,15 +112,17 @@ impl Border {
             );
             return Err(Refusal::field(PlanField::CandidateCount, reason));
         }
+        let previous = asked.previous.map(|p| plans.find(&p)).transpose()?;
         Ok(Order {
             request_id: asked.request_id,
             problem: Arc::new(self.problem(&asked)?),
-            request: self.request(&asked),
+            request: self.request(&asked, previous),
             deadline: asked.deadline.unwrap_or(self.default_deadline),
             tip_tolerance: self.tip_tolerance(&asked.goal),
             execution: asked
                 .execute
                 .then(|| asked.begin_mono_ns.map_or(Begin::Soon, Begin::NotBefore)),
+            early: asked.early_candidate_count,
         })
     }
 
@@ -132,7 +144,7 @@ impl Border {
         })
     }
 
-    fn request(&self, asked: &PlanRequest) -> Request {
+    fn request(&self, asked: &PlanRequest, previous: Option<PreviousPlan>) -> Request {
         Request {
             candidates: asked.candidate_count,
             seed: asked.seed,
@@ -142,6 +154,7 @@ impl Border {
             growth: self.growth,
             knots: self.capacity.knots_per_candidate,
             corrections: MOST_CORRECTIONS,
+            previous: previous.map(Arc::new),
         }
     }
 
@@ -208,7 +221,7 @@ mod tests {
     }
 
     fn admit(asked: &PlanRequest) -> Result<Order, Refusal> {
-        border().admit(&asked.try_into().unwrap())
+        border().admit(&asked.try_into().unwrap(), &KeptPlans::default())
     }
 
     #[test]
@@ -289,10 +302,10 @@ mod tests {
 
         let mut wire: message::PlanRequest = (&asked()).try_into().unwrap();
         wire.goal_tip_m[1] = f64::NAN;
-        let refusal = border().admit(&wire).unwrap_err();
+        let refusal = border().admit(&wire, &KeptPlans::default()).unwrap_err();
         assert_eq!(refusal.field, PlanField::GoalTip);
         wire.protocol_version = 1;
-        let refusal = border().admit(&wire).unwrap_err();
+        let refusal = border().admit(&wire, &KeptPlans::default()).unwrap_err();
         assert_eq!(refusal.outcome, Outcome::WrongVersion);
     }
 }

@@ -67,8 +67,32 @@ impl Answer {
         }
     }
 
+    /// An answer with the candidates that certified first.
+    pub(crate) fn early(
+        order: &Order,
+        mut candidates: Vec<Candidate>,
+        robot: &Robot,
+        section_length_m: f64,
+    ) -> Self {
+        candidates.retain(|candidate| is_deliverable(order, candidate, robot));
+        let reason = format!(
+            "{} of {} candidates so far; the whole answer follows",
+            candidates.len(),
+            order.request.candidates
+        );
+        let refusal = Refusal::new(Outcome::Early, reason);
+        let mut answer = Self::refused(order.request_id, &refusal);
+        answer.candidates = candidates;
+        answer.summarise(order, robot, section_length_m);
+        answer
+    }
+
     fn certified(order: &Order, plan: Plan, robot: &Robot, section_length_m: f64) -> Self {
-        let keep = deliverable(order, &plan, robot);
+        let keep: Vec<bool> = plan
+            .candidates
+            .iter()
+            .map(|c| is_deliverable(order, c, robot))
+            .collect();
         let (outcome, reason) = verdict(order, &plan, &keep);
         let mut answer = Self::refused(order.request_id, &Refusal::new(outcome, reason));
         let report = &mut answer.report;
@@ -132,6 +156,11 @@ impl Answer {
         self.candidates.len()
     }
 
+    /// What is delivered.
+    pub(crate) fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
     /// Numbers the plan.
     pub(crate) fn set_plan_id(&mut self, plan_id: u64) {
         self.report.plan_id = plan_id;
@@ -154,7 +183,7 @@ impl Answer {
     }
 
     /// Writes the answer into shared memory and sends it.
-    pub(crate) fn send(mut self, request: &PlanActiveRequest) -> Result<(), AnswerError> {
+    pub(crate) fn send(&mut self, request: &PlanActiveRequest) -> Result<(), AnswerError> {
         let clock = Instant::now();
         let count = self.knots().count();
         let response = request
@@ -184,15 +213,12 @@ fn nanoseconds(duration: Duration) -> u64 {
     u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
 }
 
-/// Which candidates reach the goal as closely as the client wants and fit the message and their share of the answer.
-fn deliverable(order: &Order, plan: &Plan, robot: &Robot) -> Vec<bool> {
+/// Whether a candidate reaches the goal as closely as the client wants and fits the message and its share of the answer.
+fn is_deliverable(order: &Order, candidate: &Candidate, robot: &Robot) -> bool {
     let goal_tip = order.problem.goal_tip(robot);
-    let fits = |candidate: &Candidate| {
-        wire::tip_error(robot, &candidate.end(), &goal_tip) <= order.tip_tolerance
-            && candidate.trajectory.knots().len() <= order.request.knots
-            && candidate.trajectory.duration() <= MAX_DURATION_S
-    };
-    plan.candidates.iter().map(fits).collect()
+    wire::tip_error(robot, &candidate.end(), &goal_tip) <= order.tip_tolerance
+        && candidate.trajectory.knots().len() <= order.request.knots
+        && candidate.trajectory.duration() <= MAX_DURATION_S
 }
 
 /// Outcome and explanation of a plan of which some candidates are delivered.

@@ -244,6 +244,7 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         growth: tracking_growth(planner.robot(), config.path_tolerance_rad),
         knots: config.capacity.knots_per_candidate,
         corrections: MOST_CORRECTIONS,
+        previous: None,
     };
     let main = match config.weights {
         Some(_) => Sampler::Default,

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use collision::Scene;
 use pcc_model::{Configuration, Robot};
-use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
+use planning::{Candidate, Goal, Models, Planner, Problem, Request, Sampler, Selection};
 use shared_types::{message, valid};
 use trajectory::Trajectory;
 
@@ -36,6 +36,7 @@ pub(crate) fn request() -> Request {
         growth: 0.0225,
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
+        previous: None,
     }
 }
 
@@ -48,14 +49,20 @@ pub(crate) fn order() -> Order {
         deadline: Duration::from_millis(20),
         tip_tolerance: 0.01,
         execution: None,
+        early: None,
     }
 }
 
-/// A motion of some seconds from the straight shape to a bent one.
-pub(crate) fn motion() -> Trajectory {
+/// A candidate from the straight shape to a bent one, some seconds long.
+pub(crate) fn candidate() -> Candidate {
     let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
     let plan = planner.plan(&straight_problem(), &request(), &|| false);
-    plan.unwrap().candidates[0].trajectory.clone()
+    plan.unwrap().candidates.remove(0)
+}
+
+/// Its motion.
+pub(crate) fn motion() -> Trajectory {
+    candidate().trajectory
 }
 
 /// A validated controller's state with some changes to zero.

@@ -14,6 +14,7 @@ mod config;
 mod daemon;
 mod execution;
 mod heartbeat;
+mod kept_plans;
 mod live_scene;
 mod planning_thread;
 mod process;

@@ -5,19 +5,21 @@
 use std::any::Any;
 use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
-use planning::{Plan, Planner, PlannerError, Problem, Request};
+use planning::{Candidate, Plan, Planner, PlannerError, Problem, Request, Supervision};
 
 /// What is to be planned, and until when.
 pub(crate) struct Job {
     pub(crate) problem: Arc<Problem>,
     pub(crate) request: Request,
     pub(crate) deadline: Instant,
+    /// Certified candidates that are wanted before the plan, if any.
+    pub(crate) early: Option<usize>,
     /// Set when nobody wants the answer any more.
     pub(crate) cancelled: Arc<AtomicBool>,
 }
@@ -35,10 +37,16 @@ pub(crate) enum PlanFault {
 
 pub(crate) type Planned = Result<Plan, PlanFault>;
 
+/// What comes of a job: perhaps some candidates first, then the plan.
+pub(crate) enum Product {
+    Early(Vec<Candidate>),
+    Plan(Planned),
+}
+
 /// The thread that plans, idle or at one job.
 pub(crate) struct PlanningThread {
     jobs: Option<SyncSender<Job>>,
-    plans: Receiver<Planned>,
+    products: Receiver<Product>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -46,10 +54,11 @@ impl PlanningThread {
     /// Starts the thread.
     pub(crate) fn start(planner: Arc<Planner>) -> io::Result<Self> {
         let (jobs, incoming) = sync_channel::<Job>(1);
-        let (outgoing, plans) = sync_channel(1);
+        let (outgoing, products) = sync_channel(2);
         let work = move || {
             while let Ok(job) = incoming.recv() {
-                if outgoing.send(plan(&planner, &job)).is_err() {
+                let planned = plan(&planner, &job, &outgoing);
+                if outgoing.send(Product::Plan(planned)).is_err() {
                     break;
                 }
             }
@@ -57,7 +66,7 @@ impl PlanningThread {
         let thread = Builder::new().name("planning".to_owned()).spawn(work)?;
         Ok(Self {
             jobs: Some(jobs),
-            plans,
+            products,
             thread: Some(thread),
         })
     }
@@ -68,19 +77,19 @@ impl PlanningThread {
         assert_eq!(sent, Some(true), "the thread lives as long as this handle");
     }
 
-    /// The plan, if it is made within `timeout`; a timeout of zero never waits.
-    pub(crate) fn wait(&self, timeout: Duration) -> Option<Planned> {
+    /// What comes next, if it comes within `timeout`; a timeout of zero never waits.
+    pub(crate) fn wait(&self, timeout: Duration) -> Option<Product> {
         if timeout.is_zero() {
-            return match self.plans.try_recv() {
-                Ok(planned) => Some(planned),
+            return match self.products.try_recv() {
+                Ok(product) => Some(product),
                 Err(TryRecvError::Empty) => None,
-                Err(TryRecvError::Disconnected) => Some(Err(thread_is_gone())),
+                Err(TryRecvError::Disconnected) => Some(thread_is_gone()),
             };
         }
-        match self.plans.recv_timeout(timeout) {
-            Ok(planned) => Some(planned),
+        match self.products.recv_timeout(timeout) {
+            Ok(product) => Some(product),
             Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => Some(Err(thread_is_gone())),
+            Err(RecvTimeoutError::Disconnected) => Some(thread_is_gone()),
         }
     }
 }
@@ -95,13 +104,28 @@ impl Drop for PlanningThread {
     }
 }
 
-fn thread_is_gone() -> PlanFault {
-    PlanFault::Panic("the planning thread ended".to_owned())
+fn thread_is_gone() -> Product {
+    let fault = PlanFault::Panic("the planning thread ended".to_owned());
+    Product::Plan(Err(fault))
 }
 
-fn plan(planner: &Planner, job: &Job) -> Planned {
+fn plan(planner: &Planner, job: &Job, outgoing: &SyncSender<Product>) -> Planned {
     let interrupt = || job.cancelled.load(Ordering::Relaxed) || Instant::now() >= job.deadline;
-    guarded(|| planner.plan(&job.problem, &job.request, &interrupt))
+    let collected = Mutex::new(Vec::new());
+    let collect = |candidate| {
+        // A worker that panicked left whole candidates.
+        let mut early = collected.lock().unwrap_or_else(PoisonError::into_inner);
+        early.push(candidate);
+        if Some(early.len()) == job.early {
+            // Nobody listens when the daemon ends.
+            let _ = outgoing.send(Product::Early(early.clone()));
+        }
+    };
+    let supervision = Supervision {
+        interrupt: &interrupt,
+        certified: job.early.is_some().then_some(&collect),
+    };
+    guarded(|| planner.plan_supervised(&job.problem, &job.request, supervision))
 }
 
 /// Runs a planner; a panic in it is an answer like any other.
@@ -134,7 +158,16 @@ mod tests {
             problem: Arc::new(straight_problem()),
             request: request(),
             deadline,
+            early: None,
             cancelled: Arc::default(),
+        }
+    }
+
+    fn planned(thread: &PlanningThread) -> Planned {
+        match thread.wait(Duration::from_secs(60)) {
+            Some(Product::Plan(planned)) => planned,
+            Some(Product::Early(_)) => panic!("no early candidates were asked for"),
+            None => panic!("nothing came in a minute"),
         }
     }
 
@@ -148,28 +181,37 @@ mod tests {
         assert!(thread.wait(Duration::ZERO).is_none());
         for _ in 0..2 {
             thread.begin(job(far()));
-            let plan = thread.wait(Duration::from_secs(60)).unwrap().unwrap();
+            let plan = planned(&thread).unwrap();
             assert!(!plan.truncated);
             assert!(plan.selected.is_some());
         }
     }
 
     #[test]
+    fn early_candidates_come_before_the_plan() {
+        let thread = thread();
+        let early = Some(1);
+        thread.begin(Job {
+            early,
+            ..job(far())
+        });
+        match thread.wait(Duration::from_secs(60)) {
+            Some(Product::Early(candidates)) => assert_eq!(candidates.len(), 1),
+            _ => panic!("no early candidate came first"),
+        }
+        assert_eq!(planned(&thread).unwrap().candidates.len(), 1);
+    }
+
+    #[test]
     fn a_deadline_in_the_past_and_a_cancelled_job_truncate() {
         let thread = thread();
         thread.begin(job(Instant::now()));
-        let plan = thread.wait(Duration::from_secs(60)).unwrap().unwrap();
+        let plan = planned(&thread).unwrap();
         assert!(plan.truncated && plan.candidates.is_empty());
         let job = job(far());
         job.cancelled.store(true, Ordering::Relaxed);
         thread.begin(job);
-        assert!(
-            thread
-                .wait(Duration::from_secs(60))
-                .unwrap()
-                .unwrap()
-                .truncated
-        );
+        assert!(planned(&thread).unwrap().truncated);
     }
 
     #[test]

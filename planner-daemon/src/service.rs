@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use iceoryx2::identifiers::UniqueClientId;
 use iceoryx2::port::ReceiveError;
 use pcc_model::Robot;
+use planning::Candidate;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::Outcome;
 use shared_types::ipc::{PlanActiveRequest, PlanServer};
@@ -17,7 +18,8 @@ use crate::answer::Answer;
 use crate::config::WaitMode;
 use crate::execution::{Execution, ExecutionRefusal, Selected};
 use crate::heartbeat::Progress;
-use crate::planning_thread::{Job, Planned, PlanningThread};
+use crate::kept_plans::KeptPlans;
+use crate::planning_thread::{Job, Planned, PlanningThread, Product};
 use crate::queue::FairQueue;
 
 /// Time between two looks at controller and scene.
@@ -53,6 +55,7 @@ impl Queued {
 struct InFlight {
     queued: Queued,
     waited: Duration,
+    plan_id: u64,
     cancelled: Arc<AtomicBool>,
 }
 
@@ -67,6 +70,7 @@ pub(crate) struct Service {
     waiting: Waiting,
     queue: FairQueue<UniqueClientId, Queued>,
     in_flight: Option<InFlight>,
+    plans: KeptPlans,
     progress: Arc<Progress>,
     next_plan_id: u64,
     receiving_fails: bool,
@@ -96,6 +100,7 @@ impl Service {
             waiting: parts.waiting,
             queue: FairQueue::new(parts.queued_per_client),
             in_flight: None,
+            plans: KeptPlans::default(),
             progress: parts.progress,
             // Larger than those of every daemon before since this machine was booted.
             next_plan_id: mono_now_ns().unsigned_abs(),
@@ -161,7 +166,7 @@ impl Service {
     fn accept(&mut self, active: PlanActiveRequest) {
         let received = Instant::now();
         let copy = *active.payload();
-        let order = match self.border.admit(&copy) {
+        let order = match self.border.admit(&copy, &self.plans) {
             Ok(order) => order,
             Err(refusal) => return refuse(&active, copy.request_id, &refusal),
         };
@@ -198,7 +203,7 @@ impl Service {
         for late in self.queue.take_out(|queued| now >= queued.deadline()) {
             let mut answer = Answer::refused(late.order.request_id, &too_late(&late.order));
             answer.set_wait(now - late.received);
-            send(answer, &late.active);
+            send(&mut answer, &late.active);
         }
     }
 
@@ -214,28 +219,54 @@ impl Service {
         let cancelled = Arc::new(AtomicBool::new(false));
         self.planning.begin(Job {
             problem: Arc::clone(&queued.order.problem),
-            request: queued.order.request,
+            request: queued.order.request.clone(),
             deadline: queued.deadline(),
+            early: queued.order.early,
             cancelled: Arc::clone(&cancelled),
         });
+        let plan_id = self.next_plan_id;
+        self.next_plan_id += 1;
         self.in_flight = Some(InFlight {
             queued,
             waited,
+            plan_id,
             cancelled,
         });
         true
     }
 
-    /// Answers the plan under way, if it is made.
+    /// Answers what the plan under way has come to, if there is anything new.
     fn take_plan(&mut self) -> bool {
         if self.in_flight.is_none() {
             return false;
         }
         match self.planning.wait(Duration::ZERO) {
-            Some(planned) => self.answer(planned),
+            Some(product) => self.deliver(product),
             None => return false,
         }
         true
+    }
+
+    fn deliver(&mut self, product: Product) {
+        match product {
+            Product::Early(candidates) => self.answer_early(candidates),
+            Product::Plan(planned) => self.answer(planned),
+        }
+    }
+
+    /// Answers the first certified candidates; the plan goes on.
+    fn answer_early(&self, candidates: Vec<Candidate>) {
+        let Some(in_flight) = &self.in_flight else {
+            return;
+        };
+        let Queued { active, order, .. } = &in_flight.queued;
+        let length = self.border.section_length_m;
+        let mut answer = Answer::early(order, candidates, &self.robot, length);
+        answer.set_plan_id(in_flight.plan_id);
+        answer.set_wait(in_flight.waited);
+        if answer.candidate_count() > 0 {
+            send(&mut answer, active);
+        }
     }
 
     fn answer(&mut self, planned: Planned) {
@@ -245,17 +276,18 @@ impl Service {
         if let Err(fault) = &planned {
             tracing::debug!("no plan: {fault}");
         }
+        let plan_id = in_flight.plan_id;
         let Queued { active, order, .. } = in_flight.queued;
         let length = self.border.section_length_m;
         let mut answer = Answer::of_plan(&order, planned, &self.robot, length);
-        let plan_id = self.next_plan_id;
-        self.next_plan_id += 1;
         answer.set_plan_id(plan_id);
         answer.set_wait(in_flight.waited);
         if is_wanted(&active) && answer.outcome().is_some_and(Outcome::has_candidates) {
             self.execute(&order, plan_id, &mut answer);
         }
-        send(answer, &active);
+        send(&mut answer, &active);
+        let selected = answer.selected().map(|(index, _)| index);
+        self.plans.keep(plan_id, answer.candidates(), selected);
     }
 
     fn execute(&mut self, order: &Order, plan_id: u64, answer: &mut Answer) {
@@ -295,8 +327,8 @@ impl Service {
         if polls {
             std::hint::spin_loop();
         } else if self.in_flight.is_some() {
-            if let Some(planned) = self.planning.wait(pause) {
-                self.answer(planned);
+            if let Some(product) = self.planning.wait(pause) {
+                self.deliver(product);
             }
         } else {
             sleep(pause);
@@ -316,8 +348,8 @@ impl Service {
             if begun.elapsed() > GRACE {
                 in_flight.cancelled.store(true, Ordering::Relaxed);
             }
-            if let Some(planned) = self.planning.wait(ATTENTION) {
-                self.answer(planned);
+            if let Some(product) = self.planning.wait(ATTENTION) {
+                self.deliver(product);
             }
             self.execution.attend();
             self.progress.made();
@@ -336,11 +368,11 @@ fn too_late(order: &Order) -> Refusal {
 }
 
 fn refuse(active: &PlanActiveRequest, request_id: u64, refusal: &Refusal) {
-    send(Answer::refused(request_id, refusal), active);
+    send(&mut Answer::refused(request_id, refusal), active);
 }
 
 /// Sends an answer; what does not arrive is logged, the client sees its request end.
-fn send(answer: Answer, active: &PlanActiveRequest) {
+fn send(answer: &mut Answer, active: &PlanActiveRequest) {
     let outcome = answer.outcome();
     tracing::debug!(
         "{} candidates, outcome {:?}: {}",

@@ -83,6 +83,7 @@ pub(crate) fn source(source: Source) -> codes::Source {
         Source::Learned => codes::Source::Learned,
         Source::Straight => codes::Source::StraightLine,
         Source::Tree => codes::Source::Classical,
+        Source::Kept => codes::Source::Kept,
     }
 }
 
@@ -220,6 +221,7 @@ mod tests {
         assert_eq!(source(Source::Learned), codes::Source::Learned);
         assert_eq!(source(Source::Straight), codes::Source::StraightLine);
         assert_eq!(source(Source::Tree), codes::Source::Classical);
+        assert_eq!(source(Source::Kept), codes::Source::Kept);
     }
 
     #[test]

@@ -205,9 +205,14 @@ const MALFORMED: &[Case] = &[
         PlanField::StartConfiguration,
     ),
     (
-        |r| r.start_velocity_rad_s[0] = 0.1,
+        |r| (r.execute, r.start_velocity_rad_s[0]) = (1, 0.1),
         Outcome::InvalidRequest,
         PlanField::StartVelocity,
+    ),
+    (
+        |r| (r.sampler, r.previous_plan_id) = (Sampler::Fast.code(), 1),
+        Outcome::InvalidRequest,
+        PlanField::PreviousPlan,
     ),
     (
         |r| r.limits_scale = 0.0,

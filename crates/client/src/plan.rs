@@ -6,6 +6,7 @@ use std::time::Duration;
 use iceoryx2::port::LoanError;
 use iceoryx2::port::client::RequestSendError;
 use iceoryx2::prelude::PortFactory;
+use shared_types::codes::Outcome;
 use shared_types::ipc::{
     IpcError, IpcNode, IpcOptions, PlanClient, PlanPending, PlanService, open_plan_service,
     plan_client,
@@ -134,7 +135,7 @@ impl Client {
         self.submit_within(request, &Patience::new(Duration::ZERO))
     }
 
-    /// Looks whether a request has been answered, without waiting (but for the clean-up, when its daemon has died).
+    /// Looks for the next answer to a request (see [`Client::next`]), without waiting (but for the clean-up, when its daemon has died).
     ///
     /// # Errors
     /// [`ClientError::ServerLost`] if there will be no answer, [`ClientError::BadMessage`], [`ClientError::Transport`].
@@ -145,7 +146,19 @@ impl Client {
         received
     }
 
-    /// Waits for the answer to a request; without one in time the request is cancelled.
+    /// Waits for the next answer to a request: the early one, if that was asked for and comes, then the whole one.
+    ///
+    /// # Errors
+    /// As [`Client::poll`], and [`ClientError::TimedOut`]; the request goes on.
+    pub fn next(
+        &mut self,
+        pending: &mut Pending,
+        timeout: Duration,
+    ) -> Result<PlanAnswer, ClientError> {
+        self.next_within(pending, &Patience::new(timeout))
+    }
+
+    /// Waits for the whole answer to a request, passing over an early one; without it in time the request is cancelled.
     ///
     /// # Errors
     /// As [`Client::poll`], and [`ClientError::TimedOut`].
@@ -165,6 +178,19 @@ impl Client {
     fn wait_within(
         &mut self,
         mut pending: Pending,
+        patience: &Patience,
+    ) -> Result<PlanAnswer, ClientError> {
+        loop {
+            let answer = self.next_within(&mut pending, patience)?;
+            if answer.report().outcome != Outcome::Early {
+                return Ok(answer);
+            }
+        }
+    }
+
+    fn next_within(
+        &mut self,
+        pending: &mut Pending,
         patience: &Patience,
     ) -> Result<PlanAnswer, ClientError> {
         let received = wait(patience, &mut self.cleaner, &self.node, || {

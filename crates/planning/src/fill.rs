@@ -1,9 +1,8 @@
 //! The default planner: learned candidates, beside which straight segments compete, filled by both classical planners.
 
-use crate::path::Waypoints;
 use crate::plan::{Draw, Failure, Plan, Source};
 use crate::rrt_connect::{RrtSettings, rrt_connect};
-use crate::run::{Run, count_learned};
+use crate::run::{Aim, Proposal, Run, count_learned, draws_of};
 use crate::select::cost;
 use pcc_model::{Configuration, Robot, TendonLimits};
 use rand_pcg::Pcg64;
@@ -24,42 +23,47 @@ const LAST_ATTEMPT: RrtSettings = RrtSettings {
 impl Run<'_> {
     /// Learned paths to every goal shape; the fastest straight segment takes the place of the learned path to the same
     /// shape where the selection rule prefers it; what is missing then is filled.
-    pub(crate) fn default(mut self, ends: &[Configuration], goals: &[Configuration]) -> Plan {
-        let mut race = Race::new(
-            self.demands.robot,
-            &self.demands.limits,
-            &self.problem.start,
-            ends,
-        );
-        let learned = self.learned(goals).into_iter();
-        let mut paths: Vec<_> = learned.map(|path| (path, Source::Learned)).collect();
-        let first = race.next_heat();
-        paths.extend(self.segments(ends, &first));
-        let mut draws = self.finish_each(paths);
-        race.record(&first, draws.split_off(goals.len()));
+    pub(crate) fn default(mut self, aim: &Aim) -> Plan {
+        let (ends, limits) = (&aim.ends, &self.demands.limits);
+        let mut race = Race::new(self.demands.robot, limits, &self.problem.start, ends);
+        let heat = race.next_heat();
+        let mut proposals = draws_of(self.learned(aim), Source::Learned);
+        proposals.extend(self.segments(ends, &heat));
+        proposals.extend(aim.kept());
+        let mut draws = self.finish(proposals);
+        let kept = draws.split_off(aim.goals.len() + heat.len());
+        race.record(&heat, draws.split_off(aim.goals.len()));
         let learned = count_learned(&draws);
+        self.finish_race(&mut race, ends);
+        if let Some((end, straight)) = race.winner() {
+            self.compete(straight, &mut draws[end]);
+        }
+        aim.keep(kept, &mut draws);
+        self.fill(&aim.goals, &race, &mut draws);
+        self.answer(draws, learned)
+    }
+
+    fn finish_race(&mut self, race: &mut Race, ends: &[Configuration]) {
         loop {
             let heat = race.next_heat();
             if heat.is_empty() {
                 break;
             }
-            let segments = self.segments(ends, &heat);
-            let finished = self.finish_each(segments);
+            let finished = self.finish(self.segments(ends, &heat));
             race.record(&heat, finished);
         }
-        let clock = Instant::now();
-        if let Some((end, straight)) = race.winner() {
-            self.compete(straight, &mut draws[end]);
-        }
-        self.stages.select += clock.elapsed().as_secs_f64();
-        self.fill(goals, &race, &mut draws);
-        self.answer(draws, learned)
     }
 
-    fn segments(&self, ends: &[Configuration], chosen: &[usize]) -> Vec<(Waypoints, Source)> {
+    /// Straight segments to the chosen end shapes.
+    fn segments(&self, ends: &[Configuration], chosen: &[usize]) -> Vec<Proposal> {
         let chosen: Vec<Configuration> = chosen.iter().map(|&end| ends[end]).collect();
+        let proposal = |path| Proposal {
+            path,
+            source: Source::Straight,
+            draw: None,
+        };
         let paths = self.straight_paths(&chosen).into_iter();
-        paths.map(|path| (path, Source::Straight)).collect()
+        paths.map(proposal).collect()
     }
 
     /// Leaves the better one by the selection rule in the learned path's place.
@@ -90,8 +94,7 @@ impl Run<'_> {
             .copied()
             .filter(|i| race.of(i % race.entries.len()).is_none())
             .collect();
-        let segments = self.segments(goals, &untried);
-        let straight = self.finish_each(segments);
+        let straight = self.finish(self.segments(goals, &untried));
         for (i, draw) in untried.into_iter().zip(straight) {
             replace(&mut draws[i], draw);
         }
@@ -108,14 +111,11 @@ impl Run<'_> {
         let run = &*self;
         draws.par_iter_mut().enumerate().for_each(|(i, draw)| {
             if draw.outcome.is_err() {
-                replace(
-                    draw,
-                    run.tree(i as u64, &[goals[i]], &RrtSettings::default()),
-                );
+                replace(draw, run.tree(i, &[goals[i]], &RrtSettings::default()));
             }
         });
         if draws.iter().all(|d| d.outcome.is_err()) {
-            draws[0] = self.tree(goals.len() as u64, goals, &LAST_ATTEMPT);
+            draws[0] = self.tree(goals.len(), goals, &LAST_ATTEMPT);
         }
         self.stages.select += clock.elapsed().as_secs_f64();
     }
@@ -128,22 +128,22 @@ impl Run<'_> {
             .par_iter()
             .with_max_len(1)
             .enumerate()
-            .map(|(i, goal)| run.tree(i as u64, &[*goal], &RrtSettings::default()))
+            .map(|(i, goal)| run.tree(i, &[*goal], &RrtSettings::default()))
             .collect();
         self.stages.sample += clock.elapsed().as_secs_f64();
         draws
     }
 
-    fn tree(&self, stream: u64, goals: &[Configuration], settings: &RrtSettings) -> Draw {
+    fn tree(&self, index: usize, goals: &[Configuration], settings: &RrtSettings) -> Draw {
         let mut draw = Draw {
             sampled: None,
             path: None,
             source: Source::Tree,
             outcome: Err(Failure::NoPath),
         };
-        let mut rng = Pcg64::new(u128::from(self.request.seed), u128::from(stream) + 1);
+        let mut rng = Pcg64::new(u128::from(self.request.seed), index as u128 + 1);
         for margin in TREE_MARGINS {
-            if (self.interrupt)() {
+            if (self.supervision.interrupt)() {
                 break;
             }
             let growth = margin + self.request.growth;
@@ -155,17 +155,18 @@ impl Run<'_> {
                 goals,
                 settings,
                 &mut rng,
-                self.interrupt,
+                self.supervision.interrupt,
             );
             if let Some(polyline) = found
                 && let Ok((path, trajectory)) = self.demands.follow(&polyline)
             {
                 draw.path = Some(path);
                 draw.outcome = Ok(self.demands.describe(trajectory));
+                self.report(index, &draw);
                 return draw;
             }
         }
-        if (self.interrupt)() {
+        if (self.supervision.interrupt)() {
             draw.outcome = Err(Failure::Truncated);
         }
         draw

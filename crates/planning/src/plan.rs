@@ -4,8 +4,10 @@ use crate::diffusion::Guidance;
 use crate::finish::Laps;
 use crate::metrics::PathMetrics;
 use crate::path::Waypoints;
+use crate::previous::PreviousPlan;
 use crate::select::Selection;
 use pcc_model::Configuration;
+use std::sync::Arc;
 use thiserror::Error;
 use trajectory::Trajectory;
 
@@ -33,6 +35,8 @@ pub enum Source {
     Straight,
     /// The tree, RRT-Connect.
     Tree,
+    /// The rest of the previous plan's motion.
+    Kept,
 }
 
 /// Why a draw did not become a certified motion.
@@ -59,7 +63,7 @@ pub enum Failure {
 }
 
 /// What a plan must deliver, beside its problem.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Request {
     /// Candidates to draw (1..=64).
     pub candidates: usize,
@@ -77,6 +81,8 @@ pub struct Request {
     pub knots: usize,
     /// Corrections that a path gets before it is given up (0: none, to [`MOST_CORRECTIONS`], which is the rule).
     pub corrections: usize,
+    /// The plan to go on from; read by [`Sampler::Default`] and [`Sampler::Fast`].
+    pub previous: Option<Arc<PreviousPlan>>,
 }
 
 /// A certified motion.

@@ -4,7 +4,7 @@ use crate::basis::SineBasis;
 use crate::diffusion::{DiffusionModel, Guidance, Task};
 use crate::end_shapes::check_goal;
 use crate::path::Waypoints;
-use crate::plan::{Plan, Request, Sampler};
+use crate::plan::{Candidate, Plan, Request, Sampler};
 use crate::problem::{Infeasible, Problem};
 use crate::run::Run;
 use denoiser::FastModel;
@@ -50,6 +50,15 @@ pub struct Planner {
 /// Asked again and again while a request is planned; true truncates it.
 pub(crate) type Interrupt<'a> = &'a (dyn Fn() -> bool + Sync);
 
+/// Who follows a request while it is planned.
+#[derive(Clone, Copy)]
+pub struct Supervision<'a> {
+    /// Asked between stages and while a tree grows; true truncates.
+    pub interrupt: &'a (dyn Fn() -> bool + Sync),
+    /// Told of candidates as they certify, by any worker and in any order; the answer may have better ones in their place.
+    pub certified: Option<&'a (dyn Fn(Candidate) + Sync)>,
+}
+
 impl Planner {
     /// Makes a planner for a robot (any unit of length) with `threads` workers.
     ///
@@ -80,7 +89,7 @@ impl Planner {
         &self.robot
     }
 
-    /// Answers one request; `interrupt` is asked between candidates and while a tree grows, and returns true to truncate.
+    /// Answers one request; `interrupt` is asked between stages and while a tree grows, and returns true to truncate.
     ///
     /// # Errors
     /// [`PlannerError::Infeasible`] or [`PlannerError::ModelNotLoaded`].
@@ -90,10 +99,27 @@ impl Planner {
         request: &Request,
         interrupt: Interrupt,
     ) -> Result<Plan, PlannerError> {
+        let supervision = Supervision {
+            interrupt,
+            certified: None,
+        };
+        self.plan_supervised(problem, request, supervision)
+    }
+
+    /// Answers one request, and tells of its candidates before that.
+    ///
+    /// # Errors
+    /// As [`Planner::plan`].
+    pub fn plan_supervised(
+        &self,
+        problem: &Problem,
+        request: &Request,
+        supervision: Supervision,
+    ) -> Result<Plan, PlannerError> {
         self.check_loaded(request.sampler)?;
         problem.check_start(&self.robot)?;
         self.workers
-            .install(|| Run::new(self, problem, request, interrupt).plan())
+            .install(|| Run::new(self, problem, request, supervision).plan())
     }
 
     /// Draws one path by diffusion and returns it before every evaluation of the network and at the end, 64 waypoints each.

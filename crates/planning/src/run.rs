@@ -7,10 +7,13 @@ use crate::canonical::CanonicalFrame;
 use crate::diffusion::{Guidance, Task};
 use crate::end_shapes::{check_goal, end_shapes};
 use crate::features::CanonicalProblem;
-use crate::finish::{Demands, Finished};
+use crate::finish::{Demands, Laps};
 use crate::path::{Waypoints, straight_path};
-use crate::plan::{Candidate, Draw, Failure, Plan, Request, Sampler, Source, StageTimes};
-use crate::planner::{Interrupt, Planner, PlannerError};
+use crate::plan::{
+    Candidate, Certified, Draw, Failure, Plan, Request, Sampler, Source, StageTimes,
+};
+use crate::planner::{Planner, PlannerError, Supervision};
+use crate::previous::Rest;
 use crate::problem::Problem;
 use crate::sampling::sample_paths;
 use crate::select::select;
@@ -26,9 +29,37 @@ pub(crate) struct Run<'a> {
     pub(crate) planner: &'a Planner,
     pub(crate) problem: &'a Problem,
     pub(crate) request: &'a Request,
-    pub(crate) interrupt: Interrupt<'a>,
+    pub(crate) supervision: Supervision<'a>,
     pub(crate) demands: Demands<'a>,
     pub(crate) stages: StageTimes,
+}
+
+/// What the few-step model is to draw.
+pub(crate) struct Aim {
+    /// The end shape of each draw.
+    pub(crate) goals: Vec<Configuration>,
+    /// The different shapes among them.
+    pub(crate) ends: Vec<Configuration>,
+    /// What is left of a previous plan's paths to the first of these shapes.
+    pub(crate) rests: Vec<Rest>,
+}
+
+/// A path to be finished.
+pub(crate) struct Proposal {
+    pub(crate) path: Waypoints,
+    pub(crate) source: Source,
+    /// The draw that it is, unless it only competes with one.
+    pub(crate) draw: Option<usize>,
+}
+
+/// Paths as the draws 0, 1, 2, …
+pub(crate) fn draws_of(paths: Vec<Waypoints>, source: Source) -> Vec<Proposal> {
+    let proposal = |(draw, path)| Proposal {
+        path,
+        source,
+        draw: Some(draw),
+    };
+    paths.into_iter().enumerate().map(proposal).collect()
 }
 
 impl<'a> Run<'a> {
@@ -36,7 +67,7 @@ impl<'a> Run<'a> {
         planner: &'a Planner,
         problem: &'a Problem,
         request: &'a Request,
-        interrupt: Interrupt<'a>,
+        supervision: Supervision<'a>,
     ) -> Self {
         let full = &planner.robot.tendon_limits;
         let limits = TendonLimits {
@@ -52,13 +83,13 @@ impl<'a> Run<'a> {
             knots: request.knots,
             growth: request.growth,
             corrections: request.corrections,
-            interrupt,
+            interrupt: supervision.interrupt,
         };
         Self {
             planner,
             problem,
             request,
-            interrupt,
+            supervision,
             demands,
             stages: StageTimes::default(),
         }
@@ -69,25 +100,46 @@ impl<'a> Run<'a> {
             return self.diffusion(guidance);
         }
         let clock = Instant::now();
-        let mut rng = Pcg64::seed_from_u64(self.request.seed);
-        let (robot, count) = (&self.planner.robot, self.request.candidates);
-        let ends = end_shapes(robot, self.problem, count, self.request.growth, &mut rng)?.shapes;
-        let goals: Vec<Configuration> = (0..count).map(|i| ends[i % ends.len()]).collect();
+        let aim = self.aim()?;
         self.stages.condition = clock.elapsed().as_secs_f64();
         let draws = match self.request.sampler {
-            Sampler::Default => return Ok(self.default(&ends, &goals)),
-            Sampler::Fast => {
-                let paths = self.learned(&goals);
-                self.finish(paths, Source::Learned)
-            }
+            Sampler::Default => return Ok(self.default(&aim)),
+            Sampler::Fast => self.fast(&aim),
             Sampler::Straight => {
-                let paths = self.straight_paths(&ends);
-                self.finish(paths, Source::Straight)
+                let paths = self.straight_paths(&aim.ends);
+                self.finish(draws_of(paths, Source::Straight))
             }
-            Sampler::RrtConnect | Sampler::Diffusion(_) => self.trees(&goals),
+            Sampler::RrtConnect | Sampler::Diffusion(_) => self.trees(&aim.goals),
         };
         let learned = count_learned(&draws);
         Ok(self.answer(draws, learned))
+    }
+
+    /// End shapes: those of a previous plan that still serve, then others.
+    fn aim(&self) -> Result<Aim, PlannerError> {
+        let (robot, problem) = (&self.planner.robot, self.problem);
+        let (count, growth) = (self.request.candidates, self.request.growth);
+        let previous = self.request.previous.as_deref();
+        let rests = previous.map_or_else(Vec::new, |p| p.rests(robot, problem, growth, count));
+        let mut ends: Vec<Configuration> = rests.iter().map(Rest::end).collect();
+        let mut rng = Pcg64::seed_from_u64(self.request.seed);
+        match end_shapes(robot, problem, count, growth, &mut rng) {
+            Ok(found) => add_distinct(&mut ends, &found.shapes, count),
+            Err(infeasible) if ends.is_empty() => return Err(infeasible.into()),
+            Err(_) => {}
+        }
+        let goals = (0..count).map(|i| ends[i % ends.len()]).collect();
+        Ok(Aim { goals, ends, rests })
+    }
+
+    /// The learned sampler alone, beside what is left of the motion that is followed.
+    fn fast(&mut self, aim: &Aim) -> Vec<Draw> {
+        let mut proposals = draws_of(self.learned(aim), Source::Learned);
+        proposals.extend(aim.kept());
+        let mut draws = self.finish(proposals);
+        let kept = draws.split_off(aim.goals.len());
+        aim.keep(kept, &mut draws);
+        draws
     }
 
     /// The paper's sampler; the end shapes are the network's, and correction brings their tips to the goal.
@@ -105,13 +157,13 @@ impl<'a> Run<'a> {
         };
         let model = self.planner.models.diffusion.as_ref();
         let sampled = model.map_or_else(Vec::new, |model| {
-            model.sample(&task, request.candidates, self.interrupt)
+            model.sample(&task, request.candidates, self.supervision.interrupt)
         });
         self.stages.sample = clock.elapsed().as_secs_f64();
         let mut paths: Vec<Waypoints> = sampled.iter().flatten().cloned().collect();
         let attached = self.attach(&mut paths);
         let mut finished = self
-            .finish(paths, Source::Learned)
+            .finish(draws_of(paths, Source::Learned))
             .into_iter()
             .zip(attached);
         let draws = sampled.into_iter().map(|sampled| {
@@ -134,7 +186,8 @@ impl<'a> Run<'a> {
 
     /// Brings the ends of paths onto start and goal; where that fails, the path is none to deliver.
     fn attach(&mut self, paths: &mut [Waypoints]) -> Vec<Result<(), Failure>> {
-        let (robot, problem, interrupt) = (&self.planner.robot, self.problem, self.interrupt);
+        let (robot, problem) = (&self.planner.robot, self.problem);
+        let interrupt = self.supervision.interrupt;
         let clock = Instant::now();
         let bring = |path: &mut Waypoints| match interrupt() {
             true => Err(Failure::Truncated),
@@ -148,24 +201,25 @@ impl<'a> Run<'a> {
     }
 
     /// One path of the few-step model to each goal shape.
-    pub(crate) fn learned(&mut self, goals: &[Configuration]) -> Vec<Waypoints> {
+    pub(crate) fn learned(&mut self, aim: &Aim) -> Vec<Waypoints> {
         let Some(model) = &self.planner.models.fast else {
             return Vec::new();
         };
         let clock = Instant::now();
-        let robot = &self.planner.robot;
-        let frame = CanonicalFrame::of(robot, &self.problem.start, &self.problem.goal_tip(robot));
+        let (robot, start) = (&self.planner.robot, &self.problem.start);
+        let frame = CanonicalFrame::of(robot, start, &self.problem.goal_tip(robot));
         let canonical = CanonicalProblem::new(frame, &self.problem.scene);
-        let features: Vec<_> = goals
+        let features: Vec<_> = aim
+            .goals
             .par_iter()
-            .map(|g| canonical.features(robot, &self.problem.start, g))
+            .map(|goal| canonical.features(robot, start, goal))
             .collect();
         self.stages.condition += clock.elapsed().as_secs_f64();
         let clock = Instant::now();
         let residuals = sample_paths(model, &features, self.request.seed);
         let paths = residuals
             .iter()
-            .zip(goals)
+            .zip(&aim.goals)
             .map(|(residual, goal)| self.bend(&frame, goal, residual))
             .collect();
         self.stages.sample = clock.elapsed().as_secs_f64();
@@ -187,41 +241,46 @@ impl<'a> Run<'a> {
     }
 
     /// Takes every path through correction, time allocation, certification and figures.
-    pub(crate) fn finish(&mut self, paths: Vec<Waypoints>, source: Source) -> Vec<Draw> {
-        let sourced = paths.into_iter().map(|path| (path, source)).collect();
-        self.finish_each(sourced)
-    }
-
-    /// The same for paths of several sources.
-    pub(crate) fn finish_each(&mut self, paths: Vec<(Waypoints, Source)>) -> Vec<Draw> {
+    pub(crate) fn finish(&mut self, proposals: Vec<Proposal>) -> Vec<Draw> {
         let clock = Instant::now();
-        let demands = &self.demands;
-        let finished: Vec<(Waypoints, Source, Finished)> = paths
+        let run = &*self;
+        let finished: Vec<(Draw, Laps)> = proposals
             .into_par_iter()
             .with_max_len(1)
-            .map(|(path, source)| (path.clone(), source, demands.finish(path)))
+            .map(|proposal| run.finish_one(proposal))
             .collect();
-        let laps = finished.iter().map(|(_, _, finished)| finished.laps);
+        let laps = finished.iter().map(|(_, laps)| *laps);
         self.stages.share(clock.elapsed().as_secs_f64(), laps);
-        let draw = |(sampled, source, finished): (Waypoints, Source, Finished)| Draw {
+        finished.into_iter().map(|(draw, _)| draw).collect()
+    }
+
+    fn finish_one(&self, proposal: Proposal) -> (Draw, Laps) {
+        let sampled = proposal.path.clone();
+        let finished = self.demands.finish(proposal.path);
+        let draw = Draw {
             sampled: Some(sampled),
             path: Some(finished.path),
-            source,
+            source: proposal.source,
             outcome: finished.outcome,
         };
-        finished.into_iter().map(draw).collect()
+        if let Some(index) = proposal.draw {
+            self.report(index, &draw);
+        }
+        (draw, finished.laps)
+    }
+
+    /// Tells who watches of a draw that is certified.
+    pub(crate) fn report(&self, index: usize, draw: &Draw) {
+        if let (Some(watch), Ok(motion)) = (self.supervision.certified, &draw.outcome) {
+            watch(candidate(index, draw.source, motion));
+        }
     }
 
     pub(crate) fn answer(mut self, draws: Vec<Draw>, learned: [usize; 2]) -> Plan {
         let clock = Instant::now();
-        let certified = draws.iter().enumerate().filter_map(|(draw, d)| {
-            let certified = d.outcome.as_ref().ok()?;
-            Some(Candidate {
-                trajectory: certified.trajectory.clone(),
-                metrics: certified.metrics,
-                source: d.source,
-                draw,
-            })
+        let certified = draws.iter().enumerate().filter_map(|(index, draw)| {
+            let motion = draw.outcome.as_ref().ok()?;
+            Some(candidate(index, draw.source, motion))
         });
         let candidates: Vec<Candidate> = certified.collect();
         let selected = select(&candidates, &self.problem.start, self.request.selection);
@@ -247,4 +306,46 @@ pub(crate) fn count_learned(draws: &[Draw]) -> [usize; 2] {
     let learned = draws.iter().filter(|d| d.source == Source::Learned);
     let certified = learned.clone().filter(|d| d.outcome.is_ok());
     [learned.count(), certified.count()]
+}
+
+fn candidate(draw: usize, source: Source, motion: &Certified) -> Candidate {
+    Candidate {
+        trajectory: motion.trajectory.clone(),
+        metrics: motion.metrics,
+        source,
+        draw,
+    }
+}
+
+/// Adds shapes to `ends` until they are `count`: first those that are far from all there are, then nearer ones.
+fn add_distinct(ends: &mut Vec<Configuration>, shapes: &[Configuration], count: usize) {
+    for separation_rad in [0.5, 0.1, 0.01] {
+        for shape in shapes {
+            let is_new = ends
+                .iter()
+                .all(|end| (end - shape).norm() >= separation_rad);
+            if is_new && ends.len() < count {
+                ends.push(*shape);
+            }
+        }
+    }
+}
+
+impl Aim {
+    /// What is left of the motion that is followed, as it is.
+    pub(crate) fn kept(&self) -> Option<Proposal> {
+        let followed = self.rests.first().filter(|rest| rest.followed)?;
+        Some(Proposal {
+            path: followed.path.clone(),
+            source: Source::Kept,
+            draw: None,
+        })
+    }
+
+    /// Puts what is left of the followed motion, if it is certified, in the place of the draw to the same shape.
+    pub(crate) fn keep(&self, kept: Vec<Draw>, draws: &mut [Draw]) {
+        for draw in kept.into_iter().filter(|draw| draw.outcome.is_ok()) {
+            draws[0] = draw;
+        }
+    }
 }

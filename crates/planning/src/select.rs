@@ -1,7 +1,7 @@
 //! Choosing one certified candidate.
 
 use crate::metrics::PathMetrics;
-use crate::plan::Candidate;
+use crate::plan::{Candidate, Source};
 use pcc_model::Configuration;
 
 /// What the best candidate is.
@@ -37,7 +37,12 @@ pub(crate) fn cost(
     }
 }
 
+/// A motion that is followed is not left for one that is better by less than this share.
+const WORTH_A_CHANGE: f64 = 0.1;
+
 /// Index of the selected candidate; nothing if there is none, or none with the index asked for.
+///
+/// The rest of a motion that is followed stays selected unless another one is better by a tenth.
 #[must_use]
 pub fn select(
     candidates: &[Candidate],
@@ -48,8 +53,11 @@ pub fn select(
         let candidate = &candidates[*index];
         cost(&candidate.metrics, &candidate.end(), start, selection)
     };
-    match selection {
-        Selection::Index(index) => (index < candidates.len()).then_some(index),
-        _ => (0..candidates.len()).min_by(|a, b| cost_of(a).total_cmp(&cost_of(b))),
+    if let Selection::Index(index) = selection {
+        return (index < candidates.len()).then_some(index);
     }
+    let best = (0..candidates.len()).min_by(|a, b| cost_of(a).total_cmp(&cost_of(b)))?;
+    let enough = cost_of(&best) + WORTH_A_CHANGE * cost_of(&best).abs();
+    let kept = candidates.iter().position(|c| c.source == Source::Kept);
+    Some(kept.filter(|kept| cost_of(kept) <= enough).unwrap_or(best))
 }

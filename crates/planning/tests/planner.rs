@@ -27,6 +27,7 @@ fn request(sampler: Sampler, seed: u64) -> Request {
         growth: 0.0,
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
+        previous: None,
     }
 }
 
@@ -309,7 +310,15 @@ fn start_and_goal_may_be_the_same_and_scenes_of_any_size_are_answered() {
             scene: Scene::new(far_points.clone().collect()).unwrap(),
         };
         for sampler in [Sampler::Straight, Sampler::RrtConnect] {
-            let answer = plan(&planner, &problem, &Request { sampler, ..at_most }).unwrap();
+            let answer = plan(
+                &planner,
+                &problem,
+                &Request {
+                    sampler,
+                    ..at_most.clone()
+                },
+            )
+            .unwrap();
             assert!(!answer.candidates.is_empty() && answer.selected.is_some());
             let metrics = answer.candidates.iter().map(|c| c.metrics);
             assert!(

@@ -3,7 +3,10 @@
 use iceoryx2::service::header::{publish_subscribe, request_response};
 
 use super::PlanServiceCapacity;
-use super::request::{COMMAND_CLIENTS, COMMANDS_PER_CLIENT, REQUEST_LOANS, RESPONSES, SERVERS};
+use super::request::{
+    COMMAND_CLIENTS, COMMANDS_PER_CLIENT, HELD_ANSWERS, HELD_REPLIES, REQUEST_LOANS, RESPONSES,
+    SERVERS,
+};
 use super::topic::{
     CONTROLLER_STATE, CYCLE, HEARTBEAT, LOANS, Qualities, ROBOT_STATE, SCENE, SETPOINT, TRAJECTORY,
 };
@@ -54,6 +57,7 @@ pub fn plan_bytes(capacity: &PlanServiceCapacity) -> usize {
     exchange_bytes(
         capacity.clients,
         capacity.active_requests_per_client,
+        HELD_ANSWERS,
         [answer, request],
     )
 }
@@ -61,18 +65,25 @@ pub fn plan_bytes(capacity: &PlanServiceCapacity) -> usize {
 fn command_bytes() -> usize {
     let answer = chunk_bytes::<request_response::ResponseHeader, (), CommandReply>(1);
     let request = chunk_bytes::<request_response::RequestHeader, (), Command>(1);
-    exchange_bytes(COMMAND_CLIENTS, COMMANDS_PER_CLIENT, [answer, request])
+    exchange_bytes(
+        COMMAND_CLIENTS,
+        COMMANDS_PER_CLIENT,
+        HELD_REPLIES,
+        [answer, request],
+    )
 }
 
 /// One server's answers and all clients' requests. A client's requests count twice: the ones at work, and the ones that
-/// it dropped and the server has not yet. An answer is prepared, waits, or is held by the client: three chunks.
+/// it dropped and the server has not yet. Of the answers to one, some are prepared, some wait, and some are held by the
+/// client.
 fn exchange_bytes(
     clients: usize,
     requests_per_client: usize,
+    held: usize,
     [answer, request]: [usize; 2],
 ) -> usize {
     let requests = 2 * requests_per_client;
-    let answers = clients * requests * 3 * RESPONSES;
+    let answers = clients * requests * (2 * RESPONSES + held);
     let client_chunks = SERVERS * requests + REQUEST_LOANS;
     answers * answer + clients * client_chunks * request
 }

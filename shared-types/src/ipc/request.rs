@@ -42,8 +42,13 @@ const COMMAND: &str = "command";
 /// One server at work, and one that died and was not cleaned up yet.
 pub(super) const SERVERS: usize = 2;
 const NODES: usize = 40;
-/// Responses that one request's buffer holds, that a client holds of one request, and that the server prepares for it.
+/// Responses that one request's buffer holds (a newer one takes the place of one not read yet), and that the server
+/// prepares for it.
 pub(super) const RESPONSES: usize = 1;
+/// Answers that a client holds of one plan request: an early one, and the whole one.
+pub(super) const HELD_ANSWERS: usize = 2;
+/// Replies that a client holds of one command.
+pub(super) const HELD_REPLIES: usize = 1;
 /// Requests that a client may prepare at once.
 pub(super) const REQUEST_LOANS: usize = 2;
 pub(super) const COMMAND_CLIENTS: usize = 8;
@@ -102,7 +107,7 @@ pub fn plan_service(
             .max_active_requests_per_client(capacity.active_requests_per_client)
             .max_loaned_requests(REQUEST_LOANS)
             .max_response_buffer_size(RESPONSES)
-            .max_borrowed_responses_per_pending_response(RESPONSES)
+            .max_borrowed_responses_per_pending_response(HELD_ANSWERS)
             .max_servers(SERVERS)
             .max_clients(capacity.clients)
             .max_nodes(NODES)
@@ -176,7 +181,7 @@ pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
             .max_active_requests_per_client(COMMANDS_PER_CLIENT)
             .max_loaned_requests(REQUEST_LOANS)
             .max_response_buffer_size(RESPONSES)
-            .max_borrowed_responses_per_pending_response(RESPONSES)
+            .max_borrowed_responses_per_pending_response(HELD_REPLIES)
             .max_servers(SERVERS)
             .max_clients(COMMAND_CLIENTS)
             .max_nodes(NODES)

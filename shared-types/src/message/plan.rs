@@ -121,7 +121,7 @@ wire_message! {
         pub learned_drawn: u32,
         /// Those of them that were certified.
         pub learned_certified: u32,
-        /// Candidates that the classical planner filled in.
+        /// Candidates that are not the learned sampler's.
         pub classical_certified: u32,
         /// Bytes of `reason` in use.
         pub reason_len: u32,

@@ -182,7 +182,10 @@ fn check_start(request: &PlanRequest) -> Result<(), Invalid> {
     check("start_configuration_rad", shape, Quantity::Angle)?;
     for (field, rates) in [
         ("start_velocity_rad_s", &request.start_velocity_rad_s),
-        ("start_acceleration_rad_s2", &request.start_acceleration_rad_s2),
+        (
+            "start_acceleration_rad_s2",
+            &request.start_acceleration_rad_s2,
+        ),
     ] {
         check(field, rates, Quantity::Rate)?;
         let moving = rates.iter().position(|&rate| rate != 0.0);

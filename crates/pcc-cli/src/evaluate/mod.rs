@@ -147,6 +147,7 @@ fn answer(
         growth: 0.0,
         knots: 96,
         corrections: arguments.corrections,
+        previous: None,
     };
     let clock = Instant::now();
     let plan = match planner.plan(&problem, &request, &|| false) {
