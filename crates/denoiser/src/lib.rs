@@ -6,6 +6,7 @@
 mod activation;
 mod conv;
 mod diffusion;
+mod factors;
 mod fast_model;
 mod group_norm;
 mod lanes;
