@@ -15,7 +15,7 @@ use crate::path::{Waypoints, straight_path};
 use crate::plan::{Candidate, Draw, Failure, Plan, Request, Sampler, Source, StageTimes};
 use crate::problem::{Infeasible, Problem};
 use crate::rrt_connect::{RrtSettings, rrt_connect};
-use crate::sampling::sample_paths;
+use crate::sampling::{cold_start, sample_paths};
 use crate::select::select;
 use crate::terminal::attach;
 use denoiser::FastModel;
@@ -298,7 +298,8 @@ impl<'a> Run<'a> {
             .collect();
         self.stages.condition += clock.elapsed().as_secs_f64();
         let clock = Instant::now();
-        let residuals = sample_paths(model, &features, self.request.seed);
+        let inputs: Vec<_> = features.iter().map(cold_start).collect();
+        let residuals = sample_paths(model, &inputs, self.request.seed);
         let paths = residuals
             .iter()
             .zip(goals)
