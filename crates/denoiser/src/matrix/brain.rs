@@ -112,17 +112,30 @@ pub fn padded(width: usize) -> usize {
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512bf16")]
 fn round_row(row: &[f32], lines: &mut [Line]) {
-    for (values, Line(line)) in row.chunks(LINE).zip(lines) {
-        // one bit for each value that there is
-        let all = u32::MAX >> (LINE - values.len());
-        // SAFETY: only values of the row are read; a line has room for 32 values of 16 bits.
-        unsafe {
-            let from = values.as_ptr();
-            let low = _mm512_maskz_loadu_ps(all as u16, from);
-            let high = _mm512_maskz_loadu_ps((all >> 16) as u16, from.wrapping_add(16));
-            let rounded = std::mem::transmute::<__m512bh, __m512i>(_mm512_cvtne2ps_pbh(high, low));
-            _mm512_store_si512(line.as_mut_ptr().cast(), rounded);
-        }
+    let (whole, rest) = row.as_chunks::<LINE>();
+    let (lines, last) = lines.split_at_mut(whole.len());
+    for (values, line) in whole.iter().zip(lines) {
+        round_line(values, line);
+    }
+    if let Some(line) = last.first_mut() {
+        round_line(rest, line);
+    }
+}
+
+/// Rounds at most a line of values.
+#[cfg(target_arch = "x86_64")]
+#[inline]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512bf16")]
+fn round_line(values: &[f32], Line(line): &mut Line) {
+    // one bit for each value that there is
+    let all = ((1_u64 << values.len()) - 1) as u32;
+    // SAFETY: only values that are there are read; a line has room for 32 values of 16 bits.
+    unsafe {
+        let from = values.as_ptr();
+        let low = _mm512_maskz_loadu_ps(all as u16, from);
+        let high = _mm512_maskz_loadu_ps((all >> 16) as u16, from.wrapping_add(16));
+        let rounded = std::mem::transmute::<__m512bh, __m512i>(_mm512_cvtne2ps_pbh(high, low));
+        _mm512_store_si512(line.as_mut_ptr().cast(), rounded);
     }
 }
 

@@ -236,8 +236,9 @@ impl Product<'_> {
             }
         }
         for (i, (block, sums)) in blocks.into_iter().zip(&self.aside.0).enumerate() {
-            for row in self.repeated(tile + i, block)..block.rows {
-                self.job.write(block, row, &sums[row]);
+            let new = self.repeated(tile + i, block)..block.rows;
+            for (row, sums) in new.clone().zip(&sums[new]) {
+                self.job.write(block, row, sums);
             }
         }
     }
