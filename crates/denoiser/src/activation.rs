@@ -16,16 +16,21 @@ impl Kernel for Silu<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let (chunks, rest) = self.values.as_chunks_mut::<LANES>();
-        let silu = |values: &mut [f32; LANES]| {
-            let x = L::get(values);
-            L::put(L::mul(x, sigmoid::<L>(x)), values);
-        };
-        chunks.iter_mut().for_each(silu);
+        for chunk in chunks {
+            silu_of::<L>(chunk);
+        }
         let mut last = [0.0; LANES];
         last[..rest.len()].copy_from_slice(rest);
-        silu(&mut last);
+        silu_of::<L>(&mut last);
         rest.copy_from_slice(&last[..rest.len()]);
     }
+}
+
+/// A function and not a closure: that would be compiled without the level's features, each instruction a call.
+#[inline(always)]
+fn silu_of<L: Lanes>(values: &mut [f32; LANES]) {
+    let x = L::get(values);
+    L::put(L::mul(x, sigmoid::<L>(x)), values);
 }
 
 /// 1 / (1 + e^−x).

@@ -4,7 +4,8 @@
 //! taps is a product with k·C inputs whose rows overlap. The gradient of each kind with respect to its input is again
 //! one of the kinds, with the weights transposed.
 
-use crate::matrix::{Batch, BrainBuffer, Input, Packed, Precision, Store, Strides};
+use crate::factors::Factors;
+use crate::matrix::{Batch, Packed, Precision, Store, Strides};
 use crate::paged::Paged;
 use crate::weights_file::{WeightsError, WeightsFile};
 
@@ -105,37 +106,6 @@ impl Rows {
         Strides {
             row: step * self.channels,
             candidate: self.pitch(),
-        }
-    }
-}
-
-/// In which precision products are computed, and the buffer of their rounded factors.
-pub(crate) struct Factors {
-    precision: Precision,
-    rounded: BrainBuffer,
-}
-
-impl Default for Factors {
-    fn default() -> Self {
-        Self {
-            precision: Precision::Single,
-            rounded: BrainBuffer::default(),
-        }
-    }
-}
-
-impl Factors {
-    pub(crate) fn set_precision(&mut self, precision: Precision) {
-        self.precision = precision;
-    }
-
-    fn of<'a>(&'a mut self, x: &'a Rows) -> Input<'a> {
-        match self.precision {
-            Precision::Single => Input::Single(x.values()),
-            Precision::Brain => {
-                self.rounded.fill(x.values());
-                Input::Brain(self.rounded.values())
-            }
         }
     }
 }
@@ -311,7 +281,7 @@ impl Products {
             Kind::Shrink => &[(0, 2, 1, 1)],
             Kind::Grow => &[(0, 1, 1, 2), (1, 1, 2, 2)],
         };
-        let input = factors.of(x);
+        let input = factors.of(x.values());
         for (product, &(first, step, first_out, step_out)) in self.products.iter().zip(ways) {
             let batch = Batch {
                 candidates: x.candidates,
@@ -320,12 +290,9 @@ impl Products {
                 to: out.strides(step_out),
             };
             let first = first * x.channels;
-            let input = match input {
-                Input::Single(values) => Input::Single(&values[first..]),
-                Input::Brain(values) => Input::Brain(&values[first..]),
-            };
             let first_out = first_out * out.channels;
-            product.multiply(input, &mut out.values_mut()[first_out..], batch, store);
+            let out = &mut out.values_mut()[first_out..];
+            product.multiply(input.skip(first), out, batch, store);
         }
     }
 }

@@ -6,37 +6,53 @@
 //! Matching for Generative Modeling", ICLR 2023; estimating the data instead of the velocity spares the network
 //! carrying the noise through to its output. Trained by `scripts/train_fast.py`, whose layers have the same names.
 
+mod flow;
+
 use crate::activation::silu;
+use crate::factors::Factors;
 use crate::linear::Linear;
+use crate::matrix::{Precision, Store};
 use crate::norm::LayerNorm;
 use crate::weights_file::{WeightsError, WeightsFile};
-use std::f32::consts::TAU;
+pub use flow::EvaluationsRefused;
+use flow::Flow;
 
 const ARCHITECTURE: &str = "both-ends-flow-v1";
 const END_FEATURES: usize = 36;
 const BALL_FEATURES: usize = 28;
 const BALL_WIDTH: usize = 128;
-const TIME_FEATURES: usize = 32;
 const COEFFICIENTS: usize = 72;
 
-/// What one candidate is conditioned on.
+/// What one candidate is conditioned on, and where its flow begins.
 #[derive(Clone, Copy, Debug)]
 pub struct CandidateInput<'a> {
     /// 36 numbers that describe the ends.
     pub ends: &'a [f32],
     /// 28 numbers for each ball, any number of balls.
     pub balls: &'a [f32],
+    /// Without it the flow begins from noise alone.
+    pub warm_start: Option<WarmStart<'a>>,
+}
+
+/// Coefficients near which a candidate is sought, such as those of an earlier plan.
+#[derive(Clone, Copy, Debug)]
+pub struct WarmStart<'a> {
+    /// 72 coefficients, in the unit of the training data.
+    pub coefficients: &'a [f32],
+    /// Where the flow begins, in [0, 1], from (1 − time)·noise + time·coefficients: at 0 they do not matter, and at 1
+    /// they are the result, with no evaluation.
+    pub time: f32,
 }
 
 /// Buffers of [`FastModel::sample`]; after the first call of a size nothing is allocated.
 #[derive(Default)]
 pub struct FastScratch {
+    factors: Factors,
     balls: Vec<f32>,
     ball_hidden: Vec<f32>,
     ball_encoded: Vec<f32>,
     joined: Vec<f32>,
     context: Vec<f32>,
-    time: Vec<f32>,
     trunk: Vec<f32>,
     normed: Vec<f32>,
     inner: Vec<f32>,
@@ -57,6 +73,7 @@ struct Scale {
 
 /// The network with its weights.
 pub struct FastModel {
+    precision: Precision,
     width: usize,
     end_scale: Scale,
     ball_scale: Scale,
@@ -64,7 +81,7 @@ pub struct FastModel {
     ball_inner: Linear,
     ball_outer: Linear,
     context: Linear,
-    time: Linear,
+    flow: Flow,
     input: Linear,
     blocks: Vec<Block>,
     norm: LayerNorm,
@@ -73,6 +90,8 @@ pub struct FastModel {
 
 impl FastModel {
     /// Takes the network from a weights file, for a robot with three equal sections and this bending limit (rad).
+    ///
+    /// It makes as many evaluations as the file says, in the precision that is fastest here.
     ///
     /// # Errors
     /// [`WeightsError`]: another architecture, another robot, or a tensor that does not fit.
@@ -92,7 +111,8 @@ impl FastModel {
                 outer: Linear::load(file, &name("outer"), width, width)?,
             })
         };
-        Ok(Self {
+        let model = Self {
+            precision: Precision::Single,
             width,
             end_scale: Scale::load(file, "end", END_FEATURES)?,
             ball_scale: Scale::load(file, "ball", BALL_FEATURES)?,
@@ -100,48 +120,120 @@ impl FastModel {
             ball_inner: Linear::load(file, "ball_inner", BALL_FEATURES, BALL_WIDTH)?,
             ball_outer: Linear::load(file, "ball_outer", BALL_WIDTH, BALL_WIDTH)?,
             context: Linear::load(file, "context", 2 * BALL_WIDTH + END_FEATURES, width)?,
-            time: Linear::load(file, "time", TIME_FEATURES, width)?,
+            flow: Flow::load(file, width)?,
             input: Linear::load(file, "input", COEFFICIENTS, width)?,
             blocks: (0..file.count("blocks")?)
                 .map(block)
                 .collect::<Result<_, WeightsError>>()?,
             norm: LayerNorm::load(file, "norm", width)?,
             output: Linear::load(file, "output", width, COEFFICIENTS)?,
-        })
+        };
+        Ok(model.with_precision(Precision::fastest()))
+    }
+
+    /// The same network with its products in another precision.
+    ///
+    /// # Panics
+    /// If the precision is not [available](Precision::available).
+    #[must_use]
+    pub fn with_precision(mut self, precision: Precision) -> Self {
+        assert!(precision.available(), "{precision} is available");
+        self.precision = precision;
+        let blocks = self.blocks.iter().flat_map(|b| [&b.inner, &b.outer]);
+        [&self.ball_inner, &self.ball_outer, &self.context]
+            .into_iter()
+            .chain([&self.input, &self.output])
+            .chain(blocks)
+            .for_each(|layer| layer.prepare(precision));
+        self
+    }
+
+    /// The same network with another number of evaluations a sample: 1, 2, 4 or 8 Euler steps of the flow.
+    ///
+    /// # Errors
+    /// [`EvaluationsRefused`] for any other number.
+    pub fn with_evaluations(mut self, evaluations: usize) -> Result<Self, EvaluationsRefused> {
+        self.flow.set_evaluations(evaluations)?;
+        Ok(self)
+    }
+
+    /// Evaluations of the network that a sample from noise takes.
+    #[must_use]
+    pub fn evaluations(&self) -> usize {
+        self.flow.evaluations()
     }
 
     /// Samples coefficients (candidates × 72, the unit of the training data) from standard normal noise of the same shape.
     ///
-    /// `evaluations` Euler steps are made. A candidate's result depends on its own input and noise alone, bit for bit.
+    /// A candidate's result depends on its own input and noise alone, bit for bit.
     ///
     /// # Panics
-    /// If a slice's length does not fit the number of candidates, or no evaluation is asked for.
+    /// If a slice's length does not fit the number of candidates, or a warm start's time is not in [0, 1].
     pub fn sample(
         &self,
         candidates: &[CandidateInput],
         noise: &[f32],
-        evaluations: usize,
         scratch: &mut FastScratch,
         out: &mut [f32],
     ) {
         let length = candidates.len() * COEFFICIENTS;
         assert_eq!(noise.len(), length, "72 noise values a candidate");
         assert_eq!(out.len(), length, "72 coefficients a candidate");
-        assert!(evaluations > 0, "at least one evaluation");
+        scratch.factors.set_precision(self.precision);
         self.condition(candidates, scratch);
         out.copy_from_slice(noise);
-        for step in 0..evaluations {
-            self.estimate(out, step as f32 / evaluations as f32, scratch);
-            // velocity / evaluations, with t = step / evaluations
-            let share = 1.0 / (evaluations - step) as f32;
-            for (x, estimate) in out.iter_mut().zip(&scratch.estimate) {
-                *x += (estimate - *x) * share;
-            }
+        self.begin(candidates, out);
+        for step in 0..self.flow.evaluations() {
+            self.advance(candidates, step, scratch, out);
         }
         for row in out.chunks_exact_mut(COEFFICIENTS) {
             row.iter_mut()
                 .zip(&self.coefficient_deviation)
                 .for_each(|(x, d)| *x *= d);
+        }
+    }
+
+    /// Moves the states of warm starts from their noise to where their flow begins.
+    fn begin(&self, candidates: &[CandidateInput], x: &mut [f32]) {
+        for (candidate, x) in candidates.iter().zip(x.chunks_exact_mut(COEFFICIENTS)) {
+            let Some(WarmStart { coefficients, time }) = candidate.warm_start else {
+                continue;
+            };
+            assert_eq!(coefficients.len(), COEFFICIENTS, "72 given coefficients");
+            assert!((0.0..=1.0).contains(&time), "time {time} in [0, 1]");
+            let data = coefficients.iter().zip(&self.coefficient_deviation);
+            for (x, (c, d)) in x.iter_mut().zip(data) {
+                *x = (1.0 - time) * *x + time * (c / d);
+            }
+        }
+    }
+
+    /// One Euler step of the states whose flow has begun when it ends.
+    fn advance(
+        &self,
+        candidates: &[CandidateInput],
+        step: usize,
+        s: &mut FastScratch,
+        x: &mut [f32],
+    ) {
+        let begins = |c: &CandidateInput| c.warm_start.map_or(0.0, |w| w.time);
+        let way = |c: &CandidateInput| self.flow.way(step, begins(c));
+        if candidates.iter().all(|c| way(c).is_none()) {
+            return;
+        }
+        resize(&mut s.trunk, candidates.len() * self.width);
+        let rows = s.trunk.chunks_exact_mut(self.width);
+        for (row, candidate) in rows.zip(candidates) {
+            self.flow.write_time(step, begins(candidate), row);
+        }
+        self.estimate(x, s);
+        let estimates = s.estimate.chunks_exact(COEFFICIENTS);
+        let rows = x.chunks_exact_mut(COEFFICIENTS).zip(estimates);
+        for ((x, estimate), candidate) in rows.zip(candidates) {
+            if let Some(share) = way(candidate) {
+                let values = x.iter_mut().zip(estimate);
+                values.for_each(|(x, e)| *x += (e - *x) * share);
+            }
         }
     }
 
@@ -159,7 +251,8 @@ impl FastModel {
             encoded = others;
         }
         resize(&mut s.context, candidates.len() * self.width);
-        self.context.apply(&s.joined, &mut s.context);
+        self.context
+            .multiply(&s.joined, &mut s.factors, &mut s.context, Store::Replace);
     }
 
     /// Encodes the balls of all candidates, one after the other.
@@ -173,47 +266,53 @@ impl FastModel {
         let length = s.balls.len() / BALL_FEATURES * BALL_WIDTH;
         resize(&mut s.ball_hidden, length);
         resize(&mut s.ball_encoded, length);
-        self.ball_inner.apply(&s.balls, &mut s.ball_hidden);
+        self.ball_inner
+            .multiply(&s.balls, &mut s.factors, &mut s.ball_hidden, Store::Replace);
         silu(&mut s.ball_hidden);
-        self.ball_outer.apply(&s.ball_hidden, &mut s.ball_encoded);
+        self.ball_outer.multiply(
+            &s.ball_hidden,
+            &mut s.factors,
+            &mut s.ball_encoded,
+            Store::Replace,
+        );
         silu(&mut s.ball_encoded);
     }
 
-    /// Estimates the normalised coefficients from `x` (candidates × 72) at time `t`.
-    fn estimate(&self, x: &[f32], t: f32, s: &mut FastScratch) {
-        self.enter_trunk(x, t, s);
+    /// Estimates the normalised coefficients from `x` (candidates × 72) and the times that stand in the trunk.
+    fn estimate(&self, x: &[f32], s: &mut FastScratch) {
+        self.enter_trunk(x, s);
         for block in &self.blocks {
             block.apply(s);
         }
         self.norm.apply(&s.trunk, &mut s.normed);
         silu(&mut s.normed);
         resize(&mut s.estimate, x.len());
-        self.output.apply(&s.normed, &mut s.estimate);
+        self.output
+            .multiply(&s.normed, &mut s.factors, &mut s.estimate, Store::Replace);
     }
 
-    /// Joins state, context and time.
-    fn enter_trunk(&self, x: &[f32], t: f32, s: &mut FastScratch) {
-        for buffer in [&mut s.trunk, &mut s.normed, &mut s.inner] {
-            resize(buffer, x.len() / COEFFICIENTS * self.width);
+    /// Adds state and context to the times in the trunk.
+    fn enter_trunk(&self, x: &[f32], s: &mut FastScratch) {
+        for buffer in [&mut s.normed, &mut s.inner] {
+            resize(buffer, s.trunk.len());
         }
-        resize(&mut s.time, self.width);
-        self.time.apply(&time_features(t), &mut s.time);
-        self.input.apply(x, &mut s.trunk);
-        let rows = s.trunk.chunks_exact_mut(self.width);
-        for (row, context) in rows.zip(s.context.chunks_exact(self.width)) {
-            for ((h, c), t) in row.iter_mut().zip(context).zip(&s.time) {
-                *h += c + t;
-            }
-        }
+        s.trunk
+            .iter_mut()
+            .zip(&s.context)
+            .for_each(|(h, c)| *h += c);
+        self.input
+            .multiply(x, &mut s.factors, &mut s.trunk, Store::Add);
     }
 }
 
 impl Block {
     fn apply(&self, s: &mut FastScratch) {
         self.norm.apply(&s.trunk, &mut s.normed);
-        self.inner.apply(&s.normed, &mut s.inner);
+        self.inner
+            .multiply(&s.normed, &mut s.factors, &mut s.inner, Store::Replace);
         silu(&mut s.inner);
-        self.outer.accumulate(&s.inner, &mut s.trunk);
+        self.outer
+            .multiply(&s.inner, &mut s.factors, &mut s.trunk, Store::Add);
     }
 }
 
@@ -258,15 +357,6 @@ fn pool(encoded: &[f32], out: &mut Vec<f32>) {
     }
     out.extend_from_slice(&largest);
     out.extend(total.iter().map(|t| t / 4.0));
-}
-
-/// sin and cos of 2π t f with f = 0.5, 1, …, 8.
-fn time_features(t: f32) -> [f32; TIME_FEATURES] {
-    let half = TIME_FEATURES / 2;
-    std::array::from_fn(|i| {
-        let angle = TAU * t * 0.5 * (i % half + 1) as f32;
-        if i < half { angle.sin() } else { angle.cos() }
-    })
 }
 
 #[cfg(test)]

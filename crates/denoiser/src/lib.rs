@@ -6,6 +6,7 @@
 mod activation;
 mod conv;
 mod diffusion;
+mod factors;
 mod fast_model;
 mod group_norm;
 mod lanes;
@@ -19,7 +20,7 @@ mod unet;
 mod weights_file;
 
 pub use diffusion::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver, UnknownSolver};
-pub use fast_model::{CandidateInput, FastModel, FastScratch};
+pub use fast_model::{CandidateInput, EvaluationsRefused, FastModel, FastScratch, WarmStart};
 pub use manifest::{Manifest, ManifestEntry};
 pub use matrix::Precision;
 pub use unet::{FRAME, HORIZON, Normalisation, TemporalUnet, UnetCondition, UnetScratch};

@@ -5,15 +5,13 @@
 use crate::path::{WAYPOINTS, Waypoints};
 use crate::problem::Problem;
 use crate::reference::{REPULSION, deepest, way_out};
+use crate::sampling::noise;
 use collision::Scene;
 use denoiser::{
     Denoiser, Held, Normalisation, Precision, Refinement, Sampler, SamplerScratch, Solver,
     TemporalUnet, UnetCondition, UnetScratch,
 };
 use pcc_model::{Backbone, Configuration, DOF, Point, Robot};
-use rand::{Rng, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
-use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
@@ -119,7 +117,7 @@ impl DiffusionModel {
         let parts: Vec<usize> = (0..count).step_by(share).collect();
         let part = |first: usize| {
             let mut paths: Vec<f32> = (first..count.min(first + share))
-                .flat_map(|index| noise(task.seed, index))
+                .flat_map(|index| noise::<PATH>(task.seed, index))
                 .collect();
             let mut observe = |_: &[f32]| match interrupt() {
                 true => ControlFlow::Break(()),
@@ -135,7 +133,7 @@ impl DiffusionModel {
     /// Draws one path and returns what it was before every step and at the end, for a picture of the process.
     pub(crate) fn trace(&self, task: &Task) -> Vec<Waypoints> {
         let condition = self.condition(task);
-        let mut paths = noise(task.seed, 0).to_vec();
+        let mut paths = noise::<PATH>(task.seed, 0).to_vec();
         let mut seen = Vec::new();
         let mut observe = |x: &[f32]| {
             seen.extend_from_slice(x);
@@ -353,14 +351,6 @@ impl<'a> Forces<'a> {
 fn configuration(normalisation: &Normalisation, frame: &[f32; DOF]) -> Configuration {
     let values = normalisation.physical_configuration(frame);
     Configuration::from_fn(|i, _| f64::from(values[i]))
-}
-
-/// Noise of a candidate, from a generator whose seed is the draw of that index from the request's own.
-fn noise(seed: u64, index: usize) -> [f32; PATH] {
-    let mut seeds = Pcg64::seed_from_u64(seed);
-    seeds.advance(index as u128);
-    let mut rng = Pcg64::seed_from_u64(seeds.next_u64());
-    std::array::from_fn(|_| StandardNormal.sample(&mut rng))
 }
 
 #[cfg(test)]

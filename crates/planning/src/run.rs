@@ -6,7 +6,7 @@
 use crate::canonical::CanonicalFrame;
 use crate::diffusion::{Guidance, Task};
 use crate::end_shapes::{check_goal, end_shapes};
-use crate::features::CanonicalProblem;
+use crate::features::{COEFFICIENTS, CanonicalProblem, Features};
 use crate::finish::{Demands, Laps};
 use crate::path::{Waypoints, straight_path};
 use crate::plan::{
@@ -18,11 +18,15 @@ use crate::problem::Problem;
 use crate::sampling::sample_paths;
 use crate::select::select;
 use crate::terminal::attach;
+use denoiser::{CandidateInput, WarmStart};
 use pcc_model::{Configuration, TendonLimits};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
+
+/// Where in the flow a path that is known begins: half noise, so that the scene as it is now still shapes it.
+const WARM_START_TIME: f32 = 0.5;
 
 /// One request on its way through the stages.
 pub(crate) struct Run<'a> {
@@ -216,7 +220,18 @@ impl<'a> Run<'a> {
             .collect();
         self.stages.condition += clock.elapsed().as_secs_f64();
         let clock = Instant::now();
-        let residuals = sample_paths(model, &features, self.request.seed);
+        let known: Vec<[f32; COEFFICIENTS]> = aim
+            .rests
+            .iter()
+            .map(|rest| self.residual(&frame, &rest.path))
+            .collect();
+        let starts = known.iter().map(|known| Some(known.as_slice()));
+        let inputs: Vec<CandidateInput> = features
+            .iter()
+            .zip(starts.chain(std::iter::repeat(None)))
+            .map(|(features, known)| input(features, known))
+            .collect();
+        let residuals = sample_paths(model, &inputs, self.request.seed);
         let paths = residuals
             .iter()
             .zip(&aim.goals)
@@ -233,6 +248,12 @@ impl<'a> Run<'a> {
             .enumerate()
             .map(|(h, q)| q + frame.restore(&self.planner.basis.change(h, residual)))
             .collect()
+    }
+
+    /// What of a path is not the straight segment between its ends, in the canonical frame.
+    fn residual(&self, frame: &CanonicalFrame, path: &[Configuration]) -> [f32; COEFFICIENTS] {
+        let turned: Vec<Configuration> = path.iter().map(|q| frame.shape(q)).collect();
+        self.planner.basis.analyse(&turned).map(|c| c as f32)
     }
 
     pub(crate) fn straight_paths(&self, ends: &[Configuration]) -> Vec<Waypoints> {
@@ -314,6 +335,18 @@ fn candidate(draw: usize, source: Source, motion: &Certified) -> Candidate {
         metrics: motion.metrics,
         source,
         draw,
+    }
+}
+
+/// What the model is told of a candidate, with the residual that it starts from if there is one.
+fn input<'a>(features: &'a Features, known: Option<&'a [f32]>) -> CandidateInput<'a> {
+    CandidateInput {
+        ends: &features.ends,
+        balls: &features.balls,
+        warm_start: known.map(|coefficients| WarmStart {
+            coefficients,
+            time: WARM_START_TIME,
+        }),
     }
 }
 

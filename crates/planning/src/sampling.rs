@@ -1,27 +1,31 @@
-//! Drawing residuals from the learned sampler, in equal parts on every worker.
+//! Drawing residuals from the learned sampler, in equal parts on as many workers as pay.
 
 use crate::basis::UNKNOWNS;
-use crate::features::Features;
 use denoiser::{CandidateInput, FastModel, FastScratch};
+use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
+use std::cell::RefCell;
 
-/// Network evaluations of one sample: the ends carry the modes, so two are enough.
-const EVALUATIONS: usize = 2;
+/// Candidates that are worth a worker: reading the network's weights takes as long as computing with about so many.
+const WORTH_A_WORKER: usize = 8;
+
+thread_local! {
+    /// Of a worker: kept from request to request, so that only the first one allocates.
+    static SCRATCH: RefCell<FastScratch> = RefCell::default();
+}
 
 /// Samples one residual (sine coefficients, term-major, radians, canonical frame) for each candidate.
 ///
-/// The noise of a candidate depends on the seed and its index alone, so neither threads nor neighbours matter.
+/// A residual depends on its candidate, the seed and its index alone, so neither threads nor neighbours matter.
 pub(crate) fn sample_paths(
     model: &FastModel,
-    candidates: &[Features],
+    candidates: &[CandidateInput],
     seed: u64,
 ) -> Vec<[f64; UNKNOWNS]> {
-    let share = candidates
-        .len()
-        .div_ceil(rayon::current_num_threads())
-        .max(1);
+    let workers = rayon::current_num_threads().min(candidates.len() / WORTH_A_WORKER);
+    let share = candidates.len().div_ceil(workers.max(1)).max(1);
     candidates
         .par_chunks(share)
         .enumerate()
@@ -31,29 +35,24 @@ pub(crate) fn sample_paths(
 
 fn sample_chunk(
     model: &FastModel,
-    chunk: &[Features],
+    chunk: &[CandidateInput],
     first: usize,
     seed: u64,
 ) -> Vec<[f64; UNKNOWNS]> {
-    let inputs: Vec<CandidateInput> = chunk
-        .iter()
-        .map(|f| CandidateInput {
-            ends: &f.ends,
-            balls: &f.balls,
-        })
+    let noise: Vec<[f32; UNKNOWNS]> = (first..first + chunk.len())
+        .map(|index| noise(seed, index))
         .collect();
-    let noise: Vec<f32> = (first..first + chunk.len())
-        .flat_map(|index| noise(seed, index))
-        .collect();
-    let mut out = vec![0.0_f32; noise.len()];
-    let mut scratch = FastScratch::default();
-    model.sample(&inputs, &noise, EVALUATIONS, &mut scratch, &mut out);
-    out.chunks_exact(UNKNOWNS)
-        .map(|c| std::array::from_fn(|i| f64::from(c[i])))
-        .collect()
+    let mut out = vec![[0.0_f32; UNKNOWNS]; chunk.len()];
+    SCRATCH.with_borrow_mut(|scratch| {
+        model.sample(chunk, noise.as_flattened(), scratch, out.as_flattened_mut());
+    });
+    out.into_iter().map(|c| c.map(f64::from)).collect()
 }
 
-fn noise(seed: u64, index: usize) -> [f32; UNKNOWNS] {
-    let mut rng = Pcg64::new(u128::from(seed), (index as u128) << 64);
+/// Noise of a candidate, from a generator whose seed is the draw of that index from the request's own.
+pub(crate) fn noise<const N: usize>(seed: u64, index: usize) -> [f32; N] {
+    let mut seeds = Pcg64::seed_from_u64(seed);
+    seeds.advance(index as u128);
+    let mut rng = Pcg64::seed_from_u64(seeds.next_u64());
     std::array::from_fn(|_| StandardNormal.sample(&mut rng))
 }

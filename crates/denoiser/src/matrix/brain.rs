@@ -11,8 +11,8 @@ use std::sync::LazyLock;
 
 /// Pairs of inputs that one tile of weights holds.
 pub(super) const STEP_PAIRS: usize = 16;
-/// Values in a cache line.
-const LINE: usize = 32;
+/// Values in a cache line, which is also how many inputs are multiplied at a time.
+pub(super) const LINE: usize = 2 * STEP_PAIRS;
 
 /// A number in bf16: the upper half of the f32 of the same value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,19 +60,37 @@ impl BrainBuffer {
     ///
     /// When [`Precision::Brain`](super::Precision::Brain) is not available.
     pub fn fill(&mut self, values: &[f32]) {
-        let needed = values.len().div_ceil(LINE);
+        self.round(values, values.len());
+        self.len = values.len();
+    }
+
+    /// Becomes rows of `width` values, rounded to bf16, each with zeros behind it up to [`padded`]; allocates as
+    /// [`fill`](Self::fill) does.
+    ///
+    /// # Panics
+    ///
+    /// As [`fill`](Self::fill), and when the values are not whole rows.
+    pub fn fill_rows(&mut self, values: &[f32], width: usize) {
+        assert!(values.len().is_multiple_of(width), "rows of {width} values");
+        self.round(values, width);
+        self.len = values.len() / width * padded(width);
+    }
+
+    /// Writes every row of `width` values to lines of its own.
+    fn round(&mut self, values: &[f32], width: usize) {
+        let per_row = width.div_ceil(LINE);
+        let needed = values.len().div_ceil(width.max(1)) * per_row;
         if self.lines.len() < needed {
             self.lines = Paged::filled(Line([Brain(0); LINE]), needed);
         }
-        self.len = values.len();
-        assert!(
-            Unit::best().is_some(),
-            "bf16 is available on this processor"
-        );
+        Unit::expected();
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: a unit exists only where AVX-512 F, BW, VL and BF16 were detected.
-        unsafe {
-            round_all(values, self.values_mut());
+        for (row, lines) in values
+            .chunks(width.max(1))
+            .zip(self.lines.chunks_mut(per_row.max(1)))
+        {
+            // SAFETY: a unit exists only where AVX-512 F, BW, VL and BF16 were detected.
+            unsafe { round_row(row, lines) };
         }
     }
 
@@ -82,29 +100,42 @@ impl BrainBuffer {
         // SAFETY: a line is `LINE` numbers without padding, and `len` is at most the numbers of all lines.
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.len) }
     }
+}
 
-    fn values_mut(&mut self) -> &mut [Brain] {
-        // SAFETY: as above.
-        unsafe { std::slice::from_raw_parts_mut(self.lines.as_mut_ptr().cast(), self.len) }
+/// The distance between rows of this width with zeros behind them: whole cache lines, and whole steps of a product.
+#[must_use]
+pub fn padded(width: usize) -> usize {
+    width.next_multiple_of(LINE)
+}
+
+/// Rounds a row, with zeros to the end of its last line.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512bf16")]
+fn round_row(row: &[f32], lines: &mut [Line]) {
+    let (whole, rest) = row.as_chunks::<LINE>();
+    let (lines, last) = lines.split_at_mut(whole.len());
+    for (values, line) in whole.iter().zip(lines) {
+        round_line(values, line);
+    }
+    if let Some(line) = last.first_mut() {
+        round_line(rest, line);
     }
 }
 
+/// Rounds at most a line of values.
 #[cfg(target_arch = "x86_64")]
+#[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512bf16")]
-fn round_all(values: &[f32], out: &mut [Brain]) {
-    let (chunks, rest) = values.as_chunks::<LINE>();
-    let (out_chunks, out_rest) = out.as_chunks_mut::<LINE>();
-    for (chunk, out) in chunks.iter().zip(out_chunks) {
-        // SAFETY: a chunk has two times 16 values to read and as many to write, of 16 bits each.
-        unsafe {
-            let low = _mm512_loadu_ps(chunk.as_ptr());
-            let high = _mm512_loadu_ps(chunk.as_ptr().add(16));
-            let rounded = std::mem::transmute::<__m512bh, __m512i>(_mm512_cvtne2ps_pbh(high, low));
-            _mm512_storeu_si512(out.as_mut_ptr().cast(), rounded);
-        }
-    }
-    for (value, out) in rest.iter().zip(out_rest) {
-        *out = Brain::round(*value);
+fn round_line(values: &[f32], Line(line): &mut Line) {
+    // one bit for each value that there is
+    let all = ((1_u64 << values.len()) - 1) as u32;
+    // SAFETY: only values that are there are read; a line has room for 32 values of 16 bits.
+    unsafe {
+        let from = values.as_ptr();
+        let low = _mm512_maskz_loadu_ps(all as u16, from);
+        let high = _mm512_maskz_loadu_ps((all >> 16) as u16, from.wrapping_add(16));
+        let rounded = std::mem::transmute::<__m512bh, __m512i>(_mm512_cvtne2ps_pbh(high, low));
+        _mm512_store_si512(line.as_mut_ptr().cast(), rounded);
     }
 }
 
@@ -143,6 +174,11 @@ impl Unit {
     pub(super) fn best() -> Option<Self> {
         UNITS.last().copied()
     }
+
+    /// The fastest unit, where products in bf16 are known to be available.
+    pub(super) fn expected() -> Self {
+        Self::best().expect("bf16 is available on this processor")
+    }
 }
 
 /// The weights of a pair of inputs for the outputs of a panel: `[output in panel][input of the pair]`.
@@ -152,14 +188,14 @@ pub(super) struct PairWeights(pub(super) [[Brain; 2]; PANEL]);
 
 /// A matrix packed as `[panel][pair of inputs][output in panel][2]`, with zeros up to whole tiles.
 pub(super) struct BrainPanels {
-    pub(super) inputs: usize,
+    pairs: usize,
     weights: Paged<PairWeights>,
 }
 
 impl BrainPanels {
     /// Packs the matrix whose weight for (output, input) `weight` tells.
     pub(super) fn new(inputs: usize, outputs: usize, weight: impl Fn(usize, usize) -> f32) -> Self {
-        let pairs = padded_pairs(inputs);
+        let pairs = padded(inputs) / 2;
         let mut weights = Paged::filled(
             PairWeights([[Brain(0); 2]; PANEL]),
             outputs.div_ceil(PANEL) * pairs,
@@ -170,7 +206,7 @@ impl BrainPanels {
                 weights[pair].0[output % PANEL][input % 2] = Brain::round(weight(output, input));
             }
         }
-        Self { inputs, weights }
+        Self { pairs, weights }
     }
 
     /// Computes with a unit, which must be [detected](Unit::detected).
@@ -191,12 +227,6 @@ impl BrainPanels {
 
     /// The weights for the outputs of a panel.
     pub(super) fn panel(&self, panel: usize) -> &[PairWeights] {
-        let pairs = padded_pairs(self.inputs);
-        &self.weights[panel * pairs..][..pairs]
+        &self.weights[panel * self.pairs..][..self.pairs]
     }
-}
-
-/// Pairs of inputs, rounded up to whole tiles.
-fn padded_pairs(inputs: usize) -> usize {
-    inputs.div_ceil(2).next_multiple_of(STEP_PAIRS)
 }

@@ -18,7 +18,7 @@ mod wide;
 
 use crate::simd::PANEL;
 use brain::BrainPanels;
-pub use brain::{Brain, BrainBuffer, Unit};
+pub use brain::{Brain, BrainBuffer, Unit, padded};
 use single::SinglePanels;
 use std::fmt;
 use std::ops::Range;
@@ -68,6 +68,14 @@ impl Precision {
         match self {
             Self::Single => true,
             Self::Brain => Unit::best().is_some(),
+        }
+    }
+
+    /// The precision with the fastest products here: AVX-512 BF16 alone may have half the rate of f32.
+    pub(crate) fn fastest() -> Self {
+        match Unit::best() {
+            Some(Unit::Tiles) => Self::Brain,
+            Some(Unit::Vectors) | None => Self::Single,
         }
     }
 }
@@ -138,6 +146,19 @@ pub enum Input<'a> {
     Single(&'a [f32]),
     /// For [`Precision::Brain`].
     Brain(&'a [Brain]),
+    /// The same, with zeros behind each row up to [`padded`], as [`BrainBuffer::fill_rows`] makes them: needs no copies.
+    PaddedBrain(&'a [Brain]),
+}
+
+impl Input<'_> {
+    /// Without its first values.
+    pub(crate) fn skip(self, count: usize) -> Self {
+        match self {
+            Self::Single(values) => Self::Single(&values[count..]),
+            Self::Brain(values) => Self::Brain(&values[count..]),
+            Self::PaddedBrain(values) => Self::PaddedBrain(&values[count..]),
+        }
+    }
 }
 
 /// What becomes of the values that stood in the output.
@@ -154,6 +175,8 @@ struct Job<'a, T> {
     x: &'a [T],
     out: &'a mut [f32],
     batch: Batch,
+    /// Values of a row of x that are multiplied; where the matrix has fewer inputs, its weights are zero.
+    inputs: usize,
     outputs: usize,
     bias: &'a [Bias],
     store: Store,
@@ -197,9 +220,9 @@ impl<T> Job<'_, T> {
 
     /// A row of x.
     #[inline(always)]
-    fn input(&self, block: Block, row: usize, inputs: usize) -> &[T] {
+    fn input(&self, block: Block, row: usize) -> &[T] {
         let from = self.batch.from;
-        &self.x[from.start(block) + row * from.row..][..inputs]
+        &self.x[from.start(block) + row * from.row..][..self.inputs]
     }
 
     /// Outputs of a panel.
@@ -296,10 +319,17 @@ impl Packed {
     /// When a row lies outside of `x` or `out`, or the precision is not [available](Precision::available).
     pub fn multiply(&self, x: Input<'_>, out: &mut [f32], batch: Batch, store: Store) {
         match x {
-            Input::Single(x) => self.single.multiply(self.job(x, out, batch, store)),
+            Input::Single(x) => {
+                let job = self.job(x, self.inputs, out, batch, store);
+                self.single.multiply(job);
+            }
             Input::Brain(x) => {
-                let unit = Unit::best().expect("bf16 is available on this processor");
-                self.multiply_on(unit, x, out, batch, store);
+                let job = self.job(x, self.inputs, out, batch, store);
+                self.brain_panels().multiply(Unit::expected(), job);
+            }
+            Input::PaddedBrain(x) => {
+                let job = self.job(x, padded(self.inputs), out, batch, store);
+                self.brain_panels().multiply(Unit::expected(), job);
             }
         }
     }
@@ -317,8 +347,8 @@ impl Packed {
         batch: Batch,
         store: Store,
     ) {
-        self.brain_panels()
-            .multiply(unit, self.job(x, out, batch, store));
+        let job = self.job(x, self.inputs, out, batch, store);
+        self.brain_panels().multiply(unit, job);
     }
 
     fn brain_panels(&self) -> &BrainPanels {
@@ -330,14 +360,14 @@ impl Packed {
     fn job<'a, T>(
         &'a self,
         x: &'a [T],
+        inputs: usize,
         out: &'a mut [f32],
         batch: Batch,
         store: Store,
     ) -> Job<'a, T> {
         assert!(
-            batch.end(batch.from, self.inputs) <= x.len(),
-            "rows of {} inputs within {} values: {batch:?}",
-            self.inputs,
+            batch.end(batch.from, inputs) <= x.len(),
+            "rows of {inputs} inputs within {} values: {batch:?}",
             x.len()
         );
         assert!(
@@ -350,6 +380,7 @@ impl Packed {
             x,
             out,
             batch,
+            inputs,
             outputs: self.outputs,
             bias: &self.bias,
             store,

@@ -93,7 +93,7 @@ impl Product<'_> {
     fn block<const N: usize, L: Level>(&mut self, block: Block) {
         let inputs = self.panels.inputs;
         let weights = &self.panels.weights[block.panel * inputs..][..inputs];
-        let rows: [&[f32]; N] = std::array::from_fn(|r| self.job.input(block, r, inputs));
+        let rows: [&[f32]; N] = std::array::from_fn(|r| self.job.input(block, r));
         let mut sums = [L::load(&[0.0; PANEL]); N];
         for (k, weights) in weights.iter().enumerate() {
             let weights = L::load(&weights.0);

@@ -83,7 +83,9 @@ impl Case {
         let before = vec![BEFORE; self.batch.end(self.batch.to, self.packed.outputs())];
         let single = detected_levels().into_iter().map(|level| {
             let mut out = before.clone();
-            let job = self.packed.job(&self.x, &mut out, self.batch, store);
+            let job = self
+                .packed
+                .job(&self.x, self.packed.inputs, &mut out, self.batch, store);
             self.packed.single.multiply_at(level, job);
             ("single", out)
         });

@@ -74,14 +74,21 @@ struct Configuration {
     rows: [u8; 16],
 }
 
-/// Eight tiles of 16 rows of 64 bytes.
-static CONFIGURATION: Configuration = Configuration {
-    palette: 1,
-    start_row: 0,
-    reserved: [0; 14],
-    row_bytes: [64, 64, 64, 64, 64, 64, 64, 64, 0, 0, 0, 0, 0, 0, 0, 0],
-    rows: [16, 16, 16, 16, 16, 16, 16, 16, 0, 0, 0, 0, 0, 0, 0, 0],
-};
+impl Configuration {
+    /// Eight tiles of rows of 64 bytes: sums and x, 0 to 5, with as many rows as are multiplied at a time, and weights.
+    fn new(rows: usize) -> Self {
+        let (few, all) = (rows as u8, ROWS as u8);
+        Self {
+            palette: 1,
+            start_row: 0,
+            reserved: [0; 14],
+            row_bytes: [64, 64, 64, 64, 64, 64, 64, 64, 0, 0, 0, 0, 0, 0, 0, 0],
+            rows: [
+                few, few, few, few, few, few, all, all, 0, 0, 0, 0, 0, 0, 0, 0,
+            ],
+        }
+    }
+}
 
 /// Sums of two tiles of rows and one panel.
 #[repr(C, align(64))]
@@ -119,15 +126,19 @@ pub(super) unsafe fn multiply(panels: &BrainPanels, job: Job<'_, Brain>) {
     let per_candidate = rows.div_ceil(ROWS);
     let mut product = Product {
         panels,
-        job,
+        height: rows.min(ROWS),
         per_candidate,
-        whole: rows.is_multiple_of(ROWS) && panels.inputs.is_multiple_of(STEP),
         tiles: per_candidate * candidates,
         aside: SumValues([[[0.0; PANEL]; ROWS]; 2]),
+        job,
     };
+    if product.tiles == 0 {
+        return;
+    }
+    let configuration = Configuration::new(product.height);
     // SAFETY: tiles are available, and the configuration is a valid one, which all blocks go by.
     unsafe {
-        asm!("ldtilecfg [{}]", in(reg) &raw const CONFIGURATION, options(nostack, readonly));
+        asm!("ldtilecfg [{}]", in(reg) &raw const configuration, options(nostack, readonly));
         for panel in 0..product.job.bias.len() {
             product.panel(panel);
         }
@@ -138,21 +149,21 @@ pub(super) unsafe fn multiply(panels: &BrainPanels, job: Job<'_, Brain>) {
 struct Product<'a> {
     panels: &'a BrainPanels,
     job: Job<'a, Brain>,
-    /// Tiles of rows of each candidate.
+    /// Rows of a tile.
+    height: usize,
+    /// Tiles of rows of each candidate; the last one may begin within the one before.
     per_candidate: usize,
     /// Tiles of rows of all candidates.
     tiles: usize,
-    /// Whether all tiles of rows and all steps are full.
-    whole: bool,
     aside: SumValues,
 }
 
-// The unsafe functions need tiles that are available and configured as `CONFIGURATION`.
+// The unsafe functions need tiles that are available and configured for `height` rows.
 impl Product<'_> {
     /// All rows times one panel.
     #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
     unsafe fn panel(&mut self, panel: usize) {
-        let in_place = self.whole
+        let in_place = self.has_whole_steps()
             && self.job.columns(panel).len() == PANEL
             && self.job.store == Store::Replace;
         for tile in (0..self.tiles).step_by(2) {
@@ -168,17 +179,26 @@ impl Product<'_> {
         }
     }
 
+    fn has_whole_steps(&self) -> bool {
+        self.job.inputs.is_multiple_of(STEP)
+    }
+
     fn block(&self, panel: usize, tile: usize) -> Block {
         let first_row = tile % self.per_candidate * ROWS;
         Block {
             panel,
             candidate: tile / self.per_candidate,
-            first_row,
-            rows: ROWS.min(self.job.batch.rows - first_row),
+            first_row: first_row.min(self.job.batch.rows - self.height),
+            rows: self.height,
         }
     }
 
-    /// Full tiles of rows times full steps of a full panel, with the sums where they are to be in the end.
+    /// Rows of a tile that the tile before it has too.
+    fn repeated(&self, tile: usize, block: Block) -> usize {
+        tile % self.per_candidate * ROWS - block.first_row
+    }
+
+    /// Tiles of rows times full steps of a full panel, with the sums where they are to be in the end.
     #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
     unsafe fn in_place<const N: usize>(&mut self, panel: usize, tile: usize) {
         let blocks: [Block; N] = std::array::from_fn(|i| self.block(panel, tile + i));
@@ -189,8 +209,8 @@ impl Product<'_> {
             stride: to.row * size_of::<f32>(),
         };
         let (x, weights) = (self.rows(blocks), self.panels.panel(panel));
-        // SAFETY: tiles are as the caller promises. All rows of full tiles are in the batch, whose rows lie within `x`
-        // and `out`; full steps and panels lie within those rows.
+        // SAFETY: tiles are as the caller promises. All rows of tiles are in the batch, whose rows lie within `x` and
+        // `out`; full steps and panels lie within those rows.
         unsafe { add_products(x, weights, self.bias(panel), to) };
     }
 
@@ -204,19 +224,20 @@ impl Product<'_> {
             stride: size_of::<[f32; PANEL]>(),
         };
         let (mut from, weights) = (self.bias(panel), self.panels.panel(panel));
-        if self.whole {
+        if self.has_whole_steps() {
             // SAFETY: tiles are as the caller promises; `x` as in `in_place`, and `aside` has room for two tiles of sums.
             unsafe { add_products(self.rows(blocks), weights, from, sums) };
         } else {
             for (i, weights) in weights.chunks(STEP_PAIRS).enumerate() {
-                let step = StepValues::gather(&self.job, blocks, self.panels.inputs, i * STEP);
+                let step = StepValues::gather(&self.job, blocks, i * STEP);
                 // SAFETY: as above; `step` has all inputs of a step.
                 unsafe { add_products(step.rows(), weights, from, sums) };
                 from = sums;
             }
         }
-        for (block, sums) in blocks.into_iter().zip(&self.aside.0) {
-            for (row, sums) in sums.iter().enumerate().take(block.rows) {
+        for (i, (block, sums)) in blocks.into_iter().zip(&self.aside.0).enumerate() {
+            let new = self.repeated(tile + i, block)..block.rows;
+            for (row, sums) in new.clone().zip(&sums[new]) {
                 self.job.write(block, row, sums);
             }
         }
@@ -243,12 +264,12 @@ impl Product<'_> {
 
 impl<const N: usize> StepValues<N> {
     /// The inputs from `first` on.
-    fn gather(job: &Job<'_, Brain>, blocks: [Block; N], inputs: usize, first: usize) -> Self {
+    fn gather(job: &Job<'_, Brain>, blocks: [Block; N], first: usize) -> Self {
         let mut step = Self([[[Brain::default(); STEP]; ROWS]; N]);
-        let count = STEP.min(inputs - first);
+        let count = STEP.min(job.inputs - first);
         for (block, tile) in blocks.into_iter().zip(&mut step.0) {
             for (row, values) in tile.iter_mut().enumerate().take(block.rows) {
-                let x = &job.input(block, row, inputs)[first..];
+                let x = &job.input(block, row)[first..];
                 values[..count].copy_from_slice(&x[..count]);
             }
         }
@@ -297,7 +318,7 @@ macro_rules! add_products {
 ///
 /// # Safety
 ///
-/// Tiles must be available and configured as [`CONFIGURATION`]. 16 rows of each tile must be valid: as many inputs as
+/// Tiles must be available and configured, and the rows of each valid that they are configured for: as many inputs as
 /// there are weights to read in `x`, 32 sums to read in `from` and to write in `to`. `N` is 1 or 2.
 unsafe fn add_products<const N: usize>(
     x: Rows<N>,

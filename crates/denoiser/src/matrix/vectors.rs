@@ -16,18 +16,18 @@ pub(super) fn multiply(panels: &BrainPanels, mut job: Job<'_, Brain>) {
     for block in job.blocks(ROWS) {
         let weights = panels.panel(block.panel);
         match block.rows {
-            1 => rows::<1>(panels.inputs, weights, &mut job, block),
-            2 => rows::<2>(panels.inputs, weights, &mut job, block),
-            3 => rows::<3>(panels.inputs, weights, &mut job, block),
-            4 => rows::<4>(panels.inputs, weights, &mut job, block),
-            5 => rows::<5>(panels.inputs, weights, &mut job, block),
-            6 => rows::<6>(panels.inputs, weights, &mut job, block),
-            7 => rows::<7>(panels.inputs, weights, &mut job, block),
-            8 => rows::<8>(panels.inputs, weights, &mut job, block),
-            9 => rows::<9>(panels.inputs, weights, &mut job, block),
-            10 => rows::<10>(panels.inputs, weights, &mut job, block),
-            11 => rows::<11>(panels.inputs, weights, &mut job, block),
-            ROWS => rows::<ROWS>(panels.inputs, weights, &mut job, block),
+            1 => rows::<1>(weights, &mut job, block),
+            2 => rows::<2>(weights, &mut job, block),
+            3 => rows::<3>(weights, &mut job, block),
+            4 => rows::<4>(weights, &mut job, block),
+            5 => rows::<5>(weights, &mut job, block),
+            6 => rows::<6>(weights, &mut job, block),
+            7 => rows::<7>(weights, &mut job, block),
+            8 => rows::<8>(weights, &mut job, block),
+            9 => rows::<9>(weights, &mut job, block),
+            10 => rows::<10>(weights, &mut job, block),
+            11 => rows::<11>(weights, &mut job, block),
+            ROWS => rows::<ROWS>(weights, &mut job, block),
             count => unreachable!("a block has 1 to {ROWS} rows, not {count}"),
         }
     }
@@ -35,13 +35,9 @@ pub(super) fn multiply(panels: &BrainPanels, mut job: Job<'_, Brain>) {
 
 /// `N` rows times one panel.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512bf16")]
-fn rows<const N: usize>(
-    inputs: usize,
-    weights: &[PairWeights],
-    job: &mut Job<'_, Brain>,
-    block: Block,
-) {
-    let rows: [&[Brain]; N] = std::array::from_fn(|r| job.input(block, r, inputs));
+fn rows<const N: usize>(weights: &[PairWeights], job: &mut Job<'_, Brain>, block: Block) {
+    let inputs = job.inputs;
+    let rows: [&[Brain]; N] = std::array::from_fn(|r| job.input(block, r));
     let pairs = rows.map(|row| &row.as_chunks::<2>().0[..inputs / 2]);
     let mut sums = [[_mm512_setzero_ps(); 2]; N];
     for (k, weights) in weights[..inputs / 2].iter().enumerate() {

@@ -1,6 +1,7 @@
 //! Residual blocks, and the stages of two blocks that the network consists of.
 
-use crate::conv::{Convolution, Factors, Kind, Rows};
+use crate::conv::{Convolution, Kind, Rows};
+use crate::factors::Factors;
 use crate::group_norm::{self, Affine, Statistics};
 use crate::linear::Linear;
 use crate::matrix::Precision;

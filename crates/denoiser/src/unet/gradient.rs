@@ -2,7 +2,8 @@
 
 use super::block::{Entrance, GradientWork};
 use super::{FRAME, PATH, STAGES, TemporalUnet, UnetScratch};
-use crate::conv::{Factors, Rows};
+use crate::conv::Rows;
+use crate::factors::Factors;
 use crate::group_norm;
 
 /// Buffers of [`TemporalUnet::pull_back`].

@@ -105,14 +105,14 @@ impl Layer {
         let columns = |first: usize, count: usize, bias: &[f32]| {
             let rows = inner.chunks_exact(inputs);
             let part: Vec<f32> = rows.flat_map(|r| &r[first..][..count]).copied().collect();
-            Linear::pack(&part, bias, count)
+            Linear::pack(&part, bias)
         };
         Ok(Self {
             hidden,
             receiver: columns(0, hidden, bias),
             sender: columns(hidden, hidden, &none),
             pair: columns(2 * hidden, PAIR_FEATURES, &none),
-            outer_weight: Linear::pack(outer, &none, hidden),
+            outer_weight: Linear::pack(outer, &none),
             outer_bias: outer_bias.to_vec(),
             update: Perceptron::load(
                 file,
