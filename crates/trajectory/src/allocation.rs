@@ -1,17 +1,20 @@
 //! From waypoints to a motion: spline, fastest speeds, bounded jerk, knots, exact verification.
 
-use crate::jerk::{Motion, TimedPath};
+use crate::jerk::TimedPath;
 use crate::placement::{Placement, Target};
 use crate::spline::Spline;
 use crate::tendon::{TendonRows, limits_are_valid};
 use crate::topp::{EndSpeeds, SpeedProfile};
-use crate::{Knot, Trajectory, limit_use};
+use crate::width::WidthSearch;
+use crate::{Knot, LimitUse, Trajectory};
 use pcc_model::{Configuration, TendonLimits, TendonMap};
 
 /// The most knots that a motion may have.
 pub const MAX_KNOTS: usize = 256;
 /// Duration of a motion that goes nowhere, s.
 const REST_DURATION: f64 = 1e-3;
+/// Knots whose times must grow by more than this are compared with those of the widest average.
+const POOR_FIT: f64 = 1.03;
 /// A path shorter than this part of its largest position is within rounding of a straight line.
 const ROUNDING: f64 = 1e-11;
 
@@ -63,11 +66,13 @@ pub enum AllocationError {
 /// The memory of an allocation, kept between calls: after the first ones only the result is allocated.
 #[derive(Clone, Debug, Default)]
 pub struct Allocator {
+    rows: TendonRows,
     spline: Spline,
     profile: SpeedProfile,
     timed: TimedPath,
+    search: WidthSearch,
     placement: Placement,
-    shorter: Placement,
+    wider: Placement,
 }
 
 /// The fastest motion along `waypoints` within the tendons' limits, from rest to rest; see [`Allocator::allocate`].
@@ -101,16 +106,15 @@ impl Allocator {
         options: &AllocationOptions,
     ) -> Result<Trajectory, AllocationError> {
         check(waypoints, limits, options)?;
-        let knots = if self.spline.rebuild(waypoints, options.spacing, ROUNDING) {
-            self.knots_along_spline(&TendonRows::of(tendons), limits, options)?
+        self.rows.rebuild(tendons);
+        let (knots, scale) = if self.spline.rebuild(waypoints, options.spacing, ROUNDING) {
+            self.knots_along_spline(limits, options)?
         } else {
             let last = waypoints[waypoints.len() - 1];
-            vec![
-                Knot::resting(0.0, waypoints[0]),
-                Knot::resting(REST_DURATION, last),
-            ]
+            let end = Knot::resting(REST_DURATION, last);
+            (vec![Knot::resting(0.0, waypoints[0]), end], 1.0)
         };
-        fit_to_limits(knots, tendons, limits)
+        fit_to_limits(knots, scale, &self.rows, limits)
     }
 
     /// Duration of the last motion before its jerk was bounded (TOPP-RA's), s; 0 if there was none.
@@ -120,16 +124,17 @@ impl Allocator {
 
     fn knots_along_spline(
         &mut self,
-        rows: &TendonRows,
         limits: &TendonLimits,
         options: &AllocationOptions,
-    ) -> Result<Vec<Knot>, AllocationError> {
+    ) -> Result<(Vec<Knot>, f64), AllocationError> {
         let Self {
+            rows,
             spline,
             profile,
             timed,
+            search,
             placement,
-            shorter,
+            wider,
         } = self;
         let solved = profile.solve(
             spline,
@@ -141,34 +146,26 @@ impl Allocator {
         if !solved || !timed.rebuild(spline, profile) {
             return Err(AllocationError::NotTimeable(*limits));
         }
-        let motion = Motion {
-            spline,
-            profile,
-            timed,
-        };
         let target = Target {
-            motion,
+            profile,
+            motion: timed,
             rows,
             limits,
             knots: options.knots,
         };
-        // Where T + τ with all times scaled by the cube root of the jerk's excess is shortest.
         // Narrower than half a segment, knots would not show the average.
         let narrowest = 0.5 * timed.duration() / options.knots as f64;
-        let width =
+        let widest =
             (2.0 * limits.acceleration / limits.jerk).clamp(narrowest, 0.5 * timed.duration());
-        placement.place(&target, width);
-        // 2a/τ is the worst case; what this path does not use of it allows a narrower average.
-        shorter.place(
-            &target,
-            (width * placement.limit_use().jerk.min(1.0)).max(narrowest),
-        );
-        let best = if shorter.fitted_duration() < placement.fitted_duration() {
-            shorter
-        } else {
-            placement
-        };
-        Ok(best.knots())
+        let width = search.find(profile, timed, limits, [narrowest, widest]);
+        let scale = placement.place(&target, width);
+        if scale > POOR_FIT && width < widest {
+            let wider_scale = wider.place(&target, widest);
+            if wider_scale * (timed.duration() + widest) < scale * (timed.duration() + width) {
+                return Ok((wider.knots(), wider_scale));
+            }
+        }
+        Ok((placement.knots(), scale))
     }
 }
 
@@ -197,28 +194,28 @@ fn check(
     Ok(())
 }
 
-/// Scales all times so that the largest use of a limit is 1, up to rounding, and verifies it.
+/// Multiplies all times by `scale`, and by what rounding then leaves above the limits.
 fn fit_to_limits(
     mut knots: Vec<Knot>,
-    tendons: &TendonMap,
+    mut scale: f64,
+    rows: &TendonRows,
     limits: &TendonLimits,
 ) -> Result<Trajectory, AllocationError> {
     const TOLERANCE: f64 = 5e-10;
     let mut margin = 0.0;
-    for round in 0..8 {
-        let motion = Trajectory::new(knots).map_err(|_| AllocationError::NotTimeable(*limits))?;
-        let most = limit_use(&motion, tendons, limits);
-        let scale = most.time_scale();
-        let (is_at_rest, is_scaled) = (scale == 0.0, round > 0);
-        if is_at_rest || (is_scaled && most.largest() <= 1.0 + TOLERANCE) {
-            return Ok(motion);
-        }
-        knots = motion.into_knots();
+    for _ in 0..8 {
         for knot in &mut knots {
             *knot = slower(knot, scale * (1.0 + margin));
         }
+        let motion = Trajectory::new(knots).map_err(|_| AllocationError::NotTimeable(*limits))?;
+        let most = LimitUse::at_time_scale(1.0).raised_by_motion(&motion, rows, limits);
+        if most.largest() <= 1.0 + TOLERANCE {
+            return Ok(motion);
+        }
+        knots = motion.into_knots();
+        scale = most.time_scale();
         // Jerk carries the rounding of positions, which scaling alone does not reduce.
-        margin = if is_scaled { 10.0 * margin } else { TOLERANCE };
+        margin = f64::max(TOLERANCE, 10.0 * margin);
     }
     Err(AllocationError::NotTimeable(*limits))
 }

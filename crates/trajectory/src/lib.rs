@@ -18,7 +18,9 @@ mod rate;
 mod segment;
 mod spline;
 mod tendon;
+mod tendon_path;
 mod topp;
+mod width;
 
 pub use allocation::{AllocationError, AllocationOptions, Allocator, MAX_KNOTS, allocate};
 pub use curve::{Trajectory, TrajectoryError, evaluate};

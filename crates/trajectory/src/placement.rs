@@ -5,10 +5,11 @@
 //! cannot follow a step of jerk within a segment without exceeding it, wherever the segment's ends are, but
 //! follows the motion closely between steps.
 
-use crate::jerk::Motion;
-use crate::limit_use::segment_use;
+use crate::jerk::TimedPath;
+use crate::limit_use::{TendonKnot, exact_time_scale, time_scale_bounds};
 use crate::tendon::TendonRows;
-use crate::{Knot, LimitUse, QuinticSegment};
+use crate::topp::SpeedProfile;
+use crate::{Knot, QuinticSegment};
 use pcc_model::TendonLimits;
 
 /// A segment that needs this part more time to keep its limits is as bad as one that is
@@ -16,14 +17,18 @@ use pcc_model::TendonLimits;
 const TIME_TOLERANCE: f64 = 0.002;
 /// Distance between a segment's middle and the motion it stands for, rad.
 const POSITION_TOLERANCE: f64 = 1e-3;
-/// No segment becomes shorter than this part of the mean segment.
+/// No segment becomes shorter than this part of the mean segment, but for one that ends at a jerk step.
 const SHORTEST_PART: f64 = 0.2;
+/// No segment becomes shorter than this part of the mean segment: two jerk steps may almost coincide, and the
+/// segment that holds one of them exceeds the limit however short it is.
+const SHORTEST_PART_AT_STEP: f64 = 0.01;
 /// A jerk step is preferred to the middle of a segment from this acceleration step on, ÷ limit.
 const NOTABLE_STEP: f64 = 0.05;
 
 /// What is to be followed, within what, by how many knots.
 pub(crate) struct Target<'a> {
-    pub(crate) motion: Motion<'a>,
+    pub(crate) profile: &'a SpeedProfile,
+    pub(crate) motion: &'a TimedPath,
     pub(crate) rows: &'a TendonRows,
     pub(crate) limits: &'a TendonLimits,
     pub(crate) knots: usize,
@@ -36,11 +41,16 @@ struct JerkStep {
     size: f64,
 }
 
+/// Two knots, by index, that follow each other.
 #[derive(Clone, Copy, Debug)]
 struct Segment {
-    from: Knot,
-    to: Knot,
-    limit_use: LimitUse,
+    from: usize,
+    to: usize,
+    duration: f64,
+    /// The factor by which its times must grow: see [`time_scale_bounds`].
+    time_scale: [f64; 2],
+    /// How far its middle is from the motion it stands for, rad, at most.
+    distance: f64,
     /// What is worst about it ÷ its tolerance.
     badness: f64,
 }
@@ -48,77 +58,101 @@ struct Segment {
 /// The chosen knots, and the memory to choose them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Placement {
+    /// Width of the average, s.
+    width: f64,
+    /// The shortest segment, s, and the shortest that may end at a jerk step.
+    shortest: f64,
+    shortest_at_step: f64,
     steps: Vec<JerkStep>,
+    knots: Vec<Knot>,
+    /// The knots in tendon space, block by block.
+    tendon_knots: Vec<TendonKnot>,
     segments: Vec<Segment>,
 }
 
-impl Target<'_> {
-    fn segment(&self, width: f64, from: Knot, to: Knot) -> Segment {
-        let curve = QuinticSegment::between(&from, &to);
-        let limit_use = segment_use(&curve, self.rows, self.limits);
-        let middle = self
-            .motion
-            .mean_position_until(0.5 * (from.time + to.time), width);
-        let distance = (curve.evaluate(0.5 * curve.duration).position - middle).norm();
-        let excess = limit_use.time_scale() - 1.0;
-        let badness = (excess / TIME_TOLERANCE).max(distance / POSITION_TOLERANCE);
-        Segment {
-            from,
-            to,
-            limit_use,
-            badness,
-        }
-    }
-}
-
 impl Placement {
-    /// Chooses the knots of the target's motion averaged over `width` seconds.
-    pub(crate) fn place(&mut self, target: &Target, width: f64) {
-        let total = target.motion.duration() + width;
-        let shortest =
-            (SHORTEST_PART * total / target.knots as f64).max(rounding_time(target, width));
-        self.find_steps(target, width);
-        self.lay_evenly(target, width, shortest);
-        while self.segments.len() + 1 < target.knots && self.divide_worst(target, width, shortest) {
-        }
+    /// Chooses the knots of the target's motion averaged over `width` seconds. The result is the factor by which all
+    /// times must be multiplied for the limits to be kept and one of them to be used fully.
+    pub(crate) fn place(&mut self, target: &Target, width: f64) -> f64 {
+        let mean = (target.motion.duration() + width) / target.knots as f64;
+        let rounding = rounding_time(target, width);
+        self.width = width;
+        self.shortest = rounding.max(SHORTEST_PART * mean);
+        self.shortest_at_step = rounding.max(SHORTEST_PART_AT_STEP * mean);
+        self.find_steps(target);
+        self.lay_evenly(target);
+        while self.knots.len() < target.knots && self.divide_worst(target) {}
+        self.time_scale(target)
     }
 
-    /// The largest use of each limit, before any scaling.
-    pub(crate) fn limit_use(&self) -> LimitUse {
-        self.segments
-            .iter()
-            .fold(LimitUse::default(), |most, segment| {
-                most.raised_by(&segment.limit_use)
-            })
-    }
-
-    /// Duration once scaled to keep the limits, s.
-    pub(crate) fn fitted_duration(&self) -> f64 {
-        self.segments.last().map_or(0.0, |segment| segment.to.time) * self.limit_use().time_scale()
+    fn time_scale(&self, target: &Target) -> f64 {
+        let known = self.segments.iter().map(|segment| segment.time_scale[0]);
+        let least = known.fold(0.0, f64::max);
+        self.segments.iter().fold(least, |least, segment| {
+            if least > 0.0 && segment.time_scale[1] <= least {
+                return least;
+            }
+            let [from, to] = [segment.from, segment.to].map(|end| self.tendon_knot(target, end));
+            exact_time_scale(from, to, segment.duration, target.limits, least)
+        })
     }
 
     pub(crate) fn knots(&self) -> Vec<Knot> {
-        let mut knots = Vec::with_capacity(self.segments.len() + 1);
-        knots.extend(self.segments.first().map(|segment| segment.from));
-        knots.extend(self.segments.iter().map(|segment| segment.to));
+        let mut knots = self.knots.clone();
+        knots.sort_unstable_by(|a, b| a.time.total_cmp(&b.time));
         knots
     }
 
-    fn find_steps(&mut self, target: &Target, width: f64) {
+    fn push_knot(&mut self, target: &Target, knot: Knot) {
+        self.knots.push(knot);
+        for block in target.rows.blocks() {
+            self.tendon_knots.push(TendonKnot::of(block, &knot));
+        }
+    }
+
+    fn tendon_knot(&self, target: &Target, index: usize) -> &[TendonKnot] {
+        let blocks = target.rows.blocks().len();
+        &self.tendon_knots[index * blocks..(index + 1) * blocks]
+    }
+
+    /// The segment between two knots, `distance` rad from the motion in its middle.
+    fn segment(&self, target: &Target, [from, to]: [usize; 2], distance: f64) -> Segment {
+        let duration = self.knots[to].time - self.knots[from].time;
+        let time_scale = time_scale_bounds(
+            self.tendon_knot(target, from),
+            self.tendon_knot(target, to),
+            duration,
+            target.limits,
+        );
+        let excess = time_scale[0] - 1.0;
+        Segment {
+            from,
+            to,
+            duration,
+            time_scale,
+            distance,
+            badness: (excess / TIME_TOLERANCE).max(distance / POSITION_TOLERANCE),
+        }
+    }
+
+    /// How far the middle of the segment between two knots is from the motion, rad.
+    fn distance(&self, target: &Target, [from, to]: [usize; 2]) -> f64 {
+        let (first, last) = (&self.knots[from], &self.knots[to]);
+        let time = 0.5 * (first.time + last.time);
+        let middle = target.motion.mean_position_until(time, self.width);
+        (QuinticSegment::between(first, last).middle() - middle).norm()
+    }
+
+    fn find_steps(&mut self, target: &Target) {
         self.steps.clear();
-        for (i, &time) in target.motion.times().iter().enumerate() {
-            let change = target.motion.acceleration_step(i);
-            let largest = target
-                .rows
-                .iter()
-                .map(|row| row.dot(&change).abs())
-                .fold(0.0, f64::max);
-            let size = largest / target.limits.acceleration;
+        let changes = target.motion.pull_steps().zip(target.profile.steepness());
+        for ((time, pull), steepness) in changes {
+            let size = pull.abs() * steepness;
             if size > NOTABLE_STEP {
                 self.steps.extend([
                     JerkStep { time, size },
                     JerkStep {
-                        time: time + width,
+                        time: time + self.width,
                         size,
                     },
                 ]);
@@ -128,55 +162,70 @@ impl Placement {
             .sort_unstable_by(|a, b| a.time.total_cmp(&b.time));
     }
 
-    fn lay_evenly(&mut self, target: &Target, width: f64, shortest: f64) {
-        let total = target.motion.duration() + width;
-        let count = (total / shortest).min((target.knots / 2) as f64).max(1.0) as usize;
-        self.segments.clear();
-        let mut from = target.motion.start();
-        for i in 1..=count {
-            let is_last = i == count;
+    fn lay_evenly(&mut self, target: &Target) {
+        let total = target.motion.duration() + self.width;
+        let count = (total / self.shortest)
+            .min((target.knots / 2) as f64)
+            .max(1.0) as usize;
+        self.knots.clear();
+        self.tendon_knots.clear();
+        self.push_knot(target, target.motion.start());
+        for i in 1..count {
             let time = total * (i as f64 / count as f64);
-            let to = if is_last {
-                target.motion.end(width)
-            } else {
-                target.motion.averaged(width, time)
-            };
-            self.segments.push(target.segment(width, from, to));
-            from = to;
+            self.push_knot(target, target.motion.averaged(self.width, time));
+        }
+        self.push_knot(target, target.motion.end(self.width));
+        self.segments.clear();
+        for i in 0..count {
+            let ends = [i, i + 1];
+            let segment = self.segment(target, ends, self.distance(target, ends));
+            self.segments.push(segment);
         }
     }
 
-    /// Divides the worst segment; false if none is bad enough or all such are short.
-    fn divide_worst(&mut self, target: &Target, width: f64, shortest: f64) -> bool {
+    /// Divides the worst segment; false if there is none that is bad enough and can be divided.
+    fn divide_worst(&mut self, target: &Target) -> bool {
         let mut worst = None;
         let mut most = 1.0;
         for (i, segment) in self.segments.iter().enumerate() {
-            if segment.badness > most && segment.to.time - segment.from.time > 2.0 * shortest {
+            if segment.badness > most {
                 (worst, most) = (Some(i), segment.badness);
             }
         }
         let Some(worst) = worst else { return false };
-        let Segment { from, to, .. } = self.segments[worst];
-        let middle = target
-            .motion
-            .averaged(width, self.divide_at(from.time, to.time, shortest));
-        self.segments[worst] = target.segment(width, from, middle);
-        self.segments
-            .insert(worst + 1, target.segment(width, middle, to));
+        let Segment {
+            from, to, distance, ..
+        } = self.segments[worst];
+        let Some(time) = self.divide_at(self.knots[from].time, self.knots[to].time) else {
+            self.segments[worst].badness = 0.0;
+            return true;
+        };
+        let middle = self.knots.len();
+        self.push_knot(target, target.motion.averaged(self.width, time));
+        let parts = [[from, middle], [middle, to]].map(|ends| {
+            // A part is closer than the whole.
+            let is_close = distance <= POSITION_TOLERANCE;
+            let distance = if is_close {
+                distance
+            } else {
+                self.distance(target, ends)
+            };
+            self.segment(target, ends, distance)
+        });
+        self.segments[worst] = parts[0];
+        self.segments.push(parts[1]);
         true
     }
 
-    /// The largest jerk step between two times, not nearer than `shortest` to either; else their middle.
-    fn divide_at(&self, from: f64, to: f64, shortest: f64) -> f64 {
-        let first = self
-            .steps
-            .partition_point(|step| step.time < from + shortest);
-        let after = self
-            .steps
-            .partition_point(|step| step.time <= to - shortest);
+    /// Where to divide between two times: at the largest jerk step, else in the middle; nowhere if that is too near.
+    fn divide_at(&self, from: f64, to: f64) -> Option<f64> {
+        let (earliest, latest) = (from + self.shortest_at_step, to - self.shortest_at_step);
+        let first = self.steps.partition_point(|step| step.time < earliest);
+        let after = self.steps.partition_point(|step| step.time <= latest);
         let inside = self.steps.get(first..after).unwrap_or_default();
         let largest = inside.iter().max_by(|a, b| a.size.total_cmp(&b.size));
-        largest.map_or(0.5 * (from + to), |step| step.time)
+        let middle = (to - from > 2.0 * self.shortest).then_some(0.5 * (from + to));
+        largest.map(|step| step.time).or(middle)
     }
 }
 
@@ -184,11 +233,7 @@ impl Placement {
 ///
 /// A quintic's jerk is up to 60 ÷ h³ times a displacement.
 fn rounding_time(target: &Target, width: f64) -> f64 {
-    let gain = target
-        .rows
-        .iter()
-        .map(nalgebra::Matrix::norm)
-        .fold(0.0, f64::max);
+    let gain = target.rows.gain();
     let rounding = 4.0 * f64::EPSILON * target.motion.largest_position() * gain;
     let jerk_bound = 2.0 * target.limits.acceleration / width;
     (60.0 * rounding / (0.01 * jerk_bound)).cbrt()

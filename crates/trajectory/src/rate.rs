@@ -67,14 +67,15 @@ impl RateLaw {
     /// The interval of ṙ, 1/s, that keeps |q″ r² + q′ ṙ| within the limit for every tendon; it always holds 0.
     fn rate_slopes(&self, state: &State, rate: f64) -> [f64; 2] {
         let mut slopes = [f64::NEG_INFINITY, f64::INFINITY];
-        for row in self.rows.iter() {
-            let bend = row.dot(&state.acceleration) * rate * rate;
-            let slope = row.dot(&state.velocity);
-            if slope != 0.0 {
-                let bounds =
-                    [-self.acceleration_limit, self.acceleration_limit].map(|a| (a - bend) / slope);
-                slopes[0] = slopes[0].max(bounds[0].min(bounds[1]));
-                slopes[1] = slopes[1].min(bounds[0].max(bounds[1]));
+        for block in self.rows.blocks() {
+            let bends = block.times(&state.acceleration);
+            for (slope, bend) in block.times(&state.velocity).into_iter().zip(bends) {
+                if slope != 0.0 {
+                    let bounds = [-self.acceleration_limit, self.acceleration_limit]
+                        .map(|a| (a - bend * rate * rate) / slope);
+                    slopes[0] = slopes[0].max(bounds[0].min(bounds[1]));
+                    slopes[1] = slopes[1].min(bounds[0].max(bounds[1]));
+                }
             }
         }
         [slopes[0].min(0.0), slopes[1].max(0.0)]
@@ -104,9 +105,11 @@ impl RateLaw {
         let bend = state.acceleration + state.jerk * advance;
         let slope = state.velocity + (state.acceleration + state.jerk * (0.5 * advance)) * advance;
         let acceleration: Configuration = bend * (end_rate * end_rate) + slope * (change / cycle);
-        self.rows
-            .iter()
-            .all(|row| row.dot(&acceleration).abs() <= self.acceleration_limit * ROUNDING)
+        let largest = self.acceleration_limit * ROUNDING;
+        self.rows.blocks().iter().all(|block| {
+            let values = block.times(&acceleration);
+            values.iter().all(|value| value.abs() <= largest)
+        })
     }
 }
 
@@ -142,9 +145,7 @@ mod tests {
     fn largest(vector: &Configuration) -> f64 {
         static ROWS: std::sync::LazyLock<TendonRows> =
             std::sync::LazyLock::new(|| TendonRows::of(&unit_tendons()));
-        ROWS.iter()
-            .map(|row| row.dot(vector).abs())
-            .fold(0.0, f64::max)
+        ROWS.largest(vector)
     }
 
     /// Plays `motion` from `time` and `rate` towards the rates that `target` gives; checks every cycle and

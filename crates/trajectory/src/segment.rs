@@ -53,6 +53,12 @@ impl QuinticSegment {
         }
     }
 
+    /// The position half-way in time, rad.
+    pub(crate) fn middle(&self) -> Configuration {
+        let [a, b, c, d, e, f] = &self.control;
+        ((c + d) * 10.0 + (b + e) * 5.0 + (a + f)) / 32.0
+    }
+
     /// The first and the second half of the segment (de Casteljau), each of half the duration.
     #[must_use]
     pub fn halves(&self) -> (Self, Self) {

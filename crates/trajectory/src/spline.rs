@@ -21,12 +21,13 @@ pub(crate) struct Spline {
     kept: Vec<Configuration>,
 }
 
-/// A place on the path with its first two derivatives by s.
+/// A place on the path with its first three derivatives by s.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathPoint {
     pub(crate) position: Configuration,
     pub(crate) slope: Configuration,
     pub(crate) bend: Configuration,
+    pub(crate) twist: Configuration,
 }
 
 impl Spline {
@@ -128,7 +129,20 @@ impl Spline {
         &self.parameter
     }
 
+    /// The slopes of the chords, piece by piece.
+    pub(crate) fn chords(&self) -> impl Iterator<Item = Configuration> + '_ {
+        let lengths = self.parameter.windows(2).map(|pair| pair[1] - pair[0]);
+        let steps = self.point.windows(2).map(|pair| pair[1] - pair[0]);
+        steps.zip(lengths).map(|(step, length)| step / length)
+    }
+
+    /// Second derivatives at the nodes; they are linear between.
+    pub(crate) fn bends(&self) -> &[Configuration] {
+        &self.bend
+    }
+
     /// The path at `parameter` on piece `piece` (between nodes `piece` and `piece` + 1).
+    #[inline]
     pub(crate) fn at(&self, piece: usize, parameter: f64) -> PathPoint {
         let (s0, s1) = (self.parameter[piece], self.parameter[piece + 1]);
         let (p0, p1) = (self.point[piece], self.point[piece + 1]);
@@ -146,12 +160,8 @@ impl Spline {
                 + m0 * (h / 6.0 * (1.0 - 3.0 * a * a))
                 + m1 * (h / 6.0 * (3.0 * b * b - 1.0)),
             bend: m0 * a + m1 * b,
+            twist: (m1 - m0) / h,
         }
-    }
-
-    /// Position alone: see [`Spline::at`].
-    pub(crate) fn position(&self, piece: usize, parameter: f64) -> Configuration {
-        self.at(piece, parameter).position
     }
 }
 
@@ -215,7 +225,11 @@ mod tests {
                 .flat_map(|i| (0..=20).map(move |k| (i, f64::from(k) / 20.0)))
                 .map(|(i, u)| {
                     let chord = spline.point[i] * (1.0 - u) + spline.point[i + 1] * u;
-                    (spline.position(i, nodes[i] + u * (nodes[i + 1] - nodes[i])) - chord).norm()
+                    (spline
+                        .at(i, nodes[i] + u * (nodes[i + 1] - nodes[i]))
+                        .position
+                        - chord)
+                        .norm()
                 })
                 .fold(0.0, f64::max);
             assert!(

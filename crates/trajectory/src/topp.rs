@@ -6,9 +6,13 @@
 //! The backward pass finds the x from which the end can be reached, the forward pass is as fast as they allow.
 //! Every acceleration limit is imposed at both ends of each interval (their "first-order interpolation scheme").
 
-use crate::spline::{PathPoint, Spline};
-use crate::tendon::TendonRows;
+use crate::spline::Spline;
+use crate::tendon::{LANES, TendonRows, combined, largest_lane, raise_to_magnitude};
+use crate::tendon_path::{Derivatives, PieceWeights, TendonPath, largest_slope};
+use interval::{IntervalLimits, Polygon, ROUNDING, largest_second};
 use pcc_model::TendonLimits;
+
+mod interval;
 
 /// The path speed ṡ ≥ 0 that a motion must have at its ends, in path parameter per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -29,16 +33,19 @@ pub(crate) struct GridPoint {
 /// The solver's memory, and after [`SpeedProfile::solve`] its result: x = ṡ² at each grid point.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SpeedProfile {
+    path: TendonPath,
     grid: Vec<GridPoint>,
     refined: Vec<GridPoint>,
-    /// l′ ÷ a and l″ ÷ a, tendon by tendon, for each grid point.
-    slope: Vec<f64>,
-    bend: Vec<f64>,
+    /// Derivatives of each grid point, block by block.
+    derivatives: Vec<Derivatives>,
+    /// Limits of each interval, block by block.
+    limits: Vec<IntervalLimits>,
+    /// The largest |l′| ÷ the acceleration limit at each grid point.
+    steepness: Vec<f64>,
     speed_cap: Vec<f64>,
     reachable: Vec<[f64; 2]>,
     square_speed: Vec<f64>,
-    polygon: Vec<[f64; 2]>,
-    clipped: Vec<[f64; 2]>,
+    polygon: Polygon,
 }
 
 /// Between grid points the sampled limits may be exceeded by this much before an interval is divided.
@@ -58,13 +65,15 @@ impl SpeedProfile {
         ends: EndSpeeds,
         intervals: usize,
     ) -> bool {
+        self.path.rebuild(spline, rows, limits.acceleration);
+        let largest_speed = limits.velocity / limits.acceleration;
         self.lay_grid(spline, intervals);
         for round in 0..=REFINEMENTS {
-            self.project(spline, rows, limits);
+            self.project(spline, largest_speed);
             if !self.backward(ends.end) || !self.forward(ends.start) {
                 return false;
             }
-            if round == REFINEMENTS || !self.refine(spline, rows, limits) {
+            if round == REFINEMENTS || !self.refine(spline, largest_speed) {
                 break;
             }
         }
@@ -77,6 +86,16 @@ impl SpeedProfile {
 
     pub(crate) fn square_speeds(&self) -> &[f64] {
         &self.square_speed
+    }
+
+    /// The largest |l′| ÷ the acceleration limit at each grid point.
+    pub(crate) fn steepness(&self) -> &[f64] {
+        &self.steepness
+    }
+
+    /// The derivatives at grid point `i`, block by block.
+    pub(crate) fn derivatives(&self, i: usize) -> &[Derivatives] {
+        &self.derivatives[i * self.path.blocks..(i + 1) * self.path.blocks]
     }
 
     /// Every node of the spline is a grid point, so l″ is linear within an interval.
@@ -97,22 +116,35 @@ impl SpeedProfile {
         });
     }
 
-    fn project(&mut self, spline: &Spline, rows: &TendonRows, limits: &TendonLimits) {
-        self.slope.clear();
-        self.bend.clear();
+    /// Derivatives and the largest x at each grid point, and the limits of each interval.
+    fn project(&mut self, spline: &Spline, largest_speed: f64) {
+        self.derivatives.clear();
+        self.steepness.clear();
         self.speed_cap.clear();
+        self.limits.clear();
         for place in &self.grid {
-            let PathPoint { slope, bend, .. } = spline.at(place.piece, place.parameter);
-            let mut fastest: f64 = 0.0;
-            for row in rows.iter() {
-                let tendon_slope = row.dot(&slope);
-                fastest = fastest.max(tendon_slope.abs());
-                self.slope.push(tendon_slope / limits.acceleration);
-                self.bend.push(row.dot(&bend) / limits.acceleration);
+            let at = self.derivatives.len();
+            let weights = PieceWeights::at(spline, *place);
+            for derivatives in self.path.derivatives(&weights) {
+                self.derivatives.push(derivatives);
             }
-            let speed = limits.velocity / fastest;
+            let steepness = largest_slope(&self.derivatives[at..]);
+            self.steepness.push(steepness);
+            let speed = largest_speed / steepness;
             self.speed_cap.push((speed * speed).min(UNBOUNDED));
         }
+        let blocks = self.path.blocks;
+        for (i, pair) in self.grid.windows(2).enumerate() {
+            let half = 0.5 / (pair[1].parameter - pair[0].parameter);
+            let (here, next) = self.derivatives[i * blocks..(i + 2) * blocks].split_at(blocks);
+            for (from, to) in here.iter().zip(next) {
+                self.limits.push(IntervalLimits::between(from, to, half));
+            }
+        }
+    }
+
+    fn interval_limits(&self, i: usize) -> &[IntervalLimits] {
+        &self.limits[i * self.path.blocks..(i + 1) * self.path.blocks]
     }
 
     /// The intervals of x from which the end can be reached ("controllable sets").
@@ -124,65 +156,24 @@ impl SpeedProfile {
         if end > self.speed_cap[count - 1] {
             return false;
         }
-        for i in (0..count - 1).rev() {
-            self.feasible_pairs(i);
-            if self.polygon.is_empty() {
-                return false;
-            }
-            let squares = self.polygon.iter().map(|pair| pair[0]);
-            self.reachable[i] = [
-                squares.clone().fold(f64::INFINITY, f64::min),
-                squares.fold(0.0, f64::max),
-            ];
-        }
-        true
-    }
-
-    /// The limits of interval `i` as factors of (x_i, x_{i+1}): each product must be within ±1.
-    fn interval_limits(&self, i: usize) -> impl Iterator<Item = [f64; 2]> + '_ {
-        let tendons = self.slope.len() / self.grid.len();
-        let (here, next) = (
-            i * tendons..(i + 1) * tendons,
-            (i + 1) * tendons..(i + 2) * tendons,
-        );
-        let half = 0.5 / (self.grid[i + 1].parameter - self.grid[i].parameter);
-        let at_start = self.slope[here.clone()]
-            .iter()
-            .zip(&self.bend[here])
-            .map(move |(p, q)| [q - p * half, p * half]);
-        let at_end = self.slope[next.clone()]
-            .iter()
-            .zip(&self.bend[next])
-            .map(move |(p, q)| [-p * half, q + p * half]);
-        at_start.chain(at_end)
-    }
-
-    /// Leaves in `polygon` the pairs (x_i, x_{i+1}) that keep the limits of interval `i` and reach the end.
-    fn feasible_pairs(&mut self, i: usize) {
-        let (cap, [low, high]) = (self.speed_cap[i], self.reachable[i + 1]);
         let mut polygon = std::mem::take(&mut self.polygon);
-        let mut clipped = std::mem::take(&mut self.clipped);
-        polygon.clear();
-        polygon.extend([[0.0, low], [cap, low], [cap, high], [0.0, high]]);
-        for normal in self.interval_limits(i) {
-            if polygon.iter().all(|pair| dot(&normal, pair).abs() <= 1.0) {
-                continue;
-            }
-            for side in [normal, [-normal[0], -normal[1]]] {
-                if polygon.iter().any(|pair| dot(&side, pair) > 1.0) {
-                    clip(&polygon, &side, &mut clipped);
-                    std::mem::swap(&mut polygon, &mut clipped);
-                }
-            }
+        for i in (0..count - 1).rev() {
+            let limits = self.interval_limits(i);
+            let reachable = polygon.first_range(self.speed_cap[i], self.reachable[i + 1], limits);
+            let Some(reachable) = reachable else {
+                break;
+            };
+            self.reachable[i] = reachable;
         }
-        (self.polygon, self.clipped) = (polygon, clipped);
+        self.polygon = polygon;
+        !self.polygon.is_empty()
     }
 
     /// From the start, the largest x at each next point.
     fn forward(&mut self, start_speed: f64) -> bool {
         let start = start_speed * start_speed;
         let [low, high] = self.reachable[0];
-        if start < low || start > high {
+        if start < low * (1.0 - ROUNDING) || start > high * (1.0 + ROUNDING) {
             return false;
         }
         self.square_speed.clear();
@@ -190,19 +181,17 @@ impl SpeedProfile {
         let mut x = start;
         for i in 0..self.grid.len() - 1 {
             let [low, high] = self.reachable[i + 1];
-            let most = self
-                .interval_limits(i)
-                .map(|normal| largest_second(&normal, x))
-                .fold(high, f64::min);
             // `low` wins over rounding: it is reachable from every x of the controllable set.
-            x = most.max(low);
+            x = largest_second(self.interval_limits(i), x)
+                .min(high)
+                .max(low);
             self.square_speed.push(x);
         }
         true
     }
 
     /// Divides the intervals in whose middle a limit is exceeded; false if there are none.
-    fn refine(&mut self, spline: &Spline, rows: &TendonRows, limits: &TendonLimits) -> bool {
+    fn refine(&mut self, spline: &Spline, largest_speed: f64) -> bool {
         self.refined.clear();
         let mut divided = false;
         for i in 0..self.grid.len() - 1 {
@@ -215,13 +204,15 @@ impl SpeedProfile {
             let x = 0.5 * (self.square_speed[i] + self.square_speed[i + 1]);
             let u = 0.5 * (self.square_speed[i + 1] - self.square_speed[i])
                 / (to.parameter - from.parameter);
-            let path = spline.at(middle.piece, middle.parameter);
-            let exceeds = rows.iter().any(|row| {
-                let (slope, bend) = (row.dot(&path.slope), row.dot(&path.bend));
-                (slope * u + bend * x).abs() > limits.acceleration * (1.0 + EXCESS_TOLERANCE)
-                    || slope.abs() * x.sqrt() > limits.velocity * (1.0 + EXCESS_TOLERANCE)
-            });
-            if exceeds && middle.parameter > from.parameter && middle.parameter < to.parameter {
+            let weights = PieceWeights::at(spline, middle);
+            let (mut force, mut slope) = ([0.0; LANES], [0.0; LANES]);
+            for here in self.path.derivatives(&weights) {
+                raise_to_magnitude(&mut slope, &here.slope);
+                raise_to_magnitude(&mut force, &combined(&here.slope, u, &here.bend, x));
+            }
+            let most = largest_lane(&force).max(largest_lane(&slope) * x.sqrt() / largest_speed);
+            let is_inside = middle.parameter > from.parameter && middle.parameter < to.parameter;
+            if most > 1.0 + EXCESS_TOLERANCE && is_inside {
                 self.refined.push(middle);
                 divided = true;
             }
@@ -230,39 +221,6 @@ impl SpeedProfile {
         std::mem::swap(&mut self.grid, &mut self.refined);
         divided
     }
-}
-
-fn dot(normal: &[f64; 2], point: &[f64; 2]) -> f64 {
-    normal[0] * point[0] + normal[1] * point[1]
-}
-
-/// The part of a convex polygon with normal · point ≤ 1 (Sutherland and Hodgman).
-fn clip(polygon: &[[f64; 2]], normal: &[f64; 2], clipped: &mut Vec<[f64; 2]>) {
-    clipped.clear();
-    let mut from = polygon[polygon.len() - 1];
-    let mut from_excess = dot(normal, &from) - 1.0;
-    for &to in polygon {
-        let to_excess = dot(normal, &to) - 1.0;
-        if (from_excess > 0.0) != (to_excess > 0.0) {
-            let part = from_excess / (from_excess - to_excess);
-            clipped.push([
-                from[0] + part * (to[0] - from[0]),
-                from[1] + part * (to[1] - from[1]),
-            ]);
-        }
-        if to_excess <= 0.0 {
-            clipped.push(to);
-        }
-        (from, from_excess) = (to, to_excess);
-    }
-}
-
-/// The largest y with |normal · (x, y)| ≤ 1.
-fn largest_second(normal: &[f64; 2], x: f64) -> f64 {
-    if normal[1] == 0.0 {
-        return f64::INFINITY;
-    }
-    (1.0 - normal[0] * normal[1].signum() * x) / normal[1].abs()
 }
 
 #[cfg(test)]
@@ -370,13 +328,9 @@ mod tests {
                 let slope = 0.5 * (squares[i + 1] - squares[i]) / step;
                 let usage = [i, i + 1].map(|k| {
                     let path = spline.at(grid[i].piece, grid[k].parameter);
-                    let tendon_use = |row: &Configuration| {
-                        let speed =
-                            row.dot(&path.slope).abs() * squares[k].sqrt() / limits.velocity;
-                        let force = row.dot(&path.slope) * slope + row.dot(&path.bend) * squares[k];
-                        speed.max(force.abs() / limits.acceleration)
-                    };
-                    rows.iter().map(tendon_use).fold(0.0, f64::max)
+                    let speed = rows.largest(&path.slope) * squares[k].sqrt() / limits.velocity;
+                    let force = rows.largest(&(path.slope * slope + path.bend * squares[k]));
+                    speed.max(force / limits.acceleration)
                 });
                 let most = usage[0].max(usage[1]);
                 assert!(most <= 1.0 + 1e-9, "{most}");

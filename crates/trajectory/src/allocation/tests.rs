@@ -1,8 +1,8 @@
 //! Random and adversarial problems for time allocation.
 
 use super::*;
-use crate::evaluate;
 use crate::test_paths::{cornered_path, smooth_path, unit_limits, unit_tendons};
+use crate::{evaluate, limit_use};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
