@@ -1,6 +1,6 @@
 //! Certificates for motions among balls at rest: edges, polylines, executed curves.
 
-use crate::bound::Displacement;
+use crate::bound::Sweep;
 use crate::chain::{Certifier, DEPTH, Obstacles, Piece, Verdict};
 use crate::scene::Scene;
 use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
@@ -10,6 +10,8 @@ use trajectory::{Knot, Trajectory};
 struct AtRest<'a> {
     scene: &'a Scene,
     tube_radius: f64,
+    /// The tube's radius and the smallest ball's together.
+    reach: f64,
 }
 
 impl Obstacles for AtRest<'_> {
@@ -27,10 +29,10 @@ impl Obstacles for AtRest<'_> {
         &self,
         from: &Self::Clearances,
         to: &Self::Clearances,
-        displacement: &Displacement,
+        sweep: &Sweep,
         _: f64,
     ) -> bool {
-        (0..SECTIONS).all(|k| from[k] + to[k] > displacement.sections[k])
+        (0..SECTIONS).all(|k| sweep.lowest(k, from[k], to[k], self.reach, 0.0) > 0.0)
     }
 }
 
@@ -39,12 +41,18 @@ fn certifier<'a>(
     scene: &'a Scene,
     growth: f64,
     depth: u32,
+    has_corners: bool,
 ) -> Certifier<'a, AtRest<'a>> {
     let tube_radius = robot.tube_radius + growth;
     Certifier {
         robot,
-        obstacles: AtRest { scene, tube_radius },
+        obstacles: AtRest {
+            scene,
+            tube_radius,
+            reach: tube_radius + scene.smallest_radius(),
+        },
         depth,
+        has_corners,
     }
 }
 
@@ -60,7 +68,7 @@ pub fn certify_edge(
     if scene.is_empty() {
         return Verdict::Free;
     }
-    certifier(robot, scene, 0.0, depth).chain(1, &|_| Piece::edge(a, b, 0.0))
+    certifier(robot, scene, 0.0, depth, false).chain(1, &|_| Piece::edge(a, b, 0.0))
 }
 
 /// Certifies a polyline in configuration space; places are edge index + fraction. A single point is a motion at rest.
@@ -71,7 +79,7 @@ pub fn certify_polyline(robot: &Robot, scene: &Scene, points: &[Configuration]) 
     }
     let last = points.len() - 1;
     let edge = |i: usize| Piece::edge(&points[i], &points[(i + 1).min(last)], i as f64);
-    certifier(robot, scene, 0.0, DEPTH).chain(last.max(1), &edge)
+    certifier(robot, scene, 0.0, DEPTH, true).chain(last.max(1), &edge)
 }
 
 /// Certifies the executed curve from `from_time` (s) to its end, for a tube grown by `growth`; allocates nothing.
@@ -87,7 +95,7 @@ pub fn certify_trajectory(
         return Verdict::Free;
     }
     let rest = RestOfMotion::new(trajectory.knots(), from_time);
-    certifier(robot, scene, growth, DEPTH).chain(rest.count(), &|i| rest.piece(i))
+    certifier(robot, scene, growth, DEPTH, false).chain(rest.count(), &|i| rest.piece(i))
 }
 
 /// The pieces of a motion that are left from a time on; at least one, be it of no duration.

@@ -1,6 +1,6 @@
 //! The certificate against balls that move at constant velocity.
 
-use crate::bound::Displacement;
+use crate::bound::Sweep;
 use crate::certificate::RestOfMotion;
 use crate::chain::{Certifier, DEPTH, Obstacles, Verdict};
 use crate::scene::Ball;
@@ -55,17 +55,18 @@ impl Obstacles for Moving<'_> {
         clearances.iter().flatten().any(|c| *c < 0.0)
     }
 
-    /// d(a) + d(b) > Λ + w Δt: the ball's centre taken at each end, its way between added to the body's.
+    /// The balls' centres are taken at each end; in the ball's own frame its way between is added to the body's.
     fn are_clear(
         &self,
         from: &Self::Clearances,
         to: &Self::Clearances,
-        displacement: &Displacement,
+        sweep: &Sweep,
         duration: f64,
     ) -> bool {
         self.balls.iter().enumerate().all(|(i, moving)| {
             let way = moving.velocity.norm() * duration;
-            (0..SECTIONS).all(|k| from[i][k] + to[i][k] > displacement.sections[k] + way)
+            let reach = self.tube_radius + moving.ball.radius;
+            (0..SECTIONS).all(|k| sweep.lowest(k, from[i][k], to[i][k], reach, way) > 0.0)
         })
     }
 }
@@ -88,6 +89,7 @@ pub fn certify_moving(
             robot,
             obstacles: Moving { balls, tube_radius },
             depth: DEPTH,
+            has_corners: false,
         };
         certifier.chain(rest.count(), &|i| rest.piece(i))
     };

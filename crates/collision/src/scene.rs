@@ -49,6 +49,7 @@ pub enum SceneError {
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     balls: Vec<Ball>,
+    smallest_radius: f64,
     largest_radius: f64,
     tree: Option<Bvh>,
 }
@@ -73,9 +74,12 @@ impl Scene {
             let boxes: Vec<Aabb> = balls.iter().map(|b| cube(&b.centre, b.radius)).collect();
             Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)
         });
-        let largest_radius = balls.iter().map(|b| b.radius).fold(0.0, f64::max);
+        let radii = || balls.iter().map(|b| b.radius);
+        let largest_radius = radii().fold(0.0, f64::max);
+        let smallest_radius = radii().fold(largest_radius, f64::min);
         Ok(Self {
             balls,
+            smallest_radius,
             largest_radius,
             tree,
         })
@@ -91,6 +95,11 @@ impl Scene {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.balls.is_empty()
+    }
+
+    /// Radius of the smallest ball.
+    pub(crate) fn smallest_radius(&self) -> f64 {
+        self.smallest_radius
     }
 
     /// Index and cost of the ball of least `cost`, if there is any ball.
