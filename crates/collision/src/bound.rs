@@ -1,6 +1,6 @@
 //! How far body points can move when the configuration changes, and how far from a straight way (docs/robot.md "A certificate for whole motions").
 
-use pcc_model::{Configuration, Robot, SECTIONS};
+use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 use trajectory::QuinticSegment;
 
 /// Upper bounds Λ_k of the displacement of any point of each section.
@@ -100,26 +100,49 @@ impl Turning {
         }
     }
 
-    /// What the body's points do while the bending pairs turn like this.
+    /// How far the body's points stray from their chords, by section.
     ///
     /// With ω the angular velocity of the tangent e at a place of the backbone, T = Σ |ξ_i′| and A = Σ |ξ_i″| over the
     /// sections up to it (its own in proportion to the fraction), |ω| ≤ T and |ω′| ≤ A + T²/2, since a right Jacobian of
     /// SO(3) changes by at most |ξ_i′|/2. So |e″| ≤ |ω′| + |ω|² ≤ A + 3T²/2, a point's acceleration is at most its
     /// integral along the backbone, and the point is within duration²/8 of that from where its chord is at that time.
-    pub(crate) fn sweep(&self, robot: &Robot) -> Sweep {
+    fn deviation(&self, robot: &Robot) -> [f64; SECTIONS] {
         let (mut rate, mut acceleration, mut integral) = (0.0, 0.0, 0.0);
         let eighth = 0.125 * self.duration * self.duration;
-        let deviation = std::array::from_fn(|k| {
+        std::array::from_fn(|k| {
             let (r, a) = (self.rates[k], self.accelerations[k]);
             let squared_rate = rate * rate + r * (rate + r / 3.0);
             integral += robot.section_lengths[k] * (1.5 * squared_rate + acceleration + 0.5 * a);
             rate += r;
             acceleration += a;
             eighth * integral
-        });
+        })
+    }
+
+    /// Bounds on the distances between the places of the body's points at both ends of the interval, by section.
+    ///
+    /// Along a section a point's place has the second derivative L R (ξ × e₃), R the rotation up to it, so the difference
+    /// of two places is at most that of the section's ends plus L/8 (|Δξ_k| + |ξ_k| T), T the turns up to the section's end.
+    fn chords(&self, robot: &Robot, from: &Stance, to: &Stance) -> [f64; SECTIONS] {
+        let (mut before, mut turned) = (0.0_f64, 0.0);
+        std::array::from_fn(|k| {
+            turned += self.turns[k];
+            let bow = robot.section_lengths[k] * (self.turns[k] + from.bends[k] * turned);
+            let after = (to.joints[k] - from.joints[k]).norm();
+            let chord = before.max(after) + 0.125 * bow;
+            before = after;
+            chord
+        })
+    }
+
+    /// What the body's points do while the bending pairs turn like this.
+    pub(crate) fn sweep(&self, robot: &Robot, from: &Stance, to: &Stance) -> Sweep {
+        let displacement = Displacement::of_turns(robot, self.turns);
+        let chords = self.chords(robot, from, to);
         Sweep {
-            displacement: Displacement::of_turns(robot, self.turns),
-            deviation,
+            displacement,
+            chords: std::array::from_fn(|k| chords[k].min(displacement.sections[k])),
+            deviation: self.deviation(robot),
         }
     }
 }
@@ -129,8 +152,29 @@ impl Turning {
 pub(crate) struct Sweep {
     /// Lengths of the ways.
     pub(crate) displacement: Displacement,
+    /// Distances between the places at both ends.
+    pub(crate) chords: [f64; SECTIONS],
     /// Distances from the places that a constant velocity between the same ends would lead to.
     pub(crate) deviation: [f64; SECTIONS],
+}
+
+/// Where the backbone is at an end of an interval.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stance {
+    /// Ends of the sections.
+    joints: [Point; SECTIONS],
+    /// Bending angles, rad.
+    bends: [f64; SECTIONS],
+}
+
+impl Stance {
+    pub(crate) fn new(shape: &Configuration, backbone: &Backbone) -> Self {
+        let frames = backbone.frames();
+        Self {
+            joints: std::array::from_fn(|k| frames[k + 1].position),
+            bends: turns(shape),
+        }
+    }
 }
 
 impl Sweep {
@@ -139,13 +183,12 @@ impl Sweep {
     /// `reach` is what the tube's radius and the least radius of all obstacles make together, `way` what the obstacles
     /// move themselves, at constant velocity. The larger of two bounds: by the length of the way alone it is
     /// (a + b − Λ)/2. And a body point that passes an obstacle's centre from distance a to distance b along a straight way
-    /// of length Λ keeps at least the height of that triangle; it strays from the straight way by the deviation. That
+    /// keeps at least the height of that triangle; it strays from the straight way by the deviation. That
     /// bound grows with the obstacle's radius, so the least one stands for all.
     pub(crate) fn lowest(&self, k: usize, from: f64, to: f64, reach: f64, way: f64) -> f64 {
-        let moved = self.displacement.sections[k] + way;
-        let linear = 0.5 * (from + to - moved);
-        let (a, b) = (from + reach, to + reach);
-        let (aa, bb, side) = (a * a, b * b, moved * moved);
+        let linear = 0.5 * (from + to - self.displacement.sections[k] - way);
+        let (a, b, side) = (from + reach, to + reach, self.chords[k] + way);
+        let (aa, bb, side) = (a * a, b * b, side * side);
         let place = (aa - bb + side) / (2.0 * side).max(f64::MIN_POSITIVE);
         let place = place.clamp(0.0, 1.0);
         let height = aa + place * (bb - aa - side * (1.0 - place));
@@ -200,9 +243,9 @@ mod tests {
     }
 
     #[test]
-    fn no_body_point_strays_further_from_its_chord_than_the_deviation() {
+    fn no_chord_is_longer_and_no_body_point_strays_further_from_it_than_the_bounds() {
         let (robot, mut random) = (uneven_robot(), Pcg64::seed_from_u64(1));
-        let mut tightest: f64 = 0.0;
+        let (mut tightest, mut tightest_chord) = (0.0_f64, 0.0_f64);
         for i in 0..2_000 {
             let duration = random.random_range(0.1..3.0);
             let mut vector =
@@ -217,30 +260,36 @@ mod tests {
             });
             let curve = QuinticSegment::between(&from, &to);
             let (first, second) = curve.halves();
-            let whole = Turning::of_curve(&curve).sweep(&robot);
+            let whole = Turning::of_curve(&curve);
             let joined = Turning::of_curve(&first).then(&Turning::of_curve(&second));
-            assert!(joined.sweep(&robot).deviation[2] <= whole.deviation[2] * (1.0 + 1e-9));
+            let (deviation, of_whole) = (joined.deviation(&robot), whole.deviation(&robot));
+            assert!(deviation[2] <= of_whole[2] * (1.0 + 1e-9));
             let shape = |u: f64| robot.backbone(&curve.evaluate(u * duration).position);
             let (a, b) = (shape(0.0), shape(1.0));
+            let stance = |u: f64| Stance::new(&curve.evaluate(u * duration).position, &shape(u));
+            let chords = joined.chords(&robot, &stance(0.0), &stance(1.0));
             for k in 0..SECTIONS {
                 let fraction = [1.0, random.random()][i % 2];
                 let point = |u: f64| shape(u).point(k, fraction);
                 let (a, b) = (a.point(k, fraction), b.point(k, fraction));
                 for u in [0.2, 0.5, 0.7] {
                     let strayed = (point(u) - a.lerp(&b, u)).norm();
-                    let bound = joined.sweep(&robot).deviation[k];
-                    assert!(strayed <= bound + 1e-12, "{strayed} {bound}");
-                    tightest = tightest.max(strayed / bound);
+                    assert!(strayed <= deviation[k] + 1e-12, "{strayed} {deviation:?}");
+                    tightest = tightest.max(strayed / deviation[k]);
                 }
+                assert!((b - a).norm() <= chords[k], "{chords:?}");
+                tightest_chord = tightest_chord.max((b - a).norm() / chords[k]);
             }
         }
         assert!(tightest > 0.3, "far too wide a bound: {tightest}");
+        assert!(tightest_chord > 0.8, "far too wide: {tightest_chord}");
     }
 
     #[test]
     fn the_bound_is_the_height_of_the_triangle_and_not_below_the_linear_one() {
         let sweep = |way: f64, deviation: f64| Sweep {
             displacement: Displacement { sections: [way; 3] },
+            chords: [way; 3],
             deviation: [deviation; 3],
         };
         let lowest = |way, deviation, from, to| sweep(way, deviation).lowest(0, from, to, 0.4, 0.0);

@@ -1,6 +1,6 @@
 //! Certificates for motions among balls at rest: edges, polylines, executed curves.
 
-use crate::bound::Sweep;
+use crate::bound::{Stance, Turning};
 use crate::chain::{Certifier, DEPTH, Obstacles, Piece, Verdict};
 use crate::scene::Scene;
 use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
@@ -15,25 +15,54 @@ struct AtRest<'a> {
 }
 
 impl Obstacles for AtRest<'_> {
-    type Clearances = [f64; SECTIONS];
+    type Clearances = Instant;
 
-    fn clearances(&self, backbone: &Backbone, _: f64) -> Self::Clearances {
-        self.scene.section_clearances(backbone, self.tube_radius)
+    fn clearances(&self, shape: &Configuration, backbone: &Backbone, _: f64) -> Instant {
+        Instant::new(self.scene, shape, backbone, self.tube_radius)
     }
 
-    fn touch(clearances: &Self::Clearances) -> bool {
-        clearances.iter().any(|c| *c < 0.0)
+    fn touch(at: &Instant) -> bool {
+        at.clearances.iter().any(|c| *c < 0.0)
     }
 
-    fn are_clear(
-        &self,
-        from: &Self::Clearances,
-        to: &Self::Clearances,
-        sweep: &Sweep,
-        _: f64,
-    ) -> bool {
-        (0..SECTIONS).all(|k| sweep.lowest(k, from[k], to[k], self.reach, 0.0) > 0.0)
+    fn are_clear(&self, from: &Instant, to: &Instant, robot: &Robot, turning: &Turning) -> bool {
+        lowest(robot, turning, from, to, self.reach)
+            .iter()
+            .all(|c| *c > 0.0)
     }
+}
+
+/// Where the body is at one instant, and how clear each section of it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Instant {
+    pub(crate) clearances: [f64; SECTIONS],
+    stance: Stance,
+}
+
+impl Instant {
+    pub(crate) fn new(
+        scene: &Scene,
+        shape: &Configuration,
+        backbone: &Backbone,
+        tube_radius: f64,
+    ) -> Self {
+        Self {
+            clearances: scene.section_clearances(backbone, tube_radius),
+            stance: Stance::new(shape, backbone),
+        }
+    }
+}
+
+/// Lower bound of each section's clearance between two instants; `reach` as for [`Sweep::lowest`](crate::bound::Sweep).
+pub(crate) fn lowest(
+    robot: &Robot,
+    turning: &Turning,
+    from: &Instant,
+    to: &Instant,
+    reach: f64,
+) -> [f64; SECTIONS] {
+    let sweep = turning.sweep(robot, &from.stance, &to.stance);
+    std::array::from_fn(|k| sweep.lowest(k, from.clearances[k], to.clearances[k], reach, 0.0))
 }
 
 fn certifier<'a>(

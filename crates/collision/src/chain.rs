@@ -1,9 +1,9 @@
 //! The certificate for a chain of curves: bisection in time.
 //!
-//! Where the clearances at the ends of an interval and the bounds on the body's way between them ([`Sweep`]) leave room
+//! Where the clearances at the ends of an interval and the bounds on the body's way between them ([`Turning`]) leave room
 //! for contact, the interval is halved, to a depth; what stays undecided counts as colliding. Nothing here allocates.
 
-use crate::bound::{Sweep, Turning};
+use crate::bound::Turning;
 use pcc_model::{Backbone, Configuration, Robot};
 use trajectory::{Knot, QuinticSegment};
 
@@ -42,7 +42,8 @@ pub(crate) trait Obstacles {
     /// Clearances at one instant.
     type Clearances;
 
-    fn clearances(&self, backbone: &Backbone, time: f64) -> Self::Clearances;
+    fn clearances(&self, shape: &Configuration, backbone: &Backbone, time: f64)
+    -> Self::Clearances;
 
     /// Whether there is contact.
     fn touch(clearances: &Self::Clearances) -> bool;
@@ -52,8 +53,8 @@ pub(crate) trait Obstacles {
         &self,
         from: &Self::Clearances,
         to: &Self::Clearances,
-        sweep: &Sweep,
-        duration: f64,
+        robot: &Robot,
+        turning: &Turning,
     ) -> bool;
 }
 
@@ -194,12 +195,8 @@ impl<O: Obstacles> Certifier<'_, O> {
     }
 
     fn clearances(&self, shape: &Configuration, time: f64) -> O::Clearances {
-        self.obstacles.clearances(&self.robot.backbone(shape), time)
-    }
-
-    fn are_clear(&self, from: &O::Clearances, to: &O::Clearances, turning: &Turning) -> bool {
-        let sweep = turning.sweep(self.robot);
-        self.obstacles.are_clear(from, to, &sweep, turning.duration)
+        let backbone = self.robot.backbone(shape);
+        self.obstacles.clearances(shape, &backbone, time)
     }
 
     fn run(
@@ -216,7 +213,7 @@ impl<O: Obstacles> Certifier<'_, O> {
         if self.has_corners {
             turning = turning.with_corner();
         }
-        if self.are_clear(from, to, &turning) {
+        if self.obstacles.are_clear(from, to, self.robot, &turning) {
             return Verdict::Free;
         }
         let (earlier, later) = run.halves();
@@ -239,7 +236,7 @@ impl<O: Obstacles> Certifier<'_, O> {
         to: &O::Clearances,
         depth: u32,
     ) -> Verdict {
-        if self.are_clear(from, to, turning) {
+        if self.obstacles.are_clear(from, to, self.robot, turning) {
             return Verdict::Free;
         }
         let (first, second) = piece.halves();

@@ -1,8 +1,9 @@
 //! The smallest clearance of a whole motion, by branch and bound.
 
 use crate::bound::Turning;
+use crate::certificate::{Instant, lowest};
 use crate::scene::Scene;
-use pcc_model::{Configuration, Robot, SECTIONS};
+use pcc_model::{Configuration, Robot};
 use trajectory::{QuinticSegment, Trajectory};
 
 /// Finest tolerance, as a part of the robot's length: below it the search would only measure rounding.
@@ -36,8 +37,8 @@ pub fn minimum_clearance(
         segments: &segments,
         turnings: &turnings,
     };
-    let from = search.clearances(&segments[0].control[0]);
-    let to = search.clearances(&segments[segments.len() - 1].control[5]);
+    let from = search.look(&segments[0].control[0]);
+    let to = search.look(&segments[segments.len() - 1].control[5]);
     let whole = search.interval(run, from, to);
     search.refine(&whole);
     search.attained.min(search.lower_bound)
@@ -65,8 +66,8 @@ impl Run<'_> {
 /// An interval of the motion.
 struct Interval<'a> {
     run: Run<'a>,
-    from: [f64; SECTIONS],
-    to: [f64; SECTIONS],
+    from: Instant,
+    to: Instant,
     /// Lower bound of the clearance during it.
     lowest: f64,
 }
@@ -82,25 +83,17 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn clearances(&mut self, shape: &Configuration) -> [f64; SECTIONS] {
+    fn look(&mut self, shape: &Configuration) -> Instant {
         let backbone = self.robot.backbone(shape);
-        let clearances = self
-            .scene
-            .section_clearances(&backbone, self.robot.tube_radius);
-        self.attained = clearances.into_iter().fold(self.attained, f64::min);
-        clearances
+        let at = Instant::new(self.scene, shape, &backbone, self.robot.tube_radius);
+        self.attained = at.clearances.into_iter().fold(self.attained, f64::min);
+        at
     }
 
-    fn interval<'a>(
-        &self,
-        run: Run<'a>,
-        from: [f64; SECTIONS],
-        to: [f64; SECTIONS],
-    ) -> Interval<'a> {
+    fn interval<'a>(&self, run: Run<'a>, from: Instant, to: Instant) -> Interval<'a> {
         let turning = run.turnings.iter().fold(Turning::REST, Turning::then);
-        let sweep = turning.sweep(self.robot);
-        let lowest = (0..SECTIONS)
-            .map(|k| sweep.lowest(k, from[k], to[k], self.reach, 0.0))
+        let lowest = lowest(self.robot, &turning, &from, &to, self.reach)
+            .into_iter()
             .fold(f64::INFINITY, f64::min);
         Interval {
             run,
@@ -130,7 +123,7 @@ impl Search<'_> {
 
     fn divide(&mut self, run: &Run<'_>, interval: &Interval<'_>) {
         let (first, second) = run.split_at(run.segments.len() / 2);
-        let between = self.clearances(&second.segments[0].control[0]);
+        let between = self.look(&second.segments[0].control[0]);
         let first = self.interval(first, interval.from, between);
         let second = self.interval(second, between, interval.to);
         let (lower, higher) = if second.lowest < first.lowest {

@@ -123,7 +123,7 @@ impl Scene {
                     |node, _| node_cost(gap_to_box(&from, &node.aabb())),
                     |i, best| {
                         let ball = &self.balls[i as usize];
-                        may_cost_less(ball, centre, reach, best).then(|| cost(ball))
+                        is_within(ball, centre, best + reach).then(|| cost(ball))
                     },
                 )
                 .map(|(i, least)| (i as usize, least))
@@ -139,7 +139,7 @@ impl Scene {
     ) -> Option<(usize, f64)> {
         let mut least: Option<(usize, f64)> = None;
         for (i, ball) in self.balls.iter().enumerate() {
-            if least.is_none_or(|(_, best)| may_cost_less(ball, centre, reach, best)) {
+            if least.is_none_or(|(_, best)| is_within(ball, centre, best + reach)) {
                 let cost = cost(ball);
                 if least.is_none_or(|(_, best)| cost < best) {
                     least = Some((i, cost));
@@ -169,9 +169,9 @@ fn is_allowed(ball: &Ball) -> bool {
     ball.centre.iter().all(|v| v.abs() <= MAX_EXTENT) && (0.0..=MAX_EXTENT).contains(&ball.radius)
 }
 
-/// Whether the signed distance from `centre` to the surface, minus `reach`, is below `best`; without a square root.
-fn may_cost_less(ball: &Ball, centre: &Point, reach: f64, best: f64) -> bool {
-    let limit = best + reach + ball.radius;
+/// Whether a ball's surface is nearer than `reach` to `centre`; without a square root.
+pub(crate) fn is_within(ball: &Ball, centre: &Point, reach: f64) -> bool {
+    let limit = reach + ball.radius;
     limit > 0.0 && (ball.centre - centre).norm_squared() < limit * limit
 }
 
