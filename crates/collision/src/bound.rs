@@ -1,6 +1,6 @@
-//! How far body points can move when the configuration changes (docs/robot.md "A certificate for whole motions").
+//! How far body points can move when the configuration changes, and how far from a straight way (docs/robot.md "A certificate for whole motions").
 
-use pcc_model::{Configuration, Robot, SECTIONS};
+use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 use trajectory::QuinticSegment;
 
 /// Upper bounds Λ_k of the displacement of any point of each section.
@@ -35,26 +35,189 @@ impl Displacement {
     }
 }
 
-/// Norm of each bending pair.
-fn turns(change: &Configuration) -> [f64; SECTIONS] {
+/// Bounds on how the three bending pairs turn during an interval of time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Turning {
+    /// Lengths of their ways, rad.
+    turns: [f64; SECTIONS],
+    /// Largest rates, rad/s.
+    rates: [f64; SECTIONS],
+    /// Largest accelerations, rad/s²; infinite where the curve has a corner.
+    accelerations: [f64; SECTIONS],
+    /// Length of the interval, s.
+    pub(crate) duration: f64,
+}
+
+impl Turning {
+    /// No motion, in no time.
+    pub(crate) const REST: Self = Self {
+        turns: [0.0; SECTIONS],
+        rates: [0.0; SECTIONS],
+        accelerations: [0.0; SECTIONS],
+        duration: 0.0,
+    };
+
+    /// The bounds for one curve, from the control values of its derivatives, whose convex hulls it stays in.
+    ///
+    /// A Bézier curve is never longer than its control polygon.
+    pub(crate) fn of_curve(curve: &QuinticSegment) -> Self {
+        let control = &curve.control;
+        let steps: [Configuration; 5] = std::array::from_fn(|i| control[i + 1] - control[i]);
+        let (mut lengths, mut longest) = ([0.0; SECTIONS], [0.0; SECTIONS]);
+        for step in &steps {
+            let turns = turns(step);
+            lengths = add(lengths, turns);
+            longest = larger(longest, turns);
+        }
+        let mut bend = [0.0; SECTIONS];
+        for pair in steps.windows(2) {
+            bend = larger(bend, squared_turns(&(pair[1] - pair[0])));
+        }
+        let rate = 5.0 / curve.duration;
+        Self {
+            turns: lengths,
+            rates: longest.map(|step| step * rate),
+            accelerations: bend.map(|step| step.sqrt() * (0.8 * rate * rate)),
+            duration: curve.duration,
+        }
+    }
+
+    /// The bounds for this interval and the one after it, where the curve is smooth between the two.
+    pub(crate) fn then(self, next: &Self) -> Self {
+        Self {
+            turns: add(self.turns, next.turns),
+            rates: larger(self.rates, next.rates),
+            accelerations: larger(self.accelerations, next.accelerations),
+            duration: self.duration + next.duration,
+        }
+    }
+
+    /// The same with a corner somewhere.
+    pub(crate) fn with_corner(self) -> Self {
+        Self {
+            accelerations: [f64::INFINITY; SECTIONS],
+            ..self
+        }
+    }
+
+    /// How far the body's points stray from their chords, by section.
+    ///
+    /// With ω the angular velocity of the tangent e at a place of the backbone, T = Σ |ξ_i′| and A = Σ |ξ_i″| over the
+    /// sections up to it (its own in proportion to the fraction), |ω| ≤ T and |ω′| ≤ A + T²/2, since a right Jacobian of
+    /// SO(3) changes by at most |ξ_i′|/2. So |e″| ≤ |ω′| + |ω|² ≤ A + 3T²/2, a point's acceleration is at most its
+    /// integral along the backbone, and the point is within duration²/8 of that from where its chord is at that time.
+    fn deviation(&self, robot: &Robot) -> [f64; SECTIONS] {
+        let (mut rate, mut acceleration, mut integral) = (0.0, 0.0, 0.0);
+        let eighth = 0.125 * self.duration * self.duration;
+        std::array::from_fn(|k| {
+            let (r, a) = (self.rates[k], self.accelerations[k]);
+            let squared_rate = rate * rate + r * (rate + r / 3.0);
+            integral += robot.section_lengths[k] * (1.5 * squared_rate + acceleration + 0.5 * a);
+            rate += r;
+            acceleration += a;
+            eighth * integral
+        })
+    }
+
+    /// Bounds on the distances between the places of the body's points at both ends of the interval, by section.
+    ///
+    /// Along a section a point's place has the second derivative L R (ξ × e₃), R the rotation up to it, so the difference
+    /// of two places is at most that of the section's ends plus L/8 (|Δξ_k| + |ξ_k| T), T the turns up to the section's end.
+    fn chords(&self, robot: &Robot, from: &Stance, to: &Stance) -> [f64; SECTIONS] {
+        let (mut before, mut turned) = (0.0_f64, 0.0);
+        std::array::from_fn(|k| {
+            turned += self.turns[k];
+            let bow = robot.section_lengths[k] * (self.turns[k] + from.bends[k] * turned);
+            let after = (to.joints[k] - from.joints[k]).norm();
+            let chord = before.max(after) + 0.125 * bow;
+            before = after;
+            chord
+        })
+    }
+
+    /// What the body's points do while the bending pairs turn like this.
+    pub(crate) fn sweep(&self, robot: &Robot, from: &Stance, to: &Stance) -> Sweep {
+        let displacement = Displacement::of_turns(robot, self.turns);
+        let chords = self.chords(robot, from, to);
+        Sweep {
+            displacement,
+            chords: std::array::from_fn(|k| chords[k].min(displacement.sections[k])),
+            deviation: self.deviation(robot),
+        }
+    }
+}
+
+/// Bounds on the ways of the body's points during an interval, by section.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Sweep {
+    /// Lengths of the ways.
+    pub(crate) displacement: Displacement,
+    /// Distances between the places at both ends.
+    pub(crate) chords: [f64; SECTIONS],
+    /// Distances from the places that a constant velocity between the same ends would lead to.
+    pub(crate) deviation: [f64; SECTIONS],
+}
+
+/// Where the backbone is at an end of an interval.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stance {
+    /// Ends of the sections.
+    joints: [Point; SECTIONS],
+    /// Bending angles, rad.
+    bends: [f64; SECTIONS],
+}
+
+impl Stance {
+    pub(crate) fn new(shape: &Configuration, backbone: &Backbone) -> Self {
+        let frames = backbone.frames();
+        Self {
+            joints: std::array::from_fn(|k| frames[k + 1].position),
+            bends: turns(shape),
+        }
+    }
+}
+
+impl Sweep {
+    /// A lower bound of a section's clearance during the interval, from those at its two ends.
+    ///
+    /// `reach` is what the tube's radius and the least radius of all obstacles make together, `way` what the obstacles
+    /// move themselves, at constant velocity. The larger of two bounds: by the length of the way alone it is
+    /// (a + b − Λ)/2. And a body point that passes an obstacle's centre from distance a to distance b along a straight way
+    /// keeps at least the height of that triangle; it strays from the straight way by the deviation. That
+    /// bound grows with the obstacle's radius, so the least one stands for all.
+    pub(crate) fn lowest(&self, k: usize, from: f64, to: f64, reach: f64, way: f64) -> f64 {
+        let linear = 0.5 * (from + to - self.displacement.sections[k] - way);
+        let (a, b, side) = (from + reach, to + reach, self.chords[k] + way);
+        let (aa, bb, side) = (a * a, b * b, side * side);
+        let place = (aa - bb + side) / (2.0 * side).max(f64::MIN_POSITIVE);
+        let place = place.clamp(0.0, 1.0);
+        let height = aa + place * (bb - aa - side * (1.0 - place));
+        if a > 0.0 && b > 0.0 && height > 0.0 {
+            linear.max(height.sqrt() - self.deviation[k] - reach)
+        } else {
+            linear
+        }
+    }
+}
+
+fn squared_turns(change: &Configuration) -> [f64; SECTIONS] {
     std::array::from_fn(|i| {
         let (x, y) = (change[2 * i], change[2 * i + 1]);
-        (x * x + y * y).sqrt()
+        x * x + y * y
     })
 }
 
-/// Upper bounds of the lengths (rad) of the ways of the three bending pairs along a curve.
-///
-/// A Bézier curve is never longer than its control polygon: the mean norm of the derivative's control values times
-/// the duration.
-pub(crate) fn curve_turns(curve: &QuinticSegment) -> [f64; SECTIONS] {
-    curve.control.windows(2).fold([0.0; SECTIONS], |sum, pair| {
-        add(sum, turns(&(pair[1] - pair[0])))
-    })
+/// Norm of each bending pair.
+fn turns(change: &Configuration) -> [f64; SECTIONS] {
+    squared_turns(change).map(f64::sqrt)
 }
 
-pub(crate) fn add(a: [f64; SECTIONS], b: [f64; SECTIONS]) -> [f64; SECTIONS] {
+fn add(a: [f64; SECTIONS], b: [f64; SECTIONS]) -> [f64; SECTIONS] {
     std::array::from_fn(|i| a[i] + b[i])
+}
+
+fn larger(a: [f64; SECTIONS], b: [f64; SECTIONS]) -> [f64; SECTIONS] {
+    std::array::from_fn(|i| a[i].max(b[i]))
 }
 
 /// How much the tube must grow so that a body within `path_tolerance_rad` (each bending pair) of the path stays inside.
@@ -62,4 +225,85 @@ pub(crate) fn add(a: [f64; SECTIONS], b: [f64; SECTIONS]) -> [f64; SECTIONS] {
 pub fn tracking_growth(robot: &Robot, path_tolerance_rad: f64) -> f64 {
     let displacement = Displacement::of_turns(robot, [path_tolerance_rad; SECTIONS]);
     displacement.sections.into_iter().fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+    use trajectory::Knot;
+
+    fn uneven_robot() -> Robot {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
+        Robot {
+            section_lengths: [1.0, 0.7, 1.3],
+            ..Robot::from_file(file.as_ref()).unwrap()
+        }
+    }
+
+    #[test]
+    fn no_chord_is_longer_and_no_body_point_strays_further_from_it_than_the_bounds() {
+        let (robot, mut random) = (uneven_robot(), Pcg64::seed_from_u64(1));
+        let (mut tightest, mut tightest_chord) = (0.0_f64, 0.0_f64);
+        for i in 0..2_000 {
+            let duration = random.random_range(0.1..3.0);
+            let mut vector =
+                |size: f64| Configuration::from_fn(|_, _| random.random_range(-size..=size));
+            let bend = [0.0, 0.3][i % 2];
+            let (position, velocity) = (vector(1.0), vector(0.5));
+            let [from, to] = [0.0, duration].map(|time| Knot {
+                time,
+                position: position + velocity * time + vector(bend),
+                velocity: velocity + vector(bend),
+                acceleration: vector(bend),
+            });
+            let curve = QuinticSegment::between(&from, &to);
+            let (first, second) = curve.halves();
+            let whole = Turning::of_curve(&curve);
+            let joined = Turning::of_curve(&first).then(&Turning::of_curve(&second));
+            let (deviation, of_whole) = (joined.deviation(&robot), whole.deviation(&robot));
+            assert!(deviation[2] <= of_whole[2] * (1.0 + 1e-9));
+            let shape = |u: f64| robot.backbone(&curve.evaluate(u * duration).position);
+            let (a, b) = (shape(0.0), shape(1.0));
+            let stance = |u: f64| Stance::new(&curve.evaluate(u * duration).position, &shape(u));
+            let chords = joined.chords(&robot, &stance(0.0), &stance(1.0));
+            for k in 0..SECTIONS {
+                let fraction = [1.0, random.random()][i % 2];
+                let point = |u: f64| shape(u).point(k, fraction);
+                let (a, b) = (a.point(k, fraction), b.point(k, fraction));
+                for u in [0.2, 0.5, 0.7] {
+                    let strayed = (point(u) - a.lerp(&b, u)).norm();
+                    assert!(strayed <= deviation[k] + 1e-12, "{strayed} {deviation:?}");
+                    tightest = tightest.max(strayed / deviation[k]);
+                }
+                assert!((b - a).norm() <= chords[k], "{chords:?}");
+                tightest_chord = tightest_chord.max((b - a).norm() / chords[k]);
+            }
+        }
+        assert!(tightest > 0.3, "far too wide a bound: {tightest}");
+        assert!(tightest_chord > 0.8, "far too wide: {tightest_chord}");
+    }
+
+    #[test]
+    fn the_bound_is_the_height_of_the_triangle_and_not_below_the_linear_one() {
+        let sweep = |way: f64, deviation: f64| Sweep {
+            displacement: Displacement { sections: [way; 3] },
+            chords: [way; 3],
+            deviation: [deviation; 3],
+        };
+        let lowest = |way, deviation, from, to| sweep(way, deviation).lowest(0, from, to, 0.4, 0.0);
+        let expected = (0.25_f64 - 0.01).sqrt() - 0.4;
+        assert!((lowest(0.2, 0.0, 0.1, 0.1) - expected).abs() < 1e-15);
+        assert!((lowest(0.2, 0.01, 0.1, 0.1) - expected + 0.01).abs() < 1e-15);
+        assert_eq!(lowest(0.2, 5.0, 0.1, 0.1), 0.0);
+        assert_eq!(lowest(0.2, f64::INFINITY, 0.1, 0.1), 0.0);
+        assert!(
+            (lowest(0.2, 0.0, 0.3, 0.1) - 0.1).abs() < 1e-15,
+            "straight at it"
+        );
+        assert_eq!(lowest(0.0, 0.0, 0.1, 0.1), 0.1);
+        assert!((lowest(0.2, 0.0, -0.5, -0.5) + 0.6).abs() < 1e-15);
+        assert!(lowest(f64::NAN, 0.0, 0.1, 0.1).is_nan());
+    }
 }

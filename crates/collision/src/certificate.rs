@@ -1,6 +1,6 @@
 //! Certificates for motions among balls at rest: edges, polylines, executed curves.
 
-use crate::bound::Displacement;
+use crate::bound::{Stance, Turning};
 use crate::chain::{Certifier, DEPTH, Obstacles, Piece, Verdict};
 use crate::scene::Scene;
 use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
@@ -10,28 +10,59 @@ use trajectory::{Knot, Trajectory};
 struct AtRest<'a> {
     scene: &'a Scene,
     tube_radius: f64,
+    /// The tube's radius and the smallest ball's together.
+    reach: f64,
 }
 
 impl Obstacles for AtRest<'_> {
-    type Clearances = [f64; SECTIONS];
+    type Clearances = Instant;
 
-    fn clearances(&self, backbone: &Backbone, _: f64) -> Self::Clearances {
-        self.scene.section_clearances(backbone, self.tube_radius)
+    fn clearances(&self, shape: &Configuration, backbone: &Backbone, _: f64) -> Instant {
+        Instant::new(self.scene, shape, backbone, self.tube_radius)
     }
 
-    fn touch(clearances: &Self::Clearances) -> bool {
-        clearances.iter().any(|c| *c < 0.0)
+    fn touch(at: &Instant) -> bool {
+        at.clearances.iter().any(|c| *c < 0.0)
     }
 
-    fn are_clear(
-        &self,
-        from: &Self::Clearances,
-        to: &Self::Clearances,
-        displacement: &Displacement,
-        _: f64,
-    ) -> bool {
-        (0..SECTIONS).all(|k| from[k] + to[k] > displacement.sections[k])
+    fn are_clear(&self, from: &Instant, to: &Instant, robot: &Robot, turning: &Turning) -> bool {
+        lowest(robot, turning, from, to, self.reach)
+            .iter()
+            .all(|c| *c > 0.0)
     }
+}
+
+/// Where the body is at one instant, and how clear each section of it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Instant {
+    pub(crate) clearances: [f64; SECTIONS],
+    stance: Stance,
+}
+
+impl Instant {
+    pub(crate) fn new(
+        scene: &Scene,
+        shape: &Configuration,
+        backbone: &Backbone,
+        tube_radius: f64,
+    ) -> Self {
+        Self {
+            clearances: scene.section_clearances(backbone, tube_radius),
+            stance: Stance::new(shape, backbone),
+        }
+    }
+}
+
+/// Lower bound of each section's clearance between two instants; `reach` as for [`Sweep::lowest`](crate::bound::Sweep).
+pub(crate) fn lowest(
+    robot: &Robot,
+    turning: &Turning,
+    from: &Instant,
+    to: &Instant,
+    reach: f64,
+) -> [f64; SECTIONS] {
+    let sweep = turning.sweep(robot, &from.stance, &to.stance);
+    std::array::from_fn(|k| sweep.lowest(k, from.clearances[k], to.clearances[k], reach, 0.0))
 }
 
 fn certifier<'a>(
@@ -39,12 +70,18 @@ fn certifier<'a>(
     scene: &'a Scene,
     growth: f64,
     depth: u32,
+    has_corners: bool,
 ) -> Certifier<'a, AtRest<'a>> {
     let tube_radius = robot.tube_radius + growth;
     Certifier {
         robot,
-        obstacles: AtRest { scene, tube_radius },
+        obstacles: AtRest {
+            scene,
+            tube_radius,
+            reach: tube_radius + scene.smallest_radius(),
+        },
         depth,
+        has_corners,
     }
 }
 
@@ -60,7 +97,7 @@ pub fn certify_edge(
     if scene.is_empty() {
         return Verdict::Free;
     }
-    certifier(robot, scene, 0.0, depth).chain(1, &|_| Piece::edge(a, b, 0.0))
+    certifier(robot, scene, 0.0, depth, false).chain(1, &|_| Piece::edge(a, b, 0.0))
 }
 
 /// Certifies a polyline in configuration space; places are edge index + fraction. A single point is a motion at rest.
@@ -71,7 +108,7 @@ pub fn certify_polyline(robot: &Robot, scene: &Scene, points: &[Configuration]) 
     }
     let last = points.len() - 1;
     let edge = |i: usize| Piece::edge(&points[i], &points[(i + 1).min(last)], i as f64);
-    certifier(robot, scene, 0.0, DEPTH).chain(last.max(1), &edge)
+    certifier(robot, scene, 0.0, DEPTH, true).chain(last.max(1), &edge)
 }
 
 /// Certifies the executed curve from `from_time` (s) to its end, for a tube grown by `growth`; allocates nothing.
@@ -87,7 +124,7 @@ pub fn certify_trajectory(
         return Verdict::Free;
     }
     let rest = RestOfMotion::new(trajectory.knots(), from_time);
-    certifier(robot, scene, growth, DEPTH).chain(rest.count(), &|i| rest.piece(i))
+    certifier(robot, scene, growth, DEPTH, false).chain(rest.count(), &|i| rest.piece(i))
 }
 
 /// The pieces of a motion that are left from a time on; at least one, be it of no duration.

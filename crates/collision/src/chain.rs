@@ -1,11 +1,10 @@
 //! The certificate for a chain of curves: bisection in time.
 //!
-//! A point of section k moves by at most Λ_k during an interval, so with clearances d_k(a) and d_k(b) at its ends no
-//! contact is possible if d_k(a) + d_k(b) > Λ_k for every section and obstacle. Else the interval is halved, to a depth;
-//! what stays undecided counts as colliding. Nothing here allocates.
+//! Where the clearances at the ends of an interval and the bounds on the body's way between them ([`Turning`]) leave room
+//! for contact, the interval is halved, to a depth; what stays undecided counts as colliding. Nothing here allocates.
 
-use crate::bound::{Displacement, add, curve_turns};
-use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
+use crate::bound::Turning;
+use pcc_model::{Backbone, Configuration, Robot};
 use trajectory::{Knot, QuinticSegment};
 
 /// Bisections of one piece.
@@ -43,7 +42,8 @@ pub(crate) trait Obstacles {
     /// Clearances at one instant.
     type Clearances;
 
-    fn clearances(&self, backbone: &Backbone, time: f64) -> Self::Clearances;
+    fn clearances(&self, shape: &Configuration, backbone: &Backbone, time: f64)
+    -> Self::Clearances;
 
     /// Whether there is contact.
     fn touch(clearances: &Self::Clearances) -> bool;
@@ -53,8 +53,8 @@ pub(crate) trait Obstacles {
         &self,
         from: &Self::Clearances,
         to: &Self::Clearances,
-        displacement: &Displacement,
-        duration: f64,
+        robot: &Robot,
+        turning: &Turning,
     ) -> bool;
 }
 
@@ -136,30 +136,27 @@ pub(crate) struct Certifier<'a, O> {
     pub(crate) robot: &'a Robot,
     pub(crate) obstacles: O,
     pub(crate) depth: u32,
+    /// Whether there may be corners where pieces meet.
+    pub(crate) has_corners: bool,
 }
 
-/// Some pieces of a chain, from index `first` on, with bounds on the ways of their bending pairs and their durations.
+/// Some pieces of a chain, from index `first` on.
 struct Run<'a> {
     first: usize,
-    turns: &'a [[f64; SECTIONS]],
-    durations: &'a [f64],
+    turnings: &'a [Turning],
 }
 
 impl Run<'_> {
     fn halves(&self) -> (Self, Self) {
-        let half = self.turns.len() / 2;
-        let ((turns, later_turns), (durations, later_durations)) =
-            (self.turns.split_at(half), self.durations.split_at(half));
+        let (turnings, later_turnings) = self.turnings.split_at(self.turnings.len() / 2);
         (
             Self {
                 first: self.first,
-                turns,
-                durations,
+                turnings,
             },
             Self {
-                first: self.first + half,
-                turns: later_turns,
-                durations: later_durations,
+                first: self.first + turnings.len(),
+                turnings: later_turnings,
             },
         )
     }
@@ -174,11 +171,10 @@ impl<O: Obstacles> Certifier<'_, O> {
             return Verdict::Colliding { at: start.begin };
         }
         for first in (0..count).step_by(BLOCK) {
-            let (mut turns, mut durations) = ([[0.0; SECTIONS]; BLOCK], [0.0; BLOCK]);
+            let mut turnings = [Turning::REST; BLOCK];
             let length = BLOCK.min(count - first);
-            for i in 0..length {
-                let Piece { curve, .. } = piece(first + i);
-                (turns[i], durations[i]) = (curve_turns(&curve), curve.duration);
+            for (i, turning) in turnings[..length].iter_mut().enumerate() {
+                *turning = Turning::of_curve(&piece(first + i).curve);
             }
             let last = piece(first + length - 1);
             let to = self.clearances(&last.curve.control[5], last.end());
@@ -187,8 +183,7 @@ impl<O: Obstacles> Certifier<'_, O> {
             }
             let run = Run {
                 first,
-                turns: &turns[..length],
-                durations: &durations[..length],
+                turnings: &turnings[..length],
             };
             let verdict = self.run(piece, &run, &from, &to);
             if !verdict.is_free() {
@@ -200,7 +195,8 @@ impl<O: Obstacles> Certifier<'_, O> {
     }
 
     fn clearances(&self, shape: &Configuration, time: f64) -> O::Clearances {
-        self.obstacles.clearances(&self.robot.backbone(shape), time)
+        let backbone = self.robot.backbone(shape);
+        self.obstacles.clearances(shape, &backbone, time)
     }
 
     fn run(
@@ -210,13 +206,14 @@ impl<O: Obstacles> Certifier<'_, O> {
         from: &O::Clearances,
         to: &O::Clearances,
     ) -> Verdict {
-        if run.turns.len() == 1 {
-            return self.piece(&piece(run.first), from, to, self.depth);
+        if let [turning] = run.turnings {
+            return self.piece(&piece(run.first), turning, from, to, self.depth);
         }
-        let turns = run.turns.iter().copied().fold([0.0; SECTIONS], add);
-        let displacement = Displacement::of_turns(self.robot, turns);
-        let duration = run.durations.iter().sum();
-        if self.obstacles.are_clear(from, to, &displacement, duration) {
+        let mut turning = run.turnings.iter().fold(Turning::REST, Turning::then);
+        if self.has_corners {
+            turning = turning.with_corner();
+        }
+        if self.obstacles.are_clear(from, to, self.robot, &turning) {
             return Verdict::Free;
         }
         let (earlier, later) = run.halves();
@@ -234,13 +231,12 @@ impl<O: Obstacles> Certifier<'_, O> {
     fn piece(
         &self,
         piece: &Piece,
+        turning: &Turning,
         from: &O::Clearances,
         to: &O::Clearances,
         depth: u32,
     ) -> Verdict {
-        let displacement = Displacement::of_turns(self.robot, curve_turns(&piece.curve));
-        let duration = piece.curve.duration;
-        if self.obstacles.are_clear(from, to, &displacement, duration) {
+        if self.obstacles.are_clear(from, to, self.robot, turning) {
             return Verdict::Free;
         }
         let (first, second) = piece.halves();
@@ -252,8 +248,9 @@ impl<O: Obstacles> Certifier<'_, O> {
         if O::touch(&between) {
             return Verdict::Colliding { at };
         }
-        match self.piece(&first, from, &between, depth - 1) {
-            Verdict::Free => self.piece(&second, &between, to, depth - 1),
+        let [earlier, later] = [&first, &second].map(|half| Turning::of_curve(&half.curve));
+        match self.piece(&first, &earlier, from, &between, depth - 1) {
+            Verdict::Free => self.piece(&second, &later, &between, to, depth - 1),
             found => found,
         }
     }

@@ -1,6 +1,6 @@
 //! Exact clearances of one configuration.
 
-use crate::scene::{Ball, Scene};
+use crate::scene::{Ball, Scene, is_within};
 use pcc_model::{Backbone, Point, SECTIONS};
 
 /// The body point nearest to one ball.
@@ -68,8 +68,9 @@ impl Scene {
             let half_length = 0.5 * backbone.section_length(section);
             let middle = backbone.middle(section);
             self.for_each_near(&middle, half_length + reach, |index, ball| {
-                let gap = (ball.centre - middle).norm() - half_length - ball.radius;
-                if gap < reach && surface_distance(backbone, section, ball) < reach {
+                if is_within(ball, &middle, half_length + reach)
+                    && surface_distance(backbone, section, ball) < reach
+                {
                     let contact = self.contact(backbone, tube_radius, section, index);
                     keep_nearest(out, first, contact);
                 }

@@ -1,10 +1,10 @@
 //! The certificate against balls that move at constant velocity.
 
-use crate::bound::Displacement;
+use crate::bound::{Stance, Turning};
 use crate::certificate::RestOfMotion;
 use crate::chain::{Certifier, DEPTH, Obstacles, Verdict};
 use crate::scene::Ball;
-use pcc_model::{Backbone, Point, Robot, SECTIONS};
+use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 use trajectory::Trajectory;
 
 /// Balls that are certified together, with their clearances on the stack.
@@ -36,11 +36,16 @@ struct Moving<'a> {
     tube_radius: f64,
 }
 
-impl Obstacles for Moving<'_> {
-    /// Of each section to each ball; +∞ where there is no ball.
-    type Clearances = [[f64; SECTIONS]; GROUP];
+/// Where the body is at one instant, and how clear each section of it of each ball; +∞ where there is no ball.
+struct Passing {
+    stance: Stance,
+    clearances: [[f64; SECTIONS]; GROUP],
+}
 
-    fn clearances(&self, backbone: &Backbone, time: f64) -> Self::Clearances {
+impl Obstacles for Moving<'_> {
+    type Clearances = Passing;
+
+    fn clearances(&self, shape: &Configuration, backbone: &Backbone, time: f64) -> Passing {
         let mut clearances = [[f64::INFINITY; SECTIONS]; GROUP];
         for (clearances, moving) in clearances.iter_mut().zip(self.balls) {
             let ball = moving.at(time);
@@ -48,24 +53,24 @@ impl Obstacles for Moving<'_> {
                 backbone.distance(k, &ball.centre) - ball.radius - self.tube_radius
             });
         }
-        clearances
+        Passing {
+            clearances,
+            stance: Stance::new(shape, backbone),
+        }
     }
 
-    fn touch(clearances: &Self::Clearances) -> bool {
-        clearances.iter().flatten().any(|c| *c < 0.0)
+    fn touch(at: &Passing) -> bool {
+        at.clearances.iter().flatten().any(|c| *c < 0.0)
     }
 
-    /// d(a) + d(b) > Λ + w Δt: the ball's centre taken at each end, its way between added to the body's.
-    fn are_clear(
-        &self,
-        from: &Self::Clearances,
-        to: &Self::Clearances,
-        displacement: &Displacement,
-        duration: f64,
-    ) -> bool {
+    /// The balls' centres are taken at each end; in the ball's own frame its way between is added to the body's.
+    fn are_clear(&self, from: &Passing, to: &Passing, robot: &Robot, turning: &Turning) -> bool {
+        let sweep = turning.sweep(robot, &from.stance, &to.stance);
+        let (from, to) = (&from.clearances, &to.clearances);
         self.balls.iter().enumerate().all(|(i, moving)| {
-            let way = moving.velocity.norm() * duration;
-            (0..SECTIONS).all(|k| from[i][k] + to[i][k] > displacement.sections[k] + way)
+            let way = moving.velocity.norm() * turning.duration;
+            let reach = self.tube_radius + moving.ball.radius;
+            (0..SECTIONS).all(|k| sweep.lowest(k, from[i][k], to[i][k], reach, way) > 0.0)
         })
     }
 }
@@ -88,6 +93,7 @@ pub fn certify_moving(
             robot,
             obstacles: Moving { balls, tube_radius },
             depth: DEPTH,
+            has_corners: false,
         };
         certifier.chain(rest.count(), &|i| rest.piece(i))
     };

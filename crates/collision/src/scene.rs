@@ -49,6 +49,7 @@ pub enum SceneError {
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
     balls: Vec<Ball>,
+    smallest_radius: f64,
     largest_radius: f64,
     tree: Option<Bvh>,
 }
@@ -73,9 +74,12 @@ impl Scene {
             let boxes: Vec<Aabb> = balls.iter().map(|b| cube(&b.centre, b.radius)).collect();
             Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)
         });
-        let largest_radius = balls.iter().map(|b| b.radius).fold(0.0, f64::max);
+        let radii = || balls.iter().map(|b| b.radius);
+        let largest_radius = radii().fold(0.0, f64::max);
+        let smallest_radius = radii().fold(largest_radius, f64::min);
         Ok(Self {
             balls,
+            smallest_radius,
             largest_radius,
             tree,
         })
@@ -91,6 +95,11 @@ impl Scene {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.balls.is_empty()
+    }
+
+    /// Radius of the smallest ball.
+    pub(crate) fn smallest_radius(&self) -> f64 {
+        self.smallest_radius
     }
 
     /// Index and cost of the ball of least `cost`, if there is any ball.
@@ -114,7 +123,7 @@ impl Scene {
                     |node, _| node_cost(gap_to_box(&from, &node.aabb())),
                     |i, best| {
                         let ball = &self.balls[i as usize];
-                        may_cost_less(ball, centre, reach, best).then(|| cost(ball))
+                        is_within(ball, centre, best + reach).then(|| cost(ball))
                     },
                 )
                 .map(|(i, least)| (i as usize, least))
@@ -130,7 +139,7 @@ impl Scene {
     ) -> Option<(usize, f64)> {
         let mut least: Option<(usize, f64)> = None;
         for (i, ball) in self.balls.iter().enumerate() {
-            if least.is_none_or(|(_, best)| may_cost_less(ball, centre, reach, best)) {
+            if least.is_none_or(|(_, best)| is_within(ball, centre, best + reach)) {
                 let cost = cost(ball);
                 if least.is_none_or(|(_, best)| cost < best) {
                     least = Some((i, cost));
@@ -160,9 +169,9 @@ fn is_allowed(ball: &Ball) -> bool {
     ball.centre.iter().all(|v| v.abs() <= MAX_EXTENT) && (0.0..=MAX_EXTENT).contains(&ball.radius)
 }
 
-/// Whether the signed distance from `centre` to the surface, minus `reach`, is below `best`; without a square root.
-fn may_cost_less(ball: &Ball, centre: &Point, reach: f64, best: f64) -> bool {
-    let limit = best + reach + ball.radius;
+/// Whether a ball's surface is nearer than `reach` to `centre`; without a square root.
+pub(crate) fn is_within(ball: &Ball, centre: &Point, reach: f64) -> bool {
+    let limit = reach + ball.radius;
     limit > 0.0 && (ball.centre - centre).norm_squared() < limit * limit
 }
 
