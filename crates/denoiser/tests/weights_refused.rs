@@ -98,6 +98,7 @@ fn metadata_that_does_not_fit_is_named() {
         ("sections", "2"),
         ("width", "0"),
         ("blocks", "many"),
+        ("evaluations", "3"),
     ] {
         let refused = refusal(load_weights(&tiny().with(key, value)));
         assert!(

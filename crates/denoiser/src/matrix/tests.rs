@@ -213,6 +213,31 @@ fn a_neighbour_that_is_not_finite_stays_alone_with_it() {
 }
 
 #[test]
+fn zeros_behind_the_rows_change_nothing() {
+    for (rows, inputs, outputs) in [(1, 28, 128), (10, 72, 40), (37, 33, 33), (16, 64, 96)] {
+        let (weight, bias) = (scattered(inputs * outputs, 1), scattered(outputs, 2));
+        let packed = Packed::new(&weight, &bias);
+        let x = scattered(rows * inputs, 3);
+        for unit in Unit::detected() {
+            let [mut tight, mut wide] = [BrainBuffer::default(), BrainBuffer::default()];
+            tight.fill(&x);
+            wide.fill_rows(&x, inputs);
+            assert_eq!(wide.values().len(), rows * padded(inputs));
+            let mut expected = vec![BEFORE; rows * outputs];
+            let mut found = expected.clone();
+            let batch = |stride| Batch::contiguous(rows, stride, outputs);
+            let (few, many) = (batch(inputs), batch(padded(inputs)));
+            for store in [Store::Replace, Store::Add] {
+                packed.multiply_on(*unit, tight.values(), &mut expected, few, store);
+                let job = packed.job(wide.values(), padded(inputs), &mut found, many, store);
+                packed.brain_panels().multiply(*unit, job);
+                assert_eq!(found, expected, "{unit:?}, {store:?}, {rows} rows");
+            }
+        }
+    }
+}
+
+#[test]
 fn the_processor_rounds_to_bf16_as_the_definition_does() {
     if !Precision::Brain.available() {
         return;
