@@ -23,6 +23,8 @@ const LAST_ATTEMPT: RrtSettings = RrtSettings {
 impl Run<'_> {
     /// Learned paths to every goal shape; the fastest straight segment takes the place of the learned path to the same
     /// shape where the selection rule prefers it; what is missing then is filled.
+    ///
+    /// Segments that cannot be faster than what there is are not tried.
     pub(crate) fn default(mut self, aim: &Aim) -> Plan {
         let (ends, limits) = (&aim.ends, &self.demands.limits);
         let mut race = Race::new(self.demands.robot, limits, &self.problem.start, ends);
@@ -33,6 +35,7 @@ impl Run<'_> {
         let mut draws = self.finish(proposals);
         let kept = draws.split_off(aim.goals.len() + heat.len());
         race.record(&heat, draws.split_off(aim.goals.len()));
+        race.best_s = draws.iter().map(duration_s).fold(race.best_s, f64::min);
         let learned = count_learned(&draws);
         self.finish_race(&mut race, ends);
         if let Some((end, straight)) = race.winner() {
@@ -84,32 +87,16 @@ impl Run<'_> {
         }
     }
 
-    /// Replaces what is still missing: by a straight segment, else by a tree, to the same shape.
+    /// Replaces what is still missing: by a straight segment that has been finished, else by a tree, to the same shape.
     fn fill(&mut self, goals: &[Configuration], race: &Race, draws: &mut [Draw]) {
-        let missing: Vec<usize> = (0..draws.len())
-            .filter(|&i| draws[i].outcome.is_err())
-            .collect();
-        let untried: Vec<usize> = missing
-            .iter()
-            .copied()
-            .filter(|i| race.of(i % race.entries.len()).is_none())
-            .collect();
-        let straight = self.finish(self.segments(goals, &untried));
-        for (i, draw) in untried.into_iter().zip(straight) {
-            replace(&mut draws[i], draw);
-        }
-        for &i in &missing {
-            if let Some(draw) = race.of(i % race.entries.len()) {
-                replace(&mut draws[i], draw.clone());
-            }
-        }
-        self.fill_by_trees(goals, draws);
-    }
-
-    fn fill_by_trees(&mut self, goals: &[Configuration], draws: &mut [Draw]) {
         let clock = Instant::now();
         let run = &*self;
         draws.par_iter_mut().enumerate().for_each(|(i, draw)| {
+            if draw.outcome.is_err()
+                && let Some(straight) = race.of(i % race.entries.len())
+            {
+                replace(draw, straight.clone());
+            }
             if draw.outcome.is_err() {
                 replace(draw, run.tree(i, &[goals[i]], &RrtSettings::default()));
             }
@@ -188,6 +175,8 @@ struct Race {
     /// Ends in the order of their bounds.
     order: Vec<usize>,
     begun: usize,
+    /// Shortest duration of any motion so far.
+    best_s: f64,
 }
 
 /// The straight segment to one end shape.
@@ -197,11 +186,15 @@ struct Entry {
 }
 
 impl Entry {
-    /// Duration of the motion; infinite if there is none.
     fn duration_s(&self) -> f64 {
-        let motion = self.finished.as_ref().and_then(|d| d.outcome.as_ref().ok());
-        motion.map_or(f64::INFINITY, |m| m.metrics.duration_s)
+        self.finished.as_ref().map_or(f64::INFINITY, duration_s)
     }
+}
+
+/// Duration of a draw's motion; infinite if there is none.
+fn duration_s(draw: &Draw) -> f64 {
+    let motion = draw.outcome.as_ref();
+    motion.map_or(f64::INFINITY, |motion| motion.metrics.duration_s)
 }
 
 impl Race {
@@ -222,20 +215,16 @@ impl Race {
             entries,
             order,
             begun: 0,
+            best_s: f64::INFINITY,
         }
     }
 
     /// The ends whose segments may still be the fastest, at most [`COMPETITORS`] of them.
     fn next_heat(&mut self) -> Vec<usize> {
-        let best = self
-            .entries
-            .iter()
-            .map(Entry::duration_s)
-            .fold(f64::INFINITY, f64::min);
         let open = self.order[self.begun..].iter().copied();
         let heat: Vec<usize> = open
             .take(COMPETITORS)
-            .filter(|&end| self.entries[end].least_s < best)
+            .filter(|&end| self.entries[end].least_s < self.best_s)
             .collect();
         self.begun += heat.len();
         heat
@@ -243,6 +232,7 @@ impl Race {
 
     fn record(&mut self, heat: &[usize], finished: Vec<Draw>) {
         for (&end, draw) in heat.iter().zip(finished) {
+            self.best_s = self.best_s.min(duration_s(&draw));
             self.entries[end].finished = Some(draw);
         }
     }
