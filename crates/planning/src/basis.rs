@@ -1,5 +1,6 @@
 //! Smooth changes of a path: sine series that vanish at both ends, and least squares in their coefficients.
 
+use crate::cholesky::{factorise, substitute};
 use crate::path::{WAYPOINTS, parameter};
 use nalgebra::SMatrix;
 use pcc_model::{Configuration, DOF};
@@ -84,14 +85,6 @@ impl SmoothLeastSquares {
         }
     }
 
-    pub(crate) fn clear(&mut self) {
-        for h in (0..WAYPOINTS).filter(|&h| self.concerned[h]) {
-            (self.own[h], self.next[h]) = (Block::zeros(), Block::zeros());
-            self.right[h] = Configuration::zeros();
-        }
-        self.concerned = [false; WAYPOINTS];
-    }
-
     /// Adds `weight · (gradientᵀ change_h − target)²`.
     pub(crate) fn push(&mut self, h: usize, gradient: &Configuration, target: f64, weight: f64) {
         self.own[h] += gradient * gradient.transpose() * weight;
@@ -121,7 +114,7 @@ impl SmoothLeastSquares {
     ) -> Option<[f64; UNKNOWNS]> {
         let mut normal = self.normal(basis);
         for (k, d) in damping.iter().enumerate() {
-            normal[k][k] += d;
+            normal[k * UNKNOWNS + k] += d;
         }
         let mut right = *pull;
         for h in (0..WAYPOINTS).filter(|&h| self.concerned[h]) {
@@ -131,11 +124,14 @@ impl SmoothLeastSquares {
                 }
             }
         }
-        factorise(&mut normal).then(|| substitute(&normal, right))
+        factorise(&mut normal, UNKNOWNS).then(|| {
+            substitute(&normal, &mut right);
+            right
+        })
     }
 
-    /// The lower triangle of blocks of the normal matrix.
-    fn normal(&self, basis: &SineBasis) -> Box<Normal> {
+    /// The lower triangle of the normal matrix, row by row.
+    fn normal(&self, basis: &SineBasis) -> Vec<f64> {
         let mut blocks = [[Block::zeros(); TERMS]; TERMS];
         for h in (0..WAYPOINTS).filter(|&h| self.concerned[h]) {
             let sines = basis.at(h);
@@ -152,54 +148,14 @@ impl SmoothLeastSquares {
                 }
             }
         }
-        let mut normal = Box::new([[0.0; UNKNOWNS]; UNKNOWNS]);
-        for (row, values) in normal.iter_mut().enumerate() {
+        let mut normal = vec![0.0; UNKNOWNS * UNKNOWNS];
+        for (row, values) in normal.chunks_exact_mut(UNKNOWNS).enumerate() {
             for (column, value) in values[..=row].iter_mut().enumerate() {
                 *value = blocks[row / DOF][column / DOF][(row % DOF, column % DOF)];
             }
         }
         normal
     }
-}
-
-/// A symmetric matrix, or its factor; only the lower triangle is used.
-type Normal = [[f64; UNKNOWNS]; UNKNOWNS];
-
-/// Replaces a matrix by its Cholesky factor, column by column; false if it is not positive definite.
-fn factorise(matrix: &mut Normal) -> bool {
-    for j in 0..UNKNOWNS {
-        let pivot = matrix[j][j];
-        if pivot.is_nan() || pivot <= 0.0 {
-            return false;
-        }
-        let scale = 1.0 / pivot.sqrt();
-        let column: [f64; UNKNOWNS] = std::array::from_fn(|i| matrix[i][j] * scale);
-        matrix[j][j] = column[j];
-        for (i, row) in matrix.iter_mut().enumerate().skip(j + 1) {
-            row[j] = column[i];
-            let entries = row[j + 1..=i].iter_mut();
-            for (entry, other) in entries.zip(&column[j + 1..=i]) {
-                *entry -= column[i] * other;
-            }
-        }
-    }
-    true
-}
-
-/// Solves L Lᵀ x = b.
-fn substitute(factor: &Normal, mut x: [f64; UNKNOWNS]) -> [f64; UNKNOWNS] {
-    let known = |row: &[f64], x: &[f64]| row.iter().zip(x).map(|(a, b)| a * b).sum::<f64>();
-    for i in 0..UNKNOWNS {
-        x[i] = (x[i] - known(&factor[i][..i], &x[..i])) / factor[i][i];
-    }
-    for i in (0..UNKNOWNS).rev() {
-        x[i] /= factor[i][i];
-        let (earlier, rest) = x.split_at_mut(i);
-        for (value, entry) in earlier.iter_mut().zip(&factor[i][..i]) {
-            *value -= entry * rest[0];
-        }
-    }
-    x
 }
 
 #[cfg(test)]
@@ -233,9 +189,6 @@ mod tests {
         problem.push(20, &gradient, 0.7, 1.0);
         let solution = problem.solve(&basis, &[1e-9; UNKNOWNS], &[0.0; UNKNOWNS]);
         assert!((gradient.dot(&basis.change(20, &solution.unwrap())) - 0.7).abs() < 1e-6);
-        problem.clear();
-        let nothing = problem.solve(&basis, &[1.0; UNKNOWNS], &[0.0; UNKNOWNS]);
-        assert_eq!(nothing.unwrap(), [0.0; UNKNOWNS]);
     }
 
     #[test]

@@ -1,22 +1,22 @@
 //! Analytic correction: smooth least-squares pushes out of obstacles and back inside the bending limits.
 //!
-//! Each round takes the exact nearest body point of every waypoint and ball that is closer than the margin,
+//! Each round takes the exact nearest body points of every waypoint that are closer to an obstacle than the margin,
 //! linearises the clearance by the envelope theorem (docs/robot.md "Exact geometry"), and solves for the smooth change
 //! that restores it. Both ends stay exactly where they are.
 
-use crate::basis::{SineBasis, SmoothLeastSquares, UNKNOWNS};
 use crate::path::{WAYPOINTS, project};
+use crate::pushes::{PushKernel, Pushes};
 use collision::{Contact, Scene};
-use pcc_model::{Configuration, DOF, Robot, SECTIONS};
+use pcc_model::{Configuration, Robot, SECTIONS};
 
 /// Rounds of pushes: a count, so that answers do not depend on time.
 const ROUNDS: usize = 8;
+/// Contacts of a waypoint that push it: the deepest ones.
+const MOST_CONTACTS: usize = 3;
 /// Bending is pulled back from this far below the limit, rad.
 const LIMIT_MARGIN_RAD: f64 = 0.01;
 /// Largest change of a waypoint in one round, rad.
 const LARGEST_STEP_RAD: f64 = 0.5;
-/// Cost of a coefficient, and how it grows with the fourth power of its frequency.
-const CHANGE_COST: f64 = 1e-3;
 
 /// What a correction has come to, at the waypoints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,98 +27,103 @@ pub(crate) enum Correction {
     Touching,
 }
 
-/// Pushes a path (64 waypoints, radians) out of the scene to `margin` (section lengths) beyond the tube.
-pub(crate) fn correct(
-    robot: &Robot,
-    scene: &Scene,
-    basis: &SineBasis,
-    margin: f64,
-    path: &mut [Configuration],
-) -> Correction {
-    project(robot, path);
-    let damping = damping();
-    let mut contacts = Vec::new();
-    let mut problem = SmoothLeastSquares::new();
-    for _ in 0..ROUNDS {
-        problem.clear();
-        let deepest = push_rows(robot, scene, margin, path, &mut contacts, &mut problem);
-        if deepest >= 0.5 * margin {
-            return Correction::Clear;
+/// What paths are pushed out of.
+pub(crate) struct Corrector<'a> {
+    pub(crate) robot: &'a Robot,
+    pub(crate) scene: &'a Scene,
+    pub(crate) kernel: &'a PushKernel,
+}
+
+/// The memory of a correction, kept between calls.
+#[derive(Default)]
+pub(crate) struct CorrectionMemory {
+    contacts: Vec<Contact>,
+    pushes: Pushes,
+}
+
+impl Corrector<'_> {
+    /// Pushes a path (64 waypoints, radians) out of the scene to `margin` (section lengths) beyond the tube.
+    pub(crate) fn correct(
+        &self,
+        margin: f64,
+        path: &mut [Configuration],
+        memory: &mut CorrectionMemory,
+    ) -> Correction {
+        project(self.robot, path);
+        for _ in 0..ROUNDS {
+            if self.find_pushes(margin, path, memory) >= 0.5 * margin {
+                return Correction::Clear;
+            }
+            let Some(changes) = memory.pushes.solve(self.kernel) else {
+                break;
+            };
+            apply(&changes, path);
+            project(self.robot, path);
         }
-        let Some(solution) = problem.solve(basis, &damping, &[0.0; UNKNOWNS]) else {
-            break;
-        };
-        apply(basis, &solution, path);
-        project(robot, path);
-    }
-    let touches = |q| scene.clearance(&robot.backbone(q), robot.tube_radius) < 0.0;
-    if path.iter().any(touches) {
-        Correction::Touching
-    } else {
-        Correction::Clear
-    }
-}
-
-fn damping() -> [f64; UNKNOWNS] {
-    std::array::from_fn(|i| CHANGE_COST * (1.0 + ((i / DOF + 1) as f64 / 4.0).powi(4)))
-}
-
-fn push_rows(
-    robot: &Robot,
-    scene: &Scene,
-    margin: f64,
-    path: &[Configuration],
-    contacts: &mut Vec<Contact>,
-    problem: &mut SmoothLeastSquares,
-) -> f64 {
-    let mut deepest = f64::INFINITY;
-    for (h, waypoint) in path.iter().enumerate().take(WAYPOINTS - 1).skip(1) {
-        limit_rows(robot, h, waypoint, problem);
-        let backbone = robot.backbone(waypoint);
-        contacts.clear();
-        scene.contacts_within(&backbone, robot.tube_radius, margin, contacts);
-        for contact in contacts.iter() {
-            let gradient = backbone
-                .point_jacobian(contact.section, contact.fraction)
-                .transpose()
-                * contact.normal;
-            problem.push(h, &gradient, margin - contact.clearance, 1.0);
-            deepest = deepest.min(contact.clearance);
+        let tube = self.robot.tube_radius;
+        let touches = |q| self.scene.clearance(&self.robot.backbone(q), tube) < 0.0;
+        if path.iter().any(touches) {
+            Correction::Touching
+        } else {
+            Correction::Clear
         }
     }
-    deepest
+
+    /// Leaves in the memory what every waypoint wants; returns the smallest clearance below the margin, else infinity.
+    fn find_pushes(
+        &self,
+        margin: f64,
+        path: &[Configuration],
+        CorrectionMemory { contacts, pushes }: &mut CorrectionMemory,
+    ) -> f64 {
+        let mut deepest = f64::INFINITY;
+        pushes.clear();
+        for (h, waypoint) in path.iter().enumerate().take(WAYPOINTS - 1).skip(1) {
+            for (gradient, change) in limit_pushes(self.robot, waypoint) {
+                pushes.add(h, gradient, change);
+            }
+            let backbone = self.robot.backbone(waypoint);
+            contacts.clear();
+            let tube = self.robot.tube_radius;
+            self.scene
+                .contacts_within(&backbone, tube, margin, contacts);
+            if contacts.len() > MOST_CONTACTS {
+                contacts.sort_by(|a, b| a.clearance.total_cmp(&b.clearance));
+                contacts.truncate(MOST_CONTACTS);
+            }
+            for contact in contacts.iter() {
+                let jacobian = backbone.point_jacobian(contact.section, contact.fraction);
+                let gradient = jacobian.transpose() * contact.normal;
+                pushes.add(h, gradient, margin - contact.clearance);
+                deepest = deepest.min(contact.clearance);
+            }
+        }
+        deepest
+    }
 }
 
-/// Adds a row for every section of a waypoint that is bent to within the limit margin.
-pub(crate) fn limit_rows(
+/// For every section of a waypoint that is bent to within the limit margin: the gradient of its angle, and the change
+/// wanted, rad.
+pub(crate) fn limit_pushes(
     robot: &Robot,
-    h: usize,
     waypoint: &Configuration,
-    problem: &mut SmoothLeastSquares,
-) {
+) -> impl Iterator<Item = (Configuration, f64)> {
     let allowed = robot.bending_limit - LIMIT_MARGIN_RAD;
-    for (section, angle) in robot
-        .bending_angles(waypoint)
-        .into_iter()
-        .enumerate()
-        .take(SECTIONS)
-    {
-        if angle > allowed {
-            let mut gradient = Configuration::zeros();
-            gradient[2 * section] = waypoint[2 * section] / angle;
-            gradient[2 * section + 1] = waypoint[2 * section + 1] / angle;
-            problem.push(h, &gradient, allowed - angle, 1.0);
+    let (angles, waypoint) = (robot.bending_angles(waypoint), *waypoint);
+    let bent = (0..SECTIONS).filter(move |&section| angles[section] > allowed);
+    bent.map(move |section| {
+        let mut gradient = Configuration::zeros();
+        for axis in [2 * section, 2 * section + 1] {
+            gradient[axis] = waypoint[axis] / angles[section];
         }
-    }
+        (gradient, allowed - angles[section])
+    })
 }
 
-fn apply(basis: &SineBasis, coefficients: &[f64], path: &mut [Configuration]) {
-    let changes: Vec<Configuration> = (0..WAYPOINTS)
-        .map(|h| basis.change(h, coefficients))
-        .collect();
+fn apply(changes: &[Configuration; WAYPOINTS], path: &mut [Configuration]) {
     let largest = changes.iter().map(Configuration::norm).fold(0.0, f64::max);
     let scale = (LARGEST_STEP_RAD / largest.max(f64::MIN_POSITIVE)).min(1.0);
-    for (waypoint, change) in path.iter_mut().zip(&changes).take(WAYPOINTS - 1).skip(1) {
+    for (waypoint, change) in path.iter_mut().zip(changes).take(WAYPOINTS - 1).skip(1) {
         *waypoint += change * scale;
     }
 }
@@ -126,6 +131,7 @@ fn apply(basis: &SineBasis, coefficients: &[f64], path: &mut [Configuration]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::basis::SineBasis;
     use crate::path::straight_path;
     use crate::scenes::unit_robot;
     use collision::Ball;
@@ -148,7 +154,13 @@ mod tests {
                 .fold(f64::INFINITY, f64::min)
         };
         assert!(deepest(&path) < -0.2, "the straight path collides");
-        let corrected = correct(&robot, &scene, &SineBasis::new(), 0.04, &mut path);
+        let kernel = PushKernel::new(&SineBasis::new());
+        let corrector = Corrector {
+            robot: &robot,
+            scene: &scene,
+            kernel: &kernel,
+        };
+        let corrected = corrector.correct(0.04, &mut path, &mut CorrectionMemory::default());
         assert_eq!(corrected, Correction::Clear);
         assert!(deepest(&path) >= 0.02);
         assert_eq!((path[0], path[63]), (start, end));

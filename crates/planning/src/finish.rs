@@ -1,12 +1,12 @@
 //! From a path to a motion: correction, time allocation, the certificate of the curve that is executed, its figures.
 
-use crate::basis::SineBasis;
-use crate::correction::{Correction, correct};
+use crate::correction::{Correction, CorrectionMemory, Corrector};
 use crate::metrics::path_metrics;
 use crate::path::{Waypoints, resample};
 use crate::plan::{Certified, Failure};
 use crate::planner::Interrupt;
 use crate::problem::BENDING_SLACK_RAD;
+use crate::pushes::PushKernel;
 use collision::{Scene, certify_polyline, certify_trajectory};
 use pcc_model::{Configuration, Robot, TendonLimits};
 use std::cell::RefCell;
@@ -19,15 +19,21 @@ const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
 pub const MOST_CORRECTIONS: usize = 2;
 
 thread_local! {
-    /// Each worker's memory for time allocation.
-    static ALLOCATOR: RefCell<Allocator> = RefCell::default();
+    /// Each worker's memory, kept from request to request.
+    static MEMORY: RefCell<Memory> = RefCell::default();
+}
+
+#[derive(Default)]
+struct Memory {
+    correction: CorrectionMemory,
+    allocator: Allocator,
 }
 
 /// What a motion must keep, and how far it may be corrected to that end.
 pub(crate) struct Demands<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) scene: &'a Scene,
-    pub(crate) basis: &'a SineBasis,
+    pub(crate) kernel: &'a PushKernel,
     pub(crate) limits: TendonLimits,
     pub(crate) knots: usize,
     pub(crate) growth: f64,
@@ -99,13 +105,14 @@ impl Demands<'_> {
     fn correct(&self, attempt: usize, finished: &mut Finished) -> Correction {
         let mut clock = Instant::now();
         let margin = CORRECTION_MARGINS[attempt] + self.growth;
-        let corrected = correct(
-            self.robot,
-            self.scene,
-            self.basis,
-            margin,
-            &mut finished.path,
-        );
+        let corrector = Corrector {
+            robot: self.robot,
+            scene: self.scene,
+            kernel: self.kernel,
+        };
+        let corrected = MEMORY.with_borrow_mut(|memory| {
+            corrector.correct(margin, &mut finished.path, &mut memory.correction)
+        });
         finished.laps.correct += lap(&mut clock);
         corrected
     }
@@ -141,8 +148,12 @@ impl Demands<'_> {
             ..AllocationOptions::default()
         };
         let tendons = &self.robot.tendons;
-        ALLOCATOR
-            .with_borrow_mut(|memory| memory.allocate(path, tendons, &self.limits, &options))
+        MEMORY
+            .with_borrow_mut(|memory| {
+                memory
+                    .allocator
+                    .allocate(path, tendons, &self.limits, &options)
+            })
             .map_err(|_| Failure::Time)
     }
 
@@ -206,15 +217,17 @@ impl Demands<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::basis::SineBasis;
     use crate::scenes::unit_robot;
 
     #[test]
     fn a_motion_that_rests_at_its_corners_has_the_knots_of_a_motion_or_is_none() {
-        let (robot, scene, basis) = (unit_robot(), Scene::default(), SineBasis::new());
+        let (robot, scene) = (unit_robot(), Scene::default());
+        let kernel = PushKernel::new(&SineBasis::new());
         let demands = Demands {
             robot: &robot,
             scene: &scene,
-            basis: &basis,
+            kernel: &kernel,
             limits: robot.tendon_limits,
             knots: 96,
             growth: 0.0,

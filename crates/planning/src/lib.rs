@@ -8,6 +8,7 @@
 
 mod basis;
 mod canonical;
+mod cholesky;
 mod correction;
 pub mod dataset;
 mod diffusion;
@@ -22,6 +23,7 @@ mod plan;
 mod planner;
 mod previous;
 mod problem;
+mod pushes;
 mod reference;
 mod rrt_connect;
 mod run;

@@ -6,6 +6,7 @@ use crate::end_shapes::check_goal;
 use crate::path::Waypoints;
 use crate::plan::{Candidate, Plan, Request, Sampler};
 use crate::problem::{Infeasible, Problem};
+use crate::pushes::PushKernel;
 use crate::run::Run;
 use denoiser::FastModel;
 use pcc_model::Robot;
@@ -44,6 +45,7 @@ pub struct Planner {
     pub(crate) robot: Robot,
     pub(crate) models: Models,
     pub(crate) basis: SineBasis,
+    pub(crate) kernel: PushKernel,
     workers: rayon::ThreadPool,
 }
 
@@ -75,10 +77,12 @@ impl Planner {
         if let Some(diffusion) = &mut models.diffusion {
             diffusion.prepare(workers.current_num_threads());
         }
+        let basis = SineBasis::new();
         Ok(Self {
             robot: robot.scaled(1.0 / length),
             models,
-            basis: SineBasis::new(),
+            kernel: PushKernel::new(&basis),
+            basis,
             workers,
         })
     }

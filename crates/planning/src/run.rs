@@ -82,7 +82,7 @@ impl<'a> Run<'a> {
         let demands = Demands {
             robot: &planner.robot,
             scene: &problem.scene,
-            basis: &planner.basis,
+            kernel: &planner.kernel,
             limits,
             knots: request.knots,
             growth: request.growth,

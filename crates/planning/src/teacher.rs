@@ -4,7 +4,7 @@
 //! bending, over the sine coefficients of the residual to the straight segment between two given ends.
 
 use crate::basis::{SineBasis, SmoothLeastSquares, UNKNOWNS};
-use crate::correction::limit_rows;
+use crate::correction::limit_pushes;
 use crate::path::{WAYPOINTS, Waypoints, project, straight_path};
 use collision::{Contact, Scene};
 use pcc_model::{Backbone, Configuration, DOF, Robot};
@@ -95,7 +95,9 @@ impl Search<'_> {
         self.tip_rows(&backbones, &mut linear);
         for h in 1..WAYPOINTS - 1 {
             self.clearance_rows(h, &backbones[h], &mut linear);
-            limit_rows(self.robot, h, &path[h], &mut linear.problem);
+            for (gradient, change) in limit_pushes(self.robot, &path[h]) {
+                linear.problem.push(h, &gradient, change, 1.0);
+            }
             linear.cost += self
                 .robot
                 .bending_angles(&path[h])
