@@ -1,25 +1,27 @@
-//! Exact clearances of one configuration.
+//! Clearances of one configuration, and where it is nearest to the obstacles.
 
+use crate::arc_search::{ArcDistance, arc_distance};
 use crate::scene::{Ball, Scene, is_within};
 use pcc_model::{Backbone, Point, SECTIONS};
 
-/// The body point nearest to one ball.
+/// The body point nearest to one obstacle; of a solid, one in each section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// Signed distance between the tube and the ball's surface.
+    /// Signed distance between the tube and the obstacle's surface.
     pub clearance: f64,
     /// Section of the body point, 0 to 2.
     pub section: usize,
     /// Fraction of the section, 0 to 1.
     pub fraction: f64,
-    /// Index of the ball.
-    pub ball: usize,
-    /// Unit vector from the ball's centre to the body point, base frame; any where the two coincide.
+    /// Index of the obstacle: the balls in their order, then the solids.
+    pub obstacle: usize,
+    /// Unit vector to the body point from the ball's centre or the solid's nearest surface point (inside: the other way),
+    /// base frame; any where the two coincide.
     pub normal: Point,
 }
 
 impl Scene {
-    /// Smallest clearance between the whole tube and all balls; +∞ in an empty scene.
+    /// Smallest clearance between the whole tube and all obstacles; +∞ in an empty scene.
     #[must_use]
     pub fn clearance(&self, backbone: &Backbone, tube_radius: f64) -> f64 {
         self.section_clearances(backbone, tube_radius)
@@ -27,7 +29,7 @@ impl Scene {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Smallest clearance between the tube of each section and all balls; allocates nothing.
+    /// Smallest clearance between the tube of each section and all obstacles; allocates nothing.
     ///
     /// +∞ in an empty scene; −∞ for a backbone that is not finite, so that nothing takes it for a free one.
     #[must_use]
@@ -36,25 +38,33 @@ impl Scene {
             return [f64::NEG_INFINITY; SECTIONS];
         }
         std::array::from_fn(|section| {
-            self.nearest_ball(backbone, section)
-                .map_or(f64::INFINITY, |(_, distance)| distance - tube_radius)
+            let of_balls = self
+                .nearest_ball(backbone, section)
+                .map_or(f64::INFINITY, |(_, distance)| distance);
+            let nearest = self.nearest_solid(backbone, section, tube_radius, of_balls);
+            nearest.map_or(of_balls, |(_, distance)| distance.bound) - tube_radius
         })
     }
 
-    /// The nearest ball of all to the tube, if there is any.
+    /// The nearest obstacle of all to the tube, if there is any.
     #[must_use]
     pub fn deepest(&self, backbone: &Backbone, tube_radius: f64) -> Option<Contact> {
-        let nearest = |section| {
-            self.nearest_ball(backbone, section)
-                .map(|(ball, distance)| (section, ball, distance))
-        };
-        let (section, ball, _) = (0..SECTIONS)
-            .filter_map(nearest)
-            .min_by(|a, b| a.2.total_cmp(&b.2))?;
-        Some(self.contact(backbone, tube_radius, section, ball))
+        let least = (0..SECTIONS).filter_map(|section| {
+            let ball = self.nearest_ball(backbone, section);
+            let limit = ball.map_or(f64::INFINITY, |(_, distance)| distance);
+            self.nearest_solid(backbone, section, tube_radius, limit)
+                .map(|(solid, found)| {
+                    self.solid_contact(backbone, tube_radius, section, solid, found)
+                })
+                .or_else(|| {
+                    ball.map(|(ball, _)| self.contact(backbone, tube_radius, section, ball))
+                })
+        });
+        least.min_by(|a, b| a.clearance.total_cmp(&b.clearance))
     }
 
-    /// Appends, for every ball nearer than `margin` to the tube, its nearest body point; allocates only to grow `out`.
+    /// Appends, for every obstacle nearer than `margin` to the tube, its nearest body point, for solids one in each section
+    /// that is so near; allocates only to grow `out`.
     pub fn contacts_within(
         &self,
         backbone: &Backbone,
@@ -75,6 +85,49 @@ impl Scene {
                     keep_nearest(out, first, contact);
                 }
             });
+        }
+        for section in 0..SECTIONS {
+            for (index, solid) in self.solids().iter().enumerate() {
+                if let Some(found) = arc_distance(backbone, section, solid, tube_radius, reach) {
+                    out.push(self.solid_contact(backbone, tube_radius, section, index, found));
+                }
+            }
+        }
+    }
+
+    /// Index of the solid nearest to a section, if one is nearer than `limit`.
+    fn nearest_solid(
+        &self,
+        backbone: &Backbone,
+        section: usize,
+        tube_radius: f64,
+        mut limit: f64,
+    ) -> Option<(usize, ArcDistance)> {
+        let mut nearest = None;
+        for (index, solid) in self.solids().iter().enumerate() {
+            if let Some(found) = arc_distance(backbone, section, solid, tube_radius, limit) {
+                limit = found.bound;
+                nearest = Some((index, found));
+            }
+        }
+        nearest
+    }
+
+    fn solid_contact(
+        &self,
+        backbone: &Backbone,
+        tube_radius: f64,
+        section: usize,
+        index: usize,
+        found: ArcDistance,
+    ) -> Contact {
+        let surface = self.solids()[index].nearest(&backbone.point(section, found.fraction));
+        Contact {
+            clearance: found.bound - tube_radius,
+            section,
+            fraction: found.fraction,
+            obstacle: self.balls().len() + index,
+            normal: surface.away,
         }
     }
 
@@ -102,7 +155,7 @@ impl Scene {
             clearance: nearest.distance - ball.radius - tube_radius,
             section,
             fraction: nearest.fraction,
-            ball: index,
+            obstacle: index,
             normal: away.try_normalize(1e-12).unwrap_or_else(Point::x),
         }
     }
@@ -114,7 +167,10 @@ fn surface_distance(backbone: &Backbone, section: usize, ball: &Ball) -> f64 {
 
 /// Adds a contact, or replaces that of the same ball among those from `first` on if the new one is nearer.
 fn keep_nearest(contacts: &mut Vec<Contact>, first: usize, new: Contact) {
-    match contacts[first..].iter_mut().find(|c| c.ball == new.ball) {
+    match contacts[first..]
+        .iter_mut()
+        .find(|c| c.obstacle == new.obstacle)
+    {
         Some(known) if new.clearance < known.clearance => *known = new,
         Some(_) => {}
         None => contacts.push(new),
