@@ -274,7 +274,8 @@ impl Reader<'_> {
             (Some([x, y, z, w]), None) => {
                 let quaternion = Quaternion::new(w, x, y, z);
                 let norm = quaternion.norm();
-                if !((norm - 1.0).abs() <= UNIT_TOLERANCE) {
+                let is_unit = (norm - 1.0).abs() <= UNIT_TOLERANCE;
+                if !is_unit {
                     return Err(refused(format!(
                         "quaternion_xyzw has norm {norm}; 1 to within {UNIT_TOLERANCE} is allowed"
                     )));

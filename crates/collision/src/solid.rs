@@ -234,7 +234,8 @@ pub(crate) fn length(what: &'static str, value: f64) -> Result<(), SolidError> {
 }
 
 fn coordinates(what: &'static str, point: &Point) -> Result<(), SolidError> {
-    match point.iter().find(|v| !(v.abs() <= MAX_EXTENT)) {
+    let allowed = -MAX_EXTENT..=MAX_EXTENT;
+    match point.iter().find(|v| !allowed.contains(*v)) {
         None => Ok(()),
         Some(&value) => Err(SolidError::Coordinate { what, value }),
     }
