@@ -1,7 +1,7 @@
 //! Clearances of one configuration, and where it is nearest to the obstacles.
 
 use crate::arc_search::{ArcDistance, arc_distance};
-use crate::scene::{Ball, Scene, is_within};
+use crate::scene::{Ball, Scene};
 use pcc_model::{Backbone, Point, SECTIONS};
 
 /// The body point nearest to one obstacle; of a solid, one in each section.
@@ -75,12 +75,9 @@ impl Scene {
         let first = out.len();
         let reach = tube_radius + margin;
         for section in 0..SECTIONS {
-            let half_length = 0.5 * backbone.section_length(section);
-            let middle = backbone.middle(section);
-            self.for_each_near(&middle, half_length + reach, |index, ball| {
-                if is_within(ball, &middle, half_length + reach)
-                    && surface_distance(backbone, section, ball) < reach
-                {
+            let cover = Cover::new(self, backbone, section);
+            self.for_each_near(cover.places(), cover.reach + reach, |index, ball| {
+                if surface_distance(backbone, section, ball) < reach {
                     let contact = self.contact(backbone, tube_radius, section, index);
                     keep_nearest(out, first, contact);
                 }
@@ -132,11 +129,9 @@ impl Scene {
     }
 
     /// Index of the ball nearest to a section, and the distance from the backbone to its surface.
-    ///
-    /// Every point of the section is within half its length of its middle.
     fn nearest_ball(&self, backbone: &Backbone, section: usize) -> Option<(usize, f64)> {
-        let half_length = 0.5 * backbone.section_length(section);
-        self.least(&backbone.middle(section), half_length, |ball| {
+        let cover = Cover::new(self, backbone, section);
+        self.least(cover.places(), cover.reach, |ball| {
             surface_distance(backbone, section, ball)
         })
     }
@@ -158,6 +153,37 @@ impl Scene {
             obstacle: index,
             normal: away.try_normalize(1e-12).unwrap_or_else(Point::x),
         }
+    }
+}
+
+/// Places on a section such that every point of it is within `reach` of one of them.
+struct Cover {
+    places: [Point; 4],
+    count: usize,
+    reach: f64,
+}
+
+impl Cover {
+    /// The middle alone; four places where there are many balls to be passed over.
+    fn new(scene: &Scene, backbone: &Backbone, section: usize) -> Self {
+        let length = backbone.section_length(section);
+        if scene.has_many_balls() {
+            Self {
+                places: [0.125, 0.375, 0.625, 0.875].map(|f| backbone.point(section, f)),
+                count: 4,
+                reach: 0.125 * length,
+            }
+        } else {
+            Self {
+                places: [backbone.middle(section); 4],
+                count: 1,
+                reach: 0.5 * length,
+            }
+        }
+    }
+
+    fn places(&self) -> &[Point] {
+        &self.places[..self.count]
     }
 }
 

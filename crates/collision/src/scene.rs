@@ -2,7 +2,7 @@
 
 use crate::solid::Solid;
 use glam::DVec3;
-use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::bounding_volume::{Aabb, BoundingVolume};
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 use pcc_model::Point;
 use std::sync::Arc;
@@ -148,28 +148,32 @@ impl Scene {
         self.smallest_radius
     }
 
+    /// Whether the balls are many, so that a query gains by more and closer `places`.
+    pub(crate) fn has_many_balls(&self) -> bool {
+        self.tree.is_some()
+    }
+
     /// Index and cost of the ball of least `cost`, if there is any ball.
     ///
-    /// `cost` must be at least the signed distance from `centre` to the ball's surface minus `reach`: the balls
-    /// for which that exceeds the least cost found are passed over.
+    /// `cost` must be at least the signed distance from the nearest of the places to the ball's surface minus `reach`: the
+    /// balls for which that exceeds the least cost found are passed over.
     pub(crate) fn least(
         &self,
-        centre: &Point,
+        places: &[Point],
         reach: f64,
         cost: impl Fn(&Ball) -> f64,
     ) -> Option<(usize, f64)> {
         match &self.tree {
-            None => self.least_by_scan(centre, reach, cost),
+            None => self.least_by_scan(places, reach, cost),
             Some(tree) => {
-                let from = DVec3::from(*centre);
                 let deepest = -self.largest_radius;
                 let node_cost = |gap: f64| if gap > 0.0 { gap } else { deepest } - reach;
                 tree.find_best(
                     f64::MAX,
-                    |node, _| node_cost(gap_to_box(&from, &node.aabb())),
+                    |node, _| node_cost(gap_to_box(places, &node.aabb())),
                     |i, best| {
                         let ball = &self.balls[i as usize];
-                        is_within(ball, centre, best + reach).then(|| cost(ball))
+                        is_within(ball, places, best + reach).then(|| cost(ball))
                     },
                 )
                 .map(|(i, least)| (i as usize, least))
@@ -179,13 +183,13 @@ impl Scene {
 
     fn least_by_scan(
         &self,
-        centre: &Point,
+        places: &[Point],
         reach: f64,
         cost: impl Fn(&Ball) -> f64,
     ) -> Option<(usize, f64)> {
         let mut least: Option<(usize, f64)> = None;
         for (i, ball) in self.balls.iter().enumerate() {
-            if least.is_none_or(|(_, best)| is_within(ball, centre, best + reach)) {
+            if least.is_none_or(|(_, best)| is_within(ball, places, best + reach)) {
                 let cost = cost(ball);
                 if least.is_none_or(|(_, best)| cost < best) {
                     least = Some((i, cost));
@@ -195,18 +199,26 @@ impl Scene {
         least
     }
 
-    /// Calls `visit` with every ball whose surface comes within `reach` of `centre` (and possibly some others).
+    /// Calls `visit` with every ball whose surface comes within `reach` of one of the places.
     pub(crate) fn for_each_near(
         &self,
-        centre: &Point,
+        places: &[Point],
         reach: f64,
         mut visit: impl FnMut(usize, &Ball),
     ) {
+        let mut visit_near = |(i, ball): (usize, &Ball)| {
+            if is_within(ball, places, reach) {
+                visit(i, ball);
+            }
+        };
         match &self.tree {
-            None => self.balls.iter().enumerate().for_each(|(i, b)| visit(i, b)),
-            Some(tree) => tree
-                .intersect_aabb(&cube(centre, reach))
-                .for_each(|i| visit(i as usize, &self.balls[i as usize])),
+            None => self.balls.iter().enumerate().for_each(visit_near),
+            Some(tree) => {
+                let around = places.iter().map(|place| DVec3::from(*place));
+                let aabb = Aabb::from_points(around).loosened(reach.max(0.0));
+                tree.intersect_aabb(&aabb)
+                    .for_each(|i| visit_near((i as usize, &self.balls[i as usize])));
+            }
         }
     }
 }
@@ -215,14 +227,19 @@ fn is_allowed(ball: &Ball) -> bool {
     ball.centre.iter().all(|v| v.abs() <= MAX_EXTENT) && (0.0..=MAX_EXTENT).contains(&ball.radius)
 }
 
-/// Whether a ball's surface is nearer than `reach` to `centre`; without a square root.
-pub(crate) fn is_within(ball: &Ball, centre: &Point, reach: f64) -> bool {
+/// Whether a ball's surface is nearer than `reach` to one of the places; without a square root.
+fn is_within(ball: &Ball, places: &[Point], reach: f64) -> bool {
     let limit = reach + ball.radius;
-    limit > 0.0 && (ball.centre - centre).norm_squared() < limit * limit
+    let is_near = |place: &Point| (ball.centre - place).norm_squared() < limit * limit;
+    limit > 0.0 && places.iter().any(is_near)
 }
 
-fn gap_to_box(from: &DVec3, aabb: &Aabb) -> f64 {
-    (from.clamp(aabb.mins, aabb.maxs) - from).length()
+fn gap_to_box(places: &[Point], aabb: &Aabb) -> f64 {
+    let gap = |place: &Point| {
+        let from = DVec3::from(*place);
+        (from.clamp(aabb.mins, aabb.maxs) - from).length_squared()
+    };
+    places.iter().map(gap).fold(f64::INFINITY, f64::min).sqrt()
 }
 
 fn cube(centre: &Point, half: f64) -> Aabb {

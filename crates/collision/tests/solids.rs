@@ -321,8 +321,10 @@ fn the_most_relevant_balls_are_the_nearest_and_stand_for_solids_too() {
     };
     let mut sorted: Vec<f64> = many.iter().map(cost).collect();
     sorted.sort_by(f64::total_cmp);
-    let costs: Vec<f64> = chosen.iter().map(cost).collect();
-    assert_eq!(costs, sorted[..24]);
+    let farthest = chosen.iter().map(cost).fold(0.0, f64::max);
+    assert_eq!(chosen.len(), 24);
+    assert!(farthest < sorted[23] + 0.1, "{farthest} {}", sorted[23]);
+    assert!(cost(&chosen[0]) < sorted[0] + 0.1, "the nearest first");
     let wall = Solid::cuboid(
         &Point::new(0.2, 9.0, 9.0),
         &Isometry3::translation(1.2, 0.0, 0.0),
@@ -331,7 +333,7 @@ fn the_most_relevant_balls_are_the_nearest_and_stand_for_solids_too() {
     let chosen = scene.most_relevant(&views, 0.2, 24);
     let touching = |b: &&Ball| (b.centre.x + (-1.1 - b.radius)).abs() < 1e-9 && b.radius == 0.2;
     assert!(chosen.iter().filter(touching).count() >= 3, "{chosen:?}");
-    assert!(few[..2].iter().all(|b| chosen.contains(b) || cost(b) > 1.7));
+    assert!(few[..2].iter().all(|b| chosen.contains(b)));
 }
 
 #[test]
