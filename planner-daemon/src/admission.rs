@@ -19,7 +19,7 @@ use crate::kept_plans::KeptPlans;
 const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
 
 /// What the daemon asks of a request beyond its own consistency.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Border {
     /// The robot's section length, metres.
     pub(crate) section_length_m: f64,
@@ -29,6 +29,8 @@ pub(crate) struct Border {
     pub(crate) default_deadline: Duration,
     /// Growth of the tube that every certificate includes, section lengths.
     pub(crate) growth: f64,
+    /// Obstacles of every request, in units of the section length.
+    pub(crate) static_scene: Scene,
 }
 
 /// A request that the planner can take.
@@ -131,7 +133,7 @@ impl Border {
             centre: Point::from(ball.centre_m) / self.section_length_m,
             radius: ball.radius_m / self.section_length_m,
         });
-        let scene = Scene::new(balls.collect());
+        let scene = self.static_scene.with_balls(balls.collect());
         Ok(Problem {
             start: Configuration::from(asked.start_configuration_rad),
             goal: match &asked.goal {
@@ -196,6 +198,8 @@ fn selection(rule: SelectionRule) -> Selection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use collision::Solid;
+    use nalgebra::Isometry3;
 
     fn border() -> Border {
         Border {
@@ -203,6 +207,7 @@ mod tests {
             capacity: PlanServiceCapacity::default(),
             default_deadline: Duration::from_millis(20),
             growth: 0.0225,
+            static_scene: Scene::default(),
         }
     }
 
@@ -287,6 +292,30 @@ mod tests {
             assert_eq!(selection(SelectionRule::Best(rule)), expected);
         }
         assert_eq!(selection(SelectionRule::Index(3)), Selection::Index(3));
+    }
+
+    #[test]
+    fn a_static_scene_is_part_of_every_request() {
+        let wall = Solid::cuboid(
+            &Point::new(0.1, 4.0, 4.0),
+            &Isometry3::translation(2.5, 0.0, 1.0),
+        );
+        let fixed = Ball {
+            centre: Point::new(-2.0, 0.0, 1.0),
+            radius: 0.5,
+        };
+        let border = Border {
+            static_scene: Scene::with_solids(vec![fixed], vec![Arc::new(wall.unwrap())]).unwrap(),
+            ..border()
+        };
+        let scene = &border
+            .admit(&(&asked()).try_into().unwrap())
+            .unwrap()
+            .problem
+            .scene;
+        assert_eq!((scene.balls().len(), scene.solids().len()), (2, 1));
+        assert_eq!(scene.balls()[0].centre, Point::new(2.0, 0.0, 1.0));
+        assert_eq!(scene.balls()[1], fixed);
     }
 
     #[test]

@@ -70,6 +70,7 @@ struct File {
     robot: PathBuf,
     weights: Option<PathBuf>,
     diffusion: Option<DiffusionConfig>,
+    scene: Option<SceneConfig>,
     #[serde(default = "defaults::threads")]
     threads: usize,
     #[serde(default = "defaults::candidates")]
@@ -132,6 +133,13 @@ mod defaults {
     }
 }
 
+/// Where the static scene is.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SceneConfig {
+    file: PathBuf,
+}
+
 /// Which diffusion model is resident, and how it is sampled.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq)]
 #[serde(deny_unknown_fields)]
@@ -189,6 +197,8 @@ pub struct Config {
     pub weights: Option<PathBuf>,
     /// The diffusion model, if one is to be loaded.
     pub diffusion: Option<DiffusionConfig>,
+    /// File of the obstacles that are part of every request's scene, if there are any.
+    pub scene: Option<PathBuf>,
     /// Worker threads that plan.
     pub threads: usize,
     /// What the plan service holds.
@@ -295,6 +305,7 @@ impl File {
             robot: folder.join(&self.robot),
             weights: self.weights.as_ref().map(|weights| folder.join(weights)),
             diffusion: self.diffusion,
+            scene: self.scene.map(|scene| folder.join(scene.file)),
             threads: self.threads,
             capacity: PlanServiceCapacity {
                 clients: self.clients,
@@ -447,6 +458,24 @@ mod tests {
             keys[key] = wrong;
             let error = with(weights, &keys).unwrap_err().to_string();
             assert!(error.contains(named), "{wrong}: {error}");
+        }
+    }
+
+    #[test]
+    fn a_static_scene_is_a_file_beside_the_configuration() {
+        let scene = |text: &str| parse(&format!("robot = \"a\"\n[scene]\n{text}"));
+        let config = scene("file = \"scenes/cell.toml\"").unwrap();
+        assert_eq!(
+            config.scene.unwrap(),
+            Path::new("/etc/pcc/scenes/cell.toml")
+        );
+        assert_eq!(parse("robot = \"a\"").unwrap().scene, None);
+        for (text, named) in [
+            ("", "missing field `file`"),
+            ("path = \"a\"", "unknown field `path`"),
+        ] {
+            let error = scene(text).unwrap_err().to_string();
+            assert!(error.contains(named), "{error}");
         }
     }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use collision::{Ball, Scene, tracking_growth};
+use collision::{Ball, Scene, SceneFileError, tracking_growth};
 use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
 use pcc_model::{Configuration, Point, Robot, RobotFileError};
 use planning::{
@@ -37,6 +37,9 @@ pub enum StartError {
         /// What is wrong with it.
         source: Box<RobotFileError>,
     },
+    /// The static scene is refused.
+    #[error("static scene: {0}")]
+    Scene(#[from] Box<SceneFileError>),
     /// The learned model is refused.
     #[error("weights in {folder:?}: {source}")]
     Weights {
@@ -111,12 +114,13 @@ impl Daemon {
         let role = RoleLock::acquire(options, Role::PlannerDaemon)?;
         let shared_bytes = check_shared_memory(config)?;
         let robot = load_robot(config)?;
+        let static_scene = load_scene(config, &robot)?;
         let planner = load_planner(config, &robot)?;
         lock_memory(config);
         warm_up(&planner, config)?;
         let node = IpcNode::create(options, "planner-daemon")?;
         let progress = Arc::new(Progress::default());
-        let service = open_service(config, &node, &robot, planner, &progress)?;
+        let service = open_service(config, &node, &robot, static_scene, planner, &progress)?;
         let background = Background::start(options, &progress)?;
         let resident_bytes = check_resident_memory(config)?;
         tracing::info!(
@@ -194,6 +198,16 @@ fn load_robot(config: &Config) -> Result<Robot, StartError> {
     })
 }
 
+fn load_scene(config: &Config, robot: &Robot) -> Result<Scene, StartError> {
+    let Some(file) = &config.scene else {
+        return Ok(Scene::default());
+    };
+    let scene = Scene::from_file(file, robot.section_lengths[0]).map_err(Box::new)?;
+    let (balls, solids) = (scene.balls().len(), scene.solids().len());
+    tracing::info!("static scene {file:?}: {balls} balls, {solids} solids");
+    Ok(scene)
+}
+
 fn load_planner(config: &Config, robot: &Robot) -> Result<Planner, StartError> {
     let models = config
         .weights
@@ -262,6 +276,7 @@ fn open_service(
     config: &Config,
     node: &IpcNode,
     robot: &Robot,
+    static_scene: Scene,
     planner: Planner,
     progress: &Arc<Progress>,
 ) -> Result<Service, StartError> {
@@ -287,6 +302,7 @@ fn open_service(
             capacity: config.capacity,
             default_deadline: config.default_deadline,
             growth,
+            static_scene,
         },
         robot: unit_robot,
         waiting: Waiting {

@@ -1,25 +1,27 @@
-//! Exact clearances of one configuration.
+//! Clearances of one configuration, and where it is nearest to the obstacles.
 
-use crate::scene::{Ball, Scene, is_within};
+use crate::arc_search::{ArcDistance, arc_distance};
+use crate::scene::{Ball, Scene};
 use pcc_model::{Backbone, Point, SECTIONS};
 
-/// The body point nearest to one ball.
+/// The body point nearest to one obstacle; of a solid, one in each section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// Signed distance between the tube and the ball's surface.
+    /// Signed distance between the tube and the obstacle's surface.
     pub clearance: f64,
     /// Section of the body point, 0 to 2.
     pub section: usize,
     /// Fraction of the section, 0 to 1.
     pub fraction: f64,
-    /// Index of the ball.
-    pub ball: usize,
-    /// Unit vector from the ball's centre to the body point, base frame; any where the two coincide.
+    /// Index of the obstacle: the balls in their order, then the solids.
+    pub obstacle: usize,
+    /// Unit vector to the body point from the ball's centre or the solid's nearest surface point (inside: the other way),
+    /// base frame; any where the two coincide.
     pub normal: Point,
 }
 
 impl Scene {
-    /// Smallest clearance between the whole tube and all balls; +∞ in an empty scene.
+    /// Smallest clearance between the whole tube and all obstacles; +∞ in an empty scene.
     #[must_use]
     pub fn clearance(&self, backbone: &Backbone, tube_radius: f64) -> f64 {
         self.section_clearances(backbone, tube_radius)
@@ -27,7 +29,7 @@ impl Scene {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Smallest clearance between the tube of each section and all balls; allocates nothing.
+    /// Smallest clearance between the tube of each section and all obstacles; allocates nothing.
     ///
     /// +∞ in an empty scene; −∞ for a backbone that is not finite, so that nothing takes it for a free one.
     #[must_use]
@@ -36,25 +38,33 @@ impl Scene {
             return [f64::NEG_INFINITY; SECTIONS];
         }
         std::array::from_fn(|section| {
-            self.nearest_ball(backbone, section)
-                .map_or(f64::INFINITY, |(_, distance)| distance - tube_radius)
+            let of_balls = self
+                .nearest_ball(backbone, section)
+                .map_or(f64::INFINITY, |(_, distance)| distance);
+            let nearest = self.nearest_solid(backbone, section, tube_radius, of_balls);
+            nearest.map_or(of_balls, |(_, distance)| distance.bound) - tube_radius
         })
     }
 
-    /// The nearest ball of all to the tube, if there is any.
+    /// The nearest obstacle of all to the tube, if there is any.
     #[must_use]
     pub fn deepest(&self, backbone: &Backbone, tube_radius: f64) -> Option<Contact> {
-        let nearest = |section| {
-            self.nearest_ball(backbone, section)
-                .map(|(ball, distance)| (section, ball, distance))
-        };
-        let (section, ball, _) = (0..SECTIONS)
-            .filter_map(nearest)
-            .min_by(|a, b| a.2.total_cmp(&b.2))?;
-        Some(self.contact(backbone, tube_radius, section, ball))
+        let least = (0..SECTIONS).filter_map(|section| {
+            let ball = self.nearest_ball(backbone, section);
+            let limit = ball.map_or(f64::INFINITY, |(_, distance)| distance);
+            self.nearest_solid(backbone, section, tube_radius, limit)
+                .map(|(solid, found)| {
+                    self.solid_contact(backbone, tube_radius, section, solid, found)
+                })
+                .or_else(|| {
+                    ball.map(|(ball, _)| self.contact(backbone, tube_radius, section, ball))
+                })
+        });
+        least.min_by(|a, b| a.clearance.total_cmp(&b.clearance))
     }
 
-    /// Appends, for every ball nearer than `margin` to the tube, its nearest body point; allocates only to grow `out`.
+    /// Appends, for every obstacle nearer than `margin` to the tube, its nearest body point, for solids one in each section
+    /// that is so near; allocates only to grow `out`.
     pub fn contacts_within(
         &self,
         backbone: &Backbone,
@@ -65,25 +75,63 @@ impl Scene {
         let first = out.len();
         let reach = tube_radius + margin;
         for section in 0..SECTIONS {
-            let half_length = 0.5 * backbone.section_length(section);
-            let middle = backbone.middle(section);
-            self.for_each_near(&middle, half_length + reach, |index, ball| {
-                if is_within(ball, &middle, half_length + reach)
-                    && surface_distance(backbone, section, ball) < reach
-                {
+            let cover = Cover::new(self, backbone, section);
+            self.for_each_near(cover.places(), cover.reach + reach, |index, ball| {
+                if surface_distance(backbone, section, ball) < reach {
                     let contact = self.contact(backbone, tube_radius, section, index);
                     keep_nearest(out, first, contact);
                 }
             });
         }
+        for section in 0..SECTIONS {
+            for (index, solid) in self.solids().iter().enumerate() {
+                if let Some(found) = arc_distance(backbone, section, solid, tube_radius, reach) {
+                    out.push(self.solid_contact(backbone, tube_radius, section, index, found));
+                }
+            }
+        }
+    }
+
+    /// Index of the solid nearest to a section, if one is nearer than `limit`.
+    fn nearest_solid(
+        &self,
+        backbone: &Backbone,
+        section: usize,
+        tube_radius: f64,
+        mut limit: f64,
+    ) -> Option<(usize, ArcDistance)> {
+        let mut nearest = None;
+        for (index, solid) in self.solids().iter().enumerate() {
+            if let Some(found) = arc_distance(backbone, section, solid, tube_radius, limit) {
+                limit = found.bound;
+                nearest = Some((index, found));
+            }
+        }
+        nearest
+    }
+
+    fn solid_contact(
+        &self,
+        backbone: &Backbone,
+        tube_radius: f64,
+        section: usize,
+        index: usize,
+        found: ArcDistance,
+    ) -> Contact {
+        let surface = self.solids()[index].nearest(&backbone.point(section, found.fraction));
+        Contact {
+            clearance: found.bound - tube_radius,
+            section,
+            fraction: found.fraction,
+            obstacle: self.balls().len() + index,
+            normal: surface.away,
+        }
     }
 
     /// Index of the ball nearest to a section, and the distance from the backbone to its surface.
-    ///
-    /// Every point of the section is within half its length of its middle.
     fn nearest_ball(&self, backbone: &Backbone, section: usize) -> Option<(usize, f64)> {
-        let half_length = 0.5 * backbone.section_length(section);
-        self.least(&backbone.middle(section), half_length, |ball| {
+        let cover = Cover::new(self, backbone, section);
+        self.least(cover.places(), cover.reach, |ball| {
             surface_distance(backbone, section, ball)
         })
     }
@@ -102,9 +150,40 @@ impl Scene {
             clearance: nearest.distance - ball.radius - tube_radius,
             section,
             fraction: nearest.fraction,
-            ball: index,
+            obstacle: index,
             normal: away.try_normalize(1e-12).unwrap_or_else(Point::x),
         }
+    }
+}
+
+/// Places on a section such that every point of it is within `reach` of one of them.
+struct Cover {
+    places: [Point; 4],
+    count: usize,
+    reach: f64,
+}
+
+impl Cover {
+    /// The middle alone; four places where there are many balls to be passed over.
+    fn new(scene: &Scene, backbone: &Backbone, section: usize) -> Self {
+        let length = backbone.section_length(section);
+        if scene.has_many_balls() {
+            Self {
+                places: [0.125, 0.375, 0.625, 0.875].map(|f| backbone.point(section, f)),
+                count: 4,
+                reach: 0.125 * length,
+            }
+        } else {
+            Self {
+                places: [backbone.middle(section); 4],
+                count: 1,
+                reach: 0.5 * length,
+            }
+        }
+    }
+
+    fn places(&self) -> &[Point] {
+        &self.places[..self.count]
     }
 }
 
@@ -114,7 +193,10 @@ fn surface_distance(backbone: &Backbone, section: usize, ball: &Ball) -> f64 {
 
 /// Adds a contact, or replaces that of the same ball among those from `first` on if the new one is nearer.
 fn keep_nearest(contacts: &mut Vec<Contact>, first: usize, new: Contact) {
-    match contacts[first..].iter_mut().find(|c| c.ball == new.ball) {
+    match contacts[first..]
+        .iter_mut()
+        .find(|c| c.obstacle == new.obstacle)
+    {
         Some(known) if new.clearance < known.clearance => *known = new,
         Some(_) => {}
         None => contacts.push(new),

@@ -1,16 +1,21 @@
-//! Scenes of balls, the exact clearance of a robot's body, and certificates for whole motions.
+//! Scenes of balls and solids, the clearance of a robot's body, and certificates for whole motions.
 //!
 //! Lengths have the unit of the robot's section lengths; positions are in the robot's base frame. The body is a tube
-//! of constant radius around the backbone, so clearances are exact (docs/robot.md "Exact geometry of a section").
+//! of constant radius around the backbone, so clearances to balls are exact (docs/robot.md "Exact geometry of a section").
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod arc_search;
 mod bound;
 mod certificate;
 mod chain;
 mod clearance;
 mod minimum;
 mod moving;
+mod relevant;
 mod scene;
+mod scene_file;
+mod solid;
+mod voxels;
 
 pub use bound::{Displacement, tracking_growth};
 pub use certificate::{certify_edge, certify_polyline, certify_trajectory};
@@ -18,4 +23,7 @@ pub use chain::Verdict;
 pub use clearance::Contact;
 pub use minimum::minimum_clearance;
 pub use moving::{MovingBall, certify_moving};
-pub use scene::{Ball, MAX_BALLS, MAX_EXTENT, Scene, SceneError};
+pub use scene::{Ball, MAX_BALLS, MAX_EXTENT, MAX_SOLIDS, Scene, SceneError};
+pub use scene_file::SceneFileError;
+pub use solid::{MAX_TRIANGLES, Solid, SolidError, SurfacePoint};
+pub use voxels::{MAX_CELLS, VoxelError, VoxelGrid};

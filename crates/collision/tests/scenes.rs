@@ -79,7 +79,7 @@ fn clearance_is_that_of_the_nearest_body_point() {
 }
 
 fn assert_contact(contact: &Contact, backbone: &Backbone, scene: &Scene, robot: &Robot) {
-    let ball = scene.balls()[contact.ball];
+    let ball = scene.balls()[contact.obstacle];
     let body = backbone.point(contact.section, contact.fraction);
     assert!((contact.normal.norm() - 1.0).abs() < 1e-12);
     let reach = contact.clearance + ball.radius + robot.tube_radius;
@@ -100,7 +100,7 @@ fn contacts_are_one_for_each_ball_within_the_margin() {
             for (index, ball) in scene.balls().iter().enumerate() {
                 let alone = Scene::new(vec![*ball]).unwrap();
                 let clearance = alone.clearance(&backbone, robot.tube_radius);
-                let mut of_ball = contacts.iter().filter(|c| c.ball == index);
+                let mut of_ball = contacts.iter().filter(|c| c.obstacle == index);
                 let contact = of_ball.next();
                 assert!(of_ball.next().is_none());
                 assert_eq!(
@@ -157,7 +157,7 @@ fn a_ball_around_the_backbone_is_as_deep_as_it_is_thick() {
     .unwrap();
     let contact = scene.deepest(&backbone, 0.2).unwrap();
     assert!((contact.clearance + 0.6).abs() < 1e-15);
-    assert_eq!((contact.section, contact.ball), (1, 0));
+    assert_eq!((contact.section, contact.obstacle), (1, 0));
     assert!((contact.normal.norm() - 1.0).abs() < 1e-15);
     let point = Scene::new(vec![Ball {
         centre: Point::new(0.5, 0.0, 1.0),
@@ -187,10 +187,10 @@ fn scenes_that_are_not_usable_are_refused_by_name() {
         centre: Point::new(1.0, 0.0, 0.0),
         radius: 0.1,
     };
-    assert_eq!(Scene::new(vec![good; 1024]).unwrap().balls().len(), 1024);
-    let error = Scene::new(vec![good; 1025]).unwrap_err();
-    assert_eq!(error, SceneError::Count { count: 1025 });
-    assert_eq!(error.to_string(), "1025 balls; at most 1024 are allowed");
+    assert_eq!(Scene::new(vec![good; 2048]).unwrap().balls().len(), 2048);
+    let error = Scene::new(vec![good; 2049]).unwrap_err();
+    assert_eq!(error, SceneError::Count { count: 2049 });
+    assert_eq!(error.to_string(), "2049 balls; at most 2048 are allowed");
     for (bad, x) in [
         (-0.1, 1.0),
         (f64::NAN, 1.0),

@@ -133,6 +133,12 @@ impl Backbone {
         self.sections[section].arc.length
     }
 
+    /// Bending angle of a section (0 to 2), rad.
+    #[must_use]
+    pub fn bending_angle(&self, section: usize) -> f64 {
+        self.sections[section].arc.angle
+    }
+
     /// Position of the tip.
     #[must_use]
     pub fn tip(&self) -> Point {

@@ -12,6 +12,8 @@ pub const BALL_FEATURES: usize = 28;
 /// Sine coefficients of a path's residual to the straight segment, term-major.
 pub const COEFFICIENTS: usize = UNKNOWNS;
 
+/// Balls that the model is told of; of larger scenes and of solids the most relevant ones.
+const MOST_BALLS: usize = 24;
 /// Where along the straight segment the balls are seen from.
 const VIEWS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
 /// Clearances beyond this say only "far", section lengths.
@@ -124,18 +126,24 @@ fn distance_to_segment(p: &Point, a: &Point, b: &Point) -> f64 {
     (p - a - along * u).norm()
 }
 
-/// A problem's ends and balls brought into the canonical frame.
-pub(crate) struct CanonicalProblem {
+/// A problem's ends and obstacles brought into the canonical frame.
+pub(crate) struct CanonicalProblem<'a> {
     pub(crate) frame: CanonicalFrame,
-    balls: Vec<Ball>,
+    scene: &'a Scene,
 }
 
-impl CanonicalProblem {
-    pub(crate) fn new(frame: CanonicalFrame, scene: &Scene) -> Self {
-        Self {
-            frame,
-            balls: scene.balls().iter().map(|b| frame.ball(b)).collect(),
-        }
+impl<'a> CanonicalProblem<'a> {
+    pub(crate) fn new(frame: CanonicalFrame, scene: &'a Scene) -> Self {
+        Self { frame, scene }
+    }
+
+    /// The balls that matter most for the straight segment between two shapes, in the canonical frame.
+    fn balls(&self, robot: &Robot, start: &Configuration, end: &Configuration) -> Vec<Ball> {
+        let views = VIEWS.map(|u| robot.backbone(&start.lerp(end, u)));
+        let chosen = self
+            .scene
+            .most_relevant(&views, robot.tube_radius, MOST_BALLS);
+        chosen.iter().map(|ball| self.frame.ball(ball)).collect()
     }
 
     pub(crate) fn features(
@@ -148,7 +156,7 @@ impl CanonicalProblem {
             robot,
             &self.frame.shape(start),
             &self.frame.shape(end),
-            &self.balls,
+            &self.balls(robot, start, end),
         )
     }
 }

@@ -1,0 +1,104 @@
+//! The few balls that say most about a scene, for what cannot look at all of it.
+
+use crate::arc_search::arc_distance;
+use crate::scene::{Ball, Scene};
+use crate::solid::Solid;
+use pcc_model::{Backbone, Point, SECTIONS};
+
+/// Clearance within which solids are looked for, section lengths.
+const MARGIN: f64 = 1.0;
+/// Places on each section that balls are measured from, fractions.
+const PLACES: [f64; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
+/// Radius of a ball that stands for the nearest part of a solid, section lengths.
+const STAND_IN_RADIUS: f64 = 0.2;
+
+impl Scene {
+    /// At most `count` balls that stand for the scene as these shapes meet it.
+    ///
+    /// All balls, in their order, where there are no more than that and no solids. Else the nearest obstacles, the nearest
+    /// first, balls as seen from three places of each section; a solid nearer than a section length to the tube counts as
+    /// balls of radius 0.2 that touch its surface from inside, where it is nearest to a section.
+    #[must_use]
+    pub fn most_relevant(&self, shapes: &[Backbone], tube_radius: f64, count: usize) -> Vec<Ball> {
+        if self.solids().is_empty() && self.balls().len() <= count {
+            return self.balls().to_vec();
+        }
+        let mut found = self.sighted_balls(shapes);
+        found.extend(self.sighted_solids(shapes, tube_radius));
+        found.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+        found.truncate(count);
+        found.into_iter().map(|sighting| sighting.ball).collect()
+    }
+
+    fn sighted_balls(&self, shapes: &[Backbone]) -> Vec<Sighting> {
+        let places =
+            |shape| (0..SECTIONS).flat_map(move |k| PLACES.map(|f| Backbone::point(shape, k, f)));
+        let places: Vec<Point> = shapes.iter().flat_map(places).collect();
+        let sighting = |ball: &Ball| {
+            let squared = places
+                .iter()
+                .map(|place| (place - ball.centre).norm_squared());
+            Sighting {
+                distance: squared.fold(f64::INFINITY, f64::min).sqrt() - ball.radius,
+                ball: *ball,
+            }
+        };
+        self.balls().iter().map(sighting).collect()
+    }
+
+    /// Different stand-ins of each solid, the nearest first.
+    fn sighted_solids(&self, shapes: &[Backbone], tube_radius: f64) -> Vec<Sighting> {
+        let unit = shapes.first().map_or(1.0, |shape| shape.section_length(0));
+        let reach = tube_radius + MARGIN * unit;
+        let mut different: Vec<Sighting> = Vec::new();
+        for solid in self.solids() {
+            let seen = shapes.iter().flat_map(|shape| {
+                let seen = move |k| stand_in(shape, k, solid, tube_radius, reach);
+                (0..SECTIONS).filter_map(seen)
+            });
+            let mut seen: Vec<Sighting> = seen.collect();
+            seen.sort_by(|a, b| a.distance.total_cmp(&b.distance));
+            let first = different.len();
+            for sighting in seen {
+                if !different[first..]
+                    .iter()
+                    .any(|known| known.is_beside(&sighting))
+                {
+                    different.push(sighting);
+                }
+            }
+        }
+        different
+    }
+}
+
+/// The ball that stands for the part of a solid that is nearest to a section, if that is within reach.
+fn stand_in(
+    shape: &Backbone,
+    section: usize,
+    solid: &Solid,
+    tube_radius: f64,
+    reach: f64,
+) -> Option<Sighting> {
+    let found = arc_distance(shape, section, solid, tube_radius, reach)?;
+    let surface = solid.nearest(&shape.point(section, found.fraction));
+    let radius = STAND_IN_RADIUS * shape.section_length(0);
+    let centre = surface.point - surface.away * radius;
+    Some(Sighting {
+        distance: found.bound,
+        ball: Ball { centre, radius },
+    })
+}
+
+/// A ball, and how far from the backbone its surface is.
+struct Sighting {
+    distance: f64,
+    ball: Ball,
+}
+
+impl Sighting {
+    /// Whether the other one tells nothing new.
+    fn is_beside(&self, other: &Self) -> bool {
+        (self.ball.centre - other.ball.centre).norm() < self.ball.radius
+    }
+}

@@ -1,0 +1,140 @@
+//! Voxel grids: which cells are filled, and the surface between filled and empty ones.
+
+use crate::scene::MAX_EXTENT;
+use crate::solid::MAX_TRIANGLES;
+use glam::DVec3;
+use parry3d_f64::bounding_volume::Aabb;
+use parry3d_f64::query::PointQuery;
+use parry3d_f64::shape::TriMesh;
+use thiserror::Error;
+
+/// Cells that a grid may have.
+pub const MAX_CELLS: usize = 1 << 24;
+
+/// A grid of cells, filled or empty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VoxelGrid {
+    /// Cells along x, y and z.
+    pub counts: [usize; 3],
+    /// Side of a cell.
+    pub cell: f64,
+    /// Whether each is filled; z runs fastest, x slowest.
+    pub filled: Vec<bool>,
+}
+
+/// Why a grid is none.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum VoxelError {
+    /// Too many cells, or not as many as the counts say.
+    #[error(
+        "{counts:?} voxels with {given} values; one value each and at most {MAX_CELLS} are allowed"
+    )]
+    Cells {
+        /// Cells along x, y and z.
+        counts: [usize; 3],
+        /// Values.
+        given: usize,
+    },
+    /// The side of a cell is not usable.
+    #[error(
+        "the side of a voxel is {0}; more than 0 and at most {MAX_EXTENT:e} over the whole grid is allowed"
+    )]
+    Side(f64),
+    /// No cell is filled, or the surface is too large.
+    #[error("the voxels have {count} faces; 1 to {} are allowed", MAX_TRIANGLES / 2)]
+    Faces {
+        /// Between a filled and an empty cell.
+        count: usize,
+    },
+}
+
+/// A grid with its surface.
+#[derive(Clone, Debug)]
+pub(crate) struct Voxels {
+    grid: VoxelGrid,
+    surface: TriMesh,
+}
+
+impl Voxels {
+    pub(crate) fn new(grid: VoxelGrid) -> Result<Self, VoxelError> {
+        let [x, y, z] = grid.counts;
+        let cells = x.checked_mul(y).and_then(|xy| xy.checked_mul(z));
+        if cells != Some(grid.filled.len()) || grid.filled.len() > MAX_CELLS {
+            return Err(VoxelError::Cells {
+                counts: grid.counts,
+                given: grid.filled.len(),
+            });
+        }
+        let longest = x.max(y).max(z) as f64;
+        if !(grid.cell > 0.0 && grid.cell * longest <= MAX_EXTENT) {
+            return Err(VoxelError::Side(grid.cell));
+        }
+        let faces = grid.faces();
+        let count = faces.len();
+        if count == 0 || 2 * count > MAX_TRIANGLES {
+            return Err(VoxelError::Faces { count });
+        }
+        let vertices = faces.into_iter().flatten().collect();
+        let triangles = (0..count as u32).map(|i| 4 * i);
+        let triangles = triangles.flat_map(|i| [[i, i + 1, i + 2], [i, i + 2, i + 3]]);
+        let surface = TriMesh::new(vertices, triangles.collect());
+        let surface = surface.map_err(|_| VoxelError::Faces { count })?;
+        Ok(Self { grid, surface })
+    }
+
+    pub(crate) fn aabb(&self) -> Aabb {
+        self.surface.local_aabb()
+    }
+
+    /// The nearest point of the surface, and whether the point is in a filled cell.
+    pub(crate) fn nearest(&self, point: DVec3) -> (DVec3, bool) {
+        let cell = (point / self.grid.cell).floor();
+        let is_inside = self
+            .grid
+            .is_filled([cell.x, cell.y, cell.z].map(|v| v as i64));
+        (
+            self.surface.project_local_point(point, false).point,
+            is_inside,
+        )
+    }
+}
+
+impl VoxelGrid {
+    fn is_filled(&self, place: [i64; 3]) -> bool {
+        let [nx, ny, nz] = self.counts.map(|n| n as i64);
+        let [x, y, z] = place;
+        let within = (0..nx).contains(&x) && (0..ny).contains(&y) && (0..nz).contains(&z);
+        within && self.filled[((x * ny + y) * nz + z) as usize]
+    }
+
+    /// Corners of every face between a filled and an empty cell, in order around it.
+    fn faces(&self) -> Vec<[DVec3; 4]> {
+        let [nx, ny, nz] = self.counts.map(|n| n as i64);
+        let places =
+            (0..nx).flat_map(|x| (0..ny).flat_map(move |y| (0..nz).map(move |z| [x, y, z])));
+        let mut faces = Vec::new();
+        for place in places.filter(|place| self.is_filled(*place)) {
+            for axis in 0..3 {
+                for side in [0, 1] {
+                    let mut neighbour = place;
+                    neighbour[axis] += 2 * side - 1;
+                    if !self.is_filled(neighbour) {
+                        faces.push(self.face(place, axis, side));
+                    }
+                }
+            }
+        }
+        faces
+    }
+
+    fn face(&self, place: [i64; 3], axis: usize, side: i64) -> [DVec3; 4] {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[a, b]| {
+            let mut corner = place;
+            corner[axis] += side;
+            corner[u] += a;
+            corner[v] += b;
+            DVec3::from_array(corner.map(|c| c as f64)) * self.cell
+        })
+    }
+}

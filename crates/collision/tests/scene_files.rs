@@ -1,0 +1,220 @@
+//! Scene files: what they hold, and refusals by name.
+#![allow(clippy::unwrap_used)]
+
+use collision::Scene;
+use pcc_model::Point;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+fn shipped() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/scenes")
+}
+
+/// A folder with the shipped scene's files and a scene file of this text.
+fn folder(text: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    for file in std::fs::read_dir(shipped()).unwrap() {
+        let file = file.unwrap();
+        std::fs::copy(file.path(), folder.path().join(file.file_name())).unwrap();
+    }
+    std::fs::write(folder.path().join("scene.toml"), text).unwrap();
+    folder
+}
+
+fn refusal(text: &str) -> String {
+    let folder = folder(text);
+    let error = Scene::from_file(&folder.path().join("scene.toml"), 1.0).unwrap_err();
+    error.to_string()
+}
+
+#[test]
+fn the_shipped_scene_is_read_in_units_of_the_section_length() {
+    let scene = Scene::from_file(&shipped().join("workshop.toml"), 0.5).unwrap();
+    assert_eq!((scene.balls().len(), scene.solids().len()), (2, 5));
+    assert_eq!(scene.balls()[0].centre, Point::new(2.4, 1.8, 4.4));
+    let distance = |solid: usize, metres: [f64; 3]| {
+        scene.solids()[solid]
+            .nearest(&(Point::from(metres) / 0.5))
+            .distance
+            * 0.5
+    };
+    let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6, "{a} {b}");
+    near(distance(0, [1.0, -1.5, 1.0]), 0.35);
+    let (sine, cosine) = 0.2_f64.sin_cos();
+    near(distance(1, [-1.9 + 0.5 * cosine, 0.5 * sine, 1.0]), 0.45);
+    let eighth = 0.5_f64.sqrt();
+    near(
+        distance(2, [0.9 + 0.1 * eighth, -0.3 - 0.1 * eighth, 1.0]),
+        0.1,
+    );
+    near(distance(2, [0.9, -0.3, 0.8]), 0.1);
+    near(distance(3, [-0.6, -1.2, 2.3]), 0.2);
+    near(distance(3, [-0.6, -1.2, 1.6]), -0.1);
+    near(distance(4, [-0.45, 1.05, -0.3]), 0.1);
+    assert!(distance(4, [-0.45, 1.05, -0.15]) < 0.0);
+}
+
+#[test]
+fn an_empty_file_is_an_empty_scene_and_meshes_and_grids_may_be_alone() {
+    let folder = folder("");
+    let path = folder.path().join("scene.toml");
+    assert!(Scene::from_file(&path, 1.0).unwrap().is_empty());
+}
+
+#[test]
+fn every_bad_value_is_refused_by_name() {
+    let position = "position_m = [0.0, 0.0, 0.0]";
+    for (text, named) in [
+        ("balls = 3", "is not understood"),
+        ("[[spheres]]\nradius_m = 1.0", "unknown field `spheres`"),
+        ("[[balls]]\nradius_m = 1.0", "missing field `centre_m`"),
+        (
+            "[[balls]]\ncentre_m = [0.0, nan, 0.0]\nradius_m = 1.0",
+            "ball 0 has centre",
+        ),
+        (
+            "[[balls]]\ncentre_m = [0.0, 1.0, 0.0]\nradius_m = -1.0",
+            "radius -1",
+        ),
+        (
+            "[[capsules]]\nfrom_m = [0.0, 0.0, 0.0]\nto_m = [0.0, 0.0, 1.0]\nradius_m = 0.0",
+            "capsules[0]: the radius is 0",
+        ),
+        (
+            &format!("[[boxes]]\nsides_m = [1.0, inf, 1.0]\n{position}"),
+            "boxes[0]: a side is inf",
+        ),
+        (
+            "[[boxes]]\nsides_m = [1.0, 1.0, 1.0]\nposition_m = [nan, 0.0, 0.0]",
+            "boxes[0]: the position is NaN",
+        ),
+        (
+            &format!(
+                "[[boxes]]\nsides_m = [1.0, 1.0, 1.0]\n{position}\nquaternion_xyzw = [1.0, 1.0, 0.0, 0.0]"
+            ),
+            "boxes[0]: quaternion_xyzw has norm 1.41",
+        ),
+        (
+            &format!(
+                "[[boxes]]\nsides_m = [1.0, 1.0, 1.0]\n{position}\nrotation_vector_rad = [nan, 1.0, 0.0]"
+            ),
+            "rotation_vector_rad is [NaN",
+        ),
+        (
+            &format!(
+                "[[boxes]]\nsides_m = [1.0, 1.0, 1.0]\n{position}\nrotation_vector_rad = [0.0, 1.0, 0.0]\nquaternion_xyzw = [0.0, 0.0, 0.0, 1.0]"
+            ),
+            "both given",
+        ),
+        (
+            &format!("[[meshes]]\nfile = \"no.stl\"\n{position}"),
+            "no.stl",
+        ),
+        (
+            &format!("[[meshes]]\nfile = \"heap.npy\"\n{position}"),
+            "end in .stl or .obj",
+        ),
+        (
+            &format!("[[meshes]]\nfile = \"scene.toml.stl\"\n{position}"),
+            "scene.toml.stl",
+        ),
+        (
+            &format!("[[meshes]]\nfile = \"pyramid.obj\"\nunit_m = 0.0\n{position}"),
+            "meshes[0]: unit_m is 0",
+        ),
+        (
+            &format!("[[voxels]]\nfile = \"heap.npy\"\nvoxel_m = -1.0\n{position}"),
+            "side of a voxel is -1",
+        ),
+        (
+            &format!("[[voxels]]\nfile = \"bracket.stl\"\nvoxel_m = 0.1\n{position}"),
+            "voxels[0]",
+        ),
+    ] {
+        let refusal = refusal(text);
+        assert!(refusal.contains(named), "{text}: {refusal}");
+    }
+    let ball = "[[balls]]\ncentre_m = [0.0, 1.0, 0.0]\nradius_m = 1.0\n";
+    assert!(refusal(&ball.repeat(1025)).contains("has 1025 balls; at most 1024"));
+    let gone = Scene::from_file(Path::new("/nowhere/scene.toml"), 1.0).unwrap_err();
+    assert!(
+        gone.to_string()
+            .contains("cannot read \"/nowhere/scene.toml\""),
+        "{gone}"
+    );
+}
+
+#[test]
+fn meshes_that_are_open_empty_or_inside_out_and_grids_of_other_kinds_are_refused() {
+    let mesh = "[[meshes]]\nfile = \"a.obj\"\nposition_m = [0.0, 0.0, 0.0]";
+    let grid = "[[voxels]]\nfile = \"a.npy\"\nvoxel_m = 0.1\nposition_m = [0.0, 0.0, 0.0]";
+    let pyramid = std::fs::read_to_string(shipped().join("pyramid.obj")).unwrap();
+    let heap = std::fs::read(shipped().join("heap.npy")).unwrap();
+    let wide = String::from_utf8_lossy(&heap).contains("|u1");
+    assert!(wide, "the shipped grid holds bytes");
+    let replaced = |from: &str, to: &str| -> Vec<u8> {
+        let at = heap
+            .windows(from.len())
+            .position(|w| w == from.as_bytes())
+            .unwrap();
+        [&heap[..at], to.as_bytes(), &heap[at + from.len()..]].concat()
+    };
+    for (text, file, content, named) in [
+        (
+            mesh,
+            "a.obj",
+            pyramid.replace("f 4 1 5\n", "").into_bytes(),
+            "meshes[0]: the mesh is open",
+        ),
+        (
+            mesh,
+            "a.obj",
+            pyramid.replace("f 4 1 5", "f 4 5 1").into_bytes(),
+            "face the same side",
+        ),
+        (
+            mesh,
+            "a.obj",
+            pyramid.replace("v 0 0 0.6", "v 0 0 -0.6").into_bytes(),
+            "inside out",
+        ),
+        (
+            mesh,
+            "a.obj",
+            pyramid.replace("v 0 0 0.6", "v 0 nan 0.6").into_bytes(),
+            "meshes[0]",
+        ),
+        (mesh, "a.obj", Vec::new(), "0 triangles"),
+        (
+            grid,
+            "a.npy",
+            replaced("|u1", "|i1"),
+            "u1 or b1 in C order is needed",
+        ),
+        (
+            grid,
+            "a.npy",
+            replaced("False", "True "),
+            "u1 or b1 in C order is needed",
+        ),
+        (
+            grid,
+            "a.npy",
+            replaced("(10, 10, 8)", "(10, 80)   "),
+            "three dimensions",
+        ),
+        (
+            grid,
+            "a.npy",
+            replaced("(10, 10, 8)", "(9000,9000,9000)"),
+            "voxels[0]",
+        ),
+        (grid, "a.npy", heap[..300].to_vec(), "voxels[0]"),
+    ] {
+        let folder = folder(text);
+        std::fs::write(folder.path().join(file), content).unwrap();
+        let refused = Scene::from_file(&folder.path().join("scene.toml"), 1.0);
+        let refusal = refused.unwrap_err().to_string();
+        assert!(refusal.contains(named), "{named}: {refusal}");
+    }
+}
