@@ -17,6 +17,7 @@ mod placement;
 mod rate;
 mod segment;
 mod spline;
+mod stopping;
 mod tendon;
 mod tendon_path;
 mod topp;
@@ -28,6 +29,7 @@ pub use knot::{Knot, State};
 pub use limit_use::{LimitUse, limit_use};
 pub use rate::{RateLaw, RateStep};
 pub use segment::QuinticSegment;
+pub use stopping::{StoppingError, stopping_motion};
 
 #[cfg(test)]
 mod test_paths;
