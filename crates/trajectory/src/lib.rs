@@ -23,7 +23,9 @@ mod tendon_path;
 mod topp;
 mod width;
 
-pub use allocation::{AllocationError, AllocationOptions, Allocator, MAX_KNOTS, allocate};
+pub use allocation::{
+    AllocationError, AllocationOptions, Allocator, End, EndMotion, EndMotions, MAX_KNOTS, allocate,
+};
 pub use curve::{Trajectory, TrajectoryError, evaluate};
 pub use knot::{Knot, State};
 pub use limit_use::{LimitUse, limit_use};
