@@ -9,7 +9,7 @@
 use crate::spline::Spline;
 use crate::tendon::{LANES, TendonRows, combined, largest_lane, raise_to_magnitude};
 use crate::tendon_path::{Derivatives, PieceWeights, TendonPath, largest_slope};
-use interval::{IntervalLimits, Polygon, ROUNDING, largest_second};
+use interval::{IntervalLimits, Polygon, ROUNDING, largest_second, trades_speeds};
 use pcc_model::TendonLimits;
 
 mod interval;
@@ -62,7 +62,7 @@ const EXCESS_TOLERANCE: f64 = 0.02;
 /// x where no limit bounds it (tendons that stand still at a point).
 const UNBOUNDED: f64 = 1e100;
 /// How often the grid is refined at most.
-const REFINEMENTS: usize = 3;
+const REFINEMENTS: usize = 5;
 
 impl SpeedProfile {
     /// Finds the fastest x along `spline` on about `intervals` grid intervals.
@@ -223,7 +223,8 @@ impl SpeedProfile {
         Ok(())
     }
 
-    /// Divides the intervals in whose middle a limit is exceeded; false if there are none.
+    /// Divides the intervals in whose middle a limit is exceeded, and those in which speed at the start costs speed at
+    /// the end (the forward pass is optimal only where it does not, which is so on a fine grid); false if there are none.
     fn refine(&mut self, spline: &Spline, largest_speed: f64) -> bool {
         self.refined.clear();
         let mut divided = false;
@@ -245,7 +246,10 @@ impl SpeedProfile {
             }
             let most = largest_lane(&force).max(largest_lane(&slope) * x.sqrt() / largest_speed);
             let is_inside = middle.parameter > from.parameter && middle.parameter < to.parameter;
-            if most > 1.0 + EXCESS_TOLERANCE && is_inside {
+            let ends = [self.square_speed[i], self.square_speed[i + 1]];
+            let is_coarse =
+                most > 1.0 + EXCESS_TOLERANCE || trades_speeds(self.interval_limits(i), &ends);
+            if is_coarse && is_inside {
                 self.refined.push(middle);
                 divided = true;
             }
