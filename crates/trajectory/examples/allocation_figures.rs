@@ -62,12 +62,13 @@ fn report(title: &str, paths: &[Vec<Configuration>]) -> Result<(), AllocationErr
         let started = Instant::now();
         let motion = allocator.allocate(path, &tendons, &limits, &options)?;
         let seconds = started.elapsed().as_secs_f64();
-        reference.allocate(path, &tendons, &limits, &fine)?;
+        let unbounded = allocator.fastest_duration(path, &tendons, &limits, &options)?;
+        let finest = reference.fastest_duration(path, &tendons, &limits, &fine)?;
         let width = 2.0 * limits.acceleration / limits.jerk;
         let row = [
             motion.duration(),
-            motion.duration() / (allocator.unfiltered_duration() + width),
-            motion.duration() / reference.unfiltered_duration(),
+            motion.duration() / (unbounded + width),
+            motion.duration() / finest,
             limit_use(&motion, &tendons, &limits).largest(),
             motion.knots().len() as f64,
             deviation(path, &motion.sample(2000)),

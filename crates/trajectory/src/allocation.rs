@@ -58,9 +58,55 @@ pub enum AllocationError {
         "allocation options out of range (knots 4..={MAX_KNOTS}, grid_intervals ≥ 1, spacing > 0): {0:?}"
     )]
     Options(AllocationOptions),
+    /// A velocity or acceleration at an end with NaN or an infinity, or so large that its norm overflows.
+    #[error("the velocity or acceleration at the {0} is not finite")]
+    EndNotFinite(End),
+    /// An end that is faster, or accelerates more, than the limits allow.
+    #[error(
+        "the {end} uses {use_of_limit} of a tendon's velocity or acceleration limit; 1 is the most"
+    )]
+    EndExceeds {
+        /// Which end.
+        end: End,
+        /// The larger of both uses.
+        use_of_limit: f64,
+    },
+    /// The path cannot be begun or ended with this velocity: it turns too soon, or is too short to brake.
+    #[error(
+        "the path cannot be followed at {speed} rad/s at its {end}; {largest} rad/s is the most"
+    )]
+    NotControllable {
+        /// Which end.
+        end: End,
+        /// The speed asked for, rad/s.
+        speed: f64,
+        /// The largest speed, rad/s; 0 if no speed is possible.
+        largest: f64,
+    },
+    /// The limits leave no room for the state at an end: with its acceleration it must exceed one within its path.
+    #[error("the motion would use {0} of a limit; 1 is the most")]
+    NoRoom(f64),
     /// Times or their powers leave the range of f64.
     #[error("the path cannot be timed within f64's range under {0:?}")]
     NotTimeable(TendonLimits),
+}
+
+/// An end of a motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum End {
+    /// Where it begins.
+    Start,
+    /// Where it ends.
+    Finish,
+}
+
+impl std::fmt::Display for End {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        formatter.write_str(match self {
+            Self::Start => "start",
+            Self::Finish => "end",
+        })
+    }
 }
 
 /// The memory of an allocation, kept between calls: after the first ones only the result is allocated.
@@ -73,6 +119,7 @@ pub struct Allocator {
     search: WidthSearch,
     placement: Placement,
     wider: Placement,
+    inner_waypoints: Vec<Configuration>,
 }
 
 /// The fastest motion along `waypoints` within the tendons' limits, from rest to rest; see [`Allocator::allocate`].
@@ -108,7 +155,7 @@ impl Allocator {
         check(waypoints, limits, options)?;
         self.rows.rebuild(tendons);
         let (knots, scale) = if self.spline.rebuild(waypoints, options.spacing, ROUNDING) {
-            self.knots_along_spline(limits, options)?
+            self.knots_along_spline(waypoints, limits, options)?
         } else {
             let last = waypoints[waypoints.len() - 1];
             let end = Knot::resting(REST_DURATION, last);
@@ -117,55 +164,88 @@ impl Allocator {
         fit_to_limits(knots, scale, &self.rows, limits)
     }
 
-    /// Duration of the last motion before its jerk was bounded (TOPP-RA's), s; 0 if there was none.
-    pub fn unfiltered_duration(&self) -> f64 {
-        self.timed.duration()
+    /// Duration of the fastest motion along `waypoints` (rad) from rest to rest if jerk were not bounded, s: TOPP-RA's.
+    ///
+    /// No motion along this path within the velocity and acceleration limits is faster; 0 if the waypoints do not move.
+    ///
+    /// # Errors
+    /// See [`AllocationError`].
+    pub fn fastest_duration(
+        &mut self,
+        waypoints: &[Configuration],
+        tendons: &TendonMap,
+        limits: &TendonLimits,
+        options: &AllocationOptions,
+    ) -> Result<f64, AllocationError> {
+        check(waypoints, limits, options)?;
+        self.rows.rebuild(tendons);
+        if !self.spline.rebuild(waypoints, options.spacing, ROUNDING) {
+            return Ok(0.0);
+        }
+        self.time_spline(limits, options)?;
+        Ok(self.timed.duration())
+    }
+
+    /// The speeds of the last motion before its jerk was bounded: path parameter s (rad) and ṡ (rad/s) at the points
+    /// of TOPP-RA's grid.
+    pub fn path_speeds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+        let grid = self.profile.grid().iter();
+        let speeds = self.profile.square_speeds().iter();
+        grid.zip(speeds)
+            .map(|(place, square)| (place.parameter, square.sqrt()))
+    }
+
+    fn time_spline(
+        &mut self,
+        limits: &TendonLimits,
+        options: &AllocationOptions,
+    ) -> Result<(), AllocationError> {
+        let (spline, rows, rest) = (&self.spline, &self.rows, EndSpeeds::default());
+        let solved = self
+            .profile
+            .solve(spline, rows, limits, rest, options.grid_intervals);
+        if solved.is_err() || !self.timed.rebuild(spline, &self.profile) {
+            return Err(AllocationError::NotTimeable(*limits));
+        }
+        Ok(())
     }
 
     fn knots_along_spline(
         &mut self,
+        waypoints: &[Configuration],
         limits: &TendonLimits,
         options: &AllocationOptions,
     ) -> Result<(Vec<Knot>, f64), AllocationError> {
-        let Self {
-            rows,
-            spline,
-            profile,
-            timed,
-            search,
-            placement,
-            wider,
-        } = self;
-        let solved = profile.solve(
-            spline,
-            rows,
-            limits,
-            EndSpeeds::default(),
-            options.grid_intervals,
-        );
-        if !solved || !timed.rebuild(spline, profile) {
-            return Err(AllocationError::NotTimeable(*limits));
-        }
-        let target = Target {
-            profile,
-            motion: timed,
-            rows,
-            limits,
-            knots: options.knots,
-        };
+        self.time_spline(limits, options)?;
+        let duration = self.timed.duration();
         // Narrower than half a segment, knots would not show the average.
-        let narrowest = 0.5 * timed.duration() / options.knots as f64;
-        let widest =
-            (2.0 * limits.acceleration / limits.jerk).clamp(narrowest, 0.5 * timed.duration());
-        let width = search.find(profile, timed, limits, [narrowest, widest]);
-        let scale = placement.place(&target, width);
+        let narrowest = 0.5 * duration / options.knots as f64;
+        let widest = (2.0 * limits.acceleration / limits.jerk).clamp(narrowest, 0.5 * duration);
+        let width = self
+            .search
+            .find(&self.profile, &self.timed, limits, [narrowest, widest]);
+        let ends =
+            [waypoints[0], waypoints[waypoints.len() - 1]].map(|end| Knot::resting(0.0, end));
+        let place = |placement: &mut Placement, timed: &mut TimedPath, width| {
+            timed.set_average(width);
+            let target = Target {
+                profile: &self.profile,
+                motion: timed,
+                rows: &self.rows,
+                limits,
+                ends,
+                knots: options.knots,
+            };
+            placement.place(&target)
+        };
+        let scale = place(&mut self.placement, &mut self.timed, width);
         if scale > POOR_FIT && width < widest {
-            let wider_scale = wider.place(&target, widest);
-            if wider_scale * (timed.duration() + widest) < scale * (timed.duration() + width) {
-                return Ok((wider.knots(), wider_scale));
+            let wider_scale = place(&mut self.wider, &mut self.timed, widest);
+            if wider_scale * (duration + widest) < scale * (duration + width) {
+                return Ok((self.wider.knots(), wider_scale));
             }
         }
-        Ok((placement.knots(), scale))
+        Ok((self.placement.knots(), scale))
     }
 }
 
@@ -229,6 +309,10 @@ fn slower(knot: &Knot, scale: f64) -> Knot {
         acceleration: knot.acceleration / (scale * scale),
     }
 }
+
+mod moving;
+
+pub use moving::{EndMotion, EndMotions};
 
 #[cfg(test)]
 mod tests;

@@ -10,15 +10,16 @@ use crate::spline::{PathPoint, Spline};
 use crate::topp::SpeedProfile;
 use pcc_model::Configuration;
 
-/// TOPP-RA's motion in time: at rest, then path pieces of constant s̈, then at rest.
+/// TOPP-RA's motion in time, with the width of its average: constant acceleration for one width before its start (a
+/// rest, where it begins at rest), path pieces of constant s̈, and constant acceleration for one width after its end.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TimedPath {
-    /// When each piece begins, and when the last one ends, s.
+    width: f64,
+    /// When each piece begins, and when the last one ends, s; the path begins at 0.
     time: Vec<f64>,
     piece: Vec<TimedPiece>,
-    /// How much s̈ changes at each of these times.
+    /// How much s̈ changes at each of these times on the path.
     pull_step: Vec<f64>,
-    end: Configuration,
 }
 
 /// A piece of the path on which ζ is cubic in s and s is quadratic in time.
@@ -34,6 +35,25 @@ struct TimedPiece {
 }
 
 impl TimedPiece {
+    /// Constant acceleration from `position`.
+    fn beside_the_path(
+        position: Configuration,
+        velocity: Configuration,
+        acceleration: Configuration,
+    ) -> Self {
+        Self {
+            speed: 1.0,
+            pull: 0.0,
+            start: PathPoint {
+                position,
+                slope: velocity,
+                bend: acceleration,
+                twist: Configuration::zeros(),
+            },
+            area: Configuration::zeros(),
+        }
+    }
+
     fn position(&self, elapsed: f64) -> Configuration {
         self.start.position + self.displacement(self.advance(elapsed))
     }
@@ -74,11 +94,19 @@ impl TimedPiece {
 
 impl TimedPath {
     /// Integrates ds/√x; false if the motion takes forever (no speed on a whole interval).
+    ///
+    /// [`TimedPath::set_average`] must follow.
     pub(crate) fn rebuild(&mut self, spline: &Spline, profile: &SpeedProfile) -> bool {
         let (grid, square) = (profile.grid(), profile.square_speeds());
+        let last = grid[grid.len() - 1];
+        let [first, last] = [grid[0], last].map(|at| spline.at(at.piece, at.parameter).position);
+        let rest =
+            |at| TimedPiece::beside_the_path(at, Configuration::zeros(), Configuration::zeros());
         self.time.clear();
         self.piece.clear();
         self.pull_step.clear();
+        self.time.push(0.0);
+        self.piece.push(rest(first));
         let (mut time, mut speed, mut pull_before) = (0.0, square[0].sqrt(), 0.0);
         for (pair, squares) in grid.windows(2).zip(square.windows(2)) {
             let step = pair[1].parameter - pair[0].parameter;
@@ -97,31 +125,77 @@ impl TimedPath {
             self.pull_step.push(pull - pull_before);
             (time, speed, pull_before) = (time + elapsed, next_speed, pull);
         }
-        self.time.push(time);
+        self.time.extend([time, time]);
+        self.piece.push(rest(last));
         self.pull_step.push(-pull_before);
-        let last = grid[grid.len() - 1];
-        self.end = spline.at(last.piece, last.parameter).position;
         time.is_finite()
     }
 
-    /// Seconds from start to end; 0 if empty.
+    /// Averages over `width` seconds, between ends at rest.
+    pub(crate) fn set_average(&mut self, width: f64) {
+        let still = [Configuration::zeros(); 2];
+        self.set_average_between(width, still, still);
+    }
+
+    /// Averages over `width` seconds; velocity and acceleration continue beside the path at both ends of it.
+    pub(crate) fn set_average_between(
+        &mut self,
+        width: f64,
+        [start_velocity, start_acceleration]: [Configuration; 2],
+        [end_velocity, end_acceleration]: [Configuration; 2],
+    ) {
+        let after = self.piece.len() - 1;
+        self.width = width;
+        self.time[0] = -width;
+        self.time[after + 1] = self.time[after] + width;
+        let begin = start_acceleration * (0.5 * width * width) - start_velocity * width;
+        let mut history = TimedPiece::beside_the_path(
+            self.first() + begin,
+            start_velocity - start_acceleration * width,
+            start_acceleration,
+        );
+        let mut future = TimedPiece::beside_the_path(self.last(), end_velocity, end_acceleration);
+        history.area = history.area_until(width);
+        future.area = future.area_until(width);
+        self.piece[0] = history;
+        self.piece[after] = future;
+    }
+
+    fn first(&self) -> Configuration {
+        self.piece[1].start.position
+    }
+
+    fn last(&self) -> Configuration {
+        self.piece[self.piece.len() - 1].start.position
+    }
+
+    /// Width of the average, s.
+    pub(crate) fn width(&self) -> f64 {
+        self.width
+    }
+
+    /// Seconds from the path's start to its end; 0 if empty.
     pub(crate) fn duration(&self) -> f64 {
-        self.time.last().copied().unwrap_or(0.0)
+        self.times().last().copied().unwrap_or(0.0)
     }
 
-    /// When each piece begins, and when the last one ends, before averaging, s.
+    /// When each piece of the path begins, and when the last one ends, before averaging, s.
     pub(crate) fn times(&self) -> &[f64] {
-        &self.time
+        self.time
+            .get(1..self.time.len().saturating_sub(1))
+            .unwrap_or_default()
     }
 
-    /// s̈ of each piece.
+    /// s̈ of each piece of the path.
     pub(crate) fn pulls(&self) -> impl Iterator<Item = f64> + '_ {
-        self.piece.iter().map(|piece| piece.pull)
+        self.piece[1..self.piece.len() - 1]
+            .iter()
+            .map(|piece| piece.pull)
     }
 
     /// The times at which s̈ changes, before averaging, s, with the changes.
     pub(crate) fn pull_steps(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
-        let times = self.time.iter().copied();
+        let times = self.times().iter().copied();
         times.zip(self.pull_step.iter().copied())
     }
 
@@ -131,17 +205,7 @@ impl TimedPath {
             .piece
             .iter()
             .map(|piece| piece.start.position.norm_squared());
-        starts.fold(self.end.norm_squared(), f64::max).sqrt()
-    }
-
-    /// The first knot of the averaged motion.
-    pub(crate) fn start(&self) -> Knot {
-        Knot::resting(0.0, self.piece[0].start.position)
-    }
-
-    /// The last knot of the motion averaged over `width` seconds.
-    pub(crate) fn end(&self, width: f64) -> Knot {
-        Knot::resting(self.duration() + width, self.end)
+        starts.fold(0.0, f64::max).sqrt()
     }
 
     /// The piece that holds `time`.
@@ -150,14 +214,8 @@ impl TimedPath {
         after.clamp(1, self.piece.len()) - 1
     }
 
-    /// Position and velocity at `time`; at rest outside the motion.
+    /// Position and velocity at `time`.
     fn state(&self, time: f64) -> (Configuration, Configuration) {
-        if time <= 0.0 {
-            return (self.piece[0].start.position, Configuration::zeros());
-        }
-        if time >= self.duration() {
-            return (self.end, Configuration::zeros());
-        }
         let i = self.index(time);
         let elapsed = time - self.time[i];
         (
@@ -166,18 +224,16 @@ impl TimedPath {
         )
     }
 
-    /// The mean of position over `from`..`to`, at rest outside the motion. Sums differences to a near position.
-    fn mean_position(&self, from: f64, to: f64) -> Configuration {
-        let end = self.duration();
-        let (inner_from, inner_to) = (from.clamp(0.0, end), to.clamp(0.0, end));
-        let (first, last) = (self.index(inner_from), self.index(inner_to));
+    /// Position alone of [`TimedPath::averaged`]. Sums differences to a near position.
+    pub(crate) fn mean_position(&self, time: f64) -> Configuration {
+        let (from, to) = ((time - self.width).max(self.time[0]), time);
+        let (first, last) = (self.index(from), self.index(to));
         let reference = self.piece[first].start.position;
-        let mut area = (self.piece[0].start.position - reference) * (inner_from - from)
-            + (self.end - reference) * (to - inner_to);
+        let mut area = Configuration::zeros();
         for i in first..=last {
             let piece = &self.piece[i];
             let (begin, finish) = (self.time[i], self.time[i + 1]);
-            let (start, stop) = (begin.max(inner_from), finish.min(inner_to));
+            let (start, stop) = (begin.max(from), finish.min(to));
             area += if stop == finish {
                 piece.area
             } else {
@@ -188,23 +244,18 @@ impl TimedPath {
             }
             area += (piece.start.position - reference) * (stop - start);
         }
-        reference + area / (to - from)
+        reference + area / self.width
     }
 
-    /// Position alone of [`TimedPath::averaged`].
-    pub(crate) fn mean_position_until(&self, time: f64, width: f64) -> Configuration {
-        self.mean_position(time - width, time)
-    }
-
-    /// The averaged motion, of length duration + `width`, at `time`.
-    pub(crate) fn averaged(&self, width: f64, time: f64) -> Knot {
+    /// The averaged motion, of length duration + width, at `time`.
+    pub(crate) fn averaged(&self, time: f64) -> Knot {
         let (late_position, late_velocity) = self.state(time);
-        let (early_position, early_velocity) = self.state(time - width);
+        let (early_position, early_velocity) = self.state(time - self.width);
         Knot {
             time,
-            position: self.mean_position(time - width, time),
-            velocity: (late_position - early_position) / width,
-            acceleration: (late_velocity - early_velocity) / width,
+            position: self.mean_position(time),
+            velocity: (late_position - early_position) / self.width,
+            acceleration: (late_velocity - early_velocity) / self.width,
         }
     }
 }
@@ -226,8 +277,10 @@ mod tests {
             let (mut spline, mut profile) = (Spline::default(), SpeedProfile::default());
             let mut timed = TimedPath::default();
             assert!(spline.rebuild(&smooth_path(&mut random, 64), 0.1, 0.0));
-            assert!(profile.solve(&spline, &rows, &unit_limits(), EndSpeeds::default(), 128));
+            let solved = profile.solve(&spline, &rows, &unit_limits(), EndSpeeds::default(), 128);
+            assert_eq!(solved, Ok(()));
             assert!(timed.rebuild(&spline, &profile));
+            timed.set_average(WIDTH);
             check(&timed, &rows);
         }
     }
@@ -237,9 +290,9 @@ mod tests {
         let limits = unit_limits();
         with_motion(|motion, rows| {
             let step = (motion.duration() + WIDTH) / 2000.0;
-            let mut before = motion.averaged(WIDTH, 0.0);
+            let mut before = motion.averaged(0.0);
             for i in 1..=2000 {
-                let here = motion.averaged(WIDTH, step * f64::from(i));
+                let here = motion.averaged(step * f64::from(i));
                 assert!(rows.largest(&here.velocity) <= limits.velocity * 1.01);
                 assert!(rows.largest(&here.acceleration) <= limits.acceleration * 1.02);
                 let jerk = rows.largest(&(here.acceleration - before.acceleration)) / step;
@@ -255,8 +308,7 @@ mod tests {
             let step = 1e-5;
             for i in 0..200 {
                 let time = (motion.duration() + WIDTH) * (f64::from(i) + 0.5) / 200.0;
-                let [before, here, after] =
-                    [-step, 0.0, step].map(|d| motion.averaged(WIDTH, time + d));
+                let [before, here, after] = [-step, 0.0, step].map(|d| motion.averaged(time + d));
                 let slope = |a: Configuration, b: Configuration| (b - a) / (2.0 * step);
                 let velocity = slope(before.position, after.position);
                 assert!(
@@ -275,8 +327,8 @@ mod tests {
         with_motion(|motion, _| {
             let total = motion.duration() + WIDTH;
             for (knot, expected) in [
-                (motion.averaged(WIDTH, 0.0), motion.start()),
-                (motion.averaged(WIDTH, total), motion.end(WIDTH)),
+                (motion.averaged(0.0), Knot::resting(0.0, motion.first())),
+                (motion.averaged(total), Knot::resting(total, motion.last())),
             ] {
                 assert!((knot.position - expected.position).amax() < 1e-13);
                 assert!(knot.velocity.amax() < 1e-12 && knot.acceleration.amax() < 1e-9);

@@ -17,17 +17,21 @@ mod placement;
 mod rate;
 mod segment;
 mod spline;
+mod stopping;
 mod tendon;
 mod tendon_path;
 mod topp;
 mod width;
 
-pub use allocation::{AllocationError, AllocationOptions, Allocator, MAX_KNOTS, allocate};
+pub use allocation::{
+    AllocationError, AllocationOptions, Allocator, End, EndMotion, EndMotions, MAX_KNOTS, allocate,
+};
 pub use curve::{Trajectory, TrajectoryError, evaluate};
 pub use knot::{Knot, State};
 pub use limit_use::{LimitUse, limit_use};
 pub use rate::{RateLaw, RateStep};
 pub use segment::QuinticSegment;
+pub use stopping::{StoppingError, stopping_motion};
 
 #[cfg(test)]
 mod test_paths;

@@ -31,6 +31,8 @@ pub(crate) struct Target<'a> {
     pub(crate) motion: &'a TimedPath,
     pub(crate) rows: &'a TendonRows,
     pub(crate) limits: &'a TendonLimits,
+    /// The first and the last knot, exactly; their times are not read.
+    pub(crate) ends: [Knot; 2],
     pub(crate) knots: usize,
 }
 
@@ -58,8 +60,6 @@ struct Segment {
 /// The chosen knots, and the memory to choose them.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Placement {
-    /// Width of the average, s.
-    width: f64,
     /// The shortest segment, s, and the shortest that may end at a jerk step.
     shortest: f64,
     shortest_at_step: f64,
@@ -71,12 +71,11 @@ pub(crate) struct Placement {
 }
 
 impl Placement {
-    /// Chooses the knots of the target's motion averaged over `width` seconds. The result is the factor by which all
+    /// Chooses the knots of the target's averaged motion. The result is the factor by which all
     /// times must be multiplied for the limits to be kept and one of them to be used fully.
-    pub(crate) fn place(&mut self, target: &Target, width: f64) -> f64 {
-        let mean = (target.motion.duration() + width) / target.knots as f64;
-        let rounding = rounding_time(target, width);
-        self.width = width;
+    pub(crate) fn place(&mut self, target: &Target) -> f64 {
+        let mean = (target.motion.duration() + target.motion.width()) / target.knots as f64;
+        let rounding = rounding_time(target);
         self.shortest = rounding.max(SHORTEST_PART * mean);
         self.shortest_at_step = rounding.max(SHORTEST_PART_AT_STEP * mean);
         self.find_steps(target);
@@ -139,7 +138,7 @@ impl Placement {
     fn distance(&self, target: &Target, [from, to]: [usize; 2]) -> f64 {
         let (first, last) = (&self.knots[from], &self.knots[to]);
         let time = 0.5 * (first.time + last.time);
-        let middle = target.motion.mean_position_until(time, self.width);
+        let middle = target.motion.mean_position(time);
         (QuinticSegment::between(first, last).middle() - middle).norm()
     }
 
@@ -152,7 +151,7 @@ impl Placement {
                 self.steps.extend([
                     JerkStep { time, size },
                     JerkStep {
-                        time: time + self.width,
+                        time: time + target.motion.width(),
                         size,
                     },
                 ]);
@@ -163,18 +162,19 @@ impl Placement {
     }
 
     fn lay_evenly(&mut self, target: &Target) {
-        let total = target.motion.duration() + self.width;
+        let total = target.motion.duration() + target.motion.width();
         let count = (total / self.shortest)
             .min((target.knots / 2) as f64)
             .max(1.0) as usize;
         self.knots.clear();
         self.tendon_knots.clear();
-        self.push_knot(target, target.motion.start());
+        let [start, end] = target.ends;
+        self.push_knot(target, Knot { time: 0.0, ..start });
         for i in 1..count {
             let time = total * (i as f64 / count as f64);
-            self.push_knot(target, target.motion.averaged(self.width, time));
+            self.push_knot(target, target.motion.averaged(time));
         }
-        self.push_knot(target, target.motion.end(self.width));
+        self.push_knot(target, Knot { time: total, ..end });
         self.segments.clear();
         for i in 0..count {
             let ends = [i, i + 1];
@@ -201,7 +201,7 @@ impl Placement {
             return true;
         };
         let middle = self.knots.len();
-        self.push_knot(target, target.motion.averaged(self.width, time));
+        self.push_knot(target, target.motion.averaged(time));
         let parts = [[from, middle], [middle, to]].map(|ends| {
             // A part is closer than the whole.
             let is_close = distance <= POSITION_TOLERANCE;
@@ -232,9 +232,9 @@ impl Placement {
 /// The segment duration below which the rounding of positions alone would make 1 % of the motion's jerk bound.
 ///
 /// A quintic's jerk is up to 60 ÷ h³ times a displacement.
-fn rounding_time(target: &Target, width: f64) -> f64 {
+fn rounding_time(target: &Target) -> f64 {
     let gain = target.rows.gain();
     let rounding = 4.0 * f64::EPSILON * target.motion.largest_position() * gain;
-    let jerk_bound = 2.0 * target.limits.acceleration / width;
+    let jerk_bound = 2.0 * target.limits.acceleration / target.motion.width();
     (60.0 * rounding / (0.01 * jerk_bound)).cbrt()
 }

@@ -49,7 +49,6 @@ impl TendonRows {
     }
 
     /// The largest |derivative of length| that goes with a derivative of ζ.
-    #[cfg(test)]
     pub(crate) fn largest(&self, vector: &Configuration) -> f64 {
         let mut most = [0.0; LANES];
         for block in &self.blocks {

@@ -9,16 +9,25 @@
 use crate::spline::Spline;
 use crate::tendon::{LANES, TendonRows, combined, largest_lane, raise_to_magnitude};
 use crate::tendon_path::{Derivatives, PieceWeights, TendonPath, largest_slope};
-use interval::{IntervalLimits, Polygon, ROUNDING, largest_second};
+use interval::{IntervalLimits, Polygon, ROUNDING, largest_second, trades_speeds};
 use pcc_model::TendonLimits;
 
 mod interval;
 
-/// The path speed ṡ ≥ 0 that a motion must have at its ends, in path parameter per second.
+/// The path speed ṡ ≥ 0 that a motion must have at its ends, in path parameter per second, and a margin between.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct EndSpeeds {
     pub(crate) start: f64,
     pub(crate) end: f64,
+    /// Part of the velocity limit that is left unused, but near an end that is faster already.
+    pub(crate) margin: f64,
+}
+
+/// An end whose speed cannot be met, with the largest one that can, in path parameter per second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Unmet {
+    Start(f64),
+    End(f64),
 }
 
 /// A point of the grid.
@@ -53,10 +62,10 @@ const EXCESS_TOLERANCE: f64 = 0.02;
 /// x where no limit bounds it (tendons that stand still at a point).
 const UNBOUNDED: f64 = 1e100;
 /// How often the grid is refined at most.
-const REFINEMENTS: usize = 3;
+const REFINEMENTS: usize = 5;
 
 impl SpeedProfile {
-    /// Finds the fastest x along `spline` on about `intervals` grid intervals; false if `ends` cannot be met.
+    /// Finds the fastest x along `spline` on about `intervals` grid intervals.
     pub(crate) fn solve(
         &mut self,
         spline: &Spline,
@@ -64,20 +73,20 @@ impl SpeedProfile {
         limits: &TendonLimits,
         ends: EndSpeeds,
         intervals: usize,
-    ) -> bool {
+    ) -> Result<(), Unmet> {
         self.path.rebuild(spline, rows, limits.acceleration);
         let largest_speed = limits.velocity / limits.acceleration;
         self.lay_grid(spline, intervals);
         for round in 0..=REFINEMENTS {
             self.project(spline, largest_speed);
-            if !self.backward(ends.end) || !self.forward(ends.start) {
-                return false;
-            }
+            self.leave_margin(spline.length(), largest_speed, ends);
+            self.backward(ends.end)?;
+            self.forward(ends.start)?;
             if round == REFINEMENTS || !self.refine(spline, largest_speed) {
                 break;
             }
         }
-        true
+        Ok(())
     }
 
     pub(crate) fn grid(&self) -> &[GridPoint] {
@@ -143,18 +152,38 @@ impl SpeedProfile {
         }
     }
 
+    /// Lowers the largest speeds by the margin: at once, or from an end that is faster within twice its braking time.
+    fn leave_margin(&mut self, length: f64, largest_speed: f64, ends: EndSpeeds) {
+        if ends.margin == 0.0 {
+            return;
+        }
+        let last = self.grid.len() - 1;
+        let part = |speed: f64, cap: f64| (speed / cap.sqrt()).min(1.0);
+        let at_start = part(ends.start, self.speed_cap[0]);
+        let at_end = part(ends.end, self.speed_cap[last]);
+        let fade = |distance: f64, speed: f64| 1.0 - distance / (2.0 * speed * largest_speed);
+        for (place, cap) in self.grid.iter().zip(&mut self.speed_cap) {
+            let from_start = at_start * fade(place.parameter, ends.start);
+            let from_end = at_end * fade(length - place.parameter, ends.end);
+            // A fade from an end at rest is NaN or −∞, which max passes over.
+            let kept = (1.0 - ends.margin).max(from_start).max(from_end);
+            *cap *= kept * kept;
+        }
+    }
+
     fn interval_limits(&self, i: usize) -> &[IntervalLimits] {
         &self.limits[i * self.path.blocks..(i + 1) * self.path.blocks]
     }
 
     /// The intervals of x from which the end can be reached ("controllable sets").
-    fn backward(&mut self, end_speed: f64) -> bool {
+    fn backward(&mut self, end_speed: f64) -> Result<(), Unmet> {
         let count = self.grid.len();
         let end = end_speed * end_speed;
         self.reachable.clear();
         self.reachable.resize(count, [end; 2]);
-        if end > self.speed_cap[count - 1] {
-            return false;
+        let most = self.speed_cap[count - 1];
+        if end > most * (1.0 + ROUNDING) {
+            return Err(Unmet::End(most.sqrt()));
         }
         let mut polygon = std::mem::take(&mut self.polygon);
         for i in (0..count - 1).rev() {
@@ -166,15 +195,19 @@ impl SpeedProfile {
             self.reachable[i] = reachable;
         }
         self.polygon = polygon;
-        !self.polygon.is_empty()
+        // What cannot be reached at all is too fast at the end: at rest, everything can stand still.
+        if self.polygon.is_empty() {
+            return Err(Unmet::End(0.0));
+        }
+        Ok(())
     }
 
     /// From the start, the largest x at each next point.
-    fn forward(&mut self, start_speed: f64) -> bool {
+    fn forward(&mut self, start_speed: f64) -> Result<(), Unmet> {
         let start = start_speed * start_speed;
         let [low, high] = self.reachable[0];
         if start < low * (1.0 - ROUNDING) || start > high * (1.0 + ROUNDING) {
-            return false;
+            return Err(Unmet::Start(high.sqrt()));
         }
         self.square_speed.clear();
         self.square_speed.push(start);
@@ -187,10 +220,11 @@ impl SpeedProfile {
                 .max(low);
             self.square_speed.push(x);
         }
-        true
+        Ok(())
     }
 
-    /// Divides the intervals in whose middle a limit is exceeded; false if there are none.
+    /// Divides the intervals in whose middle a limit is exceeded, and those in which speed at the start costs speed at
+    /// the end (the forward pass is optimal only where it does not, which is so on a fine grid); false if there are none.
     fn refine(&mut self, spline: &Spline, largest_speed: f64) -> bool {
         self.refined.clear();
         let mut divided = false;
@@ -212,7 +246,10 @@ impl SpeedProfile {
             }
             let most = largest_lane(&force).max(largest_lane(&slope) * x.sqrt() / largest_speed);
             let is_inside = middle.parameter > from.parameter && middle.parameter < to.parameter;
-            if most > 1.0 + EXCESS_TOLERANCE && is_inside {
+            let ends = [self.square_speed[i], self.square_speed[i + 1]];
+            let is_coarse =
+                most > 1.0 + EXCESS_TOLERANCE || trades_speeds(self.interval_limits(i), &ends);
+            if is_coarse && is_inside {
                 self.refined.push(middle);
                 divided = true;
             }
@@ -239,7 +276,7 @@ mod tests {
         assert!(spline.rebuild(path, 0.1, 0.0));
         let rows = TendonRows::of(&unit_tendons());
         let is_solved = profile.solve(&spline, &rows, &unit_limits(), ends, intervals);
-        (spline, profile, is_solved)
+        (spline, profile, is_solved.is_ok())
     }
 
     fn line() -> [Configuration; 2] {
@@ -283,6 +320,7 @@ mod tests {
             let ends = EndSpeeds {
                 start: start * speed,
                 end: end * speed,
+                margin: 0.0,
             };
             let (_, profile, is_solved) = solved(&line(), ends, 200);
             assert!(is_solved, "{ends:?}");
@@ -294,6 +332,7 @@ mod tests {
             let ends = EndSpeeds {
                 start: start * speed,
                 end: end * speed,
+                margin: 0.0,
             };
             assert!(!solved(&line(), ends, 200).2, "{ends:?}");
         }
@@ -303,7 +342,8 @@ mod tests {
                 &short,
                 EndSpeeds {
                     start: speed,
-                    end: 0.0
+                    end: 0.0,
+                    margin: 0.0,
                 },
                 200
             )

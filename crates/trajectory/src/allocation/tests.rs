@@ -65,7 +65,10 @@ fn smooth_paths_are_fast_and_use_a_limit_fully() {
             .unwrap();
         assert_contract(&motion, &path, &limits);
         let width = 2.0 * limits.acceleration / limits.jerk;
-        let bound = allocator.unfiltered_duration() + width;
+        let bound = allocator
+            .fastest_duration(&path, &tendons, &limits, &AllocationOptions::default())
+            .unwrap()
+            + width;
         assert!(
             motion.duration() <= 1.03 * bound,
             "{} against {bound}",

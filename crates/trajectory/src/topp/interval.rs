@@ -32,6 +32,11 @@ impl IntervalLimits {
     }
 }
 
+/// Speed at the start that costs less than this part of itself at the end is worth it.
+const LEAST_TRADE: f64 = 0.5;
+/// A limit of which this part is used is used fully.
+const FULL_USE: f64 = 1.0 - 1e-6;
+
 /// The convex set of pairs that is left, corner by corner.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Polygon {
@@ -156,6 +161,21 @@ pub(super) fn largest_second(limits: &[IntervalLimits], x: f64) -> f64 {
         }
     }
     least.into_iter().fold(f64::INFINITY, f64::min)
+}
+
+/// Whether a limit that a pair uses fully allows more of either for less of the other.
+#[inline(always)]
+pub(super) fn trades_speeds(limits: &[IntervalLimits], pair: &[f64; 2]) -> bool {
+    let mut most = [0.0; LANES];
+    for [first, second] in limits.iter().flat_map(IntervalLimits::normals) {
+        let products = combined(first, pair[0], second, pair[1]);
+        let trading = lanes(|i| {
+            let trades = first[i] * second[i] > LEAST_TRADE * second[i] * second[i];
+            if trades { products[i] } else { 0.0 }
+        });
+        raise_to_magnitude(&mut most, &trading);
+    }
+    largest_lane(&most) > FULL_USE
 }
 
 fn dot(normal: &[f64; 2], point: &[f64; 2]) -> f64 {

@@ -1,0 +1,357 @@
+//! Time allocation beside a linear program and Python's toppra, on random certified paths.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Instant;
+
+use anyhow::{Context, ensure};
+use denoiser::{FastModel, Manifest};
+use pcc_model::{Configuration, Robot};
+use planning::scenes::{Setting, draw_target};
+use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
+use serde_json::json;
+use tests::programs::repository;
+use trajectory::{AllocationOptions, Allocator, Trajectory, evaluate};
+
+use crate::paper_python::python_with;
+use crate::paper_runs::median;
+use crate::timer::Timer;
+use crate::{Report, Scale};
+
+const SETTINGS: [Setting; 2] = [Setting::General(None), Setting::Hard];
+/// Seed of scenes that nothing was trained or tuned on.
+const SEED: u64 = 990_017;
+/// The grid that both solvers are timed on.
+const INTERVALS: usize = 252;
+/// The grid that is taken for the truth.
+const FINE_INTERVALS: usize = 2016;
+/// Rate at which the executed curve is looked at.
+const SAMPLES_PER_SECOND: f64 = 10_000.0;
+/// What the allocation's solver is repeated for one time, which is too short to measure.
+const REPETITIONS: usize = 20;
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command = "scripts/reference_timing.py";
+    report.group("time allocation", command, |report| {
+        let cases = Cases::make(scale.pick(20, 200))?;
+        let mut reference = cases.reference()?;
+        report.shown("time allocation: beside", reference.about.clone());
+        optimal(report, &cases, &mut reference)?;
+        within_limits(report, &cases);
+        durations(report, &cases);
+        speed(report, &cases, &mut reference)
+    });
+}
+
+/// A certified path of 64 waypoints, and its motion.
+struct Case {
+    waypoints: Vec<Configuration>,
+    motion: Trajectory,
+    /// Duration before jerk is bounded, s.
+    unbounded: f64,
+    /// Path parameter, rad, and speed, rad/s, before jerk is bounded.
+    speeds: Vec<(f64, f64)>,
+}
+
+struct Cases {
+    robot: Robot,
+    cases: Vec<Case>,
+}
+
+impl Cases {
+    /// As many in general as in hard scenes: what the learned sampler and the tree find there, certified.
+    fn make(count: usize) -> anyhow::Result<Self> {
+        let file = repository().join("config/robots/unit.toml");
+        let robot = Robot::from_file(&file)?;
+        let manifest = Manifest::open(&repository().join("weights"))?;
+        let fast = FastModel::from_weights(&manifest.weights("fast")?, robot.bending_limit)?;
+        let models = Models {
+            fast: Some(fast),
+            ..Models::default()
+        };
+        let planner = Planner::new(&robot, models, 1)?;
+        let mut made = Self {
+            robot: planner.robot().clone(),
+            cases: Vec::new(),
+        };
+        for (setting, total) in SETTINGS.into_iter().zip([count / 2, count]) {
+            for index in 0.. {
+                made.add(&planner, setting, index, total)?;
+                if made.cases.len() == total {
+                    break;
+                }
+            }
+        }
+        Ok(made)
+    }
+
+    /// Adds the certified paths of one target, up to `total`.
+    fn add(
+        &mut self,
+        planner: &Planner,
+        setting: Setting,
+        index: u64,
+        total: usize,
+    ) -> anyhow::Result<()> {
+        let Some(target) = draw_target(&self.robot, setting, SEED, index) else {
+            return Ok(());
+        };
+        let problem = Problem {
+            start: target.starts[0],
+            goal: Goal::Tip(target.tip),
+            scene: target.scene,
+        };
+        let request = Request {
+            candidates: 2,
+            seed: index,
+            sampler: Sampler::Default,
+            selection: Selection::ShortestTime,
+            limits_scale: 1.0,
+            growth: 0.0,
+            knots: AllocationOptions::default().knots,
+        };
+        let Ok(plan) = planner.plan(&problem, &request, &|| false) else {
+            return Ok(());
+        };
+        for draw in plan.draws {
+            let (Ok(certified), Some(waypoints)) = (draw.outcome, draw.path) else {
+                continue;
+            };
+            let case = self.allocate(waypoints)?;
+            // Some certify only with rests at their corners: another motion, of several paths.
+            if case.motion == certified && self.cases.len() < total {
+                self.cases.push(case);
+            }
+        }
+        Ok(())
+    }
+
+    fn allocate(&self, waypoints: Vec<Configuration>) -> anyhow::Result<Case> {
+        let (tendons, limits) = (&self.robot.tendons, &self.robot.tendon_limits);
+        let options = AllocationOptions::default();
+        let mut allocator = Allocator::default();
+        let motion = allocator.allocate(&waypoints, tendons, limits, &options)?;
+        let unbounded = allocator.fastest_duration(&waypoints, tendons, limits, &options)?;
+        let speeds = allocator.path_speeds().collect();
+        Ok(Case {
+            waypoints,
+            motion,
+            unbounded,
+            speeds,
+        })
+    }
+
+    /// The program that times the same paths, waiting for orders.
+    fn reference(&self) -> anyhow::Result<Timer> {
+        let file = repository().join("target/acceptance/fast/timing.json");
+        self.write(&file)?;
+        let python = python_with("venv-timing", "scripts/requirements-timing.txt", "toppra")?;
+        let script = repository().join("scripts/reference_timing.py");
+        Timer::start(Command::new(python).arg(script).arg(file))
+    }
+
+    fn write(&self, file: &PathBuf) -> anyhow::Result<()> {
+        let rows = |points: &[Configuration]| -> Vec<Vec<f64>> {
+            points.iter().map(|p| p.iter().copied().collect()).collect()
+        };
+        let paths = self.cases.iter().map(|case| {
+            let (s, speed): (Vec<f64>, Vec<f64>) = case.speeds.iter().copied().unzip();
+            json!({ "waypoints": rows(&case.waypoints), "s": s, "speed": speed })
+        });
+        let matrix = self.robot.tendons.matrix();
+        let tendons: Vec<Vec<f64>> = matrix
+            .row_iter()
+            .map(|row| row.iter().copied().collect())
+            .collect();
+        let text = serde_json::to_string(&json!({
+            "velocity": self.robot.tendon_limits.velocity,
+            "acceleration": self.robot.tendon_limits.acceleration,
+            "tendons": tendons,
+            "spacing": AllocationOptions::default().spacing,
+            "paths": paths.collect::<Vec<_>>(),
+        }))?;
+        let folder = file.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder)?;
+        std::fs::write(file, text).with_context(|| format!("{} not written", file.display()))
+    }
+}
+
+/// Beside two other solvers on the same path and grid.
+fn optimal(report: &mut Report, cases: &Cases, reference: &mut Timer) -> anyhow::Result<()> {
+    let (mut program, mut toppra, mut active) = (Vec::new(), Vec::new(), Vec::new());
+    for (i, case) in cases.cases.iter().enumerate() {
+        let off = |duration: f64| (case.unbounded - duration).abs() / case.unbounded;
+        program.push(off(reference.ask(&format!("lp {i}"))?));
+        toppra.push(off(reference.ask(&format!("toppra {i}"))?));
+        active.push(reference.ask(&format!("active {i}"))?);
+    }
+    let paths = format!("{} paths, same path and grid", cases.cases.len());
+    for (name, differences) in [("the linear program", &program), ("toppra", &toppra)] {
+        let line = format!("time allocation: |T − T of {name}| ÷ T, largest of {paths}");
+        report.at_most(&line, largest(differences), 1e-3);
+    }
+    let least = active.iter().copied().fold(1.0, f64::min);
+    report.check(
+        "time allocation: part of the time with a limit fully used, before jerk is bounded, least and median",
+        format!("{:.2} %, {:.2} %", 100.0 * least, 100.0 * median(&active)),
+        "> 97 %",
+        least > 0.97,
+    );
+    Ok(())
+}
+
+/// The executed curve, by samples that share nothing with the exact measure.
+fn within_limits(report: &mut Report, cases: &Cases) {
+    let (tendons, limits) = (&cases.robot.tendons, &cases.robot.tendon_limits);
+    let mut most = [0.0f64; 3];
+    let mut lengths = vec![0.0; tendons.count()];
+    for case in &cases.cases {
+        let count = (case.motion.duration() * SAMPLES_PER_SECOND).ceil() as usize;
+        let mut hint = 0;
+        for sample in 0..=count {
+            let time = case.motion.duration() * sample as f64 / count as f64;
+            let state = evaluate(case.motion.knots(), &mut hint, time);
+            let derivatives = [
+                (state.velocity, limits.velocity),
+                (state.acceleration, limits.acceleration),
+                (state.jerk, limits.jerk),
+            ];
+            for (most, (derivative, limit)) in most.iter_mut().zip(derivatives) {
+                tendons.lengths(&derivative, &mut lengths);
+                *most = lengths.iter().fold(*most, |m, l| m.max(l.abs() / limit));
+            }
+        }
+    }
+    for (name, most) in ["v_max", "a_max", "j_max"].into_iter().zip(most) {
+        let line = format!("time allocation: peak ÷ {name} at 10 kHz on the executed curves");
+        report.at_most(&line, most, 1.0 + 1e-6);
+    }
+}
+
+fn durations(report: &mut Report, cases: &Cases) {
+    let limits = &cases.robot.tendon_limits;
+    let width = 2.0 * limits.acceleration / limits.jerk;
+    let over = |duration: &dyn Fn(&Case) -> f64| -> Vec<f64> {
+        let share = |case| 100.0 * (duration(case) / case.unbounded - 1.0);
+        cases.cases.iter().map(share).collect()
+    };
+    for (name, costs) in [
+        ("as executed", over(&|case| case.motion.duration())),
+        (
+            "with a moving average of 2a/j",
+            over(&|case| case.unbounded + width),
+        ),
+    ] {
+        let figure = format!("{:.2} %, {:.2} %", median(&costs), quantile(&costs, 0.95));
+        let line = format!("time allocation: cost of bounding jerk {name}, median and p95");
+        report.shown(&line, figure);
+    }
+    let mean = |duration: &dyn Fn(&Case) -> f64| {
+        let sum: f64 = cases.cases.iter().map(duration).sum();
+        sum / cases.cases.len() as f64
+    };
+    report.shown(
+        "time allocation: mean duration as executed, and before jerk is bounded",
+        format!(
+            "{:.2} s, {:.2} s",
+            mean(&|case| case.motion.duration()),
+            mean(&|case| case.unbounded)
+        ),
+    );
+    let steps = |case: &Case| full_speed_steps(&cases.robot, &case.waypoints);
+    let equal = |case: &Case| largest(&steps(case)) * steps(case).len() as f64;
+    report.shown(
+        "time allocation: mean duration by the velocity-only rule (it starts and stops at once), each step at its \
+         full speed, and equal steps",
+        format!("{:.2} s, {:.2} s", mean(&|case| steps(case).iter().sum()), mean(&equal)),
+    );
+}
+
+/// What each step between waypoints takes if its longest tendon change is at full speed, s.
+fn full_speed_steps(robot: &Robot, waypoints: &[Configuration]) -> Vec<f64> {
+    let mut lengths = vec![0.0; robot.tendons.count()];
+    let steps = waypoints.windows(2).map(|pair| {
+        robot.tendons.lengths(&(pair[1] - pair[0]), &mut lengths);
+        let longest = lengths.iter().fold(0.0f64, |most, l| most.max(l.abs()));
+        longest / robot.tendon_limits.velocity
+    });
+    steps.collect()
+}
+
+/// TOPP-RA beside TOPP-RA, in turns, on the same paths; then the whole allocation.
+fn speed(report: &mut Report, cases: &Cases, reference: &mut Timer) -> anyhow::Result<()> {
+    let mut allocator = Allocator::default();
+    let (tendons, limits) = (&cases.robot.tendons, &cases.robot.tendon_limits);
+    let default = AllocationOptions::default();
+    let as_many = AllocationOptions {
+        grid_intervals: INTERVALS,
+        ..default
+    };
+    let (mut ours, mut theirs, mut whole) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut our_error, mut their_error) = (Vec::new(), Vec::new());
+    for (i, case) in cases.cases.iter().enumerate() {
+        theirs.push(reference.ask(&format!("seconds {i} {INTERVALS}"))?);
+        let mut duration = 0.0;
+        ours.push(seconds(|| {
+            duration = allocator.fastest_duration(&case.waypoints, tendons, limits, &as_many)?;
+            Ok(())
+        })?);
+        whole.push(seconds(|| {
+            allocator.allocate(&case.waypoints, tendons, limits, &default)?;
+            Ok(())
+        })?);
+        let truth = reference.ask(&format!("duration {i} {FINE_INTERVALS}"))?;
+        let their_duration = reference.ask(&format!("duration {i} {INTERVALS}"))?;
+        our_error.push((duration / truth - 1.0).abs());
+        their_error.push((their_duration / truth - 1.0).abs());
+    }
+    ensure!(!ours.is_empty(), "no paths");
+    let (ours_median, theirs_median) = (median(&ours), median(&theirs));
+    report.check(
+        "time allocation: toppra's time ÷ ours, TOPP-RA alone on 252 intervals, medians",
+        format!(
+            "{:.0} × ({:.2} ms and {:.1} µs)",
+            theirs_median / ours_median,
+            1e3 * theirs_median,
+            1e6 * ours_median
+        ),
+        ">= 50 ×",
+        theirs_median >= 50.0 * ours_median,
+    );
+    report.check(
+        "time allocation: error of the duration on 252 intervals against 2016, medians, ours and toppra's",
+        format!("{:.1e}, {:.1e}", median(&our_error), median(&their_error)),
+        "ours <= toppra's",
+        median(&our_error) <= median(&their_error),
+    );
+    report.shown(
+        "time allocation: the whole allocation, median and p95",
+        format!(
+            "{:.1} µs, {:.1} µs",
+            1e6 * median(&whole),
+            1e6 * quantile(&whole, 0.95)
+        ),
+    );
+    Ok(())
+}
+
+/// Median of a few.
+fn seconds(mut work: impl FnMut() -> anyhow::Result<()>) -> anyhow::Result<f64> {
+    let mut times = Vec::with_capacity(REPETITIONS);
+    for _ in 0..REPETITIONS {
+        let began = Instant::now();
+        work()?;
+        times.push(began.elapsed().as_secs_f64());
+    }
+    Ok(median(&times))
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().copied().fold(0.0, f64::max)
+}
+
+fn quantile(values: &[f64], part: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[((sorted.len() - 1) as f64 * part).round() as usize]
+}
