@@ -3,7 +3,7 @@
 use nalgebra::{Cholesky, Matrix3, Matrix3x6, Vector2, Vector3};
 use pcc_model::{Configuration, Point, Robot, SECTIONS};
 
-type TipJacobian = Matrix3x6<f64>;
+pub(crate) type TipJacobian = Matrix3x6<f64>;
 
 /// Iterations of one seed: a count, so that answers do not depend on time.
 const ITERATIONS: usize = 40;
@@ -44,7 +44,7 @@ pub fn solve_tip(robot: &Robot, target: &Point, seed: &Configuration) -> (Config
     (shape, distance)
 }
 
-fn damped_step(jacobian: &TipJacobian, error: &Vector3<f64>) -> Option<Configuration> {
+pub(crate) fn damped_step(jacobian: &TipJacobian, error: &Vector3<f64>) -> Option<Configuration> {
     let damping = DAMPING * error.norm().min(1.0);
     let normal = jacobian * jacobian.transpose() + Matrix3::identity() * damping;
     Cholesky::new(normal).map(|factor| jacobian.transpose() * factor.solve(error))

@@ -30,6 +30,7 @@ mod run;
 mod sampling;
 pub mod scenes;
 mod select;
+mod straighten;
 pub mod teacher;
 mod terminal;
 

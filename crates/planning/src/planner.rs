@@ -8,6 +8,7 @@ use crate::plan::{Candidate, Plan, Request, Sampler};
 use crate::problem::{Infeasible, Problem};
 use crate::pushes::PushKernel;
 use crate::run::Run;
+use crate::straighten::TipCurves;
 use denoiser::FastModel;
 use pcc_model::Robot;
 use thiserror::Error;
@@ -46,6 +47,7 @@ pub struct Planner {
     pub(crate) models: Models,
     pub(crate) basis: SineBasis,
     pub(crate) kernel: PushKernel,
+    pub(crate) tip_curves: TipCurves,
     workers: rayon::ThreadPool,
 }
 
@@ -82,6 +84,7 @@ impl Planner {
             robot: robot.scaled(1.0 / length),
             models,
             kernel: PushKernel::new(&basis),
+            tip_curves: TipCurves::new(),
             basis,
             workers,
         })

@@ -233,9 +233,13 @@ impl<'a> Run<'a> {
             .collect();
         let residuals = sample_paths(model, &inputs, self.request.seed);
         let paths = residuals
-            .iter()
+            .par_iter()
             .zip(&aim.goals)
-            .map(|(residual, goal)| self.bend(&frame, goal, residual))
+            .map(|(residual, goal)| {
+                let mut path = self.bend(&frame, goal, residual);
+                self.planner.tip_curves.straighten(robot, &mut path);
+                path
+            })
             .collect();
         self.stages.sample = clock.elapsed().as_secs_f64();
         paths
