@@ -15,7 +15,7 @@ pub const MAX_SOLIDS: usize = 256;
 /// Largest coordinate and radius of a ball, length unit: beyond it clearances lose more digits than a motion has room.
 pub const MAX_EXTENT: f64 = 1e7;
 /// Up to this many balls a plain scan is faster than the tree.
-const SCAN_UP_TO: usize = 16;
+const SCAN_UP_TO: usize = 256;
 
 /// A ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
