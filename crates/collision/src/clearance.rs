@@ -75,13 +75,19 @@ impl Scene {
         let first = out.len();
         let reach = tube_radius + margin;
         for section in 0..SECTIONS {
-            let cover = Cover::new(self, backbone, section);
-            self.for_each_near(cover.places(), cover.reach + reach, |index, ball| {
+            let visit = |index: usize, ball: &Ball| {
                 if surface_distance(backbone, section, ball) < reach {
                     let contact = self.contact(backbone, tube_radius, section, index);
                     keep_nearest(out, first, contact);
                 }
-            });
+            };
+            if self.has_many_balls() {
+                let (places, around) = four_places(backbone, section);
+                self.for_each_near(&places, around + reach, visit);
+            } else {
+                let (place, around) = one_place(backbone, section);
+                self.for_each_near(&place, around + reach, visit);
+            }
         }
         for section in 0..SECTIONS {
             for (index, solid) in self.solids().iter().enumerate() {
@@ -130,10 +136,14 @@ impl Scene {
 
     /// Index of the ball nearest to a section, and the distance from the backbone to its surface.
     fn nearest_ball(&self, backbone: &Backbone, section: usize) -> Option<(usize, f64)> {
-        let cover = Cover::new(self, backbone, section);
-        self.least(cover.places(), cover.reach, |ball| {
-            surface_distance(backbone, section, ball)
-        })
+        let cost = |ball: &Ball| surface_distance(backbone, section, ball);
+        if self.has_many_balls() {
+            let (places, around) = four_places(backbone, section);
+            self.least(&places, around, cost)
+        } else {
+            let (place, around) = one_place(backbone, section);
+            self.least(&place, around, cost)
+        }
     }
 
     fn contact(
@@ -156,35 +166,16 @@ impl Scene {
     }
 }
 
-/// Places on a section such that every point of it is within `reach` of one of them.
-struct Cover {
-    places: [Point; 4],
-    count: usize,
-    reach: f64,
+/// Four places on a section and how far from the nearest of them its points are at most.
+fn four_places(backbone: &Backbone, section: usize) -> ([Point; 4], f64) {
+    let places = [0.125, 0.375, 0.625, 0.875].map(|f| backbone.point(section, f));
+    (places, 0.125 * backbone.section_length(section))
 }
 
-impl Cover {
-    /// The middle alone; four places where there are many balls to be passed over.
-    fn new(scene: &Scene, backbone: &Backbone, section: usize) -> Self {
-        let length = backbone.section_length(section);
-        if scene.has_many_balls() {
-            Self {
-                places: [0.125, 0.375, 0.625, 0.875].map(|f| backbone.point(section, f)),
-                count: 4,
-                reach: 0.125 * length,
-            }
-        } else {
-            Self {
-                places: [backbone.middle(section); 4],
-                count: 1,
-                reach: 0.5 * length,
-            }
-        }
-    }
-
-    fn places(&self) -> &[Point] {
-        &self.places[..self.count]
-    }
+/// The middle of a section and how far from it its points are at most.
+fn one_place(backbone: &Backbone, section: usize) -> ([Point; 1], f64) {
+    let half_length = 0.5 * backbone.section_length(section);
+    ([backbone.middle(section)], half_length)
 }
 
 fn surface_distance(backbone: &Backbone, section: usize, ball: &Ball) -> f64 {

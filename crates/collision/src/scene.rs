@@ -15,7 +15,7 @@ pub const MAX_SOLIDS: usize = 256;
 /// Largest coordinate and radius of a ball, length unit: beyond it clearances lose more digits than a motion has room.
 pub const MAX_EXTENT: f64 = 1e7;
 /// Up to this many balls a plain scan is faster than the tree.
-const SCAN_UP_TO: usize = 16;
+const SCAN_UP_TO: usize = 256;
 
 /// A ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -157,9 +157,9 @@ impl Scene {
     ///
     /// `cost` must be at least the signed distance from the nearest of the places to the ball's surface minus `reach`: the
     /// balls for which that exceeds the least cost found are passed over.
-    pub(crate) fn least(
+    pub(crate) fn least<const N: usize>(
         &self,
-        places: &[Point],
+        places: &[Point; N],
         reach: f64,
         cost: impl Fn(&Ball) -> f64,
     ) -> Option<(usize, f64)> {
@@ -181,9 +181,9 @@ impl Scene {
         }
     }
 
-    fn least_by_scan(
+    fn least_by_scan<const N: usize>(
         &self,
-        places: &[Point],
+        places: &[Point; N],
         reach: f64,
         cost: impl Fn(&Ball) -> f64,
     ) -> Option<(usize, f64)> {
@@ -200,9 +200,9 @@ impl Scene {
     }
 
     /// Calls `visit` with every ball whose surface comes within `reach` of one of the places.
-    pub(crate) fn for_each_near(
+    pub(crate) fn for_each_near<const N: usize>(
         &self,
-        places: &[Point],
+        places: &[Point; N],
         reach: f64,
         mut visit: impl FnMut(usize, &Ball),
     ) {
@@ -228,13 +228,13 @@ fn is_allowed(ball: &Ball) -> bool {
 }
 
 /// Whether a ball's surface is nearer than `reach` to one of the places; without a square root.
-fn is_within(ball: &Ball, places: &[Point], reach: f64) -> bool {
+fn is_within<const N: usize>(ball: &Ball, places: &[Point; N], reach: f64) -> bool {
     let limit = reach + ball.radius;
     let is_near = |place: &Point| (ball.centre - place).norm_squared() < limit * limit;
     limit > 0.0 && places.iter().any(is_near)
 }
 
-fn gap_to_box(places: &[Point], aabb: &Aabb) -> f64 {
+fn gap_to_box<const N: usize>(places: &[Point; N], aabb: &Aabb) -> f64 {
     let gap = |place: &Point| {
         let from = DVec3::from(*place);
         (from.clamp(aabb.mins, aabb.maxs) - from).length_squared()

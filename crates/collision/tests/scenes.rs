@@ -53,7 +53,7 @@ fn clearances_are_those_of_brute_force_in_scenes_of_any_size() {
 #[test]
 fn deep_penetrations_are_found_in_large_scenes() {
     let (robot, mut random) = (uneven_robot(), random(2));
-    let mut balls: Vec<Ball> = (0..100).map(|_| ball(&mut random, 0.0..0.2)).collect();
+    let mut balls: Vec<Ball> = (0..400).map(|_| ball(&mut random, 0.0..0.2)).collect();
     balls[42].radius = 2.5;
     let scene = Scene::new(balls).unwrap();
     for _ in 0..500 {
