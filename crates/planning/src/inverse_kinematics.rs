@@ -1,9 +1,9 @@
 //! Tip inverse kinematics by damped Newton steps inside the bending discs.
 
 use nalgebra::{Cholesky, Matrix3, Matrix3x6, Vector2, Vector3};
-use pcc_model::{Configuration, Point, Robot, SECTIONS};
+use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 
-pub(crate) type TipJacobian = Matrix3x6<f64>;
+type TipJacobian = Matrix3x6<f64>;
 
 /// Iterations of one seed: a count, so that answers do not depend on time.
 const ITERATIONS: usize = 40;
@@ -30,21 +30,33 @@ pub fn solve_tip(robot: &Robot, target: &Point, seed: &Configuration) -> (Config
             return (shape, distance);
         }
         previous = distance;
-        let mut jacobian = backbone.tip_jacobian();
-        let Some(mut step) = damped_step(&jacobian, &error) else {
+        let Some(next) = newton_step(robot, &shape, &backbone, &error) else {
             return (shape, distance);
         };
-        // Where a section would leave its disc it may only turn: clipped steps would come nearer by a share at a time.
-        if hold_limits(robot, &shape, &step, &mut jacobian) {
-            step = damped_step(&jacobian, &error).unwrap_or(step);
-        }
-        shape = robot.project_to_limits(&(shape + step));
+        shape = next;
     }
     let distance = (target - robot.tip(&shape)).norm();
     (shape, distance)
 }
 
-pub(crate) fn damped_step(jacobian: &TipJacobian, error: &Vector3<f64>) -> Option<Configuration> {
+/// The shape within the limits after one step that moves the tip by `error`; none if the step cannot be computed.
+///
+/// Where a section would leave its disc it may only turn: clipped steps would come nearer by a share at a time.
+pub(crate) fn newton_step(
+    robot: &Robot,
+    shape: &Configuration,
+    backbone: &Backbone,
+    error: &Vector3<f64>,
+) -> Option<Configuration> {
+    let mut jacobian = backbone.tip_jacobian();
+    let mut step = damped_step(&jacobian, error)?;
+    if hold_limits(robot, shape, &step, &mut jacobian) {
+        step = damped_step(&jacobian, error).unwrap_or(step);
+    }
+    Some(robot.project_to_limits(&(shape + step)))
+}
+
+fn damped_step(jacobian: &TipJacobian, error: &Vector3<f64>) -> Option<Configuration> {
     let damping = DAMPING * error.norm().min(1.0);
     let normal = jacobian * jacobian.transpose() + Matrix3::identity() * damping;
     Cholesky::new(normal).map(|factor| jacobian.transpose() * factor.solve(error))

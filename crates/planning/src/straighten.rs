@@ -4,8 +4,8 @@
 //! the straight line at even speed plus as few terms u (1 − u) P_k(2u − 1) as follow the sampled tip closely enough, and
 //! every waypoint moves onto it by Newton steps of least norm. What is far from all such curves stays as it was sampled.
 
-use crate::inverse_kinematics::damped_step;
-use crate::path::{WAYPOINTS, parameter, project};
+use crate::inverse_kinematics::newton_step;
+use crate::path::{WAYPOINTS, parameter};
 use pcc_model::{Configuration, Point, Robot};
 
 /// Terms at most.
@@ -14,8 +14,10 @@ const TERMS: usize = 4;
 const TRIED: [usize; 3] = [0, 2, TERMS];
 /// Distance between the sampled tip and the curve, section lengths.
 const NEAR: f64 = 0.05;
-/// Newton steps: a count, so that answers do not depend on time.
-const STEPS: usize = 3;
+/// Newton steps at most: a count, so that answers do not depend on time.
+const STEPS: usize = 4;
+/// A tip this near to the curve is on it, section lengths.
+const ON_THE_CURVE: f64 = 1e-7;
 /// A waypoint that would have to move farther lies near a shape whose tip cannot follow the curve, rad.
 const LARGEST_CHANGE_RAD: f64 = 0.4;
 
@@ -48,24 +50,17 @@ impl TipCurves {
     pub(crate) fn straighten(&self, robot: &Robot, path: &mut [Configuration]) {
         let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| robot.tip(&path[h]));
         let Some(curve) = self.near(&tips) else {
-            return;
+            eprintln!("ST none");return;
         };
         let mut drawn = path.to_vec();
-        for (h, waypoint) in drawn.iter_mut().enumerate().take(WAYPOINTS - 1).skip(1) {
-            for _ in 0..STEPS {
-                let backbone = robot.backbone(waypoint);
-                let error = curve[h] - backbone.tip();
-                let Some(step) = damped_step(&backbone.tip_jacobian(), &error) else {
-                    return;
-                };
-                *waypoint += step;
+        let ways = drawn.iter_mut().zip(&curve);
+        for (waypoint, target) in ways.take(WAYPOINTS - 1).skip(1) {
+            if !draw(robot, waypoint, target) {
+ eprintln!("ST far");
+                return;
             }
         }
-        project(robot, &mut drawn);
-        let far = |(a, b): (&Configuration, &Configuration)| (a - b).norm() > LARGEST_CHANGE_RAD;
-        if !drawn.iter().zip(path.iter()).any(far) {
-            path.copy_from_slice(&drawn);
-        }
+        path.copy_from_slice(&drawn); eprintln!("ST ok");
     }
 
     /// The curve of fewest terms that is near these tips.
@@ -87,11 +82,28 @@ impl TipCurves {
                 .zip(&curve)
                 .all(|(tip, on)| (tip - on).norm() <= NEAR)
             {
-                return Some(curve);
+                eprintln!("ST K{wanted}");return Some(curve);
             }
         }
         None
     }
+}
+
+/// Moves a shape until its tip is at a point nearby; false if it would become another shape.
+fn draw(robot: &Robot, shape: &mut Configuration, target: &Point) -> bool {
+    let sampled = *shape;
+    for _ in 0..STEPS {
+        let backbone = robot.backbone(shape);
+        let error = target - backbone.tip();
+        if error.norm() < ON_THE_CURVE {
+            break;
+        }
+        match newton_step(robot, shape, &backbone, &error) {
+            Some(next) => *shape = next,
+            None => return false,
+        }
+    }
+    (*shape - sampled).norm() <= LARGEST_CHANGE_RAD
 }
 
 #[cfg(test)]
