@@ -61,6 +61,8 @@ class Path:
         self.grid, self.speed = np.array(path["s"]), np.array(path["speed"])
         if abs(self.grid[-1] - s[-1]) > 1e-9 * s[-1]:
             sys.exit(f"reference_timing: the path's length is {s[-1]}, its grid ends at {self.grid[-1]}")
+        # toppra wants the very number.
+        self.grid[-1] = s[-1]
         self.velocity, self.acceleration = limits
         self.curve = toppra.SplineInterpolator(s, points @ tendons.T, bc_type="natural")
         self.constraints = [

@@ -106,6 +106,7 @@ impl LimitUse {
         }
     }
 }
+
 /// The factor by which all times of a segment must grow for it to keep the limits: a bound from below, by samples,
 /// and one from above, by control values. Both are 0 where the segment is known to keep them.
 #[inline(always)]

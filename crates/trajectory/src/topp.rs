@@ -61,8 +61,10 @@ pub(crate) struct SpeedProfile {
 const EXCESS_TOLERANCE: f64 = 0.02;
 /// x where no limit bounds it (tendons that stand still at a point).
 const UNBOUNDED: f64 = 1e100;
+/// Into how many parts an interval is divided in which a limit trades speeds.
+const PARTS_WHERE_TRADED: u32 = 4;
 /// How often the grid is refined at most.
-const REFINEMENTS: usize = 5;
+const REFINEMENTS: usize = 3;
 
 impl SpeedProfile {
     /// Finds the fastest x along `spline` on about `intervals` grid intervals.
@@ -245,13 +247,25 @@ impl SpeedProfile {
                 raise_to_magnitude(&mut force, &combined(&here.slope, u, &here.bend, x));
             }
             let most = largest_lane(&force).max(largest_lane(&slope) * x.sqrt() / largest_speed);
-            let is_inside = middle.parameter > from.parameter && middle.parameter < to.parameter;
+            let quarter = 0.25 * (to.parameter - from.parameter);
+            let is_inside = middle.parameter - quarter > from.parameter
+                && middle.parameter + quarter < to.parameter;
             let ends = [self.square_speed[i], self.square_speed[i + 1]];
-            let is_coarse =
-                most > 1.0 + EXCESS_TOLERANCE || trades_speeds(self.interval_limits(i), &ends);
-            if is_coarse && is_inside {
-                self.refined.push(middle);
-                divided = true;
+            let trades = trades_speeds(self.interval_limits(i), &ends);
+            let parts = if trades {
+                PARTS_WHERE_TRADED
+            } else if most > 1.0 + EXCESS_TOLERANCE {
+                2
+            } else {
+                1
+            };
+            if is_inside {
+                divided |= parts > 1;
+                self.refined.extend((1..parts).map(|part| GridPoint {
+                    piece: from.piece,
+                    parameter: from.parameter
+                        + (to.parameter - from.parameter) * (f64::from(part) / f64::from(parts)),
+                }));
             }
         }
         self.refined.push(self.grid[self.grid.len() - 1]);
