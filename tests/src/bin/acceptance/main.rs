@@ -6,7 +6,10 @@
 
 mod demo;
 mod evaluation;
+mod fast_latency;
+mod fast_scenes;
 mod geometry;
+mod machine;
 mod paper_ablation;
 mod paper_data;
 mod paper_parity;
@@ -19,6 +22,9 @@ mod processes;
 mod real_time;
 mod refusals;
 mod report;
+mod runs;
+mod second_look;
+mod spread;
 mod timer;
 
 use std::process::ExitCode;
@@ -46,7 +52,7 @@ struct Suite {
     groups: &'static [fn(&mut Report, Scale)],
 }
 
-const SUITES: [Suite; 2] = [
+const SUITES: [Suite; 3] = [
     Suite {
         name: "chain",
         weights: String::new,
@@ -61,7 +67,7 @@ const SUITES: [Suite; 2] = [
     },
     Suite {
         name: "paper",
-        weights: paper_runs::weights_in_use,
+        weights: runs::weights_in_use,
         groups: &[
             paper_data::run,
             |report, _| paper_parity::run(report),
@@ -69,6 +75,11 @@ const SUITES: [Suite; 2] = [
             paper_speed::run,
             paper_ablation::run,
         ],
+    },
+    Suite {
+        name: "fast",
+        weights: runs::weights_in_use,
+        groups: &[fast_latency::run],
     },
 ];
 
