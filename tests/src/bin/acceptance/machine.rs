@@ -1,7 +1,10 @@
 //! What the operating system says of the machine and of processes.
 
 use std::fs;
-use std::time::Duration;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
@@ -18,6 +21,58 @@ pub(crate) fn stolen() -> anyhow::Result<Duration> {
     let ticks = line.and_then(|line| line.split_whitespace().nth(STEAL));
     let ticks: u32 = ticks.context("/proc/stat has no stolen time")?.parse()?;
     Ok(TICK * ticks)
+}
+
+/// Stolen time as it was counted from time to time; a thread looks until this is dropped.
+pub(crate) struct StolenTimes {
+    /// When a count was read, and the count.
+    counts: Arc<Mutex<Vec<(Instant, Duration)>>>,
+    quit: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl StolenTimes {
+    /// Begins to look.
+    pub(crate) fn watch() -> Self {
+        let (counts, quit) = (
+            Arc::<Mutex<Vec<_>>>::default(),
+            Arc::<AtomicBool>::default(),
+        );
+        let (shared, stop) = (Arc::clone(&counts), Arc::clone(&quit));
+        let watch = move || {
+            while !stop.load(Ordering::Relaxed) {
+                if let Ok(stolen) = stolen() {
+                    shared.lock().unwrap().push((Instant::now(), stolen));
+                }
+                thread::sleep(TICK);
+            }
+        };
+        Self {
+            counts,
+            quit,
+            thread: Some(thread::spawn(watch)),
+        }
+    }
+
+    /// Time stolen between two instants, to the full ticks around them.
+    pub(crate) fn between(&self, begin: Instant, end: Instant) -> Duration {
+        let counts = self.counts.lock().unwrap();
+        let before = counts.iter().rev().find(|(at, _)| *at + TICK <= begin);
+        let after = counts.iter().find(|(at, _)| *at >= end + TICK);
+        let first = before.or(counts.first());
+        let last = after.or(counts.last());
+        let stolen = |count: Option<&(Instant, Duration)>| count.map_or(Duration::ZERO, |c| c.1);
+        stolen(last).saturating_sub(stolen(first))
+    }
+}
+
+impl Drop for StolenTimes {
+    fn drop(&mut self) {
+        self.quit.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
 }
 
 /// What a line of `/proc/PID/status` says, MB (10^6 bytes): `VmRSS:` memory in RAM, `VmHWM:` its peak; shared memory

@@ -6,8 +6,16 @@
 
 mod demo;
 mod evaluation;
+mod fast_ablation;
+mod fast_cases;
+mod fast_certified;
+mod fast_growth;
 mod fast_latency;
+mod fast_picture;
+mod fast_quality;
+mod fast_random;
 mod fast_scenes;
+mod fast_soak;
 mod geometry;
 mod machine;
 mod paper_ablation;
@@ -79,7 +87,14 @@ const SUITES: [Suite; 3] = [
     Suite {
         name: "fast",
         weights: runs::weights_in_use,
-        groups: &[fast_latency::run],
+        groups: &[
+            fast_latency::run,
+            fast_certified::run,
+            fast_quality::run,
+            fast_ablation::run,
+            fast_growth::run,
+            fast_soak::run,
+        ],
     },
 ];
 

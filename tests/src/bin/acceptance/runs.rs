@@ -210,7 +210,8 @@ impl<'a> Evaluation<'a> {
             candidates,
             ..
         } = self;
-        folder().join(format!("{setting}-{planner}-{candidates}{options}"))
+        let name = format!("{setting}-{planner}-{candidates}{options}");
+        folder().join(name)
     }
 
     /// Runs it and reads `result.json`; in a full run, one that was finished before an interruption is not repeated.
