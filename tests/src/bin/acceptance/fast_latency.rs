@@ -15,7 +15,7 @@ use tests::programs::repository;
 use toml::{Table, Value};
 
 use crate::fast_scenes::{Served, requests};
-use crate::machine::{Pinned, stolen};
+use crate::machine::{Disturbance, Pinned};
 use crate::runs::weights_folder;
 use crate::spread::{Spread, median};
 use crate::{Report, Scale};
@@ -129,14 +129,13 @@ fn latency(report: &mut Report, scale: Scale, scenes: &Scenes) -> anyhow::Result
     eprintln!("  latency, {name}: drawing {wanted} requests");
     let (measured, hopeless) = feasible(&mut served, scenes.setting, wanted)?;
     let pinned = Pinned::to_the_last()?;
-    let before = stolen()?;
+    let disturbance = Disturbance::count(served.daemon.pid())?;
     let turns = in_turns(&mut served, &measured)?;
-    let stolen = stolen()?.saturating_sub(before);
     let line = format!(
-        "latency, {name}: client on processor {}, stolen time meanwhile",
+        "latency, {name}: client on processor {}, disturbed meanwhile",
         pinned.processor
     );
-    report.shown(&line, format!("{:.2} s", stolen.as_secs_f64()));
+    report.shown(&line, disturbance.text()?);
     show(report, name, &turns);
     report.none_of(
         &format!("latency, {name}: default selects a motion slower than straight's fastest"),

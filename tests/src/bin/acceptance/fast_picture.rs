@@ -55,3 +55,23 @@ pub(crate) fn draw(file: &Path, caption: &str, curves: &[Curve]) -> anyhow::Resu
     root.present()?;
     Ok(())
 }
+
+#[cfg(test)]
+mod unit {
+    use super::*;
+
+    #[test]
+    fn a_picture_names_its_curves_and_nothing_makes_none() {
+        let file = tempfile::tempdir().unwrap().keep().join("picture.svg");
+        let points = vec![(1.0, 1.02), (10.0, f64::NAN), (20.0, 1.01)];
+        let curve = Curve {
+            name: "fast",
+            points,
+        };
+        draw(&file, "scenes", &[curve]).unwrap();
+        let text = std::fs::read_to_string(&file).unwrap();
+        assert!(text.contains("fast") && text.contains("polyline"));
+        std::fs::remove_dir_all(file.parent().unwrap()).unwrap();
+        assert!(draw(&file, "scenes", &[]).is_err());
+    }
+}

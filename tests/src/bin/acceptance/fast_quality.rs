@@ -280,3 +280,34 @@ fn picture(report: &mut Report, scale: Scale, unseen: &Unseen) -> anyhow::Result
     report.shown(&line, file.display().to_string());
     Ok(())
 }
+
+#[cfg(test)]
+mod unit {
+    use super::*;
+
+    /// One case for each list of tip lengths, as smooth as it is short.
+    fn candidates(tip_lengths: &[&[f64]]) -> Candidates {
+        let case = |lengths: &&[f64]| Figures {
+            tip_length: lengths.to_vec(),
+            smoothness: lengths.to_vec(),
+            duration: lengths.to_vec(),
+            ..Figures::default()
+        };
+        Candidates {
+            planner: "fast",
+            result: Value::Null,
+            cases: tip_lengths.iter().map(case).collect(),
+        }
+    }
+
+    #[test]
+    fn the_share_ahead_is_of_the_cases_that_someone_solves() {
+        let ours = candidates(&[&[1.0, 3.0, 3.0], &[1.0], &[], &[]]);
+        let rival = candidates(&[&[2.0, 2.0, 2.0], &[], &[1.0], &[]]);
+        let share = |of| ahead(&ours, &[&rival], &GOODS, of);
+        assert!((share(middle) - 100.0 / 3.0).abs() < 1e-9);
+        assert!((share(least) - 200.0 / 3.0).abs() < 1e-9);
+        let other = candidates(&[&[0.5], &[0.5], &[], &[]]);
+        assert_eq!(ahead(&ours, &[&rival, &other], &GOODS, least), 0.0);
+    }
+}

@@ -182,3 +182,31 @@ pub(crate) fn spoil(wire: &mut message::PlanRequest, rng: &mut Pcg64) {
         _ => wire.begin_mono_ns = rng.random_range(i64::MIN..0),
     }
 }
+
+#[cfg(test)]
+mod unit {
+    use rand::SeedableRng;
+    use tests::programs::repository;
+
+    use super::*;
+
+    #[test]
+    fn requests_are_well_formed_until_they_are_spoiled() {
+        let robot = Robot::from_file(&repository().join("config/robots/unit.toml")).unwrap();
+        let target = (0..).find_map(|i| draw_target(&robot, Setting::General(Some(4)), SEED, i));
+        let pool = Pool {
+            targets: vec![target.unwrap()],
+        };
+        let mut rng = Pcg64::seed_from_u64(1);
+        let mut most_balls = 0;
+        for _ in 0..2000 {
+            let request = pool.request(&mut rng);
+            most_balls = most_balls.max(request.balls.len());
+            let mut wire = message::PlanRequest::try_from(&request).unwrap();
+            assert_eq!(PlanRequest::try_from(&wire), Ok(request));
+            spoil(&mut wire, &mut rng);
+            assert!(PlanRequest::try_from(&wire).is_err());
+        }
+        assert!(most_balls > 60, "{most_balls}");
+    }
+}

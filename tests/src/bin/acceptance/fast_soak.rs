@@ -1,5 +1,6 @@
 //! A hundred thousand random requests from two clients: what the daemon must never do.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -9,9 +10,9 @@ use client::{Client, ClientError, PlanAnswer};
 use pcc_model::Robot;
 use rand::RngExt;
 use rand_pcg::Pcg64;
-use shared_types::codes::Outcome;
+use shared_types::codes::{Outcome, Stage};
 use shared_types::message::{self, Knot};
-use shared_types::valid::PlanRequest;
+use shared_types::valid::{PlanReport, PlanRequest};
 use tests::raw::RawClient;
 use tests::stack::PATIENCE;
 use tests::world::World;
@@ -19,7 +20,7 @@ use tests::world::World;
 use crate::fast_growth::most_candidates;
 use crate::fast_random::{Pool, Treatment, spoil, treatment};
 use crate::fast_scenes::{Served, demand, motion, scene};
-use crate::machine::{StolenTimes, memory_mb};
+use crate::machine::{Disturbance, StolenTimes, memory_mb};
 use crate::{Report, Scale};
 
 const CLIENTS: usize = 2;
@@ -64,6 +65,27 @@ struct Late {
     sent: Instant,
     answered: Instant,
     by: Duration,
+    /// What was asked, and what took longest.
+    what: String,
+}
+
+/// Names a request, and the stage of its answer that took longest.
+fn what_was_late(request: &PlanRequest, report: &PlanReport) -> String {
+    let longest = Stage::ALL
+        .iter()
+        .max_by_key(|stage| report.stage_ns(**stage));
+    let longest = longest.map(|stage| (stage, 1e-6 * report.stage_ns(*stage) as f64));
+    let longest = longest.map_or(String::new(), |(stage, ms)| {
+        format!("{stage} took {ms:.2} ms")
+    });
+    format!(
+        "{}, {} candidates, {} balls, deadline {:.2} ms, {}, {longest}",
+        request.sampler,
+        request.candidate_count,
+        request.balls.len(),
+        1e3 * request.deadline.unwrap_or_default().as_secs_f64(),
+        report.outcome,
+    )
 }
 
 impl Findings {
@@ -88,6 +110,7 @@ fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
     let mut served = Served::start(most_candidates())?;
     let pool = Pool::draw(&served.world.robot);
     let stolen = StolenTimes::watch();
+    let disturbance = Disturbance::count(served.daemon.pid())?;
     let mut findings = Findings::default();
     let mut memory = Vec::new();
     let begin = Instant::now();
@@ -108,8 +131,9 @@ fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
         let log = served.daemon.log();
         findings.unexpected.push(format!("the daemon ended: {log}"));
     }
+    report.shown("random requests: disturbed meanwhile", disturbance.text()?);
     show(report, &findings);
-    lateness(report, &findings, &stolen);
+    lateness(report, findings.late, &stolen);
     flat_memory(report, &memory);
     Ok(())
 }
@@ -178,11 +202,16 @@ impl<'a> Asker<'a> {
         let answered = Instant::now();
         let deadline = request.deadline.context("they all have one")?;
         let by = (answered - sent).saturating_sub(deadline);
-        if by > LATE_AT_MOST {
-            let late = Late { sent, answered, by };
-            self.findings.late.push(late);
-        }
         let report = answer.report();
+        if by > LATE_AT_MOST {
+            let what = what_was_late(&request, report);
+            self.findings.late.push(Late {
+                sent,
+                answered,
+                by,
+                what,
+            });
+        }
         *self
             .findings
             .outcomes
@@ -311,23 +340,20 @@ fn show(report: &mut Report, findings: &Findings) {
 }
 
 /// Later than the deadline by more than a millisecond and what was stolen meanwhile.
-fn lateness(report: &mut Report, findings: &Findings, stolen: &StolenTimes) {
+fn lateness(report: &mut Report, mut late: Vec<Late>, stolen: &StolenTimes) {
     let ms = |duration: Duration| 1e3 * duration.as_secs_f64();
-    let beyond = findings.late.iter().filter_map(|late| {
+    late.sort_by_key(|late| Reverse(late.by));
+    let worst = late.first().map_or(Duration::ZERO, |late| late.by);
+    let line =
+        "random requests: answers later than their deadline by more than 1 ms, and the latest";
+    report.shown(line, format!("{}, {:.2} ms", late.len(), ms(worst)));
+    let beyond = late.iter().filter_map(|late| {
         let stolen = stolen.between(late.sent, late.answered);
-        let text = format!("{:.2} ms late, {:.0} ms stolen", ms(late.by), ms(stolen));
+        let (by, stolen_ms) = (ms(late.by), ms(stolen));
+        let text = format!("{by:.2} ms late, {stolen_ms:.0} ms stolen: {}", late.what);
         (late.by > LATE_AT_MOST + stolen).then_some(text)
     });
     let beyond: Vec<String> = beyond.collect();
-    let worst = findings.late.iter().map(|late| late.by).max();
-    let line =
-        "random requests: answers later than their deadline by more than 1 ms, and the latest";
-    let figure = format!(
-        "{}, {:.2} ms",
-        findings.late.len(),
-        ms(worst.unwrap_or_default())
-    );
-    report.shown(line, figure);
     let line = "random requests: answers later than their deadline by more than 1 ms and the time stolen meanwhile";
     report.none_of(line, &beyond);
 }

@@ -301,7 +301,7 @@ fn success_against_steps(report: &mut Report, scale: Scale) -> anyhow::Result<()
         let mut figures = Vec::new();
         for steps in STEPS {
             let evaluation = evaluation("steps", &dataset, &model, POST, wanted);
-            let evaluation = evaluation.with("--steps", steps).with("--solver", solver);
+            let evaluation = evaluation.with("--steps", &steps).with("--solver", solver);
             let result = evaluation.run(report, scale)?;
             let success = 100.0 * number(&result, "/sampled/success")?;
             let ms = 1e3 * number(&result, "/sampled/seconds_per_candidate/median")?;

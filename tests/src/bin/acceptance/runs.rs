@@ -193,7 +193,7 @@ impl<'a> Evaluation<'a> {
     }
 
     /// With one more option of `pcc evaluate`.
-    pub(crate) fn with(mut self, option: &'static str, value: impl ToString) -> Self {
+    pub(crate) fn with(mut self, option: &'static str, value: &(impl ToString + ?Sized)) -> Self {
         self.options.push((option, value.to_string()));
         self
     }

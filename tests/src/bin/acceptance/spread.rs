@@ -50,7 +50,7 @@ pub(crate) fn median(values: &[f64]) -> f64 {
 }
 
 #[cfg(test)]
-mod tests {
+mod unit {
     use super::*;
 
     #[test]
