@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::thread;
 use std::time::Duration;
 
-use client::ScenePublisher;
+use client::{PlanAnswer, ScenePublisher};
 use planning::scenes::Setting;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -18,6 +18,8 @@ use crate::{Report, Scale};
 
 const CANDIDATES: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 const BALLS: [usize; 12] = [0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000];
+/// A request's time is the fastest of so many: what disturbs one of them is no cost.
+const REPETITIONS: usize = 3;
 /// A doubling that costs more than this is a cliff.
 const CLIFF: f64 = 3.2;
 /// Balls in the request; more come with the live scene.
@@ -60,7 +62,7 @@ fn with_candidates(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
                 candidate_count,
                 ..request.clone()
             };
-            times.push(1e3 * served.ask(&request)?.1);
+            times.push(fastest(&mut served, &request)?.1);
         }
         curve.push((candidate_count, median(&times)));
     }
@@ -85,8 +87,8 @@ fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
                 balls: cloud[..asked].to_vec(),
                 ..request.clone()
             };
-            let (answer, seconds) = served.ask(&asked)?;
-            times.push(1e3 * seconds);
+            let (answer, ms) = fastest(&mut served, &asked)?;
+            times.push(ms);
             let scene = scene(&cloud)?;
             let demand = demand(&robot, &scene, &asked);
             for candidate in answer.candidates() {
@@ -101,6 +103,16 @@ fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let line = format!("growth: of {motions} motions, those that all the balls contradict");
     report.none_of(&line, &contradicted);
     Ok(())
+}
+
+/// The last answer to a request asked several times, and the shortest time that it took, ms.
+fn fastest(served: &mut Served, request: &PlanRequest) -> anyhow::Result<(PlanAnswer, f64)> {
+    let (mut answer, mut fastest) = served.ask(request)?;
+    for _ in 1..REPETITIONS {
+        let (again, seconds) = served.ask(request)?;
+        (answer, fastest) = (again, fastest.min(seconds));
+    }
+    Ok((answer, 1e3 * fastest))
 }
 
 /// Points strewn over the surfaces of balls, as a decimated point cloud has them; inside, so that what was clear stays so.

@@ -10,11 +10,12 @@ use client::{Client, ClientError, PlanAnswer};
 use pcc_model::Robot;
 use rand::RngExt;
 use rand_pcg::Pcg64;
+use shared_types::capacity::MAX_CANDIDATES;
 use shared_types::codes::{Outcome, Stage};
 use shared_types::message::{self, Knot};
 use shared_types::valid::{PlanReport, PlanRequest};
 use tests::raw::RawClient;
-use tests::stack::PATIENCE;
+use tests::stack::{NO_DEADLINE, PATIENCE};
 use tests::world::World;
 
 use crate::fast_growth::most_candidates;
@@ -24,6 +25,8 @@ use crate::machine::{Disturbance, StolenTimes, memory_mb};
 use crate::{Report, Scale};
 
 const CLIENTS: usize = 2;
+/// Requests for as many candidates as there can be, before memory is read for the first time.
+const LARGEST: usize = 12;
 /// Between two legs motions are judged and memory is read: the first leg is a tenth of all.
 const LEGS: usize = 10;
 /// One of so many answers has all of its motions judged; of every one, both ends are.
@@ -111,6 +114,7 @@ fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
     let pool = Pool::draw(&served.world.robot);
     let stolen = StolenTimes::watch();
     let disturbance = Disturbance::count(served.daemon.pid())?;
+    largest_requests(&mut served, &pool)?;
     let mut findings = Findings::default();
     let mut memory = Vec::new();
     let begin = Instant::now();
@@ -135,6 +139,20 @@ fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
     show(report, &findings);
     lateness(report, findings.late, &stolen);
     flat_memory(report, &memory);
+    Ok(())
+}
+
+/// Requests that take as much memory as any: what they leave behind is no growth afterwards.
+fn largest_requests(served: &mut Served, pool: &Pool) -> anyhow::Result<()> {
+    let mut rng = Pcg64::new(LEGS as u128, 0);
+    for _ in 0..LARGEST {
+        let request = PlanRequest {
+            candidate_count: MAX_CANDIDATES,
+            deadline: Some(NO_DEADLINE),
+            ..pool.request(&mut rng)
+        };
+        served.ask(&request)?;
+    }
     Ok(())
 }
 
