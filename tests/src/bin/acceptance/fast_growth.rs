@@ -54,17 +54,15 @@ fn with_candidates(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let robot = served.world.robot.clone();
     let all = requests(&robot, Setting::General(Some(4)));
     let all: Vec<PlanRequest> = all.take(scale.pick(8, 50)).collect();
-    let mut curve = Vec::new();
-    for candidate_count in CANDIDATES {
-        let mut times = Vec::new();
-        for request in &all {
+    let mut curve = CANDIDATES.map(|count| (count, Vec::new()));
+    for request in &all {
+        for (candidate_count, times) in &mut curve {
             let request = PlanRequest {
-                candidate_count,
+                candidate_count: *candidate_count,
                 ..request.clone()
             };
             times.push(fastest(&mut served, &request)?.1);
         }
-        curve.push((candidate_count, median(&times)));
     }
     show(report, "growth: candidates, 4 balls", &curve);
     Ok(())
@@ -76,11 +74,11 @@ fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let robot = served.world.robot.clone();
     let all = requests(&robot, Setting::General(Some(8)));
     let all: Vec<PlanRequest> = all.take(scale.pick(8, 50)).collect();
-    let (mut curve, mut motions, mut contradicted) = (Vec::new(), 0, Vec::new());
-    for count in BALLS {
-        let mut times = Vec::new();
-        for request in &all {
-            let cloud = cloud(&request.balls, count, request.seed);
+    let mut curve = BALLS.map(|count| (count, Vec::new()));
+    let (mut answered, mut motions, mut contradicted) = (0, 0, Vec::new());
+    for request in &all {
+        for (count, times) in &mut curve {
+            let cloud = cloud(&request.balls, *count, request.seed);
             let asked = cloud.len().min(IN_REQUEST);
             publish(&publisher, &cloud[asked..])?;
             let asked = PlanRequest {
@@ -89,6 +87,7 @@ fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
             };
             let (answer, ms) = fastest(&mut served, &asked)?;
             times.push(ms);
+            answered += usize::from(answer.selected().is_some());
             let scene = scene(&cloud)?;
             let demand = demand(&robot, &scene, &asked);
             for candidate in answer.candidates() {
@@ -97,9 +96,10 @@ fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
                 contradicted.extend(verdict.err().map(|error| format!("{count} balls: {error}")));
             }
         }
-        curve.push((count, median(&times)));
     }
     show(report, "growth: balls, ten candidates", &curve);
+    let line = "growth: requests answered, whatever the number of balls";
+    report.all_of(line, answered, all.len() * BALLS.len());
     let line = format!("growth: of {motions} motions, those that all the balls contradict");
     report.none_of(&line, &contradicted);
     Ok(())
@@ -146,7 +146,8 @@ fn publish(publisher: &ScenePublisher, balls: &[Ball]) -> anyhow::Result<()> {
 }
 
 /// The curve, and its doublings that cost too much.
-fn show(report: &mut Report, name: &str, curve: &[(usize, f64)]) {
+fn show(report: &mut Report, name: &str, curve: &[(usize, Vec<f64>)]) {
+    let curve: Vec<(usize, f64)> = curve.iter().map(|(at, ms)| (*at, median(ms))).collect();
     let points = curve.iter().map(|(at, ms)| format!("{at}: {ms:.2} ms"));
     report.shown(
         &format!("{name}, median of a request"),
