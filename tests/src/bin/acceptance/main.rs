@@ -6,7 +6,18 @@
 
 mod demo;
 mod evaluation;
+mod fast_ablation;
+mod fast_cases;
+mod fast_certified;
+mod fast_growth;
+mod fast_latency;
+mod fast_picture;
+mod fast_quality;
+mod fast_random;
+mod fast_scenes;
+mod fast_soak;
 mod geometry;
+mod machine;
 mod paper_ablation;
 mod paper_data;
 mod paper_parity;
@@ -19,6 +30,9 @@ mod processes;
 mod real_time;
 mod refusals;
 mod report;
+mod runs;
+mod second_look;
+mod spread;
 mod timer;
 
 use std::process::ExitCode;
@@ -46,7 +60,7 @@ struct Suite {
     groups: &'static [fn(&mut Report, Scale)],
 }
 
-const SUITES: [Suite; 2] = [
+const SUITES: [Suite; 3] = [
     Suite {
         name: "chain",
         weights: String::new,
@@ -61,13 +75,25 @@ const SUITES: [Suite; 2] = [
     },
     Suite {
         name: "paper",
-        weights: paper_runs::weights_in_use,
+        weights: runs::weights_in_use,
         groups: &[
             paper_data::run,
             |report, _| paper_parity::run(report),
             |report, _| paper_refusals::run(report),
             paper_speed::run,
             paper_ablation::run,
+        ],
+    },
+    Suite {
+        name: "fast",
+        weights: runs::weights_in_use,
+        groups: &[
+            fast_latency::run,
+            fast_certified::run,
+            fast_quality::run,
+            fast_ablation::run,
+            fast_growth::run,
+            fast_soak::run,
         ],
     },
 ];

@@ -9,9 +9,9 @@ use planning::dataset::{ArchiveReader, Dataset, Row, Split};
 use planning::modes;
 use serde_json::Value;
 
-use crate::paper_runs::{
-    Evaluation, FREE, GENERAL, HARD, MIXED, Model, Unseen, ablation_cases, figure, median, number,
-};
+use crate::paper_runs::{FREE, GENERAL, HARD, MIXED, ablation_cases, evaluation};
+use crate::runs::{Model, Unseen, figure, number};
+use crate::spread::median;
 use crate::{Report, Scale};
 
 const PLANNERS: [&str; 4] = [
@@ -99,7 +99,7 @@ fn ablation(
     report.shown(&format!("{name}: weights"), model.text.clone());
     let mut results = BTreeMap::new();
     for planner in PLANNERS {
-        let evaluation = Evaluation::of(name, &dataset, &model, planner, wanted);
+        let evaluation = evaluation(name, &dataset, &model, planner, wanted);
         let result = evaluation.run(report, scale)?;
         let row = if planner == NULL_ARM {
             corrected_row(&result)?
@@ -257,7 +257,7 @@ fn time_of_refinements(
     let dataset = unseen.make(cases)?;
     let setting = format!("{name}-turns");
     let seconds = |planner| {
-        let evaluation = Evaluation::of(&setting, &dataset, &model, planner, cases);
+        let evaluation = evaluation(&setting, &dataset, &model, planner, cases);
         number(&evaluation.repeat()?, "/stage_seconds/sample/median")
     };
     let [mut post, mut guided] = [Vec::new(), Vec::new()];
@@ -282,7 +282,7 @@ fn success_against_updates(report: &mut Report, scale: Scale) -> anyhow::Result<
     let mut figures = Vec::new();
     for model in Model::all("mixed")? {
         let setting = format!("updates-{}", model.updates);
-        let evaluation = Evaluation::of(&setting, &dataset, &model, POST, wanted);
+        let evaluation = evaluation(&setting, &dataset, &model, POST, wanted);
         let result = evaluation.run(report, scale)?;
         let success = 100.0 * number(&result, "/sampled/success")?;
         figures.push(format!("{}: {success:.1} %", model.updates));
@@ -300,11 +300,8 @@ fn success_against_steps(report: &mut Report, scale: Scale) -> anyhow::Result<()
     for solver in SOLVERS {
         let mut figures = Vec::new();
         for steps in STEPS {
-            let evaluation = Evaluation {
-                steps,
-                solver,
-                ..Evaluation::of("steps", &dataset, &model, POST, wanted)
-            };
+            let evaluation = evaluation("steps", &dataset, &model, POST, wanted);
+            let evaluation = evaluation.with("--steps", &steps).with("--solver", solver);
             let result = evaluation.run(report, scale)?;
             let success = 100.0 * number(&result, "/sampled/success")?;
             let ms = 1e3 * number(&result, "/sampled/seconds_per_candidate/median")?;

@@ -6,7 +6,7 @@ use anyhow::{Context, ensure};
 use serde_json::Value;
 use tests::programs::{program, repository};
 
-use crate::evaluation::{folder, run_pcc};
+use crate::runs::{folder, run_pcc};
 use crate::{Report, Scale};
 
 /// How many times faster than the authors' program.

@@ -8,9 +8,9 @@ use anyhow::ensure;
 use tests::programs::repository;
 
 use crate::Report;
-use crate::evaluation::folder;
 use crate::geometry::test_counts;
 use crate::paper_python::reference_python;
+use crate::runs::folder;
 
 /// Largest relative error against PyTorch, f32.
 const TOLERANCE: f64 = 1e-4;

@@ -3,7 +3,7 @@
 use tests::diffusion_starts::{bad_diffusion_weights, undamaged_start};
 
 use crate::Report;
-use crate::paper_runs::{Model, weights_folder};
+use crate::runs::{Model, weights_folder};
 
 pub(crate) fn run(report: &mut Report) {
     let command = "planner-daemon with [diffusion]; pcc evaluate --planner diffusion";

@@ -11,7 +11,7 @@ use rand_pcg::Pcg64;
 use serde_json::json;
 use tests::programs::repository;
 
-use crate::evaluation::folder;
+use crate::runs::folder;
 
 const RADIUS: f64 = 0.05;
 /// Centres fill a cylinder around the robot, section lengths.

@@ -11,7 +11,9 @@ use denoiser::Precision;
 use tests::programs::repository;
 
 use crate::paper_python::reference_python;
-use crate::paper_runs::{Evaluation, MIXED, Model, ablation_cases, median, number, weights_folder};
+use crate::paper_runs::{MIXED, ablation_cases, evaluation};
+use crate::runs::{Evaluation, Model, number, weights_folder};
+use crate::spread::median;
 use crate::timer::Timer;
 use crate::{Report, Scale, paper_scenes};
 
@@ -179,10 +181,8 @@ fn success_in_bf16(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let (cases, model) = (ablation_cases(scale), MIXED.model()?);
     let dataset = MIXED.make(cases)?;
     let success = |precision| {
-        let evaluation = Evaluation {
-            precision,
-            ..Evaluation::of(MIXED.name, &dataset, &model, "diffusion-post", cases)
-        };
+        let evaluation = evaluation(MIXED.name, &dataset, &model, "diffusion-post", cases);
+        let evaluation = evaluation.with("--precision", precision);
         let result = evaluation.run(report, scale)?;
         Ok::<_, anyhow::Error>(100.0 * number(&result, "/sampled/success")?)
     };
@@ -203,10 +203,8 @@ fn cost_curves(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let dataset = MIXED.make(CURVE_CASES)?;
     let mut points = Vec::new();
     for candidates in CANDIDATES {
-        let evaluation = Evaluation {
-            candidates,
-            ..Evaluation::of("curve", &dataset, &model, "diffusion-post", CURVE_CASES)
-        };
+        let evaluation = evaluation("curve", &dataset, &model, "diffusion-post", CURVE_CASES);
+        let evaluation = evaluation.candidates(candidates);
         points.push(point(report, scale, &evaluation, candidates)?);
     }
     report.shown(
@@ -219,7 +217,7 @@ fn cost_curves(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     for balls in BALLS {
         let setting = format!("curve-{balls}-balls");
         let dataset = paper_scenes::with_balls(balls, CURVE_CASES)?;
-        let evaluation = Evaluation::of(&setting, &dataset, &model, "diffusion-post", CURVE_CASES);
+        let evaluation = evaluation(&setting, &dataset, &model, "diffusion-post", CURVE_CASES);
         points.push(point(report, scale, &evaluation, balls)?);
     }
     report.shown(

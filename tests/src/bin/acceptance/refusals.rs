@@ -1,8 +1,5 @@
 //! Malformed input of every kind, and the memory that good input takes.
 
-use std::fs;
-
-use anyhow::Context;
 use tests::borders::send_malformed;
 use tests::concurrency::{ask_at_once, general_requests};
 use tests::raw::RawClient;
@@ -11,6 +8,7 @@ use tests::starts::{BadStarts, configurations, robot_files, weights};
 use tests::world::{Settings, World};
 
 use crate::Report;
+use crate::machine::memory_mb;
 
 pub(crate) fn run(report: &mut Report) {
     let command = "acceptance chain, refusals";
@@ -79,12 +77,4 @@ fn memory(report: &mut Report) -> anyhow::Result<()> {
     );
     report.at_most("daemon's largest resident memory, MB", peak, 250.0);
     Ok(())
-}
-
-fn memory_mb(pid: u32, field: &str) -> anyhow::Result<f64> {
-    let status = fs::read_to_string(format!("/proc/{pid}/status"))?;
-    let line = status.lines().find_map(|line| line.strip_prefix(field));
-    let kilobytes = line.and_then(|line| line.split_whitespace().next());
-    let kilobytes: f64 = kilobytes.context("no such field")?.parse()?;
-    Ok(kilobytes * 1024e-6)
 }

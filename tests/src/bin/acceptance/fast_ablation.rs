@@ -1,0 +1,90 @@
+//! Success against the network's evaluations, and what the canonical frame, correction, data and size are worth.
+
+use crate::fast_cases::{Cases, GENERAL, HARD, REFERENCE, count};
+use crate::runs::{Model, number};
+use crate::{Report, Scale};
+
+const EVALUATIONS: [usize; 4] = [1, 2, 4, 8];
+/// Attempts to correct a path: none, one, and one more with a larger margin.
+const CORRECTIONS: [usize; 3] = [0, 1, 2];
+/// All weights of the few-step model have names that begin so.
+const PREFIX: &str = "fast";
+/// What other weights are to show, and what their names have in them.
+const WANTED: [(&str, &[&str]); 3] = [
+    ("without the canonical frame", &["base", "frame"]),
+    ("size of the training set", &["data", "fraction", "part"]),
+    ("size of the model", &["width", "small", "large"]),
+];
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    for (group, option, values, what) in [
+        (
+            "success against evaluations",
+            "--evaluations",
+            &EVALUATIONS[..],
+            "evaluations of the network",
+        ),
+        (
+            "ablation of correction",
+            "--corrections",
+            &CORRECTIONS,
+            "corrections",
+        ),
+    ] {
+        let command = format!("pcc evaluate --planner fast {option} …");
+        report.group(group, &command, |report| {
+            for value in values {
+                let line = format!("ablation: {value} {what}");
+                variant(report, scale, &line, option, &value.to_string())?;
+            }
+            Ok(())
+        });
+    }
+    let command = "pcc evaluate --planner fast --model fast…";
+    report.group("ablation of the model", command, |report| {
+        models(report, scale)
+    });
+}
+
+/// One line: the fast planner with one option in every kind of scenes.
+fn variant(
+    report: &mut Report,
+    scale: Scale,
+    line: &str,
+    option: &'static str,
+    value: &str,
+) -> anyhow::Result<()> {
+    let mut texts = Vec::new();
+    for unseen in [REFERENCE, GENERAL, HARD] {
+        let cases = Cases::unseen(&unseen, count(scale))?.first(scale.pick(20, 300));
+        let evaluation = cases.evaluation("fast").with(option, value);
+        let result = evaluation.run(report, scale)?;
+        texts.push(format!(
+            "{} {:.2} % certified, tip length ÷ distance {:.3}, {:.2} ms",
+            cases.name,
+            100.0 * number(&result, "/share_before_fallback")?,
+            number(&result, "/tip_length_ratio/median")?,
+            1e3 * number(&result, "/seconds/median")?,
+        ));
+    }
+    report.shown(line, texts.join("; "));
+    Ok(())
+}
+
+fn models(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let models = Model::all(PREFIX)?;
+    for model in &models {
+        let line = format!("ablation: {}", model.text);
+        variant(report, scale, &line, "--model", &model.name)?;
+    }
+    for (what, words) in WANTED {
+        let is_of_it = |model: &Model| words.iter().any(|word| model.name.contains(word));
+        if !models.iter().any(is_of_it) {
+            let line = format!("ablation: {what}");
+            let words = words.join(" or ");
+            let figure = format!("no weights {PREFIX}… with {words} in their name in the manifest");
+            report.shown(&line, figure);
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,94 @@
+//! Unseen cases that the default planner and those beside it are evaluated on.
+
+use std::path::PathBuf;
+
+use anyhow::ensure;
+use planning::dataset::ArchiveReader;
+use serde_json::Value;
+use tests::programs::repository;
+
+use crate::runs::{Evaluation, Unseen};
+use crate::second_look::Motions;
+use crate::{Report, Scale};
+
+/// What the daemon serves, and what it is compared with.
+pub(crate) const PLANNERS: [&str; 4] = ["default", "fast", "straight", "rrt-connect"];
+
+const fn by_the_teacher(name: &'static str, seed: u64, targets_for_ten_cases: usize) -> Unseen {
+    Unseen {
+        name,
+        method: "teacher",
+        setting: name,
+        seed,
+        starts: 3,
+        // Cases are wanted, not paths.
+        ends: 1,
+        targets_for_ten_cases,
+        weights: "fast",
+    }
+}
+
+pub(crate) const REFERENCE: Unseen = by_the_teacher("reference", 9011, 4);
+pub(crate) const GENERAL: Unseen = by_the_teacher("general", 9012, 4);
+pub(crate) const HARD: Unseen = by_the_teacher("hard", 9013, 10);
+
+/// Cases in a folder.
+pub(crate) struct Cases {
+    pub(crate) name: &'static str,
+    /// In the names of the folders.
+    label: String,
+    dataset: PathBuf,
+    count: usize,
+}
+
+impl Cases {
+    /// Cases made on the spot.
+    pub(crate) fn unseen(unseen: &Unseen, count: usize) -> anyhow::Result<Self> {
+        Ok(Self {
+            name: unseen.name,
+            label: format!("fast-{}", unseen.name),
+            dataset: unseen.make(count)?,
+            count,
+        })
+    }
+
+    /// The authors' own, all of them.
+    pub(crate) fn sample() -> Self {
+        Self {
+            name: "reference sample",
+            label: "fast-reference-sample".to_owned(),
+            dataset: repository().join("tests/data/reference-mixed-sample"),
+            count: 60,
+        }
+    }
+
+    /// Only the first ones.
+    pub(crate) fn first(self, count: usize) -> Self {
+        Self { count, ..self }
+    }
+
+    /// A run of a planner over them.
+    pub(crate) fn evaluation(&self, planner: &'static str) -> Evaluation<'_> {
+        Evaluation::of(&self.label, &self.dataset, planner, self.count)
+    }
+
+    /// What a run came to: `result.json` and the motions.
+    pub(crate) fn run(
+        &self,
+        report: &Report,
+        scale: Scale,
+        evaluation: &Evaluation,
+    ) -> anyhow::Result<(Value, Motions)> {
+        let result = evaluation.run(report, scale)?;
+        let mut archive = ArchiveReader::open(&evaluation.out().join("paths.npz"))?;
+        let motions = Motions::read(&mut archive)?;
+        let (found, wanted) = (motions.cases(), self.count);
+        ensure!(found == wanted, "{}: {found} of {wanted} cases", self.name);
+        Ok((result, motions))
+    }
+}
+
+/// Cases of a setting in the checks of certified shares and of quality.
+pub(crate) fn count(scale: Scale) -> usize {
+    scale.pick(30, 1000)
+}

@@ -1,0 +1,191 @@
+//! What is certified before anything is filled in, in unseen scenes, and what default then answers.
+
+use std::collections::BTreeMap;
+
+use pcc_model::Robot;
+use serde_json::Value;
+use tests::programs::repository;
+
+use crate::fast_cases::{Cases, GENERAL, HARD, PLANNERS, REFERENCE, count};
+use crate::runs::number;
+use crate::second_look::Motions;
+use crate::{Report, Scale};
+
+/// Share of the requests with at least one certified candidate, %.
+const ANY_AT_LEAST: f64 = 99.9;
+
+/// What is asked of a kind of scenes.
+struct Bars {
+    /// `fast`, certified among its first ten draws, %.
+    certified: f64,
+    /// `fast` over `straight`, percentage points.
+    over_straight: f64,
+    /// Median tip length ÷ distance; none: below straight's.
+    tip_ratio: Option<f64>,
+}
+
+const EASY: Bars = Bars {
+    certified: 98.0,
+    over_straight: -0.5,
+    tip_ratio: Some(1.03),
+};
+const IN_REFERENCE: Bars = Bars {
+    certified: 99.0,
+    ..EASY
+};
+const IN_HARD: Bars = Bars {
+    certified: 85.0,
+    over_straight: 8.0,
+    tip_ratio: None,
+};
+
+type Make = fn(Scale) -> anyhow::Result<Cases>;
+
+/// The settings, how they are made, and their bars.
+const SETTINGS: [(&str, Make, Bars); 4] = [
+    ("reference sample", |_| Ok(Cases::sample()), IN_REFERENCE),
+    (
+        "reference",
+        |scale| Cases::unseen(&REFERENCE, count(scale)),
+        IN_REFERENCE,
+    ),
+    (
+        "general",
+        |scale| Cases::unseen(&GENERAL, count(scale)),
+        EASY,
+    ),
+    ("hard", |scale| Cases::unseen(&HARD, count(scale)), IN_HARD),
+];
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command = "pcc dataset --test-only --seed 9011|9012|9013; pcc evaluate --planner …";
+    for (name, make, bars) in SETTINGS {
+        report.group(&format!("certified, {name}"), command, |report| {
+            certified(report, scale, &make(scale)?, &bars)
+        });
+    }
+    report.group("requests with at least one", command, |report| {
+        with_at_least_one(report, scale)
+    });
+}
+
+fn certified(report: &mut Report, scale: Scale, cases: &Cases, bars: &Bars) -> anyhow::Result<()> {
+    let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
+    let name = cases.name;
+    let mut all = BTreeMap::new();
+    for planner in PLANNERS {
+        let evaluation = cases.evaluation(planner);
+        let (result, motions) = cases.run(report, scale, &evaluation)?;
+        report.shown(&format!("{name}: {planner}"), row(&result)?);
+        let (looked_at, contradicted) = motions.contradicted(&robot, scale.pick(1, 4));
+        let line = format!(
+            "{name}: {planner}, {looked_at} certified motions looked at again, contradicted by their knots"
+        );
+        report.none_of(&line, &contradicted);
+        all.insert(planner, (result, motions));
+    }
+    shares(report, name, bars, &all["fast"], &all["straight"])?;
+    tip_ratios(report, name, bars, &all["fast"].0, &all["straight"].0)?;
+    let motions: Vec<&Motions> = all.values().map(|(_, motions)| motions).collect();
+    feasible(report, name, &all["default"].1, &motions);
+    Ok(())
+}
+
+fn row(result: &Value) -> anyhow::Result<String> {
+    Ok(format!(
+        "certified before fallback {:.2} %, delivered {:.2} %, answered {:.2} %, tip length ÷ distance {:.3}, duration {:.2} s, modes {:.2}, {:.2} ms (p99 {:.2})",
+        100.0 * number(result, "/share_before_fallback")?,
+        100.0 * number(result, "/share_delivered")?,
+        100.0 * number(result, "/success_any")?,
+        number(result, "/tip_length_ratio/median")?,
+        number(result, "/duration_s/median")?,
+        number(result, "/modes/mean")?,
+        1e3 * number(result, "/seconds/median")?,
+        1e3 * number(result, "/seconds/p99")?,
+    ))
+}
+
+fn shares(
+    report: &mut Report,
+    name: &str,
+    bars: &Bars,
+    fast: &(Value, Motions),
+    straight: &(Value, Motions),
+) -> anyhow::Result<()> {
+    let stated = 100.0 * number(&fast.0, "/share_before_fallback")?;
+    let [share, null_arm] = [fast, straight].map(|(_, motions)| 100.0 * motions.share());
+    let line = format!("{name}: fast, certified before fallback among the first ten draws");
+    let figure = format!("{share:.2} % (result.json: {stated:.2} %)");
+    let passed = share >= bars.certified && (stated - share).abs() < 1e-6;
+    let bar = format!(">= {} %, as result.json says", bars.certified);
+    report.check(&line, figure, &bar, passed);
+    let line = format!("{name}: fast over straight, points of certified draws");
+    let figure = format!("{:+.2} (straight {null_arm:.2} %)", share - null_arm);
+    // Both are counts of draws: half a point is half a point, whatever the last bit says.
+    let passed = share - null_arm >= bars.over_straight - 1e-9;
+    report.check(
+        &line,
+        figure,
+        &format!(">= {:+}", bars.over_straight),
+        passed,
+    );
+    Ok(())
+}
+
+fn tip_ratios(
+    report: &mut Report,
+    name: &str,
+    bars: &Bars,
+    fast: &Value,
+    straight: &Value,
+) -> anyhow::Result<()> {
+    let [fast, straight] =
+        [fast, straight].map(|result| number(result, "/tip_length_ratio/median"));
+    let (fast, straight) = (fast?, straight?);
+    let line = format!("{name}: fast, median tip length ÷ distance");
+    let figure = format!("{fast:.3} (straight {straight:.3})");
+    match bars.tip_ratio {
+        Some(bar) => report.check(&line, figure, &format!("<= {bar}"), fast <= bar),
+        None => report.check(&line, figure, "< straight's", fast < straight),
+    }
+    Ok(())
+}
+
+/// Feasible: a certified path is known, whoever found it.
+fn feasible(report: &mut Report, name: &str, default: &Motions, all: &[&Motions]) {
+    let is_feasible = |case: usize| all.iter().any(|motions| motions.is_answered(case));
+    let feasible: Vec<usize> = (0..default.cases())
+        .filter(|&case| is_feasible(case))
+        .collect();
+    let answered = feasible.iter().filter(|&&case| default.is_answered(case));
+    let line = format!("{name}: feasible requests answered by default");
+    report.all_of(&line, answered.count(), feasible.len());
+}
+
+/// Judged over reference and general scenes together; hard ones, whose share of certified draws is 85 %, are shown.
+fn with_at_least_one(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    for planner in ["fast", "default"] {
+        let answered = |unseen| {
+            let cases = Cases::unseen(unseen, count(scale))?;
+            let (_, motions) = cases.run(report, scale, &cases.evaluation(planner))?;
+            let answered = (0..motions.cases()).filter(|&case| motions.is_answered(case));
+            Ok::<_, anyhow::Error>([answered.count(), motions.cases()])
+        };
+        let [reference, general, hard] = [&REFERENCE, &GENERAL, &HARD].map(answered);
+        let (reference, general, hard) = (reference?, general?, hard?);
+        let easy = [reference[0] + general[0], reference[1] + general[1]];
+        let share = |[count, of]: [usize; 2]| 100.0 * count as f64 / of as f64;
+        let text =
+            |counts: [usize; 2]| format!("{:.2} % ({} of {})", share(counts), counts[0], counts[1]);
+        let line = format!("{planner}, requests with at least one certified candidate");
+        let passed = share(easy) >= ANY_AT_LEAST;
+        report.check(
+            &format!("reference and general: {line}"),
+            text(easy),
+            &format!(">= {ANY_AT_LEAST} %"),
+            passed,
+        );
+        report.shown(&format!("hard: {line}"), text(hard));
+    }
+    Ok(())
+}

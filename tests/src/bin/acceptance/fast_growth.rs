@@ -1,0 +1,168 @@
+//! What candidates and balls cost, from one to the most that there can be.
+
+use std::f64::consts::TAU;
+use std::thread;
+use std::time::Duration;
+
+use client::{PlanAnswer, ScenePublisher};
+use planning::scenes::Setting;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use shared_types::message::{Ball, MovingBall};
+use shared_types::valid::PlanRequest;
+use toml::Value;
+
+use crate::fast_scenes::{Served, demand, motion, requests, scene};
+use crate::spread::median;
+use crate::{Report, Scale};
+
+const CANDIDATES: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
+const BALLS: [usize; 12] = [0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000];
+/// A request's time is the fastest of so many: what disturbs one of them is no cost.
+const REPETITIONS: usize = 3;
+/// A doubling that costs more than this is a cliff.
+const CLIFF: f64 = 3.2;
+/// Balls in the request; more come with the live scene.
+const IN_REQUEST: usize = 64;
+/// Radius of the points of a cloud, m.
+const POINT_RADIUS: f64 = 0.03;
+/// The daemon looks at the live scene every millisecond.
+const ATTENTION: Duration = Duration::from_millis(20);
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command = "acceptance fast, requests to planner-daemon";
+    report.group("growth with candidates", command, |report| {
+        with_candidates(report, scale)
+    });
+    let command = "acceptance fast, requests to planner-daemon, points by the topic scene";
+    report.group("growth with balls", command, |report| {
+        with_balls(report, scale)
+    });
+}
+
+/// The daemon's keys for answers of 64 candidates.
+pub(crate) fn most_candidates() -> Vec<(&'static str, Value)> {
+    vec![
+        ("candidates", Value::Integer(64)),
+        ("shared_memory_budget_mb", Value::Float(400.0)),
+        ("resident_memory_budget_mb", Value::Float(800.0)),
+    ]
+}
+
+fn with_candidates(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut served = Served::start(most_candidates())?;
+    let robot = served.world.robot.clone();
+    let all = requests(&robot, Setting::General(Some(4)));
+    let all: Vec<PlanRequest> = all.take(scale.pick(8, 50)).collect();
+    let mut curve = CANDIDATES.map(|count| (count, Vec::new()));
+    for request in &all {
+        for (candidate_count, times) in &mut curve {
+            let request = PlanRequest {
+                candidate_count: *candidate_count,
+                ..request.clone()
+            };
+            times.push(fastest(&mut served, &request)?.1);
+        }
+    }
+    show(report, "growth: candidates, 4 balls", &curve);
+    Ok(())
+}
+
+fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut served = Served::start(Vec::new())?;
+    let publisher = ScenePublisher::connect(&served.world.options)?;
+    let robot = served.world.robot.clone();
+    let all = requests(&robot, Setting::General(Some(8)));
+    let all: Vec<PlanRequest> = all.take(scale.pick(8, 50)).collect();
+    let mut curve = BALLS.map(|count| (count, Vec::new()));
+    let (mut answered, mut motions, mut contradicted) = (0, 0, Vec::new());
+    for request in &all {
+        for (count, times) in &mut curve {
+            let cloud = cloud(&request.balls, *count, request.seed);
+            let asked = cloud.len().min(IN_REQUEST);
+            publish(&publisher, &cloud[asked..])?;
+            let asked = PlanRequest {
+                balls: cloud[..asked].to_vec(),
+                ..request.clone()
+            };
+            let (answer, ms) = fastest(&mut served, &asked)?;
+            times.push(ms);
+            answered += usize::from(answer.selected().is_some());
+            let scene = scene(&cloud)?;
+            let demand = demand(&robot, &scene, &asked);
+            for candidate in answer.candidates() {
+                motions += 1;
+                let verdict = motion(candidate.knots).and_then(|motion| demand.judge(&motion));
+                contradicted.extend(verdict.err().map(|error| format!("{count} balls: {error}")));
+            }
+        }
+    }
+    show(report, "growth: balls, ten candidates", &curve);
+    let line = "growth: requests answered, whatever the number of balls";
+    report.all_of(line, answered, all.len() * BALLS.len());
+    let line = format!("growth: of {motions} motions, those that all the balls contradict");
+    report.none_of(&line, &contradicted);
+    Ok(())
+}
+
+/// The last answer to a request asked several times, and the shortest time that it took, ms.
+fn fastest(served: &mut Served, request: &PlanRequest) -> anyhow::Result<(PlanAnswer, f64)> {
+    let (mut answer, mut fastest) = served.ask(request)?;
+    for _ in 1..REPETITIONS {
+        let (again, seconds) = served.ask(request)?;
+        (answer, fastest) = (again, fastest.min(seconds));
+    }
+    Ok((answer, 1e3 * fastest))
+}
+
+/// Points strewn over the surfaces of balls, as a decimated point cloud has them; inside, so that what was clear stays so.
+fn cloud(balls: &[Ball], count: usize, seed: u64) -> Vec<Ball> {
+    let mut rng = Pcg64::seed_from_u64(seed);
+    let mut point = |index: usize| {
+        let ball = &balls[index % balls.len()];
+        let height: f64 = rng.random_range(-1.0..1.0);
+        let (sine, cosine) = rng.random_range(0.0..TAU).sin_cos();
+        let across = (1.0 - height * height).sqrt();
+        let direction = [across * cosine, across * sine, height];
+        let away = ball.radius_m - POINT_RADIUS;
+        Ball {
+            centre_m: [0, 1, 2].map(|axis| ball.centre_m[axis] + away * direction[axis]),
+            radius_m: POINT_RADIUS,
+        }
+    };
+    (0..count).map(&mut point).collect()
+}
+
+/// Replaces the live scene, and waits until the daemon has seen it.
+fn publish(publisher: &ScenePublisher, balls: &[Ball]) -> anyhow::Result<()> {
+    let resting = balls.iter().map(|ball| MovingBall {
+        centre_m: ball.centre_m,
+        radius_m: ball.radius_m,
+        velocity_m_s: [0.0; 3],
+    });
+    publisher.publish(&resting.collect::<Vec<_>>())?;
+    thread::sleep(ATTENTION);
+    Ok(())
+}
+
+/// The curve, and its doublings that cost too much.
+fn show(report: &mut Report, name: &str, curve: &[(usize, Vec<f64>)]) {
+    let curve: Vec<(usize, f64)> = curve.iter().map(|(at, ms)| (*at, median(ms))).collect();
+    let points = curve.iter().map(|(at, ms)| format!("{at}: {ms:.2} ms"));
+    report.shown(
+        &format!("{name}, median of a request"),
+        points.collect::<Vec<_>>().join(", "),
+    );
+    let doublings = curve.windows(2).filter(|pair| pair[0].0 > 0);
+    let cliffs = doublings.filter(|pair| pair[1].1 > CLIFF * pair[0].1);
+    let cliffs = cliffs.map(|pair| {
+        format!(
+            "{} to {}: {:.1} times",
+            pair[0].0,
+            pair[1].0,
+            pair[1].1 / pair[0].1
+        )
+    });
+    let line = format!("{name}, doublings that cost more than {CLIFF} times");
+    report.none_of(&line, &cliffs.collect::<Vec<_>>());
+}

@@ -1,0 +1,334 @@
+//! The time of a request through the daemon over shared memory, stage by stage, beside what else could plan it.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::time::Duration;
+
+use anyhow::{Context, ensure};
+use client::PlanAnswer;
+use denoiser::Manifest;
+use planning::scenes::Setting;
+use serde_json::Value as Json;
+use shared_types::codes::{Sampler, Stage};
+use shared_types::valid::PlanRequest;
+use tests::programs::repository;
+use toml::{Table, Value};
+
+use crate::fast_scenes::{Served, requests};
+use crate::machine::{Disturbance, Pinned};
+use crate::runs::weights_folder;
+use crate::spread::{Spread, median};
+use crate::{Report, Scale};
+
+/// Asked in turns, each with every request.
+const SAMPLERS: [Sampler; 4] = [
+    Sampler::Default,
+    Sampler::Fast,
+    Sampler::RrtConnect,
+    Sampler::Straight,
+];
+/// The temporal U-Net, asked afterwards: its requests take some hundred times as long.
+const NETWORK: Sampler = Sampler::DiffusionPost;
+/// Weights of the temporal U-Net.
+const NETWORK_WEIGHTS: &str = "mixed";
+const MEDIAN_AT_MOST_MS: f64 = 2.0;
+const P99_AT_MOST_MS: f64 = 8.0;
+/// Requests to which no way is known that default is asked nonetheless.
+const HOPELESS: usize = 5;
+
+/// A kind of scenes, and where the authors' Python was measured in something like it.
+struct Scenes {
+    name: &'static str,
+    setting: Setting,
+    authors: &'static str,
+}
+
+const fn general(name: &'static str, balls: usize, authors: &'static str) -> Scenes {
+    Scenes {
+        name,
+        setting: Setting::General(Some(balls)),
+        authors,
+    }
+}
+
+const SCENES: [Scenes; 7] = [
+    general("0 balls", 0, "post_0"),
+    general("1 ball", 1, "post_0"),
+    general("2 balls", 2, "post_4"),
+    general("4 balls", 4, "post_4"),
+    general("8 balls", 8, "post_4"),
+    general("16 balls", 16, "post_4"),
+    Scenes {
+        name: "hard",
+        setting: Setting::Hard,
+        authors: "post_4",
+    },
+];
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    for scenes in &SCENES {
+        let name = format!("latency, {}", scenes.name);
+        let command = "acceptance fast, requests to planner-daemon";
+        report.group(&name, command, |report| latency(report, scale, scenes));
+    }
+}
+
+/// What one sampler took, ms, one value a request.
+#[derive(Default)]
+struct Times {
+    round_trip: Vec<f64>,
+    stages: BTreeMap<&'static str, Vec<f64>>,
+    /// Requests with at least one candidate, and candidates in all.
+    answered: usize,
+    candidates: usize,
+}
+
+impl Times {
+    fn add(&mut self, answer: &PlanAnswer, seconds: f64) {
+        let report = answer.report();
+        let round_trip = 1e3 * seconds;
+        let mut rest = round_trip;
+        for stage in Stage::ALL {
+            let ms = 1e-6 * report.stage_ns(*stage) as f64;
+            rest -= ms;
+            self.stages.entry(stage.text()).or_default().push(ms);
+        }
+        self.stages.entry("wake").or_default().push(rest);
+        self.round_trip.push(round_trip);
+        self.answered += usize::from(!report.candidates.is_empty());
+        self.candidates += report.candidates.len();
+    }
+
+    fn median(&self) -> f64 {
+        median(&self.round_trip)
+    }
+
+    fn text(&self) -> String {
+        let count = self.round_trip.len();
+        let stages = self.stages.iter();
+        let stages: Vec<String> = stages
+            .map(|(stage, ms)| format!("{stage} {:.3}", median(ms)))
+            .collect();
+        format!(
+            "{} ms; {} of {count} answered, {:.2} candidates each; medians of its stages: {}",
+            Spread::of(&self.round_trip),
+            self.answered,
+            self.candidates as f64 / count as f64,
+            stages.join(", ")
+        )
+    }
+}
+
+fn latency(report: &mut Report, scale: Scale, scenes: &Scenes) -> anyhow::Result<()> {
+    let name = scenes.name;
+    let network = Manifest::open(&weights_folder())?
+        .entry(NETWORK_WEIGHTS)
+        .is_ok();
+    let mut served = Served::start(if network { with_network() } else { Vec::new() })?;
+    let wanted = scale.pick(30, 1000);
+    eprintln!("  latency, {name}: drawing {wanted} requests");
+    let (measured, hopeless) = feasible(&mut served, scenes.setting, wanted)?;
+    let pinned = Pinned::to_the_last()?;
+    let disturbance = Disturbance::count(served.daemon.pid())?;
+    let turns = in_turns(&mut served, &measured)?;
+    let line = format!(
+        "latency, {name}: client on processor {}, disturbed meanwhile",
+        pinned.processor
+    );
+    report.shown(&line, disturbance.text()?);
+    show(report, name, &turns);
+    report.none_of(
+        &format!("latency, {name}: default selects a motion slower than straight's fastest"),
+        &turns.slower,
+    );
+    without_a_known_way(report, name, &mut served, &hopeless)?;
+    ratios(report, scenes, &turns)?;
+    if network {
+        let network = network_ms(&mut served, &measured[..scale.pick(2, 10)])?;
+        let line = format!(
+            "latency, {name}: temporal U-Net ({NETWORK}, {network:.0} ms) ÷ default, medians"
+        );
+        let ratio = network / turns.times(Sampler::Default).median();
+        report.shown(&line, format!("{ratio:.0}"));
+    }
+    Ok(())
+}
+
+/// Requests to which RRT-Connect knows a way, and those before them to which it knows none.
+///
+/// Asking for them also warms the daemon up.
+fn feasible(
+    served: &mut Served,
+    setting: Setting,
+    wanted: usize,
+) -> anyhow::Result<(Vec<PlanRequest>, Vec<PlanRequest>)> {
+    let (mut feasible, mut hopeless) = (Vec::new(), Vec::new());
+    let robot = served.world.robot.clone();
+    for request in requests(&robot, setting) {
+        let tree = PlanRequest {
+            sampler: Sampler::RrtConnect,
+            ..request.clone()
+        };
+        let (answer, _) = served.ask(&tree)?;
+        if answer.report().candidates.is_empty() {
+            hopeless.push(request);
+        } else {
+            feasible.push(request);
+        }
+        if feasible.len() == wanted {
+            break;
+        }
+    }
+    Ok((feasible, hopeless))
+}
+
+/// What default takes where there may be no way at all.
+fn without_a_known_way(
+    report: &mut Report,
+    name: &str,
+    served: &mut Served,
+    hopeless: &[PlanRequest],
+) -> anyhow::Result<()> {
+    let mut times = Times::default();
+    for request in hopeless.iter().take(HOPELESS) {
+        let (answer, seconds) = served.ask(request)?;
+        times.add(&answer, seconds);
+    }
+    let count = hopeless.len();
+    let line = format!("latency, {name}: {count} requests left out, rrt-connect finds no way");
+    let figure = if count == 0 {
+        "none".to_owned()
+    } else {
+        let [asked, answered] = [times.round_trip.len(), times.answered];
+        let spread = Spread::of(&times.round_trip);
+        format!("default answers {answered} of the first {asked}: {spread} ms")
+    };
+    report.shown(&line, figure);
+    Ok(())
+}
+
+fn ratios(report: &mut Report, scenes: &Scenes, turns: &Turns) -> anyhow::Result<()> {
+    let default = turns.times(Sampler::Default).median();
+    let line = |other: &str| format!("latency, {}: {other} ÷ default, medians", scenes.name);
+    for sampler in [Sampler::RrtConnect, Sampler::Straight] {
+        let ratio = turns.times(sampler).median() / default;
+        report.shown(&line(sampler.text()), format!("{ratio:.2}"));
+    }
+    let python = authors_ms(scenes.authors)?;
+    let text = format!(
+        "the authors' Python ({}, sampling alone, {python} ms)",
+        scenes.authors
+    );
+    report.shown(&line(&text), format!("{:.0}", python / default));
+    Ok(())
+}
+
+fn show(report: &mut Report, name: &str, turns: &Turns) {
+    for sampler in SAMPLERS {
+        let line = format!("latency, {name}: {sampler}, end to end");
+        report.shown(&line, turns.times(sampler).text());
+    }
+    let default = turns.times(Sampler::Default);
+    for (stage, ms) in &default.stages {
+        let line = format!("latency, {name}: default, {stage}");
+        report.shown(&line, format!("{} ms", Spread::of(ms)));
+    }
+    let spread = Spread::of(&default.round_trip);
+    let line = format!("latency, {name}: default, end to end, median ms");
+    report.at_most(&line, spread.median, MEDIAN_AT_MOST_MS);
+    let line = format!("latency, {name}: default, end to end, p99 ms");
+    report.at_most(&line, spread.p99, P99_AT_MOST_MS);
+}
+
+/// What came of requests that every sampler was asked.
+struct Turns {
+    times: Vec<Times>,
+    /// Requests for whose answer something faster was at hand.
+    slower: Vec<String>,
+}
+
+impl Turns {
+    fn times(&self, sampler: Sampler) -> &Times {
+        let index = SAMPLERS.iter().position(|other| *other == sampler);
+        &self.times[index.expect("it takes its turn")]
+    }
+}
+
+/// Every sampler with every request; who begins changes from one to the next.
+fn in_turns(served: &mut Served, requests: &[PlanRequest]) -> anyhow::Result<Turns> {
+    let mut turns = Turns {
+        times: SAMPLERS.iter().map(|_| Times::default()).collect(),
+        slower: Vec::new(),
+    };
+    for (index, request) in requests.iter().enumerate() {
+        let mut durations = BTreeMap::new();
+        for turn in 0..SAMPLERS.len() {
+            let which = (index + turn) % SAMPLERS.len();
+            let sampler = SAMPLERS[which];
+            let request = PlanRequest {
+                sampler,
+                ..request.clone()
+            };
+            let (answer, seconds) = served.ask(&request)?;
+            turns.times[which].add(&answer, seconds);
+            durations.insert(sampler.text(), (selected_s(&answer), fastest_s(&answer)));
+        }
+        let selected = durations[Sampler::Default.text()].0;
+        let straight = durations[Sampler::Straight.text()].1;
+        if selected > straight + 1e-9 {
+            let text = format!("request {index}: {selected:.6} s beside {straight:.6} s");
+            turns.slower.push(text);
+        }
+    }
+    Ok(turns)
+}
+
+/// Duration of the selected motion, s; infinite where there is none.
+fn selected_s(answer: &PlanAnswer) -> f64 {
+    let selected = answer.selected();
+    selected.map_or(f64::INFINITY, |candidate| candidate.summary.duration_s)
+}
+
+fn fastest_s(answer: &PlanAnswer) -> f64 {
+    let durations = answer.report().candidates.iter().map(|c| c.duration_s);
+    durations.fold(f64::INFINITY, f64::min)
+}
+
+/// The daemon's keys for the paper's sampler.
+fn with_network() -> Vec<(&'static str, Value)> {
+    let mut diffusion = Table::new();
+    diffusion.insert("model".to_owned(), NETWORK_WEIGHTS.into());
+    diffusion.insert("solver".to_owned(), "ddim".into());
+    diffusion.insert("steps".to_owned(), 50.into());
+    diffusion.insert("precision".to_owned(), "f32".into());
+    vec![
+        ("diffusion", Value::Table(diffusion)),
+        ("resident_memory_budget_mb", Value::Float(500.0)),
+    ]
+}
+
+fn network_ms(served: &mut Served, requests: &[PlanRequest]) -> anyhow::Result<f64> {
+    let mut times = Times::default();
+    for request in requests {
+        let request = PlanRequest {
+            sampler: NETWORK,
+            deadline: Some(Duration::from_secs(60)),
+            ..request.clone()
+        };
+        let (answer, seconds) = served.ask(&request)?;
+        times.add(&answer, seconds);
+    }
+    ensure!(
+        times.stages["sample"].iter().all(|ms| *ms > 0.0),
+        "no samples"
+    );
+    Ok(times.median())
+}
+
+/// What the authors' program takes for ten candidates on two threads, ms.
+fn authors_ms(scenes: &str) -> anyhow::Result<f64> {
+    let file = repository().join("tests/data/reference-timings.json");
+    let timings: Json = serde_json::from_str(&fs::read_to_string(file)?)?;
+    let threads = &timings["ddim_50_steps_ten_candidates_ms_median"]["threads_2"];
+    threads[scenes].as_f64().context("reference-timings.json")
+}

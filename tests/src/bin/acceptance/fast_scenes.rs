@@ -1,0 +1,136 @@
+//! What the checks of the default planner ask for: requests in unseen scenes, and a daemon to ask.
+
+use std::time::Instant;
+
+use anyhow::Context;
+use client::{Client, PlanAnswer};
+use collision::Scene;
+use pcc_model::{Robot, TendonLimits};
+use planning::scenes::{Setting, draw_target};
+use shared_types::message::{Ball, Knot};
+use shared_types::valid::{Goal, PlanRequest};
+use tests::process::Process;
+use tests::stack::{NO_DEADLINE, PATIENCE, Part};
+use tests::world::{Settings, World};
+use toml::Value;
+use trajectory::Trajectory;
+
+use crate::runs::weights_folder;
+use crate::second_look::{Demand, TIP_TOLERANCE};
+
+/// Seed of the scenes that the daemon is asked about: no data set was made with it.
+const SEED: u64 = 9010;
+
+/// Feasible-looking requests of a setting for the unit robot, whose lengths are metres as they are section lengths.
+///
+/// Ten candidates, no deadline; the seed of each is its index.
+pub(crate) fn requests(robot: &Robot, setting: Setting) -> impl Iterator<Item = PlanRequest> {
+    let targets = (0..).filter_map(move |index| draw_target(robot, setting, SEED, index));
+    let requests = targets.flat_map(|target| {
+        let goal = Goal::Tip {
+            position_m: target.tip.into(),
+            tolerance_m: None,
+        };
+        let balls = wire_balls(&target.scene);
+        target.starts.into_iter().map(move |start| PlanRequest {
+            balls: balls.clone(),
+            candidate_count: 10,
+            deadline: Some(NO_DEADLINE),
+            ..PlanRequest::new(start.into(), goal)
+        })
+    });
+    (0..)
+        .zip(requests)
+        .map(|(seed, request)| PlanRequest { seed, ..request })
+}
+
+/// The balls of a scene as a request has them.
+pub(crate) fn wire_balls(scene: &Scene) -> Vec<Ball> {
+    let ball = |ball: &collision::Ball| Ball {
+        centre_m: ball.centre.into(),
+        radius_m: ball.radius,
+    };
+    scene.balls().iter().map(ball).collect()
+}
+
+/// The scene of a request's balls.
+pub(crate) fn scene(balls: &[Ball]) -> anyhow::Result<Scene> {
+    let ball = |ball: &Ball| collision::Ball {
+        centre: ball.centre_m.into(),
+        radius: ball.radius_m,
+    };
+    Ok(Scene::new(balls.iter().map(ball).collect())?)
+}
+
+/// What every motion of an answer must keep.
+pub(crate) fn demand<'a>(robot: &'a Robot, scene: &'a Scene, request: &PlanRequest) -> Demand<'a> {
+    let (target, tip_tolerance) = match request.goal {
+        Goal::Tip {
+            position_m,
+            tolerance_m,
+        } => (position_m.into(), tolerance_m.unwrap_or(TIP_TOLERANCE)),
+        Goal::Configuration(shape) => (robot.tip(&shape.into()), TIP_TOLERANCE),
+    };
+    let (full, scale) = (&robot.tendon_limits, request.limits_scale);
+    Demand {
+        robot,
+        scene,
+        start: request.start_configuration_rad.into(),
+        target,
+        tip_tolerance,
+        limits: TendonLimits {
+            velocity: scale * full.velocity,
+            acceleration: scale * full.acceleration,
+            jerk: scale * full.jerk,
+        },
+    }
+}
+
+/// The motion that an answer's knots are.
+pub(crate) fn motion(knots: &[Knot]) -> anyhow::Result<Trajectory> {
+    let knot = |knot: &Knot| trajectory::Knot {
+        time: knot.time_s,
+        position: knot.configuration_rad.into(),
+        velocity: knot.velocity_rad_s.into(),
+        acceleration: knot.acceleration_rad_s2.into(),
+    };
+    Ok(Trajectory::new(knots.iter().map(knot).collect())?)
+}
+
+/// A daemon of its own, with the weights in use, and a client.
+pub(crate) struct Served {
+    pub(crate) client: Client,
+    pub(crate) daemon: Process,
+    pub(crate) world: World,
+}
+
+impl Served {
+    /// Starts it with the shipped configuration but for these keys, and waits until it serves.
+    pub(crate) fn start(keys: Vec<(&'static str, Value)>) -> anyhow::Result<Self> {
+        let weights = weights_folder().canonicalize()?;
+        let weights = weights.to_str().context("path")?.to_owned();
+        let mut daemon = vec![("weights", Value::String(weights))];
+        daemon.extend(keys);
+        let world = World::new(&Settings {
+            daemon,
+            ..Settings::default()
+        });
+        let daemon = Part::Daemon.start(&world);
+        let mut client = Client::connect(&world.options)?;
+        let served = client.wait_for_daemon(PATIENCE);
+        served.with_context(|| daemon.log())?;
+        Ok(Self {
+            client,
+            daemon,
+            world,
+        })
+    }
+
+    /// The answer to a request and the time from sending to having it, s.
+    pub(crate) fn ask(&mut self, request: &PlanRequest) -> anyhow::Result<(PlanAnswer, f64)> {
+        let clock = Instant::now();
+        let answer = self.client.plan(request, PATIENCE);
+        let seconds = clock.elapsed().as_secs_f64();
+        Ok((answer.with_context(|| self.daemon.log())?, seconds))
+    }
+}

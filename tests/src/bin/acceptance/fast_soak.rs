@@ -1,0 +1,390 @@
+//! A hundred thousand random requests from two clients: what the daemon must never do.
+
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use client::{Client, ClientError, PlanAnswer};
+use pcc_model::Robot;
+use rand::RngExt;
+use rand_pcg::Pcg64;
+use shared_types::capacity::MAX_CANDIDATES;
+use shared_types::codes::{Outcome, Stage};
+use shared_types::message::{self, Knot};
+use shared_types::valid::{PlanReport, PlanRequest};
+use tests::raw::RawClient;
+use tests::stack::{NO_DEADLINE, PATIENCE};
+use tests::world::World;
+
+use crate::fast_growth::most_candidates;
+use crate::fast_random::{Pool, Treatment, spoil, treatment};
+use crate::fast_scenes::{Served, demand, motion, scene};
+use crate::machine::{Disturbance, StolenTimes, memory_mb};
+use crate::{Report, Scale};
+
+const CLIENTS: usize = 2;
+/// Requests for as many candidates as there can be, before memory is read for the first time.
+const LARGEST: usize = 12;
+/// Between two legs motions are judged and memory is read: the first leg is a tenth of all.
+const LEGS: usize = 10;
+/// One of so many answers has all of its motions judged; of every one, both ends are.
+const JUDGED_SHARE: u32 = 20;
+/// An answer may be this much later than its deadline.
+const LATE_AT_MOST: Duration = Duration::from_millis(1);
+/// Growth of the resident memory after the first leg: a share, and MB.
+const MEMORY_SHARE: f64 = 0.02;
+const MEMORY_MB: f64 = 2.0;
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command = "acceptance fast, two clients of planner-daemon";
+    report.group("random requests", command, |report| {
+        random_requests(report, scale.pick(300, 100_000))
+    });
+}
+
+/// What came of requests.
+#[derive(Default)]
+struct Findings {
+    sent: usize,
+    dropped: usize,
+    refused_as_spoiled: usize,
+    spoiled: usize,
+    motions: usize,
+    judged: usize,
+    outcomes: BTreeMap<&'static str, usize>,
+    /// Answers that came late: when the request was sent, when the answer was there, by how much too late.
+    late: Vec<Late>,
+    /// Motions that their knots contradict.
+    contradicted: Vec<String>,
+    /// Requests without an answer, spoiled ones that were not refused, internal errors.
+    unexpected: Vec<String>,
+    /// To be judged when nobody waits.
+    kept: Vec<(PlanRequest, Vec<Vec<Knot>>)>,
+}
+
+struct Late {
+    sent: Instant,
+    answered: Instant,
+    by: Duration,
+    /// What was asked, and what took longest.
+    what: String,
+}
+
+/// Names a request, and the stage of its answer that took longest.
+fn what_was_late(request: &PlanRequest, report: &PlanReport) -> String {
+    let longest = Stage::ALL
+        .iter()
+        .max_by_key(|stage| report.stage_ns(**stage));
+    let longest = longest.map(|stage| (stage, 1e-6 * report.stage_ns(*stage) as f64));
+    let longest = longest.map_or(String::new(), |(stage, ms)| {
+        format!("{stage} took {ms:.2} ms")
+    });
+    format!(
+        "{}, {} candidates, {} balls, deadline {:.2} ms, {}, {longest}",
+        request.sampler,
+        request.candidate_count,
+        request.balls.len(),
+        1e3 * request.deadline.unwrap_or_default().as_secs_f64(),
+        report.outcome,
+    )
+}
+
+impl Findings {
+    fn merge(&mut self, other: Self) {
+        self.sent += other.sent;
+        self.dropped += other.dropped;
+        self.refused_as_spoiled += other.refused_as_spoiled;
+        self.spoiled += other.spoiled;
+        self.motions += other.motions;
+        self.judged += other.judged;
+        for (outcome, count) in other.outcomes {
+            *self.outcomes.entry(outcome).or_default() += count;
+        }
+        self.late.extend(other.late);
+        self.contradicted.extend(other.contradicted);
+        self.unexpected.extend(other.unexpected);
+        self.kept.extend(other.kept);
+    }
+}
+
+fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
+    let mut served = Served::start(most_candidates())?;
+    let pool = Pool::draw(&served.world.robot);
+    let stolen = StolenTimes::watch();
+    let disturbance = Disturbance::count(served.daemon.pid())?;
+    largest_requests(&mut served, &pool)?;
+    let mut findings = Findings::default();
+    let mut memory = Vec::new();
+    let begin = Instant::now();
+    for leg in 0..LEGS {
+        let mut found = ask(&served.world, &pool, leg, count / LEGS);
+        judge(&served.world.robot, &mut found);
+        findings.merge(found);
+        memory.push(memory_mb(served.daemon.pid(), "VmRSS:")?);
+        eprintln!(
+            "  random requests: {} of {count} after {:.0} s, {} motions, {:.1} MB",
+            findings.sent,
+            begin.elapsed().as_secs_f64(),
+            findings.motions,
+            memory[leg],
+        );
+    }
+    if !served.daemon.is_running() {
+        let log = served.daemon.log();
+        findings.unexpected.push(format!("the daemon ended: {log}"));
+    }
+    report.shown("random requests: disturbed meanwhile", disturbance.text()?);
+    show(report, &findings);
+    lateness(report, findings.late, &stolen);
+    flat_memory(report, &memory);
+    Ok(())
+}
+
+/// Requests that take as much memory as any: what they leave behind is no growth afterwards.
+fn largest_requests(served: &mut Served, pool: &Pool) -> anyhow::Result<()> {
+    let mut rng = Pcg64::new(LEGS as u128, 0);
+    for _ in 0..LARGEST {
+        let request = PlanRequest {
+            candidate_count: MAX_CANDIDATES,
+            deadline: Some(NO_DEADLINE),
+            ..pool.request(&mut rng)
+        };
+        served.ask(&request)?;
+    }
+    Ok(())
+}
+
+/// A leg: so many requests, of all clients together.
+fn ask(world: &World, pool: &Pool, leg: usize, count: usize) -> Findings {
+    let run = |client| {
+        move || {
+            let rng = Pcg64::new(leg as u128, client as u128);
+            Asker::new(world, pool, rng).and_then(|mut asker| {
+                (0..count / CLIENTS).try_for_each(|_| asker.next())?;
+                Ok(asker.findings)
+            })
+        }
+    };
+    thread::scope(|scope| {
+        let clients: Vec<_> = (0..CLIENTS).map(|i| scope.spawn(run(i))).collect();
+        let mut all = Findings::default();
+        for client in clients {
+            match client.join().expect("a client does not panic") {
+                Ok(found) => all.merge(found),
+                Err(error) => all.unexpected.push(format!("{error:#}")),
+            }
+        }
+        all
+    })
+}
+
+/// One client.
+struct Asker<'a> {
+    pool: &'a Pool,
+    robot: &'a Robot,
+    client: Client,
+    raw: RawClient,
+    rng: Pcg64,
+    findings: Findings,
+}
+
+impl<'a> Asker<'a> {
+    fn new(world: &'a World, pool: &'a Pool, rng: Pcg64) -> anyhow::Result<Self> {
+        let mut client = Client::connect(&world.options)?;
+        client.wait_for_daemon(PATIENCE)?;
+        Ok(Self {
+            pool,
+            robot: &world.robot,
+            client,
+            raw: RawClient::connect(&world.options, PATIENCE)?,
+            rng,
+            findings: Findings::default(),
+        })
+    }
+
+    fn next(&mut self) -> anyhow::Result<()> {
+        let request = self.pool.request(&mut self.rng);
+        self.findings.sent += 1;
+        match treatment(&mut self.rng) {
+            Treatment::Ask => self.ask(request),
+            Treatment::Drop(after) => self.drop_after(&request, after),
+            Treatment::Spoil => self.spoil(&request),
+        }
+    }
+
+    fn ask(&mut self, request: PlanRequest) -> anyhow::Result<()> {
+        let sent = Instant::now();
+        let answer = self.client.plan(&request, PATIENCE)?;
+        let answered = Instant::now();
+        let deadline = request.deadline.context("they all have one")?;
+        let by = (answered - sent).saturating_sub(deadline);
+        let report = answer.report();
+        if by > LATE_AT_MOST {
+            let what = what_was_late(&request, report);
+            self.findings.late.push(Late {
+                sent,
+                answered,
+                by,
+                what,
+            });
+        }
+        *self
+            .findings
+            .outcomes
+            .entry(report.outcome.text())
+            .or_default() += 1;
+        if report.reason.contains("internal error") {
+            self.findings.unexpected.push(report.reason.clone());
+        }
+        self.look_at(request, &answer);
+        Ok(())
+    }
+
+    /// Judges both ends of every motion, and keeps some for a closer look.
+    fn look_at(&mut self, request: PlanRequest, answer: &PlanAnswer) {
+        let findings = &mut self.findings;
+        let empty = collision::Scene::default();
+        let demand = demand(self.robot, &empty, &request);
+        for candidate in answer.candidates() {
+            findings.motions += 1;
+            let verdict = motion(candidate.knots).and_then(|motion| demand.judge_ends(&motion));
+            let text = |error| format!("seed {}: {error:#}", request.seed);
+            findings.contradicted.extend(verdict.err().map(text));
+        }
+        let selected = answer.selected().is_some();
+        if selected && self.rng.random_ratio(1, JUDGED_SHARE) {
+            let motions = answer.candidates().map(|c| c.knots.to_vec()).collect();
+            findings.kept.push((request, motions));
+        }
+    }
+
+    fn drop_after(&mut self, request: &PlanRequest, after: Duration) -> anyhow::Result<()> {
+        match self.client.submit(request) {
+            Ok(pending) => {
+                thread::sleep(after);
+                drop(pending);
+                self.findings.dropped += 1;
+                Ok(())
+            }
+            // What was dropped before is still being let go of.
+            Err(ClientError::TooManyRequests) => Ok(()),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn spoil(&mut self, request: &PlanRequest) -> anyhow::Result<()> {
+        let mut wire = message::PlanRequest::try_from(request)?;
+        spoil(&mut wire, &mut self.rng);
+        let answer = self.raw.ask(&wire, PATIENCE)?.report;
+        let findings = &mut self.findings;
+        findings.spoiled += 1;
+        let is_refused = answer.outcome == Outcome::InvalidRequest.code()
+            && answer.candidate_count == 0
+            && answer.invalid_field != 0;
+        findings.refused_as_spoiled += usize::from(is_refused);
+        if !is_refused {
+            let text = format!("outcome {}: {}", answer.outcome, answer.reason_text());
+            findings.unexpected.push(text);
+        }
+        Ok(())
+    }
+}
+
+/// Judges the motions that were kept, and lets go of them.
+fn judge(robot: &Robot, findings: &mut Findings) {
+    let kept = std::mem::take(&mut findings.kept);
+    let judge_one = |(request, motions): &(PlanRequest, Vec<Vec<Knot>>)| {
+        let scene = scene(&request.balls)?;
+        let demand = demand(robot, &scene, request);
+        let mut motions = motions.iter();
+        motions.try_for_each(|knots| demand.judge(&motion(knots)?))
+    };
+    let halves: Vec<_> = kept.chunks(kept.len().div_ceil(CLIENTS).max(1)).collect();
+    let contradicted = thread::scope(|scope| {
+        let judges: Vec<_> = halves
+            .iter()
+            .map(|half| {
+                scope.spawn(|| {
+                    let verdicts = half.iter().map(|kept| (kept, judge_one(kept)));
+                    let wrong = verdicts.filter_map(|(kept, verdict)| Some((kept, verdict.err()?)));
+                    let text = |(kept, error): (&(PlanRequest, _), anyhow::Error)| {
+                        format!("seed {}: {error:#}", kept.0.seed)
+                    };
+                    wrong.map(text).collect::<Vec<_>>()
+                })
+            })
+            .collect();
+        let found = judges
+            .into_iter()
+            .map(|judge| judge.join().expect("a judge does not panic"));
+        found.flatten().collect::<Vec<_>>()
+    });
+    findings.judged += kept.iter().map(|(_, motions)| motions.len()).sum::<usize>();
+    findings.contradicted.extend(contradicted);
+}
+
+fn show(report: &mut Report, findings: &Findings) {
+    let outcomes = findings.outcomes.iter();
+    let outcomes: Vec<String> = outcomes
+        .map(|(outcome, count)| format!("{count} {outcome}"))
+        .collect();
+    let line = format!(
+        "{} random requests of {CLIENTS} clients, {} dropped before their answer: outcomes",
+        findings.sent, findings.dropped
+    );
+    report.shown(&line, outcomes.join(", "));
+    let line = "random requests: the daemon ended, answers lost, internal errors, spoiled ones not refused";
+    report.none_of(line, &findings.unexpected);
+    report.all_of(
+        "random requests: spoiled ones refused with their field",
+        findings.refused_as_spoiled,
+        findings.spoiled,
+    );
+    let line = format!(
+        "random requests: of {} motions, {} judged as a whole and all at both ends, those that their knots contradict",
+        findings.motions, findings.judged
+    );
+    report.none_of(&line, &findings.contradicted);
+    let enough = findings.judged > 0;
+    let judged = findings.judged.to_string();
+    report.check(
+        "random requests: motions judged as a whole",
+        judged,
+        ">= 1",
+        enough,
+    );
+}
+
+/// Later than the deadline by more than a millisecond and what was stolen meanwhile.
+fn lateness(report: &mut Report, mut late: Vec<Late>, stolen: &StolenTimes) {
+    let ms = |duration: Duration| 1e3 * duration.as_secs_f64();
+    late.sort_by_key(|late| Reverse(late.by));
+    let worst = late.first().map_or(Duration::ZERO, |late| late.by);
+    let line =
+        "random requests: answers later than their deadline by more than 1 ms, and the latest";
+    report.shown(line, format!("{}, {:.2} ms", late.len(), ms(worst)));
+    let beyond = late.iter().filter_map(|late| {
+        let stolen = stolen.between(late.sent, late.answered);
+        let (by, stolen_ms) = (ms(late.by), ms(stolen));
+        let text = format!("{by:.2} ms late, {stolen_ms:.0} ms stolen: {}", late.what);
+        (late.by > LATE_AT_MOST + stolen).then_some(text)
+    });
+    let beyond: Vec<String> = beyond.collect();
+    let line = "random requests: answers later than their deadline by more than 1 ms and the time stolen meanwhile";
+    report.none_of(line, &beyond);
+}
+
+fn flat_memory(report: &mut Report, memory: &[f64]) {
+    let (first, last) = (memory[0], memory[memory.len() - 1]);
+    let curve: Vec<String> = memory.iter().map(|mb| format!("{mb:.1}")).collect();
+    let line = "random requests: the daemon's resident memory after every tenth of them, MB";
+    let bar = first * (1.0 + MEMORY_SHARE) + MEMORY_MB;
+    report.check(
+        line,
+        curve.join(", "),
+        &format!("the last <= {bar:.1}"),
+        last <= bar,
+    );
+}

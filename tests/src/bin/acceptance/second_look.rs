@@ -1,0 +1,165 @@
+//! A second look at motions that were delivered as certified: by their knots alone.
+
+use anyhow::ensure;
+use collision::{Ball, Scene, minimum_clearance};
+use pcc_model::{Configuration, Point, Robot, TendonLimits};
+use planning::dataset::ArchiveReader;
+use trajectory::{Knot, Trajectory, limit_use};
+
+/// Tip error that counts as reached, section lengths.
+pub(crate) const TIP_TOLERANCE: f64 = 0.01;
+
+/// What a motion must keep; lengths in section lengths.
+pub(crate) struct Demand<'a> {
+    pub(crate) robot: &'a Robot,
+    pub(crate) scene: &'a Scene,
+    pub(crate) start: Configuration,
+    pub(crate) target: Point,
+    pub(crate) tip_tolerance: f64,
+    pub(crate) limits: TendonLimits,
+}
+
+impl Demand<'_> {
+    /// Judges start, tip, bending, tendon limits, and the least clearance of the whole motion.
+    pub(crate) fn judge(&self, motion: &Trajectory) -> anyhow::Result<()> {
+        self.judge_ends(motion)?;
+        let excess = motion
+            .sample(200)
+            .iter()
+            .map(|q| self.robot.limit_excess(q))
+            .fold(f64::MIN, f64::max);
+        ensure!(excess <= 5e-3, "bends {excess} rad too far");
+        let limits = limit_use(motion, &self.robot.tendons, &self.limits).largest();
+        ensure!(limits <= 1.0 + 1e-6, "uses {limits} of its limits");
+        let clearance = minimum_clearance(self.robot, self.scene, motion, 1e-4);
+        ensure!(clearance >= 0.0, "clearance {clearance}");
+        Ok(())
+    }
+
+    /// Judges where it starts and where its tip ends.
+    pub(crate) fn judge_ends(&self, motion: &Trajectory) -> anyhow::Result<()> {
+        let end = motion.at(motion.duration()).position;
+        let away = (motion.at(0.0).position - self.start).norm();
+        ensure!(away <= 1e-6, "starts {away} rad away");
+        let error = (self.robot.tip(&end) - self.target).norm();
+        ensure!(error <= self.tip_tolerance, "tip error {error}");
+        Ok(())
+    }
+}
+
+/// The arrays of `paths.npz` that say what was asked and what would be executed.
+pub(crate) struct Motions {
+    certified: Vec<u8>,
+    source: Vec<u8>,
+    slots: usize,
+    starts: Vec<f64>,
+    targets: Vec<f64>,
+    scenes: Vec<Scene>,
+    times: Vec<f64>,
+    knots: Vec<f64>,
+    width: usize,
+}
+
+impl Motions {
+    pub(crate) fn read(archive: &mut ArchiveReader) -> anyhow::Result<Self> {
+        let centres: Vec<f64> = archive.read("obstacle_centres")?.0;
+        let radii: Vec<f64> = archive.read("obstacle_radii")?.0;
+        let offsets: Vec<i64> = archive.read("obstacle_offsets")?.0;
+        let ball = |i: usize| Ball {
+            centre: Point::from_column_slice(&centres[3 * i..3 * i + 3]),
+            radius: radii[i],
+        };
+        let scene = |pair: &[i64]| {
+            Ok(Scene::new(
+                (pair[0] as usize..pair[1] as usize).map(ball).collect(),
+            )?)
+        };
+        let (certified, shape) = archive.read("certified")?;
+        let (times, shape_of_times) = archive.read("knot_time")?;
+        Ok(Self {
+            certified,
+            source: archive.read("source")?.0,
+            slots: usize::try_from(shape[1])?,
+            starts: archive.read("starts")?.0,
+            targets: archive.read("target_tips")?.0,
+            scenes: offsets
+                .windows(2)
+                .map(scene)
+                .collect::<anyhow::Result<_>>()?,
+            times,
+            knots: archive.read("knots")?.0,
+            width: usize::try_from(shape_of_times[2])?,
+        })
+    }
+
+    pub(crate) fn cases(&self) -> usize {
+        self.certified.len() / self.slots
+    }
+
+    /// Share of all candidates asked for that are certified.
+    pub(crate) fn share(&self) -> f64 {
+        let certified = self.certified.iter().filter(|c| **c == 1).count();
+        certified as f64 / self.certified.len() as f64
+    }
+
+    /// The certified slots of a case.
+    pub(crate) fn certified(&self, case: usize) -> impl Iterator<Item = usize> {
+        let slots = case * self.slots..(case + 1) * self.slots;
+        slots.filter(|&slot| self.certified[slot] == 1)
+    }
+
+    /// Whether a case has a certified candidate.
+    pub(crate) fn is_answered(&self, case: usize) -> bool {
+        self.certified(case).next().is_some()
+    }
+
+    /// Whether a case has a certified candidate of the learned sampler.
+    pub(crate) fn has_learned(&self, case: usize) -> bool {
+        self.certified(case).any(|slot| self.source[slot] == 1)
+    }
+
+    /// The motion of a certified slot.
+    pub(crate) fn motion(&self, slot: usize) -> anyhow::Result<Trajectory> {
+        let times = &self.times[slot * self.width..(slot + 1) * self.width];
+        let knot = |(i, time): (usize, &f64)| {
+            let at = (slot * self.width + i) * 18;
+            let part = |k: usize| {
+                Configuration::from_column_slice(&self.knots[at + 6 * k..at + 6 * k + 6])
+            };
+            Knot {
+                time: *time,
+                position: part(0),
+                velocity: part(1),
+                acceleration: part(2),
+            }
+        };
+        let known = times
+            .iter()
+            .enumerate()
+            .filter(|(_, time)| time.is_finite());
+        Ok(Trajectory::new(known.map(knot).collect())?)
+    }
+
+    /// Looks at every so many-th certified motion: how many, and those that are contradicted.
+    pub(crate) fn contradicted(&self, robot: &Robot, every: usize) -> (usize, Vec<String>) {
+        let slots = (0..self.cases()).flat_map(|case| self.certified(case).map(move |s| (case, s)));
+        let (mut looked_at, mut contradicted) = (0, Vec::new());
+        for (case, slot) in slots.step_by(every) {
+            looked_at += 1;
+            let demand = Demand {
+                robot,
+                scene: &self.scenes[case],
+                start: Configuration::from_column_slice(&self.starts[6 * case..6 * case + 6]),
+                target: Point::from_column_slice(&self.targets[3 * case..3 * case + 3]),
+                tip_tolerance: TIP_TOLERANCE,
+                limits: robot.tendon_limits,
+            };
+            let verdict = self.motion(slot).and_then(|motion| demand.judge(&motion));
+            if let Err(error) = verdict {
+                let candidate = slot % self.slots;
+                contradicted.push(format!("case {case}, candidate {candidate}: {error}"));
+            }
+        }
+        (looked_at, contradicted)
+    }
+}
