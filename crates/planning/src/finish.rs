@@ -7,6 +7,7 @@ use crate::plan::{Certified, Failure};
 use crate::planner::Interrupt;
 use crate::problem::BENDING_SLACK_RAD;
 use crate::pushes::PushKernel;
+use crate::straighten::TipCurves;
 use collision::{Scene, certify_polyline, certify_trajectory};
 use pcc_model::{Configuration, Robot, TendonLimits};
 use std::cell::RefCell;
@@ -100,6 +101,12 @@ impl Demands<'_> {
             }
         }
         finished
+    }
+
+    /// Draws a sampled path's tip onto a smooth curve, where that leaves nothing to correct.
+    pub(crate) fn straighten(&self, curves: &TipCurves, path: &mut [Configuration]) {
+        let margin = 0.5 * CORRECTION_MARGINS[0] + self.growth;
+        curves.straighten(self.robot, self.scene, margin, path);
     }
 
     fn correct(&self, attempt: usize, finished: &mut Finished) -> Correction {

@@ -237,7 +237,7 @@ impl<'a> Run<'a> {
             .zip(&aim.goals)
             .map(|(residual, goal)| {
                 let mut path = self.bend(&frame, goal, residual);
-                self.planner.tip_curves.straighten(robot, &mut path);
+                self.demands.straighten(&self.planner.tip_curves, &mut path);
                 path
             })
             .collect();

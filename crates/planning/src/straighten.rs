@@ -1,19 +1,20 @@
 //! Straightening: the tip of a sampled path is drawn onto a smooth curve near it.
 //!
-//! A sampled path comes near the straight way of the tip, with small hooks at both ends and waves between. Here the curve is
-//! the straight line at even speed plus as few terms u (1 − u) P_k(2u − 1) as follow the sampled tip closely enough, and
-//! every waypoint moves onto it by Newton steps of least norm. What is far from all such curves stays as it was sampled.
+//! A sampled path comes near the straight way of the tip, with small waves in it. Here the curve is the straight line at even
+//! speed plus as few terms u (1 − u) P_k(2u − 1) as the scene allows, and every waypoint moves onto it by Newton steps of
+//! least norm. Where the body would come too near to an obstacle on all such curves, the path stays as it was sampled.
 
 use crate::inverse_kinematics::newton_step;
 use crate::path::{WAYPOINTS, parameter};
+use collision::Scene;
 use pcc_model::{Configuration, Point, Robot};
 
 /// Terms at most.
 const TERMS: usize = 4;
-/// Numbers of terms that are tried, in this order.
-const TRIED: [usize; 3] = [0, 2, TERMS];
-/// Distance between the sampled tip and the curve, section lengths.
-const NEAR: f64 = 0.05;
+/// Numbers of terms that are tried, in this order, and how far the curve may be from the sampled tip, section lengths.
+const TRIED: [(usize, f64); 3] = [(0, 0.2), (2, 0.1), (TERMS, 0.05)];
+/// Every so many waypoints are tried first: most curves that do not serve show it there.
+const STRIDE: usize = 8;
 /// Newton steps at most: a count, so that answers do not depend on time.
 const STEPS: usize = 4;
 /// A tip this near to the curve is on it, section lengths.
@@ -46,64 +47,89 @@ impl TipCurves {
         Self { terms }
     }
 
-    /// Draws the tip of a path (64 waypoints, radians) onto a smooth curve; both ends stay exactly where they are.
-    pub(crate) fn straighten(&self, robot: &Robot, path: &mut [Configuration]) {
+    /// Draws the tip of a path (64 waypoints, radians) onto a smooth curve on which the body keeps a clearance of `margin`
+    /// beyond the tube (section lengths); both ends stay exactly where they are.
+    pub(crate) fn straighten(
+        &self,
+        robot: &Robot,
+        scene: &Scene,
+        margin: f64,
+        path: &mut [Configuration],
+    ) {
         let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| robot.tip(&path[h]));
-        let Some(curve) = self.near(&tips) else {
-            eprintln!("ST none");return;
-        };
-        let mut drawn = path.to_vec();
-        let ways = drawn.iter_mut().zip(&curve);
-        for (waypoint, target) in ways.take(WAYPOINTS - 1).skip(1) {
-            if !draw(robot, waypoint, target) {
- eprintln!("ST far");
-                return;
-            }
-        }
-        path.copy_from_slice(&drawn); eprintln!("ST ok");
-    }
-
-    /// The curve of fewest terms that is near these tips.
-    fn near(&self, tips: &[Point; WAYPOINTS]) -> Option<[Point; WAYPOINTS]> {
         let (first, last) = (tips[0], tips[WAYPOINTS - 1]);
         let mut curve = std::array::from_fn(|h| first.lerp(&last, parameter(h)));
         let mut used = 0;
-        for wanted in TRIED {
-            for term in &self.terms[used..wanted] {
-                let rest = tips.iter().zip(&curve).zip(term);
-                let part: Point = rest.map(|((tip, on), value)| (tip - on) * *value).sum();
-                for (on, value) in curve.iter_mut().zip(term) {
-                    *on += part * *value;
-                }
-            }
-            used = wanted;
-            if tips
+        for (terms, near) in TRIED {
+            self.terms[used..terms]
                 .iter()
-                .zip(&curve)
-                .all(|(tip, on)| (tip - on).norm() <= NEAR)
-            {
-                eprintln!("ST K{wanted}");return Some(curve);
+                .for_each(|term| follow(term, &tips, &mut curve));
+            used = terms;
+            let drawn = Drawing {
+                robot,
+                scene,
+                margin,
+                curve: &curve,
+                near,
+            };
+            if let Some(drawn) = drawn.draw(path) {
+                path.copy_from_slice(&drawn);
+                return;
             }
         }
-        None
     }
 }
 
-/// Moves a shape until its tip is at a point nearby; false if it would become another shape.
-fn draw(robot: &Robot, shape: &mut Configuration, target: &Point) -> bool {
-    let sampled = *shape;
-    for _ in 0..STEPS {
-        let backbone = robot.backbone(shape);
-        let error = target - backbone.tip();
-        if error.norm() < ON_THE_CURVE {
-            break;
-        }
-        match newton_step(robot, shape, &backbone, &error) {
-            Some(next) => *shape = next,
-            None => return false,
-        }
+/// Adds to a curve what one term can do to bring it nearer to the tips.
+fn follow(term: &[f64; WAYPOINTS], tips: &[Point; WAYPOINTS], curve: &mut [Point; WAYPOINTS]) {
+    let rest = tips.iter().zip(curve.iter()).zip(term);
+    let part: Point = rest.map(|((tip, on), value)| (tip - on) * *value).sum();
+    for (on, value) in curve.iter_mut().zip(term) {
+        *on += part * *value;
     }
-    (*shape - sampled).norm() <= LARGEST_CHANGE_RAD
+}
+
+/// A curve that the tip is drawn onto.
+struct Drawing<'a> {
+    robot: &'a Robot,
+    scene: &'a Scene,
+    margin: f64,
+    curve: &'a [Point; WAYPOINTS],
+    near: f64,
+}
+
+impl Drawing<'_> {
+    /// The path whose tip is on the curve; none where that is too far away or too near to an obstacle.
+    fn draw(&self, path: &[Configuration]) -> Option<Vec<Configuration>> {
+        let inner = 1..WAYPOINTS - 1;
+        for h in inner.clone().step_by(STRIDE) {
+            self.waypoint(h, &path[h])?;
+        }
+        let mut drawn = path.to_vec();
+        for h in inner {
+            drawn[h] = self.waypoint(h, &path[h])?;
+        }
+        Some(drawn)
+    }
+
+    fn waypoint(&self, h: usize, sampled: &Configuration) -> Option<Configuration> {
+        let mut shape = *sampled;
+        let mut backbone = self.robot.backbone(&shape);
+        if (self.curve[h] - backbone.tip()).norm() > self.near {
+            return None;
+        }
+        for _ in 0..STEPS {
+            let error = self.curve[h] - backbone.tip();
+            if error.norm() < ON_THE_CURVE {
+                break;
+            }
+            shape = newton_step(self.robot, &shape, &backbone, &error)?;
+            backbone = self.robot.backbone(&shape);
+        }
+        let clearance = self.scene.clearance(&backbone, self.robot.tube_radius);
+        let serves = (shape - sampled).norm() <= LARGEST_CHANGE_RAD && clearance >= self.margin;
+        serves.then_some(shape)
+    }
 }
 
 #[cfg(test)]
@@ -136,8 +162,8 @@ mod tests {
             path.iter().enumerate().map(off).fold(0.0, f64::max)
         };
         let before = distance(&path);
-        assert!(before > 1e-3 && before < NEAR, "it wanders by {before}");
-        TipCurves::new().straighten(&robot, &mut path);
+        assert!(before > 1e-3, "it wanders by {before}");
+        TipCurves::new().straighten(&robot, &Scene::default(), 0.0, &mut path);
         assert!(distance(&path) < 1e-7, "{}", distance(&path));
         assert_eq!([path[0], path[63]], [start, end]);
     }
@@ -152,7 +178,7 @@ mod tests {
         }
         (path[0], path[63]) = (start, end);
         let sampled = path.clone();
-        TipCurves::new().straighten(&robot, &mut path);
+        TipCurves::new().straighten(&robot, &Scene::default(), 0.0, &mut path);
         assert_eq!(path, sampled);
     }
 }
