@@ -1,13 +1,14 @@
 //! Straightening: the tip of a sampled path is drawn onto a smooth curve near it.
 //!
 //! A sampled path comes near the straight way of the tip, with small waves in it. Here the curve is the straight line at even
-//! speed plus as few terms u (1 − u) P_k(2u − 1) as the scene allows, and every waypoint moves onto it by Newton steps of
-//! least norm. Where the body would come too near to an obstacle on all such curves, the path stays as it was sampled.
+//! speed, bent at its ends where the robot cannot set out along it, plus as few terms u (1 − u) P_k(2u − 1) as the scene
+//! allows; every waypoint moves onto it by Newton steps. Where the body would come too near to an obstacle on all such
+//! curves, the path stays as it was sampled.
 
-use crate::inverse_kinematics::newton_step;
 use crate::path::{WAYPOINTS, parameter};
 use collision::Scene;
-use pcc_model::{Configuration, Point, Robot};
+use nalgebra::{Cholesky, Matrix3, SymmetricEigen};
+use pcc_model::{Backbone, Configuration, DOF, Point, Robot, SECTIONS};
 
 /// Terms at most.
 const TERMS: usize = 4;
@@ -21,6 +22,15 @@ const STEPS: usize = 4;
 const ON_THE_CURVE: f64 = 1e-7;
 /// A waypoint that would have to move farther lies near a shape whose tip cannot follow the curve, rad.
 const LARGEST_CHANGE_RAD: f64 = 0.4;
+
+/// Damping of a Newton step, as a share of the distance.
+const DAMPING: f64 = 1e-4;
+/// Where the tip moves less than this by a rad in some direction, it cannot set out in that direction.
+const STIFF: f64 = 0.6;
+/// Bending above this far below the limit is compressed, so that a path does not run into its limits with a kink, rad.
+const SOFT_RAD: f64 = 0.15;
+/// A section at its limit still takes this share of the part that a free one takes in a Newton step.
+const LEAST_WEIGHT: f64 = 0.02;
 
 /// The terms at the waypoints, orthonormal.
 pub(crate) struct TipCurves {
@@ -56,9 +66,9 @@ impl TipCurves {
         margin: f64,
         path: &mut [Configuration],
     ) {
-        let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| robot.tip(&path[h]));
-        let (first, last) = (tips[0], tips[WAYPOINTS - 1]);
-        let mut curve = std::array::from_fn(|h| first.lerp(&last, parameter(h)));
+        let sampled = softened(robot, path);
+        let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| robot.tip(&sampled[h]));
+        let mut curve = straightest(robot, &path[0], &path[WAYPOINTS - 1]);
         let mut used = 0;
         for (terms, near) in TRIED {
             self.terms[used..terms]
@@ -72,12 +82,79 @@ impl TipCurves {
                 curve: &curve,
                 near,
             };
-            if let Some(drawn) = drawn.draw(path) {
+            if let Some(drawn) = drawn.draw(&sampled) {
                 path.copy_from_slice(&drawn);
                 return;
             }
         }
     }
+}
+
+/// The straight line between the tips of two shapes at even speed, bent where a shape's tip cannot move along it: there
+/// its first (or last) direction has no part in which the tip is stiff.
+fn straightest(robot: &Robot, start: &Configuration, end: &Configuration) -> [Point; WAYPOINTS] {
+    let [first, last] = [start, end].map(|shape| robot.backbone(shape));
+    let way = last.tip() - first.tip();
+    let bend = stiff_part(&last, &way) - stiff_part(&first, &way);
+    std::array::from_fn(|h| {
+        let u = parameter(h);
+        first.tip().lerp(&last.tip(), u) + bend * (u * (1.0 - u))
+    })
+}
+
+/// The part of a way in the direction in which the tip moves least, times how stiff it is there, 0 to 1.
+fn stiff_part(shape: &Backbone, way: &Point) -> Point {
+    let jacobian = shape.tip_jacobian();
+    let modes = SymmetricEigen::new(jacobian * jacobian.transpose());
+    let least = modes.eigenvalues.imin();
+    let mobility = modes.eigenvalues[least].max(0.0).sqrt();
+    let direction = modes.eigenvectors.column(least);
+    direction * (direction.dot(way) * (1.0 - mobility / STIFF).max(0.0))
+}
+
+/// The path with its bending compressed near the limit; both ends stay where they are.
+fn softened(robot: &Robot, path: &[Configuration]) -> Vec<Configuration> {
+    let soft: Vec<Configuration> = path.iter().map(|shape| compressed(robot, shape)).collect();
+    let last = path.len() - 1;
+    let (first_change, last_change) = (path[0] - soft[0], path[last] - soft[last]);
+    let restored = |(h, shape): (usize, &Configuration)| {
+        let u = parameter(h);
+        shape + first_change * (1.0 - u) + last_change * u
+    };
+    soft.iter().enumerate().map(restored).collect()
+}
+
+fn compressed(robot: &Robot, shape: &Configuration) -> Configuration {
+    let angles = robot.bending_angles(shape);
+    let begin = robot.bending_limit - SOFT_RAD;
+    let mut soft = *shape;
+    for section in (0..SECTIONS).filter(|&section| angles[section] > begin) {
+        let excess = (angles[section] - begin) / SOFT_RAD;
+        let angle = begin + SOFT_RAD * excess.tanh();
+        let mut bend = soft.fixed_rows_mut::<2>(2 * section);
+        bend *= angle / angles[section];
+    }
+    soft
+}
+
+/// The shape within the limits after a Newton step that moves the tip by `error`, of least norm where sections near their
+/// limits weigh more (Chan and Dubey 1995).
+fn step(
+    robot: &Robot,
+    shape: &Configuration,
+    backbone: &Backbone,
+    error: &Point,
+) -> Option<Configuration> {
+    let angles = robot.bending_angles(shape);
+    let free = angles.map(|angle| (1.0 - (angle / robot.bending_limit).powi(2)).max(LEAST_WEIGHT));
+    let jacobian = backbone.tip_jacobian();
+    let mut weighted = jacobian.transpose();
+    for d in 0..DOF {
+        weighted.row_mut(d).scale_mut(free[d / 2]);
+    }
+    let damping = Matrix3::identity() * (DAMPING * error.norm().min(1.0));
+    let factor = Cholesky::new(jacobian * weighted + damping)?;
+    Some(robot.project_to_limits(&(shape + weighted * factor.solve(error))))
 }
 
 /// Adds to a curve what one term can do to bring it nearer to the tips.
@@ -123,7 +200,7 @@ impl Drawing<'_> {
             if error.norm() < ON_THE_CURVE {
                 break;
             }
-            shape = newton_step(self.robot, &shape, &backbone, &error)?;
+            shape = step(self.robot, &shape, &backbone, &error)?;
             backbone = self.robot.backbone(&shape);
         }
         let clearance = self.scene.clearance(&backbone, self.robot.tube_radius);
