@@ -13,7 +13,7 @@ use pcc_model::{Backbone, Configuration, DOF, Point, Robot, SECTIONS};
 /// Terms at most.
 const TERMS: usize = 4;
 /// Numbers of terms that are tried, in this order, and how far the curve may be from the sampled tip, section lengths.
-const TRIED: [(usize, f64); 3] = [(0, 0.2), (2, 0.1), (TERMS, 0.05)];
+const TRIED: [(usize, f64); 3] = [(0, 0.5), (2, 0.1), (TERMS, 0.05)];
 /// Every so many waypoints are tried first: most curves that do not serve show it there.
 const STRIDE: usize = 8;
 /// Newton steps at most: a count, so that answers do not depend on time.
@@ -21,7 +21,7 @@ const STEPS: usize = 4;
 /// A tip this near to the curve is on it, section lengths.
 const ON_THE_CURVE: f64 = 1e-7;
 /// A waypoint that would have to move farther lies near a shape whose tip cannot follow the curve, rad.
-const LARGEST_CHANGE_RAD: f64 = 0.4;
+const LARGEST_CHANGE_RAD: f64 = 0.8;
 
 /// Damping of a Newton step, as a share of the distance.
 const DAMPING: f64 = 1e-4;
