@@ -27,6 +27,10 @@ const LARGEST_CHANGE_RAD: f64 = 0.8;
 const DAMPING: f64 = 1e-4;
 /// Where the tip moves less than this by a rad in some direction, it cannot set out in that direction.
 const STIFF: f64 = 0.6;
+/// Stiffer ends keep the path as it was sampled: the tip of a straight robot sets out sideways only.
+const STIFFEST: f64 = 0.9;
+/// Share of the straight segment's way of the tip in the curve where an end is as stiff as can be.
+const SEGMENT_SHARE: f64 = 0.35;
 /// Bending above this far below the limit is compressed, so that a path does not run into its limits with a kink, rad.
 const SOFT_RAD: f64 = 0.15;
 /// A section at its limit still takes this share of the part that a free one takes in a Newton step.
@@ -66,9 +70,13 @@ impl TipCurves {
         margin: f64,
         path: &mut [Configuration],
     ) {
-        let sampled = softened(robot, path);
+        let way = Way::new(robot, &path[0], &path[WAYPOINTS - 1]);
+        if way.stiffness > STIFFEST {
+            return;
+        }
+        let sampled = way.softened(path);
         let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| robot.tip(&sampled[h]));
-        let mut curve = straightest(robot, &path[0], &path[WAYPOINTS - 1]);
+        let mut curve = way.straightest();
         let mut used = 0;
         for (terms, near) in TRIED {
             self.terms[used..terms]
@@ -90,38 +98,70 @@ impl TipCurves {
     }
 }
 
-/// The straight line between the tips of two shapes at even speed, bent where a shape's tip cannot move along it: there
-/// its first (or last) direction has no part in which the tip is stiff.
-fn straightest(robot: &Robot, start: &Configuration, end: &Configuration) -> [Point; WAYPOINTS] {
-    let [first, last] = [start, end].map(|shape| robot.backbone(shape));
-    let way = last.tip() - first.tip();
-    let bend = stiff_part(&last, &way) - stiff_part(&first, &way);
-    std::array::from_fn(|h| {
-        let u = parameter(h);
-        first.tip().lerp(&last.tip(), u) + bend * (u * (1.0 - u))
-    })
+/// The two ends of a path, and how far the tip cannot set out there in every direction.
+struct Way<'a> {
+    robot: &'a Robot,
+    ends: [Configuration; 2],
+    /// Bend of the tip's line at its middle, times 4, that spares the directions in which the tip is stiff.
+    bend: Point,
+    /// How stiff the tip is at the stiffer end, 0 to 1.
+    stiffness: f64,
 }
 
-/// The part of a way in the direction in which the tip moves least, times how stiff it is there, 0 to 1.
-fn stiff_part(shape: &Backbone, way: &Point) -> Point {
+impl<'a> Way<'a> {
+    fn new(robot: &'a Robot, start: &Configuration, end: &Configuration) -> Self {
+        let [first, last] = [start, end].map(|shape| robot.backbone(shape));
+        let way = last.tip() - first.tip();
+        let [at_start, at_end] = [&first, &last].map(stiffest);
+        let part =
+            |(direction, stiffness): (Point, f64)| direction * (direction.dot(&way) * stiffness);
+        Self {
+            robot,
+            ends: [*start, *end],
+            bend: part(at_end) - part(at_start),
+            stiffness: at_start.1.max(at_end.1),
+        }
+    }
+
+    fn segment(&self, h: usize) -> Configuration {
+        self.ends[0].lerp(&self.ends[1], parameter(h))
+    }
+
+    /// The straight line of the tip at even speed; at a stiff end it sets out as the tip can, and follows in part the way
+    /// that the straight segment takes.
+    fn straightest(&self) -> [Point; WAYPOINTS] {
+        let [first, last] = self.ends.map(|shape| self.robot.tip(&shape));
+        std::array::from_fn(|h| {
+            let u = parameter(h);
+            let line = first.lerp(&last, u) + self.bend * (u * (1.0 - u));
+            line.lerp(
+                &self.robot.tip(&self.segment(h)),
+                SEGMENT_SHARE * self.stiffness,
+            )
+        })
+    }
+
+    /// The path with its bending compressed near the limit, nearer to the straight segment where an end is stiff; both ends
+    /// stay where they are.
+    fn softened(&self, path: &[Configuration]) -> Vec<Configuration> {
+        let changes = self.ends.map(|end| end - compressed(self.robot, &end));
+        let soft = |(h, shape): (usize, &Configuration)| {
+            let u = parameter(h);
+            let soft = compressed(self.robot, shape) + changes[0] * (1.0 - u) + changes[1] * u;
+            soft.lerp(&self.segment(h), self.stiffness)
+        };
+        path.iter().enumerate().map(soft).collect()
+    }
+}
+
+/// The direction in which the tip moves least, and how stiff it is there, 0 to 1.
+fn stiffest(shape: &Backbone) -> (Point, f64) {
     let jacobian = shape.tip_jacobian();
     let modes = SymmetricEigen::new(jacobian * jacobian.transpose());
     let least = modes.eigenvalues.imin();
     let mobility = modes.eigenvalues[least].max(0.0).sqrt();
-    let direction = modes.eigenvectors.column(least);
-    direction * (direction.dot(way) * (1.0 - mobility / STIFF).max(0.0))
-}
-
-/// The path with its bending compressed near the limit; both ends stay where they are.
-fn softened(robot: &Robot, path: &[Configuration]) -> Vec<Configuration> {
-    let soft: Vec<Configuration> = path.iter().map(|shape| compressed(robot, shape)).collect();
-    let last = path.len() - 1;
-    let (first_change, last_change) = (path[0] - soft[0], path[last] - soft[last]);
-    let restored = |(h, shape): (usize, &Configuration)| {
-        let u = parameter(h);
-        shape + first_change * (1.0 - u) + last_change * u
-    };
-    soft.iter().enumerate().map(restored).collect()
+    let direction = modes.eigenvectors.column(least).into_owned();
+    (direction, (1.0 - mobility / STIFF).max(0.0))
 }
 
 fn compressed(robot: &Robot, shape: &Configuration) -> Configuration {
