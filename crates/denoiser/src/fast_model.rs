@@ -58,6 +58,7 @@ struct Scale {
 /// The network with its weights.
 pub struct FastModel {
     width: usize,
+    evaluations: usize,
     end_scale: Scale,
     ball_scale: Scale,
     coefficient_deviation: Vec<f32>,
@@ -94,6 +95,7 @@ impl FastModel {
         };
         Ok(Self {
             width,
+            evaluations: file.count("evaluations")?,
             end_scale: Scale::load(file, "end", END_FEATURES)?,
             ball_scale: Scale::load(file, "ball", BALL_FEATURES)?,
             coefficient_deviation: file.tensor("coefficient_std", &[COEFFICIENTS])?.to_vec(),
@@ -108,6 +110,21 @@ impl FastModel {
             norm: LayerNorm::load(file, "norm", width)?,
             output: Linear::load(file, "output", width, COEFFICIENTS)?,
         })
+    }
+
+    /// The same model, sampled with another number of evaluations (at least 1) than its weights were trained for.
+    #[must_use]
+    pub fn with_evaluations(self, evaluations: usize) -> Self {
+        Self {
+            evaluations: evaluations.max(1),
+            ..self
+        }
+    }
+
+    /// Evaluations of the network in one sample.
+    #[must_use]
+    pub fn evaluations(&self) -> usize {
+        self.evaluations
     }
 
     /// Samples coefficients (candidates × 72, the unit of the training data) from standard normal noise of the same shape.

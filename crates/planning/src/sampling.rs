@@ -7,9 +7,6 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-/// Network evaluations of one sample: the ends carry the modes, so two are enough.
-const EVALUATIONS: usize = 2;
-
 /// Samples one residual (sine coefficients, term-major, radians, canonical frame) for each candidate.
 ///
 /// The noise of a candidate depends on the seed and its index alone, so neither threads nor neighbours matter.
@@ -47,7 +44,8 @@ fn sample_chunk(
         .collect();
     let mut out = vec![0.0_f32; noise.len()];
     let mut scratch = FastScratch::default();
-    model.sample(&inputs, &noise, EVALUATIONS, &mut scratch, &mut out);
+    let evaluations = model.evaluations();
+    model.sample(&inputs, &noise, evaluations, &mut scratch, &mut out);
     out.chunks_exact(UNKNOWNS)
         .map(|c| std::array::from_fn(|i| f64::from(c[i])))
         .collect()
