@@ -19,6 +19,31 @@ const BALL_WIDTH: usize = 128;
 const TIME_FEATURES: usize = 32;
 const COEFFICIENTS: usize = 72;
 
+/// Frame in which a model's features and coefficients are given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FeatureFrame {
+    /// Turned about the base axis so that the goal has azimuth zero.
+    #[default]
+    Canonical,
+    /// The robot's base.
+    Base,
+}
+
+impl FeatureFrame {
+    /// What the metadata says: canonical where it says nothing.
+    fn load(file: &WeightsFile) -> Result<Self, WeightsError> {
+        match file.metadata("frame") {
+            None | Some("canonical") => Ok(Self::Canonical),
+            Some("base") => Ok(Self::Base),
+            Some(found) => Err(WeightsError::Metadata {
+                key: "frame",
+                found: Some(found.into()),
+                expected: "`canonical` or `base`".into(),
+            }),
+        }
+    }
+}
+
 /// What one candidate is conditioned on.
 #[derive(Clone, Copy, Debug)]
 pub struct CandidateInput<'a> {
@@ -59,6 +84,7 @@ struct Scale {
 pub struct FastModel {
     width: usize,
     evaluations: usize,
+    frame: FeatureFrame,
     end_scale: Scale,
     ball_scale: Scale,
     coefficient_deviation: Vec<f32>,
@@ -96,6 +122,7 @@ impl FastModel {
         Ok(Self {
             width,
             evaluations: file.count("evaluations")?,
+            frame: FeatureFrame::load(file)?,
             end_scale: Scale::load(file, "end", END_FEATURES)?,
             ball_scale: Scale::load(file, "ball", BALL_FEATURES)?,
             coefficient_deviation: file.tensor("coefficient_std", &[COEFFICIENTS])?.to_vec(),
@@ -125,6 +152,12 @@ impl FastModel {
     #[must_use]
     pub fn evaluations(&self) -> usize {
         self.evaluations
+    }
+
+    /// The frame of its features and coefficients.
+    #[must_use]
+    pub fn frame(&self) -> FeatureFrame {
+        self.frame
     }
 
     /// Samples coefficients (candidates × 72, the unit of the training data) from standard normal noise of the same shape.

@@ -5,6 +5,7 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::Robot;
+use planning::FeatureFrame;
 use planning::dataset::{
     BlockReport, Dataset, Meta, PAPER_VERSION, PaperReport, Recipe, Row, TEACHER_VERSION,
     TERMINALS, generate_block, generate_paper_block, training_rows,
@@ -89,6 +90,14 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
+#[derive(Clone, Copy, ValueEnum)]
+enum FrameName {
+    /// Turned so that the goal has azimuth zero.
+    Canonical,
+    /// The robot's base.
+    Base,
+}
+
 /// Arguments of `pcc features`.
 #[derive(Args)]
 pub(crate) struct FeatureArguments {
@@ -98,6 +107,9 @@ pub(crate) struct FeatureArguments {
     /// Added to the target indices, so that the targets of several data sets stay apart.
     #[arg(long, default_value_t = 0)]
     first_group: i64,
+    /// Frame of the arrays.
+    #[arg(long, value_enum, default_value = "canonical")]
+    frame: FrameName,
     /// Robot file.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
@@ -353,7 +365,11 @@ pub(crate) fn features(arguments: &FeatureArguments) -> anyhow::Result<()> {
     }
     let robot = unit_robot(&arguments.robot)?;
     let dataset = Dataset::read(&arguments.dataset)?;
-    let rows = training_rows(&robot, &dataset.rows, arguments.first_group)?;
+    let frame = match arguments.frame {
+        FrameName::Canonical => FeatureFrame::Canonical,
+        FrameName::Base => FeatureFrame::Base,
+    };
+    let rows = training_rows(&robot, &dataset.rows, arguments.first_group, frame)?;
     rows.write(&arguments.out)?;
     println!("{}: {} rows", arguments.out.display(), rows.len());
     Ok(())

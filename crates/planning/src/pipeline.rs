@@ -290,7 +290,8 @@ impl<'a> Run<'a> {
         };
         let clock = Instant::now();
         let robot = &self.planner.robot;
-        let frame = CanonicalFrame::of(robot, &self.problem.start, &self.problem.goal_tip(robot));
+        let (start, goal_tip) = (&self.problem.start, self.problem.goal_tip(robot));
+        let frame = CanonicalFrame::wanted(model.frame(), robot, start, &goal_tip);
         let canonical = CanonicalProblem::new(frame, &self.problem.scene);
         let features: Vec<_> = goals
             .par_iter()

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)] // tests
 
 use pcc_model::Robot;
+use planning::FeatureFrame;
 use planning::dataset::{
     ArchiveReader, ArchiveWriter, Dataset, DatasetError, Meta, Recipe, Split, generate_block,
     training_rows,
@@ -133,7 +134,7 @@ fn sets_without_rows_or_without_balls_are_sets_too() {
         let read = Dataset::read(folder.path()).unwrap();
         assert_eq!(read.rows.len(), written.rows.len());
         assert!(read.rows.iter().all(|row| row.balls.is_empty()));
-        assert!(training_rows(&robot(), &read.rows, 0).is_ok());
+        assert!(training_rows(&robot(), &read.rows, 0, FeatureFrame::Canonical).is_ok());
     }
     let files = std::fs::read_dir(folder.path()).unwrap().count();
     assert_eq!(files, 2, "nothing half-written is left");
@@ -189,7 +190,7 @@ fn arrays_of_any_width_are_read_and_shapes_and_values_are_checked() {
 fn training_arrays_hold_each_path_and_its_mirror_image() {
     let folder = tempfile::tempdir().unwrap();
     let (rows, _) = generate_block(&robot(), &recipe(Setting::General(Some(2))), 0..4);
-    let arrays = training_rows(&robot(), &rows, 100).unwrap();
+    let arrays = training_rows(&robot(), &rows, 100, FeatureFrame::Canonical).unwrap();
     let file = folder.path().join("shard-0000.npz");
     arrays.write(&file).unwrap();
     let mut archive = ArchiveReader::open(&file).unwrap();
