@@ -122,6 +122,25 @@ impl Planner {
             .install(|| Run::new(self, problem, request, interrupt).plan())
     }
 
+    /// Answers a request with given paths (64 waypoints each, radians), as if a learned model of whole paths had drawn them: the
+    /// ends are brought onto start and goal, then the paths are corrected, timed and certified. Reads no sampler of the request.
+    ///
+    /// # Errors
+    /// [`PlannerError::Infeasible`].
+    pub fn judge(
+        &self,
+        problem: &Problem,
+        request: &Request,
+        paths: Vec<Waypoints>,
+        interrupt: Interrupt,
+    ) -> Result<Plan, PlannerError> {
+        problem.check_start(&self.robot)?;
+        check_goal(&self.robot, problem, request.growth, request.seed)?;
+        let given = paths.into_iter().map(Some).collect();
+        let run = || Run::new(self, problem, request, interrupt).judge(given);
+        Ok(self.workers.install(run))
+    }
+
     /// Draws one path by diffusion and returns it before every evaluation of the network and at the end, 64 waypoints each.
     ///
     /// # Errors
@@ -245,6 +264,11 @@ impl<'a> Run<'a> {
             model.sample(&task, request.candidates, self.interrupt)
         });
         self.stages.sample = clock.elapsed().as_secs_f64();
+        Ok(self.judge(sampled))
+    }
+
+    /// Makes motions of paths whose ends are not exact yet; where there is no path, its drawing was truncated.
+    fn judge(mut self, sampled: Vec<Option<Waypoints>>) -> Plan {
         let mut paths: Vec<Waypoints> = sampled.iter().flatten().cloned().collect();
         let attached = self.attach(&mut paths);
         let mut finished = self
@@ -266,7 +290,7 @@ impl<'a> Run<'a> {
         });
         let draws: Vec<Draw> = draws.collect();
         let learned = count_learned(&draws);
-        Ok(self.answer(draws, learned, Instant::now()))
+        self.answer(draws, learned, Instant::now())
     }
 
     /// Brings the ends of paths onto start and goal; where that fails, the path is none to deliver.
