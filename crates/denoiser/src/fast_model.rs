@@ -11,6 +11,7 @@ use crate::linear::Linear;
 use crate::norm::LayerNorm;
 use crate::weights_file::{WeightsError, WeightsFile};
 use std::f32::consts::TAU;
+use thiserror::Error;
 
 const ARCHITECTURE: &str = "both-ends-flow-v1";
 const END_FEATURES: usize = 36;
@@ -18,6 +19,11 @@ const BALL_FEATURES: usize = 28;
 const BALL_WIDTH: usize = 128;
 const TIME_FEATURES: usize = 32;
 const COEFFICIENTS: usize = 72;
+
+/// A number of evaluations that is not allowed.
+#[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]
+#[error("{0} evaluations of the few-step model's network a sample: 1, 2, 4 and 8 are allowed")]
+pub struct EvaluationsRefused(pub usize);
 
 /// Frame in which a model's features and coefficients are given.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -139,13 +145,18 @@ impl FastModel {
         })
     }
 
-    /// The same model, sampled with another number of evaluations (at least 1) than its weights were trained for.
-    #[must_use]
-    pub fn with_evaluations(self, evaluations: usize) -> Self {
-        Self {
-            evaluations: evaluations.max(1),
-            ..self
+    /// The same network with another number of evaluations a sample: 1, 2, 4 or 8 Euler steps of the flow.
+    ///
+    /// # Errors
+    /// [`EvaluationsRefused`] for any other number.
+    pub fn with_evaluations(self, evaluations: usize) -> Result<Self, EvaluationsRefused> {
+        if ![1, 2, 4, 8].contains(&evaluations) {
+            return Err(EvaluationsRefused(evaluations));
         }
+        Ok(Self {
+            evaluations,
+            ..self
+        })
     }
 
     /// Evaluations of the network in one sample.

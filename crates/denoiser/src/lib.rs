@@ -19,7 +19,7 @@ mod unet;
 mod weights_file;
 
 pub use diffusion::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver, UnknownSolver};
-pub use fast_model::{CandidateInput, FastModel, FastScratch, FeatureFrame};
+pub use fast_model::{CandidateInput, EvaluationsRefused, FastModel, FastScratch, FeatureFrame};
 pub use manifest::{Manifest, ManifestEntry};
 pub use matrix::Precision;
 pub use unet::{FRAME, HORIZON, Normalisation, TemporalUnet, UnetCondition, UnetScratch};
