@@ -62,7 +62,7 @@ pub(crate) struct ModelArguments {
     /// diffusion.
     #[arg(long)]
     model: Option<String>,
-    /// Evaluations of the network by `fast` and `default` (1 to 64); without it as many as the weights say.
+    /// Evaluations of the network by `fast` and `default` (1, 2, 4 or 8); without it as many as the weights say.
     #[arg(long)]
     evaluations: Option<usize>,
     /// Evaluations of the diffusion planners' network (1 to 1000); without it the paper's 50.
@@ -212,20 +212,17 @@ pub(crate) fn load(
 }
 
 fn load_fast(robot: &Robot, arguments: &ModelArguments) -> anyhow::Result<(FastModel, FastRecord)> {
-    if let Some(evaluations) = arguments.evaluations
-        && !(1..=64).contains(&evaluations)
-    {
-        bail!("--evaluations {evaluations}: 1 to 64 are allowed");
-    }
     let manifest = Manifest::open(&arguments.weights)?;
     let name = arguments.model.as_deref().unwrap_or(FAST_WEIGHTS);
-    let trained = FastModel::from_weights(&manifest.weights(name)?, robot.bending_limit)?;
-    let evaluations = arguments.evaluations.unwrap_or(trained.evaluations());
+    let mut model = FastModel::from_weights(&manifest.weights(name)?, robot.bending_limit)?;
+    if let Some(evaluations) = arguments.evaluations {
+        model = model.with_evaluations(evaluations)?;
+    }
     let record = FastRecord {
         weights: WeightsRecord::of(&manifest, name)?,
-        evaluations,
+        evaluations: model.evaluations(),
     };
-    Ok((trained.with_evaluations(evaluations), record))
+    Ok((model, record))
 }
 
 fn load_diffusion(

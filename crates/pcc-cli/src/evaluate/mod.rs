@@ -80,23 +80,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         &arguments.models,
         arguments.threads,
     )?;
-    let dataset = Dataset::read(&arguments.dataset)?;
-    let split = match arguments.split {
-        SplitName::Train => Split::Train,
-        SplitName::Validation => Split::Validation,
-        SplitName::Test => Split::Test,
-    };
     let proposals = arguments.proposals()?;
-    let given = proposals.as_ref().map(Vec::len);
-    let limit = arguments.cases.into_iter().chain(given).min();
-    let cases = dataset.cases(split, limit)?;
-    if cases.is_empty() {
-        bail!(
-            "{} has no case in split {}",
-            arguments.dataset.display(),
-            name_of(&arguments.split)
-        );
-    }
+    let cases = arguments.cases(proposals.as_ref().map(Vec::len))?;
     std::fs::create_dir_all(&arguments.out)
         .with_context(|| format!("cannot make {}", arguments.out.display()))?;
     let answers = answer_all(&planner, arguments, cases, proposals)?;
@@ -115,6 +100,27 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 impl Arguments {
+    /// The cases asked for, no more than paths are given for.
+    fn cases(&self, given: Option<usize>) -> anyhow::Result<Vec<Case>> {
+        let split = match self.split {
+            SplitName::Train => Split::Train,
+            SplitName::Validation => Split::Validation,
+            SplitName::Test => Split::Test,
+        };
+        let limit = self.cases.into_iter().chain(given).min();
+        let cases = Dataset::read(&self.dataset)?.cases(split, limit)?;
+        let needed = given.and(limit).unwrap_or(1);
+        if cases.len() < needed {
+            bail!(
+                "{} has {} cases in split {}, at least {needed} are needed",
+                self.dataset.display(),
+                cases.len(),
+                name_of(&self.split)
+            );
+        }
+        Ok(cases)
+    }
+
     /// The paths to judge, case by case, if the planner is `proposed`.
     fn proposals(&self) -> anyhow::Result<Option<Vec<Vec<Waypoints>>>> {
         match (self.planner, &self.proposals) {
