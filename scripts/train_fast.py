@@ -263,6 +263,12 @@ class Run:
         torch.save(state, part)
         part.replace(file)
 
+    def begin_from(self, file, device):
+        """Starts with the averaged weights and the normalisation of another run."""
+        state = torch.load(file, map_location=device, weights_only=True)
+        self.model.load_state_dict(state["average"])
+        self.average.load_state_dict(state["average"])
+
     def restore(self, file, device):
         state = torch.load(file, map_location=device, weights_only=True)
         if any(state["facts"][name] != value for name, value in self.fixed.items()):
@@ -328,6 +334,8 @@ def fit(run, rows, arguments, loss_of):
     checkpoint.parent.mkdir(parents=True, exist_ok=True)
     if checkpoint.exists():
         run.restore(checkpoint, device)
+    elif arguments.begin_from:
+        run.begin_from(arguments.begin_from, device)
     weight = loss_weight(run.model)
     print(f"{len(rows.train)} training rows, {len(rows.validation)} held out, from update {run.updates}", flush=True)
     began, share, losses = time.monotonic() - run.seconds, share_done(run, arguments), []
@@ -435,6 +443,7 @@ def add_training_arguments(p, checkpoint):
     """What every training run is told; `checkpoint` are the keywords of that option."""
     p.add_argument("--data", required=True, help="folder with shard-XXXX.npz from `pcc features`")
     p.add_argument("--checkpoint", **checkpoint)
+    p.add_argument("--begin-from", type=Path, help="checkpoint of another run, whose averaged weights this one begins with")
     length = p.add_mutually_exclusive_group(required=True)
     length.add_argument("--updates", type=int, help="length of the run in updates (reproducible)")
     length.add_argument("--minutes", type=float, help="length of the run in minutes; the rate decays by elapsed time")

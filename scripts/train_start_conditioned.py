@@ -9,7 +9,7 @@ They get the start, the target tip and the balls, and sample the end shape with 
             Diffusion via Shortcut Models", 2024)
   set       one evaluation, trained on sets: each solution of a scene pulls the nearest of several samples, each sample is
             pulled to the nearest solution (IMLE and Chamfer)
-  distilled one evaluation, trained on a flow's samples from the same noise
+  distilled one evaluation, trained on the samples of a flow from the same noise; begins as that flow (--begin-from)
 
 Subcommands: `train` (from the shards of train_fast.py, canonical frame) and `propose`, which draws paths for the cases of a
 `paths.npz` of `pcc evaluate`, to be judged by `pcc evaluate --planner proposed --proposals FILE`.
@@ -36,6 +36,7 @@ SIZES = (START_FEATURES, BALL_FEATURES, STATE)
 FINEST_STEP = 1 / 8
 SAMPLES_A_SCENE = 8
 SOLUTIONS_A_SCENE = 4
+TEACHER_EVALUATIONS = 4
 
 
 def section(pairs):
@@ -184,7 +185,7 @@ def distilled_loss(teacher):
             noise = torch.randn(data.shape, generator=run.generator)
             with torch.no_grad():
                 known, _ = batch_of(teacher, rows, batch)
-                aim = teacher.draw(noise, known, 8, is_shortcut=False) / teacher.coefficient_std
+                aim = teacher.draw(noise, known, TEACHER_EVALUATIONS, is_shortcut=False) / teacher.coefficient_std
             estimate = run.model.estimate(noise, torch.zeros(len(noise)), context)
         return ((estimate.float() - aim.float()).square() * weight).mean()
 
@@ -208,9 +209,7 @@ def train(arguments):
     facts = {name: getattr(arguments, name) for name in ("width", "blocks", "method")}
     run = Run(model, facts, arguments, rows, torch.device("cpu"))
     if arguments.method == "distilled":
-        teacher, _ = load(arguments.teacher)
-        run.model.load_state_dict(teacher.state_dict())
-        run.average.load_state_dict(teacher.state_dict())
+        teacher, _ = load(arguments.begin_from)
         fit(run, rows, arguments, distilled_loss(teacher))
     elif arguments.method == "set":
         fit(run, rows, arguments, set_loss(rows.scenes()))
@@ -282,7 +281,6 @@ def main():
     p = commands.add_parser("train", help="train; goes on from the checkpoint if there is one")
     add_training_arguments(p, {"required": True, "help": "checkpoint; the log is beside it"})
     p.add_argument("--method", choices=("flow", "shortcut", "set", "distilled"), default="flow", help="default %(default)s")
-    p.add_argument("--teacher", type=Path, help="checkpoint of the flow that is distilled")
     p.set_defaults(run=train)
 
     p = commands.add_parser("propose", help="draw paths for the cases of a paths.npz")

@@ -70,6 +70,9 @@ pub(crate) struct Arguments {
     /// End shapes of each start, as many of them as there are (1 to 64; the paper's generator: 1 to 10).
     #[arg(long, default_value_t = 10)]
     ends: usize,
+    /// Trees that the teacher looks at where a straight segment leads it nowhere, to keep the shortest path (1 to 64).
+    #[arg(long, default_value_t = 1)]
+    trees: usize,
     /// Seed; the same seed gives the same rows whatever the shards and threads.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -183,6 +186,7 @@ impl<'a> Job<'a> {
                 arguments.ends,
                 if is_paper { TERMINALS } else { 64 },
             ),
+            ("trees", arguments.trees, if is_paper { 1 } else { 64 }),
         ] {
             if !(1..=most).contains(&value) {
                 bail!("--{name} {value}: 1 to {most} are allowed");
@@ -193,6 +197,7 @@ impl<'a> Job<'a> {
             seed: arguments.seed,
             starts: arguments.starts,
             ends: arguments.ends,
+            trees: arguments.trees,
             test_only: arguments.test_only,
         };
         let blocks = arguments.out.join("blocks");
@@ -229,7 +234,7 @@ impl<'a> Job<'a> {
         json!({
             "method": format!("{:?}", a.method), "generator": a.method.version(),
             "setting": format!("{:?}", self.recipe.setting), "targets": a.targets, "starts": a.starts, "ends": a.ends,
-            "seed": a.seed, "test_only": a.test_only, "robot": robot.name, "section_lengths": robot.section_lengths,
+            "trees": a.trees, "seed": a.seed, "test_only": a.test_only, "robot": robot.name, "section_lengths": robot.section_lengths,
             "bending_limit_rad": robot.bending_limit, "tube_radius": robot.tube_radius,
         })
     }

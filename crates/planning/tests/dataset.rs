@@ -26,6 +26,7 @@ fn recipe(setting: Setting) -> Recipe {
         seed: 3,
         starts: 2,
         ends: 3,
+        trees: 1,
         test_only: false,
     }
 }
@@ -222,4 +223,24 @@ fn training_arrays_hold_each_path_and_its_mirror_image() {
         coefficients.iter().any(|c| c.abs() > 0.05),
         "the paths are not straight segments"
     );
+}
+
+#[test]
+fn training_arrays_are_in_the_frame_that_was_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rows, _) = generate_block(&robot(), &recipe(Setting::General(Some(2))), 0..1);
+    let read = |frame| {
+        let file = folder.path().join("shard-0000.npz");
+        let arrays = training_rows(&robot(), &rows, 0, frame).unwrap();
+        arrays.write(&file).unwrap();
+        let mut archive = ArchiveReader::open(&file).unwrap();
+        let ends = archive.read::<f32>("ends").unwrap().0;
+        (archive.read::<u8>("frame").unwrap().0, ends)
+    };
+    let (canonical, base) = (read(FeatureFrame::Canonical), read(FeatureFrame::Base));
+    assert_eq!((canonical.0, base.0), (vec![0], vec![1]));
+    let start = |i: usize| rows[0].path[0][i] as f32;
+    assert!((0..6).all(|i| base.1[i] == start(i)));
+    let tip_y = 16; // 6 + 6 shapes, the start's tip, then the end's
+    assert!(base.1[tip_y].abs() > 0.1 && canonical.1[tip_y].abs() < 1e-3);
 }
