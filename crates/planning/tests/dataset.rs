@@ -188,6 +188,21 @@ fn arrays_of_any_width_are_read_and_shapes_and_values_are_checked() {
 }
 
 #[test]
+fn more_trees_leave_fewer_ends_without_a_path() {
+    let report = |trees| {
+        let hard = Recipe {
+            trees,
+            ..recipe(Setting::Hard)
+        };
+        generate_block(&robot(), &hard, 0..64).1
+    };
+    let (one, four) = (report(1), report(4));
+    assert!(one.dropped_paths > 0, "some need more than one tree");
+    assert!(four.dropped_paths < one.dropped_paths);
+    assert!(four.from_tree > one.from_tree);
+}
+
+#[test]
 fn training_arrays_hold_each_path_and_its_mirror_image() {
     let folder = tempfile::tempdir().unwrap();
     let (rows, _) = generate_block(&robot(), &recipe(Setting::General(Some(2))), 0..4);
