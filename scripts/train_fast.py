@@ -9,11 +9,13 @@ files `shard-XXXX.npz` with
   ball_offsets [N + 1] i64
   coefficients [N, 72] f32  residual to the straight segment, rad: [k * 6 + d] multiplies sin((k + 1) pi u) of degree d
   group [N] i64             the same for all rows of one target; 2 % of the groups are held out
+  frame [1] u8              1: all of it in the base frame instead (`pcc features --frame base`); without it canonical
 
 The mirror images are in the arrays already. weights/README.md has the recipe of the committed weights.
 """
 
 import argparse
+import copy
 import json
 import math
 import time
@@ -33,6 +35,7 @@ BALL_FEATURES = 28
 BALL_WIDTH = 128
 TIME_FEATURES = 32
 EVALUATIONS = 2
+FRAMES = ("canonical", "base")
 WARM_UP_UPDATES = 500
 AVERAGE_DECAY = 0.999
 
@@ -61,23 +64,26 @@ class FastModel(nn.Module):
     """Estimates the data at the end of the flow x_t = (1 - t) noise + t data, in normalised coefficients.
 
     The velocity is (estimate - x_t) / (1 - t): the network need not carry the noise through to its output.
+    A regression reads neither x_t nor t: it estimates the mean of the data.
     """
 
-    def __init__(self, width, blocks):
+    def __init__(self, width, blocks, regression=False, sizes=(END_FEATURES, BALL_FEATURES, COEFFICIENTS)):
         super().__init__()
-        self.register_buffer("end_mean", torch.zeros(END_FEATURES))
-        self.register_buffer("end_std", torch.ones(END_FEATURES))
-        self.register_buffer("ball_mean", torch.zeros(BALL_FEATURES))
-        self.register_buffer("ball_std", torch.ones(BALL_FEATURES))
-        self.register_buffer("coefficient_std", torch.ones(COEFFICIENTS))
-        self.ball_inner = nn.Linear(BALL_FEATURES, BALL_WIDTH)
+        self.regression = regression
+        end_features, ball_features, coefficients = sizes
+        self.register_buffer("end_mean", torch.zeros(end_features))
+        self.register_buffer("end_std", torch.ones(end_features))
+        self.register_buffer("ball_mean", torch.zeros(ball_features))
+        self.register_buffer("ball_std", torch.ones(ball_features))
+        self.register_buffer("coefficient_std", torch.ones(coefficients))
+        self.ball_inner = nn.Linear(ball_features, BALL_WIDTH)
         self.ball_outer = nn.Linear(BALL_WIDTH, BALL_WIDTH)
-        self.context = nn.Linear(2 * BALL_WIDTH + END_FEATURES, width)
+        self.context = nn.Linear(2 * BALL_WIDTH + end_features, width)
         self.time = nn.Linear(TIME_FEATURES, width)
-        self.input = nn.Linear(COEFFICIENTS, width)
+        self.input = nn.Linear(coefficients, width)
         self.blocks = nn.ModuleList(Block(width) for _ in range(blocks))
         self.norm = nn.LayerNorm(width)
-        self.output = nn.Linear(width, COEFFICIENTS)
+        self.output = nn.Linear(width, coefficients)
         nn.init.zeros_(self.output.weight)
 
     def pool(self, balls, groups):
@@ -104,6 +110,8 @@ class FastModel(nn.Module):
 
     def estimate(self, x, t, context):
         """Estimate [B, 72] of the normalised coefficients from x [B, 72] at t [B]."""
+        if self.regression:
+            x, t = torch.zeros_like(x), torch.zeros_like(t)
         h = self.input(x) + context + self.time(time_features(t))
         for block in self.blocks:
             h = block(h)
@@ -127,31 +135,41 @@ def ball_groups(counts):
     return list(zip(values.tolist(), rows.tolist(), strict=True))
 
 
-class Rows:
-    """All training rows in memory, balls packed."""
+def chosen_groups(group, share):
+    """Which rows belong to a share of the groups: the same for all kinds of scenes, a smaller share within a larger."""
+    return group * 2246822519 % 4294967296 < share * 4294967296
 
-    def __init__(self, folder, device):
+
+class Rows:
+    """All training rows in memory, balls packed; training uses a share of their groups."""
+
+    def __init__(self, folder, device, share=1.0):
         names = ("ends", "balls", "coefficients", "group", "counts")
         parts = {name: [] for name in names}
+        frames = set()
         for file in sorted(Path(folder).glob("shard-*.npz")):
             with np.load(file) as shard:
+                frames.add(FRAMES[int(shard["frame"][0]) if "frame" in shard else 0])
                 for name in names:
                     parts[name].append(np.diff(shard["ball_offsets"]) if name == "counts" else shard[name])
         if not parts["ends"]:
             raise SystemExit(f"no shard-*.npz in {folder}")
+        if len(frames) > 1:
+            raise SystemExit(f"{folder} has shards in different frames: {sorted(frames)}")
+        self.frame = frames.pop()
         joined = {name: torch.from_numpy(np.concatenate(values)).to(device) for name, values in parts.items()}
         self.ends, self.balls, self.coefficients = joined["ends"], joined["balls"], joined["coefficients"]
-        self.counts = joined["counts"]
+        self.counts, self.group = joined["counts"], joined["group"]
         self.first_ball = torch.cumsum(self.counts, 0) - self.counts
-        held_out = joined["group"] * 2654435761 % 4294967296 // 65536 % 50 == 0
-        self.train = torch.nonzero(~held_out).squeeze(1)
+        held_out = self.group * 2654435761 % 4294967296 // 65536 % 50 == 0
+        self.train = torch.nonzero(~held_out & chosen_groups(self.group, share)).squeeze(1)
         self.validation = torch.nonzero(held_out).squeeze(1)
-        if not len(self.validation):
-            raise SystemExit(f"{folder} has too few groups: none is held out")
+        if not len(self.validation) or not len(self.train):
+            raise SystemExit(f"{folder} has too few groups: {len(self.train)} rows to train, {len(self.validation)} held out")
 
     def gather(self, rows):
         """Ends, packed balls, ball groups and coefficients of some rows, ascending by ball count."""
-        rows = rows[torch.argsort(self.counts[rows])]
+        rows = rows[torch.argsort(self.counts[rows], stable=True)]
         counts = self.counts[rows]
         ends_of_rows = torch.cumsum(counts, 0)
         slots = torch.arange(int(ends_of_rows[-1]), device=rows.device)
@@ -224,21 +242,18 @@ def validate(model, rows, weight, limit=4096):
 class Run:
     """Everything a training run changes; saved and restored as a whole."""
 
-    def __init__(self, arguments, rows, device):
-        self.model = FastModel(arguments.width, arguments.blocks).to(device)
+    def __init__(self, model, facts, arguments, rows, device):
+        self.model = model.to(device)
         normalise(self.model, rows)
-        self.average = FastModel(arguments.width, arguments.blocks).to(device)
-        self.average.load_state_dict(self.model.state_dict())
+        self.average = copy.deepcopy(self.model)
         self.optimiser = torch.optim.AdamW(
             self.model.parameters(), lr=arguments.rate, weight_decay=arguments.decay, betas=(0.9, 0.99), fused=True
         )
         self.generator = torch.Generator(device=device).manual_seed(arguments.seed)
         self.updates = 0
         self.seconds = 0.0
-        self.facts = {
-            "width": arguments.width, "blocks": arguments.blocks, "seed": arguments.seed, "batch": arguments.batch,
-            "rows": len(rows.train),
-        }  # fmt: skip
+        self.fixed = facts | {"seed": arguments.seed, "batch": arguments.batch}
+        self.facts = self.fixed | {"rows": len(rows.train)}
 
     def save(self, file, record):
         state = {name: getattr(self, name).state_dict() for name in ("model", "average", "optimiser")}
@@ -248,10 +263,15 @@ class Run:
         torch.save(state, part)
         part.replace(file)
 
+    def begin_from(self, file, device):
+        """Starts with the averaged weights and the normalisation of another run."""
+        state = torch.load(file, map_location=device, weights_only=True)
+        self.model.load_state_dict(state["average"])
+        self.average.load_state_dict(state["average"])
+
     def restore(self, file, device):
         state = torch.load(file, map_location=device, weights_only=True)
-        known = ("width", "blocks", "seed", "batch")
-        if any(state["facts"][name] != self.facts[name] for name in known):
+        if any(state["facts"][name] != value for name, value in self.fixed.items()):
             raise SystemExit(f"{file} is of another run: {state['facts']}, this one is {self.facts}")
         for name in ("model", "average", "optimiser"):
             getattr(self, name).load_state_dict(state[name])
@@ -259,13 +279,13 @@ class Run:
         self.updates, self.seconds = state["updates"], state["seconds"]
 
 
-def step(run, rows, weight, arguments, share):
+def step(run, rows, weight, loss_of, arguments, share):
     """One update; returns the loss. `share` is the part of the run that is over."""
     rate = arguments.rate * min(1.0, (run.updates + 1) / WARM_UP_UPDATES) * (0.5 + 0.5 * math.cos(math.pi * share))
     for group in run.optimiser.param_groups:
         group["lr"] = rate
     picks = torch.randint(len(rows.train), (arguments.batch,), generator=run.generator, device=rows.train.device)
-    loss = batch_loss(run.model, rows, rows.train[picks], weight, run.generator, arguments.bf16)
+    loss = loss_of(run, rows, rows.train[picks], weight, arguments)
     run.optimiser.zero_grad(set_to_none=True)
     loss.backward()
     nn.utils.clip_grad_norm_(run.model.parameters(), 1.0)
@@ -282,22 +302,45 @@ def share_done(run, arguments):
     return run.seconds / (60.0 * arguments.minutes) if arguments.minutes else run.updates / arguments.updates
 
 
-def train(arguments):
-    """Trains, with checkpoints; a run that was stopped goes on where it was, with shards added since if there are any."""
+def prepare(arguments):
+    """Seeds and threads as asked for; returns the device."""
     torch.manual_seed(arguments.seed)
     torch.set_num_threads(arguments.threads)
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    rows = Rows(arguments.data, device)
-    run = Run(arguments, rows, device)
+    return torch.device("cuda" if torch.cuda.is_available() else "cpu")
+
+
+def train(arguments):
+    """Trains the model of both ends."""
+    device = prepare(arguments)
+    rows = Rows(arguments.data, device, arguments.fraction)
+    facts = {name: getattr(arguments, name) for name in ("width", "blocks", "regression", "fraction")}
+    model = FastModel(arguments.width, arguments.blocks, arguments.regression)
+    run = Run(model, facts | {"frame": rows.frame}, arguments, rows, device)
+    fit(run, rows, arguments, flow_loss)
+
+
+def flow_loss(run, rows, batch, weight, arguments):
+    """The loss of flow matching over one batch of a run."""
+    return batch_loss(run.model, rows, batch, weight, run.generator, arguments.bf16)
+
+
+def fit(run, rows, arguments, loss_of):
+    """Trains, with checkpoints; a run that was stopped goes on where it was, with shards added since if there are any.
+
+    `loss_of` is the loss over one batch, as `flow_loss` is.
+    """
+    device = rows.ends.device
     checkpoint = Path(arguments.checkpoint)
     checkpoint.parent.mkdir(parents=True, exist_ok=True)
     if checkpoint.exists():
         run.restore(checkpoint, device)
+    elif arguments.begin_from:
+        run.begin_from(arguments.begin_from, device)
     weight = loss_weight(run.model)
     print(f"{len(rows.train)} training rows, {len(rows.validation)} held out, from update {run.updates}", flush=True)
     began, share, losses = time.monotonic() - run.seconds, share_done(run, arguments), []
     while share < 1.0:
-        losses.append(step(run, rows, weight, arguments, share).detach())
+        losses.append(step(run, rows, weight, loss_of, arguments, share).detach())
         run.seconds = time.monotonic() - began
         share = share_done(run, arguments)
         if run.updates % arguments.every == 0 or share >= 1.0:
@@ -321,7 +364,8 @@ def metadata_of(state, recipe, measured, machine):
         "ball_features": str(BALL_FEATURES),
         "coefficients": str(COEFFICIENTS),
         "estimates": "data",
-        "evaluations": str(EVALUATIONS),
+        "evaluations": str(1 if facts["regression"] else EVALUATIONS),
+        "frame": facts["frame"],
         "sections": "3",
         "theta_max": repr(math.pi / 2),
         "basis": "coefficient [k * 6 + d] times sin((k + 1) pi u), residual to the straight segment, rad",
@@ -330,12 +374,23 @@ def metadata_of(state, recipe, measured, machine):
     } | record_of(state, recipe, measured, machine)
 
 
+def without_state(tensors):
+    """Tensors of a regression such that whoever runs them as a flow gets the same estimate from every x at every t."""
+    start = time_features(torch.zeros(1))[0]
+    return tensors | {
+        "input.weight": torch.zeros_like(tensors["input.weight"]),
+        "time.weight": torch.zeros_like(tensors["time.weight"]),
+        "time.bias": tensors["time.bias"] + tensors["time.weight"] @ start,
+    }
+
+
 def export(arguments):
     """Writes the averaged weights and the manifest's entry."""
     state = torch.load(arguments.checkpoint, map_location="cpu", weights_only=True)
+    tensors = without_state(state["average"]) if state["facts"]["regression"] else state["average"]
     measured = json.dumps(json.loads(arguments.measured))
     metadata = metadata_of(state, arguments.recipe, measured, arguments.machine or this_machine())
-    entry = write_weights(Path(arguments.out), arguments.name, state["average"], metadata)
+    entry = write_weights(Path(arguments.out), arguments.name, tensors, metadata)
     print(entry)
 
 
@@ -375,7 +430,7 @@ def fixture(arguments):
     layers["sample"] = model.sample(given["noise"], context, 2)
     folder = Path(arguments.out)
     folder.mkdir(parents=True, exist_ok=True)
-    facts = {"width": 32, "blocks": 2, "seed": 7, "batch": 0, "rows": 0}
+    facts = {"width": 32, "blocks": 2, "seed": 7, "batch": 0, "rows": 0, "regression": False, "frame": "canonical"}
     state = {"facts": facts, "updates": 0, "seconds": 0, "record": {}}
     metadata = metadata_of(state, "random, for the parity test", "{}", "any")
     write_weights(folder, "tiny", model.state_dict(), metadata)
@@ -384,14 +439,11 @@ def fixture(arguments):
     outputs.chmod(0o644)
 
 
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    commands = parser.add_subparsers(required=True)
-    checkpoint = {"default": "weights/checkpoints/fast.pt", "help": "checkpoint (default %(default)s); the log is beside it"}
-
-    p = commands.add_parser("train", help="train; goes on from the checkpoint if there is one")
+def add_training_arguments(p, checkpoint):
+    """What every training run is told; `checkpoint` are the keywords of that option."""
     p.add_argument("--data", required=True, help="folder with shard-XXXX.npz from `pcc features`")
     p.add_argument("--checkpoint", **checkpoint)
+    p.add_argument("--begin-from", type=Path, help="checkpoint of another run, whose averaged weights this one begins with")
     length = p.add_mutually_exclusive_group(required=True)
     length.add_argument("--updates", type=int, help="length of the run in updates (reproducible)")
     length.add_argument("--minutes", type=float, help="length of the run in minutes; the rate decays by elapsed time")
@@ -404,6 +456,17 @@ def main():
     p.add_argument("--seed", type=int, default=0, help="seed of weights, noise and batches (default %(default)s)")
     p.add_argument("--every", type=int, default=1000, help="updates between checkpoints (default %(default)s)")
     p.add_argument("--bf16", action="store_true", help="bfloat16 matrix products: faster where the processor has them")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(required=True)
+    checkpoint = {"default": "weights/checkpoints/fast.pt", "help": "checkpoint (default %(default)s); the log is beside it"}
+
+    p = commands.add_parser("train", help="train; goes on from the checkpoint if there is one")
+    add_training_arguments(p, checkpoint)
+    p.add_argument("--fraction", type=float, default=1.0, help="share of the targets to train on (default %(default)s)")
+    p.add_argument("--regression", action="store_true", help="estimate the mean path instead of sampling paths")
     p.set_defaults(run=train)
 
     p = commands.add_parser("export", help="write NAME.safetensors and its entry in MANIFEST.toml")

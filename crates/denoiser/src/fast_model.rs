@@ -23,6 +23,31 @@ const BALL_FEATURES: usize = 28;
 const BALL_WIDTH: usize = 128;
 const COEFFICIENTS: usize = 72;
 
+/// Frame in which a model's features and coefficients are given.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FeatureFrame {
+    /// Turned about the base axis so that the goal has azimuth zero.
+    #[default]
+    Canonical,
+    /// The robot's base.
+    Base,
+}
+
+impl FeatureFrame {
+    /// What the metadata says: canonical where it says nothing.
+    fn load(file: &WeightsFile) -> Result<Self, WeightsError> {
+        match file.metadata("frame") {
+            None | Some("canonical") => Ok(Self::Canonical),
+            Some("base") => Ok(Self::Base),
+            Some(found) => Err(WeightsError::Metadata {
+                key: "frame",
+                found: Some(found.into()),
+                expected: "`canonical` or `base`".into(),
+            }),
+        }
+    }
+}
+
 /// What one candidate is conditioned on, and where its flow begins.
 #[derive(Clone, Copy, Debug)]
 pub struct CandidateInput<'a> {
@@ -75,6 +100,7 @@ struct Scale {
 pub struct FastModel {
     precision: Precision,
     width: usize,
+    frame: FeatureFrame,
     end_scale: Scale,
     ball_scale: Scale,
     coefficient_deviation: Vec<f32>,
@@ -114,6 +140,7 @@ impl FastModel {
         let model = Self {
             precision: Precision::Single,
             width,
+            frame: FeatureFrame::load(file)?,
             end_scale: Scale::load(file, "end", END_FEATURES)?,
             ball_scale: Scale::load(file, "ball", BALL_FEATURES)?,
             coefficient_deviation: file.tensor("coefficient_std", &[COEFFICIENTS])?.to_vec(),
@@ -161,6 +188,12 @@ impl FastModel {
     #[must_use]
     pub fn evaluations(&self) -> usize {
         self.flow.evaluations()
+    }
+
+    /// The frame of its features and coefficients.
+    #[must_use]
+    pub fn frame(&self) -> FeatureFrame {
+        self.frame
     }
 
     /// Samples coefficients (candidates × 72, the unit of the training data) from standard normal noise of the same shape.

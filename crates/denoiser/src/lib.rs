@@ -20,7 +20,9 @@ mod unet;
 mod weights_file;
 
 pub use diffusion::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver, UnknownSolver};
-pub use fast_model::{CandidateInput, EvaluationsRefused, FastModel, FastScratch, WarmStart};
+pub use fast_model::{
+    CandidateInput, EvaluationsRefused, FastModel, FastScratch, FeatureFrame, WarmStart,
+};
 pub use manifest::{Manifest, ManifestEntry};
 pub use matrix::Precision;
 pub use unet::{FRAME, HORIZON, Normalisation, TemporalUnet, UnetCondition, UnetScratch};

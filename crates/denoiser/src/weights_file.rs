@@ -227,6 +227,12 @@ impl WeightsFile {
         }
     }
 
+    /// A metadata entry, if there is one.
+    #[must_use]
+    pub fn metadata(&self, key: &str) -> Option<&str> {
+        self.metadata.get(key).map(String::as_str)
+    }
+
     /// Checks that the weights are for a robot of three sections with this bending limit (rad).
     ///
     /// # Errors

@@ -4,7 +4,7 @@
 mod damage;
 
 use damage::{Folder, Weights};
-use denoiser::{FastModel, Manifest, WeightsError};
+use denoiser::{FastModel, FeatureFrame, Manifest, WeightsError};
 use std::f64::consts::FRAC_PI_2;
 use std::fs;
 
@@ -29,7 +29,9 @@ fn refusal(result: Result<FastModel, WeightsError>) -> WeightsError {
 
 #[test]
 fn sound_weights_are_taken() {
-    assert!(load_weights(&tiny()).is_ok());
+    let frame = |weights: &Weights| load_weights(weights).unwrap().frame();
+    assert_eq!(frame(&tiny()), FeatureFrame::Canonical);
+    assert_eq!(frame(&tiny().with("frame", "base")), FeatureFrame::Base);
 }
 
 #[test]
@@ -99,6 +101,7 @@ fn metadata_that_does_not_fit_is_named() {
         ("width", "0"),
         ("blocks", "many"),
         ("evaluations", "3"),
+        ("frame", "world"),
     ] {
         let refused = refusal(load_weights(&tiny().with(key, value)));
         assert!(

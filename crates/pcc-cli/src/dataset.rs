@@ -5,6 +5,7 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::Robot;
+use planning::FeatureFrame;
 use planning::dataset::{
     BlockReport, Dataset, Meta, PAPER_VERSION, PaperReport, Recipe, Row, TEACHER_VERSION,
     TERMINALS, generate_block, generate_paper_block, training_rows,
@@ -69,6 +70,9 @@ pub(crate) struct Arguments {
     /// End shapes of each start, as many of them as there are (1 to 64; the paper's generator: 1 to 10).
     #[arg(long, default_value_t = 10)]
     ends: usize,
+    /// Trees that the teacher looks at where a straight segment leads it nowhere, to keep the shortest path (1 to 64).
+    #[arg(long, default_value_t = 1)]
+    trees: usize,
     /// Seed; the same seed gives the same rows whatever the shards and threads.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -89,6 +93,14 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
+#[derive(Clone, Copy, ValueEnum)]
+enum FrameName {
+    /// Turned so that the goal has azimuth zero.
+    Canonical,
+    /// The robot's base.
+    Base,
+}
+
 /// Arguments of `pcc features`.
 #[derive(Args)]
 pub(crate) struct FeatureArguments {
@@ -98,6 +110,9 @@ pub(crate) struct FeatureArguments {
     /// Added to the target indices, so that the targets of several data sets stay apart.
     #[arg(long, default_value_t = 0)]
     first_group: i64,
+    /// Frame of the arrays.
+    #[arg(long, value_enum, default_value = "canonical")]
+    frame: FrameName,
     /// Robot file.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
@@ -171,6 +186,7 @@ impl<'a> Job<'a> {
                 arguments.ends,
                 if is_paper { TERMINALS } else { 64 },
             ),
+            ("trees", arguments.trees, if is_paper { 1 } else { 64 }),
         ] {
             if !(1..=most).contains(&value) {
                 bail!("--{name} {value}: 1 to {most} are allowed");
@@ -181,6 +197,7 @@ impl<'a> Job<'a> {
             seed: arguments.seed,
             starts: arguments.starts,
             ends: arguments.ends,
+            trees: arguments.trees,
             test_only: arguments.test_only,
         };
         let blocks = arguments.out.join("blocks");
@@ -217,7 +234,7 @@ impl<'a> Job<'a> {
         json!({
             "method": format!("{:?}", a.method), "generator": a.method.version(),
             "setting": format!("{:?}", self.recipe.setting), "targets": a.targets, "starts": a.starts, "ends": a.ends,
-            "seed": a.seed, "test_only": a.test_only, "robot": robot.name, "section_lengths": robot.section_lengths,
+            "trees": a.trees, "seed": a.seed, "test_only": a.test_only, "robot": robot.name, "section_lengths": robot.section_lengths,
             "bending_limit_rad": robot.bending_limit, "tube_radius": robot.tube_radius,
         })
     }
@@ -353,7 +370,11 @@ pub(crate) fn features(arguments: &FeatureArguments) -> anyhow::Result<()> {
     }
     let robot = unit_robot(&arguments.robot)?;
     let dataset = Dataset::read(&arguments.dataset)?;
-    let rows = training_rows(&robot, &dataset.rows, arguments.first_group)?;
+    let frame = match arguments.frame {
+        FrameName::Canonical => FeatureFrame::Canonical,
+        FrameName::Base => FeatureFrame::Base,
+    };
+    let rows = training_rows(&robot, &dataset.rows, arguments.first_group, frame)?;
     rows.write(&arguments.out)?;
     println!("{}: {} rows", arguments.out.display(), rows.len());
     Ok(())

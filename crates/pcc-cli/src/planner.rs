@@ -8,7 +8,7 @@ use planning::{DiffusionModel, DiffusionSettings, Guidance, Models, Planner, Sam
 use serde::Serialize;
 use std::path::PathBuf;
 
-/// Weights that `fast` and `default` use.
+/// Weights that `fast` and `default` use where none are named.
 const FAST_WEIGHTS: &str = "fast";
 /// Weights of the diffusion planners where none are named.
 const DIFFUSION_WEIGHTS: &str = "mixed";
@@ -32,11 +32,14 @@ pub(crate) enum PlannerName {
     DiffusionPost,
     /// The same with guided prediction in its last steps.
     DiffusionGuided,
+    /// Paths that another program drew.
+    Proposed,
 }
 
 impl PlannerName {
-    pub(crate) fn sampler(self) -> Sampler {
-        match self {
+    /// Where the planner draws paths from; nothing where they are given.
+    pub(crate) fn sampler(self) -> Option<Sampler> {
+        Some(match self {
             Self::Default => Sampler::Default,
             Self::Fast => Sampler::Fast,
             Self::Straight => Sampler::Straight,
@@ -44,7 +47,8 @@ impl PlannerName {
             Self::Diffusion => Sampler::Diffusion(Guidance::Pure),
             Self::DiffusionPost => Sampler::Diffusion(Guidance::Post),
             Self::DiffusionGuided => Sampler::Diffusion(Guidance::Guided),
-        }
+            Self::Proposed => return None,
+        })
     }
 }
 
@@ -54,9 +58,13 @@ pub(crate) struct ModelArguments {
     /// Folder of the weights and their manifest.
     #[arg(long, default_value = "weights")]
     pub(crate) weights: PathBuf,
-    /// Weights of the diffusion planners, by their name in the manifest; without it `mixed`.
+    /// Weights by their name in the manifest; without it `fast` for the planners `fast` and `default`, `mixed` for those by
+    /// diffusion.
     #[arg(long)]
     model: Option<String>,
+    /// Evaluations of the network by `fast` and `default` (1, 2, 4 or 8); without it as many as the weights say.
+    #[arg(long)]
+    evaluations: Option<usize>,
     /// Evaluations of the diffusion planners' network (1 to 1000); without it the paper's 50.
     #[arg(long)]
     steps: Option<usize>,
@@ -82,32 +90,81 @@ impl ModelArguments {
         })
     }
 
-    /// Refuses what a planner without a diffusion model would not read.
-    fn refuse_diffusion_options(&self, planner: PlannerName) -> anyhow::Result<()> {
-        let given = [
-            ("--model", self.model.is_some()),
-            ("--steps", self.steps.is_some()),
-            ("--solver", self.solver.is_some()),
-            ("--precision", self.precision.is_some()),
-        ];
-        match given.iter().find(|(_, is_given)| *is_given) {
-            Some((option, _)) => bail!(
-                "{option} is not read by --planner {}: it goes with diffusion, diffusion-post and diffusion-guided",
-                name_of(&planner)
+    /// Refuses what the planner would not read.
+    fn refuse_unread(&self, planner: PlannerName) -> anyhow::Result<()> {
+        let sampler = planner.sampler();
+        let is_fast = matches!(sampler, Some(Sampler::Default | Sampler::Fast));
+        let is_diffusion = matches!(sampler, Some(Sampler::Diffusion(_)));
+        let diffusion = "diffusion, diffusion-post and diffusion-guided";
+        let options = [
+            (
+                "--model",
+                self.model.is_some(),
+                is_fast || is_diffusion,
+                "the learned planners",
             ),
-            None => Ok(()),
+            (
+                "--evaluations",
+                self.evaluations.is_some(),
+                is_fast,
+                "fast and default",
+            ),
+            ("--steps", self.steps.is_some(), is_diffusion, diffusion),
+            ("--solver", self.solver.is_some(), is_diffusion, diffusion),
+            (
+                "--precision",
+                self.precision.is_some(),
+                is_diffusion,
+                diffusion,
+            ),
+        ];
+        for (option, is_given, is_read, readers) in options {
+            if is_given && !is_read {
+                bail!(
+                    "{option} is not read by --planner {}: it goes with {readers}",
+                    name_of(&planner)
+                );
+            }
         }
+        Ok(())
     }
 }
 
-/// Which diffusion model a planner has, and how it samples.
+/// Which weights a planner has.
 #[derive(Serialize)]
-pub(crate) struct DiffusionRecord {
+struct WeightsRecord {
     model: String,
     /// Hash of the weights file.
     sha256: String,
     /// Updates of the training.
     updates: u64,
+}
+
+impl WeightsRecord {
+    fn of(manifest: &Manifest, name: &str) -> anyhow::Result<Self> {
+        let entry = manifest.entry(name)?;
+        Ok(Self {
+            model: name.to_owned(),
+            sha256: entry.sha256.clone(),
+            updates: entry.updates,
+        })
+    }
+}
+
+/// Which few-step model a planner has, and how it samples.
+#[derive(Serialize)]
+pub(crate) struct FastRecord {
+    #[serde(flatten)]
+    weights: WeightsRecord,
+    /// Evaluations of the network in one sample.
+    evaluations: usize,
+}
+
+/// Which diffusion model a planner has, and how it samples.
+#[derive(Serialize)]
+pub(crate) struct DiffusionRecord {
+    #[serde(flatten)]
+    weights: WeightsRecord,
     /// Steps asked for.
     steps: usize,
     /// Evaluations of the network: fewer where two steps coincide.
@@ -116,11 +173,17 @@ pub(crate) struct DiffusionRecord {
     precision: String,
 }
 
+/// The models of a planner; nothing for those that it does not have.
+#[derive(Default, Serialize)]
+pub(crate) struct ModelRecords {
+    fast: Option<FastRecord>,
+    diffusion: Option<DiffusionRecord>,
+}
+
 /// A planner and what belongs in the record of its results.
 pub(crate) struct Loaded {
     pub(crate) planner: Planner,
-    /// Nothing for planners without a diffusion model.
-    pub(crate) diffusion: Option<DiffusionRecord>,
+    pub(crate) records: ModelRecords,
 }
 
 /// Makes the planner, loading the weights that the sampler needs.
@@ -130,28 +193,36 @@ pub(crate) fn load(
     arguments: &ModelArguments,
     threads: usize,
 ) -> anyhow::Result<Loaded> {
-    let sampler = name.sampler();
-    if !matches!(sampler, Sampler::Diffusion(_)) {
-        arguments.refuse_diffusion_options(name)?;
-    }
-    let mut record = None;
+    arguments.refuse_unread(name)?;
+    let mut records = ModelRecords::default();
     let mut models = Models::default();
-    match sampler {
-        Sampler::Default | Sampler::Fast => {
-            let file = Manifest::open(&arguments.weights)?.weights(FAST_WEIGHTS)?;
-            models.fast = Some(FastModel::from_weights(&file, robot.bending_limit)?);
+    match name.sampler() {
+        Some(Sampler::Default | Sampler::Fast) => {
+            let (model, record) = load_fast(robot, arguments)?;
+            (models.fast, records.fast) = (Some(model), Some(record));
         }
-        Sampler::Diffusion(_) => {
-            let (model, made) = load_diffusion(robot, arguments)?;
-            (models.diffusion, record) = (Some(model), Some(made));
+        Some(Sampler::Diffusion(_)) => {
+            let (model, record) = load_diffusion(robot, arguments)?;
+            (models.diffusion, records.diffusion) = (Some(model), Some(record));
         }
-        Sampler::Straight | Sampler::RrtConnect => {}
+        Some(Sampler::Straight | Sampler::RrtConnect) | None => {}
     }
     let planner = Planner::new(robot, models, threads).context("the planner could not be made")?;
-    Ok(Loaded {
-        planner,
-        diffusion: record,
-    })
+    Ok(Loaded { planner, records })
+}
+
+fn load_fast(robot: &Robot, arguments: &ModelArguments) -> anyhow::Result<(FastModel, FastRecord)> {
+    let manifest = Manifest::open(&arguments.weights)?;
+    let name = arguments.model.as_deref().unwrap_or(FAST_WEIGHTS);
+    let mut model = FastModel::from_weights(&manifest.weights(name)?, robot.bending_limit)?;
+    if let Some(evaluations) = arguments.evaluations {
+        model = model.with_evaluations(evaluations)?;
+    }
+    let record = FastRecord {
+        weights: WeightsRecord::of(&manifest, name)?,
+        evaluations: model.evaluations(),
+    };
+    Ok((model, record))
 }
 
 fn load_diffusion(
@@ -163,11 +234,8 @@ fn load_diffusion(
     let name = arguments.model.as_deref().unwrap_or(DIFFUSION_WEIGHTS);
     let unet = TemporalUnet::load(&manifest.weights(name)?, robot.bending_limit)?;
     let model = DiffusionModel::new(unet, settings)?;
-    let entry = manifest.entry(name)?;
     let record = DiffusionRecord {
-        model: name.to_owned(),
-        sha256: entry.sha256.clone(),
-        updates: entry.updates,
+        weights: WeightsRecord::of(&manifest, name)?,
         steps: settings.steps,
         evaluations: model.evaluations(),
         solver: settings.solver.to_string(),

@@ -51,7 +51,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let Sampler::Diffusion(guidance) = arguments.planner.sampler() else {
+    let Some(Sampler::Diffusion(guidance)) = arguments.planner.sampler() else {
         bail!("--planner: diffusion, diffusion-post and diffusion-guided are allowed");
     };
     let robot = unit_robot(&arguments.robot)?;

@@ -1,7 +1,7 @@
 //! The canonical frame: the goal's azimuth about the base axis is zero (docs/robot.md "Symmetry").
 
 use collision::Ball;
-
+use denoiser::FeatureFrame;
 use pcc_model::{Configuration, Point, Robot};
 
 /// Below this distance from the axis an azimuth is not defined, section lengths.
@@ -16,6 +16,26 @@ pub(crate) struct CanonicalFrame {
 }
 
 impl CanonicalFrame {
+    /// The base frame, left as it is.
+    const BASE: Self = Self {
+        cosine: 1.0,
+        sine: 0.0,
+        mirror: 1.0,
+    };
+
+    /// The frame that a model wants its features in.
+    pub(crate) fn wanted(
+        frame: FeatureFrame,
+        robot: &Robot,
+        start: &Configuration,
+        goal_tip: &Point,
+    ) -> Self {
+        match frame {
+            FeatureFrame::Canonical => Self::of(robot, start, goal_tip),
+            FeatureFrame::Base => Self::BASE,
+        }
+    }
+
     /// The frame in which the goal tip, else the start tip, has azimuth zero.
     pub(crate) fn of(robot: &Robot, start: &Configuration, goal_tip: &Point) -> Self {
         let azimuth = azimuth(goal_tip)

@@ -3,6 +3,7 @@
 use crate::basis::{SineBasis, UNKNOWNS};
 use crate::canonical::CanonicalFrame;
 use collision::{Ball, Scene};
+use denoiser::FeatureFrame;
 use pcc_model::{Backbone, Configuration, Point, Robot};
 
 /// Numbers that describe the two ends of a path.
@@ -161,18 +162,19 @@ impl<'a> CanonicalProblem<'a> {
     }
 }
 
-/// Sine coefficients (term-major, radians) of a path's residual to the straight segment between its ends, in the
-/// canonical frame of `goal_tip`; `mirrored` gives the mirror image. With the features of the same frame.
+/// Sine coefficients (term-major, radians) of a path's residual to the straight segment between its ends, in the base
+/// frame or the canonical one of `goal_tip`; `mirrored` gives the mirror image. With the features of the same frame.
 #[must_use]
 pub fn residual_coefficients(
     robot: &Robot,
     path: &[Configuration],
     goal_tip: &Point,
     scene: &Scene,
+    frame: FeatureFrame,
     mirrored: bool,
 ) -> (Features, [f64; COEFFICIENTS]) {
     let (start, end) = (path[0], path[path.len() - 1]);
-    let frame = CanonicalFrame::of(robot, &start, goal_tip);
+    let frame = CanonicalFrame::wanted(frame, robot, &start, goal_tip);
     let problem = CanonicalProblem::new(if mirrored { frame.mirrored() } else { frame }, scene);
     let turned: Vec<Configuration> = path.iter().map(|q| problem.frame.shape(q)).collect();
     (
@@ -208,6 +210,7 @@ mod tests {
             &path,
             &robot.tip(&end),
             &Scene::new(vec![ball]).unwrap(),
+            FeatureFrame::Canonical,
             false,
         )
         .0;
@@ -217,6 +220,7 @@ mod tests {
             &turned,
             &there_tip,
             &Scene::new(vec![turn.ball(&ball)]).unwrap(),
+            FeatureFrame::Canonical,
             false,
         )
         .0;

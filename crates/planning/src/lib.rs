@@ -34,6 +34,7 @@ mod straighten;
 pub mod teacher;
 mod terminal;
 
+pub use denoiser::FeatureFrame;
 pub use diffusion::{DiffusionModel, DiffusionSettings, Guidance, PrecisionUnavailable};
 pub use end_shapes::{EndShapes, end_shapes};
 pub use features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, features, residual_coefficients};

@@ -129,6 +129,29 @@ impl Planner {
             .install(|| Run::new(self, problem, request, supervision).plan())
     }
 
+    /// Answers a request with given paths (64 waypoints each, radians), as if a learned model of whole paths had drawn them: the
+    /// ends are brought onto start and goal, then the paths are corrected, timed and certified. Reads no sampler of the request.
+    ///
+    /// # Errors
+    /// [`PlannerError::Infeasible`].
+    pub fn judge(
+        &self,
+        problem: &Problem,
+        request: &Request,
+        paths: Vec<Waypoints>,
+        interrupt: Interrupt,
+    ) -> Result<Plan, PlannerError> {
+        problem.check_start(&self.robot)?;
+        check_goal(&self.robot, problem, request.growth, request.seed)?;
+        let given = paths.into_iter().map(Some).collect();
+        let supervision = Supervision {
+            interrupt,
+            certified: None,
+        };
+        let run = || Run::new(self, problem, request, supervision).judge(given);
+        Ok(self.workers.install(run))
+    }
+
     /// Draws one path by diffusion and returns it before every evaluation of the network and at the end, 64 waypoints each.
     ///
     /// # Errors

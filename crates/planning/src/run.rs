@@ -164,6 +164,11 @@ impl<'a> Run<'a> {
             model.sample(&task, request.candidates, self.supervision.interrupt)
         });
         self.stages.sample = clock.elapsed().as_secs_f64();
+        Ok(self.judge(sampled))
+    }
+
+    /// Makes motions of paths whose ends are not exact yet; where there is no path, its drawing was truncated.
+    pub(crate) fn judge(mut self, sampled: Vec<Option<Waypoints>>) -> Plan {
         let mut paths: Vec<Waypoints> = sampled.iter().flatten().cloned().collect();
         let attached = self.attach(&mut paths);
         let mut finished = self
@@ -185,7 +190,7 @@ impl<'a> Run<'a> {
         });
         let draws: Vec<Draw> = draws.collect();
         let learned = count_learned(&draws);
-        Ok(self.answer(draws, learned))
+        self.answer(draws, learned)
     }
 
     /// Brings the ends of paths onto start and goal; where that fails, the path is none to deliver.
@@ -211,7 +216,8 @@ impl<'a> Run<'a> {
         };
         let clock = Instant::now();
         let (robot, start) = (&self.planner.robot, &self.problem.start);
-        let frame = CanonicalFrame::of(robot, start, &self.problem.goal_tip(robot));
+        let goal_tip = self.problem.goal_tip(robot);
+        let frame = CanonicalFrame::wanted(model.frame(), robot, start, &goal_tip);
         let canonical = CanonicalProblem::new(frame, &self.problem.scene);
         let features: Vec<_> = aim
             .goals

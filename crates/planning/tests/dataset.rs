@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)] // tests
 
 use pcc_model::Robot;
+use planning::FeatureFrame;
 use planning::dataset::{
     ArchiveReader, ArchiveWriter, Dataset, DatasetError, Meta, Recipe, Split, generate_block,
     training_rows,
@@ -25,6 +26,7 @@ fn recipe(setting: Setting) -> Recipe {
         seed: 3,
         starts: 2,
         ends: 3,
+        trees: 1,
         test_only: false,
     }
 }
@@ -133,7 +135,7 @@ fn sets_without_rows_or_without_balls_are_sets_too() {
         let read = Dataset::read(folder.path()).unwrap();
         assert_eq!(read.rows.len(), written.rows.len());
         assert!(read.rows.iter().all(|row| row.balls.is_empty()));
-        assert!(training_rows(&robot(), &read.rows, 0).is_ok());
+        assert!(training_rows(&robot(), &read.rows, 0, FeatureFrame::Canonical).is_ok());
     }
     let files = std::fs::read_dir(folder.path()).unwrap().count();
     assert_eq!(files, 2, "nothing half-written is left");
@@ -186,10 +188,25 @@ fn arrays_of_any_width_are_read_and_shapes_and_values_are_checked() {
 }
 
 #[test]
+fn more_trees_leave_fewer_ends_without_a_path() {
+    let report = |trees| {
+        let hard = Recipe {
+            trees,
+            ..recipe(Setting::Hard)
+        };
+        generate_block(&robot(), &hard, 0..64).1
+    };
+    let (one, four) = (report(1), report(4));
+    assert!(one.dropped_paths > 0, "some need more than one tree");
+    assert!(four.dropped_paths < one.dropped_paths);
+    assert!(four.from_tree > one.from_tree);
+}
+
+#[test]
 fn training_arrays_hold_each_path_and_its_mirror_image() {
     let folder = tempfile::tempdir().unwrap();
     let (rows, _) = generate_block(&robot(), &recipe(Setting::General(Some(2))), 0..4);
-    let arrays = training_rows(&robot(), &rows, 100).unwrap();
+    let arrays = training_rows(&robot(), &rows, 100, FeatureFrame::Canonical).unwrap();
     let file = folder.path().join("shard-0000.npz");
     arrays.write(&file).unwrap();
     let mut archive = ArchiveReader::open(&file).unwrap();
@@ -221,4 +238,24 @@ fn training_arrays_hold_each_path_and_its_mirror_image() {
         coefficients.iter().any(|c| c.abs() > 0.05),
         "the paths are not straight segments"
     );
+}
+
+#[test]
+fn training_arrays_are_in_the_frame_that_was_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rows, _) = generate_block(&robot(), &recipe(Setting::General(Some(2))), 0..1);
+    let read = |frame| {
+        let file = folder.path().join("shard-0000.npz");
+        let arrays = training_rows(&robot(), &rows, 0, frame).unwrap();
+        arrays.write(&file).unwrap();
+        let mut archive = ArchiveReader::open(&file).unwrap();
+        let ends = archive.read::<f32>("ends").unwrap().0;
+        (archive.read::<u8>("frame").unwrap().0, ends)
+    };
+    let (canonical, base) = (read(FeatureFrame::Canonical), read(FeatureFrame::Base));
+    assert_eq!((canonical.0, base.0), (vec![0], vec![1]));
+    let start = |i: usize| rows[0].path[0][i] as f32;
+    assert!((0..6).all(|i| base.1[i] == start(i)));
+    let tip_y = 16; // 6 + 6 shapes, the start's tip, then the end's
+    assert!(base.1[tip_y].abs() > 0.1 && canonical.1[tip_y].abs() < 1e-3);
 }

@@ -1,6 +1,7 @@
 //! `pcc evaluate`: one planner over the cases of a data set; `result.json` and `paths.npz`.
 
 mod arrays;
+mod proposals;
 mod summary;
 
 use crate::dataset::unit_robot;
@@ -11,7 +12,8 @@ use clap::{Args, ValueEnum, builder::RangedU64ValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
 use planning::dataset::{Case, Dataset, Split};
 use planning::{
-    Goal, Infeasible, MOST_CORRECTIONS, Plan, Planner, PlannerError, Problem, Request, Selection,
+    Goal, Infeasible, MOST_CORRECTIONS, Plan, Planner, PlannerError, Problem, Request, Sampler,
+    Selection, Waypoints,
 };
 use std::path::PathBuf;
 use std::time::Instant;
@@ -35,6 +37,10 @@ pub(crate) struct Arguments {
     /// Planner to evaluate.
     #[arg(long, value_enum)]
     planner: PlannerName,
+    /// Archive for `--planner proposed`: `paths [C,S,64,6]`, radians, base frame, S paths for each of the first C cases; S is
+    /// `--candidates`. Their ends need not be exact.
+    #[arg(long)]
+    proposals: Option<PathBuf>,
     /// Candidates a case (1 to 64).
     #[arg(long, default_value_t = 10)]
     candidates: usize,
@@ -73,35 +79,23 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         bail!("--candidates {}: 1 to 64 are allowed", arguments.candidates);
     }
     let robot = unit_robot(&arguments.robot)?;
-    let Loaded { planner, diffusion } = load(
+    let Loaded { planner, records } = load(
         arguments.planner,
         &robot,
         &arguments.models,
         arguments.threads,
     )?;
-    let dataset = Dataset::read(&arguments.dataset)?;
-    let split = match arguments.split {
-        SplitName::Train => Split::Train,
-        SplitName::Validation => Split::Validation,
-        SplitName::Test => Split::Test,
-    };
-    let cases = dataset.cases(split, arguments.cases)?;
-    if cases.is_empty() {
-        bail!(
-            "{} has no case in split {}",
-            arguments.dataset.display(),
-            name_of(&arguments.split)
-        );
-    }
+    let proposals = arguments.proposals()?;
+    let cases = arguments.cases(proposals.as_ref().map(Vec::len))?;
     std::fs::create_dir_all(&arguments.out)
         .with_context(|| format!("cannot make {}", arguments.out.display()))?;
-    let answers = answer_all(&planner, arguments, cases)?;
+    let answers = answer_all(&planner, arguments, cases, proposals)?;
     arrays::write(
         &arguments.out.join("paths.npz"),
         &answers,
         arguments.candidates,
     )?;
-    let result = summary::summarise(planner.robot(), arguments, diffusion, &answers);
+    let result = summary::summarise(planner.robot(), arguments, records, &answers);
     std::fs::write(
         arguments.out.join("result.json"),
         serde_json::to_string_pretty(&result)?,
@@ -110,17 +104,53 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
+impl Arguments {
+    /// The cases asked for, no more than paths are given for.
+    fn cases(&self, given: Option<usize>) -> anyhow::Result<Vec<Case>> {
+        let split = match self.split {
+            SplitName::Train => Split::Train,
+            SplitName::Validation => Split::Validation,
+            SplitName::Test => Split::Test,
+        };
+        let limit = self.cases.into_iter().chain(given).min();
+        let cases = Dataset::read(&self.dataset)?.cases(split, limit)?;
+        let needed = given.and(limit).unwrap_or(1);
+        if cases.len() < needed {
+            bail!(
+                "{} has {} cases in split {}, at least {needed} are needed",
+                self.dataset.display(),
+                cases.len(),
+                name_of(&self.split)
+            );
+        }
+        Ok(cases)
+    }
+
+    /// The paths to judge, case by case, if the planner is `proposed`.
+    fn proposals(&self) -> anyhow::Result<Option<Vec<Vec<Waypoints>>>> {
+        match (self.planner, &self.proposals) {
+            (PlannerName::Proposed, Some(file)) => proposals::read(file, self.candidates).map(Some),
+            (PlannerName::Proposed, None) => bail!("--planner proposed needs --proposals FILE"),
+            (_, Some(_)) => bail!("--proposals goes with --planner proposed"),
+            (_, None) => Ok(None),
+        }
+    }
+}
+
 fn answer_all(
     planner: &Planner,
     arguments: &Arguments,
     cases: Vec<Case>,
+    proposals: Option<Vec<Vec<Waypoints>>>,
 ) -> anyhow::Result<Vec<Answer>> {
     let style = ProgressStyle::with_template("{bar:40} {pos}/{len} cases, {eta} left")?;
     let bar = ProgressBar::new(cases.len() as u64).with_style(style);
+    let mut proposals = proposals.map(Vec::into_iter);
     let answer = |(index, case): (usize, Case)| {
         bar.inc(1);
         let seed = arguments.seed.wrapping_add(index as u64);
-        answer(planner, arguments, seed, case)
+        let given = proposals.as_mut().and_then(Iterator::next);
+        answer(planner, arguments, seed, case, given)
     };
     let answers = cases.into_iter().enumerate().map(answer).collect();
     bar.finish_and_clear();
@@ -132,6 +162,7 @@ fn answer(
     arguments: &Arguments,
     seed: u64,
     case: Case,
+    given: Option<Vec<Waypoints>>,
 ) -> anyhow::Result<Answer> {
     let problem = Problem {
         start: case.start,
@@ -141,7 +172,7 @@ fn answer(
     let request = Request {
         candidates: arguments.candidates,
         seed,
-        sampler: arguments.planner.sampler(),
+        sampler: arguments.planner.sampler().unwrap_or(Sampler::Straight),
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
         growth: 0.0,
@@ -150,7 +181,11 @@ fn answer(
         previous: None,
     };
     let clock = Instant::now();
-    let plan = match planner.plan(&problem, &request, &|| false) {
+    let answered = match given {
+        Some(paths) => planner.judge(&problem, &request, paths, &|| false),
+        None => planner.plan(&problem, &request, &|| false),
+    };
+    let plan = match answered {
         Ok(plan) => Ok(plan),
         Err(PlannerError::Infeasible(reason)) => Err(reason),
         Err(other) => return Err(other.into()),

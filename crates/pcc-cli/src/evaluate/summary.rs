@@ -1,7 +1,7 @@
 //! `result.json`: every figure of merit, the settings, the machine.
 
 use super::{Answer, Arguments};
-use crate::planner::{DiffusionRecord, name_of};
+use crate::planner::{ModelRecords, name_of};
 use pcc_model::{Configuration, Robot};
 use planning::{
     Candidate, Draw, Failure, Plan, SampledVerdict, SetMetrics, Waypoints, set_metrics,
@@ -13,7 +13,8 @@ use std::collections::BTreeMap;
 #[derive(Serialize)]
 pub(super) struct Summary {
     planner: String,
-    diffusion: Option<DiffusionRecord>,
+    #[serde(flatten)]
+    models: ModelRecords,
     dataset: String,
     split: String,
     robot: String,
@@ -134,7 +135,7 @@ impl Spread {
 pub(super) fn summarise(
     robot: &Robot,
     arguments: &Arguments,
-    diffusion: Option<DiffusionRecord>,
+    models: ModelRecords,
     answers: &[Answer],
 ) -> Summary {
     let plans: Vec<&Plan> = answers
@@ -159,7 +160,7 @@ pub(super) fn summarise(
     let robot_length: f64 = robot.section_lengths.iter().sum();
     Summary {
         planner: name_of(&arguments.planner),
-        diffusion,
+        models,
         dataset: arguments.dataset.display().to_string(),
         split: name_of(&arguments.split),
         robot: robot.name.clone(),

@@ -4,12 +4,14 @@ use super::archive::{ArchiveError, ArchiveWriter};
 use super::format::Row;
 use crate::features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, residual_coefficients};
 use collision::{Scene, SceneError};
+use denoiser::FeatureFrame;
 use pcc_model::Robot;
 use std::path::Path;
 
-/// Rows of training arrays, in the canonical frame, each path also as its mirror image.
+/// Rows of training arrays, all in one kind of frame, each path also as its mirror image.
 #[derive(Clone, Debug, Default)]
 pub struct TrainingRows {
+    frame: FeatureFrame,
     ends: Vec<f32>,
     balls: Vec<f32>,
     ball_offsets: Vec<i64>,
@@ -25,8 +27,10 @@ pub fn training_rows(
     robot: &Robot,
     rows: &[Row],
     first_group: i64,
+    frame: FeatureFrame,
 ) -> Result<TrainingRows, SceneError> {
     let mut out = TrainingRows {
+        frame,
         ball_offsets: vec![0],
         ..TrainingRows::default()
     };
@@ -34,7 +38,7 @@ pub fn training_rows(
         let scene = Scene::new(row.balls.clone())?;
         for mirrored in [false, true] {
             let (features, coefficients) =
-                residual_coefficients(robot, &row.path, &row.target_tip, &scene, mirrored);
+                residual_coefficients(robot, &row.path, &row.target_tip, &scene, frame, mirrored);
             out.ends.extend(&features.ends);
             out.balls.extend(&features.balls);
             out.ball_offsets
@@ -59,7 +63,7 @@ impl TrainingRows {
         self.groups.is_empty()
     }
 
-    /// Writes the arrays `ends`, `balls`, `ball_offsets`, `coefficients`, `group`.
+    /// Writes the arrays `ends`, `balls`, `ball_offsets`, `coefficients`, `group`, and `frame` (0 canonical, 1 base).
     ///
     /// # Errors
     /// [`ArchiveError`].
@@ -86,6 +90,7 @@ impl TrainingRows {
             self.coefficients.iter().copied(),
         )?;
         archive.write("group", &[self.len()], self.groups.iter().copied())?;
+        archive.write("frame", &[1], [self.frame as u8])?;
         archive.finish()
     }
 }

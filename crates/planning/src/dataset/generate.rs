@@ -2,12 +2,12 @@
 
 use super::format::{Row, Split};
 use crate::end_shapes::end_shapes;
-use crate::path::{WAYPOINTS, Waypoints, resample, straight_path};
+use crate::path::{Waypoints, resample, straight_path};
 use crate::problem::{Goal, Problem};
 use crate::rrt_connect::{RrtSettings, rrt_connect};
 use crate::scenes::{Setting, Target, draw_target};
 use crate::teacher::teach;
-use collision::{Scene, certify_polyline};
+use collision::certify_polyline;
 use pcc_model::{Configuration, Robot};
 use rand::RngExt;
 use rand::seq::SliceRandom;
@@ -32,6 +32,9 @@ pub struct Recipe {
     pub starts: usize,
     /// End shapes used of each start.
     pub ends: usize,
+    /// Trees grown where the straight segment leads the teacher to no certified path; of what it makes of them the shortest
+    /// is kept.
+    pub trees: usize,
     /// Puts every row into the test split (for sets that are only evaluated on).
     pub test_only: bool,
 }
@@ -104,7 +107,8 @@ fn target_rows(
         };
         ends.shapes.shuffle(&mut rng);
         for (ik_index, end) in ends.shapes.iter().enumerate().take(recipe.ends) {
-            let Some(path) = taught_path(robot, &target.scene, start, end, &mut rng, report) else {
+            let Some(path) = taught_path(robot, recipe.trees, &problem, end, &mut rng, report)
+            else {
                 report.dropped_paths += 1;
                 continue;
             };
@@ -125,12 +129,13 @@ fn target_rows(
 
 fn taught_path(
     robot: &Robot,
-    scene: &Scene,
-    start: &Configuration,
+    trees: usize,
+    problem: &Problem,
     end: &Configuration,
     rng: &mut Pcg64,
     report: &mut BlockReport,
 ) -> Option<Waypoints> {
+    let (scene, start) = (&problem.scene, &problem.start);
     let certified = |path: &Waypoints| certify_polyline(robot, scene, path).is_free();
     let direct = teach(robot, scene, &straight_path(start, end));
     if certified(&direct) {
@@ -138,12 +143,21 @@ fn taught_path(
     }
     let grown = robot.with_tube_growth(TREE_MARGIN);
     let settings = RrtSettings::default();
-    let polyline = rrt_connect(&grown, scene, start, &[*end], &settings, rng, &|| false)?;
-    let guided = teach(robot, scene, &resample(&polyline));
-    debug_assert_eq!(guided.len(), WAYPOINTS);
-    let kept = certified(&guided);
-    report.from_tree += usize::from(kept);
-    kept.then_some(guided)
+    let guided = (0..trees).filter_map(|_| {
+        let polyline = rrt_connect(&grown, scene, start, &[*end], &settings, rng, &|| false)?;
+        let path = teach(robot, scene, &resample(&polyline));
+        certified(&path).then_some(path)
+    });
+    let shortest = guided.min_by(|a, b| tip_length(robot, a).total_cmp(&tip_length(robot, b)));
+    report.from_tree += usize::from(shortest.is_some());
+    shortest
+}
+
+fn tip_length(robot: &Robot, path: &[Configuration]) -> f64 {
+    let edges = path.windows(2);
+    edges
+        .map(|w| (robot.tip(&w[1]) - robot.tip(&w[0])).norm())
+        .sum()
 }
 
 pub(super) fn split_of(recipe: &Recipe, target: u64) -> Split {

@@ -245,6 +245,7 @@ mod tests {
             seed: 11,
             starts,
             ends,
+            trees: 1,
             test_only: false,
         }
     }
