@@ -2,14 +2,15 @@
 //!
 //! Each round takes the exact nearest body points of every waypoint that are closer to an obstacle than the margin,
 //! linearises the clearance by the envelope theorem (docs/robot.md "Exact geometry"), and solves for the smooth change
-//! that restores it. Both ends stay exactly where they are.
+//! that restores it. Rounds look at every second waypoint in turn, since neighbours want nearly the same. Both ends stay
+//! exactly where they are.
 
 use crate::path::{WAYPOINTS, project};
 use crate::pushes::{PushKernel, Pushes};
 use collision::{Contact, Scene};
 use pcc_model::{Configuration, Robot, SECTIONS};
 
-/// Rounds of pushes: a count, so that answers do not depend on time.
+/// Rounds of pushes at most: a count, so that answers do not depend on time.
 const ROUNDS: usize = 8;
 /// Contacts of a waypoint that push it: the deepest ones.
 const MOST_CONTACTS: usize = 3;
@@ -50,15 +51,25 @@ impl Corrector<'_> {
         memory: &mut CorrectionMemory,
     ) -> Correction {
         project(self.robot, path);
-        for _ in 0..ROUNDS {
-            if self.find_pushes(margin, path, memory) >= 0.5 * margin {
-                return Correction::Clear;
+        let (mut pushed, mut clear_rounds) = (0, 0);
+        for round in 0.. {
+            let first = 1 + round % 2;
+            if self.find_pushes(margin, path, first, memory) >= 0.5 * margin {
+                clear_rounds += 1;
+                if clear_rounds == 2 {
+                    return Correction::Clear;
+                }
+                continue;
+            }
+            if pushed == ROUNDS {
+                break;
             }
             let Some(changes) = memory.pushes.solve(self.kernel) else {
                 break;
             };
             apply(&changes, path);
             project(self.robot, path);
+            (pushed, clear_rounds) = (pushed + 1, 0);
         }
         let tube = self.robot.tube_radius;
         let touches = |q| self.scene.clearance(&self.robot.backbone(q), tube) < 0.0;
@@ -69,16 +80,19 @@ impl Corrector<'_> {
         }
     }
 
-    /// Leaves in the memory what every waypoint wants; returns the smallest clearance below the margin, else infinity.
+    /// Leaves in the memory what every second waypoint from `first` on wants; returns the smallest clearance below the
+    /// margin, else infinity.
     fn find_pushes(
         &self,
         margin: f64,
         path: &[Configuration],
+        first: usize,
         CorrectionMemory { contacts, pushes }: &mut CorrectionMemory,
     ) -> f64 {
         let mut deepest = f64::INFINITY;
         pushes.clear();
-        for (h, waypoint) in path.iter().enumerate().take(WAYPOINTS - 1).skip(1) {
+        let inner = path.iter().enumerate().take(WAYPOINTS - 1);
+        for (h, waypoint) in inner.skip(first).step_by(2) {
             for (gradient, change) in limit_pushes(self.robot, waypoint) {
                 pushes.add(h, gradient, change);
             }

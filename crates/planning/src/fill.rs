@@ -13,6 +13,12 @@ use std::time::Instant;
 const COMPETITORS: usize = 2;
 /// Tube growth of the tree's attempts: rounding its corners needs room, a narrow way may not have it.
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
+/// Samples of a tree that fills one place among others: a way that is hard to find is left to those who need it.
+const FILLING: RrtSettings = RrtSettings {
+    samples: 400,
+    step_rad: 0.6,
+    shortcuts: 60,
+};
 /// Samples of the tree's last attempt with all goal shapes at once, when nothing else was found.
 const LAST_ATTEMPT: RrtSettings = RrtSettings {
     samples: 20_000,
@@ -98,7 +104,7 @@ impl Run<'_> {
                 replace(draw, straight.clone());
             }
             if draw.outcome.is_err() {
-                replace(draw, run.tree(i, &[goals[i]], &RrtSettings::default()));
+                replace(draw, run.tree(i, &[goals[i]], &FILLING));
             }
         });
         if draws.iter().all(|d| d.outcome.is_err()) {

@@ -19,7 +19,7 @@ const STRIDE: usize = 8;
 /// Newton steps at most: a count, so that answers do not depend on time.
 const STEPS: usize = 4;
 /// A tip this near to the curve is on it, section lengths.
-const ON_THE_CURVE: f64 = 1e-7;
+const ON_THE_CURVE: f64 = 1e-6;
 /// A waypoint that would have to move farther lies near a shape whose tip cannot follow the curve, rad.
 const LARGEST_CHANGE_RAD: f64 = 0.8;
 
@@ -83,12 +83,15 @@ impl TipCurves {
                 .iter()
                 .for_each(|term| follow(term, &tips, &mut curve));
             used = terms;
+            let far = |(tip, on): (&Point, &Point)| (tip - on).norm() > near;
+            if tips.iter().zip(&curve).any(far) {
+                continue;
+            }
             let drawn = Drawing {
                 robot,
                 scene,
                 margin,
                 curve: &curve,
-                near,
             };
             if let Some(drawn) = drawn.draw(&sampled) {
                 path.copy_from_slice(&drawn);
@@ -212,7 +215,6 @@ struct Drawing<'a> {
     scene: &'a Scene,
     margin: f64,
     curve: &'a [Point; WAYPOINTS],
-    near: f64,
 }
 
 impl Drawing<'_> {
@@ -229,12 +231,10 @@ impl Drawing<'_> {
         Some(drawn)
     }
 
+    /// The shape near the sampled one whose tip is on the curve.
     fn waypoint(&self, h: usize, sampled: &Configuration) -> Option<Configuration> {
         let mut shape = *sampled;
         let mut backbone = self.robot.backbone(&shape);
-        if (self.curve[h] - backbone.tip()).norm() > self.near {
-            return None;
-        }
         for _ in 0..STEPS {
             let error = self.curve[h] - backbone.tip();
             if error.norm() < ON_THE_CURVE {

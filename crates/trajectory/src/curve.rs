@@ -81,10 +81,21 @@ impl Trajectory {
     /// `count` positions at equal time steps, both ends included; empty for 0, the start alone for 1.
     pub fn sample(&self, count: usize) -> Vec<Configuration> {
         let step = self.duration() / count.saturating_sub(1).max(1) as f64;
-        let mut hint = 0;
-        (0..count)
-            .map(|i| evaluate(&self.knots, &mut hint, step * i as f64).position)
-            .collect()
+        let last = self.knots.len() - 1;
+        let mut next = 1;
+        let mut segment = QuinticSegment::between(&self.knots[0], &self.knots[1]);
+        let position = |i: usize| {
+            let time = step * i as f64;
+            if i + 1 == count && i > 0 {
+                return self.knots[last].position;
+            }
+            while next < last && time >= self.knots[next].time {
+                next += 1;
+                segment = QuinticSegment::between(&self.knots[next - 1], &self.knots[next]);
+            }
+            segment.position(time - self.knots[next - 1].time)
+        };
+        (0..count).map(position).collect()
     }
 }
 

@@ -59,6 +59,12 @@ impl QuinticSegment {
         ((c + d) * 10.0 + (b + e) * 5.0 + (a + f)) / 32.0
     }
 
+    /// The position alone, `time` seconds after the segment's start; `time` is clamped to the segment.
+    pub fn position(&self, time: f64) -> Configuration {
+        let u = (time / self.duration).clamp(0.0, 1.0);
+        blend(&self.control, &bernstein::<6>(u))
+    }
+
     /// The first and the second half of the segment (de Casteljau), each of half the duration.
     #[must_use]
     pub fn halves(&self) -> (Self, Self) {
