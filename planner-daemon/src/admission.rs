@@ -7,6 +7,7 @@ use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point};
 use planning::{
     Goal, Guidance, MOST_CORRECTIONS, PreviousPlan, Problem, Request, Sampler, Selection,
+    StartMotion,
 };
 use shared_types::codes::{self, Outcome, PlanField};
 use shared_types::ipc::PlanServiceCapacity;
@@ -156,6 +157,10 @@ impl Border {
             growth: self.growth,
             knots: self.capacity.knots_per_candidate,
             corrections: MOST_CORRECTIONS,
+            start_motion: (!asked.starts_at_rest()).then(|| StartMotion {
+                velocity: asked.start_velocity_rad_s.into(),
+                acceleration: asked.start_acceleration_rad_s2.into(),
+            }),
             previous: previous.map(Arc::new),
         }
     }
@@ -309,7 +314,7 @@ mod tests {
             ..border()
         };
         let scene = &border
-            .admit(&(&asked()).try_into().unwrap())
+            .admit(&(&asked()).try_into().unwrap(), &KeptPlans::default())
             .unwrap()
             .problem
             .scene;

@@ -258,6 +258,7 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         growth: tracking_growth(planner.robot(), config.path_tolerance_rad),
         knots: config.capacity.knots_per_candidate,
         corrections: MOST_CORRECTIONS,
+        start_motion: None,
         previous: None,
     };
     let main = match config.weights {

@@ -36,6 +36,7 @@ pub(crate) fn request() -> Request {
         growth: 0.0225,
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
+        start_motion: None,
         previous: None,
     }
 }

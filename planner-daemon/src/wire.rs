@@ -52,6 +52,9 @@ pub(crate) fn infeasible(infeasible: &Infeasible, goal: &Goal, section_length_m:
                 metres(clearance)
             ),
         ),
+        Infeasible::StartTooFast { .. } | Infeasible::StartCannotStop => {
+            Refusal::new(Outcome::StartCannotStop, infeasible.to_string())
+        }
         Infeasible::GoalOutOfReach { miss } => {
             let reason = match goal {
                 Goal::Tip(_) => {

@@ -176,6 +176,8 @@ codes! {
         ExecutionRefused = 12 "execution refused",
         /// Some candidates, all of them certified; the whole answer follows.
         Early = 13 "early",
+        /// The start moves faster than the robot may, or cannot brake without contact.
+        StartCannotStop = 14 "start cannot stop",
     }
 }
 

@@ -57,6 +57,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         limits_scale: 1.0,
         growth: 0.045,
         knots: 96,
+        corrections: planning::MOST_CORRECTIONS,
+        start_motion: None,
+        previous: None,
     };
     let cloud = cloud();
     println!("balls  median    min  condition sample correct time certify select  candidates");

@@ -165,7 +165,7 @@ impl Demands<'_> {
     }
 
     /// Certifies the executed curve: whole body, whole motion, bending.
-    fn certify(&self, trajectory: &Trajectory) -> Result<(), Failure> {
+    pub(crate) fn certify(&self, trajectory: &Trajectory) -> Result<(), Failure> {
         if !self.keeps_bending(trajectory) {
             return Err(Failure::Bending);
         }

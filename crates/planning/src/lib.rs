@@ -7,6 +7,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod basis;
+mod braking;
 mod canonical;
 mod cholesky;
 mod correction;
@@ -42,7 +43,9 @@ pub use finish::MOST_CORRECTIONS;
 pub use inverse_kinematics::solve_tip;
 pub use metrics::{PathMetrics, SetMetrics, modes, path_metrics, set_metrics};
 pub use path::{WAYPOINTS, Waypoints, straight_path};
-pub use plan::{Candidate, Certified, Draw, Failure, Plan, Request, Sampler, Source, StageTimes};
+pub use plan::{
+    Candidate, Certified, Draw, Failure, Plan, Request, Sampler, Source, StageTimes, StartMotion,
+};
 pub use planner::{Models, Planner, PlannerError, Supervision};
 pub use previous::PreviousPlan;
 pub use problem::{Goal, Infeasible, Problem};

@@ -62,6 +62,15 @@ pub enum Failure {
     Truncated,
 }
 
+/// How the robot moves at the start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StartMotion {
+    /// dζ/dt, rad/s.
+    pub velocity: Configuration,
+    /// d²ζ/dt², rad/s².
+    pub acceleration: Configuration,
+}
+
 /// What a plan must deliver, beside its problem.
 #[derive(Clone, Debug)]
 pub struct Request {
@@ -81,6 +90,8 @@ pub struct Request {
     pub knots: usize,
     /// Corrections that a path gets before it is given up (0: none, to [`MOST_CORRECTIONS`], which is the rule).
     pub corrections: usize,
+    /// How the robot moves at the start; none: it rests. It first brakes straight ahead, then goes on from rest.
+    pub start_motion: Option<StartMotion>,
     /// The plan to go on from; read by [`Sampler::Default`] and [`Sampler::Fast`].
     pub previous: Option<Arc<PreviousPlan>>,
 }

@@ -1,10 +1,11 @@
 //! The planner, resident: robot, models and workers.
 
 use crate::basis::SineBasis;
+use crate::braking::Braking;
 use crate::diffusion::{DiffusionModel, Guidance, Task};
 use crate::end_shapes::check_goal;
 use crate::path::Waypoints;
-use crate::plan::{Candidate, Plan, Request, Sampler};
+use crate::plan::{Candidate, Plan, Request, Sampler, StartMotion};
 use crate::problem::{Infeasible, Problem};
 use crate::pushes::PushKernel;
 use crate::run::Run;
@@ -12,6 +13,9 @@ use crate::straighten::TipCurves;
 use denoiser::FastModel;
 use pcc_model::Robot;
 use thiserror::Error;
+
+/// Knots that a motion has at least.
+const LEAST_KNOTS: usize = 4;
 
 /// Why a planner cannot serve a request.
 #[derive(Debug, Error, PartialEq)]
@@ -125,8 +129,45 @@ impl Planner {
     ) -> Result<Plan, PlannerError> {
         self.check_loaded(request.sampler)?;
         problem.check_start(&self.robot)?;
-        self.workers
-            .install(|| Run::new(self, problem, request, supervision).plan())
+        let run = || match &request.start_motion {
+            Some(motion) => self.plan_in_motion(problem, request, supervision, motion),
+            None => Run::new(self, problem, request, supervision).plan(),
+        };
+        self.workers.install(run)
+    }
+
+    /// Plans from where the robot can rest soonest, and lets every motion begin with coming there.
+    fn plan_in_motion(
+        &self,
+        problem: &Problem,
+        request: &Request,
+        supervision: Supervision,
+        motion: &StartMotion,
+    ) -> Result<Plan, PlannerError> {
+        let demands = Run::new(self, problem, request, supervision).demands;
+        let braking = Braking::new(&demands, &problem.start, motion)?;
+        let after = Problem {
+            start: braking.end(),
+            ..problem.clone()
+        };
+        let shorter = Request {
+            knots: request
+                .knots
+                .saturating_sub(braking.knots())
+                .max(LEAST_KNOTS),
+            ..request.clone()
+        };
+        let tell = |candidate| {
+            if let Some(tell) = supervision.certified {
+                tell(braking.candidate(candidate));
+            }
+        };
+        let told = Supervision {
+            certified: supervision.certified.is_some().then_some(&tell),
+            ..supervision
+        };
+        let plan = Run::new(self, &after, &shorter, told).plan()?;
+        Ok(braking.plan(plan))
     }
 
     /// Answers a request with given paths (64 waypoints each, radians), as if a learned model of whole paths had drawn them: the

@@ -43,6 +43,19 @@ pub enum Infeasible {
         /// Signed clearance, section lengths.
         clearance: f64,
     },
+    /// The robot moves faster, or changes its motion faster, than it may.
+    #[error(
+        "start cannot stop: it uses {share:.3} times a tendon limit until it rests, at most 1 is allowed"
+    )]
+    StartTooFast {
+        /// Largest part of a limit that is used, until the robot rests.
+        share: f64,
+    },
+    /// The robot cannot come to rest straight ahead without contact or within its bending limits.
+    #[error(
+        "start cannot stop: braking straight ahead is not certified free of contact and within the bending limits"
+    )]
+    StartCannotStop,
     /// No shape within the limits puts the tip on the goal.
     #[error(
         "goal out of reach: the closest shape found within the bending limit misses it by {miss:.4} section lengths"

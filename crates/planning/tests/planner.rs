@@ -27,6 +27,7 @@ fn request(sampler: Sampler, seed: u64) -> Request {
         growth: 0.0,
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
+        start_motion: None,
         previous: None,
     }
 }

@@ -42,6 +42,9 @@ fn request(sampler: Sampler) -> Request {
         limits_scale: 1.0,
         growth: 0.0225,
         knots: 96,
+        corrections: planning::MOST_CORRECTIONS,
+        start_motion: None,
+        previous: None,
     }
 }
 

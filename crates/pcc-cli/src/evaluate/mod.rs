@@ -178,6 +178,7 @@ fn answer(
         growth: 0.0,
         knots: 96,
         corrections: arguments.corrections,
+        start_motion: None,
         previous: None,
     };
     let clock = Instant::now();

@@ -16,6 +16,7 @@ mod fast_quality;
 mod fast_random;
 mod fast_scenes;
 mod fast_soak;
+mod fast_timing;
 mod geometry;
 mod machine;
 mod paper_ablation;
@@ -90,6 +91,7 @@ const SUITES: [Suite; 3] = [
         groups: &[
             fast_latency::run,
             fast_certified::run,
+            fast_timing::run,
             fast_quality::run,
             fast_ablation::run,
             fast_growth::run,

@@ -1,0 +1,100 @@
+//! Starts in motion: the robot brakes straight ahead, and every motion begins with that.
+
+use crate::finish::Demands;
+use crate::metrics::path_metrics;
+use crate::plan::{Candidate, Certified, Plan, StartMotion};
+use crate::problem::Infeasible;
+use collision::Scene;
+use pcc_model::{Configuration, Robot, TendonLimits};
+use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
+
+/// What a limit may be exceeded by, relative: the rounding of the measure.
+const ROUNDING: f64 = 1e-6;
+
+/// A certified motion to rest, which others go on from.
+pub(crate) struct Braking<'a> {
+    robot: &'a Robot,
+    scene: &'a Scene,
+    motion: Trajectory,
+}
+
+impl<'a> Braking<'a> {
+    /// Brakes from a state, within the robot's whole limits.
+    pub(crate) fn new(
+        demands: &Demands<'a>,
+        start: &Configuration,
+        motion: &StartMotion,
+    ) -> Result<Self, Infeasible> {
+        let robot = demands.robot;
+        let state = Knot {
+            time: 0.0,
+            position: *start,
+            velocity: motion.velocity,
+            acceleration: motion.acceleration,
+        };
+        let limits: &TendonLimits = &robot.tendon_limits;
+        let motion = stopping_motion(&state, &robot.tendons, limits).map_err(|_| {
+            Infeasible::StartTooFast {
+                share: f64::INFINITY,
+            }
+        })?;
+        let share = limit_use(&motion, &robot.tendons, limits).largest();
+        if share > 1.0 + ROUNDING {
+            return Err(Infeasible::StartTooFast { share });
+        }
+        match demands.certify(&motion) {
+            Ok(()) => Ok(Self {
+                robot,
+                scene: demands.scene,
+                motion,
+            }),
+            Err(_) => Err(Infeasible::StartCannotStop),
+        }
+    }
+
+    /// Where the robot comes to rest.
+    pub(crate) fn end(&self) -> Configuration {
+        let knots = self.motion.knots();
+        knots[knots.len() - 1].position
+    }
+
+    /// Knots that a motion has more by it.
+    pub(crate) fn knots(&self) -> usize {
+        self.motion.knots().len() - 1
+    }
+
+    /// The motion from the start on.
+    fn before(&self, motion: &Trajectory) -> Trajectory {
+        let mut knots = self.motion.knots().to_vec();
+        let begin = self.motion.duration();
+        let rest = motion.knots()[1..].iter();
+        knots.extend(rest.map(|knot| Knot {
+            time: knot.time + begin,
+            ..*knot
+        }));
+        Trajectory::new(knots).expect("two motions one after the other are one")
+    }
+
+    /// The candidate from the start on.
+    pub(crate) fn candidate(&self, candidate: Candidate) -> Candidate {
+        let trajectory = self.before(&candidate.trajectory);
+        Candidate {
+            metrics: path_metrics(self.robot, self.scene, &trajectory),
+            trajectory,
+            ..candidate
+        }
+    }
+
+    /// The plan from the start on.
+    pub(crate) fn plan(&self, mut plan: Plan) -> Plan {
+        let whole = |candidate| self.candidate(candidate);
+        plan.candidates = plan.candidates.into_iter().map(whole).collect();
+        for candidate in &plan.candidates {
+            plan.draws[candidate.draw].outcome = Ok(Certified {
+                trajectory: candidate.trajectory.clone(),
+                metrics: candidate.metrics,
+            });
+        }
+        plan
+    }
+}

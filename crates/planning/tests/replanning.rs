@@ -1,0 +1,254 @@
+//! Planning again: from a previous plan, from a start in motion, and with candidates before the answer.
+#![allow(clippy::unwrap_used)] // tests
+
+use collision::{Ball, Scene, certify_trajectory};
+use denoiser::{FastModel, Manifest};
+use pcc_model::{Configuration, Point, Robot};
+use planning::{
+    Candidate, Goal, Infeasible, MOST_CORRECTIONS, Models, Plan, Planner, PlannerError,
+    PreviousPlan, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision,
+    WAYPOINTS,
+};
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use trajectory::limit_use;
+
+fn planner() -> Planner {
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
+    let robot = Robot::from_file(&root.join("config/robots/unit.toml")).unwrap();
+    let file = Manifest::open(&root.join("weights"))
+        .unwrap()
+        .weights("fast");
+    let models = Models {
+        fast: Some(FastModel::from_weights(&file.unwrap(), robot.bending_limit).unwrap()),
+        ..Models::default()
+    };
+    Planner::new(&robot, models, 2).unwrap()
+}
+
+fn request() -> Request {
+    Request {
+        candidates: 10,
+        seed: 3,
+        sampler: Sampler::Default,
+        selection: Selection::ShortestTime,
+        limits_scale: 1.0,
+        growth: 0.0,
+        knots: 96,
+        corrections: MOST_CORRECTIONS,
+        start_motion: None,
+        previous: None,
+    }
+}
+
+fn problem() -> Problem {
+    let ball = Ball {
+        centre: Point::new(0.9, 0.9, 1.5),
+        radius: 0.3,
+    };
+    Problem {
+        start: Configuration::from_column_slice(&[0.3, -0.5, 0.2, -0.4, 0.1, -0.3]),
+        goal: Goal::Tip(Point::new(1.5, 0.0, 2.4)),
+        scene: Scene::new(vec![ball]).unwrap(),
+    }
+}
+
+fn plan(planner: &Planner, problem: &Problem, request: &Request) -> Plan {
+    planner.plan(problem, request, &|| false).unwrap()
+}
+
+fn selected(plan: &Plan) -> &Candidate {
+    &plan.candidates[plan.selected.unwrap()]
+}
+
+fn previous(plan: &Plan) -> Option<Arc<PreviousPlan>> {
+    let paths = plan
+        .candidates
+        .iter()
+        .map(|c| c.trajectory.sample(WAYPOINTS));
+    Some(Arc::new(PreviousPlan {
+        paths: paths.collect(),
+        followed: plan.selected,
+    }))
+}
+
+#[test]
+fn a_plan_goes_on_in_the_shape_that_is_followed() {
+    let planner = planner();
+    let first = plan(&planner, &problem(), &request());
+    let followed = selected(&first);
+    let motion = &followed.trajectory;
+    let later = Problem {
+        start: motion.at(0.4 * motion.duration()).position,
+        ..problem()
+    };
+    let again = Request {
+        seed: 77,
+        previous: previous(&first),
+        ..request()
+    };
+    let second = plan(&planner, &later, &again);
+    let goes_on = selected(&second);
+    assert_eq!(goes_on.source, Source::Kept);
+    assert!((goes_on.end() - followed.end()).norm() < 1e-6);
+    assert_eq!(goes_on.trajectory.knots()[0].position, later.start);
+    assert_eq!(second.candidates.len(), 10);
+    let afresh = plan(
+        &planner,
+        &later,
+        &Request {
+            seed: 77,
+            ..request()
+        },
+    );
+    assert!(afresh.candidates.iter().all(|c| c.source != Source::Kept));
+    let kept_ends = first.candidates.iter().filter(|old| {
+        let near = |new: &&Candidate| (new.end() - old.end()).norm() < 1e-6;
+        second.candidates.iter().any(|new| near(&new))
+    });
+    assert!(
+        kept_ends.count() >= 8,
+        "the shapes of the plan before are kept"
+    );
+}
+
+#[test]
+fn a_motion_that_an_obstacle_took_is_not_kept() {
+    let planner = planner();
+    let first = plan(&planner, &problem(), &request());
+    let end = selected(&first).end();
+    let elbow = planner.robot().backbone(&end).point(1, 0.7);
+    let in_the_way = Ball {
+        centre: elbow,
+        radius: 0.1,
+    };
+    let blocked = Problem {
+        scene: Scene::new(vec![in_the_way]).unwrap(),
+        ..problem()
+    };
+    let again = Request {
+        previous: previous(&first),
+        ..request()
+    };
+    let second = plan(&planner, &blocked, &again);
+    assert!((selected(&second).end() - end).norm() > 0.01);
+    for candidate in &second.candidates {
+        let motion = &candidate.trajectory;
+        assert!(certify_trajectory(planner.robot(), &blocked.scene, motion, 0.0, 0.0).is_free());
+    }
+}
+
+#[test]
+fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
+    let planner = planner();
+    let robot = planner.robot();
+    let first = plan(&planner, &problem(), &request());
+    let motion = &selected(&first).trajectory;
+    let state = motion.at(0.3 * motion.duration());
+    assert!(state.velocity.norm() > 0.1, "it moves");
+    let moving = Problem {
+        start: state.position,
+        ..problem()
+    };
+    let in_motion = Request {
+        start_motion: Some(StartMotion {
+            velocity: state.velocity,
+            acceleration: state.acceleration,
+        }),
+        ..request()
+    };
+    let answer = plan(&planner, &moving, &in_motion);
+    assert_eq!(answer.candidates.len(), 10);
+    for candidate in &answer.candidates {
+        let motion = &candidate.trajectory;
+        let begin = &motion.knots()[0];
+        assert_eq!(begin.position, state.position);
+        assert_eq!(begin.velocity, state.velocity);
+        assert_eq!(begin.acceleration, state.acceleration);
+        assert!(motion.knots().len() <= 96);
+        assert!(limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6);
+        assert!(certify_trajectory(robot, &moving.scene, motion, 0.0, 0.0).is_free());
+        assert_eq!(candidate.metrics.duration_s, motion.duration());
+    }
+}
+
+#[test]
+fn a_start_that_cannot_stop_is_refused_by_name() {
+    let planner = planner();
+    let rushing = |speed: f64| Request {
+        start_motion: Some(StartMotion {
+            velocity: Configuration::repeat(speed),
+            acceleration: Configuration::zeros(),
+        }),
+        ..request()
+    };
+    let refused = planner
+        .plan(&problem(), &rushing(3.0), &|| false)
+        .unwrap_err();
+    let PlannerError::Infeasible(Infeasible::StartTooFast { share }) = refused else {
+        panic!("{refused}");
+    };
+    assert!(share > 1.0);
+    let state = Configuration::from_column_slice(&[0.0, 0.1, 0.0, 0.0, 0.0, 0.0]);
+    let touching = planner.robot().tip(&state) + Point::new(0.206, 0.0, 0.0);
+    let at_a_wall = Problem {
+        start: state,
+        scene: Scene::new(vec![Ball {
+            centre: touching,
+            radius: 0.001,
+        }])
+        .unwrap(),
+        ..problem()
+    };
+    let towards = Request {
+        start_motion: Some(StartMotion {
+            velocity: Configuration::from_column_slice(&[0.0, 0.3, 0.0, 0.0, 0.0, 0.0]),
+            acceleration: Configuration::zeros(),
+        }),
+        ..request()
+    };
+    let refused = planner.plan(&at_a_wall, &towards, &|| false).unwrap_err();
+    assert_eq!(
+        refused,
+        PlannerError::Infeasible(Infeasible::StartCannotStop)
+    );
+}
+
+#[test]
+fn candidates_are_told_as_they_certify() {
+    let planner = planner();
+    let told = Mutex::new(Vec::new());
+    let tell = |candidate: Candidate| told.lock().unwrap().push(candidate);
+    let supervision = Supervision {
+        interrupt: &|| false,
+        certified: Some(&tell),
+    };
+    let answer = planner
+        .plan_supervised(&problem(), &request(), supervision)
+        .unwrap();
+    let told = told.into_inner().unwrap();
+    assert_eq!(told.len(), 10);
+    for early in &told {
+        let same = |c: &&Candidate| c.draw == early.draw && c.source == early.source;
+        if let Some(candidate) = answer.candidates.iter().find(same) {
+            assert!(candidate.trajectory.knots() == early.trajectory.knots());
+        }
+    }
+}
+
+#[test]
+fn the_fastest_straight_segment_competes() {
+    let planner = planner();
+    for seed in 0..5 {
+        let request = |sampler| Request {
+            sampler,
+            seed,
+            ..request()
+        };
+        let default = plan(&planner, &problem(), &request(Sampler::Default));
+        let straight = plan(&planner, &problem(), &request(Sampler::Straight));
+        assert!(default.learned_certified > 0);
+        let [ours, theirs] = [&default, &straight].map(|p| selected(p).metrics.duration_s);
+        assert!(ours <= theirs, "{ours} s against {theirs} s");
+    }
+}
