@@ -76,19 +76,20 @@ impl<'a> Braking<'a> {
     }
 
     /// The candidate from the start on.
-    pub(crate) fn candidate(&self, candidate: Candidate) -> Candidate {
+    pub(crate) fn candidate(&self, candidate: &Candidate) -> Candidate {
         let trajectory = self.before(&candidate.trajectory);
         Candidate {
             metrics: path_metrics(self.robot, self.scene, &trajectory),
             trajectory,
-            ..candidate
+            source: candidate.source,
+            draw: candidate.draw,
         }
     }
 
     /// The plan from the start on.
     pub(crate) fn plan(&self, mut plan: Plan) -> Plan {
         let whole = |candidate| self.candidate(candidate);
-        plan.candidates = plan.candidates.into_iter().map(whole).collect();
+        plan.candidates = plan.candidates.iter().map(whole).collect();
         for candidate in &plan.candidates {
             plan.draws[candidate.draw].outcome = Ok(Certified {
                 trajectory: candidate.trajectory.clone(),

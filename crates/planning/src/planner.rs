@@ -157,9 +157,9 @@ impl Planner {
                 .max(LEAST_KNOTS),
             ..request.clone()
         };
-        let tell = |candidate| {
+        let tell = |candidate: Candidate| {
             if let Some(tell) = supervision.certified {
-                tell(braking.candidate(candidate));
+                tell(braking.candidate(&candidate));
             }
         };
         let told = Supervision {

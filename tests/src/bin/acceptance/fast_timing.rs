@@ -14,7 +14,7 @@ use tests::programs::repository;
 use trajectory::{AllocationOptions, Allocator, Trajectory, evaluate};
 
 use crate::paper_python::python_with;
-use crate::paper_runs::median;
+use crate::spread::median;
 use crate::timer::Timer;
 use crate::{Report, Scale};
 
@@ -109,6 +109,9 @@ impl Cases {
             limits_scale: 1.0,
             growth: 0.0,
             knots: AllocationOptions::default().knots,
+            corrections: planning::MOST_CORRECTIONS,
+            start_motion: None,
+            previous: None,
         };
         let Ok(plan) = planner.plan(&problem, &request, &|| false) else {
             return Ok(());
@@ -119,7 +122,7 @@ impl Cases {
             };
             let case = self.allocate(waypoints)?;
             // Some certify only with rests at their corners: another motion, of several paths.
-            if case.motion == certified && self.cases.len() < total {
+            if case.motion == certified.trajectory && self.cases.len() < total {
                 self.cases.push(case);
             }
         }
