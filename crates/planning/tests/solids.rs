@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)] // tests
 
 use collision::{Ball, Scene, Solid, VoxelGrid, certify_trajectory};
-use denoiser::{FastModel, Manifest};
+use denoiser::{FastModel, FeatureFrame, Manifest};
 use nalgebra::Isometry3;
 use pcc_model::{Configuration, Point, Robot};
 use planning::{
@@ -198,7 +198,7 @@ fn the_model_is_told_of_all_balls_of_a_small_scene_and_the_nearest_of_a_large_on
     );
     let told = |balls: &[Ball]| {
         let scene = Scene::new(balls.to_vec()).unwrap();
-        residual_coefficients(&robot, &path, &tip, &scene, false).0
+        residual_coefficients(&robot, &path, &tip, &scene, FeatureFrame::Canonical, false).0
     };
     let few = told(&cloud[..24]);
     let expected = features(&robot, &start, &end, &cloud[..24]);
