@@ -6,9 +6,12 @@ use crate::scenes::random_configuration;
 use pcc_model::{Configuration, Robot};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
+use rayon::prelude::*;
 
 /// Seeds of the first round, and of the second one when the first left too few shapes.
 const ROUNDS: [usize; 2] = [64, 256];
+/// Seeds that one worker takes at once.
+const SEEDS_AT_ONCE: usize = 8;
 /// Wanted clearance and distance between shapes, relaxed in this order until enough are found.
 const WISHES: [Wish; 5] = [
     Wish {
@@ -72,12 +75,9 @@ pub fn end_shapes(
             };
             for seeds in ROUNDS {
                 let first = found.solutions.is_empty().then_some(problem.start);
-                let random = (0..seeds)
-                    .map(|_| random_configuration(robot, rng))
-                    .collect::<Vec<_>>();
-                for seed in first.iter().chain(&random) {
-                    found.try_seed(robot, problem, target, seed, growth);
-                }
+                let random = (0..seeds).map(|_| random_configuration(robot, rng));
+                let seeds: Vec<Configuration> = first.into_iter().chain(random).collect();
+                found.try_seeds(robot, problem, target, &seeds, growth);
                 let chosen = found.choose(&problem.start, count, &WISHES[..2]);
                 if chosen.len() == count {
                     return Ok(EndShapes { shapes: chosen });
@@ -137,21 +137,30 @@ struct Pool {
 }
 
 impl Pool {
-    fn try_seed(
+    fn try_seeds(
         &mut self,
         robot: &Robot,
         problem: &Problem,
         target: &pcc_model::Point,
-        seed: &Configuration,
+        seeds: &[Configuration],
         growth: f64,
     ) {
-        let (shape, distance) = solve_tip(robot, target, seed);
-        self.closest = self.closest.min(distance);
-        if is_solved(distance) {
-            let clearance = problem
-                .scene
-                .clearance(&robot.backbone(&shape), robot.tube_radius + growth);
-            self.solutions.push(Solution { shape, clearance });
+        let tube = robot.tube_radius + growth;
+        let solved = |seed: &Configuration| {
+            let (shape, distance) = solve_tip(robot, target, seed);
+            let clearance =
+                is_solved(distance).then(|| problem.scene.clearance(&robot.backbone(&shape), tube));
+            (shape, distance, clearance)
+        };
+        let tried: Vec<_> = seeds
+            .par_iter()
+            .with_min_len(SEEDS_AT_ONCE)
+            .map(solved)
+            .collect();
+        for (shape, distance, clearance) in tried {
+            self.closest = self.closest.min(distance);
+            self.solutions
+                .extend(clearance.map(|clearance| Solution { shape, clearance }));
         }
     }
 

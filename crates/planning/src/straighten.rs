@@ -94,7 +94,8 @@ impl TipCurves {
                 curve: &curve,
             };
             if let Some(drawn) = drawn.draw(&sampled) {
-                path.copy_from_slice(&drawn);
+                let inner = 1..WAYPOINTS - 1;
+                path[inner.clone()].copy_from_slice(&drawn[inner]);
                 return;
             }
         }

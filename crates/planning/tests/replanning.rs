@@ -248,6 +248,9 @@ fn the_fastest_straight_segment_competes() {
         let default = plan(&planner, &problem(), &request(Sampler::Default));
         let straight = plan(&planner, &problem(), &request(Sampler::Straight));
         assert!(default.learned_certified > 0);
+        for candidate in &default.candidates {
+            assert_eq!(candidate.trajectory.knots()[0].position, problem().start);
+        }
         let [ours, theirs] = [&default, &straight].map(|p| selected(p).metrics.duration_s);
         assert!(ours <= theirs, "{ours} s against {theirs} s");
     }
