@@ -13,7 +13,7 @@ use shared_types::valid::MAX_DURATION_S;
 use trajectory::Trajectory;
 
 use crate::admission::{Order, Refusal};
-use crate::planning_thread::{PlanFault, Planned};
+use crate::planning_at_work::{PlanFault, Planned};
 use crate::wire::{self, KnotHash};
 
 /// One answer, complete but for its time of writing and the hash.
@@ -70,11 +70,10 @@ impl Answer {
     /// An answer with the candidates that certified first.
     pub(crate) fn early(
         order: &Order,
-        mut candidates: Vec<Candidate>,
+        candidates: Vec<Candidate>,
         robot: &Robot,
         section_length_m: f64,
     ) -> Self {
-        candidates.retain(|candidate| is_deliverable(order, candidate, robot));
         let reason = format!(
             "{} of {} candidates so far; the whole answer follows",
             candidates.len(),
@@ -214,7 +213,7 @@ fn nanoseconds(duration: Duration) -> u64 {
 }
 
 /// Whether a candidate reaches the goal as closely as the client wants and fits the message and its share of the answer.
-fn is_deliverable(order: &Order, candidate: &Candidate, robot: &Robot) -> bool {
+pub(crate) fn is_deliverable(order: &Order, candidate: &Candidate, robot: &Robot) -> bool {
     let goal_tip = order.problem.goal_tip(robot);
     wire::tip_error(robot, &candidate.end(), &goal_tip) <= order.tip_tolerance
         && candidate.trajectory.knots().len() <= order.request.knots

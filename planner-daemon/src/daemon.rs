@@ -19,7 +19,7 @@ use crate::admission::Border;
 use crate::config::Config;
 use crate::execution::{Execution, ExecutionRules};
 use crate::heartbeat::{Background, BackgroundError, Progress};
-use crate::planning_thread::PlanningThread;
+use crate::planning_at_work::Planning;
 use crate::process;
 use crate::service::{Parts, Service, Waiting};
 
@@ -292,7 +292,7 @@ fn open_service(
         begin_lead: config.begin_lead,
     };
     let execution = Execution::open(node, rules)?;
-    let planning = PlanningThread::start(Arc::new(planner))?;
+    let planning = Planning::new(Arc::new(planner));
     let plan = plan_service(node, &config.capacity)?;
     Ok(Service::new(Parts {
         server: plan_server(node, &plan, &config.capacity)?,

@@ -1,7 +1,7 @@
 //! The planner daemon: keeps robot and model resident, and answers plan requests over shared memory.
 //!
-//! One thread owns the ports and never plans ([`Daemon::run`]); a second one plans, one request at a time, on the
-//! planner's own workers; two more send heartbeats and clean up after dead processes. The plan's way through it:
+//! One thread owns the ports and never plans ([`Daemon::run`]); the planner's own workers plan, one request at a time; two more
+//! send heartbeats and clean up after dead processes. The plan's way through it:
 //! private copy, border check, fair queue, planning, selection, and for a motion to be executed the check against
 //! controller and live scene.
 //!
@@ -16,7 +16,7 @@ mod execution;
 mod heartbeat;
 mod kept_plans;
 mod live_scene;
-mod planning_thread;
+mod planning_at_work;
 mod process;
 mod queue;
 mod service;

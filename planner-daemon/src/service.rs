@@ -14,12 +14,12 @@ use shared_types::codes::Outcome;
 use shared_types::ipc::{PlanActiveRequest, PlanServer};
 
 use crate::admission::{Border, Order, Refusal};
-use crate::answer::Answer;
+use crate::answer::{Answer, is_deliverable};
 use crate::config::WaitMode;
 use crate::execution::{Execution, ExecutionRefusal, Selected};
 use crate::heartbeat::Progress;
 use crate::kept_plans::KeptPlans;
-use crate::planning_thread::{Job, Planned, PlanningThread, Product};
+use crate::planning_at_work::{Early, Job, Planned, Planning, Product};
 use crate::queue::FairQueue;
 
 /// Time between two looks at controller and scene.
@@ -63,7 +63,7 @@ struct InFlight {
 pub(crate) struct Service {
     server: PlanServer,
     execution: Execution,
-    planning: PlanningThread,
+    planning: Planning,
     border: Border,
     /// In units of its section length.
     robot: Robot,
@@ -81,7 +81,7 @@ pub(crate) struct Service {
 pub(crate) struct Parts {
     pub(crate) server: PlanServer,
     pub(crate) execution: Execution,
-    pub(crate) planning: PlanningThread,
+    pub(crate) planning: Planning,
     pub(crate) border: Border,
     pub(crate) robot: Robot,
     pub(crate) waiting: Waiting,
@@ -221,7 +221,7 @@ impl Service {
             problem: Arc::clone(&queued.order.problem),
             request: queued.order.request.clone(),
             deadline: queued.deadline(),
-            early: queued.order.early,
+            early: self.early(&queued.order),
             cancelled: Arc::clone(&cancelled),
         });
         let plan_id = self.next_plan_id;
@@ -233,6 +233,14 @@ impl Service {
             cancelled,
         });
         true
+    }
+
+    fn early(&self, order: &Order) -> Option<Early> {
+        let (count, order, robot) = (order.early?, order.clone(), self.robot.clone());
+        Some(Early {
+            count,
+            is_deliverable: Box::new(move |candidate| is_deliverable(&order, candidate, &robot)),
+        })
     }
 
     /// Answers what the plan under way has come to, if there is anything new.
@@ -264,9 +272,7 @@ impl Service {
         let mut answer = Answer::early(order, candidates, &self.robot, length);
         answer.set_plan_id(in_flight.plan_id);
         answer.set_wait(in_flight.waited);
-        if answer.candidate_count() > 0 {
-            send(&mut answer, active);
-        }
+        send(&mut answer, active);
     }
 
     fn answer(&mut self, planned: Planned) {

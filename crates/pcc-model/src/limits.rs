@@ -6,7 +6,10 @@ impl Robot {
     /// Bending angle θ_i of each section, rad.
     #[must_use]
     pub fn bending_angles(&self, shape: &Configuration) -> [f64; SECTIONS] {
-        std::array::from_fn(|i| shape[2 * i].hypot(shape[2 * i + 1]))
+        std::array::from_fn(|i| {
+            let (x, y) = (shape[2 * i], shape[2 * i + 1]);
+            (x * x + y * y).sqrt()
+        })
     }
 
     /// Largest θ_i minus the limit, rad: negative inside, infinite for a shape with a component that is NaN.

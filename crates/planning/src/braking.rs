@@ -4,6 +4,7 @@ use crate::finish::Demands;
 use crate::metrics::path_metrics;
 use crate::plan::{Candidate, Certified, Plan, StartMotion};
 use crate::problem::Infeasible;
+use crate::select::{Selection, select};
 use collision::Scene;
 use pcc_model::{Configuration, Robot, TendonLimits};
 use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
@@ -86,8 +87,8 @@ impl<'a> Braking<'a> {
         }
     }
 
-    /// The plan from the start on.
-    pub(crate) fn plan(&self, mut plan: Plan) -> Plan {
+    /// The plan from the start on, selected anew among whole motions.
+    pub(crate) fn plan(&self, mut plan: Plan, selection: Selection) -> Plan {
         let whole = |candidate| self.candidate(candidate);
         plan.candidates = plan.candidates.iter().map(whole).collect();
         for candidate in &plan.candidates {
@@ -96,6 +97,8 @@ impl<'a> Braking<'a> {
                 metrics: candidate.metrics,
             });
         }
+        let start = self.motion.knots()[0].position;
+        plan.selected = select(&plan.candidates, &start, selection);
         plan
     }
 }

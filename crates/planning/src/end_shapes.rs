@@ -168,23 +168,26 @@ impl Pool {
     /// chosen so far: short motions and different ones.
     fn choose(&self, start: &Configuration, count: usize, wishes: &[Wish]) -> Vec<Configuration> {
         let mut chosen: Vec<Configuration> = Vec::with_capacity(count);
+        // How far each solution is from all chosen so far.
+        let mut apart_rad = vec![f64::INFINITY; self.solutions.len()];
         for wish in wishes {
-            let mut open: Vec<&Solution> = self
-                .solutions
-                .iter()
-                .filter(|s| s.clearance >= wish.clearance)
-                .collect();
             while chosen.len() < count {
-                open.retain(|s| apart(&chosen, &s.shape) >= wish.separation);
                 let nearest_is_next = chosen.len().is_multiple_of(2);
-                let rank = |s: &&&Solution| match nearest_is_next {
-                    true => (s.shape - start).norm(),
-                    false => -apart(&chosen, &s.shape),
+                let rank = |&i: &usize| match nearest_is_next {
+                    true => (self.solutions[i].shape - start).norm(),
+                    false => -apart_rad[i],
                 };
-                match open.iter().min_by(|a, b| rank(a).total_cmp(&rank(b))) {
-                    Some(next) => chosen.push(next.shape),
-                    None => break,
+                let open = (0..self.solutions.len()).filter(|&i| {
+                    self.solutions[i].clearance >= wish.clearance && apart_rad[i] >= wish.separation
+                });
+                let Some(next) = open.min_by(|a, b| rank(a).total_cmp(&rank(b))) else {
+                    break;
+                };
+                let shape = self.solutions[next].shape;
+                for (apart, solution) in apart_rad.iter_mut().zip(&self.solutions) {
+                    *apart = apart.min((solution.shape - shape).norm());
                 }
+                chosen.push(shape);
             }
         }
         chosen
@@ -201,12 +204,4 @@ impl Pool {
             shapes => Infeasible::GoalInCollision { shapes, clearance },
         }
     }
-}
-
-/// Distance to the nearest of the chosen shapes, rad; infinite if there is none.
-fn apart(chosen: &[Configuration], shape: &Configuration) -> f64 {
-    chosen
-        .iter()
-        .map(|c| (c - shape).norm())
-        .fold(f64::INFINITY, f64::min)
 }

@@ -2,8 +2,7 @@
 
 use crate::plan::{Draw, Failure, Plan, Source};
 use crate::rrt_connect::{RrtSettings, rrt_connect};
-use crate::run::{Aim, Proposal, Run, count_learned, draws_of};
-use crate::select::cost;
+use crate::run::{Aim, Proposal, Run, count_learned, rough_draws_of};
 use pcc_model::{Configuration, Robot, TendonLimits};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -35,7 +34,7 @@ impl Run<'_> {
         let (ends, limits) = (&aim.ends, &self.demands.limits);
         let mut race = Race::new(self.demands.robot, limits, &self.problem.start, ends);
         let heat = race.next_heat();
-        let mut proposals = draws_of(self.learned(aim), Source::Learned);
+        let mut proposals = rough_draws_of(self.learned(aim));
         proposals.extend(self.segments(ends, &heat));
         proposals.extend(aim.kept());
         let mut draws = self.finish(proposals);
@@ -47,7 +46,7 @@ impl Run<'_> {
         if let Some((end, straight)) = race.winner() {
             self.compete(straight, &mut draws[end]);
         }
-        aim.keep(kept, &mut draws);
+        self.keep(kept, &mut draws);
         self.fill(&aim.goals, &race, &mut draws);
         self.answer(draws, learned)
     }
@@ -70,6 +69,7 @@ impl Run<'_> {
             path,
             source: Source::Straight,
             draw: None,
+            is_rough: false,
         };
         let paths = self.straight_paths(&chosen).into_iter();
         paths.map(proposal).collect()
@@ -77,18 +77,7 @@ impl Run<'_> {
 
     /// Leaves the better one by the selection rule in the learned path's place.
     fn compete(&self, straight: &Draw, learned: &mut Draw) {
-        let cost_of = |draw: &Draw| {
-            draw.outcome.as_ref().map_or(f64::INFINITY, |motion| {
-                let start = &self.problem.start;
-                cost(
-                    &motion.metrics,
-                    &motion.end(),
-                    start,
-                    self.request.selection,
-                )
-            })
-        };
-        if cost_of(straight) < cost_of(learned) {
+        if self.cost_of(straight) < self.cost_of(learned) {
             *learned = straight.clone();
         }
     }
@@ -102,6 +91,7 @@ impl Run<'_> {
                 && let Some(straight) = race.of(i % race.entries.len())
             {
                 replace(draw, straight.clone());
+                run.report(i, draw);
             }
             if draw.outcome.is_err() {
                 replace(draw, run.tree(i, &[goals[i]], &FILLING));

@@ -42,7 +42,7 @@ pub(crate) struct Demands<'a> {
     pub(crate) interrupt: Interrupt<'a>,
 }
 
-/// Processor time that one path took in each stage, seconds.
+/// Time on its worker that one path took in each stage, seconds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Laps {
     pub(crate) correct: f64,
@@ -78,14 +78,19 @@ fn lap(clock: &mut Instant) -> f64 {
 }
 
 impl Demands<'_> {
-    /// Corrects, times and certifies a path; what does not certify is corrected once more with a larger margin.
-    pub(crate) fn finish(&self, path: Waypoints) -> Finished {
+    /// Draws the tip of a path onto a smooth curve if that is wanted, then corrects, times and certifies it; what does not certify is corrected once more with a larger margin.
+    pub(crate) fn finish(&self, path: Waypoints, smoother: Option<&TipCurves>) -> Finished {
         let mut finished = Finished {
             path,
             outcome: Err(Failure::Truncated),
             laps: Laps::default(),
         };
-        for attempt in 0..self.corrections.max(1) {
+        if let Some(curves) = smoother.filter(|_| !(self.interrupt)()) {
+            let mut clock = Instant::now();
+            self.straighten(curves, &mut finished.path);
+            finished.laps.correct += lap(&mut clock);
+        }
+        for attempt in 0..self.corrections.clamp(1, MOST_CORRECTIONS) {
             if (self.interrupt)() {
                 finished.outcome = Err(Failure::Truncated);
                 break;
@@ -104,7 +109,7 @@ impl Demands<'_> {
     }
 
     /// Draws a sampled path's tip onto a smooth curve, where that leaves nothing to correct.
-    pub(crate) fn straighten(&self, curves: &TipCurves, path: &mut [Configuration]) {
+    fn straighten(&self, curves: &TipCurves, path: &mut [Configuration]) {
         let margin = 0.5 * CORRECTION_MARGINS[0] + self.growth;
         curves.straighten(self.robot, self.scene, margin, path);
     }
@@ -126,6 +131,10 @@ impl Demands<'_> {
 
     /// Times, certifies and describes a path as it is.
     fn deliver(&self, finished: &mut Finished) {
+        if (self.interrupt)() {
+            finished.outcome = Err(Failure::Truncated);
+            return;
+        }
         let mut clock = Instant::now();
         let timed = self.time(&finished.path);
         finished.laps.time += lap(&mut clock);

@@ -88,7 +88,7 @@ pub struct Request {
     pub growth: f64,
     /// Knots of each motion (4 to 256); one that rests at its corners may take up to 256.
     pub knots: usize,
-    /// Corrections that a path gets before it is given up (0: none, to [`MOST_CORRECTIONS`], which is the rule).
+    /// Corrections that a path gets before it is given up: 0 to `MOST_CORRECTIONS`, which is the rule; more are as many.
     pub corrections: usize,
     /// How the robot moves at the start; none: it rests. It first brakes straight ahead, then goes on from rest.
     pub start_motion: Option<StartMotion>,
@@ -155,14 +155,14 @@ pub struct Draw {
 /// Wall time of the stages, seconds.
 ///
 /// Paths go through correction, time allocation, certification and their figures one after the other, several paths at
-/// once: the wall time of all is divided among these stages by the processor time that each took.
+/// once: the wall time of all is divided among these stages by the time that each took on the workers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {
     /// End shapes (for diffusion: whether there is one) and features.
     pub condition: f64,
     /// The learned sampler, or the tree.
     pub sample: f64,
-    /// Analytic correction, the ends of paths by diffusion included.
+    /// Straightening and analytic correction, the ends of paths by diffusion included.
     pub correct: f64,
     /// Time allocation.
     pub time: f64,

@@ -100,6 +100,12 @@ impl Planner {
         &self.robot
     }
 
+    /// Runs a task on one of the workers and returns at once; [`Planner::plan`] called in it needs no other thread's help to
+    /// begin.
+    pub fn spawn(&self, task: impl FnOnce() + Send + 'static) {
+        self.workers.spawn(task);
+    }
+
     /// Answers one request; `interrupt` is asked between stages and while a tree grows, and returns true to truncate.
     ///
     /// # Errors
@@ -167,7 +173,7 @@ impl Planner {
             ..supervision
         };
         let plan = Run::new(self, &after, &shorter, told).plan()?;
-        Ok(braking.plan(plan))
+        Ok(braking.plan(plan, request.selection))
     }
 
     /// Answers a request with given paths (64 waypoints each, radians), as if a learned model of whole paths had drawn them: the

@@ -16,7 +16,7 @@ use crate::planner::{Planner, PlannerError, Supervision};
 use crate::previous::Rest;
 use crate::problem::Problem;
 use crate::sampling::sample_paths;
-use crate::select::select;
+use crate::select::{cost, is_worth_a_change, select};
 use crate::terminal::attach;
 use denoiser::{CandidateInput, WarmStart};
 use pcc_model::{Configuration, TendonLimits};
@@ -54,6 +54,8 @@ pub(crate) struct Proposal {
     pub(crate) source: Source,
     /// The draw that it is, unless it only competes with one.
     pub(crate) draw: Option<usize>,
+    /// Whether its tip is drawn onto a smooth curve first.
+    pub(crate) is_rough: bool,
 }
 
 /// Paths as the draws 0, 1, 2, …
@@ -62,8 +64,19 @@ pub(crate) fn draws_of(paths: Vec<Waypoints>, source: Source) -> Vec<Proposal> {
         path,
         source,
         draw: Some(draw),
+        is_rough: false,
     };
     paths.into_iter().enumerate().map(proposal).collect()
+}
+
+/// The draws of the few-step model, whose errors are waves.
+pub(crate) fn rough_draws_of(paths: Vec<Waypoints>) -> Vec<Proposal> {
+    let rough = |proposal| Proposal {
+        is_rough: true,
+        ..proposal
+    };
+    let draws = draws_of(paths, Source::Learned).into_iter();
+    draws.map(rough).collect()
 }
 
 impl<'a> Run<'a> {
@@ -108,7 +121,7 @@ impl<'a> Run<'a> {
         self.stages.condition = clock.elapsed().as_secs_f64();
         let draws = match self.request.sampler {
             Sampler::Default => return Ok(self.default(&aim)),
-            Sampler::Fast => self.fast(&aim),
+            Sampler::Fast => return Ok(self.fast(&aim)),
             Sampler::Straight => {
                 let paths = self.straight_paths(&aim.ends);
                 self.finish(draws_of(paths, Source::Straight))
@@ -137,13 +150,14 @@ impl<'a> Run<'a> {
     }
 
     /// The learned sampler alone, beside what is left of the motion that is followed.
-    fn fast(&mut self, aim: &Aim) -> Vec<Draw> {
-        let mut proposals = draws_of(self.learned(aim), Source::Learned);
+    fn fast(mut self, aim: &Aim) -> Plan {
+        let mut proposals = rough_draws_of(self.learned(aim));
         proposals.extend(aim.kept());
         let mut draws = self.finish(proposals);
         let kept = draws.split_off(aim.goals.len());
-        aim.keep(kept, &mut draws);
-        draws
+        let learned = count_learned(&draws);
+        self.keep(kept, &mut draws);
+        self.answer(draws, learned)
     }
 
     /// The paper's sampler; the end shapes are the network's, and correction brings their tips to the goal.
@@ -169,42 +183,52 @@ impl<'a> Run<'a> {
 
     /// Makes motions of paths whose ends are not exact yet; where there is no path, its drawing was truncated.
     pub(crate) fn judge(mut self, sampled: Vec<Option<Waypoints>>) -> Plan {
-        let mut paths: Vec<Waypoints> = sampled.iter().flatten().cloned().collect();
-        let attached = self.attach(&mut paths);
-        let mut finished = self
-            .finish(draws_of(paths, Source::Learned))
-            .into_iter()
-            .zip(attached);
-        let draws = sampled.into_iter().map(|sampled| {
-            let finished = sampled.as_ref().and_then(|_| finished.next());
-            let (path, outcome) = match finished {
-                Some((draw, attached)) => (draw.path, attached.and(draw.outcome)),
-                None => (None, Err(Failure::Truncated)),
-            };
-            Draw {
-                sampled,
-                path,
+        let attached = self.attach(&sampled);
+        let mut proposals = Vec::new();
+        for (draw, path) in attached.iter().enumerate() {
+            proposals.extend(path.as_ref().ok().map(|path| Proposal {
+                path: path.clone(),
                 source: Source::Learned,
-                outcome,
-            }
-        });
+                draw: Some(draw),
+                is_rough: false,
+            }));
+        }
+        let mut finished = self.finish(proposals).into_iter();
+        let draws = sampled
+            .into_iter()
+            .zip(attached)
+            .map(|(sampled, attached)| {
+                let finished = attached.and_then(|_| finished.next().ok_or(Failure::Truncated));
+                let (path, outcome) = match finished {
+                    Ok(draw) => (draw.path, draw.outcome),
+                    Err(failure) => (sampled.clone(), Err(failure)),
+                };
+                Draw {
+                    sampled,
+                    path,
+                    source: Source::Learned,
+                    outcome,
+                }
+            });
         let draws: Vec<Draw> = draws.collect();
         let learned = count_learned(&draws);
         self.answer(draws, learned)
     }
 
     /// Brings the ends of paths onto start and goal; where that fails, the path is none to deliver.
-    fn attach(&mut self, paths: &mut [Waypoints]) -> Vec<Result<(), Failure>> {
+    fn attach(&mut self, sampled: &[Option<Waypoints>]) -> Vec<Result<Waypoints, Failure>> {
         let (robot, problem) = (&self.planner.robot, self.problem);
         let interrupt = self.supervision.interrupt;
         let clock = Instant::now();
-        let bring = |path: &mut Waypoints| match interrupt() {
-            true => Err(Failure::Truncated),
-            false => attach(robot, problem, path)
-                .then_some(())
-                .ok_or(Failure::Goal),
+        let bring = |sampled: &Option<Waypoints>| match sampled {
+            Some(path) if !interrupt() => {
+                let mut path = path.clone();
+                let reached = attach(robot, problem, &mut path);
+                reached.then_some(path).ok_or(Failure::Goal)
+            }
+            _ => Err(Failure::Truncated),
         };
-        let attached = paths.par_iter_mut().map(bring).collect();
+        let attached = sampled.par_iter().map(bring).collect();
         self.stages.correct += clock.elapsed().as_secs_f64();
         attached
     }
@@ -237,15 +261,16 @@ impl<'a> Run<'a> {
             .zip(starts.chain(std::iter::repeat(None)))
             .map(|(features, known)| input(features, known))
             .collect();
-        let residuals = sample_paths(model, &inputs, self.request.seed);
+        let residuals = sample_paths(
+            model,
+            &inputs,
+            self.request.seed,
+            self.supervision.interrupt,
+        );
         let paths = residuals
-            .par_iter()
+            .iter()
             .zip(&aim.goals)
-            .map(|(residual, goal)| {
-                let mut path = self.bend(&frame, goal, residual);
-                self.demands.straighten(&self.planner.tip_curves, &mut path);
-                path
-            })
+            .map(|(residual, goal)| self.bend(&frame, goal, residual))
             .collect();
         self.stages.sample = clock.elapsed().as_secs_f64();
         paths
@@ -287,7 +312,8 @@ impl<'a> Run<'a> {
 
     fn finish_one(&self, proposal: Proposal) -> (Draw, Laps) {
         let sampled = proposal.path.clone();
-        let finished = self.demands.finish(proposal.path);
+        let smoother = proposal.is_rough.then_some(&self.planner.tip_curves);
+        let finished = self.demands.finish(proposal.path, smoother);
         let draw = Draw {
             sampled: Some(sampled),
             path: Some(finished.path),
@@ -298,6 +324,29 @@ impl<'a> Run<'a> {
             self.report(index, &draw);
         }
         (draw, finished.laps)
+    }
+
+    /// Puts what is left of the followed motion in the place of the draw to the same shape, unless that is worth a change.
+    pub(crate) fn keep(&self, kept: Vec<Draw>, draws: &mut [Draw]) {
+        for kept in kept.into_iter().filter(|draw| draw.outcome.is_ok()) {
+            if !is_worth_a_change(self.cost_of(&kept), self.cost_of(&draws[0])) {
+                self.report(0, &kept);
+                draws[0] = kept;
+            }
+        }
+    }
+
+    /// What the request's rule wants to be small; infinite if there is no motion.
+    pub(crate) fn cost_of(&self, draw: &Draw) -> f64 {
+        draw.outcome.as_ref().map_or(f64::INFINITY, |motion| {
+            let start = &self.problem.start;
+            cost(
+                &motion.metrics,
+                &motion.end(),
+                start,
+                self.request.selection,
+            )
+        })
     }
 
     /// Tells who watches of a draw that is certified.
@@ -382,13 +431,7 @@ impl Aim {
             path: followed.path.clone(),
             source: Source::Kept,
             draw: None,
+            is_rough: false,
         })
-    }
-
-    /// Puts what is left of the followed motion, if it is certified, in the place of the draw to the same shape.
-    pub(crate) fn keep(&self, kept: Vec<Draw>, draws: &mut [Draw]) {
-        for draw in kept.into_iter().filter(|draw| draw.outcome.is_ok()) {
-            draws[0] = draw;
-        }
     }
 }

@@ -1,6 +1,7 @@
 //! Drawing residuals from the learned sampler, in equal parts on as many workers as pay.
 
 use crate::basis::UNKNOWNS;
+use crate::planner::Interrupt;
 use denoiser::{CandidateInput, FastModel, FastScratch};
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
@@ -16,20 +17,28 @@ thread_local! {
     static SCRATCH: RefCell<FastScratch> = RefCell::default();
 }
 
-/// Samples one residual (sine coefficients, term-major, radians, canonical frame) for each candidate.
+/// Candidates that are sampled at once, between two questions whether to go on.
+const AT_ONCE: usize = 16;
+
+/// Samples one residual (sine coefficients, term-major, radians, canonical frame) for each candidate; zeros for those that were
+/// left when it was interrupted.
 ///
 /// A residual depends on its candidate, the seed and its index alone, so neither threads nor neighbours matter.
 pub(crate) fn sample_paths(
     model: &FastModel,
     candidates: &[CandidateInput],
     seed: u64,
+    interrupt: Interrupt,
 ) -> Vec<[f64; UNKNOWNS]> {
     let workers = rayon::current_num_threads().min(candidates.len() / WORTH_A_WORKER);
-    let share = candidates.len().div_ceil(workers.max(1)).max(1);
+    let share = candidates.len().div_ceil(workers.max(1)).clamp(1, AT_ONCE);
     candidates
         .par_chunks(share)
         .enumerate()
-        .flat_map_iter(|(part, chunk)| sample_chunk(model, chunk, part * share, seed))
+        .flat_map_iter(|(part, chunk)| match interrupt() {
+            true => vec![[0.0; UNKNOWNS]; chunk.len()],
+            false => sample_chunk(model, chunk, part * share, seed),
+        })
         .collect()
 }
 

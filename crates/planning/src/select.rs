@@ -21,6 +21,11 @@ pub enum Selection {
     Index(usize),
 }
 
+/// Whether a motion that is followed is to be left for another one.
+pub(crate) fn is_worth_a_change(followed: f64, other: f64) -> bool {
+    followed > other + WORTH_A_CHANGE * other.abs()
+}
+
 /// What a rule wants to be small of a motion that ends at `end`.
 pub(crate) fn cost(
     metrics: &PathMetrics,
@@ -57,7 +62,7 @@ pub fn select(
         return (index < candidates.len()).then_some(index);
     }
     let best = (0..candidates.len()).min_by(|a, b| cost_of(a).total_cmp(&cost_of(b)))?;
-    let enough = cost_of(&best) + WORTH_A_CHANGE * cost_of(&best).abs();
     let kept = candidates.iter().position(|c| c.source == Source::Kept);
-    Some(kept.filter(|kept| cost_of(kept) <= enough).unwrap_or(best))
+    let stays = |kept: &usize| !is_worth_a_change(cost_of(kept), cost_of(&best));
+    Some(kept.filter(stays).unwrap_or(best))
 }

@@ -1,15 +1,17 @@
 //! What candidates and balls cost, from one to the most that there can be.
 
 use std::f64::consts::TAU;
-use std::thread;
-use std::time::Duration;
+use std::path::Path;
 
-use client::{PlanAnswer, ScenePublisher};
+use anyhow::Context;
+use client::PlanAnswer;
+use pcc_model::Robot;
 use planning::scenes::Setting;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use shared_types::message::{Ball, MovingBall};
+use shared_types::message::Ball;
 use shared_types::valid::PlanRequest;
+use tests::programs::repository;
 use toml::Value;
 
 use crate::fast_scenes::{Served, demand, motion, requests, scene};
@@ -22,19 +24,15 @@ const BALLS: [usize; 12] = [0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000];
 const REPETITIONS: usize = 3;
 /// A doubling that costs more than this is a cliff.
 const CLIFF: f64 = 3.2;
-/// Balls in the request; more come with the live scene.
-const IN_REQUEST: usize = 64;
 /// Radius of the points of a cloud, m.
 const POINT_RADIUS: f64 = 0.03;
-/// The daemon looks at the live scene every millisecond.
-const ATTENTION: Duration = Duration::from_millis(20);
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "acceptance fast, requests to planner-daemon";
     report.group("growth with candidates", command, |report| {
         with_candidates(report, scale)
     });
-    let command = "acceptance fast, requests to planner-daemon, points by the topic scene";
+    let command = "acceptance fast, requests to planner-daemon, points in its static scene";
     report.group("growth with balls", command, |report| {
         with_balls(report, scale)
     });
@@ -69,20 +67,20 @@ fn with_candidates(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
 }
 
 fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let mut served = Served::start(Vec::new())?;
-    let publisher = ScenePublisher::connect(&served.world.options)?;
-    let robot = served.world.robot.clone();
+    let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
     let all = requests(&robot, Setting::General(Some(8)));
-    let all: Vec<PlanRequest> = all.take(scale.pick(8, 50)).collect();
+    let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();
     let mut curve = BALLS.map(|count| (count, Vec::new()));
     let (mut answered, mut motions, mut contradicted) = (0, 0, Vec::new());
+    let folder = tempfile::tempdir()?;
     for request in &all {
         for (count, times) in &mut curve {
             let cloud = cloud(&request.balls, *count, request.seed);
-            let asked = cloud.len().min(IN_REQUEST);
-            publish(&publisher, &cloud[asked..])?;
+            let file = folder.path().join(format!("cloud-{count}.toml"));
+            std::fs::write(&file, scene_file(&cloud))?;
+            let mut served = Served::start(vec![("scene", static_scene(&file)?)])?;
             let asked = PlanRequest {
-                balls: cloud[..asked].to_vec(),
+                balls: Vec::new(),
                 ..request.clone()
             };
             let (answer, ms) = fastest(&mut served, &asked)?;
@@ -103,6 +101,21 @@ fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let line = format!("growth: of {motions} motions, those that all the balls contradict");
     report.none_of(&line, &contradicted);
     Ok(())
+}
+
+/// The daemon's table that names a static scene.
+fn static_scene(file: &Path) -> anyhow::Result<Value> {
+    let file = file.to_str().context("path")?.to_owned();
+    let table = toml::Table::from_iter([("file".to_owned(), Value::String(file))]);
+    Ok(Value::Table(table))
+}
+
+fn scene_file(balls: &[Ball]) -> String {
+    let ball = |ball: &Ball| {
+        let ([x, y, z], radius) = (ball.centre_m, ball.radius_m);
+        format!("[[balls]]\ncentre_m = [{x:?}, {y:?}, {z:?}]\nradius_m = {radius:?}\n")
+    };
+    balls.iter().map(ball).collect()
 }
 
 /// The last answer to a request asked several times, and the shortest time that it took, ms.
@@ -131,18 +144,6 @@ fn cloud(balls: &[Ball], count: usize, seed: u64) -> Vec<Ball> {
         }
     };
     (0..count).map(&mut point).collect()
-}
-
-/// Replaces the live scene, and waits until the daemon has seen it.
-fn publish(publisher: &ScenePublisher, balls: &[Ball]) -> anyhow::Result<()> {
-    let resting = balls.iter().map(|ball| MovingBall {
-        centre_m: ball.centre_m,
-        radius_m: ball.radius_m,
-        velocity_m_s: [0.0; 3],
-    });
-    publisher.publish(&resting.collect::<Vec<_>>())?;
-    thread::sleep(ATTENTION);
-    Ok(())
 }
 
 /// The curve, and its doublings that cost too much.

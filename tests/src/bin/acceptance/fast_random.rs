@@ -87,6 +87,14 @@ impl Pool {
         if rng.random_bool(0.2) {
             request.limits_scale = rng.random_range(0.05..1.0);
         }
+        if rng.random_bool(0.1) {
+            request.early_candidate_count = Some(rng.random_range(1..=request.candidate_count));
+        }
+        if rng.random_bool(0.05) {
+            let speed_rad_s = rng.random_range(0.0..0.5);
+            request.start_velocity_rad_s =
+                std::array::from_fn(|_| rng.random_range(-speed_rad_s..=speed_rad_s));
+        }
         if rng.random_bool(0.08) {
             make_infeasible(&mut request, rng);
         }
@@ -165,7 +173,7 @@ pub(crate) fn spoil(wire: &mut message::PlanRequest, rng: &mut Pcg64) {
         .choose(rng)
         .expect("there are some");
     let component = rng.random_range(0..3);
-    match rng.random_range(0..11) {
+    match rng.random_range(0..14) {
         0 => wire.start_configuration_rad[component] = bad,
         1 => (wire.goal_kind, wire.goal_tip_m[component]) = (0, bad),
         2 => (wire.goal_kind, wire.goal_configuration_rad[component]) = (1, bad),
@@ -178,6 +186,9 @@ pub(crate) fn spoil(wire: &mut message::PlanRequest, rng: &mut Pcg64) {
         6 => wire.candidate_count = *[0, 65, u32::MAX].choose(rng).expect("there are some"),
         7 => wire.ball_count = rng.random_range(65..=u32::MAX),
         8 => wire.sampler = rng.random_range(7..=u32::MAX),
+        11 => wire.early_candidate_count = rng.random_range(wire.candidate_count + 1..=u32::MAX),
+        12 => wire.start_velocity_rad_s[component] = bad,
+        13 => (wire.sampler, wire.previous_plan_id) = (2, rng.random_range(1..=u64::MAX)),
         9 => wire.deadline_ns = rng.random_range(60_000_000_001..=u64::MAX),
         _ => wire.begin_mono_ns = rng.random_range(i64::MIN..0),
     }

@@ -14,6 +14,7 @@ use tests::programs::repository;
 use trajectory::{AllocationOptions, Allocator, Trajectory, evaluate};
 
 use crate::paper_python::python_with;
+use crate::runs::weights_folder;
 use crate::spread::median;
 use crate::timer::Timer;
 use crate::{Report, Scale};
@@ -23,6 +24,8 @@ const SETTINGS: [Setting; 2] = [Setting::General(None), Setting::Hard];
 const SEED: u64 = 990_017;
 /// The grid that both solvers are timed on.
 const INTERVALS: usize = 252;
+/// Ours, on which the durations are as accurate as toppra's on [`INTERVALS`].
+const OUR_INTERVALS: usize = 400;
 /// The grid that is taken for the truth.
 const FINE_INTERVALS: usize = 2016;
 /// Rate at which the executed curve is looked at.
@@ -63,7 +66,7 @@ impl Cases {
     fn make(count: usize) -> anyhow::Result<Self> {
         let file = repository().join("config/robots/unit.toml");
         let robot = Robot::from_file(&file)?;
-        let manifest = Manifest::open(&repository().join("weights"))?;
+        let manifest = Manifest::open(&weights_folder())?;
         let fast = FastModel::from_weights(&manifest.weights("fast")?, robot.bending_limit)?;
         let models = Models {
             fast: Some(fast),
@@ -193,19 +196,12 @@ fn optimal(report: &mut Report, cases: &Cases, reference: &mut Timer) -> anyhow:
         let line = format!("time allocation: |T − T of {name}| ÷ T, largest of {paths}");
         report.at_most(&line, largest(differences), 1e-3);
     }
-    let times = cases.cases.iter().map(|case| case.unbounded);
-    let total: f64 = times.clone().sum();
-    let share = times
-        .zip(&active)
-        .map(|(time, part)| time * part)
-        .sum::<f64>()
-        / total;
     let least = active.iter().copied().fold(1.0, f64::min);
     report.check(
-        "time allocation: part of the time with a limit fully used, before jerk is bounded (least of a path)",
-        format!("{:.2} % ({:.2} %)", 100.0 * share, 100.0 * least),
+        "time allocation: part of the time with a limit fully used, before jerk is bounded, least of all paths (median)",
+        format!("{:.2} % ({:.2} %)", 100.0 * least, 100.0 * median(&active)),
         "> 97 %",
-        share > 0.97,
+        least > 0.97,
     );
     Ok(())
 }
@@ -294,7 +290,7 @@ fn speed(report: &mut Report, cases: &Cases, reference: &mut Timer) -> anyhow::R
     let (tendons, limits) = (&cases.robot.tendons, &cases.robot.tendon_limits);
     let default = AllocationOptions::default();
     let as_many = AllocationOptions {
-        grid_intervals: INTERVALS,
+        grid_intervals: OUR_INTERVALS,
         ..default
     };
     let (mut ours, mut theirs, mut whole) = (Vec::new(), Vec::new(), Vec::new());
@@ -318,7 +314,7 @@ fn speed(report: &mut Report, cases: &Cases, reference: &mut Timer) -> anyhow::R
     ensure!(!ours.is_empty(), "no paths");
     let (ours_median, theirs_median) = (median(&ours), median(&theirs));
     report.check(
-        "time allocation: toppra's time ÷ ours, TOPP-RA alone on 252 intervals, medians",
+        "time allocation: toppra's time on 252 intervals ÷ ours where we are as accurate, TOPP-RA alone, medians",
         format!(
             "{:.0} × ({:.2} ms and {:.1} µs)",
             theirs_median / ours_median,
@@ -329,10 +325,10 @@ fn speed(report: &mut Report, cases: &Cases, reference: &mut Timer) -> anyhow::R
         theirs_median >= 50.0 * ours_median,
     );
     report.check(
-        "time allocation: error of the duration on 252 intervals against 2016, medians, ours and toppra's",
-        format!("{:.1e}, {:.1e}", median(&our_error), median(&their_error)),
-        "ours <= 1e-3",
-        median(&our_error) <= 1e-3,
+        "time allocation: error of these durations against 2016 intervals, medians, ours and toppra's",
+        format!("{:.2e}, {:.2e}", median(&our_error), median(&their_error)),
+        "ours <= toppra's",
+        median(&our_error) <= median(&their_error),
     );
     report.shown(
         "time allocation: the whole allocation, median and p95",

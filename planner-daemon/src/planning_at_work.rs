@@ -1,14 +1,13 @@
 //! Planning, away from the service: one request at a time, on the planner's own workers.
 //!
-//! The service's ports stay in its own thread, so it goes on receiving, refusing and supervising while a plan is made.
+//! The service's ports stay in its own thread, so it goes on receiving, refusing and supervising while a plan is made. A job
+//! begins on a worker itself: no thread in between has to wake up.
 
 use std::any::Any;
-use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::thread::{Builder, JoinHandle};
 use std::time::{Duration, Instant};
 
 use planning::{Candidate, Plan, Planner, PlannerError, Problem, Request, Supervision};
@@ -18,10 +17,18 @@ pub(crate) struct Job {
     pub(crate) problem: Arc<Problem>,
     pub(crate) request: Request,
     pub(crate) deadline: Instant,
-    /// Certified candidates that are wanted before the plan, if any.
-    pub(crate) early: Option<usize>,
+    /// What is wanted before the plan, if anything.
+    pub(crate) early: Option<Early>,
     /// Set when nobody wants the answer any more.
     pub(crate) cancelled: Arc<AtomicBool>,
+}
+
+/// Some candidates that are wanted as soon as they certify.
+pub(crate) struct Early {
+    /// How many.
+    pub(crate) count: usize,
+    /// Whether one can be delivered.
+    pub(crate) is_deliverable: Box<dyn Fn(&Candidate) -> bool + Send + Sync>,
 }
 
 /// Why there is no plan.
@@ -43,82 +50,58 @@ pub(crate) enum Product {
     Plan(Planned),
 }
 
-/// The thread that plans, idle or at one job.
-pub(crate) struct PlanningThread {
-    jobs: Option<SyncSender<Job>>,
+/// The planner at work, idle or at one job.
+pub(crate) struct Planning {
+    planner: Arc<Planner>,
+    outgoing: SyncSender<Product>,
     products: Receiver<Product>,
-    thread: Option<JoinHandle<()>>,
 }
 
-impl PlanningThread {
-    /// Starts the thread.
-    pub(crate) fn start(planner: Arc<Planner>) -> io::Result<Self> {
-        let (jobs, incoming) = sync_channel::<Job>(1);
+impl Planning {
+    pub(crate) fn new(planner: Arc<Planner>) -> Self {
+        // One early product and one plan: whoever plans never waits.
         let (outgoing, products) = sync_channel(2);
-        let work = move || {
-            while let Ok(job) = incoming.recv() {
-                let planned = plan(&planner, &job, &outgoing);
-                if outgoing.send(Product::Plan(planned)).is_err() {
-                    break;
-                }
-            }
-        };
-        let thread = Builder::new().name("planning".to_owned()).spawn(work)?;
-        Ok(Self {
-            jobs: Some(jobs),
+        Self {
+            planner,
+            outgoing,
             products,
-            thread: Some(thread),
-        })
+        }
     }
 
     /// Hands over a job; its plan must be taken before the next one is handed over.
     pub(crate) fn begin(&self, job: Job) {
-        let sent = self.jobs.as_ref().map(|jobs| jobs.send(job).is_ok());
-        assert_eq!(sent, Some(true), "the thread lives as long as this handle");
+        let (planner, outgoing) = (Arc::clone(&self.planner), self.outgoing.clone());
+        self.planner.spawn(move || {
+            let planned = plan(&planner, &job, &outgoing);
+            // Nobody listens when the daemon ends.
+            let _ = outgoing.send(Product::Plan(planned));
+        });
     }
 
     /// What comes next, if it comes within `timeout`; a timeout of zero never waits.
     pub(crate) fn wait(&self, timeout: Duration) -> Option<Product> {
-        if timeout.is_zero() {
-            return match self.products.try_recv() {
-                Ok(product) => Some(product),
-                Err(TryRecvError::Empty) => None,
-                Err(TryRecvError::Disconnected) => Some(thread_is_gone()),
-            };
-        }
-        match self.products.recv_timeout(timeout) {
-            Ok(product) => Some(product),
-            Err(RecvTimeoutError::Timeout) => None,
-            Err(RecvTimeoutError::Disconnected) => Some(thread_is_gone()),
+        match timeout.is_zero() {
+            true => self.products.try_recv().ok(),
+            false => self.products.recv_timeout(timeout).ok(),
         }
     }
-}
-
-impl Drop for PlanningThread {
-    fn drop(&mut self) {
-        self.jobs = None;
-        if let Some(thread) = self.thread.take() {
-            // What it was doing is caught and reported with its plan.
-            let _ = thread.join();
-        }
-    }
-}
-
-fn thread_is_gone() -> Product {
-    let fault = PlanFault::Panic("the planning thread ended".to_owned());
-    Product::Plan(Err(fault))
 }
 
 fn plan(planner: &Planner, job: &Job, outgoing: &SyncSender<Product>) -> Planned {
     let interrupt = || job.cancelled.load(Ordering::Relaxed) || Instant::now() >= job.deadline;
-    let collected = Mutex::new(Vec::new());
-    let collect = |candidate| {
+    let collected: Mutex<Vec<Candidate>> = Mutex::default();
+    let collect = |candidate: Candidate| {
         // A worker that panicked left whole candidates.
-        let mut early = collected.lock().unwrap_or_else(PoisonError::into_inner);
-        early.push(candidate);
-        if Some(early.len()) == job.early {
-            // Nobody listens when the daemon ends.
-            let _ = outgoing.send(Product::Early(early.clone()));
+        let mut collected = collected.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(early) = &job.early else {
+            return;
+        };
+        if (early.is_deliverable)(&candidate) {
+            collected.push(candidate);
+            if collected.len() == early.count {
+                // Nobody listens when the daemon ends.
+                let _ = outgoing.send(Product::Early(collected.clone()));
+            }
         }
     };
     let supervision = Supervision {
@@ -148,9 +131,9 @@ mod tests {
     use crate::fixtures::{request, straight_problem, unit_robot};
     use planning::Models;
 
-    fn thread() -> PlanningThread {
+    fn planning() -> Planning {
         let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
-        PlanningThread::start(Arc::new(planner)).unwrap()
+        Planning::new(Arc::new(planner))
     }
 
     fn job(deadline: Instant) -> Job {
@@ -163,8 +146,8 @@ mod tests {
         }
     }
 
-    fn planned(thread: &PlanningThread) -> Planned {
-        match thread.wait(Duration::from_secs(60)) {
+    fn planned(planning: &Planning) -> Planned {
+        match planning.wait(Duration::from_secs(60)) {
             Some(Product::Plan(planned)) => planned,
             Some(Product::Early(_)) => panic!("no early candidates were asked for"),
             None => panic!("nothing came in a minute"),
@@ -177,11 +160,11 @@ mod tests {
 
     #[test]
     fn one_job_after_the_other_is_planned() {
-        let thread = thread();
-        assert!(thread.wait(Duration::ZERO).is_none());
+        let planning = planning();
+        assert!(planning.wait(Duration::ZERO).is_none());
         for _ in 0..2 {
-            thread.begin(job(far()));
-            let plan = planned(&thread).unwrap();
+            planning.begin(job(far()));
+            let plan = planned(&planning).unwrap();
             assert!(!plan.truncated);
             assert!(plan.selected.is_some());
         }
@@ -189,29 +172,32 @@ mod tests {
 
     #[test]
     fn early_candidates_come_before_the_plan() {
-        let thread = thread();
-        let early = Some(1);
-        thread.begin(Job {
+        let planning = planning();
+        let early = Some(Early {
+            count: 1,
+            is_deliverable: Box::new(|_| true),
+        });
+        planning.begin(Job {
             early,
             ..job(far())
         });
-        match thread.wait(Duration::from_secs(60)) {
+        match planning.wait(Duration::from_secs(60)) {
             Some(Product::Early(candidates)) => assert_eq!(candidates.len(), 1),
             _ => panic!("no early candidate came first"),
         }
-        assert_eq!(planned(&thread).unwrap().candidates.len(), 1);
+        assert_eq!(planned(&planning).unwrap().candidates.len(), 1);
     }
 
     #[test]
     fn a_deadline_in_the_past_and_a_cancelled_job_truncate() {
-        let thread = thread();
-        thread.begin(job(Instant::now()));
-        let plan = planned(&thread).unwrap();
+        let planning = planning();
+        planning.begin(job(Instant::now()));
+        let plan = planned(&planning).unwrap();
         assert!(plan.truncated && plan.candidates.is_empty());
         let job = job(far());
         job.cancelled.store(true, Ordering::Relaxed);
-        thread.begin(job);
-        assert!(planned(&thread).unwrap().truncated);
+        planning.begin(job);
+        assert!(planned(&planning).unwrap().truncated);
     }
 
     #[test]
