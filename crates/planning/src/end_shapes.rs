@@ -8,8 +8,10 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-/// Seeds of the first round, and of the second one when the first left too few shapes.
-const ROUNDS: [usize; 2] = [64, 256];
+/// Rounds of seeds at most: another one follows where those before left too few shapes.
+const ROUNDS: usize = 5;
+/// Seeds of a round.
+const SEEDS: usize = 64;
 /// Seeds that one worker takes at once.
 const SEEDS_AT_ONCE: usize = 8;
 /// Wanted clearance and distance between shapes, relaxed in this order until enough are found.
@@ -73,9 +75,9 @@ pub fn end_shapes(
                 solutions: Vec::new(),
                 closest: f64::INFINITY,
             };
-            for seeds in ROUNDS {
+            for _ in 0..ROUNDS {
                 let first = found.solutions.is_empty().then_some(problem.start);
-                let random = (0..seeds).map(|_| random_configuration(robot, rng));
+                let random = (0..SEEDS).map(|_| random_configuration(robot, rng));
                 let seeds: Vec<Configuration> = first.into_iter().chain(random).collect();
                 found.try_seeds(robot, problem, target, &seeds, growth);
                 let chosen = found.choose(&problem.start, count, &WISHES[..2]);

@@ -3,6 +3,7 @@
 use crate::plan::{Draw, Failure, Plan, Source};
 use crate::rrt_connect::{RrtSettings, rrt_connect};
 use crate::run::{Aim, Proposal, Run, count_learned, rough_draws_of};
+use crate::select::Selection;
 use pcc_model::{Configuration, Robot, TendonLimits};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -29,20 +30,29 @@ impl Run<'_> {
     /// Learned paths to every goal shape; the fastest straight segment takes the place of the learned path to the same
     /// shape where the selection rule prefers it; what is missing then is filled.
     ///
-    /// Segments that cannot be faster than what there is are not tried.
+    /// Segments that cannot be faster than what there is are not tried; with another rule than the shortest time only those that
+    /// may be the two fastest are, on the worker that sampling leaves free.
     pub(crate) fn default(mut self, aim: &Aim) -> Plan {
         let (ends, limits) = (&aim.ends, &self.demands.limits);
         let mut race = Race::new(self.demands.robot, limits, &self.problem.start, ends);
         let heat = race.next_heat();
-        let mut proposals = rough_draws_of(self.learned(aim));
-        proposals.extend(self.segments(ends, &heat));
+        let clock = Instant::now();
+        let (sampled, raced) = rayon::join(
+            || self.learned(aim),
+            || self.finish_each(self.segments(ends, &heat)),
+        );
+        self.count(&sampled);
+        let rest_s = (clock.elapsed().as_secs_f64() - sampled.seconds()).max(0.0);
+        race.record(&heat, self.share(rest_s, raced));
+        let mut proposals = rough_draws_of(sampled.paths);
         proposals.extend(aim.kept());
         let mut draws = self.finish(proposals);
-        let kept = draws.split_off(aim.goals.len() + heat.len());
-        race.record(&heat, draws.split_off(aim.goals.len()));
+        let kept = draws.split_off(aim.goals.len());
         race.best_s = draws.iter().map(duration_s).fold(race.best_s, f64::min);
         let learned = count_learned(&draws);
-        self.finish_race(&mut race, ends);
+        if self.request.selection == Selection::ShortestTime {
+            self.finish_race(&mut race, ends);
+        }
         if let Some((end, straight)) = race.winner() {
             self.compete(straight, &mut draws[end]);
         }

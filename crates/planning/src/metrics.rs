@@ -8,6 +8,8 @@ use trajectory::Trajectory;
 
 /// Accuracy of the minimum clearance, section lengths.
 const CLEARANCE_TOLERANCE: f64 = 1e-3;
+/// Instants at which a motion is looked at.
+const SAMPLES: usize = 4 * WAYPOINTS;
 /// Shapes nearer than this are one terminal mode, rad.
 const MODE_SEPARATION_RAD: f64 = 0.5;
 
@@ -31,7 +33,7 @@ pub struct PathMetrics {
 /// Computes the figures of one motion in a scene.
 #[must_use]
 pub fn path_metrics(robot: &Robot, scene: &Scene, trajectory: &Trajectory) -> PathMetrics {
-    let samples = trajectory.sample(4 * WAYPOINTS);
+    let samples = trajectory.sample(SAMPLES);
     let tips: Vec<Point> = samples.iter().map(|q| robot.tip(q)).collect();
     PathMetrics {
         duration_s: trajectory.duration(),

@@ -48,6 +48,20 @@ pub(crate) struct Aim {
     pub(crate) rests: Vec<Rest>,
 }
 
+/// What the few-step model drew, and how long that took.
+#[derive(Default)]
+pub(crate) struct Sampled {
+    pub(crate) paths: Vec<Waypoints>,
+    condition_s: f64,
+    sample_s: f64,
+}
+
+impl Sampled {
+    pub(crate) fn seconds(&self) -> f64 {
+        self.condition_s + self.sample_s
+    }
+}
+
 /// A path to be finished.
 pub(crate) struct Proposal {
     pub(crate) path: Waypoints,
@@ -151,7 +165,9 @@ impl<'a> Run<'a> {
 
     /// The learned sampler alone, beside what is left of the motion that is followed.
     fn fast(mut self, aim: &Aim) -> Plan {
-        let mut proposals = rough_draws_of(self.learned(aim));
+        let sampled = self.learned(aim);
+        self.count(&sampled);
+        let mut proposals = rough_draws_of(sampled.paths);
         proposals.extend(aim.kept());
         let mut draws = self.finish(proposals);
         let kept = draws.split_off(aim.goals.len());
@@ -234,9 +250,9 @@ impl<'a> Run<'a> {
     }
 
     /// One path of the few-step model to each goal shape.
-    pub(crate) fn learned(&mut self, aim: &Aim) -> Vec<Waypoints> {
+    pub(crate) fn learned(&self, aim: &Aim) -> Sampled {
         let Some(model) = &self.planner.models.fast else {
-            return Vec::new();
+            return Sampled::default();
         };
         let clock = Instant::now();
         let (robot, start) = (&self.planner.robot, &self.problem.start);
@@ -248,7 +264,7 @@ impl<'a> Run<'a> {
             .par_iter()
             .map(|goal| canonical.features(robot, start, goal))
             .collect();
-        self.stages.condition += clock.elapsed().as_secs_f64();
+        let condition_s = clock.elapsed().as_secs_f64();
         let clock = Instant::now();
         let known: Vec<[f32; COEFFICIENTS]> = aim
             .rests
@@ -272,8 +288,11 @@ impl<'a> Run<'a> {
             .zip(&aim.goals)
             .map(|(residual, goal)| self.bend(&frame, goal, residual))
             .collect();
-        self.stages.sample = clock.elapsed().as_secs_f64();
-        paths
+        Sampled {
+            paths,
+            condition_s,
+            sample_s: clock.elapsed().as_secs_f64(),
+        }
     }
 
     /// The straight segment to a goal shape plus a sampled residual given in the canonical frame.
@@ -296,18 +315,32 @@ impl<'a> Run<'a> {
         ends.iter().map(|end| straight_path(start, end)).collect()
     }
 
+    /// Adds what sampling took.
+    pub(crate) fn count(&mut self, sampled: &Sampled) {
+        self.stages.condition += sampled.condition_s;
+        self.stages.sample += sampled.sample_s;
+    }
+
     /// Takes every path through correction, time allocation, certification and figures.
     pub(crate) fn finish(&mut self, proposals: Vec<Proposal>) -> Vec<Draw> {
         let clock = Instant::now();
-        let run = &*self;
-        let finished: Vec<(Draw, Laps)> = proposals
-            .into_par_iter()
-            .with_max_len(1)
-            .map(|proposal| run.finish_one(proposal))
-            .collect();
+        let finished = self.finish_each(proposals);
+        self.share(clock.elapsed().as_secs_f64(), finished)
+    }
+
+    /// Divides `wall_s` among the stages that these paths went through.
+    pub(crate) fn share(&mut self, wall_s: f64, finished: Vec<(Draw, Laps)>) -> Vec<Draw> {
         let laps = finished.iter().map(|(_, laps)| *laps);
-        self.stages.share(clock.elapsed().as_secs_f64(), laps);
+        self.stages.share(wall_s, laps);
         finished.into_iter().map(|(draw, _)| draw).collect()
+    }
+
+    /// The same, without counting the time.
+    pub(crate) fn finish_each(&self, proposals: Vec<Proposal>) -> Vec<(Draw, Laps)> {
+        let proposals = proposals.into_par_iter().with_max_len(1);
+        proposals
+            .map(|proposal| self.finish_one(proposal))
+            .collect()
     }
 
     fn finish_one(&self, proposal: Proposal) -> (Draw, Laps) {

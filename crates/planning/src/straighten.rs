@@ -75,7 +75,8 @@ impl TipCurves {
             return;
         }
         let sampled = way.softened(path);
-        let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| robot.tip(&sampled[h]));
+        let bodies: Vec<Backbone> = sampled.iter().map(|q| robot.backbone(q)).collect();
+        let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| bodies[h].tip());
         let mut curve = way.straightest();
         let mut used = 0;
         for (terms, near) in TRIED {
@@ -92,10 +93,10 @@ impl TipCurves {
                 scene,
                 margin,
                 curve: &curve,
+                sampled: &sampled,
+                bodies: &bodies,
             };
-            if let Some(drawn) = drawn.draw(&sampled) {
-                let inner = 1..WAYPOINTS - 1;
-                path[inner.clone()].copy_from_slice(&drawn[inner]);
+            if drawn.draw(path) {
                 return;
             }
         }
@@ -216,26 +217,35 @@ struct Drawing<'a> {
     scene: &'a Scene,
     margin: f64,
     curve: &'a [Point; WAYPOINTS],
+    sampled: &'a [Configuration],
+    /// The sampled shapes' bodies.
+    bodies: &'a [Backbone],
 }
 
 impl Drawing<'_> {
-    /// The path whose tip is on the curve; none where that is too far away or too near to an obstacle.
-    fn draw(&self, path: &[Configuration]) -> Option<Vec<Configuration>> {
-        let inner = 1..WAYPOINTS - 1;
-        for h in inner.clone().step_by(STRIDE) {
-            self.waypoint(h, &path[h])?;
+    /// Moves what is between the ends of `path` so that the tip is on the curve; false, and nothing moved, where that is too
+    /// far away or too near to an obstacle.
+    fn draw(&self, path: &mut [Configuration]) -> bool {
+        let mut drawn = [None; WAYPOINTS];
+        let some_first = (1..WAYPOINTS - 1).step_by(STRIDE);
+        for h in some_first.chain(1..WAYPOINTS - 1) {
+            if drawn[h].is_none() {
+                drawn[h] = self.waypoint(h);
+            }
+            if drawn[h].is_none() {
+                return false;
+            }
         }
-        let mut drawn = path.to_vec();
-        for h in inner {
-            drawn[h] = self.waypoint(h, &path[h])?;
+        for (waypoint, drawn) in path.iter_mut().zip(drawn) {
+            *waypoint = drawn.unwrap_or(*waypoint);
         }
-        Some(drawn)
+        true
     }
 
     /// The shape near the sampled one whose tip is on the curve.
-    fn waypoint(&self, h: usize, sampled: &Configuration) -> Option<Configuration> {
-        let mut shape = *sampled;
-        let mut backbone = self.robot.backbone(&shape);
+    fn waypoint(&self, h: usize) -> Option<Configuration> {
+        let sampled = &self.sampled[h];
+        let (mut shape, mut backbone) = (*sampled, self.bodies[h]);
         for _ in 0..STEPS {
             let error = self.curve[h] - backbone.tip();
             if error.norm() < ON_THE_CURVE {
