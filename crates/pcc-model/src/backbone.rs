@@ -121,6 +121,19 @@ impl Backbone {
         Self { frames, sections }
     }
 
+    /// The tip alone, to the bit as the frames have it.
+    pub(crate) fn tip_of(lengths: &[f64; SECTIONS], shape: &Configuration) -> Point {
+        let (mut rotation, mut tip) = (Matrix3::identity(), Point::zeros());
+        for (i, length) in lengths.iter().enumerate() {
+            let arc = Arc::new(shape[2 * i], shape[2 * i + 1], *length);
+            tip += rotation * arc.end();
+            if i + 1 < SECTIONS {
+                rotation *= arc.rotation();
+            }
+        }
+        tip
+    }
+
     /// Frames of the base and of the end of each section.
     #[must_use]
     pub fn frames(&self) -> &[Pose; SECTIONS + 1] {

@@ -43,7 +43,7 @@ impl Robot {
     /// Position of the tip, base frame.
     #[must_use]
     pub fn tip(&self, shape: &Configuration) -> Point {
-        self.backbone(shape).tip()
+        Backbone::tip_of(&self.section_lengths, shape)
     }
 
     /// The length of the sections, if all three have the same (to 1e-9 of it).

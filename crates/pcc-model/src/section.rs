@@ -1,12 +1,42 @@
 //! One section: a circular arc as a function of its bending pair, regular at zero.
 //!
-//! Everything follows from S = sin(θ/2)/(θ/2) and c = cos(θ/2), which need one sine and cosine and lose no digits:
-//! A = sin θ/θ = S c, B = (1 − cos θ)/θ² = S²/2.
+//! Everything follows from S = sin(θ/2)/(θ/2) and c = cos(θ/2), which lose no digits: A = sin θ/θ = S c,
+//! B = (1 − cos θ)/θ² = S²/2. Up to the bending that robots have both are sums of a few terms of their series in θ².
 
 use nalgebra::{Matrix3, Vector3};
 
 /// Below this squared angle the two quotients that cancel are computed by series (truncation below 1e-15).
 const SERIES_BELOW: f64 = 0.06;
+
+/// Below this (θ/2)², θ < 1.67 rad, S and c are summed (truncation below 1e-17).
+const SUMMED_BELOW: f64 = 0.7;
+
+/// Terms of the series.
+const TERMS: usize = 10;
+/// 1/(2n + 1)! and 1/(2n)!.
+const SERIES: [[f64; TERMS]; 2] = [reciprocal_factorials(1), reciprocal_factorials(0)];
+
+const fn reciprocal_factorials(odd: usize) -> [f64; TERMS] {
+    let (mut terms, mut factorial, mut n) = ([1.0; TERMS], 1.0, 1);
+    while n < TERMS {
+        let k = (2 * n + odd) as f64;
+        factorial *= k * (k - 1.0);
+        terms[n] = 1.0 / factorial;
+        n += 1;
+    }
+    terms
+}
+
+/// S and c of h² = (θ/2)².
+fn half_sinc_and_cosine(h2: f64) -> [f64; 2] {
+    if h2 < SUMMED_BELOW {
+        SERIES.map(|terms| terms.iter().rev().fold(0.0, |sum, term| term - h2 * sum))
+    } else {
+        let half = h2.sqrt();
+        let (sine, cosine) = half.sin_cos();
+        [sine / half, cosine]
+    }
+}
 
 /// The part of a section between its base and a fraction of it.
 #[derive(Clone, Copy, Debug)]
@@ -26,13 +56,9 @@ pub(crate) struct Arc {
 
 impl Arc {
     pub(crate) fn new(x: f64, y: f64, length: f64) -> Self {
-        let angle = (x * x + y * y).sqrt();
-        let (sine, half_cosine) = (0.5 * angle).sin_cos();
-        let half_sinc = if angle > 0.0 {
-            sine / (0.5 * angle)
-        } else {
-            1.0
-        };
+        let square = x * x + y * y;
+        let [half_sinc, half_cosine] = half_sinc_and_cosine(0.25 * square);
+        let angle = square.sqrt();
         Self {
             x,
             y,

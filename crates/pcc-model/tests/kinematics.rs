@@ -11,7 +11,7 @@ use rand_pcg::Pcg64;
 use shapes::{any_point, any_shape, random, shape_of, unit_robot};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-/// exp of a section's twist (the paper's ξ̂) by scaling, Taylor series, and squaring.
+/// exp of a section's twist (the paper's ξ̂) by its Taylor series.
 fn twist_exponential(x: f64, y: f64, length: f64) -> Matrix4<f64> {
     #[rustfmt::skip]
     let twist = Matrix4::new(
@@ -21,11 +21,11 @@ fn twist_exponential(x: f64, y: f64, length: f64) -> Matrix4<f64> {
         0.0, 0.0, 0.0, 0.0,
     );
     let (mut sum, mut term) = (Matrix4::identity(), Matrix4::identity());
-    for n in 1..16 {
-        term = term * twist / (16.0 * f64::from(n));
+    for n in 1..40 {
+        term = term * twist / f64::from(n);
         sum += term;
     }
-    (0..4).fold(sum, |power, _| power * power)
+    sum
 }
 
 /// Sixth-order central difference of `f` in every component of the shape.
