@@ -1,6 +1,7 @@
 //! Diverse end shapes of a goal: multi-start inverse kinematics, clear and distinct, near ones and far ones in turn.
 
 use crate::inverse_kinematics::{is_solved, solve_tip};
+use crate::planner::Interrupt;
 use crate::problem::{Goal, Infeasible, Problem};
 use crate::scenes::random_configuration;
 use pcc_model::{Configuration, Robot};
@@ -68,6 +69,18 @@ pub fn end_shapes(
     growth: f64,
     rng: &mut Pcg64,
 ) -> Result<EndShapes, Infeasible> {
+    end_shapes_until(robot, problem, count, growth, rng, &|| false)
+}
+
+/// As [`end_shapes`]; interrupted, it makes do with what was found, which may be nothing.
+pub(crate) fn end_shapes_until(
+    robot: &Robot,
+    problem: &Problem,
+    count: usize,
+    growth: f64,
+    rng: &mut Pcg64,
+    interrupt: Interrupt,
+) -> Result<EndShapes, Infeasible> {
     match &problem.goal {
         Goal::Configuration(shape) => fixed_shape(robot, problem, shape, growth),
         Goal::Tip(target) => {
@@ -79,14 +92,14 @@ pub fn end_shapes(
                 let first = found.solutions.is_empty().then_some(problem.start);
                 let random = (0..SEEDS).map(|_| random_configuration(robot, rng));
                 let seeds: Vec<Configuration> = first.into_iter().chain(random).collect();
-                found.try_seeds(robot, problem, target, &seeds, growth);
+                found.try_seeds(robot, problem, target, &seeds, growth, interrupt);
                 let chosen = found.choose(&problem.start, count, &WISHES[..2]);
                 if chosen.len() == count {
                     return Ok(EndShapes { shapes: chosen });
                 }
             }
             let shapes = found.choose(&problem.start, count, &WISHES);
-            if shapes.is_empty() {
+            if shapes.is_empty() && !interrupt() {
                 Err(found.failure())
             } else {
                 Ok(EndShapes { shapes })
@@ -146,20 +159,24 @@ impl Pool {
         target: &pcc_model::Point,
         seeds: &[Configuration],
         growth: f64,
+        interrupt: Interrupt,
     ) {
         let tube = robot.tube_radius + growth;
         let solved = |seed: &Configuration| {
+            if interrupt() {
+                return None;
+            }
             let (shape, distance) = solve_tip(robot, target, seed);
             let clearance =
                 is_solved(distance).then(|| problem.scene.clearance(&robot.backbone(&shape), tube));
-            (shape, distance, clearance)
+            Some((shape, distance, clearance))
         };
         let tried: Vec<_> = seeds
             .par_iter()
             .with_min_len(SEEDS_AT_ONCE)
             .map(solved)
             .collect();
-        for (shape, distance, clearance) in tried {
+        for (shape, distance, clearance) in tried.into_iter().flatten() {
             self.closest = self.closest.min(distance);
             self.solutions
                 .extend(clearance.map(|clearance| Solution { shape, clearance }));

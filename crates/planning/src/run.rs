@@ -5,7 +5,7 @@
 
 use crate::canonical::CanonicalFrame;
 use crate::diffusion::{Guidance, Task};
-use crate::end_shapes::{check_goal, end_shapes};
+use crate::end_shapes::{check_goal, end_shapes_until};
 use crate::features::{COEFFICIENTS, CanonicalProblem, Features};
 use crate::finish::{Demands, Laps};
 use crate::path::{Waypoints, straight_path};
@@ -133,6 +133,9 @@ impl<'a> Run<'a> {
         let clock = Instant::now();
         let aim = self.aim()?;
         self.stages.condition = clock.elapsed().as_secs_f64();
+        if aim.ends.is_empty() {
+            return Ok(self.truncated());
+        }
         let draws = match self.request.sampler {
             Sampler::Default => return Ok(self.default(&aim)),
             Sampler::Fast => return Ok(self.fast(&aim)),
@@ -146,6 +149,24 @@ impl<'a> Run<'a> {
         Ok(self.answer(draws, learned))
     }
 
+    /// The answer where there was no time for anything.
+    fn truncated(self) -> Plan {
+        let source = match self.request.sampler {
+            Sampler::Straight => Source::Straight,
+            Sampler::RrtConnect => Source::Tree,
+            Sampler::Default | Sampler::Fast | Sampler::Diffusion(_) => Source::Learned,
+        };
+        let draw = Draw {
+            sampled: None,
+            path: None,
+            source,
+            outcome: Err(Failure::Truncated),
+        };
+        let draws = vec![draw; self.request.candidates];
+        let learned = count_learned(&draws);
+        self.answer(draws, learned)
+    }
+
     /// End shapes: those of a previous plan that still serve, then others.
     fn aim(&self) -> Result<Aim, PlannerError> {
         let (robot, problem) = (&self.planner.robot, self.problem);
@@ -154,12 +175,13 @@ impl<'a> Run<'a> {
         let rests = previous.map_or_else(Vec::new, |p| p.rests(robot, problem, growth, count));
         let mut ends: Vec<Configuration> = rests.iter().map(Rest::end).collect();
         let mut rng = Pcg64::seed_from_u64(self.request.seed);
-        match end_shapes(robot, problem, count, growth, &mut rng) {
+        let interrupt = self.supervision.interrupt;
+        match end_shapes_until(robot, problem, count, growth, &mut rng, interrupt) {
             Ok(found) => add_distinct(&mut ends, &found.shapes, count),
             Err(infeasible) if ends.is_empty() => return Err(infeasible.into()),
             Err(_) => {}
         }
-        let goals = (0..count).map(|i| ends[i % ends.len()]).collect();
+        let goals = ends.iter().cycle().take(count).copied().collect();
         Ok(Aim { goals, ends, rests })
     }
 
@@ -255,6 +277,13 @@ impl<'a> Run<'a> {
             return Sampled::default();
         };
         let clock = Instant::now();
+        if (self.supervision.interrupt)() {
+            // Nothing is finished any more: it does not matter where these lead.
+            return Sampled {
+                paths: self.straight_paths(&aim.goals),
+                ..Sampled::default()
+            };
+        }
         let (robot, start) = (&self.planner.robot, &self.problem.start);
         let goal_tip = self.problem.goal_tip(robot);
         let frame = CanonicalFrame::wanted(model.frame(), robot, start, &goal_tip);
