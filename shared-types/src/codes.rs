@@ -194,21 +194,24 @@ impl Outcome {
 
 codes! {
     /// A stage of planning that the answer times: the index into `stages_ns`.
+    ///
+    /// Paths go through correction, time allocation, certification and their figures one after the other, several paths at
+    /// once: the time of all is divided among these stages by what each took on the workers.
     "stage"
     pub enum Stage {
         /// From reception until work began.
         Wait = 0 "wait",
-        /// Checks, end shapes, features.
+        /// End shapes and features.
         Condition = 1 "condition",
         /// Drawing from the model.
         Sample = 2 "sample",
-        /// Analytic correction.
+        /// Straightening and analytic correction.
         Correct = 3 "correct",
         /// Certification of paths and motions.
         Certify = 4 "certify",
         /// Time allocation.
         Time = 5 "time",
-        /// Ranking.
+        /// Figures of merit, filling by trees, selection.
         Select = 6 "select",
         /// Writing the answer in place.
         Write = 7 "write",

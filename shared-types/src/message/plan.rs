@@ -27,7 +27,7 @@ wire_message! {
         pub candidate_count: u32,
         /// The sender's number for this request; returned in the answer.
         pub request_id: u64,
-        /// Seed of all random draws: same request, same seed, same answer.
+        /// Seed of all random draws: same request, same seed, same previous plan, same answer.
         pub seed: u64,
         /// Time the answer may take, nanoseconds from its reception; 0: the daemon's default.
         pub deadline_ns: u64,
@@ -49,7 +49,8 @@ wire_message! {
         /// The candidate of the previous plan that is being followed, if one is named below; [`NONE_SELECTED`]: the one
         /// that was selected.
         pub previous_candidate: u32,
-        /// The plan to start from ([`PlanReport::plan_id`], one of the last [`crate::capacity::KEPT_PLANS`]); 0: none.
+        /// The plan to go on from: [`PlanReport::plan_id`] of one of the last [`crate::capacity::KEPT_PLANS`] whole answers with
+        /// candidates; 0: none.
         pub previous_plan_id: u64,
         /// Configuration at the begin, radians.
         pub start_configuration_rad: [f64; DOF],
