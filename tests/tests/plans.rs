@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use client::Client;
 use shared_types::codes::{LoopFault, Outcome};
-use shared_types::valid::{Goal, PlanRequest};
+use shared_types::valid::{Goal, PlanRequest, PreviousPlan};
 use tests::borders::send_malformed;
 use tests::concurrency::{CLIENTS, ask_at_once, general_requests};
 use tests::raw::{RawClient, good_request};
@@ -50,6 +50,71 @@ fn a_plan_starts_and_ends_where_it_should() {
     drop(answer);
     let status = stack.process(Part::Daemon).sigterm(PATIENCE).unwrap();
     assert!(status.success(), "SIGTERM ends it cleanly: {status}");
+}
+
+#[test]
+fn a_request_is_answered_early_goes_on_from_a_plan_and_begins_in_motion() {
+    let world = World::new(&Settings::default());
+    let _daemon = Part::Daemon.start(&world);
+    let mut client = Client::connect(&world.options).unwrap();
+    client.wait_for_daemon(PATIENCE).unwrap();
+    let goal = Goal::Tip {
+        position_m: GOAL,
+        tolerance_m: None,
+    };
+    let request = PlanRequest {
+        candidate_count: 10,
+        early_candidate_count: Some(3),
+        deadline: Some(NO_DEADLINE),
+        ..PlanRequest::new([0.05; 6], goal)
+    };
+    let mut pending = client.submit(&request).unwrap();
+    let early = client.next(&mut pending, PATIENCE).unwrap();
+    // The whole answer may come before the early one is read, in whose place it then is.
+    let whole = match early.report().outcome {
+        Outcome::Early => {
+            assert_eq!(early.candidates().len(), 3);
+            client.next(&mut pending, PATIENCE).unwrap()
+        }
+        _ => early,
+    };
+    assert_eq!(whole.report().outcome, Outcome::Ok);
+    assert_eq!(whole.candidates().len(), 10);
+    let selected = whole.selected().unwrap();
+    let middle = selected.knots[selected.knots.len() / 2];
+    let end = selected.knots.last().unwrap().configuration_rad;
+
+    let again = PlanRequest {
+        previous: Some(PreviousPlan {
+            plan_id: whole.report().plan_id,
+            candidate: None,
+        }),
+        start_velocity_rad_s: middle.velocity_rad_s,
+        start_acceleration_rad_s2: middle.acceleration_rad_s2,
+        deadline: Some(NO_DEADLINE),
+        ..PlanRequest::new(middle.configuration_rad, goal)
+    };
+    let answer = client.plan(&again, PATIENCE).unwrap();
+    assert_eq!(answer.report().outcome, Outcome::Ok);
+    let goes_on = answer.selected().unwrap();
+    assert_eq!(goes_on.knots[0].velocity_rad_s, middle.velocity_rad_s);
+    assert_eq!(
+        goes_on.knots[0].acceleration_rad_s2,
+        middle.acceleration_rad_s2
+    );
+    let last = goes_on.knots.last().unwrap().configuration_rad;
+    let apart = end.iter().zip(&last).map(|(a, b)| (a - b).abs());
+    assert!(
+        apart.fold(0.0, f64::max) < 1e-3,
+        "it ends in the shape that was followed"
+    );
+
+    let rushing = PlanRequest {
+        start_velocity_rad_s: [5.0; 6],
+        ..PlanRequest::new([0.05; 6], goal)
+    };
+    let refused = client.plan(&rushing, PATIENCE).unwrap();
+    assert_eq!(refused.report().outcome, Outcome::StartCannotStop);
 }
 
 #[test]
