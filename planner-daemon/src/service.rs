@@ -176,6 +176,11 @@ impl Service {
             order,
             received,
         };
+        let Err(queued) = self.queue.push(client, queued) else {
+            return;
+        };
+        // What waits may have been cancelled meanwhile.
+        self.drop_cancelled();
         if let Err(queued) = self.queue.push(client, queued) {
             let reason = "the client has as many requests waiting as it may (queued_per_client)";
             let refusal = Refusal::new(Outcome::Overloaded, reason);
