@@ -139,7 +139,7 @@ impl Allocator {
     /// The fastest motion along `waypoints` (rad) within the tendons' limits, from rest to rest.
     ///
     /// It starts exactly at the first and ends exactly at the last waypoint; every tendon's velocity, acceleration
-    /// and jerk keeps its limit × (1 + 1e-9) everywhere, verified by [`limit_use`] on the result. The path is a C2
+    /// and jerk keeps its limit × (1 + 1e-9) everywhere, verified by [`crate::limit_use`] on the result. The path is a C2
     /// spline through the waypoints, rounded by the averaging that bounds jerk (see the sources of `spline` and
     /// `jerk`); waypoints that do not move give a resting motion of 1 ms.
     ///
