@@ -3,7 +3,6 @@
 use crate::plan::{Draw, Failure, Plan, Source};
 use crate::rrt_connect::{RrtSettings, rrt_connect};
 use crate::run::{Aim, Proposal, Run, count_learned, rough_draws_of};
-use crate::select::Selection;
 use pcc_model::{Configuration, Robot, TendonLimits};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -27,11 +26,10 @@ const LAST_ATTEMPT: RrtSettings = RrtSettings {
 };
 
 impl Run<'_> {
-    /// Learned paths to every goal shape; the fastest straight segment takes the place of the learned path to the same
-    /// shape where the selection rule prefers it; what is missing then is filled.
+    /// Learned paths to every goal shape; where a straight segment is the fastest motion of all, it takes the place of the
+    /// learned path to the same shape; what is missing then is filled.
     ///
-    /// Segments that cannot be faster than what there is are not tried; with another rule than the shortest time only those that
-    /// may be the two fastest are, on the worker that sampling leaves free.
+    /// Segments that cannot be faster than what there is are not tried. What is delivered does not depend on the selection rule.
     pub(crate) fn default(mut self, aim: &Aim) -> Plan {
         let (ends, limits) = (&aim.ends, &self.demands.limits);
         let mut race = Race::new(self.demands.robot, limits, &self.problem.start, ends);
@@ -48,13 +46,14 @@ impl Run<'_> {
         proposals.extend(aim.kept());
         let mut draws = self.finish(proposals);
         let kept = draws.split_off(aim.goals.len());
-        race.best_s = draws.iter().map(duration_s).fold(race.best_s, f64::min);
+        let learned_s = draws.iter().map(duration_s).fold(f64::INFINITY, f64::min);
+        race.best_s = race.best_s.min(learned_s);
         let learned = count_learned(&draws);
-        if self.request.selection == Selection::ShortestTime {
-            self.finish_race(&mut race, ends);
-        }
-        if let Some((end, straight)) = race.winner() {
-            self.compete(straight, &mut draws[end]);
+        self.finish_race(&mut race, ends);
+        if let Some((end, straight)) = race.winner()
+            && duration_s(straight) < learned_s
+        {
+            draws[end] = straight.clone();
         }
         self.keep(kept, &mut draws);
         self.fill(&aim.goals, &race, &mut draws);
@@ -83,13 +82,6 @@ impl Run<'_> {
         };
         let paths = self.straight_paths(&chosen).into_iter();
         paths.map(proposal).collect()
-    }
-
-    /// Leaves the better one by the selection rule in the learned path's place.
-    fn compete(&self, straight: &Draw, learned: &mut Draw) {
-        if self.cost_of(straight) < self.cost_of(learned) {
-            *learned = straight.clone();
-        }
     }
 
     /// Replaces what is still missing: by a straight segment that has been finished, else by a tree, to the same shape.
@@ -198,7 +190,7 @@ impl Entry {
 }
 
 /// Duration of a draw's motion; infinite if there is none.
-fn duration_s(draw: &Draw) -> f64 {
+pub(crate) fn duration_s(draw: &Draw) -> f64 {
     let motion = draw.outcome.as_ref();
     motion.map_or(f64::INFINITY, |motion| motion.metrics.duration_s)
 }

@@ -7,6 +7,7 @@ use crate::canonical::CanonicalFrame;
 use crate::diffusion::{Guidance, Task};
 use crate::end_shapes::{check_goal, end_shapes_until};
 use crate::features::{COEFFICIENTS, CanonicalProblem, Features};
+use crate::fill::duration_s;
 use crate::finish::{Demands, Laps};
 use crate::path::{Waypoints, straight_path};
 use crate::plan::{
@@ -16,7 +17,7 @@ use crate::planner::{Planner, PlannerError, Supervision};
 use crate::previous::Rest;
 use crate::problem::Problem;
 use crate::sampling::sample_paths;
-use crate::select::{cost, is_worth_a_change, select};
+use crate::select::{is_worth_a_change, select};
 use crate::terminal::attach;
 use denoiser::{CandidateInput, WarmStart};
 use pcc_model::{Configuration, TendonLimits};
@@ -388,27 +389,14 @@ impl<'a> Run<'a> {
         (draw, finished.laps)
     }
 
-    /// Puts what is left of the followed motion in the place of the draw to the same shape, unless that is worth a change.
+    /// Puts what is left of the followed motion in the place of the draw to the same shape, unless that is so much shorter
+    /// that it is worth a change.
     pub(crate) fn keep(&self, kept: Vec<Draw>, draws: &mut [Draw]) {
         for kept in kept.into_iter().filter(|draw| draw.outcome.is_ok()) {
-            if !is_worth_a_change(self.cost_of(&kept), self.cost_of(&draws[0])) {
-                self.report(0, &kept);
+            if !is_worth_a_change(duration_s(&kept), duration_s(&draws[0])) {
                 draws[0] = kept;
             }
         }
-    }
-
-    /// What the request's rule wants to be small; infinite if there is no motion.
-    pub(crate) fn cost_of(&self, draw: &Draw) -> f64 {
-        draw.outcome.as_ref().map_or(f64::INFINITY, |motion| {
-            let start = &self.problem.start;
-            cost(
-                &motion.metrics,
-                &motion.end(),
-                start,
-                self.request.selection,
-            )
-        })
     }
 
     /// Tells who watches of a draw that is certified.

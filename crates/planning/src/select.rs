@@ -27,7 +27,7 @@ pub(crate) fn is_worth_a_change(followed: f64, other: f64) -> bool {
 }
 
 /// What a rule wants to be small of a motion that ends at `end`.
-pub(crate) fn cost(
+fn cost(
     metrics: &PathMetrics,
     end: &Configuration,
     start: &Configuration,

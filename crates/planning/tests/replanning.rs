@@ -237,6 +237,34 @@ fn candidates_are_told_as_they_certify() {
 }
 
 #[test]
+fn what_is_delivered_does_not_depend_on_the_rule() {
+    let planner = planner();
+    let first = plan(&planner, &problem(), &request());
+    for previous in [None, previous(&first)] {
+        let deliver = |selection| {
+            let request = Request {
+                selection,
+                previous: previous.clone(),
+                ..request()
+            };
+            plan(&planner, &problem(), &request).candidates
+        };
+        let wanted = deliver(Selection::ShortestTime);
+        for rule in [
+            Selection::Smoothest,
+            Selection::LargestClearance,
+            Selection::Index(3),
+        ] {
+            let same = deliver(rule)
+                .iter()
+                .zip(&wanted)
+                .all(|(a, b)| a.trajectory.knots() == b.trajectory.knots());
+            assert!(same, "{rule:?}");
+        }
+    }
+}
+
+#[test]
 fn the_fastest_straight_segment_competes() {
     let planner = planner();
     for seed in 0..5 {
