@@ -1,6 +1,6 @@
 //! Starts in motion: the robot brakes straight ahead, and every motion begins with that.
 
-use crate::finish::Demands;
+use crate::finish::{Demands, append};
 use crate::metrics::path_metrics;
 use crate::plan::{Candidate, Certified, Plan, StartMotion};
 use crate::problem::Infeasible;
@@ -67,12 +67,7 @@ impl<'a> Braking<'a> {
     /// The motion from the start on.
     fn before(&self, motion: &Trajectory) -> Trajectory {
         let mut knots = self.motion.knots().to_vec();
-        let begin = self.motion.duration();
-        let rest = motion.knots()[1..].iter();
-        knots.extend(rest.map(|knot| Knot {
-            time: knot.time + begin,
-            ..*knot
-        }));
+        append(&mut knots, motion);
         Trajectory::new(knots).expect("two motions one after the other are one")
     }
 

@@ -77,8 +77,18 @@ fn lap(clock: &mut Instant) -> f64 {
     (now - std::mem::replace(clock, now)).as_secs_f64()
 }
 
+/// Adds a motion that begins where the one before comes to rest.
+pub(crate) fn append(knots: &mut Vec<Knot>, motion: &Trajectory) {
+    let begin = knots.pop().map_or(0.0, |knot| knot.time);
+    knots.extend(motion.knots().iter().map(|knot| Knot {
+        time: knot.time + begin,
+        ..*knot
+    }));
+}
+
 impl Demands<'_> {
-    /// Draws the tip of a path onto a smooth curve if that is wanted, then corrects, times and certifies it; what does not certify is corrected once more with a larger margin.
+    /// Draws the tip of a path onto a smooth curve if that is wanted, then corrects, times and certifies it; what does not
+    /// certify is corrected once more with a larger margin.
     pub(crate) fn finish(&self, path: Waypoints, smoother: Option<&TipCurves>) -> Finished {
         let mut finished = Finished {
             path,
@@ -215,12 +225,7 @@ impl Demands<'_> {
         let knots_of_a_leg = (self.knots / edges).max(8);
         let mut knots: Vec<Knot> = Vec::new();
         for edge in polyline.windows(2) {
-            let leg = self.allocate(edge, knots_of_a_leg)?;
-            let begin = knots.pop().map_or(0.0, |k| k.time);
-            knots.extend(leg.knots().iter().map(|k| Knot {
-                time: k.time + begin,
-                ..*k
-            }));
+            append(&mut knots, &self.allocate(edge, knots_of_a_leg)?);
         }
         if knots.len() > MAX_KNOTS {
             return Err(Failure::Time);

@@ -1,6 +1,6 @@
 //! Tip inverse kinematics by damped Newton steps inside the bending discs.
 
-use nalgebra::{Cholesky, Matrix3, Matrix3x6, Vector2, Vector3};
+use nalgebra::{Cholesky, Matrix3, Matrix3x6, Matrix6x3, Vector2, Vector3};
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 
 type TipJacobian = Matrix3x6<f64>;
@@ -49,17 +49,23 @@ pub(crate) fn newton_step(
     error: &Vector3<f64>,
 ) -> Option<Configuration> {
     let mut jacobian = backbone.tip_jacobian();
-    let mut step = damped_step(&jacobian, error)?;
+    let mut step = damped_step(&jacobian, &jacobian.transpose(), error)?;
     if hold_limits(robot, shape, &step, &mut jacobian) {
-        step = damped_step(&jacobian, error).unwrap_or(step);
+        step = damped_step(&jacobian, &jacobian.transpose(), error).unwrap_or(step);
     }
     Some(robot.project_to_limits(&(shape + step)))
 }
 
-fn damped_step(jacobian: &TipJacobian, error: &Vector3<f64>) -> Option<Configuration> {
+/// The change of least norm that moves the tip by `error`, where `weighted` is the Jacobian's transpose with each row
+/// times the part that this component may take.
+pub(crate) fn damped_step(
+    jacobian: &TipJacobian,
+    weighted: &Matrix6x3<f64>,
+    error: &Vector3<f64>,
+) -> Option<Configuration> {
     let damping = DAMPING * error.norm().min(1.0);
-    let normal = jacobian * jacobian.transpose() + Matrix3::identity() * damping;
-    Cholesky::new(normal).map(|factor| jacobian.transpose() * factor.solve(error))
+    let normal = jacobian * weighted + Matrix3::identity() * damping;
+    Cholesky::new(normal).map(|factor| weighted * factor.solve(error))
 }
 
 /// Takes from the Jacobian the bending of the sections that are at their limit and that the step would bend further.

@@ -5,9 +5,10 @@
 //! allows; every waypoint moves onto it by Newton steps. Where the body would come too near to an obstacle on all such
 //! curves, the path stays as it was sampled.
 
+use crate::inverse_kinematics::damped_step;
 use crate::path::{WAYPOINTS, parameter};
 use collision::Scene;
-use nalgebra::{Cholesky, Matrix3, SymmetricEigen};
+use nalgebra::SymmetricEigen;
 use pcc_model::{Backbone, Configuration, DOF, Point, Robot, SECTIONS};
 
 /// Terms at most.
@@ -22,9 +23,6 @@ const STEPS: usize = 4;
 const ON_THE_CURVE: f64 = 1e-6;
 /// A waypoint that would have to move farther lies near a shape whose tip cannot follow the curve, rad.
 const LARGEST_CHANGE_RAD: f64 = 0.8;
-
-/// Damping of a Newton step, as a share of the distance.
-const DAMPING: f64 = 1e-4;
 /// Where the tip moves less than this by a rad in some direction, it cannot set out in that direction.
 const STIFF: f64 = 0.6;
 /// Stiffer ends keep the path as it was sampled: the tip of a straight robot sets out sideways only.
@@ -197,9 +195,8 @@ fn step(
     for d in 0..DOF {
         weighted.row_mut(d).scale_mut(free[d / 2]);
     }
-    let damping = Matrix3::identity() * (DAMPING * error.norm().min(1.0));
-    let factor = Cholesky::new(jacobian * weighted + damping)?;
-    Some(robot.project_to_limits(&(shape + weighted * factor.solve(error))))
+    let change = damped_step(&jacobian, &weighted, error)?;
+    Some(robot.project_to_limits(&(shape + change)))
 }
 
 /// Adds to a curve what one term can do to bring it nearer to the tips.
