@@ -250,6 +250,7 @@ fn failures(plan: &Plan, undeliverable: usize) -> String {
         (Failure::Collision, "not certified free"),
         (Failure::Bending, "bent too far"),
         (Failure::Time, "without time allocation"),
+        (Failure::Slower, "slower than others"),
         (Failure::Truncated, "truncated"),
     ];
     let count = |failure| {

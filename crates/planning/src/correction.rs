@@ -12,6 +12,10 @@ use pcc_model::{Configuration, Robot, SECTIONS};
 
 /// Rounds of pushes at most: a count, so that answers do not depend on time.
 const ROUNDS: usize = 8;
+/// Rounds that are compared, two with the two before them.
+const LOOKS_BACK: usize = 4;
+/// A correction is given up when two rounds leave more than this share of what was missing: it is wedged.
+const STALLED: f64 = 0.8;
 /// Contacts of a waypoint that push it: the deepest ones.
 const MOST_CONTACTS: usize = 3;
 /// Bending is pulled back from this far below the limit, rad.
@@ -52,16 +56,18 @@ impl Corrector<'_> {
     ) -> Correction {
         project(self.robot, path);
         let (mut pushed, mut clear_rounds) = (0, 0);
+        let mut progress = Progress::default();
         for round in 0.. {
             let first = 1 + round % 2;
-            if self.find_pushes(margin, path, first, memory) >= 0.5 * margin {
+            let missing = 0.5 * margin - self.find_pushes(margin, path, first, memory);
+            if missing <= 0.0 {
                 clear_rounds += 1;
                 if clear_rounds == 2 {
                     return Correction::Clear;
                 }
                 continue;
             }
-            if pushed == ROUNDS {
+            if pushed == ROUNDS || progress.stalls(missing) {
                 break;
             }
             let Some(changes) = memory.pushes.solve(self.kernel) else {
@@ -132,6 +138,24 @@ pub(crate) fn limit_pushes(
         }
         (gradient, allowed - angles[section])
     })
+}
+
+/// What was missing in the last rounds, the latest first.
+#[derive(Default)]
+struct Progress {
+    missing: [Option<f64>; LOOKS_BACK],
+}
+
+impl Progress {
+    /// Whether this round and the one before, which together look at the whole path, are little better than the two before.
+    fn stalls(&mut self, missing: f64) -> bool {
+        self.missing.rotate_right(1);
+        self.missing[0] = Some(missing);
+        let [Some(a), Some(b), Some(c), Some(d)] = self.missing else {
+            return false;
+        };
+        a.max(b) > STALLED * c.max(d)
+    }
 }
 
 fn apply(changes: &[Configuration; WAYPOINTS], path: &mut [Configuration]) {

@@ -1,20 +1,28 @@
-//! The default planner: learned candidates, beside which straight segments compete, filled by both classical planners.
+//! The default planner: learned candidates, beside which straight segments compete, and trees for what is missing.
 
+use crate::finish::Demands;
+use crate::known_ways::KnownWays;
+use crate::least_duration::least_duration_s;
+use crate::path::Waypoints;
 use crate::plan::{Draw, Failure, Plan, Source};
-use crate::rrt_connect::{RrtSettings, rrt_connect};
+use crate::rrt_connect::{RrtSettings, Search, rrt_connect};
 use crate::run::{Aim, Proposal, Run, count_learned, rough_draws_of};
-use pcc_model::{Configuration, Robot, TendonLimits};
+use pcc_model::Configuration;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
 
 /// Straight segments that are finished at once: those that may be the fastest.
 const COMPETITORS: usize = 2;
-/// Tube growth of the tree's attempts: rounding its corners needs room, a narrow way may not have it.
+/// Tube growth of a tree's attempts: rounding its corners needs room, a narrow way may not have it.
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
-/// Samples of a tree that fills one place among others: a way that is hard to find is left to those who need it.
+/// The same where any motion will do, also one that rests at its corners.
+const LAST_MARGINS: [f64; 2] = [0.02, 0.0];
+/// Groups of missing goal shapes whose ways are sought at once, each with a tree of its own.
+const FILLERS: usize = 2;
+/// Samples for one goal shape that is missing beside others: a way that is hard to find is left to those who need it.
 const FILLING: RrtSettings = RrtSettings {
-    samples: 400,
+    samples: 60,
     step_rad: 0.6,
     shortcuts: 60,
 };
@@ -31,13 +39,12 @@ impl Run<'_> {
     ///
     /// Segments that cannot be faster than what there is are not tried. What is delivered does not depend on the selection rule.
     pub(crate) fn default(mut self, aim: &Aim) -> Plan {
-        let (ends, limits) = (&aim.ends, &self.demands.limits);
-        let mut race = Race::new(self.demands.robot, limits, &self.problem.start, ends);
+        let mut race = Race::new(&self.demands, &self.problem.start, &aim.ends);
         let heat = race.next_heat();
         let clock = Instant::now();
         let (sampled, raced) = rayon::join(
-            || self.learned(aim),
-            || self.finish_each(self.segments(ends, &heat)),
+            || self.learned(&aim.goals, &aim.rests),
+            || self.finish_each(self.segments(&aim.ends, &heat, f64::INFINITY)),
         );
         self.count(&sampled);
         let rest_s = (clock.elapsed().as_secs_f64() - sampled.seconds()).max(0.0);
@@ -46,17 +53,14 @@ impl Run<'_> {
         proposals.extend(aim.kept());
         let mut draws = self.finish(proposals);
         let kept = draws.split_off(aim.goals.len());
-        let learned_s = draws.iter().map(duration_s).fold(f64::INFINITY, f64::min);
-        race.best_s = race.best_s.min(learned_s);
         let learned = count_learned(&draws);
-        self.finish_race(&mut race, ends);
-        if let Some((end, straight)) = race.winner()
-            && duration_s(straight) < learned_s
-        {
-            draws[end] = straight.clone();
+        race.enter(&draws);
+        self.finish_race(&mut race, &aim.ends);
+        if let Some((end, straight)) = race.winner {
+            draws[end] = straight;
         }
         self.keep(kept, &mut draws);
-        self.fill(&aim.goals, &race, &mut draws);
+        self.fill(&aim.goals, &mut draws);
         self.answer(draws, learned)
     }
 
@@ -66,43 +70,84 @@ impl Run<'_> {
             if heat.is_empty() {
                 break;
             }
-            let finished = self.finish(self.segments(ends, &heat));
+            let finished = self.finish(self.segments(ends, &heat, race.best_s));
             race.record(&heat, finished);
         }
     }
 
-    /// Straight segments to the chosen end shapes.
-    fn segments(&self, ends: &[Configuration], chosen: &[usize]) -> Vec<Proposal> {
+    /// Straight segments to the chosen end shapes that may be faster than `slowest_s`.
+    fn segments(&self, ends: &[Configuration], chosen: &[usize], slowest_s: f64) -> Vec<Proposal> {
         let chosen: Vec<Configuration> = chosen.iter().map(|&end| ends[end]).collect();
         let proposal = |path| Proposal {
             path,
             source: Source::Straight,
             draw: None,
             is_rough: false,
+            slowest_s,
         };
         let paths = self.straight_paths(&chosen).into_iter();
         paths.map(proposal).collect()
     }
 
-    /// Replaces what is still missing: by a straight segment that has been finished, else by a tree, to the same shape.
-    fn fill(&mut self, goals: &[Configuration], race: &Race, draws: &mut [Draw]) {
+    /// Reaches the goal shapes that are still missing from the motions there are; without any, a tree with all goal shapes at
+    /// once finds the first.
+    fn fill(&mut self, goals: &[Configuration], draws: &mut [Draw]) {
         let clock = Instant::now();
-        let run = &*self;
-        draws.par_iter_mut().enumerate().for_each(|(i, draw)| {
-            if draw.outcome.is_err()
-                && let Some(straight) = race.of(i % race.entries.len())
-            {
-                replace(draw, straight.clone());
-                run.report(i, draw);
-            }
-            if draw.outcome.is_err() {
-                replace(draw, run.tree(i, &[goals[i]], &FILLING));
-            }
-        });
-        if draws.iter().all(|d| d.outcome.is_err()) {
-            draws[0] = self.tree(goals.len(), goals, &LAST_ATTEMPT);
+        if draws.iter().all(|draw| draw.outcome.is_err()) {
+            draws[0] = self.tree(goals.len(), goals, &LAST_MARGINS, &LAST_ATTEMPT);
         }
+        self.reach_missing(goals, draws);
         self.stages.select += clock.elapsed().as_secs_f64();
+    }
+
+    fn reach_missing(&self, goals: &[Configuration], draws: &mut [Draw]) {
+        let (known, missing): (Vec<usize>, Vec<usize>) =
+            (0..draws.len()).partition(|&i| draws[i].outcome.is_ok());
+        let ways = known.iter().filter_map(|&i| draws[i].path.as_ref());
+        let ways: Vec<&Waypoints> = ways.collect();
+        if ways.is_empty() || missing.is_empty() {
+            return;
+        }
+        let groups = missing.par_chunks(missing.len().div_ceil(FILLERS));
+        let found: Vec<Draw> = groups
+            .with_max_len(1)
+            .flat_map_iter(|group| self.reach(&ways, goals, group))
+            .collect();
+        for (&i, draw) in missing.iter().zip(found) {
+            replace(&mut draws[i], draw);
+        }
+    }
+
+    /// Motions to some of the goal shapes, from ways that are known.
+    fn reach(&self, ways: &[&Waypoints], goals: &[Configuration], group: &[usize]) -> Vec<Draw> {
+        let grown = self.planner.robot.with_tube_growth(self.request.growth);
+        let mut known = KnownWays::from(
+            &self.problem.start,
+            Search {
+                robot: &grown,
+                scene: &self.problem.scene,
+                settings: &FILLING,
+                interrupt: self.supervision.interrupt,
+            },
+        );
+        for way in ways {
+            if (self.supervision.interrupt)() {
+                break;
+            }
+            known.add(way);
+        }
+        let reach = |&i: &usize| {
+            let mut rng = self.tree_rng(i);
+            let mut draw = unfinished(Source::Tree);
+            if let Some(polyline) = known.reach(&goals[i], &mut rng) {
+                self.follow(i, &polyline, &mut draw);
+            }
+            if (self.supervision.interrupt)() && draw.outcome.is_err() {
+                draw.outcome = Err(Failure::Truncated);
+            }
+            draw
+        };
+        group.iter().map(reach).collect()
     }
 
     /// One tree for each goal shape.
@@ -113,21 +158,22 @@ impl Run<'_> {
             .par_iter()
             .with_max_len(1)
             .enumerate()
-            .map(|(i, goal)| run.tree(i, &[*goal], &RrtSettings::default()))
+            .map(|(i, goal)| run.tree(i, &[*goal], &TREE_MARGINS, &RrtSettings::default()))
             .collect();
         self.stages.sample += clock.elapsed().as_secs_f64();
         draws
     }
 
-    fn tree(&self, index: usize, goals: &[Configuration], settings: &RrtSettings) -> Draw {
-        let mut draw = Draw {
-            sampled: None,
-            path: None,
-            source: Source::Tree,
-            outcome: Err(Failure::NoPath),
-        };
-        let mut rng = Pcg64::new(u128::from(self.request.seed), index as u128 + 1);
-        for margin in TREE_MARGINS {
+    fn tree(
+        &self,
+        index: usize,
+        goals: &[Configuration],
+        margins: &[f64],
+        settings: &RrtSettings,
+    ) -> Draw {
+        let mut draw = unfinished(Source::Tree);
+        let mut rng = self.tree_rng(index);
+        for margin in margins {
             if (self.supervision.interrupt)() {
                 break;
             }
@@ -143,11 +189,8 @@ impl Run<'_> {
                 self.supervision.interrupt,
             );
             if let Some(polyline) = found
-                && let Ok((path, trajectory)) = self.demands.follow(&polyline)
+                && self.follow(index, &polyline, &mut draw)
             {
-                draw.path = Some(path);
-                draw.outcome = Ok(self.demands.describe(trajectory));
-                self.report(index, &draw);
                 return draw;
             }
         }
@@ -155,6 +198,31 @@ impl Run<'_> {
             draw.outcome = Err(Failure::Truncated);
         }
         draw
+    }
+
+    fn tree_rng(&self, index: usize) -> Pcg64 {
+        Pcg64::new(u128::from(self.request.seed), index as u128 + 1)
+    }
+
+    /// Makes a motion of a certified polyline, if that can be timed and certified.
+    fn follow(&self, index: usize, polyline: &[Configuration], draw: &mut Draw) -> bool {
+        let Ok((path, trajectory)) = self.demands.follow(polyline) else {
+            return false;
+        };
+        draw.path = Some(path);
+        draw.outcome = Ok(self.demands.describe(trajectory));
+        self.report(index, draw);
+        true
+    }
+}
+
+/// A draw of which there is no path yet.
+fn unfinished(source: Source) -> Draw {
+    Draw {
+        sampled: None,
+        path: None,
+        source,
+        outcome: Err(Failure::NoPath),
     }
 }
 
@@ -169,24 +237,13 @@ fn replace(draw: &mut Draw, by: Draw) {
 
 /// The straight segments in the order of the least time that each can take: the fastest one is found with few of them.
 struct Race {
-    entries: Vec<Entry>,
-    /// Ends in the order of their bounds.
-    order: Vec<usize>,
+    /// Ends, and the least duration of the segment to each, s.
+    order: Vec<(usize, f64)>,
     begun: usize,
-    /// Shortest duration of any motion so far.
+    /// Shortest duration of any motion so far, s.
     best_s: f64,
-}
-
-/// The straight segment to one end shape.
-struct Entry {
-    least_s: f64,
-    finished: Option<Draw>,
-}
-
-impl Entry {
-    fn duration_s(&self) -> f64 {
-        self.finished.as_ref().map_or(f64::INFINITY, duration_s)
-    }
+    /// The segment that is this motion, and its end.
+    winner: Option<(usize, Draw)>,
 }
 
 /// Duration of a draw's motion; infinite if there is none.
@@ -196,33 +253,26 @@ pub(crate) fn duration_s(draw: &Draw) -> f64 {
 }
 
 impl Race {
-    fn new(
-        robot: &Robot,
-        limits: &TendonLimits,
-        start: &Configuration,
-        ends: &[Configuration],
-    ) -> Self {
-        let entry = |end: &Configuration| Entry {
-            least_s: least_duration_s(robot, limits, &(end - start)),
-            finished: None,
-        };
-        let entries: Vec<Entry> = ends.iter().map(entry).collect();
-        let mut order: Vec<usize> = (0..ends.len()).collect();
-        order.sort_by(|&a, &b| entries[a].least_s.total_cmp(&entries[b].least_s));
+    fn new(demands: &Demands, start: &Configuration, ends: &[Configuration]) -> Self {
+        let least_s =
+            |end: &Configuration| least_duration_s(demands.robot, &demands.limits, &[*start, *end]);
+        let mut order: Vec<(usize, f64)> = ends.iter().map(least_s).enumerate().collect();
+        order.sort_by(|a, b| a.1.total_cmp(&b.1));
         Self {
-            entries,
             order,
             begun: 0,
             best_s: f64::INFINITY,
+            winner: None,
         }
     }
 
     /// The ends whose segments may still be the fastest, at most [`COMPETITORS`] of them.
     fn next_heat(&mut self) -> Vec<usize> {
-        let open = self.order[self.begun..].iter().copied();
+        let open = self.order[self.begun..].iter();
         let heat: Vec<usize> = open
             .take(COMPETITORS)
-            .filter(|&end| self.entries[end].least_s < self.best_s)
+            .filter(|(_, least_s)| *least_s < self.best_s)
+            .map(|(end, _)| *end)
             .collect();
         self.begun += heat.len();
         heat
@@ -230,33 +280,19 @@ impl Race {
 
     fn record(&mut self, heat: &[usize], finished: Vec<Draw>) {
         for (&end, draw) in heat.iter().zip(finished) {
-            self.best_s = self.best_s.min(duration_s(&draw));
-            self.entries[end].finished = Some(draw);
+            if duration_s(&draw) < self.best_s {
+                self.best_s = duration_s(&draw);
+                self.winner = Some((end, draw));
+            }
         }
     }
 
-    /// The end and the motion of the fastest certified segment.
-    fn winner(&self) -> Option<(usize, &Draw)> {
-        let entries = self.entries.iter().enumerate();
-        let certified = entries.filter(|(_, entry)| entry.duration_s().is_finite());
-        let fastest = certified.min_by(|a, b| a.1.duration_s().total_cmp(&b.1.duration_s()));
-        fastest.and_then(|(end, entry)| entry.finished.as_ref().map(|draw| (end, draw)))
-    }
-
-    /// The segment to an end, if it was tried.
-    fn of(&self, end: usize) -> Option<&Draw> {
-        self.entries[end].finished.as_ref()
-    }
-}
-
-/// No motion with this change of configuration is faster, from rest to rest: the tendon with the farthest way needs it.
-fn least_duration_s(robot: &Robot, limits: &TendonLimits, change: &Configuration) -> f64 {
-    let ways = robot.tendons.matrix() * change;
-    let way = ways.amax();
-    let (speed, acceleration) = (limits.velocity, limits.acceleration);
-    if way * acceleration <= speed * speed {
-        2.0 * (way / acceleration).sqrt()
-    } else {
-        way / speed + speed / acceleration
+    /// Lets other motions compete.
+    fn enter(&mut self, draws: &[Draw]) {
+        let fastest_s = draws.iter().map(duration_s).fold(f64::INFINITY, f64::min);
+        if fastest_s <= self.best_s {
+            self.best_s = fastest_s;
+            self.winner = None;
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! From a path to a motion: correction, time allocation, the certificate of the curve that is executed, its figures.
 
 use crate::correction::{Correction, CorrectionMemory, Corrector};
+use crate::least_duration::least_duration_s;
 use crate::metrics::path_metrics;
 use crate::path::{Waypoints, resample};
 use crate::plan::{Certified, Failure};
@@ -18,6 +19,10 @@ use trajectory::{AllocationOptions, Allocator, Knot, MAX_KNOTS, Trajectory};
 const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
 /// Corrections that a path gets at most.
 pub const MOST_CORRECTIONS: usize = 2;
+
+/// A path whose least duration is this much above what it must beat is not timed: the curve that is executed and another
+/// correction may be a little faster than the path.
+const SURELY_SLOWER: f64 = 1.02;
 
 thread_local! {
     /// Each worker's memory, kept from request to request.
@@ -89,7 +94,14 @@ pub(crate) fn append(knots: &mut Vec<Knot>, motion: &Trajectory) {
 impl Demands<'_> {
     /// Draws the tip of a path onto a smooth curve if that is wanted, then corrects, times and certifies it; what does not
     /// certify is corrected once more with a larger margin.
-    pub(crate) fn finish(&self, path: Waypoints, smoother: Option<&TipCurves>) -> Finished {
+    ///
+    /// A motion that takes `slowest_s` or longer is left unfinished.
+    pub(crate) fn finish(
+        &self,
+        path: Waypoints,
+        smoother: Option<&TipCurves>,
+        slowest_s: f64,
+    ) -> Finished {
         let mut finished = Finished {
             path,
             outcome: Err(Failure::Truncated),
@@ -110,8 +122,8 @@ impl Demands<'_> {
                 finished.outcome = Err(Failure::Collision);
                 continue;
             }
-            self.deliver(&mut finished);
-            if finished.outcome.is_ok() {
+            self.deliver(&mut finished, slowest_s);
+            if matches!(finished.outcome, Ok(_) | Err(Failure::Slower)) {
                 break;
             }
         }
@@ -140,18 +152,34 @@ impl Demands<'_> {
     }
 
     /// Times, certifies and describes a path as it is.
-    fn deliver(&self, finished: &mut Finished) {
+    fn deliver(&self, finished: &mut Finished, slowest_s: f64) {
         if (self.interrupt)() {
             finished.outcome = Err(Failure::Truncated);
             return;
         }
         let mut clock = Instant::now();
-        let timed = self.time(&finished.path);
+        let timed = self.time_below(&finished.path, slowest_s);
         finished.laps.time += lap(&mut clock);
         let certified = timed.and_then(|motion| self.certify(&motion).map(|()| motion));
         finished.laps.certify += lap(&mut clock);
-        finished.outcome = certified.map(|motion| self.describe(motion));
+        finished.outcome = certified.and_then(|motion| self.describe_below(motion, slowest_s));
         finished.laps.select += lap(&mut clock);
+    }
+
+    /// Times a path that may be faster than that.
+    fn time_below(&self, path: &[Configuration], slowest_s: f64) -> Result<Trajectory, Failure> {
+        let least_s = || least_duration_s(self.robot, &self.limits, path);
+        if slowest_s.is_finite() && least_s() > SURELY_SLOWER * slowest_s {
+            return Err(Failure::Slower);
+        }
+        self.time(path)
+    }
+
+    fn describe_below(&self, motion: Trajectory, slowest_s: f64) -> Result<Certified, Failure> {
+        if motion.duration() >= slowest_s {
+            return Err(Failure::Slower);
+        }
+        Ok(self.describe(motion))
     }
 
     /// A certified motion with its figures of merit.

@@ -18,6 +18,8 @@ mod features;
 mod fill;
 mod finish;
 mod inverse_kinematics;
+mod known_ways;
+mod least_duration;
 mod metrics;
 mod path;
 mod plan;

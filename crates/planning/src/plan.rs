@@ -57,6 +57,9 @@ pub enum Failure {
     /// No time allocation within the limits, or not with the knots that a motion may have.
     #[error("no time allocation within the tendon limits and the knots of a motion")]
     Time,
+    /// A motion that only counts if it is the fastest, and is not.
+    #[error("not the fastest")]
+    Slower,
     /// The request was truncated before this draw was finished.
     #[error("truncated")]
     Truncated,

@@ -36,12 +36,15 @@ impl Default for RrtSettings {
     }
 }
 
+/// A shape that is reached from another one.
 struct Node {
     shape: Configuration,
     parent: Option<usize>,
 }
 
-struct Tree {
+/// Shapes that certified edges join to roots.
+#[derive(Default)]
+pub(crate) struct Tree {
     nodes: Vec<Node>,
 }
 
@@ -52,7 +55,7 @@ enum Extension {
 }
 
 impl Tree {
-    fn rooted(shapes: &[Configuration]) -> Self {
+    pub(crate) fn rooted(shapes: &[Configuration]) -> Self {
         Self {
             nodes: shapes
                 .iter()
@@ -71,6 +74,23 @@ impl Tree {
         (0..self.nodes.len()).min_by(order).unwrap_or(0)
     }
 
+    /// Adds the shape at the end of an edge from a node, if that is free; its node.
+    pub(crate) fn add(
+        &mut self,
+        search: &Search,
+        from: usize,
+        shape: &Configuration,
+    ) -> Option<usize> {
+        if !search.edge_is_free(&self.nodes[from].shape, shape) {
+            return None;
+        }
+        self.nodes.push(Node {
+            shape: *shape,
+            parent: Some(from),
+        });
+        Some(self.nodes.len() - 1)
+    }
+
     fn extend(&mut self, search: &Search, from: usize, target: &Configuration) -> Extension {
         let shape = self.nodes[from].shape;
         let distance = (target - shape).norm();
@@ -80,22 +100,15 @@ impl Tree {
         } else {
             shape.lerp(target, search.settings.step_rad / distance)
         };
-        if !search.edge_is_free(&shape, &next) {
-            return Extension::Trapped;
-        }
-        self.nodes.push(Node {
-            shape: next,
-            parent: Some(from),
-        });
-        let index = self.nodes.len() - 1;
-        if reached {
-            Extension::Reached(index)
-        } else {
-            Extension::Advanced(index)
+        match self.add(search, from, &next) {
+            Some(node) if reached => Extension::Reached(node),
+            Some(node) => Extension::Advanced(node),
+            None => Extension::Trapped,
         }
     }
 
-    fn connect(&mut self, search: &Search, target: &Configuration) -> Option<usize> {
+    /// Steps from the nearest shape to the target; the target's node, if it is reached.
+    pub(crate) fn connect(&mut self, search: &Search, target: &Configuration) -> Option<usize> {
         let mut from = self.nearest(target);
         loop {
             match self.extend(search, from, target) {
@@ -106,6 +119,14 @@ impl Tree {
         }
     }
 
+    /// The shapes from a root to a node.
+    pub(crate) fn path_to(&self, node: usize) -> Vec<Configuration> {
+        let mut path = self.branch(node);
+        path.reverse();
+        path
+    }
+
+    /// The shapes from a node to its root.
     fn branch(&self, leaf: usize) -> Vec<Configuration> {
         std::iter::successors(Some(leaf), |&i| self.nodes[i].parent)
             .map(|i| self.nodes[i].shape)
@@ -113,28 +134,25 @@ impl Tree {
     }
 }
 
-struct Search<'a> {
-    robot: &'a Robot,
-    scene: &'a Scene,
-    settings: &'a RrtSettings,
-    interrupt: &'a dyn Fn() -> bool,
+/// What edges are certified for, and the budget.
+pub(crate) struct Search<'a> {
+    pub(crate) robot: &'a Robot,
+    pub(crate) scene: &'a Scene,
+    pub(crate) settings: &'a RrtSettings,
+    pub(crate) interrupt: &'a dyn Fn() -> bool,
 }
 
 impl Search<'_> {
-    fn edge_is_free(&self, a: &Configuration, b: &Configuration) -> bool {
+    pub(crate) fn edge_is_free(&self, a: &Configuration, b: &Configuration) -> bool {
         certify_edge(self.robot, self.scene, a, b, EDGE_DEPTH).is_free()
     }
 
-    fn grow(
+    /// Grows both trees in turn until they meet; the polyline from a root of the first to a root of the second.
+    pub(crate) fn grow(
         &self,
-        start: &Configuration,
-        goals: &[Configuration],
+        trees: &mut [Tree; 2],
         rng: &mut Pcg64,
     ) -> Option<Vec<Configuration>> {
-        let mut trees = [Tree::rooted(&[*start]), Tree::rooted(goals)];
-        if let Some(direct) = goals.iter().find(|g| self.edge_is_free(start, g)) {
-            return Some(vec![*start, *direct]);
-        }
         for round in 0..self.settings.samples {
             if round.is_multiple_of(INTERRUPT_EVERY) && (self.interrupt)() {
                 return None;
@@ -154,13 +172,17 @@ impl Search<'_> {
                 } else {
                     [other_leaf, leaf]
                 };
-                return Some(join(&trees, leaves));
+                return Some(join(trees, leaves));
             }
         }
         None
     }
 
-    fn shorten(&self, mut path: Vec<Configuration>, rng: &mut Pcg64) -> Vec<Configuration> {
+    pub(crate) fn shorten(
+        &self,
+        mut path: Vec<Configuration>,
+        rng: &mut Pcg64,
+    ) -> Vec<Configuration> {
         for _ in 0..self.settings.shortcuts {
             if path.len() < 3 {
                 break;
@@ -185,8 +207,7 @@ fn two_points(path: &[Configuration], rng: &mut Pcg64) -> [(usize, Configuration
 }
 
 fn join(trees: &[Tree; 2], leaves: [usize; 2]) -> Vec<Configuration> {
-    let mut path = trees[0].branch(leaves[0]);
-    path.reverse();
+    let mut path = trees[0].path_to(leaves[0]);
     path.extend(trees[1].branch(leaves[1]).into_iter().skip(1));
     path
 }
@@ -213,7 +234,11 @@ pub fn rrt_connect(
         settings,
         interrupt,
     };
-    let path = search.grow(start, goals, rng)?;
+    let direct = goals.iter().find(|goal| search.edge_is_free(start, goal));
+    let path = match direct {
+        Some(direct) => vec![*start, *direct],
+        None => search.grow(&mut [Tree::rooted(&[*start]), Tree::rooted(goals)], rng)?,
+    };
     Some(search.shorten(path, rng))
 }
 

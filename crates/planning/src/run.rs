@@ -71,6 +71,8 @@ pub(crate) struct Proposal {
     pub(crate) draw: Option<usize>,
     /// Whether its tip is drawn onto a smooth curve first.
     pub(crate) is_rough: bool,
+    /// It is left unfinished if it takes this long or longer, s.
+    pub(crate) slowest_s: f64,
 }
 
 /// Paths as the draws 0, 1, 2, …
@@ -80,6 +82,7 @@ pub(crate) fn draws_of(paths: Vec<Waypoints>, source: Source) -> Vec<Proposal> {
         source,
         draw: Some(draw),
         is_rough: false,
+        slowest_s: f64::INFINITY,
     };
     paths.into_iter().enumerate().map(proposal).collect()
 }
@@ -188,7 +191,7 @@ impl<'a> Run<'a> {
 
     /// The learned sampler alone, beside what is left of the motion that is followed.
     fn fast(mut self, aim: &Aim) -> Plan {
-        let sampled = self.learned(aim);
+        let sampled = self.learned(&aim.goals, &aim.rests);
         self.count(&sampled);
         let mut proposals = rough_draws_of(sampled.paths);
         proposals.extend(aim.kept());
@@ -230,6 +233,7 @@ impl<'a> Run<'a> {
                 source: Source::Learned,
                 draw: Some(draw),
                 is_rough: false,
+                slowest_s: f64::INFINITY,
             }));
         }
         let mut finished = self.finish(proposals).into_iter();
@@ -272,8 +276,8 @@ impl<'a> Run<'a> {
         attached
     }
 
-    /// One path of the few-step model to each goal shape.
-    pub(crate) fn learned(&self, aim: &Aim) -> Sampled {
+    /// One path of the few-step model to each goal shape, the first ones begun from what is left of other paths.
+    pub(crate) fn learned(&self, goals: &[Configuration], rests: &[Rest]) -> Sampled {
         let Some(model) = &self.planner.models.fast else {
             return Sampled::default();
         };
@@ -281,7 +285,7 @@ impl<'a> Run<'a> {
         if (self.supervision.interrupt)() {
             // Nothing is finished any more: it does not matter where these lead.
             return Sampled {
-                paths: self.straight_paths(&aim.goals),
+                paths: self.straight_paths(goals),
                 ..Sampled::default()
             };
         }
@@ -289,15 +293,13 @@ impl<'a> Run<'a> {
         let goal_tip = self.problem.goal_tip(robot);
         let frame = CanonicalFrame::wanted(model.frame(), robot, start, &goal_tip);
         let canonical = CanonicalProblem::new(frame, &self.problem.scene);
-        let features: Vec<_> = aim
-            .goals
+        let features: Vec<_> = goals
             .par_iter()
             .map(|goal| canonical.features(robot, start, goal))
             .collect();
         let condition_s = clock.elapsed().as_secs_f64();
         let clock = Instant::now();
-        let known: Vec<[f32; COEFFICIENTS]> = aim
-            .rests
+        let known: Vec<[f32; COEFFICIENTS]> = rests
             .iter()
             .map(|rest| self.residual(&frame, &rest.path))
             .collect();
@@ -315,7 +317,7 @@ impl<'a> Run<'a> {
         );
         let paths = residuals
             .iter()
-            .zip(&aim.goals)
+            .zip(goals)
             .map(|(residual, goal)| self.bend(&frame, goal, residual))
             .collect();
         Sampled {
@@ -376,7 +378,9 @@ impl<'a> Run<'a> {
     fn finish_one(&self, proposal: Proposal) -> (Draw, Laps) {
         let sampled = proposal.path.clone();
         let smoother = proposal.is_rough.then_some(&self.planner.tip_curves);
-        let finished = self.demands.finish(proposal.path, smoother);
+        let finished = self
+            .demands
+            .finish(proposal.path, smoother, proposal.slowest_s);
         let draw = Draw {
             sampled: Some(sampled),
             path: Some(finished.path),
@@ -482,6 +486,7 @@ impl Aim {
             source: Source::Kept,
             draw: None,
             is_rough: false,
+            slowest_s: f64::INFINITY,
         })
     }
 }

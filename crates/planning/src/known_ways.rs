@@ -1,0 +1,107 @@
+//! Ways to further goal shapes, found from the motions that a request has already.
+//!
+//! RRT-Connect (Kuffner & LaValle 2000) whose first tree begins as these motions: where ways from the start are hard to
+//! find, most of one that is known serves for another goal shape as well.
+
+use crate::rrt_connect::{Search, Tree};
+use pcc_model::Configuration;
+use rand_pcg::Pcg64;
+
+/// Every so many waypoints of a motion are taken.
+const STRIDE: usize = 4;
+
+/// What is known, and how it is extended.
+pub(crate) struct KnownWays<'a> {
+    search: Search<'a>,
+    tree: Tree,
+}
+
+impl<'a> KnownWays<'a> {
+    /// Knows the start alone.
+    pub(crate) fn from(start: &Configuration, search: Search<'a>) -> Self {
+        Self {
+            search,
+            tree: Tree::rooted(&[*start]),
+        }
+    }
+
+    /// Adds a path from the start (64 waypoints, radians), as far as its chords certify.
+    pub(crate) fn add(&mut self, path: &[Configuration]) {
+        let last = path.len() - 1;
+        let mut node = Some(0);
+        for h in (STRIDE..last).step_by(STRIDE).chain([last]) {
+            node = node.and_then(|node| self.tree.add(&self.search, node, &path[h]));
+        }
+    }
+
+    /// A polyline from the start to a goal shape, shortened.
+    pub(crate) fn reach(
+        &mut self,
+        goal: &Configuration,
+        rng: &mut Pcg64,
+    ) -> Option<Vec<Configuration>> {
+        let polyline = match self.tree.connect(&self.search, goal) {
+            Some(node) => self.tree.path_to(node),
+            None => self.grow_to(goal, rng)?,
+        };
+        Some(self.search.shorten(polyline, rng))
+    }
+
+    fn grow_to(&mut self, goal: &Configuration, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
+        let known = std::mem::take(&mut self.tree);
+        let mut trees = [known, Tree::rooted(&[*goal])];
+        let found = self.search.grow(&mut trees, rng);
+        let [known, _] = trees;
+        self.tree = known;
+        found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::path::straight_path;
+    use crate::rrt_connect::RrtSettings;
+    use crate::scenes::unit_robot;
+    use collision::{Ball, Scene};
+    use pcc_model::Point;
+    use rand::SeedableRng;
+
+    fn scene() -> Scene {
+        let ball = Ball {
+            centre: Point::new(0.9, 0.0, 2.2),
+            radius: 0.25,
+        };
+        Scene::new(vec![ball]).unwrap()
+    }
+
+    #[test]
+    fn a_goal_beside_a_known_motion_is_reached_without_a_sample() {
+        let (robot, scene) = (unit_robot(), scene());
+        let settings = RrtSettings {
+            samples: 0,
+            ..RrtSettings::default()
+        };
+        let search = || Search {
+            robot: &robot,
+            scene: &scene,
+            settings: &settings,
+            interrupt: &|| false,
+        };
+        let bent = |x: f64, y: f64| Configuration::from_column_slice(&[x, y, x, y, x, y]);
+        let (start, above, goal) = (bent(-0.5, 0.0), bent(0.0, 0.5), bent(0.5, 0.0));
+        let mut rng = Pcg64::seed_from_u64(1);
+        let mut ways = KnownWays::from(&start, search());
+        assert_eq!(ways.reach(&goal, &mut rng), None, "the ball is in the way");
+        let mut way = straight_path(&start, &above);
+        way.extend(straight_path(&above, &bent(0.4, 0.1)).into_iter().skip(1));
+        ways.add(&way);
+        let found = ways.reach(&goal, &mut rng).unwrap();
+        assert_eq!([found[0], found[found.len() - 1]], [start, goal]);
+        assert!(
+            found
+                .windows(2)
+                .all(|w| search().edge_is_free(&w[0], &w[1]))
+        );
+    }
+}
