@@ -1,17 +1,20 @@
 //! Sixteen values at a time, for element-wise work.
 #![allow(unsafe_code)] // vector instructions
 
+use crate::simd::Plain;
 #[cfg(target_arch = "x86_64")]
 use crate::simd::{Avx2, Avx512};
-use crate::simd::{Level, Plain};
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
 
 /// Values handled together.
 pub(crate) const LANES: usize = 16;
 
-/// Element-wise arithmetic of a [`Level`].
-pub(crate) trait Lanes: Level {
+/// Element-wise arithmetic of a level.
+///
+/// Only [`dispatch`](crate::simd::dispatch) hands out levels, after it detected their features; that is what makes
+/// their methods sound.
+pub(crate) trait Lanes {
     /// [`LANES`] values in registers.
     type Values: Copy;
     fn get(values: &[f32; LANES]) -> Self::Values;

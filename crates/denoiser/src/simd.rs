@@ -12,132 +12,38 @@ use std::sync::LazyLock;
 /// Values handled together: two AVX-512 registers.
 pub(crate) const PANEL: usize = 32;
 
-/// What a kernel may use of the processor it runs on.
-///
-/// Only [`dispatch`] hands out levels, after it detected their features; that is what makes their methods sound.
-pub(crate) trait Level {
-    /// Panels of sums that fit the registers together.
-    const ROWS: usize;
-    /// [`PANEL`] values in registers.
-    type Panel: Copy;
-    fn load(values: &[f32; PANEL]) -> Self::Panel;
-    fn store(panel: Self::Panel) -> [f32; PANEL];
-    /// sums + value · weights.
-    fn add_scaled(sums: Self::Panel, value: f32, weights: Self::Panel) -> Self::Panel;
-}
-
 /// No vector extension.
 pub(crate) struct Plain;
-
-impl Level for Plain {
-    const ROWS: usize = 1;
-    type Panel = [f32; PANEL];
-
-    #[inline(always)]
-    fn load(values: &[f32; PANEL]) -> Self::Panel {
-        *values
-    }
-
-    #[inline(always)]
-    fn store(panel: Self::Panel) -> [f32; PANEL] {
-        panel
-    }
-
-    #[inline(always)]
-    fn add_scaled(mut sums: Self::Panel, value: f32, weights: Self::Panel) -> Self::Panel {
-        for (sum, weight) in sums.iter_mut().zip(weights) {
-            *sum += value * weight;
-        }
-        sums
-    }
-}
 
 /// AVX2 and FMA.
 #[cfg(target_arch = "x86_64")]
 pub(crate) struct Avx2;
 
-#[cfg(target_arch = "x86_64")]
-impl Level for Avx2 {
-    const ROWS: usize = 2;
-    type Panel = [__m256; 4];
-
-    #[inline(always)]
-    fn load(values: &[f32; PANEL]) -> Self::Panel {
-        // SAFETY: AVX2 was detected; each load reads 8 of the 32 values.
-        [0, 8, 16, 24].map(|first| unsafe { _mm256_loadu_ps(values.as_ptr().add(first)) })
-    }
-
-    #[inline(always)]
-    fn store(panel: Self::Panel) -> [f32; PANEL] {
-        let mut out = [0.0; PANEL];
-        for (chunk, register) in out.as_chunks_mut::<8>().0.iter_mut().zip(panel) {
-            // SAFETY: AVX2 was detected; the chunk has 8 values.
-            unsafe { _mm256_storeu_ps(chunk.as_mut_ptr(), register) };
-        }
-        out
-    }
-
-    #[inline(always)]
-    fn add_scaled(sums: Self::Panel, value: f32, weights: Self::Panel) -> Self::Panel {
-        // SAFETY: AVX2 and FMA were detected.
-        std::array::from_fn(|i| unsafe {
-            _mm256_fmadd_ps(_mm256_set1_ps(value), weights[i], sums[i])
-        })
-    }
-}
-
 /// AVX-512 F, VL, DQ and BW.
 #[cfg(target_arch = "x86_64")]
 pub(crate) struct Avx512;
-
-#[cfg(target_arch = "x86_64")]
-impl Level for Avx512 {
-    const ROWS: usize = 12;
-    type Panel = [__m512; 2];
-
-    #[inline(always)]
-    fn load(values: &[f32; PANEL]) -> Self::Panel {
-        // SAFETY: AVX-512 was detected; each load reads 16 of the 32 values.
-        [0, 16].map(|first| unsafe { _mm512_loadu_ps(values.as_ptr().add(first)) })
-    }
-
-    #[inline(always)]
-    fn store(panel: Self::Panel) -> [f32; PANEL] {
-        let mut out = [0.0; PANEL];
-        for (chunk, register) in out.as_chunks_mut::<16>().0.iter_mut().zip(panel) {
-            // SAFETY: AVX-512 was detected; the chunk has 16 values.
-            unsafe { _mm512_storeu_ps(chunk.as_mut_ptr(), register) };
-        }
-        out
-    }
-
-    #[inline(always)]
-    fn add_scaled(sums: Self::Panel, value: f32, weights: Self::Panel) -> Self::Panel {
-        // SAFETY: AVX-512 was detected.
-        std::array::from_fn(|i| unsafe {
-            _mm512_fmadd_ps(_mm512_set1_ps(value), weights[i], sums[i])
-        })
-    }
-}
 
 /// A level that this processor has: only this module makes one, after it detected the features.
 #[derive(Clone, Copy)]
 pub(crate) struct Detected(Features);
 
+/// What a level may use of the processor.
 #[derive(Clone, Copy)]
-enum Features {
+pub(crate) enum Features {
+    /// AVX-512 F, VL, DQ, BW, AVX2 and FMA.
     #[cfg(target_arch = "x86_64")]
     Avx512,
+    /// AVX2 and FMA.
     #[cfg(target_arch = "x86_64")]
     Avx2,
+    /// No vector extension.
     Plain,
 }
 
-#[cfg(target_arch = "x86_64")]
 impl Detected {
-    /// AVX-512 F, VL, DQ, BW, AVX2 and FMA were detected.
-    pub(crate) fn has_avx512(self) -> bool {
-        matches!(self.0, Features::Avx512)
+    /// What was detected.
+    pub(crate) fn features(self) -> Features {
+        self.0
     }
 }
 

@@ -6,6 +6,8 @@
 //! so a row's result does not depend, bit for bit, on the rows beside it or on their number.
 
 mod brain;
+#[cfg(target_arch = "x86_64")]
+mod narrow;
 mod single;
 #[cfg(test)]
 mod tests;
@@ -16,7 +18,7 @@ mod vectors;
 #[cfg(target_arch = "x86_64")]
 mod wide;
 
-use crate::simd::PANEL;
+use crate::simd::{PANEL, detected};
 use brain::BrainPanels;
 pub use brain::{Brain, BrainBuffer, Unit, padded};
 use single::SinglePanels;
@@ -128,6 +130,24 @@ impl Batch {
         }
     }
 
+    /// Where rows start; those of a candidate follow those of the candidate before.
+    #[cfg(target_arch = "x86_64")]
+    #[inline]
+    fn starts<const N: usize>(self, first: usize) -> [Start; N] {
+        let Self { rows, from, to, .. } = self;
+        let (mut candidate, mut row) = (first / rows, first % rows);
+        let mut starts = [Start::default(); N];
+        for start in &mut starts {
+            start.from = candidate * from.candidate + row * from.row;
+            start.to = candidate * to.candidate + row * to.row;
+            row += 1;
+            if row == rows {
+                (candidate, row) = (candidate + 1, 0);
+            }
+        }
+        starts
+    }
+
     /// One past the last value that rows of this width reach.
     fn end(&self, strides: Strides, width: usize) -> usize {
         if self.candidates == 0 || self.rows == 0 {
@@ -137,6 +157,14 @@ impl Batch {
         let row = (self.rows - 1).saturating_mul(strides.row);
         candidate.saturating_add(row).saturating_add(width)
     }
+}
+
+/// Where a row starts in both buffers.
+#[cfg(target_arch = "x86_64")]
+#[derive(Clone, Copy, Default)]
+struct Start {
+    from: usize,
+    to: usize,
 }
 
 /// The factors x of a product, which decide its precision.
@@ -288,7 +316,7 @@ impl Packed {
             inputs,
             outputs,
             bias: bias.collect(),
-            single: SinglePanels::new(weight, outputs),
+            single: SinglePanels::new(detected(), weight, outputs),
             brain: OnceLock::new(),
         }
     }

@@ -1,108 +1,81 @@
 //! f32 products.
 #![allow(unsafe_code)] // calling what is compiled for features that were detected
 
+use super::{Job, PANEL};
 #[cfg(target_arch = "x86_64")]
-use super::wide;
-use super::{Block, Job};
+use super::{narrow, wide};
 use crate::paged::Paged;
-use crate::simd::{Detected, Kernel, Level, PANEL, detected, run_at};
+use crate::simd::{Detected, Features};
 
-/// The weights of one input for the outputs of one panel, on cache lines of its own.
+/// The weights of one input for as many outputs as a panel has, on cache lines of its own.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
 pub(super) struct Weights(pub(super) [f32; PANEL]);
 
-/// A matrix packed as `[panel][input][output in panel]`.
+/// A matrix packed as `[part of a panel][input][output in part]`, for the products of one level.
 pub(super) struct SinglePanels {
+    level: Detected,
     inputs: usize,
     weights: Paged<Weights>,
 }
 
 impl SinglePanels {
     /// Packs a row-major matrix (outputs × inputs).
-    pub(super) fn new(weight: &[f32], outputs: usize) -> Self {
+    pub(super) fn new(level: Detected, weight: &[f32], outputs: usize) -> Self {
         let inputs = weight.len() / outputs;
         let count = outputs.div_ceil(PANEL) * inputs;
-        let mut weights = Paged::filled(Weights([0.0; PANEL]), count);
+        let mut panels = Self {
+            level,
+            inputs,
+            weights: Paged::filled(Weights([0.0; PANEL]), count),
+        };
         for output in 0..outputs {
             for input in 0..inputs {
-                weights[output / PANEL * inputs + input].0[output % PANEL] =
-                    weight[output * inputs + input];
+                let place = panels.place(output, input);
+                panels.weights[place / PANEL].0[place % PANEL] = weight[output * inputs + input];
             }
         }
-        Self { inputs, weights }
+        panels
     }
 
     /// The weight of an input for an output.
     pub(super) fn weight(&self, output: usize, input: usize) -> f32 {
-        self.weights[output / PANEL * self.inputs + input].0[output % PANEL]
+        let place = self.place(output, input);
+        self.weights[place / PANEL].0[place % PANEL]
+    }
+
+    /// Where the weight of an input for an output lies.
+    fn place(&self, output: usize, input: usize) -> usize {
+        let part = match self.level.features() {
+            #[cfg(target_arch = "x86_64")]
+            Features::Avx2 => narrow::HALF,
+            _ => PANEL,
+        };
+        (output / part * self.inputs + input) * part + output % part
     }
 
     pub(super) fn multiply(&self, job: Job<'_, f32>) {
-        self.multiply_at(detected(), job);
-    }
-
-    /// Computes at a level that was detected.
-    pub(super) fn multiply_at(&self, level: Detected, job: Job<'_, f32>) {
-        #[cfg(target_arch = "x86_64")]
-        if level.has_avx512() {
+        match self.level.features() {
+            #[cfg(target_arch = "x86_64")]
             // SAFETY: its features were detected.
-            unsafe { wide::multiply(&self.weights, self.inputs, job) };
-            return;
-        }
-        run_at(level, Product { panels: self, job });
-    }
-}
-
-struct Product<'a> {
-    panels: &'a SinglePanels,
-    job: Job<'a, f32>,
-}
-
-impl Kernel for Product<'_> {
-    #[inline(always)]
-    fn run<L: Level>(mut self) {
-        for block in self.job.blocks(L::ROWS) {
-            self.rows::<L>(block);
-        }
-    }
-}
-
-impl Product<'_> {
-    /// Some rows, at most `L::ROWS`, times one panel.
-    #[inline(always)]
-    fn rows<L: Level>(&mut self, block: Block) {
-        match block.rows {
-            1 => self.block::<1, L>(block),
-            2 => self.block::<2, L>(block),
-            3 => self.block::<3, L>(block),
-            4 => self.block::<4, L>(block),
-            5 if L::ROWS >= 5 => self.block::<5, L>(block),
-            6 if L::ROWS >= 6 => self.block::<6, L>(block),
-            7 if L::ROWS >= 7 => self.block::<7, L>(block),
-            8 if L::ROWS >= 8 => self.block::<8, L>(block),
-            9 if L::ROWS >= 9 => self.block::<9, L>(block),
-            10 if L::ROWS >= 10 => self.block::<10, L>(block),
-            11 if L::ROWS >= 11 => self.block::<11, L>(block),
-            12 if L::ROWS >= 12 => self.block::<12, L>(block),
-            count => unreachable!("a block has 1 to {} rows, not {count}", L::ROWS),
+            Features::Avx512 => unsafe { wide::multiply(&self.weights, self.inputs, job) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: its features were detected.
+            Features::Avx2 => unsafe { narrow::multiply(&self.weights, self.inputs, job) },
+            Features::Plain => self.multiply_plainly(job),
         }
     }
 
-    #[inline(always)]
-    fn block<const N: usize, L: Level>(&mut self, block: Block) {
-        let inputs = self.panels.inputs;
-        let weights = &self.panels.weights[block.panel * inputs..][..inputs];
-        let rows: [&[f32]; N] = std::array::from_fn(|r| self.job.input(block, r));
-        let mut sums = [L::load(&[0.0; PANEL]); N];
-        for (k, weights) in weights.iter().enumerate() {
-            let weights = L::load(&weights.0);
-            for (sum, row) in sums.iter_mut().zip(&rows) {
-                *sum = L::add_scaled(*sum, row[k], weights);
+    /// Computes without vector extensions.
+    fn multiply_plainly(&self, mut job: Job<'_, f32>) {
+        for block in job.blocks(1) {
+            let weights = &self.weights[block.panel * self.inputs..][..self.inputs];
+            let mut sums = [0.0; PANEL];
+            for (Weights(weights), x) in weights.iter().zip(job.input(block, 0)) {
+                let sums = sums.iter_mut().zip(weights);
+                sums.for_each(|(sum, weight)| *sum += x * weight);
             }
-        }
-        for (r, sum) in sums.into_iter().enumerate() {
-            self.job.finish(block, r, &L::store(sum));
+            job.finish(block, 0, &sums);
         }
     }
 }

@@ -83,10 +83,9 @@ impl Case {
         let before = vec![BEFORE; self.batch.end(self.batch.to, self.packed.outputs())];
         let single = detected_levels().into_iter().map(|level| {
             let mut out = before.clone();
-            let job = self
-                .packed
-                .job(&self.x, self.packed.inputs, &mut out, self.batch, store);
-            self.packed.single.multiply_at(level, job);
+            let packed = &self.packed;
+            let job = packed.job(&self.x, packed.inputs, &mut out, self.batch, store);
+            SinglePanels::new(level, &self.weight, packed.outputs).multiply(job);
             ("single", out)
         });
         let brain = Unit::detected().iter().map(|unit| {

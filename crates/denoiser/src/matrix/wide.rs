@@ -6,7 +6,7 @@
 #![allow(unsafe_code)] // loads from slices into vector registers
 
 use super::single::Weights;
-use super::{Batch, Bias, Job, PANEL, Store};
+use super::{Bias, Job, PANEL, Store};
 use std::arch::x86_64::*;
 
 /// Rows that fit the registers together with their weights.
@@ -63,7 +63,7 @@ fn multiply_rows<const N: usize>(
     panel: usize,
     first: usize,
 ) {
-    let starts = starts::<N>(job.batch, first);
+    let starts = job.batch.starts::<N>(first);
     let mut x = [job.x.as_ptr(); N];
     for (x, start) in x.iter_mut().zip(&starts) {
         *x = job.x[start.from..][..weights.len()].as_ptr();
@@ -76,30 +76,6 @@ fn multiply_rows<const N: usize>(
         let target = &mut job.out[start.to + columns.start..][..columns.len()];
         finish(target, *sums, bias, job.store);
     }
-}
-
-/// Where a row starts in both buffers.
-#[derive(Clone, Copy, Default)]
-struct Start {
-    from: usize,
-    to: usize,
-}
-
-/// Where rows start; those of a candidate follow those of the candidate before.
-#[inline]
-fn starts<const N: usize>(batch: Batch, first: usize) -> [Start; N] {
-    let Batch { rows, from, to, .. } = batch;
-    let (mut candidate, mut row) = (first / rows, first % rows);
-    let mut starts = [Start::default(); N];
-    for start in &mut starts {
-        start.from = candidate * from.candidate + row * from.row;
-        start.to = candidate * to.candidate + row * to.row;
-        row += 1;
-        if row == rows {
-            (candidate, row) = (candidate + 1, 0);
-        }
-    }
-    starts
 }
 
 /// Each sum is one chain over the inputs in order.
