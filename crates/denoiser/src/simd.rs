@@ -9,9 +9,6 @@ use crate::lanes::Lanes;
 use std::arch::x86_64::*;
 use std::sync::LazyLock;
 
-/// Values handled together: two AVX-512 registers.
-pub(crate) const PANEL: usize = 32;
-
 /// No vector extension.
 pub(crate) struct Plain;
 

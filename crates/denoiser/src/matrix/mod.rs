@@ -18,7 +18,7 @@ mod vectors;
 #[cfg(target_arch = "x86_64")]
 mod wide;
 
-use crate::simd::{PANEL, detected};
+use crate::simd::detected;
 use brain::BrainPanels;
 pub use brain::{Brain, BrainBuffer, Unit, padded};
 use single::SinglePanels;
@@ -27,6 +27,9 @@ use std::ops::Range;
 use std::str::FromStr;
 use std::sync::OnceLock;
 use thiserror::Error;
+
+/// Outputs whose weights are packed together: two AVX-512 registers.
+const PANEL: usize = 32;
 
 /// The number format of the factors of a product; sums are always f32.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

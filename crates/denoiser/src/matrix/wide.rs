@@ -1,8 +1,8 @@
 //! f32 products with AVX-512.
 //!
-//! As the general kernel, but written out so that all sums stay in registers: blocks of rows cross from one candidate
-//! to the next, eight inputs are multiplied between two computations of addresses, and the next panel's weights are
-//! asked for while the rows go through this one's.
+//! All sums of a block of rows stay in registers, and blocks cross from one candidate to the next. Eight inputs are
+//! multiplied between two computations of addresses, and the next panel's weights are asked for while the rows go
+//! through this one's.
 #![allow(unsafe_code)] // loads from slices into vector registers
 
 use super::single::Weights;
