@@ -12,6 +12,7 @@ mod robot;
 mod robot_file;
 mod section;
 mod tendons;
+mod tips;
 
 pub use arc::Nearest;
 pub use backbone::{Backbone, Pose};

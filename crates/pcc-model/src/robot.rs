@@ -1,6 +1,7 @@
 //! The robot: lengths, limits, tendons.
 
 use crate::tendons::{Tendon, TendonMap};
+use crate::tips::tips_of;
 use crate::{Backbone, Configuration, Point, SECTIONS};
 
 /// Limits of every tendon's motion, in the length unit of the robot.
@@ -44,6 +45,12 @@ impl Robot {
     #[must_use]
     pub fn tip(&self, shape: &Configuration) -> Point {
         Backbone::tip_of(&self.section_lengths, shape)
+    }
+
+    /// Positions of the tips of many configurations, base frame; cheaper together than one by one.
+    #[must_use]
+    pub fn tips(&self, shapes: &[Configuration]) -> Vec<Point> {
+        tips_of(&self.section_lengths, shapes)
     }
 
     /// The length of the sections, if all three have the same (to 1e-9 of it).

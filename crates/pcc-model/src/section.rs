@@ -38,6 +38,25 @@ fn half_sinc_and_cosine(h2: f64) -> [f64; 2] {
     }
 }
 
+/// The same for several h² together.
+#[inline(always)]
+pub(crate) fn half_sincs_and_cosines<const N: usize>(h2: &[f64; N]) -> [[f64; N]; 2] {
+    if h2.iter().all(|&h2| h2 < SUMMED_BELOW) {
+        SERIES.map(|terms| {
+            let mut sums = [0.0; N];
+            for term in terms.iter().rev() {
+                for (sum, h2) in sums.iter_mut().zip(h2) {
+                    *sum = term - h2 * *sum;
+                }
+            }
+            sums
+        })
+    } else {
+        let each = h2.map(half_sinc_and_cosine);
+        [each.map(|[sinc, _]| sinc), each.map(|[_, cosine]| cosine)]
+    }
+}
+
 /// The part of a section between its base and a fraction of it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arc {

@@ -79,6 +79,22 @@ fn frames_are_products_of_exponentials() {
 }
 
 #[test]
+fn tips_together_are_those_one_by_one() {
+    let (robot, mut random) = (uneven_robot(), random(3));
+    for count in 0..200 {
+        let mut shapes: Vec<_> = (0..count).map(|_| any_shape(&mut random)).collect();
+        if let Some(first) = shapes.first_mut() {
+            *first = Configuration::zeros();
+        }
+        let tips = robot.tips(&shapes);
+        assert_eq!(tips.len(), shapes.len());
+        for (tip, shape) in tips.iter().zip(&shapes) {
+            assert!((tip - robot.tip(shape)).amax() < 1e-14);
+        }
+    }
+}
+
+#[test]
 fn straight_robot_stands_on_the_z_axis() {
     let backbone = uneven_robot().backbone(&Configuration::zeros());
     assert_eq!(backbone.tip(), Point::new(0.0, 0.0, 3.0));

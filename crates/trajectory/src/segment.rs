@@ -62,7 +62,17 @@ impl QuinticSegment {
     /// The position alone, `time` seconds after the segment's start; `time` is clamped to the segment.
     pub fn position(&self, time: f64) -> Configuration {
         let u = (time / self.duration).clamp(0.0, 1.0);
-        blend(&self.control, &bernstein::<6>(u))
+        let (v, uu) = (1.0 - u, u * u);
+        let vv = v * v;
+        let weights = [
+            vv * vv * v,
+            5.0 * vv * vv * u,
+            10.0 * vv * v * uu,
+            10.0 * vv * uu * u,
+            5.0 * v * uu * uu,
+            uu * uu * u,
+        ];
+        blend(&self.control, &weights)
     }
 
     /// The first and the second half of the segment (de Casteljau), each of half the duration.
