@@ -36,9 +36,12 @@ impl LimitUse {
     /// The factor by which all times must grow to bring every ratio to at most 1: a velocity falls with the
     /// factor, an acceleration with its square, a jerk with its cube. Below 1 there is room to go faster.
     pub fn time_scale(&self) -> f64 {
-        self.velocity
-            .max(self.acceleration.sqrt())
-            .max(self.jerk.cbrt())
+        let most = self.velocity.max(self.acceleration.sqrt());
+        if self.jerk > most * most * most {
+            self.jerk.cbrt()
+        } else {
+            most
+        }
     }
 }
 
@@ -121,10 +124,14 @@ pub(crate) fn time_scale_bounds(
     for (from, to) in from.iter().zip(to) {
         let control = ControlLanes::between(from, to, duration);
         let bounds = control.bounds();
-        if bounds[0] > limits.velocity || bounds[1] > limits.acceleration || bounds[2] > limits.jerk
-        {
+        let exceeds = [
+            bounds[0] > limits.velocity,
+            bounds[1] > limits.acceleration,
+            bounds[2] > limits.jerk,
+        ];
+        if exceeds.contains(&true) {
             raise_each(&mut most, bounds);
-            raise_each(&mut least, control.sampled());
+            raise_each(&mut least, control.sampled(exceeds));
         }
     }
     let scale = |values: [f64; 3]| {

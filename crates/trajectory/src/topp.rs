@@ -9,7 +9,7 @@
 use crate::spline::Spline;
 use crate::tendon::{LANES, TendonRows, combined, largest_lane, raise_to_magnitude};
 use crate::tendon_path::{Derivatives, PieceWeights, TendonPath, largest_slope};
-use interval::{IntervalLimits, Polygon, ROUNDING, largest_second, trades_speeds};
+use interval::{Interval, Polygon, ROUNDING, largest_second, trades_speeds};
 use pcc_model::TendonLimits;
 
 mod interval;
@@ -47,8 +47,6 @@ pub(crate) struct SpeedProfile {
     refined: Vec<GridPoint>,
     /// Derivatives of each grid point, block by block.
     derivatives: Vec<Derivatives>,
-    /// Limits of each interval, block by block.
-    limits: Vec<IntervalLimits>,
     /// The largest |l′| ÷ the acceleration limit at each grid point.
     steepness: Vec<f64>,
     speed_cap: Vec<f64>,
@@ -127,12 +125,11 @@ impl SpeedProfile {
         });
     }
 
-    /// Derivatives and the largest x at each grid point, and the limits of each interval.
+    /// Derivatives and the largest x at each grid point.
     fn project(&mut self, spline: &Spline, largest_speed: f64) {
         self.derivatives.clear();
         self.steepness.clear();
         self.speed_cap.clear();
-        self.limits.clear();
         for place in &self.grid {
             let at = self.derivatives.len();
             let weights = PieceWeights::at(spline, *place);
@@ -143,14 +140,6 @@ impl SpeedProfile {
             self.steepness.push(steepness);
             let speed = largest_speed / steepness;
             self.speed_cap.push((speed * speed).min(UNBOUNDED));
-        }
-        let blocks = self.path.blocks;
-        for (i, pair) in self.grid.windows(2).enumerate() {
-            let half = 0.5 / (pair[1].parameter - pair[0].parameter);
-            let (here, next) = self.derivatives[i * blocks..(i + 2) * blocks].split_at(blocks);
-            for (from, to) in here.iter().zip(next) {
-                self.limits.push(IntervalLimits::between(from, to, half));
-            }
         }
     }
 
@@ -173,8 +162,12 @@ impl SpeedProfile {
         }
     }
 
-    fn interval_limits(&self, i: usize) -> &[IntervalLimits] {
-        &self.limits[i * self.path.blocks..(i + 1) * self.path.blocks]
+    fn interval(&self, i: usize) -> Interval<'_> {
+        Interval {
+            from: self.derivatives(i),
+            to: self.derivatives(i + 1),
+            half: 0.5 / (self.grid[i + 1].parameter - self.grid[i].parameter),
+        }
     }
 
     /// The intervals of x from which the end can be reached ("controllable sets").
@@ -189,8 +182,9 @@ impl SpeedProfile {
         }
         let mut polygon = std::mem::take(&mut self.polygon);
         for i in (0..count - 1).rev() {
-            let limits = self.interval_limits(i);
-            let reachable = polygon.first_range(self.speed_cap[i], self.reachable[i + 1], limits);
+            let interval = self.interval(i);
+            let next = self.reachable[i + 1];
+            let reachable = polygon.first_range(self.speed_cap[i], next, &interval);
             let Some(reachable) = reachable else {
                 break;
             };
@@ -216,10 +210,13 @@ impl SpeedProfile {
         let mut x = start;
         for i in 0..self.grid.len() - 1 {
             let [low, high] = self.reachable[i + 1];
+            let interval = self.interval(i);
             // `low` wins over rounding: it is reachable from every x of the controllable set.
-            x = largest_second(self.interval_limits(i), x)
-                .min(high)
-                .max(low);
+            x = if interval.allows([x, high]) {
+                high
+            } else {
+                largest_second(&interval, x).min(high).max(low)
+            };
             self.square_speed.push(x);
         }
         Ok(())
@@ -251,7 +248,7 @@ impl SpeedProfile {
             let is_inside = middle.parameter - quarter > from.parameter
                 && middle.parameter + quarter < to.parameter;
             let ends = [self.square_speed[i], self.square_speed[i + 1]];
-            let trades = trades_speeds(self.interval_limits(i), &ends);
+            let trades = trades_speeds(&self.interval(i), ends);
             let parts = if trades {
                 PARTS_WHERE_TRADED
             } else if most > 1.0 + EXCESS_TOLERANCE {

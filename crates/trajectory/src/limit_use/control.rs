@@ -49,21 +49,32 @@ impl ControlLanes {
     }
 
     /// The largest magnitude of velocity and acceleration at the segment's ends and [`SAMPLES`] places between, and
-    /// of jerk exactly.
+    /// of jerk exactly; of those `wanted`, else 0.
     #[inline(always)]
-    pub(super) fn sampled(&self) -> [f64; 3] {
-        let (mut velocity, mut acceleration, mut jerk) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
-        for (quartic, cubic) in QUARTIC_WEIGHTS.iter().zip(&CUBIC_WEIGHTS) {
-            raise_to_magnitude(&mut velocity, &weighted(&self.velocity, quartic));
-            raise_to_magnitude(&mut acceleration, &weighted(&self.acceleration, cubic));
-        }
-        for end in [0, 1] {
-            raise_to_magnitude(&mut velocity, &self.velocity[4 * end]);
-            raise_to_magnitude(&mut acceleration, &self.acceleration[3 * end]);
-            raise_to_magnitude(&mut jerk, &self.jerk[2 * end]);
-        }
-        raise_to_magnitude(&mut jerk, &turns_of_quadratics(&self.jerk));
-        [velocity, acceleration, jerk].map(|lanes| largest_lane(&lanes))
+    pub(super) fn sampled(&self, wanted: [bool; 3]) -> [f64; 3] {
+        let [velocity, acceleration, jerk] = wanted;
+        [
+            if velocity {
+                largest_sample(&self.velocity, &QUARTIC_WEIGHTS)
+            } else {
+                0.0
+            },
+            if acceleration {
+                largest_sample(&self.acceleration, &CUBIC_WEIGHTS)
+            } else {
+                0.0
+            },
+            if jerk { self.largest_jerk() } else { 0.0 },
+        ]
+    }
+
+    #[inline(always)]
+    fn largest_jerk(&self) -> f64 {
+        let mut most = [0.0; LANES];
+        raise_to_magnitude(&mut most, &turns_of_quadratics(&self.jerk));
+        raise_to_magnitude(&mut most, &self.jerk[0]);
+        raise_to_magnitude(&mut most, &self.jerk[2]);
+        largest_lane(&most)
     }
 
     /// The largest magnitude of a control value of each derivative.
@@ -129,6 +140,18 @@ impl TendonKnot {
             acceleration: block.times(&knot.acceleration),
         }
     }
+}
+
+/// The largest magnitude at the ends and the places between that the weights are for.
+#[inline(always)]
+fn largest_sample<const N: usize>(control: &[Lanes; N], weights: &[[f64; N]; SAMPLES]) -> f64 {
+    let mut most = [0.0; LANES];
+    for weights in weights {
+        raise_to_magnitude(&mut most, &weighted(control, weights));
+    }
+    raise_to_magnitude(&mut most, &control[0]);
+    raise_to_magnitude(&mut most, &control[N - 1]);
+    largest_lane(&most)
 }
 
 #[inline(always)]

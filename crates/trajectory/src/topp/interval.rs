@@ -6,29 +6,60 @@
 use crate::tendon::{LANES, Lanes, combined, lanes, largest_lane, raise_to_magnitude};
 use crate::tendon_path::Derivatives;
 
-/// Factors of (x_i, x_{i+1}) for four tendons at the start and at the end of an interval: products are within ±1.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct IntervalLimits([[Lanes; 2]; 2]);
+/// The limits of one interval, from the derivatives at both of its ends.
+#[derive(Clone, Copy)]
+pub(super) struct Interval<'a> {
+    pub(super) from: &'a [Derivatives],
+    pub(super) to: &'a [Derivatives],
+    /// 1 ÷ (2 × the interval's length): u is (x_{i+1} − x_i) × `half`.
+    pub(super) half: f64,
+}
 
-impl IntervalLimits {
-    /// `half` is 1 ÷ (2 × the interval's length): u is (x_{i+1} − x_i) × `half`.
+impl Interval<'_> {
+    /// What a pair uses of each limit at the start and at the end, block by block: kept within ±1.
     #[inline(always)]
-    pub(super) fn between(from: &Derivatives, to: &Derivatives, half: f64) -> Self {
-        Self([
+    fn uses(&self, [first, second]: [f64; 2]) -> impl Iterator<Item = [Lanes; 2]> + '_ {
+        let u = (second - first) * self.half;
+        self.from.iter().zip(self.to).map(move |(from, to)| {
             [
-                lanes(|lane| from.bend[lane] - from.slope[lane] * half),
-                lanes(|lane| from.slope[lane] * half),
-            ],
-            [
-                lanes(|lane| -to.slope[lane] * half),
-                lanes(|lane| to.bend[lane] + to.slope[lane] * half),
-            ],
-        ])
+                combined(&from.slope, u, &from.bend, first),
+                combined(&to.slope, u, &to.bend, second),
+            ]
+        })
     }
 
+    /// Factors of (x_i, x_{i+1}) that make the uses, at the start and at the end, block by block.
     #[inline(always)]
-    fn normals(&self) -> &[[Lanes; 2]; 2] {
-        &self.0
+    fn normals(&self) -> impl Iterator<Item = [[Lanes; 2]; 2]> + '_ {
+        let half = self.half;
+        self.from.iter().zip(self.to).map(move |(from, to)| {
+            let before = lanes(|lane| from.slope[lane] * half);
+            let after = lanes(|lane| to.slope[lane] * half);
+            [
+                [lanes(|lane| from.bend[lane] - before[lane]), before],
+                [
+                    lanes(|lane| -after[lane]),
+                    lanes(|lane| to.bend[lane] + after[lane]),
+                ],
+            ]
+        })
+    }
+
+    /// The largest part of a limit that a pair uses.
+    #[inline(always)]
+    fn largest_use(&self, pair: [f64; 2]) -> f64 {
+        let mut most = [0.0; LANES];
+        for [start, end] in self.uses(pair) {
+            raise_to_magnitude(&mut most, &start);
+            raise_to_magnitude(&mut most, &end);
+        }
+        largest_lane(&most)
+    }
+
+    /// Whether a pair keeps all limits.
+    #[inline(always)]
+    pub(super) fn allows(&self, pair: [f64; 2]) -> bool {
+        self.largest_use(pair) <= 1.0
     }
 }
 
@@ -57,18 +88,18 @@ impl Polygon {
         &mut self,
         cap: f64,
         next: [f64; 2],
-        limits: &[IntervalLimits],
+        interval: &Interval<'_>,
     ) -> Option<[f64; 2]> {
         let [low, high] = next;
         self.corners.clear();
         self.corners
             .extend([[cap, high], [cap, low], [0.0, low], [0.0, high]]);
-        let largest = self.extreme(limits, |corner| corner[0])?;
+        let largest = self.extreme(interval, |corner| corner[0])?;
         // Where standing still is allowed, so is x_i = 0.
         let least = if low == 0.0 {
             0.0
         } else {
-            -self.extreme(limits, |corner| -corner[0])?
+            -self.extreme(interval, |corner| -corner[0])?
         };
         Some([least, largest.max(least)])
     }
@@ -76,11 +107,11 @@ impl Polygon {
     /// The largest `value` of a pair within all limits.
     fn extreme(
         &mut self,
-        limits: &[IntervalLimits],
+        interval: &Interval<'_>,
         value: impl Fn(&[f64; 2]) -> f64,
     ) -> Option<f64> {
         // Each strip cuts at most twice, but for rounding.
-        for _ in 0..4 * LANES * limits.len() + 8 {
+        for _ in 0..4 * LANES * interval.from.len() + 8 {
             let corner = self.corners.iter().copied().reduce(|best, corner| {
                 if value(&corner) > value(&best) {
                     corner
@@ -88,7 +119,7 @@ impl Polygon {
                     best
                 }
             })?;
-            let Some(side) = most_exceeded(limits, &corner) else {
+            let Some(side) = most_exceeded(interval, corner) else {
                 return Some(value(&corner));
             };
             self.clip(&side);
@@ -123,21 +154,18 @@ impl Polygon {
 
 /// The factors of the limit that a pair exceeds most, signed so that their product is above 1.
 #[inline(always)]
-fn most_exceeded(limits: &[IntervalLimits], pair: &[f64; 2]) -> Option<[f64; 2]> {
-    let mut most = [0.0; LANES];
-    for [first, second] in limits.iter().flat_map(IntervalLimits::normals) {
-        raise_to_magnitude(&mut most, &combined(first, pair[0], second, pair[1]));
-    }
-    let largest = largest_lane(&most);
+fn most_exceeded(interval: &Interval<'_>, pair: [f64; 2]) -> Option<[f64; 2]> {
+    let largest = interval.largest_use(pair);
     if largest <= 1.0 + ROUNDING {
         return None;
     }
-    for [first, second] in limits.iter().flat_map(IntervalLimits::normals) {
-        let products = combined(first, pair[0], second, pair[1]);
-        for lane in 0..LANES {
-            if products[lane].abs() == largest {
-                let sign = products[lane].signum();
-                return Some([sign * first[lane], sign * second[lane]]);
+    for (uses, normals) in interval.uses(pair).zip(interval.normals()) {
+        for (uses, [first, second]) in uses.iter().zip(&normals) {
+            for lane in 0..LANES {
+                if uses[lane].abs() == largest {
+                    let sign = uses[lane].signum();
+                    return Some([sign * first[lane], sign * second[lane]]);
+                }
             }
         }
     }
@@ -146,18 +174,20 @@ fn most_exceeded(limits: &[IntervalLimits], pair: &[f64; 2]) -> Option<[f64; 2]>
 
 /// The largest x_{i+1} that goes with `x` at the start of an interval.
 #[inline(always)]
-pub(super) fn largest_second(limits: &[IntervalLimits], x: f64) -> f64 {
+pub(super) fn largest_second(interval: &Interval<'_>, x: f64) -> f64 {
     let mut least = [f64::INFINITY; LANES];
-    for [first, second] in limits.iter().flat_map(IntervalLimits::normals) {
-        for lane in 0..LANES {
-            let size = second[lane].abs();
-            let bound = (1.0 - first[lane] * second[lane].signum() * x) / size;
-            let bound = if size > 0.0 { bound } else { f64::INFINITY };
-            least[lane] = if bound < least[lane] {
-                bound
-            } else {
-                least[lane]
-            };
+    for normals in interval.normals() {
+        for [first, second] in &normals {
+            for lane in 0..LANES {
+                let size = second[lane].abs();
+                let bound = (1.0 - first[lane] * second[lane].signum() * x) / size;
+                let bound = if size > 0.0 { bound } else { f64::INFINITY };
+                least[lane] = if bound < least[lane] {
+                    bound
+                } else {
+                    least[lane]
+                };
+            }
         }
     }
     least.into_iter().fold(f64::INFINITY, f64::min)
@@ -165,15 +195,17 @@ pub(super) fn largest_second(limits: &[IntervalLimits], x: f64) -> f64 {
 
 /// Whether a limit that a pair uses fully allows more of either for less of the other.
 #[inline(always)]
-pub(super) fn trades_speeds(limits: &[IntervalLimits], pair: &[f64; 2]) -> bool {
+pub(super) fn trades_speeds(interval: &Interval<'_>, pair: [f64; 2]) -> bool {
     let mut most = [0.0; LANES];
-    for [first, second] in limits.iter().flat_map(IntervalLimits::normals) {
-        let products = combined(first, pair[0], second, pair[1]);
-        let trading = lanes(|i| {
-            let trades = first[i] * second[i] > LEAST_TRADE * second[i] * second[i];
-            if trades { products[i] } else { 0.0 }
-        });
-        raise_to_magnitude(&mut most, &trading);
+    for normals in interval.normals() {
+        for [first, second] in &normals {
+            let products = combined(first, pair[0], second, pair[1]);
+            let trading = lanes(|i| {
+                let trades = first[i] * second[i] > LEAST_TRADE * second[i] * second[i];
+                if trades { products[i] } else { 0.0 }
+            });
+            raise_to_magnitude(&mut most, &trading);
+        }
     }
     largest_lane(&most) > FULL_USE
 }
