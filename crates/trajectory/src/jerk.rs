@@ -214,9 +214,16 @@ impl TimedPath {
         after.clamp(1, self.piece.len()) - 1
     }
 
-    /// Position and velocity at `time`.
-    fn state(&self, time: f64) -> (Configuration, Configuration) {
-        let i = self.index(time);
+    /// The pieces that hold the start and the end of the average at `time`.
+    fn span(&self, time: f64) -> [usize; 2] {
+        let first = self.index(time - self.width);
+        let later = &self.time[first + 1..self.piece.len()];
+        let passed = later.iter().take_while(|&&start| start <= time).count();
+        [first, first + passed]
+    }
+
+    /// Position and velocity at `time` in piece `i`.
+    fn state(&self, i: usize, time: f64) -> (Configuration, Configuration) {
         let elapsed = time - self.time[i];
         (
             self.piece[i].position(elapsed),
@@ -224,10 +231,14 @@ impl TimedPath {
         )
     }
 
-    /// Position alone of [`TimedPath::averaged`]. Sums differences to a near position.
+    /// Position alone of [`TimedPath::averaged`].
     pub(crate) fn mean_position(&self, time: f64) -> Configuration {
+        self.mean_position_over(self.span(time), time)
+    }
+
+    /// Sums differences to a near position.
+    fn mean_position_over(&self, [first, last]: [usize; 2], time: f64) -> Configuration {
         let (from, to) = ((time - self.width).max(self.time[0]), time);
-        let (first, last) = (self.index(from), self.index(to));
         let reference = self.piece[first].start.position;
         let mut area = Configuration::zeros();
         for i in first..=last {
@@ -249,11 +260,12 @@ impl TimedPath {
 
     /// The averaged motion, of length duration + width, at `time`.
     pub(crate) fn averaged(&self, time: f64) -> Knot {
-        let (late_position, late_velocity) = self.state(time);
-        let (early_position, early_velocity) = self.state(time - self.width);
+        let [early, late] = self.span(time);
+        let (late_position, late_velocity) = self.state(late, time);
+        let (early_position, early_velocity) = self.state(early, time - self.width);
         Knot {
             time,
-            position: self.mean_position(time),
+            position: self.mean_position_over([early, late], time),
             velocity: (late_position - early_position) / self.width,
             acceleration: (late_velocity - early_velocity) / self.width,
         }

@@ -5,14 +5,15 @@
 //! (between, q̈ is taken as linear in time); what that misses the fit to the limits makes up for.
 
 use crate::jerk::TimedPath;
-use crate::tendon::{LANES, Lanes, combined, largest_lane, raise_to_magnitude};
+use crate::tendon::{LANES, Lanes, combined, lanes, largest_lane};
 use crate::topp::SpeedProfile;
 use pcc_model::TendonLimits;
 
 /// How many widths are tried.
 const ROUNDS: usize = 3;
 
-/// Tendon accelerations ÷ their limit at the start and the end of each piece of a motion, block by block.
+/// Tendon accelerations ÷ their limit at the start and the end of each piece of a motion, block by block; the first and
+/// the last piece are the rests before and after it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct WidthSearch {
     blocks: usize,
@@ -57,6 +58,8 @@ impl WidthSearch {
     fn collect(&mut self, profile: &SpeedProfile, motion: &TimedPath) {
         self.blocks = profile.derivatives(0).len();
         self.force.clear();
+        let rest = std::iter::repeat_n([[0.0; LANES]; 2], self.blocks);
+        self.force.extend(rest.clone());
         let squares = profile.square_speeds();
         for (i, pull) in motion.pulls().enumerate() {
             let (from, to) = (profile.derivatives(i), profile.derivatives(i + 1));
@@ -67,6 +70,7 @@ impl WidthSearch {
                 ]);
             }
         }
+        self.force.extend(rest);
     }
 
     /// The largest change of a tendon's acceleration ÷ its limit within `width` seconds.
@@ -81,35 +85,67 @@ impl WidthSearch {
             while late + 2 < times.len() && times[late + 1] < after {
                 late += 1;
             }
+            let earlier = self.at(times, early, before);
+            let later = self.at(times, late, after);
+            let (ended, begun) = (self.piece(i), self.piece(i + 1));
             for block in 0..self.blocks {
-                let earlier = self.force_at(times, early, before, block);
-                let later = self.force_at(times, late, after, block);
-                let here = [
-                    self.force_in(i.checked_sub(1), block).map(|ends| ends[1]),
-                    self.force_in((i + 1 < times.len()).then_some(i), block)
-                        .map(|ends| ends[0]),
-                ];
-                for force in here.map(Option::unwrap_or_default) {
-                    raise_to_magnitude(&mut most, &combined(&force, 1.0, &earlier, -1.0));
-                    raise_to_magnitude(&mut most, &combined(&force, 1.0, &later, -1.0));
-                }
+                let beside = range(&earlier.force(block), &later.force(block));
+                let here = range(&ended[block][1], &begun[block][0]);
+                raise(&mut most, |lane| here[1][lane] - beside[0][lane]);
+                raise(&mut most, |lane| beside[1][lane] - here[0][lane]);
             }
         }
         largest_lane(&most)
     }
 
-    fn force_in(&self, piece: Option<usize>, block: usize) -> Option<[Lanes; 2]> {
-        piece.map(|piece| self.force[piece * self.blocks + block])
+    /// A piece, counted from the rest before the motion, block by block.
+    fn piece(&self, piece: usize) -> &[[Lanes; 2]] {
+        &self.force[piece * self.blocks..(piece + 1) * self.blocks]
     }
 
-    /// At `time` in `piece`; 0 before the first and after the last.
-    fn force_at(&self, times: &[f64], piece: usize, time: f64, block: usize) -> Lanes {
+    /// At `time` in the motion's piece `piece`; a rest before the first and after the last.
+    fn at(&self, times: &[f64], piece: usize, time: f64) -> Mixture<'_> {
         let (from, to) = (times[piece], times[piece + 1]);
-        if time < from || time > to {
-            return [0.0; LANES];
-        }
         let part = (time - from) / (to - from);
-        let [first, last] = self.force[piece * self.blocks + block];
-        combined(&first, 1.0 - part, &last, part)
+        Mixture {
+            ends: self.piece(piece + 1),
+            parts: if time < from || time > to {
+                [0.0; 2]
+            } else {
+                [1.0 - part, part]
+            },
+        }
+    }
+}
+
+/// A place on a piece of a motion.
+struct Mixture<'a> {
+    ends: &'a [[Lanes; 2]],
+    parts: [f64; 2],
+}
+
+impl Mixture<'_> {
+    #[inline(always)]
+    fn force(&self, block: usize) -> Lanes {
+        let [first, last] = &self.ends[block];
+        combined(first, self.parts[0], last, self.parts[1])
+    }
+}
+
+/// The smaller and the larger, lane by lane.
+#[inline(always)]
+fn range(a: &Lanes, b: &Lanes) -> [Lanes; 2] {
+    [
+        lanes(|i| if a[i] < b[i] { a[i] } else { b[i] }),
+        lanes(|i| if a[i] < b[i] { b[i] } else { a[i] }),
+    ]
+}
+
+/// Raises each lane to a value.
+#[inline(always)]
+fn raise(most: &mut Lanes, value: impl Fn(usize) -> f64) {
+    for (lane, most) in most.iter_mut().enumerate() {
+        let value = value(lane);
+        *most = if value > *most { value } else { *most };
     }
 }
