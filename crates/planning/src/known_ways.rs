@@ -69,7 +69,7 @@ mod tests {
 
     fn scene() -> Scene {
         let ball = Ball {
-            centre: Point::new(0.9, 0.0, 2.2),
+            centre: Point::new(0.0, 0.0, 2.9),
             radius: 0.25,
         };
         Scene::new(vec![ball]).unwrap()
