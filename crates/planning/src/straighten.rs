@@ -1,20 +1,26 @@
 //! Straightening: the tip of a sampled path is drawn onto a smooth curve near it.
 //!
 //! A sampled path comes near the straight way of the tip, with small waves in it. Here the curve is the straight line at even
-//! speed, bent at its ends where the robot cannot set out along it, plus as few terms u (1 − u) P_k(2u − 1) as the scene
-//! allows; every waypoint moves onto it by Newton steps. Where the body would come too near to an obstacle on all such
-//! curves, the path stays as it was sampled.
+//! speed, bent at its ends where the robot cannot set out along it, or as much nearer to the straight segment's way as the
+//! bending limits demand; else as few terms u (1 − u) P_k(2u − 1) beside it as the scene allows. Every waypoint moves onto it
+//! by Newton steps. The tip of a nearly straight robot, which sets out sideways only, is drawn onto the line at the pace of
+//! the sampled path: with a speed of zero at first it goes exactly straight. Where the body would come too near to an
+//! obstacle on all such curves, the path stays as it was sampled.
 
 use crate::inverse_kinematics::damped_step;
 use crate::path::{WAYPOINTS, parameter};
 use collision::Scene;
-use nalgebra::SymmetricEigen;
+use nalgebra::{Matrix3, SymmetricEigen};
 use pcc_model::{Backbone, Configuration, DOF, Point, Robot, SECTIONS};
 
 /// Terms at most.
 const TERMS: usize = 4;
-/// Numbers of terms that are tried, in this order, and how far the curve may be from the sampled tip, section lengths.
-const TRIED: [(usize, f64); 3] = [(0, 0.5), (2, 0.1), (TERMS, 0.05)];
+/// Shares of the straight segment's way in the curve that are tried, in this order.
+const SHARES: [f64; 3] = [0.0, 0.5, 0.8];
+/// How far such a curve may be from the sampled tip, section lengths.
+const NEAR_THE_LINE: f64 = 0.5;
+/// Numbers of terms that are tried then, and how far the curve may be from the sampled tip, section lengths.
+const BENT: [(usize, f64); 2] = [(2, 0.1), (TERMS, 0.05)];
 /// Every so many waypoints are tried first: most curves that do not serve show it there.
 const STRIDE: usize = 8;
 /// Newton steps at most: a count, so that answers do not depend on time.
@@ -25,7 +31,7 @@ const ON_THE_CURVE: f64 = 1e-6;
 const LARGEST_CHANGE_RAD: f64 = 0.8;
 /// Where the tip moves less than this by a rad in some direction, it cannot set out in that direction.
 const STIFF: f64 = 0.6;
-/// Stiffer ends keep the path as it was sampled: the tip of a straight robot sets out sideways only.
+/// From stiffer ends the tip follows the line at its own pace: that of a straight robot sets out sideways only.
 const STIFFEST: f64 = 0.9;
 /// Share of the straight segment's way of the tip in the curve where an end is as stiff as can be.
 const SEGMENT_SHARE: f64 = 0.35;
@@ -33,6 +39,11 @@ const SEGMENT_SHARE: f64 = 0.35;
 const SOFT_RAD: f64 = 0.15;
 /// A section at its limit still takes this share of the part that a free one takes in a Newton step.
 const LEAST_WEIGHT: f64 = 0.02;
+/// A waypoint is moved away from the middle of its neighbours by this times its distance from there at most.
+const SHARPEST: f64 = 4.0;
+
+/// All waypoints of a path.
+type Drawn = [Configuration; WAYPOINTS];
 
 /// The terms at the waypoints, orthonormal.
 pub(crate) struct TipCurves {
@@ -69,42 +80,96 @@ impl TipCurves {
         path: &mut [Configuration],
     ) {
         let way = Way::new(robot, &path[0], &path[WAYPOINTS - 1]);
-        if way.stiffness > STIFFEST {
-            return;
+        let pen = Pen {
+            robot,
+            scene,
+            margin,
+            ends: way.ends,
+        };
+        let drawn = if way.stiffness > STIFFEST {
+            self.at_its_own_pace(&way, &pen, path)
+        } else {
+            straight(&way, &pen, path).or_else(|| self.bent(&way, &pen, path))
+        };
+        if let Some(drawn) = drawn {
+            path.copy_from_slice(&sharpened(robot, &drawn));
         }
-        let sampled = way.softened(path);
-        let bodies: Vec<Backbone> = sampled.iter().map(|q| robot.backbone(q)).collect();
-        let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| bodies[h].tip());
-        let mut curve = way.straightest();
+    }
+
+    /// On the line between the tip's two ends; how far the tip has come there is left to the path.
+    fn at_its_own_pace(&self, way: &Way, pen: &Pen, path: &[Configuration]) -> Option<Drawn> {
+        let line = way.line.try_normalize(0.0)?;
+        let calm = self.calmed(way, path);
+        let demand = Demand {
+            directions: Matrix3::identity() - line * line.transpose(),
+            near: NEAR_THE_LINE,
+            keeps_limits: true,
+        };
+        let guess = |h: usize| way.softened(h, &calm[h]);
+        pen.draw(&demand, guess, |h| way.on_the_line(h))
+    }
+
+    /// The path without the short waves in it.
+    fn calmed(&self, way: &Way, path: &[Configuration]) -> Drawn {
+        let segment: Drawn = std::array::from_fn(|h| way.segment(h));
+        let mut calm = segment;
+        for term in &self.terms {
+            let part: Configuration = (0..WAYPOINTS)
+                .map(|h| (path[h] - segment[h]) * term[h])
+                .sum();
+            for (waypoint, value) in calm.iter_mut().zip(term) {
+                *waypoint += part * *value;
+            }
+        }
+        calm
+    }
+
+    /// On a curve that goes with the sampled tip.
+    fn bent(&self, way: &Way, pen: &Pen, path: &[Configuration]) -> Option<Drawn> {
+        let sampled: Drawn = std::array::from_fn(|h| way.guess(h, &path[h], 0.0));
+        let tips = sampled.map(|shape| pen.robot.tip(&shape));
+        let mut curve: [Point; WAYPOINTS] = std::array::from_fn(|h| way.straightest(h, 0.0));
         let mut used = 0;
-        for (terms, near) in TRIED {
+        BENT.iter().find_map(|&(terms, near)| {
             self.terms[used..terms]
                 .iter()
                 .for_each(|term| follow(term, &tips, &mut curve));
             used = terms;
-            let far = |(tip, on): (&Point, &Point)| (tip - on).norm() > near;
-            if tips.iter().zip(&curve).any(far) {
-                continue;
-            }
-            let drawn = Drawing {
-                robot,
-                scene,
-                margin,
-                curve: &curve,
-                sampled: &sampled,
-                bodies: &bodies,
+            let demand = Demand {
+                directions: Matrix3::identity(),
+                near,
+                keeps_limits: false,
             };
-            if drawn.draw(path) {
-                return;
-            }
-        }
+            pen.draw(&demand, |h| sampled[h], |h| curve[h])
+        })
     }
+}
+
+/// On the straightest curve that keeps the bending limits.
+fn straight(way: &Way, pen: &Pen, path: &[Configuration]) -> Option<Drawn> {
+    let demand = Demand {
+        directions: Matrix3::identity(),
+        near: NEAR_THE_LINE,
+        keeps_limits: true,
+    };
+    SHARES.iter().find_map(|&share| {
+        pen.draw(
+            &demand,
+            |h| way.guess(h, &path[h], share),
+            |h| way.straightest(h, share),
+        )
+    })
 }
 
 /// The two ends of a path, and how far the tip cannot set out there in every direction.
 struct Way<'a> {
     robot: &'a Robot,
     ends: [Configuration; 2],
+    /// What compressing would change at the ends.
+    compressions: [Configuration; 2],
+    first_tip: Point,
+    /// From the first tip to the last.
+    line: Point,
     /// Bend of the tip's line at its middle, times 4, that spares the directions in which the tip is stiff.
     bend: Point,
     /// How stiff the tip is at the stiffer end, 0 to 1.
@@ -113,14 +178,18 @@ struct Way<'a> {
 
 impl<'a> Way<'a> {
     fn new(robot: &'a Robot, start: &Configuration, end: &Configuration) -> Self {
-        let [first, last] = [start, end].map(|shape| robot.backbone(shape));
-        let way = last.tip() - first.tip();
+        let ends = [*start, *end];
+        let [first, last] = ends.map(|shape| robot.backbone(&shape));
+        let line = last.tip() - first.tip();
         let [at_start, at_end] = [&first, &last].map(stiffest);
         let part =
-            |(direction, stiffness): (Point, f64)| direction * (direction.dot(&way) * stiffness);
+            |(direction, stiffness): (Point, f64)| direction * (direction.dot(&line) * stiffness);
         Self {
             robot,
-            ends: [*start, *end],
+            ends,
+            compressions: ends.map(|end| end - compressed(robot, &end)),
+            first_tip: first.tip(),
+            line,
             bend: part(at_end) - part(at_start),
             stiffness: at_start.1.max(at_end.1),
         }
@@ -130,30 +199,32 @@ impl<'a> Way<'a> {
         self.ends[0].lerp(&self.ends[1], parameter(h))
     }
 
-    /// The straight line of the tip at even speed; at a stiff end it sets out as the tip can, and follows in part the way
-    /// that the straight segment takes.
-    fn straightest(&self) -> [Point; WAYPOINTS] {
-        let [first, last] = self.ends.map(|shape| self.robot.tip(&shape));
-        std::array::from_fn(|h| {
-            let u = parameter(h);
-            let line = first.lerp(&last, u) + self.bend * (u * (1.0 - u));
-            line.lerp(
-                &self.robot.tip(&self.segment(h)),
-                SEGMENT_SHARE * self.stiffness,
-            )
-        })
+    fn on_the_line(&self, h: usize) -> Point {
+        self.first_tip + self.line * parameter(h)
     }
 
-    /// The path with its bending compressed near the limit, nearer to the straight segment where an end is stiff; both ends
-    /// stay where they are.
-    fn softened(&self, path: &[Configuration]) -> Vec<Configuration> {
-        let changes = self.ends.map(|end| end - compressed(self.robot, &end));
-        let soft = |(h, shape): (usize, &Configuration)| {
-            let u = parameter(h);
-            let soft = compressed(self.robot, shape) + changes[0] * (1.0 - u) + changes[1] * u;
-            soft.lerp(&self.segment(h), self.stiffness)
-        };
-        path.iter().enumerate().map(soft).collect()
+    /// The straight line of the tip at even speed; at a stiff end it sets out as the tip can. It follows with `share`, and
+    /// with more at a stiff end, the way that the straight segment takes.
+    fn straightest(&self, h: usize, share: f64) -> Point {
+        let u = parameter(h);
+        let line = self.on_the_line(h) + self.bend * (u * (1.0 - u));
+        let share = share.max(SEGMENT_SHARE * self.stiffness);
+        if share == 0.0 {
+            return line;
+        }
+        line.lerp(&self.robot.tip(&self.segment(h)), share)
+    }
+
+    /// A sampled shape with its bending compressed near the limit, as far as the ends allow.
+    fn softened(&self, h: usize, sampled: &Configuration) -> Configuration {
+        let [at_start, at_end] = self.compressions;
+        compressed(self.robot, sampled) + at_start.lerp(&at_end, parameter(h))
+    }
+
+    /// Where the Newton steps begin: nearer to the straight segment where the curve is.
+    fn guess(&self, h: usize, sampled: &Configuration, share: f64) -> Configuration {
+        let share = share.max(self.stiffness);
+        self.softened(h, sampled).lerp(&self.segment(h), share)
     }
 }
 
@@ -180,25 +251,6 @@ fn compressed(robot: &Robot, shape: &Configuration) -> Configuration {
     soft
 }
 
-/// The shape within the limits after a Newton step that moves the tip by `error`, of least norm where sections near their
-/// limits weigh more (Chan and Dubey 1995).
-fn step(
-    robot: &Robot,
-    shape: &Configuration,
-    backbone: &Backbone,
-    error: &Point,
-) -> Option<Configuration> {
-    let angles = robot.bending_angles(shape);
-    let free = angles.map(|angle| (1.0 - (angle / robot.bending_limit).powi(2)).max(LEAST_WEIGHT));
-    let jacobian = backbone.tip_jacobian();
-    let mut weighted = jacobian.transpose();
-    for d in 0..DOF {
-        weighted.row_mut(d).scale_mut(free[d / 2]);
-    }
-    let change = damped_step(&jacobian, &weighted, error)?;
-    Some(robot.project_to_limits(&(shape + change)))
-}
-
 /// Adds to a curve what one term can do to bring it nearer to the tips.
 fn follow(term: &[f64; WAYPOINTS], tips: &[Point; WAYPOINTS], curve: &mut [Point; WAYPOINTS]) {
     let rest = tips.iter().zip(curve.iter()).zip(term);
@@ -208,52 +260,126 @@ fn follow(term: &[f64; WAYPOINTS], tips: &[Point; WAYPOINTS], curve: &mut [Point
     }
 }
 
-/// A curve that the tip is drawn onto.
-struct Drawing<'a> {
+/// The path that is executed along `drawn`.
+///
+/// Bounding jerk averages a motion over about w = a/j, which moves a place of the path by q̈ w²/24 to the inner side of its
+/// bends; here the waypoints move as much to the outer side. With x the way of the fastest tendon, at the speed v that its
+/// limits allow there, q̈ across the path is v² d²q/dx².
+fn sharpened(robot: &Robot, drawn: &Drawn) -> Drawn {
+    let limits = &robot.tendon_limits;
+    let ways: [f64; WAYPOINTS - 1] =
+        std::array::from_fn(|h| fastest_tendon(robot, &(drawn[h + 1] - drawn[h])));
+    let whole: f64 = ways.iter().sum();
+    let width_squared = (limits.acceleration / limits.jerk).powi(2);
+    let mut sharp = *drawn;
+    let mut passed = 0.0;
+    for h in 1..WAYPOINTS - 1 {
+        let [before, after] = [ways[h - 1], ways[h]];
+        passed += before;
+        if before.min(after) <= 0.0 {
+            continue;
+        }
+        let reached = 2.0 * limits.acceleration * passed.min(whole - passed);
+        let speed_squared = reached.min(limits.velocity.powi(2));
+        let moved = width_squared * speed_squared / 24.0;
+        let mean = 0.5 * (before + after);
+        let bend = (drawn[h + 1] - drawn[h]) / after - (drawn[h] - drawn[h - 1]) / before;
+        sharp[h] -= bend * (moved / mean).min(SHARPEST * 0.5 * mean);
+    }
+    sharp
+}
+
+/// The most that a tendon moves, length.
+fn fastest_tendon(robot: &Robot, change: &Configuration) -> f64 {
+    let rows = robot.tendons.matrix().row_iter();
+    rows.map(|row| (row * change)[0].abs()).fold(0.0, f64::max)
+}
+
+/// What a curve is drawn for.
+struct Demand {
+    /// Projects on the directions in which the tip must be on the curve.
+    directions: Matrix3<f64>,
+    /// How far the curve may be from the tip of the first guess, section lengths.
+    near: f64,
+    /// Whether steps that would bend beyond the limits fail; else they are cut there.
+    keeps_limits: bool,
+}
+
+/// Draws curves where there is room for them.
+struct Pen<'a> {
     robot: &'a Robot,
     scene: &'a Scene,
     margin: f64,
-    curve: &'a [Point; WAYPOINTS],
-    sampled: &'a [Configuration],
-    /// The sampled shapes' bodies.
-    bodies: &'a [Backbone],
+    ends: [Configuration; 2],
 }
 
-impl Drawing<'_> {
-    /// Moves what is between the ends of `path` so that the tip is on the curve; false, and nothing moved, where that is too
-    /// far away or too near to an obstacle.
-    fn draw(&self, path: &mut [Configuration]) -> bool {
+impl Pen<'_> {
+    /// The path between the ends whose tip is on the curve, near a first guess; none where that is too far away or too near
+    /// to an obstacle.
+    fn draw(
+        &self,
+        demand: &Demand,
+        guess: impl Fn(usize) -> Configuration,
+        curve: impl Fn(usize) -> Point,
+    ) -> Option<Drawn> {
         let mut drawn = [None; WAYPOINTS];
+        (drawn[0], drawn[WAYPOINTS - 1]) = (Some(self.ends[0]), Some(self.ends[1]));
         let some_first = (1..WAYPOINTS - 1).step_by(STRIDE);
         for h in some_first.chain(1..WAYPOINTS - 1) {
             if drawn[h].is_none() {
-                drawn[h] = self.waypoint(h);
-            }
-            if drawn[h].is_none() {
-                return false;
+                drawn[h] = Some(self.waypoint(demand, &guess(h), &curve(h))?);
             }
         }
-        for (waypoint, drawn) in path.iter_mut().zip(drawn) {
-            *waypoint = drawn.unwrap_or(*waypoint);
-        }
-        true
+        Some(drawn.map(Option::unwrap_or_default))
     }
 
-    /// The shape near the sampled one whose tip is on the curve.
-    fn waypoint(&self, h: usize) -> Option<Configuration> {
-        let sampled = &self.sampled[h];
-        let (mut shape, mut backbone) = (*sampled, self.bodies[h]);
-        for _ in 0..STEPS {
-            let error = self.curve[h] - backbone.tip();
-            if error.norm() < ON_THE_CURVE {
+    /// The shape near a guess whose tip is at `place`.
+    fn waypoint(
+        &self,
+        demand: &Demand,
+        guess: &Configuration,
+        place: &Point,
+    ) -> Option<Configuration> {
+        let (mut shape, mut backbone) = (*guess, self.robot.backbone(guess));
+        for taken in 0..STEPS {
+            let error = demand.directions * (place - backbone.tip());
+            let distance = error.norm();
+            if taken == 0 && distance > demand.near {
+                return None;
+            }
+            if distance < ON_THE_CURVE {
                 break;
             }
-            shape = step(self.robot, &shape, &backbone, &error)?;
+            shape = self.step(demand, &shape, &backbone, &error)?;
             backbone = self.robot.backbone(&shape);
         }
         let clearance = self.scene.clearance(&backbone, self.robot.tube_radius);
-        let serves = (shape - sampled).norm() <= LARGEST_CHANGE_RAD && clearance >= self.margin;
+        let serves = (shape - guess).norm() <= LARGEST_CHANGE_RAD && clearance >= self.margin;
         serves.then_some(shape)
+    }
+
+    /// The shape within the limits after a Newton step that moves the tip by `error`, of least norm where sections near
+    /// their limits weigh more (Chan and Dubey 1995).
+    fn step(
+        &self,
+        demand: &Demand,
+        shape: &Configuration,
+        backbone: &Backbone,
+        error: &Point,
+    ) -> Option<Configuration> {
+        let limit = self.robot.bending_limit;
+        let angles = self.robot.bending_angles(shape);
+        let free = angles.map(|angle| (1.0 - (angle / limit).powi(2)).max(LEAST_WEIGHT));
+        let jacobian = demand.directions * backbone.tip_jacobian();
+        let mut weighted = jacobian.transpose();
+        for d in 0..DOF {
+            weighted.row_mut(d).scale_mut(free[d / 2]);
+        }
+        let next = shape + damped_step(&jacobian, &weighted, error)?;
+        if demand.keeps_limits && self.robot.limit_excess(&next) > 0.0 {
+            return None;
+        }
+        Some(self.robot.project_to_limits(&next))
     }
 }
 
@@ -291,12 +417,40 @@ mod tests {
     }
 
     #[test]
-    fn the_tip_of_a_straight_robot_is_left_as_it_is() {
+    fn the_tip_of_a_straight_robot_goes_straight_along_an_s_bend() {
         let robot = unit_robot();
-        let sampled = straight_path(&Configuration::zeros(), &ends()[1]);
-        let mut path = sampled.clone();
+        let start = Configuration::zeros();
+        let end = Configuration::from_column_slice(&[0.7, 0.2, -1.1, -0.1, 0.6, 0.1]);
+        let way = robot.tip(&end) - robot.tip(&start);
+        let beside = |path: &[Configuration]| {
+            let off = |q| way.cross(&(robot.tip(q) - robot.tip(&start))).norm() / way.norm();
+            path.iter().map(off).fold(0.0, f64::max)
+        };
+        let mut path = straight_path(&start, &end);
+        assert!(beside(&path) > 0.02, "the segment's tip leaves the line");
         TipCurves::new().straighten(&robot, &Scene::default(), 0.0, &mut path);
-        assert_eq!(path, sampled);
+        assert!(beside(&path) < 5e-4, "{}", beside(&path));
+        assert_eq!([path[0], path[63]], [start, end]);
+    }
+
+    #[test]
+    fn sharpening_moves_bends_outwards_and_leaves_segments() {
+        let robot = unit_robot();
+        let [start, end] = ends();
+        let segment: Drawn = std::array::from_fn(|h| start.lerp(&end, parameter(h)));
+        let bow = Configuration::from_column_slice(&[0.0, 0.3, 0.0, -0.2, 0.0, 0.1]);
+        let bent: Drawn =
+            std::array::from_fn(|h| segment[h] + bow * parameter(h) * (1.0 - parameter(h)));
+        let moved = |drawn: &Drawn| {
+            let sharp = sharpened(&robot, drawn);
+            sharp
+                .iter()
+                .zip(drawn)
+                .map(|(s, d)| (s - d).dot(&bow))
+                .sum::<f64>()
+        };
+        assert!(moved(&segment).abs() < 1e-12);
+        assert!(moved(&bent) > 1e-4, "{}", moved(&bent));
     }
 
     #[test]
