@@ -13,6 +13,7 @@ use crate::factors::Factors;
 use crate::linear::Linear;
 use crate::matrix::{Precision, Store};
 use crate::norm::LayerNorm;
+use crate::simd::{Features, detected};
 use crate::weights_file::{WeightsError, WeightsFile};
 pub use flow::EvaluationsRefused;
 use flow::Flow;
@@ -194,6 +195,16 @@ impl FastModel {
     #[must_use]
     pub fn frame(&self) -> FeatureFrame {
         self.frame
+    }
+
+    /// Candidates that are worth a worker of their own: it computes with fewer sooner than it reads the weights.
+    #[must_use]
+    pub fn worth_a_worker(&self) -> usize {
+        match detected().features() {
+            #[cfg(target_arch = "x86_64")]
+            Features::Avx512 => 8,
+            _ => 4,
+        }
     }
 
     /// Samples coefficients (candidates × 72, the unit of the training data) from standard normal noise of the same shape.

@@ -107,9 +107,10 @@ impl Demands<'_> {
             outcome: Err(Failure::Truncated),
             laps: Laps::default(),
         };
+        let mut is_clear = false;
         if let Some(curves) = smoother.filter(|_| !(self.interrupt)()) {
             let mut clock = Instant::now();
-            self.straighten(curves, &mut finished.path);
+            is_clear = self.straighten(curves, &mut finished.path);
             finished.laps.correct += lap(&mut clock);
         }
         for attempt in 0..self.corrections.clamp(1, MOST_CORRECTIONS) {
@@ -117,8 +118,8 @@ impl Demands<'_> {
                 finished.outcome = Err(Failure::Truncated);
                 break;
             }
-            if self.corrections > 0 && self.correct(attempt, &mut finished) == Correction::Touching
-            {
+            let is_corrected = self.corrections > 0 && !(attempt == 0 && is_clear);
+            if is_corrected && self.correct(attempt, &mut finished) == Correction::Touching {
                 finished.outcome = Err(Failure::Collision);
                 continue;
             }
@@ -130,10 +131,10 @@ impl Demands<'_> {
         finished
     }
 
-    /// Draws a sampled path's tip onto a smooth curve, where that leaves nothing to correct.
-    fn straighten(&self, curves: &TipCurves, path: &mut [Configuration]) {
+    /// Draws a sampled path's tip onto a smooth curve, if that leaves nothing to correct; whether it does.
+    fn straighten(&self, curves: &TipCurves, path: &mut [Configuration]) -> bool {
         let margin = 0.5 * CORRECTION_MARGINS[0] + self.growth;
-        curves.straighten(self.robot, self.scene, margin, path);
+        curves.straighten(self.robot, self.scene, margin, &self.limits, path)
     }
 
     fn correct(&self, attempt: usize, finished: &mut Finished) -> Correction {

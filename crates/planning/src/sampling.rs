@@ -9,9 +9,6 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::cell::RefCell;
 
-/// Candidates that are worth a worker: reading the network's weights takes as long as computing with about so many.
-const WORTH_A_WORKER: usize = 8;
-
 thread_local! {
     /// Of a worker: kept from request to request, so that only the first one allocates.
     static SCRATCH: RefCell<FastScratch> = RefCell::default();
@@ -30,7 +27,7 @@ pub(crate) fn sample_paths(
     seed: u64,
     interrupt: Interrupt,
 ) -> Vec<[f64; UNKNOWNS]> {
-    let workers = rayon::current_num_threads().min(candidates.len() / WORTH_A_WORKER);
+    let workers = rayon::current_num_threads().min(candidates.len() / model.worth_a_worker());
     let share = candidates.len().div_ceil(workers.max(1)).clamp(1, AT_ONCE);
     candidates
         .par_chunks(share)
