@@ -6,7 +6,7 @@ use crate::least_duration::least_duration_s;
 use crate::path::Waypoints;
 use crate::plan::{Draw, Failure, Plan, Source};
 use crate::rrt_connect::{RrtSettings, Search, rrt_connect};
-use crate::run::{Aim, Proposal, Run, count_learned, rough_draws_of};
+use crate::run::{Aim, Proposal, Run, count_learned, unfinished};
 use pcc_model::Configuration;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -42,17 +42,17 @@ impl Run<'_> {
         let mut race = Race::new(&self.demands, &self.problem.start, &aim.ends);
         let heat = race.next_heat();
         let clock = Instant::now();
-        let (sampled, raced) = rayon::join(
-            || self.learned(&aim.goals, &aim.rests),
-            || self.finish_each(self.segments(&aim.ends, &heat, f64::INFINITY)),
+        let (drawn, (raced, kept)) = rayon::join(
+            || self.learned(aim),
+            || {
+                let raced = self.finish_each(self.segments(&aim.ends, &heat, f64::INFINITY));
+                let kept = self.finish_each(aim.kept().into_iter().collect());
+                (raced, kept)
+            },
         );
-        self.count(&sampled);
-        let rest_s = (clock.elapsed().as_secs_f64() - sampled.seconds()).max(0.0);
-        race.record(&heat, self.share(rest_s, raced));
-        let mut proposals = rough_draws_of(sampled.paths);
-        proposals.extend(aim.kept());
-        let mut draws = self.finish(proposals);
-        let kept = draws.split_off(aim.goals.len());
+        let wall_s = clock.elapsed().as_secs_f64();
+        let [mut draws, raced, kept] = self.share(wall_s, [drawn, raced, kept]);
+        race.record(&heat, raced);
         let learned = count_learned(&draws);
         race.enter(&draws);
         self.finish_race(&mut race, &aim.ends);
@@ -138,7 +138,7 @@ impl Run<'_> {
         }
         let reach = |&i: &usize| {
             let mut rng = self.tree_rng(i);
-            let mut draw = unfinished(Source::Tree);
+            let mut draw = unfinished(Source::Tree, Failure::NoPath);
             if let Some(polyline) = known.reach(&goals[i], &mut rng) {
                 self.follow(i, &polyline, &mut draw);
             }
@@ -171,7 +171,7 @@ impl Run<'_> {
         margins: &[f64],
         settings: &RrtSettings,
     ) -> Draw {
-        let mut draw = unfinished(Source::Tree);
+        let mut draw = unfinished(Source::Tree, Failure::NoPath);
         let mut rng = self.tree_rng(index);
         for margin in margins {
             if (self.supervision.interrupt)() {
@@ -213,16 +213,6 @@ impl Run<'_> {
         draw.outcome = Ok(self.demands.describe(trajectory));
         self.report(index, draw);
         true
-    }
-}
-
-/// A draw of which there is no path yet.
-fn unfinished(source: Source) -> Draw {
-    Draw {
-        sampled: None,
-        path: None,
-        source,
-        outcome: Err(Failure::NoPath),
     }
 }
 

@@ -50,6 +50,8 @@ pub(crate) struct Demands<'a> {
 /// Time on its worker that one path took in each stage, seconds.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Laps {
+    pub(crate) condition: f64,
+    pub(crate) sample: f64,
     pub(crate) correct: f64,
     pub(crate) time: f64,
     pub(crate) certify: f64,
@@ -58,6 +60,8 @@ pub(crate) struct Laps {
 
 impl Laps {
     pub(crate) fn add(&mut self, other: &Self) {
+        self.condition += other.condition;
+        self.sample += other.sample;
         self.correct += other.correct;
         self.time += other.time;
         self.certify += other.certify;
@@ -65,7 +69,8 @@ impl Laps {
     }
 
     pub(crate) fn total(&self) -> f64 {
-        self.correct + self.time + self.certify + self.select
+        let finishing = self.correct + self.time + self.certify + self.select;
+        self.condition + self.sample + finishing
     }
 }
 
@@ -77,7 +82,7 @@ pub(crate) struct Finished {
 }
 
 /// Seconds since `clock`, which is set to now.
-fn lap(clock: &mut Instant) -> f64 {
+pub(crate) fn lap(clock: &mut Instant) -> f64 {
     let now = Instant::now();
     (now - std::mem::replace(clock, now)).as_secs_f64()
 }

@@ -6,6 +6,7 @@
 //! executed curve, selection.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod awake;
 mod basis;
 mod braking;
 mod canonical;
@@ -19,6 +20,7 @@ mod fill;
 mod finish;
 mod inverse_kinematics;
 mod known_ways;
+mod learned;
 mod least_duration;
 mod metrics;
 mod path;

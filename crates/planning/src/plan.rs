@@ -157,8 +157,8 @@ pub struct Draw {
 
 /// Wall time of the stages, seconds.
 ///
-/// Paths go through correction, time allocation, certification and their figures one after the other, several paths at
-/// once: the wall time of all is divided among these stages by the time that each took on the workers.
+/// Paths go from sampling through correction, time allocation and certification to their figures without waiting for each
+/// other, several at once: the wall time of all is divided among these stages by the time that each took on the workers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {
     /// End shapes (for diffusion: whether there is one) and features.
@@ -183,6 +183,8 @@ impl StageTimes {
             spent.add(&lap);
         }
         let scale = wall / spent.total().max(f64::MIN_POSITIVE);
+        self.condition += scale * spent.condition;
+        self.sample += scale * spent.sample;
         self.correct += scale * spent.correct;
         self.time += scale * spent.time;
         self.certify += scale * spent.certify;

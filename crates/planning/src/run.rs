@@ -3,10 +3,8 @@
 //! Everything is budgeted in counts, so the same request and seed give the same bits whatever the number of
 //! threads; an interrupt only truncates.
 
-use crate::canonical::CanonicalFrame;
 use crate::diffusion::{Guidance, Task};
 use crate::end_shapes::{check_goal, end_shapes_until};
-use crate::features::{COEFFICIENTS, CanonicalProblem, Features};
 use crate::fill::duration_s;
 use crate::finish::{Demands, Laps};
 use crate::path::{Waypoints, straight_path};
@@ -16,18 +14,13 @@ use crate::plan::{
 use crate::planner::{Planner, PlannerError, Supervision};
 use crate::previous::Rest;
 use crate::problem::Problem;
-use crate::sampling::sample_paths;
 use crate::select::{is_worth_a_change, select};
 use crate::terminal::attach;
-use denoiser::{CandidateInput, WarmStart};
 use pcc_model::{Configuration, TendonLimits};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
-
-/// Where in the flow a path that is known begins: half noise, so that the scene as it is now still shapes it.
-const WARM_START_TIME: f32 = 0.5;
 
 /// One request on its way through the stages.
 pub(crate) struct Run<'a> {
@@ -47,20 +40,6 @@ pub(crate) struct Aim {
     pub(crate) ends: Vec<Configuration>,
     /// What is left of a previous plan's paths to the first of these shapes.
     pub(crate) rests: Vec<Rest>,
-}
-
-/// What the few-step model drew, and how long that took.
-#[derive(Default)]
-pub(crate) struct Sampled {
-    pub(crate) paths: Vec<Waypoints>,
-    condition_s: f64,
-    sample_s: f64,
-}
-
-impl Sampled {
-    pub(crate) fn seconds(&self) -> f64 {
-        self.condition_s + self.sample_s
-    }
 }
 
 /// A path to be finished.
@@ -85,16 +64,6 @@ pub(crate) fn draws_of(paths: Vec<Waypoints>, source: Source) -> Vec<Proposal> {
         slowest_s: f64::INFINITY,
     };
     paths.into_iter().enumerate().map(proposal).collect()
-}
-
-/// The draws of the few-step model, whose errors are waves.
-pub(crate) fn rough_draws_of(paths: Vec<Waypoints>) -> Vec<Proposal> {
-    let rough = |proposal| Proposal {
-        is_rough: true,
-        ..proposal
-    };
-    let draws = draws_of(paths, Source::Learned).into_iter();
-    draws.map(rough).collect()
 }
 
 impl<'a> Run<'a> {
@@ -160,13 +129,7 @@ impl<'a> Run<'a> {
             Sampler::RrtConnect => Source::Tree,
             Sampler::Default | Sampler::Fast | Sampler::Diffusion(_) => Source::Learned,
         };
-        let draw = Draw {
-            sampled: None,
-            path: None,
-            source,
-            outcome: Err(Failure::Truncated),
-        };
-        let draws = vec![draw; self.request.candidates];
+        let draws = vec![unfinished(source, Failure::Truncated); self.request.candidates];
         let learned = count_learned(&draws);
         self.answer(draws, learned)
     }
@@ -191,12 +154,12 @@ impl<'a> Run<'a> {
 
     /// The learned sampler alone, beside what is left of the motion that is followed.
     fn fast(mut self, aim: &Aim) -> Plan {
-        let sampled = self.learned(&aim.goals, &aim.rests);
-        self.count(&sampled);
-        let mut proposals = rough_draws_of(sampled.paths);
-        proposals.extend(aim.kept());
-        let mut draws = self.finish(proposals);
-        let kept = draws.split_off(aim.goals.len());
+        let clock = Instant::now();
+        let (drawn, kept) = rayon::join(
+            || self.learned(aim),
+            || self.finish_each(aim.kept().into_iter().collect()),
+        );
+        let [mut draws, kept] = self.share(clock.elapsed().as_secs_f64(), [drawn, kept]);
         let learned = count_learned(&draws);
         self.keep(kept, &mut draws);
         self.answer(draws, learned)
@@ -276,95 +239,28 @@ impl<'a> Run<'a> {
         attached
     }
 
-    /// One path of the few-step model to each goal shape, the first ones begun from what is left of other paths.
-    pub(crate) fn learned(&self, goals: &[Configuration], rests: &[Rest]) -> Sampled {
-        let Some(model) = &self.planner.models.fast else {
-            return Sampled::default();
-        };
-        let clock = Instant::now();
-        if (self.supervision.interrupt)() {
-            // Nothing is finished any more: it does not matter where these lead.
-            return Sampled {
-                paths: self.straight_paths(goals),
-                ..Sampled::default()
-            };
-        }
-        let (robot, start) = (&self.planner.robot, &self.problem.start);
-        let goal_tip = self.problem.goal_tip(robot);
-        let frame = CanonicalFrame::wanted(model.frame(), robot, start, &goal_tip);
-        let canonical = CanonicalProblem::new(frame, &self.problem.scene);
-        let features: Vec<_> = goals
-            .par_iter()
-            .map(|goal| canonical.features(robot, start, goal))
-            .collect();
-        let condition_s = clock.elapsed().as_secs_f64();
-        let clock = Instant::now();
-        let known: Vec<[f32; COEFFICIENTS]> = rests
-            .iter()
-            .map(|rest| self.residual(&frame, &rest.path))
-            .collect();
-        let starts = known.iter().map(|known| Some(known.as_slice()));
-        let inputs: Vec<CandidateInput> = features
-            .iter()
-            .zip(starts.chain(std::iter::repeat(None)))
-            .map(|(features, known)| input(features, known))
-            .collect();
-        let residuals = sample_paths(
-            model,
-            &inputs,
-            self.request.seed,
-            self.supervision.interrupt,
-        );
-        let paths = residuals
-            .iter()
-            .zip(goals)
-            .map(|(residual, goal)| self.bend(&frame, goal, residual))
-            .collect();
-        Sampled {
-            paths,
-            condition_s,
-            sample_s: clock.elapsed().as_secs_f64(),
-        }
-    }
-
-    /// The straight segment to a goal shape plus a sampled residual given in the canonical frame.
-    fn bend(&self, frame: &CanonicalFrame, goal: &Configuration, residual: &[f64]) -> Waypoints {
-        let line = straight_path(&self.problem.start, goal);
-        line.iter()
-            .enumerate()
-            .map(|(h, q)| q + frame.restore(&self.planner.basis.change(h, residual)))
-            .collect()
-    }
-
-    /// What of a path is not the straight segment between its ends, in the canonical frame.
-    fn residual(&self, frame: &CanonicalFrame, path: &[Configuration]) -> [f32; COEFFICIENTS] {
-        let turned: Vec<Configuration> = path.iter().map(|q| frame.shape(q)).collect();
-        self.planner.basis.analyse(&turned).map(|c| c as f32)
-    }
-
     pub(crate) fn straight_paths(&self, ends: &[Configuration]) -> Vec<Waypoints> {
         let start = &self.problem.start;
         ends.iter().map(|end| straight_path(start, end)).collect()
-    }
-
-    /// Adds what sampling took.
-    pub(crate) fn count(&mut self, sampled: &Sampled) {
-        self.stages.condition += sampled.condition_s;
-        self.stages.sample += sampled.sample_s;
     }
 
     /// Takes every path through correction, time allocation, certification and figures.
     pub(crate) fn finish(&mut self, proposals: Vec<Proposal>) -> Vec<Draw> {
         let clock = Instant::now();
         let finished = self.finish_each(proposals);
-        self.share(clock.elapsed().as_secs_f64(), finished)
+        let [draws] = self.share(clock.elapsed().as_secs_f64(), [finished]);
+        draws
     }
 
     /// Divides `wall_s` among the stages that these paths went through.
-    pub(crate) fn share(&mut self, wall_s: f64, finished: Vec<(Draw, Laps)>) -> Vec<Draw> {
-        let laps = finished.iter().map(|(_, laps)| *laps);
+    pub(crate) fn share<const N: usize>(
+        &mut self,
+        wall_s: f64,
+        finished: [Vec<(Draw, Laps)>; N],
+    ) -> [Vec<Draw>; N] {
+        let laps = finished.iter().flatten().map(|(_, laps)| *laps);
         self.stages.share(wall_s, laps);
-        finished.into_iter().map(|(draw, _)| draw).collect()
+        finished.map(|finished| finished.into_iter().map(|(draw, _)| draw).collect())
     }
 
     /// The same, without counting the time.
@@ -435,6 +331,16 @@ impl<'a> Run<'a> {
     }
 }
 
+/// A draw of which there is no path.
+pub(crate) fn unfinished(source: Source, failure: Failure) -> Draw {
+    Draw {
+        sampled: None,
+        path: None,
+        source,
+        outcome: Err(failure),
+    }
+}
+
 /// Learned draws, and how many of them are certified.
 pub(crate) fn count_learned(draws: &[Draw]) -> [usize; 2] {
     let learned = draws.iter().filter(|d| d.source == Source::Learned);
@@ -448,18 +354,6 @@ fn candidate(draw: usize, source: Source, motion: &Certified) -> Candidate {
         metrics: motion.metrics,
         source,
         draw,
-    }
-}
-
-/// What the model is told of a candidate, with the residual that it starts from if there is one.
-fn input<'a>(features: &'a Features, known: Option<&'a [f32]>) -> CandidateInput<'a> {
-    CandidateInput {
-        ends: &features.ends,
-        balls: &features.balls,
-        warm_start: known.map(|coefficients| WarmStart {
-            coefficients,
-            time: WARM_START_TIME,
-        }),
     }
 }
 

@@ -1,12 +1,10 @@
-//! Drawing residuals from the learned sampler, in equal parts on as many workers as pay.
+//! Drawing residuals from the learned sampler.
 
 use crate::basis::UNKNOWNS;
-use crate::planner::Interrupt;
 use denoiser::{CandidateInput, FastModel, FastScratch};
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
-use rayon::prelude::*;
 use std::cell::RefCell;
 
 thread_local! {
@@ -14,43 +12,35 @@ thread_local! {
     static SCRATCH: RefCell<FastScratch> = RefCell::default();
 }
 
-/// Candidates that are sampled at once, between two questions whether to go on.
+/// Candidates that are sampled at once at most, between two questions whether to go on.
 const AT_ONCE: usize = 16;
 
-/// Samples one residual (sine coefficients, term-major, radians, canonical frame) for each candidate; zeros for those that were
-/// left when it was interrupted.
+/// How many of so many candidates are sampled together: equal parts for as many workers as pay.
+pub(crate) fn share(model: &FastModel, candidates: usize) -> usize {
+    let workers = rayon::current_num_threads().min(candidates / model.worth_a_worker());
+    candidates.div_ceil(workers.max(1)).clamp(1, AT_ONCE)
+}
+
+/// Samples one residual (sine coefficients, term-major, radians, canonical frame) for each candidate, of which the first one has
+/// the index `first` in its request.
 ///
 /// A residual depends on its candidate, the seed and its index alone, so neither threads nor neighbours matter.
 pub(crate) fn sample_paths(
     model: &FastModel,
     candidates: &[CandidateInput],
-    seed: u64,
-    interrupt: Interrupt,
-) -> Vec<[f64; UNKNOWNS]> {
-    let workers = rayon::current_num_threads().min(candidates.len() / model.worth_a_worker());
-    let share = candidates.len().div_ceil(workers.max(1)).clamp(1, AT_ONCE);
-    candidates
-        .par_chunks(share)
-        .enumerate()
-        .flat_map_iter(|(part, chunk)| match interrupt() {
-            true => vec![[0.0; UNKNOWNS]; chunk.len()],
-            false => sample_chunk(model, chunk, part * share, seed),
-        })
-        .collect()
-}
-
-fn sample_chunk(
-    model: &FastModel,
-    chunk: &[CandidateInput],
     first: usize,
     seed: u64,
 ) -> Vec<[f64; UNKNOWNS]> {
-    let noise: Vec<[f32; UNKNOWNS]> = (first..first + chunk.len())
-        .map(|index| noise(seed, index))
-        .collect();
-    let mut out = vec![[0.0_f32; UNKNOWNS]; chunk.len()];
+    let indices = first..first + candidates.len();
+    let noise: Vec<[f32; UNKNOWNS]> = indices.map(|index| noise(seed, index)).collect();
+    let mut out = vec![[0.0_f32; UNKNOWNS]; candidates.len()];
     SCRATCH.with_borrow_mut(|scratch| {
-        model.sample(chunk, noise.as_flattened(), scratch, out.as_flattened_mut());
+        model.sample(
+            candidates,
+            noise.as_flattened(),
+            scratch,
+            out.as_flattened_mut(),
+        );
     });
     out.into_iter().map(|c| c.map(f64::from)).collect()
 }
