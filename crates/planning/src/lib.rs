@@ -6,7 +6,6 @@
 //! executed curve, selection.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-mod awake;
 mod basis;
 mod braking;
 mod canonical;

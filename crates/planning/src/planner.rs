@@ -1,6 +1,5 @@
 //! The planner, resident: robot, models and workers.
 
-use crate::awake::Awake;
 use crate::basis::SineBasis;
 use crate::braking::Braking;
 use crate::diffusion::{DiffusionModel, Guidance, Task};
@@ -136,12 +135,9 @@ impl Planner {
     ) -> Result<Plan, PlannerError> {
         self.check_loaded(request.sampler)?;
         problem.check_start(&self.robot)?;
-        let run = || {
-            let _awake = Awake::keep();
-            match &request.start_motion {
-                Some(motion) => self.plan_in_motion(problem, request, supervision, motion),
-                None => Run::new(self, problem, request, supervision).plan(),
-            }
+        let run = || match &request.start_motion {
+            Some(motion) => self.plan_in_motion(problem, request, supervision, motion),
+            None => Run::new(self, problem, request, supervision).plan(),
         };
         self.workers.install(run)
     }
