@@ -137,14 +137,11 @@ impl Run<'_> {
             known.add(way);
         }
         let reach = |&i: &usize| {
-            let mut rng = self.tree_rng(i);
             let mut draw = unfinished(Source::Tree, Failure::NoPath);
-            if let Some(polyline) = known.reach(&goals[i], &mut rng) {
+            if let Some(polyline) = known.reach(&goals[i], &mut self.tree_rng(i)) {
                 self.follow(i, &polyline, &mut draw);
             }
-            if (self.supervision.interrupt)() && draw.outcome.is_err() {
-                draw.outcome = Err(Failure::Truncated);
-            }
+            self.note_truncation(&mut draw);
             draw
         };
         group.iter().map(reach).collect()
@@ -194,10 +191,15 @@ impl Run<'_> {
                 return draw;
             }
         }
-        if (self.supervision.interrupt)() {
+        self.note_truncation(&mut draw);
+        draw
+    }
+
+    /// Where there was no time left, nobody knows whether there is a path.
+    fn note_truncation(&self, draw: &mut Draw) {
+        if draw.outcome.is_err() && (self.supervision.interrupt)() {
             draw.outcome = Err(Failure::Truncated);
         }
-        draw
     }
 
     fn tree_rng(&self, index: usize) -> Pcg64 {

@@ -34,12 +34,15 @@ impl<'a> KnownWays<'a> {
         }
     }
 
-    /// A polyline from the start to a goal shape, shortened.
+    /// A polyline from the start to a goal shape, shortened; none where it was interrupted before.
     pub(crate) fn reach(
         &mut self,
         goal: &Configuration,
         rng: &mut Pcg64,
     ) -> Option<Vec<Configuration>> {
+        if (self.search.interrupt)() {
+            return None;
+        }
         let polyline = match self.tree.connect(&self.search, goal) {
             Some(node) => self.tree.path_to(node),
             None => self.grow_to(goal, rng)?,

@@ -184,7 +184,7 @@ impl Search<'_> {
         rng: &mut Pcg64,
     ) -> Vec<Configuration> {
         for _ in 0..self.settings.shortcuts {
-            if path.len() < 3 {
+            if path.len() < 3 || (self.interrupt)() {
                 break;
             }
             let [(i, a), (j, b)] = two_points(&path, rng);

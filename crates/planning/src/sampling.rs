@@ -12,13 +12,12 @@ thread_local! {
     static SCRATCH: RefCell<FastScratch> = RefCell::default();
 }
 
-/// Candidates that are sampled at once at most, between two questions whether to go on.
-const AT_ONCE: usize = 16;
-
-/// How many of so many candidates are sampled together: equal parts for as many workers as pay.
+/// How many of so many candidates are sampled together: equal parts for as many workers as pay, each small enough that it is
+/// often asked whether to go on.
 pub(crate) fn share(model: &FastModel, candidates: usize) -> usize {
-    let workers = rayon::current_num_threads().min(candidates / model.worth_a_worker());
-    candidates.div_ceil(workers.max(1)).clamp(1, AT_ONCE)
+    let few = model.worth_a_worker();
+    let workers = rayon::current_num_threads().min(candidates / few);
+    candidates.div_ceil(workers.max(1)).clamp(1, 2 * few)
 }
 
 /// Samples one residual (sine coefficients, term-major, radians, canonical frame) for each candidate, of which the first one has
