@@ -9,8 +9,13 @@ use crate::cholesky::{factorise, substitute};
 use crate::path::WAYPOINTS;
 use pcc_model::Configuration;
 
-/// Cost of a coefficient, and how it grows with the fourth power of its frequency.
+/// Cost of a coefficient of low frequency.
 const CHANGE_COST: f64 = 1e-3;
+
+/// Cost d of coefficient k, which grows with the fifth power of its frequency: a path that is pushed stays smooth.
+fn cost(k: usize) -> f64 {
+    CHANGE_COST * (1.0 + ((k + 1) as f64 / 3.0).powi(5))
+}
 
 /// How far a push at one waypoint moves the others: κ, for all pairs of waypoints.
 pub(crate) struct PushKernel {
@@ -19,7 +24,6 @@ pub(crate) struct PushKernel {
 
 impl PushKernel {
     pub(crate) fn new(basis: &SineBasis) -> Self {
-        let cost = |k: usize| CHANGE_COST * (1.0 + ((k + 1) as f64 / 4.0).powi(4));
         let value = |h: usize, other: usize| {
             let terms = basis.at(h).iter().zip(basis.at(other));
             terms.enumerate().map(|(k, (a, b))| a * b / cost(k)).sum()
@@ -123,8 +127,7 @@ mod tests {
             pushes.add(waypoint, gradient, distance);
             primal.push(waypoint, &gradient, distance, 1.0);
         }
-        let cost = |i: usize| CHANGE_COST * (1.0 + ((i / DOF + 1) as f64 / 4.0).powi(4));
-        let damping: [f64; UNKNOWNS] = std::array::from_fn(cost);
+        let damping: [f64; UNKNOWNS] = std::array::from_fn(|i| cost(i / DOF));
         let coefficients = primal.solve(&basis, &damping, &[0.0; UNKNOWNS]).unwrap();
         let changes = pushes.solve(&kernel).unwrap();
         assert!(changes[20].norm() > 1e-3, "there is a change");
