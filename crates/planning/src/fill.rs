@@ -26,12 +26,8 @@ const FILLING: RrtSettings = RrtSettings {
     step_rad: 0.6,
     shortcuts: 60,
 };
-/// Samples of the tree's last attempt with all goal shapes at once, when nothing else was found.
-const LAST_ATTEMPT: RrtSettings = RrtSettings {
-    samples: 20_000,
-    step_rad: 0.4,
-    shortcuts: 120,
-};
+/// Samples of the last attempts, with all goal shapes at once, when nothing else was found: mostly the first ones do.
+const LAST_ATTEMPTS: [usize; 3] = [500, 4_000, 40_000];
 
 impl Run<'_> {
     /// Learned paths to every goal shape; where a straight segment is the fastest motion of all, it takes the place of the
@@ -94,10 +90,39 @@ impl Run<'_> {
     fn fill(&mut self, goals: &[Configuration], draws: &mut [Draw]) {
         let clock = Instant::now();
         if draws.iter().all(|draw| draw.outcome.is_err()) {
-            draws[0] = self.tree(goals.len(), goals, &LAST_MARGINS, &LAST_ATTEMPT);
+            draws[0] = self.last_attempts(goals);
+            self.report(0, &draws[0]);
         }
         self.reach_missing(goals, draws);
         self.stages.select += clock.elapsed().as_secs_f64();
+    }
+
+    /// A motion to any of the goal shapes, with more and more samples, with and without a margin at once.
+    fn last_attempts(&self, goals: &[Configuration]) -> Draw {
+        let mut draw = unfinished(Source::Tree, Failure::NoPath);
+        for (round, &samples) in LAST_ATTEMPTS.iter().enumerate() {
+            let settings = RrtSettings {
+                samples,
+                step_rad: 0.4,
+                shortcuts: 120,
+            };
+            let attempts = LAST_MARGINS.par_iter().enumerate().with_max_len(1);
+            let attempts: Vec<Draw> = attempts
+                .map(|(i, margin)| {
+                    let index = goals.len() + round * LAST_MARGINS.len() + i;
+                    self.tree(index, goals, &[*margin], &settings)
+                })
+                .collect();
+            for attempt in attempts {
+                if draw.outcome.is_err() {
+                    draw = attempt;
+                }
+            }
+            if draw.outcome.is_ok() {
+                break;
+            }
+        }
+        draw
     }
 
     fn reach_missing(&self, goals: &[Configuration], draws: &mut [Draw]) {
@@ -139,9 +164,10 @@ impl Run<'_> {
         let reach = |&i: &usize| {
             let mut draw = unfinished(Source::Tree, Failure::NoPath);
             if let Some(polyline) = known.reach(&goals[i], &mut self.tree_rng(i)) {
-                self.follow(i, &polyline, &mut draw);
+                self.follow(&polyline, &mut draw);
             }
             self.note_truncation(&mut draw);
+            self.report(i, &draw);
             draw
         };
         group.iter().map(reach).collect()
@@ -155,7 +181,11 @@ impl Run<'_> {
             .par_iter()
             .with_max_len(1)
             .enumerate()
-            .map(|(i, goal)| run.tree(i, &[*goal], &TREE_MARGINS, &RrtSettings::default()))
+            .map(|(i, goal)| {
+                let draw = run.tree(i, &[*goal], &TREE_MARGINS, &RrtSettings::default());
+                run.report(i, &draw);
+                draw
+            })
             .collect();
         self.stages.sample += clock.elapsed().as_secs_f64();
         draws
@@ -186,7 +216,7 @@ impl Run<'_> {
                 self.supervision.interrupt,
             );
             if let Some(polyline) = found
-                && self.follow(index, &polyline, &mut draw)
+                && self.follow(&polyline, &mut draw)
             {
                 return draw;
             }
@@ -207,13 +237,12 @@ impl Run<'_> {
     }
 
     /// Makes a motion of a certified polyline, if that can be timed and certified.
-    fn follow(&self, index: usize, polyline: &[Configuration], draw: &mut Draw) -> bool {
+    fn follow(&self, polyline: &[Configuration], draw: &mut Draw) -> bool {
         let Ok((path, trajectory)) = self.demands.follow(polyline) else {
             return false;
         };
         draw.path = Some(path);
         draw.outcome = Ok(self.demands.describe(trajectory));
-        self.report(index, draw);
         true
     }
 }
