@@ -16,8 +16,6 @@ use std::time::Instant;
 const COMPETITORS: usize = 2;
 /// Tube growth of a tree's attempts: rounding its corners needs room, a narrow way may not have it.
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
-/// The same where any motion will do, also one that rests at its corners.
-const LAST_MARGINS: [f64; 2] = [0.02, 0.0];
 /// Groups of missing goal shapes whose ways are sought at once, each with a tree of its own.
 const FILLERS: usize = 2;
 /// Samples for one goal shape that is missing beside others: a way that is hard to find is left to those who need it.
@@ -26,8 +24,9 @@ const FILLING: RrtSettings = RrtSettings {
     step_rad: 0.6,
     shortcuts: 60,
 };
-/// Samples of the last attempts, with all goal shapes at once, when nothing else was found: mostly the first ones do.
-const LAST_ATTEMPTS: [usize; 3] = [500, 4_000, 40_000];
+/// Samples of the trees to each goal shape when nothing else was found, before those of [`Run::trees`]: where ways are hard to
+/// find, several short searches find one sooner than a long one.
+const LAST_ATTEMPTS: [usize; 3] = [40, 200, 1000];
 
 impl Run<'_> {
     /// Learned paths to every goal shape; where a straight segment is the fastest motion of all, it takes the place of the
@@ -85,44 +84,43 @@ impl Run<'_> {
         paths.map(proposal).collect()
     }
 
-    /// Reaches the goal shapes that are still missing from the motions there are; without any, a tree with all goal shapes at
-    /// once finds the first.
+    /// Reaches the goal shapes that are still missing from the motions there are; without any, trees find the first.
     fn fill(&mut self, goals: &[Configuration], draws: &mut [Draw]) {
         let clock = Instant::now();
         if draws.iter().all(|draw| draw.outcome.is_err()) {
-            draws[0] = self.last_attempts(goals);
-            self.report(0, &draws[0]);
+            if let Some((i, draw)) = self.last_attempts(goals) {
+                self.report(i, &draw);
+                draws[i] = draw;
+            }
+            self.note_truncation(&mut draws[0]);
         }
         self.reach_missing(goals, draws);
         self.stages.select += clock.elapsed().as_secs_f64();
     }
 
-    /// A motion to any of the goal shapes, with more and more samples, with and without a margin at once.
-    fn last_attempts(&self, goals: &[Configuration]) -> Draw {
-        let mut draw = unfinished(Source::Tree, Failure::NoPath);
-        for (round, &samples) in LAST_ATTEMPTS.iter().enumerate() {
+    /// The first goal shape to which trees find a motion, and that: what [`Run::trees`] would answer is not left without an answer.
+    fn last_attempts(&self, goals: &[Configuration]) -> Option<(usize, Draw)> {
+        let briefly = LAST_ATTEMPTS.iter().find_map(|&samples| {
             let settings = RrtSettings {
                 samples,
-                step_rad: 0.4,
-                shortcuts: 120,
+                ..RrtSettings::default()
             };
-            let attempts = LAST_MARGINS.par_iter().enumerate().with_max_len(1);
-            let attempts: Vec<Draw> = attempts
-                .map(|(i, margin)| {
-                    let index = goals.len() + round * LAST_MARGINS.len() + i;
-                    self.tree(index, goals, &[*margin], &settings)
-                })
-                .collect();
-            for attempt in attempts {
-                if draw.outcome.is_err() {
-                    draw = attempt;
-                }
-            }
-            if draw.outcome.is_ok() {
-                break;
-            }
-        }
-        draw
+            self.first_tree(goals, &[0.0], &settings)
+        });
+        briefly.or_else(|| self.first_tree(goals, &TREE_MARGINS, &RrtSettings::default()))
+    }
+
+    fn first_tree(
+        &self,
+        goals: &[Configuration],
+        margins: &[f64],
+        settings: &RrtSettings,
+    ) -> Option<(usize, Draw)> {
+        let goals = goals.par_iter().enumerate().with_max_len(1);
+        goals.find_map_first(|(i, goal)| {
+            let draw = self.tree(i, goal, margins, settings);
+            draw.outcome.is_ok().then_some((i, draw))
+        })
     }
 
     fn reach_missing(&self, goals: &[Configuration], draws: &mut [Draw]) {
@@ -182,7 +180,7 @@ impl Run<'_> {
             .with_max_len(1)
             .enumerate()
             .map(|(i, goal)| {
-                let draw = run.tree(i, &[*goal], &TREE_MARGINS, &RrtSettings::default());
+                let draw = run.tree(i, goal, &TREE_MARGINS, &RrtSettings::default());
                 run.report(i, &draw);
                 draw
             })
@@ -194,7 +192,7 @@ impl Run<'_> {
     fn tree(
         &self,
         index: usize,
-        goals: &[Configuration],
+        goal: &Configuration,
         margins: &[f64],
         settings: &RrtSettings,
     ) -> Draw {
@@ -210,7 +208,7 @@ impl Run<'_> {
                 &grown,
                 &self.problem.scene,
                 &self.problem.start,
-                goals,
+                &[*goal],
                 settings,
                 &mut rng,
                 self.supervision.interrupt,
