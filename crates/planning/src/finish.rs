@@ -13,10 +13,12 @@ use collision::{Scene, certify_polyline, certify_trajectory};
 use pcc_model::{Configuration, Robot, TendonLimits};
 use std::cell::RefCell;
 use std::time::Instant;
-use trajectory::{AllocationOptions, Allocator, Knot, MAX_KNOTS, Trajectory};
+use trajectory::{AllocationOptions, Allocator, Knot, Trajectory};
 
 /// Clearance that corrections aim for beyond the tube, in the first and the second attempt, section lengths.
 const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
+/// Knots of a straight leg at least.
+const LEAST_KNOTS_OF_A_LEG: usize = 8;
 /// Corrections that a path gets at most.
 pub const MOST_CORRECTIONS: usize = 2;
 
@@ -256,12 +258,12 @@ impl Demands<'_> {
             return Err(Failure::Collision);
         }
         let edges = polyline.len() - 1;
-        let knots_of_a_leg = (self.knots / edges).max(8);
+        let knots_of_a_leg = (self.knots / edges).max(LEAST_KNOTS_OF_A_LEG);
         let mut knots: Vec<Knot> = Vec::new();
         for edge in polyline.windows(2) {
             append(&mut knots, &self.allocate(edge, knots_of_a_leg)?);
         }
-        if knots.len() > MAX_KNOTS {
+        if knots.len() > self.knots {
             return Err(Failure::Time);
         }
         let trajectory = Trajectory::new(knots).map_err(|_| Failure::Time)?;
@@ -294,7 +296,7 @@ mod tests {
             (0..=edges).map(corner).collect()
         };
         let few = demands.rest_at_corners(&zigzag(12)).unwrap();
-        assert!((12..=MAX_KNOTS).contains(&few.knots().len()));
+        assert!((12..=96).contains(&few.knots().len()));
         let rests = few.knots().iter().filter(|k| k.velocity.norm() == 0.0);
         assert_eq!(rests.count(), 13, "it rests at every corner");
         assert_eq!(demands.rest_at_corners(&zigzag(120)), Err(Failure::Time));

@@ -89,7 +89,7 @@ pub struct Request {
     pub limits_scale: f64,
     /// Growth of the tube that the certificate includes, section lengths (tracking error).
     pub growth: f64,
-    /// Knots of each motion (4 to 256); one that rests at its corners may take up to 256.
+    /// Knots of each motion (4 to 256).
     pub knots: usize,
     /// Corrections that a path gets before it is given up: 0 to `MOST_CORRECTIONS`, which is the rule; more are as many.
     pub corrections: usize,
