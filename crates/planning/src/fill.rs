@@ -16,6 +16,8 @@ use std::time::Instant;
 const COMPETITORS: usize = 2;
 /// Tube growth of a tree's attempts: rounding its corners needs room, a narrow way may not have it.
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
+/// The same of ways for whoever has no other: beyond the accuracy with which a clearance is told.
+const LEAST_MARGIN: f64 = 1e-3;
 /// Groups of missing goal shapes whose ways are sought at once, each with a tree of its own.
 const FILLERS: usize = 2;
 /// Samples for one goal shape that is missing beside others: a way that is hard to find is left to those who need it.
@@ -105,7 +107,7 @@ impl Run<'_> {
                 samples,
                 ..RrtSettings::default()
             };
-            self.first_tree(goals, &[0.0], &settings)
+            self.first_tree(goals, &[LEAST_MARGIN], &settings)
         });
         briefly.or_else(|| self.first_tree(goals, &TREE_MARGINS, &RrtSettings::default()))
     }
@@ -143,7 +145,8 @@ impl Run<'_> {
 
     /// Motions to some of the goal shapes, from ways that are known.
     fn reach(&self, ways: &[&Waypoints], goals: &[Configuration], group: &[usize]) -> Vec<Draw> {
-        let grown = self.planner.robot.with_tube_growth(self.request.growth);
+        let growth = LEAST_MARGIN + self.request.growth;
+        let grown = self.planner.robot.with_tube_growth(growth);
         let mut known = KnownWays::from(
             &self.problem.start,
             Search {

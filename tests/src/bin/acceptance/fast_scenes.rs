@@ -5,7 +5,7 @@ use std::time::Instant;
 use anyhow::Context;
 use client::{Client, PlanAnswer};
 use collision::Scene;
-use pcc_model::{Robot, TendonLimits};
+use pcc_model::{DOF, Robot, TendonLimits};
 use planning::scenes::{Setting, draw_target};
 use shared_types::message::{Ball, Knot};
 use shared_types::valid::{Goal, PlanRequest};
@@ -71,7 +71,14 @@ pub(crate) fn demand<'a>(robot: &'a Robot, scene: &'a Scene, request: &PlanReque
         } => (position_m.into(), tolerance_m.unwrap_or(TIP_TOLERANCE)),
         Goal::Configuration(shape) => (robot.tip(&shape.into()), TIP_TOLERANCE),
     };
-    let (full, scale) = (&robot.tendon_limits, request.limits_scale);
+    let full = &robot.tendon_limits;
+    // Who starts in motion brakes within the whole limits.
+    let is_resting = request.start_velocity_rad_s == [0.0; DOF];
+    let scale = if is_resting {
+        request.limits_scale
+    } else {
+        1.0
+    };
     Demand {
         robot,
         scene,

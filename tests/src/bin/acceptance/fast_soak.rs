@@ -115,14 +115,21 @@ fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
     let stolen = StolenTimes::watch();
     let disturbance = Disturbance::count(served.daemon.pid())?;
     largest_requests(&mut served, &pool)?;
+    let Served {
+        client,
+        mut daemon,
+        world,
+    } = served;
+    // Its place is wanted.
+    drop(client);
     let mut findings = Findings::default();
     let mut memory = Vec::new();
     let begin = Instant::now();
     for leg in 0..LEGS {
-        let mut found = ask(&served.world, &pool, leg, count / LEGS);
-        judge(&served.world.robot, &mut found);
+        let mut found = ask(&world, &pool, leg, count / LEGS);
+        judge(&world.robot, &mut found);
         findings.merge(found);
-        memory.push(memory_mb(served.daemon.pid(), "VmRSS:")?);
+        memory.push(memory_mb(daemon.pid(), "VmRSS:")?);
         eprintln!(
             "  random requests: {} of {count} after {:.0} s, {} motions, {:.1} MB",
             findings.sent,
@@ -131,8 +138,8 @@ fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
             memory[leg],
         );
     }
-    if !served.daemon.is_running() {
-        let log = served.daemon.log();
+    if !daemon.is_running() {
+        let log = daemon.log();
         findings.unexpected.push(format!("the daemon ended: {log}"));
     }
     report.shown("random requests: disturbed meanwhile", disturbance.text()?);
