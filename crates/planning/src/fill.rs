@@ -16,13 +16,13 @@ use std::time::Instant;
 const COMPETITORS: usize = 2;
 /// Tube growth of a tree's attempts: rounding its corners needs room, a narrow way may not have it.
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
-/// The same of ways for whoever has no other: beyond the accuracy with which a clearance is told.
+/// The same of ways that need only exist: beyond the accuracy with which a clearance is told.
 const LEAST_MARGIN: f64 = 1e-3;
 /// Groups of missing goal shapes whose ways are sought at once, each with a tree of its own.
 const FILLERS: usize = 2;
 /// Samples for one goal shape that is missing beside others: a way that is hard to find is left to those who need it.
 const FILLING: RrtSettings = RrtSettings {
-    samples: 60,
+    samples: 200,
     step_rad: 0.6,
     shortcuts: 60,
 };
