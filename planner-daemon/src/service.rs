@@ -340,7 +340,7 @@ impl Service {
             WaitMode::Wait => false,
         };
         if polls {
-            std::hint::spin_loop();
+            std::thread::yield_now();
         } else if self.in_flight.is_some() {
             if let Some(product) = self.planning.wait(pause) {
                 self.deliver(product);

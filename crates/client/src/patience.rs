@@ -9,7 +9,7 @@ use shared_types::ipc::IpcNode;
 /// Polls without pause before the first sleep: some 20 µs, more than a message takes on its way.
 const SPINS: u32 = 200;
 /// Pause between two polls after that.
-const PAUSE: Duration = Duration::from_micros(50);
+const PAUSE: Duration = Duration::from_micros(100);
 /// Time between two clean-ups of dead processes.
 const CLEANING_PERIOD: Duration = Duration::from_millis(100);
 

@@ -102,18 +102,23 @@ const SUITES: [Suite; 3] = [
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let (name, full) = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
-        [name] => (name, false),
-        [name, "--full"] => (name, true),
-        _ => ("", false),
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let (name, full, only) = match words[..] {
+        [name] => (name, false, ""),
+        [name, "--full"] => (name, true, ""),
+        [name, "--full", "--only", only] => (name, true, only),
+        _ => ("", false, ""),
     };
     let Some(suite) = SUITES.iter().find(|suite| suite.name == name) else {
         let names: Vec<&str> = SUITES.iter().map(|suite| suite.name).collect();
-        eprintln!("usage: acceptance {} [--full]", names.join("|"));
+        eprintln!(
+            "usage: acceptance {} [--full [--only PART_OF_A_GROUP_S_NAME]]",
+            names.join("|")
+        );
         return ExitCode::from(2);
     };
     let file = repository().join(format!("target/acceptance/{name}.json"));
-    let mut report = Report::new(full.then_some(file), (suite.weights)());
+    let mut report = Report::new(full.then_some(file), (suite.weights)()).only(only);
     for group in suite.groups {
         group(&mut report, Scale { full });
     }
