@@ -3,13 +3,14 @@
 use crate::finish::Demands;
 use crate::known_ways::KnownWays;
 use crate::least_duration::least_duration_s;
-use crate::path::Waypoints;
-use crate::plan::{Draw, Failure, Plan, Source};
-use crate::rrt_connect::{RrtSettings, Search, rrt_connect};
+use crate::path::{Waypoints, resample};
+use crate::plan::{Draw, Failure, Plan, Sampler, Source};
+use crate::rrt_connect::{RrtSettings, Search};
 use crate::run::{Aim, Proposal, Run, count_learned, unfinished};
 use pcc_model::Configuration;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
+use std::iter::once_with;
 use std::time::Instant;
 
 /// Straight segments that are finished at once: those that may be the fastest.
@@ -76,11 +77,8 @@ impl Run<'_> {
     fn segments(&self, ends: &[Configuration], chosen: &[usize], slowest_s: f64) -> Vec<Proposal> {
         let chosen: Vec<Configuration> = chosen.iter().map(|&end| ends[end]).collect();
         let proposal = |path| Proposal {
-            path,
-            source: Source::Straight,
-            draw: None,
-            is_rough: false,
             slowest_s,
+            ..Proposal::of(path, Source::Straight)
         };
         let paths = self.straight_paths(&chosen).into_iter();
         paths.map(proposal).collect()
@@ -165,7 +163,7 @@ impl Run<'_> {
         let reach = |&i: &usize| {
             let mut draw = unfinished(Source::Tree, Failure::NoPath);
             if let Some(polyline) = known.reach(&goals[i], &mut self.tree_rng(i)) {
-                self.follow(&polyline, &mut draw);
+                self.follow(&known.search, &polyline, &mut draw);
             }
             self.note_truncation(&mut draw);
             self.report(i, &draw);
@@ -207,17 +205,14 @@ impl Run<'_> {
             }
             let growth = margin + self.request.growth;
             let grown = self.planner.robot.with_tube_growth(growth);
-            let found = rrt_connect(
-                &grown,
-                &self.problem.scene,
-                &self.problem.start,
-                &[*goal],
+            let search = Search {
+                robot: &grown,
+                scene: &self.problem.scene,
                 settings,
-                &mut rng,
-                self.supervision.interrupt,
-            );
-            if let Some(polyline) = found
-                && self.follow(&polyline, &mut draw)
+                interrupt: self.supervision.interrupt,
+            };
+            if let Some(polyline) = search.connect(&self.problem.start, &[*goal], &mut rng)
+                && self.follow(&search, &polyline, &mut draw)
             {
                 return draw;
             }
@@ -237,9 +232,17 @@ impl Run<'_> {
         Pcg64::new(u128::from(self.request.seed), index as u128 + 1)
     }
 
-    /// Makes a motion of a certified polyline, if that can be timed and certified.
-    fn follow(&self, polyline: &[Configuration], draw: &mut Draw) -> bool {
-        let Ok((path, trajectory)) = self.demands.follow(polyline) else {
+    /// Makes a motion of a polyline that a search certified, if that can be timed and certified.
+    ///
+    /// The sampler `rrt-connect` rounds it as is usual; else its tip is drawn onto a smooth curve first.
+    fn follow(&self, search: &Search, polyline: &[Configuration], draw: &mut Draw) -> bool {
+        let is_ours = self.request.sampler != Sampler::RrtConnect;
+        let drawn = || self.demands.drawn_along(polyline);
+        let ways = is_ours.then(drawn).flatten().into_iter();
+        let ways = ways
+            .chain(once_with(|| resample(&search.round(polyline))))
+            .chain(once_with(|| resample(polyline)));
+        let Ok((path, trajectory)) = self.demands.follow(polyline, ways) else {
             return false;
         };
         draw.path = Some(path);

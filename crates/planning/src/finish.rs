@@ -17,6 +17,8 @@ use trajectory::{AllocationOptions, Allocator, Knot, Trajectory};
 
 /// Clearance that corrections aim for beyond the tube, in the first and the second attempt, section lengths.
 const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
+/// Clearance that smoothing a corrected path, or one along a certified polyline, leaves beyond the tube, section lengths.
+const SMOOTHED_MARGIN: f64 = 0.01;
 /// Knots of a straight leg at least.
 const LEAST_KNOTS_OF_A_LEG: usize = 8;
 /// Corrections that a path gets at most.
@@ -42,6 +44,7 @@ pub(crate) struct Demands<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) scene: &'a Scene,
     pub(crate) kernel: &'a PushKernel,
+    pub(crate) curves: &'a TipCurves,
     pub(crate) limits: TendonLimits,
     pub(crate) knots: usize,
     pub(crate) growth: f64,
@@ -99,25 +102,21 @@ pub(crate) fn append(knots: &mut Vec<Knot>, motion: &Trajectory) {
 }
 
 impl Demands<'_> {
-    /// Draws the tip of a path onto a smooth curve if that is wanted, then corrects, times and certifies it; what does not
-    /// certify is corrected once more with a larger margin.
+    /// Corrects, times and certifies a path; what does not certify is corrected once more with a larger margin. The tip of a
+    /// rough path is drawn onto a smooth curve: a straight one without correction if that is clear, else one beside the
+    /// corrected path.
     ///
     /// A motion that takes `slowest_s` or longer is left unfinished.
-    pub(crate) fn finish(
-        &self,
-        path: Waypoints,
-        smoother: Option<&TipCurves>,
-        slowest_s: f64,
-    ) -> Finished {
+    pub(crate) fn finish(&self, path: Waypoints, is_rough: bool, slowest_s: f64) -> Finished {
         let mut finished = Finished {
             path,
             outcome: Err(Failure::Truncated),
             laps: Laps::default(),
         };
         let mut is_clear = false;
-        if let Some(curves) = smoother.filter(|_| !(self.interrupt)()) {
+        if is_rough && !(self.interrupt)() {
             let mut clock = Instant::now();
-            is_clear = self.straighten(curves, &mut finished.path);
+            is_clear = self.straighten(&mut finished.path);
             finished.laps.correct += lap(&mut clock);
         }
         for attempt in 0..self.corrections.clamp(1, MOST_CORRECTIONS) {
@@ -130,6 +129,11 @@ impl Demands<'_> {
                 finished.outcome = Err(Failure::Collision);
                 continue;
             }
+            if is_corrected && is_rough {
+                let mut clock = Instant::now();
+                self.smooth(&mut finished.path);
+                finished.laps.correct += lap(&mut clock);
+            }
             self.deliver(&mut finished, slowest_s);
             if matches!(finished.outcome, Ok(_) | Err(Failure::Slower)) {
                 break;
@@ -139,9 +143,16 @@ impl Demands<'_> {
     }
 
     /// Draws a sampled path's tip onto a smooth curve, if that leaves nothing to correct; whether it does.
-    fn straighten(&self, curves: &TipCurves, path: &mut [Configuration]) -> bool {
+    fn straighten(&self, path: &mut [Configuration]) -> bool {
         let margin = 0.5 * CORRECTION_MARGINS[0] + self.growth;
-        curves.straighten(self.robot, self.scene, margin, &self.limits, path)
+        self.curves
+            .straighten(self.robot, self.scene, margin, &self.limits, path)
+    }
+
+    /// Draws a path's tip onto a smooth curve beside its way; whether there is one.
+    fn smooth(&self, path: &mut [Configuration]) -> bool {
+        let margin = SMOOTHED_MARGIN + self.growth;
+        self.curves.smooth(self.robot, self.scene, margin, path)
     }
 
     fn correct(&self, attempt: usize, finished: &mut Finished) -> Correction {
@@ -241,16 +252,32 @@ impl Demands<'_> {
         })
     }
 
-    /// Turns a certified polyline into a motion: rounded where that certifies, else resting at each corner.
+    /// A path along a certified polyline whose tip keeps to a smooth curve, where there is room for one.
+    pub(crate) fn drawn_along(&self, polyline: &[Configuration]) -> Option<Waypoints> {
+        let mut path = resample(polyline);
+        self.smooth(&mut path).then_some(path)
+    }
+
+    /// Turns the first of these ways along a certified polyline that certifies into a motion; where there is none, the motion
+    /// rests at each corner.
     pub(crate) fn follow(
         &self,
         polyline: &[Configuration],
+        ways: impl IntoIterator<Item = Waypoints>,
     ) -> Result<(Waypoints, Trajectory), Failure> {
-        let path = resample(polyline);
-        let rounded = self.time(&path).and_then(|t| self.certify(&t).map(|()| t));
-        rounded
-            .or_else(|_| self.rest_at_corners(polyline))
-            .map(|t| (path, t))
+        let motion = |way: &Waypoints| {
+            let timed = self.time(way)?;
+            self.certify(&timed).map(|()| timed)
+        };
+        let first = ways
+            .into_iter()
+            .find_map(|way| Some((motion(&way).ok()?, way)));
+        match first {
+            Some((motion, way)) => Ok((way, motion)),
+            None => self
+                .rest_at_corners(polyline)
+                .map(|motion| (resample(polyline), motion)),
+        }
     }
 
     fn rest_at_corners(&self, polyline: &[Configuration]) -> Result<Trajectory, Failure> {
@@ -285,6 +312,7 @@ mod tests {
             robot: &robot,
             scene: &scene,
             kernel: &kernel,
+            curves: &TipCurves::new(),
             limits: robot.tendon_limits,
             knots: 96,
             growth: 0.0,

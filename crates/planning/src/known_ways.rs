@@ -12,7 +12,7 @@ const STRIDE: usize = 4;
 
 /// What is known, and how it is extended.
 pub(crate) struct KnownWays<'a> {
-    search: Search<'a>,
+    pub(crate) search: Search<'a>,
     tree: Tree,
 }
 

@@ -90,11 +90,9 @@ impl Drawing<'_> {
         let paths = residuals.iter().zip(goals);
         let paths = paths.map(|(residual, goal)| self.bend(goal, residual));
         let proposal = |(draw, path)| Proposal {
-            path,
-            source: Source::Learned,
             draw: Some(draw),
             is_rough: true,
-            slowest_s: f64::INFINITY,
+            ..Proposal::of(path, Source::Learned)
         };
         (first..).zip(paths).map(proposal).collect()
     }

@@ -12,6 +12,11 @@ use rand_pcg::Pcg64;
 /// Bisection depth of an edge's certificate; undecided edges count as colliding.
 const EDGE_DEPTH: u32 = 7;
 
+/// Rounds in which corners are rounded at most: each halves what is left of them.
+const ROUNDINGS: usize = 5;
+/// A corner that moves less than this is round, rad.
+const ROUND_RAD: f64 = 1e-3;
+
 /// Samples between two questions whether to go on.
 const INTERRUPT_EVERY: usize = 16;
 
@@ -178,6 +183,53 @@ impl Search<'_> {
         None
     }
 
+    /// A polyline from `start` to one of `goals`, shortened, or nothing within the budget.
+    pub(crate) fn connect(
+        &self,
+        start: &Configuration,
+        goals: &[Configuration],
+        rng: &mut Pcg64,
+    ) -> Option<Vec<Configuration>> {
+        let direct = goals.iter().find(|goal| self.edge_is_free(start, goal));
+        let path = match direct {
+            Some(direct) => vec![*start, *direct],
+            None => self.grow(&mut [Tree::rooted(&[*start]), Tree::rooted(goals)], rng)?,
+        };
+        Some(self.shorten(path, rng))
+    }
+
+    /// Rounds the corners of a certified polyline to a cubic B-spline where that is certified, too: every edge is halved, then
+    /// every old corner moves towards the middle of its neighbours (as OMPL's `smoothBSpline`).
+    pub(crate) fn round(&self, polyline: &[Configuration]) -> Vec<Configuration> {
+        let mut path = polyline.to_vec();
+        for _ in 0..ROUNDINGS {
+            let mut finer = halved(&path);
+            let corners = (2..finer.len() - 1).step_by(2);
+            if corners
+                .filter(|&corner| self.round_corner(&mut finer, corner))
+                .count()
+                == 0
+            {
+                break;
+            }
+            path = finer;
+        }
+        path
+    }
+
+    /// Whether a corner was moved.
+    fn round_corner(&self, path: &mut [Configuration], corner: usize) -> bool {
+        let [before, at, after] = [path[corner - 1], path[corner], path[corner + 1]];
+        let inner = at * 0.5 + (before + after) * 0.25;
+        let moves = (inner - at).norm() > ROUND_RAD
+            && self.edge_is_free(&before, &inner)
+            && self.edge_is_free(&inner, &after);
+        if moves {
+            path[corner] = inner;
+        }
+        moves
+    }
+
     pub(crate) fn shorten(
         &self,
         mut path: Vec<Configuration>,
@@ -195,6 +247,16 @@ impl Search<'_> {
         }
         path
     }
+}
+
+/// The same polyline with a corner in the middle of every edge.
+fn halved(path: &[Configuration]) -> Vec<Configuration> {
+    let mut halved = Vec::with_capacity(2 * path.len());
+    for edge in path.windows(2) {
+        halved.extend([edge[0], edge[0].lerp(&edge[1], 0.5)]);
+    }
+    halved.extend(path.last());
+    halved
 }
 
 fn two_points(path: &[Configuration], rng: &mut Pcg64) -> [(usize, Configuration); 2] {
@@ -234,12 +296,7 @@ pub fn rrt_connect(
         settings,
         interrupt,
     };
-    let direct = goals.iter().find(|goal| search.edge_is_free(start, goal));
-    let path = match direct {
-        Some(direct) => vec![*start, *direct],
-        None => search.grow(&mut [Tree::rooted(&[*start]), Tree::rooted(goals)], rng)?,
-    };
-    Some(search.shorten(path, rng))
+    search.connect(start, goals, rng)
 }
 
 #[cfg(test)]
@@ -249,6 +306,39 @@ mod tests {
     use collision::Ball;
     use rand::SeedableRng;
     use std::cell::Cell;
+
+    #[test]
+    fn corners_are_rounded_where_there_is_room_and_ends_stay() {
+        let (robot, scene) = (unit_robot(), Scene::default());
+        let settings = RrtSettings::default();
+        let search = Search {
+            robot: &robot,
+            scene: &scene,
+            settings: &settings,
+            interrupt: &|| false,
+        };
+        let bent = |x: f64, y: f64| Configuration::from_column_slice(&[x, y, 0.0, 0.0, 0.0, 0.0]);
+        let polyline = [bent(0.0, 0.0), bent(0.8, 0.0), bent(0.8, 0.8)];
+        let round = search.round(&polyline);
+        let turn = |path: &[Configuration]| {
+            let turns = path.windows(3).map(|w| {
+                let [a, b] = [w[1] - w[0], w[2] - w[1]];
+                (a.dot(&b) / (a.norm() * b.norm())).clamp(-1.0, 1.0).acos()
+            });
+            turns.fold(0.0, f64::max)
+        };
+        assert!(
+            turn(&polyline) > 1.5 && turn(&round) < 0.3,
+            "{}",
+            turn(&round)
+        );
+        assert_eq!(
+            [round[0], round[round.len() - 1]],
+            [polyline[0], polyline[2]]
+        );
+        let segment = [polyline[0], polyline[2]];
+        assert_eq!(search.round(&segment), segment);
+    }
 
     #[test]
     fn a_search_in_vain_gives_up_when_it_is_interrupted() {

@@ -54,14 +54,24 @@ pub(crate) struct Proposal {
     pub(crate) slowest_s: f64,
 }
 
+impl Proposal {
+    /// A path that is finished as it is, however long it takes.
+    pub(crate) fn of(path: Waypoints, source: Source) -> Self {
+        Self {
+            path,
+            source,
+            draw: None,
+            is_rough: false,
+            slowest_s: f64::INFINITY,
+        }
+    }
+}
+
 /// Paths as the draws 0, 1, 2, …
 pub(crate) fn draws_of(paths: Vec<Waypoints>, source: Source) -> Vec<Proposal> {
     let proposal = |(draw, path)| Proposal {
-        path,
-        source,
         draw: Some(draw),
-        is_rough: false,
-        slowest_s: f64::INFINITY,
+        ..Proposal::of(path, source)
     };
     paths.into_iter().enumerate().map(proposal).collect()
 }
@@ -83,6 +93,7 @@ impl<'a> Run<'a> {
             robot: &planner.robot,
             scene: &problem.scene,
             kernel: &planner.kernel,
+            curves: &planner.tip_curves,
             limits,
             knots: request.knots,
             growth: request.growth,
@@ -192,11 +203,8 @@ impl<'a> Run<'a> {
         let mut proposals = Vec::new();
         for (draw, path) in attached.iter().enumerate() {
             proposals.extend(path.as_ref().ok().map(|path| Proposal {
-                path: path.clone(),
-                source: Source::Learned,
                 draw: Some(draw),
-                is_rough: false,
-                slowest_s: f64::INFINITY,
+                ..Proposal::of(path.clone(), Source::Learned)
             }));
         }
         let mut finished = self.finish(proposals).into_iter();
@@ -273,10 +281,9 @@ impl<'a> Run<'a> {
 
     fn finish_one(&self, proposal: Proposal) -> (Draw, Laps) {
         let sampled = proposal.path.clone();
-        let smoother = proposal.is_rough.then_some(&self.planner.tip_curves);
         let finished = self
             .demands
-            .finish(proposal.path, smoother, proposal.slowest_s);
+            .finish(proposal.path, proposal.is_rough, proposal.slowest_s);
         let draw = Draw {
             sampled: Some(sampled),
             path: Some(finished.path),
@@ -375,12 +382,6 @@ impl Aim {
     /// What is left of the motion that is followed, as it is.
     pub(crate) fn kept(&self) -> Option<Proposal> {
         let followed = self.rests.first().filter(|rest| rest.followed)?;
-        Some(Proposal {
-            path: followed.path.clone(),
-            source: Source::Kept,
-            draw: None,
-            is_rough: false,
-            slowest_s: f64::INFINITY,
-        })
+        Some(Proposal::of(followed.path.clone(), Source::Kept))
     }
 }
