@@ -23,10 +23,14 @@ const LEAST_MARGIN: f64 = 1e-3;
 const FILLERS: usize = 2;
 /// Samples for one goal shape that is missing beside others: a way that is hard to find is left to those who need it.
 const FILLING: RrtSettings = RrtSettings {
-    samples: 200,
+    samples: 1500,
     step_rad: 0.6,
     shortcuts: 60,
 };
+/// Rounds of exploring before that.
+const ROUNDS_BEFORE_TREES: usize = 3;
+/// Times that a way that is found may be too angular for a motion.
+const SHORTENINGS: usize = 4;
 /// Samples of the trees to each goal shape when nothing else was found, before those of [`Run::trees`]: where ways are hard to
 /// find, several short searches find one sooner than a long one.
 const LAST_ATTEMPTS: [usize; 3] = [40, 200, 1000];
@@ -58,6 +62,7 @@ impl Run<'_> {
             draws[end] = straight;
         }
         self.keep(kept, &mut draws);
+        self.explore(aim, &mut draws, ROUNDS_BEFORE_TREES);
         self.fill(&aim.goals, &mut draws);
         self.answer(draws, learned)
     }
@@ -162,14 +167,31 @@ impl Run<'_> {
         }
         let reach = |&i: &usize| {
             let mut draw = unfinished(Source::Tree, Failure::NoPath);
-            if let Some(polyline) = known.reach(&goals[i], &mut self.tree_rng(i)) {
-                self.follow(&known.search, &polyline, &mut draw);
+            let mut rng = self.tree_rng(i);
+            if let Some(polyline) = known.reach(&goals[i], &mut rng) {
+                self.follow_shortened(&known.search, polyline, &mut rng, &mut draw);
             }
             self.note_truncation(&mut draw);
             self.report(i, &draw);
             draw
         };
         group.iter().map(reach).collect()
+    }
+
+    /// Makes a motion of a polyline, which is shortened again where it has too many corners for that.
+    fn follow_shortened(
+        &self,
+        search: &Search,
+        mut polyline: Vec<Configuration>,
+        rng: &mut Pcg64,
+        draw: &mut Draw,
+    ) {
+        for _ in 0..SHORTENINGS {
+            if self.follow(search, &polyline, draw) {
+                break;
+            }
+            polyline = search.shorten(polyline, rng);
+        }
     }
 
     /// One tree for each goal shape.

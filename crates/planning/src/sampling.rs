@@ -23,15 +23,19 @@ pub(crate) fn share(model: &FastModel, candidates: usize) -> usize {
 /// Samples one residual (sine coefficients, term-major, radians, canonical frame) for each candidate, of which the first one has
 /// the index `first` in its request.
 ///
-/// A residual depends on its candidate, the seed and its index alone, so neither threads nor neighbours matter.
+/// The flow's noise is made `wideness` times as large: with 1 residuals are distributed as those that the model has learned.
+///
+/// A residual depends on its candidate, the seed, its index and the wideness alone, so neither threads nor neighbours matter.
 pub(crate) fn sample_paths(
     model: &FastModel,
     candidates: &[CandidateInput],
     first: usize,
     seed: u64,
+    wideness: f32,
 ) -> Vec<[f64; UNKNOWNS]> {
     let indices = first..first + candidates.len();
-    let noise: Vec<[f32; UNKNOWNS]> = indices.map(|index| noise(seed, index)).collect();
+    let wide = |index| noise::<UNKNOWNS>(seed, index).map(|value| wideness * value);
+    let noise: Vec<[f32; UNKNOWNS]> = indices.map(wide).collect();
     let mut out = vec![[0.0_f32; UNKNOWNS]; candidates.len()];
     SCRATCH.with_borrow_mut(|scratch| {
         model.sample(
