@@ -214,7 +214,13 @@ fn load_planner(config: &Config, robot: &Robot) -> Result<Planner, StartError> {
         .as_ref()
         .map(|folder| load_models(folder, config, robot));
     let models = models.transpose()?.unwrap_or_default();
-    Ok(Planner::new(robot, models, config.threads)?)
+    let planner = Planner::new(robot, models, config.threads)?;
+    planner.on_every_worker(|| {
+        if let Err(error) = process::take_long_turns() {
+            tracing::warn!("answers may be a few ms late where processors are scarce: {error}");
+        }
+    });
+    Ok(planner)
 }
 
 fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, StartError> {

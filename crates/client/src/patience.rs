@@ -49,6 +49,11 @@ impl Cleaner {
         Self { last: None }
     }
 
+    /// From now on it is a whole period until the next time.
+    pub(crate) fn begin_period(&mut self) {
+        self.last = Some(Instant::now());
+    }
+
     /// Cleans if the last time is long enough ago.
     pub(crate) fn clean_if_due(&mut self, node: &IpcNode) {
         if self
@@ -56,7 +61,7 @@ impl Cleaner {
             .is_none_or(|last| last.elapsed() >= CLEANING_PERIOD)
         {
             node.clean_dead_nodes();
-            self.last = Some(Instant::now());
+            self.begin_period();
         }
     }
 }

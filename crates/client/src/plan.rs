@@ -226,6 +226,8 @@ impl Client {
         loop {
             let response = self.wait_for_port(patience)?.send(&wire)?;
             if response.number_of_server_connections() > 0 {
+                // Whether who has it still lives is asked when the answer is long in coming: cleaning takes as long as a plan.
+                self.cleaner.begin_period();
                 return Ok(Pending {
                     response,
                     id: wire.request_id,
@@ -246,7 +248,9 @@ impl Client {
     /// A port on a service with a living server.
     fn wait_for_port(&mut self, patience: &Patience) -> Result<&PlanPort, ClientError> {
         loop {
-            self.cleaner.clean_if_due(&self.node);
+            if self.port.is_none() {
+                self.cleaner.clean_if_due(&self.node);
+            }
             self.refresh_port()?;
             if self.port.is_some() {
                 break;

@@ -106,6 +106,11 @@ impl Planner {
         self.workers.spawn(task);
     }
 
+    /// Runs a task on each of the workers.
+    pub fn on_every_worker(&self, task: impl Fn() + Sync) {
+        self.workers.broadcast(|_| task());
+    }
+
     /// Answers one request; `interrupt` is asked between stages and while a tree grows, and returns true to truncate.
     ///
     /// # Errors

@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
+use std::sync::Barrier;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -27,8 +28,10 @@ use crate::{Report, Scale};
 const CLIENTS: usize = 2;
 /// Requests for as many candidates as there can be, before memory is read for the first time.
 const LARGEST: usize = 12;
-/// Between two legs motions are judged and memory is read: the first leg is a tenth of all.
+/// Between two legs memory is read: the first leg is a tenth of all.
 const LEGS: usize = 10;
+/// Requests of one client between two pauses in which nobody waits and motions are judged: judging takes processors.
+const BATCH: usize = 250;
 /// One of so many answers has all of its motions judged; of every one, both ends are.
 const JUDGED_SHARE: u32 = 20;
 /// An answer may be this much later than its deadline.
@@ -40,7 +43,10 @@ const MEMORY_MB: f64 = 2.0;
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "acceptance fast, two clients of planner-daemon";
     report.group("random requests", command, |report| {
-        random_requests(report, scale.pick(300, 100_000))
+        random_requests(
+            report,
+            std::env::var("SOAK").map_or(scale.pick(300, 100_000), |n| n.parse().unwrap()),
+        )
     });
 }
 
@@ -61,7 +67,15 @@ struct Findings {
     /// Requests without an answer, spoiled ones that were not refused, internal errors.
     unexpected: Vec<String>,
     /// To be judged when nobody waits.
-    kept: Vec<(PlanRequest, Vec<Vec<Knot>>)>,
+    kept: Vec<Kept>,
+}
+
+/// The motions of an answer.
+struct Kept {
+    request: PlanRequest,
+    motions: Vec<Vec<Knot>>,
+    /// Whether they are judged as a whole, or at both ends.
+    wholly: bool,
 }
 
 struct Late {
@@ -81,8 +95,10 @@ fn what_was_late(request: &PlanRequest, report: &PlanReport) -> String {
     let longest = longest.map_or(String::new(), |(stage, ms)| {
         format!("{stage} took {ms:.2} ms")
     });
+    let all = Stage::ALL.iter().map(|stage| report.stage_ns(*stage));
+    let all = 1e-6 * all.sum::<u64>() as f64;
     format!(
-        "{}, {} candidates, {} balls, deadline {:.2} ms, {}, {longest}",
+        "{}, {} candidates, {} balls, deadline {:.2} ms, {}, {longest} of {all:.2} ms in the daemon",
         request.sampler,
         request.candidate_count,
         request.balls.len(),
@@ -126,9 +142,7 @@ fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
     let mut memory = Vec::new();
     let begin = Instant::now();
     for leg in 0..LEGS {
-        let mut found = ask(&world, &pool, leg, count / LEGS);
-        judge(&world.robot, &mut found);
-        findings.merge(found);
+        findings.merge(ask(&world, &pool, leg, count / LEGS));
         memory.push(memory_mb(daemon.pid(), "VmRSS:")?);
         eprintln!(
             "  random requests: {} of {count} after {:.0} s, {} motions, {:.1} MB",
@@ -165,17 +179,28 @@ fn largest_requests(served: &mut Served, pool: &Pool) -> anyhow::Result<()> {
 
 /// A leg: so many requests, of all clients together.
 fn ask(world: &World, pool: &Pool, leg: usize, count: usize) -> Findings {
+    let of_each = count / CLIENTS;
+    let batches = (0..of_each).step_by(BATCH);
+    let batches: Vec<usize> = batches.map(|begin| BATCH.min(of_each - begin)).collect();
+    let together = Barrier::new(CLIENTS);
     let run = |client| {
+        let (batches, together) = (&batches, &together);
         move || {
-            let rng = Pcg64::new(leg as u128, client as u128);
-            Asker::new(world, pool, rng).and_then(|mut asker| {
-                (0..count / CLIENTS).try_for_each(|_| asker.next())?;
-                Ok(asker.findings)
-            })
+            let mut asker = Asker::new(world, pool, Pcg64::new(leg as u128, client));
+            for &batch in batches {
+                let asker = asker.as_mut();
+                let findings = asker.map(|asker| asker.ask_many(batch));
+                together.wait();
+                if let Ok(findings) = findings {
+                    judge(&world.robot, findings);
+                }
+                together.wait();
+            }
+            asker.map(|asker| asker.findings)
         }
     };
     thread::scope(|scope| {
-        let clients: Vec<_> = (0..CLIENTS).map(|i| scope.spawn(run(i))).collect();
+        let clients: Vec<_> = (0..CLIENTS).map(|i| scope.spawn(run(i as u128))).collect();
         let mut all = Findings::default();
         for client in clients {
             match client.join().expect("a client does not panic") {
@@ -190,7 +215,6 @@ fn ask(world: &World, pool: &Pool, leg: usize, count: usize) -> Findings {
 /// One client.
 struct Asker<'a> {
     pool: &'a Pool,
-    robot: &'a Robot,
     client: Client,
     raw: RawClient,
     rng: Pcg64,
@@ -203,12 +227,19 @@ impl<'a> Asker<'a> {
         client.wait_for_daemon(PATIENCE)?;
         Ok(Self {
             pool,
-            robot: &world.robot,
             client,
             raw: RawClient::connect(&world.options, PATIENCE)?,
             rng,
             findings: Findings::default(),
         })
+    }
+
+    /// So many requests, one after the other.
+    fn ask_many(&mut self, count: usize) -> &mut Findings {
+        if let Err(error) = (0..count).try_for_each(|_| self.next()) {
+            self.findings.unexpected.push(format!("{error:#}"));
+        }
+        &mut self.findings
     }
 
     fn next(&mut self) -> anyhow::Result<()> {
@@ -229,7 +260,15 @@ impl<'a> Asker<'a> {
         let by = (answered - sent).saturating_sub(deadline);
         let report = answer.report();
         if by > LATE_AT_MOST {
-            let what = what_was_late(&request, report);
+            let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
+            let now = now.tv_sec as f64 + 1e-9 * now.tv_nsec as f64;
+            let what = format!(
+                "{} NOW {:.6} SENT {:.6} TID {}",
+                what_was_late(&request, report),
+                now,
+                now - sent.elapsed().as_secs_f64(),
+                rustix::thread::gettid().as_raw_nonzero()
+            );
             self.findings.late.push(Late {
                 sent,
                 answered,
@@ -245,25 +284,22 @@ impl<'a> Asker<'a> {
         if report.reason.contains("internal error") {
             self.findings.unexpected.push(report.reason.clone());
         }
-        self.look_at(request, &answer);
+        self.keep(request, &answer);
         Ok(())
     }
 
-    /// Judges both ends of every motion, and keeps some for a closer look.
-    fn look_at(&mut self, request: PlanRequest, answer: &PlanAnswer) {
+    /// Keeps the motions to be judged.
+    fn keep(&mut self, request: PlanRequest, answer: &PlanAnswer) {
+        let motions: Vec<Vec<Knot>> = answer.candidates().map(|c| c.knots.to_vec()).collect();
         let findings = &mut self.findings;
-        let empty = collision::Scene::default();
-        let demand = demand(self.robot, &empty, &request);
-        for candidate in answer.candidates() {
-            findings.motions += 1;
-            let verdict = motion(candidate.knots).and_then(|motion| demand.judge_ends(&motion));
-            let text = |error| format!("seed {}: {error:#}", request.seed);
-            findings.contradicted.extend(verdict.err().map(text));
-        }
-        let selected = answer.selected().is_some();
-        if selected && self.rng.random_ratio(1, JUDGED_SHARE) {
-            let motions = answer.candidates().map(|c| c.knots.to_vec()).collect();
-            findings.kept.push((request, motions));
+        findings.motions += motions.len();
+        if !motions.is_empty() {
+            let wholly = answer.selected().is_some() && self.rng.random_ratio(1, JUDGED_SHARE);
+            findings.kept.push(Kept {
+                request,
+                motions,
+                wholly,
+            });
         }
     }
 
@@ -301,35 +337,27 @@ impl<'a> Asker<'a> {
 
 /// Judges the motions that were kept, and lets go of them.
 fn judge(robot: &Robot, findings: &mut Findings) {
-    let kept = std::mem::take(&mut findings.kept);
-    let judge_one = |(request, motions): &(PlanRequest, Vec<Vec<Knot>>)| {
-        let scene = scene(&request.balls)?;
-        let demand = demand(robot, &scene, request);
-        let mut motions = motions.iter();
-        motions.try_for_each(|knots| demand.judge(&motion(knots)?))
-    };
-    let halves: Vec<_> = kept.chunks(kept.len().div_ceil(CLIENTS).max(1)).collect();
-    let contradicted = thread::scope(|scope| {
-        let judges: Vec<_> = halves
-            .iter()
-            .map(|half| {
-                scope.spawn(|| {
-                    let verdicts = half.iter().map(|kept| (kept, judge_one(kept)));
-                    let wrong = verdicts.filter_map(|(kept, verdict)| Some((kept, verdict.err()?)));
-                    let text = |(kept, error): (&(PlanRequest, _), anyhow::Error)| {
-                        format!("seed {}: {error:#}", kept.0.seed)
-                    };
-                    wrong.map(text).collect::<Vec<_>>()
-                })
-            })
-            .collect();
-        let found = judges
-            .into_iter()
-            .map(|judge| judge.join().expect("a judge does not panic"));
-        found.flatten().collect::<Vec<_>>()
-    });
-    findings.judged += kept.iter().map(|(_, motions)| motions.len()).sum::<usize>();
-    findings.contradicted.extend(contradicted);
+    for kept in std::mem::take(&mut findings.kept) {
+        findings.judged += if kept.wholly { kept.motions.len() } else { 0 };
+        if let Err(error) = kept.judge(robot) {
+            let text = format!("seed {}: {error:#}", kept.request.seed);
+            findings.contradicted.push(text);
+        }
+    }
+}
+
+impl Kept {
+    fn judge(&self, robot: &Robot) -> anyhow::Result<()> {
+        let scene = scene(&self.request.balls)?;
+        let demand = demand(robot, &scene, &self.request);
+        self.motions.iter().try_for_each(|knots| {
+            let motion = motion(knots)?;
+            match self.wholly {
+                true => demand.judge(&motion),
+                false => demand.judge_ends(&motion),
+            }
+        })
+    }
 }
 
 fn show(report: &mut Report, findings: &Findings) {
@@ -379,6 +407,7 @@ fn lateness(report: &mut Report, mut late: Vec<Late>, stolen: &StolenTimes) {
         (late.by > LATE_AT_MOST + stolen).then_some(text)
     });
     let beyond: Vec<String> = beyond.collect();
+    std::fs::write("/tmp/t/late.txt", beyond.join("\n")).unwrap();
     let line = "random requests: answers later than their deadline by more than 1 ms and the time stolen meanwhile";
     report.none_of(line, &beyond);
 }
