@@ -37,7 +37,7 @@ pub(crate) fn use_processors(processors: &[usize]) -> io::Result<()> {
 /// How late a sleep of the service may end, ns; by default Linux allows itself 50 µs.
 const SLACK_NS: u64 = 1_000;
 /// Longest turn of a planning thread, ns; by default Linux gives every thread 3 ms.
-const TURN_NS: u64 = 20_000_000;
+const TURN_NS: u64 = 6_000_000;
 
 /// Lets the sleeps of this thread end on time.
 ///

@@ -26,7 +26,7 @@ use crate::queue::FairQueue;
 /// Time between two looks at controller and scene.
 const ATTENTION: Duration = Duration::from_millis(1);
 /// Work ends this long before the deadline, for the answer to be written, sent and seen; of short deadlines, half.
-const WAY_BACK: Duration = Duration::from_micros(300);
+const WAY_BACK: Duration = Duration::from_micros(500);
 /// Time that a plan under way gets when the daemon ends, before it is truncated.
 const GRACE: Duration = Duration::from_millis(500);
 

@@ -11,6 +11,7 @@ pub mod geometry;
 pub mod kills;
 pub mod listener;
 pub mod motion;
+pub mod priority;
 pub mod process;
 pub mod programs;
 pub mod raw;

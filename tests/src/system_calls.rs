@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 
 use libc::{c_int, c_void, pid_t};
 
-/// Priority of the counting thread: below the loop's, above ordinary programs.
-const PRIORITY: c_int = 60;
+use crate::priority::raise_priority;
+
 /// A stop at a system call is a SIGTRAP with this bit.
 const SYSTEM_CALL_STOP: c_int = libc::SIGTRAP | 0x80;
 
@@ -54,7 +54,8 @@ pub fn count(thread_id: u32, duration: Duration) -> io::Result<Counts> {
 }
 
 fn follow(thread: pid_t, duration: Duration) -> io::Result<Counts> {
-    raise_priority();
+    // A loop at a real-time priority should not wait for its counter; a refusal changes nothing.
+    let _ = raise_priority();
     request(
         libc::PTRACE_SEIZE,
         thread,
@@ -124,15 +125,6 @@ fn entered_call(thread: pid_t) -> io::Result<Option<u64>> {
         libc::PTRACE_SYSCALL_INFO_ENTRY => Some(unsafe { information.u.entry.nr }),
         _ => None,
     })
-}
-
-/// Where the system permits it: a loop at a real-time priority should not wait for its counter.
-fn raise_priority() {
-    let parameters = libc::sched_param {
-        sched_priority: PRIORITY,
-    };
-    // SAFETY: `parameters` outlives the call; 0 is the calling thread. A refusal changes nothing.
-    unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) };
 }
 
 #[cfg(test)]

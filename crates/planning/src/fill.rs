@@ -28,7 +28,7 @@ const FILLING: RrtSettings = RrtSettings {
     shortcuts: 60,
 };
 /// Rounds of exploring before that.
-const ROUNDS_BEFORE_TREES: usize = 3;
+const ROUNDS_BEFORE_TREES: usize = 1;
 /// Times that a way that is found may be too angular for a motion.
 const SHORTENINGS: usize = 4;
 /// Samples of the trees to each goal shape when nothing else was found, before those of [`Run::trees`]: where ways are hard to

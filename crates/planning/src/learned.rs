@@ -10,15 +10,18 @@ use crate::sampling::{sample_paths, share};
 use denoiser::{CandidateInput, FastModel, WarmStart};
 use pcc_model::Configuration;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::time::Instant;
 
 /// Where in the flow a path that is known begins: half noise, so that the scene as it is now still shapes it.
 const WARM_START_TIME: f32 = 0.5;
-
 /// The flow's noise where paths to explore are drawn: wide enough to go around obstacles on other sides.
 const WIDE: f32 = 4.0;
-/// Paths that a round of exploring draws, and how many of them are finished.
+/// Paths that a round of exploring draws.
 const DRAWN: usize = 64;
+/// Parts in which they are drawn: between them an interrupt is heeded.
+const PARTS: usize = 8;
+/// Paths of a round that are finished.
 const FINISHED: usize = 8;
 /// Every so many waypoints of a path are looked at to tell how far it is from clear.
 const STRIDE: usize = 4;
@@ -49,17 +52,30 @@ impl Run<'_> {
             return;
         };
         let clock = Instant::now();
-        let found = drawing.explore(aim, rounds);
+        let Explored { drawn, finished } = drawing.explore(aim, rounds);
         let wall_s = clock.elapsed().as_secs_f64();
-        let (places, found): (Vec<usize>, Vec<(Draw, Laps)>) = found.into_iter().unzip();
-        let [found] = self.share(wall_s, [found]);
-        for (place, draw) in places.into_iter().zip(found) {
+        self.explored += drawn;
+        if (self.supervision.interrupt)() {
+            draws[0].outcome = Err(Failure::Truncated);
+        }
+        let (places, finished): (Vec<usize>, Vec<(Draw, Laps)>) = finished.into_iter().unzip();
+        let [finished] = self.share(wall_s, [finished]);
+        for (place, draw) in places.into_iter().zip(finished) {
             if draw.outcome.is_ok() {
                 self.report(place, &draw);
                 draws[place] = draw;
             }
         }
     }
+}
+
+/// What came of exploring.
+#[derive(Default)]
+struct Explored {
+    /// Paths that were drawn.
+    drawn: usize,
+    /// Those that were finished in the last round, and the places of the goal shapes to which they lead.
+    finished: Vec<(usize, (Draw, Laps))>,
 }
 
 /// What the few-step model draws from.
@@ -87,12 +103,11 @@ impl<'a> Drawing<'a> {
 
     /// Draws and finishes the paths to some goal shapes, from the draw `first` on.
     fn part(&self, aim: &Aim, first: usize, goals: &[Configuration]) -> Vec<(Draw, Laps)> {
-        if (self.run.supervision.interrupt)() {
+        let mut clock = Instant::now();
+        let Some(features) = self.features(goals) else {
             let draw = unfinished(Source::Learned, Failure::Truncated);
             return vec![(draw, Laps::default()); goals.len()];
-        }
-        let mut clock = Instant::now();
-        let features = self.features(goals);
+        };
         let mut laps = Laps {
             condition: lap(&mut clock),
             ..Laps::default()
@@ -104,12 +119,12 @@ impl<'a> Drawing<'a> {
         finished
     }
 
-    fn features(&self, goals: &[Configuration]) -> Vec<Features> {
+    /// None if interrupted.
+    fn features(&self, goals: &[Configuration]) -> Option<Vec<Features>> {
         let (robot, start) = (&self.run.planner.robot, &self.run.problem.start);
-        goals
-            .par_iter()
-            .map(|goal| self.canonical.features(robot, start, goal))
-            .collect()
+        let interrupt = self.run.supervision.interrupt;
+        let features = |goal| (!interrupt()).then(|| self.canonical.features(robot, start, goal));
+        goals.par_iter().map(features).collect()
     }
 
     fn draw(
@@ -137,15 +152,16 @@ impl<'a> Drawing<'a> {
         (first..).zip(paths).map(proposal).collect()
     }
 
-    /// What came of the last round, and for which goal shape each was drawn.
-    fn explore(&self, aim: &Aim, rounds: usize) -> Vec<(usize, (Draw, Laps))> {
+    fn explore(&self, aim: &Aim, rounds: usize) -> Explored {
         let mut clock = Instant::now();
-        let features = self.features(&aim.goals);
+        let mut explored = Explored::default();
+        let Some(features) = self.features(&aim.goals) else {
+            return explored;
+        };
         let mut laps = Laps {
             condition: lap(&mut clock),
             ..Laps::default()
         };
-        let mut last = Vec::new();
         for round in 0..rounds {
             if (self.run.supervision.interrupt)() {
                 break;
@@ -154,43 +170,58 @@ impl<'a> Drawing<'a> {
                 self.promising(aim, &features, round).into_iter().unzip();
             laps.sample += lap(&mut clock);
             let finished = self.run.finish_each(paths.into_iter().map(rough).collect());
+            lap(&mut clock);
             let is_found = finished.iter().any(|(draw, _)| draw.outcome.is_ok());
-            last = places.into_iter().zip(finished).collect();
+            explored.drawn += DRAWN;
+            explored.finished = places.into_iter().zip(finished).collect();
             if is_found {
                 break;
             }
         }
-        if let Some((_, (_, first))) = last.first_mut() {
+        if let Some((_, (_, first))) = explored.finished.first_mut() {
             first.add(&laps);
         }
-        last
+        explored
     }
 
     /// Those paths of a round of wide draws that are nearest to clear, and the places of the goal shapes to which they lead.
     fn promising(&self, aim: &Aim, features: &[Features], round: usize) -> Vec<(usize, Waypoints)> {
-        let share = share(self.model, DRAWN);
-        let firsts: Vec<usize> = (0..DRAWN).step_by(share).collect();
-        let drawn = firsts.par_iter().flat_map_iter(|&first| {
-            let places = (first..DRAWN.min(first + share)).map(|draw| draw % features.len());
-            let inputs: Vec<CandidateInput> = places
-                .clone()
-                .map(|place| input(&features[place], None))
-                .collect();
+        let share = DRAWN.div_ceil(PARTS);
+        let parts = (0..PARTS).into_par_iter().with_max_len(1);
+        let drawn = parts.flat_map_iter(|part| {
             // Their noise is not that of any path that the request draws otherwise.
-            let index = aim.goals.len() + round * DRAWN + first;
-            let seed = self.run.request.seed;
-            let residuals = sample_paths(self.model, &inputs, index, seed, WIDE);
-            let paths = places.zip(residuals).map(|(place, residual)| {
-                let path = self.bend(&aim.goals[place], &residual);
-                (self.missing(&path), place, path)
-            });
-            paths.collect::<Vec<_>>()
+            let first = aim.goals.len() + round * DRAWN + part * share;
+            self.wide(aim, features, first..first + share)
         });
         let mut drawn: Vec<(f64, usize, Waypoints)> = drawn.collect();
         drawn.sort_by(|a, b| a.0.total_cmp(&b.0));
         drawn.truncate(FINISHED);
         let path = |(_, place, path)| (place, path);
         drawn.into_iter().map(path).collect()
+    }
+
+    /// Wide draws of these numbers: what each lacks, the place of its goal shape, and its path; none if interrupted.
+    fn wide(
+        &self,
+        aim: &Aim,
+        features: &[Features],
+        draws: Range<usize>,
+    ) -> Vec<(f64, usize, Waypoints)> {
+        if (self.run.supervision.interrupt)() {
+            return Vec::new();
+        }
+        let places = draws.clone().map(|draw| draw % features.len());
+        let inputs: Vec<CandidateInput> = places
+            .clone()
+            .map(|place| input(&features[place], None))
+            .collect();
+        let seed = self.run.request.seed;
+        let residuals = sample_paths(self.model, &inputs, draws.start, seed, WIDE);
+        let paths = places.zip(residuals).map(|(place, residual)| {
+            let path = self.bend(&aim.goals[place], &residual);
+            (self.missing(&path), place, path)
+        });
+        paths.collect()
     }
 
     /// Sum of what the clearance of a path lacks, section lengths.

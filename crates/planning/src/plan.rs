@@ -205,6 +205,8 @@ pub struct Plan {
     pub learned_certified: usize,
     /// Learned draws made.
     pub learned_drawn: usize,
+    /// Paths drawn beyond these because none of them certified.
+    pub explored: usize,
     /// Whether the interrupt cut the work short.
     pub truncated: bool,
     /// Wall time of the stages.

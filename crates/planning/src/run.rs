@@ -33,6 +33,8 @@ pub(crate) struct Run<'a> {
     pub(crate) supervision: Supervision<'a>,
     pub(crate) demands: Demands<'a>,
     pub(crate) stages: StageTimes,
+    /// Paths drawn because no draw certified.
+    pub(crate) explored: usize,
 }
 
 /// What the few-step model is to draw.
@@ -110,6 +112,7 @@ impl<'a> Run<'a> {
             supervision,
             demands,
             stages: StageTimes::default(),
+            explored: 0,
         }
     }
 
@@ -336,6 +339,7 @@ impl<'a> Run<'a> {
             selected,
             learned_certified,
             learned_drawn,
+            explored: self.explored,
             truncated,
             stages: self.stages,
         }

@@ -41,7 +41,7 @@ pub(super) fn write(file: &Path, answers: &[Answer], slots: usize) -> Result<(),
         &[cases],
         answers
             .iter()
-            .map(|a| a.plan.as_ref().map_or(0, |p| p.draws.len()) as i64),
+            .map(|a| a.plan.as_ref().map_or(0, |p| p.draws.len() + p.explored) as i64),
     )?;
     archive.write("seconds", &[cases], answers.iter().map(|a| a.seconds))?;
     let knots = draws

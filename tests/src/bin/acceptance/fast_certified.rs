@@ -112,12 +112,12 @@ fn shares(
     fast: &(Value, Motions),
     straight: &(Value, Motions),
 ) -> anyhow::Result<()> {
-    let stated = 100.0 * number(&fast.0, "/share_before_fallback")?;
-    let [share, null_arm] = [fast, straight].map(|(_, motions)| 100.0 * motions.share());
+    let share = 100.0 * number(&fast.0, "/share_before_fallback")?;
+    let [delivered, null_arm] = [fast, straight].map(|(_, motions)| 100.0 * motions.share());
     let line = format!("{name}: fast, certified before fallback among the first ten draws");
-    let figure = format!("{share:.2} % (result.json: {stated:.2} %)");
-    let passed = share >= bars.certified && (stated - share).abs() < 1e-6;
-    let bar = format!(">= {} %, as result.json says", bars.certified);
+    let figure = format!("{share:.2} % (with what exploring adds {delivered:.2} %)");
+    let passed = share >= bars.certified && delivered >= share - 1e-6;
+    let bar = format!(">= {} %, and no more than paths.npz has", bars.certified);
     report.check(&line, figure, &bar, passed);
     let line = format!("{name}: fast over straight, points of certified draws");
     let figure = format!("{:+.2} (straight {null_arm:.2} %)", share - null_arm);
@@ -170,13 +170,14 @@ fn with_at_least_one(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
             ("hard", &HARD),
         ] {
             let cases = Cases::unseen(unseen, count(scale))?;
-            let (_, motions) = cases.run(report, scale, &cases.evaluation(planner))?;
+            let (result, motions) = cases.run(report, scale, &cases.evaluation(planner))?;
             let answered = (0..motions.cases()).filter(|&case| motions.is_answered(case));
             let (answered, of) = (answered.count(), motions.cases());
             let share = 100.0 * answered as f64 / of as f64;
+            let ten = 100.0 * number(&result, "/learned_any")?;
             report.check(
                 &format!("{name}: {planner}, requests with at least one certified candidate"),
-                format!("{share:.2} % ({answered} of {of})"),
+                format!("{share:.2} % ({answered} of {of}); its learned draws without exploring {ten:.2} %"),
                 &format!(">= {ANY_AT_LEAST} %"),
                 share >= ANY_AT_LEAST,
             );

@@ -1,9 +1,6 @@
 //! What the operating system says of the machine and of processes.
 
 use std::fs;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
-use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -37,7 +34,7 @@ fn of_all_processors(numbers: &[usize]) -> anyhow::Result<Duration> {
 }
 
 /// Time that the machine's host gave to others since it was started, over all processors; zero where it has no host.
-pub(crate) fn stolen() -> anyhow::Result<Duration> {
+fn stolen() -> anyhow::Result<Duration> {
     of_all_processors(&[STEAL])
 }
 
@@ -84,58 +81,6 @@ impl Disturbance {
     }
 }
 
-/// Stolen time as it was counted from time to time; a thread looks until this is dropped.
-pub(crate) struct StolenTimes {
-    /// When a count was read, and the count.
-    counts: Arc<Mutex<Vec<(Instant, Duration)>>>,
-    quit: Arc<AtomicBool>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl StolenTimes {
-    /// Begins to look.
-    pub(crate) fn watch() -> Self {
-        let (counts, quit) = (
-            Arc::<Mutex<Vec<_>>>::default(),
-            Arc::<AtomicBool>::default(),
-        );
-        let (shared, stop) = (Arc::clone(&counts), Arc::clone(&quit));
-        let watch = move || {
-            while !stop.load(Ordering::Relaxed) {
-                if let Ok(stolen) = stolen() {
-                    shared.lock().unwrap().push((Instant::now(), stolen));
-                }
-                thread::sleep(TICK);
-            }
-        };
-        Self {
-            counts,
-            quit,
-            thread: Some(thread::spawn(watch)),
-        }
-    }
-
-    /// Time stolen between two instants, to the full ticks around them.
-    pub(crate) fn between(&self, begin: Instant, end: Instant) -> Duration {
-        let counts = self.counts.lock().unwrap();
-        let before = counts.iter().rev().find(|(at, _)| *at + TICK <= begin);
-        let after = counts.iter().find(|(at, _)| *at >= end + TICK);
-        let first = before.or(counts.first());
-        let last = after.or(counts.last());
-        let stolen = |count: Option<&(Instant, Duration)>| count.map_or(Duration::ZERO, |c| c.1);
-        stolen(last).saturating_sub(stolen(first))
-    }
-}
-
-impl Drop for StolenTimes {
-    fn drop(&mut self) {
-        self.quit.store(true, Ordering::Relaxed);
-        if let Some(thread) = self.thread.take() {
-            let _ = thread.join();
-        }
-    }
-}
-
 /// What a line of `/proc/PID/status` says, MB (10^6 bytes): `VmRSS:` memory in RAM, `VmHWM:` its peak; shared memory
 /// included.
 pub(crate) fn memory_mb(pid: u32, field: &str) -> anyhow::Result<f64> {
@@ -153,12 +98,24 @@ pub(crate) struct Pinned {
     pub(crate) processor: usize,
 }
 
+/// Those that this thread may use.
+pub(crate) fn processors() -> anyhow::Result<Vec<usize>> {
+    let allowed = sched_getaffinity(None)?;
+    Ok((0..CpuSet::MAX_CPU)
+        .filter(|&cpu| allowed.is_set(cpu))
+        .collect())
+}
+
 impl Pinned {
     /// Binds this thread to the last of the processors that it may use.
     pub(crate) fn to_the_last() -> anyhow::Result<Self> {
+        let last = processors()?.pop();
+        Self::to(last.context("no processor is allowed")?)
+    }
+
+    /// Binds this thread to a processor.
+    pub(crate) fn to(processor: usize) -> anyhow::Result<Self> {
         let before = sched_getaffinity(None)?;
-        let last = (0..CpuSet::MAX_CPU).rev().find(|&cpu| before.is_set(cpu));
-        let processor = last.context("no processor is allowed")?;
         let mut set = CpuSet::new();
         set.set(processor);
         sched_setaffinity(None, &set)?;

@@ -34,6 +34,7 @@ mod report;
 mod runs;
 mod second_look;
 mod spread;
+mod stolen;
 mod timer;
 
 use std::process::ExitCode;

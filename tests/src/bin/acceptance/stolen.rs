@@ -1,0 +1,85 @@
+//! When processors were away from every program: with their host, or in the kernel.
+//!
+//! `/proc/stat` tells of the host alone, and to a hundredth of a second. Here a sentry sleeps on each processor at a real-time
+//! priority: no program can keep it from waking, so while it is late, nobody had the processor.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use tests::priority::raise_priority;
+
+use crate::machine::{Pinned, processors};
+
+/// Of a sentry.
+const NAP: Duration = Duration::from_micros(250);
+/// Sleeps end this much later than asked for though the processor is there.
+const PUNCTUAL: Duration = Duration::from_micros(100);
+
+type Interval = (Instant, Instant);
+
+/// Watches until it is dropped.
+pub(crate) struct StolenTimes {
+    away: Arc<Mutex<Vec<Interval>>>,
+    quit: Arc<AtomicBool>,
+    sentries: Vec<JoinHandle<anyhow::Result<()>>>,
+}
+
+impl StolenTimes {
+    /// Begins to look.
+    ///
+    /// # Errors
+    /// Where the system does not permit a real-time priority: an ordinary thread also waits for other programs.
+    pub(crate) fn watch() -> anyhow::Result<Self> {
+        thread::spawn(raise_priority)
+            .join()
+            .expect("it does not panic")?;
+        let (away, quit) = (Arc::default(), Arc::default());
+        let sentry = |processor| {
+            let (away, quit) = (Arc::clone(&away), Arc::clone(&quit));
+            thread::spawn(move || stand_sentry(processor, &away, &quit))
+        };
+        let sentries = processors()?.into_iter().map(sentry).collect();
+        Ok(Self {
+            away,
+            quit,
+            sentries,
+        })
+    }
+
+    /// Time in which a processor was away between two instants, of all processors together.
+    pub(crate) fn between(&self, begin: Instant, end: Instant) -> Duration {
+        let away = self.away.lock().unwrap();
+        away.iter()
+            .map(|(from, to)| (*to).min(end).saturating_duration_since((*from).max(begin)))
+            .sum()
+    }
+}
+
+fn stand_sentry(
+    processor: usize,
+    away: &Mutex<Vec<Interval>>,
+    quit: &AtomicBool,
+) -> anyhow::Result<()> {
+    let _pinned = Pinned::to(processor)?;
+    raise_priority()?;
+    while !quit.load(Ordering::Relaxed) {
+        let waking = Instant::now() + NAP;
+        thread::sleep(NAP);
+        let awake = Instant::now();
+        if awake > waking + PUNCTUAL {
+            away.lock().unwrap().push((waking, awake));
+        }
+    }
+    Ok(())
+}
+
+impl Drop for StolenTimes {
+    fn drop(&mut self) {
+        self.quit.store(true, Ordering::Relaxed);
+        for sentry in self.sentries.drain(..) {
+            let _ = sentry.join();
+        }
+    }
+}
