@@ -232,7 +232,8 @@ fn verdict(order: &Order, plan: &Plan, deliverable: &[bool]) -> (Outcome, String
         );
         (Outcome::Truncated, reason)
     } else if count == 0 {
-        let reason = format!("none of {} paths was certified: {failed}", plan.draws.len());
+        let drawn = plan.draws.len() + plan.explored;
+        let reason = format!("none of {drawn} paths was certified: {failed}");
         (Outcome::NoPath, reason)
     } else if count < wanted {
         let reason = format!("{count} of {wanted} candidates: {failed}");

@@ -36,7 +36,7 @@ pub(crate) fn use_processors(processors: &[usize]) -> io::Result<()> {
 
 /// How late a sleep of the service may end, ns; by default Linux allows itself 50 µs.
 const SLACK_NS: u64 = 1_000;
-/// Longest turn of a planning thread, ns; by default Linux gives every thread 3 ms.
+/// Longest turn of a planning thread, ns; by default Linux gives every thread 1.4 (two processors) to 3 ms.
 const TURN_NS: u64 = 6_000_000;
 
 /// Lets the sleeps of this thread end on time.
@@ -105,7 +105,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn turns_are_as_long_as_asked_for_and_sleeps_as_punctual() {
+    fn sleeps_become_punctual_and_long_turns_are_accepted() {
         let thread = std::thread::spawn(|| {
             take_long_turns().unwrap();
             sleep_punctually().unwrap();

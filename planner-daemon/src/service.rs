@@ -349,7 +349,7 @@ impl Service {
                 self.deliver(product);
             }
         } else if mode == WaitMode::Hybrid && last_work.elapsed() < spin {
-            sleep(GLANCE);
+            sleep(GLANCE.min(pause));
         } else {
             sleep(pause);
         }

@@ -54,6 +54,11 @@ impl Cleaner {
         self.last = Some(Instant::now());
     }
 
+    /// It is time, however long ago the last time is.
+    pub(crate) fn make_due(&mut self) {
+        self.last = None;
+    }
+
     /// Cleans if the last time is long enough ago.
     pub(crate) fn clean_if_due(&mut self, node: &IpcNode) {
         if self

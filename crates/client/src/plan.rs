@@ -197,7 +197,11 @@ impl Client {
             pending.receive()
         });
         self.bury_the_dead(&received);
-        received?.ok_or(ClientError::TimedOut {
+        let answer = received?;
+        if answer.is_none() {
+            self.cleaner.make_due();
+        }
+        answer.ok_or(ClientError::TimedOut {
             server: DAEMON,
             id: pending.id,
             waited: patience.limit(),
@@ -224,6 +228,10 @@ impl Client {
             wire.request_id = self.last_request_id;
         }
         loop {
+            if request.execute {
+                // Such a request is not sent twice: its server should live.
+                self.cleaner.clean_if_due(&self.node);
+            }
             let response = self.wait_for_port(patience)?.send(&wire)?;
             if response.number_of_server_connections() > 0 {
                 // Whether who has it still lives is asked when the answer is long in coming: cleaning takes as long as a plan.

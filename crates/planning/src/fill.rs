@@ -21,16 +21,16 @@ const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
 const LEAST_MARGIN: f64 = 1e-3;
 /// Groups of missing goal shapes whose ways are sought at once, each with a tree of its own.
 const FILLERS: usize = 2;
-/// Samples for one goal shape that is missing beside others: a way that is hard to find is left to those who need it.
+/// Samples for one goal shape that is missing beside others.
 const FILLING: RrtSettings = RrtSettings {
     samples: 1500,
     step_rad: 0.6,
     shortcuts: 60,
 };
-/// Rounds of exploring before that.
+/// Times that a way that is found is shortened again because it is too angular for a motion.
+const SHORTENINGS: usize = 3;
+/// Rounds of exploring where nothing is certified, before trees.
 const ROUNDS_BEFORE_TREES: usize = 1;
-/// Times that a way that is found may be too angular for a motion.
-const SHORTENINGS: usize = 4;
 /// Samples of the trees to each goal shape when nothing else was found, before those of [`Run::trees`]: where ways are hard to
 /// find, several short searches find one sooner than a long one.
 const LAST_ATTEMPTS: [usize; 3] = [40, 200, 1000];
@@ -186,11 +186,15 @@ impl Run<'_> {
         rng: &mut Pcg64,
         draw: &mut Draw,
     ) {
-        for _ in 0..SHORTENINGS {
-            if self.follow(search, &polyline, draw) {
+        for _ in 0..=SHORTENINGS {
+            if self.follow(search, &polyline, draw) || (search.interrupt)() {
                 break;
             }
-            polyline = search.shorten(polyline, rng);
+            let shorter = search.shorten(polyline.clone(), rng);
+            if shorter == polyline {
+                break;
+            }
+            polyline = shorter;
         }
     }
 
@@ -258,9 +262,9 @@ impl Run<'_> {
     ///
     /// The sampler `rrt-connect` rounds it as is usual; else its tip is drawn onto a smooth curve first.
     fn follow(&self, search: &Search, polyline: &[Configuration], draw: &mut Draw) -> bool {
-        let is_ours = self.request.sampler != Sampler::RrtConnect;
+        let draws_tip = self.request.sampler != Sampler::RrtConnect;
         let drawn = || self.demands.drawn_along(polyline);
-        let ways = is_ours.then(drawn).flatten().into_iter();
+        let ways = draws_tip.then(drawn).flatten().into_iter();
         let ways = ways
             .chain(once_with(|| resample(&search.round(polyline))))
             .chain(once_with(|| resample(polyline)));

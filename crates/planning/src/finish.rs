@@ -86,6 +86,17 @@ pub(crate) struct Finished {
     pub(crate) laps: Laps,
 }
 
+impl Finished {
+    /// Whether this path makes no motion where another one might.
+    fn is_refused_beside(&self, other: &[Configuration]) -> bool {
+        let is_refused = matches!(
+            self.outcome,
+            Err(Failure::Time | Failure::Collision | Failure::Bending)
+        );
+        is_refused && self.path != other
+    }
+}
+
 /// Seconds since `clock`, which is set to now.
 pub(crate) fn lap(clock: &mut Instant) -> f64 {
     let now = Instant::now();
@@ -129,12 +140,17 @@ impl Demands<'_> {
                 finished.outcome = Err(Failure::Collision);
                 continue;
             }
-            if is_corrected && is_rough {
+            let corrected = (is_corrected && is_rough).then(|| finished.path.clone());
+            if corrected.is_some() {
                 let mut clock = Instant::now();
                 self.smooth(&mut finished.path);
                 finished.laps.correct += lap(&mut clock);
             }
             self.deliver(&mut finished, slowest_s);
+            if let Some(corrected) = corrected.filter(|path| finished.is_refused_beside(path)) {
+                finished.path = corrected;
+                self.deliver(&mut finished, slowest_s);
+            }
             if matches!(finished.outcome, Ok(_) | Err(Failure::Slower)) {
                 break;
             }
@@ -271,9 +287,11 @@ impl Demands<'_> {
         };
         let first = ways
             .into_iter()
+            .take_while(|_| !(self.interrupt)())
             .find_map(|way| Some((motion(&way).ok()?, way)));
         match first {
             Some((motion, way)) => Ok((way, motion)),
+            None if (self.interrupt)() => Err(Failure::Truncated),
             None => self
                 .rest_at_corners(polyline)
                 .map(|motion| (resample(polyline), motion)),

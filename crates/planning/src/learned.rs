@@ -18,9 +18,11 @@ const WARM_START_TIME: f32 = 0.5;
 /// The flow's noise where paths to explore are drawn: wide enough to go around obstacles on other sides.
 const WIDE: f32 = 4.0;
 /// Paths that a round of exploring draws.
-const DRAWN: usize = 64;
+const DRAWN: usize = PARTS * DRAWN_AT_ONCE;
 /// Parts in which they are drawn: between them an interrupt is heeded.
 const PARTS: usize = 8;
+/// Paths of a part.
+const DRAWN_AT_ONCE: usize = 8;
 /// Paths of a round that are finished.
 const FINISHED: usize = 8;
 /// Every so many waypoints of a path are looked at to tell how far it is from clear.
@@ -60,8 +62,9 @@ impl Run<'_> {
         }
         let (places, finished): (Vec<usize>, Vec<(Draw, Laps)>) = finished.into_iter().unzip();
         let [finished] = self.share(wall_s, [finished]);
+        // Those that were nearest to clear come first.
         for (place, draw) in places.into_iter().zip(finished) {
-            if draw.outcome.is_ok() {
+            if draw.outcome.is_ok() && draws[place].outcome.is_err() {
                 self.report(place, &draw);
                 draws[place] = draw;
             }
@@ -186,12 +189,11 @@ impl<'a> Drawing<'a> {
 
     /// Those paths of a round of wide draws that are nearest to clear, and the places of the goal shapes to which they lead.
     fn promising(&self, aim: &Aim, features: &[Features], round: usize) -> Vec<(usize, Waypoints)> {
-        let share = DRAWN.div_ceil(PARTS);
         let parts = (0..PARTS).into_par_iter().with_max_len(1);
         let drawn = parts.flat_map_iter(|part| {
             // Their noise is not that of any path that the request draws otherwise.
-            let first = aim.goals.len() + round * DRAWN + part * share;
-            self.wide(aim, features, first..first + share)
+            let first = aim.goals.len() + round * DRAWN + part * DRAWN_AT_ONCE;
+            self.wide(aim, features, first..first + DRAWN_AT_ONCE)
         });
         let mut drawn: Vec<(f64, usize, Waypoints)> = drawn.collect();
         drawn.sort_by(|a, b| a.0.total_cmp(&b.0));

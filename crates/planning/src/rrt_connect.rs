@@ -203,6 +203,9 @@ impl Search<'_> {
     pub(crate) fn round(&self, polyline: &[Configuration]) -> Vec<Configuration> {
         let mut path = polyline.to_vec();
         for _ in 0..ROUNDINGS {
+            if (self.interrupt)() {
+                break;
+            }
             let mut finer = halved(&path);
             let corners = (2..finer.len() - 1).step_by(2);
             if corners
@@ -338,6 +341,30 @@ mod tests {
         );
         let segment = [polyline[0], polyline[2]];
         assert_eq!(search.round(&segment), segment);
+    }
+
+    #[test]
+    fn a_corner_beside_an_obstacle_is_rounded_as_far_as_edges_stay_free() {
+        let robot = unit_robot();
+        let bent = |x: f64, y: f64| Configuration::from_column_slice(&[x, y, 0.0, 0.0, 0.0, 0.0]);
+        let polyline = [bent(-0.5, 0.0), bent(0.0, 0.6), bent(0.5, 0.0)];
+        let ball = Ball {
+            centre: robot.tip(&bent(0.0, 0.0)),
+            radius: 0.45,
+        };
+        let scene = Scene::new(vec![ball]).unwrap();
+        let settings = RrtSettings::default();
+        let search = Search {
+            robot: &robot,
+            scene: &scene,
+            settings: &settings,
+            interrupt: &|| false,
+        };
+        let is_free =
+            |path: &[Configuration]| path.windows(2).all(|w| search.edge_is_free(&w[0], &w[1]));
+        assert!(is_free(&polyline) && !search.edge_is_free(&polyline[0], &polyline[2]));
+        let round = search.round(&polyline);
+        assert!(round.len() > polyline.len() && is_free(&round));
     }
 
     #[test]

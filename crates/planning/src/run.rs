@@ -53,7 +53,7 @@ pub(crate) struct Proposal {
     pub(crate) source: Source,
     /// The draw that it is, unless it only competes with one.
     pub(crate) draw: Option<usize>,
-    /// Whether its tip is drawn onto a smooth curve first.
+    /// Whether its tip is drawn onto a smooth curve.
     pub(crate) is_rough: bool,
     /// It is left unfinished if it takes this long or longer, s.
     pub(crate) slowest_s: f64,

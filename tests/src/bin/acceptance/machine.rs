@@ -158,24 +158,6 @@ mod unit {
     }
 
     #[test]
-    fn what_is_stolen_is_counted_to_the_full_ticks_around() {
-        let origin = Instant::now();
-        let counts = (0..10)
-            .map(|i| (origin + TICK * i, TICK * (i / 5)))
-            .collect();
-        let times = StolenTimes {
-            counts: Arc::new(Mutex::new(counts)),
-            quit: Arc::default(),
-            thread: None,
-        };
-        let between =
-            |begin: u32, end: u32| times.between(origin + TICK * begin, origin + TICK * end);
-        assert_eq!(between(1, 2), Duration::ZERO);
-        assert_eq!(between(3, 4), TICK);
-        assert_eq!(between(7, 8), Duration::ZERO);
-    }
-
-    #[test]
     fn a_pinned_thread_may_run_elsewhere_afterwards() {
         let allowed = || sched_getaffinity(None).unwrap();
         let before = allowed();

@@ -1,7 +1,8 @@
 //! When processors were away from every program: with their host, or in the kernel.
 //!
 //! `/proc/stat` tells of the host alone, and to a hundredth of a second. Here a sentry sleeps on each processor at a real-time
-//! priority: no program can keep it from waking, so while it is late, nobody had the processor.
+//! priority: no ordinary program can keep it from waking, so while it is late, none of them had the processor. A sentry that
+//! cannot take its place tells of nothing stolen.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -48,7 +49,7 @@ impl StolenTimes {
         })
     }
 
-    /// Time in which a processor was away between two instants, of all processors together.
+    /// Time in which a processor was away between two instants, of all processors together: a request needs one after the other.
     pub(crate) fn between(&self, begin: Instant, end: Instant) -> Duration {
         let away = self.away.lock().unwrap();
         away.iter()
@@ -81,5 +82,26 @@ impl Drop for StolenTimes {
         for sentry in self.sentries.drain(..) {
             let _ = sentry.join();
         }
+    }
+}
+
+#[cfg(test)]
+mod unit {
+    use super::*;
+
+    #[test]
+    fn what_is_stolen_is_what_lies_between_the_instants() {
+        let origin = Instant::now();
+        let at = |ms: u64| origin + Duration::from_millis(ms);
+        let times = StolenTimes {
+            away: Arc::new(Mutex::new(vec![(at(2), at(4)), (at(3), at(8))])),
+            quit: Arc::default(),
+            sentries: Vec::new(),
+        };
+        let between = |begin, end| times.between(at(begin), at(end)).as_millis();
+        assert_eq!(between(0, 2), 0);
+        assert_eq!(between(0, 10), 7);
+        assert_eq!(between(3, 5), 3);
+        assert_eq!(between(8, 10), 0);
     }
 }
