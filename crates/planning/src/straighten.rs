@@ -274,6 +274,46 @@ mod tests {
         assert_eq!([path[0], path[63]], [start, end]);
     }
 
+    /// A detour with short waves in it, as pushes leave it.
+    fn jagged() -> Vec<Configuration> {
+        let [start, end] = ends();
+        let mut path = straight_path(&start, &end);
+        for (h, waypoint) in path.iter_mut().enumerate().take(WAYPOINTS - 1).skip(1) {
+            let u = parameter(h);
+            waypoint[1] += 0.5 * u * (1.0 - u) + 0.01 * (30.0 * u).sin();
+        }
+        path
+    }
+
+    #[test]
+    fn smoothing_takes_the_short_waves_from_a_tip_and_leaves_the_ends() {
+        let robot = unit_robot();
+        let third = |path: &[Configuration]| {
+            let tips: Vec<Point> = path.iter().map(|q| robot.tip(q)).collect();
+            let third = |w: &[Point]| (w[3] - w[0] + (w[1] - w[2]) * 3.0).norm_squared();
+            tips.windows(4).map(third).sum::<f64>()
+        };
+        let given = jagged();
+        let mut path = given.clone();
+        assert!(TipCurves::new().smooth(&robot, &Scene::default(), 0.01, &mut path));
+        assert!(third(&path) < 0.01 * third(&given));
+        assert_eq!([path[0], path[63]], [given[0], given[63]]);
+    }
+
+    #[test]
+    fn smoothing_leaves_a_path_that_has_no_room() {
+        let robot = unit_robot();
+        let given = jagged();
+        let ball = Ball {
+            centre: robot.tip(&given[33]),
+            radius: 0.1,
+        };
+        let scene = Scene::new(vec![ball]).unwrap();
+        let mut path = given.clone();
+        assert!(!TipCurves::new().smooth(&robot, &scene, 0.01, &mut path));
+        assert_eq!(path, given);
+    }
+
     #[test]
     fn a_way_around_a_ball_on_the_line_stays_as_it_is() {
         let robot = unit_robot();
