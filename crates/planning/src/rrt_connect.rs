@@ -310,16 +310,20 @@ mod tests {
     use rand::SeedableRng;
     use std::cell::Cell;
 
+    fn search<'a>(robot: &'a Robot, scene: &'a Scene, settings: &'a RrtSettings) -> Search<'a> {
+        Search {
+            robot,
+            scene,
+            settings,
+            interrupt: &|| false,
+        }
+    }
+
     #[test]
     fn corners_are_rounded_where_there_is_room_and_ends_stay() {
         let (robot, scene) = (unit_robot(), Scene::default());
         let settings = RrtSettings::default();
-        let search = Search {
-            robot: &robot,
-            scene: &scene,
-            settings: &settings,
-            interrupt: &|| false,
-        };
+        let search = search(&robot, &scene, &settings);
         let bent = |x: f64, y: f64| Configuration::from_column_slice(&[x, y, 0.0, 0.0, 0.0, 0.0]);
         let polyline = [bent(0.0, 0.0), bent(0.8, 0.0), bent(0.8, 0.8)];
         let round = search.round(&polyline);
@@ -354,12 +358,7 @@ mod tests {
         };
         let scene = Scene::new(vec![ball]).unwrap();
         let settings = RrtSettings::default();
-        let search = Search {
-            robot: &robot,
-            scene: &scene,
-            settings: &settings,
-            interrupt: &|| false,
-        };
+        let search = search(&robot, &scene, &settings);
         let is_free =
             |path: &[Configuration]| path.windows(2).all(|w| search.edge_is_free(&w[0], &w[1]));
         assert!(is_free(&polyline) && !search.edge_is_free(&polyline[0], &polyline[2]));

@@ -1,29 +1,15 @@
 //! Where no draw of the few-step model certifies, it explores.
 #![allow(clippy::unwrap_used)] // tests
 
-use denoiser::{FastModel, Manifest};
-use pcc_model::Robot;
+mod shipped;
+
 use planning::scenes::{Setting, draw_target};
 use planning::{
-    Candidate, Failure, Goal, MOST_CORRECTIONS, Models, Plan, Planner, Problem, Request, Sampler,
-    Selection,
+    Candidate, Failure, Goal, MOST_CORRECTIONS, Plan, Planner, Problem, Request, Sampler, Selection,
 };
-use std::path::Path;
+use shipped::planner;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-
-fn planner(threads: usize) -> Planner {
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-    let robot = Robot::from_file(&Path::new(root).join("config/robots/unit.toml")).unwrap();
-    let manifest = Manifest::open(&Path::new(root).join("weights")).unwrap();
-    let weights = manifest.weights("fast").unwrap();
-    let fast = FastModel::from_weights(&weights, robot.bending_limit).unwrap();
-    let models = Models {
-        fast: Some(fast),
-        ..Models::default()
-    };
-    Planner::new(&robot, models, threads).unwrap()
-}
 
 /// Two candidates: exploring leads to the same end shape more than once.
 fn request(seed: u64) -> Request {

@@ -1,30 +1,17 @@
 //! Planning again: from a previous plan, from a start in motion, and with candidates before the answer.
 #![allow(clippy::unwrap_used)] // tests
 
+mod shipped;
+
 use collision::{Ball, Scene, certify_trajectory};
-use denoiser::{FastModel, Manifest};
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point};
 use planning::{
-    Candidate, Goal, Infeasible, MOST_CORRECTIONS, Models, Plan, Planner, PlannerError,
-    PreviousPlan, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision,
-    WAYPOINTS,
+    Candidate, Goal, Infeasible, MOST_CORRECTIONS, Plan, Planner, PlannerError, PreviousPlan,
+    Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS,
 };
-use std::path::Path;
+use shipped::planner;
 use std::sync::{Arc, Mutex};
 use trajectory::limit_use;
-
-fn planner() -> Planner {
-    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
-    let robot = Robot::from_file(&root.join("config/robots/unit.toml")).unwrap();
-    let file = Manifest::open(&root.join("weights"))
-        .unwrap()
-        .weights("fast");
-    let models = Models {
-        fast: Some(FastModel::from_weights(&file.unwrap(), robot.bending_limit).unwrap()),
-        ..Models::default()
-    };
-    Planner::new(&robot, models, 2).unwrap()
-}
 
 fn request() -> Request {
     Request {
@@ -74,7 +61,7 @@ fn previous(plan: &Plan) -> Option<Arc<PreviousPlan>> {
 
 #[test]
 fn a_plan_goes_on_in_the_shape_that_is_followed() {
-    let planner = planner();
+    let planner = planner(2);
     let first = plan(&planner, &problem(), &request());
     let followed = selected(&first);
     let motion = &followed.trajectory;
@@ -114,7 +101,7 @@ fn a_plan_goes_on_in_the_shape_that_is_followed() {
 
 #[test]
 fn a_motion_that_an_obstacle_took_is_not_kept() {
-    let planner = planner();
+    let planner = planner(2);
     let first = plan(&planner, &problem(), &request());
     let end = selected(&first).end();
     let elbow = planner.robot().backbone(&end).point(1, 0.7);
@@ -140,7 +127,7 @@ fn a_motion_that_an_obstacle_took_is_not_kept() {
 
 #[test]
 fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
-    let planner = planner();
+    let planner = planner(2);
     let robot = planner.robot();
     let first = plan(&planner, &problem(), &request());
     let motion = &selected(&first).trajectory;
@@ -174,7 +161,7 @@ fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
 
 #[test]
 fn a_start_that_cannot_stop_is_refused_by_name() {
-    let planner = planner();
+    let planner = planner(2);
     let rushing = |speed: f64| Request {
         start_motion: Some(StartMotion {
             velocity: Configuration::repeat(speed),
@@ -216,7 +203,7 @@ fn a_start_that_cannot_stop_is_refused_by_name() {
 
 #[test]
 fn candidates_are_told_as_they_certify() {
-    let planner = planner();
+    let planner = planner(2);
     let told = Mutex::new(Vec::new());
     let tell = |candidate: Candidate| told.lock().unwrap().push(candidate);
     let supervision = Supervision {
@@ -238,7 +225,7 @@ fn candidates_are_told_as_they_certify() {
 
 #[test]
 fn what_is_delivered_does_not_depend_on_the_rule() {
-    let planner = planner();
+    let planner = planner(2);
     let first = plan(&planner, &problem(), &request());
     for previous in [None, previous(&first)] {
         let deliver = |selection| {
@@ -266,7 +253,7 @@ fn what_is_delivered_does_not_depend_on_the_rule() {
 
 #[test]
 fn the_fastest_straight_segment_competes() {
-    let planner = planner();
+    let planner = planner(2);
     for seed in 0..5 {
         let request = |sampler| Request {
             sampler,

@@ -1,14 +1,17 @@
 //! Planning among solids and in large scenes.
 #![allow(clippy::unwrap_used)] // tests
 
+mod shipped;
+
 use collision::{Ball, Scene, Solid, VoxelGrid, certify_trajectory};
-use denoiser::{FastModel, FeatureFrame, Manifest};
+use denoiser::FeatureFrame;
 use nalgebra::Isometry3;
 use pcc_model::{Configuration, Point, Robot};
 use planning::{
-    BALL_FEATURES, Candidate, Goal, Infeasible, Models, Planner, PlannerError, Problem, Request,
-    Sampler, Selection, features, residual_coefficients, straight_path,
+    BALL_FEATURES, Candidate, Goal, Infeasible, PlannerError, Problem, Request, Sampler, Selection,
+    features, residual_coefficients, straight_path,
 };
+use shipped::planner;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -20,17 +23,6 @@ fn at_root(path: &str) -> std::path::PathBuf {
 
 fn robot() -> Robot {
     Robot::from_file(&at_root("config/robots/unit.toml")).unwrap()
-}
-
-fn planner() -> Planner {
-    let manifest = Manifest::open(&at_root("weights")).unwrap();
-    let weights = manifest.weights("fast").unwrap();
-    let fast = FastModel::from_weights(&weights, robot().bending_limit).unwrap();
-    let models = Models {
-        fast: Some(fast),
-        ..Models::default()
-    };
-    Planner::new(&robot(), models, 2).unwrap()
 }
 
 fn request(sampler: Sampler) -> Request {
@@ -115,7 +107,7 @@ fn sampled(candidate: &Candidate, solid: &Solid, robot: &Robot) -> f64 {
 
 #[test]
 fn motions_lead_around_every_kind_of_solid() {
-    let (planner, robot) = (planner(), robot());
+    let (planner, robot) = (planner(2), robot());
     for (name, solid) in in_the_way() {
         let solid = Arc::new(solid);
         let scene = Scene::with_solids(Vec::new(), vec![solid.clone()]).unwrap();
@@ -147,7 +139,7 @@ fn motions_lead_around_every_kind_of_solid() {
 
 #[test]
 fn a_start_inside_a_solid_is_in_collision() {
-    let planner = planner();
+    let planner = planner(2);
     for (name, solid) in in_the_way() {
         let scene = Scene::with_solids(Vec::new(), vec![Arc::new(solid)]).unwrap();
         let problem = Problem {
@@ -165,7 +157,7 @@ fn a_start_inside_a_solid_is_in_collision() {
 
 #[test]
 fn the_shipped_scene_has_certified_motions() {
-    let planner = planner();
+    let planner = planner(2);
     let scene = Scene::from_file(&at_root("tests/data/scenes/workshop.toml"), 1.0).unwrap();
     let plan = planner
         .plan(&problem(scene), &request(Sampler::Default), &|| false)
