@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use collision::{Ball, Scene};
-use pcc_model::{Configuration, Point};
+use pcc_model::{Configuration, Point, SECTIONS};
 use planning::{
     Goal, Guidance, MOST_CORRECTIONS, PreviousPlan, Problem, Request, Sampler, Selection,
     StartMotion,
@@ -29,7 +29,7 @@ pub(crate) struct Border {
     /// Time that an answer may take where the request does not say.
     pub(crate) default_deadline: Duration,
     /// Growth of the tube that every certificate includes, section lengths.
-    pub(crate) growth: f64,
+    pub(crate) growth: [f64; SECTIONS],
     /// Obstacles of every request, in units of the section length.
     pub(crate) static_scene: Scene,
 }
@@ -211,7 +211,7 @@ mod tests {
             section_length_m: 0.25,
             capacity: PlanServiceCapacity::default(),
             default_deadline: Duration::from_millis(20),
-            growth: 0.0225,
+            growth: [0.0225; SECTIONS],
             static_scene: Scene::default(),
         }
     }
@@ -244,7 +244,10 @@ mod tests {
         assert_eq!(order.deadline, Duration::from_millis(20));
         assert_eq!(order.tip_tolerance, 0.01);
         assert_eq!(order.execution, None);
-        assert_eq!((order.request.growth, order.request.knots), (0.0225, 96));
+        assert_eq!(
+            (order.request.growth, order.request.knots),
+            ([0.0225; SECTIONS], 96)
+        );
     }
 
     #[test]

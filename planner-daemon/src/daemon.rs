@@ -247,7 +247,7 @@ fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, 
 /// Of the diffusion samplers it is the guided one: it has the gradients' memory beside that of the others.
 fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
     let beside_the_way = Ball {
-        centre: Point::new(1.5 + planner.robot().tube_radius, 0.0, 1.5),
+        centre: Point::new(1.5 + planner.robot().tube_radius(), 0.0, 1.5),
         radius: 0.3,
     };
     let problem = Problem {
@@ -291,10 +291,9 @@ fn open_service(
     let unit_robot = planner.robot().clone();
     let growth = tracking_growth(&unit_robot, config.path_tolerance_rad);
     let rules = ExecutionRules {
-        robot: unit_robot.clone(),
+        grown: unit_robot.with_tube_growth(&growth),
         section_length_m,
         path_tolerance_rad: config.path_tolerance_rad,
-        growth,
         begin_lead: config.begin_lead,
     };
     let execution = Execution::open(node, rules)?;

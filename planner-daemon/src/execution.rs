@@ -68,13 +68,11 @@ pub(crate) struct Selected<'a> {
 /// What every motion for execution must keep.
 #[derive(Clone, Debug)]
 pub(crate) struct ExecutionRules {
-    /// The robot in units of its section length.
-    pub(crate) robot: Robot,
+    /// The robot in units of its section length, its tubes grown by what covers the path tolerance.
+    pub(crate) grown: Robot,
     pub(crate) section_length_m: f64,
     /// Tracking error that the certificate covers, rad in each bending pair.
     pub(crate) path_tolerance_rad: f64,
-    /// The growth of the tube that covers it, section lengths.
-    pub(crate) growth: f64,
     /// Least time between publishing and begin.
     pub(crate) begin_lead: Duration,
 }
@@ -149,8 +147,7 @@ impl Execution {
             self.supervised = None;
             return;
         }
-        let (robot, growth) = (&self.rules.robot, self.rules.growth);
-        if !supervised.still_holds(standing, &self.live, robot, growth, now) {
+        if !supervised.still_holds(standing, &self.live, &self.rules.grown, now) {
             self.stop_order.give(supervised.id, now);
         }
     }
@@ -183,9 +180,8 @@ impl Execution {
     }
 
     fn check_scene(&self, motion: &Trajectory, begin_mono_ns: i64) -> Result<(), ExecutionRefusal> {
-        let (robot, growth) = (&self.rules.robot, self.rules.growth);
         let timing = Timing::from_begin(begin_mono_ns);
-        match self.live.certify(robot, motion, 0.0, timing, growth) {
+        match self.live.certify(&self.rules.grown, motion, 0.0, timing) {
             Verdict::Free => Ok(()),
             Verdict::Colliding { at } | Verdict::Undecided { at } => {
                 Err(ExecutionRefusal::SceneInTheWay { at_s: at })

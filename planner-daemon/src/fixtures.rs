@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use collision::Scene;
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, Robot, SECTIONS};
 use planning::{Candidate, Goal, Models, Planner, Problem, Request, Sampler, Selection};
 use shared_types::{message, valid};
 use trajectory::Trajectory;
@@ -33,7 +33,7 @@ pub(crate) fn request() -> Request {
         sampler: Sampler::Straight,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: 0.0225,
+        growth: [0.0225; SECTIONS],
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,

@@ -79,21 +79,20 @@ impl LiveScene {
         self.changes
     }
 
-    /// Certifies a motion from `from_time_s` of its own time on, for a tube grown by `growth` (section lengths).
+    /// Certifies a motion from `from_time_s` of its own time on.
     pub(crate) fn certify(
         &self,
         robot: &Robot,
         motion: &Trajectory,
         from_time_s: f64,
         timing: Timing,
-        growth: f64,
     ) -> Verdict {
-        let resting = certify_trajectory(robot, &self.resting, motion, from_time_s, growth);
+        let resting = certify_trajectory(robot, &self.resting, motion, from_time_s);
         if !resting.is_free() || self.moving.is_empty() {
             return resting;
         }
         let balls = self.moving_at(timing);
-        certify_moving(robot, &balls, motion, from_time_s, growth)
+        certify_moving(robot, &balls, motion, from_time_s)
     }
 
     /// The moving balls in the motion's own time: where they are at its zero, and how fast they pass.
@@ -128,6 +127,7 @@ fn moving_ball(ball: &message::MovingBall, section_length_m: f64) -> MovingBall 
 mod tests {
     use super::*;
     use crate::fixtures::{motion, unit_robot};
+    use pcc_model::SECTIONS;
 
     const LENGTH_M: f64 = 0.5;
 
@@ -145,7 +145,8 @@ mod tests {
 
     fn verdict(live: &LiveScene, begin_mono_ns: i64) -> Verdict {
         let timing = Timing::from_begin(begin_mono_ns);
-        live.certify(&unit_robot(), &motion(), 0.0, timing, 0.0225)
+        let grown = unit_robot().with_tube_growth(&[0.0225; SECTIONS]);
+        live.certify(&grown, &motion(), 0.0, timing)
     }
 
     #[test]
@@ -178,7 +179,7 @@ mod tests {
         let timing = Timing::passing(0.5 * duration, 0, 0.1);
         let certify = |timing| {
             let (robot, motion) = (unit_robot(), motion());
-            live.certify(&robot, &motion, 0.5 * duration, timing, 0.0)
+            live.certify(&robot, &motion, 0.5 * duration, timing)
         };
         assert!(!certify(timing).is_free());
         assert!(certify(Timing::passing(0.5 * duration, 0, 1.0)).is_free());

@@ -94,7 +94,6 @@ impl Supervised {
         standing: Standing,
         live: &LiveScene,
         robot: &Robot,
-        growth: f64,
         now_mono_ns: i64,
     ) -> bool {
         let (from_time_s, timing) = match standing {
@@ -111,7 +110,7 @@ impl Supervised {
         if asked == self.certified {
             return true;
         }
-        let verdict = live.certify(robot, &self.motion, from_time_s, timing, growth);
+        let verdict = live.certify(robot, &self.motion, from_time_s, timing);
         if verdict.is_free() {
             self.certified = asked;
         }
@@ -200,7 +199,7 @@ mod tests {
         let (robot, mut live) = (unit_robot(), LiveScene::default());
         let executing = |time_s| Standing::Executing { time_s, rate: 1.0 };
         let mut supervised = supervised();
-        assert!(supervised.still_holds(executing(0.1), &live, &robot, 0.0, BEGIN));
+        assert!(supervised.still_holds(executing(0.1), &live, &robot, BEGIN));
         // At the tip of the straight shape, where the motion begins.
         let ball = message::MovingBall {
             centre_m: [0.0, 0.0, 3.2],
@@ -212,9 +211,9 @@ mod tests {
             balls: vec![ball],
         };
         live.replace(scene, 1.0);
-        assert!(!supervised.still_holds(executing(0.0), &live, &robot, 0.0, BEGIN));
+        assert!(!supervised.still_holds(executing(0.0), &live, &robot, BEGIN));
         let end = motion().duration();
-        assert!(supervised.still_holds(executing(0.9 * end), &live, &robot, 0.0, BEGIN));
-        assert!(supervised.still_holds(Standing::Stopping, &live, &robot, 0.0, BEGIN));
+        assert!(supervised.still_holds(executing(0.9 * end), &live, &robot, BEGIN));
+        assert!(supervised.still_holds(Standing::Stopping, &live, &robot, BEGIN));
     }
 }

@@ -190,7 +190,7 @@ fn random_scene(rng: &mut Pcg64) -> Scene {
 }
 
 fn touches(robot: &Robot, scene: &Scene, shape: &Configuration) -> bool {
-    scene.clearance(&robot.backbone(shape), robot.tube_radius) < 0.0
+    scene.clearance(&robot.backbone(shape), &robot.tube_radii) < 0.0
 }
 
 /// Random straight moves in random scenes.
@@ -217,7 +217,7 @@ pub fn certified_curves(robot: &Robot, count: usize, seed: u64) -> Certified {
     for _ in 0..count {
         let scene = random_scene(&mut rng);
         let motion = random_motion(robot, &mut rng);
-        let is_certified = certify_trajectory(robot, &scene, &motion, 0.0, 0.0).is_free();
+        let is_certified = certify_trajectory(robot, &scene, &motion, 0.0).is_free();
         let collides = motion
             .sample(600)
             .iter()

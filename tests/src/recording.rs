@@ -247,7 +247,7 @@ impl Recording {
             let stamp = self.samples[i].stamp_ns;
             let known = self.scenes.iter().rev().find(|(since, _)| *since <= stamp);
             known.map_or(f64::INFINITY, |(_, scene)| {
-                scene.clearance(&robot.backbone(&self.commanded[i]), robot.tube_radius)
+                scene.clearance(&robot.backbone(&self.commanded[i]), &robot.tube_radii)
             })
         };
         (range.0..=range.1)

@@ -247,11 +247,11 @@ fn larger(a: [f64; SECTIONS], b: [f64; SECTIONS]) -> [f64; SECTIONS] {
     std::array::from_fn(|i| a[i].max(b[i]))
 }
 
-/// How much the tube must grow so that a body within `path_tolerance_rad` (each bending pair) of the path stays inside.
+/// How much the tube of each section must grow so that a body within `path_tolerance_rad` (each bending pair) of the path
+/// stays inside: little near the base, which an error moves least.
 #[must_use]
-pub fn tracking_growth(robot: &Robot, path_tolerance_rad: f64) -> f64 {
-    let displacement = Displacement::of_turns(robot, [path_tolerance_rad; SECTIONS]);
-    displacement.sections.into_iter().fold(0.0, f64::max)
+pub fn tracking_growth(robot: &Robot, path_tolerance_rad: f64) -> [f64; SECTIONS] {
+    Displacement::of_turns(robot, [path_tolerance_rad; SECTIONS]).sections
 }
 
 #[cfg(test)]

@@ -9,16 +9,16 @@ use trajectory::{Knot, Trajectory};
 /// A scene seen by a tube.
 struct AtRest<'a> {
     scene: &'a Scene,
-    tube_radius: f64,
-    /// The tube's radius and the smallest ball's together.
-    reach: f64,
+    tube_radii: &'a [f64; SECTIONS],
+    /// The tube's radius and the smallest ball's together, by section.
+    reach: [f64; SECTIONS],
 }
 
 impl Obstacles for AtRest<'_> {
     type Clearances = Instant;
 
     fn clearances(&self, shape: &Configuration, backbone: &Backbone, _: f64) -> Instant {
-        Instant::new(self.scene, shape, backbone, self.tube_radius)
+        Instant::new(self.scene, shape, backbone, self.tube_radii)
     }
 
     fn touch(at: &Instant) -> bool {
@@ -26,7 +26,7 @@ impl Obstacles for AtRest<'_> {
     }
 
     fn are_clear(&self, from: &Instant, to: &Instant, robot: &Robot, turning: &Turning) -> bool {
-        lowest(robot, turning, from, to, self.reach)
+        lowest(robot, turning, from, to, &self.reach)
             .iter()
             .all(|c| *c > 0.0)
     }
@@ -44,13 +44,18 @@ impl Instant {
         scene: &Scene,
         shape: &Configuration,
         backbone: &Backbone,
-        tube_radius: f64,
+        tube_radii: &[f64; SECTIONS],
     ) -> Self {
         Self {
-            clearances: scene.section_clearances(backbone, tube_radius),
+            clearances: scene.section_clearances(backbone, tube_radii),
             stance: Stance::new(shape, backbone),
         }
     }
+}
+
+/// What a tube's radius and the least radius of all obstacles make together, by section.
+pub(crate) fn reach(robot: &Robot, scene: &Scene) -> [f64; SECTIONS] {
+    robot.tube_radii.map(|tube| tube + scene.smallest_radius())
 }
 
 /// Lower bound of each section's clearance between two instants; `reach` as for [`Sweep::lowest`](crate::bound::Sweep).
@@ -59,26 +64,24 @@ pub(crate) fn lowest(
     turning: &Turning,
     from: &Instant,
     to: &Instant,
-    reach: f64,
+    reach: &[f64; SECTIONS],
 ) -> [f64; SECTIONS] {
     let sweep = turning.sweep(robot, &from.stance, &to.stance);
-    std::array::from_fn(|k| sweep.lowest(k, from.clearances[k], to.clearances[k], reach, 0.0))
+    std::array::from_fn(|k| sweep.lowest(k, from.clearances[k], to.clearances[k], reach[k], 0.0))
 }
 
 fn certifier<'a>(
     robot: &'a Robot,
     scene: &'a Scene,
-    growth: f64,
     depth: u32,
     has_corners: bool,
 ) -> Certifier<'a, AtRest<'a>> {
-    let tube_radius = robot.tube_radius + growth;
     Certifier {
         robot,
         obstacles: AtRest {
             scene,
-            tube_radius,
-            reach: tube_radius + scene.smallest_radius(),
+            tube_radii: &robot.tube_radii,
+            reach: reach(robot, scene),
         },
         depth,
         has_corners,
@@ -97,7 +100,7 @@ pub fn certify_edge(
     if scene.is_empty() {
         return Verdict::Free;
     }
-    certifier(robot, scene, 0.0, depth, false).chain(1, &|_| Piece::edge(a, b, 0.0))
+    certifier(robot, scene, depth, false).chain(1, &|_| Piece::edge(a, b, 0.0))
 }
 
 /// Certifies a polyline in configuration space; places are edge index + fraction. A single point is a motion at rest.
@@ -108,23 +111,22 @@ pub fn certify_polyline(robot: &Robot, scene: &Scene, points: &[Configuration]) 
     }
     let last = points.len() - 1;
     let edge = |i: usize| Piece::edge(&points[i], &points[(i + 1).min(last)], i as f64);
-    certifier(robot, scene, 0.0, DEPTH, true).chain(last.max(1), &edge)
+    certifier(robot, scene, DEPTH, true).chain(last.max(1), &edge)
 }
 
-/// Certifies the executed curve from `from_time` (s) to its end, for a tube grown by `growth`; allocates nothing.
+/// Certifies the executed curve from `from_time` (s) to its end; allocates nothing.
 #[must_use]
 pub fn certify_trajectory(
     robot: &Robot,
     scene: &Scene,
     trajectory: &Trajectory,
     from_time: f64,
-    growth: f64,
 ) -> Verdict {
     if scene.is_empty() {
         return Verdict::Free;
     }
     let rest = RestOfMotion::new(trajectory.knots(), from_time);
-    certifier(robot, scene, growth, DEPTH, false).chain(rest.count(), &|i| rest.piece(i))
+    certifier(robot, scene, DEPTH, false).chain(rest.count(), &|i| rest.piece(i))
 }
 
 /// The pieces of a motion that are left from a time on; at least one, be it of no duration.

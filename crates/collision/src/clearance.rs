@@ -23,8 +23,8 @@ pub struct Contact {
 impl Scene {
     /// Smallest clearance between the whole tube and all obstacles; +∞ in an empty scene.
     #[must_use]
-    pub fn clearance(&self, backbone: &Backbone, tube_radius: f64) -> f64 {
-        self.section_clearances(backbone, tube_radius)
+    pub fn clearance(&self, backbone: &Backbone, tube_radii: &[f64; SECTIONS]) -> f64 {
+        self.section_clearances(backbone, tube_radii)
             .into_iter()
             .fold(f64::INFINITY, f64::min)
     }
@@ -33,7 +33,11 @@ impl Scene {
     ///
     /// +∞ in an empty scene; −∞ for a backbone that is not finite, so that nothing takes it for a free one.
     #[must_use]
-    pub fn section_clearances(&self, backbone: &Backbone, tube_radius: f64) -> [f64; SECTIONS] {
+    pub fn section_clearances(
+        &self,
+        backbone: &Backbone,
+        tube_radii: &[f64; SECTIONS],
+    ) -> [f64; SECTIONS] {
         if !backbone.tip().iter().all(|v| v.is_finite()) {
             return [f64::NEG_INFINITY; SECTIONS];
         }
@@ -41,6 +45,7 @@ impl Scene {
             let of_balls = self
                 .nearest_ball(backbone, section)
                 .map_or(f64::INFINITY, |(_, distance)| distance);
+            let tube_radius = tube_radii[section];
             let nearest = self.nearest_solid(backbone, section, tube_radius, of_balls);
             nearest.map_or(of_balls, |(_, distance)| distance.bound) - tube_radius
         })
@@ -48,10 +53,11 @@ impl Scene {
 
     /// The nearest obstacle of all to the tube, if there is any.
     #[must_use]
-    pub fn deepest(&self, backbone: &Backbone, tube_radius: f64) -> Option<Contact> {
+    pub fn deepest(&self, backbone: &Backbone, tube_radii: &[f64; SECTIONS]) -> Option<Contact> {
         let least = (0..SECTIONS).filter_map(|section| {
             let ball = self.nearest_ball(backbone, section);
             let limit = ball.map_or(f64::INFINITY, |(_, distance)| distance);
+            let tube_radius = tube_radii[section];
             self.nearest_solid(backbone, section, tube_radius, limit)
                 .map(|(solid, found)| {
                     self.solid_contact(backbone, tube_radius, section, solid, found)
@@ -68,13 +74,13 @@ impl Scene {
     pub fn contacts_within(
         &self,
         backbone: &Backbone,
-        tube_radius: f64,
+        tube_radii: &[f64; SECTIONS],
         margin: f64,
         out: &mut Vec<Contact>,
     ) {
         let first = out.len();
-        let reach = tube_radius + margin;
-        for section in 0..SECTIONS {
+        for (section, &tube_radius) in tube_radii.iter().enumerate() {
+            let reach = tube_radius + margin;
             let visit = |index: usize, ball: &Ball| {
                 if surface_distance(backbone, section, ball) < reach {
                     let contact = self.contact(backbone, tube_radius, section, index);
@@ -89,7 +95,8 @@ impl Scene {
                 self.for_each_near(&place, around + reach, visit);
             }
         }
-        for section in 0..SECTIONS {
+        for (section, &tube_radius) in tube_radii.iter().enumerate() {
+            let reach = tube_radius + margin;
             for (index, solid) in self.solids().iter().enumerate() {
                 if let Some(found) = arc_distance(backbone, section, solid, tube_radius, reach) {
                     out.push(self.solid_contact(backbone, tube_radius, section, index, found));

@@ -1,9 +1,9 @@
 //! The smallest clearance of a whole motion, by branch and bound.
 
 use crate::bound::Turning;
-use crate::certificate::{Instant, lowest};
+use crate::certificate::{Instant, lowest, reach};
 use crate::scene::Scene;
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, Robot, SECTIONS};
 use trajectory::{QuinticSegment, Trajectory};
 
 /// Finest tolerance, as a part of the robot's length: below it the search would only measure rounding.
@@ -28,7 +28,7 @@ pub fn minimum_clearance(
     let mut search = Search {
         robot,
         scene,
-        reach: robot.tube_radius + scene.smallest_radius(),
+        reach: reach(robot, scene),
         tolerance: tolerance.max(FINEST_TOLERANCE * robot_length),
         attained: f64::INFINITY,
         lower_bound: f64::INFINITY,
@@ -75,7 +75,7 @@ struct Interval<'a> {
 struct Search<'a> {
     robot: &'a Robot,
     scene: &'a Scene,
-    reach: f64,
+    reach: [f64; SECTIONS],
     tolerance: f64,
     attained: f64,
     /// Of all that was not refined further.
@@ -85,14 +85,14 @@ struct Search<'a> {
 impl Search<'_> {
     fn look(&mut self, shape: &Configuration) -> Instant {
         let backbone = self.robot.backbone(shape);
-        let at = Instant::new(self.scene, shape, &backbone, self.robot.tube_radius);
+        let at = Instant::new(self.scene, shape, &backbone, &self.robot.tube_radii);
         self.attained = at.clearances.into_iter().fold(self.attained, f64::min);
         at
     }
 
     fn interval<'a>(&self, run: Run<'a>, from: Instant, to: Instant) -> Interval<'a> {
         let turning = run.turnings.iter().fold(Turning::REST, Turning::then);
-        let lowest = lowest(self.robot, &turning, &from, &to, self.reach)
+        let lowest = lowest(self.robot, &turning, &from, &to, &self.reach)
             .into_iter()
             .fold(f64::INFINITY, f64::min);
         Interval {

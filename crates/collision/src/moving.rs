@@ -33,7 +33,7 @@ impl MovingBall {
 /// At most [`GROUP`] moving balls, seen by a tube.
 struct Moving<'a> {
     balls: &'a [MovingBall],
-    tube_radius: f64,
+    tube_radii: &'a [f64; SECTIONS],
 }
 
 /// Where the body is at one instant, and how clear each section of it of each ball; +∞ where there is no ball.
@@ -50,7 +50,7 @@ impl Obstacles for Moving<'_> {
         for (clearances, moving) in clearances.iter_mut().zip(self.balls) {
             let ball = moving.at(time);
             *clearances = std::array::from_fn(|k| {
-                backbone.distance(k, &ball.centre) - ball.radius - self.tube_radius
+                backbone.distance(k, &ball.centre) - ball.radius - self.tube_radii[k]
             });
         }
         Passing {
@@ -69,13 +69,15 @@ impl Obstacles for Moving<'_> {
         let (from, to) = (&from.clearances, &to.clearances);
         self.balls.iter().enumerate().all(|(i, moving)| {
             let way = moving.velocity.norm() * turning.duration;
-            let reach = self.tube_radius + moving.ball.radius;
-            (0..SECTIONS).all(|k| sweep.lowest(k, from[i][k], to[i][k], reach, way) > 0.0)
+            (0..SECTIONS).all(|k| {
+                let reach = self.tube_radii[k] + moving.ball.radius;
+                sweep.lowest(k, from[i][k], to[i][k], reach, way) > 0.0
+            })
         })
     }
 }
 
-/// Certifies the executed curve from `from_time` (s) to its end against moving balls, for a tube grown by `growth`.
+/// Certifies the executed curve from `from_time` (s) to its end against moving balls.
 ///
 /// Allocates nothing. A ball whose position or velocity is not finite is never certified.
 #[must_use]
@@ -84,14 +86,15 @@ pub fn certify_moving(
     balls: &[MovingBall],
     trajectory: &Trajectory,
     from_time: f64,
-    growth: f64,
 ) -> Verdict {
     let rest = RestOfMotion::new(trajectory.knots(), from_time);
-    let tube_radius = robot.tube_radius + growth;
     let certify = |balls| {
         let certifier = Certifier {
             robot,
-            obstacles: Moving { balls, tube_radius },
+            obstacles: Moving {
+                balls,
+                tube_radii: &robot.tube_radii,
+            },
             depth: DEPTH,
             has_corners: false,
         };

@@ -19,12 +19,17 @@ impl Scene {
     /// first, balls as seen from three places of each section; a solid nearer than a section length to the tube counts as
     /// balls of radius 0.2 that touch its surface from inside, where it is nearest to a section.
     #[must_use]
-    pub fn most_relevant(&self, shapes: &[Backbone], tube_radius: f64, count: usize) -> Vec<Ball> {
+    pub fn most_relevant(
+        &self,
+        shapes: &[Backbone],
+        tube_radii: &[f64; SECTIONS],
+        count: usize,
+    ) -> Vec<Ball> {
         if self.solids().is_empty() && self.balls().len() <= count {
             return self.balls().to_vec();
         }
         let mut found = self.sighted_balls(shapes);
-        found.extend(self.sighted_solids(shapes, tube_radius));
+        found.extend(self.sighted_solids(shapes, tube_radii));
         found.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         found.truncate(count);
         found.into_iter().map(|sighting| sighting.ball).collect()
@@ -47,13 +52,13 @@ impl Scene {
     }
 
     /// Different stand-ins of each solid, the nearest first.
-    fn sighted_solids(&self, shapes: &[Backbone], tube_radius: f64) -> Vec<Sighting> {
+    fn sighted_solids(&self, shapes: &[Backbone], tube_radii: &[f64; SECTIONS]) -> Vec<Sighting> {
         let unit = shapes.first().map_or(1.0, |shape| shape.section_length(0));
-        let reach = tube_radius + MARGIN * unit;
+        let margin = MARGIN * unit;
         let mut different: Vec<Sighting> = Vec::new();
         for solid in self.solids() {
             let seen = shapes.iter().flat_map(|shape| {
-                let seen = move |k| stand_in(shape, k, solid, tube_radius, reach);
+                let seen = move |k| stand_in(shape, k, solid, tube_radii[k], margin);
                 (0..SECTIONS).filter_map(seen)
             });
             let mut seen: Vec<Sighting> = seen.collect();
@@ -72,15 +77,15 @@ impl Scene {
     }
 }
 
-/// The ball that stands for the part of a solid that is nearest to a section, if that is within reach.
+/// The ball that stands for the part of a solid that is nearest to a section, if that is within `margin` of its tube.
 fn stand_in(
     shape: &Backbone,
     section: usize,
     solid: &Solid,
     tube_radius: f64,
-    reach: f64,
+    margin: f64,
 ) -> Option<Sighting> {
-    let found = arc_distance(shape, section, solid, tube_radius, reach)?;
+    let found = arc_distance(shape, section, solid, tube_radius, tube_radius + margin)?;
     let surface = solid.nearest(&shape.point(section, found.fraction));
     let radius = STAND_IN_RADIUS * shape.section_length(0);
     let centre = surface.point - surface.away * radius;

@@ -21,7 +21,7 @@ fn moving_balls(random: &mut Pcg64, count: usize) -> Vec<MovingBall> {
 fn clearance_at(robot: &Robot, balls: &[MovingBall], motion: &Trajectory, time: f64) -> f64 {
     let backbone = robot.backbone(&motion.at(time).position);
     let scene = Scene::new(balls.iter().map(|b| b.at(time)).collect()).unwrap();
-    scene.clearance(&backbone, robot.tube_radius)
+    scene.clearance(&backbone, &robot.tube_radii)
 }
 
 fn resting(duration: f64) -> Trajectory {
@@ -46,7 +46,7 @@ fn certified_motions_never_meet_a_moving_ball() {
             let time = from_time + (motion.duration() - from_time) * f64::from(k) / 200.0;
             clearance_at(&robot, &balls, &motion, time)
         };
-        match certify_moving(&robot, &balls, &motion, from_time, 0.0) {
+        match certify_moving(&robot, &balls, &motion, from_time) {
             Verdict::Free => {
                 free += 1;
                 let least = (0..=200).map(sample).fold(f64::INFINITY, f64::min);
@@ -77,9 +77,10 @@ fn a_ball_that_does_not_move_is_a_scene() {
         balls.iter_mut().for_each(|b| b.velocity = Point::zeros());
         let scene = Scene::new(balls.iter().map(|b| b.ball).collect()).unwrap();
         let motion = motion(&mut random);
-        let growth = random.random_range(0.0..0.1);
-        let verdict = certify_moving(&robot, &balls, &motion, 0.0, growth);
-        let at_rest = certify_trajectory(&robot, &scene, &motion, 0.0, growth);
+        let growth = std::array::from_fn(|_| random.random_range(0.0..0.1));
+        let robot = robot.with_tube_growth(&growth);
+        let verdict = certify_moving(&robot, &balls, &motion, 0.0);
+        let at_rest = certify_trajectory(&robot, &scene, &motion, 0.0);
         assert_eq!(verdict.is_free(), at_rest.is_free());
         free += usize::from(verdict.is_free());
     }
@@ -105,9 +106,10 @@ fn a_ball_that_flies_through_the_resting_robot_is_found() {
         ..through
     };
     let motion = resting(3.0);
-    assert!(certify_moving(&robot, &[past], &motion, 0.0, 0.0).is_free());
-    assert!(!certify_moving(&robot, &[past], &motion, 0.0, 0.03).is_free());
-    let verdict = certify_moving(&robot, &[past, through], &motion, 0.0, 0.0);
+    assert!(certify_moving(&robot, &[past], &motion, 0.0).is_free());
+    let grown = robot.with_tube_growth(&[0.0, 0.04, 0.0]);
+    assert!(!certify_moving(&grown, &[past], &motion, 0.0).is_free());
+    let verdict = certify_moving(&robot, &[past, through], &motion, 0.0);
     let Verdict::Colliding { at } = verdict else {
         panic!("{verdict:?}")
     };
@@ -115,15 +117,15 @@ fn a_ball_that_flies_through_the_resting_robot_is_found() {
         (1.35..=1.65).contains(&at),
         "contact lasts from 1.35 s to 1.65 s, not {at} s"
     );
-    assert!(certify_moving(&robot, &[through], &motion, 1.66, 0.0).is_free());
-    assert!(!certify_moving(&robot, &[through], &motion, 1.64, 0.0).is_free());
+    assert!(certify_moving(&robot, &[through], &motion, 1.66).is_free());
+    assert!(!certify_moving(&robot, &[through], &motion, 1.64).is_free());
 }
 
 #[test]
 fn no_balls_are_no_danger_and_unknown_ones_are() {
     let robot = uneven_robot();
     let motion = resting(1.0);
-    assert!(certify_moving(&robot, &[], &motion, 0.0, 0.0).is_free());
+    assert!(certify_moving(&robot, &[], &motion, 0.0).is_free());
     let far = MovingBall {
         ball: Ball {
             centre: Point::new(9.0, 0.0, 0.0),
@@ -131,13 +133,13 @@ fn no_balls_are_no_danger_and_unknown_ones_are() {
         },
         velocity: Point::zeros(),
     };
-    assert!(certify_moving(&robot, &[far], &motion, 0.0, 0.0).is_free());
+    assert!(certify_moving(&robot, &[far], &motion, 0.0).is_free());
     for bad in [f64::NAN, f64::INFINITY] {
         let mut lost = far;
         lost.velocity.x = bad;
-        assert!(!certify_moving(&robot, &[lost], &motion, 0.0, 0.0).is_free());
+        assert!(!certify_moving(&robot, &[lost], &motion, 0.0).is_free());
         let mut lost = far;
         lost.ball.centre.y = f64::NAN;
-        assert!(!certify_moving(&robot, &[far, lost], &motion, 0.0, 0.0).is_free());
+        assert!(!certify_moving(&robot, &[far, lost], &motion, 0.0).is_free());
     }
 }

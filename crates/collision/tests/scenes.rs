@@ -9,24 +9,24 @@ use pcc_model::{Backbone, Configuration, Point, Robot};
 use rand::RngExt;
 use std::f64::consts::FRAC_PI_2;
 
-fn brute_force(backbone: &Backbone, scene: &Scene, tube_radius: f64) -> [f64; 3] {
+fn brute_force(backbone: &Backbone, scene: &Scene, tube_radii: &[f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|section| {
         scene
             .balls()
             .iter()
-            .map(|b| backbone.distance(section, &b.centre) - b.radius - tube_radius)
+            .map(|b| backbone.distance(section, &b.centre) - b.radius - tube_radii[section])
             .fold(f64::INFINITY, f64::min)
     })
 }
 
 /// Clearance to one ball over many points of the body.
-fn sampled(backbone: &Backbone, ball: &Ball, tube_radius: f64) -> f64 {
+fn sampled(backbone: &Backbone, ball: &Ball, tube_radii: &[f64; 3]) -> f64 {
     let distance = |i: u32| {
         let section = (i / 500).min(2) as usize;
         let fraction = f64::from(i) / 500.0 - section as f64;
-        (backbone.point(section, fraction) - ball.centre).norm()
+        (backbone.point(section, fraction) - ball.centre).norm() - tube_radii[section]
     };
-    (0..=1500).map(distance).fold(f64::INFINITY, f64::min) - ball.radius - tube_radius
+    (0..=1500).map(distance).fold(f64::INFINITY, f64::min) - ball.radius
 }
 
 #[test]
@@ -36,14 +36,14 @@ fn clearances_are_those_of_brute_force_in_scenes_of_any_size() {
         let scene = scene(&mut random, count, 0.0..0.6);
         for _ in 0..200 {
             let backbone = robot.backbone(&shape(&mut random, FRAC_PI_2));
-            let expected = brute_force(&backbone, &scene, robot.tube_radius);
+            let expected = brute_force(&backbone, &scene, &robot.tube_radii);
             assert_eq!(
-                scene.section_clearances(&backbone, robot.tube_radius),
+                scene.section_clearances(&backbone, &robot.tube_radii),
                 expected
             );
             let least = expected.into_iter().fold(f64::INFINITY, f64::min);
-            assert_eq!(scene.clearance(&backbone, robot.tube_radius), least);
-            let deepest = scene.deepest(&backbone, robot.tube_radius).unwrap();
+            assert_eq!(scene.clearance(&backbone, &robot.tube_radii), least);
+            let deepest = scene.deepest(&backbone, &robot.tube_radii).unwrap();
             assert!((deepest.clearance - least).abs() < 1e-12);
             assert_contact(&deepest, &backbone, &scene, &robot);
         }
@@ -58,8 +58,8 @@ fn deep_penetrations_are_found_in_large_scenes() {
     let scene = Scene::new(balls).unwrap();
     for _ in 0..500 {
         let backbone = robot.backbone(&shape(&mut random, FRAC_PI_2));
-        let expected = brute_force(&backbone, &scene, 0.1);
-        assert_eq!(scene.section_clearances(&backbone, 0.1), expected);
+        let expected = brute_force(&backbone, &scene, &[0.1; 3]);
+        assert_eq!(scene.section_clearances(&backbone, &[0.1; 3]), expected);
     }
 }
 
@@ -71,8 +71,8 @@ fn clearance_is_that_of_the_nearest_body_point() {
         let ball = ball(&mut random, 0.1..0.5);
         let exact = Scene::new(vec![ball])
             .unwrap()
-            .clearance(&backbone, robot.tube_radius);
-        let sampled = sampled(&backbone, &ball, robot.tube_radius);
+            .clearance(&backbone, &robot.tube_radii);
+        let sampled = sampled(&backbone, &ball, &robot.tube_radii);
         assert!(exact <= sampled + 1e-13, "{exact} {sampled}");
         assert!(sampled - exact < 1.4e-3, "{exact} {sampled}");
     }
@@ -82,7 +82,7 @@ fn assert_contact(contact: &Contact, backbone: &Backbone, scene: &Scene, robot: 
     let ball = scene.balls()[contact.obstacle];
     let body = backbone.point(contact.section, contact.fraction);
     assert!((contact.normal.norm() - 1.0).abs() < 1e-12);
-    let reach = contact.clearance + ball.radius + robot.tube_radius;
+    let reach = contact.clearance + ball.radius + robot.tube_radii[contact.section];
     assert!((ball.centre + contact.normal * reach - body).norm() < 1e-12);
 }
 
@@ -96,10 +96,10 @@ fn contacts_are_one_for_each_ball_within_the_margin() {
             let backbone = robot.backbone(&shape(&mut random, FRAC_PI_2));
             let margin = random.random_range(-0.1..0.5);
             let mut contacts = Vec::new();
-            scene.contacts_within(&backbone, robot.tube_radius, margin, &mut contacts);
+            scene.contacts_within(&backbone, &robot.tube_radii, margin, &mut contacts);
             for (index, ball) in scene.balls().iter().enumerate() {
                 let alone = Scene::new(vec![*ball]).unwrap();
-                let clearance = alone.clearance(&backbone, robot.tube_radius);
+                let clearance = alone.clearance(&backbone, &robot.tube_radii);
                 let mut of_ball = contacts.iter().filter(|c| c.obstacle == index);
                 let contact = of_ball.next();
                 assert!(of_ball.next().is_none());
@@ -125,10 +125,10 @@ fn contacts_are_appended() {
     let scene = scene(&mut random, 40, 0.2..0.4);
     let backbone = robot.backbone(&shape(&mut random, 1.0));
     let mut contacts = Vec::new();
-    scene.contacts_within(&backbone, 0.2, 1.0, &mut contacts);
+    scene.contacts_within(&backbone, &[0.2; 3], 1.0, &mut contacts);
     let once = contacts.clone();
     assert!(once.len() > 3);
-    scene.contacts_within(&backbone, 0.2, 1.0, &mut contacts);
+    scene.contacts_within(&backbone, &[0.2; 3], 1.0, &mut contacts);
     assert_eq!(contacts, [once.clone(), once].concat());
 }
 
@@ -137,11 +137,14 @@ fn an_empty_scene_is_infinitely_clear() {
     let (robot, scene) = (unit_robot(), Scene::default());
     let backbone = robot.backbone(&Configuration::zeros());
     assert!(scene.is_empty());
-    assert_eq!(scene.clearance(&backbone, 0.2), f64::INFINITY);
-    assert_eq!(scene.section_clearances(&backbone, 0.2), [f64::INFINITY; 3]);
-    assert_eq!(scene.deepest(&backbone, 0.2), None);
+    assert_eq!(scene.clearance(&backbone, &[0.2; 3]), f64::INFINITY);
+    assert_eq!(
+        scene.section_clearances(&backbone, &[0.2; 3]),
+        [f64::INFINITY; 3]
+    );
+    assert_eq!(scene.deepest(&backbone, &[0.2; 3]), None);
     let mut contacts = Vec::new();
-    scene.contacts_within(&backbone, 0.2, f64::INFINITY, &mut contacts);
+    scene.contacts_within(&backbone, &[0.2; 3], f64::INFINITY, &mut contacts);
     assert!(contacts.is_empty());
 }
 
@@ -155,7 +158,7 @@ fn a_ball_around_the_backbone_is_as_deep_as_it_is_thick() {
         radius: 0.4,
     }])
     .unwrap();
-    let contact = scene.deepest(&backbone, 0.2).unwrap();
+    let contact = scene.deepest(&backbone, &[0.2; 3]).unwrap();
     assert!((contact.clearance + 0.6).abs() < 1e-15);
     assert_eq!((contact.section, contact.obstacle), (1, 0));
     assert!((contact.normal.norm() - 1.0).abs() < 1e-15);
@@ -164,7 +167,7 @@ fn a_ball_around_the_backbone_is_as_deep_as_it_is_thick() {
         radius: 0.0,
     }])
     .unwrap();
-    assert!((point.clearance(&backbone, 0.2) - 0.3).abs() < 1e-15);
+    assert!((point.clearance(&backbone, &[0.2; 3]) - 0.3).abs() < 1e-15);
 }
 
 #[test]
@@ -175,7 +178,7 @@ fn a_shape_that_is_not_finite_is_never_clear() {
         for (component, value) in [(0, f64::NAN), (3, f64::INFINITY), (5, f64::NAN)] {
             let mut shape = Configuration::zeros();
             shape[component] = value;
-            let clearance = scene.clearance(&robot.backbone(&shape), 0.2);
+            let clearance = scene.clearance(&robot.backbone(&shape), &[0.2; 3]);
             assert_eq!(clearance, f64::NEG_INFINITY);
         }
     }
@@ -222,6 +225,6 @@ fn many_balls_at_one_place_are_a_scene_too() {
         radius: 0.25,
     };
     let scene = Scene::new(vec![ball; 1000]).unwrap();
-    let clearance = scene.clearance(&robot.backbone(&Configuration::zeros()), 0.2);
+    let clearance = scene.clearance(&robot.backbone(&Configuration::zeros()), &[0.2; 3]);
     assert!((clearance - 0.55).abs() < 1e-15);
 }

@@ -24,8 +24,8 @@ pub struct Robot {
     pub section_lengths: [f64; SECTIONS],
     /// Largest bending angle θ of a section, rad.
     pub bending_limit: f64,
-    /// Radius of the body around the backbone.
-    pub tube_radius: f64,
+    /// Radius of each section's body around its backbone.
+    pub tube_radii: [f64; SECTIONS],
     /// Radius of the motors' spools.
     pub spool_radius: f64,
     /// The tendons.
@@ -74,7 +74,7 @@ impl Robot {
             name: self.name.clone(),
             section_lengths: self.section_lengths.map(|l| l * factor),
             bending_limit: self.bending_limit,
-            tube_radius: self.tube_radius * factor,
+            tube_radii: self.tube_radii.map(|radius| radius * factor),
             spool_radius: self.spool_radius * factor,
             tendons: tendons.expect("a map that was valid stays valid when scaled"),
             tendon_limits: TendonLimits {
@@ -85,11 +85,17 @@ impl Robot {
         }
     }
 
-    /// The same robot with a thicker body.
+    /// Radius of the thickest section's body.
     #[must_use]
-    pub fn with_tube_growth(&self, growth: f64) -> Self {
+    pub fn tube_radius(&self) -> f64 {
+        self.tube_radii.into_iter().fold(0.0, f64::max)
+    }
+
+    /// The same robot with each section's body thicker by as much.
+    #[must_use]
+    pub fn with_tube_growth(&self, growth: &[f64; SECTIONS]) -> Self {
         Self {
-            tube_radius: self.tube_radius + growth,
+            tube_radii: std::array::from_fn(|k| self.tube_radii[k] + growth[k]),
             ..self.clone()
         }
     }

@@ -99,7 +99,7 @@ impl Robot {
             name: file.name,
             section_lengths: file.section_lengths_m,
             bending_limit: file.bending_limit_rad,
-            tube_radius: file.tube_radius_m,
+            tube_radii: [file.tube_radius_m; SECTIONS],
             spool_radius: file.spool_radius_m,
             tendons: TendonMap::new(file.tendons.iter().map(tendon).collect())?,
             tendon_limits: TendonLimits {

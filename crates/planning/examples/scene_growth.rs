@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         sampler: Sampler::Default,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: 0.045,
+        growth: [0.005, 0.02, 0.045],
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,

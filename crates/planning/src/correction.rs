@@ -77,7 +77,7 @@ impl Corrector<'_> {
             project(self.robot, path);
             (pushed, clear_rounds) = (pushed + 1, 0);
         }
-        let tube = self.robot.tube_radius;
+        let tube = &self.robot.tube_radii;
         let touches = |q| self.scene.clearance(&self.robot.backbone(q), tube) < 0.0;
         if path.iter().any(touches) {
             Correction::Touching
@@ -104,7 +104,7 @@ impl Corrector<'_> {
             }
             let backbone = self.robot.backbone(waypoint);
             contacts.clear();
-            let tube = self.robot.tube_radius;
+            let tube = &self.robot.tube_radii;
             self.scene
                 .contacts_within(&backbone, tube, margin, contacts);
             if contacts.len() > MOST_CONTACTS {
@@ -188,7 +188,7 @@ mod tests {
         let mut path = straight_path(&start, &end);
         let deepest = |path: &[Configuration]| {
             path.iter()
-                .map(|q| scene.clearance(&robot.backbone(q), robot.tube_radius))
+                .map(|q| scene.clearance(&robot.backbone(q), &robot.tube_radii))
                 .fold(f64::INFINITY, f64::min)
         };
         assert!(deepest(&path) < -0.2, "the straight path collides");

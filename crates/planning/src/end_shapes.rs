@@ -58,18 +58,15 @@ struct Solution {
 
 /// Finds up to `count` clear end shapes for the problem's goal, repeatable for a given generator state.
 ///
-/// `growth` (section lengths) is added to the tube for the clearance that is asked of a shape.
-///
 /// # Errors
 /// [`Infeasible::GoalOutOfReach`] or [`Infeasible::GoalInCollision`].
 pub fn end_shapes(
     robot: &Robot,
     problem: &Problem,
     count: usize,
-    growth: f64,
     rng: &mut Pcg64,
 ) -> Result<EndShapes, Infeasible> {
-    end_shapes_until(robot, problem, count, growth, rng, &|| false)
+    end_shapes_until(robot, problem, count, rng, &|| false)
 }
 
 /// As [`end_shapes`]; interrupted, it makes do with what was found, which may be nothing.
@@ -77,12 +74,11 @@ pub(crate) fn end_shapes_until(
     robot: &Robot,
     problem: &Problem,
     count: usize,
-    growth: f64,
     rng: &mut Pcg64,
     interrupt: Interrupt,
 ) -> Result<EndShapes, Infeasible> {
     match &problem.goal {
-        Goal::Configuration(shape) => fixed_shape(robot, problem, shape, growth),
+        Goal::Configuration(shape) => fixed_shape(robot, problem, shape),
         Goal::Tip(target) => {
             let mut found = Pool {
                 solutions: Vec::new(),
@@ -92,7 +88,7 @@ pub(crate) fn end_shapes_until(
                 let first = found.solutions.is_empty().then_some(problem.start);
                 let random = (0..SEEDS).map(|_| random_configuration(robot, rng));
                 let seeds: Vec<Configuration> = first.into_iter().chain(random).collect();
-                found.try_seeds(robot, problem, target, &seeds, growth, interrupt);
+                found.try_seeds(robot, problem, target, &seeds, interrupt);
                 let chosen = found.choose(&problem.start, count, &WISHES[..2]);
                 if chosen.len() == count {
                     return Ok(EndShapes { shapes: chosen });
@@ -112,21 +108,15 @@ pub(crate) fn end_shapes_until(
 ///
 /// # Errors
 /// As [`end_shapes`].
-pub(crate) fn check_goal(
-    robot: &Robot,
-    problem: &Problem,
-    growth: f64,
-    seed: u64,
-) -> Result<(), Infeasible> {
+pub(crate) fn check_goal(robot: &Robot, problem: &Problem, seed: u64) -> Result<(), Infeasible> {
     let mut rng = Pcg64::seed_from_u64(seed);
-    end_shapes(robot, problem, 1, growth, &mut rng).map(drop)
+    end_shapes(robot, problem, 1, &mut rng).map(drop)
 }
 
 fn fixed_shape(
     robot: &Robot,
     problem: &Problem,
     shape: &Configuration,
-    growth: f64,
 ) -> Result<EndShapes, Infeasible> {
     let excess = robot.limit_excess(shape);
     if excess > 1e-6 {
@@ -134,7 +124,7 @@ fn fixed_shape(
     }
     let clearance = problem
         .scene
-        .clearance(&robot.backbone(shape), robot.tube_radius + growth);
+        .clearance(&robot.backbone(shape), &robot.tube_radii);
     if clearance < 0.0 {
         return Err(Infeasible::GoalInCollision {
             shapes: 1,
@@ -158,10 +148,9 @@ impl Pool {
         problem: &Problem,
         target: &pcc_model::Point,
         seeds: &[Configuration],
-        growth: f64,
         interrupt: Interrupt,
     ) {
-        let tube = robot.tube_radius + growth;
+        let tube = &robot.tube_radii;
         let solved = |seed: &Configuration| {
             if interrupt() {
                 return None;

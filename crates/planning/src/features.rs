@@ -114,7 +114,7 @@ fn sight(robot: &Robot, ball: &Ball, backbone: &Backbone) -> Sight {
         .expect("a robot has three sections");
     let away = nearest.point - ball.centre;
     Sight {
-        clearance: nearest.distance - ball.radius - robot.tube_radius,
+        clearance: nearest.distance - ball.radius - robot.tube_radii[section],
         normal: away / nearest.distance.max(1e-9),
         section,
         fraction: nearest.fraction,
@@ -131,11 +131,13 @@ fn distance_to_segment(p: &Point, a: &Point, b: &Point) -> f64 {
 pub(crate) struct CanonicalProblem<'a> {
     pub(crate) frame: CanonicalFrame,
     scene: &'a Scene,
+    /// Clearance that paths are to have, section lengths: the balls are told to be thicker by as much.
+    room: f64,
 }
 
 impl<'a> CanonicalProblem<'a> {
-    pub(crate) fn new(frame: CanonicalFrame, scene: &'a Scene) -> Self {
-        Self { frame, scene }
+    pub(crate) fn new(frame: CanonicalFrame, scene: &'a Scene, room: f64) -> Self {
+        Self { frame, scene, room }
     }
 
     /// The balls that matter most for the straight segment between two shapes, in the canonical frame.
@@ -143,8 +145,12 @@ impl<'a> CanonicalProblem<'a> {
         let views = VIEWS.map(|u| robot.backbone(&start.lerp(end, u)));
         let chosen = self
             .scene
-            .most_relevant(&views, robot.tube_radius, MOST_BALLS);
-        chosen.iter().map(|ball| self.frame.ball(ball)).collect()
+            .most_relevant(&views, &robot.tube_radii, MOST_BALLS);
+        let grown = |ball: &Ball| Ball {
+            radius: ball.radius + self.room,
+            ..self.frame.ball(ball)
+        };
+        chosen.iter().map(grown).collect()
     }
 
     pub(crate) fn features(
@@ -175,7 +181,8 @@ pub fn residual_coefficients(
 ) -> (Features, [f64; COEFFICIENTS]) {
     let (start, end) = (path[0], path[path.len() - 1]);
     let frame = CanonicalFrame::wanted(frame, robot, &start, goal_tip);
-    let problem = CanonicalProblem::new(if mirrored { frame.mirrored() } else { frame }, scene);
+    let problem =
+        CanonicalProblem::new(if mirrored { frame.mirrored() } else { frame }, scene, 0.0);
     let turned: Vec<Configuration> = path.iter().map(|q| problem.frame.shape(q)).collect();
     (
         problem.features(robot, &start, &end),

@@ -7,7 +7,7 @@ use crate::path::{Waypoints, resample};
 use crate::plan::{Draw, Failure, Plan, Sampler, Source};
 use crate::rrt_connect::{RrtSettings, Search};
 use crate::run::{Aim, Proposal, Run, count_learned, unfinished};
-use pcc_model::Configuration;
+use pcc_model::{Configuration, SECTIONS};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::iter::once_with;
@@ -148,8 +148,10 @@ impl Run<'_> {
 
     /// Motions to some of the goal shapes, from ways that are known.
     fn reach(&self, ways: &[&Waypoints], goals: &[Configuration], group: &[usize]) -> Vec<Draw> {
-        let growth = LEAST_MARGIN + self.request.growth;
-        let grown = self.planner.robot.with_tube_growth(growth);
+        let grown = self
+            .demands
+            .grown
+            .with_tube_growth(&[LEAST_MARGIN; SECTIONS]);
         let mut known = KnownWays::from(
             &self.problem.start,
             Search {
@@ -229,8 +231,7 @@ impl Run<'_> {
             if (self.supervision.interrupt)() {
                 break;
             }
-            let growth = margin + self.request.growth;
-            let grown = self.planner.robot.with_tube_growth(growth);
+            let grown = self.demands.grown.with_tube_growth(&[*margin; SECTIONS]);
             let search = Search {
                 robot: &grown,
                 scene: &self.problem.scene,

@@ -42,12 +42,13 @@ struct Memory {
 /// What a motion must keep, and how far it may be corrected to that end.
 pub(crate) struct Demands<'a> {
     pub(crate) robot: &'a Robot,
+    /// The robot with the tubes that must keep clear.
+    pub(crate) grown: &'a Robot,
     pub(crate) scene: &'a Scene,
     pub(crate) kernel: &'a PushKernel,
     pub(crate) curves: &'a TipCurves,
     pub(crate) limits: TendonLimits,
     pub(crate) knots: usize,
-    pub(crate) growth: f64,
     pub(crate) corrections: usize,
     pub(crate) interrupt: Interrupt<'a>,
 }
@@ -158,29 +159,37 @@ impl Demands<'_> {
         finished
     }
 
+    /// Clearance beyond the robot's tube that a path should have, section lengths.
+    pub(crate) fn room(&self) -> f64 {
+        CORRECTION_MARGINS[0] + self.grown.tube_radius() - self.robot.tube_radius()
+    }
+
     /// Draws a sampled path's tip onto a smooth curve, if that leaves nothing to correct; whether it does.
     fn straighten(&self, path: &mut [Configuration]) -> bool {
-        let margin = 0.5 * CORRECTION_MARGINS[0] + self.growth;
+        let margin = 0.5 * CORRECTION_MARGINS[0];
         self.curves
-            .straighten(self.robot, self.scene, margin, &self.limits, path)
+            .straighten(self.grown, self.scene, margin, &self.limits, path)
     }
 
     /// Draws a path's tip onto a smooth curve beside its way; whether there is one.
     fn smooth(&self, path: &mut [Configuration]) -> bool {
-        let margin = SMOOTHED_MARGIN + self.growth;
-        self.curves.smooth(self.robot, self.scene, margin, path)
+        self.curves
+            .smooth(self.grown, self.scene, SMOOTHED_MARGIN, path)
     }
 
     fn correct(&self, attempt: usize, finished: &mut Finished) -> Correction {
         let mut clock = Instant::now();
-        let margin = CORRECTION_MARGINS[attempt] + self.growth;
         let corrector = Corrector {
-            robot: self.robot,
+            robot: self.grown,
             scene: self.scene,
             kernel: self.kernel,
         };
         let corrected = MEMORY.with_borrow_mut(|memory| {
-            corrector.correct(margin, &mut finished.path, &mut memory.correction)
+            corrector.correct(
+                CORRECTION_MARGINS[attempt],
+                &mut finished.path,
+                &mut memory.correction,
+            )
         });
         finished.laps.correct += lap(&mut clock);
         corrected
@@ -251,7 +260,7 @@ impl Demands<'_> {
         if !self.keeps_bending(trajectory) {
             return Err(Failure::Bending);
         }
-        let verdict = certify_trajectory(self.robot, self.scene, trajectory, 0.0, self.growth);
+        let verdict = certify_trajectory(self.grown, self.scene, trajectory, 0.0);
         if verdict.is_free() {
             Ok(())
         } else {
@@ -299,7 +308,7 @@ impl Demands<'_> {
     }
 
     fn rest_at_corners(&self, polyline: &[Configuration]) -> Result<Trajectory, Failure> {
-        if !certify_polyline(self.robot, self.scene, polyline).is_free() {
+        if !certify_polyline(self.grown, self.scene, polyline).is_free() {
             return Err(Failure::Collision);
         }
         let edges = polyline.len() - 1;
@@ -328,12 +337,12 @@ mod tests {
         let kernel = PushKernel::new(&SineBasis::new());
         let demands = Demands {
             robot: &robot,
+            grown: &robot,
             scene: &scene,
             kernel: &kernel,
             curves: &TipCurves::new(),
             limits: robot.tendon_limits,
             knots: 96,
-            growth: 0.0,
             corrections: 0,
             interrupt: &|| false,
         };

@@ -100,7 +100,7 @@ impl<'a> Drawing<'a> {
             run,
             model,
             frame,
-            canonical: CanonicalProblem::new(frame, &run.problem.scene),
+            canonical: CanonicalProblem::new(frame, &run.problem.scene, run.demands.room()),
         })
     }
 
@@ -228,11 +228,10 @@ impl<'a> Drawing<'a> {
 
     /// Sum of what the clearance of a path lacks, section lengths.
     fn missing(&self, path: &[Configuration]) -> f64 {
-        let robot = &self.run.planner.robot;
-        let (scene, growth) = (&self.run.problem.scene, self.run.request.growth);
+        let (robot, scene) = (self.run.demands.grown, &self.run.problem.scene);
         let lacking = |waypoint: &Configuration| {
             let shape = robot.backbone(&robot.project_to_limits(waypoint));
-            (growth - scene.clearance(&shape, robot.tube_radius)).max(0.0)
+            (-scene.clearance(&shape, &robot.tube_radii)).max(0.0)
         };
         path.iter().skip(STRIDE).step_by(STRIDE).map(lacking).sum()
     }

@@ -95,7 +95,7 @@ impl Pen<'_> {
             shape = self.step(demand, &shape, &backbone, &error)?;
             backbone = self.robot.backbone(&shape);
         }
-        let clearance = self.scene.clearance(&backbone, self.robot.tube_radius);
+        let clearance = self.scene.clearance(&backbone, &self.robot.tube_radii);
         let serves = (shape - guess).norm() <= LARGEST_CHANGE_RAD && clearance >= self.margin;
         serves.then_some(shape)
     }

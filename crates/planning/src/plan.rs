@@ -6,7 +6,7 @@ use crate::metrics::PathMetrics;
 use crate::path::Waypoints;
 use crate::previous::PreviousPlan;
 use crate::select::Selection;
-use pcc_model::Configuration;
+use pcc_model::{Configuration, SECTIONS};
 use std::sync::Arc;
 use thiserror::Error;
 use trajectory::Trajectory;
@@ -87,8 +87,8 @@ pub struct Request {
     pub selection: Selection,
     /// Factor on the tendon velocity, acceleration and jerk limits, in (0, 1].
     pub limits_scale: f64,
-    /// Growth of the tube that the certificate includes, section lengths (tracking error).
-    pub growth: f64,
+    /// Growth of each section's tube that the certificate includes, section lengths (tracking error).
+    pub growth: [f64; SECTIONS],
     /// Knots of each motion (4 to 256).
     pub knots: usize,
     /// Corrections that a path gets before it is given up: 0 to `MOST_CORRECTIONS`, which is the rule; more are as many.

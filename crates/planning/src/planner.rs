@@ -140,9 +140,10 @@ impl Planner {
     ) -> Result<Plan, PlannerError> {
         self.check_loaded(request.sampler)?;
         problem.check_start(&self.robot)?;
+        let grown = self.robot.with_tube_growth(&request.growth);
         let run = || match &request.start_motion {
-            Some(motion) => self.plan_in_motion(problem, request, supervision, motion),
-            None => Run::new(self, problem, request, supervision).plan(),
+            Some(motion) => self.plan_in_motion(&grown, problem, request, supervision, motion),
+            None => Run::new(self, &grown, problem, request, supervision).plan(),
         };
         self.workers.install(run)
     }
@@ -150,12 +151,13 @@ impl Planner {
     /// Plans from where the robot can rest soonest, and lets every motion begin with coming there.
     fn plan_in_motion(
         &self,
+        grown: &Robot,
         problem: &Problem,
         request: &Request,
         supervision: Supervision,
         motion: &StartMotion,
     ) -> Result<Plan, PlannerError> {
-        let demands = Run::new(self, problem, request, supervision).demands;
+        let demands = Run::new(self, grown, problem, request, supervision).demands;
         let braking = Braking::new(&demands, &problem.start, motion)?;
         let after = Problem {
             start: braking.end(),
@@ -177,7 +179,7 @@ impl Planner {
             certified: supervision.certified.is_some().then_some(&tell),
             ..supervision
         };
-        let plan = Run::new(self, &after, &shorter, told).plan()?;
+        let plan = Run::new(self, grown, &after, &shorter, told).plan()?;
         Ok(braking.plan(plan, request.selection))
     }
 
@@ -194,13 +196,14 @@ impl Planner {
         interrupt: Interrupt,
     ) -> Result<Plan, PlannerError> {
         problem.check_start(&self.robot)?;
-        check_goal(&self.robot, problem, request.growth, request.seed)?;
+        let grown = self.robot.with_tube_growth(&request.growth);
+        check_goal(&grown, problem, request.seed)?;
         let given = paths.into_iter().map(Some).collect();
         let supervision = Supervision {
             interrupt,
             certified: None,
         };
-        let run = || Run::new(self, problem, request, supervision).judge(given);
+        let run = || Run::new(self, &grown, problem, request, supervision).judge(given);
         Ok(self.workers.install(run))
     }
 
@@ -217,7 +220,7 @@ impl Planner {
         let diffusion = self.models.diffusion.as_ref();
         let diffusion = diffusion.ok_or(PlannerError::ModelNotLoaded("diffusion"))?;
         problem.check_start(&self.robot)?;
-        check_goal(&self.robot, problem, 0.0, seed)?;
+        check_goal(&self.robot, problem, seed)?;
         let task = Task {
             robot: &self.robot,
             problem,

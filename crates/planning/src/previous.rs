@@ -38,13 +38,7 @@ impl Rest {
 
 impl PreviousPlan {
     /// The rests of at most `count` paths, the followed one first.
-    pub(crate) fn rests(
-        &self,
-        robot: &Robot,
-        problem: &Problem,
-        growth: f64,
-        count: usize,
-    ) -> Vec<Rest> {
+    pub(crate) fn rests(&self, robot: &Robot, problem: &Problem, count: usize) -> Vec<Rest> {
         let others = (0..self.paths.len()).filter(|&i| Some(i) != self.followed);
         let order = self.followed.into_iter().chain(others);
         let mut rests: Vec<Rest> = Vec::new();
@@ -53,7 +47,7 @@ impl PreviousPlan {
                 let far = |rest: &Rest| (rest.end() - end).norm() >= SEPARATION_RAD;
                 rests.iter().all(far)
             };
-            let end = moved_end(robot, problem, growth, &self.paths[index]).filter(is_new);
+            let end = moved_end(robot, problem, &self.paths[index]).filter(is_new);
             if let Some(end) = end {
                 rests.push(Rest {
                     path: rest(&self.paths[index], &problem.start, &end),
@@ -69,12 +63,7 @@ impl PreviousPlan {
 }
 
 /// The shape nearest to a path's end that reaches the problem's goal and is clear.
-fn moved_end(
-    robot: &Robot,
-    problem: &Problem,
-    growth: f64,
-    path: &[Configuration],
-) -> Option<Configuration> {
+fn moved_end(robot: &Robot, problem: &Problem, path: &[Configuration]) -> Option<Configuration> {
     let old = path.last()?;
     let end = match &problem.goal {
         Goal::Configuration(shape) => Some(*shape),
@@ -83,7 +72,7 @@ fn moved_end(
             is_solved(distance).then_some(shape)
         }
     };
-    let tube = robot.tube_radius + growth;
+    let tube = &robot.tube_radii;
     end.filter(|end| (end - old).norm() <= SAME_SHAPE_RAD)
         .filter(|end| problem.scene.clearance(&robot.backbone(end), tube) >= 0.0)
 }
@@ -134,7 +123,7 @@ mod tests {
     fn the_followed_path_goes_on_to_a_moved_goal() {
         let robot = unit_robot();
         let (previous, problem) = plan(&robot);
-        let rests = previous.rests(&robot, &problem, 0.0, 10);
+        let rests = previous.rests(&robot, &problem, 10);
         assert_eq!(rests.len(), 2);
         assert!(rests[0].followed && !rests[1].followed);
         for rest in &rests {
@@ -149,7 +138,7 @@ mod tests {
             .map(|q| (q - halfway).norm())
             .fold(f64::INFINITY, f64::min);
         assert!(away < 0.1, "it stays on the old path: {away}");
-        assert_eq!(previous.rests(&robot, &problem, 0.0, 1).len(), 1);
+        assert_eq!(previous.rests(&robot, &problem, 1).len(), 1);
     }
 
     #[test]
@@ -162,7 +151,7 @@ mod tests {
             radius: 0.1,
         }])
         .unwrap();
-        let rests = previous.rests(&robot, &problem, 0.0, 10);
+        let rests = previous.rests(&robot, &problem, 10);
         assert!(rests.iter().all(|rest| !rest.followed));
     }
 }

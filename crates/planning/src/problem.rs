@@ -97,7 +97,7 @@ impl Problem {
         }
         let clearance = self
             .scene
-            .clearance(&robot.backbone(&self.start), robot.tube_radius);
+            .clearance(&robot.backbone(&self.start), &robot.tube_radii);
         if clearance < 0.0 {
             return Err(Infeasible::StartInCollision { clearance });
         }

@@ -16,7 +16,7 @@ use crate::previous::Rest;
 use crate::problem::Problem;
 use crate::select::{is_worth_a_change, select};
 use crate::terminal::attach;
-use pcc_model::{Configuration, TendonLimits};
+use pcc_model::{Configuration, Robot, TendonLimits};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -82,8 +82,10 @@ pub(crate) fn draws_of(paths: Vec<Waypoints>, source: Source) -> Vec<Proposal> {
 }
 
 impl<'a> Run<'a> {
+    /// For a robot whose tubes are `grown` by what the request demands.
     pub(crate) fn new(
         planner: &'a Planner,
+        grown: &'a Robot,
         problem: &'a Problem,
         request: &'a Request,
         supervision: Supervision<'a>,
@@ -96,12 +98,12 @@ impl<'a> Run<'a> {
         };
         let demands = Demands {
             robot: &planner.robot,
+            grown,
             scene: &problem.scene,
             kernel: &planner.kernel,
             curves: &planner.tip_curves,
             limits,
             knots: request.knots,
-            growth: request.growth,
             corrections: request.corrections,
             interrupt: supervision.interrupt,
         };
@@ -153,14 +155,14 @@ impl<'a> Run<'a> {
 
     /// End shapes: those of a previous plan that still serve, then others.
     fn aim(&self) -> Result<Aim, PlannerError> {
-        let (robot, problem) = (&self.planner.robot, self.problem);
-        let (count, growth) = (self.request.candidates, self.request.growth);
+        let (robot, problem) = (self.demands.grown, self.problem);
+        let count = self.request.candidates;
         let previous = self.request.previous.as_deref();
-        let rests = previous.map_or_else(Vec::new, |p| p.rests(robot, problem, growth, count));
+        let rests = previous.map_or_else(Vec::new, |p| p.rests(robot, problem, count));
         let mut ends: Vec<Configuration> = rests.iter().map(Rest::end).collect();
         let mut rng = Pcg64::seed_from_u64(self.request.seed);
         let interrupt = self.supervision.interrupt;
-        match end_shapes_until(robot, problem, count, growth, &mut rng, interrupt) {
+        match end_shapes_until(robot, problem, count, &mut rng, interrupt) {
             Ok(found) => add_distinct(&mut ends, &found.shapes, count),
             Err(infeasible) if ends.is_empty() => return Err(infeasible.into()),
             Err(_) => {}
@@ -187,7 +189,7 @@ impl<'a> Run<'a> {
     fn diffusion(mut self, guidance: Guidance) -> Result<Plan, PlannerError> {
         let clock = Instant::now();
         let (robot, problem, request) = (&self.planner.robot, self.problem, self.request);
-        check_goal(robot, problem, request.growth, request.seed)?;
+        check_goal(self.demands.grown, problem, request.seed)?;
         self.stages.condition = clock.elapsed().as_secs_f64();
         let clock = Instant::now();
         let task = Task {

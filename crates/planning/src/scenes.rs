@@ -141,7 +141,7 @@ pub(crate) fn in_workspace(tip: &Point) -> bool {
 }
 
 fn is_clear(robot: &Robot, scene: &Scene, shape: &Configuration) -> bool {
-    scene.clearance(&robot.backbone(shape), robot.tube_radius) >= ENDPOINT_CLEARANCE
+    scene.clearance(&robot.backbone(shape), &robot.tube_radii) >= ENDPOINT_CLEARANCE
 }
 
 fn draw_starts(
@@ -182,7 +182,7 @@ fn is_hard(
         goal: Goal::Tip(*tip),
         scene: scene.clone(),
     };
-    let Ok(ends) = end_shapes(robot, &problem, 10, 0.0, rng) else {
+    let Ok(ends) = end_shapes(robot, &problem, 10, rng) else {
         return false;
     };
     let free =

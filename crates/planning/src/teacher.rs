@@ -127,7 +127,7 @@ impl Search<'_> {
     fn clearance_rows(&mut self, h: usize, backbone: &Backbone, linear: &mut Linear) {
         self.contacts.clear();
         self.scene
-            .contacts_within(backbone, self.robot.tube_radius, MARGIN, &mut self.contacts);
+            .contacts_within(backbone, &self.robot.tube_radii, MARGIN, &mut self.contacts);
         for contact in &self.contacts {
             let gradient = backbone
                 .point_jacobian(contact.section, contact.fraction)

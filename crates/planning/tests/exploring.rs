@@ -3,6 +3,7 @@
 
 mod shipped;
 
+use pcc_model::SECTIONS;
 use planning::scenes::{Setting, draw_target};
 use planning::{
     Candidate, Failure, Goal, MOST_CORRECTIONS, Plan, Planner, Problem, Request, Sampler, Selection,
@@ -19,7 +20,7 @@ fn request(seed: u64) -> Request {
         sampler: Sampler::Fast,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: 0.0,
+        growth: [0.0; SECTIONS],
         knots: 96,
         corrections: MOST_CORRECTIONS,
         start_motion: None,

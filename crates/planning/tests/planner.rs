@@ -3,7 +3,7 @@
 
 use collision::{Ball, Scene, certify_trajectory};
 use denoiser::{Manifest, Precision, Solver, TemporalUnet};
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use planning::scenes::{Setting, draw_target, reference_layout};
 use planning::{
     Candidate, DiffusionModel, DiffusionSettings, Failure, Goal, Guidance, Infeasible, Models,
@@ -24,7 +24,7 @@ fn request(sampler: Sampler, seed: u64) -> Request {
         sampler,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: 0.0,
+        growth: [0.0; SECTIONS],
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,
@@ -199,7 +199,8 @@ fn delivered_candidates_keep_every_promise() {
             scene: target.scene.clone(),
         };
         for sampler in [Sampler::Straight, Sampler::RrtConnect] {
-            let growth = 0.02;
+            let growth = [0.0, 0.01, 0.02];
+            let grown = robot.with_tube_growth(&growth);
             let answer = plan(
                 &planner,
                 &problem,
@@ -213,7 +214,7 @@ fn delivered_candidates_keep_every_promise() {
                 let motion = &candidate.trajectory;
                 assert_eq!(motion.knots()[0].position, problem.start);
                 assert!((robot.tip(&candidate.end()) - target.tip).norm() < 1e-6);
-                assert!(certify_trajectory(robot, &problem.scene, motion, 0.0, growth).is_free());
+                assert!(certify_trajectory(&grown, &problem.scene, motion, 0.0).is_free());
                 assert!(
                     limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6
                 );

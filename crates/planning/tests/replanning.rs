@@ -4,7 +4,7 @@
 mod shipped;
 
 use collision::{Ball, Scene, certify_trajectory};
-use pcc_model::{Configuration, Point};
+use pcc_model::{Configuration, Point, SECTIONS};
 use planning::{
     Candidate, Goal, Infeasible, MOST_CORRECTIONS, Plan, Planner, PlannerError, PreviousPlan,
     Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS,
@@ -20,7 +20,7 @@ fn request() -> Request {
         sampler: Sampler::Default,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: 0.0,
+        growth: [0.0; SECTIONS],
         knots: 96,
         corrections: MOST_CORRECTIONS,
         start_motion: None,
@@ -121,7 +121,7 @@ fn a_motion_that_an_obstacle_took_is_not_kept() {
     assert!((selected(&second).end() - end).norm() > 0.01);
     for candidate in &second.candidates {
         let motion = &candidate.trajectory;
-        assert!(certify_trajectory(planner.robot(), &blocked.scene, motion, 0.0, 0.0).is_free());
+        assert!(certify_trajectory(planner.robot(), &blocked.scene, motion, 0.0).is_free());
     }
 }
 
@@ -154,7 +154,7 @@ fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
         assert_eq!(begin.acceleration, state.acceleration);
         assert!(motion.knots().len() <= 96);
         assert!(limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6);
-        assert!(certify_trajectory(robot, &moving.scene, motion, 0.0, 0.0).is_free());
+        assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
         assert_eq!(candidate.metrics.duration_s, motion.duration());
     }
 }

@@ -6,7 +6,7 @@ mod shipped;
 use collision::{Ball, Scene, Solid, VoxelGrid, certify_trajectory};
 use denoiser::FeatureFrame;
 use nalgebra::Isometry3;
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use planning::{
     BALL_FEATURES, Candidate, Goal, Infeasible, PlannerError, Problem, Request, Sampler, Selection,
     features, residual_coefficients, straight_path,
@@ -14,6 +14,8 @@ use planning::{
 use shipped::planner;
 use std::path::Path;
 use std::sync::Arc;
+
+const GROWTH: [f64; SECTIONS] = [0.0225; SECTIONS];
 
 fn at_root(path: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -32,7 +34,7 @@ fn request(sampler: Sampler) -> Request {
         sampler,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: 0.0225,
+        growth: GROWTH,
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,
@@ -102,18 +104,23 @@ fn sampled(candidate: &Candidate, solid: &Solid, robot: &Robot) -> f64 {
             least = least.min(solid.nearest(&point).distance);
         }
     }
-    least - robot.tube_radius
+    least - robot.tube_radius()
 }
 
 #[test]
 fn motions_lead_around_every_kind_of_solid() {
     let (planner, robot) = (planner(2), robot());
+    let grown = robot.with_tube_growth(&GROWTH);
     for (name, solid) in in_the_way() {
         let solid = Arc::new(solid);
         let scene = Scene::with_solids(Vec::new(), vec![solid.clone()]).unwrap();
         let problem = problem(scene);
         let line = straight_path(&problem.start, &leaning(0.35));
-        let clearance = |q: &Configuration| problem.scene.clearance(&robot.backbone(q), 0.2);
+        let clearance = |q: &Configuration| {
+            problem
+                .scene
+                .clearance(&robot.backbone(q), &robot.tube_radii)
+        };
         let blocked = line.iter().map(clearance).fold(f64::INFINITY, f64::min);
         assert!(
             blocked < -0.05,
@@ -127,10 +134,10 @@ fn motions_lead_around_every_kind_of_solid() {
             assert!(plan.candidates.len() >= least, "{name} {sampler:?}");
             for candidate in &plan.candidates {
                 let certified =
-                    certify_trajectory(&robot, &problem.scene, &candidate.trajectory, 0.0, 0.0225);
+                    certify_trajectory(&grown, &problem.scene, &candidate.trajectory, 0.0);
                 assert!(certified.is_free());
                 let sampled = sampled(candidate, &solid, &robot);
-                assert!(sampled >= 0.0225, "{name} {sampler:?}: {sampled}");
+                assert!(sampled >= GROWTH[0], "{name} {sampler:?}: {sampled}");
                 assert!(candidate.metrics.clearance <= sampled);
             }
         }

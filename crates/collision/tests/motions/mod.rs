@@ -14,11 +14,11 @@ pub(crate) fn unit_robot() -> Robot {
     Robot::from_file(&root.join("../../config/robots/unit.toml")).unwrap()
 }
 
-/// A thin robot with unequal lengths, so that no two of them can be mixed up.
+/// A thin robot with unequal sections, so that no two of them can be mixed up.
 pub(crate) fn uneven_robot() -> Robot {
     Robot {
         section_lengths: [1.0, 0.7, 1.3],
-        tube_radius: 0.1,
+        tube_radii: [0.1, 0.09, 0.11],
         ..unit_robot()
     }
 }
@@ -98,6 +98,6 @@ pub(crate) fn sampled_clearance(
 ) -> f64 {
     (0..=count)
         .map(|i| from_time + (motion.duration() - from_time) * f64::from(i) / f64::from(count))
-        .map(|t| scene.clearance(&robot.backbone(&motion.at(t).position), robot.tube_radius))
+        .map(|t| scene.clearance(&robot.backbone(&motion.at(t).position), &robot.tube_radii))
         .fold(f64::INFINITY, f64::min)
 }

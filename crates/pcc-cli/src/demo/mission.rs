@@ -5,7 +5,7 @@ use super::recording::Recording;
 use anyhow::{Context, bail};
 use client::{Client, ControllerView, ScenePublisher};
 use collision::{Ball, Scene};
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use serde_json::json;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::Outcome;
@@ -304,7 +304,7 @@ fn distinct_from(first: &Configuration, all: &[Proposal]) -> anyhow::Result<usiz
 }
 
 fn clearest(robot: &Robot, later: &Scene, kept: f64, all: &[Proposal]) -> anyhow::Result<usize> {
-    let clearance = |p: &Proposal| later.clearance(&robot.backbone(&p.end), 0.0);
+    let clearance = |p: &Proposal| later.clearance(&robot.backbone(&p.end), &[0.0; SECTIONS]);
     let best = all
         .iter()
         .max_by(|a, b| clearance(a).total_cmp(&clearance(b)))

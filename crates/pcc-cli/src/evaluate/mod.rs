@@ -10,6 +10,7 @@ use crate::planner::{Loaded, ModelArguments, PlannerName, load, name_of};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum, builder::RangedU64ValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
+use pcc_model::SECTIONS;
 use planning::dataset::{Case, Dataset, Split};
 use planning::{
     Goal, Infeasible, MOST_CORRECTIONS, Plan, Planner, PlannerError, Problem, Request, Sampler,
@@ -175,7 +176,7 @@ fn answer(
         sampler: arguments.planner.sampler().unwrap_or(Sampler::Straight),
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: 0.0,
+        growth: [0.0; SECTIONS],
         knots: 96,
         corrections: arguments.corrections,
         start_motion: None,

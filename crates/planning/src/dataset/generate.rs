@@ -8,7 +8,7 @@ use crate::rrt_connect::{RrtSettings, rrt_connect};
 use crate::scenes::{Setting, Target, draw_target};
 use crate::teacher::teach;
 use collision::certify_polyline;
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, Robot, SECTIONS};
 use rand::RngExt;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
@@ -101,7 +101,7 @@ fn target_rows(
             goal: Goal::Tip(target.tip),
             scene: target.scene.clone(),
         };
-        let Ok(mut ends) = end_shapes(robot, &problem, 10.max(recipe.ends), 0.0, &mut rng) else {
+        let Ok(mut ends) = end_shapes(robot, &problem, 10.max(recipe.ends), &mut rng) else {
             report.dropped_starts += 1;
             continue;
         };
@@ -141,7 +141,7 @@ fn taught_path(
     if certified(&direct) {
         return Some(direct);
     }
-    let grown = robot.with_tube_growth(TREE_MARGIN);
+    let grown = robot.with_tube_growth(&[TREE_MARGIN; SECTIONS]);
     let settings = RrtSettings::default();
     let guided = (0..trees).filter_map(|_| {
         let polyline = rrt_connect(&grown, scene, start, &[*end], &settings, rng, &|| false)?;

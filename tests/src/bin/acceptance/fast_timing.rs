@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use anyhow::{Context, ensure};
 use denoiser::{FastModel, Manifest};
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, Robot, SECTIONS};
 use planning::scenes::{Setting, draw_target};
 use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
 use serde_json::json;
@@ -110,7 +110,7 @@ impl Cases {
             sampler: Sampler::Default,
             selection: Selection::ShortestTime,
             limits_scale: 1.0,
-            growth: 0.0,
+            growth: [0.0; SECTIONS],
             knots: AllocationOptions::default().knots,
             corrections: planning::MOST_CORRECTIONS,
             start_motion: None,

@@ -39,7 +39,7 @@ pub(crate) fn with_balls(balls: usize, cases: usize) -> anyhow::Result<PathBuf> 
     };
     let rows = (0..i32::try_from(cases)?).map(row).collect();
     let mut meta = Meta::new(json!({ "balls": balls }));
-    meta.clearance_margin = robot.tube_radius;
+    meta.clearance_margin = robot.tube_radius();
     let out = folder().join(format!("paper-{balls}-balls"));
     Dataset { rows, meta }.write(&out)?;
     Ok(out)
@@ -56,7 +56,7 @@ fn clear_balls(robot: &Robot, start: &Configuration, count: usize, rng: &mut Pcg
             radius: RADIUS,
         };
         let scene = Scene::new(vec![ball]);
-        if scene.is_ok_and(|scene| scene.clearance(&backbone, robot.tube_radius) > RADIUS) {
+        if scene.is_ok_and(|scene| scene.clearance(&backbone, &robot.tube_radii) > RADIUS) {
             balls.push(ball);
         }
     }

@@ -225,7 +225,7 @@ impl Generator<'_> {
 }
 
 fn exact_check(robot: &Robot, scene: &Scene, path: &[Configuration]) -> Check {
-    let clearance = |shape| scene.clearance(&robot.backbone(shape), robot.tube_radius);
+    let clearance = |shape| scene.clearance(&robot.backbone(shape), &robot.tube_radii);
     Check {
         clearance: path.iter().map(clearance).fold(f64::INFINITY, f64::min) as f32,
         is_certified: certify_polyline(robot, scene, path).is_free(),
