@@ -15,6 +15,16 @@ pub struct Pose {
     pub position: Point,
 }
 
+impl Pose {
+    /// The end of a section that begins here.
+    fn then(&self, section: &Section) -> Self {
+        Self {
+            rotation: self.rotation * section.arc.rotation(),
+            position: self.position + self.rotation * section.end,
+        }
+    }
+}
+
 /// The backbone of one configuration; plain data, nothing on the heap.
 #[derive(Clone, Copy, Debug)]
 pub struct Backbone {
@@ -34,9 +44,11 @@ struct Section {
 }
 
 impl Section {
-    fn new(arc: Arc, rotation: &Matrix3<f64>) -> Self {
+    #[inline(always)]
+    fn new(arc: Arc) -> Self {
+        let scale = 1.0 / arc.angle;
         let direction = if arc.angle > 0.0 {
-            [arc.y / arc.angle, -arc.x / arc.angle]
+            [arc.y * scale, -arc.x * scale]
         } else {
             [1.0, 0.0]
         };
@@ -45,7 +57,7 @@ impl Section {
             curvature: arc.angle / arc.length,
             direction,
             end: arc.end(),
-            end_tangent: rotation.column(2).into(),
+            end_tangent: arc.end_tangent(),
         }
     }
 
@@ -106,19 +118,21 @@ impl Backbone {
             rotation: Matrix3::identity(),
             position: Point::zeros(),
         };
-        let mut frames = [base; SECTIONS + 1];
-        let sections = std::array::from_fn(|i| {
-            let arc = Arc::new(shape[2 * i], shape[2 * i + 1], lengths[i]);
-            let turn = arc.rotation();
-            let section = Section::new(arc, &turn);
-            let Pose { rotation, position } = frames[i];
-            frames[i + 1] = Pose {
-                rotation: rotation * turn,
-                position: position + rotation * section.end,
-            };
-            section
-        });
-        Self { frames, sections }
+        let [first, second, third] = Arc::of_sections(lengths, shape);
+        let [first, second, third] = [
+            Section::new(first),
+            Section::new(second),
+            Section::new(third),
+        ];
+        let elbow = Pose {
+            rotation: first.arc.rotation(),
+            position: first.end,
+        };
+        let wrist = elbow.then(&second);
+        Self {
+            frames: [base, elbow, wrist, wrist.then(&third)],
+            sections: [first, second, third],
+        }
     }
 
     /// The tip alone, to the bit as the frames have it.

@@ -3,6 +3,7 @@
 //! Everything follows from S = sin(θ/2)/(θ/2) and c = cos(θ/2), which lose no digits: A = sin θ/θ = S c,
 //! B = (1 − cos θ)/θ² = S²/2. Up to the bending that robots have both are sums of a few terms of their series in θ².
 
+use crate::{Configuration, SECTIONS};
 use nalgebra::{Matrix3, Vector3};
 
 /// Below this squared angle the two quotients that cancel are computed by series (truncation below 1e-15).
@@ -88,6 +89,28 @@ impl Arc {
         }
     }
 
+    /// All sections together, to the bit as one by one.
+    #[inline(always)]
+    pub(crate) fn of_sections(
+        lengths: &[f64; SECTIONS],
+        shape: &Configuration,
+    ) -> [Self; SECTIONS] {
+        let squares: [f64; SECTIONS] = std::array::from_fn(|i| {
+            let (x, y) = (shape[2 * i], shape[2 * i + 1]);
+            x * x + y * y
+        });
+        let [half_sincs, half_cosines] =
+            half_sincs_and_cosines(&squares.map(|square| 0.25 * square));
+        std::array::from_fn(|i| Self {
+            x: shape[2 * i],
+            y: shape[2 * i + 1],
+            length: lengths[i],
+            angle: squares[i].sqrt(),
+            half_sinc: half_sincs[i],
+            half_cosine: half_cosines[i],
+        })
+    }
+
     /// The part from the base to a fraction.
     pub(crate) fn part(&self, fraction: f64) -> Self {
         Self::new(fraction * self.x, fraction * self.y, fraction * self.length)
@@ -150,6 +173,13 @@ impl Arc {
     pub(crate) fn end(&self) -> Vector3<f64> {
         let b = self.b();
         Vector3::new(b * self.y, -b * self.x, self.a()) * self.length
+    }
+
+    /// The tangent at the end, in the section's base frame.
+    pub(crate) fn end_tangent(&self) -> Vector3<f64> {
+        let (a, b) = (self.a(), self.b());
+        let square = self.x * self.x + self.y * self.y;
+        Vector3::new(a * self.y, -a * self.x, 1.0 - b * square)
     }
 
     /// The middle in the section's base frame; needs no further sine.

@@ -11,7 +11,7 @@ use collision::{Contact, Scene};
 use pcc_model::{Configuration, Robot, SECTIONS};
 
 /// Rounds of pushes at most: a count, so that answers do not depend on time.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 5;
 /// Rounds that are compared, two with the two before them.
 const LOOKS_BACK: usize = 4;
 /// A correction is given up when two rounds leave more than this share of what was missing: it is wedged.
@@ -30,6 +30,8 @@ pub(crate) enum Correction {
     Clear,
     /// One still does: no motion along this path can be certified.
     Touching,
+    /// The path was given up before that.
+    GivenUp,
 }
 
 /// What paths are pushed out of.
@@ -47,12 +49,14 @@ pub(crate) struct CorrectionMemory {
 }
 
 impl Corrector<'_> {
-    /// Pushes a path (64 waypoints, radians) out of the scene to `margin` (section lengths) beyond the tube.
+    /// Pushes a path (64 waypoints, radians) out of the scene to `margin` (section lengths) beyond the tube, unless it is to
+    /// be given up as it has become.
     pub(crate) fn correct(
         &self,
         margin: f64,
         path: &mut [Configuration],
         memory: &mut CorrectionMemory,
+        is_given_up: impl Fn(&[Configuration]) -> bool,
     ) -> Correction {
         project(self.robot, path);
         let (mut pushed, mut clear_rounds) = (0, 0);
@@ -75,6 +79,9 @@ impl Corrector<'_> {
             };
             apply(&changes, path);
             project(self.robot, path);
+            if is_given_up(path) {
+                return Correction::GivenUp;
+            }
             (pushed, clear_rounds) = (pushed + 1, 0);
         }
         let tube = &self.robot.tube_radii;
@@ -198,7 +205,8 @@ mod tests {
             scene: &scene,
             kernel: &kernel,
         };
-        let corrected = corrector.correct(0.04, &mut path, &mut CorrectionMemory::default());
+        let mut memory = CorrectionMemory::default();
+        let corrected = corrector.correct(0.04, &mut path, &mut memory, |_| false);
         assert_eq!(corrected, Correction::Clear);
         assert!(deepest(&path) >= 0.02);
         assert_eq!((path[0], path[63]), (start, end));

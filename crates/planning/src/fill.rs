@@ -21,7 +21,7 @@ const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
 const LEAST_MARGIN: f64 = 1e-3;
 /// Groups of missing goal shapes whose ways are sought at once, each with a tree of its own.
 const FILLERS: usize = 2;
-/// Samples for one goal shape that is missing beside others.
+/// Samples for the goal shapes of a group together: most are reached within a few, and of some there is no way.
 const FILLING: RrtSettings = RrtSettings {
     samples: 1500,
     step_rad: 0.6,

@@ -125,32 +125,21 @@ impl Demands<'_> {
             outcome: Err(Failure::Truncated),
             laps: Laps::default(),
         };
-        let mut is_clear = false;
-        if is_rough && !(self.interrupt)() {
-            let mut clock = Instant::now();
-            is_clear = self.straighten(&mut finished.path);
-            finished.laps.correct += lap(&mut clock);
-        }
+        let is_clear = is_rough && !(self.interrupt)() && self.straighten(&mut finished);
         for attempt in 0..self.corrections.clamp(1, MOST_CORRECTIONS) {
             if (self.interrupt)() {
                 finished.outcome = Err(Failure::Truncated);
                 break;
             }
             let is_corrected = self.corrections > 0 && !(attempt == 0 && is_clear);
-            if is_corrected && self.correct(attempt, &mut finished) == Correction::Touching {
-                finished.outcome = Err(Failure::Collision);
-                continue;
-            }
-            let corrected = (is_corrected && is_rough).then(|| finished.path.clone());
-            if corrected.is_some() {
-                let mut clock = Instant::now();
-                self.smooth(&mut finished.path);
-                finished.laps.correct += lap(&mut clock);
-            }
-            self.deliver(&mut finished, slowest_s);
-            if let Some(corrected) = corrected.filter(|path| finished.is_refused_beside(path)) {
-                finished.path = corrected;
-                self.deliver(&mut finished, slowest_s);
+            let corrected = match is_corrected {
+                true => self.correct(attempt, &mut finished, slowest_s),
+                false => Ok(()),
+            };
+            match corrected {
+                Ok(()) if is_corrected && is_rough => self.deliver_smooth(&mut finished, slowest_s),
+                Ok(()) => self.deliver(&mut finished, slowest_s),
+                Err(failure) => finished.outcome = Err(failure),
             }
             if matches!(finished.outcome, Ok(_) | Err(Failure::Slower)) {
                 break;
@@ -165,10 +154,16 @@ impl Demands<'_> {
     }
 
     /// Draws a sampled path's tip onto a smooth curve, if that leaves nothing to correct; whether it does.
-    fn straighten(&self, path: &mut [Configuration]) -> bool {
+    fn straighten(&self, finished: &mut Finished) -> bool {
+        let mut clock = Instant::now();
         let margin = 0.5 * CORRECTION_MARGINS[0];
-        self.curves
-            .straighten(self.grown, self.scene, margin, &self.limits, path)
+        let (scene, limits) = (self.scene, &self.limits);
+        let path = &mut finished.path;
+        let is_clear = self
+            .curves
+            .straighten(self.grown, scene, margin, limits, path);
+        finished.laps.correct += lap(&mut clock);
+        is_clear
     }
 
     /// Draws a path's tip onto a smooth curve beside its way; whether there is one.
@@ -177,7 +172,13 @@ impl Demands<'_> {
             .smooth(self.grown, self.scene, SMOOTHED_MARGIN, path)
     }
 
-    fn correct(&self, attempt: usize, finished: &mut Finished) -> Correction {
+    /// Pushes a path out of obstacles, unless it becomes slower than `slowest_s` by that.
+    fn correct(
+        &self,
+        attempt: usize,
+        finished: &mut Finished,
+        slowest_s: f64,
+    ) -> Result<(), Failure> {
         let mut clock = Instant::now();
         let corrector = Corrector {
             robot: self.grown,
@@ -189,10 +190,28 @@ impl Demands<'_> {
                 CORRECTION_MARGINS[attempt],
                 &mut finished.path,
                 &mut memory.correction,
+                |path| self.is_slower(path, slowest_s),
             )
         });
         finished.laps.correct += lap(&mut clock);
-        corrected
+        match corrected {
+            Correction::Clear => Ok(()),
+            Correction::Touching => Err(Failure::Collision),
+            Correction::GivenUp => Err(Failure::Slower),
+        }
+    }
+
+    /// Delivers a corrected path on a smooth curve beside its way, or as it is where that is refused.
+    fn deliver_smooth(&self, finished: &mut Finished, slowest_s: f64) {
+        let corrected = finished.path.clone();
+        let mut clock = Instant::now();
+        self.smooth(&mut finished.path);
+        finished.laps.correct += lap(&mut clock);
+        self.deliver(finished, slowest_s);
+        if finished.is_refused_beside(&corrected) {
+            finished.path = corrected;
+            self.deliver(finished, slowest_s);
+        }
     }
 
     /// Times, certifies and describes a path as it is.
@@ -212,11 +231,16 @@ impl Demands<'_> {
 
     /// Times a path that may be faster than that.
     fn time_below(&self, path: &[Configuration], slowest_s: f64) -> Result<Trajectory, Failure> {
-        let least_s = || least_duration_s(self.robot, &self.limits, path);
-        if slowest_s.is_finite() && least_s() > SURELY_SLOWER * slowest_s {
-            return Err(Failure::Slower);
+        match self.is_slower(path, slowest_s) {
+            true => Err(Failure::Slower),
+            false => self.time(path),
         }
-        self.time(path)
+    }
+
+    /// Whether every motion along a path surely takes longer than that.
+    fn is_slower(&self, path: &[Configuration], slowest_s: f64) -> bool {
+        let least_s = || least_duration_s(self.robot, &self.limits, path);
+        slowest_s.is_finite() && least_s() > SURELY_SLOWER * slowest_s
     }
 
     fn describe_below(&self, motion: Trajectory, slowest_s: f64) -> Result<Certified, Failure> {

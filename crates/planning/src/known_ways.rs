@@ -14,12 +14,15 @@ const STRIDE: usize = 4;
 pub(crate) struct KnownWays<'a> {
     pub(crate) search: Search<'a>,
     tree: Tree,
+    /// Samples that are left for all goal shapes together.
+    samples: usize,
 }
 
 impl<'a> KnownWays<'a> {
     /// Knows the start alone.
     pub(crate) fn from(start: &Configuration, search: Search<'a>) -> Self {
         Self {
+            samples: search.settings.samples,
             search,
             tree: Tree::rooted(&[*start]),
         }
@@ -53,7 +56,7 @@ impl<'a> KnownWays<'a> {
     fn grow_to(&mut self, goal: &Configuration, rng: &mut Pcg64) -> Option<Vec<Configuration>> {
         let known = std::mem::take(&mut self.tree);
         let mut trees = [known, Tree::rooted(&[*goal])];
-        let found = self.search.grow(&mut trees, rng);
+        let found = self.search.grow(&mut trees, &mut self.samples, rng);
         let [known, _] = trees;
         self.tree = known;
         found

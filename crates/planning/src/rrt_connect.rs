@@ -153,12 +153,16 @@ impl Search<'_> {
     }
 
     /// Grows both trees in turn until they meet; the polyline from a root of the first to a root of the second.
+    ///
+    /// Takes what it needs from the `samples` that are left.
     pub(crate) fn grow(
         &self,
         trees: &mut [Tree; 2],
+        samples: &mut usize,
         rng: &mut Pcg64,
     ) -> Option<Vec<Configuration>> {
-        for round in 0..self.settings.samples {
+        for round in 0..*samples {
+            *samples -= 1;
             if round.is_multiple_of(INTERRUPT_EVERY) && (self.interrupt)() {
                 return None;
             }
@@ -193,7 +197,11 @@ impl Search<'_> {
         let direct = goals.iter().find(|goal| self.edge_is_free(start, goal));
         let path = match direct {
             Some(direct) => vec![*start, *direct],
-            None => self.grow(&mut [Tree::rooted(&[*start]), Tree::rooted(goals)], rng)?,
+            None => {
+                let mut trees = [Tree::rooted(&[*start]), Tree::rooted(goals)];
+                let mut samples = self.settings.samples;
+                self.grow(&mut trees, &mut samples, rng)?
+            }
         };
         Some(self.shorten(path, rng))
     }

@@ -9,7 +9,7 @@
 use crate::spline::Spline;
 use crate::tendon::{LANES, TendonRows, combined, largest_lane, raise_to_magnitude};
 use crate::tendon_path::{Derivatives, PieceWeights, TendonPath, largest_slope};
-use interval::{Interval, Polygon, ROUNDING, largest_second, trades_speeds};
+use interval::{FULL_USE, Interval, Polygon, ROUNDING, largest_second, use_of};
 use pcc_model::TendonLimits;
 
 mod interval;
@@ -59,8 +59,8 @@ pub(crate) struct SpeedProfile {
 const EXCESS_TOLERANCE: f64 = 0.02;
 /// x where no limit bounds it (tendons that stand still at a point).
 const UNBOUNDED: f64 = 1e100;
-/// Into how many parts an interval is divided in which a limit trades speeds.
-const PARTS_WHERE_TRADED: u32 = 4;
+/// Into how many parts an interval is divided whose speeds are not optimal.
+const PARTS_WHERE_NOT_OPTIMAL: u32 = 4;
 /// How often the grid is refined at most.
 const REFINEMENTS: usize = 3;
 
@@ -222,52 +222,69 @@ impl SpeedProfile {
         Ok(())
     }
 
-    /// Divides the intervals in whose middle a limit is exceeded, and those in which speed at the start costs speed at
-    /// the end (the forward pass is optimal only where it does not, which is so on a fine grid); false if there are none.
+    /// Divides intervals; false if all are fine enough, or as fine as numbers allow.
     fn refine(&mut self, spline: &Spline, largest_speed: f64) -> bool {
         self.refined.clear();
         let mut divided = false;
         for i in 0..self.grid.len() - 1 {
             let (from, to) = (self.grid[i], self.grid[i + 1]);
             self.refined.push(from);
-            let middle = GridPoint {
-                piece: from.piece,
-                parameter: 0.5 * (from.parameter + to.parameter),
-            };
-            let x = 0.5 * (self.square_speed[i] + self.square_speed[i + 1]);
-            let u = 0.5 * (self.square_speed[i + 1] - self.square_speed[i])
-                / (to.parameter - from.parameter);
-            let weights = PieceWeights::at(spline, middle);
-            let (mut force, mut slope) = ([0.0; LANES], [0.0; LANES]);
-            for here in self.path.derivatives(&weights) {
-                raise_to_magnitude(&mut slope, &here.slope);
-                raise_to_magnitude(&mut force, &combined(&here.slope, u, &here.bend, x));
-            }
-            let most = largest_lane(&force).max(largest_lane(&slope) * x.sqrt() / largest_speed);
-            let quarter = 0.25 * (to.parameter - from.parameter);
+            let length = to.parameter - from.parameter;
+            let middle = middle(&from, &to);
+            let quarter = 0.25 * length;
             let is_inside = middle.parameter - quarter > from.parameter
                 && middle.parameter + quarter < to.parameter;
-            let ends = [self.square_speed[i], self.square_speed[i + 1]];
-            let trades = trades_speeds(&self.interval(i), ends);
-            let parts = if trades {
-                PARTS_WHERE_TRADED
-            } else if most > 1.0 + EXCESS_TOLERANCE {
-                2
-            } else {
-                1
-            };
             if is_inside {
+                let parts = self.wanted_parts(i, spline, largest_speed);
                 divided |= parts > 1;
                 self.refined.extend((1..parts).map(|part| GridPoint {
                     piece: from.piece,
-                    parameter: from.parameter
-                        + (to.parameter - from.parameter) * (f64::from(part) / f64::from(parts)),
+                    parameter: from.parameter + length * (f64::from(part) / f64::from(parts)),
                 }));
             }
         }
         self.refined.push(self.grid[self.grid.len() - 1]);
         std::mem::swap(&mut self.grid, &mut self.refined);
         divided
+    }
+
+    /// Into how many parts an interval is to be divided: into some where its speeds are not optimal, since speed at the start
+    /// costs speed at the end or no limit is fully used (neither is so on a fine grid), and in two where a limit is exceeded
+    /// in its middle.
+    fn wanted_parts(&self, i: usize, spline: &Spline, largest_speed: f64) -> u32 {
+        let squares = [self.square_speed[i], self.square_speed[i + 1]];
+        let acceleration = use_of(&self.interval(i), squares);
+        let is_fastest = |j: usize| self.square_speed[j] > FULL_USE * FULL_USE * self.speed_cap[j];
+        let is_idle = !acceleration.is_full && !is_fastest(i) && !is_fastest(i + 1);
+        if acceleration.trades || is_idle {
+            PARTS_WHERE_NOT_OPTIMAL
+        } else if self.use_in_the_middle(i, spline, largest_speed) > 1.0 + EXCESS_TOLERANCE {
+            2
+        } else {
+            1
+        }
+    }
+
+    /// The largest part of a limit that is used in the middle of an interval.
+    fn use_in_the_middle(&self, i: usize, spline: &Spline, largest_speed: f64) -> f64 {
+        let (from, to) = (self.grid[i], self.grid[i + 1]);
+        let [first, second] = [self.square_speed[i], self.square_speed[i + 1]];
+        let x = 0.5 * (first + second);
+        let u = 0.5 * (second - first) / (to.parameter - from.parameter);
+        let weights = PieceWeights::at(spline, middle(&from, &to));
+        let (mut force, mut slope) = ([0.0; LANES], [0.0; LANES]);
+        for here in self.path.derivatives(&weights) {
+            raise_to_magnitude(&mut slope, &here.slope);
+            raise_to_magnitude(&mut force, &combined(&here.slope, u, &here.bend, x));
+        }
+        largest_lane(&force).max(largest_lane(&slope) * x.sqrt() / largest_speed)
+    }
+}
+
+fn middle(from: &GridPoint, to: &GridPoint) -> GridPoint {
+    GridPoint {
+        piece: from.piece,
+        parameter: 0.5 * (from.parameter + to.parameter),
     }
 }
 
@@ -367,9 +384,13 @@ mod tests {
     fn some_limit_is_active_nearly_everywhere() {
         let mut random = rand_pcg::Pcg64::seed_from_u64(7);
         let (rows, limits) = (TendonRows::of(&unit_tendons()), unit_limits());
-        for _ in 0..20 {
-            let (spline, profile, is_solved) =
-                solved(&smooth_path(&mut random, 64), EndSpeeds::default(), 250);
+        for i in 0..400 {
+            let intervals = [128, 250][i % 2];
+            let (spline, profile, is_solved) = solved(
+                &smooth_path(&mut random, 64),
+                EndSpeeds::default(),
+                intervals,
+            );
             assert!(is_solved);
             let (grid, squares) = (profile.grid(), profile.square_speeds());
             let (mut active, mut total) = (0.0, 0.0);

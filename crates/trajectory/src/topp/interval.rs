@@ -66,7 +66,7 @@ impl Interval<'_> {
 /// Speed at the start that costs less than this part of itself at the end is worth it.
 const LEAST_TRADE: f64 = 0.5;
 /// A limit of which this part is used is used fully.
-const FULL_USE: f64 = 1.0 - 1e-6;
+pub(super) const FULL_USE: f64 = 1.0 - 1e-6;
 
 /// The convex set of pairs that is left, corner by corner.
 #[derive(Clone, Debug, Default)]
@@ -193,10 +193,18 @@ pub(super) fn largest_second(interval: &Interval<'_>, x: f64) -> f64 {
     least.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// Whether a limit that a pair uses fully allows more of either for less of the other.
+/// How far a pair uses the acceleration limits.
+pub(super) struct Use {
+    /// Whether it uses one fully.
+    pub(super) is_full: bool,
+    /// Whether one that it uses fully allows more of either for less of the other.
+    pub(super) trades: bool,
+}
+
+/// What a pair uses of the acceleration limits.
 #[inline(always)]
-pub(super) fn trades_speeds(interval: &Interval<'_>, pair: [f64; 2]) -> bool {
-    let mut most = [0.0; LANES];
+pub(super) fn use_of(interval: &Interval<'_>, pair: [f64; 2]) -> Use {
+    let (mut most, mut most_trading) = ([0.0; LANES], [0.0; LANES]);
     for normals in interval.normals() {
         for [first, second] in &normals {
             let products = combined(first, pair[0], second, pair[1]);
@@ -204,10 +212,14 @@ pub(super) fn trades_speeds(interval: &Interval<'_>, pair: [f64; 2]) -> bool {
                 let trades = first[i] * second[i] > LEAST_TRADE * second[i] * second[i];
                 if trades { products[i] } else { 0.0 }
             });
-            raise_to_magnitude(&mut most, &trading);
+            raise_to_magnitude(&mut most, &products);
+            raise_to_magnitude(&mut most_trading, &trading);
         }
     }
-    largest_lane(&most) > FULL_USE
+    Use {
+        is_full: largest_lane(&most) > FULL_USE,
+        trades: largest_lane(&most_trading) > FULL_USE,
+    }
 }
 
 fn dot(normal: &[f64; 2], point: &[f64; 2]) -> f64 {
