@@ -1,4 +1,5 @@
-//! How to wait for another process: first without pause, then with short ones, cleaning up after the dead in between.
+//! How to wait for another process: first without pause, then asleep for most of the usual wait, then with short pauses,
+//! cleaning up after the dead in between.
 
 use std::hint;
 use std::thread;
@@ -8,8 +9,13 @@ use shared_types::ipc::IpcNode;
 
 /// Polls without pause before the first sleep: some 20 µs, more than a message takes on its way.
 const SPINS: u32 = 200;
+/// The first sleep lasts for this part of the shortest wait that is usual: each look keeps whoever computes the answer from
+/// its work.
+const FIRST_SLEEP: f64 = 0.8;
+/// What the usual wait grows by from one to the next that is no shorter.
+const GROWTH: f64 = 1.02;
 /// Pause between two polls after that.
-const PAUSE: Duration = Duration::from_micros(100);
+const PAUSE: Duration = Duration::from_micros(50);
 /// Time between two clean-ups of dead processes.
 const CLEANING_PERIOD: Duration = Duration::from_millis(100);
 
@@ -32,9 +38,32 @@ impl Patience {
         self.begin.elapsed() >= self.limit
     }
 
+    fn rest(&self) -> Duration {
+        self.limit.saturating_sub(self.begin.elapsed())
+    }
+
     /// The limit, for messages.
     pub(crate) fn limit(&self) -> Duration {
         self.limit
+    }
+}
+
+/// The shortest wait for an answer that is usual.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Habit {
+    shortest: Duration,
+}
+
+impl Habit {
+    fn first_sleep(self) -> Duration {
+        self.shortest.mul_f64(FIRST_SLEEP).max(PAUSE)
+    }
+
+    fn learn(&mut self, waited: Duration) {
+        self.shortest = match self.shortest {
+            Duration::ZERO => waited,
+            shortest => shortest.mul_f64(GROWTH).min(waited),
+        };
     }
 }
 
@@ -75,23 +104,50 @@ impl Cleaner {
 pub(crate) fn wait<T, E>(
     patience: &Patience,
     cleaner: &mut Cleaner,
+    habit: &mut Habit,
     node: &IpcNode,
     mut poll: impl FnMut() -> Result<Option<T>, E>,
 ) -> Result<Option<T>, E> {
-    let mut polls = 0;
-    loop {
+    let begin = Instant::now();
+    for _ in 0..SPINS {
         if let Some(value) = poll()? {
             return Ok(Some(value));
         }
-        if polls < SPINS {
-            polls += 1;
-            hint::spin_loop();
-            continue;
-        }
-        if patience.is_exhausted() {
-            return Ok(None);
-        }
+        hint::spin_loop();
+    }
+    let mut pause = habit.first_sleep();
+    while !patience.is_exhausted() {
         cleaner.clean_if_due(node);
-        thread::sleep(PAUSE);
+        thread::sleep(pause.min(patience.rest()));
+        if let Some(value) = poll()? {
+            habit.learn(begin.elapsed());
+            return Ok(Some(value));
+        }
+        pause = PAUSE;
+    }
+    Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_sleep_ends_before_the_shortest_usual_wait() {
+        let mut habit = Habit::default();
+        assert_eq!(habit.first_sleep(), PAUSE, "nothing is known");
+        let [short, long] = [Duration::from_millis(2), Duration::from_millis(40)];
+        for waited in [long, short, long, long] {
+            habit.learn(waited);
+        }
+        assert!(habit.first_sleep() > short.mul_f64(0.75) && habit.first_sleep() < short);
+        for _ in 0..1000 {
+            habit.learn(long);
+        }
+        assert_eq!(
+            habit.first_sleep(),
+            long.mul_f64(FIRST_SLEEP),
+            "it is unlearned"
+        );
     }
 }

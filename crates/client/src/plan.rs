@@ -14,7 +14,7 @@ use shared_types::ipc::{
 use shared_types::message;
 use shared_types::valid::PlanRequest;
 
-use crate::patience::{Cleaner, Patience, wait};
+use crate::patience::{Cleaner, Habit, Patience, wait};
 use crate::{ClientError, PlanAnswer};
 
 const DAEMON: &str = "planner-daemon";
@@ -28,6 +28,8 @@ const LOOK_PERIOD: Duration = Duration::from_millis(5);
 pub struct Client {
     port: Option<PlanPort>,
     cleaner: Cleaner,
+    /// Of waiting for answers.
+    habit: Habit,
     last_request_id: u64,
     node: IpcNode,
 }
@@ -90,6 +92,7 @@ impl Client {
         Ok(Self {
             port: None,
             cleaner: Cleaner::new(),
+            habit: Habit::default(),
             last_request_id: 0,
             node,
         })
@@ -193,9 +196,8 @@ impl Client {
         pending: &mut Pending,
         patience: &Patience,
     ) -> Result<PlanAnswer, ClientError> {
-        let received = wait(patience, &mut self.cleaner, &self.node, || {
-            pending.receive()
-        });
+        let (cleaner, habit) = (&mut self.cleaner, &mut self.habit);
+        let received = wait(patience, cleaner, habit, &self.node, || pending.receive());
         self.bury_the_dead(&received);
         let answer = received?;
         if answer.is_none() {
