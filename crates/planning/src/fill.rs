@@ -7,7 +7,7 @@ use crate::path::{Waypoints, resample};
 use crate::plan::{Draw, Failure, Plan, Sampler, Source};
 use crate::rrt_connect::{RrtSettings, Search};
 use crate::run::{Aim, Proposal, Run, count_learned, unfinished};
-use pcc_model::{Configuration, SECTIONS};
+use pcc_model::{Configuration, Robot, SECTIONS};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::iter::once_with;
@@ -31,9 +31,11 @@ const FILLING: RrtSettings = RrtSettings {
 const SHORTENINGS: usize = 3;
 /// Rounds of exploring where nothing is certified, before trees.
 const ROUNDS_BEFORE_TREES: usize = 1;
-/// Samples of the trees to each goal shape when nothing else was found, before those of [`Run::trees`]: where ways are hard to
-/// find, several short searches find one sooner than a long one.
-const LAST_ATTEMPTS: [usize; 3] = [40, 200, 1000];
+/// Samples of the searches for a way to any goal shape when nothing else was found, before the trees of [`Run::trees`]: where
+/// ways are hard to find, several short searches find one sooner than a long one.
+const LAST_ATTEMPTS: [usize; 4] = [100, 400, 1500, 5000];
+/// Searches of each of these lengths.
+const SEARCHES: usize = 4;
 
 impl Run<'_> {
     /// Learned paths to every goal shape; where a straight segment is the fastest motion of all, it takes the place of the
@@ -103,29 +105,60 @@ impl Run<'_> {
         self.stages.select += clock.elapsed().as_secs_f64();
     }
 
-    /// The first goal shape to which trees find a motion, and that: what [`Run::trees`] would answer is not left without an answer.
+    /// The first goal shape to which a search finds a motion, and that: what [`Run::trees`] would answer is not left without an
+    /// answer.
     fn last_attempts(&self, goals: &[Configuration]) -> Option<(usize, Draw)> {
-        let briefly = LAST_ATTEMPTS.iter().find_map(|&samples| {
-            let settings = RrtSettings {
-                samples,
-                ..RrtSettings::default()
-            };
-            self.first_tree(goals, &[LEAST_MARGIN], &settings)
-        });
-        briefly.or_else(|| self.first_tree(goals, &TREE_MARGINS, &RrtSettings::default()))
+        let briefly = LAST_ATTEMPTS
+            .iter()
+            .enumerate()
+            .find_map(|(length, &samples)| {
+                let settings = RrtSettings {
+                    samples,
+                    ..RrtSettings::default()
+                };
+                let first = goals.len() + length * SEARCHES;
+                let searches = (first..first + SEARCHES).into_par_iter().with_max_len(1);
+                searches.find_map_first(|search| self.tree_to_any(search, goals, &settings))
+            });
+        briefly.or_else(|| {
+            let goals = goals.par_iter().enumerate().with_max_len(1);
+            goals.find_map_first(|(i, goal)| {
+                let draw = self.tree(i, goal);
+                draw.outcome.is_ok().then_some((i, draw))
+            })
+        })
     }
 
-    fn first_tree(
+    /// A motion to some goal shape, by a tree that begins in all of them.
+    fn tree_to_any(
         &self,
+        index: usize,
         goals: &[Configuration],
-        margins: &[f64],
         settings: &RrtSettings,
     ) -> Option<(usize, Draw)> {
-        let goals = goals.par_iter().enumerate().with_max_len(1);
-        goals.find_map_first(|(i, goal)| {
-            let draw = self.tree(i, goal, margins, settings);
-            draw.outcome.is_ok().then_some((i, draw))
-        })
+        let grown = self.grown_by(LEAST_MARGIN);
+        let search = self.search(&grown, settings);
+        let polyline = search.connect(&self.problem.start, goals, &mut self.tree_rng(index))?;
+        let reached = goals
+            .iter()
+            .position(|goal| Some(goal) == polyline.last())?;
+        let mut draw = unfinished(Source::Tree, Failure::NoPath);
+        let is_followed = self.follow(&search, &polyline, &mut draw);
+        is_followed.then_some((reached, draw))
+    }
+
+    /// The robot that searches keep clear.
+    fn grown_by(&self, margin: f64) -> Robot {
+        self.demands.grown.with_tube_growth(&[margin; SECTIONS])
+    }
+
+    fn search<'b>(&'b self, robot: &'b Robot, settings: &'b RrtSettings) -> Search<'b> {
+        Search {
+            robot,
+            scene: &self.problem.scene,
+            settings,
+            interrupt: self.supervision.interrupt,
+        }
     }
 
     fn reach_missing(&self, goals: &[Configuration], draws: &mut [Draw]) {
@@ -148,19 +181,9 @@ impl Run<'_> {
 
     /// Motions to some of the goal shapes, from ways that are known.
     fn reach(&self, ways: &[&Waypoints], goals: &[Configuration], group: &[usize]) -> Vec<Draw> {
-        let grown = self
-            .demands
-            .grown
-            .with_tube_growth(&[LEAST_MARGIN; SECTIONS]);
-        let mut known = KnownWays::from(
-            &self.problem.start,
-            Search {
-                robot: &grown,
-                scene: &self.problem.scene,
-                settings: &FILLING,
-                interrupt: self.supervision.interrupt,
-            },
-        );
+        let grown = self.grown_by(LEAST_MARGIN);
+        let search = self.search(&grown, &FILLING);
+        let mut known = KnownWays::from(&self.problem.start, search);
         for way in ways {
             if (self.supervision.interrupt)() {
                 break;
@@ -209,7 +232,7 @@ impl Run<'_> {
             .with_max_len(1)
             .enumerate()
             .map(|(i, goal)| {
-                let draw = run.tree(i, goal, &TREE_MARGINS, &RrtSettings::default());
+                let draw = run.tree(i, goal);
                 run.report(i, &draw);
                 draw
             })
@@ -218,26 +241,16 @@ impl Run<'_> {
         draws
     }
 
-    fn tree(
-        &self,
-        index: usize,
-        goal: &Configuration,
-        margins: &[f64],
-        settings: &RrtSettings,
-    ) -> Draw {
+    fn tree(&self, index: usize, goal: &Configuration) -> Draw {
         let mut draw = unfinished(Source::Tree, Failure::NoPath);
         let mut rng = self.tree_rng(index);
-        for margin in margins {
+        let settings = RrtSettings::default();
+        for margin in TREE_MARGINS {
             if (self.supervision.interrupt)() {
                 break;
             }
-            let grown = self.demands.grown.with_tube_growth(&[*margin; SECTIONS]);
-            let search = Search {
-                robot: &grown,
-                scene: &self.problem.scene,
-                settings,
-                interrupt: self.supervision.interrupt,
-            };
+            let grown = self.grown_by(margin);
+            let search = self.search(&grown, &settings);
             if let Some(polyline) = search.connect(&self.problem.start, &[*goal], &mut rng)
                 && self.follow(&search, &polyline, &mut draw)
             {
