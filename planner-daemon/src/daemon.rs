@@ -122,6 +122,7 @@ impl Daemon {
         let progress = Arc::new(Progress::default());
         let service = open_service(config, &node, &robot, static_scene, planner, &progress)?;
         let background = Background::start(options, &progress)?;
+        bring_in_shared_memory(config, options);
         let resident_bytes = check_resident_memory(config)?;
         tracing::info!(
             "robot {}, {}, {} threads, up to {} candidates of {} knots for {} clients",
@@ -188,6 +189,20 @@ fn lock_memory(config: &Config) {
             "memory is not locked, answers can be delayed by swapping ({error}): allow it with CAP_IPC_LOCK or \
              `ulimit -l unlimited`, or set lock_memory = false"
         );
+    }
+}
+
+/// An answer that is the first to reach a page would wait for it.
+fn bring_in_shared_memory(config: &Config, options: &IpcOptions) {
+    if !config.lock_memory {
+        return;
+    }
+    match process::bring_in_shared_memory(&options.prefix) {
+        Ok(bytes) => tracing::debug!("{:.1} MB of shared memory are in RAM", megabytes(bytes)),
+        Err(error) => tracing::warn!(
+            "shared memory is not brought into RAM, large answers can be delayed once ({error}): Linux 5.14 and space in \
+             /dev/shm are needed"
+        ),
     }
 }
 

@@ -55,11 +55,16 @@ pub(crate) struct Habit {
 }
 
 impl Habit {
-    fn first_sleep(self) -> Duration {
-        self.shortest.mul_f64(FIRST_SLEEP).max(PAUSE)
+    /// A sleep that ends before the answer comes, if it is as usual and its deadline is `time_left` away.
+    pub(crate) fn first_sleep(self, time_left: Duration) -> Duration {
+        self.shortest.mul_f64(FIRST_SLEEP).min(time_left / 2)
     }
 
-    fn learn(&mut self, waited: Duration) {
+    /// Takes note of a wait; those that were over before the first sleep tell nothing.
+    pub(crate) fn learn(&mut self, waited: Duration) {
+        if waited < PAUSE {
+            return;
+        }
         self.shortest = match self.shortest {
             Duration::ZERO => waited,
             shortest => shortest.mul_f64(GROWTH).min(waited),
@@ -100,27 +105,26 @@ impl Cleaner {
     }
 }
 
-/// Calls `poll` until it has something, fails, or patience ends (none).
+/// Calls `poll` until it has something, fails, or patience ends (none); after a while without pause it first sleeps for
+/// `first_sleep`.
 pub(crate) fn wait<T, E>(
     patience: &Patience,
     cleaner: &mut Cleaner,
-    habit: &mut Habit,
+    first_sleep: Duration,
     node: &IpcNode,
     mut poll: impl FnMut() -> Result<Option<T>, E>,
 ) -> Result<Option<T>, E> {
-    let begin = Instant::now();
     for _ in 0..SPINS {
         if let Some(value) = poll()? {
             return Ok(Some(value));
         }
         hint::spin_loop();
     }
-    let mut pause = habit.first_sleep();
+    let mut pause = first_sleep.max(PAUSE);
     while !patience.is_exhausted() {
         cleaner.clean_if_due(node);
         thread::sleep(pause.min(patience.rest()));
         if let Some(value) = poll()? {
-            habit.learn(begin.elapsed());
             return Ok(Some(value));
         }
         pause = PAUSE;
@@ -135,17 +139,20 @@ mod tests {
     #[test]
     fn the_first_sleep_ends_before_the_shortest_usual_wait() {
         let mut habit = Habit::default();
-        assert_eq!(habit.first_sleep(), PAUSE, "nothing is known");
+        let far = Duration::from_secs(1);
+        habit.learn(Duration::from_micros(1));
+        assert_eq!(habit.first_sleep(far), Duration::ZERO, "nothing is known");
         let [short, long] = [Duration::from_millis(2), Duration::from_millis(40)];
         for waited in [long, short, long, long] {
             habit.learn(waited);
         }
-        assert!(habit.first_sleep() > short.mul_f64(0.75) && habit.first_sleep() < short);
+        assert!(habit.first_sleep(far) > short.mul_f64(0.75) && habit.first_sleep(far) < short);
+        assert_eq!(habit.first_sleep(short), short / 2, "before the deadline");
         for _ in 0..1000 {
             habit.learn(long);
         }
         assert_eq!(
-            habit.first_sleep(),
+            habit.first_sleep(far),
             long.mul_f64(FIRST_SLEEP),
             "it is unlearned"
         );

@@ -1,7 +1,7 @@
 //! Asking the daemon for plans.
 
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::port::LoanError;
 use iceoryx2::port::client::RequestSendError;
@@ -47,6 +47,8 @@ pub struct Pending {
     response: PlanPending,
     id: u64,
     execute: bool,
+    /// If the request names one.
+    deadline: Option<Instant>,
 }
 
 impl Pending {
@@ -196,8 +198,17 @@ impl Client {
         pending: &mut Pending,
         patience: &Patience,
     ) -> Result<PlanAnswer, ClientError> {
-        let (cleaner, habit) = (&mut self.cleaner, &mut self.habit);
-        let received = wait(patience, cleaner, habit, &self.node, || pending.receive());
+        let begin = Instant::now();
+        let left = |deadline: Instant| deadline.saturating_duration_since(begin);
+        let time_left = pending.deadline.map_or(Duration::MAX, left);
+        let first_sleep = self.habit.first_sleep(time_left);
+        let cleaner = &mut self.cleaner;
+        let received = wait(patience, cleaner, first_sleep, &self.node, || {
+            pending.receive()
+        });
+        if matches!(received, Ok(Some(_))) {
+            self.habit.learn(begin.elapsed());
+        }
         self.bury_the_dead(&received);
         let answer = received?;
         if answer.is_none() {
@@ -242,6 +253,7 @@ impl Client {
                     response,
                     id: wire.request_id,
                     execute: request.execute,
+                    deadline: request.deadline.map(|deadline| Instant::now() + deadline),
                 });
             }
             // The daemon left between the look and the sending: nobody has the request.

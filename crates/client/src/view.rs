@@ -13,7 +13,7 @@ use shared_types::message;
 use shared_types::valid::{Command, CommandReply, ControllerState, Cycle, Invalid, RobotState};
 
 use crate::ClientError;
-use crate::patience::{Cleaner, Habit, Patience, wait};
+use crate::patience::{Cleaner, Patience, wait};
 
 const CONTROLLER: &str = "controller";
 const ROBOT: &str = "robot";
@@ -76,7 +76,7 @@ impl ControllerView {
         let wire = command.to_wire(id);
         Command::try_from(&wire).map_err(ClientError::InvalidRequest)?;
         let (node, cleaner, commands) = (&self.node, &mut self.cleaner, &self.commands);
-        let sent = wait(&patience, cleaner, &mut Habit::default(), node, || {
+        let sent = wait(&patience, cleaner, Duration::ZERO, node, || {
             let pending = commands
                 .send_copy(wire)
                 .map_err(|reason| ClientError::transport("send a command", reason))?;
@@ -87,7 +87,7 @@ impl ControllerView {
             server: CONTROLLER,
             waited,
         })?;
-        let reply = wait(&patience, cleaner, &mut Habit::default(), node, || {
+        let reply = wait(&patience, cleaner, Duration::ZERO, node, || {
             let connected = pending.is_connected();
             let reply = pending
                 .receive()
