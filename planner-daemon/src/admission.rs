@@ -28,7 +28,7 @@ pub(crate) struct Border {
     pub(crate) capacity: PlanServiceCapacity,
     /// Time that an answer may take where the request does not say.
     pub(crate) default_deadline: Duration,
-    /// Growth of the tube that every certificate includes, section lengths.
+    /// Growth of each section's tube that every certificate includes, section lengths.
     pub(crate) growth: [f64; SECTIONS],
     /// Obstacles of every request, in units of the section length.
     pub(crate) static_scene: Scene,

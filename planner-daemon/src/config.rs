@@ -219,7 +219,7 @@ pub struct Config {
     pub pause: Duration,
     /// Processors to run on; empty for all.
     pub processors: Vec<usize>,
-    /// Whether to keep memory from being swapped out, and to bring in shared memory at the start.
+    /// Whether to keep memory from being swapped out, and to bring in the shared memory of the answers at the start.
     pub lock_memory: bool,
     /// Shared memory that the services may take, bytes.
     pub shared_memory_budget: usize,

@@ -121,8 +121,8 @@ impl Daemon {
         let node = IpcNode::create(options, "planner-daemon")?;
         let progress = Arc::new(Progress::default());
         let service = open_service(config, &node, &robot, static_scene, planner, &progress)?;
-        let background = Background::start(options, &progress)?;
         bring_in_shared_memory(config, options);
+        let background = Background::start(options, &progress)?;
         let resident_bytes = check_resident_memory(config)?;
         tracing::info!(
             "robot {}, {}, {} threads, up to {} candidates of {} knots for {} clients",
@@ -198,6 +198,9 @@ fn bring_in_shared_memory(config: &Config, options: &IpcOptions) {
         return;
     }
     match process::bring_in_shared_memory(&options.prefix) {
+        Ok(0) => {
+            tracing::warn!("no shared memory to bring into RAM was found in /proc/self/maps");
+        }
         Ok(bytes) => tracing::debug!("{:.1} MB of shared memory are in RAM", megabytes(bytes)),
         Err(error) => tracing::warn!(
             "shared memory is not brought into RAM, large answers can be delayed once ({error}): Linux 5.14 and space in \
@@ -262,7 +265,7 @@ fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, 
 /// Of the diffusion samplers it is the guided one: it has the gradients' memory beside that of the others.
 fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
     let beside_the_way = Ball {
-        centre: Point::new(1.5 + planner.robot().tube_radius(), 0.0, 1.5),
+        centre: Point::new(1.5 + planner.robot().largest_tube_radius(), 0.0, 1.5),
         radius: 0.3,
     };
     let problem = Problem {

@@ -79,20 +79,20 @@ impl LiveScene {
         self.changes
     }
 
-    /// Certifies a motion from `from_time_s` of its own time on.
+    /// Certifies a motion of a grown robot from `from_time_s` of its own time on.
     pub(crate) fn certify(
         &self,
-        robot: &Robot,
+        grown: &Robot,
         motion: &Trajectory,
         from_time_s: f64,
         timing: Timing,
     ) -> Verdict {
-        let resting = certify_trajectory(robot, &self.resting, motion, from_time_s);
+        let resting = certify_trajectory(grown, &self.resting, motion, from_time_s);
         if !resting.is_free() || self.moving.is_empty() {
             return resting;
         }
         let balls = self.moving_at(timing);
-        certify_moving(robot, &balls, motion, from_time_s)
+        certify_moving(grown, &balls, motion, from_time_s)
     }
 
     /// The moving balls in the motion's own time: where they are at its zero, and how fast they pass.
@@ -127,7 +127,6 @@ fn moving_ball(ball: &message::MovingBall, section_length_m: f64) -> MovingBall 
 mod tests {
     use super::*;
     use crate::fixtures::{motion, unit_robot};
-    use pcc_model::SECTIONS;
 
     const LENGTH_M: f64 = 0.5;
 
@@ -145,7 +144,7 @@ mod tests {
 
     fn verdict(live: &LiveScene, begin_mono_ns: i64) -> Verdict {
         let timing = Timing::from_begin(begin_mono_ns);
-        let grown = unit_robot().with_tube_growth(&[0.0225; SECTIONS]);
+        let grown = unit_robot().with_tube_growth(&[0.0025, 0.01, 0.0225]);
         live.certify(&grown, &motion(), 0.0, timing)
     }
 

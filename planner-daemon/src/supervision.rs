@@ -93,7 +93,7 @@ impl Supervised {
         &mut self,
         standing: Standing,
         live: &LiveScene,
-        robot: &Robot,
+        grown: &Robot,
         now_mono_ns: i64,
     ) -> bool {
         let (from_time_s, timing) = match standing {
@@ -110,7 +110,7 @@ impl Supervised {
         if asked == self.certified {
             return true;
         }
-        let verdict = live.certify(robot, &self.motion, from_time_s, timing);
+        let verdict = live.certify(grown, &self.motion, from_time_s, timing);
         if verdict.is_free() {
             self.certified = asked;
         }

@@ -2,6 +2,7 @@
 //! cleaning up after the dead in between.
 
 use std::hint;
+use std::iter::{once, repeat};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -9,11 +10,15 @@ use shared_types::ipc::IpcNode;
 
 /// Polls without pause before the first sleep: some 20 µs, more than a message takes on its way.
 const SPINS: u32 = 200;
-/// The first sleep lasts for this part of the shortest wait that is usual: each look keeps whoever computes the answer from
-/// its work.
+/// The first sleep ends when this part of the shortest wait that is usual is over: each look keeps whoever computes the answer
+/// from its work.
 const FIRST_SLEEP: f64 = 0.8;
+/// It is no longer than this, so that a server that died is noticed.
+const LONGEST_SLEEP: Duration = Duration::from_millis(10);
 /// What the usual wait grows by from one to the next that is no shorter.
-const GROWTH: f64 = 1.02;
+const GROWTH: f64 = 1.05;
+/// What is left of the usual wait where the answer was there before the first sleep ended, nobody knows since when.
+const AFTER_OVERSLEEPING: u32 = 4;
 /// Pause between two polls after that.
 const PAUSE: Duration = Duration::from_micros(50);
 /// Time between two clean-ups of dead processes.
@@ -48,27 +53,40 @@ impl Patience {
     }
 }
 
-/// The shortest wait for an answer that is usual.
+/// When a wait was over.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Moment {
+    /// Before the first sleep.
+    Early,
+    /// Some time during the first sleep.
+    Overslept,
+    /// Between two of the looks after it.
+    Seen,
+}
+
+/// The shortest time that an answer usually takes from its request on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Habit {
     shortest: Duration,
 }
 
 impl Habit {
-    /// A sleep that ends before the answer comes, if it is as usual and its deadline is `time_left` away.
-    pub(crate) fn first_sleep(self, time_left: Duration) -> Duration {
-        self.shortest.mul_f64(FIRST_SLEEP).min(time_left / 2)
+    /// A sleep that ends before the answer comes, if that is as usual, to a request that was sent `age` ago; it leaves half of
+    /// the time until a deadline.
+    pub(crate) fn first_sleep(self, age: Duration, deadline: Option<Duration>) -> Duration {
+        let left = deadline.map_or(Duration::MAX, |deadline| deadline.saturating_sub(age));
+        let usual = self.shortest.mul_f64(FIRST_SLEEP).saturating_sub(age);
+        usual.min(left / 2).min(LONGEST_SLEEP)
     }
 
-    /// Takes note of a wait; those that were over before the first sleep tell nothing.
-    pub(crate) fn learn(&mut self, waited: Duration) {
-        if waited < PAUSE {
-            return;
+    /// Takes note of an answer that was seen so long after its request.
+    pub(crate) fn learn(&mut self, moment: Moment, age: Duration) {
+        match moment {
+            Moment::Early => {}
+            Moment::Overslept => self.shortest /= AFTER_OVERSLEEPING,
+            Moment::Seen if self.shortest.is_zero() => self.shortest = age,
+            Moment::Seen => self.shortest = self.shortest.mul_f64(GROWTH).min(age),
         }
-        self.shortest = match self.shortest {
-            Duration::ZERO => waited,
-            shortest => shortest.mul_f64(GROWTH).min(waited),
-        };
     }
 }
 
@@ -113,21 +131,24 @@ pub(crate) fn wait<T, E>(
     first_sleep: Duration,
     node: &IpcNode,
     mut poll: impl FnMut() -> Result<Option<T>, E>,
-) -> Result<Option<T>, E> {
+) -> Result<Option<(T, Moment)>, E> {
     for _ in 0..SPINS {
         if let Some(value) = poll()? {
-            return Ok(Some(value));
+            return Ok(Some((value, Moment::Early)));
         }
         hint::spin_loop();
     }
-    let mut pause = first_sleep.max(PAUSE);
-    while !patience.is_exhausted() {
-        cleaner.clean_if_due(node);
-        thread::sleep(pause.min(patience.rest()));
-        if let Some(value) = poll()? {
-            return Ok(Some(value));
+    let sleeps = once((first_sleep, Moment::Overslept)).chain(repeat((PAUSE, Moment::Seen)));
+    let sleeps = sleeps.skip_while(|(sleep, _)| sleep.is_zero());
+    for (sleep, moment) in sleeps {
+        if patience.is_exhausted() {
+            break;
         }
-        pause = PAUSE;
+        cleaner.clean_if_due(node);
+        thread::sleep(sleep.min(patience.rest()));
+        if let Some(value) = poll()? {
+            return Ok(Some((value, moment)));
+        }
     }
     Ok(None)
 }
@@ -136,25 +157,41 @@ pub(crate) fn wait<T, E>(
 mod tests {
     use super::*;
 
-    #[test]
-    fn the_first_sleep_ends_before_the_shortest_usual_wait() {
+    const SHORT: Duration = Duration::from_millis(2);
+    const LONG: Duration = Duration::from_millis(8);
+
+    fn used_to(waits: &[Duration]) -> Habit {
         let mut habit = Habit::default();
-        let far = Duration::from_secs(1);
-        habit.learn(Duration::from_micros(1));
-        assert_eq!(habit.first_sleep(far), Duration::ZERO, "nothing is known");
-        let [short, long] = [Duration::from_millis(2), Duration::from_millis(40)];
-        for waited in [long, short, long, long] {
-            habit.learn(waited);
-        }
-        assert!(habit.first_sleep(far) > short.mul_f64(0.75) && habit.first_sleep(far) < short);
-        assert_eq!(habit.first_sleep(short), short / 2, "before the deadline");
-        for _ in 0..1000 {
-            habit.learn(long);
-        }
-        assert_eq!(
-            habit.first_sleep(far),
-            long.mul_f64(FIRST_SLEEP),
-            "it is unlearned"
-        );
+        waits
+            .iter()
+            .for_each(|wait| habit.learn(Moment::Seen, *wait));
+        habit
+    }
+
+    fn first_sleep(habit: Habit) -> Duration {
+        habit.first_sleep(Duration::ZERO, None)
+    }
+
+    #[test]
+    fn the_first_sleep_ends_before_the_shortest_usual_wait_and_is_no_longer_than_allowed() {
+        assert_eq!(first_sleep(Habit::default()), Duration::ZERO);
+        let habit = used_to(&[LONG, SHORT, LONG, LONG]);
+        assert!((SHORT.mul_f64(0.75)..SHORT).contains(&first_sleep(habit)));
+        let age = Duration::from_millis(1);
+        assert_eq!(habit.first_sleep(age, None), first_sleep(habit) - age);
+        assert_eq!(habit.first_sleep(LONG, None), Duration::ZERO, "it is due");
+        assert_eq!(habit.first_sleep(Duration::ZERO, Some(SHORT)), SHORT / 2);
+        assert_eq!(first_sleep(used_to(&[LONG * 100])), LONGEST_SLEEP);
+    }
+
+    #[test]
+    fn what_is_usual_is_unlearned() {
+        let habit = used_to(&[&[SHORT], [LONG; 100].as_slice()].concat());
+        assert_eq!(first_sleep(habit), LONG.mul_f64(FIRST_SLEEP));
+        let mut habit = used_to(&[LONG]);
+        habit.learn(Moment::Early, Duration::ZERO);
+        assert_eq!(habit, used_to(&[LONG]), "nothing was waited for");
+        habit.learn(Moment::Overslept, LONG);
+        assert_eq!(habit, used_to(&[LONG / AFTER_OVERSLEEPING]));
     }
 }

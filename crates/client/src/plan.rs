@@ -47,8 +47,10 @@ pub struct Pending {
     response: PlanPending,
     id: u64,
     execute: bool,
-    /// If the request names one.
-    deadline: Option<Instant>,
+    sent: Instant,
+    /// As the request names it.
+    deadline: Option<Duration>,
+    asks_early: bool,
 }
 
 impl Pending {
@@ -198,22 +200,26 @@ impl Client {
         pending: &mut Pending,
         patience: &Patience,
     ) -> Result<PlanAnswer, ClientError> {
-        let begin = Instant::now();
-        let left = |deadline: Instant| deadline.saturating_duration_since(begin);
-        let time_left = pending.deadline.map_or(Duration::MAX, left);
-        let first_sleep = self.habit.first_sleep(time_left);
+        let first_sleep = if pending.asks_early {
+            Duration::ZERO
+        } else {
+            let age = pending.sent.elapsed();
+            self.habit.first_sleep(age, pending.deadline)
+        };
         let cleaner = &mut self.cleaner;
         let received = wait(patience, cleaner, first_sleep, &self.node, || {
             pending.receive()
         });
-        if matches!(received, Ok(Some(_))) {
-            self.habit.learn(begin.elapsed());
-        }
         self.bury_the_dead(&received);
-        let answer = received?;
-        if answer.is_none() {
-            self.cleaner.make_due();
+        let received = received?;
+        match &received {
+            Some((_, moment)) if !pending.asks_early => {
+                self.habit.learn(*moment, pending.sent.elapsed());
+            }
+            Some(_) => {}
+            None => self.cleaner.make_due(),
         }
+        let answer = received.map(|(answer, _)| answer);
         answer.ok_or(ClientError::TimedOut {
             server: DAEMON,
             id: pending.id,
@@ -253,7 +259,9 @@ impl Client {
                     response,
                     id: wire.request_id,
                     execute: request.execute,
-                    deadline: request.deadline.map(|deadline| Instant::now() + deadline),
+                    sent: Instant::now(),
+                    deadline: request.deadline,
+                    asks_early: request.early_candidate_count.is_some(),
                 });
             }
             // The daemon left between the look and the sending: nobody has the request.

@@ -83,7 +83,7 @@ impl ControllerView {
             Ok::<_, ClientError>((pending.number_of_server_connections() > 0).then_some(pending))
         })?;
         let waited = patience.limit();
-        let pending = sent.ok_or(ClientError::NoServer {
+        let (pending, _) = sent.ok_or(ClientError::NoServer {
             server: CONTROLLER,
             waited,
         })?;
@@ -101,7 +101,7 @@ impl ControllerView {
                 reply => Ok(reply.map(|reply| *reply)),
             }
         })?;
-        let reply = reply.ok_or(ClientError::TimedOut {
+        let (reply, _) = reply.ok_or(ClientError::TimedOut {
             server: CONTROLLER,
             id,
             waited,

@@ -10,6 +10,7 @@ use collision::{
 use motions::{motion, random, sampled_clearance, scene, shape, step, uneven_robot, unit_robot};
 use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use rand::RngExt;
+use rand_pcg::Pcg64;
 use std::f64::consts::FRAC_PI_2;
 use trajectory::{Knot, Trajectory};
 
@@ -222,6 +223,20 @@ fn what_lies_before_the_time_asked_for_does_not_count() {
     assert!(escaped > 50 && caught > 100, "{escaped} {caught}");
 }
 
+/// A ball that the first section just does not touch at some time.
+fn beside_the_base(random: &mut Pcg64, robot: &Robot, motion: &Trajectory) -> Ball {
+    let time = motion.duration() * random.random::<f64>();
+    let backbone = robot.backbone(&motion.at(time).position);
+    let body = backbone.point(0, random.random_range(0.5..1.0));
+    let turn = random.random_range(0.0..std::f64::consts::TAU);
+    let radius = 0.1;
+    let away = robot.tube_radii[0] + radius + random.random_range(0.0..0.01);
+    Ball {
+        centre: body + Point::new(turn.cos(), turn.sin(), 0.0) * away,
+        radius,
+    }
+}
+
 #[test]
 fn growth_covers_every_body_within_the_path_tolerance() {
     let (robot, mut random) = (uneven_robot(), random(7));
@@ -229,9 +244,13 @@ fn growth_covers_every_body_within_the_path_tolerance() {
     let growth = tracking_growth(&robot, tolerance);
     let grown = robot.with_tube_growth(&growth);
     let (mut certified, mut closest) = (0, [f64::INFINITY; SECTIONS]);
-    for _ in 0..900 {
-        let scene = scene(&mut random, 2, 0.05..0.4);
+    for i in 0..2_000 {
         let motion = motion(&mut random);
+        let mut balls = scene(&mut random, 2, 0.05..0.4).balls().to_vec();
+        if i % 3 == 0 {
+            balls.push(beside_the_base(&mut random, &grown, &motion));
+        }
+        let scene = Scene::new(balls).unwrap();
         if !certify_trajectory(&grown, &scene, &motion, 0.0).is_free() {
             continue;
         }
@@ -255,7 +274,7 @@ fn growth_covers_every_body_within_the_path_tolerance() {
     }
     let is_needed = |k: usize| closest[k] < growth[k];
     assert!(
-        certified > 150 && (1..SECTIONS).all(is_needed),
+        certified > 150 && (0..SECTIONS).all(is_needed),
         "{certified} {closest:?}"
     );
 }

@@ -201,12 +201,12 @@ fn a_mesh_and_a_voxel_grid_of_a_box_agree_with_the_box() {
 
 /// Clearance of a motion over many of its points, exact for each.
 fn sampled_over(robot: &Robot, scene: &Scene, motion: &Trajectory) -> f64 {
-    let at = |i: u32| motion.at(motion.duration() * f64::from(i) / 60.0).position;
-    (0..=60)
+    let at = |i: u32| motion.at(motion.duration() * f64::from(i) / 120.0).position;
+    (0..=120)
         .map(|i| robot.backbone(&at(i)))
         .flat_map(|backbone| {
             let point = move |i: usize| (backbone.point(i / 31, (i % 31) as f64 / 30.0), i / 31);
-            (0..=90).map(point)
+            (0..93).map(point)
         })
         .flat_map(|(point, section)| {
             scene
@@ -242,7 +242,7 @@ fn certified_motions_never_meet_a_solid() {
                 closest = closest.min(sampled);
                 free += 1;
             } else {
-                assert!(dense < 0.02, "{name} {i} is free: {dense}");
+                assert!(sampled < 0.02, "{name} {i} is free: {sampled}");
                 not += 1;
             }
         }

@@ -235,7 +235,7 @@ impl<'a> Job<'a> {
             "method": format!("{:?}", a.method), "generator": a.method.version(),
             "setting": format!("{:?}", self.recipe.setting), "targets": a.targets, "starts": a.starts, "ends": a.ends,
             "trees": a.trees, "seed": a.seed, "test_only": a.test_only, "robot": robot.name, "section_lengths": robot.section_lengths,
-            "bending_limit_rad": robot.bending_limit, "tube_radius": robot.tube_radius(),
+            "bending_limit_rad": robot.bending_limit, "tube_radius": robot.largest_tube_radius(),
         })
     }
 
@@ -305,7 +305,7 @@ impl<'a> Job<'a> {
 
     fn meta(&self, config: serde_json::Value, report: Option<PaperReport>) -> Meta {
         Meta {
-            clearance_margin: self.robot.tube_radius(),
+            clearance_margin: self.robot.largest_tube_radius(),
             report,
             ..Meta::new(config)
         }

@@ -46,8 +46,8 @@ struct Section {
 impl Section {
     #[inline(always)]
     fn new(arc: Arc) -> Self {
-        let scale = 1.0 / arc.angle;
         let direction = if arc.angle > 0.0 {
+            let scale = 1.0 / arc.angle;
             [arc.y * scale, -arc.x * scale]
         } else {
             [1.0, 0.0]
@@ -124,13 +124,13 @@ impl Backbone {
             Section::new(second),
             Section::new(third),
         ];
-        let elbow = Pose {
+        let after_first = Pose {
             rotation: first.arc.rotation(),
             position: first.end,
         };
-        let wrist = elbow.then(&second);
+        let after_second = after_first.then(&second);
         Self {
-            frames: [base, elbow, wrist, wrist.then(&third)],
+            frames: [base, after_first, after_second, after_second.then(&third)],
             sections: [first, second, third],
         }
     }

@@ -87,7 +87,7 @@ impl Robot {
 
     /// Radius of the thickest section's body.
     #[must_use]
-    pub fn tube_radius(&self) -> f64 {
+    pub fn largest_tube_radius(&self) -> f64 {
         self.tube_radii.into_iter().fold(0.0, f64::max)
     }
 

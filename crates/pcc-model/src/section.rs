@@ -77,16 +77,7 @@ pub(crate) struct Arc {
 impl Arc {
     pub(crate) fn new(x: f64, y: f64, length: f64) -> Self {
         let square = x * x + y * y;
-        let [half_sinc, half_cosine] = half_sinc_and_cosine(0.25 * square);
-        let angle = square.sqrt();
-        Self {
-            x,
-            y,
-            length,
-            angle,
-            half_sinc,
-            half_cosine,
-        }
+        Self::with(x, y, length, half_sinc_and_cosine(0.25 * square))
     }
 
     /// All sections together, to the bit as one by one.
@@ -95,20 +86,24 @@ impl Arc {
         lengths: &[f64; SECTIONS],
         shape: &Configuration,
     ) -> [Self; SECTIONS] {
-        let squares: [f64; SECTIONS] = std::array::from_fn(|i| {
-            let (x, y) = (shape[2 * i], shape[2 * i + 1]);
-            x * x + y * y
-        });
-        let [half_sincs, half_cosines] =
-            half_sincs_and_cosines(&squares.map(|square| 0.25 * square));
-        std::array::from_fn(|i| Self {
-            x: shape[2 * i],
-            y: shape[2 * i + 1],
-            length: lengths[i],
-            angle: squares[i].sqrt(),
-            half_sinc: half_sincs[i],
-            half_cosine: half_cosines[i],
+        let pairs: [[f64; 2]; SECTIONS] = std::array::from_fn(|i| [shape[2 * i], shape[2 * i + 1]]);
+        let [sincs, cosines] = half_sincs_and_cosines(&pairs.map(|[x, y]| 0.25 * (x * x + y * y)));
+        std::array::from_fn(|i| {
+            let [x, y] = pairs[i];
+            Self::with(x, y, lengths[i], [sincs[i], cosines[i]])
         })
+    }
+
+    #[inline(always)]
+    fn with(x: f64, y: f64, length: f64, [half_sinc, half_cosine]: [f64; 2]) -> Self {
+        Self {
+            x,
+            y,
+            length,
+            angle: (x * x + y * y).sqrt(),
+            half_sinc,
+            half_cosine,
+        }
     }
 
     /// The part from the base to a fraction.
@@ -175,7 +170,7 @@ impl Arc {
         Vector3::new(b * self.y, -b * self.x, self.a()) * self.length
     }
 
-    /// The tangent at the end, in the section's base frame.
+    /// The tangent at the end, in the section's base frame: the third column of [`Self::rotation`].
     pub(crate) fn end_tangent(&self) -> Vector3<f64> {
         let (a, b) = (self.a(), self.b());
         let square = self.x * self.x + self.y * self.y;

@@ -245,7 +245,7 @@ fn scaled_robot_has_the_same_shapes_and_tendon_angles() {
     let matrix = unit.tendons.matrix() * length - robot.tendons.matrix();
     assert!(matrix.amax() < 1e-16);
     assert!((unit.tendon_limits.jerk * length - robot.tendon_limits.jerk).abs() < 1e-15);
-    assert!((unit.tube_radius() - 0.2).abs() < 1e-12);
+    assert!((unit.largest_tube_radius() - 0.2).abs() < 1e-12);
 }
 
 fn shapes_within_limits() -> impl Strategy<Value = Configuration> {

@@ -30,7 +30,7 @@ pub(crate) enum Correction {
     Clear,
     /// One still does: no motion along this path can be certified.
     Touching,
-    /// The path was given up before that.
+    /// A push made of the path what the caller does not want.
     GivenUp,
 }
 
@@ -210,5 +210,31 @@ mod tests {
         assert_eq!(corrected, Correction::Clear);
         assert!(deepest(&path) >= 0.02);
         assert_eq!((path[0], path[63]), (start, end));
+    }
+
+    #[test]
+    fn a_path_is_given_up_after_the_push_that_makes_it_unwanted() {
+        let robot = unit_robot();
+        let start = Configuration::from_column_slice(&[0.0, 0.6, 0.0, 0.6, 0.0, 0.6]);
+        let mut path = straight_path(&start, &-start);
+        let tip = robot.tip(&path[32]);
+        let ball = Ball {
+            centre: tip + Point::new(0.1, 0.0, 0.0),
+            radius: 0.3,
+        };
+        let kernel = PushKernel::new(&SineBasis::new());
+        let corrector = Corrector {
+            robot: &robot,
+            scene: &Scene::new(vec![ball]).unwrap(),
+            kernel: &kernel,
+        };
+        let asked = std::cell::Cell::new(0);
+        let unwanted = |_: &[Configuration]| {
+            asked.set(asked.get() + 1);
+            true
+        };
+        let mut memory = CorrectionMemory::default();
+        let corrected = corrector.correct(0.04, &mut path, &mut memory, unwanted);
+        assert_eq!((corrected, asked.get()), (Correction::GivenUp, 1));
     }
 }

@@ -337,7 +337,7 @@ impl<'a> Forces<'a> {
 
     /// Jᵀ times the way of the deepest point to the safe boundary.
     fn repulsion(&self, backbone: &Backbone) -> Option<Configuration> {
-        let margin = REPULSION * self.robot.tube_radius();
+        let margin = REPULSION * self.robot.largest_tube_radius();
         let deepest = deepest(backbone, self.scene.balls()).filter(|d| d.distance < margin)?;
         let out = way_out(
             &(deepest.point - deepest.ball.centre),

@@ -56,7 +56,7 @@ struct Solution {
     clearance: f64,
 }
 
-/// Finds up to `count` clear end shapes for the problem's goal, repeatable for a given generator state.
+/// Finds up to `count` end shapes for the problem's goal that keep `robot` clear, repeatable for a given generator state.
 ///
 /// # Errors
 /// [`Infeasible::GoalOutOfReach`] or [`Infeasible::GoalInCollision`].

@@ -4,7 +4,7 @@ use crate::basis::{SineBasis, UNKNOWNS};
 use crate::canonical::CanonicalFrame;
 use collision::{Ball, Scene};
 use denoiser::FeatureFrame;
-use pcc_model::{Backbone, Configuration, Point, Robot};
+use pcc_model::{Backbone, Configuration, Nearest, Point, Robot};
 
 /// Numbers that describe the two ends of a path.
 pub const END_FEATURES: usize = 36;
@@ -107,10 +107,12 @@ struct Sight {
 }
 
 fn sight(robot: &Robot, ball: &Ball, backbone: &Backbone) -> Sight {
+    let distance =
+        |(section, nearest): &(usize, Nearest)| nearest.distance - robot.tube_radii[*section];
     let candidates = [0, 1, 2].map(|section| (section, backbone.nearest(section, &ball.centre)));
     let (section, nearest) = candidates
         .into_iter()
-        .min_by(|a, b| a.1.distance.total_cmp(&b.1.distance))
+        .min_by(|a, b| distance(a).total_cmp(&distance(b)))
         .expect("a robot has three sections");
     let away = nearest.point - ball.centre;
     Sight {
@@ -246,5 +248,24 @@ mod tests {
         let expected = frame.point(&robot.tip(&shape));
         assert!((robot.tip(&frame.shape(&shape)) - expected).norm() < 1e-12);
         assert!((frame.restore(&frame.shape(&shape)) - shape).norm() < 1e-12);
+    }
+
+    #[test]
+    fn balls_are_told_thicker_by_the_room_that_is_wanted() {
+        let robot = unit_robot();
+        let (start, end) = (Configuration::zeros(), Configuration::repeat(0.3));
+        let ball = |radius| Ball {
+            centre: Point::new(0.8, 0.2, 2.0),
+            radius,
+        };
+        let told = |radius, room| {
+            let scene = Scene::new(vec![ball(radius)]).unwrap();
+            let frame = CanonicalFrame::of(&robot, &start, &robot.tip(&end));
+            CanonicalProblem::new(frame, &scene, room)
+                .features(&robot, &start, &end)
+                .balls
+        };
+        assert_eq!(told(0.3, 0.07), told(0.37, 0.0));
+        assert_ne!(told(0.3, 0.07), told(0.3, 0.0));
     }
 }

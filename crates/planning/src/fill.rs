@@ -65,7 +65,7 @@ impl Run<'_> {
         }
         self.keep(kept, &mut draws);
         self.explore(aim, &mut draws, ROUNDS_BEFORE_TREES);
-        self.fill(&aim.goals, &mut draws);
+        self.fill(aim, &mut draws);
         self.answer(draws, learned)
     }
 
@@ -92,22 +92,23 @@ impl Run<'_> {
     }
 
     /// Reaches the goal shapes that are still missing from the motions there are; without any, trees find the first.
-    fn fill(&mut self, goals: &[Configuration], draws: &mut [Draw]) {
+    fn fill(&mut self, aim: &Aim, draws: &mut [Draw]) {
         let clock = Instant::now();
         if draws.iter().all(|draw| draw.outcome.is_err()) {
-            if let Some((i, draw)) = self.last_attempts(goals) {
+            if let Some((i, draw)) = self.last_attempts(&aim.ends) {
                 self.report(i, &draw);
                 draws[i] = draw;
             }
             self.note_truncation(&mut draws[0]);
         }
-        self.reach_missing(goals, draws);
+        self.reach_missing(&aim.goals, draws);
         self.stages.select += clock.elapsed().as_secs_f64();
     }
 
     /// The first goal shape to which a search finds a motion, and that: what [`Run::trees`] would answer is not left without an
     /// answer.
-    fn last_attempts(&self, goals: &[Configuration]) -> Option<(usize, Draw)> {
+    fn last_attempts(&self, ends: &[Configuration]) -> Option<(usize, Draw)> {
+        let grown = self.grown_by(LEAST_MARGIN);
         let briefly = LAST_ATTEMPTS
             .iter()
             .enumerate()
@@ -116,32 +117,30 @@ impl Run<'_> {
                     samples,
                     ..RrtSettings::default()
                 };
-                let first = goals.len() + length * SEARCHES;
-                let searches = (first..first + SEARCHES).into_par_iter().with_max_len(1);
-                searches.find_map_first(|search| self.tree_to_any(search, goals, &settings))
+                let first = self.request.candidates + length * SEARCHES;
+                let indices = (first..first + SEARCHES).into_par_iter().with_max_len(1);
+                indices.find_map_first(|index| self.tree_to_any(index, ends, &grown, &settings))
             });
         briefly.or_else(|| {
-            let goals = goals.par_iter().enumerate().with_max_len(1);
-            goals.find_map_first(|(i, goal)| {
-                let draw = self.tree(i, goal);
+            let ends = ends.par_iter().enumerate().with_max_len(1);
+            ends.find_map_first(|(i, end)| {
+                let draw = self.tree(i, end);
                 draw.outcome.is_ok().then_some((i, draw))
             })
         })
     }
 
-    /// A motion to some goal shape, by a tree that begins in all of them.
+    /// A motion to some end shape, by a tree that begins in all of them.
     fn tree_to_any(
         &self,
         index: usize,
-        goals: &[Configuration],
+        ends: &[Configuration],
+        grown: &Robot,
         settings: &RrtSettings,
     ) -> Option<(usize, Draw)> {
-        let grown = self.grown_by(LEAST_MARGIN);
-        let search = self.search(&grown, settings);
-        let polyline = search.connect(&self.problem.start, goals, &mut self.tree_rng(index))?;
-        let reached = goals
-            .iter()
-            .position(|goal| Some(goal) == polyline.last())?;
+        let (search, mut rng) = (self.search(grown, settings), self.tree_rng(index));
+        let polyline = search.grown_from(&self.problem.start, ends, &mut rng)?;
+        let reached = ends.iter().position(|end| Some(end) == polyline.last())?;
         let mut draw = unfinished(Source::Tree, Failure::NoPath);
         let is_followed = self.follow(&search, &polyline, &mut draw);
         is_followed.then_some((reached, draw))

@@ -10,7 +10,7 @@ use crate::problem::BENDING_SLACK_RAD;
 use crate::pushes::PushKernel;
 use crate::straighten::TipCurves;
 use collision::{Scene, certify_polyline, certify_trajectory};
-use pcc_model::{Configuration, Robot, TendonLimits};
+use pcc_model::{Configuration, Robot, SECTIONS, TendonLimits};
 use std::cell::RefCell;
 use std::time::Instant;
 use trajectory::{AllocationOptions, Allocator, Knot, Trajectory};
@@ -118,7 +118,7 @@ impl Demands<'_> {
     /// rough path is drawn onto a smooth curve: a straight one without correction if that is clear, else one beside the
     /// corrected path.
     ///
-    /// A motion that takes `slowest_s` or longer is left unfinished.
+    /// A motion that takes `slowest_s` or longer is left unfinished, and so is a path that a push has made surely too slow.
     pub(crate) fn finish(&self, path: Waypoints, is_rough: bool, slowest_s: f64) -> Finished {
         let mut finished = Finished {
             path,
@@ -132,9 +132,10 @@ impl Demands<'_> {
                 break;
             }
             let is_corrected = self.corrections > 0 && !(attempt == 0 && is_clear);
-            let corrected = match is_corrected {
-                true => self.correct(attempt, &mut finished, slowest_s),
-                false => Ok(()),
+            let corrected = if is_corrected {
+                self.correct(attempt, &mut finished, slowest_s)
+            } else {
+                Ok(())
             };
             match corrected {
                 Ok(()) if is_corrected && is_rough => self.deliver_smooth(&mut finished, slowest_s),
@@ -150,7 +151,8 @@ impl Demands<'_> {
 
     /// Clearance beyond the robot's tube that a path should have, section lengths.
     pub(crate) fn room(&self) -> f64 {
-        CORRECTION_MARGINS[0] + self.grown.tube_radius() - self.robot.tube_radius()
+        let growth = |k: usize| self.grown.tube_radii[k] - self.robot.tube_radii[k];
+        CORRECTION_MARGINS[0] + (0..SECTIONS).map(growth).fold(0.0, f64::max)
     }
 
     /// Draws a sampled path's tip onto a smooth curve, if that leaves nothing to correct; whether it does.
@@ -231,10 +233,10 @@ impl Demands<'_> {
 
     /// Times a path that may be faster than that.
     fn time_below(&self, path: &[Configuration], slowest_s: f64) -> Result<Trajectory, Failure> {
-        match self.is_slower(path, slowest_s) {
-            true => Err(Failure::Slower),
-            false => self.time(path),
+        if self.is_slower(path, slowest_s) {
+            return Err(Failure::Slower);
         }
+        self.time(path)
     }
 
     /// Whether every motion along a path surely takes longer than that.

@@ -110,4 +110,30 @@ mod tests {
                 .all(|w| search().edge_is_free(&w[0], &w[1]))
         );
     }
+
+    #[test]
+    fn what_one_goal_takes_of_the_samples_is_not_there_for_the_next() {
+        let (robot, settings) = (unit_robot(), RrtSettings::default());
+        let around = Ball {
+            centre: Point::new(0.0, 0.0, 2.9),
+            radius: 0.25,
+        };
+        let wall = |angle: f64| Ball {
+            centre: Point::new(1.2 * angle.cos(), 1.2 * angle.sin(), 2.0),
+            radius: 0.35,
+        };
+        let walls = (0..12).map(|i| wall(f64::from(i) * std::f64::consts::TAU / 12.0));
+        let scene = Scene::new(walls.chain([around]).collect()).unwrap();
+        let search = Search {
+            robot: &robot,
+            scene: &scene,
+            settings: &settings,
+            interrupt: &|| false,
+        };
+        let mut ways = KnownWays::from(&Configuration::zeros(), search);
+        let goal = Configuration::from_column_slice(&[1.2, 0.0, 0.3, 0.0, 0.0, 0.0]);
+        let mut rng = Pcg64::seed_from_u64(1);
+        assert_eq!(ways.reach(&goal, &mut rng), None, "walled in");
+        assert_eq!(ways.samples, 0);
+    }
 }

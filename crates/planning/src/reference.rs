@@ -35,7 +35,8 @@ impl SampledVerdict {
         let tip_error = path.last().map(|end| (robot.tip(end) - target).norm());
         Self {
             tip_error: tip_error.unwrap_or(f64::INFINITY),
-            clearance: path.iter().map(distance).fold(f64::INFINITY, smaller) - robot.tube_radius(),
+            clearance: path.iter().map(distance).fold(f64::INFINITY, smaller)
+                - robot.largest_tube_radius(),
         }
     }
 

@@ -197,12 +197,21 @@ impl Search<'_> {
         let direct = goals.iter().find(|goal| self.edge_is_free(start, goal));
         let path = match direct {
             Some(direct) => vec![*start, *direct],
-            None => {
-                let mut trees = [Tree::rooted(&[*start]), Tree::rooted(goals)];
-                let mut samples = self.settings.samples;
-                self.grow(&mut trees, &mut samples, rng)?
-            }
+            None => return self.grown_from(start, goals, rng),
         };
+        Some(self.shorten(path, rng))
+    }
+
+    /// The same without trying the straight ways first.
+    pub(crate) fn grown_from(
+        &self,
+        start: &Configuration,
+        goals: &[Configuration],
+        rng: &mut Pcg64,
+    ) -> Option<Vec<Configuration>> {
+        let mut trees = [Tree::rooted(&[*start]), Tree::rooted(goals)];
+        let mut samples = self.settings.samples;
+        let path = self.grow(&mut trees, &mut samples, rng)?;
         Some(self.shorten(path, rng))
     }
 

@@ -99,12 +99,12 @@ fn sampled(candidate: &Candidate, solid: &Solid, robot: &Robot) -> f64 {
     for i in 0..=300 {
         let at = motion.at(motion.duration() * f64::from(i) / 300.0);
         let backbone = robot.backbone(&at.position);
-        for place in 0..=90 {
+        for place in 0..93 {
             let point = backbone.point((place / 31).min(2), f64::from((place % 31) as u32) / 30.0);
             least = least.min(solid.nearest(&point).distance);
         }
     }
-    least - robot.tube_radius()
+    least - robot.largest_tube_radius()
 }
 
 #[test]

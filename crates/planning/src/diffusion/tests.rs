@@ -114,7 +114,7 @@ fn samples_are_those_of_pytorch() {
 fn the_scene_of_the_fixture_calls_for_both_refinements() {
     let (fixture, robot) = (Fixture::read(), unit_robot());
     let problem = fixture.problem(true);
-    let margin = REPULSION * robot.tube_radius();
+    let margin = REPULSION * robot.largest_tube_radius();
     let pushed = |name: &str| {
         let values = fixture.values(name);
         let shapes = values.as_chunks::<DOF>().0.iter();

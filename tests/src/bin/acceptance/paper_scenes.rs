@@ -39,7 +39,7 @@ pub(crate) fn with_balls(balls: usize, cases: usize) -> anyhow::Result<PathBuf> 
     };
     let rows = (0..i32::try_from(cases)?).map(row).collect();
     let mut meta = Meta::new(json!({ "balls": balls }));
-    meta.clearance_margin = robot.tube_radius();
+    meta.clearance_margin = robot.largest_tube_radius();
     let out = folder().join(format!("paper-{balls}-balls"));
     Dataset { rows, meta }.write(&out)?;
     Ok(out)

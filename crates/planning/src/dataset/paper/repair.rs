@@ -38,7 +38,7 @@ impl<'a> Repairer<'a> {
         self.samples
             .distances
             .iter()
-            .all(|d| *d >= robot.tube_radius())
+            .all(|d| *d >= robot.largest_tube_radius())
     }
 
     /// Repairs the path that [`Self::is_clear`] has just found not to be; whether it is clear now.
@@ -62,7 +62,7 @@ impl<'a> Repairer<'a> {
 
     /// Pushes the frames that were last looked at.
     fn push(&self, solver: &mut PathSolver, balls: &[Ball]) {
-        let margin = REPULSION * self.robot.tube_radius();
+        let margin = REPULSION * self.robot.largest_tube_radius();
         for h in 1..WAYPOINTS - 1 {
             if self.samples.distances[h] < margin {
                 let (section, fraction, ball) = self.samples.deepest(h);

@@ -38,7 +38,7 @@ pub(super) struct Place<'a> {
 impl Place<'_> {
     /// Whether each of some shapes is clear by the margin of repulsion.
     fn are_clear<const N: usize>(&self, shapes: &SideBySide<N>) -> [bool; N] {
-        let margin = REPULSION * self.robot.tube_radius();
+        let margin = REPULSION * self.robot.largest_tube_radius();
         let mut samples = Samples::<N>::new();
         let components = std::array::from_fn(|d| &shapes[d][..]);
         samples.look(&self.robot.section_lengths, self.balls, components);
