@@ -223,14 +223,14 @@ fn what_lies_before_the_time_asked_for_does_not_count() {
     assert!(escaped > 50 && caught > 100, "{escaped} {caught}");
 }
 
-/// A ball that the first section just does not touch at some time.
-fn beside_the_base(random: &mut Pcg64, robot: &Robot, motion: &Trajectory) -> Ball {
+/// A ball that a place of a section just does not touch at some time.
+fn beside(random: &mut Pcg64, robot: &Robot, motion: &Trajectory, section: usize) -> Ball {
     let time = motion.duration() * random.random::<f64>();
     let backbone = robot.backbone(&motion.at(time).position);
-    let body = backbone.point(0, random.random_range(0.5..1.0));
+    let body = backbone.point(section, random.random_range(0.5..1.0));
     let turn = random.random_range(0.0..std::f64::consts::TAU);
     let radius = 0.1;
-    let away = robot.tube_radii[0] + radius + random.random_range(0.0..0.01);
+    let away = robot.tube_radii[section] + radius + random.random_range(0.0..0.01);
     Ball {
         centre: body + Point::new(turn.cos(), turn.sin(), 0.0) * away,
         radius,
@@ -247,8 +247,8 @@ fn growth_covers_every_body_within_the_path_tolerance() {
     for i in 0..2_000 {
         let motion = motion(&mut random);
         let mut balls = scene(&mut random, 2, 0.05..0.4).balls().to_vec();
-        if i % 3 == 0 {
-            balls.push(beside_the_base(&mut random, &grown, &motion));
+        if i % 3 > 0 {
+            balls.push(beside(&mut random, &grown, &motion, i % 3 - 1));
         }
         let scene = Scene::new(balls).unwrap();
         if !certify_trajectory(&grown, &scene, &motion, 0.0).is_free() {
