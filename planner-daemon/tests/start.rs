@@ -63,3 +63,28 @@ fn a_second_daemon_is_refused_by_name_and_budgets_are_printed() {
     assert!(said.contains("a planner-daemon already runs"), "{said}");
     assert!(first.terminate().success());
 }
+
+/// Shared and resident memory that a daemon says it has, MB.
+fn memory(said: &str) -> [f64; 2] {
+    ["shared memory ", "resident memory "].map(|what| {
+        let (_, after) = said.rsplit_once(what).unwrap();
+        let number = after.split_whitespace().next().unwrap();
+        number.parse().expect(said)
+    })
+}
+
+#[test]
+fn with_lock_memory_the_memory_of_the_answers_is_resident_from_the_start() {
+    let world = World::new();
+    let [locked, free] = ["lock_memory = true", "lock_memory = false"].map(|settings| {
+        let daemon = world.start(&world.configuration(settings));
+        let said = daemon.said();
+        assert!(daemon.terminate().success());
+        said
+    });
+    if locked.contains("is not brought into RAM") {
+        return;
+    }
+    let ([shared, with], [_, without]) = (memory(&locked), memory(&free));
+    assert!(with - without > 0.5 * shared, "{locked}{free}");
+}
