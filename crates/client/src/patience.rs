@@ -15,6 +15,8 @@ const SPINS: u32 = 200;
 const FIRST_SLEEP: f64 = 0.8;
 /// It is no longer than this, so that a server that died is noticed.
 const LONGEST_SLEEP: Duration = Duration::from_millis(10);
+/// The first answers tell of nothing longer than this: they may be slow for reasons of their own.
+const AT_FIRST: Duration = Duration::from_millis(1);
 /// What the usual wait grows by from one to the next that is no shorter.
 const GROWTH: f64 = 1.05;
 /// What is left of the usual wait where the answer was there before the first sleep ended, nobody knows since when.
@@ -84,7 +86,7 @@ impl Habit {
         match moment {
             Moment::Early => {}
             Moment::Overslept => self.shortest /= AFTER_OVERSLEEPING,
-            Moment::Seen if self.shortest.is_zero() => self.shortest = age,
+            Moment::Seen if self.shortest.is_zero() => self.shortest = age.min(AT_FIRST),
             Moment::Seen => self.shortest = self.shortest.mul_f64(GROWTH).min(age),
         }
     }
@@ -175,23 +177,24 @@ mod tests {
     #[test]
     fn the_first_sleep_ends_before_the_shortest_usual_wait_and_is_no_longer_than_allowed() {
         assert_eq!(first_sleep(Habit::default()), Duration::ZERO);
-        let habit = used_to(&[LONG, SHORT, LONG, LONG]);
+        assert_eq!(first_sleep(used_to(&[LONG])), AT_FIRST.mul_f64(FIRST_SLEEP));
+        let habit = used_to(&[[LONG; 50].as_slice(), &[SHORT, LONG, LONG]].concat());
         assert!((SHORT.mul_f64(0.75)..SHORT).contains(&first_sleep(habit)));
         let age = Duration::from_millis(1);
         assert_eq!(habit.first_sleep(age, None), first_sleep(habit) - age);
         assert_eq!(habit.first_sleep(LONG, None), Duration::ZERO, "it is due");
         assert_eq!(habit.first_sleep(Duration::ZERO, Some(SHORT)), SHORT / 2);
-        assert_eq!(first_sleep(used_to(&[LONG * 100])), LONGEST_SLEEP);
+        assert_eq!(first_sleep(used_to(&[LONG * 100; 200])), LONGEST_SLEEP);
     }
 
     #[test]
     fn what_is_usual_is_unlearned() {
         let habit = used_to(&[&[SHORT], [LONG; 100].as_slice()].concat());
         assert_eq!(first_sleep(habit), LONG.mul_f64(FIRST_SLEEP));
-        let mut habit = used_to(&[LONG]);
-        habit.learn(Moment::Early, Duration::ZERO);
-        assert_eq!(habit, used_to(&[LONG]), "nothing was waited for");
-        habit.learn(Moment::Overslept, LONG);
-        assert_eq!(habit, used_to(&[LONG / AFTER_OVERSLEEPING]));
+        let mut overslept = habit;
+        overslept.learn(Moment::Early, Duration::ZERO);
+        assert_eq!(overslept, habit, "nothing was waited for");
+        overslept.learn(Moment::Overslept, LONG);
+        assert_eq!(overslept.shortest, habit.shortest / AFTER_OVERSLEEPING);
     }
 }
