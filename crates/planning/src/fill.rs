@@ -95,7 +95,7 @@ impl Run<'_> {
     fn fill(&mut self, aim: &Aim, draws: &mut [Draw]) {
         let clock = Instant::now();
         if draws.iter().all(|draw| draw.outcome.is_err()) {
-            if let Some((i, draw)) = self.last_attempts(&aim.ends) {
+            if let Some((i, draw)) = self.last_attempts(aim) {
                 self.report(i, &draw);
                 draws[i] = draw;
             }
@@ -107,7 +107,7 @@ impl Run<'_> {
 
     /// The first goal shape to which a search finds a motion, and that: what [`Run::trees`] would answer is not left without an
     /// answer.
-    fn last_attempts(&self, ends: &[Configuration]) -> Option<(usize, Draw)> {
+    fn last_attempts(&self, aim: &Aim) -> Option<(usize, Draw)> {
         let grown = self.grown_by(LEAST_MARGIN);
         let briefly = LAST_ATTEMPTS
             .iter()
@@ -119,12 +119,13 @@ impl Run<'_> {
                 };
                 let first = self.request.candidates + length * SEARCHES;
                 let indices = (first..first + SEARCHES).into_par_iter().with_max_len(1);
-                indices.find_map_first(|index| self.tree_to_any(index, ends, &grown, &settings))
+                indices
+                    .find_map_first(|index| self.tree_to_any(index, &aim.ends, &grown, &settings))
             });
         briefly.or_else(|| {
-            let ends = ends.par_iter().enumerate().with_max_len(1);
-            ends.find_map_first(|(i, end)| {
-                let draw = self.tree(i, end);
+            let goals = aim.goals.par_iter().enumerate().with_max_len(1);
+            goals.find_map_first(|(i, goal)| {
+                let draw = self.tree(i, goal);
                 draw.outcome.is_ok().then_some((i, draw))
             })
         })
