@@ -1,13 +1,11 @@
 //! Where no draw of the few-step model certifies, it explores.
 #![allow(clippy::unwrap_used)] // tests
 
+mod requests;
 mod shipped;
 
-use pcc_model::SECTIONS;
 use planning::scenes::{Setting, draw_target};
-use planning::{
-    Candidate, Failure, Goal, MOST_CORRECTIONS, Plan, Planner, Problem, Request, Sampler, Selection,
-};
+use planning::{Candidate, Failure, Goal, Plan, Planner, Problem, Request, Sampler};
 use shipped::planner;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -16,15 +14,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 fn request(seed: u64) -> Request {
     Request {
         candidates: 2,
-        seed,
-        sampler: Sampler::Fast,
-        selection: Selection::ShortestTime,
-        limits_scale: 1.0,
-        growth: [0.0; SECTIONS],
-        knots: 96,
-        corrections: MOST_CORRECTIONS,
-        start_motion: None,
-        previous: None,
+        ..requests::request(Sampler::Fast, seed)
     }
 }
 

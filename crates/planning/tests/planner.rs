@@ -1,35 +1,23 @@
 //! The planner as its users see it: determinism, infeasible problems by name, certified answers.
 #![allow(clippy::unwrap_used)] // tests
 
+mod requests;
+
 use collision::{Ball, Scene, certify_trajectory};
 use denoiser::{Manifest, Precision, Solver, TemporalUnet};
-use pcc_model::{Configuration, Point, Robot, SECTIONS};
+use pcc_model::{Configuration, Point, Robot};
 use planning::scenes::{Setting, draw_target, reference_layout};
 use planning::{
     Candidate, DiffusionModel, DiffusionSettings, Failure, Goal, Guidance, Infeasible, Models,
-    Plan, Planner, PlannerError, Problem, Request, Sampler, Selection,
+    Plan, Planner, PlannerError, Problem, Request, Sampler,
 };
+use requests::request;
 use std::path::Path;
 use trajectory::limit_use;
 
 fn robot() -> Robot {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
     Robot::from_file(Path::new(file)).unwrap()
-}
-
-fn request(sampler: Sampler, seed: u64) -> Request {
-    Request {
-        candidates: 10,
-        seed,
-        sampler,
-        selection: Selection::ShortestTime,
-        limits_scale: 1.0,
-        growth: [0.0; SECTIONS],
-        knots: 96,
-        corrections: planning::MOST_CORRECTIONS,
-        start_motion: None,
-        previous: None,
-    }
 }
 
 fn plan(planner: &Planner, problem: &Problem, request: &Request) -> Result<Plan, PlannerError> {

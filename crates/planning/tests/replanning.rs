@@ -1,31 +1,21 @@
 //! Planning again: from a previous plan, from a start in motion, and with candidates before the answer.
 #![allow(clippy::unwrap_used)] // tests
 
+mod requests;
 mod shipped;
 
 use collision::{Ball, Scene, certify_trajectory};
-use pcc_model::{Configuration, Point, SECTIONS};
+use pcc_model::{Configuration, Point};
 use planning::{
-    Candidate, Goal, Infeasible, MOST_CORRECTIONS, Plan, Planner, PlannerError, PreviousPlan,
-    Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS,
+    Candidate, Goal, Infeasible, Plan, Planner, PlannerError, PreviousPlan, Problem, Request,
+    Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS,
 };
 use shipped::planner;
 use std::sync::{Arc, Mutex};
 use trajectory::limit_use;
 
 fn request() -> Request {
-    Request {
-        candidates: 10,
-        seed: 3,
-        sampler: Sampler::Default,
-        selection: Selection::ShortestTime,
-        limits_scale: 1.0,
-        growth: [0.0; SECTIONS],
-        knots: 96,
-        corrections: MOST_CORRECTIONS,
-        start_motion: None,
-        previous: None,
-    }
+    requests::request(Sampler::Default, 3)
 }
 
 fn problem() -> Problem {

@@ -1,6 +1,7 @@
 //! Planning among solids and in large scenes.
 #![allow(clippy::unwrap_used)] // tests
 
+mod requests;
 mod shipped;
 
 use collision::{Ball, Scene, Solid, VoxelGrid, certify_trajectory};
@@ -8,8 +9,8 @@ use denoiser::FeatureFrame;
 use nalgebra::Isometry3;
 use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use planning::{
-    BALL_FEATURES, Candidate, Goal, Infeasible, PlannerError, Problem, Request, Sampler, Selection,
-    features, residual_coefficients, straight_path,
+    BALL_FEATURES, Candidate, Goal, Infeasible, PlannerError, Problem, Request, Sampler, features,
+    residual_coefficients, straight_path,
 };
 use shipped::planner;
 use std::path::Path;
@@ -30,15 +31,8 @@ fn robot() -> Robot {
 fn request(sampler: Sampler) -> Request {
     Request {
         candidates: 6,
-        seed: 1,
-        sampler,
-        selection: Selection::ShortestTime,
-        limits_scale: 1.0,
         growth: GROWTH,
-        knots: 96,
-        corrections: planning::MOST_CORRECTIONS,
-        start_motion: None,
-        previous: None,
+        ..requests::request(sampler, 1)
     }
 }
 
