@@ -82,6 +82,26 @@ impl Turning {
         }
     }
 
+    /// The bounds for a straight move between two configurations at constant speed, in unit time.
+    pub(crate) fn of_edge(a: &Configuration, b: &Configuration) -> Self {
+        let turns = turns(&(b - a));
+        Self {
+            turns,
+            rates: turns,
+            accelerations: [0.0; SECTIONS],
+            duration: 1.0,
+        }
+    }
+
+    /// The bounds for any part of such a move that takes this share of its time.
+    pub(crate) fn part(&self, share: f64) -> Self {
+        Self {
+            turns: self.turns.map(|turn| turn * share),
+            duration: self.duration * share,
+            ..*self
+        }
+    }
+
     /// The bounds for this interval and the one after it, where the curve is smooth between the two.
     pub(crate) fn then(self, next: &Self) -> Self {
         Self {

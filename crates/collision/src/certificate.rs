@@ -2,6 +2,7 @@
 
 use crate::bound::{Stance, Turning};
 use crate::chain::{Certifier, DEPTH, Obstacles, Piece, Verdict};
+use crate::clearance::Chosen;
 use crate::scene::Scene;
 use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
 use trajectory::{Knot, Trajectory};
@@ -17,22 +18,26 @@ struct AtRest<'a> {
 impl Obstacles for AtRest<'_> {
     type Clearances = Instant;
 
-    fn clearances(&self, shape: &Configuration, backbone: &Backbone, _: f64) -> Instant {
-        Instant::new(self.scene, shape, backbone, self.tube_radii)
+    fn clearances(
+        &self,
+        shape: &Configuration,
+        backbone: &Backbone,
+        _: f64,
+        chosen: &Chosen,
+    ) -> Instant {
+        Instant::new(self.scene, shape, backbone, self.tube_radii, chosen)
     }
 
     fn touch(at: &Instant) -> bool {
         at.clearances.iter().any(|c| *c < 0.0)
     }
 
-    fn are_clear(&self, from: &Instant, to: &Instant, robot: &Robot, turning: &Turning) -> bool {
-        lowest(robot, turning, from, to, &self.reach)
-            .iter()
-            .all(|c| *c > 0.0)
+    fn open(&self, from: &Instant, to: &Instant, robot: &Robot, turning: &Turning) -> Chosen {
+        open(lowest(robot, turning, from, to, &self.reach))
     }
 }
 
-/// Where the body is at one instant, and how clear each section of it.
+/// Where the body is at one instant, and how clear each section of it that was looked at; +∞ for the others.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instant {
     pub(crate) clearances: [f64; SECTIONS],
@@ -45,9 +50,10 @@ impl Instant {
         shape: &Configuration,
         backbone: &Backbone,
         tube_radii: &[f64; SECTIONS],
+        chosen: &Chosen,
     ) -> Self {
         Self {
-            clearances: scene.section_clearances(backbone, tube_radii),
+            clearances: scene.clearances_of(backbone, tube_radii, chosen),
             stance: Stance::new(shape, backbone),
         }
     }
@@ -70,6 +76,11 @@ pub(crate) fn lowest(
     std::array::from_fn(|k| sweep.lowest(k, from.clearances[k], to.clearances[k], reach[k], 0.0))
 }
 
+/// The sections for which these lower bounds leave room for contact.
+pub(crate) fn open(lowest: [f64; SECTIONS]) -> Chosen {
+    lowest.map(|clearance| clearance <= 0.0 || clearance.is_nan())
+}
+
 fn certifier<'a>(
     robot: &'a Robot,
     scene: &'a Scene,
@@ -86,21 +97,6 @@ fn certifier<'a>(
         depth,
         has_corners,
     }
-}
-
-/// Certifies a straight move in configuration space, with at most `depth` bisections; places are fractions of it.
-#[must_use]
-pub fn certify_edge(
-    robot: &Robot,
-    scene: &Scene,
-    a: &Configuration,
-    b: &Configuration,
-    depth: u32,
-) -> Verdict {
-    if scene.is_empty() {
-        return Verdict::Free;
-    }
-    certifier(robot, scene, depth, false).chain(1, &|_| Piece::edge(a, b, 0.0))
 }
 
 /// Certifies a polyline in configuration space; places are edge index + fraction. A single point is a motion at rest.

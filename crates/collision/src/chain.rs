@@ -1,10 +1,12 @@
 //! The certificate for a chain of curves: bisection in time.
 //!
 //! Where the clearances at the ends of an interval and the bounds on the body's way between them ([`Turning`]) leave room
-//! for contact, the interval is halved, to a depth; what stays undecided counts as colliding. Nothing here allocates.
+//! for contact, the interval is halved, to a depth, and only the sections that may touch are looked at further; what stays
+//! undecided counts as colliding. Nothing here allocates.
 
 use crate::bound::Turning;
-use pcc_model::{Backbone, Configuration, Robot};
+use crate::clearance::{Chosen, EVERY_SECTION};
+use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
 use trajectory::{Knot, QuinticSegment};
 
 /// Bisections of one piece.
@@ -42,20 +44,26 @@ pub(crate) trait Obstacles {
     /// Clearances at one instant.
     type Clearances;
 
-    fn clearances(&self, shape: &Configuration, backbone: &Backbone, time: f64)
-    -> Self::Clearances;
+    /// Those of the chosen sections; +∞ for the others.
+    fn clearances(
+        &self,
+        shape: &Configuration,
+        backbone: &Backbone,
+        time: f64,
+        chosen: &Chosen,
+    ) -> Self::Clearances;
 
     /// Whether there is contact.
     fn touch(clearances: &Self::Clearances) -> bool;
 
-    /// Whether the clearances at both ends of an interval leave no room for contact during it.
-    fn are_clear(
+    /// The sections to which the clearances at both ends of an interval leave room for contact during it.
+    fn open(
         &self,
         from: &Self::Clearances,
         to: &Self::Clearances,
         robot: &Robot,
         turning: &Turning,
-    ) -> bool;
+    ) -> Chosen;
 }
 
 /// A curve and the time at which it begins.
@@ -166,7 +174,7 @@ impl<O: Obstacles> Certifier<'_, O> {
     /// Certifies the pieces 0 to `count` − 1 given by `piece`, each beginning where the one before it ends.
     pub(crate) fn chain(&self, count: usize, piece: &impl Fn(usize) -> Piece) -> Verdict {
         let start = piece(0);
-        let mut from = self.clearances(start.start(), start.begin);
+        let mut from = self.clearances(start.start(), start.begin, &EVERY_SECTION);
         if O::touch(&from) {
             return Verdict::Colliding { at: start.begin };
         }
@@ -177,7 +185,7 @@ impl<O: Obstacles> Certifier<'_, O> {
                 *turning = Turning::of_curve(&piece(first + i).curve);
             }
             let last = piece(first + length - 1);
-            let to = self.clearances(&last.curve.control[5], last.end());
+            let to = self.clearances(&last.curve.control[5], last.end(), &EVERY_SECTION);
             if O::touch(&to) {
                 return Verdict::Colliding { at: last.end() };
             }
@@ -194,9 +202,9 @@ impl<O: Obstacles> Certifier<'_, O> {
         Verdict::Free
     }
 
-    fn clearances(&self, shape: &Configuration, time: f64) -> O::Clearances {
+    fn clearances(&self, shape: &Configuration, time: f64, chosen: &Chosen) -> O::Clearances {
         let backbone = self.robot.backbone(shape);
-        self.obstacles.clearances(shape, &backbone, time)
+        self.obstacles.clearances(shape, &backbone, time, chosen)
     }
 
     fn run(
@@ -213,12 +221,13 @@ impl<O: Obstacles> Certifier<'_, O> {
         if self.has_corners {
             turning = turning.with_corner();
         }
-        if self.obstacles.are_clear(from, to, self.robot, &turning) {
+        let open = self.obstacles.open(from, to, self.robot, &turning);
+        if open == [false; SECTIONS] {
             return Verdict::Free;
         }
         let (earlier, later) = run.halves();
         let middle = piece(later.first);
-        let between = self.clearances(middle.start(), middle.begin);
+        let between = self.clearances(middle.start(), middle.begin, &open);
         if O::touch(&between) {
             return Verdict::Colliding { at: middle.begin };
         }
@@ -236,7 +245,8 @@ impl<O: Obstacles> Certifier<'_, O> {
         to: &O::Clearances,
         depth: u32,
     ) -> Verdict {
-        if self.obstacles.are_clear(from, to, self.robot, turning) {
+        let open = self.obstacles.open(from, to, self.robot, turning);
+        if open == [false; SECTIONS] {
             return Verdict::Free;
         }
         let (first, second) = piece.halves();
@@ -244,7 +254,7 @@ impl<O: Obstacles> Certifier<'_, O> {
         if depth == 0 {
             return Verdict::Undecided { at };
         }
-        let between = self.clearances(second.start(), at);
+        let between = self.clearances(second.start(), at, &open);
         if O::touch(&between) {
             return Verdict::Colliding { at };
         }

@@ -20,6 +20,11 @@ pub struct Contact {
     pub normal: Point,
 }
 
+/// Which sections are looked at.
+pub(crate) type Chosen = [bool; SECTIONS];
+/// All of them.
+pub(crate) const EVERY_SECTION: Chosen = [true; SECTIONS];
+
 impl Scene {
     /// Smallest clearance between the whole tube and all obstacles; +∞ in an empty scene.
     #[must_use]
@@ -38,16 +43,33 @@ impl Scene {
         backbone: &Backbone,
         tube_radii: &[f64; SECTIONS],
     ) -> [f64; SECTIONS] {
+        self.clearances_of(backbone, tube_radii, &EVERY_SECTION)
+    }
+
+    /// The same for the chosen sections alone; +∞ for the others.
+    pub(crate) fn clearances_of(
+        &self,
+        backbone: &Backbone,
+        tube_radii: &[f64; SECTIONS],
+        chosen: &Chosen,
+    ) -> [f64; SECTIONS] {
         if !backbone.tip().iter().all(|v| v.is_finite()) {
             return [f64::NEG_INFINITY; SECTIONS];
         }
-        std::array::from_fn(|section| {
+        let clearance = |section: usize| {
             let of_balls = self
                 .nearest_ball(backbone, section)
                 .map_or(f64::INFINITY, |(_, distance)| distance);
             let tube_radius = tube_radii[section];
             let nearest = self.nearest_solid(backbone, section, tube_radius, of_balls);
             nearest.map_or(of_balls, |(_, distance)| distance.bound) - tube_radius
+        };
+        std::array::from_fn(|k| {
+            if chosen[k] {
+                clearance(k)
+            } else {
+                f64::INFINITY
+            }
         })
     }
 

@@ -2,6 +2,7 @@
 
 use crate::bound::Turning;
 use crate::certificate::{Instant, lowest, reach};
+use crate::clearance::{Chosen, EVERY_SECTION};
 use crate::scene::Scene;
 use pcc_model::{Configuration, Robot, SECTIONS};
 use trajectory::{QuinticSegment, Trajectory};
@@ -37,8 +38,8 @@ pub fn minimum_clearance(
         segments: &segments,
         turnings: &turnings,
     };
-    let from = search.look(&segments[0].control[0]);
-    let to = search.look(&segments[segments.len() - 1].control[5]);
+    let from = search.look(&segments[0].control[0], &EVERY_SECTION);
+    let to = search.look(&segments[segments.len() - 1].control[5], &EVERY_SECTION);
     let whole = search.interval(run, from, to);
     search.refine(&whole);
     search.attained.min(search.lower_bound)
@@ -68,8 +69,14 @@ struct Interval<'a> {
     run: Run<'a>,
     from: Instant,
     to: Instant,
-    /// Lower bound of the clearance during it.
-    lowest: f64,
+    /// Lower bounds of the clearance of each section during it; +∞ for a section that is not refined further.
+    lowest: [f64; SECTIONS],
+}
+
+impl Interval<'_> {
+    fn least(&self) -> f64 {
+        self.lowest.into_iter().fold(f64::INFINITY, f64::min)
+    }
 }
 
 struct Search<'a> {
@@ -78,23 +85,21 @@ struct Search<'a> {
     reach: [f64; SECTIONS],
     tolerance: f64,
     attained: f64,
-    /// Of all that was not refined further.
+    /// Of all intervals and sections that were not refined further.
     lower_bound: f64,
 }
 
 impl Search<'_> {
-    fn look(&mut self, shape: &Configuration) -> Instant {
+    fn look(&mut self, shape: &Configuration, chosen: &Chosen) -> Instant {
         let backbone = self.robot.backbone(shape);
-        let at = Instant::new(self.scene, shape, &backbone, &self.robot.tube_radii);
+        let at = Instant::new(self.scene, shape, &backbone, &self.robot.tube_radii, chosen);
         self.attained = at.clearances.into_iter().fold(self.attained, f64::min);
         at
     }
 
     fn interval<'a>(&self, run: Run<'a>, from: Instant, to: Instant) -> Interval<'a> {
         let turning = run.turnings.iter().fold(Turning::REST, Turning::then);
-        let lowest = lowest(self.robot, &turning, &from, &to, &self.reach)
-            .into_iter()
-            .fold(f64::INFINITY, f64::min);
+        let lowest = lowest(self.robot, &turning, &from, &to, &self.reach);
         Interval {
             run,
             from,
@@ -105,8 +110,14 @@ impl Search<'_> {
 
     /// Halves an interval until what is left cannot be below what was attained; the lower half first, which attains more.
     fn refine(&mut self, interval: &Interval<'_>) {
-        if interval.lowest >= self.attained - self.tolerance {
-            self.lower_bound = self.lower_bound.min(interval.lowest);
+        let open = interval
+            .lowest
+            .map(|lowest| lowest < self.attained - self.tolerance);
+        let closed = (0..SECTIONS)
+            .filter(|k| !open[*k])
+            .map(|k| interval.lowest[k]);
+        self.lower_bound = closed.fold(self.lower_bound, f64::min);
+        if open == [false; SECTIONS] {
             return;
         }
         if let [segment] = interval.run.segments {
@@ -115,18 +126,18 @@ impl Search<'_> {
                 segments: &halves,
                 turnings: &[&halves[0], &halves[1]].map(Turning::of_curve),
             };
-            self.divide(&run, interval);
+            self.divide(&run, interval, &open);
         } else {
-            self.divide(&interval.run, interval);
+            self.divide(&interval.run, interval, &open);
         }
     }
 
-    fn divide(&mut self, run: &Run<'_>, interval: &Interval<'_>) {
+    fn divide(&mut self, run: &Run<'_>, interval: &Interval<'_>, open: &Chosen) {
         let (first, second) = run.split_at(run.segments.len() / 2);
-        let between = self.look(&second.segments[0].control[0]);
+        let between = self.look(&second.segments[0].control[0], open);
         let first = self.interval(first, interval.from, between);
         let second = self.interval(second, between, interval.to);
-        let (lower, higher) = if second.lowest < first.lowest {
+        let (lower, higher) = if second.least() < first.least() {
             (second, first)
         } else {
             (first, second)

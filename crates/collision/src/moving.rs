@@ -3,6 +3,7 @@
 use crate::bound::{Stance, Turning};
 use crate::certificate::RestOfMotion;
 use crate::chain::{Certifier, DEPTH, Obstacles, Verdict};
+use crate::clearance::Chosen;
 use crate::scene::Ball;
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 use trajectory::Trajectory;
@@ -36,7 +37,8 @@ struct Moving<'a> {
     tube_radii: &'a [f64; SECTIONS],
 }
 
-/// Where the body is at one instant, and how clear each section of it of each ball; +∞ where there is no ball.
+/// Where the body is at one instant, and how clear each section of it of each ball; +∞ where there is no ball, and for sections
+/// that were not looked at.
 struct Passing {
     stance: Stance,
     clearances: [[f64; SECTIONS]; GROUP],
@@ -45,13 +47,24 @@ struct Passing {
 impl Obstacles for Moving<'_> {
     type Clearances = Passing;
 
-    fn clearances(&self, shape: &Configuration, backbone: &Backbone, time: f64) -> Passing {
+    fn clearances(
+        &self,
+        shape: &Configuration,
+        backbone: &Backbone,
+        time: f64,
+        chosen: &Chosen,
+    ) -> Passing {
         let mut clearances = [[f64::INFINITY; SECTIONS]; GROUP];
         for (clearances, moving) in clearances.iter_mut().zip(self.balls) {
             let ball = moving.at(time);
-            *clearances = std::array::from_fn(|k| {
-                backbone.distance(k, &ball.centre) - ball.radius - self.tube_radii[k]
-            });
+            for (k, clearance) in clearances
+                .iter_mut()
+                .enumerate()
+                .filter(|(k, _)| chosen[*k])
+            {
+                let distance = backbone.distance(k, &ball.centre);
+                *clearance = distance - ball.radius - self.tube_radii[k];
+            }
         }
         Passing {
             clearances,
@@ -64,16 +77,17 @@ impl Obstacles for Moving<'_> {
     }
 
     /// The balls' centres are taken at each end; in the ball's own frame its way between is added to the body's.
-    fn are_clear(&self, from: &Passing, to: &Passing, robot: &Robot, turning: &Turning) -> bool {
+    fn open(&self, from: &Passing, to: &Passing, robot: &Robot, turning: &Turning) -> Chosen {
         let sweep = turning.sweep(robot, &from.stance, &to.stance);
         let (from, to) = (&from.clearances, &to.clearances);
-        self.balls.iter().enumerate().all(|(i, moving)| {
-            let way = moving.velocity.norm() * turning.duration;
-            (0..SECTIONS).all(|k| {
+        let is_clear = |k: usize| {
+            self.balls.iter().enumerate().all(|(i, moving)| {
+                let way = moving.velocity.norm() * turning.duration;
                 let reach = self.tube_radii[k] + moving.ball.radius;
                 sweep.lowest(k, from[i][k], to[i][k], reach, way) > 0.0
             })
-        })
+        };
+        std::array::from_fn(|k| !is_clear(k))
     }
 }
 

@@ -1,0 +1,148 @@
+//! The certificate of a straight move in configuration space, for searches: most of their edges collide.
+
+use crate::bound::Turning;
+use crate::certificate::{Instant, lowest, open, reach};
+use crate::chain::Verdict;
+use crate::clearance::{Chosen, EVERY_SECTION};
+use crate::scene::Scene;
+use pcc_model::{Configuration, Robot, SECTIONS};
+
+/// Levels of bisection at which all open intervals are halved before any is halved again: contact is found soonest where the
+/// whole edge is looked at coarsely first.
+const COARSE_LEVELS: u32 = 3;
+/// Open intervals of such a level at most.
+const COARSE: usize = 1 << COARSE_LEVELS;
+
+/// Certifies a straight move in configuration space, with at most `depth` bisections; places are fractions of it.
+#[must_use]
+pub fn certify_edge(
+    robot: &Robot,
+    scene: &Scene,
+    a: &Configuration,
+    b: &Configuration,
+    depth: u32,
+) -> Verdict {
+    if scene.is_empty() {
+        return Verdict::Free;
+    }
+    let edge = Edge {
+        robot,
+        scene,
+        a,
+        b,
+        reach: reach(robot, scene),
+        turning: Turning::of_edge(a, b),
+    };
+    match edge.verdict(depth) {
+        Ok(()) => Verdict::Free,
+        Err(found) => found,
+    }
+}
+
+struct Edge<'a> {
+    robot: &'a Robot,
+    scene: &'a Scene,
+    a: &'a Configuration,
+    b: &'a Configuration,
+    reach: [f64; SECTIONS],
+    /// Of the whole edge, passed in unit time.
+    turning: Turning,
+}
+
+/// Where the body is at a fraction of the edge.
+#[derive(Clone, Copy)]
+struct Place {
+    at: f64,
+    instant: Instant,
+}
+
+/// An interval of the edge, and the sections to which contact is not excluded in it.
+#[derive(Clone, Copy)]
+struct Interval {
+    from: Place,
+    to: Place,
+    open: Chosen,
+}
+
+impl Interval {
+    fn is_open(&self) -> bool {
+        self.open != [false; SECTIONS]
+    }
+}
+
+impl Edge<'_> {
+    fn verdict(&self, depth: u32) -> Result<(), Verdict> {
+        // Searches leave from where there is no contact.
+        let to = self.place(1.0, &EVERY_SECTION)?;
+        let from = self.place(0.0, &EVERY_SECTION)?;
+        let whole = self.interval(from, to, 1.0);
+        let mut intervals = [whole; COARSE];
+        let mut count = usize::from(whole.is_open());
+        let (mut level, mut width) = (0, 1.0);
+        while level < depth.min(COARSE_LEVELS) && count > 0 {
+            width *= 0.5;
+            let wide = intervals;
+            let mut narrow = 0;
+            for interval in &wide[..count] {
+                for half in self.halves(interval, width)? {
+                    intervals[narrow] = half;
+                    narrow += usize::from(half.is_open());
+                }
+            }
+            (count, level) = (narrow, level + 1);
+        }
+        let mut open = intervals[..count].iter();
+        open.try_for_each(|interval| self.refine(interval, width, depth - level))
+    }
+
+    /// Bisects an open interval of this width, the earlier half first.
+    fn refine(&self, interval: &Interval, width: f64, depth: u32) -> Result<(), Verdict> {
+        let half_width = 0.5 * width;
+        if depth == 0 {
+            let at = interval.from.at + half_width;
+            return Err(Verdict::Undecided { at });
+        }
+        for half in self.halves(interval, half_width)? {
+            if half.is_open() {
+                self.refine(&half, half_width, depth - 1)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn halves(&self, interval: &Interval, half_width: f64) -> Result<[Interval; 2], Verdict> {
+        let middle = self.place(interval.from.at + half_width, &interval.open)?;
+        Ok([
+            self.interval(interval.from, middle, half_width),
+            self.interval(middle, interval.to, half_width),
+        ])
+    }
+
+    /// Contact of a chosen section there is an error.
+    fn place(&self, at: f64, chosen: &Chosen) -> Result<Place, Verdict> {
+        let shape = self.a.lerp(self.b, at);
+        let backbone = self.robot.backbone(&shape);
+        let tube_radii = &self.robot.tube_radii;
+        let instant = Instant::new(self.scene, &shape, &backbone, tube_radii, chosen);
+        if instant.clearances.iter().any(|c| *c < 0.0) {
+            return Err(Verdict::Colliding { at });
+        }
+        Ok(Place { at, instant })
+    }
+
+    fn interval(&self, from: Place, to: Place, width: f64) -> Interval {
+        let turning = self.turning.part(width);
+        let bounds = lowest(
+            self.robot,
+            &turning,
+            &from.instant,
+            &to.instant,
+            &self.reach,
+        );
+        Interval {
+            from,
+            to,
+            open: open(bounds),
+        }
+    }
+}
