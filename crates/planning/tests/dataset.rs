@@ -203,7 +203,7 @@ fn more_trees_leave_fewer_ends_without_a_path() {
 }
 
 #[test]
-fn training_arrays_hold_each_path_and_its_mirror_image() {
+fn training_arrays_hold_each_path_both_ways_and_their_mirror_images() {
     let folder = tempfile::tempdir().unwrap();
     let (rows, _) = generate_block(&robot(), &recipe(Setting::General(Some(2))), 0..4);
     let arrays = training_rows(&robot(), &rows, 100, FeatureFrame::Canonical).unwrap();
@@ -211,10 +211,10 @@ fn training_arrays_hold_each_path_and_its_mirror_image() {
     arrays.write(&file).unwrap();
     let mut archive = ArchiveReader::open(&file).unwrap();
     let (coefficients, shape) = archive.read::<f32>("coefficients").unwrap();
-    assert_eq!(shape, [2 * rows.len() as u64, 72]);
+    assert_eq!(shape, [4 * rows.len() as u64, 72]);
     assert_eq!(
         archive.read::<f32>("balls").unwrap().1,
-        [4 * rows.len() as u64, 28]
+        [8 * rows.len() as u64, 28]
     );
     assert!(
         archive
@@ -238,6 +238,25 @@ fn training_arrays_hold_each_path_and_its_mirror_image() {
         coefficients.iter().any(|c| c.abs() > 0.05),
         "the paths are not straight segments"
     );
+}
+
+#[test]
+fn a_path_backwards_has_the_same_waves_from_its_other_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rows, _) = generate_block(&robot(), &recipe(Setting::General(Some(2))), 0..1);
+    let file = folder.path().join("shard-0000.npz");
+    let arrays = training_rows(&robot(), &rows, 0, FeatureFrame::Base).unwrap();
+    arrays.write(&file).unwrap();
+    let mut archive = ArchiveReader::open(&file).unwrap();
+    let ends = archive.read::<f32>("ends").unwrap().0;
+    assert_eq!(ends[..6], ends[2 * 36 + 6..][..6], "the start is the end");
+    assert_eq!(ends[6..12], ends[2 * 36..][..6]);
+    let coefficients = archive.read::<f32>("coefficients").unwrap().0;
+    let backwards = &coefficients[2 * 72..];
+    for (i, forwards) in coefficients[..72].iter().enumerate() {
+        let sign = [1.0, -1.0][i / 6 % 2];
+        assert!((forwards - sign * backwards[i]).abs() < 1e-6, "{i}");
+    }
 }
 
 #[test]

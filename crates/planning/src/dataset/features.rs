@@ -5,10 +5,10 @@ use super::format::Row;
 use crate::features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, residual_coefficients};
 use collision::{Scene, SceneError};
 use denoiser::FeatureFrame;
-use pcc_model::Robot;
+use pcc_model::{Configuration, Robot};
 use std::path::Path;
 
-/// Rows of training arrays, all in one kind of frame, each path also as its mirror image.
+/// Rows of training arrays, all in one kind of frame, each path also backwards, and both also as their mirror images.
 #[derive(Clone, Debug, Default)]
 pub struct TrainingRows {
     frame: FeatureFrame,
@@ -36,9 +36,13 @@ pub fn training_rows(
     };
     for row in rows {
         let scene = Scene::new(row.balls.clone())?;
-        for mirrored in [false, true] {
+        let backwards: Vec<Configuration> = row.path.iter().rev().copied().collect();
+        let start_tip = robot.tip(&row.path[0]);
+        let ways = [(&row.path, &row.target_tip), (&backwards, &start_tip)];
+        for ((path, tip), mirrored) in ways.into_iter().flat_map(|way| [(way, false), (way, true)])
+        {
             let (features, coefficients) =
-                residual_coefficients(robot, &row.path, &row.target_tip, &scene, frame, mirrored);
+                residual_coefficients(robot, path, tip, &scene, frame, mirrored);
             out.ends.extend(&features.ends);
             out.balls.extend(&features.balls);
             out.ball_offsets
