@@ -2,8 +2,8 @@
 //!
 //! Each round takes the exact nearest body points of every waypoint that are closer to an obstacle than the margin,
 //! linearises the clearance by the envelope theorem (docs/robot.md "Exact geometry"), and solves for the smooth change
-//! that restores it. Rounds look at every second waypoint in turn, since neighbours want nearly the same. Both ends stay
-//! exactly where they are.
+//! that restores it. A round looks at every fourth waypoint, and the next one at others, since neighbours want nearly the same.
+//! Both ends stay exactly where they are.
 
 use crate::path::{WAYPOINTS, project};
 use crate::pushes::{PushKernel, Pushes};
@@ -12,6 +12,8 @@ use pcc_model::{Configuration, Robot, SECTIONS};
 
 /// Rounds of pushes at most: a count, so that answers do not depend on time.
 const ROUNDS: usize = 5;
+/// Every fourth waypoint is looked at in a round; where it begins, one round after the other.
+const LOOKS: [usize; 4] = [0, 2, 1, 3];
 /// Rounds that are compared, two with the two before them.
 const LOOKS_BACK: usize = 4;
 /// A correction is given up when two rounds leave more than this share of what was missing: it is wedged.
@@ -62,16 +64,19 @@ impl Corrector<'_> {
         let (mut pushed, mut clear_rounds) = (0, 0);
         let mut progress = Progress::default();
         for round in 0.. {
-            let first = 1 + round % 2;
+            let first = 1 + LOOKS[round % LOOKS.len()];
             let missing = 0.5 * margin - self.find_pushes(margin, path, first, memory);
             if missing <= 0.0 {
                 clear_rounds += 1;
-                if clear_rounds == 2 {
+                if clear_rounds == LOOKS.len() {
                     return Correction::Clear;
                 }
                 continue;
             }
             if pushed == ROUNDS || progress.stalls(missing) {
+                if missing > 0.5 * margin {
+                    return Correction::Touching;
+                }
                 break;
             }
             let Some(changes) = memory.pushes.solve(self.kernel) else {
@@ -93,7 +98,7 @@ impl Corrector<'_> {
         }
     }
 
-    /// Leaves in the memory what every second waypoint from `first` on wants; returns the smallest clearance below the
+    /// Leaves in the memory what every fourth waypoint from `first` on wants; returns the smallest clearance below the
     /// margin, else infinity.
     fn find_pushes(
         &self,
@@ -105,7 +110,7 @@ impl Corrector<'_> {
         let mut deepest = f64::INFINITY;
         pushes.clear();
         let inner = path.iter().enumerate().take(WAYPOINTS - 1);
-        for (h, waypoint) in inner.skip(first).step_by(2) {
+        for (h, waypoint) in inner.skip(first).step_by(LOOKS.len()) {
             for (gradient, change) in limit_pushes(self.robot, waypoint) {
                 pushes.add(h, gradient, change);
             }
@@ -154,7 +159,8 @@ struct Progress {
 }
 
 impl Progress {
-    /// Whether this round and the one before, which together look at the whole path, are little better than the two before.
+    /// Whether this round and the one before, which together look at every second waypoint, are little better than the two
+    /// before.
     fn stalls(&mut self, missing: f64) -> bool {
         self.missing.rotate_right(1);
         self.missing[0] = Some(missing);
