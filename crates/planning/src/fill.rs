@@ -29,8 +29,6 @@ const FILLING: RrtSettings = RrtSettings {
 };
 /// Times that a way that is found is shortened again because it is too angular for a motion.
 const SHORTENINGS: usize = 3;
-/// Rounds of exploring where nothing is certified, before trees.
-const ROUNDS_BEFORE_TREES: usize = 1;
 /// Samples of the searches for a way to any goal shape when nothing else was found, before the trees of [`Run::trees`]: where
 /// ways are hard to find, several short searches find one sooner than a long one.
 const LAST_ATTEMPTS: [usize; 4] = [100, 400, 1500, 5000];
@@ -64,7 +62,6 @@ impl Run<'_> {
             draws[end] = straight;
         }
         self.keep(kept, &mut draws);
-        self.explore(aim, &mut draws, ROUNDS_BEFORE_TREES);
         self.fill(aim, &mut draws);
         self.answer(draws, learned)
     }

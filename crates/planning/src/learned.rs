@@ -17,7 +17,9 @@ use std::time::Instant;
 const WARM_START_TIME: f32 = 0.5;
 /// The flow's noise where paths to explore are drawn: wide enough to go around obstacles on other sides.
 const WIDE: f32 = 4.0;
-/// Paths that a round of exploring draws.
+/// Rounds of exploring at most.
+const ROUNDS: usize = 30;
+/// Paths that a round draws.
 const DRAWN: usize = PARTS * DRAWN_AT_ONCE;
 /// Parts in which they are drawn: between them an interrupt is heeded.
 const PARTS: usize = 8;
@@ -46,7 +48,7 @@ impl Run<'_> {
 
     /// Where no draw is certified: draws many more from wide noise, and finishes those that are nearest to clear, until one is
     /// certified or all rounds are over. These take the places of the draws to the same shapes.
-    pub(crate) fn explore(&mut self, aim: &Aim, draws: &mut [Draw], rounds: usize) {
+    pub(crate) fn explore(&mut self, aim: &Aim, draws: &mut [Draw]) {
         if draws.iter().any(|draw| draw.outcome.is_ok()) {
             return;
         }
@@ -54,7 +56,7 @@ impl Run<'_> {
             return;
         };
         let clock = Instant::now();
-        let Explored { drawn, finished } = drawing.explore(aim, rounds);
+        let Explored { drawn, finished } = drawing.explore(aim);
         let wall_s = clock.elapsed().as_secs_f64();
         self.explored += drawn;
         if (self.supervision.interrupt)() {
@@ -155,7 +157,7 @@ impl<'a> Drawing<'a> {
         (first..).zip(paths).map(proposal).collect()
     }
 
-    fn explore(&self, aim: &Aim, rounds: usize) -> Explored {
+    fn explore(&self, aim: &Aim) -> Explored {
         let mut clock = Instant::now();
         let mut explored = Explored::default();
         let Some(features) = self.features(&aim.goals) else {
@@ -165,7 +167,7 @@ impl<'a> Drawing<'a> {
             condition: lap(&mut clock),
             ..Laps::default()
         };
-        for round in 0..rounds {
+        for round in 0..ROUNDS {
             if (self.run.supervision.interrupt)() {
                 break;
             }

@@ -22,9 +22,6 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Rounds of exploring where nothing else is tried.
-const ROUNDS_ALONE: usize = 30;
-
 /// One request on its way through the stages.
 pub(crate) struct Run<'a> {
     pub(crate) planner: &'a Planner,
@@ -181,7 +178,7 @@ impl<'a> Run<'a> {
         let [mut draws, kept] = self.share(clock.elapsed().as_secs_f64(), [drawn, kept]);
         let learned = count_learned(&draws);
         self.keep(kept, &mut draws);
-        self.explore(aim, &mut draws, ROUNDS_ALONE);
+        self.explore(aim, &mut draws);
         self.answer(draws, learned)
     }
 
