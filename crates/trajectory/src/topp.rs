@@ -7,7 +7,7 @@
 //! Every acceleration limit is imposed at both ends of each interval (their "first-order interpolation scheme").
 
 use crate::spline::Spline;
-use crate::tendon::{LANES, TendonRows, combined, largest_lane, raise_to_magnitude};
+use crate::tendon::{LANES, TendonRows, combined, lanes, largest_lane, raise_to_magnitude};
 use crate::tendon_path::{Derivatives, PieceWeights, TendonPath, largest_slope};
 use interval::{FULL_USE, Interval, Polygon, ROUNDING, largest_second, use_of};
 use pcc_model::TendonLimits;
@@ -82,7 +82,7 @@ impl SpeedProfile {
             self.leave_margin(spline.length(), largest_speed, ends);
             self.backward(ends.end)?;
             self.forward(ends.start)?;
-            if round == REFINEMENTS || !self.refine(spline, largest_speed) {
+            if round == REFINEMENTS || !self.refine(largest_speed) {
                 break;
             }
         }
@@ -223,19 +223,18 @@ impl SpeedProfile {
     }
 
     /// Divides intervals; false if all are fine enough, or as fine as numbers allow.
-    fn refine(&mut self, spline: &Spline, largest_speed: f64) -> bool {
+    fn refine(&mut self, largest_speed: f64) -> bool {
         self.refined.clear();
         let mut divided = false;
         for i in 0..self.grid.len() - 1 {
             let (from, to) = (self.grid[i], self.grid[i + 1]);
             self.refined.push(from);
             let length = to.parameter - from.parameter;
-            let middle = middle(&from, &to);
+            let middle = 0.5 * (from.parameter + to.parameter);
             let quarter = 0.25 * length;
-            let is_inside = middle.parameter - quarter > from.parameter
-                && middle.parameter + quarter < to.parameter;
+            let is_inside = middle - quarter > from.parameter && middle + quarter < to.parameter;
             if is_inside {
-                let parts = self.wanted_parts(i, spline, largest_speed);
+                let parts = self.wanted_parts(i, largest_speed);
                 divided |= parts > 1;
                 self.refined.extend((1..parts).map(|part| GridPoint {
                     piece: from.piece,
@@ -251,41 +250,37 @@ impl SpeedProfile {
     /// Into how many parts an interval is to be divided: into some where its speeds are not optimal, since speed at the start
     /// costs speed at the end or no limit is fully used (neither is so on a fine grid), and in two where a limit is exceeded
     /// in its middle.
-    fn wanted_parts(&self, i: usize, spline: &Spline, largest_speed: f64) -> u32 {
+    fn wanted_parts(&self, i: usize, largest_speed: f64) -> u32 {
         let squares = [self.square_speed[i], self.square_speed[i + 1]];
-        let acceleration = use_of(&self.interval(i), squares);
+        let interval = self.interval(i);
+        let acceleration = use_of(&interval, squares);
         let is_fastest = |j: usize| self.square_speed[j] > FULL_USE * FULL_USE * self.speed_cap[j];
         let is_idle = !acceleration.is_full && !is_fastest(i) && !is_fastest(i + 1);
         if acceleration.trades || is_idle {
             PARTS_WHERE_NOT_OPTIMAL
-        } else if self.use_in_the_middle(i, spline, largest_speed) > 1.0 + EXCESS_TOLERANCE {
+        } else if use_in_the_middle(&interval, squares, largest_speed) > 1.0 + EXCESS_TOLERANCE {
             2
         } else {
             1
         }
     }
-
-    /// The largest part of a limit that is used in the middle of an interval.
-    fn use_in_the_middle(&self, i: usize, spline: &Spline, largest_speed: f64) -> f64 {
-        let (from, to) = (self.grid[i], self.grid[i + 1]);
-        let [first, second] = [self.square_speed[i], self.square_speed[i + 1]];
-        let x = 0.5 * (first + second);
-        let u = 0.5 * (second - first) / (to.parameter - from.parameter);
-        let weights = PieceWeights::at(spline, middle(&from, &to));
-        let (mut force, mut slope) = ([0.0; LANES], [0.0; LANES]);
-        for here in self.path.derivatives(&weights) {
-            raise_to_magnitude(&mut slope, &here.slope);
-            raise_to_magnitude(&mut force, &combined(&here.slope, u, &here.bend, x));
-        }
-        largest_lane(&force).max(largest_lane(&slope) * x.sqrt() / largest_speed)
-    }
 }
 
-fn middle(from: &GridPoint, to: &GridPoint) -> GridPoint {
-    GridPoint {
-        piece: from.piece,
-        parameter: 0.5 * (from.parameter + to.parameter),
+/// The largest part of a limit that a pair uses in the middle of its interval, where l″ is linear.
+#[inline(always)]
+fn use_in_the_middle(interval: &Interval<'_>, squares: [f64; 2], largest_speed: f64) -> f64 {
+    let x = 0.5 * (squares[0] + squares[1]);
+    let u = (squares[1] - squares[0]) * interval.half;
+    let half_length = 0.25 / interval.half;
+    let (mut force, mut slope) = ([0.0; LANES], [0.0; LANES]);
+    for (from, to) in interval.from.iter().zip(interval.to) {
+        let turn = combined(&from.bend, 0.75 * half_length, &to.bend, 0.25 * half_length);
+        let middle = lanes(|i| from.slope[i] + turn[i]);
+        let bend = combined(&from.bend, 0.5, &to.bend, 0.5);
+        raise_to_magnitude(&mut slope, &middle);
+        raise_to_magnitude(&mut force, &combined(&middle, u, &bend, x));
     }
+    largest_lane(&force).max(largest_lane(&slope) * x.sqrt() / largest_speed)
 }
 
 #[cfg(test)]

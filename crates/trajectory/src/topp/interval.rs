@@ -204,7 +204,17 @@ pub(super) struct Use {
 /// What a pair uses of the acceleration limits.
 #[inline(always)]
 pub(super) fn use_of(interval: &Interval<'_>, pair: [f64; 2]) -> Use {
-    let (mut most, mut most_trading) = ([0.0; LANES], [0.0; LANES]);
+    let is_full = interval.largest_use(pair) > FULL_USE;
+    Use {
+        is_full,
+        trades: is_full && largest_trading_use(interval, pair) > FULL_USE,
+    }
+}
+
+/// The same of those limits that allow more of either for less of the other.
+#[inline(always)]
+fn largest_trading_use(interval: &Interval<'_>, pair: [f64; 2]) -> f64 {
+    let mut most = [0.0; LANES];
     for normals in interval.normals() {
         for [first, second] in &normals {
             let products = combined(first, pair[0], second, pair[1]);
@@ -212,14 +222,10 @@ pub(super) fn use_of(interval: &Interval<'_>, pair: [f64; 2]) -> Use {
                 let trades = first[i] * second[i] > LEAST_TRADE * second[i] * second[i];
                 if trades { products[i] } else { 0.0 }
             });
-            raise_to_magnitude(&mut most, &products);
-            raise_to_magnitude(&mut most_trading, &trading);
+            raise_to_magnitude(&mut most, &trading);
         }
     }
-    Use {
-        is_full: largest_lane(&most) > FULL_USE,
-        trades: largest_lane(&most_trading) > FULL_USE,
-    }
+    largest_lane(&most)
 }
 
 fn dot(normal: &[f64; 2], point: &[f64; 2]) -> f64 {
