@@ -21,7 +21,7 @@ const ROUNDING: f64 = 1e-11;
 /// How finely [`allocate`] works.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AllocationOptions {
-    /// The most knots of the result, 4 to [`MAX_KNOTS`]. Half of them are laid evenly in time, the others where
+    /// The most knots of the result, 4 to [`MAX_KNOTS`]. A quarter of them is laid evenly in time, the others where
     /// limits would be exceeded, so fewer may be used.
     pub knots: usize,
     /// About how many intervals the speed is planned on, at least 1 (more where limits would be exceeded).

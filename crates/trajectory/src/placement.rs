@@ -1,6 +1,6 @@
 //! Which instants of a smooth motion become knots.
 //!
-//! Half of the knots are laid evenly. Then the worst segment is divided, again and again: the one that exceeds its
+//! A quarter of the knots is laid evenly. Then the worst segment is divided, again and again: the one that exceeds its
 //! limits most or leaves the motion most. It is divided where the motion's jerk steps most inside it: a quintic
 //! cannot follow a step of jerk within a segment without exceeding it, wherever the segment's ends are, but
 //! follows the motion closely between steps.
@@ -164,7 +164,7 @@ impl Placement {
     fn lay_evenly(&mut self, target: &Target) {
         let total = target.motion.duration() + target.motion.width();
         let count = (total / self.shortest)
-            .min((target.knots / 2) as f64)
+            .min((target.knots / 4) as f64)
             .max(1.0) as usize;
         self.knots.clear();
         self.tendon_knots.clear();
