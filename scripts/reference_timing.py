@@ -32,6 +32,9 @@ from scipy.sparse import coo_matrix
 
 MERGE = 1e-4
 FULL_USE = 1 - 1e-6
+# Linear programs after the first, and the part of the largest x below which time is not linearised: at rest it has no slope.
+PROGRAMS = 6
+SLOWEST = 1e-6
 
 
 def nodes(waypoints, spacing):
@@ -78,7 +81,12 @@ class Path:
         return duration(grid, solver.compute_parameterization(0, 0)[1])
 
     def linear_program(self):
-        """maximise Σ x, x = ṡ², on the given grid: velocity as a bound, acceleration at both ends of each interval."""
+        """The least time on the given grid by linear programs over x = ṡ²: velocity as a bound, acceleration at both ends of
+        each interval.
+
+        The first maximises ∫ x ds. Time is convex in x, but not linear: where speed here costs speed there, the next programs
+        minimise its linearisation at what is best so far, and a line search goes towards what they find.
+        """
         slope, bend = self.curve(self.grid, 1), self.curve(self.grid, 2)
         half = 0.5 / np.diff(self.grid)
         i, tendon = np.meshgrid(np.arange(len(half)), np.arange(slope.shape[1]), indexing="ij")
@@ -92,8 +100,24 @@ class Path:
         cap = (self.velocity / np.abs(slope).max(axis=1)) ** 2
         cap[[0, -1]] = 0
         bounds = np.column_stack([np.zeros_like(cap), cap])
-        result = linprog(-np.ones(len(cap)), A_ub=matrix, b_ub=np.ones(matrix.shape[0]), bounds=bounds, method="highs")
-        return duration(self.grid, np.sqrt(np.maximum(result.x, 0)))
+        matrix_bound = np.ones(matrix.shape[0])
+
+        def best(weight):
+            objective = -weight / weight.mean()
+            return linprog(objective, A_ub=matrix, b_ub=matrix_bound, bounds=bounds, method="highs").x
+
+        step = np.diff(self.grid)
+
+        def time(x):
+            return duration(self.grid, np.sqrt(np.maximum(x, 0)))
+
+        x = best(0.5 * (np.append(step, 0) + np.insert(step, 0, 0)))
+        for _ in range(PROGRAMS):
+            speed = np.sqrt(np.maximum(x, SLOWEST * x.max()))
+            rate = step / (speed[:-1] + speed[1:]) ** 2
+            towards = best((np.append(rate, 0) + np.insert(rate, 0, 0)) / speed)
+            x = min((x + part * (towards - x) for part in np.linspace(0, 1, 101)), key=time)
+        return time(x)
 
     def active(self):
         slope, bend, square = self.curve(self.grid, 1), self.curve(self.grid, 2), self.speed**2
