@@ -35,7 +35,7 @@ impl Default for AllocationOptions {
     fn default() -> Self {
         Self {
             knots: 96,
-            grid_intervals: 128,
+            grid_intervals: 96,
             spacing: 0.1,
         }
     }
