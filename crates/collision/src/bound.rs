@@ -353,4 +353,18 @@ mod tests {
         assert!((lowest(0.2, 0.0, -0.5, -0.5) + 0.6).abs() < 1e-15);
         assert!(lowest(f64::NAN, 0.0, 0.1, 0.1).is_nan());
     }
+
+    #[test]
+    fn what_was_not_looked_at_stays_clear() {
+        let passage = Passage {
+            way: 0.2,
+            chord: 0.2,
+            stray: 0.01,
+            reach: 0.4,
+        };
+        let far = f64::INFINITY;
+        for (from, to) in [(far, 0.1), (0.1, far), (far, far)] {
+            assert_eq!(passage.lowest(from, to), far);
+        }
+    }
 }

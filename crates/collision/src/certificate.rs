@@ -1,7 +1,7 @@
-//! Certificates for motions among balls at rest: edges, polylines, executed curves.
+//! Certificates for motions in a scene at rest: polylines and executed curves.
 
 use crate::bound::{Stance, Turning};
-use crate::chain::{Certifier, DEPTH, Obstacles, Piece, Verdict};
+use crate::chain::{Certifier, Obstacles, Piece, Verdict};
 use crate::clearance::Chosen;
 use crate::scene::Scene;
 use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
@@ -29,11 +29,11 @@ impl Obstacles for AtRest<'_> {
     }
 
     fn touch(at: &Instant) -> bool {
-        at.clearances.iter().any(|c| *c < 0.0)
+        at.touches()
     }
 
-    fn open(&self, from: &Instant, to: &Instant, robot: &Robot, turning: &Turning) -> Chosen {
-        open(lowest(robot, turning, from, to, &self.reach))
+    fn may_touch(&self, from: &Instant, to: &Instant, robot: &Robot, turning: &Turning) -> Chosen {
+        may_touch(lowest(robot, turning, from, to, &self.reach))
     }
 }
 
@@ -57,6 +57,10 @@ impl Instant {
             stance: Stance::new(shape, backbone),
         }
     }
+
+    pub(crate) fn touches(&self) -> bool {
+        self.clearances.iter().any(|c| *c < 0.0)
+    }
 }
 
 /// What a tube's radius and the least radius of all obstacles make together, by section.
@@ -77,14 +81,13 @@ pub(crate) fn lowest(
 }
 
 /// The sections for which these lower bounds leave room for contact.
-pub(crate) fn open(lowest: [f64; SECTIONS]) -> Chosen {
+pub(crate) fn may_touch(lowest: [f64; SECTIONS]) -> Chosen {
     lowest.map(|clearance| clearance <= 0.0 || clearance.is_nan())
 }
 
 fn certifier<'a>(
     robot: &'a Robot,
     scene: &'a Scene,
-    depth: u32,
     has_corners: bool,
 ) -> Certifier<'a, AtRest<'a>> {
     Certifier {
@@ -94,7 +97,6 @@ fn certifier<'a>(
             tube_radii: &robot.tube_radii,
             reach: reach(robot, scene),
         },
-        depth,
         has_corners,
     }
 }
@@ -107,7 +109,7 @@ pub fn certify_polyline(robot: &Robot, scene: &Scene, points: &[Configuration]) 
     }
     let last = points.len() - 1;
     let edge = |i: usize| Piece::edge(&points[i], &points[(i + 1).min(last)], i as f64);
-    certifier(robot, scene, DEPTH, true).chain(last.max(1), &edge)
+    certifier(robot, scene, true).chain(last.max(1), &edge)
 }
 
 /// Certifies the executed curve from `from_time` (s) to its end; allocates nothing.
@@ -122,7 +124,7 @@ pub fn certify_trajectory(
         return Verdict::Free;
     }
     let rest = RestOfMotion::new(trajectory.knots(), from_time);
-    certifier(robot, scene, DEPTH, false).chain(rest.count(), &|i| rest.piece(i))
+    certifier(robot, scene, false).chain(rest.count(), &|i| rest.piece(i))
 }
 
 /// The pieces of a motion that are left from a time on; at least one, be it of no duration.

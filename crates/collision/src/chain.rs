@@ -5,12 +5,12 @@
 //! undecided counts as colliding. Nothing here allocates.
 
 use crate::bound::Turning;
-use crate::clearance::{Chosen, EVERY_SECTION};
-use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
+use crate::clearance::{Chosen, EVERY_SECTION, NO_SECTION};
+use pcc_model::{Backbone, Configuration, Robot};
 use trajectory::{Knot, QuinticSegment};
 
 /// Bisections of one piece.
-pub(crate) const DEPTH: u32 = 10;
+const DEPTH: u32 = 10;
 /// Pieces whose bounds are kept at once, on the stack.
 const BLOCK: usize = 48;
 
@@ -21,7 +21,8 @@ pub enum Verdict {
     Free,
     /// There is contact.
     Colliding {
-        /// Where: the time of a trajectory (s), the index and fraction of a polyline's edge, the fraction of an edge.
+        /// Where, not necessarily first: the time of a trajectory (s), the index and fraction of a polyline's edge, the fraction
+        /// of an edge.
         at: f64,
     },
     /// Too close to decide.
@@ -44,7 +45,7 @@ pub(crate) trait Obstacles {
     /// Clearances at one instant.
     type Clearances;
 
-    /// Those of the chosen sections; +∞ for the others.
+    /// Those of the chosen sections; +∞ for the others, which hold only within an interval in which these cannot touch.
     fn clearances(
         &self,
         shape: &Configuration,
@@ -57,7 +58,7 @@ pub(crate) trait Obstacles {
     fn touch(clearances: &Self::Clearances) -> bool;
 
     /// The sections to which the clearances at both ends of an interval leave room for contact during it.
-    fn open(
+    fn may_touch(
         &self,
         from: &Self::Clearances,
         to: &Self::Clearances,
@@ -143,7 +144,6 @@ impl Piece {
 pub(crate) struct Certifier<'a, O> {
     pub(crate) robot: &'a Robot,
     pub(crate) obstacles: O,
-    pub(crate) depth: u32,
     /// Whether there may be corners where pieces meet.
     pub(crate) has_corners: bool,
 }
@@ -215,14 +215,14 @@ impl<O: Obstacles> Certifier<'_, O> {
         to: &O::Clearances,
     ) -> Verdict {
         if let [turning] = run.turnings {
-            return self.piece(&piece(run.first), turning, from, to, self.depth);
+            return self.piece(&piece(run.first), turning, from, to, DEPTH);
         }
         let mut turning = run.turnings.iter().fold(Turning::REST, Turning::then);
         if self.has_corners {
             turning = turning.with_corner();
         }
-        let open = self.obstacles.open(from, to, self.robot, &turning);
-        if open == [false; SECTIONS] {
+        let open = self.obstacles.may_touch(from, to, self.robot, &turning);
+        if open == NO_SECTION {
             return Verdict::Free;
         }
         let (earlier, later) = run.halves();
@@ -245,8 +245,8 @@ impl<O: Obstacles> Certifier<'_, O> {
         to: &O::Clearances,
         depth: u32,
     ) -> Verdict {
-        let open = self.obstacles.open(from, to, self.robot, turning);
-        if open == [false; SECTIONS] {
+        let open = self.obstacles.may_touch(from, to, self.robot, turning);
+        if open == NO_SECTION {
             return Verdict::Free;
         }
         let (first, second) = piece.halves();

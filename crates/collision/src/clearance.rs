@@ -24,6 +24,8 @@ pub struct Contact {
 pub(crate) type Chosen = [bool; SECTIONS];
 /// All of them.
 pub(crate) const EVERY_SECTION: Chosen = [true; SECTIONS];
+/// None of them.
+pub(crate) const NO_SECTION: Chosen = [false; SECTIONS];
 
 impl Scene {
     /// Smallest clearance between the whole tube and all obstacles; +∞ in an empty scene.

@@ -1,9 +1,9 @@
 //! The certificate of a straight move in configuration space, for searches: most of their edges collide.
 
 use crate::bound::Turning;
-use crate::certificate::{Instant, lowest, open, reach};
+use crate::certificate::{Instant, lowest, may_touch, reach};
 use crate::chain::Verdict;
-use crate::clearance::{Chosen, EVERY_SECTION};
+use crate::clearance::{Chosen, EVERY_SECTION, NO_SECTION};
 use crate::scene::Scene;
 use pcc_model::{Configuration, Robot, SECTIONS};
 
@@ -13,7 +13,8 @@ const COARSE_LEVELS: u32 = 3;
 /// Open intervals of such a level at most.
 const COARSE: usize = 1 << COARSE_LEVELS;
 
-/// Certifies a straight move in configuration space, with at most `depth` bisections; places are fractions of it.
+/// Certifies a straight move in configuration space, with at most `depth` bisections; places are fractions of it, and contact is
+/// told where it is found, not where it begins.
 #[must_use]
 pub fn certify_edge(
     robot: &Robot,
@@ -66,7 +67,7 @@ struct Interval {
 
 impl Interval {
     fn is_open(&self) -> bool {
-        self.open != [false; SECTIONS]
+        self.open != NO_SECTION
     }
 }
 
@@ -76,22 +77,24 @@ impl Edge<'_> {
         let to = self.place(1.0, &EVERY_SECTION)?;
         let from = self.place(0.0, &EVERY_SECTION)?;
         let whole = self.interval(from, to, 1.0);
-        let mut intervals = [whole; COARSE];
-        let mut count = usize::from(whole.is_open());
-        let (mut level, mut width) = (0, 1.0);
-        while level < depth.min(COARSE_LEVELS) && count > 0 {
+        if !whole.is_open() {
+            return Ok(());
+        }
+        let (mut wide, mut narrow) = ([whole; COARSE], [whole; COARSE]);
+        let (mut count, mut level, mut width) = (1, 0, 1.0);
+        while level < depth.min(COARSE_LEVELS) {
             width *= 0.5;
-            let wide = intervals;
-            let mut narrow = 0;
+            let mut open = 0;
             for interval in &wide[..count] {
                 for half in self.halves(interval, width)? {
-                    intervals[narrow] = half;
-                    narrow += usize::from(half.is_open());
+                    narrow[open] = half;
+                    open += usize::from(half.is_open());
                 }
             }
-            (count, level) = (narrow, level + 1);
+            std::mem::swap(&mut wide, &mut narrow);
+            (count, level) = (open, level + 1);
         }
-        let mut open = intervals[..count].iter();
+        let mut open = wide[..count].iter();
         open.try_for_each(|interval| self.refine(interval, width, depth - level))
     }
 
@@ -124,7 +127,7 @@ impl Edge<'_> {
         let backbone = self.robot.backbone(&shape);
         let tube_radii = &self.robot.tube_radii;
         let instant = Instant::new(self.scene, &shape, &backbone, tube_radii, chosen);
-        if instant.clearances.iter().any(|c| *c < 0.0) {
+        if instant.touches() {
             return Err(Verdict::Colliding { at });
         }
         Ok(Place { at, instant })
@@ -142,7 +145,7 @@ impl Edge<'_> {
         Interval {
             from,
             to,
-            open: open(bounds),
+            open: may_touch(bounds),
         }
     }
 }

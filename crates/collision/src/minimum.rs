@@ -2,7 +2,7 @@
 
 use crate::bound::Turning;
 use crate::certificate::{Instant, lowest, reach};
-use crate::clearance::{Chosen, EVERY_SECTION};
+use crate::clearance::{Chosen, EVERY_SECTION, NO_SECTION};
 use crate::scene::Scene;
 use pcc_model::{Configuration, Robot, SECTIONS};
 use trajectory::{QuinticSegment, Trajectory};
@@ -43,6 +43,15 @@ pub fn minimum_clearance(
     let whole = search.interval(run, from, to);
     search.refine(&whole);
     search.attained.min(search.lower_bound)
+}
+
+/// What is not a number bounds nothing.
+fn number(lowest: f64) -> f64 {
+    if lowest.is_nan() {
+        f64::NEG_INFINITY
+    } else {
+        lowest
+    }
 }
 
 /// Segments of a motion that follow each other; at least one.
@@ -113,11 +122,10 @@ impl Search<'_> {
         let open = interval
             .lowest
             .map(|lowest| lowest < self.attained - self.tolerance);
-        let closed = (0..SECTIONS)
-            .filter(|k| !open[*k])
-            .map(|k| interval.lowest[k]);
+        let closed = (0..SECTIONS).filter(|k| !open[*k]);
+        let closed = closed.map(|k| number(interval.lowest[k]));
         self.lower_bound = closed.fold(self.lower_bound, f64::min);
-        if open == [false; SECTIONS] {
+        if open == NO_SECTION {
             return;
         }
         if let [segment] = interval.run.segments {

@@ -2,7 +2,7 @@
 
 use crate::bound::{Stance, Turning};
 use crate::certificate::RestOfMotion;
-use crate::chain::{Certifier, DEPTH, Obstacles, Verdict};
+use crate::chain::{Certifier, Obstacles, Verdict};
 use crate::clearance::Chosen;
 use crate::scene::Ball;
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
@@ -77,7 +77,7 @@ impl Obstacles for Moving<'_> {
     }
 
     /// The balls' centres are taken at each end; in the ball's own frame its way between is added to the body's.
-    fn open(&self, from: &Passing, to: &Passing, robot: &Robot, turning: &Turning) -> Chosen {
+    fn may_touch(&self, from: &Passing, to: &Passing, robot: &Robot, turning: &Turning) -> Chosen {
         let sweep = turning.sweep(robot, &from.stance, &to.stance);
         let (from, to) = (&from.clearances, &to.clearances);
         let is_clear = |k: usize| {
@@ -109,7 +109,6 @@ pub fn certify_moving(
                 balls,
                 tube_radii: &robot.tube_radii,
             },
-            depth: DEPTH,
             has_corners: false,
         };
         certifier.chain(rest.count(), &|i| rest.piece(i))
