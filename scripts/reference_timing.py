@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Times paths independently: by the package toppra and by a linear program, order by order.
+"""Times paths independently: by the package toppra and by linear programs, order by order.
 
     scripts/reference_timing.py PATHS.json
 
@@ -8,7 +8,7 @@ each with `waypoints` (rows of 6, rad), and the grid `s` (rad) and speeds `speed
 The path is built here once more: natural cubic splines through the waypoints by chord length, longer chords divided.
 
 Every line `WHAT PATH [INTERVALS]` on standard input is answered by one number:
-    lp 3            duration, s, of the linear program "largest sum of squared speeds" on the given grid (HiGHS)
+    lp 3            the least duration, s, that linear programs find on the given grid (HiGHS)
     toppra 3        toppra's duration, s, on the given grid
     active 3        part of the time in which the given speeds use a limit fully
     duration 3 252  toppra's duration, s, on equal intervals
@@ -80,13 +80,8 @@ class Path:
         solver = toppra.algorithm.TOPPRA(self.constraints, self.curve, gridpoints=grid, solver_wrapper="seidel")
         return duration(grid, solver.compute_parameterization(0, 0)[1])
 
-    def linear_program(self):
-        """The least time on the given grid by linear programs over x = ṡ²: velocity as a bound, acceleration at both ends of
-        each interval.
-
-        The first maximises ∫ x ds. Time is convex in x, but not linear: where speed here costs speed there, the next programs
-        minimise its linearisation at what is best so far, and a line search goes towards what they find.
-        """
+    def constraints_of_squares(self):
+        """The limits of x = ṡ² on the given grid: matrix @ x ≤ 1 is acceleration at both ends of each interval, the bounds velocity."""
         slope, bend = self.curve(self.grid, 1), self.curve(self.grid, 2)
         half = 0.5 / np.diff(self.grid)
         i, tendon = np.meshgrid(np.arange(len(half)), np.arange(slope.shape[1]), indexing="ij")
@@ -96,28 +91,31 @@ class Path:
         entries = [(rows, i, start[0]), (rows, i + 1, start[1]), (rows + i.size, i, end[0]), (rows + i.size, i + 1, end[1])]
         row, column, value = (np.concatenate([entry[k].ravel() for entry in entries]) for k in range(3))
         one_sided = coo_matrix((value / self.acceleration, (row, column)))
-        matrix = scipy.sparse.vstack([one_sided, -one_sided]).tocsr()
         cap = (self.velocity / np.abs(slope).max(axis=1)) ** 2
         cap[[0, -1]] = 0
-        bounds = np.column_stack([np.zeros_like(cap), cap])
-        matrix_bound = np.ones(matrix.shape[0])
+        return scipy.sparse.vstack([one_sided, -one_sided]).tocsr(), np.column_stack([np.zeros_like(cap), cap])
 
-        def best(weight):
-            objective = -weight / weight.mean()
-            return linprog(objective, A_ub=matrix, b_ub=matrix_bound, bounds=bounds, method="highs").x
+    def linear_programs(self):
+        """The least time on the given grid by linear programs over x = ṡ², converged from above.
 
+        The first maximises ∫ x ds. Time is convex in x, but not linear: where speed here costs speed there, the next programs
+        minimise its linearisation at what is best so far, and a line search goes towards what they find.
+        """
+        matrix, bounds = self.constraints_of_squares()
         step = np.diff(self.grid)
 
-        def time(x):
+        def largest(weight):
+            return linprog(-weight / weight.mean(), A_ub=matrix, b_ub=np.ones(matrix.shape[0]), bounds=bounds, method="highs").x
+
+        def taken(x):
             return duration(self.grid, np.sqrt(np.maximum(x, 0)))
 
-        x = best(0.5 * (np.append(step, 0) + np.insert(step, 0, 0)))
+        x = largest(0.5 * at_both_ends(step))
         for _ in range(PROGRAMS):
             speed = np.sqrt(np.maximum(x, SLOWEST * x.max()))
-            rate = step / (speed[:-1] + speed[1:]) ** 2
-            towards = best((np.append(rate, 0) + np.insert(rate, 0, 0)) / speed)
-            x = min((x + part * (towards - x) for part in np.linspace(0, 1, 101)), key=time)
-        return time(x)
+            towards = largest(at_both_ends(step / (speed[:-1] + speed[1:]) ** 2) / speed)
+            x = min((x + part * (towards - x) for part in np.linspace(0, 1, 101)), key=taken)
+        return taken(x)
 
     def active(self):
         slope, bend, square = self.curve(self.grid, 1), self.curve(self.grid, 2), self.speed**2
@@ -137,6 +135,11 @@ def symmetric(limit, count):
     return np.array([[-limit, limit]] * count)
 
 
+def at_both_ends(of_intervals):
+    """At each grid point the sum of what the intervals beside it have."""
+    return np.append(of_intervals, 0) + np.insert(of_intervals, 0, 0)
+
+
 def duration(grid, speed):
     return (2 * np.diff(grid) / (speed[:-1] + speed[1:])).sum()
 
@@ -145,7 +148,7 @@ def answer(paths, order):
     what, index, *rest = order.split()
     path = paths[int(index)]
     if what == "lp":
-        return path.linear_program()
+        return path.linear_programs()
     if what == "toppra":
         return path.toppra(path.grid)
     if what == "active":

@@ -8,10 +8,10 @@ files `shard-XXXX.npz` with
   balls [M, 28] f32         descriptions of all balls, those of row n at ball_offsets[n]..ball_offsets[n + 1]
   ball_offsets [N + 1] i64
   coefficients [N, 72] f32  residual to the straight segment, rad: [k * 6 + d] multiplies sin((k + 1) pi u) of degree d
-  group [N] i64             the same for all rows of one target; 2 % of the groups are held out
+  group [N] i64             the same for all rows of one target (of the path forwards); 2 % of the groups are held out
   frame [1] u8              1: all of it in the base frame instead (`pcc features --frame base`); without it canonical
 
-The mirror images are in the arrays already. weights/README.md has the recipe of the committed weights.
+There are four rows a path, in this order: the path, its mirror image, the path backwards, its mirror image. weights/README.md has the recipe of the committed weights.
 """
 
 import argparse

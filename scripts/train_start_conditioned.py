@@ -90,12 +90,13 @@ class StartRows(Rows):
         self.ends, self.balls = describe(starts, targets, self.balls[:, :4], self.counts)
 
     def scenes(self):
-        """Rows [S, 4] of the training rows that share start, target and balls, repeated where there are fewer."""
+        """Rows [S, 4] of the training rows forwards that share start, target and balls, repeated where there are fewer."""
         train = self.train.numpy()
+        train = train[train % 4 < 2]  # backwards every path leads to a target of its own
         mirror = (train % 2).astype(np.float32)[:, None]  # a path's mirror image follows it
-        starts = np.concatenate([self.ends[self.train, :6].numpy(), mirror], axis=1)
+        starts = np.concatenate([self.ends[train, :6].numpy(), mirror], axis=1)
         _, start = np.unique(starts.view(np.dtype((np.void, starts.itemsize * 7))).ravel(), return_inverse=True)
-        _, scene = np.unique(self.group[self.train].numpy() * len(starts) + start, return_inverse=True)
+        _, scene = np.unique(self.group[train].numpy() * len(starts) + start, return_inverse=True)
         order = np.argsort(scene, kind="stable")
         first = np.flatnonzero(np.diff(scene[order], prepend=-1))
         count = np.diff(np.append(first, len(order)))

@@ -65,7 +65,8 @@ impl Corrector<'_> {
         let mut progress = Progress::default();
         for round in 0.. {
             let first = 1 + LOOKS[round % LOOKS.len()];
-            let missing = 0.5 * margin - self.find_pushes(margin, path, first, memory);
+            let deepest = self.find_pushes(margin, path, first, memory);
+            let missing = 0.5 * margin - deepest;
             if missing <= 0.0 {
                 clear_rounds += 1;
                 if clear_rounds == LOOKS.len() {
@@ -74,7 +75,7 @@ impl Corrector<'_> {
                 continue;
             }
             if pushed == ROUNDS || progress.stalls(missing) {
-                if missing > 0.5 * margin {
+                if deepest < 0.0 {
                     return Correction::Touching;
                 }
                 break;
@@ -159,8 +160,8 @@ struct Progress {
 }
 
 impl Progress {
-    /// Whether this round and the one before, which together look at every second waypoint, are little better than the two
-    /// before.
+    /// Whether this round and the one before that was not clear are little better than the two before: two look at other
+    /// waypoints each.
     fn stalls(&mut self, missing: f64) -> bool {
         self.missing.rotate_right(1);
         self.missing[0] = Some(missing);
@@ -216,6 +217,30 @@ mod tests {
         assert_eq!(corrected, Correction::Clear);
         assert!(deepest(&path) >= 0.02);
         assert_eq!((path[0], path[63]), (start, end));
+    }
+
+    #[test]
+    fn no_waypoint_is_overlooked() {
+        let robot = unit_robot();
+        let bent = |x: f64| Configuration::from_column_slice(&[x, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        let still = vec![bent(-0.6); WAYPOINTS];
+        let ball = Ball {
+            centre: robot.tip(&bent(0.6)),
+            radius: 0.1,
+        };
+        let kernel = PushKernel::new(&SineBasis::new());
+        let corrector = Corrector {
+            robot: &robot,
+            scene: &Scene::new(vec![ball]).unwrap(),
+            kernel: &kernel,
+        };
+        let mut memory = CorrectionMemory::default();
+        for h in 1..WAYPOINTS - 1 {
+            let mut path = still.clone();
+            path[h] = bent(0.6);
+            corrector.correct(0.04, &mut path, &mut memory, |_| false);
+            assert_ne!(path[h], bent(0.6), "waypoint {h} stays in the ball");
+        }
     }
 
     #[test]

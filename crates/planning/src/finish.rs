@@ -24,9 +24,9 @@ const LEAST_KNOTS_OF_A_LEG: usize = 8;
 /// Corrections that a path gets at most.
 pub const MOST_CORRECTIONS: usize = 2;
 
-/// A path whose least duration is this much above what it must beat is not timed: the curve that is executed and another
-/// correction may be a little faster than the path.
-const SURELY_SLOWER: f64 = 1.02;
+/// A path whose least duration is this much above what it must beat is not timed: the curve that is executed, which bounding
+/// jerk rounds at turns, and another correction may be a little faster than the path.
+pub(crate) const SURELY_SLOWER: f64 = 1.02;
 
 thread_local! {
     /// Each worker's memory, kept from request to request.

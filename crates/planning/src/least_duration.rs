@@ -35,11 +35,12 @@ enum End {
     Turning,
 }
 
-/// Lower bound of a tendon's time for a way in one direction.
+/// Lower bound of a tendon's time, s, for a way in one direction (length, not negative).
 ///
 /// The velocity t after an end is at most the limit v, and at most what acceleration a allows: a t, or from rest, as jerk j
-/// allows, a t − a²/(2j) from t = a/j on. The area under these three is the way that can be made: v T less v²/(2a) at an end
-/// or, from rest, v²/(2a) + v a/(2j) − a³/(24 j²).
+/// allows, j t²/2 until t = a/j and then a t − a²/(2j). The area under the least of these is the way that can be made in T: v T
+/// less v²/(2a) at an end or, from rest, v²/(2a) + v a/(2j) − a³/(24 j²). That holds where v is reached after a, and from both
+/// ends within T; elsewhere jerk is left out.
 fn least_s(limits: &TendonLimits, way: f64, ends: [End; 2]) -> f64 {
     let (speed, acceleration) = (limits.velocity, limits.acceleration);
     let build_up = acceleration / limits.jerk;
@@ -62,6 +63,7 @@ fn least_s(limits: &TendonLimits, way: f64, ends: [End; 2]) -> f64 {
     }
 }
 
+/// The same of a trapezoid of velocity, with any jerk.
 fn least_with_any_jerk_s(limits: &TendonLimits, way: f64) -> f64 {
     let (speed, acceleration) = (limits.velocity, limits.acceleration);
     if way * acceleration <= speed * speed {
@@ -74,7 +76,8 @@ fn least_with_any_jerk_s(limits: &TendonLimits, way: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::path::straight_path;
+    use crate::finish::SURELY_SLOWER;
+    use crate::path::{resample, straight_path};
     use crate::scenes::{random_configuration, unit_robot};
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
@@ -110,6 +113,24 @@ mod tests {
         let build_up = limits.acceleration / limits.jerk;
         let saved = 2.0 * there - and_back;
         assert!((0.9 * build_up..=build_up).contains(&saved), "{saved}");
+    }
+
+    #[test]
+    fn no_motion_along_a_path_with_many_turns_is_surely_faster() {
+        let robot = unit_robot();
+        let limits = &robot.tendon_limits;
+        let mut random = Pcg64::seed_from_u64(2);
+        for turns in [2, 3, 5, 9, 21] {
+            for size in [0.01, 0.1, 1.0] {
+                let mut corner = || random_configuration(&robot, &mut random) * size;
+                let corners: Vec<Configuration> = (0..turns).map(|_| corner()).collect();
+                let path = resample(&corners);
+                let options = AllocationOptions::default();
+                let motion = allocate(&path, &robot.tendons, limits, &options).unwrap();
+                let ratio = least_duration_s(&robot, limits, &path) / motion.duration();
+                assert!(ratio <= SURELY_SLOWER, "{turns} of {size}: {ratio}");
+            }
+        }
     }
 
     #[test]

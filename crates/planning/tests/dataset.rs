@@ -251,6 +251,8 @@ fn a_path_backwards_has_the_same_waves_from_its_other_end() {
     let ends = archive.read::<f32>("ends").unwrap().0;
     assert_eq!(ends[..6], ends[2 * 36 + 6..][..6], "the start is the end");
     assert_eq!(ends[6..12], ends[2 * 36..][..6]);
+    let tips = [15..18, 2 * 36 + 12..2 * 36 + 15].map(|place| ends[place].to_vec());
+    assert_eq!(tips[0], tips[1], "its target is where it begins backwards");
     let coefficients = archive.read::<f32>("coefficients").unwrap().0;
     let backwards = &coefficients[2 * 72..];
     for (i, forwards) in coefficients[..72].iter().enumerate() {

@@ -266,7 +266,8 @@ impl SpeedProfile {
     }
 }
 
-/// The largest part of a limit that a pair uses in the middle of its interval, where l″ is linear.
+/// The largest part of a limit (1: all of it) that a pair uses in the middle of its interval, in which l″ is linear;
+/// `largest_speed` is the limit of velocity ÷ that of acceleration.
 #[inline(always)]
 fn use_in_the_middle(interval: &Interval<'_>, squares: [f64; 2], largest_speed: f64) -> f64 {
     let x = 0.5 * (squares[0] + squares[1]);
@@ -332,6 +333,41 @@ mod tests {
             assert!(
                 (x - expected).abs() < 1e-9 * speed * speed,
                 "{x} against {expected}"
+            );
+        }
+    }
+
+    #[test]
+    fn the_use_in_the_middle_is_that_of_the_spline_there() {
+        let mut random = rand_pcg::Pcg64::seed_from_u64(7);
+        let path = smooth_path(&mut random, 32);
+        let (spline, profile, _) = solved(&path, EndSpeeds::default(), 60);
+        let largest_speed = unit_limits().velocity / unit_limits().acceleration;
+        for (i, (grid, x)) in profile
+            .grid()
+            .windows(2)
+            .zip(profile.square_speeds().windows(2))
+            .enumerate()
+        {
+            let middle = GridPoint {
+                piece: grid[0].piece,
+                parameter: 0.5 * (grid[0].parameter + grid[1].parameter),
+            };
+            let weights = PieceWeights::at(&spline, middle);
+            let (mean, pull) = (
+                0.5 * (x[0] + x[1]),
+                (x[1] - x[0]) * profile.interval(i).half,
+            );
+            let uses = profile.path.derivatives(&weights).flat_map(|here| {
+                let force = combined(&here.slope, pull, &here.bend, mean);
+                let speed = here.slope.map(|slope| slope * mean.sqrt() / largest_speed);
+                force.into_iter().chain(speed)
+            });
+            let expected = uses.fold(0.0, |most: f64, part| most.max(part.abs()));
+            let found = use_in_the_middle(&profile.interval(i), [x[0], x[1]], largest_speed);
+            assert!(
+                (found - expected).abs() < 1e-9,
+                "{found} against {expected}"
             );
         }
     }

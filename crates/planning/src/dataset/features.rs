@@ -8,7 +8,8 @@ use denoiser::FeatureFrame;
 use pcc_model::{Configuration, Robot};
 use std::path::Path;
 
-/// Rows of training arrays, all in one kind of frame, each path also backwards, and both also as their mirror images.
+/// Rows of training arrays, all in one kind of frame, four a path in this order: the path, its mirror image, the path backwards,
+/// its mirror image.
 #[derive(Clone, Debug, Default)]
 pub struct TrainingRows {
     frame: FeatureFrame,
@@ -19,7 +20,7 @@ pub struct TrainingRows {
     groups: Vec<i64>,
 }
 
-/// Computes the training arrays of some rows; `group` is the same for all rows of one target.
+/// Computes the training arrays of some rows; `group` is the same for all rows of one target, that of the path forwards.
 ///
 /// # Errors
 /// [`SceneError`] where the obstacles of a row do not make a scene.

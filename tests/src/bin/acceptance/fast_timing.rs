@@ -1,4 +1,4 @@
-//! Time allocation beside a linear program and Python's toppra, on random certified paths.
+//! Time allocation beside linear programs and Python's toppra, on random certified paths.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -192,7 +192,7 @@ fn optimal(report: &mut Report, cases: &Cases, reference: &mut Timer) -> anyhow:
         active.push(reference.ask(&format!("active {i}"))?);
     }
     let paths = format!("{} paths, same path and grid", cases.cases.len());
-    for (name, differences) in [("the linear program", &program), ("toppra", &toppra)] {
+    for (name, differences) in [("the linear programs", &program), ("toppra", &toppra)] {
         let line = format!("time allocation: |T − T of {name}| ÷ T, largest of {paths}");
         report.at_most(&line, largest(differences), 1e-3);
     }
