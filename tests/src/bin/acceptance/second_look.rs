@@ -8,6 +8,8 @@ use trajectory::{Knot, Trajectory, limit_use};
 
 /// Tip error that counts as reached, section lengths.
 pub(crate) const TIP_TOLERANCE: f64 = 0.01;
+/// How far below the true one a least clearance may be found at first, section lengths.
+const COARSE_TOLERANCE: f64 = 1e-4;
 
 /// What a motion must keep; lengths in section lengths.
 pub(crate) struct Demand<'a> {
@@ -31,7 +33,14 @@ impl Demand<'_> {
         ensure!(excess <= 5e-3, "bends {excess} rad too far");
         let limits = limit_use(motion, &self.robot.tendons, &self.limits).largest();
         ensure!(limits <= 1.0 + 1e-6, "uses {limits} of its limits");
-        let clearance = minimum_clearance(self.robot, self.scene, motion, 1e-4);
+        // Found from below: only as fine as it goes where a coarse look cannot tell.
+        let clearance = |tolerance| minimum_clearance(self.robot, self.scene, motion, tolerance);
+        let coarse = clearance(COARSE_TOLERANCE);
+        let clearance = if coarse >= 0.0 {
+            coarse
+        } else {
+            clearance(0.0)
+        };
         ensure!(clearance >= 0.0, "clearance {clearance}");
         Ok(())
     }
