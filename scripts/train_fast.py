@@ -11,7 +11,8 @@ files `shard-XXXX.npz` with
   group [N] i64             the same for all rows of one target (of the path forwards); 2 % of the groups are held out
   frame [1] u8              1: all of it in the base frame instead (`pcc features --frame base`); without it canonical
 
-There are four rows a path, in this order: the path, its mirror image, the path backwards, its mirror image. weights/README.md has the recipe of the committed weights.
+There are four rows a path, in this order: the path, its mirror image, the path backwards, its mirror image.
+weights/README.md has the recipe of the committed weights.
 """
 
 import argparse

@@ -189,6 +189,22 @@ mod tests {
     use collision::Ball;
     use pcc_model::Point;
 
+    /// To a margin of 0.04.
+    fn correct(
+        robot: &Robot,
+        scene: &Scene,
+        path: &mut [Configuration],
+        is_given_up: impl Fn(&[Configuration]) -> bool,
+    ) -> Correction {
+        let kernel = PushKernel::new(&SineBasis::new());
+        let corrector = Corrector {
+            robot,
+            scene,
+            kernel: &kernel,
+        };
+        corrector.correct(0.04, path, &mut CorrectionMemory::default(), is_given_up)
+    }
+
     #[test]
     fn a_path_through_a_ball_is_pushed_out_and_keeps_its_ends() {
         let robot = unit_robot();
@@ -206,14 +222,7 @@ mod tests {
                 .fold(f64::INFINITY, f64::min)
         };
         assert!(deepest(&path) < -0.2, "the straight path collides");
-        let kernel = PushKernel::new(&SineBasis::new());
-        let corrector = Corrector {
-            robot: &robot,
-            scene: &scene,
-            kernel: &kernel,
-        };
-        let mut memory = CorrectionMemory::default();
-        let corrected = corrector.correct(0.04, &mut path, &mut memory, |_| false);
+        let corrected = correct(&robot, &scene, &mut path, |_| false);
         assert_eq!(corrected, Correction::Clear);
         assert!(deepest(&path) >= 0.02);
         assert_eq!((path[0], path[63]), (start, end));
@@ -223,22 +232,15 @@ mod tests {
     fn no_waypoint_is_overlooked() {
         let robot = unit_robot();
         let bent = |x: f64| Configuration::from_column_slice(&[x, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        let still = vec![bent(-0.6); WAYPOINTS];
         let ball = Ball {
             centre: robot.tip(&bent(0.6)),
             radius: 0.1,
         };
-        let kernel = PushKernel::new(&SineBasis::new());
-        let corrector = Corrector {
-            robot: &robot,
-            scene: &Scene::new(vec![ball]).unwrap(),
-            kernel: &kernel,
-        };
-        let mut memory = CorrectionMemory::default();
+        let scene = Scene::new(vec![ball]).unwrap();
         for h in 1..WAYPOINTS - 1 {
-            let mut path = still.clone();
+            let mut path = vec![bent(-0.6); WAYPOINTS];
             path[h] = bent(0.6);
-            corrector.correct(0.04, &mut path, &mut memory, |_| false);
+            correct(&robot, &scene, &mut path, |_| false);
             assert_ne!(path[h], bent(0.6), "waypoint {h} stays in the ball");
         }
     }
@@ -253,19 +255,13 @@ mod tests {
             centre: tip + Point::new(0.1, 0.0, 0.0),
             radius: 0.3,
         };
-        let kernel = PushKernel::new(&SineBasis::new());
-        let corrector = Corrector {
-            robot: &robot,
-            scene: &Scene::new(vec![ball]).unwrap(),
-            kernel: &kernel,
-        };
+        let scene = Scene::new(vec![ball]).unwrap();
         let asked = std::cell::Cell::new(0);
         let unwanted = |_: &[Configuration]| {
             asked.set(asked.get() + 1);
             true
         };
-        let mut memory = CorrectionMemory::default();
-        let corrected = corrector.correct(0.04, &mut path, &mut memory, unwanted);
+        let corrected = correct(&robot, &scene, &mut path, unwanted);
         assert_eq!((corrected, asked.get()), (Correction::GivenUp, 1));
     }
 }
