@@ -1,7 +1,7 @@
 //! Clearances of one configuration, and where it is nearest to the obstacles.
 
 use crate::arc_search::{ArcDistance, arc_distance};
-use crate::scene::{Ball, Scene};
+use crate::scene::Scene;
 use pcc_model::{Backbone, Point, SECTIONS};
 
 /// The body point nearest to one obstacle; of a solid, one in each section.
@@ -58,10 +58,9 @@ impl Scene {
         if !backbone.tip().iter().all(|v| v.is_finite()) {
             return [f64::NEG_INFINITY; SECTIONS];
         }
+        let balls = self.nearest_balls(backbone, chosen);
         let clearance = |section: usize| {
-            let of_balls = self
-                .nearest_ball(backbone, section)
-                .map_or(f64::INFINITY, |(_, distance)| distance);
+            let of_balls = balls[section];
             let tube_radius = tube_radii[section];
             let nearest = self.nearest_solid(backbone, section, tube_radius, of_balls);
             nearest.map_or(of_balls, |(_, distance)| distance.bound) - tube_radius
@@ -75,24 +74,6 @@ impl Scene {
         })
     }
 
-    /// The nearest obstacle of all to the tube, if there is any.
-    #[must_use]
-    pub fn deepest(&self, backbone: &Backbone, tube_radii: &[f64; SECTIONS]) -> Option<Contact> {
-        let least = (0..SECTIONS).filter_map(|section| {
-            let ball = self.nearest_ball(backbone, section);
-            let limit = ball.map_or(f64::INFINITY, |(_, distance)| distance);
-            let tube_radius = tube_radii[section];
-            self.nearest_solid(backbone, section, tube_radius, limit)
-                .map(|(solid, found)| {
-                    self.solid_contact(backbone, tube_radius, section, solid, found)
-                })
-                .or_else(|| {
-                    ball.map(|(ball, _)| self.contact(backbone, tube_radius, section, ball))
-                })
-        });
-        least.min_by(|a, b| a.clearance.total_cmp(&b.clearance))
-    }
-
     /// Appends, for every obstacle nearer than `margin` to the tube, its nearest body point, for solids one in each section
     /// that is so near; allocates only to grow `out`.
     pub fn contacts_within(
@@ -103,22 +84,11 @@ impl Scene {
         out: &mut Vec<Contact>,
     ) {
         let first = out.len();
-        for (section, &tube_radius) in tube_radii.iter().enumerate() {
-            let reach = tube_radius + margin;
-            let visit = |index: usize, ball: &Ball| {
-                if surface_distance(backbone, section, ball) < reach {
-                    let contact = self.contact(backbone, tube_radius, section, index);
-                    keep_nearest(out, first, contact);
-                }
-            };
-            if self.has_many_balls() {
-                let (places, around) = four_places(backbone, section);
-                self.for_each_near(&places, around + reach, visit);
-            } else {
-                let (place, around) = one_place(backbone, section);
-                self.for_each_near(&place, around + reach, visit);
-            }
-        }
+        let reaches = tube_radii.map(|tube_radius| tube_radius + margin);
+        self.for_each_ball_within(backbone, &reaches, |section, index| {
+            let contact = self.contact(backbone, tube_radii[section], section, index);
+            keep_nearest(out, first, contact);
+        });
         for (section, &tube_radius) in tube_radii.iter().enumerate() {
             let reach = tube_radius + margin;
             for (index, solid) in self.solids().iter().enumerate() {
@@ -165,18 +135,6 @@ impl Scene {
         }
     }
 
-    /// Index of the ball nearest to a section, and the distance from the backbone to its surface.
-    fn nearest_ball(&self, backbone: &Backbone, section: usize) -> Option<(usize, f64)> {
-        let cost = |ball: &Ball| surface_distance(backbone, section, ball);
-        if self.has_many_balls() {
-            let (places, around) = four_places(backbone, section);
-            self.least(&places, around, cost)
-        } else {
-            let (place, around) = one_place(backbone, section);
-            self.least(&place, around, cost)
-        }
-    }
-
     fn contact(
         &self,
         backbone: &Backbone,
@@ -195,22 +153,6 @@ impl Scene {
             normal: away.try_normalize(1e-12).unwrap_or_else(Point::x),
         }
     }
-}
-
-/// Four places on a section and how far from the nearest of them its points are at most.
-fn four_places(backbone: &Backbone, section: usize) -> ([Point; 4], f64) {
-    let places = [0.125, 0.375, 0.625, 0.875].map(|f| backbone.point(section, f));
-    (places, 0.125 * backbone.section_length(section))
-}
-
-/// The middle of a section and how far from it its points are at most.
-fn one_place(backbone: &Backbone, section: usize) -> ([Point; 1], f64) {
-    let half_length = 0.5 * backbone.section_length(section);
-    ([backbone.middle(section)], half_length)
-}
-
-fn surface_distance(backbone: &Backbone, section: usize, ball: &Ball) -> f64 {
-    backbone.distance(section, &ball.centre) - ball.radius
 }
 
 /// Adds a contact, or replaces that of the same ball among those from `first` on if the new one is nearer.

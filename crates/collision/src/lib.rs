@@ -5,6 +5,8 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod arc_search;
+mod ball_groups;
+mod ball_tree;
 mod bound;
 mod certificate;
 mod chain;

@@ -1,10 +1,10 @@
 //! The obstacles: balls, behind a bounding-volume tree where there are many, and solids.
 
+use crate::ball_groups::BallGroups;
+use crate::ball_tree::BallTree;
+use crate::clearance::Chosen;
 use crate::solid::Solid;
-use glam::DVec3;
-use parry3d_f64::bounding_volume::{Aabb, BoundingVolume};
-use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
-use pcc_model::Point;
+use pcc_model::{Backbone, Point, SECTIONS};
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -64,8 +64,20 @@ pub struct Scene {
     balls: Vec<Ball>,
     solids: Vec<Arc<Solid>>,
     smallest_radius: f64,
-    largest_radius: f64,
-    tree: Option<Bvh>,
+    finder: Finder,
+}
+
+/// What finds the balls near a section.
+#[derive(Clone, Debug)]
+enum Finder {
+    Groups(BallGroups),
+    Tree(BallTree),
+}
+
+impl Default for Finder {
+    fn default() -> Self {
+        Self::Groups(BallGroups::default())
+    }
 }
 
 impl Scene {
@@ -97,10 +109,11 @@ impl Scene {
                 radius: balls[index].radius,
             });
         }
-        let tree = (balls.len() > SCAN_UP_TO).then(|| {
-            let boxes: Vec<Aabb> = balls.iter().map(|b| cube(&b.centre, b.radius)).collect();
-            Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)
-        });
+        let finder = if balls.len() > SCAN_UP_TO {
+            Finder::Tree(BallTree::of(&balls))
+        } else {
+            Finder::Groups(BallGroups::of(&balls))
+        };
         let radii = || balls.iter().map(|b| b.radius);
         let largest_radius = radii().fold(0.0, f64::max);
         let smallest_radius = match solids.is_empty() {
@@ -111,8 +124,7 @@ impl Scene {
             balls,
             solids,
             smallest_radius,
-            largest_radius,
-            tree,
+            finder,
         })
     }
 
@@ -148,101 +160,28 @@ impl Scene {
         self.smallest_radius
     }
 
-    /// Whether the balls are many, so that a query gains by more and closer `places`.
-    pub(crate) fn has_many_balls(&self) -> bool {
-        self.tree.is_some()
-    }
-
-    /// Index and cost of the ball of least `cost`, if there is any ball.
-    ///
-    /// `cost` must be at least the signed distance from the nearest of the places to the ball's surface minus `reach`: the
-    /// balls for which that exceeds the least cost found are passed over.
-    pub(crate) fn least<const N: usize>(
-        &self,
-        places: &[Point; N],
-        reach: f64,
-        cost: impl Fn(&Ball) -> f64,
-    ) -> Option<(usize, f64)> {
-        match &self.tree {
-            None => self.least_by_scan(places, reach, cost),
-            Some(tree) => {
-                let deepest = -self.largest_radius;
-                let node_cost = |gap: f64| if gap > 0.0 { gap } else { deepest } - reach;
-                tree.find_best(
-                    f64::MAX,
-                    |node, _| node_cost(gap_to_box(places, &node.aabb())),
-                    |i, best| {
-                        let ball = &self.balls[i as usize];
-                        is_within(ball, places, best + reach).then(|| cost(ball))
-                    },
-                )
-                .map(|(i, least)| (i as usize, least))
-            }
+    /// Distance from each chosen section's backbone to the nearest ball; +∞ for the others, and without balls.
+    pub(crate) fn nearest_balls(&self, backbone: &Backbone, chosen: &Chosen) -> [f64; SECTIONS] {
+        match &self.finder {
+            Finder::Groups(groups) => groups.nearest(backbone, chosen),
+            Finder::Tree(tree) => tree.nearest(backbone, chosen),
         }
     }
 
-    fn least_by_scan<const N: usize>(
+    /// Calls `visit` with every section and the index of every ball that is nearer to its backbone than its reach.
+    pub(crate) fn for_each_ball_within(
         &self,
-        places: &[Point; N],
-        reach: f64,
-        cost: impl Fn(&Ball) -> f64,
-    ) -> Option<(usize, f64)> {
-        let mut least: Option<(usize, f64)> = None;
-        for (i, ball) in self.balls.iter().enumerate() {
-            if least.is_none_or(|(_, best)| is_within(ball, places, best + reach)) {
-                let cost = cost(ball);
-                if least.is_none_or(|(_, best)| cost < best) {
-                    least = Some((i, cost));
-                }
-            }
-        }
-        least
-    }
-
-    /// Calls `visit` with every ball whose surface comes within `reach` of one of the places.
-    pub(crate) fn for_each_near<const N: usize>(
-        &self,
-        places: &[Point; N],
-        reach: f64,
-        mut visit: impl FnMut(usize, &Ball),
+        backbone: &Backbone,
+        reaches: &[f64; SECTIONS],
+        visit: impl FnMut(usize, usize),
     ) {
-        let mut visit_near = |(i, ball): (usize, &Ball)| {
-            if is_within(ball, places, reach) {
-                visit(i, ball);
-            }
-        };
-        match &self.tree {
-            None => self.balls.iter().enumerate().for_each(visit_near),
-            Some(tree) => {
-                let around = places.iter().map(|place| DVec3::from(*place));
-                let aabb = Aabb::from_points(around).loosened(reach.max(0.0));
-                tree.intersect_aabb(&aabb)
-                    .for_each(|i| visit_near((i as usize, &self.balls[i as usize])));
-            }
+        match &self.finder {
+            Finder::Groups(groups) => groups.for_each_within(backbone, reaches, visit),
+            Finder::Tree(tree) => tree.for_each_within(backbone, reaches, visit),
         }
     }
 }
 
 fn is_allowed(ball: &Ball) -> bool {
     ball.centre.iter().all(|v| v.abs() <= MAX_EXTENT) && (0.0..=MAX_EXTENT).contains(&ball.radius)
-}
-
-/// Whether a ball's surface is nearer than `reach` to one of the places; without a square root.
-fn is_within<const N: usize>(ball: &Ball, places: &[Point; N], reach: f64) -> bool {
-    let limit = reach + ball.radius;
-    let is_near = |place: &Point| (ball.centre - place).norm_squared() < limit * limit;
-    limit > 0.0 && places.iter().any(is_near)
-}
-
-fn gap_to_box<const N: usize>(places: &[Point; N], aabb: &Aabb) -> f64 {
-    let gap = |place: &Point| {
-        let from = DVec3::from(*place);
-        (from.clamp(aabb.mins, aabb.maxs) - from).length_squared()
-    };
-    places.iter().map(gap).fold(f64::INFINITY, f64::min).sqrt()
-}
-
-fn cube(centre: &Point, half: f64) -> Aabb {
-    let (c, h) = (DVec3::from(*centre), DVec3::splat(half));
-    Aabb::new(c - h, c + h)
 }

@@ -1,6 +1,8 @@
 //! The exact nearest point of a circular arc (docs/robot.md "Exact geometry of a section").
 
 use crate::Point;
+use fearless_simd::f64x4;
+use fearless_simd::prelude::*;
 
 /// The point of a section nearest to a given one.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +23,20 @@ pub(crate) fn distance_to_circle(curvature: f64, along: f64, out: f64, z: f64) -
     let radial = (cosine * cosine + sine * sine).sqrt() + 1.0;
     let in_plane = (curvature * (along * along + z * z) - 2.0 * along) / radial;
     (in_plane * in_plane + out * out).sqrt()
+}
+
+/// The square of [`distance_to_circle`], of four points at once.
+#[inline(always)]
+pub(crate) fn squared_distances_to_circle<S: Simd>(
+    curvature: f64,
+    along: f64x4<S>,
+    out: f64x4<S>,
+    z: f64x4<S>,
+) -> f64x4<S> {
+    let (sine, cosine) = (z * curvature, along * curvature - 1.0);
+    let radial = (cosine * cosine + sine * sine).sqrt() + 1.0;
+    let in_plane = ((along * along + z * z) * curvature - along * 2.0) / radial;
+    in_plane * in_plane + out * out
 }
 
 /// Arc length from the base to the foot point on the circle: atan2(κz, 1 − κa)/κ, z at κ = 0.

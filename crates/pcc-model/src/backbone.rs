@@ -1,8 +1,10 @@
 //! The whole backbone of one configuration: frames, points, Jacobians, exact distances.
 
-use crate::arc::{Nearest, distance_to_circle, foot_arc_length};
+use crate::arc::{Nearest, distance_to_circle, foot_arc_length, squared_distances_to_circle};
 use crate::section::Arc;
 use crate::{Configuration, DOF, Point, SECTIONS};
+use fearless_simd::f64x4;
+use fearless_simd::prelude::*;
 use nalgebra::{Matrix3, SMatrix, Vector3};
 use std::f64::consts::{PI, TAU};
 
@@ -81,6 +83,25 @@ impl Section {
         }
         let (along, out) = self.in_plane_and_out(p);
         distance_to_circle(self.curvature, along, out, p.z)
+    }
+
+    /// [`Self::distance`] of four points at once.
+    #[inline(always)]
+    fn distances<S: Simd>(&self, p: &[f64x4<S>; 3]) -> f64x4<S> {
+        let [x, y, z] = *p;
+        let (from_end, tangent) = (minus(p, &self.end), &self.end_tangent);
+        let beyond_end = dot(&from_end, [tangent.x, tangent.y, tangent.z]);
+        let (after_base, before_end) = (z.simd_ge(0.0), beyond_end.simd_le(0.0));
+        let has_inner_foot = if self.arc.angle <= PI {
+            after_base & before_end
+        } else {
+            after_base | before_end
+        };
+        let [dx, dy] = self.direction;
+        let (along, out) = (x * dx + y * dy, y * dx - x * dy);
+        let to_circle = squared_distances_to_circle(self.curvature, along, out, z);
+        let to_ends = norms_squared(p).min(norms_squared(&from_end));
+        has_inner_foot.select(to_circle, to_ends).sqrt()
     }
 
     /// Distance to an end of the arc and that end's fraction, where no inner point is nearest.
@@ -233,6 +254,18 @@ impl Backbone {
         self.sections[section].distance(&self.in_section(section, point))
     }
 
+    /// Distances from four points (base frame, axis by axis) to a section, to the bit as [`Self::distance`] has them.
+    #[must_use]
+    #[inline(always)]
+    pub fn distances<S: Simd>(&self, section: usize, points: &[f64x4<S>; 3]) -> f64x4<S> {
+        let Pose { rotation, position } = &self.frames[section];
+        let away = minus(points, position);
+        let x = dot(&away, [rotation.m11, rotation.m21, rotation.m31]);
+        let y = dot(&away, [rotation.m12, rotation.m22, rotation.m32]);
+        let z = dot(&away, [rotation.m13, rotation.m23, rotation.m33]);
+        self.sections[section].distances(&[x, y, z])
+    }
+
     /// The point of a section nearest to a given one (base frame), exact for bending angles below 2π.
     #[must_use]
     pub fn nearest(&self, section: usize, point: &Point) -> Nearest {
@@ -267,4 +300,21 @@ impl Backbone {
         let frame = &self.frames[section];
         frame.position + frame.rotation * local
     }
+}
+
+// What follows is written out: closures would not take on the processor's features.
+
+#[inline(always)]
+fn minus<S: Simd>([x, y, z]: &[f64x4<S>; 3], by: &Vector3<f64>) -> [f64x4<S>; 3] {
+    [*x - by.x, *y - by.y, *z - by.z]
+}
+
+#[inline(always)]
+fn dot<S: Simd>([x, y, z]: &[f64x4<S>; 3], by: [f64; 3]) -> f64x4<S> {
+    *x * by[0] + *y * by[1] + *z * by[2]
+}
+
+#[inline(always)]
+fn norms_squared<S: Simd>([x, y, z]: &[f64x4<S>; 3]) -> f64x4<S> {
+    *x * *x + *y * *y + *z * *z
 }

@@ -3,6 +3,8 @@
 
 mod shapes;
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x4};
 use pcc_model::{Backbone, Configuration, Point, Robot};
 use rand::RngExt;
 use shapes::{any_point, any_shape, random, shape_of, unit_robot};
@@ -28,6 +30,15 @@ fn searched_distance(backbone: &Backbone, section: usize, p: &Point) -> f64 {
     at(0.5 * (low + high)).min(at(fraction(best)))
 }
 
+/// The distance of a point among four.
+fn distance_with_others(backbone: &Backbone, section: usize, p: &Point) -> f64 {
+    let distances: [f64; 4] = dispatch!(Level::new(), simd => {
+        let axis = |axis| f64x4::simd_from(simd, [0.0, p[axis], -0.3, 1.0]);
+        backbone.distances(section, &[axis(0), axis(1), axis(2)]).into()
+    });
+    distances[1]
+}
+
 fn check(robot: &Robot, shape: &Configuration, section: usize, p: &Point) {
     let backbone = robot.backbone(shape);
     let (distance, nearest) = (backbone.distance(section, p), backbone.nearest(section, p));
@@ -37,6 +48,7 @@ fn check(robot: &Robot, shape: &Configuration, section: usize, p: &Point) {
         error < 1e-9,
         "{distance} {searched} for section {section} of {shape} and {p}"
     );
+    assert_eq!(distance_with_others(&backbone, section, p), distance);
     assert!((nearest.distance - distance).abs() < 1e-14);
     assert!((0.0..=1.0).contains(&nearest.fraction));
     assert!(
