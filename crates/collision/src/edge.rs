@@ -5,6 +5,7 @@ use crate::certificate::{Instant, lowest, may_touch, reach};
 use crate::chain::Verdict;
 use crate::clearance::{Chosen, EVERY_SECTION, NO_SECTION};
 use crate::scene::Scene;
+use arrayvec::ArrayVec;
 use pcc_model::{Configuration, Robot, SECTIONS};
 
 /// Levels of bisection at which all open intervals are halved before any is halved again: contact is found soonest where the
@@ -80,21 +81,20 @@ impl Edge<'_> {
         if !whole.is_open() {
             return Ok(());
         }
-        let (mut wide, mut narrow) = ([whole; COARSE], [whole; COARSE]);
-        let (mut count, mut level, mut width) = (1, 0, 1.0);
+        let (mut first, mut second) = (ArrayVec::<_, COARSE>::new(), ArrayVec::new());
+        let (mut wide, mut narrow) = (&mut first, &mut second);
+        wide.push(whole);
+        let (mut level, mut width) = (0, 1.0);
         while level < depth.min(COARSE_LEVELS) {
             width *= 0.5;
-            let mut open = 0;
-            for interval in &wide[..count] {
-                for half in self.halves(interval, width)? {
-                    narrow[open] = half;
-                    open += usize::from(half.is_open());
-                }
+            for interval in wide.drain(..) {
+                let halves = self.halves(&interval, width)?.into_iter();
+                narrow.extend(halves.filter(Interval::is_open));
             }
             std::mem::swap(&mut wide, &mut narrow);
-            (count, level) = (open, level + 1);
+            level += 1;
         }
-        let mut open = wide[..count].iter();
+        let mut open = wide.iter();
         open.try_for_each(|interval| self.refine(interval, width, depth - level))
     }
 

@@ -202,7 +202,7 @@ impl FastModel {
     pub fn worth_a_worker(&self) -> usize {
         match detected().features() {
             #[cfg(target_arch = "x86_64")]
-            Features::Avx512 => 8,
+            Features::Avx512 => 5,
             _ => 4,
         }
     }

@@ -1,20 +1,18 @@
 //! The default planner: learned candidates, beside which straight segments compete, and trees for what is missing.
 
-use crate::finish::Demands;
+use crate::first_success::first_success;
 use crate::known_ways::KnownWays;
-use crate::least_duration::least_duration_s;
 use crate::path::{Waypoints, resample};
 use crate::plan::{Draw, Failure, Plan, Sampler, Source};
+use crate::race::{Decided, Race};
 use crate::rrt_connect::{RrtSettings, Search};
-use crate::run::{Aim, Proposal, Run, count_learned, unfinished};
+use crate::run::{Aim, Run, count_learned, unfinished};
 use pcc_model::{Configuration, Robot, SECTIONS};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::iter::once_with;
 use std::time::Instant;
 
-/// Straight segments that are finished at once: those that may be the fastest.
-const COMPETITORS: usize = 2;
 /// Tube growth of a tree's attempts: rounding its corners needs room, a narrow way may not have it.
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
 /// The same of ways that need only exist: beyond the accuracy with which a clearance is told.
@@ -39,53 +37,21 @@ impl Run<'_> {
     /// Learned paths to every goal shape; where a straight segment is the fastest motion of all, it takes the place of the
     /// learned path to the same shape; what is missing then is filled.
     ///
-    /// Segments that cannot be faster than what there is are not tried. What is delivered does not depend on the selection rule.
+    /// What is delivered does not depend on the selection rule.
     pub(crate) fn default(mut self, aim: &Aim) -> Plan {
-        let mut race = Race::new(&self.demands, &self.problem.start, &aim.ends);
-        let heat = race.next_heat();
         let clock = Instant::now();
-        let (drawn, (raced, kept)) = rayon::join(
-            || self.learned(aim),
-            || {
-                let raced = self.finish_each(self.segments(&aim.ends, &heat, f64::INFINITY));
-                let kept = self.finish_each(aim.kept().into_iter().collect());
-                (raced, kept)
-            },
-        );
+        let race = Race::new(&self, &aim.ends);
+        let (drawn, kept) = self.drawn_and_kept(aim, &race);
+        let Decided { winner, segments } = race.decide(&drawn);
         let wall_s = clock.elapsed().as_secs_f64();
-        let [mut draws, raced, kept] = self.share(wall_s, [drawn, raced, kept]);
-        race.record(&heat, raced);
+        let [mut draws, kept, mut segments] = self.share(wall_s, [drawn, kept, segments]);
         let learned = count_learned(&draws);
-        race.enter(&draws);
-        self.finish_race(&mut race, &aim.ends);
-        if let Some((end, straight)) = race.winner {
-            draws[end] = straight;
+        if let Some((end, segment)) = winner {
+            draws[end] = segments.swap_remove(segment);
         }
         self.keep(kept, &mut draws);
         self.fill(aim, &mut draws);
         self.answer(draws, learned)
-    }
-
-    fn finish_race(&mut self, race: &mut Race, ends: &[Configuration]) {
-        loop {
-            let heat = race.next_heat();
-            if heat.is_empty() {
-                break;
-            }
-            let finished = self.finish(self.segments(ends, &heat, race.best_s));
-            race.record(&heat, finished);
-        }
-    }
-
-    /// Straight segments to the chosen end shapes that may be faster than `slowest_s`.
-    fn segments(&self, ends: &[Configuration], chosen: &[usize], slowest_s: f64) -> Vec<Proposal> {
-        let chosen: Vec<Configuration> = chosen.iter().map(|&end| ends[end]).collect();
-        let proposal = |path| Proposal {
-            slowest_s,
-            ..Proposal::of(path, Source::Straight)
-        };
-        let paths = self.straight_paths(&chosen).into_iter();
-        paths.map(proposal).collect()
     }
 
     /// Reaches the goal shapes that are still missing from the motions there are; without any, trees find the first.
@@ -106,23 +72,23 @@ impl Run<'_> {
     /// answer.
     fn last_attempts(&self, aim: &Aim) -> Option<(usize, Draw)> {
         let grown = self.grown_by(LEAST_MARGIN);
-        let briefly = LAST_ATTEMPTS
-            .iter()
-            .enumerate()
-            .find_map(|(length, &samples)| {
-                let settings = RrtSettings {
-                    samples,
-                    ..RrtSettings::default()
-                };
-                let first = self.request.candidates + length * SEARCHES;
-                let indices = (first..first + SEARCHES).into_par_iter().with_max_len(1);
-                indices
-                    .find_map_first(|index| self.tree_to_any(index, &aim.ends, &grown, &settings))
-            });
+        let interrupt = self.supervision.interrupt;
+        let searches = LAST_ATTEMPTS.len() * SEARCHES;
+        let briefly = first_success(searches, interrupt, |number, interrupt| {
+            let settings = RrtSettings {
+                samples: LAST_ATTEMPTS[number / SEARCHES],
+                ..RrtSettings::default()
+            };
+            let search = Search {
+                interrupt,
+                ..self.search(&grown, &settings)
+            };
+            let rng = self.tree_rng(self.request.candidates + number);
+            self.tree_to_any(&search, &aim.ends, rng)
+        });
         briefly.or_else(|| {
-            let goals = aim.goals.par_iter().enumerate().with_max_len(1);
-            goals.find_map_first(|(i, goal)| {
-                let draw = self.tree(i, goal);
+            first_success(aim.goals.len(), interrupt, |i, _| {
+                let draw = self.tree(i, &aim.goals[i]);
                 draw.outcome.is_ok().then_some((i, draw))
             })
         })
@@ -131,16 +97,14 @@ impl Run<'_> {
     /// A motion to some end shape, by a tree that begins in all of them.
     fn tree_to_any(
         &self,
-        index: usize,
+        search: &Search,
         ends: &[Configuration],
-        grown: &Robot,
-        settings: &RrtSettings,
+        mut rng: Pcg64,
     ) -> Option<(usize, Draw)> {
-        let (search, mut rng) = (self.search(grown, settings), self.tree_rng(index));
         let polyline = search.grown_from(&self.problem.start, ends, &mut rng)?;
         let reached = ends.iter().position(|end| Some(end) == polyline.last())?;
         let mut draw = unfinished(Source::Tree, Failure::NoPath);
-        let is_followed = self.follow(&search, &polyline, &mut draw);
+        let is_followed = self.follow(search, &polyline, &mut draw);
         is_followed.then_some((reached, draw))
     }
 
@@ -297,64 +261,8 @@ fn replace(draw: &mut Draw, by: Draw) {
     }
 }
 
-/// The straight segments in the order of the least time that each can take: the fastest one is found with few of them.
-struct Race {
-    /// Ends, and the least duration of the segment to each, s.
-    order: Vec<(usize, f64)>,
-    begun: usize,
-    /// Shortest duration of any motion so far, s.
-    best_s: f64,
-    /// The segment that is this motion, and its end.
-    winner: Option<(usize, Draw)>,
-}
-
 /// Duration of a draw's motion; infinite if there is none.
 pub(crate) fn duration_s(draw: &Draw) -> f64 {
     let motion = draw.outcome.as_ref();
     motion.map_or(f64::INFINITY, |motion| motion.metrics.duration_s)
-}
-
-impl Race {
-    fn new(demands: &Demands, start: &Configuration, ends: &[Configuration]) -> Self {
-        let least_s =
-            |end: &Configuration| least_duration_s(demands.robot, &demands.limits, &[*start, *end]);
-        let mut order: Vec<(usize, f64)> = ends.iter().map(least_s).enumerate().collect();
-        order.sort_by(|a, b| a.1.total_cmp(&b.1));
-        Self {
-            order,
-            begun: 0,
-            best_s: f64::INFINITY,
-            winner: None,
-        }
-    }
-
-    /// The ends whose segments may still be the fastest, at most [`COMPETITORS`] of them.
-    fn next_heat(&mut self) -> Vec<usize> {
-        let open = self.order[self.begun..].iter();
-        let heat: Vec<usize> = open
-            .take(COMPETITORS)
-            .filter(|(_, least_s)| *least_s < self.best_s)
-            .map(|(end, _)| *end)
-            .collect();
-        self.begun += heat.len();
-        heat
-    }
-
-    fn record(&mut self, heat: &[usize], finished: Vec<Draw>) {
-        for (&end, draw) in heat.iter().zip(finished) {
-            if duration_s(&draw) < self.best_s {
-                self.best_s = duration_s(&draw);
-                self.winner = Some((end, draw));
-            }
-        }
-    }
-
-    /// Lets other motions compete.
-    fn enter(&mut self, draws: &[Draw]) {
-        let fastest_s = draws.iter().map(duration_s).fold(f64::INFINITY, f64::min);
-        if fastest_s <= self.best_s {
-            self.best_s = fastest_s;
-            self.winner = None;
-        }
-    }
 }

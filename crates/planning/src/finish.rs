@@ -8,6 +8,7 @@ use crate::plan::{Certified, Failure};
 use crate::planner::Interrupt;
 use crate::problem::BENDING_SLACK_RAD;
 use crate::pushes::PushKernel;
+use crate::race::Rival;
 use crate::straighten::TipCurves;
 use collision::{Scene, certify_polyline, certify_trajectory};
 use pcc_model::{Configuration, Robot, SECTIONS, TendonLimits};
@@ -23,10 +24,6 @@ const SMOOTHED_MARGIN: f64 = 0.01;
 const LEAST_KNOTS_OF_A_LEG: usize = 8;
 /// Corrections that a path gets at most.
 pub const MOST_CORRECTIONS: usize = 2;
-
-/// A path whose least duration is this much above what it must beat is not timed: the curve that is executed, which bounding
-/// jerk rounds at turns, and another correction may be a little faster than the path.
-pub(crate) const SURELY_SLOWER: f64 = 1.02;
 
 thread_local! {
     /// Each worker's memory, kept from request to request.
@@ -118,8 +115,13 @@ impl Demands<'_> {
     /// rough path is drawn onto a smooth curve: a straight one without correction if that is clear, else one beside the
     /// corrected path.
     ///
-    /// A motion that takes `slowest_s` or longer is left unfinished, and so is a path that a push has made surely too slow.
-    pub(crate) fn finish(&self, path: Waypoints, is_rough: bool, slowest_s: f64) -> Finished {
+    /// A motion that does not beat its rival is left unfinished, and so is a path that a push has made surely too slow.
+    pub(crate) fn finish(
+        &self,
+        path: Waypoints,
+        is_rough: bool,
+        rival: Option<&Rival>,
+    ) -> Finished {
         let mut finished = Finished {
             path,
             outcome: Err(Failure::Truncated),
@@ -133,13 +135,13 @@ impl Demands<'_> {
             }
             let is_corrected = self.corrections > 0 && !(attempt == 0 && is_clear);
             let corrected = if is_corrected {
-                self.correct(attempt, &mut finished, slowest_s)
+                self.correct(attempt, &mut finished, rival)
             } else {
                 Ok(())
             };
             match corrected {
-                Ok(()) if is_corrected && is_rough => self.deliver_smooth(&mut finished, slowest_s),
-                Ok(()) => self.deliver(&mut finished, slowest_s),
+                Ok(()) if is_corrected && is_rough => self.deliver_smooth(&mut finished, rival),
+                Ok(()) => self.deliver(&mut finished, rival),
                 Err(failure) => finished.outcome = Err(failure),
             }
             if matches!(finished.outcome, Ok(_) | Err(Failure::Slower)) {
@@ -174,12 +176,12 @@ impl Demands<'_> {
             .smooth(self.grown, self.scene, SMOOTHED_MARGIN, path)
     }
 
-    /// Pushes a path out of obstacles, unless it becomes slower than `slowest_s` by that.
+    /// Pushes a path out of obstacles, unless that makes it surely slower than its rival.
     fn correct(
         &self,
         attempt: usize,
         finished: &mut Finished,
-        slowest_s: f64,
+        rival: Option<&Rival>,
     ) -> Result<(), Failure> {
         let mut clock = Instant::now();
         let corrector = Corrector {
@@ -192,7 +194,7 @@ impl Demands<'_> {
                 CORRECTION_MARGINS[attempt],
                 &mut finished.path,
                 &mut memory.correction,
-                |path| self.is_slower(path, slowest_s),
+                |path| self.surely_loses(path, rival),
             )
         });
         finished.laps.correct += lap(&mut clock);
@@ -204,49 +206,57 @@ impl Demands<'_> {
     }
 
     /// Delivers a corrected path on a smooth curve beside its way, or as it is where that is refused.
-    fn deliver_smooth(&self, finished: &mut Finished, slowest_s: f64) {
+    fn deliver_smooth(&self, finished: &mut Finished, rival: Option<&Rival>) {
         let corrected = finished.path.clone();
         let mut clock = Instant::now();
         self.smooth(&mut finished.path);
         finished.laps.correct += lap(&mut clock);
-        self.deliver(finished, slowest_s);
+        self.deliver(finished, rival);
         if finished.is_refused_beside(&corrected) {
             finished.path = corrected;
-            self.deliver(finished, slowest_s);
+            self.deliver(finished, rival);
         }
     }
 
     /// Times, certifies and describes a path as it is.
-    fn deliver(&self, finished: &mut Finished, slowest_s: f64) {
+    fn deliver(&self, finished: &mut Finished, rival: Option<&Rival>) {
         if (self.interrupt)() {
             finished.outcome = Err(Failure::Truncated);
             return;
         }
         let mut clock = Instant::now();
-        let timed = self.time_below(&finished.path, slowest_s);
+        let timed = self.time_winner(&finished.path, rival);
         finished.laps.time += lap(&mut clock);
         let certified = timed.and_then(|motion| self.certify(&motion).map(|()| motion));
         finished.laps.certify += lap(&mut clock);
-        finished.outcome = certified.and_then(|motion| self.describe_below(motion, slowest_s));
+        finished.outcome = certified.and_then(|motion| self.describe_winner(motion, rival));
         finished.laps.select += lap(&mut clock);
     }
 
-    /// Times a path that may be faster than that.
-    fn time_below(&self, path: &[Configuration], slowest_s: f64) -> Result<Trajectory, Failure> {
-        if self.is_slower(path, slowest_s) {
+    /// Times a path that may beat its rival.
+    fn time_winner(
+        &self,
+        path: &[Configuration],
+        rival: Option<&Rival>,
+    ) -> Result<Trajectory, Failure> {
+        if self.surely_loses(path, rival) {
             return Err(Failure::Slower);
         }
         self.time(path)
     }
 
-    /// Whether every motion along a path surely takes longer than that.
-    fn is_slower(&self, path: &[Configuration], slowest_s: f64) -> bool {
+    /// Whether no motion along a path beats its rival.
+    fn surely_loses(&self, path: &[Configuration], rival: Option<&Rival>) -> bool {
         let least_s = || least_duration_s(self.robot, &self.limits, path);
-        slowest_s.is_finite() && least_s() > SURELY_SLOWER * slowest_s
+        rival.is_some_and(|rival| rival.surely_beats(least_s()))
     }
 
-    fn describe_below(&self, motion: Trajectory, slowest_s: f64) -> Result<Certified, Failure> {
-        if motion.duration() >= slowest_s {
+    fn describe_winner(
+        &self,
+        motion: Trajectory,
+        rival: Option<&Rival>,
+    ) -> Result<Certified, Failure> {
+        if rival.is_some_and(|rival| rival.beats(motion.duration())) {
             return Err(Failure::Slower);
         }
         Ok(self.describe(motion))

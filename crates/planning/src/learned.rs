@@ -5,7 +5,8 @@ use crate::features::{COEFFICIENTS, CanonicalProblem, Features};
 use crate::finish::{Laps, lap};
 use crate::path::{Waypoints, straight_path};
 use crate::plan::{Draw, Failure, Source};
-use crate::run::{Aim, Proposal, Run, unfinished};
+use crate::race::Race;
+use crate::run::{Aim, Finishes, Proposal, Run, unfinished};
 use crate::sampling::{sample_paths, share};
 use denoiser::{CandidateInput, FastModel, WarmStart};
 use pcc_model::Configuration;
@@ -33,15 +34,15 @@ const STRIDE: usize = 4;
 impl Run<'_> {
     /// One path of the few-step model to each goal shape, the first ones begun from what is left of other paths.
     ///
-    /// Parts are drawn and finished without waiting for each other.
-    pub(crate) fn learned(&self, aim: &Aim) -> Vec<(Draw, Laps)> {
+    /// Parts are drawn and finished without waiting for each other; segments race beside them.
+    pub(crate) fn learned(&self, aim: &Aim, race: &Race) -> Finishes {
         let Some(drawing) = Drawing::of(self) else {
             return Vec::new();
         };
         let share = share(drawing.model, aim.goals.len());
         let parts = aim.goals.par_chunks(share).enumerate();
         let parts: Vec<_> = parts
-            .map(|(part, goals)| drawing.part(aim, part * share, goals))
+            .map(|(part, goals)| drawing.part(aim, part * share, goals, race))
             .collect();
         parts.into_iter().flatten().collect()
     }
@@ -107,7 +108,7 @@ impl<'a> Drawing<'a> {
     }
 
     /// Draws and finishes the paths to some goal shapes, from the draw `first` on.
-    fn part(&self, aim: &Aim, first: usize, goals: &[Configuration]) -> Vec<(Draw, Laps)> {
+    fn part(&self, aim: &Aim, first: usize, goals: &[Configuration], race: &Race) -> Finishes {
         let mut clock = Instant::now();
         let Some(features) = self.features(goals) else {
             let draw = unfinished(Source::Learned, Failure::Truncated);
@@ -119,7 +120,10 @@ impl<'a> Drawing<'a> {
         };
         let proposals = self.draw(aim, first, goals, &features);
         laps.sample = lap(&mut clock);
-        let mut finished = self.run.finish_each(proposals);
+        race.wait_for(proposals.len());
+        let proposals = proposals.into_par_iter().with_max_len(1);
+        let finished = proposals.map(|proposal| race.finish(proposal));
+        let mut finished: Finishes = finished.collect();
         finished[0].1.add(&laps);
         finished
     }

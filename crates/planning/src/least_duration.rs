@@ -76,8 +76,8 @@ fn least_with_any_jerk_s(limits: &TendonLimits, way: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::finish::SURELY_SLOWER;
     use crate::path::{resample, straight_path};
+    use crate::race::SURELY_SLOWER;
     use crate::scenes::{random_configuration, unit_robot};
     use rand::SeedableRng;
     use rand_pcg::Pcg64;

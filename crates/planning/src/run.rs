@@ -14,6 +14,7 @@ use crate::plan::{
 use crate::planner::{Planner, PlannerError, Supervision};
 use crate::previous::Rest;
 use crate::problem::Problem;
+use crate::race::{Race, Rival};
 use crate::select::{is_worth_a_change, select};
 use crate::terminal::attach;
 use pcc_model::{Configuration, Robot, TendonLimits};
@@ -52,22 +53,22 @@ pub(crate) struct Proposal {
     pub(crate) draw: Option<usize>,
     /// Whether its tip is drawn onto a smooth curve.
     pub(crate) is_rough: bool,
-    /// It is left unfinished if it takes this long or longer, s.
-    pub(crate) slowest_s: f64,
 }
 
 impl Proposal {
-    /// A path that is finished as it is, however long it takes.
+    /// A path that is finished as it is.
     pub(crate) fn of(path: Waypoints, source: Source) -> Self {
         Self {
             path,
             source,
             draw: None,
             is_rough: false,
-            slowest_s: f64::INFINITY,
         }
     }
 }
+
+/// Finished paths, and the time that each took.
+pub(crate) type Finishes = Vec<(Draw, Laps)>;
 
 /// Paths as the draws 0, 1, 2, …
 pub(crate) fn draws_of(paths: Vec<Waypoints>, source: Source) -> Vec<Proposal> {
@@ -171,15 +172,25 @@ impl<'a> Run<'a> {
     /// The learned sampler alone, beside what is left of the motion that is followed.
     fn fast(mut self, aim: &Aim) -> Plan {
         let clock = Instant::now();
-        let (drawn, kept) = rayon::join(
-            || self.learned(aim),
-            || self.finish_each(aim.kept().into_iter().collect()),
-        );
+        let without_segments = Race::new(&self, &[]);
+        let (drawn, kept) = self.drawn_and_kept(aim, &without_segments);
         let [mut draws, kept] = self.share(clock.elapsed().as_secs_f64(), [drawn, kept]);
         let learned = count_learned(&draws);
         self.keep(kept, &mut draws);
         self.explore(aim, &mut draws);
         self.answer(draws, learned)
+    }
+
+    /// The learned paths, beside which segments race, and what is left of the motion that is followed.
+    pub(crate) fn drawn_and_kept(&self, aim: &Aim, race: &Race) -> (Finishes, Finishes) {
+        rayon::join(
+            || self.learned(aim, race),
+            || {
+                let kept = self.finish_each(aim.kept().into_iter().collect());
+                race.run_meanwhile();
+                kept
+            },
+        )
     }
 
     /// The paper's sampler; the end shapes are the network's, and correction brings their tips to the goal.
@@ -270,7 +281,7 @@ impl<'a> Run<'a> {
     pub(crate) fn share<const N: usize>(
         &mut self,
         wall_s: f64,
-        finished: [Vec<(Draw, Laps)>; N],
+        finished: [Finishes; N],
     ) -> [Vec<Draw>; N] {
         let laps = finished.iter().flatten().map(|(_, laps)| *laps);
         self.stages.share(wall_s, laps);
@@ -278,18 +289,21 @@ impl<'a> Run<'a> {
     }
 
     /// The same, without counting the time.
-    pub(crate) fn finish_each(&self, proposals: Vec<Proposal>) -> Vec<(Draw, Laps)> {
+    pub(crate) fn finish_each(&self, proposals: Vec<Proposal>) -> Finishes {
         let proposals = proposals.into_par_iter().with_max_len(1);
         proposals
             .map(|proposal| self.finish_one(proposal))
             .collect()
     }
 
-    fn finish_one(&self, proposal: Proposal) -> (Draw, Laps) {
+    pub(crate) fn finish_one(&self, proposal: Proposal) -> (Draw, Laps) {
+        self.finish_against(proposal, None)
+    }
+
+    /// Finishes a path that counts only if it beats its rival.
+    pub(crate) fn finish_against(&self, proposal: Proposal, rival: Option<&Rival>) -> (Draw, Laps) {
         let sampled = proposal.path.clone();
-        let finished = self
-            .demands
-            .finish(proposal.path, proposal.is_rough, proposal.slowest_s);
+        let finished = self.demands.finish(proposal.path, proposal.is_rough, rival);
         let draw = Draw {
             sampled: Some(sampled),
             path: Some(finished.path),
