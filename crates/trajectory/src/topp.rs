@@ -62,7 +62,7 @@ const UNBOUNDED: f64 = 1e100;
 /// Into how many parts an interval is divided whose speeds are not optimal.
 const PARTS_WHERE_NOT_OPTIMAL: u32 = 4;
 /// How often the grid is refined at most.
-const REFINEMENTS: usize = 3;
+const REFINEMENTS: usize = 2;
 
 impl SpeedProfile {
     /// Finds the fastest x along `spline` on about `intervals` grid intervals.
