@@ -125,10 +125,8 @@ impl Service {
         }
         let (mut last_work, mut last_attention) = (Instant::now(), None);
         while !terminated.load(Ordering::Relaxed) {
-            if self.round() {
+            if self.round() || self.pause(last_work) {
                 last_work = Instant::now();
-            } else {
-                self.pause(last_work);
             }
             if last_attention.is_none_or(|last: Instant| last.elapsed() >= ATTENTION) {
                 last_attention = Some(Instant::now());
@@ -339,20 +337,22 @@ impl Service {
         }
     }
 
-    /// Waits a moment for the plan under way, or for requests.
-    fn pause(&mut self, last_work: Instant) {
+    /// Waits a moment for the plan under way, or for requests; whether there was an answer.
+    fn pause(&mut self, last_work: Instant) -> bool {
         let Waiting { mode, spin, pause } = self.waiting;
         if mode == WaitMode::Poll {
             std::hint::spin_loop();
         } else if self.in_flight.is_some() {
-            if let Some(product) = self.planning.wait(pause) {
-                self.deliver(product);
-            }
+            let product = self.planning.wait(pause);
+            let is_answer = product.is_some();
+            product.into_iter().for_each(|product| self.deliver(product));
+            return is_answer;
         } else if mode == WaitMode::Hybrid && last_work.elapsed() < spin {
             sleep(GLANCE.min(pause));
         } else {
             sleep(pause);
         }
+        false
     }
 
     /// Answers the plan under way, and tells all who wait that the daemon ends.
