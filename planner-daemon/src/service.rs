@@ -345,7 +345,9 @@ impl Service {
         } else if self.in_flight.is_some() {
             let product = self.planning.wait(pause);
             let is_answer = product.is_some();
-            product.into_iter().for_each(|product| self.deliver(product));
+            product
+                .into_iter()
+                .for_each(|product| self.deliver(product));
             return is_answer;
         } else if mode == WaitMode::Hybrid && last_work.elapsed() < spin {
             sleep(GLANCE.min(pause));

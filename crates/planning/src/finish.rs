@@ -194,7 +194,7 @@ impl Demands<'_> {
                 CORRECTION_MARGINS[attempt],
                 &mut finished.path,
                 &mut memory.correction,
-                |path| self.surely_loses(path, rival),
+                |path| rival.is_some_and(|rival| rival.is_far_ahead_of(self.least_s(path))),
             )
         });
         finished.laps.correct += lap(&mut clock);
@@ -239,16 +239,14 @@ impl Demands<'_> {
         path: &[Configuration],
         rival: Option<&Rival>,
     ) -> Result<Trajectory, Failure> {
-        if self.surely_loses(path, rival) {
+        if rival.is_some_and(|rival| rival.surely_beats(self.least_s(path))) {
             return Err(Failure::Slower);
         }
         self.time(path)
     }
 
-    /// Whether no motion along a path beats its rival.
-    fn surely_loses(&self, path: &[Configuration], rival: Option<&Rival>) -> bool {
-        let least_s = || least_duration_s(self.robot, &self.limits, path);
-        rival.is_some_and(|rival| rival.surely_beats(least_s()))
+    fn least_s(&self, path: &[Configuration]) -> f64 {
+        least_duration_s(self.robot, &self.limits, path)
     }
 
     fn describe_winner(

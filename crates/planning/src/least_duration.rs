@@ -2,59 +2,37 @@
 
 use pcc_model::{Configuration, DOF, Robot, TendonLimits};
 
-/// No motion from rest to rest through these shapes (radians) is faster, s: some tendon needs it for its own way alone, with
-/// its velocity, acceleration and jerk limited; wherever it turns back its velocity is zero.
+/// No motion from rest to rest through these shapes (radians) is faster, s.
+///
+/// In every step the tendon that has the longest way there needs at least its time. So no motion is faster than one of a
+/// single tendon whose way is the sum of the longest ways: it, too, is nowhere faster than the limits of velocity,
+/// acceleration and jerk allow from a rest on and up to one.
 pub(crate) fn least_duration_s(
     robot: &Robot,
     limits: &TendonLimits,
     shapes: &[Configuration],
 ) -> f64 {
     let matrix = robot.tendons.matrix();
-    let tendon = |row: usize| {
-        let row: Configuration = matrix.fixed_view::<1, DOF>(row, 0).transpose();
-        let (mut way, mut total, mut begin) = (0.0_f64, 0.0, End::Resting);
-        for pair in shapes.windows(2) {
-            let step = row.dot(&(pair[1] - pair[0]));
-            if step * way < 0.0 {
-                total += least_s(limits, way.abs(), [begin, End::Turning]);
-                (way, begin) = (0.0, End::Turning);
-            }
-            way += step;
-        }
-        total + least_s(limits, way.abs(), [begin, End::Resting])
+    let longest_way = |pair: &[Configuration]| {
+        let step = pair[1] - pair[0];
+        let way = |row| matrix.fixed_view::<1, DOF>(row, 0).tr_dot(&step).abs();
+        (0..matrix.nrows()).map(way).fold(0.0, f64::max)
     };
-    (0..matrix.nrows()).map(tendon).fold(0.0, f64::max)
+    least_s(limits, shapes.windows(2).map(longest_way).sum())
 }
 
-/// Where a tendon's velocity is zero.
-#[derive(Clone, Copy)]
-enum End {
-    /// Its acceleration, too.
-    Resting,
-    /// Its acceleration may be any that is allowed.
-    Turning,
-}
-
-/// Lower bound of a tendon's time, s, for a way in one direction (length, not negative).
+/// Lower bound of a tendon's time from rest to rest, s, for a way in one direction (length, not negative).
 ///
-/// The velocity t after an end is at most the limit v, and at most what acceleration a allows: a t, or from rest, as jerk j
-/// allows, j t²/2 until t = a/j and then a t − a²/(2j). The area under the least of these is the way that can be made in T: v T
-/// less v²/(2a) at an end or, from rest, v²/(2a) + v a/(2j) − a³/(24 j²). That holds where v is reached after a, and from both
-/// ends within T; elsewhere jerk is left out.
-fn least_s(limits: &TendonLimits, way: f64, ends: [End; 2]) -> f64 {
+/// The velocity t after an end is at most the limit v, and at most what acceleration a and jerk j allow: j t²/2 until t = a/j and
+/// then a t − a²/(2j). The area under the least of these is the way that can be made in T: v T less
+/// v²/(2a) + v a/(2j) − a³/(24 j²) at each end. That holds where v is reached after a, and from both ends within T; elsewhere
+/// jerk is left out.
+fn least_s(limits: &TendonLimits, way: f64) -> f64 {
     let (speed, acceleration) = (limits.velocity, limits.acceleration);
     let build_up = acceleration / limits.jerk;
-    let (mut lost, mut accelerating) = (0.0, 0.0);
-    for end in ends {
-        lost += 0.5 * speed / acceleration;
-        accelerating += speed / acceleration;
-        if matches!(end, End::Resting) {
-            let overlap = acceleration * build_up / (24.0 * speed);
-            lost += build_up * (0.5 - overlap);
-            accelerating += 0.5 * build_up;
-        }
-    }
-    let least = way / speed + lost;
+    let overlap = acceleration * build_up / (24.0 * speed);
+    let least = way / speed + speed / acceleration + build_up * (1.0 - 2.0 * overlap);
+    let accelerating = 2.0 * speed / acceleration + build_up;
     let reaches_speed = least >= accelerating && speed >= 0.5 * acceleration * build_up;
     if reaches_speed {
         least
@@ -100,19 +78,19 @@ mod tests {
     }
 
     #[test]
-    fn a_way_there_and_back_takes_twice_as_long_but_for_a_rest_at_the_turn() {
+    fn ways_of_different_tendons_add_up() {
         let robot = unit_robot();
         let limits = &robot.tendon_limits;
-        let rest = Configuration::zeros();
-        let bent = Configuration::from_column_slice(&[0.0, 0.8, 0.0, 0.0, 0.0, 0.0]);
-        let there = least_duration_s(&robot, limits, &[rest, bent]);
-        let halfway = least_duration_s(&robot, limits, &[rest, bent * 0.5, bent]);
-        let and_back = least_duration_s(&robot, limits, &[rest, bent, rest]);
-        assert!(there > 0.5);
-        assert!((halfway - there).abs() < 1e-12);
-        let build_up = limits.acceleration / limits.jerk;
-        let saved = 2.0 * there - and_back;
-        assert!((0.9 * build_up..=build_up).contains(&saved), "{saved}");
+        let bent = |x: f64, y: f64| Configuration::from_row_slice(&[x, y, 0.0, 0.0, 0.0, 0.0]);
+        let shapes = [bent(0.0, 0.0), bent(0.8, 0.0), bent(0.8, 0.8)];
+        let [first, second] = [0, 1].map(|i| least_duration_s(&robot, limits, &shapes[i..i + 2]));
+        let both = least_duration_s(&robot, limits, &shapes);
+        let at_ends = limits.velocity / limits.acceleration + limits.acceleration / limits.jerk;
+        assert!((first + second - both - at_ends).abs() < 0.1 * at_ends);
+        let straight = least_duration_s(&robot, limits, &[shapes[0], shapes[2]]);
+        assert!(straight < 0.95 * both);
+        let halfway = [shapes[0], bent(0.4, 0.0), shapes[1]];
+        assert!((least_duration_s(&robot, limits, &halfway) - first).abs() < 1e-12);
     }
 
     #[test]
@@ -137,7 +115,7 @@ mod tests {
     fn a_short_way_takes_no_less_than_without_a_limit_on_jerk() {
         let limits = &unit_robot().tendon_limits;
         for way in [0.0, 1e-6, 1e-3, 0.01, 0.02, 0.03, 1.0] {
-            let least = least_s(limits, way, [End::Resting; 2]);
+            let least = least_s(limits, way);
             assert!(least >= least_with_any_jerk_s(limits, way));
         }
     }

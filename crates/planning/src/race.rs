@@ -15,9 +15,11 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// A path whose least duration is this much above what it must beat is not timed: the curve that is executed, which bounding
-/// jerk rounds at turns, and another correction may be a little faster than the path.
+/// A corrected path whose least duration is this much above what it must beat is not timed: the curve that is executed, which
+/// bounding jerk rounds at turns, and another correction may be a little faster.
 pub(crate) const SURELY_SLOWER: f64 = 1.02;
+/// So much above it, a path is given up between two pushes: the next ones may make it a little faster again.
+const GIVEN_UP: f64 = 1.2;
 
 /// The shortest duration of any motion so far.
 struct Shortest(AtomicU64);
@@ -38,25 +40,35 @@ impl Shortest {
     }
 }
 
-/// What a segment must beat, and the largest of the least durations that it was found to have on its way, s.
+/// What a segment must beat, and from where on it would have lost on its way.
 pub(crate) struct Rival<'a> {
     shortest: &'a Shortest,
-    largest_least_s: Cell<f64>,
+    /// Largest duration, s, of a rival that would have beaten it before its end.
+    would_lose_to_s: Cell<f64>,
 }
 
 impl<'a> Rival<'a> {
     fn new(shortest: &'a Shortest) -> Self {
         Self {
             shortest,
-            largest_least_s: Cell::new(0.0),
+            would_lose_to_s: Cell::new(0.0),
         }
+    }
+
+    /// Whether who takes at least `least_s` and is still pushed is given up.
+    pub(crate) fn is_far_ahead_of(&self, least_s: f64) -> bool {
+        self.beats_all_from(least_s / GIVEN_UP)
     }
 
     /// Whether who takes at least `least_s` surely loses.
     pub(crate) fn surely_beats(&self, least_s: f64) -> bool {
-        self.largest_least_s
-            .set(self.largest_least_s.get().max(least_s));
-        is_surely_slower(least_s, self.shortest.duration_s())
+        self.beats_all_from(least_s / SURELY_SLOWER)
+    }
+
+    fn beats_all_from(&self, duration_s: f64) -> bool {
+        let before_s = self.would_lose_to_s.get();
+        self.would_lose_to_s.set(before_s.max(duration_s));
+        duration_s > self.shortest.duration_s()
     }
 
     /// Whether who takes that long loses.
@@ -65,16 +77,11 @@ impl<'a> Rival<'a> {
     }
 }
 
-/// Whether a path that takes at least `least_s` makes no motion that is faster than `duration_s`.
-fn is_surely_slower(least_s: f64, duration_s: f64) -> bool {
-    least_s > SURELY_SLOWER * duration_s
-}
-
 /// A segment that has run.
 struct Runner {
     /// In the order of least durations.
     place: usize,
-    largest_least_s: f64,
+    would_lose_to_s: f64,
     finish: (Draw, Laps),
 }
 
@@ -153,7 +160,7 @@ impl<'a> Race<'a> {
         self.shortest.note(duration_s(&finish.0));
         let runner = Runner {
             place,
-            largest_least_s: rival.largest_least_s.get(),
+            would_lose_to_s: rival.would_lose_to_s.get(),
             finish,
         };
         let mut runners = self.runners.lock().unwrap_or_else(PoisonError::into_inner);
@@ -170,8 +177,7 @@ impl<'a> Race<'a> {
         let (mut shortest_s, mut winner) = (drawn_s.fold(f64::INFINITY, f64::min), None);
         for (index, runner) in runners.iter().enumerate() {
             let duration_s = duration_s(&runner.finish.0);
-            let is_given_up = is_surely_slower(runner.largest_least_s, shortest_s);
-            if duration_s < shortest_s && !is_given_up {
+            if duration_s < shortest_s && runner.would_lose_to_s <= shortest_s {
                 shortest_s = duration_s;
                 winner = Some((self.order[runner.place].0, index));
             }
