@@ -343,12 +343,10 @@ impl Service {
         if mode == WaitMode::Poll {
             std::hint::spin_loop();
         } else if self.in_flight.is_some() {
-            let product = self.planning.wait(pause);
-            let is_answer = product.is_some();
-            product
-                .into_iter()
-                .for_each(|product| self.deliver(product));
-            return is_answer;
+            if let Some(product) = self.planning.wait(pause) {
+                self.deliver(product);
+                return true;
+            }
         } else if mode == WaitMode::Hybrid && last_work.elapsed() < spin {
             sleep(GLANCE.min(pause));
         } else {

@@ -12,10 +12,9 @@ const PLACES: [f64; 4] = [0.125, 0.375, 0.625, 0.875];
 /// How far from the nearest of them a section's points are at most, fraction.
 const AROUND: f64 = 0.125;
 
-/// The balls of a scene, in their order.
+/// Finds the balls that it was made of; whoever asks has them.
 #[derive(Clone, Debug)]
 pub(crate) struct BallTree {
-    balls: Vec<Ball>,
     largest_radius: f64,
     tree: Bvh,
 }
@@ -24,24 +23,28 @@ impl BallTree {
     pub(crate) fn of(balls: &[Ball]) -> Self {
         let boxes: Vec<Aabb> = balls.iter().map(cube).collect();
         Self {
-            balls: balls.to_vec(),
             largest_radius: balls.iter().map(|ball| ball.radius).fold(0.0, f64::max),
             tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
         }
     }
 
     /// Distance from each chosen section's backbone to the nearest surface; +∞ for the others.
-    pub(crate) fn nearest(&self, backbone: &Backbone, chosen: &Chosen) -> [f64; SECTIONS] {
+    pub(crate) fn nearest(
+        &self,
+        balls: &[Ball],
+        backbone: &Backbone,
+        chosen: &Chosen,
+    ) -> [f64; SECTIONS] {
         std::array::from_fn(|section| {
             if chosen[section] {
-                self.nearest_to(backbone, section)
+                self.nearest_to(balls, backbone, section)
             } else {
                 f64::INFINITY
             }
         })
     }
 
-    fn nearest_to(&self, backbone: &Backbone, section: usize) -> f64 {
+    fn nearest_to(&self, balls: &[Ball], backbone: &Backbone, section: usize) -> f64 {
         let (places, around) = places(backbone, section);
         let deepest = -self.largest_radius;
         let node_cost = |gap: f64| if gap > 0.0 { gap } else { deepest } - around;
@@ -49,7 +52,7 @@ impl BallTree {
             f64::MAX,
             |node, _| node_cost(gap_to_box(&places, &node.aabb())),
             |i, best| {
-                let ball = &self.balls[i as usize];
+                let ball = &balls[i as usize];
                 is_within(ball, &places, best + around)
                     .then(|| surface_distance(backbone, section, ball))
             },
@@ -60,6 +63,7 @@ impl BallTree {
     /// Calls `visit` with every section and the index of every ball whose surface is nearer to its backbone than its reach.
     pub(crate) fn for_each_within(
         &self,
+        balls: &[Ball],
         backbone: &Backbone,
         reaches: &[f64; SECTIONS],
         mut visit: impl FnMut(usize, usize),
@@ -69,7 +73,7 @@ impl BallTree {
             let corners = places.iter().map(|place| DVec3::from(*place));
             let aabb = Aabb::from_points(corners).loosened((around + reach).max(0.0));
             for index in self.tree.intersect_aabb(&aabb).map(|index| index as usize) {
-                let ball = &self.balls[index];
+                let ball = &balls[index];
                 let is_near = is_within(ball, &places, around + reach);
                 if is_near && surface_distance(backbone, section, ball) < reach {
                     visit(section, index);

@@ -14,8 +14,8 @@ pub const MAX_BALLS: usize = 2048;
 pub const MAX_SOLIDS: usize = 256;
 /// Largest coordinate and radius of a ball, length unit: beyond it clearances lose more digits than a motion has room.
 pub const MAX_EXTENT: f64 = 1e7;
-/// Up to this many balls a plain scan is faster than the tree.
-const SCAN_UP_TO: usize = 256;
+/// Up to this many balls are looked at all, in groups; of more a tree finds those that are near.
+const GROUPED_UP_TO: usize = 256;
 
 /// A ball.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,7 +109,7 @@ impl Scene {
                 radius: balls[index].radius,
             });
         }
-        let finder = if balls.len() > SCAN_UP_TO {
+        let finder = if balls.len() > GROUPED_UP_TO {
             Finder::Tree(BallTree::of(&balls))
         } else {
             Finder::Groups(BallGroups::of(&balls))
@@ -164,7 +164,7 @@ impl Scene {
     pub(crate) fn nearest_balls(&self, backbone: &Backbone, chosen: &Chosen) -> [f64; SECTIONS] {
         match &self.finder {
             Finder::Groups(groups) => groups.nearest(backbone, chosen),
-            Finder::Tree(tree) => tree.nearest(backbone, chosen),
+            Finder::Tree(tree) => tree.nearest(&self.balls, backbone, chosen),
         }
     }
 
@@ -177,7 +177,7 @@ impl Scene {
     ) {
         match &self.finder {
             Finder::Groups(groups) => groups.for_each_within(backbone, reaches, visit),
-            Finder::Tree(tree) => tree.for_each_within(backbone, reaches, visit),
+            Finder::Tree(tree) => tree.for_each_within(&self.balls, backbone, reaches, visit),
         }
     }
 }

@@ -130,6 +130,20 @@ fn contacts_are_appended() {
 }
 
 #[test]
+fn every_ball_is_within_an_infinite_margin() {
+    let (robot, mut random) = (unit_robot(), random(6));
+    let backbone = robot.backbone(&shape(&mut random, 1.0));
+    for count in [1, 4, 5, 300] {
+        let scene = scene(&mut random, count, 0.2..0.4);
+        let mut contacts = Vec::new();
+        scene.contacts_within(&backbone, &[0.2; 3], f64::INFINITY, &mut contacts);
+        let mut found: Vec<usize> = contacts.iter().map(|contact| contact.obstacle).collect();
+        found.sort_unstable();
+        assert_eq!(found, (0..count).collect::<Vec<_>>());
+    }
+}
+
+#[test]
 fn an_empty_scene_is_infinitely_clear() {
     let (robot, scene) = (unit_robot(), Scene::default());
     let backbone = robot.backbone(&Configuration::zeros());

@@ -254,7 +254,8 @@ impl Backbone {
         self.sections[section].distance(&self.in_section(section, point))
     }
 
-    /// Distances from four points (base frame, axis by axis) to a section, to the bit as [`Self::distance`] has them.
+    /// Distances from four points (base frame, axis by axis, length unit) to a section, exact for bending angles below 2π, to the
+    /// bit as [`Self::distance`] has them.
     #[must_use]
     #[inline(always)]
     pub fn distances<S: Simd>(&self, section: usize, points: &[f64x4<S>; 3]) -> f64x4<S> {

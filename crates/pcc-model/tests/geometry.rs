@@ -30,13 +30,20 @@ fn searched_distance(backbone: &Backbone, section: usize, p: &Point) -> f64 {
     at(0.5 * (low + high)).min(at(fraction(best)))
 }
 
-/// The distance of a point among four.
-fn distance_with_others(backbone: &Backbone, section: usize, p: &Point) -> f64 {
-    let distances: [f64; 4] = dispatch!(Level::new(), simd => {
-        let axis = |axis| f64x4::simd_from(simd, [0.0, p[axis], -0.3, 1.0]);
-        backbone.distances(section, &[axis(0), axis(1), axis(2)]).into()
-    });
-    distances[1]
+/// The distances of a point that is each of four in turn.
+fn distances_among_others(backbone: &Backbone, section: usize, p: &Point) -> [f64; 4] {
+    std::array::from_fn(|place| {
+        let axis = |axis: usize| {
+            let mut values = [0.0, -0.3, 1.0, 2.5];
+            values[place] = p[axis];
+            values
+        };
+        let distances: [f64; 4] = dispatch!(Level::new(), simd => {
+            let points = [axis(0), axis(1), axis(2)].map(|values| f64x4::simd_from(simd, values));
+            backbone.distances(section, &points).into()
+        });
+        distances[place]
+    })
 }
 
 fn check(robot: &Robot, shape: &Configuration, section: usize, p: &Point) {
@@ -48,7 +55,7 @@ fn check(robot: &Robot, shape: &Configuration, section: usize, p: &Point) {
         error < 1e-9,
         "{distance} {searched} for section {section} of {shape} and {p}"
     );
-    assert_eq!(distance_with_others(&backbone, section, p), distance);
+    assert_eq!(distances_among_others(&backbone, section, p), [distance; 4]);
     assert!((nearest.distance - distance).abs() < 1e-14);
     assert!((0.0..=1.0).contains(&nearest.fraction));
     assert!(

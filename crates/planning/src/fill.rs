@@ -1,10 +1,11 @@
 //! The default planner: learned candidates, beside which straight segments compete, and trees for what is missing.
 
 use crate::first_success::first_success;
-use crate::known_ways::KnownWays;
 use crate::path::{Waypoints, resample};
 use crate::plan::{Draw, Failure, Plan, Sampler, Source};
+use crate::planner::Interrupt;
 use crate::race::{Decided, Race};
+use crate::reach::Reach;
 use crate::rrt_connect::{RrtSettings, Search};
 use crate::run::{Aim, Run, count_learned, unfinished};
 use pcc_model::{Configuration, Robot, SECTIONS};
@@ -17,16 +18,6 @@ use std::time::Instant;
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
 /// The same of ways that need only exist: beyond the accuracy with which a clearance is told.
 const LEAST_MARGIN: f64 = 1e-3;
-/// Groups of missing goal shapes whose ways are sought at once, each with a tree of its own.
-const FILLERS: usize = 2;
-/// Samples for the goal shapes of a group together: most are reached within a few, and of some there is no way.
-const FILLING: RrtSettings = RrtSettings {
-    samples: 1500,
-    step_rad: 0.6,
-    shortcuts: 60,
-};
-/// Times that a way that is found is shortened again because it is too angular for a motion.
-const SHORTENINGS: usize = 3;
 /// Samples of the searches for a way to any goal shape when nothing else was found, before the trees of [`Run::trees`]: where
 /// ways are hard to find, several short searches find one sooner than a long one.
 const LAST_ATTEMPTS: [usize; 4] = [100, 400, 1500, 5000];
@@ -87,8 +78,8 @@ impl Run<'_> {
             self.tree_to_any(&search, &aim.ends, rng)
         });
         briefly.or_else(|| {
-            first_success(aim.goals.len(), interrupt, |i, _| {
-                let draw = self.tree(i, &aim.goals[i]);
+            first_success(aim.goals.len(), interrupt, |i, interrupt| {
+                let draw = self.tree(i, &aim.goals[i], interrupt);
                 draw.outcome.is_ok().then_some((i, draw))
             })
         })
@@ -113,7 +104,7 @@ impl Run<'_> {
         self.demands.grown.with_tube_growth(&[margin; SECTIONS])
     }
 
-    fn search<'b>(&'b self, robot: &'b Robot, settings: &'b RrtSettings) -> Search<'b> {
+    pub(crate) fn search<'b>(&'b self, robot: &'b Robot, settings: &'b RrtSettings) -> Search<'b> {
         Search {
             robot,
             scene: &self.problem.scene,
@@ -130,57 +121,14 @@ impl Run<'_> {
         if ways.is_empty() || missing.is_empty() {
             return;
         }
-        let groups = missing.par_chunks(missing.len().div_ceil(FILLERS));
-        let found: Vec<Draw> = groups
-            .with_max_len(1)
-            .flat_map_iter(|group| self.reach(&ways, goals, group))
-            .collect();
-        for (&i, draw) in missing.iter().zip(found) {
-            replace(&mut draws[i], draw);
-        }
-    }
-
-    /// Motions to some of the goal shapes, from ways that are known.
-    fn reach(&self, ways: &[&Waypoints], goals: &[Configuration], group: &[usize]) -> Vec<Draw> {
-        let grown = self.grown_by(LEAST_MARGIN);
-        let search = self.search(&grown, &FILLING);
-        let mut known = KnownWays::from(&self.problem.start, search);
-        for way in ways {
-            if (self.supervision.interrupt)() {
-                break;
-            }
-            known.add(way);
-        }
-        let reach = |&i: &usize| {
-            let mut draw = unfinished(Source::Tree, Failure::NoPath);
-            let mut rng = self.tree_rng(i);
-            if let Some(polyline) = known.reach(&goals[i], &mut rng) {
-                self.follow_shortened(&known.search, polyline, &mut rng, &mut draw);
-            }
-            self.note_truncation(&mut draw);
-            self.report(i, &draw);
-            draw
+        let reach = Reach {
+            run: self,
+            grown: self.grown_by(LEAST_MARGIN),
+            ways,
+            goals,
         };
-        group.iter().map(reach).collect()
-    }
-
-    /// Makes a motion of a polyline, which is shortened again where it has too many corners for that.
-    fn follow_shortened(
-        &self,
-        search: &Search,
-        mut polyline: Vec<Configuration>,
-        rng: &mut Pcg64,
-        draw: &mut Draw,
-    ) {
-        for _ in 0..=SHORTENINGS {
-            if self.follow(search, &polyline, draw) || (search.interrupt)() {
-                break;
-            }
-            let shorter = search.shorten(polyline.clone(), rng);
-            if shorter == polyline {
-                break;
-            }
-            polyline = shorter;
+        for (i, draw) in reach.all(&missing) {
+            replace(&mut draws[i], draw);
         }
     }
 
@@ -193,7 +141,7 @@ impl Run<'_> {
             .with_max_len(1)
             .enumerate()
             .map(|(i, goal)| {
-                let draw = run.tree(i, goal);
+                let draw = run.tree(i, goal, run.supervision.interrupt);
                 run.report(i, &draw);
                 draw
             })
@@ -202,16 +150,19 @@ impl Run<'_> {
         draws
     }
 
-    fn tree(&self, index: usize, goal: &Configuration) -> Draw {
+    fn tree(&self, index: usize, goal: &Configuration, interrupt: Interrupt) -> Draw {
         let mut draw = unfinished(Source::Tree, Failure::NoPath);
         let mut rng = self.tree_rng(index);
         let settings = RrtSettings::default();
         for margin in TREE_MARGINS {
-            if (self.supervision.interrupt)() {
+            if interrupt() {
                 break;
             }
             let grown = self.grown_by(margin);
-            let search = self.search(&grown, &settings);
+            let search = Search {
+                interrupt,
+                ..self.search(&grown, &settings)
+            };
             if let Some(polyline) = search.connect(&self.problem.start, &[*goal], &mut rng)
                 && self.follow(&search, &polyline, &mut draw)
             {
@@ -223,20 +174,25 @@ impl Run<'_> {
     }
 
     /// Where there was no time left, nobody knows whether there is a path.
-    fn note_truncation(&self, draw: &mut Draw) {
+    pub(crate) fn note_truncation(&self, draw: &mut Draw) {
         if draw.outcome.is_err() && (self.supervision.interrupt)() {
             draw.outcome = Err(Failure::Truncated);
         }
     }
 
-    fn tree_rng(&self, index: usize) -> Pcg64 {
+    pub(crate) fn tree_rng(&self, index: usize) -> Pcg64 {
         Pcg64::new(u128::from(self.request.seed), index as u128 + 1)
     }
 
     /// Makes a motion of a polyline that a search certified, if that can be timed and certified.
     ///
     /// The sampler `rrt-connect` rounds it as is usual; else its tip is drawn onto a smooth curve first.
-    fn follow(&self, search: &Search, polyline: &[Configuration], draw: &mut Draw) -> bool {
+    pub(crate) fn follow(
+        &self,
+        search: &Search,
+        polyline: &[Configuration],
+        draw: &mut Draw,
+    ) -> bool {
         let draws_tip = self.request.sampler != Sampler::RrtConnect;
         let drawn = || self.demands.drawn_along(polyline);
         let ways = draws_tip.then(drawn).flatten().into_iter();
@@ -259,10 +215,4 @@ fn replace(draw: &mut Draw, by: Draw) {
         Err(Failure::Truncated) => draw.outcome = by.outcome,
         Err(_) => {}
     }
-}
-
-/// Duration of a draw's motion; infinite if there is none.
-pub(crate) fn duration_s(draw: &Draw) -> f64 {
-    let motion = draw.outcome.as_ref();
-    motion.map_or(f64::INFINITY, |motion| motion.metrics.duration_s)
 }

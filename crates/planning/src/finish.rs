@@ -194,7 +194,7 @@ impl Demands<'_> {
                 CORRECTION_MARGINS[attempt],
                 &mut finished.path,
                 &mut memory.correction,
-                |path| rival.is_some_and(|rival| rival.is_far_ahead_of(self.least_s(path))),
+                |path| rival.is_some_and(|rival| rival.stops_pushing(self.least_s(path))),
             )
         });
         finished.laps.correct += lap(&mut clock);
@@ -239,7 +239,7 @@ impl Demands<'_> {
         path: &[Configuration],
         rival: Option<&Rival>,
     ) -> Result<Trajectory, Failure> {
-        if rival.is_some_and(|rival| rival.surely_beats(self.least_s(path))) {
+        if rival.is_some_and(|rival| rival.stops_timing(self.least_s(path))) {
             return Err(Failure::Slower);
         }
         self.time(path)
@@ -254,7 +254,7 @@ impl Demands<'_> {
         motion: Trajectory,
         rival: Option<&Rival>,
     ) -> Result<Certified, Failure> {
-        if rival.is_some_and(|rival| rival.beats(motion.duration())) {
+        if rival.is_some_and(|rival| rival.stops(motion.duration())) {
             return Err(Failure::Slower);
         }
         Ok(self.describe(motion))

@@ -6,7 +6,8 @@ use pcc_model::{Configuration, DOF, Robot, TendonLimits};
 ///
 /// In every step the tendon that has the longest way there needs at least its time. So no motion is faster than one of a
 /// single tendon whose way is the sum of the longest ways: it, too, is nowhere faster than the limits of velocity,
-/// acceleration and jerk allow from a rest on and up to one.
+/// acceleration and jerk allow from a rest on and up to one, where acceleration is zero, too. Motions that pass by corners on the
+/// inside may be faster by what they save of the way.
 pub(crate) fn least_duration_s(
     robot: &Robot,
     limits: &TendonLimits,

@@ -31,6 +31,7 @@ mod previous;
 mod problem;
 mod pushes;
 mod race;
+mod reach;
 mod reference;
 mod rrt_connect;
 mod run;

@@ -155,6 +155,14 @@ pub struct Draw {
     pub outcome: Result<Certified, Failure>,
 }
 
+impl Draw {
+    /// Duration of its motion, s; infinite if there is none.
+    pub(crate) fn duration_s(&self) -> f64 {
+        let motion = self.outcome.as_ref();
+        motion.map_or(f64::INFINITY, |motion| motion.metrics.duration_s)
+    }
+}
+
 /// Wall time of the stages, seconds.
 ///
 /// Paths go from sampling through correction, time allocation and certification to their figures without waiting for each

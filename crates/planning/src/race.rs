@@ -1,10 +1,10 @@
 //! Straight segments beside the drawn paths: the one that is the fastest motion of all takes the place of the path to its shape.
 //!
-//! Workers run segments while no drawn path waits for them, in the order of the least time that each can take, and give one up
-//! as soon as it is surely slower than what there is by then. Which one wins is decided afterwards, as if they had run one after
-//! the other behind all drawn paths; so it does not depend on which worker was when where.
+//! Workers run segments while no drawn path waits for them, in the order of the least time that each can take, and stop one as
+//! soon as it is surely slower than what there is by then. A segment counts with its duration or, if that is longer, with the
+//! longest bound that it met on its way. The one that counts least is never stopped, since nothing that there is ever counts
+//! less, so who wins does not depend on which worker was when where.
 
-use crate::fill::duration_s;
 use crate::finish::{Demands, Laps};
 use crate::least_duration::least_duration_s;
 use crate::path::straight_path;
@@ -19,7 +19,7 @@ use std::sync::{Mutex, PoisonError};
 /// bounding jerk rounds at turns, and another correction may be a little faster.
 pub(crate) const SURELY_SLOWER: f64 = 1.02;
 /// So much above it, a path is given up between two pushes: the next ones may make it a little faster again.
-const GIVEN_UP: f64 = 1.2;
+const GIVEN_UP: f64 = 1.3;
 
 /// The shortest duration of any motion so far.
 struct Shortest(AtomicU64);
@@ -43,37 +43,33 @@ impl Shortest {
 /// What a segment must beat, and from where on it would have lost on its way.
 pub(crate) struct Rival<'a> {
     shortest: &'a Shortest,
-    /// Largest duration, s, of a rival that would have beaten it before its end.
-    would_lose_to_s: Cell<f64>,
+    /// The longest duration of a rival that would have stopped it so far, s.
+    stopped_by_s: Cell<f64>,
 }
 
 impl<'a> Rival<'a> {
     fn new(shortest: &'a Shortest) -> Self {
         Self {
             shortest,
-            would_lose_to_s: Cell::new(0.0),
+            stopped_by_s: Cell::new(0.0),
         }
     }
 
-    /// Whether who takes at least `least_s` and is still pushed is given up.
-    pub(crate) fn is_far_ahead_of(&self, least_s: f64) -> bool {
-        self.beats_all_from(least_s / GIVEN_UP)
+    /// Keeps in mind a bound on the duration of a path that is still pushed; whether it is given up for that.
+    pub(crate) fn stops_pushing(&self, least_s: f64) -> bool {
+        self.stops(least_s / GIVEN_UP)
     }
 
-    /// Whether who takes at least `least_s` surely loses.
-    pub(crate) fn surely_beats(&self, least_s: f64) -> bool {
-        self.beats_all_from(least_s / SURELY_SLOWER)
+    /// Keeps in mind a bound on the duration of a path that is to be timed; whether it is not worth it.
+    pub(crate) fn stops_timing(&self, least_s: f64) -> bool {
+        self.stops(least_s / SURELY_SLOWER)
     }
 
-    fn beats_all_from(&self, duration_s: f64) -> bool {
-        let before_s = self.would_lose_to_s.get();
-        self.would_lose_to_s.set(before_s.max(duration_s));
-        duration_s > self.shortest.duration_s()
-    }
-
-    /// Whether who takes that long loses.
-    pub(crate) fn beats(&self, duration_s: f64) -> bool {
-        duration_s >= self.shortest.duration_s()
+    /// Keeps in mind a motion's duration, s; whether it loses.
+    pub(crate) fn stops(&self, duration_s: f64) -> bool {
+        let longest_s = self.stopped_by_s.get().max(duration_s);
+        self.stopped_by_s.set(longest_s);
+        longest_s > self.shortest.duration_s()
     }
 }
 
@@ -81,7 +77,8 @@ impl<'a> Rival<'a> {
 struct Runner {
     /// In the order of least durations.
     place: usize,
-    would_lose_to_s: f64,
+    /// The shortest duration of a rival that does not stop it, s; infinite where it makes no motion.
+    counted_s: f64,
     finish: (Draw, Laps),
 }
 
@@ -139,7 +136,7 @@ impl<'a> Race<'a> {
     pub(crate) fn finish(&self, proposal: Proposal) -> (Draw, Laps) {
         self.waiting.fetch_sub(1, Ordering::Relaxed);
         let finished = self.run.finish_one(proposal);
-        self.shortest.note(duration_s(&finished.0));
+        self.shortest.note(finished.0.duration_s());
         self.run_meanwhile();
         finished
     }
@@ -150,17 +147,18 @@ impl<'a> Race<'a> {
         let Some(&(end, least_s)) = self.order.get(place) else {
             return false;
         };
-        if least_s >= self.shortest.duration_s() {
+        if least_s > self.shortest.duration_s() {
             return false;
         }
         let path = straight_path(&self.run.problem.start, &self.ends[end]);
         let rival = Rival::new(&self.shortest);
         let proposal = Proposal::of(path, Source::Straight);
         let finish = self.run.finish_against(proposal, Some(&rival));
-        self.shortest.note(duration_s(&finish.0));
+        let counted_s = finish.0.duration_s().max(rival.stopped_by_s.get());
+        self.shortest.note(counted_s);
         let runner = Runner {
             place,
-            would_lose_to_s: rival.would_lose_to_s.get(),
+            counted_s,
             finish,
         };
         let mut runners = self.runners.lock().unwrap_or_else(PoisonError::into_inner);
@@ -173,18 +171,53 @@ impl<'a> Race<'a> {
         let runners = self.runners.into_inner();
         let mut runners = runners.unwrap_or_else(PoisonError::into_inner);
         runners.sort_by_key(|runner| runner.place);
-        let drawn_s = drawn.iter().map(|(draw, _)| duration_s(draw));
-        let (mut shortest_s, mut winner) = (drawn_s.fold(f64::INFINITY, f64::min), None);
-        for (index, runner) in runners.iter().enumerate() {
-            let duration_s = duration_s(&runner.finish.0);
-            if duration_s < shortest_s && runner.would_lose_to_s <= shortest_s {
-                shortest_s = duration_s;
-                winner = Some((self.order[runner.place].0, index));
-            }
-        }
+        let drawn_s = drawn.iter().map(|(draw, _)| draw.duration_s());
+        let counted_s = runners.iter().map(|runner| runner.counted_s);
+        let winner = fastest(drawn_s.fold(f64::INFINITY, f64::min), counted_s);
+        let winner = winner.map(|index| (self.order[runners[index].place].0, index));
         Decided {
             winner,
             segments: runners.into_iter().map(|runner| runner.finish).collect(),
         }
+    }
+}
+
+/// Which of these durations is the least, the first of equal ones; none where a drawn path is as fast, or nothing moves.
+fn fastest(drawn_s: f64, counted_s: impl Iterator<Item = f64>) -> Option<usize> {
+    let (mut least_s, mut fastest) = (drawn_s, None);
+    for (index, counted_s) in counted_s.enumerate() {
+        if counted_s < least_s {
+            (least_s, fastest) = (counted_s, Some(index));
+        }
+    }
+    fastest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_of_the_fastest_wins_where_no_drawn_path_is_as_fast() {
+        let of = |drawn_s: f64, counted_s: &[f64]| fastest(drawn_s, counted_s.iter().copied());
+        assert_eq!(of(9.0, &[9.5, 8.0, f64::INFINITY, 8.0]), Some(1));
+        assert_eq!(of(8.0, &[9.5, 8.0]), None);
+        assert_eq!(of(f64::INFINITY, &[f64::INFINITY, 7.0]), Some(1));
+        assert_eq!(of(f64::INFINITY, &[f64::INFINITY]), None);
+    }
+
+    #[test]
+    fn what_has_once_been_too_slow_for_a_rival_stays_so() {
+        let shortest = Shortest::none();
+        let rival = Rival::new(&shortest);
+        assert!(!rival.stops_pushing(10.0 * GIVEN_UP), "nobody is faster");
+        assert!(!rival.stops_timing(9.0));
+        assert!(!rival.stops(9.5));
+        assert!((rival.stopped_by_s.get() - 10.0).abs() < 1e-12);
+        shortest.note(9.8);
+        assert!(rival.stops(9.5), "it would have been stopped before");
+        shortest.note(11.0);
+        assert_eq!(shortest.duration_s(), 9.8);
+        assert!(!Rival::new(&shortest).stops(9.8), "as fast as the fastest");
     }
 }

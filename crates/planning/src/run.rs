@@ -5,7 +5,6 @@
 
 use crate::diffusion::{Guidance, Task};
 use crate::end_shapes::{check_goal, end_shapes_until};
-use crate::fill::duration_s;
 use crate::finish::{Demands, Laps};
 use crate::path::{Waypoints, straight_path};
 use crate::plan::{
@@ -320,7 +319,7 @@ impl<'a> Run<'a> {
     /// that it is worth a change.
     pub(crate) fn keep(&self, kept: Vec<Draw>, draws: &mut [Draw]) {
         for kept in kept.into_iter().filter(|draw| draw.outcome.is_ok()) {
-            if !is_worth_a_change(duration_s(&kept), duration_s(&draws[0])) {
+            if !is_worth_a_change(kept.duration_s(), draws[0].duration_s()) {
                 draws[0] = kept;
             }
         }
