@@ -40,6 +40,7 @@ impl Run<'_> {
             return Vec::new();
         };
         let share = share(drawing.model, aim.goals.len());
+        race.wait_for(aim.goals.len());
         let parts = aim.goals.par_chunks(share).enumerate();
         let parts: Vec<_> = parts
             .map(|(part, goals)| drawing.part(aim, part * share, goals, race))
@@ -120,7 +121,6 @@ impl<'a> Drawing<'a> {
         };
         let proposals = self.draw(aim, first, goals, &features);
         laps.sample = lap(&mut clock);
-        race.wait_for(proposals.len());
         let proposals = proposals.into_par_iter().with_max_len(1);
         let finished = proposals.map(|proposal| race.finish(proposal));
         let mut finished: Finishes = finished.collect();

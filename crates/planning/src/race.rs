@@ -1,6 +1,6 @@
 //! Straight segments beside the drawn paths: the one that is the fastest motion of all takes the place of the path to its shape.
 //!
-//! Workers run segments while no drawn path waits for them, in the order of the least time that each can take, and stop one as
+//! Workers run segments once all paths are drawn and taken, in the order of the least time that each can take, and stop one as
 //! soon as it is surely slower than what there is by then. A segment counts with its duration or, if that is longer, with the
 //! longest bound that it met on its way. The one that counts least is never stopped, since nothing that there is ever counts
 //! less, so who wins does not depend on which worker was when where.
@@ -88,7 +88,7 @@ pub(crate) struct Race<'a> {
     ends: &'a [Configuration],
     /// Ends, and the least duration of the segment to each, s.
     order: Vec<(usize, f64)>,
-    /// Drawn paths that no worker has taken yet.
+    /// Paths that are to be drawn, or drawn, and not yet taken by a worker to finish.
     waiting: AtomicUsize,
     begun: AtomicUsize,
     shortest: Shortest,
@@ -122,22 +122,17 @@ impl<'a> Race<'a> {
         }
     }
 
-    /// Tells of so many paths that were drawn.
-    pub(crate) fn wait_for(&self, drawn: usize) {
-        self.waiting.fetch_add(drawn, Ordering::Relaxed);
+    /// Tells of so many paths that are to be drawn.
+    pub(crate) fn wait_for(&self, paths: usize) {
+        self.waiting.fetch_add(paths, Ordering::Relaxed);
     }
 
-    /// Runs segments while no drawn path waits.
-    pub(crate) fn run_meanwhile(&self) {
-        while self.waiting.load(Ordering::Relaxed) == 0 && self.run_next() {}
-    }
-
-    /// Finishes a drawn path, and runs segments after that while no other one waits.
+    /// Finishes a drawn path that was waited for, and runs segments after that if no other one is.
     pub(crate) fn finish(&self, proposal: Proposal) -> (Draw, Laps) {
         self.waiting.fetch_sub(1, Ordering::Relaxed);
         let finished = self.run.finish_one(proposal);
         self.shortest.note(finished.0.duration_s());
-        self.run_meanwhile();
+        while self.waiting.load(Ordering::Relaxed) == 0 && self.run_next() {}
         finished
     }
 

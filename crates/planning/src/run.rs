@@ -184,11 +184,7 @@ impl<'a> Run<'a> {
     pub(crate) fn drawn_and_kept(&self, aim: &Aim, race: &Race) -> (Finishes, Finishes) {
         rayon::join(
             || self.learned(aim, race),
-            || {
-                let kept = self.finish_each(aim.kept().into_iter().collect());
-                race.run_meanwhile();
-                kept
-            },
+            || self.finish_each(aim.kept().into_iter().collect()),
         )
     }
 
