@@ -12,7 +12,8 @@ use planning::{
     PrecisionUnavailable, Problem, Request, Sampler, Selection,
 };
 use shared_types::ipc::{
-    IpcError, IpcNode, IpcOptions, Role, RoleLock, plan_server, plan_service, shared_memory,
+    IpcError, IpcNode, IpcOptions, Role, RoleLock, answered_notifier, answered_service,
+    plan_server, plan_service, shared_memory,
 };
 
 use crate::admission::Border;
@@ -318,6 +319,7 @@ fn open_service(
     let planning = Planning::new(Arc::new(planner));
     let plan = plan_service(node, &config.capacity)?;
     Ok(Service::new(Parts {
+        answered: answered_notifier(node, &answered_service(node)?)?,
         server: plan_server(node, &plan, &config.capacity)?,
         execution,
         planning,

@@ -11,7 +11,7 @@ use pcc_model::Robot;
 use planning::Candidate;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::Outcome;
-use shared_types::ipc::{PlanActiveRequest, PlanServer};
+use shared_types::ipc::{AnsweredNotifier, PlanActiveRequest, PlanServer};
 
 use crate::admission::{Border, Order, Refusal};
 use crate::answer::{Answer, is_deliverable};
@@ -71,6 +71,7 @@ struct InFlight {
 /// Everything that the loop works with.
 pub(crate) struct Service {
     server: PlanServer,
+    answered: AnsweredNotifier,
     execution: Execution,
     planning: Planning,
     border: Border,
@@ -89,6 +90,7 @@ pub(crate) struct Service {
 /// What [`Service::new`] joins.
 pub(crate) struct Parts {
     pub(crate) server: PlanServer,
+    pub(crate) answered: AnsweredNotifier,
     pub(crate) execution: Execution,
     pub(crate) planning: Planning,
     pub(crate) border: Border,
@@ -102,6 +104,7 @@ impl Service {
     pub(crate) fn new(parts: Parts) -> Self {
         Self {
             server: parts.server,
+            answered: parts.answered,
             execution: parts.execution,
             planning: parts.planning,
             border: parts.border,
@@ -178,7 +181,7 @@ impl Service {
         let copy = *active.payload();
         let order = match self.border.admit(&copy, &self.plans) {
             Ok(order) => order,
-            Err(refusal) => return refuse(&active, copy.request_id, &refusal),
+            Err(refusal) => return self.refuse(&active, copy.request_id, &refusal),
         };
         let client = active.origin();
         let queued = Queued {
@@ -194,7 +197,7 @@ impl Service {
         if let Err(queued) = self.queue.push(client, queued) {
             let reason = "the client has as many requests waiting as it may (queued_per_client)";
             let refusal = Refusal::new(Outcome::Overloaded, reason);
-            refuse(&queued.active, queued.order.request_id, &refusal);
+            self.refuse(&queued.active, queued.order.request_id, &refusal);
         }
     }
 
@@ -218,7 +221,7 @@ impl Service {
         for late in self.queue.take_out(|queued| now >= queued.deadline()) {
             let mut answer = Answer::refused(late.order.request_id, &too_late(&late.order));
             answer.set_wait(now - late.received);
-            send(&mut answer, &late.active);
+            self.send(&mut answer, &late.active);
         }
     }
 
@@ -287,7 +290,7 @@ impl Service {
         let mut answer = Answer::early(order, candidates, &self.robot, length);
         answer.set_plan_id(in_flight.plan_id);
         answer.set_wait(in_flight.waited);
-        send(&mut answer, active);
+        self.send(&mut answer, active);
     }
 
     fn answer(&mut self, planned: Planned) {
@@ -306,7 +309,7 @@ impl Service {
         if is_wanted(&active) && answer.outcome().is_some_and(Outcome::has_candidates) {
             self.execute(&order, plan_id, &mut answer);
         }
-        send(&mut answer, &active);
+        self.send(&mut answer, &active);
         let selected = answer.selected().map(|(index, _)| index);
         self.plans.keep(plan_id, answer.candidates(), selected);
     }
@@ -343,7 +346,7 @@ impl Service {
         if mode == WaitMode::Poll {
             std::hint::spin_loop();
         } else if self.in_flight.is_some() {
-            if let Some(product) = self.planning.wait(pause) {
+            if let Some(product) = self.planning.wait(ATTENTION) {
                 self.deliver(product);
                 return true;
             }
@@ -355,13 +358,37 @@ impl Service {
         false
     }
 
+    fn refuse(&self, active: &PlanActiveRequest, request_id: u64, refusal: &Refusal) {
+        self.send(&mut Answer::refused(request_id, refusal), active);
+    }
+
+    /// Sends an answer and wakes who waits for one; what does not arrive is logged, the client sees its request end.
+    fn send(&self, answer: &mut Answer, active: &PlanActiveRequest) {
+        let outcome = answer.outcome();
+        tracing::debug!(
+            "{} candidates, outcome {:?}: {}",
+            answer.candidate_count(),
+            outcome,
+            answer.reason()
+        );
+        if let Err(error) = answer.send(active)
+            && is_wanted(active)
+        {
+            tracing::error!("{error}");
+        }
+
+        if let Err(error) = self.answered.notify() {
+            tracing::error!("who waits for the answer finds it only some ms later: {error:?}");
+        }
+    }
+
     /// Answers the plan under way, and tells all who wait that the daemon ends.
     fn finish(&mut self) {
         self.ends = true;
         self.receive();
         while let Some(queued) = self.queue.pop() {
             let refusal = Refusal::new(Outcome::Cancelled, "the daemon ends");
-            refuse(&queued.active, queued.order.request_id, &refusal);
+            self.refuse(&queued.active, queued.order.request_id, &refusal);
         }
         let begun = Instant::now();
         while let Some(in_flight) = &self.in_flight {
@@ -385,26 +412,6 @@ fn too_late(order: &Order) -> Refusal {
     let milliseconds = order.deadline.as_secs_f64() * 1e3;
     let reason = format!("the deadline of {milliseconds} ms passed while the request waited");
     Refusal::new(Outcome::Truncated, reason)
-}
-
-fn refuse(active: &PlanActiveRequest, request_id: u64, refusal: &Refusal) {
-    send(&mut Answer::refused(request_id, refusal), active);
-}
-
-/// Sends an answer; what does not arrive is logged, the client sees its request end.
-fn send(answer: &mut Answer, active: &PlanActiveRequest) {
-    let outcome = answer.outcome();
-    tracing::debug!(
-        "{} candidates, outcome {:?}: {}",
-        answer.candidate_count(),
-        outcome,
-        answer.reason()
-    );
-    if let Err(error) = answer.send(active)
-        && is_wanted(active)
-    {
-        tracing::error!("{error}");
-    }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
+use std::time::Duration;
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::*;
@@ -185,6 +186,40 @@ fn a_second_publisher_of_trajectories_is_refused() {
     );
     drop(first);
     publisher(&node, &topic).unwrap();
+}
+
+#[test]
+fn who_listens_is_told_that_an_answer_was_sent_however_often_it_did_not_listen() {
+    let world = world();
+    let (daemon, user) = (
+        IpcNode::create(&world.options, "daemon").unwrap(),
+        IpcNode::create(&world.options, "user").unwrap(),
+    );
+    let listener = answered_listener(&user, &answered_service(&user).unwrap()).unwrap();
+    let notifier = answered_notifier(&daemon, &answered_service(&daemon).unwrap()).unwrap();
+    let heard = |limit| listener.timed_wait(|_| (), limit).unwrap();
+    assert_eq!(heard(Duration::from_millis(1)), 0);
+    for _ in 0..1000 {
+        assert_eq!(notifier.notify().unwrap(), 1, "one listener is reached");
+    }
+    assert!(heard(Duration::from_secs(60)) > 0);
+    assert_eq!(heard(Duration::from_millis(1)), 0, "it was told once");
+}
+
+#[test]
+fn a_root_is_as_long_as_sockets_allow() {
+    let world = world();
+    let begin = world.options.root.as_os_str().len() + world.options.prefix.len();
+    let with_length = |length: usize| {
+        let mut options = world.options.clone();
+        options.root = options.root.join("r".repeat(length - begin - 1));
+        let node = IpcNode::create(&options, "user")?;
+        answered_listener(&node, &answered_service(&node)?).map(drop)
+    };
+    with_length(LONGEST_ROOT_AND_PREFIX).unwrap();
+    let error = with_length(LONGEST_ROOT_AND_PREFIX + 1).unwrap_err();
+    assert!(matches!(error, IpcError::Root { .. }), "{error}");
+    assert!(error.to_string().contains("at most 60"), "{error}");
 }
 
 #[test]

@@ -1,20 +1,21 @@
 //! Asking the daemon for plans.
 
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use iceoryx2::port::LoanError;
 use iceoryx2::port::client::RequestSendError;
+use iceoryx2::port::listener::ListenerWaitError;
 use iceoryx2::prelude::PortFactory;
 use shared_types::codes::Outcome;
 use shared_types::ipc::{
-    IpcError, IpcNode, IpcOptions, PlanClient, PlanPending, PlanService, open_plan_service,
-    plan_client,
+    AnsweredListener, IpcError, IpcNode, IpcOptions, PlanClient, PlanPending, PlanService,
+    answered_listener, answered_service, open_plan_service, plan_client,
 };
 use shared_types::message;
 use shared_types::valid::PlanRequest;
 
-use crate::patience::{Cleaner, Habit, Patience, wait};
+use crate::patience::{Cleaner, LONGEST_REST, Patience, wait};
 use crate::{ClientError, PlanAnswer};
 
 const DAEMON: &str = "planner-daemon";
@@ -27,9 +28,8 @@ const LOOK_PERIOD: Duration = Duration::from_millis(5);
 #[derive(Debug)]
 pub struct Client {
     port: Option<PlanPort>,
+    answered: AnsweredListener,
     cleaner: Cleaner,
-    /// Of waiting for answers.
-    habit: Habit,
     last_request_id: u64,
     node: IpcNode,
 }
@@ -47,10 +47,6 @@ pub struct Pending {
     response: PlanPending,
     id: u64,
     execute: bool,
-    sent: Instant,
-    /// As the request names it.
-    deadline: Option<Duration>,
-    asks_early: bool,
 }
 
 impl Pending {
@@ -93,10 +89,11 @@ impl Client {
     /// [`ClientError::Ipc`]: the options are not usable.
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
         let node = IpcNode::create(options, "pcc-client")?;
+        let answered = answered_listener(&node, &answered_service(&node)?)?;
         Ok(Self {
             port: None,
+            answered,
             cleaner: Cleaner::new(),
-            habit: Habit::default(),
             last_request_id: 0,
             node,
         })
@@ -200,27 +197,18 @@ impl Client {
         pending: &mut Pending,
         patience: &Patience,
     ) -> Result<PlanAnswer, ClientError> {
-        let first_sleep = if pending.asks_early {
-            Duration::ZERO
-        } else {
-            let age = pending.sent.elapsed();
-            self.habit.first_sleep(age, pending.deadline)
+        let (answered, cleaner) = (&self.answered, &mut self.cleaner);
+        let rest = |left: Duration| match answered.timed_wait(|_| (), left.min(LONGEST_REST)) {
+            Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
+            Err(reason) => Err(ClientError::transport("wait for an answer", reason)),
         };
-        let cleaner = &mut self.cleaner;
-        let received = wait(patience, cleaner, first_sleep, &self.node, || {
-            pending.receive()
-        });
+        let received = wait(patience, cleaner, &self.node, rest, || pending.receive());
         self.bury_the_dead(&received);
         let received = received?;
-        match &received {
-            Some((_, moment)) if !pending.asks_early => {
-                self.habit.learn(*moment, pending.sent.elapsed());
-            }
-            Some(_) => {}
-            None => self.cleaner.make_due(),
+        if received.is_none() {
+            self.cleaner.make_due();
         }
-        let answer = received.map(|(answer, _)| answer);
-        answer.ok_or(ClientError::TimedOut {
+        received.ok_or(ClientError::TimedOut {
             server: DAEMON,
             id: pending.id,
             waited: patience.limit(),
@@ -259,9 +247,6 @@ impl Client {
                     response,
                     id: wire.request_id,
                     execute: request.execute,
-                    sent: Instant::now(),
-                    deadline: request.deadline,
-                    asks_early: request.early_candidate_count.is_some(),
                 });
             }
             // The daemon left between the look and the sending: nobody has the request.

@@ -1,6 +1,7 @@
 //! Watching the controller and the robot, and ordering the controller about.
 
 use std::fmt::Debug;
+use std::thread;
 use std::time::Duration;
 
 use iceoryx2::prelude::ZeroCopySend;
@@ -13,7 +14,7 @@ use shared_types::message;
 use shared_types::valid::{Command, CommandReply, ControllerState, Cycle, Invalid, RobotState};
 
 use crate::ClientError;
-use crate::patience::{Cleaner, Patience, wait};
+use crate::patience::{Cleaner, PAUSE, Patience, wait};
 
 const CONTROLLER: &str = "controller";
 const ROBOT: &str = "robot";
@@ -76,18 +77,22 @@ impl ControllerView {
         let wire = command.to_wire(id);
         Command::try_from(&wire).map_err(ClientError::InvalidRequest)?;
         let (node, cleaner, commands) = (&self.node, &mut self.cleaner, &self.commands);
-        let sent = wait(&patience, cleaner, Duration::ZERO, node, || {
+        let pause = |rest: Duration| {
+            thread::sleep(PAUSE.min(rest));
+            Ok(())
+        };
+        let sent = wait(&patience, cleaner, node, pause, || {
             let pending = commands
                 .send_copy(wire)
                 .map_err(|reason| ClientError::transport("send a command", reason))?;
             Ok::<_, ClientError>((pending.number_of_server_connections() > 0).then_some(pending))
         })?;
         let waited = patience.limit();
-        let (pending, _) = sent.ok_or(ClientError::NoServer {
+        let pending = sent.ok_or(ClientError::NoServer {
             server: CONTROLLER,
             waited,
         })?;
-        let reply = wait(&patience, cleaner, Duration::ZERO, node, || {
+        let reply = wait(&patience, cleaner, node, pause, || {
             let connected = pending.is_connected();
             let reply = pending
                 .receive()
@@ -101,7 +106,7 @@ impl ControllerView {
                 reply => Ok(reply.map(|reply| *reply)),
             }
         })?;
-        let (reply, _) = reply.ok_or(ClientError::TimedOut {
+        let reply = reply.ok_or(ClientError::TimedOut {
             server: CONTROLLER,
             id,
             waited,

@@ -7,6 +7,7 @@
 //!
 //! A process that must be the only one of its kind holds a [`RoleLock`] for as long as it lives.
 
+mod answered;
 mod error;
 mod memory;
 mod node;
@@ -17,10 +18,14 @@ mod role;
 mod sweeper;
 mod topic;
 
+pub use answered::{
+    AnsweredListener, AnsweredNotifier, AnsweredService, answered_listener, answered_notifier,
+    answered_service,
+};
 pub use error::IpcError;
 pub use memory::{ServiceMemory, plan_bytes, shared_memory};
 pub use node::IpcNode;
-pub use options::IpcOptions;
+pub use options::{IpcOptions, LONGEST_ROOT_AND_PREFIX};
 pub use request::{
     CommandClient, CommandServer, CommandService, PlanActiveRequest, PlanClient, PlanPending,
     PlanResponse, PlanServer, PlanService, PlanServiceCapacity, command_client, command_server,

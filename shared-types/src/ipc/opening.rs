@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use iceoryx2::prelude::{MessagingPattern, ServiceName, ipc};
 use iceoryx2::service::Service;
 use iceoryx2::service::builder::Builder;
+use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
 use iceoryx2::service::builder::publish_subscribe::{
     PublishSubscribeCreateError, PublishSubscribeOpenError, PublishSubscribeOpenOrCreateError,
 };
@@ -19,6 +20,8 @@ use iceoryx2::service::service_hash::ServiceHash;
 
 use super::{IpcError, IpcNode};
 
+/// Processes that may open one service at the same time, dead ones that nobody has cleaned up yet included.
+pub(super) const NODES: usize = 40;
 /// How long another process may take to open a service: milliseconds, or somewhat over a second where it meets a dead
 /// creator's remains.
 const PATIENCE: Duration = Duration::from_secs(4);
@@ -120,7 +123,7 @@ fn lock(node: &IpcNode) -> Result<File, IpcError> {
 
 /// The errors of one pattern's services: of opening, and of opening or creating.
 macro_rules! opening_errors {
-    ($pattern:ident: $either:ident { $open:ident, $create:ident }) => {
+    ($pattern:ident: $either:ident { $open:ident, $create:ident $(:: $hangs:ident)? }) => {
         impl OpeningError for $open {
             const PATTERN: MessagingPattern = MessagingPattern::$pattern;
 
@@ -151,7 +154,7 @@ macro_rules! opening_errors {
                         $create::ServiceInCorruptedState
                             | $create::AlreadyExists
                             | $create::IsBeingCreatedByAnotherInstance
-                            | $create::HangsInCreation
+                            $(| $create::$hangs)?
                     ),
                 }
             }
@@ -159,7 +162,7 @@ macro_rules! opening_errors {
             fn is_half_made(&self) -> bool {
                 matches!(
                     self,
-                    Self::$open($open::HangsInCreation) | Self::$create($create::HangsInCreation)
+                    Self::$open($open::HangsInCreation) $(| Self::$create($create::$hangs))?
                 )
             }
         }
@@ -167,8 +170,9 @@ macro_rules! opening_errors {
 }
 
 opening_errors!(RequestResponse: RequestResponseOpenOrCreateError {
-    RequestResponseOpenError, RequestResponseCreateError
+    RequestResponseOpenError, RequestResponseCreateError::HangsInCreation
 });
 opening_errors!(PublishSubscribe: PublishSubscribeOpenOrCreateError {
-    PublishSubscribeOpenError, PublishSubscribeCreateError
+    PublishSubscribeOpenError, PublishSubscribeCreateError::HangsInCreation
 });
+opening_errors!(Event: EventOpenOrCreateError { EventOpenError, EventCreateError });

@@ -2,6 +2,7 @@
 
 use std::env;
 use std::fs;
+use std::io;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -15,6 +16,10 @@ use super::IpcError;
 /// How long a service may take to be made: some milliseconds, and the stalls of a busy machine.
 const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
 
+/// Most characters of root and prefix together: iceoryx2 makes the paths of sockets of them, with a number of up to 39 digits,
+/// and such a path has 107 at most.
+pub const LONGEST_ROOT_AND_PREFIX: usize = 107 - "/_.event".len() - 39;
+
 /// Prefix and root directory that all processes of one robot share.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct IpcOptions {
@@ -22,7 +27,8 @@ pub struct IpcOptions {
     /// need two prefixes.
     pub prefix: String,
     /// Directory for service files and locks, best on a tmpfs; default `/dev/shm/pcc-<user id>`, or the same under
-    /// `/tmp` where there is no `/dev/shm`. It is created for this user alone.
+    /// `/tmp` where there is no `/dev/shm`. It is created for this user alone. With the
+    /// prefix it has at most [`LONGEST_ROOT_AND_PREFIX`] characters.
     pub root: PathBuf,
 }
 
@@ -59,6 +65,12 @@ impl IpcOptions {
             path: self.root.clone(),
             source,
         };
+        let length = self.root.as_os_str().len() + self.prefix.len();
+        if length > LONGEST_ROOT_AND_PREFIX {
+            return Err(io(io::Error::other(format!(
+                "with the prefix it has {length} characters, at most {LONGEST_ROOT_AND_PREFIX} are allowed"
+            ))));
+        }
         fs::DirBuilder::new()
             .recursive(true)
             .mode(0o700)
@@ -82,7 +94,7 @@ impl IpcOptions {
     pub(super) fn config(&self) -> Result<Config, IpcError> {
         let invalid_root = || IpcError::Root {
             path: self.root.clone(),
-            source: std::io::Error::other(
+            source: io::Error::other(
                 "the path is too long or has characters that iceoryx2 refuses",
             ),
         };

@@ -14,7 +14,7 @@ use iceoryx2::service::port_factory::client::ClientCreateError;
 use iceoryx2::service::port_factory::request_response::PortFactory;
 use iceoryx2::service::port_factory::server::ServerCreateError;
 
-use super::opening::open_service;
+use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
 use crate::message::{Command, CommandReply, Knot, PlanReport, PlanRequest};
 
@@ -37,11 +37,10 @@ pub type CommandServer = Server<ipc::Service, Command, (), CommandReply, ()>;
 /// Sends commands; create it in the thread that uses it.
 pub type CommandClient = Client<ipc::Service, Command, (), CommandReply, ()>;
 
-const PLAN: &str = "plan";
+pub(super) const PLAN: &str = "plan";
 const COMMAND: &str = "command";
 /// One server at work, and one that died and was not cleaned up yet.
 pub(super) const SERVERS: usize = 2;
-const NODES: usize = 40;
 /// Responses that one request's buffer holds (a newer one takes the place of one not read yet), and that the server
 /// prepares for it.
 pub(super) const RESPONSES: usize = 1;

@@ -14,7 +14,7 @@ use iceoryx2::service::builder::publish_subscribe::{
 };
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
-use super::opening::open_service;
+use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
 use crate::message::{
     ControllerState, Cycle, Heartbeat, RobotState, SceneMessage, Setpoint, TrajectoryMessage,
@@ -24,8 +24,6 @@ use crate::message::{
 pub const CYCLES_PER_BATCH: usize = 64;
 /// Samples that a publisher may prepare at once, and that a subscriber may hold at once.
 pub(super) const LOANS: usize = 2;
-/// Processes that may open one service at the same time, dead ones that nobody has cleaned up yet included.
-const NODES: usize = 40;
 
 /// Sends `T`; create it in the thread that uses it.
 pub type Publisher<T> = publisher::Publisher<ipc::Service, T, ()>;
