@@ -193,17 +193,18 @@ impl Run<'_> {
         polyline: &[Configuration],
         draw: &mut Draw,
     ) -> bool {
-        let draws_tip = self.request.sampler != Sampler::RrtConnect;
-        let drawn = || self.demands.drawn_along(polyline);
-        let ways = draws_tip.then(drawn).flatten().into_iter();
-        let ways = ways
-            .chain(once_with(|| resample(&search.round(polyline))))
-            .chain(once_with(|| resample(polyline)));
-        let Ok((path, trajectory)) = self.demands.follow(polyline, ways) else {
+        let keeps_to_it = self.request.sampler == Sampler::RrtConnect;
+        let beside = (!keeps_to_it).then(|| self.demands.beside(polyline));
+        let followed = beside.flatten().or_else(|| {
+            let rounded = once_with(|| resample(&search.round(polyline)));
+            let ways = rounded.chain(once_with(|| resample(polyline)));
+            self.demands.along(polyline, ways)
+        });
+        let Some((path, certified)) = followed else {
             return false;
         };
         draw.path = Some(path);
-        draw.outcome = Ok(self.demands.describe(trajectory));
+        draw.outcome = Ok(certified);
         true
     }
 }

@@ -20,6 +20,8 @@ use trajectory::{AllocationOptions, Allocator, Knot, Trajectory};
 const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
 /// Clearance that smoothing a corrected path, or one along a certified polyline, leaves beyond the tube, section lengths.
 const SMOOTHED_MARGIN: f64 = 0.01;
+/// Smooth paths beside a polyline that are tried: where the smoothest fail, others seldom serve.
+const BESIDE: usize = 2;
 /// Knots of a straight leg at least.
 const LEAST_KNOTS_OF_A_LEG: usize = 8;
 /// Corrections that a path gets at most.
@@ -311,19 +313,22 @@ impl Demands<'_> {
         })
     }
 
-    /// A path along a certified polyline whose tip keeps to a smooth curve, where there is room for one.
-    pub(crate) fn drawn_along(&self, polyline: &[Configuration]) -> Option<Waypoints> {
-        let mut path = resample(polyline);
-        self.smooth(&mut path).then_some(path)
+    /// A motion beside a certified polyline: that is smoothed, as much as allows a motion, and pushed out of what it touches then.
+    pub(crate) fn beside(&self, polyline: &[Configuration]) -> Option<(Waypoints, Certified)> {
+        let smoothed = self.curves.smoothed(resample(polyline)).take(BESIDE);
+        let finished = smoothed.map(|path| self.finish(path, false, None));
+        finished
+            .take_while(|_| !(self.interrupt)())
+            .find_map(|finished| Some((finished.path, finished.outcome.ok()?)))
     }
 
     /// Turns the first of these ways along a certified polyline that certifies into a motion; where there is none, the motion
     /// rests at each corner.
-    pub(crate) fn follow(
+    pub(crate) fn along(
         &self,
         polyline: &[Configuration],
         ways: impl IntoIterator<Item = Waypoints>,
-    ) -> Result<(Waypoints, Trajectory), Failure> {
+    ) -> Option<(Waypoints, Certified)> {
         let motion = |way: &Waypoints| {
             let timed = self.time(way)?;
             self.certify(&timed).map(|()| timed)
@@ -332,13 +337,12 @@ impl Demands<'_> {
             .into_iter()
             .take_while(|_| !(self.interrupt)())
             .find_map(|way| Some((motion(&way).ok()?, way)));
-        match first {
-            Some((motion, way)) => Ok((way, motion)),
-            None if (self.interrupt)() => Err(Failure::Truncated),
-            None => self
-                .rest_at_corners(polyline)
-                .map(|motion| (resample(polyline), motion)),
-        }
+        let (motion, way) = first.or_else(|| {
+            let rests = !(self.interrupt)();
+            let motion = rests.then(|| self.rest_at_corners(polyline).ok());
+            Some((motion.flatten()?, resample(polyline)))
+        })?;
+        Some((way, self.describe(motion)))
     }
 
     fn rest_at_corners(&self, polyline: &[Configuration]) -> Result<Trajectory, Failure> {
@@ -364,22 +368,53 @@ mod tests {
     use super::*;
     use crate::basis::SineBasis;
     use crate::scenes::unit_robot;
+    use collision::Ball;
+
+    fn demands<'a>(
+        robot: &'a Robot,
+        scene: &'a Scene,
+        kernel: &'a PushKernel,
+        curves: &'a TipCurves,
+    ) -> Demands<'a> {
+        Demands {
+            robot,
+            grown: robot,
+            scene,
+            kernel,
+            curves,
+            limits: robot.tendon_limits,
+            knots: 96,
+            corrections: MOST_CORRECTIONS,
+            interrupt: &|| false,
+        }
+    }
+
+    #[test]
+    fn a_motion_beside_a_polyline_is_faster_than_along_it_and_keeps_clear() {
+        let robot = unit_robot();
+        let bent = |x: f64, y: f64| Configuration::from_column_slice(&[x, y, 0.0, 0.0, 0.0, 0.0]);
+        let ball = Ball {
+            centre: robot.tip(&bent(0.0, 0.0)),
+            radius: 0.3,
+        };
+        let scene = Scene::new(vec![ball]).unwrap();
+        let (kernel, curves) = (PushKernel::new(&SineBasis::new()), TipCurves::new());
+        let demands = demands(&robot, &scene, &kernel, &curves);
+        let polyline = [bent(-0.5, 0.0), bent(0.0, 0.6), bent(0.5, 0.0)];
+        let (path, beside) = demands.beside(&polyline).unwrap();
+        assert_eq!([path[0], path[path.len() - 1]], [polyline[0], polyline[2]]);
+        assert_eq!(demands.certify(&beside.trajectory), Ok(()));
+        let (_, along) = demands.along(&polyline, [resample(&polyline)]).unwrap();
+        let [beside_s, along_s] = [beside, along].map(|motion| motion.metrics.duration_s);
+        assert!(beside_s < 0.9 * along_s, "{beside_s} {along_s}");
+    }
 
     #[test]
     fn a_motion_that_rests_at_its_corners_has_the_knots_of_a_motion_or_is_none() {
         let (robot, scene) = (unit_robot(), Scene::default());
         let kernel = PushKernel::new(&SineBasis::new());
-        let demands = Demands {
-            robot: &robot,
-            grown: &robot,
-            scene: &scene,
-            kernel: &kernel,
-            curves: &TipCurves::new(),
-            limits: robot.tendon_limits,
-            knots: 96,
-            corrections: 0,
-            interrupt: &|| false,
-        };
+        let curves = TipCurves::new();
+        let demands = demands(&robot, &scene, &kernel, &curves);
         let zigzag = |edges: usize| -> Vec<Configuration> {
             let corner = |i: usize| Configuration::repeat([0.0, 0.3][i % 2] + 1e-3 * i as f64);
             (0..=edges).map(corner).collect()

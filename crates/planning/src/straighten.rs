@@ -7,7 +7,7 @@
 //! too near to an obstacle on all such curves, the path is first corrected, and its tip then drawn onto the smoothest curve
 //! beside its own way that leaves room.
 
-use crate::path::{WAYPOINTS, parameter};
+use crate::path::{WAYPOINTS, Waypoints, parameter};
 use crate::pen::{Demand, Drawn, Pen};
 use crate::sharpen::sharpened;
 use crate::smoothing::Smoother;
@@ -99,6 +99,12 @@ impl TipCurves {
             path.copy_from_slice(drawn);
         }
         drawn.is_some()
+    }
+
+    /// A path (64 waypoints, radians) without its waves, the strongest smoothing first; both ends stay exactly where they are.
+    pub(crate) fn smoothed(&self, path: Waypoints) -> impl Iterator<Item = Waypoints> {
+        let smooth = move |smoother: &Smoother| smoother.smooth(&std::array::from_fn(|h| path[h]));
+        self.smoothers.iter().map(smooth).map(|path| path.to_vec())
     }
 
     /// On the line between the tip's two ends; how far the tip has come there is left to the path without its waves.
