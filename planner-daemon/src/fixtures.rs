@@ -63,7 +63,7 @@ pub(crate) fn candidate() -> Candidate {
 
 /// Its motion.
 pub(crate) fn motion() -> Trajectory {
-    candidate().trajectory
+    Arc::unwrap_or_clone(candidate().trajectory)
 }
 
 /// A validated controller's state with some changes to zero.

@@ -1,6 +1,6 @@
 //! Between the planner's units (lengths in sections) and the wire's (SI).
 
-use pcc_model::Configuration;
+use pcc_model::{Configuration, DOF};
 use planning::{Candidate, Goal, Infeasible, Source};
 use shared_types::codes::{self, Outcome};
 use shared_types::message::{CandidateSummary, Knot};
@@ -101,31 +101,37 @@ pub(crate) fn tip_error(
 
 /// Hash of knots, one after the other: equal plans have equal hashes.
 ///
-/// The `FxHash` of rustc (rotate by 5, exclusive or, multiply) over the bits of every number in the order of [`Knot`]'s
-/// fields; the rotation keeps two changed signs from cancelling.
+/// The `FxHash` of rustc (rotate by 5, exclusive or, multiply) over the bits of every number, in a lane each for times and shapes,
+/// for velocities and for accelerations, since each step waits for the one before it in its lane; then over the lanes. The
+/// rotation keeps two changed signs from cancelling.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct KnotHash(u64);
+pub(crate) struct KnotHash([u64; 3]);
 
 impl KnotHash {
     pub(crate) const fn new() -> Self {
-        Self(0)
+        Self([0; 3])
     }
 
     pub(crate) fn add(&mut self, knot: &Knot) {
-        let vectors = [
-            &knot.configuration_rad,
-            &knot.velocity_rad_s,
-            &knot.acceleration_rad_s2,
-        ];
-        let numbers = std::iter::once(&knot.time_s).chain(vectors.into_iter().flatten());
-        for number in numbers {
-            self.0 = (self.0.rotate_left(5) ^ number.to_bits()).wrapping_mul(0x517c_c1b7_2722_0a95);
+        let [shapes, velocities, accelerations] = &mut self.0;
+        mix(shapes, knot.time_s.to_bits());
+        for axis in 0..DOF {
+            mix(shapes, knot.configuration_rad[axis].to_bits());
+            mix(velocities, knot.velocity_rad_s[axis].to_bits());
+            mix(accelerations, knot.acceleration_rad_s2[axis].to_bits());
         }
     }
 
-    pub(crate) const fn value(self) -> u64 {
-        self.0
+    pub(crate) fn value(self) -> u64 {
+        let [mut value, velocities, accelerations] = self.0;
+        mix(&mut value, velocities);
+        mix(&mut value, accelerations);
+        value
     }
+}
+
+fn mix(lane: &mut u64, bits: u64) {
+    *lane = (lane.rotate_left(5) ^ bits).wrapping_mul(0x517c_c1b7_2722_0a95);
 }
 
 #[cfg(test)]
@@ -140,7 +146,7 @@ mod tests {
         let knots = knots.iter().zip([0.0, 2.0]);
         let knots = knots.map(|(position, time)| trajectory::Knot::resting(time, *position));
         Candidate {
-            trajectory: Trajectory::new(knots.collect()).unwrap(),
+            trajectory: Trajectory::new(knots.collect()).unwrap().into(),
             metrics: PathMetrics {
                 duration_s: 2.0,
                 tip_length: 3.0,

@@ -7,6 +7,7 @@ use crate::problem::Infeasible;
 use crate::select::{Selection, select};
 use collision::Scene;
 use pcc_model::{Configuration, Robot, TendonLimits};
+use std::sync::Arc;
 use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
 
 /// What a limit may be exceeded by, relative: the rounding of the measure.
@@ -76,7 +77,7 @@ impl<'a> Braking<'a> {
         let trajectory = self.before(&candidate.trajectory);
         Candidate {
             metrics: path_metrics(self.robot, self.scene, &trajectory),
-            trajectory,
+            trajectory: trajectory.into(),
             source: candidate.source,
             draw: candidate.draw,
         }
@@ -88,7 +89,7 @@ impl<'a> Braking<'a> {
         plan.candidates = plan.candidates.iter().map(whole).collect();
         for candidate in &plan.candidates {
             plan.draws[candidate.draw].outcome = Ok(Certified {
-                trajectory: candidate.trajectory.clone(),
+                trajectory: Arc::clone(&candidate.trajectory),
                 metrics: candidate.metrics,
             });
         }

@@ -266,7 +266,7 @@ impl Demands<'_> {
     pub(crate) fn describe(&self, trajectory: Trajectory) -> Certified {
         let metrics = path_metrics(self.robot, self.scene, &trajectory);
         Certified {
-            trajectory,
+            trajectory: trajectory.into(),
             metrics,
         }
     }

@@ -103,7 +103,7 @@ pub struct Request {
 #[derive(Clone, Debug)]
 pub struct Certified {
     /// The curve that is executed.
-    pub trajectory: Trajectory,
+    pub trajectory: Arc<Trajectory>,
     /// Its figures.
     pub metrics: PathMetrics,
 }
@@ -112,7 +112,7 @@ pub struct Certified {
 #[derive(Clone, Debug)]
 pub struct Candidate {
     /// The curve that is executed.
-    pub trajectory: Trajectory,
+    pub trajectory: Arc<Trajectory>,
     /// Its figures.
     pub metrics: PathMetrics,
     /// Who proposed it.

@@ -20,6 +20,7 @@ use pcc_model::{Configuration, Robot, TendonLimits};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// One request on its way through the stages.
@@ -373,7 +374,7 @@ pub(crate) fn count_learned(draws: &[Draw]) -> [usize; 2] {
 
 fn candidate(draw: usize, source: Source, motion: &Certified) -> Candidate {
     Candidate {
-        trajectory: motion.trajectory.clone(),
+        trajectory: Arc::clone(&motion.trajectory),
         metrics: motion.metrics,
         source,
         draw,

@@ -106,7 +106,7 @@ fn draws_of(answer: &Answer, slots: usize) -> Vec<Option<&Draw>> {
 
 fn motion(draw: Option<&Draw>) -> Option<&Trajectory> {
     draw.and_then(|d| d.outcome.as_ref().ok())
-        .map(|motion| &motion.trajectory)
+        .map(|motion| &*motion.trajectory)
 }
 
 /// The executed curve's samples where it is certified, else the path that was drawn.

@@ -125,7 +125,7 @@ impl Cases {
             };
             let case = self.allocate(waypoints)?;
             // Some certify only with rests at their corners: another motion, of several paths.
-            if case.motion == certified.trajectory && self.cases.len() < total {
+            if case.motion == *certified.trajectory && self.cases.len() < total {
                 self.cases.push(case);
             }
         }
