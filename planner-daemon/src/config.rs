@@ -57,10 +57,8 @@ pub enum ConfigError {
 pub enum WaitMode {
     /// Always looks: one processor is busy.
     Poll,
-    /// Looks for a while after the last work, then pauses between looks.
-    Hybrid,
-    /// Pauses between looks.
-    Wait,
+    /// Sleeps until it is told of a request.
+    Event,
 }
 
 /// What the file says, with the defaults of what it does not.
@@ -91,10 +89,6 @@ struct File {
     begin_lead_ms: f64,
     #[serde(default = "defaults::wait")]
     wait: WaitMode,
-    #[serde(default = "defaults::spin_us")]
-    spin_us: u64,
-    #[serde(default = "defaults::pause_us")]
-    pause_us: u64,
     #[serde(default)]
     processors: Vec<usize>,
     #[serde(default = "defaults::lock_memory")]
@@ -124,9 +118,7 @@ mod defaults {
         default_deadline_ms: f64 = 20.0;
         path_tolerance_rad: f64 = 0.01;
         begin_lead_ms: f64 = 50.0;
-        wait: WaitMode = WaitMode::Hybrid;
-        spin_us: u64 = 2000;
-        pause_us: u64 = 200;
+        wait: WaitMode = WaitMode::Event;
         lock_memory: bool = true;
         shared_memory_budget_mb: f64 = 48.0;
         resident_memory_budget_mb: f64 = 250.0;
@@ -213,10 +205,6 @@ pub struct Config {
     pub begin_lead: Duration,
     /// How to wait for requests.
     pub wait: WaitMode,
-    /// Time to go on polling after the last work ([`WaitMode::Hybrid`]).
-    pub spin: Duration,
-    /// Pause between two looks for requests.
-    pub pause: Duration,
     /// Processors to run on; empty for all.
     pub processors: Vec<usize>,
     /// Whether to keep memory from being swapped out, and to bring in the shared memory of the answers at the start.
@@ -274,8 +262,6 @@ impl File {
         )?;
         checked.within("path_tolerance_rad", self.path_tolerance_rad, 0.0..=0.1)?;
         checked.within("begin_lead_ms", self.begin_lead_ms, 10.0..=1000.0)?;
-        checked.within("spin_us", self.spin_us, 0..=1_000_000)?;
-        checked.within("pause_us", self.pause_us, 10..=5000)?;
         if let Some(diffusion) = &self.diffusion {
             checked.within("diffusion.steps", diffusion.steps, 1..=1000)?;
             if self.weights.is_none() {
@@ -318,8 +304,6 @@ impl File {
             path_tolerance_rad: self.path_tolerance_rad,
             begin_lead: milliseconds(self.begin_lead_ms),
             wait: self.wait,
-            spin: Duration::from_micros(self.spin_us),
-            pause: Duration::from_micros(self.pause_us),
             processors: self.processors,
             lock_memory: self.lock_memory,
             shared_memory_budget: (self.shared_memory_budget_mb * 1e6) as usize,
@@ -403,8 +387,6 @@ mod tests {
             "path_tolerance_rad = -0.001",
             "path_tolerance_rad = inf",
             "begin_lead_ms = 9.0",
-            "spin_us = 1000001",
-            "pause_us = 9",
             "processors = [0, 1024]",
             "shared_memory_budget_mb = 0.0",
             "resident_memory_budget_mb = -1.0",

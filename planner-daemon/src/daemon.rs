@@ -12,8 +12,8 @@ use planning::{
     PrecisionUnavailable, Problem, Request, Sampler, Selection,
 };
 use shared_types::ipc::{
-    IpcError, IpcNode, IpcOptions, Role, RoleLock, answered_notifier, answered_service,
-    plan_server, plan_service, shared_memory,
+    IpcError, IpcNode, IpcOptions, Role, RoleLock, event_listener, event_notifier,
+    plan_answered_event, plan_asked_event, plan_server, plan_service, shared_memory,
 };
 
 use crate::admission::Border;
@@ -22,7 +22,7 @@ use crate::execution::{Execution, ExecutionRules};
 use crate::heartbeat::{Background, BackgroundError, Progress};
 use crate::planning_at_work::Planning;
 use crate::process;
-use crate::service::{Parts, Service, Waiting};
+use crate::service::{Parts, Service};
 
 /// Name of the learned model in the manifest.
 const MODEL: &str = "fast";
@@ -316,10 +316,11 @@ fn open_service(
         begin_lead: config.begin_lead,
     };
     let execution = Execution::open(node, rules)?;
-    let planning = Planning::new(Arc::new(planner));
+    let planning = Planning::new(Arc::new(planner))?;
     let plan = plan_service(node, &config.capacity)?;
     Ok(Service::new(Parts {
-        answered: answered_notifier(node, &answered_service(node)?)?,
+        asked: event_listener(node, &plan_asked_event(node)?)?,
+        answered: event_notifier(node, &plan_answered_event(node)?)?,
         server: plan_server(node, &plan, &config.capacity)?,
         execution,
         planning,
@@ -331,11 +332,7 @@ fn open_service(
             static_scene,
         },
         robot: unit_robot,
-        waiting: Waiting {
-            mode: config.wait,
-            spin: config.spin,
-            pause: config.pause,
-        },
+        wait: config.wait,
         queued_per_client: config.queued_per_client,
         progress: Arc::clone(progress),
     }))

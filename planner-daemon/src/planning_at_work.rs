@@ -4,13 +4,16 @@
 //! begins on a worker itself: no thread in between has to wake up.
 
 use std::any::Any;
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use planning::{Candidate, Plan, Planner, PlannerError, Problem, Request, Supervision};
+use rustix::event::{EventfdFlags, eventfd};
 
 /// What is to be planned, and until when.
 pub(crate) struct Job {
@@ -53,19 +56,41 @@ pub(crate) enum Product {
 /// The planner at work, idle or at one job.
 pub(crate) struct Planning {
     planner: Arc<Planner>,
-    outgoing: SyncSender<Product>,
+    outgoing: Outgoing,
     products: Receiver<Product>,
 }
 
+/// Where products go.
+#[derive(Clone)]
+struct Outgoing {
+    products: SyncSender<Product>,
+    /// Can be read when something was sent that was not looked for yet.
+    told: Arc<OwnedFd>,
+}
+
+impl Outgoing {
+    fn send(&self, product: Product) {
+        // Nobody listens when the daemon ends; who is not told looks within a millisecond.
+        let _ = self.products.send(product);
+        let _ = rustix::io::write(&*self.told, &1_u64.to_ne_bytes());
+    }
+}
+
 impl Planning {
-    pub(crate) fn new(planner: Arc<Planner>) -> Self {
+    /// # Errors
+    /// What the system says where there can be no more files.
+    pub(crate) fn new(planner: Arc<Planner>) -> io::Result<Self> {
         // One early product and one plan: whoever plans never waits.
         let (outgoing, products) = sync_channel(2);
-        Self {
+        let told = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
+        Ok(Self {
             planner,
-            outgoing,
+            outgoing: Outgoing {
+                products: outgoing,
+                told: Arc::new(told),
+            },
             products,
-        }
+        })
     }
 
     /// Hands over a job; its plan must be taken before the next one is handed over.
@@ -73,21 +98,24 @@ impl Planning {
         let (planner, outgoing) = (Arc::clone(&self.planner), self.outgoing.clone());
         self.planner.spawn(move || {
             let planned = plan(&planner, &job, &outgoing);
-            // Nobody listens when the daemon ends.
-            let _ = outgoing.send(Product::Plan(planned));
+            outgoing.send(Product::Plan(planned));
         });
     }
 
-    /// What comes next, if it comes within `timeout`; a timeout of zero never waits.
-    pub(crate) fn wait(&self, timeout: Duration) -> Option<Product> {
-        match timeout.is_zero() {
-            true => self.products.try_recv().ok(),
-            false => self.products.recv_timeout(timeout).ok(),
-        }
+    /// What is there, if anything; never waits.
+    pub(crate) fn take(&self) -> Option<Product> {
+        // What is sent after this can be read again.
+        let _ = rustix::io::read(&*self.outgoing.told, &mut [0; 8]);
+        self.products.try_recv().ok()
+    }
+
+    /// Can be read when there may be something to take.
+    pub(crate) fn told(&self) -> BorrowedFd<'_> {
+        self.outgoing.told.as_fd()
     }
 }
 
-fn plan(planner: &Planner, job: &Job, outgoing: &SyncSender<Product>) -> Planned {
+fn plan(planner: &Planner, job: &Job, outgoing: &Outgoing) -> Planned {
     let interrupt = || job.cancelled.load(Ordering::Relaxed) || Instant::now() >= job.deadline;
     let collected: Mutex<Vec<Candidate>> = Mutex::default();
     let collect = |candidate: Candidate| {
@@ -99,8 +127,7 @@ fn plan(planner: &Planner, job: &Job, outgoing: &SyncSender<Product>) -> Planned
         if (early.is_deliverable)(&candidate) {
             collected.push(candidate);
             if collected.len() == early.count {
-                // Nobody listens when the daemon ends.
-                let _ = outgoing.send(Product::Early(collected.clone()));
+                outgoing.send(Product::Early(collected.clone()));
             }
         }
     };
@@ -130,10 +157,28 @@ mod tests {
     use super::*;
     use crate::fixtures::{request, straight_problem, unit_robot};
     use planning::Models;
+    use rustix::event::{PollFd, PollFlags, Timespec};
+    use std::time::Duration;
 
     fn planning() -> Planning {
         let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
-        Planning::new(Arc::new(planner))
+        Planning::new(Arc::new(planner)).unwrap()
+    }
+
+    fn next(planning: &Planning) -> Product {
+        let begun = Instant::now();
+        loop {
+            if let Some(product) = planning.take() {
+                return product;
+            }
+            let mut files = [PollFd::from_borrowed_fd(planning.told(), PollFlags::IN)];
+            let limit = Timespec {
+                tv_sec: 60,
+                tv_nsec: 0,
+            };
+            rustix::event::poll(&mut files, Some(&limit)).unwrap();
+            assert!(begun.elapsed() < Duration::from_secs(60), "nothing came");
+        }
     }
 
     fn job(deadline: Instant) -> Job {
@@ -147,10 +192,9 @@ mod tests {
     }
 
     fn planned(planning: &Planning) -> Planned {
-        match planning.wait(Duration::from_secs(60)) {
-            Some(Product::Plan(planned)) => planned,
-            Some(Product::Early(_)) => panic!("no early candidates were asked for"),
-            None => panic!("nothing came in a minute"),
+        match next(planning) {
+            Product::Plan(planned) => planned,
+            Product::Early(_) => panic!("no early candidates were asked for"),
         }
     }
 
@@ -161,7 +205,7 @@ mod tests {
     #[test]
     fn one_job_after_the_other_is_planned() {
         let planning = planning();
-        assert!(planning.wait(Duration::ZERO).is_none());
+        assert!(planning.take().is_none());
         for _ in 0..2 {
             planning.begin(job(far()));
             let plan = planned(&planning).unwrap();
@@ -181,9 +225,9 @@ mod tests {
             early,
             ..job(far())
         });
-        match planning.wait(Duration::from_secs(60)) {
-            Some(Product::Early(candidates)) => assert_eq!(candidates.len(), 1),
-            _ => panic!("no early candidate came first"),
+        match next(&planning) {
+            Product::Early(candidates) => assert_eq!(candidates.len(), 1),
+            Product::Plan(_) => panic!("no early candidate came first"),
         }
         assert_eq!(planned(&planning).unwrap().candidates.len(), 1);
     }

@@ -39,6 +39,11 @@ impl<Client: PartialEq, Item> FairQueue<Client, Item> {
         item
     }
 
+    /// All items, in no order.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Item> {
+        self.turns.iter().flat_map(|(_, items)| items)
+    }
+
     /// Takes out the items for which `is_out` is true, whosever turn it is.
     pub(crate) fn take_out(&mut self, is_out: impl Fn(&Item) -> bool) -> Vec<Item> {
         let mut taken = Vec::new();

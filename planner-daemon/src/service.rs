@@ -11,7 +11,7 @@ use pcc_model::Robot;
 use planning::Candidate;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::Outcome;
-use shared_types::ipc::{AnsweredNotifier, PlanActiveRequest, PlanServer};
+use shared_types::ipc::{EventListener, EventNotifier, PlanActiveRequest, PlanServer};
 
 use crate::admission::{Border, Order, Refusal};
 use crate::answer::{Answer, is_deliverable};
@@ -30,20 +30,8 @@ const WAY_BACK: Duration = Duration::from_micros(500);
 /// Time that a plan under way gets when the daemon ends, before it is truncated.
 const GRACE: Duration = Duration::from_millis(500);
 
-/// Pause between two looks for requests soon after work. Nobody waits for the processor meanwhile, and who sleeps gets it at
-/// once in its turn.
-const GLANCE: Duration = Duration::from_micros(20);
-
 /// Requests received in one round.
 const MOST_RECEIVED: usize = 64;
-
-/// How to wait for requests.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Waiting {
-    pub(crate) mode: WaitMode,
-    pub(crate) spin: Duration,
-    pub(crate) pause: Duration,
-}
 
 /// A request that waits for its turn.
 struct Queued {
@@ -71,31 +59,34 @@ struct InFlight {
 /// Everything that the loop works with.
 pub(crate) struct Service {
     server: PlanServer,
-    answered: AnsweredNotifier,
+    asked: EventListener,
+    answered: EventNotifier,
     execution: Execution,
     planning: Planning,
     border: Border,
     /// In units of its section length.
     robot: Robot,
-    waiting: Waiting,
+    wait: WaitMode,
     queue: FairQueue<UniqueClientId, Queued>,
     in_flight: Option<InFlight>,
     plans: KeptPlans,
     progress: Arc<Progress>,
     next_plan_id: u64,
     receiving_fails: bool,
+    waiting_fails: bool,
     ends: bool,
 }
 
 /// What [`Service::new`] joins.
 pub(crate) struct Parts {
     pub(crate) server: PlanServer,
-    pub(crate) answered: AnsweredNotifier,
+    pub(crate) asked: EventListener,
+    pub(crate) answered: EventNotifier,
     pub(crate) execution: Execution,
     pub(crate) planning: Planning,
     pub(crate) border: Border,
     pub(crate) robot: Robot,
-    pub(crate) waiting: Waiting,
+    pub(crate) wait: WaitMode,
     pub(crate) queued_per_client: usize,
     pub(crate) progress: Arc<Progress>,
 }
@@ -104,12 +95,13 @@ impl Service {
     pub(crate) fn new(parts: Parts) -> Self {
         Self {
             server: parts.server,
+            asked: parts.asked,
             answered: parts.answered,
             execution: parts.execution,
             planning: parts.planning,
             border: parts.border,
             robot: parts.robot,
-            waiting: parts.waiting,
+            wait: parts.wait,
             queue: FairQueue::new(parts.queued_per_client),
             in_flight: None,
             plans: KeptPlans::default(),
@@ -117,6 +109,7 @@ impl Service {
             // Larger than those of every daemon before since this machine was booted.
             next_plan_id: mono_now_ns().unsigned_abs(),
             receiving_fails: false,
+            waiting_fails: false,
             ends: false,
         }
     }
@@ -126,10 +119,10 @@ impl Service {
         if let Err(error) = sleep_punctually() {
             tracing::warn!("requests may wait some 50 us longer: {error}");
         }
-        let (mut last_work, mut last_attention) = (Instant::now(), None);
+        let mut last_attention = None;
         while !terminated.load(Ordering::Relaxed) {
-            if self.round() || self.pause(last_work) {
-                last_work = Instant::now();
+            if !self.round() {
+                self.pause();
             }
             if last_attention.is_none_or(|last: Instant| last.elapsed() >= ATTENTION) {
                 last_attention = Some(Instant::now());
@@ -266,18 +259,12 @@ impl Service {
         if self.in_flight.is_none() {
             return false;
         }
-        match self.planning.wait(Duration::ZERO) {
-            Some(product) => self.deliver(product),
+        match self.planning.take() {
+            Some(Product::Early(candidates)) => self.answer_early(candidates),
+            Some(Product::Plan(planned)) => self.answer(planned),
             None => return false,
         }
         true
-    }
-
-    fn deliver(&mut self, product: Product) {
-        match product {
-            Product::Early(candidates) => self.answer_early(candidates),
-            Product::Plan(planned) => self.answer(planned),
-        }
     }
 
     /// Answers the first certified candidates; the plan goes on.
@@ -340,22 +327,24 @@ impl Service {
         }
     }
 
-    /// Waits a moment for the plan under way, or for requests; whether there was an answer.
-    fn pause(&mut self, last_work: Instant) -> bool {
-        let Waiting { mode, spin, pause } = self.waiting;
-        if mode == WaitMode::Poll {
-            std::hint::spin_loop();
-        } else if self.in_flight.is_some() {
-            if let Some(product) = self.planning.wait(ATTENTION) {
-                self.deliver(product);
-                return true;
-            }
-        } else if mode == WaitMode::Hybrid && last_work.elapsed() < spin {
-            sleep(GLANCE.min(pause));
-        } else {
-            sleep(pause);
+    /// Waits until there is something to do, but no longer than until the next look at everything.
+    fn pause(&mut self) {
+        if self.wait == WaitMode::Poll {
+            return std::hint::spin_loop();
         }
-        false
+        let now = Instant::now();
+        let until = |queued: &Queued| queued.deadline().saturating_duration_since(now);
+        let limit = self.queue.iter().map(until).fold(ATTENTION, Duration::min);
+        match self.asked.wait(Some(self.planning.told()), limit) {
+            Ok(_) => self.waiting_fails = false,
+            Err(error) => {
+                if !self.waiting_fails {
+                    tracing::error!("requests are looked for only every ms: {error}");
+                }
+                self.waiting_fails = true;
+                sleep(limit);
+            }
+        }
     }
 
     fn refuse(&self, active: &PlanActiveRequest, request_id: u64, refusal: &Refusal) {
@@ -395,8 +384,8 @@ impl Service {
             if begun.elapsed() > GRACE {
                 in_flight.cancelled.store(true, Ordering::Relaxed);
             }
-            if let Some(product) = self.planning.wait(ATTENTION) {
-                self.deliver(product);
+            if !self.take_plan() {
+                self.pause();
             }
             self.execution.attend();
             self.progress.made();

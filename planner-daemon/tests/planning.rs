@@ -309,7 +309,7 @@ fn every_malformed_or_impossible_request_has_its_outcome_and_the_daemon_lives() 
 #[test]
 fn requests_of_several_clients_at_once_are_all_answered_once_and_not_mixed_up() {
     let world = World::new();
-    let _daemon = world.start(&world.configuration("wait = \"wait\""));
+    let _daemon = world.start(&world.configuration("wait = \"poll\""));
     let mut clients: Vec<Client> = (0..4)
         .map(|_| Client::connect(&world.options).unwrap())
         .collect();

@@ -1,16 +1,11 @@
-//! How to wait for another process: first without pause, then at rest between two looks, cleaning up after the dead.
+//! How to wait for another process: at rest between two looks, cleaning up after the dead.
 
-use std::hint;
 use std::time::{Duration, Instant};
 
 use shared_types::ipc::IpcNode;
 
-/// Polls without pause before the first rest: some 20 µs, more than a message takes on its way.
-const SPINS: u32 = 200;
-/// Rest between two polls where nobody tells of news.
+/// Rest between two polls where nobody tells of news, or news is overdue.
 pub(crate) const PAUSE: Duration = Duration::from_micros(50);
-/// Rest between two polls where the other process tells of news, so that one that died is noticed.
-pub(crate) const LONGEST_REST: Duration = Duration::from_millis(10);
 /// Time between two clean-ups of dead processes.
 const CLEANING_PERIOD: Duration = Duration::from_millis(100);
 
@@ -76,8 +71,8 @@ impl Cleaner {
     }
 }
 
-/// Calls `poll` until it has something, fails, or patience ends (none); after a while without pause it calls `rest` in between,
-/// which returns within the time that is left.
+/// Calls `poll` until it has something, fails, or patience ends (none), and `rest` in between, which returns within the time that is
+/// left.
 pub(crate) fn wait<T, E>(
     patience: &Patience,
     cleaner: &mut Cleaner,
@@ -85,18 +80,14 @@ pub(crate) fn wait<T, E>(
     mut rest: impl FnMut(Duration) -> Result<(), E>,
     mut poll: impl FnMut() -> Result<Option<T>, E>,
 ) -> Result<Option<T>, E> {
-    for _ in 0..SPINS {
+    loop {
         if let Some(value) = poll()? {
             return Ok(Some(value));
         }
-        hint::spin_loop();
-    }
-    while !patience.is_exhausted() {
+        if patience.is_exhausted() {
+            return Ok(None);
+        }
         cleaner.clean_if_due(node);
         rest(patience.rest())?;
-        if let Some(value) = poll()? {
-            return Ok(Some(value));
-        }
     }
-    Ok(None)
 }

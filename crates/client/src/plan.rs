@@ -1,26 +1,28 @@
 //! Asking the daemon for plans.
 
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::port::LoanError;
 use iceoryx2::port::client::RequestSendError;
-use iceoryx2::port::listener::ListenerWaitError;
 use iceoryx2::prelude::PortFactory;
 use shared_types::codes::Outcome;
 use shared_types::ipc::{
-    AnsweredListener, IpcError, IpcNode, IpcOptions, PlanClient, PlanPending, PlanService,
-    answered_listener, answered_service, open_plan_service, plan_client,
+    EventListener, EventNotifier, IpcError, IpcNode, IpcOptions, PlanClient, PlanPending,
+    PlanService, event_listener, event_notifier, open_plan_service, plan_answered_event,
+    plan_asked_event, plan_client,
 };
 use shared_types::message;
 use shared_types::valid::PlanRequest;
 
-use crate::patience::{Cleaner, LONGEST_REST, Patience, wait};
+use crate::patience::{Cleaner, PAUSE, Patience, wait};
 use crate::{ClientError, PlanAnswer};
 
 const DAEMON: &str = "planner-daemon";
 /// Longest wait for other processes that clean up after a dead one.
 const FUNERAL: Duration = Duration::from_millis(500);
+/// Longest rest between two looks for an answer.
+const LONGEST_REST: Duration = Duration::from_millis(2);
 /// Pause between two looks for a daemon.
 const LOOK_PERIOD: Duration = Duration::from_millis(5);
 
@@ -28,7 +30,8 @@ const LOOK_PERIOD: Duration = Duration::from_millis(5);
 #[derive(Debug)]
 pub struct Client {
     port: Option<PlanPort>,
-    answered: AnsweredListener,
+    asked: EventNotifier,
+    answered: EventListener,
     cleaner: Cleaner,
     last_request_id: u64,
     node: IpcNode,
@@ -47,6 +50,8 @@ pub struct Pending {
     response: PlanPending,
     id: u64,
     execute: bool,
+    /// When its answer must be there, as the request says.
+    due: Option<Instant>,
 }
 
 impl Pending {
@@ -89,9 +94,11 @@ impl Client {
     /// [`ClientError::Ipc`]: the options are not usable.
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
         let node = IpcNode::create(options, "pcc-client")?;
-        let answered = answered_listener(&node, &answered_service(&node)?)?;
+        let asked = event_notifier(&node, &plan_asked_event(&node)?)?;
+        let answered = event_listener(&node, &plan_answered_event(&node)?)?;
         Ok(Self {
             port: None,
+            asked,
             answered,
             cleaner: Cleaner::new(),
             last_request_id: 0,
@@ -198,9 +205,11 @@ impl Client {
         patience: &Patience,
     ) -> Result<PlanAnswer, ClientError> {
         let (answered, cleaner) = (&self.answered, &mut self.cleaner);
-        let rest = |left: Duration| match answered.timed_wait(|_| (), left.min(LONGEST_REST)) {
-            Ok(_) | Err(ListenerWaitError::InterruptSignal) => Ok(()),
-            Err(reason) => Err(ClientError::transport("wait for an answer", reason)),
+        let due = pending.due;
+        let rest = |left: Duration| {
+            let told = answered.wait(None, left.min(longest_rest(due)));
+            let failed = |reason| ClientError::transport("wait for an answer", reason);
+            told.map(drop).map_err(failed)
         };
         let received = wait(patience, cleaner, &self.node, rest, || pending.receive());
         self.bury_the_dead(&received);
@@ -241,12 +250,15 @@ impl Client {
             }
             let response = self.wait_for_port(patience)?.send(&wire)?;
             if response.number_of_server_connections() > 0 {
+                // A daemon that is not told looks within a millisecond.
+                let _ = self.asked.notify();
                 // Whether who has it still lives is asked when the answer is long in coming: cleaning takes as long as a plan.
                 self.cleaner.begin_period();
                 return Ok(Pending {
                     response,
                     id: wire.request_id,
                     execute: request.execute,
+                    due: request.deadline.map(|deadline| Instant::now() + deadline),
                 });
             }
             // The daemon left between the look and the sending: nobody has the request.
@@ -301,6 +313,13 @@ impl Client {
         }
         Ok(())
     }
+}
+
+/// How long to wait at most for news of an answer that is due then: who is woken may wait for the processor, and whose time is
+/// over gets it sooner.
+fn longest_rest(due: Option<Instant>) -> Duration {
+    let until = due.map(|due| due.saturating_duration_since(Instant::now()));
+    until.map_or(LONGEST_REST, |until| until.clamp(PAUSE, LONGEST_REST))
 }
 
 impl PlanPort {

@@ -7,8 +7,8 @@
 //!
 //! A process that must be the only one of its kind holds a [`RoleLock`] for as long as it lives.
 
-mod answered;
 mod error;
+mod event;
 mod memory;
 mod node;
 mod opening;
@@ -18,11 +18,11 @@ mod role;
 mod sweeper;
 mod topic;
 
-pub use answered::{
-    AnsweredListener, AnsweredNotifier, AnsweredService, answered_listener, answered_notifier,
-    answered_service,
-};
 pub use error::IpcError;
+pub use event::{
+    EventListener, EventNotifier, EventService, event_listener, event_notifier,
+    plan_answered_event, plan_asked_event,
+};
 pub use memory::{ServiceMemory, plan_bytes, shared_memory};
 pub use node::IpcNode;
 pub use options::{IpcOptions, LONGEST_ROOT_AND_PREFIX};

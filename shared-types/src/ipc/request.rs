@@ -37,7 +37,7 @@ pub type CommandServer = Server<ipc::Service, Command, (), CommandReply, ()>;
 /// Sends commands; create it in the thread that uses it.
 pub type CommandClient = Client<ipc::Service, Command, (), CommandReply, ()>;
 
-pub(super) const PLAN: &str = "plan";
+const PLAN: &str = "plan";
 const COMMAND: &str = "command";
 /// One server at work, and one that died and was not cleaned up yet.
 pub(super) const SERVERS: usize = 2;

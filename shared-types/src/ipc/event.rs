@@ -1,0 +1,176 @@
+//! Events beside `plan`: who sends a request or an answer says so, and who waits for one sleeps until then.
+
+use std::fmt::Debug;
+use std::io;
+use std::os::fd::BorrowedFd;
+use std::time::Duration;
+
+use iceoryx2::port::listener::{Listener, ListenerCreateError};
+use iceoryx2::port::notifier::{Notifier, NotifierCreateError};
+use iceoryx2::prelude::{EventId, FileDescriptorBased, ipc};
+use iceoryx2::service::builder::Builder;
+use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
+use iceoryx2::service::port_factory::event::PortFactory;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::io::Errno;
+
+use super::opening::{NODES, open_service};
+use super::{IpcError, IpcNode};
+
+/// An open event service: what its ports are made from.
+#[derive(Debug)]
+pub struct EventService {
+    service: PortFactory<ipc::Service>,
+    full_name: String,
+}
+
+/// Says that something was sent; create it in the thread that uses it.
+pub type EventNotifier = Notifier<ipc::Service>;
+/// Sleeps until something was sent, to whomever; create it in the thread that uses it.
+#[derive(Debug)]
+pub struct EventListener(Listener<ipc::Service>);
+
+/// There is one kind of event.
+const SENT: EventId = EventId::new(0);
+
+/// Opens `plan_asked`: a client sent a request.
+///
+/// # Errors
+/// Any [`IpcError`].
+pub fn plan_asked_event(node: &IpcNode) -> Result<EventService, IpcError> {
+    event(node, "plan_asked")
+}
+
+/// Opens `plan_answered`: the daemon sent an answer.
+///
+/// # Errors
+/// Any [`IpcError`].
+pub fn plan_answered_event(node: &IpcNode) -> Result<EventService, IpcError> {
+    event(node, "plan_answered")
+}
+
+fn event(node: &IpcNode, name: &str) -> Result<EventService, IpcError> {
+    let open = |builder: Builder<ipc::Service>| {
+        builder
+            .event()
+            .event_id_max_value(SENT.as_value())
+            .max_notifiers(NODES)
+            .max_listeners(NODES)
+            .max_nodes(NODES)
+            .open_or_create()
+    };
+    Ok(EventService {
+        service: open_service(node, name, open, translate)?,
+        full_name: node.options().service_name(name),
+    })
+}
+
+/// Makes a notifier, after cleaning up dead ones.
+///
+/// # Errors
+/// [`IpcError::Full`] if live processes hold the places, or [`IpcError::Failed`].
+pub fn event_notifier(node: &IpcNode, event: &EventService) -> Result<EventNotifier, IpcError> {
+    let create = || {
+        event
+            .service
+            .notifier_builder()
+            .default_event_id(SENT)
+            .create()
+    };
+    let full = NotifierCreateError::ExceedsMaxSupportedNotifiers;
+    port(node, event, "notifier", create, &full)
+}
+
+/// Makes a listener, after cleaning up dead ones.
+///
+/// # Errors
+/// [`IpcError::Full`] if live processes hold all places, or [`IpcError::Failed`].
+pub fn event_listener(node: &IpcNode, event: &EventService) -> Result<EventListener, IpcError> {
+    let create = || event.service.listener_builder().create();
+    let full = ListenerCreateError::ExceedsMaxSupportedListeners;
+    port(node, event, "listener", create, &full).map(EventListener)
+}
+
+impl EventListener {
+    /// Sleeps until something was sent since the last call, or `other` can be read, if there is one, but no longer than `limit`;
+    /// whether something was sent.
+    ///
+    /// The limit is kept to some 50 µs; iceoryx2's own waiting would round it up to the scheduler's ticks.
+    ///
+    /// # Errors
+    /// What the system or iceoryx2 says.
+    pub fn wait(&self, other: Option<BorrowedFd>, limit: Duration) -> io::Result<bool> {
+        if self.was_told()? {
+            return Ok(true);
+        }
+        let limit = Timespec::try_from(limit).map_err(io::Error::other)?;
+        // SAFETY: the socket is open as long as the listener, which is borrowed.
+        #[allow(unsafe_code)]
+        let socket = unsafe { BorrowedFd::borrow_raw(self.0.file_descriptor().native_handle()) };
+        let readable = |file| PollFd::from_borrowed_fd(file, PollFlags::IN);
+        let mut files = [socket, other.unwrap_or(socket)].map(readable);
+        match poll(&mut files, Some(&limit)) {
+            Ok(_) => self.was_told(),
+            Err(Errno::INTR) => Ok(false),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    fn was_told(&self) -> io::Result<bool> {
+        let told = self.0.try_wait(|_| ());
+        let failed = |reason| io::Error::other(format!("{reason:?}"));
+        Ok(told.map_err(failed)? > 0)
+    }
+}
+
+fn port<T, E: Debug + PartialEq>(
+    node: &IpcNode,
+    event: &EventService,
+    port: &'static str,
+    create: impl FnMut() -> Result<T, E>,
+    full: &E,
+) -> Result<T, IpcError> {
+    let service = event.full_name.clone();
+    node.retry(create, |error| error == full)
+        .map_err(|error| match error {
+            error if error == *full => IpcError::Full { service, port },
+            error => IpcError::Failed {
+                service,
+                what: port,
+                reason: format!("{error:?}"),
+            },
+        })
+}
+
+fn translate(service: String, error: EventOpenOrCreateError) -> IpcError {
+    use EventOpenError as Open;
+    use EventOpenOrCreateError as Either;
+    let reason = format!("{error:?}");
+    match error {
+        Either::EventOpenError(Open::ServiceInCorruptedState | Open::VersionMismatch)
+        | Either::EventCreateError(EventCreateError::ServiceInCorruptedState) => {
+            IpcError::OtherLibraryVersion { service, reason }
+        }
+        Either::EventOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
+            service,
+            port: "process",
+        },
+        Either::EventOpenError(
+            Open::IncompatibleMessagingPattern
+            | Open::IncompatibleAttributes
+            | Open::IncompatibleDeadline
+            | Open::IncompatibleNotifierCreatedEvent
+            | Open::IncompatibleNotifierDroppedEvent
+            | Open::IncompatibleNotifierDeadEvent
+            | Open::DoesNotSupportRequestedAmountOfNotifiers
+            | Open::DoesNotSupportRequestedAmountOfListeners
+            | Open::DoesNotSupportRequestedMaxEventId
+            | Open::DoesNotSupportRequestedAmountOfNodes,
+        ) => IpcError::Incompatible { service, reason },
+        _ => IpcError::Failed {
+            service,
+            what: "the service",
+            reason,
+        },
+    }
+}
