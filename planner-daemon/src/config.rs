@@ -57,7 +57,7 @@ pub enum ConfigError {
 pub enum WaitMode {
     /// Always looks: one processor is busy.
     Poll,
-    /// Sleeps until it is told of a request.
+    /// Sleeps until it is told of a request, and looks every ms.
     Event,
 }
 

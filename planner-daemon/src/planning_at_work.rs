@@ -104,14 +104,17 @@ impl Planning {
 
     /// What is there, if anything; never waits.
     pub(crate) fn take(&self) -> Option<Product> {
-        // What is sent after this can be read again.
-        let _ = rustix::io::read(&*self.outgoing.told, &mut [0; 8]);
         self.products.try_recv().ok()
     }
 
-    /// Can be read when there may be something to take.
+    /// Can be read when there may be something to take, also when that was taken before.
     pub(crate) fn told(&self) -> BorrowedFd<'_> {
         self.outgoing.told.as_fd()
+    }
+
+    /// From now on only what is sent then can be read: whoever waited takes what is there next.
+    pub(crate) fn has_heard(&self) {
+        let _ = rustix::io::read(&*self.outgoing.told, &mut [0; 8]);
     }
 }
 
@@ -177,6 +180,7 @@ mod tests {
                 tv_nsec: 0,
             };
             rustix::event::poll(&mut files, Some(&limit)).unwrap();
+            planning.has_heard();
             assert!(begun.elapsed() < Duration::from_secs(60), "nothing came");
         }
     }

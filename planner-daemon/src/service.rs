@@ -23,7 +23,7 @@ use crate::planning_at_work::{Early, Job, Planned, Planning, Product};
 use crate::process::sleep_punctually;
 use crate::queue::FairQueue;
 
-/// Time between two looks at controller and scene.
+/// Time between two looks at controller, scene, requests that nobody told of, and clients that gave up.
 const ATTENTION: Duration = Duration::from_millis(1);
 /// Work ends this long before the deadline, for the answer to be written, sent and seen; of short deadlines, half.
 const WAY_BACK: Duration = Duration::from_micros(500);
@@ -117,7 +117,7 @@ impl Service {
     /// Serves until `terminated`, then answers what is there.
     pub(crate) fn run(&mut self, terminated: &AtomicBool) {
         if let Err(error) = sleep_punctually() {
-            tracing::warn!("requests may wait some 50 us longer: {error}");
+            tracing::warn!("looks and deadlines may be some 50 us late: {error}");
         }
         let mut last_attention = None;
         while !terminated.load(Ordering::Relaxed) {
@@ -327,7 +327,8 @@ impl Service {
         }
     }
 
-    /// Waits until there is something to do, but no longer than until the next look at everything.
+    /// Waits until there is something to do, but no longer than until the next look at everything. Workers are listened to only
+    /// while one has something to say: what they said of a plan that was taken before is still there to be read.
     fn pause(&mut self) {
         if self.wait == WaitMode::Poll {
             return std::hint::spin_loop();
@@ -335,7 +336,12 @@ impl Service {
         let now = Instant::now();
         let until = |queued: &Queued| queued.deadline().saturating_duration_since(now);
         let limit = self.queue.iter().map(until).fold(ATTENTION, Duration::min);
-        match self.asked.wait(Some(self.planning.told()), limit) {
+        let told = self.in_flight.is_some().then(|| self.planning.told());
+        let waited = self.asked.wait(told, limit);
+        if told.is_some() {
+            self.planning.has_heard();
+        }
+        match waited {
             Ok(_) => self.waiting_fails = false,
             Err(error) => {
                 if !self.waiting_fails {

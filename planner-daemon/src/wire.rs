@@ -246,6 +246,12 @@ mod tests {
         assert_eq!(hash(&[last, other]), hash(&[last, other]));
         assert_ne!(hash(&[last, other]), hash(&[other, last]));
         assert_ne!(hash(&[last]), hash(&[other]));
+        let exchanged = Knot {
+            velocity_rad_s: other.acceleration_rad_s2,
+            acceleration_rad_s2: other.velocity_rad_s,
+            ..other
+        };
+        assert_ne!(hash(&[other]), hash(&[exchanged]));
         let mirrored = Knot {
             configuration_rad: last.configuration_rad.map(|angle| -angle),
             ..last

@@ -14,7 +14,9 @@ use client::{Client, PlanAnswer};
 use common::{PATIENCE, World, request, until};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::{Outcome, PlanField, Sampler, Source, Stage};
-use shared_types::ipc::{IpcNode, open_plan_service, plan_client};
+use shared_types::ipc::{
+    IpcNode, event_listener, open_plan_service, plan_answered_event, plan_asked_event, plan_client,
+};
 use shared_types::message::{self, Knot};
 use shared_types::valid::{Goal, PlanReport, PlanRequest, check_knots};
 
@@ -343,6 +345,38 @@ fn requests_of_several_clients_at_once_are_all_answered_once_and_not_mixed_up() 
     hashes.sort_unstable();
     hashes.dedup();
     assert_eq!(hashes.len(), 16, "16 goals have 16 plans");
+}
+
+#[test]
+fn requests_and_answers_are_told_of() {
+    let world = World::new();
+    let _daemon = world.start(&world.configuration(""));
+    let node = IpcNode::create(&world.options, "listener").unwrap();
+    let asked = event_listener(&node, &plan_asked_event(&node).unwrap()).unwrap();
+    let answered = event_listener(&node, &plan_answered_event(&node).unwrap()).unwrap();
+    let mut client = Client::connect(&world.options).unwrap();
+    for (sampler, outcome) in [
+        (Sampler::Straight, Outcome::Ok),
+        (Sampler::Fast, Outcome::SamplerNotLoaded),
+    ] {
+        let request = PlanRequest {
+            sampler,
+            ..request()
+        };
+        let answer = client.plan(&request, PATIENCE).unwrap();
+        assert_eq!(answer.report().outcome, outcome);
+        assert!(
+            asked.wait(None, PATIENCE).unwrap(),
+            "{sampler} was asked for"
+        );
+        assert!(
+            answered.wait(None, PATIENCE).unwrap(),
+            "{outcome:?} was told"
+        );
+        for event in [&asked, &answered] {
+            assert!(!event.wait(None, Duration::from_millis(5)).unwrap());
+        }
+    }
 }
 
 #[test]

@@ -5,8 +5,10 @@
 )]
 
 use std::fs;
+use std::io::Write;
+use std::os::fd::AsFd;
 use std::os::unix::fs::PermissionsExt;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::*;
@@ -207,6 +209,37 @@ fn who_listens_is_told_that_an_answer_was_sent_however_often_it_did_not_listen()
 }
 
 #[test]
+fn who_listens_is_woken_by_another_file_too() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "daemon").unwrap();
+    let listener = event_listener(&node, &plan_asked_event(&node).unwrap()).unwrap();
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    writer.write_all(&[1]).unwrap();
+    let begun = Instant::now();
+    let told = listener.wait(Some(reader.as_fd()), Duration::from_secs(3600));
+    assert!(!told.unwrap(), "nothing was sent");
+    assert!(begun.elapsed() < Duration::from_secs(60));
+}
+
+#[test]
+fn who_takes_the_place_of_a_listener_is_told_by_all_notifiers() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "user").unwrap();
+    let event = plan_answered_event(&node).unwrap();
+    let notifiers = [(); 2].map(|()| event_notifier(&node, &event).unwrap());
+    for _ in 0..2 {
+        let listeners = [(); 2].map(|()| event_listener(&node, &event).unwrap());
+        for notifier in &notifiers {
+            assert_eq!(notifier.notify().unwrap(), 2);
+            for listener in &listeners {
+                assert!(listener.wait(None, Duration::from_secs(60)).unwrap());
+            }
+        }
+    }
+    assert_eq!(notifiers[0].notify().unwrap(), 0);
+}
+
+#[test]
 fn a_root_is_as_long_as_sockets_allow() {
     let world = world();
     let begin = world.options.root.as_os_str().len() + world.options.prefix.len();
@@ -219,7 +252,12 @@ fn a_root_is_as_long_as_sockets_allow() {
     with_length(LONGEST_ROOT_AND_PREFIX).unwrap();
     let error = with_length(LONGEST_ROOT_AND_PREFIX + 1).unwrap_err();
     assert!(matches!(error, IpcError::Root { .. }), "{error}");
-    assert!(error.to_string().contains("at most 60"), "{error}");
+    assert!(
+        error
+            .to_string()
+            .contains(&format!("at most {LONGEST_ROOT_AND_PREFIX}")),
+        "{error}"
+    );
 }
 
 #[test]

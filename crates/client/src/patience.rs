@@ -77,7 +77,7 @@ pub(crate) fn wait<T, E>(
     patience: &Patience,
     cleaner: &mut Cleaner,
     node: &IpcNode,
-    mut rest: impl FnMut(Duration) -> Result<(), E>,
+    mut rest: impl FnMut(Duration),
     mut poll: impl FnMut() -> Result<Option<T>, E>,
 ) -> Result<Option<T>, E> {
     loop {
@@ -88,6 +88,6 @@ pub(crate) fn wait<T, E>(
             return Ok(None);
         }
         cleaner.clean_if_due(node);
-        rest(patience.rest())?;
+        rest(patience.rest());
     }
 }

@@ -21,7 +21,7 @@ use crate::{ClientError, PlanAnswer};
 const DAEMON: &str = "planner-daemon";
 /// Longest wait for other processes that clean up after a dead one.
 const FUNERAL: Duration = Duration::from_millis(500);
-/// Longest rest between two looks for an answer.
+/// Longest rest between two looks for an answer: nobody may have told of it.
 const LONGEST_REST: Duration = Duration::from_millis(2);
 /// Pause between two looks for a daemon.
 const LOOK_PERIOD: Duration = Duration::from_millis(5);
@@ -91,7 +91,7 @@ impl Client {
     /// Joins the services; the daemon need not run yet.
     ///
     /// # Errors
-    /// [`ClientError::Ipc`]: the options are not usable.
+    /// [`ClientError::Ipc`]: the options are not usable, or so many processes have joined that no place is left.
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
         let node = IpcNode::create(options, "pcc-client")?;
         let asked = event_notifier(&node, &plan_asked_event(&node)?)?;
@@ -207,9 +207,10 @@ impl Client {
         let (answered, cleaner) = (&self.answered, &mut self.cleaner);
         let due = pending.due;
         let rest = |left: Duration| {
-            let told = answered.wait(None, left.min(longest_rest(due)));
-            let failed = |reason| ClientError::transport("wait for an answer", reason);
-            told.map(drop).map_err(failed)
+            let limit = left.min(longest_rest(due, Instant::now()));
+            if answered.wait(None, limit).is_err() {
+                thread::sleep(limit.min(PAUSE));
+            }
         };
         let received = wait(patience, cleaner, &self.node, rest, || pending.receive());
         self.bury_the_dead(&received);
@@ -248,6 +249,7 @@ impl Client {
                 // Such a request is not sent twice: its server should live.
                 self.cleaner.clean_if_due(&self.node);
             }
+            let sent = Instant::now();
             let response = self.wait_for_port(patience)?.send(&wire)?;
             if response.number_of_server_connections() > 0 {
                 // A daemon that is not told looks within a millisecond.
@@ -258,7 +260,7 @@ impl Client {
                     response,
                     id: wire.request_id,
                     execute: request.execute,
-                    due: request.deadline.map(|deadline| Instant::now() + deadline),
+                    due: request.deadline.map(|deadline| sent + deadline),
                 });
             }
             // The daemon left between the look and the sending: nobody has the request.
@@ -315,10 +317,10 @@ impl Client {
     }
 }
 
-/// How long to wait at most for news of an answer that is due then: who is woken may wait for the processor, and whose time is
-/// over gets it sooner.
-fn longest_rest(due: Option<Instant>) -> Duration {
-    let until = due.map(|due| due.saturating_duration_since(Instant::now()));
+/// The time from one look for an answer to the next: none is missed when the answer is due, and from then on they come often, since
+/// whom a message wakes may have to wait for the processor.
+fn longest_rest(due: Option<Instant>, now: Instant) -> Duration {
+    let until = due.map(|due| due.saturating_duration_since(now));
     until.map_or(LONGEST_REST, |until| until.clamp(PAUSE, LONGEST_REST))
 }
 
@@ -339,5 +341,21 @@ impl PlanPort {
                 RequestSendError::ExceedsMaxActiveRequests => ClientError::TooManyRequests,
                 reason => ClientError::transport("send a request", reason),
             })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_is_looked_for_when_it_is_due_and_often_from_then_on() {
+        let now = Instant::now();
+        let rest = |due: Duration| longest_rest(Some(now + due), now);
+        assert_eq!(longest_rest(None, now), LONGEST_REST);
+        assert_eq!(rest(10 * LONGEST_REST), LONGEST_REST);
+        assert_eq!(rest(LONGEST_REST / 2), LONGEST_REST / 2);
+        assert_eq!(rest(Duration::ZERO), PAUSE);
+        assert_eq!(longest_rest(Some(now), now + LONGEST_REST), PAUSE);
     }
 }

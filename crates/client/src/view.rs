@@ -77,10 +77,7 @@ impl ControllerView {
         let wire = command.to_wire(id);
         Command::try_from(&wire).map_err(ClientError::InvalidRequest)?;
         let (node, cleaner, commands) = (&self.node, &mut self.cleaner, &self.commands);
-        let pause = |rest: Duration| {
-            thread::sleep(PAUSE.min(rest));
-            Ok(())
-        };
+        let pause = |left: Duration| thread::sleep(PAUSE.min(left));
         let sent = wait(&patience, cleaner, node, pause, || {
             let pending = commands
                 .send_copy(wire)

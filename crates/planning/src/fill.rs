@@ -1,5 +1,6 @@
 //! The default planner: learned candidates, beside which straight segments compete, and trees for what is missing.
 
+use crate::finish::Demands;
 use crate::first_success::first_success;
 use crate::path::{Waypoints, resample};
 use crate::plan::{Draw, Failure, Plan, Sampler, Source};
@@ -186,7 +187,8 @@ impl Run<'_> {
 
     /// Makes a motion of a polyline that a search certified, if that can be timed and certified.
     ///
-    /// The sampler `rrt-connect` rounds it as is usual; else its tip is drawn onto a smooth curve first.
+    /// The sampler `rrt-connect` keeps to the polyline and rounds its corners as is usual; others do where no smooth path beside it
+    /// serves. The search's interrupt holds for all of it.
     pub(crate) fn follow(
         &self,
         search: &Search,
@@ -194,11 +196,15 @@ impl Run<'_> {
         draw: &mut Draw,
     ) -> bool {
         let keeps_to_it = self.request.sampler == Sampler::RrtConnect;
-        let beside = (!keeps_to_it).then(|| self.demands.beside(polyline));
+        let demands = Demands {
+            interrupt: search.interrupt,
+            ..self.demands
+        };
+        let beside = (!keeps_to_it).then(|| demands.beside(polyline));
         let followed = beside.flatten().or_else(|| {
             let rounded = once_with(|| resample(&search.round(polyline)));
             let ways = rounded.chain(once_with(|| resample(polyline)));
-            self.demands.along(polyline, ways)
+            demands.along(polyline, ways)
         });
         let Some((path, certified)) = followed else {
             return false;

@@ -18,7 +18,7 @@ use trajectory::{AllocationOptions, Allocator, Knot, Trajectory};
 
 /// Clearance that corrections aim for beyond the tube, in the first and the second attempt, section lengths.
 const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
-/// Clearance that smoothing a corrected path, or one along a certified polyline, leaves beyond the tube, section lengths.
+/// Clearance that smoothing a corrected path leaves beyond the tube, section lengths.
 const SMOOTHED_MARGIN: f64 = 0.01;
 /// Smooth paths beside a polyline that are tried: where the smoothest fail, others seldom serve.
 const BESIDE: usize = 2;
@@ -313,13 +313,12 @@ impl Demands<'_> {
         })
     }
 
-    /// A motion beside a certified polyline: that is smoothed, as much as allows a motion, and pushed out of what it touches then.
+    /// A motion between the ends of a certified polyline along a smooth path beside it, which is pushed out of what it touches: the
+    /// smoothest one that can be timed and certified.
     pub(crate) fn beside(&self, polyline: &[Configuration]) -> Option<(Waypoints, Certified)> {
-        let smoothed = self.curves.smoothed(resample(polyline)).take(BESIDE);
-        let finished = smoothed.map(|path| self.finish(path, false, None));
-        finished
-            .take_while(|_| !(self.interrupt)())
-            .find_map(|finished| Some((finished.path, finished.outcome.ok()?)))
+        let smoothed = self.curves.calmed(resample(polyline)).take(BESIDE);
+        let mut finished = smoothed.map(|path| self.finish(path, false, None));
+        finished.find_map(|finished| Some((finished.path, finished.outcome.ok()?)))
     }
 
     /// Turns the first of these ways along a certified polyline that certifies into a motion; where there is none, the motion

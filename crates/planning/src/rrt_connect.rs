@@ -4,6 +4,7 @@
 //! being sampled, in that the second tree is rooted in all goal shapes, and in that distances weigh the bending of a section
 //! by how much of the body it moves (decision 0012).
 
+use crate::planner::Interrupt;
 use crate::scenes::random_configuration;
 use collision::{Scene, certify_edge};
 use pcc_model::{Configuration, Robot, SECTIONS};
@@ -159,7 +160,7 @@ pub(crate) struct Search<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) scene: &'a Scene,
     pub(crate) settings: &'a RrtSettings,
-    pub(crate) interrupt: &'a dyn Fn() -> bool,
+    pub(crate) interrupt: Interrupt<'a>,
 }
 
 impl Search<'_> {
@@ -320,7 +321,7 @@ pub fn rrt_connect(
     goals: &[Configuration],
     settings: &RrtSettings,
     rng: &mut Pcg64,
-    interrupt: &dyn Fn() -> bool,
+    interrupt: &(dyn Fn() -> bool + Sync),
 ) -> Option<Vec<Configuration>> {
     if goals.is_empty() {
         return None;
@@ -340,7 +341,7 @@ mod tests {
     use crate::scenes::unit_robot;
     use collision::Ball;
     use rand::SeedableRng;
-    use std::cell::Cell;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     fn search<'a>(robot: &'a Robot, scene: &'a Scene, settings: &'a RrtSettings) -> Search<'a> {
         Search {
@@ -424,11 +425,8 @@ mod tests {
             radius: 0.3,
         };
         let scene = Scene::new(vec![ball]).unwrap();
-        let asked = Cell::new(0);
-        let interrupt = || {
-            asked.set(asked.get() + 1);
-            asked.get() == 4
-        };
+        let asked = AtomicUsize::new(0);
+        let interrupt = || asked.fetch_add(1, Ordering::Relaxed) == 3;
         let settings = RrtSettings::default();
         let start = Configuration::zeros();
         let mut rng = Pcg64::seed_from_u64(1);
@@ -442,6 +440,6 @@ mod tests {
             &interrupt,
         );
         assert!(found.is_none());
-        assert_eq!(asked.get(), 4, "it would have asked 188 times");
+        assert_eq!(asked.into_inner(), 4, "it would have asked 188 times");
     }
 }

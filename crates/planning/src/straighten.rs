@@ -15,7 +15,7 @@ use collision::Scene;
 use nalgebra::{Matrix3, SymmetricEigen};
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS, TendonLimits};
 
-/// Strengths of the smoothing of a tip's way that are tried, in this order: waves shorter than 43, 29, 20 and 14 waypoints go.
+/// Strengths of the smoothing of a tip's way, or of shapes, that are tried, in this order: waves shorter than 43, 29, 20 and 14 waypoints go.
 const STRENGTHS: [f64; 4] = [1e5, 1e4, 1e3, 1e2];
 /// Shares of the straight segment's way in the curve that are tried, in this order.
 const SHARES: [f64; 3] = [0.0, 0.5, 0.8];
@@ -28,7 +28,7 @@ const SEGMENT_SHARE: f64 = 0.35;
 /// Bending above this far below the limit is compressed, so that a path does not run into its limits with a kink, rad.
 const SOFT_RAD: f64 = 0.15;
 
-/// Smooth curves for tips.
+/// Smooth curves for tips, and paths without waves.
 pub(crate) struct TipCurves {
     smoothers: [Smoother; STRENGTHS.len()],
 }
@@ -101,16 +101,17 @@ impl TipCurves {
         drawn.is_some()
     }
 
-    /// A path (64 waypoints, radians) without its waves, the strongest smoothing first; both ends stay exactly where they are.
-    pub(crate) fn smoothed(&self, path: Waypoints) -> impl Iterator<Item = Waypoints> {
-        let smooth = move |smoother: &Smoother| smoother.smooth(&std::array::from_fn(|h| path[h]));
-        self.smoothers.iter().map(smooth).map(|path| path.to_vec())
+    /// The shapes of a path (64 waypoints, radians) without their waves, the strongest smoothing first, wherever that leads; both
+    /// ends stay exactly where they are.
+    pub(crate) fn calmed(&self, path: Waypoints) -> impl Iterator<Item = Waypoints> {
+        let calmed = move |smoother: &Smoother| calm(smoother, &path).to_vec();
+        self.smoothers.iter().map(calmed)
     }
 
     /// On the line between the tip's two ends; how far the tip has come there is left to the path without its waves.
     fn at_its_own_pace(&self, way: &Way, pen: &Pen, path: &[Configuration]) -> Option<Drawn> {
         let line = way.line.try_normalize(0.0)?;
-        let calm = self.smoothers[0].smooth(&std::array::from_fn(|h| path[h]));
+        let calm = calm(&self.smoothers[0], path);
         let demand = Demand {
             directions: Matrix3::identity() - line * line.transpose(),
             keeps_limits: true,
@@ -118,6 +119,11 @@ impl TipCurves {
         let guess = |h: usize| way.softened(h, &calm[h]);
         pen.draw(&demand, guess, |h| way.on_the_line(h))
     }
+}
+
+/// The shapes of a path without their waves.
+fn calm(smoother: &Smoother, path: &[Configuration]) -> Drawn {
+    smoother.smooth(&std::array::from_fn(|h| path[h]))
 }
 
 /// On the straightest curve that keeps the bending limits.

@@ -5,7 +5,7 @@ use std::io;
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
 
-use iceoryx2::port::listener::{Listener, ListenerCreateError};
+use iceoryx2::port::listener::{Listener, ListenerCreateError, ListenerWaitError};
 use iceoryx2::port::notifier::{Notifier, NotifierCreateError};
 use iceoryx2::prelude::{EventId, FileDescriptorBased, ipc};
 use iceoryx2::service::builder::Builder;
@@ -95,20 +95,22 @@ impl EventListener {
     /// Sleeps until something was sent since the last call, or `other` can be read, if there is one, but no longer than `limit`;
     /// whether something was sent.
     ///
-    /// The limit is kept to some 50 µs; iceoryx2's own waiting would round it up to the scheduler's ticks.
+    /// The limit is kept to the thread's timer slack, 50 µs by default; iceoryx2's own waiting would round it up to the scheduler's
+    /// ticks. A message may be lost where several are sent and heard at the same instant, so the limit must be one that can be borne.
     ///
     /// # Errors
     /// What the system or iceoryx2 says.
     pub fn wait(&self, other: Option<BorrowedFd>, limit: Duration) -> io::Result<bool> {
+        // This also makes notifiers send again: they do not while one message waits.
         if self.was_told()? {
             return Ok(true);
         }
         let limit = Timespec::try_from(limit).map_err(io::Error::other)?;
-        // SAFETY: the socket is open as long as the listener, which is borrowed.
+        // SAFETY: the socket is open as long as the listener, which is borrowed, and the handle neither closed nor kept.
         #[allow(unsafe_code)]
         let socket = unsafe { BorrowedFd::borrow_raw(self.0.file_descriptor().native_handle()) };
         let readable = |file| PollFd::from_borrowed_fd(file, PollFlags::IN);
-        let mut files = [socket, other.unwrap_or(socket)].map(readable);
+        let mut files: Vec<PollFd> = [socket].into_iter().chain(other).map(readable).collect();
         match poll(&mut files, Some(&limit)) {
             Ok(_) => self.was_told(),
             Err(Errno::INTR) => Ok(false),
@@ -117,9 +119,11 @@ impl EventListener {
     }
 
     fn was_told(&self) -> io::Result<bool> {
-        let told = self.0.try_wait(|_| ());
-        let failed = |reason| io::Error::other(format!("{reason:?}"));
-        Ok(told.map_err(failed)? > 0)
+        match self.0.try_wait(|_| ()) {
+            Ok(count) => Ok(count > 0),
+            Err(ListenerWaitError::InterruptSignal) => Ok(false),
+            Err(reason) => Err(io::Error::other(format!("{reason:?}"))),
+        }
     }
 }
 

@@ -16,7 +16,7 @@ use super::IpcError;
 /// How long a service may take to be made: some milliseconds, and the stalls of a busy machine.
 const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
 
-/// Most characters of root and prefix together: iceoryx2 makes the paths of sockets of them, with a number of up to 39 digits,
+/// Most bytes of root and prefix together: iceoryx2 makes the paths of sockets of them, with a number of up to 39 digits,
 /// and such a path has 107 at most.
 pub const LONGEST_ROOT_AND_PREFIX: usize = 107 - "/_.event".len() - 39;
 
@@ -27,8 +27,8 @@ pub struct IpcOptions {
     /// need two prefixes.
     pub prefix: String,
     /// Directory for service files and locks, best on a tmpfs; default `/dev/shm/pcc-<user id>`, or the same under
-    /// `/tmp` where there is no `/dev/shm`. It is created for this user alone. With the
-    /// prefix it has at most [`LONGEST_ROOT_AND_PREFIX`] characters.
+    /// `/tmp` where there is no `/dev/shm`. It is created for this user alone. With the prefix it has at most
+    /// [`LONGEST_ROOT_AND_PREFIX`] bytes.
     pub root: PathBuf,
 }
 
@@ -68,7 +68,7 @@ impl IpcOptions {
         let length = self.root.as_os_str().len() + self.prefix.len();
         if length > LONGEST_ROOT_AND_PREFIX {
             return Err(io(io::Error::other(format!(
-                "with the prefix it has {length} characters, at most {LONGEST_ROOT_AND_PREFIX} are allowed"
+                "with the prefix it has {length} bytes, at most {LONGEST_ROOT_AND_PREFIX} are allowed"
             ))));
         }
         fs::DirBuilder::new()
