@@ -371,7 +371,6 @@ impl Service {
         {
             tracing::error!("{error}");
         }
-
         if let Err(error) = self.answered.notify() {
             tracing::error!("who waits for the answer finds it only some ms later: {error:?}");
         }

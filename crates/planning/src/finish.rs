@@ -368,6 +368,7 @@ mod tests {
     use crate::basis::SineBasis;
     use crate::scenes::unit_robot;
     use collision::Ball;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     fn demands<'a>(
         robot: &'a Robot,
@@ -406,6 +407,25 @@ mod tests {
         let (_, along) = demands.along(&polyline, [resample(&polyline)]).unwrap();
         let [beside_s, along_s] = [beside, along].map(|motion| motion.metrics.duration_s);
         assert!(beside_s < 0.9 * along_s, "{beside_s} {along_s}");
+    }
+
+    #[test]
+    fn a_motion_that_is_made_is_not_lost_to_an_interrupt_after_it() {
+        let (robot, scene) = (unit_robot(), Scene::default());
+        let (kernel, curves) = (PushKernel::new(&SineBasis::new()), TipCurves::new());
+        let polyline = [0.0, 0.3].map(Configuration::repeat);
+        let (asked, most) = (AtomicUsize::new(0), AtomicUsize::new(usize::MAX));
+        let interrupt = || asked.fetch_add(1, Ordering::Relaxed) >= most.load(Ordering::Relaxed);
+        let demands = Demands {
+            interrupt: &interrupt,
+            ..demands(&robot, &scene, &kernel, &curves)
+        };
+        let is_made = || demands.beside(&polyline).is_some();
+        assert!(is_made());
+        most.store(asked.swap(0, Ordering::Relaxed), Ordering::Relaxed);
+        assert!(is_made(), "nobody asks once it is made");
+        most.store(0, Ordering::Relaxed);
+        assert!(!is_made());
     }
 
     #[test]

@@ -119,11 +119,11 @@ pub enum IpcError {
         port: &'static str,
     },
     /// Anything else.
-    #[error("cannot open {what} of service {service}: {reason}")]
+    #[error("cannot open service {service} ({what}): {reason}")]
     Failed {
         /// The service's name.
         service: String,
-        /// The service itself or a port.
+        /// Of what: the service as a whole, its name, or a kind of port.
         what: &'static str,
         /// What iceoryx2 said.
         reason: String,

@@ -1,6 +1,5 @@
 //! Events beside `plan`: who sends a request or an answer says so, and who waits for one sleeps until then.
 
-use std::fmt::Debug;
 use std::io;
 use std::os::fd::BorrowedFd;
 use std::time::Duration;
@@ -78,7 +77,7 @@ pub fn event_notifier(node: &IpcNode, event: &EventService) -> Result<EventNotif
             .create()
     };
     let full = NotifierCreateError::ExceedsMaxSupportedNotifiers;
-    port(node, event, "notifier", create, &full)
+    node.make_port(&event.full_name, "notifier", create, &full)
 }
 
 /// Makes a listener, after cleaning up dead ones.
@@ -88,7 +87,8 @@ pub fn event_notifier(node: &IpcNode, event: &EventService) -> Result<EventNotif
 pub fn event_listener(node: &IpcNode, event: &EventService) -> Result<EventListener, IpcError> {
     let create = || event.service.listener_builder().create();
     let full = ListenerCreateError::ExceedsMaxSupportedListeners;
-    port(node, event, "listener", create, &full).map(EventListener)
+    node.make_port(&event.full_name, "listener", create, &full)
+        .map(EventListener)
 }
 
 impl EventListener {
@@ -127,25 +127,6 @@ impl EventListener {
     }
 }
 
-fn port<T, E: Debug + PartialEq>(
-    node: &IpcNode,
-    event: &EventService,
-    port: &'static str,
-    create: impl FnMut() -> Result<T, E>,
-    full: &E,
-) -> Result<T, IpcError> {
-    let service = event.full_name.clone();
-    node.retry(create, |error| error == full)
-        .map_err(|error| match error {
-            error if error == *full => IpcError::Full { service, port },
-            error => IpcError::Failed {
-                service,
-                what: port,
-                reason: format!("{error:?}"),
-            },
-        })
-}
-
 fn translate(service: String, error: EventOpenOrCreateError) -> IpcError {
     use EventOpenError as Open;
     use EventOpenOrCreateError as Either;
@@ -173,7 +154,7 @@ fn translate(service: String, error: EventOpenOrCreateError) -> IpcError {
         ) => IpcError::Incompatible { service, reason },
         _ => IpcError::Failed {
             service,
-            what: "the service",
+            what: "as a whole",
             reason,
         },
     }

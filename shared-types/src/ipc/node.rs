@@ -1,6 +1,7 @@
 //! A program's membership in the services.
 
 use std::env;
+use std::fmt::Debug;
 use std::thread;
 use std::time::Duration;
 
@@ -106,6 +107,31 @@ impl IpcNode {
             }
         }
         operation()
+    }
+
+    /// Makes a port of the service with this full name, after cleaning up dead processes that hold its place.
+    ///
+    /// # Errors
+    /// [`IpcError::Full`] where creating one fails as if live processes hold all places, or [`IpcError::Failed`].
+    pub(super) fn make_port<T, E: Debug + PartialEq>(
+        &self,
+        service: &str,
+        port: &'static str,
+        create: impl FnMut() -> Result<T, E>,
+        full: &E,
+    ) -> Result<T, IpcError> {
+        let made = self.retry(create, |error| error == full);
+        made.map_err(|error| {
+            let service = service.to_owned();
+            if error == *full {
+                return IpcError::Full { service, port };
+            }
+            IpcError::Failed {
+                service,
+                what: port,
+                reason: format!("{error:?}"),
+            }
+        })
     }
 }
 

@@ -53,7 +53,7 @@ pub(super) fn open_service<T, E: OpeningError>(
     let full = node.options().service_name(name);
     let name = ServiceName::new(&full).map_err(|reason| IpcError::Failed {
         service: full.clone(),
-        what: "the name",
+        what: "its name",
         reason: format!("{reason:?}"),
     })?;
     let open_alone = || {

@@ -215,22 +215,9 @@ fn server<T>(
     service: &str,
     create: impl FnMut() -> Result<T, ServerCreateError>,
 ) -> Result<T, IpcError> {
-    let passing =
-        |error: &ServerCreateError| *error == ServerCreateError::ExceedsMaxSupportedServers;
-    node.retry(create, passing).map_err(|error| {
-        let service = node.options().service_name(service);
-        match error {
-            ServerCreateError::ExceedsMaxSupportedServers => IpcError::Full {
-                service,
-                port: "server",
-            },
-            other => IpcError::Failed {
-                service,
-                what: "a server",
-                reason: format!("{other:?}"),
-            },
-        }
-    })
+    let service = node.options().service_name(service);
+    let full = ServerCreateError::ExceedsMaxSupportedServers;
+    node.make_port(&service, "server", create, &full)
 }
 
 fn client<T>(
@@ -238,22 +225,9 @@ fn client<T>(
     service: &str,
     create: impl FnMut() -> Result<T, ClientCreateError>,
 ) -> Result<T, IpcError> {
-    let passing =
-        |error: &ClientCreateError| *error == ClientCreateError::ExceedsMaxSupportedClients;
-    node.retry(create, passing).map_err(|error| {
-        let service = node.options().service_name(service);
-        match error {
-            ClientCreateError::ExceedsMaxSupportedClients => IpcError::Full {
-                service,
-                port: "client",
-            },
-            other => IpcError::Failed {
-                service,
-                what: "a client",
-                reason: format!("{other:?}"),
-            },
-        }
-    })
+    let service = node.options().service_name(service);
+    let full = ClientCreateError::ExceedsMaxSupportedClients;
+    node.make_port(&service, "client", create, &full)
 }
 
 fn translate(service: String, error: RequestResponseOpenOrCreateError) -> IpcError {
@@ -286,7 +260,7 @@ fn translate(service: String, error: RequestResponseOpenOrCreateError) -> IpcErr
         ) => IpcError::Incompatible { service, reason },
         _ => IpcError::Failed {
             service,
-            what: "the service",
+            what: "as a whole",
             reason,
         },
     }

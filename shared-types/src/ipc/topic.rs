@@ -183,11 +183,8 @@ pub fn publisher<T: Debug + ZeroCopySend>(
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
     };
-    let passing = |error: &PublisherCreateError| {
-        *error == PublisherCreateError::ExceedsMaxSupportedPublishers
-    };
-    node.retry(create, passing)
-        .map_err(|error| publisher_error(&topic.full_name, error))
+    let full = PublisherCreateError::ExceedsMaxSupportedPublishers;
+    node.make_port(&topic.full_name, "publisher", create, &full)
 }
 
 /// Makes the publisher of cycles, like [`publisher()`]; batches have at most [`CYCLES_PER_BATCH`].
@@ -204,11 +201,8 @@ pub fn cycle_publisher(node: &IpcNode, topic: &CycleTopic) -> Result<CyclePublis
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
     };
-    let passing = |error: &PublisherCreateError| {
-        *error == PublisherCreateError::ExceedsMaxSupportedPublishers
-    };
-    node.retry(create, passing)
-        .map_err(|error| publisher_error(&topic.full_name, error))
+    let full = PublisherCreateError::ExceedsMaxSupportedPublishers;
+    node.make_port(&topic.full_name, "publisher", create, &full)
 }
 
 /// Makes a subscriber, after cleaning up dead ones that hold its place; it receives the service's history.
@@ -241,34 +235,8 @@ fn any_subscriber<T: Debug + IceoryxSend + ?Sized>(
             .buffer_size(topic.qualities.buffer)
             .create()
     };
-    let passing = |error: &SubscriberCreateError| {
-        *error == SubscriberCreateError::ExceedsMaxSupportedSubscribers
-    };
-    node.retry(create, passing).map_err(|error| match error {
-        SubscriberCreateError::ExceedsMaxSupportedSubscribers => IpcError::Full {
-            service: topic.full_name.clone(),
-            port: "subscriber",
-        },
-        other => IpcError::Failed {
-            service: topic.full_name.clone(),
-            what: "a subscriber",
-            reason: format!("{other:?}"),
-        },
-    })
-}
-
-fn publisher_error(service: &str, error: PublisherCreateError) -> IpcError {
-    match error {
-        PublisherCreateError::ExceedsMaxSupportedPublishers => IpcError::Full {
-            service: service.to_owned(),
-            port: "publisher",
-        },
-        other => IpcError::Failed {
-            service: service.to_owned(),
-            what: "a publisher",
-            reason: format!("{other:?}"),
-        },
-    }
+    let full = SubscriberCreateError::ExceedsMaxSupportedSubscribers;
+    node.make_port(&topic.full_name, "subscriber", create, &full)
 }
 
 fn translate(service: String, error: PublishSubscribeOpenOrCreateError) -> IpcError {
@@ -300,7 +268,7 @@ fn translate(service: String, error: PublishSubscribeOpenOrCreateError) -> IpcEr
         ) => IpcError::Incompatible { service, reason },
         _ => IpcError::Failed {
             service,
-            what: "the service",
+            what: "as a whole",
             reason,
         },
     }
