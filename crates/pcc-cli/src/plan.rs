@@ -190,7 +190,9 @@ fn held_configuration(options: &IpcOptions) -> anyhow::Result<[f64; DOF]> {
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    bail!("no controller within {PATIENCE:?}: start it, or give --start")
+    bail!(
+        "no controller within {PATIENCE:?}: start it, set PCC_PREFIX and PCC_ROOT to where it runs, or give --start"
+    )
 }
 
 /// The outcome and its reason, which may begin with the outcome's own words.
