@@ -71,10 +71,7 @@ impl Run<'_> {
                 samples: LAST_ATTEMPTS[number / SEARCHES],
                 ..RrtSettings::default()
             };
-            let search = Search {
-                interrupt,
-                ..self.search(&grown, &settings)
-            };
+            let search = self.search(&grown, &settings, interrupt);
             let rng = self.tree_rng(self.request.candidates + number);
             self.tree_to_any(&search, &aim.ends, rng)
         });
@@ -105,12 +102,17 @@ impl Run<'_> {
         self.demands.grown.with_tube_growth(&[margin; SECTIONS])
     }
 
-    pub(crate) fn search<'b>(&'b self, robot: &'b Robot, settings: &'b RrtSettings) -> Search<'b> {
+    pub(crate) fn search<'b>(
+        &'b self,
+        robot: &'b Robot,
+        settings: &'b RrtSettings,
+        interrupt: Interrupt<'b>,
+    ) -> Search<'b> {
         Search {
             robot,
             scene: &self.problem.scene,
             settings,
-            interrupt: self.supervision.interrupt,
+            interrupt,
         }
     }
 
@@ -160,10 +162,7 @@ impl Run<'_> {
                 break;
             }
             let grown = self.grown_by(margin);
-            let search = Search {
-                interrupt,
-                ..self.search(&grown, &settings)
-            };
+            let search = self.search(&grown, &settings, interrupt);
             if let Some(polyline) = search.connect(&self.problem.start, &[*goal], &mut rng)
                 && self.follow(&search, &polyline, &mut draw)
             {

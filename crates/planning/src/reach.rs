@@ -93,6 +93,7 @@ impl Reach<'_> {
     }
 
     fn search(&self) -> Search<'_> {
-        self.run.search(&self.grown, &SAMPLING)
+        let interrupt = self.run.supervision.interrupt;
+        self.run.search(&self.grown, &SAMPLING, interrupt)
     }
 }
