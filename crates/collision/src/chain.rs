@@ -9,8 +9,8 @@ use crate::clearance::{Chosen, EVERY_SECTION, NO_SECTION};
 use pcc_model::{Backbone, Configuration, Robot};
 use trajectory::{Knot, QuinticSegment};
 
-/// Bisections of one piece.
-const DEPTH: u32 = 10;
+/// Bisections of one piece; where there may still be contact then, nobody can tell.
+pub(crate) const DEPTH: u32 = 10;
 /// Pieces whose bounds are kept at once, on the stack.
 const BLOCK: usize = 48;
 

@@ -25,7 +25,7 @@ pub use certificate::{certify_polyline, certify_trajectory};
 pub use chain::Verdict;
 pub use clearance::Contact;
 pub use edge::certify_edge;
-pub use minimum::minimum_clearance;
+pub use minimum::{certified_clearance, minimum_clearance};
 pub use moving::{MovingBall, certify_moving};
 pub use scene::{Ball, MAX_BALLS, MAX_EXTENT, MAX_SOLIDS, Scene, SceneError};
 pub use scene_file::SceneFileError;

@@ -1,7 +1,8 @@
-//! The smallest clearance of a whole motion, by branch and bound.
+//! The smallest clearance of a whole motion, by branch and bound, alone or together with its certificate.
 
 use crate::bound::Turning;
-use crate::certificate::{Instant, lowest, reach};
+use crate::certificate::{Instant, lowest, may_touch, reach};
+use crate::chain::DEPTH;
 use crate::clearance::{Chosen, EVERY_SECTION, NO_SECTION};
 use crate::scene::Scene;
 use pcc_model::{Configuration, Robot, SECTIONS};
@@ -20,29 +21,27 @@ pub fn minimum_clearance(
     trajectory: &Trajectory,
     tolerance: f64,
 ) -> f64 {
-    if scene.is_empty() {
-        return f64::INFINITY;
-    }
-    let robot_length: f64 = robot.section_lengths.iter().sum();
-    let segments: Vec<QuinticSegment> = trajectory.segments().collect();
-    let turnings: Vec<Turning> = segments.iter().map(Turning::of_curve).collect();
+    let mut search = Search::new(robot, robot, scene, tolerance);
+    search.whole(trajectory);
+    search.least()
+}
+
+/// The [`minimum_clearance`] of a robot along a motion that is certified for `grown`, the same robot with thicker tubes: one
+/// search for both. None where there is contact, or too little room to tell.
+#[must_use]
+pub fn certified_clearance(
+    robot: &Robot,
+    grown: &Robot,
+    scene: &Scene,
+    trajectory: &Trajectory,
+    tolerance: f64,
+) -> Option<f64> {
     let mut search = Search {
-        robot,
-        scene,
-        reach: reach(robot, scene),
-        tolerance: tolerance.max(FINEST_TOLERANCE * robot_length),
-        attained: f64::INFINITY,
-        lower_bound: f64::INFINITY,
+        must_be_free: true,
+        ..Search::new(robot, grown, scene, tolerance)
     };
-    let run = Run {
-        segments: &segments,
-        turnings: &turnings,
-    };
-    let from = search.look(&segments[0].control[0], &EVERY_SECTION);
-    let to = search.look(&segments[segments.len() - 1].control[5], &EVERY_SECTION);
-    let whole = search.interval(run, from, to);
-    search.refine(&whole);
-    search.attained.min(search.lower_bound)
+    search.whole(trajectory);
+    search.is_free.then(|| search.least())
 }
 
 /// What is not a number bounds nothing.
@@ -89,26 +88,73 @@ impl Interval<'_> {
 }
 
 struct Search<'a> {
-    robot: &'a Robot,
+    /// With the tubes that bounds are told for.
+    grown: &'a Robot,
     scene: &'a Scene,
     reach: [f64; SECTIONS],
+    /// How much thicker these are than those whose clearance is sought.
+    growth: [f64; SECTIONS],
     tolerance: f64,
+    /// Smallest clearance that was seen.
     attained: f64,
-    /// Of all intervals and sections that were not refined further.
+    /// Of the clearances in all intervals and of all sections that were not refined further.
     lower_bound: f64,
+    /// Whether the search is over as soon as the grown tubes touch something, or may after all bisections.
+    must_be_free: bool,
+    is_free: bool,
 }
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(robot: &Robot, grown: &'a Robot, scene: &'a Scene, tolerance: f64) -> Self {
+        let robot_length: f64 = robot.section_lengths.iter().sum();
+        Self {
+            grown,
+            scene,
+            reach: reach(grown, scene),
+            growth: std::array::from_fn(|k| grown.tube_radii[k] - robot.tube_radii[k]),
+            tolerance: tolerance.max(FINEST_TOLERANCE * robot_length),
+            attained: f64::INFINITY,
+            lower_bound: f64::INFINITY,
+            must_be_free: false,
+            is_free: true,
+        }
+    }
+
+    /// Smallest clearance of what was searched.
+    fn least(&self) -> f64 {
+        self.attained.min(self.lower_bound)
+    }
+
+    fn whole(&mut self, trajectory: &Trajectory) {
+        if self.scene.is_empty() {
+            return;
+        }
+        let segments: Vec<QuinticSegment> = trajectory.segments().collect();
+        let turnings: Vec<Turning> = segments.iter().map(Turning::of_curve).collect();
+        let run = Run {
+            segments: &segments,
+            turnings: &turnings,
+        };
+        let from = self.look(&segments[0].control[0], &EVERY_SECTION);
+        let to = self.look(&segments[segments.len() - 1].control[5], &EVERY_SECTION);
+        let whole = self.interval(run, from, to);
+        self.refine(&whole, DEPTH);
+    }
+
     fn look(&mut self, shape: &Configuration, chosen: &Chosen) -> Instant {
-        let backbone = self.robot.backbone(shape);
-        let at = Instant::new(self.scene, shape, &backbone, &self.robot.tube_radii, chosen);
-        self.attained = at.clearances.into_iter().fold(self.attained, f64::min);
+        let backbone = self.grown.backbone(shape);
+        let tubes = &self.grown.tube_radii;
+        let at = Instant::new(self.scene, shape, &backbone, tubes, chosen);
+        for (clearance, growth) in at.clearances.iter().zip(&self.growth) {
+            self.attained = self.attained.min(clearance + growth);
+        }
+        self.is_free &= !(self.must_be_free && at.touches());
         at
     }
 
-    fn interval<'a>(&self, run: Run<'a>, from: Instant, to: Instant) -> Interval<'a> {
+    fn interval<'b>(&self, run: Run<'b>, from: Instant, to: Instant) -> Interval<'b> {
         let turning = run.turnings.iter().fold(Turning::REST, Turning::then);
-        let lowest = lowest(self.robot, &turning, &from, &to, &self.reach);
+        let lowest = lowest(self.grown, &turning, &from, &to, &self.reach);
         Interval {
             run,
             from,
@@ -117,30 +163,35 @@ impl Search<'_> {
         }
     }
 
-    /// Halves an interval until what is left cannot be below what was attained; the lower half first, which attains more.
-    fn refine(&mut self, interval: &Interval<'_>) {
-        let open = interval
-            .lowest
-            .map(|lowest| lowest < self.attained - self.tolerance);
+    /// Halves an interval until what is left cannot touch anything, where that is asked for, nor be below what was attained; the
+    /// lower half first, which attains more.
+    fn refine(&mut self, interval: &Interval<'_>, depth: u32) {
+        let touching = may_touch(interval.lowest).map(|may| may && self.must_be_free);
+        let lowest: [f64; SECTIONS] = std::array::from_fn(|k| interval.lowest[k] + self.growth[k]);
+        let enough = self.attained - self.tolerance;
+        let open = std::array::from_fn(|k| touching[k] || lowest[k] < enough);
         let closed = (0..SECTIONS).filter(|k| !open[*k]);
-        let closed = closed.map(|k| number(interval.lowest[k]));
+        let closed = closed.map(|k| number(lowest[k]));
         self.lower_bound = closed.fold(self.lower_bound, f64::min);
-        if open == NO_SECTION {
+        if open == NO_SECTION || !self.is_free {
             return;
         }
-        if let [segment] = interval.run.segments {
-            let halves: [QuinticSegment; 2] = segment.halves().into();
-            let run = Run {
-                segments: &halves,
-                turnings: &[&halves[0], &halves[1]].map(Turning::of_curve),
-            };
-            self.divide(&run, interval, &open);
-        } else {
-            self.divide(&interval.run, interval, &open);
+        let [segment] = interval.run.segments else {
+            return self.divide(&interval.run, interval, &open, depth);
+        };
+        if depth == 0 && touching != NO_SECTION {
+            self.is_free = false;
+            return;
         }
+        let halves: [QuinticSegment; 2] = segment.halves().into();
+        let run = Run {
+            segments: &halves,
+            turnings: &[&halves[0], &halves[1]].map(Turning::of_curve),
+        };
+        self.divide(&run, interval, &open, depth.saturating_sub(1));
     }
 
-    fn divide(&mut self, run: &Run<'_>, interval: &Interval<'_>, open: &Chosen) {
+    fn divide(&mut self, run: &Run<'_>, interval: &Interval<'_>, open: &Chosen, depth: u32) {
         let (first, second) = run.split_at(run.segments.len() / 2);
         let between = self.look(&second.segments[0].control[0], open);
         let first = self.interval(first, interval.from, between);
@@ -150,7 +201,7 @@ impl Search<'_> {
         } else {
             (first, second)
         };
-        self.refine(&lower);
-        self.refine(&higher);
+        self.refine(&lower, depth);
+        self.refine(&higher, depth);
     }
 }

@@ -4,8 +4,8 @@
 mod motions;
 
 use collision::{
-    Ball, Displacement, Scene, Verdict, certify_edge, certify_polyline, certify_trajectory,
-    minimum_clearance, tracking_growth,
+    Ball, Displacement, Scene, Verdict, certified_clearance, certify_edge, certify_polyline,
+    certify_trajectory, minimum_clearance, tracking_growth,
 };
 use motions::{motion, random, sampled_clearance, scene, shape, step, uneven_robot, unit_robot};
 use pcc_model::{Configuration, Point, Robot, SECTIONS};
@@ -393,6 +393,46 @@ fn minimum_clearance_is_below_dense_sampling_by_no_more_than_the_tolerance() {
             assert!(!verdict.is_free(), "{minimum}");
         }
     }
+}
+
+#[test]
+fn a_motion_is_certified_for_thicker_tubes_together_with_its_clearance() {
+    let (robot, mut random) = (uneven_robot(), random(11));
+    let grown = robot.with_tube_growth(&[0.01, 0.03, 0.08]);
+    let (mut free, mut refused) = (0, 0);
+    for i in 0..300 {
+        let scene = scene(&mut random, [1, 4, 40][i % 3], 0.05..0.4);
+        let motion = motion(&mut random);
+        let clearance = certified_clearance(&robot, &grown, &scene, &motion, 1e-3);
+        let is_free = certify_trajectory(&grown, &scene, &motion, 0.0).is_free();
+        assert_eq!(clearance.is_some(), is_free);
+        free += usize::from(is_free);
+        refused += usize::from(!is_free);
+        if let Some(clearance) = clearance {
+            let alone = minimum_clearance(&robot, &scene, &motion, 1e-3);
+            assert!((clearance - alone).abs() <= 1e-3, "{clearance} {alone}");
+            assert!(clearance > 0.01, "the grown tubes are clear");
+        }
+    }
+    assert!(free > 20 && refused > 20, "{free} {refused}");
+    let motion = motion(&mut random);
+    let empty = certified_clearance(&robot, &grown, &Scene::default(), &motion, 1e-3);
+    assert_eq!(empty, Some(f64::INFINITY));
+}
+
+#[test]
+fn a_motion_that_grazes_is_not_certified_though_its_clearance_is_found() {
+    let robot = unit_robot();
+    let shape = Configuration::zeros();
+    let ends = [0.0, 1.0].map(|time| Knot::resting(time, shape));
+    let motion = Trajectory::new(ends.to_vec()).unwrap();
+    let radius = 0.2;
+    let touching = ball(robot.tube_radii[1] + radius, 0.0, 1.5, radius);
+    let scene = Scene::new(vec![touching]).unwrap();
+    let none = certified_clearance(&robot, &robot, &scene, &motion, 1e-3);
+    assert_eq!(none, None);
+    let minimum = minimum_clearance(&robot, &scene, &motion, 1e-3);
+    assert!(minimum.abs() <= 1e-3, "{minimum}");
 }
 
 #[test]

@@ -45,7 +45,7 @@ impl<'a> Braking<'a> {
             return Err(Infeasible::StartTooFast { share });
         }
         match demands.certify(&motion) {
-            Ok(()) => Ok(Self {
+            Ok(_) => Ok(Self {
                 robot,
                 scene: demands.scene,
                 motion,

@@ -2,7 +2,7 @@
 
 use crate::correction::{Correction, CorrectionMemory, Corrector};
 use crate::least_duration::least_duration_s;
-use crate::metrics::path_metrics;
+use crate::metrics::{CLEARANCE_TOLERANCE, PathMetrics};
 use crate::path::{Waypoints, resample};
 use crate::plan::{Certified, Failure};
 use crate::planner::Interrupt;
@@ -10,7 +10,7 @@ use crate::problem::BENDING_SLACK_RAD;
 use crate::pushes::PushKernel;
 use crate::race::Rival;
 use crate::straighten::TipCurves;
-use collision::{Scene, certify_polyline, certify_trajectory};
+use collision::{Scene, certified_clearance, certify_polyline};
 use pcc_model::{Configuration, Robot, SECTIONS, TendonLimits};
 use std::cell::RefCell;
 use std::time::Instant;
@@ -229,13 +229,13 @@ impl Demands<'_> {
         let mut clock = Instant::now();
         let timed = self.time_winner(&finished.path, rival);
         finished.laps.time += lap(&mut clock);
-        let certified = timed.and_then(|motion| self.certify(&motion).map(|()| motion));
+        let certified = timed.and_then(|motion| Ok((self.certify(&motion)?, motion)));
         finished.laps.certify += lap(&mut clock);
-        finished.outcome = certified.and_then(|motion| self.describe_winner(motion, rival));
+        finished.outcome = certified.map(|(clearance, motion)| self.describe(motion, clearance));
         finished.laps.select += lap(&mut clock);
     }
 
-    /// Times a path that may beat its rival.
+    /// Times a path, if the motion beats its rival.
     fn time_winner(
         &self,
         path: &[Configuration],
@@ -244,27 +244,26 @@ impl Demands<'_> {
         if rival.is_some_and(|rival| rival.stops_timing(self.least_s(path))) {
             return Err(Failure::Slower);
         }
-        self.time(path)
+        let motion = self.time(path)?;
+        if rival.is_some_and(|rival| rival.stops(motion.duration())) {
+            return Err(Failure::Slower);
+        }
+        Ok(motion)
     }
 
     fn least_s(&self, path: &[Configuration]) -> f64 {
         least_duration_s(self.robot, &self.limits, path)
     }
 
-    fn describe_winner(
-        &self,
-        motion: Trajectory,
-        rival: Option<&Rival>,
-    ) -> Result<Certified, Failure> {
-        if rival.is_some_and(|rival| rival.stops(motion.duration())) {
-            return Err(Failure::Slower);
-        }
-        Ok(self.describe(motion))
+    /// A motion that is certified, with its figures of merit.
+    fn certified(&self, trajectory: Trajectory) -> Result<Certified, Failure> {
+        let clearance = self.certify(&trajectory)?;
+        Ok(self.describe(trajectory, clearance))
     }
 
-    /// A certified motion with its figures of merit.
-    pub(crate) fn describe(&self, trajectory: Trajectory) -> Certified {
-        let metrics = path_metrics(self.robot, self.scene, &trajectory);
+    /// A certified motion with its figures of merit; `clearance` in section lengths.
+    fn describe(&self, trajectory: Trajectory, clearance: f64) -> Certified {
+        let metrics = PathMetrics::of(self.robot, &trajectory, clearance);
         Certified {
             trajectory: trajectory.into(),
             metrics,
@@ -291,17 +290,14 @@ impl Demands<'_> {
             .map_err(|_| Failure::Time)
     }
 
-    /// Certifies the executed curve: whole body, whole motion, bending.
-    pub(crate) fn certify(&self, trajectory: &Trajectory) -> Result<(), Failure> {
+    /// Certifies the executed curve: whole body, whole motion, bending; its smallest clearance, section lengths.
+    pub(crate) fn certify(&self, trajectory: &Trajectory) -> Result<f64, Failure> {
         if !self.keeps_bending(trajectory) {
             return Err(Failure::Bending);
         }
-        let verdict = certify_trajectory(self.grown, self.scene, trajectory, 0.0);
-        if verdict.is_free() {
-            Ok(())
-        } else {
-            Err(Failure::Collision)
-        }
+        let (robot, grown, scene) = (self.robot, self.grown, self.scene);
+        certified_clearance(robot, grown, scene, trajectory, CLEARANCE_TOLERANCE)
+            .ok_or(Failure::Collision)
     }
 
     /// The Bézier control points bound the curve, since the allowed bending is convex.
@@ -328,10 +324,7 @@ impl Demands<'_> {
         polyline: &[Configuration],
         ways: impl IntoIterator<Item = Waypoints>,
     ) -> Option<(Waypoints, Certified)> {
-        let motion = |way: &Waypoints| {
-            let timed = self.time(way)?;
-            self.certify(&timed).map(|()| timed)
-        };
+        let motion = |way: &Waypoints| self.certified(self.time(way)?);
         let first = ways
             .into_iter()
             .take_while(|_| !(self.interrupt)())
@@ -341,10 +334,10 @@ impl Demands<'_> {
             let motion = rests.then(|| self.rest_at_corners(polyline).ok());
             Some((motion.flatten()?, resample(polyline)))
         })?;
-        Some((way, self.describe(motion)))
+        Some((way, motion))
     }
 
-    fn rest_at_corners(&self, polyline: &[Configuration]) -> Result<Trajectory, Failure> {
+    fn rest_at_corners(&self, polyline: &[Configuration]) -> Result<Certified, Failure> {
         if !certify_polyline(self.grown, self.scene, polyline).is_free() {
             return Err(Failure::Collision);
         }
@@ -357,8 +350,7 @@ impl Demands<'_> {
         if knots.len() > self.knots {
             return Err(Failure::Time);
         }
-        let trajectory = Trajectory::new(knots).map_err(|_| Failure::Time)?;
-        self.certify(&trajectory).map(|()| trajectory)
+        self.certified(Trajectory::new(knots).map_err(|_| Failure::Time)?)
     }
 }
 
@@ -403,7 +395,8 @@ mod tests {
         let polyline = [bent(-0.5, 0.0), bent(0.0, 0.6), bent(0.5, 0.0)];
         let (path, beside) = demands.beside(&polyline).unwrap();
         assert_eq!([path[0], path[path.len() - 1]], [polyline[0], polyline[2]]);
-        assert_eq!(demands.certify(&beside.trajectory), Ok(()));
+        let clearance = demands.certify(&beside.trajectory);
+        assert_eq!(clearance, Ok(beside.metrics.clearance));
         let (_, along) = demands.along(&polyline, [resample(&polyline)]).unwrap();
         let [beside_s, along_s] = [beside, along].map(|motion| motion.metrics.duration_s);
         assert!(beside_s < 0.9 * along_s, "{beside_s} {along_s}");
@@ -438,10 +431,13 @@ mod tests {
             let corner = |i: usize| Configuration::repeat([0.0, 0.3][i % 2] + 1e-3 * i as f64);
             (0..=edges).map(corner).collect()
         };
-        let few = demands.rest_at_corners(&zigzag(12)).unwrap();
+        let few = demands.rest_at_corners(&zigzag(12)).unwrap().trajectory;
         assert!((12..=96).contains(&few.knots().len()));
         let rests = few.knots().iter().filter(|k| k.velocity.norm() == 0.0);
         assert_eq!(rests.count(), 13, "it rests at every corner");
-        assert_eq!(demands.rest_at_corners(&zigzag(120)), Err(Failure::Time));
+        assert_eq!(
+            demands.rest_at_corners(&zigzag(120)).err(),
+            Some(Failure::Time)
+        );
     }
 }

@@ -7,7 +7,7 @@ use pcc_model::{Configuration, Point, Robot};
 use trajectory::Trajectory;
 
 /// Accuracy of the minimum clearance, section lengths.
-const CLEARANCE_TOLERANCE: f64 = 1e-3;
+pub(crate) const CLEARANCE_TOLERANCE: f64 = 1e-3;
 /// Instants at which a motion is looked at: odd, so that every other one is a coarser look from end to end.
 const SAMPLES: usize = 2 * WAYPOINTS + 1;
 /// Shapes nearer than this are one terminal mode, rad.
@@ -33,15 +33,23 @@ pub struct PathMetrics {
 /// Computes the figures of one motion in a scene.
 #[must_use]
 pub fn path_metrics(robot: &Robot, scene: &Scene, trajectory: &Trajectory) -> PathMetrics {
-    let samples = trajectory.sample(SAMPLES);
-    let tips = robot.tips(&samples);
-    PathMetrics {
-        duration_s: trajectory.duration(),
-        tip_length: length(&tips),
-        tip_distance: (tips[tips.len() - 1] - tips[0]).norm(),
-        tip_smoothness: smoothness(&tips),
-        clearance: minimum_clearance(robot, scene, trajectory, CLEARANCE_TOLERANCE),
-        configuration_length: length(&samples),
+    let clearance = minimum_clearance(robot, scene, trajectory, CLEARANCE_TOLERANCE);
+    PathMetrics::of(robot, trajectory, clearance)
+}
+
+impl PathMetrics {
+    /// With a clearance that is known.
+    pub(crate) fn of(robot: &Robot, trajectory: &Trajectory, clearance: f64) -> Self {
+        let samples = trajectory.sample(SAMPLES);
+        let tips = robot.tips(&samples);
+        Self {
+            duration_s: trajectory.duration(),
+            tip_length: length(&tips),
+            tip_distance: (tips[tips.len() - 1] - tips[0]).norm(),
+            tip_smoothness: smoothness(&tips),
+            clearance,
+            configuration_length: length(&samples),
+        }
     }
 }
 
