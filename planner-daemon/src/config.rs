@@ -90,6 +90,8 @@ struct File {
     #[serde(default = "defaults::wait")]
     wait: WaitMode,
     #[serde(default)]
+    realtime_priority: u8,
+    #[serde(default)]
     processors: Vec<usize>,
     #[serde(default = "defaults::lock_memory")]
     lock_memory: bool,
@@ -205,6 +207,8 @@ pub struct Config {
     pub begin_lead: Duration,
     /// How to wait for requests.
     pub wait: WaitMode,
+    /// Priority of planning under SCHED_FIFO, `None` for none; all else has the next higher one.
+    pub realtime_priority: Option<u8>,
     /// Processors to run on; empty for all.
     pub processors: Vec<usize>,
     /// Whether to keep memory from being swapped out, and to bring in the shared memory of the answers at the start.
@@ -269,6 +273,12 @@ impl File {
                 return Err(ConfigError::DiffusionWithoutWeights { path });
             }
         }
+        // Who always looks would never let go of its processor.
+        let highest = match self.wait {
+            WaitMode::Event => 98,
+            WaitMode::Poll => 0,
+        };
+        checked.within("realtime_priority", self.realtime_priority, 0..=highest)?;
         for processor in &self.processors {
             checked.within("processors", *processor, 0..=1023)?;
         }
@@ -304,6 +314,7 @@ impl File {
             path_tolerance_rad: self.path_tolerance_rad,
             begin_lead: milliseconds(self.begin_lead_ms),
             wait: self.wait,
+            realtime_priority: Some(self.realtime_priority).filter(|priority| *priority > 0),
             processors: self.processors,
             lock_memory: self.lock_memory,
             shared_memory_budget: (self.shared_memory_budget_mb * 1e6) as usize,
@@ -354,6 +365,9 @@ mod tests {
         assert_eq!(shipped.robot, Path::new("/etc/pcc/robots/unit.toml"));
         assert_eq!(shipped.capacity, PlanServiceCapacity::default());
         assert_eq!(shipped.default_deadline, Duration::from_millis(20));
+        assert_eq!(shipped.realtime_priority, None);
+        let raised = parse("robot = \"a\"\nrealtime_priority = 98").unwrap();
+        assert_eq!(raised.realtime_priority, Some(98));
     }
 
     #[test]
@@ -387,6 +401,8 @@ mod tests {
             "path_tolerance_rad = -0.001",
             "path_tolerance_rad = inf",
             "begin_lead_ms = 9.0",
+            "realtime_priority = 99",
+            "realtime_priority = 1\nwait = \"poll\"",
             "processors = [0, 1024]",
             "shared_memory_budget_mb = 0.0",
             "resident_memory_budget_mb = -1.0",

@@ -123,6 +123,7 @@ impl Daemon {
         let progress = Arc::new(Progress::default());
         let service = open_service(config, &node, &robot, static_scene, planner, &progress)?;
         bring_in_shared_memory(config, options);
+        raise_priority(config);
         let background = Background::start(options, &progress)?;
         let resident_bytes = check_resident_memory(config)?;
         tracing::info!(
@@ -193,6 +194,21 @@ fn lock_memory(config: &Config) {
     }
 }
 
+/// Of this thread, which is to serve, and of those that it starts from now on: what they do is short, and planning must not keep
+/// them from it.
+fn raise_priority(config: &Config) {
+    let Some(planning) = config.realtime_priority else {
+        return;
+    };
+    let priority = planning + 1;
+    if let Err(error) = process::use_fifo_priority(priority) {
+        tracing::warn!(
+            "no real-time priority {priority}, other programs can make answers late ({error}): allow it with CAP_SYS_NICE or \
+             `ulimit -r {priority}`, or set realtime_priority = 0"
+        );
+    }
+}
+
 /// An answer that is the first to reach a page would wait for it.
 fn bring_in_shared_memory(config: &Config, options: &IpcOptions) {
     if !config.lock_memory {
@@ -235,6 +251,8 @@ fn load_planner(config: &Config, robot: &Robot) -> Result<Planner, StartError> {
     let models = models.transpose()?.unwrap_or_default();
     let planner = Planner::new(robot, models, config.threads)?;
     planner.on_every_worker(|| {
+        // Where the system refuses, it refuses the service's higher priority, too, and that is told of.
+        let _ = config.realtime_priority.map(process::use_fifo_priority);
         if let Err(error) = process::take_long_turns() {
             tracing::warn!("answers may be a few ms late where processors are scarce: {error}");
         }

@@ -12,6 +12,8 @@ use shared_types::codes::ProcessKind;
 use shared_types::ipc::{IpcError, IpcNode, IpcOptions, Publisher, heartbeat_service, publisher};
 use shared_types::message::Heartbeat;
 
+use crate::process::let_others_go_first;
+
 /// Time between two heartbeats.
 const BEAT: Duration = Duration::from_millis(10);
 /// Time between two looks for dead processes.
@@ -132,7 +134,11 @@ fn beat(publisher: &Publisher<Heartbeat>, progress: &Progress, ended: &AtomicBoo
     }
 }
 
+/// A look takes about a millisecond, for which no plan should have to wait.
 fn clean(node: &IpcNode, ended: &AtomicBool) {
+    if let Err(error) = let_others_go_first() {
+        tracing::warn!("answers may be a millisecond late now and then: {error}");
+    }
     while !ended.load(Ordering::Relaxed) {
         let removed = node.clean_dead_nodes();
         if removed > 0 {

@@ -1,7 +1,8 @@
-//! What the daemon asks of the operating system: locked memory, processors, turns on them, its resident size, signals.
+//! What the daemon asks of the operating system: locked memory, processors, priorities and turns on them, its resident size,
+//! signals.
 #![allow(unsafe_code, reason = "a system call that no library offers")]
 
-use std::ffi::c_void;
+use std::ffi::{c_int, c_void};
 use std::io;
 use std::num::NonZeroU64;
 use std::sync::Arc;
@@ -72,6 +73,33 @@ pub(crate) fn take_long_turns() -> io::Result<()> {
     Ok(())
 }
 
+/// Runs this thread under SCHED_FIFO with `priority` (1 to 99): no ordinary program keeps it from a processor.
+///
+/// # Errors
+/// The system's answer, where the limit on real-time priorities is lower and the process is not privileged.
+pub(crate) fn use_fifo_priority(priority: u8) -> io::Result<()> {
+    use_policy(libc::SCHED_FIFO, priority)
+}
+
+/// Runs this thread only on processors that no other one wants (SCHED_IDLE).
+///
+/// # Errors
+/// The system's answer.
+pub(crate) fn let_others_go_first() -> io::Result<()> {
+    use_policy(libc::SCHED_IDLE, 0)
+}
+
+fn use_policy(policy: c_int, priority: u8) -> io::Result<()> {
+    let parameters = libc::sched_param {
+        sched_priority: priority.into(),
+    };
+    // SAFETY: `parameters` outlives the call; 0 is the calling thread.
+    match unsafe { libc::sched_setscheduler(0, policy, &raw const parameters) } {
+        0 => Ok(()),
+        _ => Err(io::Error::last_os_error()),
+    }
+}
+
 /// Memory of this process that is in RAM, bytes; shared memory included.
 ///
 /// # Errors
@@ -140,13 +168,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sleeps_become_punctual_and_long_turns_are_accepted() {
+    fn sleeps_become_punctual_and_long_turns_and_the_last_place_are_accepted() {
         let thread = std::thread::spawn(|| {
             take_long_turns().unwrap();
             sleep_punctually().unwrap();
+            let_others_go_first().unwrap();
             rustix::thread::current_timer_slack().unwrap()
         });
         assert_eq!(thread.join().unwrap(), SLACK_NS);
+    }
+
+    #[test]
+    fn a_priority_that_does_not_exist_is_refused() {
+        let error = use_fifo_priority(100).unwrap_err();
+        assert_eq!(error.kind(), io::ErrorKind::InvalidInput);
     }
 
     #[test]

@@ -25,8 +25,10 @@ use crate::queue::FairQueue;
 
 /// Time between two looks at controller, scene, requests that nobody told of, and clients that gave up.
 const ATTENTION: Duration = Duration::from_millis(1);
-/// Work ends this long before the deadline, for the answer to be written, sent and seen; of short deadlines, half.
+/// Work ends this long before the deadline, for the answer to be sent and seen; of short deadlines, half.
 const WAY_BACK: Duration = Duration::from_micros(500);
+/// So much sooner for each candidate, for it to be written and read.
+const WAY_BACK_OF_A_CANDIDATE: Duration = Duration::from_micros(20);
 /// Time that a plan under way gets when the daemon ends, before it is truncated.
 const GRACE: Duration = Duration::from_millis(500);
 
@@ -44,7 +46,9 @@ impl Queued {
     /// When work ends, so that the answer is there at the deadline.
     fn deadline(&self) -> Instant {
         let whole = self.order.deadline;
-        self.received + whole.saturating_sub(WAY_BACK.min(whole / 2))
+        let candidates = u32::try_from(self.order.request.candidates).unwrap_or(u32::MAX);
+        let way_back = WAY_BACK + WAY_BACK_OF_A_CANDIDATE.saturating_mul(candidates);
+        self.received + (whole - way_back.min(whole / 2))
     }
 }
 

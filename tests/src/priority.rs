@@ -1,18 +1,22 @@
-//! Real-time priority for threads that watch others.
+//! Real-time priorities of threads that ask or watch.
 #![allow(unsafe_code, reason = "no safe interface without another crate")]
 
 use std::io;
 
-/// Below that of the controller's loop, above ordinary programs.
-const PRIORITY: libc::c_int = 60;
+/// Of who watches: below that of the controller's loop, above all others.
+pub const OF_A_WATCH: u8 = 60;
+/// Of a client: above the daemon's.
+pub const OF_A_CLIENT: u8 = 50;
+/// Of the daemon's planning.
+pub const OF_PLANNING: u8 = 10;
 
-/// Runs this thread under SCHED_FIFO from now on.
+/// Runs this thread under SCHED_FIFO with `priority` from now on.
 ///
 /// # Errors
 /// The system's answer, where it does not permit that.
-pub fn raise_priority() -> io::Result<()> {
+pub fn raise_priority(priority: u8) -> io::Result<()> {
     let parameters = libc::sched_param {
-        sched_priority: PRIORITY,
+        sched_priority: priority.into(),
     };
     // SAFETY: `parameters` outlives the call; 0 is the calling thread.
     match unsafe { libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameters) } {

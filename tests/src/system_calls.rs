@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use libc::{c_int, c_void, pid_t};
 
-use crate::priority::raise_priority;
+use crate::priority::{OF_A_WATCH, raise_priority};
 
 /// A stop at a system call is a SIGTRAP with this bit.
 const SYSTEM_CALL_STOP: c_int = libc::SIGTRAP | 0x80;
@@ -55,7 +55,7 @@ pub fn count(thread_id: u32, duration: Duration) -> io::Result<Counts> {
 
 fn follow(thread: pid_t, duration: Duration) -> io::Result<Counts> {
     // A loop at a real-time priority should not wait for its counter; a refusal changes nothing.
-    let _ = raise_priority();
+    let _ = raise_priority(OF_A_WATCH);
     request(
         libc::PTRACE_SEIZE,
         thread,

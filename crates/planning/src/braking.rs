@@ -1,13 +1,14 @@
 //! Starts in motion: the robot brakes straight ahead, and every motion begins with that.
 
 use crate::finish::{Demands, append};
-use crate::metrics::path_metrics;
+use crate::metrics::PathMetrics;
 use crate::plan::{Candidate, Certified, Plan, StartMotion};
 use crate::problem::Infeasible;
 use crate::select::{Selection, select};
-use collision::Scene;
 use pcc_model::{Configuration, Robot, TendonLimits};
+use rayon::prelude::*;
 use std::sync::Arc;
+use std::time::Instant;
 use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
 
 /// What a limit may be exceeded by, relative: the rounding of the measure.
@@ -16,8 +17,9 @@ const ROUNDING: f64 = 1e-6;
 /// A certified motion to rest, which others go on from.
 pub(crate) struct Braking<'a> {
     robot: &'a Robot,
-    scene: &'a Scene,
     motion: Trajectory,
+    /// Smallest while it brakes, section lengths.
+    clearance: f64,
 }
 
 impl<'a> Braking<'a> {
@@ -45,10 +47,10 @@ impl<'a> Braking<'a> {
             return Err(Infeasible::StartTooFast { share });
         }
         match demands.certify(&motion) {
-            Ok(_) => Ok(Self {
+            Ok(clearance) => Ok(Self {
                 robot,
-                scene: demands.scene,
                 motion,
+                clearance,
             }),
             Err(_) => Err(Infeasible::StartCannotStop),
         }
@@ -75,8 +77,9 @@ impl<'a> Braking<'a> {
     /// The candidate from the start on.
     pub(crate) fn candidate(&self, candidate: &Candidate) -> Candidate {
         let trajectory = self.before(&candidate.trajectory);
+        let clearance = self.clearance.min(candidate.metrics.clearance);
         Candidate {
-            metrics: path_metrics(self.robot, self.scene, &trajectory),
+            metrics: PathMetrics::of(self.robot, &trajectory, clearance),
             trajectory: trajectory.into(),
             source: candidate.source,
             draw: candidate.draw,
@@ -85,8 +88,9 @@ impl<'a> Braking<'a> {
 
     /// The plan from the start on, selected anew among whole motions.
     pub(crate) fn plan(&self, mut plan: Plan, selection: Selection) -> Plan {
+        let clock = Instant::now();
         let whole = |candidate| self.candidate(candidate);
-        plan.candidates = plan.candidates.iter().map(whole).collect();
+        plan.candidates = plan.candidates.par_iter().map(whole).collect();
         for candidate in &plan.candidates {
             plan.draws[candidate.draw].outcome = Ok(Certified {
                 trajectory: Arc::clone(&candidate.trajectory),
@@ -95,6 +99,7 @@ impl<'a> Braking<'a> {
         }
         let start = self.motion.knots()[0].position;
         plan.selected = select(&plan.candidates, &start, selection);
+        plan.stages.select += clock.elapsed().as_secs_f64();
         plan
     }
 }

@@ -7,8 +7,8 @@ mod shipped;
 use collision::{Ball, Scene, certify_trajectory};
 use pcc_model::{Configuration, Point};
 use planning::{
-    Candidate, Goal, Infeasible, Plan, Planner, PlannerError, PreviousPlan, Problem, Request,
-    Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS,
+    Candidate, Goal, Infeasible, PathMetrics, Plan, Planner, PlannerError, PreviousPlan, Problem,
+    Request, Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS, path_metrics,
 };
 use shipped::planner;
 use std::sync::{Arc, Mutex};
@@ -145,7 +145,14 @@ fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
         assert!(motion.knots().len() <= 96);
         assert!(limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6);
         assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
-        assert_eq!(candidate.metrics.duration_s, motion.duration());
+        let figures = path_metrics(robot, &moving.scene, motion);
+        let clearance = candidate.metrics.clearance;
+        assert!((clearance - figures.clearance).abs() <= 1e-3);
+        let same = PathMetrics {
+            clearance,
+            ..figures
+        };
+        assert_eq!(candidate.metrics, same, "of the whole motion");
     }
 }
 

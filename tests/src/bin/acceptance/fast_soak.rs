@@ -1,4 +1,7 @@
 //! A hundred thousand random requests from two clients: what the daemon must never do.
+//!
+//! Two clients and two workers want two processors, and the system's own threads some more: for deadlines to hold, all of ours
+//! have real-time priorities, as they would beside a robot.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -15,9 +18,11 @@ use shared_types::capacity::MAX_CANDIDATES;
 use shared_types::codes::{Outcome, Stage};
 use shared_types::message::{self, Knot};
 use shared_types::valid::{PlanReport, PlanRequest};
+use tests::priority::{OF_A_CLIENT, OF_PLANNING, raise_priority};
 use tests::raw::RawClient;
 use tests::stack::{NO_DEADLINE, PATIENCE};
 use tests::world::World;
+use toml::Value;
 
 use crate::fast_growth::most_candidates;
 use crate::fast_random::{Pool, Treatment, spoil, treatment};
@@ -125,7 +130,9 @@ impl Findings {
 }
 
 fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
-    let mut served = Served::start(most_candidates())?;
+    let mut settings = most_candidates();
+    settings.push(("realtime_priority", Value::Integer(OF_PLANNING.into())));
+    let mut served = Served::start(settings)?;
     let pool = Pool::draw(&served.world.robot);
     let stolen = StolenTimes::watch()?;
     let disturbance = Disturbance::count(served.daemon.pid())?;
@@ -222,6 +229,7 @@ struct Asker<'a> {
 
 impl<'a> Asker<'a> {
     fn new(world: &'a World, pool: &'a Pool, rng: Pcg64) -> anyhow::Result<Self> {
+        raise_priority(OF_A_CLIENT)?;
         let mut client = Client::connect(&world.options)?;
         client.wait_for_daemon(PATIENCE)?;
         Ok(Self {
@@ -357,7 +365,7 @@ fn show(report: &mut Report, findings: &Findings) {
         .map(|(outcome, count)| format!("{count} {outcome}"))
         .collect();
     let line = format!(
-        "{} random requests of {CLIENTS} clients, {} dropped before their answer: outcomes",
+        "{} random requests of {CLIENTS} clients, all at real-time priorities, {} dropped before their answer: outcomes",
         findings.sent, findings.dropped
     );
     report.shown(&line, outcomes.join(", "));
