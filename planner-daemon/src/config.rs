@@ -43,6 +43,14 @@ pub enum ConfigError {
         /// What is allowed.
         allowed: String,
     },
+    /// A thread that always looks and always comes first would keep its processor for ever.
+    #[error(
+        "configuration {path:?}: wait = \"poll\" allows no realtime_priority but 0, since such a thread never lets go of its processor"
+    )]
+    PollsAtRealtimePriority {
+        /// The file.
+        path: PathBuf,
+    },
     /// The diffusion model has no folder to come from.
     #[error("configuration {path:?}: [diffusion] needs `weights`, the folder that its model is in")]
     DiffusionWithoutWeights {
@@ -207,7 +215,7 @@ pub struct Config {
     pub begin_lead: Duration,
     /// How to wait for requests.
     pub wait: WaitMode,
-    /// Priority of planning under SCHED_FIFO, `None` for none; all else has the next higher one.
+    /// Priority of planning under SCHED_FIFO, `None` for none; service and heartbeat have the next higher one.
     pub realtime_priority: Option<u8>,
     /// Processors to run on; empty for all.
     pub processors: Vec<usize>,
@@ -273,12 +281,11 @@ impl File {
                 return Err(ConfigError::DiffusionWithoutWeights { path });
             }
         }
-        // Who always looks would never let go of its processor.
-        let highest = match self.wait {
-            WaitMode::Event => 98,
-            WaitMode::Poll => 0,
-        };
-        checked.within("realtime_priority", self.realtime_priority, 0..=highest)?;
+        checked.within("realtime_priority", self.realtime_priority, 0..=68)?;
+        if self.wait == WaitMode::Poll && self.realtime_priority > 0 {
+            let path = checked.path.to_owned();
+            return Err(ConfigError::PollsAtRealtimePriority { path });
+        }
         for processor in &self.processors {
             checked.within("processors", *processor, 0..=1023)?;
         }
@@ -366,8 +373,20 @@ mod tests {
         assert_eq!(shipped.capacity, PlanServiceCapacity::default());
         assert_eq!(shipped.default_deadline, Duration::from_millis(20));
         assert_eq!(shipped.realtime_priority, None);
-        let raised = parse("robot = \"a\"\nrealtime_priority = 98").unwrap();
-        assert_eq!(raised.realtime_priority, Some(98));
+    }
+
+    #[test]
+    fn who_polls_has_no_real_time_priority() {
+        let with = |wait: &str| {
+            let text = format!("robot = \"a\"\nrealtime_priority = 68\nwait = {wait:?}");
+            parse(&text)
+        };
+        assert_eq!(with("event").unwrap().realtime_priority, Some(68));
+        let error = with("poll").unwrap_err();
+        assert!(
+            matches!(error, ConfigError::PollsAtRealtimePriority { .. }),
+            "{error}"
+        );
     }
 
     #[test]
@@ -401,8 +420,7 @@ mod tests {
             "path_tolerance_rad = -0.001",
             "path_tolerance_rad = inf",
             "begin_lead_ms = 9.0",
-            "realtime_priority = 99",
-            "realtime_priority = 1\nwait = \"poll\"",
+            "realtime_priority = 69",
             "processors = [0, 1024]",
             "shared_memory_budget_mb = 0.0",
             "resident_memory_budget_mb = -1.0",

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::thread;
 
 use collision::{Ball, Scene, SceneFileError, tracking_growth};
 use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
@@ -116,15 +117,19 @@ impl Daemon {
         let shared_bytes = check_shared_memory(config)?;
         let robot = load_robot(config)?;
         let static_scene = load_scene(config, &robot)?;
-        let planner = load_planner(config, &robot)?;
+        let priorities = priorities(config);
+        let planner = load_planner(config, &robot, priorities)?;
         lock_memory(config);
         warm_up(&planner, config)?;
         let node = IpcNode::create(options, "planner-daemon")?;
         let progress = Arc::new(Progress::default());
         let service = open_service(config, &node, &robot, static_scene, planner, &progress)?;
         bring_in_shared_memory(config, options);
-        raise_priority(config);
-        let background = Background::start(options, &progress)?;
+        let serving = priorities.map(|priorities| priorities.serving);
+        let background = Background::start(options, &progress, serving)?;
+        if let Some(serving) = serving {
+            process::use_fifo_priority(serving)?;
+        }
         let resident_bytes = check_resident_memory(config)?;
         tracing::info!(
             "robot {}, {}, {} threads, up to {} candidates of {} knots for {} clients",
@@ -194,18 +199,27 @@ fn lock_memory(config: &Config) {
     }
 }
 
-/// Of this thread, which is to serve, and of those that it starts from now on: what they do is short, and planning must not keep
-/// them from it.
-fn raise_priority(config: &Config) {
-    let Some(planning) = config.realtime_priority else {
-        return;
-    };
-    let priority = planning + 1;
-    if let Err(error) = process::use_fifo_priority(priority) {
-        tracing::warn!(
-            "no real-time priority {priority}, other programs can make answers late ({error}): allow it with CAP_SYS_NICE or \
-             `ulimit -r {priority}`, or set realtime_priority = 0"
-        );
+/// Real-time priorities: planning must not keep requests, answers and heartbeats from a processor.
+#[derive(Clone, Copy)]
+struct Priorities {
+    planning: u8,
+    serving: u8,
+}
+
+/// Those that are asked for, if the system grants the higher one; else none, for either.
+fn priorities(config: &Config) -> Option<Priorities> {
+    let planning = config.realtime_priority?;
+    let serving = planning + 1;
+    let tried = thread::spawn(move || process::use_fifo_priority(serving));
+    match tried.join().expect("a system call does not panic") {
+        Ok(()) => Some(Priorities { planning, serving }),
+        Err(error) => {
+            tracing::warn!(
+                "no real-time priorities {planning} and {serving}, other programs can make answers late ({error}): allow them \
+                 with CAP_SYS_NICE or `ulimit -r {serving}`, or set realtime_priority = 0"
+            );
+            None
+        }
     }
 }
 
@@ -243,7 +257,11 @@ fn load_scene(config: &Config, robot: &Robot) -> Result<Scene, StartError> {
     Ok(scene)
 }
 
-fn load_planner(config: &Config, robot: &Robot) -> Result<Planner, StartError> {
+fn load_planner(
+    config: &Config,
+    robot: &Robot,
+    priorities: Option<Priorities>,
+) -> Result<Planner, StartError> {
     let models = config
         .weights
         .as_ref()
@@ -251,8 +269,11 @@ fn load_planner(config: &Config, robot: &Robot) -> Result<Planner, StartError> {
     let models = models.transpose()?.unwrap_or_default();
     let planner = Planner::new(robot, models, config.threads)?;
     planner.on_every_worker(|| {
-        // Where the system refuses, it refuses the service's higher priority, too, and that is told of.
-        let _ = config.realtime_priority.map(process::use_fifo_priority);
+        if let Some(Priorities { planning, .. }) = priorities
+            && let Err(error) = process::use_fifo_priority(planning)
+        {
+            tracing::warn!("a planning thread has no real-time priority {planning}: {error}");
+        }
         if let Err(error) = process::take_long_turns() {
             tracing::warn!("answers may be a few ms late where processors are scarce: {error}");
         }

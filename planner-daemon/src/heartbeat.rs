@@ -12,7 +12,7 @@ use shared_types::codes::ProcessKind;
 use shared_types::ipc::{IpcError, IpcNode, IpcOptions, Publisher, heartbeat_service, publisher};
 use shared_types::message::Heartbeat;
 
-use crate::process::let_others_go_first;
+use crate::process::{let_others_go_first, use_fifo_priority};
 
 /// Time between two heartbeats.
 const BEAT: Duration = Duration::from_millis(10);
@@ -27,7 +27,7 @@ pub enum BackgroundError {
     /// The services are not available.
     #[error(transparent)]
     Ipc(#[from] IpcError),
-    /// The system has no more threads.
+    /// The system has no more threads, or takes a priority back that it granted.
     #[error("cannot start a thread: {0}")]
     Thread(#[from] io::Error),
 }
@@ -56,10 +56,11 @@ pub(crate) struct Background {
 }
 
 impl Background {
-    /// Starts both threads, each with a node of its own.
+    /// Starts both threads, each with a node of its own; the heart beats at a real-time priority if there is one.
     pub(crate) fn start(
         options: &IpcOptions,
         progress: &Arc<Progress>,
+        realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
         let ended = Arc::new(AtomicBool::new(false));
         let mut background = Self {
@@ -73,7 +74,7 @@ impl Background {
         );
         // Ports stay in their thread, so it is the thread that says whether there is a heart.
         let (tell, told) = sync_channel(1);
-        let beating = move || match heart(&node) {
+        let beating = move || match heart(&node, realtime_priority) {
             Ok(publisher) => {
                 let _ = tell.send(Ok(()));
                 beat(&publisher, &progress, &ended);
@@ -107,8 +108,14 @@ impl Drop for Background {
     }
 }
 
-fn heart(node: &IpcNode) -> Result<Publisher<Heartbeat>, IpcError> {
-    publisher(node, &heartbeat_service(node)?)
+fn heart(
+    node: &IpcNode,
+    realtime_priority: Option<u8>,
+) -> Result<Publisher<Heartbeat>, BackgroundError> {
+    if let Some(priority) = realtime_priority {
+        use_fifo_priority(priority)?;
+    }
+    Ok(publisher(node, &heartbeat_service(node)?)?)
 }
 
 fn beat(publisher: &Publisher<Heartbeat>, progress: &Progress, ended: &AtomicBool) {

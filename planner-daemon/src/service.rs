@@ -46,9 +46,7 @@ impl Queued {
     /// When work ends, so that the answer is there at the deadline.
     fn deadline(&self) -> Instant {
         let whole = self.order.deadline;
-        let candidates = u32::try_from(self.order.request.candidates).unwrap_or(u32::MAX);
-        let way_back = WAY_BACK + WAY_BACK_OF_A_CANDIDATE.saturating_mul(candidates);
-        self.received + (whole - way_back.min(whole / 2))
+        self.received + (whole - way_back(self.order.request.candidates, whole))
     }
 }
 
@@ -402,6 +400,12 @@ impl Service {
     }
 }
 
+/// How long before a deadline of `whole` work on so many candidates ends.
+fn way_back(candidates: usize, whole: Duration) -> Duration {
+    let of_candidates = WAY_BACK_OF_A_CANDIDATE.mul_f64(candidates as f64);
+    (WAY_BACK + of_candidates).min(whole / 2)
+}
+
 fn is_wanted(active: &PlanActiveRequest) -> bool {
     active.is_connected() && !active.has_disconnect_hint()
 }
@@ -416,6 +420,16 @@ fn too_late(order: &Order) -> Refusal {
 mod tests {
     use super::*;
     use crate::fixtures::order;
+
+    #[test]
+    fn work_ends_sooner_before_a_deadline_of_many_candidates_and_halfway_to_a_short_one() {
+        let us = Duration::from_micros;
+        assert_eq!(way_back(1, us(20_000)), us(520));
+        assert_eq!(way_back(64, us(20_000)), us(1_780));
+        assert_eq!(way_back(64, us(2_000)), us(1_000));
+        assert_eq!(way_back(1, Duration::MAX), us(520));
+        assert_eq!(way_back(1, Duration::ZERO), Duration::ZERO);
+    }
 
     #[test]
     fn a_request_whose_deadline_passed_in_the_queue_is_truncated() {

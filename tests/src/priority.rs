@@ -3,7 +3,7 @@
 
 use std::io;
 
-/// Of who watches: below that of the controller's loop, above all others.
+/// Of who watches: below those of the controller's and the robot's loops, above the daemon and its clients.
 pub const OF_A_WATCH: u8 = 60;
 /// Of a client: above the daemon's.
 pub const OF_A_CLIENT: u8 = 50;

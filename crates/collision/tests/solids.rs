@@ -4,8 +4,8 @@
 mod motions;
 
 use collision::{
-    Ball, Contact, Scene, SceneError, Solid, SolidError, VoxelError, VoxelGrid, certify_edge,
-    certify_trajectory, minimum_clearance,
+    Ball, Contact, Scene, SceneError, Solid, SolidError, VoxelError, VoxelGrid,
+    certified_clearance, certify_edge, certify_trajectory, minimum_clearance,
 };
 use motions::{ball, motion, random, sampled_clearance, shape, step, uneven_robot, unit_robot};
 use nalgebra::{Isometry3, Vector3};
@@ -220,8 +220,10 @@ fn sampled_over(robot: &Robot, scene: &Scene, motion: &Trajectory) -> f64 {
 #[test]
 fn certified_motions_never_meet_a_solid() {
     let (robot, mut random) = (uneven_robot(), random(4));
+    let grown = robot.with_tube_growth(&[0.01, 0.03, 0.08]);
     for (name, make) in KINDS {
         let (mut free, mut not, mut closest) = (0, 0, f64::INFINITY);
+        let mut certified = 0;
         for i in 0..120 {
             let scene = scene_of(&mut random, make, 1 + i % 3);
             let motion = motion(&mut random);
@@ -230,6 +232,19 @@ fn certified_motions_never_meet_a_solid() {
             assert!(minimum <= sampled + 1e-12, "{name}: {minimum} {sampled}");
             let dense = sampled_clearance(&robot, &scene, &motion, 0.0, 500);
             assert!(minimum >= dense - 0.02, "{name}: {minimum} {dense}");
+            let clearance = certified_clearance(&robot, &grown, &scene, &motion, 1e-3);
+            if let Some(clearance) = clearance {
+                assert!(
+                    sampled_over(&grown, &scene, &motion) > 0.0,
+                    "{name} {i} collides"
+                );
+                assert!(
+                    clearance <= sampled + 1e-12,
+                    "{name}: {clearance} {sampled}"
+                );
+                assert!(clearance >= dense - 0.03, "{name}: {clearance} {dense}");
+            }
+            certified += usize::from(clearance.is_some());
             let a = motion.at(0.0).position;
             let b = a + step(&mut random, 0.5);
             let is_edge_free = certify_edge(&robot, &scene, &a, &b, 10).is_free();
@@ -247,6 +262,7 @@ fn certified_motions_never_meet_a_solid() {
             }
         }
         assert!(free > 20 && not > 20, "{name}: {free} {not}");
+        assert!((10..=free).contains(&certified), "{name}: {certified}");
         assert!(closest < 0.1, "{name}: no motion came near: {closest}");
     }
 }

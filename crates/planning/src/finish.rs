@@ -231,21 +231,26 @@ impl Demands<'_> {
         finished.laps.time += lap(&mut clock);
         let certified = timed.and_then(|motion| Ok((self.certify(&motion)?, motion)));
         finished.laps.certify += lap(&mut clock);
-        finished.outcome = certified.map(|(clearance, motion)| self.describe(motion, clearance));
+        finished.outcome = certified.and_then(|(clearance, motion)| {
+            let has_lost = rival.is_some_and(|rival| rival.stops(motion.duration()));
+            let described = (!has_lost).then(|| self.describe(motion, clearance));
+            described.ok_or(Failure::Slower)
+        });
         finished.laps.select += lap(&mut clock);
     }
 
-    /// Times a path, if the motion beats its rival.
+    /// Times a path, if the motion may beat its rival.
     fn time_winner(
         &self,
         path: &[Configuration],
         rival: Option<&Rival>,
     ) -> Result<Trajectory, Failure> {
-        if rival.is_some_and(|rival| rival.stops_timing(self.least_s(path))) {
+        let is_slower = |duration_s| rival.is_some_and(|rival| rival.stops_uncertified(duration_s));
+        if is_slower(self.least_s(path)) {
             return Err(Failure::Slower);
         }
         let motion = self.time(path)?;
-        if rival.is_some_and(|rival| rival.stops(motion.duration())) {
+        if is_slower(motion.duration()) {
             return Err(Failure::Slower);
         }
         Ok(motion)

@@ -24,7 +24,8 @@ pub struct PathMetrics {
     pub tip_distance: f64,
     /// ∫‖p‴‖² over the normalised arc length of the tip's way, in squared section lengths.
     pub tip_smoothness: f64,
-    /// Smallest clearance of the whole body over the whole motion (within 1e-3).
+    /// Smallest clearance of the whole body over the whole motion: within 1e-3 to balls, to solids up to a thousandth of a section and
+    /// a twentieth of it more below the true one.
     pub clearance: f64,
     /// Length in configuration space, rad.
     pub configuration_length: f64,
@@ -38,7 +39,7 @@ pub fn path_metrics(robot: &Robot, scene: &Scene, trajectory: &Trajectory) -> Pa
 }
 
 impl PathMetrics {
-    /// With a clearance that is known.
+    /// The figures of one motion whose clearance, section lengths, is known already.
     pub(crate) fn of(robot: &Robot, trajectory: &Trajectory, clearance: f64) -> Self {
         let samples = trajectory.sample(SAMPLES);
         let tips = robot.tips(&samples);

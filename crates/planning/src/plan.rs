@@ -57,7 +57,7 @@ pub enum Failure {
     /// No time allocation within the limits, or not with the knots that a motion may have.
     #[error("no time allocation within the tendon limits and the knots of a motion")]
     Time,
-    /// A motion that only counts if it is the fastest, and is not.
+    /// A motion that only counts if it is the fastest, and is not, or would not be were it certified.
     #[error("not the fastest")]
     Slower,
     /// The request was truncated before this draw was finished.

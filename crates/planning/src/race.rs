@@ -2,8 +2,8 @@
 //!
 //! Workers run segments once all paths are drawn and taken, in the order of the least time that each can take, and stop one as
 //! soon as it is surely slower than what there is by then. A segment counts with its duration or, if that is longer, with the
-//! longest bound that it met on its way. The one that counts least is never stopped, since nothing that there is ever counts
-//! less, so who wins does not depend on which worker was when where.
+//! longest bound that it met on its way; a motion of its own that was not certified is one. The one that counts least is never
+//! stopped, since nothing that there is ever counts less, so who wins does not depend on which worker was when where.
 
 use crate::finish::{Demands, Laps};
 use crate::least_duration::least_duration_s;
@@ -15,8 +15,8 @@ use std::cell::Cell;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// A corrected path whose least duration is this much above what it must beat is not timed: the curve that is executed, which
-/// bounding jerk rounds at turns, and another correction may be a little faster.
+/// A corrected path whose least duration is this much above what it must beat is not timed, and one whose motion is, not certified: the
+/// curve that is executed, which bounding jerk rounds at turns, and another correction may be a little faster.
 pub(crate) const SURELY_SLOWER: f64 = 1.02;
 /// So much above it, a path is given up between two pushes: the next ones may make it a little faster again.
 const GIVEN_UP: f64 = 1.3;
@@ -60,12 +60,13 @@ impl<'a> Rival<'a> {
         self.stops(least_s / GIVEN_UP)
     }
 
-    /// Keeps in mind a bound on the duration of a path that is to be timed; whether it is not worth it.
-    pub(crate) fn stops_timing(&self, least_s: f64) -> bool {
-        self.stops(least_s / SURELY_SLOWER)
+    /// Keeps in mind the duration of a path that is to be certified, or a bound on it before it is timed; whether going on is not
+    /// worth it.
+    pub(crate) fn stops_uncertified(&self, duration_s: f64) -> bool {
+        self.stops(duration_s / SURELY_SLOWER)
     }
 
-    /// Keeps in mind a motion's duration, s; whether it loses.
+    /// Keeps in mind a certified motion's duration, s; whether it loses.
     pub(crate) fn stops(&self, duration_s: f64) -> bool {
         let longest_s = self.stopped_by_s.get().max(duration_s);
         self.stopped_by_s.set(longest_s);
@@ -206,7 +207,7 @@ mod tests {
         let shortest = Shortest::none();
         let rival = Rival::new(&shortest);
         assert!(!rival.stops_pushing(10.0 * GIVEN_UP), "nobody is faster");
-        assert!(!rival.stops_timing(9.0));
+        assert!(!rival.stops_uncertified(9.0));
         assert!(!rival.stops(9.5));
         assert!((rival.stopped_by_s.get() - 10.0).abs() < 1e-12);
         shortest.note(9.8);

@@ -145,6 +145,7 @@ fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
         assert!(motion.knots().len() <= 96);
         assert!(limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6);
         assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
+        // Of balls alone, a clearance is within its tolerance.
         let figures = path_metrics(robot, &moving.scene, motion);
         let clearance = candidate.metrics.clearance;
         assert!((clearance - figures.clearance).abs() <= 1e-3);

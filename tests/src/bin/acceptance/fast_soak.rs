@@ -1,7 +1,7 @@
 //! A hundred thousand random requests from two clients: what the daemon must never do.
 //!
 //! Two clients and two workers want two processors, and the system's own threads some more: for deadlines to hold, all of ours
-//! have real-time priorities, as they would beside a robot.
+//! have real-time priorities, as `realtime_priority` allows (decision 0016).
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -229,13 +229,15 @@ struct Asker<'a> {
 
 impl<'a> Asker<'a> {
     fn new(world: &'a World, pool: &'a Pool, rng: Pcg64) -> anyhow::Result<Self> {
-        raise_priority(OF_A_CLIENT)?;
         let mut client = Client::connect(&world.options)?;
         client.wait_for_daemon(PATIENCE)?;
+        let raw = RawClient::connect(&world.options, PATIENCE)?;
+        // What the connections start keeps the ordinary one.
+        raise_priority(OF_A_CLIENT)?;
         Ok(Self {
             pool,
             client,
-            raw: RawClient::connect(&world.options, PATIENCE)?,
+            raw,
             rng,
             findings: Findings::default(),
         })
