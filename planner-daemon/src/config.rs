@@ -98,7 +98,7 @@ struct File {
     #[serde(default = "defaults::wait")]
     wait: WaitMode,
     #[serde(default)]
-    realtime_priority: u8,
+    realtime_priority: i64,
     #[serde(default)]
     processors: Vec<usize>,
     #[serde(default = "defaults::lock_memory")]
@@ -321,7 +321,9 @@ impl File {
             path_tolerance_rad: self.path_tolerance_rad,
             begin_lead: milliseconds(self.begin_lead_ms),
             wait: self.wait,
-            realtime_priority: Some(self.realtime_priority).filter(|priority| *priority > 0),
+            realtime_priority: u8::try_from(self.realtime_priority)
+                .ok()
+                .filter(|priority| *priority > 0),
             processors: self.processors,
             lock_memory: self.lock_memory,
             shared_memory_budget: (self.shared_memory_budget_mb * 1e6) as usize,
@@ -421,6 +423,7 @@ mod tests {
             "path_tolerance_rad = inf",
             "begin_lead_ms = 9.0",
             "realtime_priority = 69",
+            "realtime_priority = -1",
             "processors = [0, 1024]",
             "shared_memory_budget_mb = 0.0",
             "resident_memory_budget_mb = -1.0",
