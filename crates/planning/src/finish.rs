@@ -231,11 +231,12 @@ impl Demands<'_> {
         finished.laps.time += lap(&mut clock);
         let certified = timed.and_then(|motion| Ok((self.certify(&motion)?, motion)));
         finished.laps.certify += lap(&mut clock);
-        finished.outcome = certified.and_then(|(clearance, motion)| {
-            let has_lost = rival.is_some_and(|rival| rival.stops(motion.duration()));
-            let described = (!has_lost).then(|| self.describe(motion, clearance));
-            described.ok_or(Failure::Slower)
-        });
+        let loses = |motion: &Trajectory| rival.is_some_and(|rival| rival.stops(motion.duration()));
+        finished.outcome = match certified {
+            Ok((_, motion)) if loses(&motion) => Err(Failure::Slower),
+            Ok((clearance, motion)) => Ok(self.describe(motion, clearance)),
+            Err(failure) => Err(failure),
+        };
         finished.laps.select += lap(&mut clock);
     }
 
