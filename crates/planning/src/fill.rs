@@ -2,6 +2,7 @@
 
 use crate::finish::Demands;
 use crate::first_success::first_success;
+use crate::first_way::first_way;
 use crate::path::{Waypoints, resample};
 use crate::plan::{Draw, Failure, Plan, Sampler, Source};
 use crate::planner::Interrupt;
@@ -19,11 +20,12 @@ use std::time::Instant;
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
 /// The same of ways that need only exist: beyond the accuracy with which a clearance is told.
 const LEAST_MARGIN: f64 = 1e-3;
-/// Samples of the searches for a way to any goal shape when nothing else was found, before the trees of [`Run::trees`]: where
-/// ways are hard to find, several short searches find one sooner than a long one.
-const LAST_ATTEMPTS: [usize; 4] = [100, 400, 1500, 5000];
-/// Searches of each of these lengths.
-const SEARCHES: usize = 4;
+/// Samples of each search for a way to any goal shape when nothing else was found, before the trees of [`Run::trees`].
+const FIRST_WAY: RrtSettings = RrtSettings {
+    samples: 10_000,
+    step_rad: 0.6,
+    shortcuts: 120,
+};
 
 impl Run<'_> {
     /// Learned paths to every goal shape; where a straight segment is the fastest motion of all, it takes the place of the
@@ -60,22 +62,10 @@ impl Run<'_> {
         self.stages.select += clock.elapsed().as_secs_f64();
     }
 
-    /// The first goal shape to which a search finds a motion, and that: what [`Run::trees`] would answer is not left without an
-    /// answer.
+    /// A goal shape to which a search finds a motion, and that: what [`Run::trees`] would answer is not left without an answer.
     fn last_attempts(&self, aim: &Aim) -> Option<(usize, Draw)> {
-        let grown = self.grown_by(LEAST_MARGIN);
-        let interrupt = self.supervision.interrupt;
-        let searches = LAST_ATTEMPTS.len() * SEARCHES;
-        let briefly = first_success(searches, interrupt, |number, interrupt| {
-            let settings = RrtSettings {
-                samples: LAST_ATTEMPTS[number / SEARCHES],
-                ..RrtSettings::default()
-            };
-            let search = self.search(&grown, &settings, interrupt);
-            let rng = self.tree_rng(self.request.candidates + number);
-            self.tree_to_any(&search, &aim.ends, rng)
-        });
-        briefly.or_else(|| {
+        self.to_any(&aim.ends).or_else(|| {
+            let interrupt = self.supervision.interrupt;
             first_success(aim.goals.len(), interrupt, |i, interrupt| {
                 let draw = self.tree(i, &aim.goals[i], interrupt);
                 draw.outcome.is_ok().then_some((i, draw))
@@ -83,17 +73,15 @@ impl Run<'_> {
         })
     }
 
-    /// A motion to some end shape, by a tree that begins in all of them.
-    fn tree_to_any(
-        &self,
-        search: &Search,
-        ends: &[Configuration],
-        mut rng: Pcg64,
-    ) -> Option<(usize, Draw)> {
-        let polyline = search.grown_from(&self.problem.start, ends, &mut rng)?;
+    /// A motion to some end shape, by trees that begin in all of them.
+    fn to_any(&self, ends: &[Configuration]) -> Option<(usize, Draw)> {
+        let grown = self.grown_by(LEAST_MARGIN);
+        let search = self.search(&grown, &FIRST_WAY, self.supervision.interrupt);
+        let rng = |number| self.tree_rng(self.request.candidates + number);
+        let polyline = first_way(&search, &self.problem.start, ends, rng)?;
         let reached = ends.iter().position(|end| Some(end) == polyline.last())?;
         let mut draw = unfinished(Source::Tree, Failure::NoPath);
-        let is_followed = self.follow(search, &polyline, &mut draw);
+        let is_followed = self.follow(&search, &polyline, &mut draw);
         is_followed.then_some((reached, draw))
     }
 

@@ -18,6 +18,7 @@ mod features;
 mod fill;
 mod finish;
 mod first_success;
+mod first_way;
 mod inverse_kinematics;
 mod known_ways;
 mod learned;

@@ -213,21 +213,12 @@ impl Search<'_> {
         let direct = goals.iter().find(|goal| self.edge_is_free(start, goal));
         let path = match direct {
             Some(direct) => vec![*start, *direct],
-            None => return self.grown_from(start, goals, rng),
+            None => {
+                let mut trees = [Tree::rooted(&[*start]), Tree::rooted(goals)];
+                let mut samples = self.settings.samples;
+                self.grow(&mut trees, &mut samples, rng)?
+            }
         };
-        Some(self.shorten(path, rng))
-    }
-
-    /// The same without trying the straight ways first.
-    pub(crate) fn grown_from(
-        &self,
-        start: &Configuration,
-        goals: &[Configuration],
-        rng: &mut Pcg64,
-    ) -> Option<Vec<Configuration>> {
-        let mut trees = [Tree::rooted(&[*start]), Tree::rooted(goals)];
-        let mut samples = self.settings.samples;
-        let path = self.grow(&mut trees, &mut samples, rng)?;
         Some(self.shorten(path, rng))
     }
 
@@ -266,11 +257,13 @@ impl Search<'_> {
         moves
     }
 
+    /// Replaces what lies between two random points of a polyline by the edge between them where that is free; both ends stay.
     pub(crate) fn shorten(
         &self,
         mut path: Vec<Configuration>,
         rng: &mut Pcg64,
     ) -> Vec<Configuration> {
+        let end = path.last().copied();
         for _ in 0..self.settings.shortcuts {
             if path.len() < 3 || (self.interrupt)() {
                 break;
@@ -280,6 +273,10 @@ impl Search<'_> {
                 path.splice(i + 1..=j, [a, b]);
                 path.dedup_by(|x, y| (*x - *y).norm() < 1e-9);
             }
+        }
+        // Points gather at the end until one is a duplicate of it, and of duplicates the first is kept.
+        if let (Some(last), Some(end)) = (path.last_mut(), end) {
+            *last = end;
         }
         path
     }
