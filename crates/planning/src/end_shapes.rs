@@ -10,9 +10,9 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
 /// Rounds of seeds at most: another one follows where those before left too few shapes.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 10;
 /// Seeds of a round.
-const SEEDS: usize = 64;
+const SEEDS: usize = 32;
 /// Seeds that one worker takes at once.
 const SEEDS_AT_ONCE: usize = 8;
 /// Wanted clearance and distance between shapes, relaxed in this order until enough are found.

@@ -2,7 +2,7 @@
 
 use crate::finish::Demands;
 use crate::first_success::first_success;
-use crate::first_way::first_way;
+use crate::first_way::{FIRST_WAY, first_way};
 use crate::path::{Waypoints, resample};
 use crate::plan::{Draw, Failure, Plan, Sampler, Source};
 use crate::planner::Interrupt;
@@ -20,12 +20,8 @@ use std::time::Instant;
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
 /// The same of ways that need only exist: beyond the accuracy with which a clearance is told.
 const LEAST_MARGIN: f64 = 1e-3;
-/// Samples of each search for a way to any goal shape when nothing else was found, before the trees of [`Run::trees`].
-const FIRST_WAY: RrtSettings = RrtSettings {
-    samples: 10_000,
-    step_rad: 0.6,
-    shortcuts: 120,
-};
+/// Times that a way that is found is shortened again because it is too angular for a motion.
+const SHORTENINGS: usize = 3;
 
 impl Run<'_> {
     /// Learned paths to every goal shape; where a straight segment is the fastest motion of all, it takes the place of the
@@ -52,7 +48,7 @@ impl Run<'_> {
     fn fill(&mut self, aim: &Aim, draws: &mut [Draw]) {
         let clock = Instant::now();
         if draws.iter().all(|draw| draw.outcome.is_err()) {
-            if let Some((i, draw)) = self.last_attempts(aim) {
+            if let Some((i, draw)) = self.first_motion(aim) {
                 self.report(i, &draw);
                 draws[i] = draw;
             }
@@ -62,9 +58,10 @@ impl Run<'_> {
         self.stages.select += clock.elapsed().as_secs_f64();
     }
 
-    /// A goal shape to which a search finds a motion, and that: what [`Run::trees`] would answer is not left without an answer.
-    fn last_attempts(&self, aim: &Aim) -> Option<(usize, Draw)> {
-        self.to_any(&aim.ends).or_else(|| {
+    /// A first motion, and the place of the goal shape that it reaches. Falls back on the trees of [`Run::trees`], so that what they
+    /// answer is not left without an answer.
+    fn first_motion(&self, aim: &Aim) -> Option<(usize, Draw)> {
+        self.motion_to_any(&aim.ends).or_else(|| {
             let interrupt = self.supervision.interrupt;
             first_success(aim.goals.len(), interrupt, |i, interrupt| {
                 let draw = self.tree(i, &aim.goals[i], interrupt);
@@ -74,15 +71,16 @@ impl Run<'_> {
     }
 
     /// A motion to some end shape, by trees that begin in all of them.
-    fn to_any(&self, ends: &[Configuration]) -> Option<(usize, Draw)> {
+    fn motion_to_any(&self, ends: &[Configuration]) -> Option<(usize, Draw)> {
         let grown = self.grown_by(LEAST_MARGIN);
         let search = self.search(&grown, &FIRST_WAY, self.supervision.interrupt);
         let rng = |number| self.tree_rng(self.request.candidates + number);
-        let polyline = first_way(&search, &self.problem.start, ends, rng)?;
-        let reached = ends.iter().position(|end| Some(end) == polyline.last())?;
+        let (way, mut rng) = first_way(&search, &self.problem.start, ends, rng)?;
+        let reached = ends.iter().position(|end| Some(end) == way.last())?;
+        let way = search.shorten(way, &mut rng);
         let mut draw = unfinished(Source::Tree, Failure::NoPath);
-        let is_followed = self.follow(&search, &polyline, &mut draw);
-        is_followed.then_some((reached, draw))
+        self.follow_ever_shorter(&search, way, rng, &mut draw)
+            .then_some((reached, draw))
     }
 
     /// The robot that searches keep clear.
@@ -170,6 +168,27 @@ impl Run<'_> {
 
     pub(crate) fn tree_rng(&self, index: usize) -> Pcg64 {
         Pcg64::new(u128::from(self.request.seed), index as u128 + 1)
+    }
+
+    /// Makes a motion of a polyline, which is shortened again where it has too many corners for that.
+    pub(crate) fn follow_ever_shorter(
+        &self,
+        search: &Search,
+        mut polyline: Vec<Configuration>,
+        mut rng: Pcg64,
+        draw: &mut Draw,
+    ) -> bool {
+        for _ in 0..=SHORTENINGS {
+            if self.follow(search, &polyline, draw) {
+                return true;
+            }
+            let shorter = search.shorten(polyline.clone(), &mut rng);
+            if shorter == polyline || (search.interrupt)() {
+                break;
+            }
+            polyline = shorter;
+        }
+        false
     }
 
     /// Makes a motion of a polyline that a search certified, if that can be timed and certified.

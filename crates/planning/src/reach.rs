@@ -3,7 +3,7 @@
 use crate::known_ways::KnownWays;
 use crate::path::Waypoints;
 use crate::plan::{Draw, Failure, Source};
-use crate::rrt_connect::{RrtSettings, Search};
+use crate::rrt_connect::{RrtSettings, STEP_RAD, Search};
 use crate::run::{Run, unfinished};
 use pcc_model::{Configuration, Robot};
 use rand_pcg::Pcg64;
@@ -15,12 +15,9 @@ const GROUPS: usize = 2;
 /// Samples for the goal shapes of a group together: most are reached within a few, and of some there is no way.
 const SAMPLING: RrtSettings = RrtSettings {
     samples: 1500,
-    step_rad: 0.6,
+    step_rad: STEP_RAD,
     shortcuts: 60,
 };
-/// Times that a way that is found is shortened again because it is too angular for a motion.
-const SHORTENINGS: usize = 3;
-
 /// From which ways which goal shapes are to be reached.
 pub(crate) struct Reach<'a> {
     pub(crate) run: &'a Run<'a>,
@@ -71,25 +68,11 @@ impl Reach<'_> {
     fn draw(&self, way: Option<Vec<Configuration>>, rng: Pcg64) -> Draw {
         let mut draw = unfinished(Source::Tree, Failure::NoPath);
         if let Some(way) = way {
-            self.follow(way, rng, &mut draw);
+            self.run
+                .follow_ever_shorter(&self.search(), way, rng, &mut draw);
         }
         self.run.note_truncation(&mut draw);
         draw
-    }
-
-    /// Makes a motion of a polyline, which is shortened again where it has too many corners for that.
-    fn follow(&self, mut polyline: Vec<Configuration>, mut rng: Pcg64, draw: &mut Draw) {
-        let search = self.search();
-        for _ in 0..=SHORTENINGS {
-            if self.run.follow(&search, &polyline, draw) || (search.interrupt)() {
-                break;
-            }
-            let shorter = search.shorten(polyline.clone(), &mut rng);
-            if shorter == polyline {
-                break;
-            }
-            polyline = shorter;
-        }
     }
 
     fn search(&self) -> Search<'_> {

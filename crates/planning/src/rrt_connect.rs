@@ -10,6 +10,10 @@ use collision::{Scene, certify_edge};
 use pcc_model::{Configuration, Robot, SECTIONS};
 use rand::RngExt;
 use rand_pcg::Pcg64;
+use std::ops::Range;
+
+/// Longest edge of every search here, rad.
+pub(crate) const STEP_RAD: f64 = 0.6;
 
 /// Bisection depth of an edge's certificate; undecided edges count as colliding.
 const EDGE_DEPTH: u32 = 7;
@@ -20,6 +24,9 @@ const WEIGHTS: [f64; SECTIONS] = [1.8, 1.0, 0.3];
 const ROUNDINGS: usize = 5;
 /// A corner that moves less than this is round, rad.
 const ROUND_RAD: f64 = 1e-3;
+
+/// Corners this near to each other are one, rad.
+const DUPLICATE_RAD: f64 = 1e-9;
 
 /// Samples between two questions whether to go on.
 const INTERRUPT_EVERY: usize = 16;
@@ -39,7 +46,7 @@ impl Default for RrtSettings {
     fn default() -> Self {
         Self {
             samples: 3000,
-            step_rad: 0.6,
+            step_rad: STEP_RAD,
             shortcuts: 120,
         }
     }
@@ -170,7 +177,7 @@ impl Search<'_> {
 
     /// Grows both trees in turn until they meet; the polyline from a root of the first to a root of the second.
     ///
-    /// Takes what it needs from the `samples` that are left.
+    /// Takes what it needs from the `samples` that are left. May be called again with the same trees after an even number of samples.
     pub(crate) fn grow(
         &self,
         trees: &mut [Tree; 2],
@@ -178,10 +185,10 @@ impl Search<'_> {
         rng: &mut Pcg64,
     ) -> Option<Vec<Configuration>> {
         for round in 0..*samples {
-            *samples -= 1;
             if round.is_multiple_of(INTERRUPT_EVERY) && (self.interrupt)() {
                 return None;
             }
+            *samples -= 1;
             let sample = random_configuration(self.robot, rng);
             let (active, other) = (round % 2, 1 - round % 2);
             let from = trees[active].nearest(&sample);
@@ -263,23 +270,29 @@ impl Search<'_> {
         mut path: Vec<Configuration>,
         rng: &mut Pcg64,
     ) -> Vec<Configuration> {
-        let end = path.last().copied();
         for _ in 0..self.settings.shortcuts {
             if path.len() < 3 || (self.interrupt)() {
                 break;
             }
             let [(i, a), (j, b)] = two_points(&path, rng);
             if j > i && self.edge_is_free(&a, &b) {
-                path.splice(i + 1..=j, [a, b]);
-                path.dedup_by(|x, y| (*x - *y).norm() < 1e-9);
+                cut_short(&mut path, i..j, [a, b]);
             }
-        }
-        // Points gather at the end until one is a duplicate of it, and of duplicates the first is kept.
-        if let (Some(last), Some(end)) = (path.last_mut(), end) {
-            *last = end;
         }
         path
     }
+}
+
+/// Puts an edge in the place of the corners after the first of these edges up to the last one. Points gather at the ends, so what is
+/// nearly a duplicate goes, but never an end.
+fn cut_short(path: &mut Vec<Configuration>, edges: Range<usize>, edge: [Configuration; 2]) {
+    let end = path[path.len() - 1];
+    path.splice(edges.start + 1..=edges.end, edge);
+    path.dedup_by(|x, y| (*x - *y).norm() < DUPLICATE_RAD);
+    if path.len() > 1 {
+        path.pop();
+    }
+    path.push(end);
 }
 
 /// The same polyline with a corner in the middle of every edge.
@@ -364,6 +377,24 @@ mod tests {
         let longest = lengths.fold(0.0, f64::max);
         assert!((longest - settings.step_rad).abs() < 1e-12, "{longest}");
         assert!(steps.len() > 3);
+    }
+
+    #[test]
+    fn a_polyline_that_is_shortened_again_and_again_keeps_its_ends() {
+        let (robot, scene) = (unit_robot(), Scene::default());
+        let settings = RrtSettings::default();
+        let search = search(&robot, &scene, &settings);
+        let mut rng = Pcg64::seed_from_u64(1);
+        for _ in 0..20 {
+            let way: Vec<_> = (0..5)
+                .map(|_| random_configuration(&robot, &mut rng))
+                .collect();
+            let short = search.shorten(way.clone(), &mut rng);
+            assert_eq!([short[0], short[short.len() - 1]], [way[0], way[4]]);
+            let edge = |w: &[Configuration]| (w[1] - w[0]).norm();
+            let length = |way: &[Configuration]| way.windows(2).map(edge).sum::<f64>();
+            assert!(length(&short) < length(&way));
+        }
     }
 
     #[test]
