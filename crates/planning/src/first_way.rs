@@ -1,6 +1,6 @@
 //! A first way to any goal shape, where nothing is known (decision 0018).
 
-use crate::rrt_connect::{RrtSettings, STEP_RAD, Search, Tree};
+use crate::rrt_connect::{RrtSettings, Search, Tree};
 use pcc_model::Configuration;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -9,7 +9,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// The budget of each search.
 pub(crate) const FIRST_WAY: RrtSettings = RrtSettings {
     samples: 10_000,
-    step_rad: STEP_RAD,
     shortcuts: 120,
 };
 /// Searches side by side.
@@ -67,7 +66,9 @@ fn grow_within(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::planner::Interrupt;
     use crate::scenes::{Setting, Target, draw_target, unit_robot};
+    use pcc_model::Robot;
     use rand::SeedableRng;
     use rayon::ThreadPoolBuilder;
     use std::sync::atomic::AtomicBool;
@@ -78,6 +79,24 @@ mod tests {
         let needs = |target: &Target, seed| alone(target, seed).map_or(0, |(samples, _)| samples);
         let is_hard = |target: &Target| [7, 8].iter().all(|&seed| needs(target, seed) > LOOK_EVERY);
         (0..).filter_map(draw).find(is_hard).unwrap()
+    }
+
+    fn search<'a>(
+        robot: &'a Robot,
+        target: &'a Target,
+        settings: &'a RrtSettings,
+        interrupt: Interrupt<'a>,
+    ) -> Search<'a> {
+        Search {
+            robot,
+            scene: &target.scene,
+            settings,
+            interrupt,
+        }
+    }
+
+    fn trees(target: &Target) -> [Tree; 2] {
+        [target.starts[0], target.generator].map(|shape| Tree::rooted(&[shape]))
     }
 
     /// The way of searches with these seeds, each within so many samples.
@@ -91,12 +110,8 @@ mod tests {
             samples,
             ..FIRST_WAY
         };
-        let search = Search {
-            robot: &unit_robot(),
-            scene: &target.scene,
-            settings: &settings,
-            interrupt: &|| false,
-        };
+        let robot = unit_robot();
+        let search = search(&robot, target, &settings, &|| false);
         let rng = |number: usize| Pcg64::seed_from_u64(seeds[number]);
         let pool = ThreadPoolBuilder::new().num_threads(workers).build();
         let seek = || first_way(&search, &target.starts[0], &[target.generator], rng);
@@ -105,17 +120,11 @@ mod tests {
 
     /// The way of a single search with this seed, without looks at others, and its samples.
     fn alone(target: &Target, seed: u64) -> Option<(usize, Vec<Configuration>)> {
-        let search = Search {
-            robot: &unit_robot(),
-            scene: &target.scene,
-            settings: &FIRST_WAY,
-            interrupt: &|| false,
-        };
-        let [start, goal] = [target.starts[0], target.generator];
-        let mut trees = [start, goal].map(|shape| Tree::rooted(&[shape]));
+        let robot = unit_robot();
+        let search = search(&robot, target, &FIRST_WAY, &|| false);
         let mut left = FIRST_WAY.samples;
         let mut rng = Pcg64::seed_from_u64(seed);
-        let way = search.grow(&mut trees, &mut left, &mut rng)?;
+        let way = search.grow(&mut trees(target), &mut left, &mut rng)?;
         Some((FIRST_WAY.samples - left, way))
     }
 
@@ -139,17 +148,13 @@ mod tests {
     fn who_cannot_come_first_any_more_and_who_is_interrupted_stops() {
         let target = target();
         let is_interrupted = AtomicBool::new(false);
-        let search = Search {
-            robot: &unit_robot(),
-            scene: &target.scene,
-            settings: &FIRST_WAY,
-            interrupt: &|| is_interrupted.load(Ordering::Relaxed),
-        };
+        let interrupt = || is_interrupted.load(Ordering::Relaxed);
+        let robot = unit_robot();
+        let search = search(&robot, &target, &FIRST_WAY, &interrupt);
         let grow = |most: usize| {
-            let trees = [target.starts[0], target.generator].map(|shape| Tree::rooted(&[shape]));
             let most = AtomicUsize::new(most);
             let mut rng = Pcg64::seed_from_u64(7);
-            let found = grow_within(&search, trees, &most, &mut rng);
+            let found = grow_within(&search, trees(&target), &most, &mut rng);
             (found.map(|(samples, _)| samples), most.into_inner())
         };
         let (needed, _) = alone(&target, 7).unwrap();

@@ -3,7 +3,7 @@
 use crate::known_ways::KnownWays;
 use crate::path::Waypoints;
 use crate::plan::{Draw, Failure, Source};
-use crate::rrt_connect::{RrtSettings, STEP_RAD, Search};
+use crate::rrt_connect::{RrtSettings, Search};
 use crate::run::{Run, unfinished};
 use pcc_model::{Configuration, Robot};
 use rand_pcg::Pcg64;
@@ -15,9 +15,9 @@ const GROUPS: usize = 2;
 /// Samples for the goal shapes of a group together: most are reached within a few, and of some there is no way.
 const SAMPLING: RrtSettings = RrtSettings {
     samples: 1500,
-    step_rad: STEP_RAD,
     shortcuts: 60,
 };
+
 /// From which ways which goal shapes are to be reached.
 pub(crate) struct Reach<'a> {
     pub(crate) run: &'a Run<'a>,

@@ -12,9 +12,6 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use std::ops::Range;
 
-/// Longest edge of every search here, rad.
-pub(crate) const STEP_RAD: f64 = 0.6;
-
 /// Bisection depth of an edge's certificate; undecided edges count as colliding.
 const EDGE_DEPTH: u32 = 7;
 
@@ -25,6 +22,8 @@ const ROUNDINGS: usize = 5;
 /// A corner that moves less than this is round, rad.
 const ROUND_RAD: f64 = 1e-3;
 
+/// Longest edge, rad: the norm of the sections' bendings times [`WEIGHTS`].
+const STEP_RAD: f64 = 0.6;
 /// Corners this near to each other are one, rad.
 const DUPLICATE_RAD: f64 = 1e-9;
 
@@ -36,8 +35,6 @@ const INTERRUPT_EVERY: usize = 16;
 pub struct RrtSettings {
     /// Random samples at most.
     pub samples: usize,
-    /// Longest edge, rad: the norm of the sections' bendings times 1.8, 1 and 0.3.
-    pub step_rad: f64,
     /// Attempts to shorten the path found.
     pub shortcuts: usize,
 }
@@ -46,7 +43,6 @@ impl Default for RrtSettings {
     fn default() -> Self {
         Self {
             samples: 3000,
-            step_rad: STEP_RAD,
             shortcuts: 120,
         }
     }
@@ -122,11 +118,11 @@ impl Tree {
     fn extend(&mut self, search: &Search, from: usize, target: &Configuration) -> Extension {
         let shape = self.nodes[from].shape;
         let distance = weighted(&(target - shape)).norm();
-        let reached = distance <= search.settings.step_rad;
+        let reached = distance <= STEP_RAD;
         let next = if reached {
             *target
         } else {
-            shape.lerp(target, search.settings.step_rad / distance)
+            shape.lerp(target, STEP_RAD / distance)
         };
         match self.add(search, from, &next) {
             Some(node) if reached => Extension::Reached(node),
@@ -375,7 +371,7 @@ mod tests {
         assert_eq!(steps[0], tip);
         let lengths = steps.windows(2).map(|s| weighted(&(s[1] - s[0])).norm());
         let longest = lengths.fold(0.0, f64::max);
-        assert!((longest - settings.step_rad).abs() < 1e-12, "{longest}");
+        assert!((longest - STEP_RAD).abs() < 1e-12, "{longest}");
         assert!(steps.len() > 3);
     }
 
