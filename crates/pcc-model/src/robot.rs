@@ -1,8 +1,10 @@
 //! The robot: lengths, limits, tendons.
 
 use crate::tendons::{Tendon, TendonMap};
-use crate::tips::tips_of;
-use crate::{Backbone, Configuration, Point, SECTIONS};
+use crate::tips::{MovingTips, tips_of};
+use crate::{Backbone, Configuration, DOF, Point, SECTIONS};
+use fearless_simd::f64x4;
+use fearless_simd::prelude::*;
 
 /// Limits of every tendon's motion, in the length unit of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,6 +53,13 @@ impl Robot {
     #[must_use]
     pub fn tips(&self, shapes: &[Configuration]) -> Vec<Point> {
         tips_of(&self.section_lengths, shapes)
+    }
+
+    /// Tips and tip Jacobians of four configurations (component by component, radians), base frame.
+    #[must_use]
+    #[inline(always)]
+    pub fn moving_tips<S: Simd>(&self, shapes: &[f64x4<S>; DOF]) -> MovingTips<S> {
+        MovingTips::of(&self.section_lengths, shapes)
     }
 
     /// The length of the sections, if all three have the same (to 1e-9 of it).

@@ -4,6 +4,8 @@
 //! B = (1 − cos θ)/θ² = S²/2. Up to the bending that robots have both are sums of a few terms of their series in θ².
 
 use crate::{Configuration, SECTIONS};
+use fearless_simd::f64x4;
+use fearless_simd::prelude::*;
 use nalgebra::{Matrix3, Vector3};
 
 /// Below this squared angle the two quotients that cancel are computed by series (truncation below 1e-15).
@@ -39,12 +41,46 @@ fn half_sinc_and_cosine(h2: f64) -> [f64; 2] {
     }
 }
 
-/// The same for several h² together.
+/// S, c and dS/ds, s = θ² = 4 h², of four h² at once.
 #[inline(always)]
-pub(crate) fn half_sincs_and_cosines<const N: usize>(h2: &[f64; N]) -> [[f64; N]; 2] {
+pub(crate) fn half_sincs_cosines_and_slopes<S: Simd>(h2: f64x4<S>) -> [f64x4<S>; 3] {
+    if h2.simd_lt(SUMMED_BELOW).all_true() {
+        let nothing = h2 * 0.0;
+        let (mut sinc, mut cosine, mut slope) = (nothing, nothing, nothing);
+        for n in (0..TERMS).rev() {
+            slope = sinc - h2 * slope;
+            sinc = SERIES[0][n] - h2 * sinc;
+            cosine = SERIES[1][n] - h2 * cosine;
+        }
+        return [sinc, cosine, slope * -0.25];
+    }
+    let mut each = [h2; 3];
+    for lane in 0..4 {
+        let s = 4.0 * h2[lane];
+        let [sinc, cosine] = half_sinc_and_cosine(h2[lane]);
+        each[0][lane] = sinc;
+        each[1][lane] = cosine;
+        each[2][lane] = half_sinc_slope(s, [sinc, cosine]);
+    }
+    each
+}
+
+/// dS/ds, s = θ².
+fn half_sinc_slope(s: f64, [half_sinc, half_cosine]: [f64; 2]) -> f64 {
+    if s < SERIES_BELOW {
+        let h = 0.25 * s;
+        (-1.0 + h / 10.0 * (1.0 - h / 28.0 * (1.0 - h / 54.0 * (1.0 - h / 88.0)))) / 24.0
+    } else {
+        (half_cosine - half_sinc) / (2.0 * s)
+    }
+}
+
+/// S and c of each section's h².
+#[inline(always)]
+fn half_sincs_and_cosines(h2: &[f64; SECTIONS]) -> [[f64; SECTIONS]; 2] {
     if h2.iter().all(|&h2| h2 < SUMMED_BELOW) {
         SERIES.map(|terms| {
-            let mut sums = [0.0; N];
+            let mut sums = [0.0; SECTIONS];
             for term in terms.iter().rev() {
                 for (sum, h2) in sums.iter_mut().zip(h2) {
                     *sum = term - h2 * *sum;
@@ -122,12 +158,7 @@ impl Arc {
     /// dA/ds and dB/ds, s = θ².
     fn slopes(&self) -> (f64, f64) {
         let s = self.angle * self.angle;
-        let half_sinc_slope = if s < SERIES_BELOW {
-            let h = 0.25 * s;
-            (-1.0 + h / 10.0 * (1.0 - h / 28.0 * (1.0 - h / 54.0 * (1.0 - h / 88.0)))) / 24.0
-        } else {
-            (self.half_cosine - self.half_sinc) / (2.0 * s)
-        };
+        let half_sinc_slope = half_sinc_slope(s, [self.half_sinc, self.half_cosine]);
         let a = half_sinc_slope * self.half_cosine - 0.125 * self.half_sinc * self.half_sinc;
         (a, self.half_sinc * half_sinc_slope)
     }

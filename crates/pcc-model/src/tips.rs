@@ -1,59 +1,207 @@
-//! The tips of many configurations, a few at a time.
+//! Tips of configurations and how they move, four at a time.
 //!
-//! A tip is built from the last section to the first: e₁ + R₁ (e₂ + R₂ e₃), with R v = v + A w×v + B w×(w×v), so no
-//! rotation is ever formed and the same step serves all lanes.
+//! A tip is built from the last section to the first: e₁ + R₁ (e₂ + R₂ e₃). So is its Jacobian: the two columns of section i are
+//! R₁ … Rᵢ₋₁ ∂(eᵢ + Rᵢ v)/∂ξᵢ, v the tip as the end of that section sees it.
+//!
+//! Loops are written out: closures would not take on the processor's features.
 
-use crate::section::half_sincs_and_cosines;
-use crate::{Configuration, Point, SECTIONS};
+use crate::section::half_sincs_cosines_and_slopes;
+use crate::{Configuration, DOF, Point, SECTIONS};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x4};
+use nalgebra::SVector;
 
 /// Configurations that are handled together.
 const LANES: usize = 4;
 
-/// One quantity of some configurations.
-type Lanes = [f64; LANES];
+/// Four configurations or points, component by component.
+#[inline(always)]
+pub fn side_by_side<S: Simd, const ROWS: usize>(
+    simd: S,
+    four: &[SVector<f64, ROWS>; LANES],
+) -> [f64x4<S>; ROWS] {
+    let [a, b, c, d] = four;
+    let mut rows = [f64x4::splat(simd, 0.0); ROWS];
+    for (row, lanes) in rows.iter_mut().enumerate() {
+        *lanes = [a[row], b[row], c[row], d[row]].simd_into(simd);
+    }
+    rows
+}
+
+/// The reverse of [`side_by_side`].
+#[inline(always)]
+pub fn one_by_one<S: Simd, const ROWS: usize>(
+    rows: &[f64x4<S>; ROWS],
+) -> [SVector<f64, ROWS>; LANES] {
+    let mut four = [SVector::zeros(); LANES];
+    for (row, lanes) in rows.iter().enumerate() {
+        for (lane, value) in lanes.iter().enumerate() {
+            four[lane][row] = *value;
+        }
+    }
+    four
+}
+
+/// The tips of four configurations.
+#[derive(Clone, Copy, Debug)]
+pub struct MovingTips<S: Simd> {
+    /// Positions, base frame, axis by axis, length unit.
+    pub positions: [f64x4<S>; 3],
+    /// Jacobians ∂tip/∂ζ, column by column, length unit per radian.
+    pub jacobians: [[f64x4<S>; 3]; DOF],
+}
+
+impl<S: Simd> MovingTips<S> {
+    /// Those of four configurations, component by component, radians.
+    #[inline(always)]
+    pub(crate) fn of(lengths: &[f64; SECTIONS], shapes: &[f64x4<S>; DOF]) -> Self {
+        let [x1, y1, x2, y2, x3, y3] = *shapes;
+        let first = Bends::new(lengths[0], x1, y1);
+        let second = Bends::new(lengths[1], x2, y2);
+        let third = Bends::new(lengths[2], x3, y3);
+        let nothing = third.a * 0.0;
+        let seen_from_second = third.end();
+        let seen_from_first = second.carry(&seen_from_second);
+        let (turn_first, turn_second) = (first.rotation(), second.rotation());
+        let [by_x1, by_y1] = first.rates(&seen_from_first);
+        let [by_x2, by_y2] = second.rates(&seen_from_second);
+        let [by_x3, by_y3] = third.rates(&[nothing; 3]);
+        Self {
+            positions: first.carry(&seen_from_first),
+            jacobians: [
+                by_x1,
+                by_y1,
+                turned(&turn_first, &by_x2),
+                turned(&turn_first, &by_y2),
+                turned(&turn_first, &turned(&turn_second, &by_x3)),
+                turned(&turn_first, &turned(&turn_second, &by_y3)),
+            ],
+        }
+    }
+}
 
 /// The tips of `shapes`, base frame.
 pub(crate) fn tips_of(lengths: &[f64; SECTIONS], shapes: &[Configuration]) -> Vec<Point> {
+    dispatch!(Level::new(), simd => tips_at(simd, lengths, shapes))
+}
+
+#[inline(always)]
+fn tips_at<S: Simd>(simd: S, lengths: &[f64; SECTIONS], shapes: &[Configuration]) -> Vec<Point> {
     let mut tips = Vec::with_capacity(shapes.len());
     for some in shapes.chunks(LANES) {
-        let components = |row: usize| lanes(|i| some[i.min(some.len() - 1)][row]);
-        let mut tip = [[0.0; LANES]; 3];
+        let mut four = [some[0]; LANES];
+        four[..some.len()].copy_from_slice(some);
+        let components = side_by_side(simd, &four);
+        let mut seen = [f64x4::splat(simd, 0.0); 3];
         for section in (0..SECTIONS).rev() {
-            let (x, y) = (components(2 * section), components(2 * section + 1));
-            carry(lengths[section], &x, &y, &mut tip);
+            let (x, y) = (components[2 * section], components[2 * section + 1]);
+            seen = Bends::new(lengths[section], x, y).carry(&seen);
         }
-        let [x, y, z] = tip;
-        tips.extend((0..some.len()).map(|i| Point::new(x[i], y[i], z[i])));
+        tips.extend_from_slice(&one_by_one(&seen)[..some.len()]);
     }
     tips
 }
 
-/// Takes points seen from the ends of sections to how their bases see them.
-#[inline(always)]
-fn carry(length: f64, x: &Lanes, y: &Lanes, point: &mut [Lanes; 3]) {
-    let [half_sinc, half_cosine] =
-        half_sincs_and_cosines(&lanes(|i| 0.25 * (x[i] * x[i] + y[i] * y[i])));
-    let [px, py, pz] = *point;
-    for i in 0..LANES {
-        let (a, b) = (
-            half_sinc[i] * half_cosine[i],
-            0.5 * half_sinc[i] * half_sinc[i],
-        );
-        let (x, y) = (x[i], y[i]);
-        let turned = [y * pz[i], -x * pz[i], x * py[i] - y * px[i]];
-        let twice = [y * turned[2], -x * turned[2], x * turned[1] - y * turned[0]];
-        point[0][i] = px[i] + a * turned[0] + b * (twice[0] + length * y);
-        point[1][i] = py[i] + a * turned[1] + b * (twice[1] - length * x);
-        point[2][i] = pz[i] + a * (turned[2] + length) + b * twice[2];
+/// The bends of one section in four configurations: w = (x, y, 0), R = I + A ŵ + B ŵ², e = L (B y, −B x, A).
+struct Bends<S: Simd> {
+    length: f64,
+    x: f64x4<S>,
+    y: f64x4<S>,
+    a: f64x4<S>,
+    b: f64x4<S>,
+    /// 2 dA/ds and 2 dB/ds, s = θ².
+    slopes: [f64x4<S>; 2],
+}
+
+impl<S: Simd> Bends<S> {
+    #[inline(always)]
+    fn new(length: f64, x: f64x4<S>, y: f64x4<S>) -> Self {
+        let [sinc, cosine, slope] = half_sincs_cosines_and_slopes((x * x + y * y) * 0.25);
+        let square = sinc * sinc;
+        Self {
+            length,
+            x,
+            y,
+            a: sinc * cosine,
+            b: square * 0.5,
+            slopes: [(slope * cosine - square * 0.125) * 2.0, sinc * slope * 2.0],
+        }
+    }
+
+    /// e, the end as the base sees it.
+    #[inline(always)]
+    fn end(&self) -> [f64x4<S>; 3] {
+        let b = self.b * self.length;
+        [b * self.y, -(b * self.x), self.a * self.length]
+    }
+
+    /// e + R v: a point that the end sees at `v`, as the base sees it.
+    #[inline(always)]
+    fn carry(&self, v: &[f64x4<S>; 3]) -> [f64x4<S>; 3] {
+        let (x, y, a, b) = (self.x, self.y, self.a, self.b);
+        let [tx, ty, tz] = self.turning(v);
+        let along = tz + self.length;
+        [
+            v[0] + a * tx + b * (y * along),
+            v[1] + a * ty - b * (x * along),
+            v[2] + a * along + b * (x * ty - y * tx),
+        ]
+    }
+
+    /// w × v.
+    #[inline(always)]
+    fn turning(&self, v: &[f64x4<S>; 3]) -> [f64x4<S>; 3] {
+        let (x, y) = (self.x, self.y);
+        [y * v[2], -(x * v[2]), x * v[1] - y * v[0]]
+    }
+
+    /// ∂(e + R v)/∂x and ∂(e + R v)/∂y.
+    #[inline(always)]
+    fn rates(&self, v: &[f64x4<S>; 3]) -> [[f64x4<S>; 3]; 2] {
+        let (x, y, a, b, length) = (self.x, self.y, self.a, self.b, self.length);
+        let [vx, vy, vz] = *v;
+        let [tx, ty, tz] = self.turning(v);
+        // What the slopes of A and B multiply: ŵ v + L z, ŵ² v + L (y, −x, 0).
+        let along = tz + length;
+        let [ux, uy, uz] = [y * along, -(x * along), x * ty - y * tx];
+        let [slope_a, slope_b] = self.slopes;
+        let (ax, bx, ay, by) = (slope_a * x, slope_b * x, slope_a * y, slope_b * y);
+        [
+            [
+                ax * tx + bx * ux + b * (y * vy),
+                ax * ty + bx * uy - a * vz - b * (along + x * vy),
+                ax * along + bx * uz + a * vy - b * (x * vz) * 2.0,
+            ],
+            [
+                ay * tx + by * ux + a * vz + b * (along - y * vx),
+                ay * ty + by * uy + b * (x * vx),
+                ay * along + by * uz - a * vx - b * (y * vz) * 2.0,
+            ],
+        ]
+    }
+
+    /// The rows of R.
+    #[inline(always)]
+    fn rotation(&self) -> [[f64x4<S>; 3]; 3] {
+        let (x, y) = (self.x, self.y);
+        let (ax, ay, bx, by) = (self.a * x, self.a * y, self.b * x, self.b * y);
+        let (xx, xy, yy) = (bx * x, bx * y, by * y);
+        [
+            [-yy + 1.0, xy, ay],
+            [xy, -xx + 1.0, -ax],
+            [-ay, ax, -(xx + yy) + 1.0],
+        ]
     }
 }
 
-/// Lane by lane.
+/// R v.
 #[inline(always)]
-fn lanes(value: impl Fn(usize) -> f64) -> Lanes {
-    let mut lanes = [0.0; LANES];
-    for (i, lane) in lanes.iter_mut().enumerate() {
-        *lane = value(i);
-    }
-    lanes
+fn turned<S: Simd>(rotation: &[[f64x4<S>; 3]; 3], v: &[f64x4<S>; 3]) -> [f64x4<S>; 3] {
+    let [first, second, third] = rotation;
+    [dot(first, v), dot(second, v), dot(third, v)]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(a: &[f64x4<S>; 3], b: &[f64x4<S>; 3]) -> f64x4<S> {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -1,6 +1,6 @@
 //! Diverse end shapes of a goal: multi-start inverse kinematics, clear and distinct, near ones and far ones in turn.
 
-use crate::inverse_kinematics::{is_solved, solve_tip};
+use crate::inverse_kinematics::{is_solved, solve_tips};
 use crate::planner::Interrupt;
 use crate::problem::{Goal, Infeasible, Problem};
 use crate::scenes::random_configuration;
@@ -14,7 +14,7 @@ const ROUNDS: usize = 10;
 /// Seeds of a round.
 const SEEDS: usize = 32;
 /// Seeds that one worker takes at once.
-const SEEDS_AT_ONCE: usize = 8;
+const SEEDS_AT_ONCE: usize = 16;
 /// Wanted clearance and distance between shapes, relaxed in this order until enough are found.
 const WISHES: [Wish; 5] = [
     Wish {
@@ -151,21 +151,17 @@ impl Pool {
         interrupt: Interrupt,
     ) {
         let tube = &robot.tube_radii;
-        let solved = |seed: &Configuration| {
-            if interrupt() {
-                return None;
-            }
-            let (shape, distance) = solve_tip(robot, target, seed);
-            let clearance =
-                is_solved(distance).then(|| problem.scene.clearance(&robot.backbone(&shape), tube));
-            Some((shape, distance, clearance))
-        };
         let tried: Vec<_> = seeds
-            .par_iter()
-            .with_min_len(SEEDS_AT_ONCE)
-            .map(solved)
+            .par_chunks(SEEDS_AT_ONCE)
+            .filter(|_| !interrupt())
+            .flat_map_iter(|seeds| solve_tips(robot, target, seeds))
+            .map(|(shape, distance)| {
+                let clearance = is_solved(distance)
+                    .then(|| problem.scene.clearance(&robot.backbone(&shape), tube));
+                (shape, distance, clearance)
+            })
             .collect();
-        for (shape, distance, clearance) in tried.into_iter().flatten() {
+        for (shape, distance, clearance) in tried {
             self.closest = self.closest.min(distance);
             self.solutions
                 .extend(clearance.map(|clearance| Solution { shape, clearance }));

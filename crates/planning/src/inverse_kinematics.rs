@@ -1,14 +1,14 @@
 //! Tip inverse kinematics by damped Newton steps inside the bending discs.
 
-use nalgebra::{Cholesky, Matrix3, Matrix3x6, Matrix6x3, Vector2, Vector3};
-use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
-
-type TipJacobian = Matrix3x6<f64>;
+use crate::newton::{
+    Jacobians, LANES, Shapes, bending_squares, damped_steps, norms_squared, within_limits,
+};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x4, mask64x4};
+use pcc_model::{Configuration, Point, Robot, SECTIONS, one_by_one, side_by_side};
 
 /// Iterations of one seed: a count, so that answers do not depend on time.
 const ITERATIONS: usize = 40;
-/// Damping λ of the pseudo-inverse (docs/evaluation.md "Targets").
-const DAMPING: f64 = 1e-4;
 /// A section bent this near to its limit is at it, rad.
 const AT_LIMIT_RAD: f64 = 1e-9;
 /// Tip residual taken as solved, section lengths.
@@ -19,74 +19,128 @@ const SOLVED: f64 = 1e-9;
 /// Returns the shape and the remaining tip distance; a distance above 1e-9 means that this seed did not reach it.
 #[must_use]
 pub fn solve_tip(robot: &Robot, target: &Point, seed: &Configuration) -> (Configuration, f64) {
-    let mut shape = *seed;
-    let mut previous = f64::INFINITY;
-    for iteration in 0..ITERATIONS {
-        let backbone = robot.backbone(&shape);
-        let error = target - backbone.tip();
-        let distance = error.norm();
-        let stalled = iteration > 12 && distance > 0.98 * previous && distance > 1e-3;
-        if distance < SOLVED || stalled {
-            return (shape, distance);
-        }
-        previous = distance;
-        let Some(next) = newton_step(robot, &shape, &backbone, &error) else {
-            return (shape, distance);
-        };
-        shape = next;
-    }
-    let distance = (target - robot.tip(&shape)).norm();
-    (shape, distance)
+    solve_tips(robot, target, std::slice::from_ref(seed))[0]
 }
 
-/// The shape within the limits after one step that moves the tip by `error`; none if the step cannot be computed.
+/// As [`solve_tip`] from each of many seeds, several at once.
+pub(crate) fn solve_tips(
+    robot: &Robot,
+    target: &Point,
+    seeds: &[Configuration],
+) -> Vec<(Configuration, f64)> {
+    dispatch!(Level::new(), simd => solve_at(simd, robot, target, seeds))
+}
+
+/// A shape on its way from a seed.
+#[derive(Clone, Copy)]
+struct Seeker {
+    seed: usize,
+    shape: Configuration,
+    distance: f64,
+    steps: usize,
+}
+
+impl Seeker {
+    fn new((seed, shape): (usize, &Configuration)) -> Self {
+        Self {
+            seed,
+            shape: *shape,
+            distance: f64::INFINITY,
+            steps: 0,
+        }
+    }
+
+    /// Whether it has arrived, or will not, after a step that left it at this distance.
+    fn is_done(&self, distance: f64) -> bool {
+        let stalled = self.steps > 12 && distance > 0.98 * self.distance && distance > 1e-3;
+        distance < SOLVED || stalled || self.steps == ITERATIONS
+    }
+}
+
+/// Whoever is done makes room for the next seed.
+#[inline(always)]
+fn solve_at<S: Simd>(
+    simd: S,
+    robot: &Robot,
+    target: &Point,
+    seeds: &[Configuration],
+) -> Vec<(Configuration, f64)> {
+    let mut solved = vec![(Configuration::zeros(), f64::INFINITY); seeds.len()];
+    let mut waiting = seeds.iter().enumerate().map(Seeker::new);
+    let mut seekers = [const { None }; LANES];
+    seekers.fill_with(|| waiting.next());
+    while seekers.iter().any(Option::is_some) {
+        let shapes = seekers.map(|seeker| seeker.map_or_else(Configuration::zeros, |s| s.shape));
+        let (next, distances, solvable) = newton_steps(robot, &side_by_side(simd, &shapes), target);
+        let (next, solvable) = (one_by_one(&next), solvable.to_bitmask());
+        for (lane, place) in seekers.iter_mut().enumerate() {
+            let Some(seeker) = place else { continue };
+            if seeker.is_done(distances[lane]) || (solvable >> lane) & 1 == 0 {
+                solved[seeker.seed] = (seeker.shape, distances[lane]);
+                *place = waiting.next();
+            } else {
+                seeker.shape = next[lane];
+                seeker.distance = distances[lane];
+                seeker.steps += 1;
+            }
+        }
+    }
+    solved
+}
+
+/// The shapes within the limits after one step to the target; from how far; and where the step can be computed.
 ///
 /// Where a section would leave its disc it may only turn: clipped steps would come nearer by a share at a time.
-pub(crate) fn newton_step(
+#[inline(always)]
+fn newton_steps<S: Simd>(
     robot: &Robot,
-    shape: &Configuration,
-    backbone: &Backbone,
-    error: &Vector3<f64>,
-) -> Option<Configuration> {
-    let mut jacobian = backbone.tip_jacobian();
-    let mut step = damped_step(&jacobian, &jacobian.transpose(), error)?;
-    if hold_limits(robot, shape, &step, &mut jacobian) {
-        step = damped_step(&jacobian, &jacobian.transpose(), error).unwrap_or(step);
+    shapes: &Shapes<S>,
+    target: &Point,
+) -> (Shapes<S>, f64x4<S>, mask64x4<S>) {
+    let tips = robot.moving_tips(shapes);
+    let [x, y, z] = tips.positions;
+    let errors = [target.x - x, target.y - y, target.z - z];
+    let free = [x * 0.0 + 1.0; SECTIONS];
+    let mut jacobians = tips.jacobians;
+    let (mut steps, solvable) = damped_steps(&jacobians, &free, &errors);
+    if hold_limits(robot, shapes, &steps, &mut jacobians) {
+        let (held, held_solvable) = damped_steps(&jacobians, &free, &errors);
+        for (step, held) in steps.iter_mut().zip(held) {
+            *step = held_solvable.select(held, *step);
+        }
     }
-    Some(robot.project_to_limits(&(shape + step)))
+    for (step, from) in steps.iter_mut().zip(shapes) {
+        *step += *from;
+    }
+    let distances = norms_squared(&errors).sqrt();
+    (within_limits(robot, &steps), distances, solvable)
 }
 
-/// The change of least norm that moves the tip by `error`, where `weighted` is the Jacobian's transpose with each row
-/// times the part that this component may take.
-pub(crate) fn damped_step(
-    jacobian: &TipJacobian,
-    weighted: &Matrix6x3<f64>,
-    error: &Vector3<f64>,
-) -> Option<Configuration> {
-    let damping = DAMPING * error.norm().min(1.0);
-    let normal = jacobian * weighted + Matrix3::identity() * damping;
-    Cholesky::new(normal).map(|factor| weighted * factor.solve(error))
-}
-
-/// Takes from the Jacobian the bending of the sections that are at their limit and that the step would bend further.
+/// Takes from the Jacobians the bending of the sections that are at their limit and that the steps would bend further.
 ///
 /// Returns whether there are any.
-fn hold_limits(
+#[inline(always)]
+fn hold_limits<S: Simd>(
     robot: &Robot,
-    shape: &Configuration,
-    step: &Configuration,
-    jacobian: &mut TipJacobian,
+    shapes: &Shapes<S>,
+    steps: &Shapes<S>,
+    jacobians: &mut Jacobians<S>,
 ) -> bool {
+    let begin = robot.bending_limit - AT_LIMIT_RAD;
     let mut any = false;
-    for section in 0..SECTIONS {
-        let bend: Vector2<f64> = shape.fixed_rows::<2>(2 * section).into_owned();
-        let angle = bend.norm();
-        let outwards = bend.dot(&step.fixed_rows::<2>(2 * section)) > 0.0;
-        if outwards && angle >= robot.bending_limit - AT_LIMIT_RAD {
-            let radial = bend / angle;
-            let mut columns = jacobian.fixed_columns_mut::<2>(2 * section);
-            let held = &columns * radial * radial.transpose();
-            columns -= held;
+    for (section, square) in bending_squares(shapes).into_iter().enumerate() {
+        let (i, j) = (2 * section, 2 * section + 1);
+        let outwards = shapes[i] * steps[i] + shapes[j] * steps[j];
+        let held = outwards.simd_gt(0.0) & square.simd_ge(begin * begin);
+        if held.any_true() {
+            let scale = held.select(1.0 / square.sqrt(), square * 0.0);
+            let (x, y) = (shapes[i] * scale, shapes[j] * scale);
+            let [by_x, by_y] = &mut jacobians.as_chunks_mut().0[section];
+            for (by_x, by_y) in by_x.iter_mut().zip(by_y) {
+                let radial = *by_x * x + *by_y * y;
+                *by_x -= radial * x;
+                *by_y -= radial * y;
+            }
             any = true;
         }
     }
@@ -120,5 +174,27 @@ mod tests {
             is_solved(distance)
         });
         assert_eq!(reached.count(), 200);
+    }
+
+    #[test]
+    fn a_seed_leads_to_the_same_shape_whatever_is_beside_it() {
+        let robot = unit_robot();
+        let mut rng = Pcg64::seed_from_u64(2);
+        let seeds: Vec<_> = (0..30)
+            .map(|_| random_configuration(&robot, &mut rng))
+            .collect();
+        // Straight above the base, where straight shapes have no step, and within and out of reach.
+        for target in [[0.0, 0.0, 2.5], [0.9, -0.3, 2.1], [2.0, 0.0, 2.6]] {
+            let target = Point::from(target);
+            for count in [1, 3, 5, 30] {
+                let alone = seeds[..count]
+                    .iter()
+                    .map(|seed| solve_tip(&robot, &target, seed));
+                assert_eq!(
+                    solve_tips(&robot, &target, &seeds[..count]),
+                    alone.collect::<Vec<_>>()
+                );
+            }
+        }
     }
 }

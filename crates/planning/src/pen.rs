@@ -1,13 +1,20 @@
 //! Drawing the tip of a path onto a curve by Newton steps, where the body has room.
 
-use crate::inverse_kinematics::damped_step;
+use crate::newton::{
+    LANES, Points, Shapes, bending_squares, beyond_limits, damped_steps, norms_squared,
+    within_limits,
+};
 use crate::path::WAYPOINTS;
 use collision::Scene;
-use nalgebra::Matrix3;
-use pcc_model::{Backbone, Configuration, DOF, Point, Robot};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, mask64x4};
+use pcc_model::{Configuration, MovingTips, Point, Robot, one_by_one, side_by_side};
+use std::array;
 
 /// Every so many waypoints are tried first: most curves that do not serve show it there. Even, so that these are odd ones.
 const STRIDE: usize = 8;
+/// Waypoints with odd numbers, without the last; as many have even ones, without the first.
+const HALF: usize = WAYPOINTS / 2 - 1;
 /// Newton steps at most: a count, so that answers do not depend on time.
 const STEPS: usize = 4;
 /// A tip this near to the curve is on it, section lengths.
@@ -19,13 +26,15 @@ const LARGEST_CHANGE_RAD: f64 = 0.8;
 /// A section at its limit still takes this share of the part that a free one takes in a Newton step.
 const LEAST_WEIGHT: f64 = 0.02;
 
+/// Waypoints that are drawn together.
+type Four = [Configuration; LANES];
 /// All waypoints of a path.
 pub(crate) type Drawn = [Configuration; WAYPOINTS];
 
 /// What a curve is drawn for.
 pub(crate) struct Demand {
-    /// Projects on the directions in which the tip must be on the curve.
-    pub(crate) directions: Matrix3<f64>,
+    /// A direction (length one) in which the tip may be anywhere, if there is one.
+    pub(crate) loose: Option<Point>,
     /// Whether steps that would bend beyond the limits fail; else they are cut there.
     pub(crate) keeps_limits: bool,
 }
@@ -48,80 +57,141 @@ impl Pen<'_> {
         guess: impl Fn(usize) -> Configuration,
         curve: impl Fn(usize) -> Point,
     ) -> Option<Drawn> {
-        let mut drawn = [None; WAYPOINTS];
-        (drawn[0], drawn[WAYPOINTS - 1]) = (Some(self.ends[0]), Some(self.ends[1]));
-        let some_first = (1..WAYPOINTS - 1).step_by(STRIDE);
-        for h in some_first.chain((1..WAYPOINTS - 1).step_by(2)) {
-            if drawn[h].is_none() {
-                drawn[h] = Some(self.waypoint(demand, &guess(h), &curve(h))?);
-            }
+        let mut drawn = [Configuration::zeros(); WAYPOINTS];
+        (drawn[0], drawn[WAYPOINTS - 1]) = (self.ends[0], self.ends[1]);
+        let at_a_time = WAYPOINTS / STRIDE;
+        let odd: [usize; HALF] = array::from_fn(|i| 1 + i / at_a_time * 2 + i % at_a_time * STRIDE);
+        for some in odd.chunks(LANES) {
+            let shapes = self.waypoints(demand, &four(some, &guess), &four(some, &curve))?;
+            put(&mut drawn, some, &shapes);
         }
-        let mut drawn = drawn.map(Option::unwrap_or_default);
-        for h in (2..WAYPOINTS - 1).step_by(2) {
-            drawn[h] = self.between(demand, &interpolated(&drawn, h), &curve(h))?;
+        let even: [usize; HALF] = array::from_fn(|i| 2 * i + 2);
+        for some in even.chunks(LANES) {
+            let near = four(some, |h| interpolated(&drawn, h));
+            let shapes = self.between(demand, &near, &four(some, &curve))?;
+            put(&mut drawn, some, &shapes);
         }
         Some(drawn)
     }
 
-    /// A shape that is all but on the curve, on it.
-    fn between(
-        &self,
-        demand: &Demand,
-        near: &Configuration,
-        place: &Point,
-    ) -> Option<Configuration> {
-        let backbone = self.robot.backbone(near);
-        let error = demand.directions * (place - backbone.tip());
-        self.step(demand, near, &backbone, &error)
+    /// Shapes that are all but on the curve, on it.
+    fn between(&self, demand: &Demand, near: &Four, places: &[Point; LANES]) -> Option<Four> {
+        dispatch!(Level::new(), simd => {
+            let (shapes, places) = (side_by_side(simd, near), side_by_side(simd, places));
+            let (tips, errors) = self.errors(demand, &shapes, &places);
+            let (next, fails) = self.step(demand, &shapes, &tips, &errors);
+            (!fails.any_true()).then(|| one_by_one(&next))
+        })
     }
 
-    /// The shape near a guess whose tip is at `place`.
-    fn waypoint(
+    /// The shapes near some guesses whose tips are at `places`.
+    fn waypoints(&self, demand: &Demand, guesses: &Four, places: &[Point; LANES]) -> Option<Four> {
+        let shapes = dispatch!(Level::new(), simd => self.converge(simd, demand, guesses, places))?;
+        let tube = &self.robot.tube_radii;
+        let serves = |(shape, guess): (&Configuration, &Configuration)| {
+            let is_near = (shape - guess).norm() <= LARGEST_CHANGE_RAD;
+            is_near && self.scene.clearance(&self.robot.backbone(shape), tube) >= self.margin
+        };
+        shapes.iter().zip(guesses).all(serves).then_some(shapes)
+    }
+
+    #[inline(always)]
+    fn converge<S: Simd>(
         &self,
+        simd: S,
         demand: &Demand,
-        guess: &Configuration,
-        place: &Point,
-    ) -> Option<Configuration> {
-        let (mut shape, mut backbone) = (*guess, self.robot.backbone(guess));
+        guesses: &Four,
+        places: &[Point; LANES],
+    ) -> Option<Four> {
+        let (mut shapes, places) = (side_by_side(simd, guesses), side_by_side(simd, places));
         for taken in 0..STEPS {
-            let error = demand.directions * (place - backbone.tip());
-            let distance = error.norm();
-            if taken == 0 && distance > NEAR {
+            let (tips, errors) = self.errors(demand, &shapes, &places);
+            let squares = norms_squared(&errors);
+            if taken == 0 && squares.simd_gt(NEAR * NEAR).any_true() {
                 return None;
             }
-            if distance < ON_THE_CURVE {
+            let moving = squares.simd_ge(ON_THE_CURVE * ON_THE_CURVE);
+            if !moving.any_true() {
                 break;
             }
-            shape = self.step(demand, &shape, &backbone, &error)?;
-            backbone = self.robot.backbone(&shape);
+            let (next, fails) = self.step(demand, &shapes, &tips, &errors);
+            if (fails & moving).any_true() {
+                return None;
+            }
+            for (shape, next) in shapes.iter_mut().zip(next) {
+                *shape = moving.select(next, *shape);
+            }
         }
-        let clearance = self.scene.clearance(&backbone, &self.robot.tube_radii);
-        let serves = (shape - guess).norm() <= LARGEST_CHANGE_RAD && clearance >= self.margin;
-        serves.then_some(shape)
+        Some(one_by_one(&shapes))
     }
 
-    /// The shape within the limits after a Newton step that moves the tip by `error`, of least norm where sections near
-    /// their limits weigh more (Chan and Dubey 1995).
-    fn step(
+    /// The tips, and how far from there their places are, both as far as that is demanded.
+    #[inline(always)]
+    fn errors<S: Simd>(
         &self,
         demand: &Demand,
-        shape: &Configuration,
-        backbone: &Backbone,
-        error: &Point,
-    ) -> Option<Configuration> {
-        let limit = self.robot.bending_limit;
-        let angles = self.robot.bending_angles(shape);
-        let free = angles.map(|angle| (1.0 - (angle / limit).powi(2)).max(LEAST_WEIGHT));
-        let jacobian = demand.directions * backbone.tip_jacobian();
-        let mut weighted = jacobian.transpose();
-        for d in 0..DOF {
-            weighted.row_mut(d).scale_mut(free[d / 2]);
+        shapes: &Shapes<S>,
+        places: &Points<S>,
+    ) -> (MovingTips<S>, Points<S>) {
+        let mut tips = self.robot.moving_tips(shapes);
+        let mut errors = *places;
+        for (error, position) in errors.iter_mut().zip(tips.positions) {
+            *error -= position;
         }
-        let next = shape + damped_step(&jacobian, &weighted, error)?;
-        if demand.keeps_limits && self.robot.limit_excess(&next) > 0.0 {
-            return None;
+        if let Some(loose) = &demand.loose {
+            remove(loose, &mut errors);
+            for column in &mut tips.jacobians {
+                remove(loose, column);
+            }
         }
-        Some(self.robot.project_to_limits(&next))
+        (tips, errors)
+    }
+
+    /// The shapes within the limits after a Newton step that moves the tips by `errors`, of least norm where sections near
+    /// their limits weigh more (Chan and Dubey 1995), and the lanes for which there is none.
+    #[inline(always)]
+    fn step<S: Simd>(
+        &self,
+        demand: &Demand,
+        shapes: &Shapes<S>,
+        tips: &MovingTips<S>,
+        errors: &Points<S>,
+    ) -> (Shapes<S>, mask64x4<S>) {
+        let per_square = self.robot.bending_limit.powi(-2);
+        let mut free = bending_squares(shapes);
+        for part in &mut free {
+            *part = (1.0 - *part * per_square).max(LEAST_WEIGHT);
+        }
+        let (mut next, solvable) = damped_steps(&tips.jacobians, &free, errors);
+        for (next, from) in next.iter_mut().zip(shapes) {
+            *next += *from;
+        }
+        if demand.keeps_limits {
+            (next, !solvable | beyond_limits(self.robot, &next))
+        } else {
+            (within_limits(self.robot, &next), !solvable)
+        }
+    }
+}
+
+/// Takes from vectors what they have of a direction.
+#[inline(always)]
+fn remove<S: Simd>(direction: &Point, vectors: &mut Points<S>) {
+    let [x, y, z] = *vectors;
+    let along = x * direction.x + y * direction.y + z * direction.z;
+    for (vector, part) in vectors.iter_mut().zip(direction.iter()) {
+        *vector -= along * *part;
+    }
+}
+
+/// What some waypoints have; the last one counts again where there are fewer than four.
+fn four<T>(some: &[usize], of: impl Fn(usize) -> T) -> [T; LANES] {
+    array::from_fn(|lane| of(some[lane.min(some.len() - 1)]))
+}
+
+fn put(drawn: &mut Drawn, some: &[usize], shapes: &Four) {
+    for (h, shape) in some.iter().zip(shapes) {
+        drawn[*h] = *shape;
     }
 }
 

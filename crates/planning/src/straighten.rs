@@ -12,7 +12,7 @@ use crate::pen::{Demand, Drawn, Pen};
 use crate::sharpen::sharpened;
 use crate::smoothing::Smoother;
 use collision::Scene;
-use nalgebra::{Matrix3, SymmetricEigen};
+use nalgebra::SymmetricEigen;
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS, TendonLimits};
 
 /// Strengths of the smoothing of a tip's way, or of shapes, that are tried, in this order: waves shorter than 43, 29, 20 and 14 waypoints go.
@@ -87,7 +87,7 @@ impl TipCurves {
             ends: [path[0], path[WAYPOINTS - 1]],
         };
         let demand = Demand {
-            directions: Matrix3::identity(),
+            loose: None,
             keeps_limits: false,
         };
         let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| robot.tip(&path[h]));
@@ -113,7 +113,7 @@ impl TipCurves {
         let line = way.line.try_normalize(0.0)?;
         let calm = calm(&self.smoothers[0], path);
         let demand = Demand {
-            directions: Matrix3::identity() - line * line.transpose(),
+            loose: Some(line),
             keeps_limits: true,
         };
         let guess = |h: usize| way.softened(h, &calm[h]);
@@ -129,7 +129,7 @@ fn calm(smoother: &Smoother, path: &[Configuration]) -> Drawn {
 /// On the straightest curve that keeps the bending limits.
 fn straight(way: &Way, pen: &Pen, path: &[Configuration]) -> Option<Drawn> {
     let demand = Demand {
-        directions: Matrix3::identity(),
+        loose: None,
         keeps_limits: true,
     };
     SHARES.iter().find_map(|&share| {
