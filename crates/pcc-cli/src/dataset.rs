@@ -146,7 +146,7 @@ pub(crate) fn generate(arguments: &Arguments) -> anyhow::Result<()> {
     if (0..all).all(|block| job.is_done(block)) {
         job.merge(all)?;
     } else {
-        println!("waiting for the other shards: the one that ends last merges");
+        say!("waiting for the other shards: the one that ends last merges");
     }
     Ok(())
 }
@@ -323,21 +323,26 @@ impl<'a> Job<'a> {
         let is_paper = self.arguments.method == Method::Paper;
         let meta = self.meta(self.recipe_json(), is_paper.then_some(report));
         Dataset { rows, meta }.write(&self.arguments.out)?;
-        println!("{}: {count} paths", self.arguments.out.display());
+        say!("{}: {count} paths", self.arguments.out.display());
         Ok(())
     }
 }
 
 fn print_teacher_report(r: &BlockReport) {
-    println!(
+    say!(
         "{} targets ({} dropped), {} starts without an end shape; {} paths kept ({} with the tree's help), {} dropped",
-        r.targets, r.dropped_targets, r.dropped_starts, r.kept, r.from_tree, r.dropped_paths
+        r.targets,
+        r.dropped_targets,
+        r.dropped_starts,
+        r.kept,
+        r.from_tree,
+        r.dropped_paths
     );
 }
 
 fn print_paper_report(r: &PaperReport) {
     let (targets, paths) = (&r.target_discarded_counts, &r.path_failure_counts);
-    println!(
+    say!(
         "{} of {} targets (dropped: {} without ten terminal solutions, {} without starts, {} without a path)",
         r.actual_targets,
         r.requested_targets,
@@ -345,7 +350,7 @@ fn print_paper_report(r: &PaperReport) {
         targets.start_sampling,
         targets.zero_retained_paths
     );
-    println!(
+    say!(
         "{} of {} paths kept, {:.1} % (dropped: {} not followed, {} with too large steps, {} colliding)",
         r.actual_paths,
         r.requested_paths,
@@ -376,7 +381,7 @@ pub(crate) fn features(arguments: &FeatureArguments) -> anyhow::Result<()> {
     };
     let rows = training_rows(&robot, &dataset.rows, arguments.first_group, frame)?;
     rows.write(&arguments.out)?;
-    println!("{}: {} rows", arguments.out.display(), rows.len());
+    say!("{}: {} rows", arguments.out.display(), rows.len());
     Ok(())
 }
 

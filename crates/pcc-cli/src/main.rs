@@ -1,5 +1,12 @@
 //! `pcc`: the one tool that talks to the planner daemon and the controller, makes data, and evaluates planners.
 
+/// Writes a line of output; where nobody reads on, the command goes on without.
+macro_rules! say {
+    ($($text:tt)*) => {
+        crate::say(format_args!($($text)*))
+    };
+}
+
 mod dataset;
 mod demo;
 mod evaluate;
@@ -11,6 +18,7 @@ mod trace;
 mod watch;
 
 use clap::{Parser, Subcommand};
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 /// Plans, watches, evaluates: motion planning for three-section continuum robots.
@@ -52,6 +60,13 @@ fn main() -> ExitCode {
             eprintln!("pcc: {}", with_causes(&error));
             ExitCode::FAILURE
         }
+    }
+}
+
+fn say(line: std::fmt::Arguments<'_>) {
+    match writeln!(std::io::stdout(), "{line}") {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => eprintln!("pcc: output: {error}"),
+        _ => {}
     }
 }
 

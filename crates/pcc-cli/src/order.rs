@@ -38,6 +38,6 @@ fn give(command: Command) -> anyhow::Result<()> {
             reply.reason
         );
     }
-    println!("accepted; the controller was {}", reply.state);
+    say!("accepted; the controller is {}", reply.state);
     Ok(())
 }

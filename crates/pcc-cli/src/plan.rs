@@ -207,18 +207,16 @@ fn explain(report: &PlanReport) -> String {
 
 fn print_answer(answer: &PlanAnswer, round_trip: Duration) {
     let report = answer.report();
-    println!(
+    say!(
         "{}: {} candidates, {:.2} ms round trip",
         report.outcome,
         report.candidates.len(),
         1e3 * round_trip.as_secs_f64()
     );
     if report.outcome == Outcome::Ok && !report.reason.is_empty() {
-        println!("{}", report.reason);
+        say!("{}", report.reason);
     }
-    println!(
-        "  #  source         duration s  tip path m  clearance m  smoothness  tip error m  knots"
-    );
+    say!("  #  source         duration s  tip path m  clearance m  smoothness  tip error m  knots");
     for (index, c) in report.candidates.iter().enumerate() {
         let mark = if report.selected == Some(index) {
             '*'
@@ -226,14 +224,19 @@ fn print_answer(answer: &PlanAnswer, round_trip: Duration) {
             ' '
         };
         let source = Source::try_from(c.source).map_or("unknown", Source::text);
-        println!(
+        say!(
             "{mark} {index:2} {source:14} {:10.3} {:11.4} {:12.4} {:11.3e} {:12.2e} {:6}",
-            c.duration_s, c.tip_path_m, c.clearance_m, c.smoothness, c.tip_error_m, c.knot_count
+            c.duration_s,
+            c.tip_path_m,
+            c.clearance_m,
+            c.smoothness,
+            c.tip_error_m,
+            c.knot_count
         );
     }
-    println!("{}", stage_times(&report.stages_ns));
+    say!("{}", stage_times(&report.stages_ns));
     if let Some(id) = report.trajectory_id {
-        println!("published for execution as trajectory {id}");
+        say!("published for execution as trajectory {id}");
     }
 }
 

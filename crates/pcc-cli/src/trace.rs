@@ -63,7 +63,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let last = &trace[trace.len() - 1];
     let miss =
         (planner.robot().tip(&last[WAYPOINTS - 1]) - problem.goal_tip(planner.robot())).norm();
-    println!(
+    say!(
         "{}: {} steps, the last path's tip is {miss:.4} section lengths from the target",
         arguments.out.display(),
         trace.len() - 1

@@ -9,7 +9,7 @@ use shared_types::ipc::IpcOptions;
 use shared_types::lateness::quantile_ns;
 use shared_types::valid::{ControllerState, RobotState};
 use signal_hook::consts::{SIGINT, SIGTERM};
-use std::io::{IsTerminal, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
@@ -55,8 +55,11 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
             describe_robot(robot.latest()?),
         ]
         .join("\n");
-        writeln!(out, "{clear}{lines}")?;
-        out.flush()?;
+        let written = writeln!(out, "{clear}{lines}").and_then(|()| out.flush());
+        match written {
+            Err(error) if error.kind() == ErrorKind::BrokenPipe => break,
+            written => written?,
+        }
         shown += 1;
     }
     Ok(())

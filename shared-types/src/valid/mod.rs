@@ -245,6 +245,10 @@ fn check_distance(value: f64) -> Result<f64, Reason> {
     check_range(value, 0.0, MAX_LENGTH_M, "0..=1000 m")
 }
 
+fn check_radius(value: f64) -> Result<f64, Reason> {
+    check_range(value, 0.0, MAX_LENGTH_M, "a radius of 0..=1000 m")
+}
+
 fn check_array(field: &'static str, values: &[f64], quantity: Quantity) -> Result<(), Invalid> {
     for (index, &value) in values.iter().enumerate() {
         quantity

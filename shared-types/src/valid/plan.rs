@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::{
     Invalid, Quantity, Reason, check_array, check_code, check_count, check_distance, check_flag,
-    check_range, check_stamp, check_version, invalid, invalid_at,
+    check_radius, check_range, check_stamp, check_version, invalid, invalid_at,
 };
 use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES};
 use crate::codes::{GoalKind, Sampler, Selection};
@@ -258,7 +258,7 @@ fn balls(wire: &message::PlanRequest) -> Result<Vec<Ball>, Invalid> {
             .iter()
             .try_for_each(|&value| Quantity::Length.check(value).map(drop));
         centre
-            .and(check_distance(ball.radius_m))
+            .and(check_radius(ball.radius_m))
             .map_err(|reason| invalid_at("balls", index, reason))?;
     }
     Ok(balls)

@@ -1,7 +1,7 @@
 //! Obstacles and signs of life.
 
 use super::{
-    Invalid, Quantity, check_code, check_count, check_distance, check_stamp, check_version,
+    Invalid, Quantity, check_code, check_count, check_radius, check_stamp, check_version,
     invalid_at,
 };
 use crate::PROTOCOL_VERSION;
@@ -33,7 +33,7 @@ impl TryFrom<&SceneMessage> for Scene {
             };
             check(&ball.centre_m, Quantity::Length)
                 .and_then(|()| check(&ball.velocity_m_s, Quantity::Rate))
-                .and_then(|()| check_distance(ball.radius_m))
+                .and_then(|()| check_radius(ball.radius_m))
                 .map_err(|reason| invalid_at("balls", index, reason))?;
         }
         Ok(Self {
@@ -131,7 +131,7 @@ mod tests {
             ),
             (
                 |s| s.balls[1].radius_m = -0.1,
-                "balls[1] is -0.1; allowed is 0..=1000 m",
+                "balls[1] is -0.1; allowed is a radius of 0..=1000 m",
             ),
             (|s| s.balls[0].radius_m = f64::NAN, "balls[0] is NaN"),
             (

@@ -68,7 +68,7 @@ impl<'a> Mission<'a> {
     }
 
     pub(super) fn carry_out(&mut self) -> anyhow::Result<()> {
-        println!("experiment 1: two targets, one after the other");
+        say!("experiment 1: two targets, one after the other");
         self.home(1)?;
         for (name, tip) in ["first target", "second target"]
             .into_iter()
@@ -76,7 +76,7 @@ impl<'a> Mission<'a> {
         {
             self.go(1, name, tip, &[], |_| Ok(0))?;
         }
-        println!("experiment 2: two solutions of one target");
+        say!("experiment 2: two solutions of one target");
         self.home(2)?;
         self.go(2, "first solution", MULTI_SOLUTION, &[], |_| Ok(0))?;
         let first = self.last_end()?;
@@ -84,15 +84,15 @@ impl<'a> Mission<'a> {
         self.go(2, "second solution", MULTI_SOLUTION, &[], |all| {
             distinct_from(&first, all)
         })?;
-        println!(
+        say!(
             "  terminal shapes {:.3} rad apart",
             (self.last_end()? - first).norm()
         );
-        println!("experiment 3: a ball appears");
+        say!("experiment 3: a ball appears");
         self.home(3)?;
         self.avoid()?;
         let missed = self.recording.end()?;
-        println!(
+        say!(
             "{} motions, {} stopped on the way, {missed} cycles missed by the recorder",
             self.reports.len(),
             self.interrupted.len()
@@ -125,9 +125,10 @@ impl<'a> Mission<'a> {
         };
         let answer = self.stage.ask(Configuration::zeros(), &task)?;
         let report = answer.report();
-        println!(
+        say!(
             "  with the ball there from the start: {} ({})",
-            report.outcome, report.reason
+            report.outcome,
+            report.reason
         );
         self.impossible = Some(report.outcome.text().into());
         if report.outcome != Outcome::StartInCollision {
@@ -191,7 +192,7 @@ impl<'a> Mission<'a> {
                     trajectory_id,
                     fault,
                 } => {
-                    println!(
+                    say!(
                         "  {}: the controller stopped on the way ({fault}); reset, and asked again",
                         task.name
                     );
@@ -251,9 +252,10 @@ impl<'a> Mission<'a> {
                 );
             }
         }
-        println!(
+        say!(
             "every tip within {} (commanded) and {} (measured) section lengths",
-            ALLOWED_ERROR[0], ALLOWED_ERROR[1]
+            ALLOWED_ERROR[0],
+            ALLOWED_ERROR[1]
         );
         Ok(())
     }
@@ -285,15 +287,17 @@ fn print_report(r: &Report) {
         .minimum_clearance_m
         .map_or("no obstacle".to_owned(), |c| format!("clearance {c:.4} m"));
     let [commanded, measured] = errors(r);
-    println!(
+    say!(
         "  {}: asked {} m, reached {} m",
         r.name,
         tip(r.requested_tip_m),
         tip(r.reached_tip_m)
     );
-    println!(
+    say!(
         "    tip error {commanded:.1e} m commanded, {measured:.4} m measured; {:.2} s; {clearance}; largest step {:.1e} m; {} late cycles",
-        r.duration_s, r.largest_setpoint_step_m, r.late_cycles
+        r.duration_s,
+        r.largest_setpoint_step_m,
+        r.late_cycles
     );
 }
 

@@ -32,7 +32,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let outcome = mission.carry_out();
     if let Some(folder) = &arguments.record {
         mission.save(folder)?;
-        println!("recording in {}", folder.display());
+        say!("recording in {}", folder.display());
     }
     outcome
 }

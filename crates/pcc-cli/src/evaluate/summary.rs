@@ -286,40 +286,49 @@ fn machine() -> String {
 }
 
 pub(super) fn print(s: &Summary) {
-    println!(
+    say!(
         "{} on {}: {} cases, {} candidates each",
-        s.planner, s.dataset, s.cases, s.candidates
+        s.planner,
+        s.dataset,
+        s.cases,
+        s.candidates
     );
-    println!(
+    say!(
         "  certified before fallback {:6.2} %   delivered {:6.2} %",
         100.0 * s.share_before_fallback,
         100.0 * s.share_delivered
     );
-    println!(
-        "  paper's criterion, sampled {:5.2} %   corrected {:6.2} %   tip error {:.4} mean",
-        100.0 * s.sampled.success,
-        100.0 * s.sampled.success_corrected,
-        s.sampled.tip_error.mean
-    );
-    println!(
+    let corrected = 100.0 * s.sampled.success_corrected;
+    if s.sampled.tip_error.mean.is_finite() {
+        say!(
+            "  paper's criterion, sampled {:5.2} %   corrected {corrected:6.2} %   tip error {:.4} mean",
+            100.0 * s.sampled.success,
+            s.sampled.tip_error.mean
+        );
+    } else {
+        say!("  paper's criterion         {corrected:6.2} %   (nothing is sampled)");
+    }
+    say!(
         "  requests answered         {:6.2} %   with a learned candidate {:6.2} %",
         100.0 * s.success_any,
         100.0 * s.learned_any
     );
-    println!(
+    say!(
         "  tip length / distance     {:6.3} median   duration {:.2} s median",
-        s.tip_length_ratio.median, s.duration_s.median
+        s.tip_length_ratio.median,
+        s.duration_s.median
     );
-    println!(
+    say!(
         "  terminal modes            {:6.1} mean     Vendi {:.2} mean",
-        s.modes.mean, s.vendi.mean
+        s.modes.mean,
+        s.vendi.mean
     );
-    println!(
+    say!(
         "  time per request          {:6.2} ms median, {:.2} ms p99",
         1e3 * s.seconds.median,
         1e3 * s.seconds.p99
     );
     for (reason, times) in s.failures.iter().chain(&s.infeasible) {
-        println!("  {times:6} × {reason}");
+        say!("  {times:6} × {reason}");
     }
 }

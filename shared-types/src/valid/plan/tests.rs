@@ -138,7 +138,7 @@ const BAD: &[(Change, PlanField, &str)] = &[
     (
         |r| r.balls[1].radius_m = -0.1,
         PlanField::Balls,
-        "balls[1] is -0.1; allowed is 0..=1000 m",
+        "balls[1] is -0.1; allowed is a radius of 0..=1000 m",
     ),
     (
         |r| r.balls[0].radius_m = f64::INFINITY,
