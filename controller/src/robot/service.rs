@@ -146,6 +146,7 @@ impl Process<'_> {
         {
             warn!(%error, "the pose file stays");
         }
+        info!("ended");
     }
 
     fn cycle(&mut self) {

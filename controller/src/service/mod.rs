@@ -18,6 +18,8 @@ use std::{
 
 use shared_types::ipc::{IpcError, IpcOptions, Role, RoleLock};
 
+use tracing::info;
+
 use crate::realtime;
 
 /// Runs the controller until `shutdown` is set; it then stops the robot along its path before it returns.
@@ -56,5 +58,7 @@ pub fn run(
         hard_loop
             .join()
             .unwrap_or_else(|panic| resume_unwind(panic))
-    })
+    })?;
+    info!("ended");
+    Ok(())
 }

@@ -158,14 +158,19 @@ impl<'a> Relay<'a> {
 
     /// On the first call orders a stop; true once the robot is at rest (or does not come to rest).
     fn may_quit(&mut self, give_up_ns: &mut Option<i64>, now_ns: i64) -> bool {
-        let limit_ns = *give_up_ns.get_or_insert_with(|| {
-            info!("shutting down: stopping the robot along its path");
-            now_ns + SHUTDOWN_NS
-        });
         let moving = matches!(
             self.view.state(),
             LoopState::Executing | LoopState::Stopping
         );
+        let limit_ns = *give_up_ns.get_or_insert_with(|| {
+            let first = if moving {
+                ": stopping the robot along its path"
+            } else {
+                ""
+            };
+            info!("shutting down{first}");
+            now_ns + SHUTDOWN_NS
+        });
         if self.view.state() == LoopState::Executing {
             // Nothing to do is a good answer here, too.
             let _ = self.order(Order::Stop);
