@@ -7,7 +7,9 @@
 use crate::planner::Interrupt;
 use crate::scenes::random_configuration;
 use collision::{Scene, certify_edge};
-use pcc_model::{Configuration, Robot, SECTIONS};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x4};
+use pcc_model::{Configuration, DOF, Robot, SECTIONS};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use std::ops::Range;
@@ -26,6 +28,9 @@ const ROUND_RAD: f64 = 1e-3;
 const STEP_RAD: f64 = 0.6;
 /// Corners this near to each other are one, rad.
 const DUPLICATE_RAD: f64 = 1e-9;
+
+/// Shapes that are compared together.
+const LANES: usize = 4;
 
 /// Samples between two questions whether to go on.
 const INTERRUPT_EVERY: usize = 16;
@@ -58,8 +63,8 @@ struct Node {
 #[derive(Default)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
-    /// The same, weighted.
-    weighted: Vec<Configuration>,
+    /// The same, weighted, some side by side; where there is none yet, infinitely far away.
+    weighted: Vec<[[f64; LANES]; DOF]>,
 }
 
 /// A shape, or a difference of shapes, whose norm is the distance.
@@ -79,22 +84,54 @@ impl Tree {
             shape: *shape,
             parent: None,
         };
-        Self {
-            nodes: shapes.iter().map(root).collect(),
-            weighted: shapes.iter().map(weighted).collect(),
+        let mut tree = Self::default();
+        for node in shapes.iter().map(root) {
+            tree.push(node);
         }
+        tree
     }
 
-    fn nearest(&self, shape: &Configuration) -> usize {
-        let shape = weighted(shape);
-        let (mut nearest, mut least) = (0, f64::INFINITY);
-        for (index, other) in self.weighted.iter().enumerate() {
-            let distance = (other - shape).norm_squared();
-            if distance < least {
-                (nearest, least) = (index, distance);
+    fn push(&mut self, node: Node) {
+        let lane = self.nodes.len() % LANES;
+        if lane == 0 {
+            self.weighted.push([[f64::INFINITY; LANES]; DOF]);
+        }
+        if let Some(last) = self.weighted.last_mut() {
+            for (row, component) in last.iter_mut().zip(weighted(&node.shape).iter()) {
+                row[lane] = *component;
             }
         }
-        nearest
+        self.nodes.push(node);
+    }
+
+    /// The first of the nearest nodes; there is one at least.
+    fn nearest(&self, shape: &Configuration) -> usize {
+        dispatch!(Level::new(), simd => self.nearest_at(simd, &weighted(shape)))
+    }
+
+    #[inline(always)]
+    fn nearest_at<S: Simd>(&self, simd: S, weighted: &Configuration) -> usize {
+        let mut least = f64x4::splat(simd, f64::INFINITY);
+        let mut groups = f64x4::splat(simd, 0.0);
+        let mut group = 0.0;
+        for rows in &self.weighted {
+            let mut square = f64x4::splat(simd, 0.0);
+            for (row, component) in rows.iter().zip(weighted.iter()) {
+                let difference = f64x4::from_slice(simd, row) - *component;
+                square += difference * difference;
+            }
+            let nearer = square.simd_lt(least);
+            least = nearer.select(square, least);
+            groups = nearer.select(f64x4::splat(simd, group), groups);
+            group += 1.0;
+        }
+        let place = |lane: usize| groups[lane] as usize * LANES + lane;
+        let order = |a: &usize, b: &usize| {
+            least[*a]
+                .total_cmp(&least[*b])
+                .then(place(*a).cmp(&place(*b)))
+        };
+        (0..LANES).min_by(order).map_or(0, place)
     }
 
     /// Adds the shape at the end of an edge from a node, if that is free; its node.
@@ -107,11 +144,10 @@ impl Tree {
         if !search.edge_is_free(&self.nodes[from].shape, shape) {
             return None;
         }
-        self.nodes.push(Node {
+        self.push(Node {
             shape: *shape,
             parent: Some(from),
         });
-        self.weighted.push(weighted(shape));
         Some(self.nodes.len() - 1)
     }
 
