@@ -24,6 +24,7 @@ mod known_ways;
 mod learned;
 mod least_duration;
 mod metrics;
+mod neighbours;
 mod newton;
 mod path;
 mod pen;

@@ -4,12 +4,11 @@
 //! being sampled, in that the second tree is rooted in all goal shapes, and in that distances weigh the bending of a section
 //! by how much of the body it moves (decision 0012).
 
+use crate::neighbours::Neighbours;
 use crate::planner::Interrupt;
 use crate::scenes::random_configuration;
 use collision::{Scene, certify_edge};
-use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch, f64x4};
-use pcc_model::{Configuration, DOF, Robot, SECTIONS};
+use pcc_model::{Configuration, Robot, SECTIONS};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use std::ops::Range;
@@ -28,9 +27,6 @@ const ROUND_RAD: f64 = 1e-3;
 const STEP_RAD: f64 = 0.6;
 /// Corners this near to each other are one, rad.
 const DUPLICATE_RAD: f64 = 1e-9;
-
-/// Shapes that are compared together.
-const LANES: usize = 4;
 
 /// Samples between two questions whether to go on.
 const INTERRUPT_EVERY: usize = 16;
@@ -63,8 +59,8 @@ struct Node {
 #[derive(Default)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
-    /// The same, weighted, some side by side; where there is none yet, infinitely far away.
-    weighted: Vec<[[f64; LANES]; DOF]>,
+    /// The same, weighted.
+    weighted: Neighbours,
 }
 
 /// A shape, or a difference of shapes, whose norm is the distance.
@@ -92,46 +88,12 @@ impl Tree {
     }
 
     fn push(&mut self, node: Node) {
-        let lane = self.nodes.len() % LANES;
-        if lane == 0 {
-            self.weighted.push([[f64::INFINITY; LANES]; DOF]);
-        }
-        if let Some(last) = self.weighted.last_mut() {
-            for (row, component) in last.iter_mut().zip(weighted(&node.shape).iter()) {
-                row[lane] = *component;
-            }
-        }
+        self.weighted.push(&weighted(&node.shape));
         self.nodes.push(node);
     }
 
-    /// The first of the nearest nodes; there is one at least.
     fn nearest(&self, shape: &Configuration) -> usize {
-        dispatch!(Level::new(), simd => self.nearest_at(simd, &weighted(shape)))
-    }
-
-    #[inline(always)]
-    fn nearest_at<S: Simd>(&self, simd: S, weighted: &Configuration) -> usize {
-        let mut least = f64x4::splat(simd, f64::INFINITY);
-        let mut groups = f64x4::splat(simd, 0.0);
-        let mut group = 0.0;
-        for rows in &self.weighted {
-            let mut square = f64x4::splat(simd, 0.0);
-            for (row, component) in rows.iter().zip(weighted.iter()) {
-                let difference = f64x4::from_slice(simd, row) - *component;
-                square += difference * difference;
-            }
-            let nearer = square.simd_lt(least);
-            least = nearer.select(square, least);
-            groups = nearer.select(f64x4::splat(simd, group), groups);
-            group += 1.0;
-        }
-        let place = |lane: usize| groups[lane] as usize * LANES + lane;
-        let order = |a: &usize, b: &usize| {
-            least[*a]
-                .total_cmp(&least[*b])
-                .then(place(*a).cmp(&place(*b)))
-        };
-        (0..LANES).min_by(order).map_or(0, place)
+        self.weighted.nearest(&weighted(shape))
     }
 
     /// Adds the shape at the end of an edge from a node, if that is free; its node.
