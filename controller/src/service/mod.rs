@@ -17,7 +17,6 @@ use std::{
 };
 
 use shared_types::ipc::{IpcError, IpcOptions, Role, RoleLock};
-
 use tracing::info;
 
 use crate::realtime;

@@ -163,12 +163,11 @@ impl<'a> Relay<'a> {
             LoopState::Executing | LoopState::Stopping
         );
         let limit_ns = *give_up_ns.get_or_insert_with(|| {
-            let first = if moving {
-                ": stopping the robot along its path"
+            if moving {
+                info!("shutting down: stopping the robot along its path");
             } else {
-                ""
-            };
-            info!("shutting down{first}");
+                info!("shutting down");
+            }
             now_ns + SHUTDOWN_NS
         });
         if self.view.state() == LoopState::Executing {

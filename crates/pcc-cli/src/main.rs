@@ -1,11 +1,7 @@
 //! `pcc`: the one tool that talks to the planner daemon and the controller, makes data, and evaluates planners.
 
-/// Writes a line of output; where nobody reads on, the command goes on without.
-macro_rules! say {
-    ($($text:tt)*) => {
-        crate::say(format_args!($($text)*))
-    };
-}
+#[macro_use]
+mod output;
 
 mod dataset;
 mod demo;
@@ -18,7 +14,7 @@ mod trace;
 mod watch;
 
 use clap::{Parser, Subcommand};
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::process::ExitCode;
 
 /// Plans, watches, evaluates: motion planning for three-section continuum robots.
@@ -55,18 +51,12 @@ enum Command {
 
 fn main() -> ExitCode {
     match run(Arguments::parse().command) {
+        Ok(()) if output::is_lost() => ExitCode::FAILURE,
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("pcc: {}", with_causes(&error));
+            let _ = writeln!(std::io::stderr(), "pcc: {}", with_causes(&error));
             ExitCode::FAILURE
         }
-    }
-}
-
-fn say(line: std::fmt::Arguments<'_>) {
-    match writeln!(std::io::stdout(), "{line}") {
-        Err(error) if error.kind() != ErrorKind::BrokenPipe => eprintln!("pcc: output: {error}"),
-        _ => {}
     }
 }
 

@@ -19,7 +19,7 @@ pub use backbone::{Backbone, Pose};
 pub use robot::{Robot, TendonLimits};
 pub use robot_file::RobotFileError;
 pub use tendons::{Tendon, TendonMap, TendonMapError};
-pub use tips::{MovingTips, one_by_one, side_by_side};
+pub use tips::{LANES, MovingTips, one_by_one, side_by_side};
 
 /// Number of sections.
 pub const SECTIONS: usize = 3;

@@ -55,7 +55,8 @@ impl Robot {
         tips_of(&self.section_lengths, shapes)
     }
 
-    /// Tips and tip Jacobians of four configurations (component by component, radians), base frame.
+    /// Tips and tip Jacobians of four configurations (`[row][lane]`, radians), base frame; to be called within
+    /// [`fearless_simd::dispatch`], whose vectors it takes on.
     #[must_use]
     #[inline(always)]
     pub fn moving_tips<S: Simd>(&self, shapes: &[f64x4<S>; DOF]) -> MovingTips<S> {

@@ -1,9 +1,9 @@
-//! Tips of configurations and how they move, four at a time.
+//! Tips of configurations and how they move, four at a time (decision 0019).
 //!
-//! A tip is built from the last section to the first: e₁ + R₁ (e₂ + R₂ e₃). So is its Jacobian: the two columns of section i are
-//! R₁ … Rᵢ₋₁ ∂(eᵢ + Rᵢ v)/∂ξᵢ, v the tip as the end of that section sees it.
+//! A tip is built from the last section to the first: p₁ + R₁ (p₂ + R₂ p₃), with p and R of docs/robot.md "Conventions". So is its
+//! Jacobian: the two columns of section i are R₁ … Rᵢ₋₁ ∂(pᵢ + Rᵢ v)/∂ξᵢ, v the tip as the end of that section sees it.
 //!
-//! Loops are written out: closures would not take on the processor's features.
+//! Loops are written out, here and in all code for several shapes at once: closures would not take on the processor's features.
 
 use crate::section::half_sincs_cosines_and_slopes;
 use crate::{Configuration, DOF, Point, SECTIONS};
@@ -12,9 +12,10 @@ use fearless_simd::{Level, dispatch, f64x4};
 use nalgebra::SVector;
 
 /// Configurations that are handled together.
-const LANES: usize = 4;
+pub const LANES: usize = 4;
 
-/// Four configurations or points, component by component.
+/// Four configurations (rad) or points (any frame and unit), component by component: `[row][lane]`.
+#[must_use]
 #[inline(always)]
 pub fn side_by_side<S: Simd, const ROWS: usize>(
     simd: S,
@@ -29,6 +30,7 @@ pub fn side_by_side<S: Simd, const ROWS: usize>(
 }
 
 /// The reverse of [`side_by_side`].
+#[must_use]
 #[inline(always)]
 pub fn one_by_one<S: Simd, const ROWS: usize>(
     rows: &[f64x4<S>; ROWS],
@@ -42,12 +44,12 @@ pub fn one_by_one<S: Simd, const ROWS: usize>(
     four
 }
 
-/// The tips of four configurations.
+/// The tips of four configurations, and how they move with them.
 #[derive(Clone, Copy, Debug)]
 pub struct MovingTips<S: Simd> {
-    /// Positions, base frame, axis by axis, length unit.
+    /// Positions, base frame, `[axis]`, length unit.
     pub positions: [f64x4<S>; 3],
-    /// Jacobians ∂tip/∂ζ, column by column, length unit per radian.
+    /// Jacobians ∂tip/∂ζ, base frame, `[column][axis]`, length unit per radian.
     pub jacobians: [[f64x4<S>; 3]; DOF],
 }
 
@@ -102,7 +104,7 @@ fn tips_at<S: Simd>(simd: S, lengths: &[f64; SECTIONS], shapes: &[Configuration]
     tips
 }
 
-/// The bends of one section in four configurations: w = (x, y, 0), R = I + A ŵ + B ŵ², e = L (B y, −B x, A).
+/// One section in four configurations, (x, y) its bending pairs.
 struct Bends<S: Simd> {
     length: f64,
     x: f64x4<S>,
@@ -128,14 +130,14 @@ impl<S: Simd> Bends<S> {
         }
     }
 
-    /// e, the end as the base sees it.
+    /// p, the end as the base sees it.
     #[inline(always)]
     fn end(&self) -> [f64x4<S>; 3] {
         let b = self.b * self.length;
         [b * self.y, -(b * self.x), self.a * self.length]
     }
 
-    /// e + R v: a point that the end sees at `v`, as the base sees it.
+    /// p + R v: a point that the end sees at `v`, as the base sees it.
     #[inline(always)]
     fn carry(&self, v: &[f64x4<S>; 3]) -> [f64x4<S>; 3] {
         let (x, y, a, b) = (self.x, self.y, self.a, self.b);
@@ -155,7 +157,7 @@ impl<S: Simd> Bends<S> {
         [y * v[2], -(x * v[2]), x * v[1] - y * v[0]]
     }
 
-    /// ∂(e + R v)/∂x and ∂(e + R v)/∂y.
+    /// ∂(p + R v)/∂x and ∂(p + R v)/∂y.
     #[inline(always)]
     fn rates(&self, v: &[f64x4<S>; 3]) -> [[f64x4<S>; 3]; 2] {
         let (x, y, a, b, length) = (self.x, self.y, self.a, self.b, self.length);

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 const ROUNDS: usize = 10;
 /// Seeds of a round.
 const SEEDS: usize = 32;
-/// Seeds that one worker takes at once.
-const SEEDS_AT_ONCE: usize = 16;
+/// Seeds that one worker takes at once, between two questions whether to go on: half of the first round, which the start adds to.
+const SEEDS_AT_ONCE: usize = (SEEDS + 1).div_ceil(2);
 /// Wanted clearance and distance between shapes, relaxed in this order until enough are found.
 const WISHES: [Wish; 5] = [
     Wish {
@@ -155,6 +155,7 @@ impl Pool {
             .par_chunks(SEEDS_AT_ONCE)
             .filter(|_| !interrupt())
             .flat_map_iter(|seeds| solve_tips(robot, target, seeds))
+            .filter(|_| !interrupt())
             .map(|(shape, distance)| {
                 let clearance = is_solved(distance)
                     .then(|| problem.scene.clearance(&robot.backbone(&shape), tube));

@@ -1,11 +1,11 @@
 //! Tip inverse kinematics by damped Newton steps inside the bending discs.
 
 use crate::newton::{
-    Jacobians, LANES, Shapes, bending_squares, damped_steps, norms_squared, within_limits,
+    Jacobians, Shapes, bending_squares, damped_steps, norms_squared, within_limits,
 };
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f64x4, mask64x4};
-use pcc_model::{Configuration, Point, Robot, SECTIONS, one_by_one, side_by_side};
+use pcc_model::{Configuration, LANES, Point, Robot, SECTIONS, one_by_one, side_by_side};
 
 /// Iterations of one seed: a count, so that answers do not depend on time.
 const ITERATIONS: usize = 40;
@@ -34,16 +34,17 @@ pub(crate) fn solve_tips(
 /// A shape on its way from a seed.
 #[derive(Clone, Copy)]
 struct Seeker {
-    seed: usize,
+    /// Which of the seeds.
+    number: usize,
     shape: Configuration,
     distance: f64,
     steps: usize,
 }
 
 impl Seeker {
-    fn new((seed, shape): (usize, &Configuration)) -> Self {
+    fn new((number, shape): (usize, &Configuration)) -> Self {
         Self {
-            seed,
+            number,
             shape: *shape,
             distance: f64::INFINITY,
             steps: 0,
@@ -57,7 +58,7 @@ impl Seeker {
     }
 }
 
-/// Whoever is done makes room for the next seed.
+/// The shape that each seed leads to, and its distance. Whoever is done makes room for the next seed.
 #[inline(always)]
 fn solve_at<S: Simd>(
     simd: S,
@@ -76,7 +77,7 @@ fn solve_at<S: Simd>(
         for (lane, place) in seekers.iter_mut().enumerate() {
             let Some(seeker) = place else { continue };
             if seeker.is_done(distances[lane]) || (solvable >> lane) & 1 == 0 {
-                solved[seeker.seed] = (seeker.shape, distances[lane]);
+                solved[seeker.number] = (seeker.shape, distances[lane]);
                 *place = waiting.next();
             } else {
                 seeker.shape = next[lane];
@@ -158,6 +159,7 @@ mod tests {
     use crate::scenes::{random_configuration, unit_robot};
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
+    use std::f64::consts::FRAC_PI_2;
 
     #[test]
     fn shapes_at_the_bending_limit_are_reached() {
@@ -177,24 +179,37 @@ mod tests {
     }
 
     #[test]
-    fn a_seed_leads_to_the_same_shape_whatever_is_beside_it() {
-        let robot = unit_robot();
+    fn a_seed_leads_to_the_same_shape_whatever_is_beside_it_and_whatever_the_vectors() {
         let mut rng = Pcg64::seed_from_u64(2);
-        let seeds: Vec<_> = (0..30)
-            .map(|_| random_configuration(&robot, &mut rng))
-            .collect();
-        // Straight above the base, where straight shapes have no step, and within and out of reach.
-        for target in [[0.0, 0.0, 2.5], [0.9, -0.3, 2.1], [2.0, 0.0, 2.6]] {
-            let target = Point::from(target);
-            for count in [1, 3, 5, 30] {
-                let alone = seeds[..count]
-                    .iter()
-                    .map(|seed| solve_tip(&robot, &target, seed));
-                assert_eq!(
-                    solve_tips(&robot, &target, &seeds[..count]),
-                    alone.collect::<Vec<_>>()
-                );
+        // Within the angles that the series are made for, and beyond.
+        for bending_limit in [FRAC_PI_2, 2.5] {
+            let robot = Robot {
+                bending_limit,
+                ..unit_robot()
+            };
+            let random = (0..30).map(|_| random_configuration(&robot, &mut rng));
+            let seeds: Vec<_> = random.chain([Configuration::zeros()]).rev().collect();
+            // Straight above the base, where the straight shape has no way to go; within and out of reach.
+            for target in [[0.0, 0.0, 2.5], [0.9, -0.3, 2.1], [2.0, 0.0, 2.6]] {
+                let target = Point::from(target);
+                for count in [1, 3, 5, 31] {
+                    let some = &seeds[..count];
+                    let together = solve_tips(&robot, &target, some);
+                    let alone = some.iter().map(|seed| solve_tip(&robot, &target, seed));
+                    assert_eq!(together, alone.collect::<Vec<_>>());
+                    let plainest =
+                        dispatch!(Level::baseline(), simd => solve_at(simd, &robot, &target, some));
+                    assert_eq!(together, plainest);
+                }
             }
         }
+    }
+
+    #[test]
+    fn a_target_that_is_not_a_number_is_not_reached() {
+        let robot = unit_robot();
+        let target = Point::new(f64::NAN, 0.0, 2.0);
+        let (_, distance) = solve_tip(&robot, &target, &Configuration::repeat(0.1));
+        assert!(!is_solved(distance));
     }
 }

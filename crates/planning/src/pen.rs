@@ -1,18 +1,21 @@
 //! Drawing the tip of a path onto a curve by Newton steps, where the body has room.
 
 use crate::newton::{
-    LANES, Points, Shapes, bending_squares, beyond_limits, damped_steps, norms_squared,
+    Jacobians, Points, Shapes, bending_squares, beyond_limits, damped_steps, norms_squared,
     within_limits,
 };
 use crate::path::WAYPOINTS;
 use collision::Scene;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, mask64x4};
-use pcc_model::{Configuration, MovingTips, Point, Robot, one_by_one, side_by_side};
+use pcc_model::{Configuration, LANES, Point, Robot, one_by_one, side_by_side};
 use std::array;
 
 /// Every so many waypoints are tried first: most curves that do not serve show it there. Even, so that these are odd ones.
 const STRIDE: usize = 8;
+/// How many these are.
+const FIRST: usize = WAYPOINTS / STRIDE;
+const _: () = assert!(FIRST * STRIDE == WAYPOINTS && STRIDE.is_multiple_of(2));
 /// Waypoints with odd numbers, without the last; as many have even ones, without the first.
 const HALF: usize = WAYPOINTS / 2 - 1;
 /// Newton steps at most: a count, so that answers do not depend on time.
@@ -59,8 +62,8 @@ impl Pen<'_> {
     ) -> Option<Drawn> {
         let mut drawn = [Configuration::zeros(); WAYPOINTS];
         (drawn[0], drawn[WAYPOINTS - 1]) = (self.ends[0], self.ends[1]);
-        let at_a_time = WAYPOINTS / STRIDE;
-        let odd: [usize; HALF] = array::from_fn(|i| 1 + i / at_a_time * 2 + i % at_a_time * STRIDE);
+        // 1, 9, …, 57, 3, 11, …
+        let odd: [usize; HALF] = array::from_fn(|i| 1 + i / FIRST * 2 + i % FIRST * STRIDE);
         for some in odd.chunks(LANES) {
             let shapes = self.waypoints(demand, &four(some, &guess), &four(some, &curve))?;
             put(&mut drawn, some, &shapes);
@@ -78,9 +81,9 @@ impl Pen<'_> {
     fn between(&self, demand: &Demand, near: &Four, places: &[Point; LANES]) -> Option<Four> {
         dispatch!(Level::new(), simd => {
             let (shapes, places) = (side_by_side(simd, near), side_by_side(simd, places));
-            let (tips, errors) = self.errors(demand, &shapes, &places);
-            let (next, fails) = self.step(demand, &shapes, &tips, &errors);
-            (!fails.any_true()).then(|| one_by_one(&next))
+            let (jacobians, errors) = self.demanded(demand, &shapes, &places);
+            let (next, fails) = self.step(demand, &shapes, &jacobians, &errors);
+            if fails.any_true() { None } else { Some(one_by_one(&next)) }
         })
     }
 
@@ -95,6 +98,7 @@ impl Pen<'_> {
         shapes.iter().zip(guesses).all(serves).then_some(shapes)
     }
 
+    /// The shapes after Newton steps; none where a place is too far away, or a step fails.
     #[inline(always)]
     fn converge<S: Simd>(
         &self,
@@ -105,16 +109,16 @@ impl Pen<'_> {
     ) -> Option<Four> {
         let (mut shapes, places) = (side_by_side(simd, guesses), side_by_side(simd, places));
         for taken in 0..STEPS {
-            let (tips, errors) = self.errors(demand, &shapes, &places);
+            let (jacobians, errors) = self.demanded(demand, &shapes, &places);
             let squares = norms_squared(&errors);
-            if taken == 0 && squares.simd_gt(NEAR * NEAR).any_true() {
+            if taken == 0 && !squares.simd_le(NEAR * NEAR).all_true() {
                 return None;
             }
             let moving = squares.simd_ge(ON_THE_CURVE * ON_THE_CURVE);
             if !moving.any_true() {
                 break;
             }
-            let (next, fails) = self.step(demand, &shapes, &tips, &errors);
+            let (next, fails) = self.step(demand, &shapes, &jacobians, &errors);
             if (fails & moving).any_true() {
                 return None;
             }
@@ -125,26 +129,26 @@ impl Pen<'_> {
         Some(one_by_one(&shapes))
     }
 
-    /// The tips, and how far from there their places are, both as far as that is demanded.
+    /// The tips' Jacobians, and the vectors from the tips to their places, both as far as that is demanded.
     #[inline(always)]
-    fn errors<S: Simd>(
+    fn demanded<S: Simd>(
         &self,
         demand: &Demand,
         shapes: &Shapes<S>,
         places: &Points<S>,
-    ) -> (MovingTips<S>, Points<S>) {
-        let mut tips = self.robot.moving_tips(shapes);
-        let mut errors = *places;
+    ) -> (Jacobians<S>, Points<S>) {
+        let tips = self.robot.moving_tips(shapes);
+        let (mut jacobians, mut errors) = (tips.jacobians, *places);
         for (error, position) in errors.iter_mut().zip(tips.positions) {
             *error -= position;
         }
         if let Some(loose) = &demand.loose {
             remove(loose, &mut errors);
-            for column in &mut tips.jacobians {
+            for column in &mut jacobians {
                 remove(loose, column);
             }
         }
-        (tips, errors)
+        (jacobians, errors)
     }
 
     /// The shapes within the limits after a Newton step that moves the tips by `errors`, of least norm where sections near
@@ -154,7 +158,7 @@ impl Pen<'_> {
         &self,
         demand: &Demand,
         shapes: &Shapes<S>,
-        tips: &MovingTips<S>,
+        jacobians: &Jacobians<S>,
         errors: &Points<S>,
     ) -> (Shapes<S>, mask64x4<S>) {
         let per_square = self.robot.bending_limit.powi(-2);
@@ -162,7 +166,7 @@ impl Pen<'_> {
         for part in &mut free {
             *part = (1.0 - *part * per_square).max(LEAST_WEIGHT);
         }
-        let (mut next, solvable) = damped_steps(&tips.jacobians, &free, errors);
+        let (mut next, solvable) = damped_steps(jacobians, &free, errors);
         for (next, from) in next.iter_mut().zip(shapes) {
             *next += *from;
         }
@@ -208,4 +212,83 @@ fn interpolated(drawn: &Drawn, h: usize) -> Configuration {
         parts.product()
     };
     nodes.iter().map(|&node| drawn[node] * weight(node)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scenes::{random_configuration, unit_robot};
+    use rand::SeedableRng;
+
+    #[test]
+    fn a_waypoint_is_drawn_as_it_is_alone() {
+        let (robot, scene) = (unit_robot(), Scene::default());
+        let pen = Pen {
+            robot: &robot,
+            scene: &scene,
+            margin: 0.0,
+            ends: [Configuration::zeros(); 2],
+        };
+        let mut rng = rand_pcg::Pcg64::seed_from_u64(6);
+        let (mut drawn, mut failed) = (0, 0);
+        for loose in [None, Some(Point::x())] {
+            for keeps_limits in [false, true] {
+                let demand = Demand {
+                    loose,
+                    keeps_limits,
+                };
+                for _ in 0..200 {
+                    let guesses: Four = array::from_fn(|_| random_configuration(&robot, &mut rng));
+                    // One is on its place already, and one twice as far from it as the others.
+                    let away = |lane| Point::new(0.0, 0.02, -0.04) * [1.0, 0.0, 2.0, 1.0][lane];
+                    let places = array::from_fn(|lane| robot.tip(&guesses[lane]) + away(lane));
+                    let together = pen.waypoints(&demand, &guesses, &places);
+                    let alone = |lane: usize| {
+                        pen.waypoints(&demand, &[guesses[lane]; LANES], &[places[lane]; LANES])
+                    };
+                    let alone: Vec<Option<Four>> = (0..LANES).map(alone).collect();
+                    if let Some(together) = together {
+                        drawn += 1;
+                        for (lane, alone) in alone.iter().enumerate() {
+                            assert_eq!(Some([together[lane]; LANES]), *alone);
+                        }
+                    } else {
+                        failed += 1;
+                        assert!(alone.contains(&None));
+                    }
+                }
+            }
+        }
+        assert!(drawn > 100 && failed > 20, "{drawn} drawn, {failed} failed");
+    }
+
+    #[test]
+    fn a_place_that_is_not_a_number_is_not_drawn() {
+        let (robot, scene) = (unit_robot(), Scene::default());
+        let ends = [Configuration::repeat(0.2), Configuration::repeat(0.3)];
+        let pen = Pen {
+            robot: &robot,
+            scene: &scene,
+            margin: 0.0,
+            ends,
+        };
+        let demand = Demand {
+            loose: None,
+            keeps_limits: true,
+        };
+        for unknown in [2, 9, 61] {
+            let curve = |h: usize| {
+                let place = robot.tip(&Configuration::repeat(0.2));
+                if h == unknown {
+                    place * f64::NAN
+                } else {
+                    place
+                }
+            };
+            let guess = |_| Configuration::repeat(0.2);
+            assert!(pen.draw(&demand, guess, curve).is_none(), "{unknown}");
+        }
+        let still = |_| robot.tip(&Configuration::repeat(0.2));
+        assert!(pen.draw(&demand, |_| ends[0], still).is_some());
+    }
 }

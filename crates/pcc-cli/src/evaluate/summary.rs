@@ -58,6 +58,8 @@ pub(super) struct Summary {
 /// What the sampler drew, by the paper's criterion, before any correction outside of the sampler.
 #[derive(Serialize)]
 struct Sampled {
+    /// Sampled paths; none where the planner samples nothing.
+    paths: usize,
     /// Share of all candidates asked for that succeed.
     success: f64,
     /// The same after correction.
@@ -87,6 +89,7 @@ impl Sampled {
         let successful = all.clone().filter(|v| v.is_success());
         let plans = answers.iter().filter_map(|a| a.plan.as_ref().ok());
         Self {
+            paths: sampled.iter().map(Vec::len).sum(),
             success: successes(&sampled),
             success_corrected: successes(&corrected),
             success_any: sampled.iter().filter(any).count() as f64 / answers.len() as f64,
@@ -299,7 +302,7 @@ pub(super) fn print(s: &Summary) {
         100.0 * s.share_delivered
     );
     let corrected = 100.0 * s.sampled.success_corrected;
-    if s.sampled.tip_error.mean.is_finite() {
+    if s.sampled.paths > 0 {
         say!(
             "  paper's criterion, sampled {:5.2} %   corrected {corrected:6.2} %   tip error {:.4} mean",
             100.0 * s.sampled.success,
