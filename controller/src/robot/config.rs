@@ -109,8 +109,9 @@ impl File {
     fn check_robot(&self, checked: &Checked<'_>, robot: &Robot) -> Result<(), ConfigError> {
         let start = Configuration::from(self.start_configuration_rad);
         let excess = robot.limit_excess(&start);
-        let allowed = "bending angles within the robot's limit";
-        checked.require(excess <= 0.0, "start_configuration_rad", excess, allowed)?;
+        let name = "largest bending angle of start_configuration_rad";
+        let allowed = "within the robot's bending limit";
+        checked.require(excess <= 0.0, name, robot.bending_limit + excess, allowed)?;
         #[expect(clippy::cast_precision_loss, reason = "a tendon's number is small")]
         let stuck = self.stuck_tendon as f64;
         let allowed = "a tendon of the robot, counted from 0";

@@ -14,6 +14,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 #[derive(Args)]
 pub(crate) struct SpeedArguments {
     /// Rate at which the path time runs, 0 (stand still on the path) to 1.
+    #[arg(allow_negative_numbers = true)]
     rate: f64,
 }
 
