@@ -1,6 +1,7 @@
 //! The whole backbone of one configuration: frames, points, Jacobians, exact distances.
 
 use crate::arc::{Nearest, distance_to_circle, foot_arc_length, squared_distances_to_circle};
+use crate::lanes::norms_squared;
 use crate::section::Arc;
 use crate::{Configuration, DOF, Point, SECTIONS};
 use fearless_simd::f64x4;
@@ -313,9 +314,4 @@ fn minus<S: Simd>([x, y, z]: &[f64x4<S>; 3], by: &Vector3<f64>) -> [f64x4<S>; 3]
 #[inline(always)]
 fn dot<S: Simd>([x, y, z]: &[f64x4<S>; 3], by: [f64; 3]) -> f64x4<S> {
     *x * by[0] + *y * by[1] + *z * by[2]
-}
-
-#[inline(always)]
-fn norms_squared<S: Simd>([x, y, z]: &[f64x4<S>; 3]) -> f64x4<S> {
-    *x * *x + *y * *y + *z * *z
 }

@@ -7,6 +7,7 @@
 
 mod arc;
 mod backbone;
+mod lanes;
 mod limits;
 mod robot;
 mod robot_file;
@@ -16,10 +17,11 @@ mod tips;
 
 pub use arc::Nearest;
 pub use backbone::{Backbone, Pose};
+pub use lanes::{LANES, norms_squared, one_by_one, side_by_side};
 pub use robot::{Robot, TendonLimits};
 pub use robot_file::RobotFileError;
 pub use tendons::{Tendon, TendonMap, TendonMapError};
-pub use tips::{LANES, MovingTips, one_by_one, side_by_side};
+pub use tips::MovingTips;
 
 /// Number of sections.
 pub const SECTIONS: usize = 3;

@@ -3,7 +3,6 @@
 //! Everything follows from S = sin(θ/2)/(θ/2) and c = cos(θ/2), which lose no digits: A = sin θ/θ = S c,
 //! B = (1 − cos θ)/θ² = S²/2. Up to the bending that robots have both are sums of a few terms of their series in θ².
 
-use crate::tips::LANES;
 use crate::{Configuration, SECTIONS};
 use fearless_simd::f64x4;
 use fearless_simd::prelude::*;
@@ -45,39 +44,23 @@ fn half_sinc_and_cosine(h2: f64) -> [f64; 2] {
 /// S, c and dS/ds, s = θ² = 4 h², of four h² at once.
 #[inline(always)]
 pub(crate) fn half_sincs_cosines_and_slopes<S: Simd>(h2: f64x4<S>) -> [f64x4<S>; 3] {
-    if h2.simd_lt(SUMMED_BELOW).all_true() {
-        let nothing = h2 * 0.0;
-        let (mut sinc, mut cosine, mut slope) = (nothing, nothing, nothing);
-        for n in (0..TERMS).rev() {
-            slope = sinc - h2 * slope;
-            sinc = SERIES[0][n] - h2 * sinc;
-            cosine = SERIES[1][n] - h2 * cosine;
-        }
-        return [sinc, cosine, slope * -0.25];
+    let nothing = h2 * 0.0;
+    let (mut sinc, mut cosine, mut slope) = (nothing, nothing, nothing);
+    for n in (0..TERMS).rev() {
+        slope = sinc - h2 * slope;
+        sinc = SERIES[0][n] - h2 * sinc;
+        cosine = SERIES[1][n] - h2 * cosine;
     }
-    let mut each = [h2; 3];
-    for lane in 0..LANES {
-        let of_lane = half_sinc_cosine_and_slope(h2[lane]);
-        for (values, value) in each.iter_mut().zip(of_lane) {
-            values[lane] = value;
-        }
+    slope *= -0.25;
+    let mut beyond = (!h2.simd_lt(SUMMED_BELOW)).to_bitmask();
+    while beyond != 0 {
+        let lane = beyond.trailing_zeros() as usize;
+        let values = half_sinc_and_cosine(h2[lane]);
+        [sinc[lane], cosine[lane]] = values;
+        slope[lane] = half_sinc_slope(4.0 * h2[lane], values);
+        beyond &= beyond - 1;
     }
-    each
-}
-
-/// The same of one, to the bit.
-fn half_sinc_cosine_and_slope(h2: f64) -> [f64; 3] {
-    if h2 < SUMMED_BELOW {
-        let (mut sinc, mut cosine, mut slope) = (0.0, 0.0, 0.0);
-        for n in (0..TERMS).rev() {
-            slope = sinc - h2 * slope;
-            sinc = SERIES[0][n] - h2 * sinc;
-            cosine = SERIES[1][n] - h2 * cosine;
-        }
-        return [sinc, cosine, slope * -0.25];
-    }
-    let [sinc, cosine] = half_sinc_and_cosine(h2);
-    [sinc, cosine, half_sinc_slope(4.0 * h2, [sinc, cosine])]
+    [sinc, cosine, slope]
 }
 
 /// dS/ds, s = θ².

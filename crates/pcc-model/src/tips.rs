@@ -2,47 +2,12 @@
 //!
 //! A tip is built from the last section to the first: p₁ + R₁ (p₂ + R₂ p₃), with p and R of docs/robot.md "Conventions". So is its
 //! Jacobian: the two columns of section i are R₁ … Rᵢ₋₁ ∂(pᵢ + Rᵢ v)/∂ξᵢ, v the tip as the end of that section sees it.
-//!
-//! Loops are written out, here and in all code for several shapes at once: closures would not take on the processor's features.
 
+use crate::lanes::{LANES, dot, one_by_one, side_by_side};
 use crate::section::half_sincs_cosines_and_slopes;
 use crate::{Configuration, DOF, Point, SECTIONS};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f64x4};
-use nalgebra::SVector;
-
-/// Configurations that are handled together.
-pub const LANES: usize = 4;
-
-/// Four configurations (rad) or points (any frame and unit), component by component: `[row][lane]`.
-#[must_use]
-#[inline(always)]
-pub fn side_by_side<S: Simd, const ROWS: usize>(
-    simd: S,
-    four: &[SVector<f64, ROWS>; LANES],
-) -> [f64x4<S>; ROWS] {
-    let [a, b, c, d] = four;
-    let mut rows = [f64x4::splat(simd, 0.0); ROWS];
-    for (row, lanes) in rows.iter_mut().enumerate() {
-        *lanes = [a[row], b[row], c[row], d[row]].simd_into(simd);
-    }
-    rows
-}
-
-/// The reverse of [`side_by_side`].
-#[must_use]
-#[inline(always)]
-pub fn one_by_one<S: Simd, const ROWS: usize>(
-    rows: &[f64x4<S>; ROWS],
-) -> [SVector<f64, ROWS>; LANES] {
-    let mut four = [SVector::zeros(); LANES];
-    for (row, lanes) in rows.iter().enumerate() {
-        for (lane, value) in lanes.iter().enumerate() {
-            four[lane][row] = *value;
-        }
-    }
-    four
-}
 
 /// The tips of four configurations, and how they move with them.
 #[derive(Clone, Copy, Debug)]
@@ -201,9 +166,4 @@ impl<S: Simd> Bends<S> {
 fn turned<S: Simd>(rotation: &[[f64x4<S>; 3]; 3], v: &[f64x4<S>; 3]) -> [f64x4<S>; 3] {
     let [first, second, third] = rotation;
     [dot(first, v), dot(second, v), dot(third, v)]
-}
-
-#[inline(always)]
-fn dot<S: Simd>(a: &[f64x4<S>; 3], b: &[f64x4<S>; 3]) -> f64x4<S> {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

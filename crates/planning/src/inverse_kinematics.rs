@@ -1,11 +1,11 @@
 //! Tip inverse kinematics by damped Newton steps inside the bending discs.
 
-use crate::newton::{
-    Jacobians, Shapes, bending_squares, damped_steps, norms_squared, within_limits,
-};
+use crate::newton::{Jacobians, Shapes, bending_squares, damped_steps, within_limits};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f64x4, mask64x4};
-use pcc_model::{Configuration, LANES, Point, Robot, SECTIONS, one_by_one, side_by_side};
+use pcc_model::{
+    Configuration, LANES, Point, Robot, SECTIONS, norms_squared, one_by_one, side_by_side,
+};
 
 /// Iterations of one seed: a count, so that answers do not depend on time.
 const ITERATIONS: usize = 40;

@@ -2,7 +2,7 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{f64x4, mask64x4};
-use pcc_model::{DOF, Robot, SECTIONS};
+use pcc_model::{DOF, Robot, SECTIONS, norms_squared};
 
 /// Damping of the pseudo-inverse (docs/evaluation.md "Targets") for errors of one section length or more; in proportion below.
 const DAMPING: f64 = 1e-4;
@@ -55,11 +55,6 @@ pub(crate) fn damped_steps<S: Simd>(
         *step = (jx * x + jy * y + jz * z) * free[column / 2];
     }
     (steps, solvable)
-}
-
-#[inline(always)]
-pub(crate) fn norms_squared<S: Simd>([x, y, z]: &Points<S>) -> f64x4<S> {
-    *x * *x + *y * *y + *z * *z
 }
 
 /// Squared bending angles of each section, rad².

@@ -1,14 +1,13 @@
 //! Drawing the tip of a path onto a curve by Newton steps, where the body has room.
 
 use crate::newton::{
-    Jacobians, Points, Shapes, bending_squares, beyond_limits, damped_steps, norms_squared,
-    within_limits,
+    Jacobians, Points, Shapes, bending_squares, beyond_limits, damped_steps, within_limits,
 };
 use crate::path::WAYPOINTS;
 use collision::Scene;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, mask64x4};
-use pcc_model::{Configuration, LANES, Point, Robot, one_by_one, side_by_side};
+use pcc_model::{Configuration, LANES, Point, Robot, norms_squared, one_by_one, side_by_side};
 use std::array;
 
 /// Every so many waypoints are tried first: most curves that do not serve show it there. Even, so that these are odd ones.
