@@ -32,6 +32,7 @@ mod real_time;
 mod refusals;
 mod report;
 mod runs;
+mod safe;
 mod second_look;
 mod spread;
 mod stolen;
@@ -62,7 +63,7 @@ struct Suite {
     groups: &'static [fn(&mut Report, Scale)],
 }
 
-const SUITES: [Suite; 3] = [
+const SUITES: [Suite; 4] = [
     Suite {
         name: "chain",
         weights: String::new,
@@ -98,6 +99,11 @@ const SUITES: [Suite; 3] = [
             fast_growth::run,
             fast_soak::run,
         ],
+    },
+    Suite {
+        name: "safe",
+        weights: String::new,
+        groups: safe::GROUPS,
     },
 ];
 

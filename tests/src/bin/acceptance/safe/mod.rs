@@ -1,0 +1,26 @@
+//! Everything that could hurt or mislead, tried from outside on live processes.
+
+mod bad_input;
+mod controller;
+mod input;
+mod kills;
+mod pressure;
+mod relay;
+mod scene;
+mod stops;
+mod users;
+
+use crate::{Report, Scale};
+
+/// The suite's groups, in this order.
+pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
+    stops::run,
+    controller::run,
+    relay::run,
+    scene::run,
+    users::run,
+    input::run,
+    bad_input::run,
+    pressure::run,
+    kills::run,
+];
