@@ -249,6 +249,35 @@ fn a_service_that_a_dead_process_left_half_made_is_made_again() {
     }
 }
 
+/// A client in another language does not hold the lock under which this project's processes open services.
+#[test]
+fn a_service_that_a_live_process_is_making_is_left_to_it() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let capacity = PlanServiceCapacity::default();
+    let service = plan_service(&node, &capacity).unwrap();
+    let folder = |name: &str| fs::read_dir(world.options.root.join(name)).unwrap();
+    let file = folder("services").next().unwrap().unwrap().path();
+    let text = fs::read(&file).unwrap();
+    let hash = file.file_stem().unwrap().to_str().unwrap().to_owned();
+    drop(service);
+    let own: Vec<_> = folder("nodes").map(|entry| entry.unwrap().path()).collect();
+    let maker = IpcNode::create(&world.options, "maker").unwrap();
+    let mut folders = folder("nodes").map(|entry| entry.unwrap().path());
+    let its_folder = folders
+        .find(|path| path.is_dir() && !own.contains(path))
+        .unwrap();
+    let note = its_folder.join(format!("{hash}.service_tag"));
+    fs::write(&note, "").unwrap();
+    fs::write(&file, &text[..text.len() / 2]).unwrap();
+    fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).unwrap();
+    plan_service(&node, &capacity).unwrap_err();
+    assert!(file.exists());
+    fs::remove_file(note).unwrap();
+    drop(plan_service(&node, &capacity).unwrap());
+    drop(maker);
+}
+
 /// What a creator leaves that was killed before it gave its shared memory a size: iceoryx2 alone waits for it for ever.
 #[test]
 fn shared_memory_that_a_dead_process_left_without_a_size_stands_in_nobodys_way() {

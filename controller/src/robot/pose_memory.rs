@@ -54,6 +54,7 @@ impl PoseMemory {
             .write(true)
             .create(true)
             .truncate(false)
+            .mode(0o600)
             .open(path)?;
         let bytes = size_of::<[Slot; 2]>();
         file.set_len(bytes as u64)?;

@@ -37,6 +37,43 @@ pub enum IpcError {
         /// This process's user.
         user: u32,
     },
+    /// Others than its owner have a right to the root directory.
+    #[error(
+        "{path:?} (user {owner}) has mode {mode:04o}: only 0700 is allowed for the directory of service files (PCC_ROOT), \
+         for whoever can open its lock files can block every process; remove it while none runs, and it is made anew"
+    )]
+    OpenRoot {
+        /// The directory.
+        path: PathBuf,
+        /// Its permission bits.
+        mode: u32,
+        /// Its owner.
+        owner: u32,
+    },
+    /// Somebody else can put another directory in the root directory's place.
+    #[error(
+        "{path:?} lies in {parent:?} (user {owner}, mode {mode:04o}), where others can replace it: the directory for \
+         service files (PCC_ROOT) may only lie in directories of this user's or of root's that nobody else can write to, \
+         or that are sticky"
+    )]
+    ReplaceableRoot {
+        /// The directory.
+        path: PathBuf,
+        /// The directory that it lies in, at whatever depth.
+        parent: PathBuf,
+        /// That one's permission bits.
+        mode: u32,
+        /// That one's owner.
+        owner: u32,
+    },
+    /// Shared memory cannot be made.
+    #[error("cannot make shared memory in {folder:?}: {source}")]
+    SharedMemory {
+        /// The directory of all shared memory.
+        folder: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
     /// The node could not be created.
     #[error("cannot join the services under {root:?}: {reason:?}")]
     Node {

@@ -5,16 +5,22 @@
 //! after dead processes and try again before they give up. **Ports are not `Send`**: create them in the thread that
 //! uses them; the node and the open services may be moved there.
 //!
+//! Another user of the machine can neither read nor block any of it: the root path is checked ([`IpcError::OpenRoot`]), what is
+//! made is its owner's alone, and shared memory that another user made does not exist for these processes.
+//!
 //! A process that must be the only one of its kind holds a [`RoleLock`] for as long as it lives.
 
 mod error;
 mod event;
 mod memory;
 mod node;
+mod node_counter;
 mod opening;
 mod options;
+mod own_memory;
 mod request;
 mod role;
+mod root_folder;
 mod sweeper;
 mod topic;
 

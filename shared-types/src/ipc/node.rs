@@ -7,11 +7,15 @@ use std::time::Duration;
 
 use iceoryx2::config::Config;
 use iceoryx2::node::{Node, NodeBuilder};
-use iceoryx2::prelude::{LogLevel, NodeName, ServiceName, SignalHandlingMode, ipc, set_log_level};
+use iceoryx2::prelude::{
+    FileName, LogLevel, MessagingPattern, NodeName, SemanticString, ServiceName,
+    SignalHandlingMode, ipc, set_log_level,
+};
 use iceoryx2::service::builder::Builder;
 
+use super::node_counter::{NodeCounter, protect_shared};
 use super::sweeper::Sweeper;
-use super::{IpcError, IpcOptions};
+use super::{IpcError, IpcOptions, own_memory};
 
 /// How often an operation that failed for a passing reason is tried again.
 const ATTEMPTS: usize = 40;
@@ -35,12 +39,11 @@ impl IpcNode {
     /// (`trace`, `debug`, `info`, `warn`, `error`, `fatal`).
     ///
     /// # Errors
-    /// [`IpcError::InvalidPrefix`], [`IpcError::Root`], [`IpcError::ForeignRoot`], [`IpcError::Sweeper`] or
-    /// [`IpcError::Node`].
+    /// What is wrong with the options, [`IpcError::SharedMemory`], [`IpcError::Sweeper`] or [`IpcError::Node`].
     pub fn create(options: &IpcOptions, name: &str) -> Result<Self, IpcError> {
         set_log_level(log_level(env::var("PCC_IPC_LOG").ok().as_deref()));
         options.prepare()?;
-        let config = options.config()?;
+        let mut config = options.config()?;
         let failed = |reason| IpcError::Node {
             root: options.root.clone(),
             reason,
@@ -48,11 +51,18 @@ impl IpcNode {
         let name = NodeName::new(name)
             .map_err(|_| failed(iceoryx2::node::NodeCreationFailure::InternalError))?;
         let sweeper = Sweeper::start(options).map_err(|source| IpcError::Sweeper { source })?;
+        let counter = node_counter(options, &mut config)?;
         let builder = NodeBuilder::new()
             .name(&name)
             .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled);
-        let node = builder.create::<ipc::Service>().map_err(failed)?;
+        let node = builder.create::<ipc::Service>().map_err(|reason| {
+            options
+                .what_the_system_says()
+                .err()
+                .unwrap_or_else(|| failed(reason))
+        })?;
+        drop(counter);
         Ok(Self {
             node,
             options: options.clone(),
@@ -83,6 +93,26 @@ impl IpcNode {
     /// A builder for the service with this full name.
     pub(super) fn builder(&self, name: &ServiceName) -> Builder<ipc::Service> {
         self.node.service_builder(name)
+    }
+
+    /// Removes the service with this full name; whether there was one that iceoryx2 takes for one.
+    ///
+    /// # Safety
+    /// No live process uses or makes it.
+    #[allow(unsafe_code)]
+    pub(super) unsafe fn force_remove(
+        &self,
+        name: &ServiceName,
+        pattern: MessagingPattern,
+    ) -> bool {
+        // SAFETY: the caller's promise.
+        unsafe { self.node.force_remove_service(name, pattern) }.unwrap_or(false)
+    }
+
+    /// The number by which iceoryx2 knows it.
+    #[cfg(test)]
+    pub(super) fn id(&self) -> u128 {
+        self.node.id().value()
     }
 
     /// What iceoryx2 was told.
@@ -133,6 +163,19 @@ impl IpcNode {
             }
         })
     }
+}
+
+/// Makes the memory that the node takes its number from, and tells iceoryx2 of it.
+fn node_counter(options: &IpcOptions, config: &mut Config) -> Result<NodeCounter, IpcError> {
+    let prefix = options.file_prefix();
+    let counter = protect_shared(&prefix).and_then(|()| NodeCounter::make(&prefix));
+    let counter = counter.map_err(|source| IpcError::SharedMemory {
+        folder: own_memory::FOLDER.into(),
+        source,
+    })?;
+    config.global.node.global_mgmt_suffix =
+        FileName::new(counter.suffix().as_bytes()).expect("letters, digits and dots");
+    Ok(counter)
 }
 
 fn log_level(text: Option<&str>) -> LogLevel {

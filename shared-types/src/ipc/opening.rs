@@ -1,11 +1,12 @@
 //! Opening and creating services, one process at a time, so that a creator that died half-way can be told from a slow one.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, File, TryLockError};
 use std::path::PathBuf;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use iceoryx2::prelude::{MessagingPattern, ServiceName, ipc};
+use iceoryx2::node::{Node, NodeState, NodeView};
+use iceoryx2::prelude::{CallbackProgression, MessagingPattern, ServiceName, ipc};
 use iceoryx2::service::Service;
 use iceoryx2::service::builder::Builder;
 use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
@@ -15,10 +16,9 @@ use iceoryx2::service::builder::publish_subscribe::{
 use iceoryx2::service::builder::request_response::{
     RequestResponseCreateError, RequestResponseOpenError, RequestResponseOpenOrCreateError,
 };
-use iceoryx2::service::internal::ServiceInternal;
 use iceoryx2::service::service_hash::ServiceHash;
 
-use super::{IpcError, IpcNode};
+use super::{IpcError, IpcNode, root_folder};
 
 /// Processes that may open one service at the same time, dead ones that nobody has cleaned up yet included.
 pub(super) const NODES: usize = 80;
@@ -39,7 +39,7 @@ pub(super) trait OpeningError {
 }
 
 /// Opens the service `name` with `open`, again where it failed for a passing reason. No two of this project's processes
-/// open at once; what is half-made then is a dead process's and is removed.
+/// open at once; what is half-made then, and no live process says that it is making, is a dead process's and is removed.
 ///
 /// # Errors
 /// [`IpcError::Busy`] if another process is opening and does not come to an end, [`IpcError::Lock`], or what
@@ -79,19 +79,41 @@ enum Failure<E> {
     Open(E),
 }
 
-/// Removes what a dead process began. What cannot be removed shows when it is opened again.
+/// Removes what a dead process began. What cannot be removed, or is not a dead process's, shows when it is opened again.
 fn remove(node: &IpcNode, name: &ServiceName, pattern: MessagingPattern) {
-    // SAFETY: nobody uses the service: it was never finished, so nobody can have opened it, and its creator is dead,
-    // for creators hold the lock that this process holds.
+    let hash = ServiceHash::new::<<ipc::Service as Service>::ServiceNameHasher>(name, pattern);
+    if is_in_living_hands(node, &hash) {
+        return;
+    }
+    // SAFETY: nobody uses the service: it was never finished, so nobody can have opened it, and its creator is dead, for
+    // no live node says that it has to do with it. None can have begun since, for the half-made one holds the name.
     #[allow(unsafe_code)]
-    let _ = unsafe { ipc::Service::__internal_force_remove_service(name, node.config(), pattern) };
-    // iceoryx2 takes a description that was never finished for none.
-    let _ = fs::remove_file(description_file(node, name, pattern));
+    let removed = unsafe { node.force_remove(name, pattern) };
+    if !removed {
+        // iceoryx2 takes a description that was never finished for none.
+        let _ = fs::remove_file(description_file(node, &hash));
+    }
 }
 
-fn description_file(node: &IpcNode, name: &ServiceName, pattern: MessagingPattern) -> PathBuf {
+/// Whether a live node makes or uses the service, in whatever language. iceoryx2 has each node leave a note in its folder
+/// before it makes or opens a service; this process's own is gone once opening has failed.
+fn is_in_living_hands(node: &IpcNode, hash: &ServiceHash) -> bool {
     let global = &node.config().global;
-    let hash = ServiceHash::new::<<ipc::Service as Service>::ServiceNameHasher>(name, pattern);
+    let folder = PathBuf::from(global.node_dir().to_string());
+    let note = format!("{}{hash}{}", global.prefix, global.node.service_tag_suffix);
+    let mut living = false;
+    let listed = Node::<ipc::Service>::list(node.config(), |state| {
+        if let NodeState::Alive(view) = &state {
+            let own_folder = folder.join(view.id().value().to_string());
+            living |= own_folder.join(&note).exists();
+        }
+        CallbackProgression::Continue
+    });
+    living || listed.is_err()
+}
+
+fn description_file(node: &IpcNode, hash: &ServiceHash) -> PathBuf {
+    let global = &node.config().global;
     let suffix = &global.service.static_config_storage_suffix;
     let directory = PathBuf::from(global.service_dir().to_string());
     directory.join(format!("{}{hash}{suffix}", global.prefix))
@@ -104,12 +126,7 @@ fn lock(node: &IpcNode) -> Result<File, IpcError> {
         lock_file: lock_file.clone(),
         source,
     };
-    let file = OpenOptions::new()
-        .write(true)
-        .create(true)
-        .truncate(false)
-        .open(&lock_file)
-        .map_err(io)?;
+    let file = root_folder::open_lock_file(&lock_file).map_err(io)?;
     let begin = Instant::now();
     loop {
         match file.try_lock() {

@@ -3,15 +3,15 @@
 use std::env;
 use std::fs;
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, MetadataExt};
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, Path as IoxPath, SemanticString};
-use rustix::process::getuid;
+use rustix::process::geteuid;
 
-use super::IpcError;
+use super::{IpcError, root_folder};
 
 /// How long a service may take to be made: some milliseconds, and the stalls of a busy machine.
 const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
@@ -27,8 +27,9 @@ pub struct IpcOptions {
     /// need two prefixes.
     pub prefix: String,
     /// Directory for service files and locks, best on a tmpfs; default `/dev/shm/pcc-<user id>`, or the same under
-    /// `/tmp` where there is no `/dev/shm`. It is created for this user alone. With the prefix it has at most
-    /// [`LONGEST_ROOT_AND_PREFIX`] bytes.
+    /// `/tmp` where there is no `/dev/shm`; where another user has taken that name, or had, `.pcc-services` in the home
+    /// directory. It is created for this user alone (0700) and refused where others have a right to it. An absolute path;
+    /// with the prefix it has at most [`LONGEST_ROOT_AND_PREFIX`] bytes.
     pub root: PathBuf,
 }
 
@@ -71,23 +72,26 @@ impl IpcOptions {
                 "with the prefix it has {length} bytes, at most {LONGEST_ROOT_AND_PREFIX} are allowed"
             ))));
         }
-        fs::DirBuilder::new()
-            .recursive(true)
-            .mode(0o700)
-            .create(&self.root)
-            .map_err(io)?;
-        let (owner, user) = (
-            fs::metadata(&self.root).map_err(io)?.uid(),
-            getuid().as_raw(),
-        );
-        if owner != user {
-            return Err(IpcError::ForeignRoot {
-                path: self.root.clone(),
-                owner,
-                user,
-            });
-        }
-        Ok(())
+        root_folder::prepare(&self.root)
+    }
+
+    /// The prefix as iceoryx2 is told: it begins the name of every file.
+    pub(super) fn file_prefix(&self) -> String {
+        format!("{}_", self.prefix)
+    }
+
+    /// Writes into the root directory, for what iceoryx2 says where it cannot names neither the path nor the reason.
+    pub(super) fn what_the_system_says(&self) -> Result<(), IpcError> {
+        let file = self
+            .root
+            .join(format!("{}.probe-{}", self.prefix, std::process::id()));
+        let written = fs::write(&file, [0]);
+        // Gone already where it could not be made.
+        let _ = fs::remove_file(&file);
+        written.map_err(|source| IpcError::Root {
+            path: self.root.clone(),
+            source,
+        })
     }
 
     /// The iceoryx2 configuration: nothing of a system-wide configuration file has a part in it.
@@ -103,11 +107,10 @@ impl IpcOptions {
             .to_str()
             .and_then(|root| IoxPath::new(root.as_bytes()).ok())
             .ok_or_else(invalid_root)?;
-        let prefix = FileName::new(format!("{}_", self.prefix).as_bytes()).map_err(|_| {
-            IpcError::InvalidPrefix {
+        let prefix =
+            FileName::new(self.file_prefix().as_bytes()).map_err(|_| IpcError::InvalidPrefix {
                 prefix: self.prefix.clone(),
-            }
-        })?;
+            })?;
         let mut config = Config::default();
         config.global.set_root_path(&root);
         config.global.prefix = prefix;
@@ -123,7 +126,18 @@ fn default_root() -> PathBuf {
     } else {
         Path::new("/tmp")
     };
-    parent.join(format!("pcc-{}", getuid().as_raw()))
+    let user = geteuid().as_raw();
+    let usual = parent.join(format!("pcc-{user}"));
+    let is_foreign = |path: &Path| fs::symlink_metadata(path).is_ok_and(|data| data.uid() != user);
+    let Some(own) = env::home_dir().map(|home| home.join(".pcc-services")) else {
+        return usual;
+    };
+    // Once made it is kept to, so that all processes agree also when the other user's folder is gone.
+    if own.is_dir() || is_foreign(&usual) {
+        own
+    } else {
+        usual
+    }
 }
 
 #[cfg(test)]
@@ -147,26 +161,7 @@ mod tests {
                 "{prefix}: {error}"
             );
         }
-        options("pcc-2_A", directory.path()).prepare().unwrap();
-    }
-
-    #[test]
-    fn the_root_is_made_for_this_user_alone() {
-        let directory = tempfile::tempdir().unwrap();
-        let root = directory.path().join("deep/root");
-        options("pcc", &root).prepare().unwrap();
-        assert_eq!(fs::metadata(&root).unwrap().mode() & 0o777, 0o700);
-    }
-
-    #[test]
-    fn a_root_that_is_a_file_is_an_error_that_names_it() {
-        let directory = tempfile::tempdir().unwrap();
-        let root = directory.path().join("file");
-        fs::write(&root, "").unwrap();
-        let error = options("pcc", &root).prepare().unwrap_err();
-        assert!(
-            error.to_string().contains(root.to_str().unwrap()),
-            "{error}"
-        );
+        let root = directory.path().join("root");
+        options("pcc-2_A", &root).prepare().unwrap();
     }
 }

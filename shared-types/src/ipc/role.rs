@@ -1,9 +1,9 @@
 //! Processes of which there may be only one.
 
-use std::fs::{File, OpenOptions, TryLockError};
+use std::fs::{File, TryLockError};
 use std::io::{Read, Write};
 
-use super::{IpcError, IpcOptions};
+use super::{IpcError, IpcOptions, root_folder};
 
 /// A kind of process of which one prefix has at most one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,13 +50,7 @@ impl RoleLock {
             lock_file: lock_file.clone(),
             source,
         };
-        let mut file = OpenOptions::new()
-            .read(true)
-            .write(true)
-            .create(true)
-            .truncate(false)
-            .open(&lock_file)
-            .map_err(io)?;
+        let mut file = root_folder::open_lock_file(&lock_file).map_err(io)?;
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::Error(source)) => return Err(io(source)),
@@ -87,7 +81,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let options = IpcOptions {
             prefix: "test".to_owned(),
-            root: directory.path().to_owned(),
+            root: directory.path().join("root"),
         };
         let first = RoleLock::acquire(&options, Role::Controller).unwrap();
         let error = RoleLock::acquire(&options, Role::Controller).unwrap_err();
