@@ -4,7 +4,7 @@ use std::path::Path;
 
 use pcc_model::{Configuration, Robot};
 use shared_types::codes::MotorState;
-use trajectory::{Knot, Trajectory, limit_use};
+use trajectory::{AllocationOptions, Knot, Trajectory, allocate, limit_use};
 
 use crate::{
     TENDONS, TendonVector,
@@ -73,11 +73,25 @@ pub(crate) fn curved_motion(
     motion
 }
 
+/// A motion of the time parameterization through `path`: its jerk steps, as that of every planned motion.
+pub(crate) fn timed_motion(id: u32, begin_ns: i64, path: &[Configuration]) -> Motion {
+    let robot = unit_robot();
+    let options = AllocationOptions::default();
+    let timed = allocate(path, &robot.tendons, &robot.tendon_limits, &options).unwrap();
+    let mut motion = Motion::empty();
+    motion.id = id;
+    motion.begin_ns = begin_ns;
+    motion.path_tolerance_rad = 0.02;
+    motion.knots.extend(timed.knots());
+    motion
+}
+
 pub(crate) fn target_configuration() -> Configuration {
     Configuration::from([0.6, -0.4, 0.3, 0.5, -0.5, 0.7])
 }
 
 /// Controller and robot joined without IPC; every cycle checks continuity and limits of what is sent.
+#[derive(Clone)]
 pub(crate) struct World {
     pub(crate) robot: Robot,
     pub(crate) config: RobotConfig,
@@ -86,27 +100,44 @@ pub(crate) struct World {
     pub(crate) now_ns: i64,
     pub(crate) daemon_alive: bool,
     pub(crate) robot_silent: bool,
+    /// The robot's driver sends its last state again and again.
+    pub(crate) repeats_state: bool,
+    /// What the robot's stamps are ahead of the clock.
+    pub(crate) stamp_offset_ns: i64,
     pub(crate) faults: InjectedFaults,
     pub(crate) last: Option<CycleOutput>,
     sample: Option<RobotSample>,
+    settings: ExecutiveSettings,
     sequence: u64,
 }
 
 impl World {
     pub(crate) fn new() -> Self {
+        Self::with_period(MS)
+    }
+
+    /// A world whose controller expects cycles of `period_ns`.
+    pub(crate) fn with_period(period_ns: i64) -> Self {
         let config = robot_config();
+        let settings = ExecutiveSettings {
+            period_ns,
+            ..SETTINGS
+        };
         let now_ns = 1_000 * MS;
         Self {
             robot: config.robot.clone(),
-            executive: Executive::new(SETTINGS, &config.robot),
+            executive: Executive::new(settings, &config.robot),
             simulated: SimulatedRobot::new(&config, now_ns, &config.start_pose()),
             config,
             now_ns,
             daemon_alive: true,
             robot_silent: false,
+            repeats_state: false,
+            stamp_offset_ns: 0,
             faults: InjectedFaults::default(),
             last: None,
             sample: None,
+            settings,
             sequence: 0,
         }
     }
@@ -144,7 +175,7 @@ impl World {
 
     /// A new controller process.
     pub(crate) fn restart_controller(&mut self) {
-        self.executive = Executive::new(SETTINGS, &self.robot);
+        self.executive = Executive::new(self.settings, &self.robot);
     }
 
     /// A new robot process, standing where the old one's motors do.
@@ -185,11 +216,10 @@ impl World {
     /// One cycle of both, `elapsed_ns` after the one before.
     pub(crate) fn cycle(&mut self, elapsed_ns: i64) -> CycleOutput {
         self.now_ns += elapsed_ns;
+        let sample = self.sample.filter(|_| !self.robot_silent);
         let output = self.executive.step(&CycleInput {
-            now_ns: self.now_ns,
-            robot: self.sample.take().filter(|_| !self.robot_silent).as_ref(),
-            robot_state_invalid: false,
-            daemon_alive: self.daemon_alive,
+            robot: sample.as_ref(),
+            ..self.input()
         });
         self.executive.take_finished();
         if let Some(before) = self.last.filter(|before| before.send && output.send) {
@@ -214,11 +244,29 @@ impl World {
         output
     }
 
+    /// What a cycle is told where no state of the robot has come.
+    pub(crate) fn input(&self) -> CycleInput<'static> {
+        CycleInput {
+            now_ns: self.now_ns,
+            robot: None,
+            robot_state_invalid: false,
+            daemon_alive: self.daemon_alive,
+        }
+    }
+
+    /// The robot's newest state.
+    pub(crate) fn sample(&self) -> RobotSample {
+        self.sample.unwrap()
+    }
+
     fn move_robot(&mut self, target: Option<&Target>) {
         let measured = self.simulated.step(self.now_ns, target, self.faults);
         let reference = self.simulated.reference();
+        if self.repeats_state {
+            return;
+        }
         self.sample = Some(RobotSample {
-            stamp_ns: self.now_ns,
+            stamp_ns: self.now_ns + self.stamp_offset_ns,
             state: MotorState::from(reference.mode()),
             accepted_m: *reference.position_m(),
             accepted_velocity_m_s: reference.velocity_m_s(),

@@ -11,6 +11,7 @@ use planning::DiffusionSettings;
 use serde::{Deserialize, Deserializer, de};
 use shared_types::capacity::{MAX_CANDIDATES, MAX_KNOTS};
 use shared_types::ipc::PlanServiceCapacity;
+use shared_types::valid::LEAST_PATH_TOLERANCE_RAD;
 
 /// Why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
@@ -272,7 +273,8 @@ impl File {
             self.default_deadline_ms,
             1e-3..=60_000.0,
         )?;
-        checked.within("path_tolerance_rad", self.path_tolerance_rad, 0.0..=0.1)?;
+        let tolerances = LEAST_PATH_TOLERANCE_RAD..=0.1;
+        checked.within("path_tolerance_rad", self.path_tolerance_rad, tolerances)?;
         checked.within("begin_lead_ms", self.begin_lead_ms, 10.0..=1000.0)?;
         if let Some(diffusion) = &self.diffusion {
             checked.within("diffusion.steps", diffusion.steps, 1..=1000)?;

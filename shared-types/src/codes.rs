@@ -292,7 +292,7 @@ codes! {
     pub enum LoopFault {
         /// It is not.
         None = 0 "none",
-        /// No state of the robot for too long.
+        /// No newer state of the robot for too long.
         RobotLost = 1 "robot lost",
         /// Too many late cycles in a row.
         TooLate = 3 "too many late cycles",
@@ -306,6 +306,35 @@ codes! {
         InvalidRobotState = 7 "invalid robot state",
         /// A set-point would have been beyond the limits or not finite.
         InvalidSetpoint = 9 "invalid set-point",
+    }
+}
+
+codes! {
+    /// Why the controller's loop does not hold the robot: what it waits for while it is starting, or in fault and let go.
+    "reason to wait"
+    pub enum Waiting {
+        /// It holds the robot.
+        None = 0 "none",
+        /// No state of the robot arrives.
+        NoRobotState = 1 "no robot state",
+        /// The robot's states hold numbers that cannot be, or codes that mean nothing.
+        InvalidRobotState = 2 "invalid robot state",
+        /// The robot's states repeat the stamp of the one before, or go back behind it.
+        RepeatedRobotState = 3 "robot state repeated",
+        /// The robot's states are older than the time after which a robot is lost.
+        OldRobotState = 4 "robot state too old",
+        /// The robot's states are stamped in the future: not by `CLOCK_MONOTONIC` of this machine.
+        FutureRobotState = 5 "robot state from the future",
+        /// The robot is in fault.
+        RobotFault = 6 "robot in fault",
+        /// The robot's reference is not at rest.
+        RobotMoves = 7 "robot not at rest",
+        /// The robot follows set-points that are not this controller's.
+        RobotFollowsAnother = 8 "robot follows another controller",
+        /// The robot's accepted set-point is no configuration's.
+        OffTendonMap = 9 "accepted set-point fits no configuration",
+        /// The robot does not follow the set-points sent to it yet.
+        NotTakenUp = 10 "set-points not taken up",
     }
 }
 
@@ -468,6 +497,7 @@ mod tests {
         assert_one_meaning_a_code(PlanField::ALL);
         assert_one_meaning_a_code(LoopState::ALL);
         assert_one_meaning_a_code(LoopFault::ALL);
+        assert_one_meaning_a_code(Waiting::ALL);
         assert_one_meaning_a_code(Refusal::ALL);
         assert_one_meaning_a_code(MotorState::ALL);
         assert_one_meaning_a_code(MotorFault::ALL);

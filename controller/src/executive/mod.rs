@@ -27,10 +27,11 @@ pub use motion::{
 };
 pub use pace::{Commanded, Pace, PaceLimits};
 pub use settings::ExecutiveSettings;
+pub use supervision::CONSISTENCY_M;
 pub use tracking::Tracking;
 
 use pcc_model::{Configuration, Robot, TendonMap};
-use shared_types::codes::{CommandRefusal, LoopFault, LoopState, MotorState};
+use shared_types::codes::{CommandRefusal, LoopFault, LoopState, MotorState, Waiting};
 
 use crate::{TENDONS, TendonVector};
 
@@ -75,6 +76,12 @@ pub struct CycleOutput {
     pub state: LoopState,
     /// The latched fault.
     pub fault: LoopFault,
+    /// Why the robot is not held.
+    pub waiting: Waiting,
+    /// Part of the robot's accepted set-point that no configuration explains, m.
+    pub accepted_residual_m: f64,
+    /// Robot states that were not taken since the loop began.
+    pub refused_robot_states: u32,
     /// The trajectory being followed, 0 for none.
     pub trajectory_id: u32,
     /// Commanded configuration and its derivatives.
@@ -119,6 +126,7 @@ struct Splice {
 }
 
 /// The state machine.
+#[derive(Clone)]
 pub struct Executive {
     settings: ExecutiveSettings,
     map: TendonMap,
@@ -141,9 +149,13 @@ pub struct Executive {
     /// The robot has been seen following since it was attached: false means starting or fault.
     followed: bool,
     attached_ns: i64,
+    /// The robot's newest state that was taken.
     robot: Option<RobotSample>,
-    /// Cycle time since the robot was last heard: a pause of the whole machine counts as little as a late cycle.
+    /// Cycle time since then: a pause of the whole machine counts as little as a late cycle.
     robot_silence_ns: i64,
+    /// Why the states after it were not taken, where there were any.
+    refused_state: Option<Waiting>,
+    refused_robot_states: u32,
     slack_residual_m: f64,
     last_ns: Option<i64>,
     late_run: u32,
@@ -157,7 +169,7 @@ impl Executive {
         Self {
             settings,
             map: robot.tendons.clone(),
-            limits: PaceLimits::new(robot, seconds(settings.period_ns)),
+            limits: PaceLimits::new(robot),
             state: LoopState::Starting,
             fault: LoopFault::None,
             commanded: Commanded::resting(Configuration::zeros()),
@@ -181,6 +193,8 @@ impl Executive {
             attached_ns: 0,
             robot: None,
             robot_silence_ns: 0,
+            refused_state: None,
+            refused_robot_states: 0,
             slack_residual_m: 0.0,
             last_ns: None,
             late_run: 0,
@@ -237,7 +251,7 @@ impl Executive {
         Ok(())
     }
 
-    /// Clears the latched fault and holds, or waits for the robot where it has let go.
+    /// Clears the latched fault and holds with the tolerance of the settings, or waits for the robot where it has let go.
     ///
     /// # Errors
     /// [`CommandRefusal::NothingToDo`] without a fault, [`CommandRefusal::FaultPersists`] while it still brakes.
@@ -248,6 +262,8 @@ impl Executive {
             _ => return Err(CommandRefusal::FaultPersists),
         }
         self.fault = LoopFault::None;
+        // The trajectory is over, and so is what it allowed.
+        self.path_tolerance_rad = self.settings.hold_tolerance_rad;
         self.tracking.restart();
         self.late_run = 0;
         self.state = if self.followed {
@@ -396,6 +412,9 @@ impl Executive {
             send: self.attached,
             state: self.state,
             fault: self.fault,
+            waiting: self.waiting(),
+            accepted_residual_m: robot.map_or(0.0, |robot| self.accepted_residual_m(robot)),
+            refused_robot_states: self.refused_robot_states,
             trajectory_id: self
                 .motion
                 .as_ref()

@@ -24,7 +24,7 @@ const BENDING_TOLERANCE_RAD: f64 = 5e-3;
 const BENDING_SAMPLES: u32 = 4;
 
 /// A trajectory in memory of our own, made once and filled again and again.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Motion {
     /// Its id, at least 1.
     pub id: u32,

@@ -1,16 +1,20 @@
 //! How fast the loop runs along a trajectory: braking, stopping and speed scaling without leaving the path.
 //!
 //! The trajectory is followed at path time t with rate r = dt/dτ, so a tendon's velocity is q̇ r and its acceleration
-//! q̈ r² + q̇ ṙ. The rate law ([`trajectory::RateLaw`]) chooses r. It extrapolates over one period, so a late cycle is
-//! made of several of its steps.
+//! q̈ r² + q̇ ṙ. The rate law ([`trajectory::RateLaw`]) chooses r. It judges the trajectory at both ends of its steps
+//! and at the knots between them, so a longer cycle is made of several equal steps.
 
 use pcc_model::{Configuration, Robot};
-use trajectory::{Knot, RateLaw, State, evaluate};
+use trajectory::{Knot, Playback, RateLaw, State, evaluate};
 
 use crate::{TENDONS, TendonVector};
 
-/// Share of the acceleration limit that braking uses: the rest covers the law's extrapolation (jerk × a tenth of a cycle).
+/// Share of the acceleration limit that a change of rate may use. The rest is for what lies between the instants that
+/// the law judges: the mean acceleration of a step h exceeds that of its ends by at most jerk × h / 8.
 const BRAKING_SHARE: f64 = 0.998;
+
+/// Bounds of the rate law's longest step, s: short enough for [`BRAKING_SHARE`], long enough for a cycle's work.
+const LONGEST_STEP_S: [f64; 2] = [0.25e-3, 1.5e-3];
 
 /// Relative excess over a limit that rounding and the knots' own tolerance may cause.
 const ROUNDING: f64 = 1e-5;
@@ -22,14 +26,16 @@ pub struct PaceLimits {
     velocity_m_s: f64,
     acceleration_m_s2: f64,
     law: RateLaw,
-    step_s: f64,
+    longest_step_s: f64,
 }
 
 impl PaceLimits {
-    /// The limits of `robot` (lengths in m), for steps of at most `step_s`.
+    /// The limits of `robot` (lengths in m).
     #[must_use]
-    pub fn new(robot: &Robot, step_s: f64) -> Self {
+    pub fn new(robot: &Robot) -> Self {
         let (map, limits) = (&robot.tendons, &robot.tendon_limits);
+        let spare = (1.0 - BRAKING_SHARE) * limits.acceleration;
+        let [shortest_s, longest_s] = LONGEST_STEP_S;
         let matrix = map.matrix();
         let rows = std::array::from_fn(|tendon| {
             if tendon < map.count() {
@@ -43,7 +49,7 @@ impl PaceLimits {
             velocity_m_s: limits.velocity,
             acceleration_m_s2: limits.acceleration,
             law: RateLaw::new(map, limits.acceleration * BRAKING_SHARE),
-            step_s,
+            longest_step_s: (8.0 * spare / limits.jerk).clamp(shortest_s, longest_s),
         }
     }
 
@@ -117,17 +123,22 @@ impl Pace {
         target: f64,
         elapsed_s: f64,
     ) -> Commanded {
-        let mut state = evaluate(knots, &mut self.hint, self.time_s);
-        let (mut left_s, mut rate_change_per_s) = (elapsed_s, 0.0);
-        while left_s > 0.0 {
-            let step_s = left_s.min(limits.step_s);
-            left_s -= step_s;
-            let step = limits.law.step(&state, self.rate, target, step_s);
+        let steps = (elapsed_s / limits.longest_step_s).ceil().max(0.0);
+        let (mut left, step_s) = (steps, elapsed_s / steps);
+        let mut rate_change_per_s = 0.0;
+        while left > 0.0 {
+            left -= 1.0;
+            let playback = Playback {
+                knots,
+                time: self.time_s,
+                rate: self.rate,
+            };
+            let step = limits.law.step(&playback, &mut self.hint, target, step_s);
             rate_change_per_s = (step.rate - self.rate) / step_s;
             self.rate = step.rate;
             self.time_s += step.advance;
-            state = evaluate(knots, &mut self.hint, self.time_s);
         }
+        let state = evaluate(knots, &mut self.hint, self.time_s);
         self.commanded(&state, rate_change_per_s)
     }
 

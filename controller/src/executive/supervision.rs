@@ -1,11 +1,14 @@
 //! What each cycle watches: the robot, the daemon, the loop's own punctuality.
 
-use shared_types::codes::{LoopFault, LoopState, MotorState};
+use shared_types::codes::{LoopFault, LoopState, MotorState, Waiting};
 
 use super::{CycleInput, Executive, RobotSample, seconds};
 
-/// An accepted reference may be this far from every configuration's tendons before the first trajectory, m.
-const CONSISTENCY_M: f64 = 1e-6;
+/// The robot is taken hold of where its accepted reference is this near to a configuration's tendons, m.
+pub const CONSISTENCY_M: f64 = 1e-6;
+
+/// A robot state may be stamped this far in the future, ns: robot and loop read the same clock.
+const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
 
 /// How long a robot may leave our first set-points unanswered, ns.
 const TAKE_UP_NS: i64 = 200_000_000;
@@ -15,11 +18,16 @@ impl Executive {
     pub(super) fn supervise(&mut self, input: &CycleInput<'_>, elapsed_ns: i64) -> bool {
         self.robot_silence_ns += elapsed_ns.min(2 * self.settings.period_ns);
         if let Some(sample) = input.robot {
-            self.robot_silence_ns = 0;
-            self.hear(sample);
+            match self.check_stamp(sample.stamp_ns, input.now_ns) {
+                Ok(()) => self.hear(sample),
+                Err(reason) => self.refuse_state(reason),
+            }
         }
-        if input.robot_state_invalid && self.state != LoopState::Starting {
-            self.stop_for(LoopFault::InvalidRobotState);
+        if input.robot_state_invalid {
+            self.refuse_state(Waiting::InvalidRobotState);
+            if self.state != LoopState::Starting {
+                self.stop_for(LoopFault::InvalidRobotState);
+            }
         }
         self.watch_robot(input.now_ns);
         if !input.daemon_alive {
@@ -43,7 +51,28 @@ impl Executive {
         };
     }
 
+    /// A state counts only if it is newer than the one before, and of now: else it tells of no robot that lives.
+    fn check_stamp(&self, stamp_ns: i64, now_ns: i64) -> Result<(), Waiting> {
+        if stamp_ns > now_ns + STAMP_ALLOWANCE_NS {
+            return Err(Waiting::FutureRobotState);
+        }
+        if self.robot.is_some_and(|last| stamp_ns <= last.stamp_ns) {
+            return Err(Waiting::RepeatedRobotState);
+        }
+        if now_ns - stamp_ns > self.settings.robot_lost_ns {
+            return Err(Waiting::OldRobotState);
+        }
+        Ok(())
+    }
+
+    fn refuse_state(&mut self, reason: Waiting) {
+        self.refused_state = Some(reason);
+        self.refused_robot_states = self.refused_robot_states.wrapping_add(1);
+    }
+
     fn hear(&mut self, sample: &RobotSample) {
+        self.robot_silence_ns = 0;
+        self.refused_state = None;
         self.slack_residual_m = self
             .map
             .slack_residual(&sample.measured_m[..self.map.count()]);
@@ -103,16 +132,7 @@ impl Executive {
 
     /// Begins to send the robot's own reference, once that is at rest; holds as soon as the robot follows.
     fn take_hold(&mut self, now_ns: i64, robot: &RobotSample) {
-        let rests = matches!(robot.state, MotorState::Idle | MotorState::AtRestAfterLoss)
-            && robot
-                .accepted_velocity_m_s
-                .iter()
-                .all(|velocity| *velocity == 0.0);
-        let consistent = self
-            .map
-            .slack_residual(&robot.accepted_m[..self.map.count()])
-            <= CONSISTENCY_M;
-        if !rests || !consistent {
+        if self.obstacle(robot) != Waiting::None {
             return;
         }
         self.mirror_robot();
@@ -120,6 +140,48 @@ impl Executive {
         self.followed = false;
         self.attached_ns = now_ns;
         self.tracking.restart();
+    }
+
+    /// What about the robot's state keeps the loop from taking hold of it.
+    fn obstacle(&self, robot: &RobotSample) -> Waiting {
+        let moves = robot
+            .accepted_velocity_m_s
+            .iter()
+            .any(|velocity| *velocity != 0.0);
+        match robot.state {
+            MotorState::Fault => Waiting::RobotFault,
+            MotorState::Following => Waiting::RobotFollowsAnother,
+            MotorState::RampingToRest => Waiting::RobotMoves,
+            MotorState::Idle | MotorState::AtRestAfterLoss if moves => Waiting::RobotMoves,
+            MotorState::Idle | MotorState::AtRestAfterLoss
+                if self.accepted_residual_m(robot) > CONSISTENCY_M =>
+            {
+                Waiting::OffTendonMap
+            }
+            MotorState::Idle | MotorState::AtRestAfterLoss => Waiting::None,
+        }
+    }
+
+    /// Part of the robot's accepted set-point that no configuration explains, m.
+    pub(super) fn accepted_residual_m(&self, robot: &RobotSample) -> f64 {
+        self.map
+            .slack_residual(&robot.accepted_m[..self.map.count()])
+    }
+
+    /// Why the robot is not held.
+    pub(super) fn waiting(&self) -> Waiting {
+        if self.attached && self.followed {
+            return Waiting::None;
+        }
+        let heard = self.robot.as_ref().filter(|_| !self.is_robot_lost());
+        match heard {
+            None => self.refused_state.unwrap_or(Waiting::NoRobotState),
+            Some(_) if self.attached => Waiting::NotTakenUp,
+            Some(robot) => match self.obstacle(robot) {
+                Waiting::None => Waiting::NotTakenUp,
+                obstacle => obstacle,
+            },
+        }
     }
 
     /// The robot does not take our set-points any more: sends nothing, follows nothing, mirrors the robot.

@@ -1,3 +1,6 @@
+mod robot_states;
+mod stops;
+
 use pcc_model::Configuration;
 use rand_pcg::{
     Pcg64,
@@ -357,32 +360,6 @@ fn a_pause_of_the_whole_machine_is_one_late_cycle_and_no_fault() {
             state(world) == LoopState::Holding
         });
         assert!((world.commanded() - target_configuration()).amax() < 1e-12);
-    }
-}
-
-#[test]
-fn a_killed_robot_that_comes_back_is_found_where_it_stands() {
-    for kill_at in [3, 700, 1_500] {
-        let mut world = World::holding();
-        world.begin_motion(1);
-        world.run(kill_at);
-        world.robot_silent = true;
-        world.run(100);
-        world.restart_robot();
-        world.robot_silent = false;
-        let mut refused = None;
-        for _ in 0..1_000 {
-            world.cycle(MS);
-            if state(&world) == LoopState::Fault && refused.is_none() {
-                refused = Some(world.executive.reset());
-            }
-        }
-        assert_eq!(
-            state(&world),
-            LoopState::Holding,
-            "killed after {kill_at} ms"
-        );
-        assert_eq!(world.simulated.reference().mode(), Mode::Following);
     }
 }
 

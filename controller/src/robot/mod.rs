@@ -34,6 +34,7 @@ pub struct InjectedFaults {
 }
 
 /// Reference, motors and sensors of all tendons, driven cycle by cycle.
+#[derive(Clone)]
 pub struct SimulatedRobot {
     tendons: TendonMap,
     reference: Reference,

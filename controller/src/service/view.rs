@@ -2,20 +2,28 @@
 
 use shared_types::{
     clock::mono_now_ns,
-    codes::{LoopFault, LoopState, Refusal},
+    codes::{LoopFault, LoopState, Refusal, Waiting},
     lateness,
     message::ControllerState,
 };
 use tracing::{error, info, warn};
 
 use super::link::Report;
-use crate::{arena::MemoryCounts, executive::Situation};
+use crate::{
+    arena::MemoryCounts,
+    executive::{CONSISTENCY_M, CycleOutput, Situation},
+};
+
+/// A reason to wait that has lasted for so long is told, ns: at a start each lasts for some cycles.
+const TELL_WAITING_NS: i64 = 500_000_000;
 
 /// The loop as seen from outside.
 pub(super) struct View {
     published: ControllerState,
     state: LoopState,
     fault: LoopFault,
+    /// Why the loop does not hold the robot, since when, and whether that was told.
+    waiting: (Waiting, i64, bool),
     late_run: u32,
     memory: MemoryCounts,
     latest: Option<Report>,
@@ -29,6 +37,7 @@ impl View {
             published,
             state: LoopState::Starting,
             fault: LoopFault::None,
+            waiting: (Waiting::None, 0, true),
             late_run: 0,
             memory: MemoryCounts::default(),
             latest: None,
@@ -71,6 +80,7 @@ impl View {
             }
             self.fault = output.fault;
         }
+        self.tell_waiting(output);
         if report.memory.system_operations != self.memory.system_operations {
             let count = report.memory.system_operations;
             warn!(count, "the loop touched system memory inside a cycle");
@@ -81,6 +91,25 @@ impl View {
             self.published.trajectory_id = output.trajectory_id;
         }
         self.latest = Some(report);
+    }
+
+    fn tell_waiting(&mut self, output: &CycleOutput) {
+        let (reason, since_ns, told) = self.waiting;
+        if output.waiting != reason {
+            let told = output.waiting == Waiting::None;
+            self.waiting = (output.waiting, output.stamp_ns, told);
+        } else if !told && output.stamp_ns - since_ns > TELL_WAITING_NS {
+            self.waiting.2 = true;
+            let accepted_residual_m = output.accepted_residual_m;
+            let refused_states = output.refused_robot_states;
+            warn!(
+                %reason,
+                accepted_residual_m,
+                allowed_m = CONSISTENCY_M,
+                refused_states,
+                "the robot is not taken hold of"
+            );
+        }
     }
 
     fn count_lateness(&mut self, late: bool, lateness_ns: u64) {
@@ -120,6 +149,9 @@ impl View {
         message.setpoints_sent = report.setpoints_sent;
         message.loop_arena_allocations = report.memory.arena_allocations;
         message.loop_system_allocations = report.memory.system_operations;
+        message.waiting = output.waiting.code();
+        message.refused_robot_states = output.refused_robot_states;
+        message.accepted_residual_m = output.accepted_residual_m;
         message
     }
 }

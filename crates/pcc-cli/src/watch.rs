@@ -4,7 +4,7 @@ use anyhow::bail;
 use clap::Args;
 use client::{ControllerView, RobotView};
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopFault, MotorFault, Refusal};
+use shared_types::codes::{LoopFault, MotorFault, Refusal, Waiting};
 use shared_types::ipc::IpcOptions;
 use shared_types::lateness::quantile_ns;
 use shared_types::valid::{ControllerState, RobotState};
@@ -112,6 +112,12 @@ fn describe_controller(state: Option<ControllerState>) -> String {
     ];
     if state.fault != LoopFault::None {
         lines.push(format!("FAULT          {}", state.fault));
+    }
+    if state.waiting != Waiting::None {
+        lines.push(format!(
+            "waiting        {} (accepted set-point {:.2e} m off the tendon map, {} robot states refused)",
+            state.waiting, v.accepted_residual_m, v.refused_robot_states
+        ));
     }
     if state.refusal != Refusal::None {
         lines.push(format!(

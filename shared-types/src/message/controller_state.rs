@@ -7,7 +7,7 @@ use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
 
 wire_message! {
     /// State of the controller (service `controller_state`, one publisher: its relay thread, about 50 Hz).
-    pub struct ControllerState: "pcc.v2.ControllerState", 592 bytes {
+    pub struct ControllerState: "pcc.v2.ControllerState", 608 bytes {
         /// Time of the cycle it describes, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// Cycles since the loop began.
@@ -54,6 +54,13 @@ wire_message! {
         pub loop_arena_allocations: u64,
         /// Allocations of the loop thread that reached the system allocator.
         pub loop_system_allocations: u64,
+        /// [`crate::codes::Waiting`]: why the loop does not hold the robot.
+        pub waiting: u32,
+        /// Robot states that were not taken: invalid, repeated, too old or from the future.
+        pub refused_robot_states: u32,
+        /// Part of the robot's accepted set-point that no configuration explains, metres (norm); over 1e-6 the robot is not
+        /// taken hold of.
+        pub accepted_residual_m: f64,
         /// Wake-ups by lateness ([`crate::lateness`]).
         pub lateness_histogram: [u32; HISTOGRAM_BINS],
     }

@@ -26,6 +26,9 @@ use std::fmt;
 use crate::PROTOCOL_VERSION;
 use crate::codes::{Outcome, PlanField, UnknownCode};
 
+/// Least tracking error that a trajectory must allow, rad: under it the noise of measurement alone would stop every motion.
+pub const LEAST_PATH_TOLERANCE_RAD: f64 = 1e-3;
+
 /// Largest magnitude of a length, metres.
 pub const MAX_LENGTH_M: f64 = 1e3;
 /// Largest magnitude of an angle, radians.

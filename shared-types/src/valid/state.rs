@@ -5,7 +5,7 @@
 use super::{
     Invalid, Quantity, Reason, check_array, check_code, check_range, check_stamp, invalid,
 };
-use crate::codes::{LoopFault, LoopState, MotorFault, MotorState, Refusal};
+use crate::codes::{LoopFault, LoopState, MotorFault, MotorState, Refusal, Waiting};
 use crate::message;
 
 /// A set-point that a motor may consider.
@@ -93,6 +93,8 @@ pub struct ControllerState {
     pub state: LoopState,
     /// Why it is in fault.
     pub fault: LoopFault,
+    /// Why it does not hold the robot.
+    pub waiting: Waiting,
     /// Why it refused the last trajectory that it refused.
     pub refusal: Refusal,
     /// The values, all finite.
@@ -129,10 +131,12 @@ impl TryFrom<&message::ControllerState> for ControllerState {
         check_finite("slack_residual_m", values.slack_residual_m)?;
         check_finite("splice_error_m", values.splice_error_m)?;
         check_finite("trajectory_time_s", values.trajectory_time_s)?;
+        check_finite("accepted_residual_m", values.accepted_residual_m)?;
         check_range(values.rate, 0.0, 1.0, "0..=1").map_err(|reason| invalid("rate", reason))?;
         Ok(Self {
             state: check_code("state", values.state)?,
             fault: check_code("fault", values.fault)?,
+            waiting: check_code("waiting", values.waiting)?,
             refusal: check_code("refusal", values.refusal)?,
             values,
         })
@@ -279,6 +283,8 @@ mod tests {
                 (|s| s.state = 5, "state: 5"),
                 (|s| s.fault = 99, "fault: 99"),
                 (|s| s.refusal = 99, "refusal: 99"),
+                (|s| s.waiting = 99, "waiting: 99"),
+                (|s| s.accepted_residual_m = f64::NAN, "accepted_residual_m"),
                 (
                     |s| s.commanded_configuration_rad[0] = f64::NAN,
                     "commanded_configuration_rad[0]",

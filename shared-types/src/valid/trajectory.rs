@@ -34,9 +34,9 @@ impl TryFrom<&TrajectoryMessage> for Trajectory {
         check_knots(&knots)?;
         let tolerance = check_range(
             wire.path_tolerance_rad,
-            0.0,
+            super::LEAST_PATH_TOLERANCE_RAD,
             super::MAX_ANGLE_RAD,
-            "0..=1000 rad",
+            "0.001..=1000 rad",
         );
         check_count("trajectory_id", wire.trajectory_id, 1, u32::MAX as usize)?;
         Ok(Self {
@@ -143,8 +143,8 @@ mod tests {
             ),
             (|t| t.begin_mono_ns = i64::MIN, "begin_mono_ns is -9"),
             (
-                |t| t.path_tolerance_rad = -0.1,
-                "path_tolerance_rad is -0.1; allowed is 0..=1000 rad",
+                |t| t.path_tolerance_rad = 0.0,
+                "path_tolerance_rad is 0; allowed is 0.001..=1000 rad",
             ),
             (
                 |t| t.path_tolerance_rad = f64::NAN,
