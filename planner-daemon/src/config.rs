@@ -78,6 +78,8 @@ struct File {
     weights: Option<PathBuf>,
     diffusion: Option<DiffusionConfig>,
     scene: Option<SceneConfig>,
+    #[serde(default)]
+    live_scene: LiveSceneConfig,
     #[serde(default = "defaults::threads")]
     threads: usize,
     #[serde(default = "defaults::candidates")]
@@ -143,6 +145,12 @@ struct SceneConfig {
     file: PathBuf,
 }
 
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct LiveSceneConfig {
+    expected: bool,
+}
+
 /// Which diffusion model is resident, and how it is sampled.
 #[derive(Clone, Debug, Deserialize, PartialEq, Eq)]
 #[serde(deny_unknown_fields)]
@@ -202,6 +210,8 @@ pub struct Config {
     pub diffusion: Option<DiffusionConfig>,
     /// File of the obstacles that are part of every request's scene, if there are any.
     pub scene: Option<PathBuf>,
+    /// Whether nothing is executed while no source tells of a live scene.
+    pub scene_expected: bool,
     /// Worker threads that plan.
     pub threads: usize,
     /// What the plan service holds.
@@ -216,7 +226,7 @@ pub struct Config {
     pub begin_lead: Duration,
     /// How to wait for requests.
     pub wait: WaitMode,
-    /// Priority of planning under SCHED_FIFO, `None` for none; service and heartbeat have the next higher one.
+    /// Priority of planning under SCHED_FIFO, `None` for none; service and heartbeat have the next higher one, supervision the one above.
     pub realtime_priority: Option<u8>,
     /// Processors to run on; empty for all.
     pub processors: Vec<usize>,
@@ -311,6 +321,7 @@ impl File {
             weights: self.weights.as_ref().map(|weights| folder.join(weights)),
             diffusion: self.diffusion,
             scene: self.scene.map(|scene| folder.join(scene.file)),
+            scene_expected: self.live_scene.expected,
             threads: self.threads,
             capacity: PlanServiceCapacity {
                 clients: self.clients,

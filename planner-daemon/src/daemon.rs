@@ -99,9 +99,9 @@ pub enum StartError {
 
 /// The daemon, ready to serve. It belongs to the thread that started it.
 pub struct Daemon {
-    // Dropped in this order: threads and ports before the node, the role last.
-    _background: Background,
+    // Dropped in this order: supervision, which stops what moves, before the heart; ports before the node; the role last.
     service: Service,
+    _background: Background,
     _node: IpcNode,
     _role: RoleLock,
 }
@@ -123,9 +123,18 @@ impl Daemon {
         warm_up(&planner, config)?;
         let node = IpcNode::create(options, "planner-daemon")?;
         let progress = Arc::new(Progress::default());
-        let service = open_service(config, &node, &robot, static_scene, planner, &progress)?;
+        let (serving, supervising) = (
+            priorities.map(|priorities| priorities.serving),
+            priorities.map(|priorities| priorities.supervising),
+        );
+        let execution = Execution::start(
+            options,
+            execution_rules(config, &planner, &robot),
+            &progress,
+            supervising,
+        )?;
+        let service = open_service(config, &node, &robot, static_scene, planner, execution)?;
         bring_in_shared_memory(config, options);
-        let serving = priorities.map(|priorities| priorities.serving);
         let background = Background::start(options, &progress, serving)?;
         if let Some(serving) = serving {
             process::use_fifo_priority(serving)?;
@@ -148,8 +157,8 @@ impl Daemon {
             megabytes(config.resident_memory_budget)
         );
         Ok(Self {
-            _background: background,
             service,
+            _background: background,
             _node: node,
             _role: role,
         })
@@ -199,24 +208,29 @@ fn lock_memory(config: &Config) {
     }
 }
 
-/// Real-time priorities: planning must not keep requests, answers and heartbeats from a processor.
+/// Real-time priorities: planning must not keep requests, answers and heartbeats from a processor, and none of them supervision.
 #[derive(Clone, Copy)]
 struct Priorities {
     planning: u8,
     serving: u8,
+    supervising: u8,
 }
 
-/// Those that are asked for, if the system grants the higher one; else none, for either.
+/// Those that are asked for, if the system grants the highest one; else none.
 fn priorities(config: &Config) -> Option<Priorities> {
     let planning = config.realtime_priority?;
-    let serving = planning + 1;
-    let tried = thread::spawn(move || process::use_fifo_priority(serving));
+    let (serving, supervising) = (planning + 1, planning + 2);
+    let tried = thread::spawn(move || process::use_fifo_priority(supervising));
     match tried.join().expect("a system call does not panic") {
-        Ok(()) => Some(Priorities { planning, serving }),
+        Ok(()) => Some(Priorities {
+            planning,
+            serving,
+            supervising,
+        }),
         Err(error) => {
             tracing::warn!(
-                "no real-time priorities {planning} and {serving}, other programs can make answers late ({error}): allow them \
-                 with CAP_SYS_NICE or `ulimit -r {serving}`, or set realtime_priority = 0"
+                "no real-time priorities {planning} to {supervising}, other programs can make answers and orders to stop late ({error}): \
+                 allow them with CAP_SYS_NICE or `ulimit -r {supervising}`, or set realtime_priority = 0"
             );
             None
         }
@@ -337,24 +351,29 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
     Ok(())
 }
 
+fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> ExecutionRules {
+    let unit_robot = planner.robot();
+    let growth = tracking_growth(unit_robot, config.path_tolerance_rad);
+    ExecutionRules {
+        grown: unit_robot.with_tube_growth(&growth),
+        section_length_m: robot.section_lengths[0],
+        path_tolerance_rad: config.path_tolerance_rad,
+        begin_lead: config.begin_lead,
+        scene_expected: config.scene_expected,
+    }
+}
+
 fn open_service(
     config: &Config,
     node: &IpcNode,
     robot: &Robot,
     static_scene: Scene,
     planner: Planner,
-    progress: &Arc<Progress>,
+    execution: Execution,
 ) -> Result<Service, StartError> {
     let section_length_m = robot.section_lengths[0];
     let unit_robot = planner.robot().clone();
     let growth = tracking_growth(&unit_robot, config.path_tolerance_rad);
-    let rules = ExecutionRules {
-        grown: unit_robot.with_tube_growth(&growth),
-        section_length_m,
-        path_tolerance_rad: config.path_tolerance_rad,
-        begin_lead: config.begin_lead,
-    };
-    let execution = Execution::open(node, rules)?;
     let planning = Planning::new(Arc::new(planner))?;
     let plan = plan_service(node, &config.capacity)?;
     Ok(Service::new(Parts {
@@ -373,7 +392,6 @@ fn open_service(
         robot: unit_robot,
         wait: config.wait,
         queued_per_client: config.queued_per_client,
-        progress: Arc::clone(progress),
     }))
 }
 

@@ -1,30 +1,30 @@
-//! Publishing motions for execution, and stopping them when the live scene comes in their way.
+//! Handing motions over for execution: what is refused, and the way to the thread that publishes and supervises.
 
+use std::io;
+use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
 
-use collision::Verdict;
-use iceoryx2::port::update_connections::UpdateConnections;
 use pcc_model::{Configuration, Robot};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState};
-use shared_types::ipc::{
-    IpcError, IpcNode, Publisher, Subscriber, controller_state_service, publisher, scene_service,
-    subscriber, trajectory_service,
-};
-use shared_types::message::{ControllerState, SceneMessage, TrajectoryMessage};
-use shared_types::{PROTOCOL_VERSION, valid};
+use shared_types::ipc::{IpcNode, IpcOptions};
+use shared_types::valid;
 use trajectory::Trajectory;
 
 use crate::admission::Begin;
-use crate::live_scene::{LiveScene, Timing};
-use crate::stop_order::StopOrder;
-use crate::supervision::{Standing, Supervised, is_fresh};
-use crate::wire;
+use crate::heartbeat::{BackgroundError, Progress};
+use crate::live_scene::SceneAbsence;
+use crate::supervision::is_fresh;
+use crate::supervisor::Supervisor;
 
 /// Largest distance of a motion's start from the commanded configuration, rad.
 const START_TOLERANCE_RAD: f64 = 1e-6;
 /// Clock time that one trajectory id stands for, nanoseconds: u32 ids last 497 days of uptime.
 const ID_STEP_NS: i64 = 10_000_000;
+/// Time within which supervision takes a motion up, or not at all: the heart stops sooner where it does not go on.
+const ANSWER_WITHIN: Duration = Duration::from_millis(250);
 
 /// Why a motion is planned but not published.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -35,6 +35,9 @@ pub(crate) enum ExecutionRefusal {
     /// Nobody would execute it.
     #[error("no controller: its state is missing or older than 200 ms")]
     ControllerAbsent,
+    /// Nobody would stop it.
+    #[error("nobody serves `command`: an order to stop would be lost")]
+    CommandUnserved,
     /// The controller is not at rest.
     #[error("the controller is {state} (fault: {fault}); only a holding one takes a motion")]
     NotHolding { state: LoopState, fault: LoopFault },
@@ -46,20 +49,29 @@ pub(crate) enum ExecutionRefusal {
         "the start is {distance_rad:.3e} rad away from the commanded configuration; at most 1e-6 rad is allowed"
     )]
     StartsElsewhere { distance_rad: f64 },
+    /// Nobody knows where the obstacles are.
+    #[error(transparent)]
+    NoScene(#[from] SceneAbsence),
     /// An obstacle of the live scene is in the way.
     #[error("the live scene is in the way: not certified free at {at_s:.3} s of the motion")]
     SceneInTheWay { at_s: f64 },
     /// Nobody would watch over the motion.
     #[error("the daemon ends")]
     DaemonEnds,
+    /// The thread that watches over motions did not answer.
+    #[error(
+        "the supervision of motions does not answer: it is held; whether the motion was published is not known, no controller \
+         executes it"
+    )]
+    SupervisionHeld,
     /// Shared memory did not take it.
     #[error("the trajectory could not be published")]
     NotPublished,
 }
 
 /// Which motion is to be executed.
-pub(crate) struct Selected<'a> {
-    pub(crate) motion: &'a Trajectory,
+pub(crate) struct Selected {
+    pub(crate) motion: Trajectory,
     pub(crate) candidate_index: usize,
     pub(crate) plan_id: u64,
     pub(crate) begin: Begin,
@@ -75,157 +87,90 @@ pub(crate) struct ExecutionRules {
     pub(crate) path_tolerance_rad: f64,
     /// Least time between publishing and begin.
     pub(crate) begin_lead: Duration,
+    /// Whether nothing may be executed without a live scene.
+    pub(crate) scene_expected: bool,
 }
 
-/// The daemon's ports to the controller and to the live scene.
+/// A motion on its way to supervision, which answers.
+pub(crate) struct Handed {
+    pub(crate) selected: Selected,
+    /// After this it is not wanted any more, nanoseconds of `CLOCK_MONOTONIC`.
+    pub(crate) until_mono_ns: i64,
+    pub(crate) answer: SyncSender<Result<u32, ExecutionRefusal>>,
+}
+
+/// The way to the thread that publishes motions and watches over them; ends it when dropped, once nothing moves.
 pub(crate) struct Execution {
-    rules: ExecutionRules,
-    publisher: Publisher<TrajectoryMessage>,
-    states: Subscriber<ControllerState>,
-    scenes: Subscriber<SceneMessage>,
-    stop_order: StopOrder,
-    state: Option<valid::ControllerState>,
-    live: LiveScene,
-    supervised: Option<Supervised>,
-    last_id: u32,
+    to_supervision: Option<SyncSender<Handed>>,
+    thread: Option<JoinHandle<()>>,
 }
 
 impl Execution {
-    /// Opens the services and makes the ports, which stay in this thread.
-    pub(crate) fn open(node: &IpcNode, rules: ExecutionRules) -> Result<Self, IpcError> {
+    /// Starts the thread, with a node of its own, at a real-time priority if there is one.
+    pub(crate) fn start(
+        options: &IpcOptions,
+        rules: ExecutionRules,
+        progress: &Arc<Progress>,
+        realtime_priority: Option<u8>,
+    ) -> Result<Self, BackgroundError> {
+        let node = IpcNode::create(options, "planner-daemon supervision")?;
+        let (to_supervision, handed) = sync_channel(1);
+        let progress = Arc::clone(progress);
+        let (tell, told) = sync_channel(1);
+        let supervise = move || match Supervisor::open(&node, rules, progress, realtime_priority) {
+            Ok(mut supervisor) => {
+                let _ = tell.send(Ok(()));
+                supervisor.run(&handed);
+            }
+            Err(error) => {
+                let _ = tell.send(Err(error));
+            }
+        };
+        let builder = Builder::new().name("supervision".to_owned());
+        let thread = builder.spawn(supervise)?;
+        told.recv().map_err(io::Error::other)??;
         Ok(Self {
-            rules,
-            publisher: publisher(node, &trajectory_service(node)?)?,
-            states: subscriber(node, &controller_state_service(node)?)?,
-            scenes: subscriber(node, &scene_service(node)?)?,
-            stop_order: StopOrder::open(node)?,
-            state: None,
-            live: LiveScene::default(),
-            supervised: None,
-            last_id: 0,
+            to_supervision: Some(to_supervision),
+            thread: Some(thread),
         })
     }
 
-    /// Hears what is new and watches over the motion under way; call it about once a millisecond.
-    pub(crate) fn attend(&mut self) {
-        if let Err(error) = self.publisher.update_connections() {
-            tracing::warn!("a late controller may miss trajectories: {error:?}");
-        }
-        self.receive();
-        self.supervise();
-    }
-
-    fn receive(&mut self) {
-        while let Ok(Some(sample)) = self.states.receive() {
-            let copy: ControllerState = *sample;
-            match valid::ControllerState::try_from(&copy) {
-                Ok(state) => self.state = Some(state),
-                Err(error) => tracing::warn!("a controller's state is refused: {error}"),
-            }
-        }
-        while let Ok(Some(sample)) = self.scenes.receive() {
-            let copy: Box<SceneMessage> = Box::new(*sample);
-            match valid::Scene::try_from(copy.as_ref()) {
-                Ok(scene) => self.live.replace(scene, self.rules.section_length_m),
-                Err(error) => tracing::warn!("a scene is refused, the one before stays: {error}"),
-            }
-        }
-    }
-
-    fn supervise(&mut self) {
-        let now = mono_now_ns();
-        let obeyed = self.stop_order.attend(now);
-        let Some(supervised) = &mut self.supervised else {
-            return;
+    /// Has a motion checked against the controller and the live scene and published, by the thread that watches over it from then on;
+    /// returns its id.
+    pub(crate) fn publish(&self, selected: Selected) -> Result<u32, ExecutionRefusal> {
+        let (answer, answered) = sync_channel(1);
+        let handed = Handed {
+            selected,
+            until_mono_ns: mono_now_ns() + ANSWER_WITHIN.as_nanos() as i64,
+            answer,
         };
-        let standing = match supervised.standing(self.state.as_ref(), now) {
-            Standing::Awaited if obeyed => Standing::Over("it was taken back before its begin"),
-            standing => standing,
-        };
-        if let Standing::Over(reason) = standing {
-            tracing::info!("trajectory {} is over: {reason}", supervised.id);
-            self.supervised = None;
-            return;
+        let ways = self.to_supervision.as_ref();
+        if ways.is_none_or(|way| way.try_send(handed).is_err()) {
+            return Err(ExecutionRefusal::SupervisionHeld);
         }
-        if !supervised.still_holds(standing, &self.live, &self.rules.grown, now) {
-            self.stop_order.give(supervised.id, now);
-        }
+        let answered = answered.recv_timeout(2 * ANSWER_WITHIN);
+        answered.unwrap_or(Err(ExecutionRefusal::SupervisionHeld))
     }
+}
 
-    /// Publishes a motion after checking it against the controller and the live scene; returns its id.
-    pub(crate) fn publish(&mut self, selected: &Selected) -> Result<u32, ExecutionRefusal> {
-        self.receive();
-        self.supervise();
-        let now = mono_now_ns();
-        let busy = self.supervised.as_ref().map(|supervised| supervised.id);
-        let start = selected.motion.knots()[0].position;
-        check_controller(self.state.as_ref(), &start, busy, now)?;
-        let begin_mono_ns = self.begin(selected.begin, now);
-        self.check_scene(selected.motion, begin_mono_ns)?;
-        let id = next_id(self.last_id, now);
-        self.send(selected, id, begin_mono_ns)?;
-        self.last_id = id;
-        let scene_changes = self.live.changes();
-        let motion = selected.motion.clone();
-        self.supervised = Some(Supervised::new(id, motion, begin_mono_ns, scene_changes));
-        Ok(id)
-    }
-
-    fn begin(&self, begin: Begin, now_mono_ns: i64) -> i64 {
-        let soonest = now_mono_ns + self.rules.begin_lead.as_nanos() as i64;
-        match begin {
-            Begin::Soon => soonest,
-            Begin::NotBefore(time) => time.max(soonest),
-        }
-    }
-
-    fn check_scene(&self, motion: &Trajectory, begin_mono_ns: i64) -> Result<(), ExecutionRefusal> {
-        let timing = Timing::from_begin(begin_mono_ns);
-        match self.live.certify(&self.rules.grown, motion, 0.0, timing) {
-            Verdict::Free => Ok(()),
-            Verdict::Colliding { at } | Verdict::Undecided { at } => {
-                Err(ExecutionRefusal::SceneInTheWay { at_s: at })
-            }
-        }
-    }
-
-    fn send(
-        &self,
-        selected: &Selected,
-        id: u32,
-        begin_mono_ns: i64,
-    ) -> Result<(), ExecutionRefusal> {
-        let knots = selected.motion.knots();
-        let mut message = TrajectoryMessage {
-            protocol_version: PROTOCOL_VERSION,
-            trajectory_id: id,
-            plan_id: selected.plan_id,
-            begin_mono_ns,
-            knot_count: knots.len() as u32,
-            candidate_index: selected.candidate_index as u32,
-            path_tolerance_rad: self.rules.path_tolerance_rad,
-            ..TrajectoryMessage::ZEROED
-        };
-        for (slot, knot) in message.knots.iter_mut().zip(knots) {
-            *slot = wire::knot(knot);
-        }
-        match self.publisher.send_copy(message) {
-            Ok(_) => Ok(()),
-            Err(error) => {
-                tracing::error!("trajectory {id} could not be published: {error:?}");
-                Err(ExecutionRefusal::NotPublished)
-            }
+impl Drop for Execution {
+    /// Supervision stops what moves before it ends.
+    fn drop(&mut self) {
+        self.to_supervision = None;
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has said so already.
+            let _ = thread.join();
         }
     }
 }
 
-/// Whether a controller is there, idle, and where the motion starts.
-fn check_controller(
+/// Whether a controller is there, idle, and where the motion starts; its instance.
+pub(crate) fn check_controller(
     state: Option<&valid::ControllerState>,
     start: &Configuration,
     busy: Option<u32>,
     now_mono_ns: i64,
-) -> Result<(), ExecutionRefusal> {
+) -> Result<u64, ExecutionRefusal> {
     let state = state
         .filter(|state| is_fresh(state, now_mono_ns))
         .ok_or(ExecutionRefusal::ControllerAbsent)?;
@@ -243,12 +188,12 @@ fn check_controller(
     if distance_rad > START_TOLERANCE_RAD {
         return Err(ExecutionRefusal::StartsElsewhere { distance_rad });
     }
-    Ok(())
+    Ok(state.values.instance)
 }
 
 /// An id larger than the last one and than those of every daemon before on this machine since it was booted, as long as
 /// none publishes more than a hundred trajectories a second.
-fn next_id(last_id: u32, now_mono_ns: i64) -> u32 {
+pub(crate) fn next_id(last_id: u32, now_mono_ns: i64) -> u32 {
     let by_clock = u32::try_from(now_mono_ns / ID_STEP_NS).unwrap_or(u32::MAX);
     by_clock.max(last_id.saturating_add(1))
 }
@@ -264,17 +209,18 @@ mod tests {
         controller_state(|values| {
             values.stamp_mono_ns = NOW - 20_000_000;
             values.state = LoopState::Holding.code();
+            values.instance = 8;
             values.commanded_configuration_rad = [0.1; 6];
         })
     }
 
-    fn check(state: Option<&valid::ControllerState>) -> Result<(), ExecutionRefusal> {
+    fn check(state: Option<&valid::ControllerState>) -> Result<u64, ExecutionRefusal> {
         check_controller(state, &Configuration::repeat(0.1), None, NOW)
     }
 
     #[test]
     fn a_holding_controller_at_the_start_takes_a_motion() {
-        assert_eq!(check(Some(&holding())), Ok(()));
+        assert_eq!(check(Some(&holding())), Ok(8));
     }
 
     #[test]
@@ -284,6 +230,9 @@ mod tests {
         let mut old = holding();
         old.values.stamp_mono_ns = NOW - 200_000_001;
         assert_eq!(check(Some(&old)), Err(Refusal::ControllerAbsent));
+        let mut future = holding();
+        future.values.stamp_mono_ns = NOW + 1;
+        assert_eq!(check(Some(&future)), Err(Refusal::ControllerAbsent));
         let mut busy = holding();
         busy.state = LoopState::Executing;
         let refusal = check(Some(&busy)).unwrap_err();

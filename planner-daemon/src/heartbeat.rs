@@ -2,7 +2,7 @@
 
 use std::io;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::sync_channel;
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::Duration;
@@ -18,8 +18,8 @@ use crate::process::{let_others_go_first, use_fifo_priority};
 const BEAT: Duration = Duration::from_millis(10);
 /// Time between two looks for dead processes.
 const CLEANING: Duration = Duration::from_millis(100);
-/// Time without progress of the service after which the heart stops, nanoseconds.
-const STUCK_NS: i64 = 1_000_000_000;
+/// Beats without progress of supervision after which the heart stops: 100 ms.
+const STUCK_BEATS: u32 = 10;
 
 /// Why the background threads did not start.
 #[derive(Debug, thiserror::Error)]
@@ -32,20 +32,36 @@ pub enum BackgroundError {
     Thread(#[from] io::Error),
 }
 
-/// When the service last did its round; heartbeats stop where it no longer does.
+/// Rounds of supervision; heartbeats stop where there are no more.
 #[derive(Debug, Default)]
 pub(crate) struct Progress {
-    last_mono_ns: AtomicI64,
+    rounds: AtomicU64,
 }
 
 impl Progress {
-    /// States that the service does its rounds.
+    /// States that supervision goes on.
     pub(crate) fn made(&self) {
-        self.last_mono_ns.store(mono_now_ns(), Ordering::Relaxed);
+        self.rounds.fetch_add(1, Ordering::Relaxed);
     }
+}
 
-    fn is_recent(&self, now_mono_ns: i64) -> bool {
-        now_mono_ns - self.last_mono_ns.load(Ordering::Relaxed) < STUCK_NS
+/// Looks at supervision once a beat. Time is counted in beats: while the whole machine pauses, nobody makes progress.
+#[derive(Debug, Default)]
+struct Watch {
+    seen_rounds: u64,
+    beats_without: u32,
+}
+
+impl Watch {
+    /// Whether supervision goes on.
+    fn sees(&mut self, progress: &Progress) -> bool {
+        let rounds = progress.rounds.load(Ordering::Relaxed);
+        if rounds == self.seen_rounds {
+            self.beats_without = self.beats_without.saturating_add(1);
+        } else {
+            (self.seen_rounds, self.beats_without) = (rounds, 0);
+        }
+        self.beats_without < STUCK_BEATS
     }
 }
 
@@ -67,7 +83,6 @@ impl Background {
             ended: Arc::clone(&ended),
             threads: Vec::new(),
         };
-        progress.made();
         let (node, progress) = (
             IpcNode::create(options, "planner-daemon heartbeat")?,
             Arc::clone(progress),
@@ -120,12 +135,12 @@ fn heart(
 
 fn beat(publisher: &Publisher<Heartbeat>, progress: &Progress, ended: &AtomicBool) {
     let (mut sequence, mut failing) = (0, false);
+    let mut watch = Watch::default();
     while !ended.load(Ordering::Relaxed) {
-        let now = mono_now_ns();
-        if progress.is_recent(now) {
+        if watch.sees(progress) {
             sequence += 1;
             let sent = publisher.send_copy(Heartbeat {
-                stamp_mono_ns: now,
+                stamp_mono_ns: mono_now_ns(),
                 sequence,
                 kind: ProcessKind::Daemon.code(),
                 pid: std::process::id(),
@@ -160,12 +175,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_heart_stops_when_the_service_does() {
-        let progress = Progress::default();
+    fn the_heart_stops_when_supervision_does_and_beats_again_when_it_goes_on() {
+        let (progress, mut watch) = (Progress::default(), Watch::default());
         progress.made();
-        let now = progress.last_mono_ns.load(Ordering::Relaxed);
-        assert!(now > 0);
-        assert!(progress.is_recent(now + STUCK_NS - 1));
-        assert!(!progress.is_recent(now + STUCK_NS));
+        assert!((0..STUCK_BEATS).all(|_| watch.sees(&progress)));
+        assert!(!watch.sees(&progress));
+        progress.made();
+        assert!(watch.sees(&progress));
     }
 }

@@ -39,7 +39,7 @@ pub(crate) fn use_processors(processors: &[usize]) -> io::Result<()> {
 /// How late a sleep of the service may end, ns; by default Linux allows itself 50 µs.
 const SLACK_NS: u64 = 1_000;
 /// Longest turn of a planning thread, ns; by default Linux gives every thread 1.4 (two processors) to 3 ms.
-const TURN_NS: u64 = 6_000_000;
+const LONG_TURN_NS: u64 = 6_000_000;
 
 /// Lets the sleeps of this thread end on time.
 ///
@@ -55,6 +55,15 @@ pub(crate) fn sleep_punctually() -> io::Result<()> {
 /// # Errors
 /// The system's answer.
 pub(crate) fn take_long_turns() -> io::Result<()> {
+    take_turns(LONG_TURN_NS)
+}
+
+/// Lets this thread's turns on a processor be of this length, 0.1 to 100 ms, where it has no real-time priority: the shorter, the
+/// sooner it gets one when it wakes.
+///
+/// # Errors
+/// The system's answer.
+pub(crate) fn take_turns(turn_ns: u64) -> io::Result<()> {
     // SAFETY: all zeros are a valid `sched_attr`, which is plain data.
     let mut turns: libc::sched_attr = unsafe { std::mem::zeroed() };
     let size = u32::try_from(size_of_val(&turns)).expect("it is small");
@@ -65,7 +74,7 @@ pub(crate) fn take_long_turns() -> io::Result<()> {
     if turns.sched_policy != libc::SCHED_OTHER.cast_unsigned() {
         return Ok(());
     }
-    turns.sched_runtime = TURN_NS;
+    turns.sched_runtime = turn_ns;
     // SAFETY: the kernel reads the `size` bytes that it is told of in `turns`.
     if unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const turns, 0) } != 0 {
         return Err(io::Error::last_os_error());

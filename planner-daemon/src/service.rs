@@ -1,4 +1,4 @@
-//! The loop that owns the ports: receives, refuses, hands over to planning, answers, supervises.
+//! The loop that serves plan requests: receives, refuses, hands over to planning, answers, hands over for execution.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,13 +17,12 @@ use crate::admission::{Border, Order, Refusal};
 use crate::answer::{Answer, is_deliverable};
 use crate::config::WaitMode;
 use crate::execution::{Execution, ExecutionRefusal, Selected};
-use crate::heartbeat::Progress;
 use crate::kept_plans::KeptPlans;
 use crate::planning_at_work::{Early, Job, Planned, Planning, Product};
 use crate::process::sleep_punctually;
 use crate::queue::FairQueue;
 
-/// Time between two looks at controller, scene, requests that nobody told of, and clients that gave up.
+/// Time between two looks at requests that nobody told of, and at clients that gave up.
 const ATTENTION: Duration = Duration::from_millis(1);
 /// Work ends this long before the deadline, for the answer to be sent and seen; of short deadlines, half.
 const WAY_BACK: Duration = Duration::from_micros(500);
@@ -72,7 +71,6 @@ pub(crate) struct Service {
     queue: FairQueue<UniqueClientId, Queued>,
     in_flight: Option<InFlight>,
     plans: KeptPlans,
-    progress: Arc<Progress>,
     next_plan_id: u64,
     receiving_fails: bool,
     waiting_fails: bool,
@@ -90,7 +88,6 @@ pub(crate) struct Parts {
     pub(crate) robot: Robot,
     pub(crate) wait: WaitMode,
     pub(crate) queued_per_client: usize,
-    pub(crate) progress: Arc<Progress>,
 }
 
 impl Service {
@@ -107,7 +104,6 @@ impl Service {
             queue: FairQueue::new(parts.queued_per_client),
             in_flight: None,
             plans: KeptPlans::default(),
-            progress: parts.progress,
             // Larger than those of every daemon before since this machine was booted.
             next_plan_id: mono_now_ns().unsigned_abs(),
             receiving_fails: false,
@@ -121,15 +117,9 @@ impl Service {
         if let Err(error) = sleep_punctually() {
             tracing::warn!("looks and deadlines may be some 50 us late: {error}");
         }
-        let mut last_attention = None;
         while !terminated.load(Ordering::Relaxed) {
             if !self.round() {
                 self.pause();
-            }
-            if last_attention.is_none_or(|last: Instant| last.elapsed() >= ATTENTION) {
-                last_attention = Some(Instant::now());
-                self.execution.attend();
-                self.progress.made();
             }
         }
         self.finish();
@@ -309,8 +299,8 @@ impl Service {
         };
         let published = match answer.selected() {
             _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
-            Some((candidate_index, motion)) => self.execution.publish(&Selected {
-                motion,
+            Some((candidate_index, motion)) => self.execution.publish(Selected {
+                motion: motion.clone(),
                 candidate_index,
                 plan_id,
                 begin,
@@ -394,8 +384,6 @@ impl Service {
             if !self.take_plan() {
                 self.pause();
             }
-            self.execution.attend();
-            self.progress.made();
         }
     }
 }

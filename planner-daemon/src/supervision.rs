@@ -1,31 +1,49 @@
-//! Watching over the motion that was published last: is it still to be executed, does it still hold?
+//! The motion that was published last: is it still to be executed, where is it on its path, must it be stopped?
 
-use pcc_model::Robot;
 use shared_types::codes::LoopState;
 use shared_types::valid::ControllerState;
 use trajectory::Trajectory;
 
-use crate::live_scene::{LiveScene, Timing};
+use crate::live_scene::{Certificates, SceneAbsence};
+use crate::moving_cover::Timing;
 
-/// Age of the controller's state beyond which the controller counts as absent, nanoseconds.
+/// Age of the controller's state beyond which it says nothing of now, nanoseconds.
 pub(crate) const STATE_LIFETIME_NS: i64 = 200_000_000;
 /// Time after a motion's begin within which the controller must have taken it up, nanoseconds.
 const TAKE_UP_NS: i64 = 300_000_000;
 
-/// The motion that was published last.
+/// Why a motion is stopped.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum StopReason {
+    /// An obstacle is in its way, or too near for a certificate.
+    #[error("the live scene is in the way at {at_s:.3} s of it")]
+    SceneInTheWay { at_s: f64 },
+    /// Nobody knows any more where the obstacles are.
+    #[error(transparent)]
+    NoScene(#[from] SceneAbsence),
+    /// Nobody knows where the robot is.
+    #[error("the controller has not said for 200 ms what it does")]
+    ControllerSilent,
+    /// Nobody would watch over it.
+    #[error("the daemon ends")]
+    DaemonEnds,
+}
+
+/// The motion that was published last. It is over only once a fresh state of the controller says so: while there is none, it may be
+/// under way.
 #[derive(Debug)]
 pub(crate) struct Supervised {
     pub(crate) id: u32,
     pub(crate) motion: Trajectory,
-    pub(crate) begin_mono_ns: i64,
-    certified: Certified,
-}
-
-/// For which scene and rate what is left of the motion was certified.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Certified {
-    scene_changes: u64,
-    rate: f64,
+    pub(crate) certificates: Certificates,
+    /// The controller that it was published for.
+    controller_instance: u64,
+    begin_mono_ns: i64,
+    standing: Standing,
+    /// Stamp of the newest state heard of, nanoseconds.
+    heard_mono_ns: i64,
+    /// Once there is a reason to stop it, it is stopped.
+    stop: Option<StopReason>,
 }
 
 /// Where a published motion stands.
@@ -33,7 +51,7 @@ struct Certified {
 pub(crate) enum Standing {
     /// The controller has not begun it yet.
     Awaited,
-    /// The controller executes it; its own time, seconds, now.
+    /// The controller executes it: it was at this path time, s, at its state's stamp.
     Executing { time_s: f64, rate: f64 },
     /// The controller brakes.
     Stopping,
@@ -42,44 +60,53 @@ pub(crate) enum Standing {
 }
 
 impl Supervised {
-    /// A motion that was certified at full rate for the scene of `scene_changes`.
-    pub(crate) fn new(id: u32, motion: Trajectory, begin_mono_ns: i64, scene_changes: u64) -> Self {
-        let certified = Certified {
-            scene_changes,
-            rate: 1.0,
-        };
+    /// A motion that was just published for the controller of this instance.
+    pub(crate) fn new(
+        id: u32,
+        motion: Trajectory,
+        begin_mono_ns: i64,
+        controller_instance: u64,
+        certificates: Certificates,
+    ) -> Self {
         Self {
             id,
             motion,
+            certificates,
+            controller_instance,
             begin_mono_ns,
-            certified,
+            standing: Standing::Awaited,
+            heard_mono_ns: i64::MIN,
+            stop: None,
         }
     }
 
-    /// Where it stands by the controller's last word.
-    pub(crate) fn standing(&self, state: Option<&ControllerState>, now_mono_ns: i64) -> Standing {
-        let Some(state) = state.filter(|state| is_fresh(state, now_mono_ns)) else {
-            return Standing::Over("the controller is gone");
-        };
+    /// Takes in a state that [`is_fresh`], and returns where the motion stands by it.
+    pub(crate) fn hear(&mut self, state: &ControllerState) -> Standing {
+        self.heard_mono_ns = state.values.stamp_mono_ns;
+        self.standing = self.standing_by(state);
+        self.standing
+    }
+
+    fn standing_by(&self, state: &ControllerState) -> Standing {
         let values = &state.values;
+        if values.instance != self.controller_instance {
+            return Standing::Over("another controller is there, which refuses it");
+        }
         if values.refused_trajectory_id == self.id {
             return Standing::Over(state.refusal.text());
         }
         if values.trajectory_id != self.id {
-            return if now_mono_ns < self.begin_mono_ns.saturating_add(TAKE_UP_NS) {
+            return if values.stamp_mono_ns < self.begin_mono_ns.saturating_add(TAKE_UP_NS) {
                 Standing::Awaited
             } else {
                 Standing::Over("the controller did not take it up")
             };
         }
         match state.state {
-            LoopState::Executing => {
-                let age_s = (now_mono_ns - values.stamp_mono_ns) as f64 * 1e-9;
-                Standing::Executing {
-                    time_s: values.trajectory_time_s + values.rate * age_s,
-                    rate: values.rate,
-                }
-            }
+            LoopState::Executing => Standing::Executing {
+                time_s: values.trajectory_time_s,
+                rate: values.rate,
+            },
             LoopState::Stopping => Standing::Stopping,
             LoopState::Holding if values.stamp_mono_ns < self.begin_mono_ns => Standing::Awaited,
             LoopState::Holding => Standing::Over("the controller holds"),
@@ -88,132 +115,135 @@ impl Supervised {
         }
     }
 
-    /// Whether what is left of it still keeps clear; computed only where scene or rate changed since the last time.
-    pub(crate) fn still_holds(
-        &mut self,
-        standing: Standing,
-        live: &LiveScene,
-        grown: &Robot,
-        now_mono_ns: i64,
-    ) -> bool {
-        let (from_time_s, timing) = match standing {
-            Standing::Awaited => (0.0, Timing::from_begin(self.begin_mono_ns)),
+    /// Where it stands by the last state heard.
+    pub(crate) fn standing(&self) -> Standing {
+        self.standing
+    }
+
+    /// Path time that has passed for certain, s, and when it will be where from now on.
+    pub(crate) fn progress(&self, now_mono_ns: i64) -> (f64, Timing) {
+        match self.standing {
             Standing::Executing { time_s, rate } => {
-                (time_s, Timing::passing(time_s, now_mono_ns, rate))
+                (time_s, Timing::passing(time_s, self.heard_mono_ns, rate))
             }
-            Standing::Stopping | Standing::Over(_) => return true,
-        };
-        let asked = Certified {
-            scene_changes: live.changes(),
-            rate: timing.rate,
-        };
-        if asked == self.certified {
-            return true;
+            // What has not begun when it should have lags.
+            _ => (0.0, Timing::from_begin(self.begin_mono_ns.max(now_mono_ns))),
         }
-        let verdict = live.certify(grown, &self.motion, from_time_s, timing);
-        if verdict.is_free() {
-            self.certified = asked;
-        }
-        verdict.is_free()
+    }
+
+    /// Has it stopped; the first reason stays.
+    pub(crate) fn must_stop(&mut self, reason: StopReason) {
+        self.stop.get_or_insert(reason);
+    }
+
+    /// Why it is to be stopped, if it is.
+    pub(crate) fn stop_reason(&self) -> Option<StopReason> {
+        self.stop
     }
 }
 
-/// Whether a controller's state is recent enough to be believed; one from the future would never grow old, and is not.
+/// Whether a controller's state is recent enough to say what is now; one from the future would never grow old, and is not.
 pub(crate) fn is_fresh(state: &ControllerState, now_mono_ns: i64) -> bool {
     let age_ns = now_mono_ns.saturating_sub(state.values.stamp_mono_ns);
-    (-STATE_LIFETIME_NS..=STATE_LIFETIME_NS).contains(&age_ns)
+    (0..=STATE_LIFETIME_NS).contains(&age_ns)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixtures::{controller_state, motion, unit_robot};
-    use shared_types::{message, valid};
+    use crate::fixtures::{controller_state, motion};
+    use shared_types::message;
 
     const BEGIN: i64 = 10_000_000_000;
+    const CONTROLLER: u64 = 77;
 
     fn supervised() -> Supervised {
-        Supervised::new(7, motion(), BEGIN, 0)
+        Supervised::new(7, motion(), BEGIN, CONTROLLER, Certificates::default())
     }
 
     fn state(change: impl Fn(&mut message::ControllerState)) -> ControllerState {
         controller_state(|values| {
             values.stamp_mono_ns = BEGIN;
+            values.instance = CONTROLLER;
             values.trajectory_id = 7;
             values.state = LoopState::Executing.code();
             change(values);
         })
     }
 
-    fn over(standing: Standing) -> bool {
-        matches!(standing, Standing::Over(_))
+    fn hear(change: impl Fn(&mut message::ControllerState)) -> Standing {
+        supervised().hear(&state(change))
     }
 
     #[test]
-    fn the_time_on_the_motion_is_extrapolated_to_now() {
-        let state = state(|values| (values.trajectory_time_s, values.rate) = (1.5, 0.5));
-        let standing = supervised().standing(Some(&state), BEGIN + 100_000_000);
-        let Standing::Executing { time_s, rate } = standing else {
-            panic!("{standing:?}");
-        };
-        assert!((time_s - 1.55).abs() < 1e-12);
-        assert_eq!(rate, 0.5);
-    }
-
-    #[test]
-    fn a_motion_is_over_when_nobody_executes_it() {
-        let standing = |state: &ControllerState, now| supervised().standing(Some(state), now);
-        assert!(over(supervised().standing(None, BEGIN)));
-        for age_ns in [STATE_LIFETIME_NS + 1, -STATE_LIFETIME_NS - 1] {
-            assert!(over(standing(&state(|_| ()), BEGIN + age_ns)));
-        }
-        let refused = state(|values| (values.refused_trajectory_id, values.refusal) = (7, 5));
-        assert_eq!(
-            standing(&refused, BEGIN),
-            Standing::Over("begins in the past")
-        );
-        for code in [LoopState::Holding, LoopState::Fault, LoopState::Starting] {
-            assert!(over(standing(
-                &state(|values| values.state = code.code()),
-                BEGIN
-            )));
-        }
-    }
-
-    #[test]
-    fn a_motion_that_is_not_taken_up_is_awaited_for_a_while() {
-        let standing = |now| {
-            let other = state(|values| {
-                (values.trajectory_id, values.state) = (6, LoopState::Holding.code());
-                values.stamp_mono_ns = now;
-            });
-            supervised().standing(Some(&other), now)
-        };
-        assert_eq!(standing(BEGIN - 1), Standing::Awaited);
-        assert_eq!(standing(BEGIN + TAKE_UP_NS - 1), Standing::Awaited);
-        assert!(over(standing(BEGIN + TAKE_UP_NS)));
-    }
-
-    #[test]
-    fn a_ball_that_appears_ahead_breaks_the_motion_and_one_behind_does_not() {
-        let (robot, mut live) = (unit_robot(), LiveScene::default());
-        let executing = |time_s| Standing::Executing { time_s, rate: 1.0 };
+    fn the_time_that_has_passed_is_the_one_heard_and_the_timing_follows_the_rate() {
         let mut supervised = supervised();
-        assert!(supervised.still_holds(executing(0.1), &live, &robot, BEGIN));
-        // At the tip of the straight shape, where the motion begins.
-        let ball = message::MovingBall {
-            centre_m: [0.0, 0.0, 3.2],
-            radius_m: 0.1,
-            velocity_m_s: [0.0; 3],
+        let heard = state(|values| (values.trajectory_time_s, values.rate) = (1.5, 0.5));
+        supervised.hear(&heard);
+        let (from_s, timing) = supervised.progress(BEGIN + 900_000_000);
+        assert_eq!(from_s, 1.5);
+        assert_eq!(timing, Timing::passing(1.5, BEGIN, 0.5));
+    }
+
+    #[test]
+    fn a_motion_is_over_only_when_a_state_says_so() {
+        let over = |change: fn(&mut message::ControllerState)| {
+            let standing = hear(change);
+            assert!(matches!(standing, Standing::Over(_)), "{standing:?}");
+            standing
         };
-        let scene = valid::Scene {
-            stamp_mono_ns: BEGIN,
-            balls: vec![ball],
-        };
-        live.replace(scene, 1.0);
-        assert!(!supervised.still_holds(executing(0.0), &live, &robot, BEGIN));
-        let end = motion().duration();
-        assert!(supervised.still_holds(executing(0.9 * end), &live, &robot, BEGIN));
-        assert!(supervised.still_holds(Standing::Stopping, &live, &robot, BEGIN));
+        let refused = over(|values| (values.refused_trajectory_id, values.refusal) = (7, 5));
+        assert_eq!(refused, Standing::Over("begins in the past"));
+        over(|values| values.instance = 78);
+        over(|values| {
+            values.trajectory_id = 6;
+            values.stamp_mono_ns = BEGIN + TAKE_UP_NS;
+        });
+        over(|values| values.state = LoopState::Holding.code());
+        over(|values| values.state = LoopState::Fault.code());
+        over(|values| values.state = LoopState::Starting.code());
+    }
+
+    #[test]
+    fn a_motion_that_nobody_speaks_of_stays_and_lags_once_it_should_have_begun() {
+        let supervised = supervised();
+        assert_eq!(supervised.standing(), Standing::Awaited);
+        let late = BEGIN + 60_000_000_000;
+        assert_eq!(supervised.progress(late), (0.0, Timing::from_begin(late)));
+    }
+
+    #[test]
+    fn a_motion_is_awaited_until_it_has_begun() {
+        let holding = LoopState::Holding.code();
+        let before = hear(|values| {
+            (values.state, values.stamp_mono_ns) = (holding, BEGIN - 1);
+        });
+        assert_eq!(before, Standing::Awaited);
+        let elsewhere = hear(|values| {
+            (values.trajectory_id, values.state) = (6, holding);
+            values.stamp_mono_ns = BEGIN + TAKE_UP_NS - 1;
+        });
+        assert_eq!(elsewhere, Standing::Awaited);
+        assert_eq!(
+            hear(|values| values.state = LoopState::Stopping.code()),
+            Standing::Stopping
+        );
+    }
+
+    #[test]
+    fn the_first_reason_to_stop_stays() {
+        let mut supervised = supervised();
+        supervised.must_stop(StopReason::ControllerSilent);
+        supervised.must_stop(StopReason::DaemonEnds);
+        assert_eq!(supervised.stop_reason(), Some(StopReason::ControllerSilent));
+    }
+
+    #[test]
+    fn states_of_long_ago_and_of_the_future_say_nothing_of_now() {
+        let state = state(|_| ());
+        assert!(is_fresh(&state, BEGIN));
+        assert!(is_fresh(&state, BEGIN + STATE_LIFETIME_NS));
+        assert!(!is_fresh(&state, BEGIN + STATE_LIFETIME_NS + 1));
+        assert!(!is_fresh(&state, BEGIN - 1));
     }
 }

@@ -33,6 +33,7 @@ impl PlayedController {
         let state = ControllerState {
             state: LoopState::Holding.code(),
             rate: 1.0,
+            instance: 5,
             ..ControllerState::ZEROED
         };
         Self {
@@ -127,6 +128,7 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
     assert_eq!(report.outcome, Outcome::Ok, "{}", report.reason);
     let trajectory = until(|| controller.trajectory());
     assert_eq!(report.trajectory_id, Some(trajectory.id));
+    assert_eq!(trajectory.controller_instance, 5);
     assert_eq!(trajectory.plan_id, report.plan_id);
     assert_eq!(Some(trajectory.candidate_index), report.selected);
     assert_eq!(trajectory.knots, answer.selected().unwrap().knots);
@@ -138,8 +140,8 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
 
     controller.state.trajectory_id = trajectory.id;
     controller.state.state = LoopState::Executing.code();
-    let scenes = ScenePublisher::connect(&world.options).unwrap();
-    scenes.publish(&[ball([-2.0, 0.0, 1.0])]).unwrap();
+    let mut scenes = ScenePublisher::connect(&world.options, "test").unwrap();
+    scenes.publish(&[ball([-2.0, 0.0, 1.0])], PATIENCE).unwrap();
     for _ in 0..50 {
         controller.cycle();
         std::thread::sleep(std::time::Duration::from_millis(2));
@@ -150,7 +152,7 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
         valid::Goal::Tip { position_m, .. } => position_m,
         valid::Goal::Configuration(_) => unreachable!(),
     };
-    scenes.publish(&[ball(position_m)]).unwrap();
+    scenes.publish(&[ball(position_m)], PATIENCE).unwrap();
     until(|| {
         controller.cycle();
         (controller.stops > 0).then_some(())
@@ -160,7 +162,7 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
     controller.state.state = LoopState::Holding.code();
     let refused = plan(&mut client, &mut controller, &executed());
     assert_refused(refused.report(), "the live scene is in the way");
-    scenes.publish(&[]).unwrap();
+    scenes.publish(&[], PATIENCE).unwrap();
     controller.state.commanded_configuration_rad = end.configuration_rad;
     let refused = plan(&mut client, &mut controller, &executed());
     assert_refused(refused.report(), "away from the commanded configuration");
@@ -187,14 +189,14 @@ fn a_motion_that_waits_for_its_begin_is_taken_back_when_a_ball_appears() {
     assert_eq!(first.report().outcome, Outcome::Ok);
     let begin_mono_ns = until(|| controller.trajectory()).begin_mono_ns;
     assert_eq!(Some(begin_mono_ns), later.begin_mono_ns);
-    let scenes = ScenePublisher::connect(&world.options).unwrap();
-    scenes.publish(&[ball([0.0, 0.0, 3.0])]).unwrap();
+    let mut scenes = ScenePublisher::connect(&world.options, "test").unwrap();
+    scenes.publish(&[ball([0.0, 0.0, 3.0])], PATIENCE).unwrap();
     until(|| {
         controller.cycle();
         daemon.said().contains("taken back").then_some(())
     });
     assert!(controller.stops > 0);
-    scenes.publish(&[]).unwrap();
+    scenes.publish(&[], PATIENCE).unwrap();
     let second = plan(&mut client, &mut controller, &executed());
     assert_eq!(
         second.report().outcome,

@@ -118,12 +118,13 @@ fn planning_and_serving_have_the_priorities_that_are_asked_for_or_none() {
     });
     // Each node has one.
     threads.retain(|(name, _, _)| name != "cleaning" && name != "ipc-sweeper");
-    let is_refused = daemon.said().contains("no real-time priorities 10 and 11");
+    let is_refused = daemon.said().contains("no real-time priorities 10 to 12");
     let wanted = match is_refused {
-        true => [0; 5].map(|priority| (priority, libc::SCHED_OTHER)),
-        false => [11, 10, 10, 10, 11].map(|priority| (priority, libc::SCHED_FIFO)),
+        true => [0; 6].map(|priority| (priority, libc::SCHED_OTHER)),
+        false => [11, 10, 10, 10, 11, 12].map(|priority| (priority, libc::SCHED_FIFO)),
     };
     let names = ["heartbeat"].into_iter().chain(["planner-daemon"; 4]);
+    let names = names.chain(["supervision"]);
     let wanted = names
         .zip(wanted)
         .map(|(name, (priority, policy))| (name.to_owned(), priority, policy));

@@ -6,8 +6,10 @@ pub const DOF: usize = 6;
 pub const TENDONS: usize = 9;
 /// Obstacle balls in one plan request.
 pub const MAX_BALLS: usize = 64;
-/// Obstacle balls in the live scene.
+/// Obstacle balls in one source's live scene.
 pub const MAX_SCENE_BALLS: usize = 1024;
+/// Bytes of the name of a source of live scenes.
+pub const SOURCE_NAME_BYTES: usize = 32;
 /// Candidates in one plan response.
 pub const MAX_CANDIDATES: usize = 64;
 /// Knots of one trajectory.

@@ -9,6 +9,13 @@ pub fn mono_now_ns() -> i64 {
     now.tv_sec * 1_000_000_000 + now.tv_nsec
 }
 
+/// The time of day now, nanoseconds since 1970: only to tell a stamp of that clock from one of ours.
+#[must_use]
+pub fn wall_now_ns() -> i64 {
+    let now = clock_gettime(ClockId::Realtime);
+    now.tv_sec * 1_000_000_000 + now.tv_nsec
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -366,6 +366,31 @@ codes! {
         Busy = 10 "busy",
         /// It has the id and the begin of the last one taken.
         OldId = 11 "old trajectory id",
+        /// It names another controller than this one: one that was killed since, or has ended.
+        OtherController = 12 "meant for another controller",
+    }
+}
+
+codes! {
+    /// Why a scene does not count; the one before of the same source stays until its lifetime ends.
+    "scene refusal"
+    pub enum SceneRefusal {
+        /// It does.
+        None = 0 "none",
+        /// Another version of the protocol.
+        WrongVersion = 1 "wrong version",
+        /// Malformed: name, counts, lifetime, values that are not finite.
+        Malformed = 2 "malformed",
+        /// The stamp is near the time of day: stamps are of `CLOCK_MONOTONIC`.
+        OtherClock = 3 "stamped by the wall clock, not by CLOCK_MONOTONIC",
+        /// The stamp is later than now.
+        InTheFuture = 4 "stamped in the future",
+        /// The stamp and the lifetime are over.
+        TooOld = 5 "too old: its lifetime is over",
+        /// The same publisher has sent a newer one before.
+        Superseded = 6 "older than the one before",
+        /// There are as many sources as the daemon keeps.
+        TooManySources = 7 "too many sources",
     }
 }
 
@@ -499,6 +524,7 @@ mod tests {
         assert_one_meaning_a_code(LoopFault::ALL);
         assert_one_meaning_a_code(Waiting::ALL);
         assert_one_meaning_a_code(Refusal::ALL);
+        assert_one_meaning_a_code(SceneRefusal::ALL);
         assert_one_meaning_a_code(MotorState::ALL);
         assert_one_meaning_a_code(MotorFault::ALL);
         assert_one_meaning_a_code(ProcessKind::ALL);

@@ -76,6 +76,13 @@ fn every_message_arrives_as_it_was_sent() {
     scene.balls[MAX_SCENE_BALLS - 1].velocity_m_s[2] = -0.5;
     round_trip(scene_service, scene);
     round_trip(
+        scene_status_service,
+        SceneStatus {
+            sequence: 8,
+            ..SceneStatus::ZEROED
+        },
+    );
+    round_trip(
         heartbeat_service,
         Heartbeat {
             pid: 6,

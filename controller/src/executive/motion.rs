@@ -67,6 +67,9 @@ pub enum Unacceptable {
     /// The daemon gives no sign of life.
     #[error("the daemon that sent it gives no sign of life")]
     DaemonSilent,
+    /// It was meant for a controller before this one.
+    #[error("it is meant for another controller than this one, which was started since")]
+    OtherController,
     /// A field of the message is wrong.
     #[error(transparent)]
     Invalid(#[from] Invalid),
@@ -130,6 +133,7 @@ impl Unacceptable {
             Self::State(LoopState::Fault) => Refusal::Faulted,
             Self::State(_) | Self::Waiting => Refusal::Busy,
             Self::Invalid(invalid) if invalid.field == "protocol_version" => Refusal::WrongVersion,
+            Self::OtherController => Refusal::OtherController,
             Self::OldId(_) => Refusal::OldId,
             Self::Past { .. } => Refusal::BeginsInThePast,
             Self::Ahead { .. } => Refusal::BeginsTooLate,

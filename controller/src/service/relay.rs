@@ -269,6 +269,9 @@ impl<'a> Relay<'a> {
     /// Checks the private copy completely.
     fn accept(&self, motion: &mut Motion) -> Result<(), Unacceptable> {
         wire::fill(motion, &self.incoming)?;
+        if self.incoming.controller_instance != self.view.instance() {
+            return Err(Unacceptable::OtherController);
+        }
         if !self.link.shared.daemon_alive.load(Ordering::Relaxed) {
             return Err(Unacceptable::DaemonSilent);
         }

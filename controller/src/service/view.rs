@@ -33,6 +33,7 @@ impl View {
     pub(super) fn new(period_ns: i64) -> Self {
         let mut published = ControllerState::ZEROED;
         published.period_ns = period_ns.unsigned_abs();
+        published.instance = mono_now_ns().unsigned_abs();
         Self {
             published,
             state: LoopState::Starting,
@@ -46,6 +47,12 @@ impl View {
 
     pub(super) fn state(&self) -> LoopState {
         self.state
+    }
+
+    /// What trajectories for this controller name: when it was started, ns of CLOCK_MONOTONIC, which no other one under the same
+    /// role was.
+    pub(super) fn instance(&self) -> u64 {
+        self.published.instance
     }
 
     pub(super) fn set_loop_thread(&mut self, thread_id: u32) {

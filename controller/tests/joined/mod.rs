@@ -216,6 +216,7 @@ impl Joined {
         let id = self.next_id;
         self.next_id += 1;
         let mut sent = message(id, &motion);
+        sent.controller_instance = self.controller().instance;
         sent.path_tolerance_rad = self.path_tolerance_rad;
         self.trajectory.send_copy(sent).unwrap();
         id

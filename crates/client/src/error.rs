@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use shared_types::codes::SceneRefusal;
 use shared_types::ipc::IpcError;
 use shared_types::valid::Invalid;
 
@@ -51,6 +52,16 @@ pub enum ClientError {
     /// This client has as many requests at work as the daemon allows.
     #[error("too many requests of this client at once; wait for an answer or drop a pending one")]
     TooManyRequests,
+    /// The daemon does not let a scene count; the one before of the same source does until its lifetime ends.
+    #[error("scene {sequence} of source {source_name:?} is refused: {refusal}")]
+    SceneRefused {
+        /// Whose scene it is.
+        source_name: String,
+        /// The publisher's count.
+        sequence: u32,
+        /// Why.
+        refusal: SceneRefusal,
+    },
     /// What came is no message of this protocol's version.
     #[error("{sender} sent something this program does not understand: {invalid}")]
     BadMessage {

@@ -6,7 +6,7 @@
 //! * [`ScenePublisher`]: tells everyone where the obstacles are.
 //!
 //! Each connects by itself with [`shared_types::ipc::IpcOptions`], in any start order, and survives the other side's
-//! restart. **None of them is `Send`**: create each in the thread that uses it.
+//! restart. **None of them but [`ScenePublisher`] is `Send`**: create each in the thread that uses it.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod answer;

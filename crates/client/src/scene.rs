@@ -1,59 +1,290 @@
 //! Telling everyone where the obstacles are.
 
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
+
 use iceoryx2::port::update_connections::UpdateConnections;
-use shared_types::clock::mono_now_ns;
-use shared_types::ipc::{IpcNode, IpcOptions, Publisher, publisher, scene_service};
-use shared_types::message::{MovingBall, SceneMessage};
-use shared_types::valid::Scene;
+use shared_types::clock::{mono_now_ns, wall_now_ns};
+use shared_types::codes::SceneRefusal;
+use shared_types::ipc::{
+    IpcNode, IpcOptions, Publisher, Subscriber, publisher, scene_service, scene_status_service,
+    subscriber,
+};
+use shared_types::message::{self, MovingBall, SceneMessage};
+use shared_types::valid::{Scene, SceneStatus, SourceName, stamp_refusal};
 
 use crate::ClientError;
 
-/// Publishes the scene; the last one published is what there is.
+/// Time between two looks for daemons that have come and for what they say.
+const LOOK: Duration = Duration::from_millis(5);
+
+/// Publishes what one source knows of the obstacles; the last scene published counts for its lifetime.
+///
+/// A thread of its own hands the last scene to a daemon that starts later. Once its lifetime is over, the daemon executes nothing
+/// more and stops what moves, until the source publishes again or takes its leave: dropping this value is no leave.
 #[derive(Debug)]
 pub struct ScenePublisher {
-    scenes: Publisher<SceneMessage>,
-    _node: IpcNode,
+    source: SourceName,
+    last_sequence: u32,
+    outbox: Option<Sender<Outgoing>>,
+    heard: Arc<Heard>,
+    thread: Option<JoinHandle<()>>,
+}
+
+/// A scene on its way to the thread that owns the ports.
+struct Outgoing {
+    scene: Box<SceneMessage>,
+    sent: SyncSender<Result<(), ClientError>>,
+}
+
+/// What the daemon has said of this publisher's scenes.
+#[derive(Debug, Default)]
+struct Heard {
+    latest: Mutex<Verdicts>,
+    news: Condvar,
+}
+
+#[derive(Debug, Default)]
+struct Verdicts {
+    /// Sequence of the last scene judged; 0: none yet.
+    judged: u32,
+    last: Option<SceneRefusal>,
+    /// The first refusal that nobody was told of.
+    untold: Option<(u32, SceneRefusal)>,
 }
 
 impl ScenePublisher {
-    /// Joins the service.
+    /// Joins the services as a source: 1 to 32 characters of printable ASCII, another name for each source. A program that starts
+    /// again takes its name up again.
     ///
     /// # Errors
-    /// [`ClientError::Ipc`].
-    pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
+    /// [`ClientError::InvalidRequest`] for the name, or [`ClientError::Ipc`].
+    pub fn connect(options: &IpcOptions, source: &str) -> Result<Self, ClientError> {
+        let source = SourceName::new(source).map_err(ClientError::InvalidRequest)?;
         let node = IpcNode::create(options, "pcc-scene")?;
-        let scenes = publisher(&node, &scene_service(&node)?)?;
+        let (outbox, outgoing) = channel();
+        let (tell, told) = sync_channel(1);
+        let heard = Arc::<Heard>::default();
+        let shared = Arc::clone(&heard);
+        let work = move || match Ports::open(node, source) {
+            Ok(ports) => {
+                let _ = tell.send(Ok(()));
+                ports.serve(&outgoing, &shared);
+            }
+            Err(error) => {
+                let _ = tell.send(Err(error));
+            }
+        };
+        let thread = thread::Builder::new().name("pcc-scene".to_owned());
+        let thread = thread
+            .spawn(work)
+            .map_err(|reason| ClientError::transport("start a thread", reason))?;
+        told.recv()
+            .map_err(|reason| ClientError::transport("start a thread", reason))??;
         Ok(Self {
-            scenes,
+            source,
+            last_sequence: 0,
+            outbox: Some(outbox),
+            heard,
+            thread: Some(thread),
+        })
+    }
+
+    /// Publishes all obstacles that this source knows of now, at most 1024; base frame, metres, m/s. Replaces its scene before.
+    ///
+    /// It counts for `lifetime`, 1 ms to an hour: some periods of a sensor, so that its failure is noticed. A moving ball counts
+    /// everywhere that it may be within that time, so what moves wants a short one.
+    ///
+    /// # Errors
+    /// [`ClientError::InvalidRequest`] if a ball or the lifetime is not valid (the scene before then holds),
+    /// [`ClientError::Transport`], or, when this one was sent, [`ClientError::SceneRefused`] if the daemon has refused one of those
+    /// before and that was not told yet.
+    pub fn publish(&mut self, balls: &[MovingBall], lifetime: Duration) -> Result<(), ClientError> {
+        self.publish_stamped(mono_now_ns(), balls, lifetime)
+    }
+
+    /// Publishes obstacles that were seen at an earlier time, nanoseconds of `CLOCK_MONOTONIC`, from which `lifetime` counts.
+    ///
+    /// # Errors
+    /// As [`ScenePublisher::publish`], and [`ClientError::SceneRefused`] if the stamp is one of another clock, of the future, or too
+    /// old: nothing is sent then.
+    pub fn publish_stamped(
+        &mut self,
+        stamp_mono_ns: i64,
+        balls: &[MovingBall],
+        lifetime: Duration,
+    ) -> Result<(), ClientError> {
+        self.send(&Scene {
+            source: self.source,
+            sequence: self.last_sequence.wrapping_add(1).max(1),
+            stamp_mono_ns,
+            lifetime_ns: i64::try_from(lifetime.as_nanos()).unwrap_or(i64::MAX),
+            takes_leave: false,
+            balls: balls.to_vec(),
+        })
+    }
+
+    /// Signs the source off: its obstacles are gone, and no scene of it is expected any more.
+    ///
+    /// # Errors
+    /// [`ClientError::Transport`].
+    pub fn take_leave(&mut self) -> Result<(), ClientError> {
+        self.send(&Scene {
+            source: self.source,
+            sequence: self.last_sequence.wrapping_add(1).max(1),
+            stamp_mono_ns: mono_now_ns(),
+            lifetime_ns: shared_types::valid::MOST_SCENE_LIFETIME_NS,
+            takes_leave: true,
+            balls: Vec::new(),
+        })
+    }
+
+    /// Waits until the daemon has judged the last scene.
+    ///
+    /// # Errors
+    /// [`ClientError::SceneRefused`] with its reason, or [`ClientError::NoServer`] if none has judged it in time.
+    pub fn confirm(&self, timeout: Duration) -> Result<(), ClientError> {
+        let lock = self.heard.latest.lock();
+        let verdicts = lock.unwrap_or_else(PoisonError::into_inner);
+        let waits = |verdicts: &mut Verdicts| verdicts.judged != self.last_sequence;
+        let waited = self.heard.news.wait_timeout_while(verdicts, timeout, waits);
+        let (mut verdicts, result) = waited.unwrap_or_else(PoisonError::into_inner);
+        if result.timed_out() {
+            return Err(ClientError::NoServer {
+                server: "planner-daemon that judges scenes",
+                waited: timeout,
+            });
+        }
+        verdicts.untold = None;
+        match verdicts.last {
+            Some(refusal) if refusal != SceneRefusal::None => {
+                Err(self.refused(self.last_sequence, refusal))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn send(&mut self, scene: &Scene) -> Result<(), ClientError> {
+        let (stamp, lifetime) = (scene.stamp_mono_ns, scene.lifetime_ns);
+        let mut wire = Box::new(SceneMessage::ZEROED);
+        scene
+            .write(&mut wire)
+            .map_err(ClientError::InvalidRequest)?;
+        if let Some(refusal) = stamp_refusal(stamp, lifetime, mono_now_ns(), wall_now_ns()) {
+            return Err(self.refused(scene.sequence, refusal));
+        }
+        let (tell, told) = sync_channel(1);
+        let outgoing = Outgoing {
+            scene: wire,
+            sent: tell,
+        };
+        let gone = || ClientError::transport("send a scene", "its thread has ended");
+        let outbox = self.outbox.as_ref().ok_or_else(gone)?;
+        outbox.send(outgoing).map_err(|_| gone())?;
+        told.recv().map_err(|_| gone())??;
+        self.last_sequence = scene.sequence;
+        let lock = self.heard.latest.lock();
+        let untold = lock.unwrap_or_else(PoisonError::into_inner).untold.take();
+        untold.map_or(Ok(()), |(sequence, refusal)| {
+            Err(self.refused(sequence, refusal))
+        })
+    }
+
+    fn refused(&self, sequence: u32, refusal: SceneRefusal) -> ClientError {
+        ClientError::SceneRefused {
+            source_name: self.source.to_string(),
+            sequence,
+            refusal,
+        }
+    }
+}
+
+impl Drop for ScenePublisher {
+    fn drop(&mut self) {
+        self.outbox = None;
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has said so already.
+            let _ = thread.join();
+        }
+    }
+}
+
+/// The ports, in the thread that uses them.
+struct Ports {
+    source: SourceName,
+    scenes: Publisher<SceneMessage>,
+    statuses: Subscriber<message::SceneStatus>,
+    _node: IpcNode,
+}
+
+impl Ports {
+    fn open(node: IpcNode, source: SourceName) -> Result<Self, ClientError> {
+        Ok(Self {
+            source,
+            statuses: subscriber(&node, &scene_status_service(&node)?)?,
+            scenes: publisher(&node, &scene_service(&node)?)?,
             _node: node,
         })
     }
 
-    /// Publishes all obstacles there are now, at most 1024; base frame, metres, m/s. Replaces the scene before.
-    ///
-    /// # Errors
-    /// [`ClientError::InvalidRequest`] if a ball is not valid (the scene before then holds), or
-    /// [`ClientError::Transport`].
-    pub fn publish(&self, balls: &[MovingBall]) -> Result<(), ClientError> {
+    /// Sends what comes, hands the last scene to those that come later, and hears what the daemon says, until nobody sends any more.
+    fn serve(&self, outgoing: &Receiver<Outgoing>, heard: &Heard) {
+        let mut last_sequence = 0;
+        loop {
+            match outgoing.recv_timeout(LOOK) {
+                Ok(Outgoing { scene, sent }) => {
+                    last_sequence = scene.sequence;
+                    let _ = sent.send(self.send(&scene));
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    // A daemon that cannot be reached now is tried again next time.
+                    let _ = self.scenes.update_connections();
+                }
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+            self.hear(heard, last_sequence);
+        }
+    }
+
+    fn send(&self, scene: &SceneMessage) -> Result<(), ClientError> {
         let mut sample = self
             .scenes
             .loan()
             .map_err(|reason| ClientError::transport("prepare a scene", reason))?;
-        Scene::write(mono_now_ns(), balls, sample.payload_mut())
-            .map_err(ClientError::InvalidRequest)?;
+        *sample.payload_mut() = *scene;
         sample
             .send()
             .map(drop)
             .map_err(|reason| ClientError::transport("send a scene", reason))
     }
 
-    /// Hands the last scene to programs that started after it was published; call it now and then while nothing changes.
-    ///
-    /// # Errors
-    /// [`ClientError::Transport`].
-    pub fn greet_latecomers(&self) -> Result<(), ClientError> {
-        self.scenes
-            .update_connections()
-            .map_err(|reason| ClientError::transport("reach a new subscriber", reason))
+    /// Of the scenes that another publisher sends under this name something else may be said.
+    fn hear(&self, heard: &Heard, last_sequence: u32) {
+        while let Ok(Some(sample)) = self.statuses.receive() {
+            let copy = *sample;
+            let Ok(status) = SceneStatus::try_from(&copy) else {
+                continue;
+            };
+            let is_ours =
+                status.source == self.source.to_wire() && status.sequence <= last_sequence;
+            if is_ours {
+                heard.take(&status);
+            }
+        }
+    }
+}
+
+impl Heard {
+    fn take(&self, status: &SceneStatus) {
+        let mut verdicts = self.latest.lock().unwrap_or_else(PoisonError::into_inner);
+        verdicts.judged = status.sequence;
+        verdicts.last = Some(status.refusal);
+        if status.refusal != SceneRefusal::None {
+            let first = (status.sequence, status.refusal);
+            verdicts.untold.get_or_insert(first);
+        }
+        self.news.notify_all();
     }
 }

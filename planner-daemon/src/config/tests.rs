@@ -17,6 +17,7 @@ fn the_shipped_file_states_the_defaults() {
     assert_eq!(shipped.capacity, PlanServiceCapacity::default());
     assert_eq!(shipped.default_deadline, Duration::from_millis(20));
     assert_eq!(shipped.realtime_priority, None);
+    assert!(!shipped.scene_expected);
 }
 
 #[test]

@@ -8,11 +8,12 @@ use super::request::{
     SERVERS,
 };
 use super::topic::{
-    CONTROLLER_STATE, CYCLE, HEARTBEAT, LOANS, Qualities, ROBOT_STATE, SCENE, SETPOINT, TRAJECTORY,
+    CONTROLLER_STATE, CYCLE, HEARTBEAT, LOANS, Qualities, ROBOT_STATE, SCENE, SCENE_STATUS,
+    SETPOINT, TRAJECTORY,
 };
 use crate::message::{
     Command, CommandReply, ControllerState, Cycle, Heartbeat, Knot, PlanReport, PlanRequest,
-    RobotState, SceneMessage, Setpoint, TrajectoryMessage,
+    RobotState, SceneMessage, SceneStatus, Setpoint, TrajectoryMessage,
 };
 
 /// Shared memory of one service.
@@ -43,6 +44,7 @@ pub fn shared_memory(capacity: &PlanServiceCapacity) -> Vec<ServiceMemory> {
         topic::<ControllerState>(&CONTROLLER_STATE, 1),
         topic::<Cycle>(&CYCLE, 1),
         topic::<SceneMessage>(&SCENE, 1),
+        topic::<SceneStatus>(&SCENE_STATUS, 1),
         topic::<Heartbeat>(&HEARTBEAT, 3),
     ]
 }

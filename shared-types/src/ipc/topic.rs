@@ -6,7 +6,10 @@ use iceoryx2::port::publisher;
 use iceoryx2::port::publisher::PublisherCreateError;
 use iceoryx2::port::subscriber;
 use iceoryx2::port::subscriber::SubscriberCreateError;
-use iceoryx2::prelude::{AllocationStrategy, BackpressureStrategy, IceoryxSend, ZeroCopySend, ipc};
+use iceoryx2::prelude::{
+    AllocationStrategy, BackpressureStrategy, CallbackProgression, IceoryxSend, PortFactory as _,
+    ZeroCopySend, ipc,
+};
 use iceoryx2::service::builder::Builder as ServiceBuilder;
 use iceoryx2::service::builder::publish_subscribe::{
     Builder, PublishSubscribeCreateError, PublishSubscribeOpenError,
@@ -17,7 +20,8 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
 use crate::message::{
-    ControllerState, Cycle, Heartbeat, RobotState, SceneMessage, Setpoint, TrajectoryMessage,
+    ControllerState, Cycle, Heartbeat, RobotState, SceneMessage, SceneStatus, Setpoint,
+    TrajectoryMessage,
 };
 
 /// Most cycles in one batch of the service `cycle`: 16 ms at 4 kHz.
@@ -92,13 +96,22 @@ pub(super) const CYCLE: Qualities = Qualities {
     buffer: 64,
     slice: CYCLES_PER_BATCH,
 };
-/// `scene`: who sees the obstacles publishes them; a late daemon gets the last one.
+/// `scene`: who sees the obstacles publishes them; a late daemon gets each publisher's last one.
 pub(super) const SCENE: Qualities = Qualities {
     name: "scene",
     publishers: 4,
     subscribers: 8,
     history: 1,
     buffer: 2,
+    slice: 1,
+};
+/// `scene_status`: one publisher.
+pub(super) const SCENE_STATUS: Qualities = Qualities {
+    name: "scene_status",
+    publishers: 1,
+    subscribers: 8,
+    history: 0,
+    buffer: 32,
     slice: 1,
 };
 /// `heartbeat`: one publisher a process.
@@ -117,6 +130,24 @@ pub struct Topic<T: Debug + IceoryxSend + ?Sized> {
     service: PortFactory<ipc::Service, T, ()>,
     full_name: String,
     qualities: Qualities,
+}
+
+impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
+    /// Whether the publisher with this id ([`iceoryx2::sample::Sample::origin`]) is there: it was not dropped, and where its process was
+    /// killed, nobody has cleaned up after it yet.
+    #[must_use]
+    pub fn has_publisher(&self, id: u128) -> bool {
+        let mut found = false;
+        self.service.dynamic_config().list_publishers(|details| {
+            found = details.publisher_id.value() == id;
+            if found {
+                CallbackProgression::Stop
+            } else {
+                CallbackProgression::Continue
+            }
+        });
+        found
+    }
 }
 
 macro_rules! topic_functions {
@@ -147,8 +178,10 @@ topic_functions! {
     controller_state_service: ControllerState = CONTROLLER_STATE;
     /// Opens `cycle`: batches of at most [`CYCLES_PER_BATCH`]; publisher: the controller's relay thread.
     cycle_service: [Cycle] = CYCLE;
-    /// Opens `scene`: all obstacles there are now; publishers: whoever sees them.
+    /// Opens `scene`: all obstacles that a source knows of; publishers: whoever sees them.
     scene_service: SceneMessage = SCENE;
+    /// Opens `scene_status`: what became of each scene; publisher: the daemon.
+    scene_status_service: SceneStatus = SCENE_STATUS;
     /// Opens `heartbeat`; publishers: daemon, controller, robot.
     heartbeat_service: Heartbeat = HEARTBEAT;
 }

@@ -7,9 +7,11 @@ use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
 
 wire_message! {
     /// State of the controller (service `controller_state`, one publisher: its relay thread, about 50 Hz).
-    pub struct ControllerState: "pcc.v2.ControllerState", 608 bytes {
+    pub struct ControllerState: "pcc.v2.ControllerState", 616 bytes {
         /// Time of the cycle it describes, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
+        /// Another number for each controller that was started since the machine was: trajectories name the one they are for.
+        pub instance: u64,
         /// Cycles since the loop began.
         pub cycle: u64,
         /// The loop's period, nanoseconds.

@@ -16,7 +16,7 @@ pub use controller_state::{ControllerState, Cycle};
 pub use heartbeat::Heartbeat;
 pub use plan::{Ball, CandidateSummary, NONE_SELECTED, PlanReport, PlanRequest};
 pub use robot_state::RobotState;
-pub use scene::{MovingBall, SceneMessage};
+pub use scene::{MovingBall, SceneMessage, SceneStatus};
 pub use setpoint::Setpoint;
 pub use trajectory::{Knot, TrajectoryMessage};
 
@@ -122,6 +122,7 @@ mod tests {
             Cycle,
             MovingBall,
             SceneMessage,
+            SceneStatus,
             Heartbeat,
             Command,
             CommandReply

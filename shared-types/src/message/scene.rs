@@ -1,9 +1,9 @@
-//! The live scene: obstacles that move while the robot does.
+//! The live scene: obstacles that move while the robot does, and what the daemon says of them.
 
 use iceoryx2::prelude::ZeroCopySend;
 
 use super::wire_message;
-use crate::capacity::MAX_SCENE_BALLS;
+use crate::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
 
 wire_message! {
     /// An obstacle that keeps its velocity.
@@ -18,15 +18,46 @@ wire_message! {
 }
 
 wire_message! {
-    /// All obstacles there are now (service `scene`, history 1, the latest replaces the one before).
-    pub struct SceneMessage: "pcc.v2.SceneMessage", 57360 bytes {
-        /// Time for which the centres hold, nanoseconds of `CLOCK_MONOTONIC`.
+    /// All obstacles that one source knows of (service `scene`, history 1). The newest scene of a source replaces the one before;
+    /// the obstacles of all sources count together.
+    pub struct SceneMessage: "pcc.v2.SceneMessage", 57408 bytes {
+        /// Time for which the centres hold, nanoseconds of `CLOCK_MONOTONIC`; not in the future.
         pub stamp_mono_ns: i64,
+        /// For how long from the stamp on the scene counts, nanoseconds, 1 ms to an hour. Once it is over and no newer one is there,
+        /// nothing is executed and what moves is stopped.
+        pub lifetime_ns: i64,
+        /// Name of the source, 1 to 32 characters of printable ASCII, the rest zero. A publisher that starts again takes its name up again.
+        pub source: [u8; SOURCE_NAME_BYTES],
+        /// Counts the publisher's scenes; the daemon's verdict returns it.
+        pub sequence: u32,
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Balls in use, 0..=1024.
         pub ball_count: u32,
+        /// 1: the source takes its leave, its obstacles are gone and no scene of it is expected any more; 0: it does not.
+        pub takes_leave: u32,
         /// The first `ball_count` are obstacles; the others are not read.
         pub balls: [MovingBall; MAX_SCENE_BALLS],
+    }
+}
+
+wire_message! {
+    /// What became of a scene (service `scene_status`, publisher: the daemon). Scenes that a newer one of the same publisher
+    /// replaced before they were looked at are not spoken of.
+    pub struct SceneStatus: "pcc.v2.SceneStatus", 64 bytes {
+        /// When it was judged, nanoseconds of `CLOCK_MONOTONIC`.
+        pub stamp_mono_ns: i64,
+        /// `stamp_mono_ns` of the scene.
+        pub scene_stamp_mono_ns: i64,
+        /// `source` of the scene.
+        pub source: [u8; SOURCE_NAME_BYTES],
+        /// `sequence` of the scene.
+        pub sequence: u32,
+        /// [`crate::PROTOCOL_VERSION`] of the daemon.
+        pub protocol_version: u32,
+        /// [`crate::codes::SceneRefusal`]: why it does not count; none: it does.
+        pub refusal: u32,
+        /// Balls of the scene that count.
+        pub ball_count: u32,
     }
 }

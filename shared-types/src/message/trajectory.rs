@@ -21,13 +21,15 @@ wire_message! {
 
 wire_message! {
     /// What the controller is to execute (service `trajectory`, history 1).
-    pub struct TrajectoryMessage: "pcc.v2.TrajectoryMessage", 38952 bytes {
+    pub struct TrajectoryMessage: "pcc.v2.TrajectoryMessage", 38960 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Names this trajectory in the controller's state; at least 1, increasing.
         pub trajectory_id: u32,
         /// The plan it was selected from.
         pub plan_id: u64,
+        /// [`super::ControllerState::instance`] of the controller that is to execute it; every other one refuses it.
+        pub controller_instance: u64,
         /// When the motion begins, nanoseconds of `CLOCK_MONOTONIC`.
         pub begin_mono_ns: i64,
         /// Knots in use, 2..=256.

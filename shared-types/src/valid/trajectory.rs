@@ -16,6 +16,8 @@ pub struct Trajectory {
     pub plan_id: u64,
     /// Which of the plan's candidates it is.
     pub candidate_index: usize,
+    /// The controller that is to execute it.
+    pub controller_instance: u64,
     /// When the motion begins, nanoseconds of `CLOCK_MONOTONIC`.
     pub begin_mono_ns: i64,
     /// Tracking error that the certificate covers, radians.
@@ -48,6 +50,7 @@ impl TryFrom<&TrajectoryMessage> for Trajectory {
                 0,
                 MAX_CANDIDATES - 1,
             )?,
+            controller_instance: wire.controller_instance,
             begin_mono_ns: check_stamp("begin_mono_ns", wire.begin_mono_ns)?,
             path_tolerance_rad: tolerance
                 .map_err(|reason| invalid("path_tolerance_rad", reason))?,

@@ -5,10 +5,11 @@ use std::time::Duration;
 
 use client::{ClientError, ControllerView, CycleRecorder, RobotView, ScenePublisher};
 use shared_types::PROTOCOL_VERSION;
-use shared_types::codes::{CommandRefusal, LoopState, MotorState};
+use shared_types::clock::wall_now_ns;
+use shared_types::codes::{CommandRefusal, LoopState, MotorState, SceneRefusal};
 use shared_types::ipc::*;
 use shared_types::message::{self, MovingBall};
-use shared_types::valid::{Command, Scene};
+use shared_types::valid::{Command, Scene, SourceName};
 
 use crate::support::{LONG, World};
 
@@ -190,26 +191,74 @@ fn a_recorder_gets_every_cycle_and_counts_what_it_missed() {
 #[test]
 fn latecomers_get_the_scene_and_a_bad_one_changes_nothing() {
     let world = World::new();
-    let scenes = ScenePublisher::connect(&world.options).unwrap();
+    let mut scenes = ScenePublisher::connect(&world.options, "camera").unwrap();
     let ball = MovingBall {
         radius_m: 0.4,
         ..MovingBall::ZEROED
     };
-    scenes.publish(&[ball; 2]).unwrap();
-    let error = scenes
-        .publish(&[MovingBall {
-            radius_m: -1.0,
-            ..ball
-        }])
-        .unwrap_err();
+    let lifetime = Duration::from_secs(1000);
+    scenes.publish(&[ball; 2], lifetime).unwrap();
+    let bad = MovingBall {
+        radius_m: -1.0,
+        ..ball
+    };
+    let error = scenes.publish(&[bad], lifetime).unwrap_err();
     assert!(error.to_string().contains("balls[0]"), "{error}");
+    let error = scenes.publish(&[ball], Duration::ZERO).unwrap_err();
+    assert!(error.to_string().contains("lifetime_ns"), "{error}");
+    let unjudged = scenes.confirm(Duration::from_millis(20)).unwrap_err();
+    assert!(
+        matches!(unjudged, ClientError::NoServer { .. }),
+        "{unjudged}"
+    );
 
     let node = node(&world);
     let subscriber = subscriber(&node, &scene_service(&node).unwrap()).unwrap();
-    scenes.greet_latecomers().unwrap();
-    let sample = subscriber.receive().unwrap().unwrap();
-    assert_eq!(Scene::try_from(&*sample).unwrap().balls, [ball; 2]);
+    let scene = loop {
+        match subscriber.receive().unwrap() {
+            Some(sample) => break Scene::try_from(&*sample).unwrap(),
+            None => thread::sleep(Duration::from_millis(1)),
+        }
+    };
+    assert_eq!(scene.balls, [ball; 2]);
+    assert_eq!(
+        (scene.source.to_string(), scene.sequence),
+        ("camera".to_owned(), 1)
+    );
     assert!(subscriber.receive().unwrap().is_none());
+}
+
+#[test]
+fn what_a_daemon_says_of_a_scene_is_told_to_its_publisher() {
+    let world = World::new();
+    let node = node(&world);
+    let statuses = publisher(&node, &scene_status_service(&node).unwrap()).unwrap();
+    let mut scenes = ScenePublisher::connect(&world.options, "camera").unwrap();
+    let (lifetime, patience) = (Duration::from_secs(1), Duration::from_secs(20));
+    let wall = wall_now_ns();
+    let error = scenes.publish_stamped(wall, &[], lifetime).unwrap_err();
+    assert!(error.to_string().contains("wall clock"), "{error}");
+    for (sequence, refusal) in [(1, SceneRefusal::None), (2, SceneRefusal::TooManySources)] {
+        scenes.publish(&[], lifetime).unwrap();
+        let mut status = message::SceneStatus {
+            protocol_version: PROTOCOL_VERSION,
+            source: SourceName::new("other").unwrap().to_wire(),
+            sequence,
+            ..message::SceneStatus::ZEROED
+        };
+        statuses.send_copy(status).unwrap();
+        status.source = SourceName::new("camera").unwrap().to_wire();
+        status.refusal = refusal.code();
+        statuses.send_copy(status).unwrap();
+        let confirmed = scenes.confirm(patience);
+        match refusal {
+            SceneRefusal::None => confirmed.unwrap(),
+            refusal => {
+                let error = confirmed.unwrap_err().to_string();
+                assert!(error.contains(refusal.text()), "{error}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -21,6 +21,12 @@ const MULTI_SOLUTION: [f64; 3] = [1.55, -0.07, 2.33];
 const AVOIDANCE: [[f64; 3]; 2] = [[-1.45, 0.0, 2.25], [1.35, 0.0, 2.45]];
 /// The ball that appears in the third experiment: centre and radius in section lengths.
 const BALL: ([f64; 3], f64) = ([0.0, 0.0, 1.5], 0.4);
+/// The demonstration as a source of scenes.
+const SOURCE: &str = "pcc demo";
+/// How long a scene of it counts: longer than all experiments take; should the demonstration be killed, nothing moves without it.
+const SCENE_LIFETIME: Duration = Duration::from_secs(1800);
+/// How long the daemon may take to judge one.
+const SCENE_PATIENCE: Duration = Duration::from_secs(5);
 /// Terminal shapes that count as two solutions, rad.
 const DISTINCT_RAD: f64 = 0.5;
 /// Distance of the backbone from the later ball's surface that the chosen end shape must keep, section lengths.
@@ -55,7 +61,7 @@ impl<'a> Mission<'a> {
                 controller: ControllerView::connect(options)?,
                 seed,
             },
-            scene: ScenePublisher::connect(options)?,
+            scene: ScenePublisher::connect(options, SOURCE)?,
             recording: Recording::begin(options),
             length,
             reports: Vec::new(),
@@ -98,6 +104,12 @@ impl<'a> Mission<'a> {
             self.interrupted.len()
         );
         self.judge()
+    }
+
+    /// Takes the ball away; nobody need wait for another scene.
+    pub(super) fn take_leave(&mut self) -> anyhow::Result<()> {
+        self.scene.take_leave()?;
+        Ok(self.scene.confirm(SCENE_PATIENCE)?)
     }
 
     fn avoid(&mut self) -> anyhow::Result<()> {
@@ -231,7 +243,8 @@ impl<'a> Mission<'a> {
             velocity_m_s: [0.0; 3],
         };
         let balls: Vec<MovingBall> = balls.iter().map(moving).collect();
-        self.scene.publish(&balls)?;
+        self.scene.publish(&balls, SCENE_LIFETIME)?;
+        self.scene.confirm(SCENE_PATIENCE)?;
         self.recording.note_scene(mono_now_ns(), &balls);
         Ok(())
     }

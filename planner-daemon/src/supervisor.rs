@@ -1,0 +1,359 @@
+//! The thread that publishes motions and watches over the one under way: it hears the controller and the live scene, keeps the
+//! certificate up to date and orders stops. It never plans, and the heart beats only while it goes on.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::Duration;
+
+use collision::Verdict;
+use iceoryx2::port::update_connections::UpdateConnections;
+use shared_types::PROTOCOL_VERSION;
+use shared_types::clock::{mono_now_ns, wall_now_ns};
+use shared_types::ipc::{
+    IpcNode, Publisher, Subscriber, controller_state_service, publisher, subscriber,
+    trajectory_service,
+};
+use shared_types::message::{ControllerState, TrajectoryMessage};
+use shared_types::valid;
+
+use crate::admission::Begin;
+use crate::execution::{
+    ExecutionRefusal, ExecutionRules, Handed, Selected, check_controller, next_id,
+};
+use crate::heartbeat::{BackgroundError, Progress};
+use crate::live_scene::{Arrival, Certificates, LiveScene, Rest};
+use crate::moving_cover::Timing;
+use crate::process::{sleep_punctually, take_turns, use_fifo_priority};
+use crate::scene_inbox::SceneInbox;
+use crate::stop_order::StopOrder;
+use crate::supervision::{STATE_LIFETIME_NS, Standing, StopReason, Supervised, is_fresh};
+use crate::wire;
+
+/// Time between two rounds.
+const ROUND: Duration = Duration::from_millis(1);
+/// Longest time that one round counts for in the controller's silence, nanoseconds: where the whole machine paused, nobody could
+/// speak.
+const MOST_A_ROUND_NS: i64 = 5_000_000;
+/// How much later than expected a motion must be able to come from its begin on without contact, s: pauses up to this neither hurt
+/// nor need a stop.
+const LAG_ALLOWANCE_S: f64 = 0.2;
+/// Longest turn of this thread on a processor, ns: who asks for short ones gets them soon.
+const TURN_NS: u64 = 200_000;
+/// Rounds that the end of what moves is waited for when the daemon ends: 5 s, far above the longest stop.
+const ENDING_ROUNDS: usize = 5_000;
+
+/// Ports and state of the thread.
+pub(crate) struct Supervisor {
+    rules: ExecutionRules,
+    publisher: Publisher<TrajectoryMessage>,
+    states: Subscriber<ControllerState>,
+    inbox: SceneInbox,
+    stop_order: StopOrder,
+    progress: Arc<Progress>,
+    state: Option<valid::ControllerState>,
+    /// Since the last fresh state, in rounds' time.
+    silence_ns: i64,
+    last_round_mono_ns: i64,
+    live: LiveScene,
+    supervised: Option<Supervised>,
+    last_id: u32,
+    state_refused: bool,
+    late_controllers_fail: bool,
+}
+
+impl Supervisor {
+    /// Opens the services and makes the ports, which stay in this thread.
+    ///
+    /// # Errors
+    /// [`BackgroundError`]: a port, or a priority that was granted before.
+    pub(crate) fn open(
+        node: &IpcNode,
+        rules: ExecutionRules,
+        progress: Arc<Progress>,
+        realtime_priority: Option<u8>,
+    ) -> Result<Self, BackgroundError> {
+        if let Err(error) = sleep_punctually().and_then(|()| take_turns(TURN_NS)) {
+            tracing::warn!("orders to stop may be some ms late on a busy machine: {error}");
+        }
+        if let Some(priority) = realtime_priority {
+            use_fifo_priority(priority)?;
+        }
+        let live = LiveScene::new(rules.section_length_m, rules.scene_expected);
+        Ok(Self {
+            rules,
+            publisher: publisher(node, &trajectory_service(node)?)?,
+            states: subscriber(node, &controller_state_service(node)?)?,
+            inbox: SceneInbox::open(node)?,
+            stop_order: StopOrder::open(node)?,
+            progress,
+            state: None,
+            silence_ns: 0,
+            last_round_mono_ns: mono_now_ns(),
+            live,
+            supervised: None,
+            last_id: 0,
+            state_refused: false,
+            late_controllers_fail: false,
+        })
+    }
+
+    /// Watches until the sender of motions is gone, and then until nothing moves.
+    pub(crate) fn run(&mut self, handed: &Receiver<Handed>) {
+        loop {
+            self.round();
+            match handed.recv_timeout(ROUND) {
+                Ok(handed) => {
+                    let answer = self.take(handed.selected, handed.until_mono_ns);
+                    // Who does not wait any more finds the motion in the controller's state.
+                    let _ = handed.answer.send(answer);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+        }
+        for _ in 0..ENDING_ROUNDS {
+            let Some(supervised) = &mut self.supervised else {
+                return;
+            };
+            if self.silence_ns > STATE_LIFETIME_NS {
+                // A controller that is held finds no daemon when it goes on, and stops.
+                return;
+            }
+            supervised.must_stop(StopReason::DaemonEnds);
+            self.round();
+            std::thread::sleep(ROUND);
+        }
+    }
+
+    /// Hears what is new and watches over the motion under way. A scene is acted upon before the next one is taken, so that many
+    /// large ones do not keep a small one waiting for longer than the work on one of them.
+    fn round(&mut self) {
+        self.connect();
+        self.hear_controller();
+        self.supervise();
+        for _ in 0..SceneInbox::PUBLISHERS {
+            let begun = mono_now_ns();
+            let Some(index) = self.inbox.next(begun) else {
+                break;
+            };
+            self.take_scene(index);
+            self.hear_controller();
+            self.supervise();
+            self.inbox.has_cost(index, begun, mono_now_ns());
+        }
+    }
+
+    fn connect(&mut self) {
+        let connected = self.publisher.update_connections();
+        if let Err(error) = &connected
+            && !self.late_controllers_fail
+        {
+            tracing::warn!("a late controller may miss trajectories: {error:?}");
+        }
+        self.late_controllers_fail = connected.is_err();
+    }
+
+    /// Takes in the newest state. Every round counts as silence until one says what is now.
+    fn hear_controller(&mut self) {
+        let mut newest: Option<ControllerState> = None;
+        while let Ok(Some(sample)) = self.states.receive() {
+            newest = Some(*sample);
+        }
+        let now = mono_now_ns();
+        let elapsed_ns = now - self.last_round_mono_ns;
+        self.last_round_mono_ns = now;
+        self.silence_ns += elapsed_ns.min(MOST_A_ROUND_NS);
+        let Some(newest) = newest else {
+            return;
+        };
+        match valid::ControllerState::try_from(&newest) {
+            Ok(state) => {
+                let is_new = self.state.as_ref().is_none_or(|last| {
+                    last.values.instance != state.values.instance
+                        || last.values.stamp_mono_ns < state.values.stamp_mono_ns
+                });
+                if is_fresh(&state, now) && is_new {
+                    self.silence_ns = 0;
+                    self.state_refused = false;
+                } else if !is_fresh(&state, now) && !self.state_refused {
+                    self.state_refused = true;
+                    let age_ms = (now - state.values.stamp_mono_ns) as f64 * 1e-6;
+                    tracing::warn!("a controller's state says nothing of now: {age_ms:.0} ms old");
+                }
+                self.state = Some(state);
+            }
+            Err(error) if !self.state_refused => {
+                self.state_refused = true;
+                tracing::warn!("a controller's state is refused: {error}");
+            }
+            Err(_) => {}
+        }
+    }
+
+    fn take_scene(&mut self, index: usize) {
+        let now = Arrival {
+            mono_ns: mono_now_ns(),
+            wall_ns: wall_now_ns(),
+        };
+        let live = &mut self.live;
+        self.inbox
+            .judge(index, now.mono_ns, |wire, publisher, there| {
+                live.take(wire, publisher, now, there)
+            });
+    }
+
+    fn supervise(&mut self) {
+        let now = mono_now_ns();
+        let obeyed = self.stop_order.attend(now);
+        if let Some(reason) = self.over(now, obeyed) {
+            if let Some(supervised) = self.supervised.take() {
+                tracing::info!("trajectory {} is over: {reason}", supervised.id);
+            }
+            self.stop_order.end();
+        }
+        self.look_for_danger(now);
+        if let Some(supervised) = &self.supervised
+            && let Some(reason) = supervised.stop_reason()
+            && supervised.standing() != Standing::Stopping
+        {
+            self.stop_order.give(supervised.id, reason, now);
+        }
+        if !self.stop_order.is_ignored() {
+            self.progress.made();
+        }
+    }
+
+    /// Why the motion under way is over, if a fresh state or the reply to an order says so.
+    fn over(&mut self, now_mono_ns: i64, obeyed: bool) -> Option<&'static str> {
+        let supervised = self.supervised.as_mut()?;
+        let fresh = self.state.as_ref();
+        let fresh = fresh.filter(|state| is_fresh(state, now_mono_ns));
+        let standing = fresh.map_or(supervised.standing(), |state| supervised.hear(state));
+        match standing {
+            Standing::Over(reason) => Some(reason),
+            Standing::Awaited if obeyed => Some("it was taken back before its begin"),
+            _ => None,
+        }
+    }
+
+    /// Finds a reason to stop the motion under way, unless there is one already.
+    fn look_for_danger(&mut self, now_mono_ns: i64) {
+        let Some(supervised) = &mut self.supervised else {
+            return;
+        };
+        if supervised.stop_reason().is_some() || supervised.standing() == Standing::Stopping {
+            return;
+        }
+        if self.silence_ns > STATE_LIFETIME_NS {
+            supervised.must_stop(StopReason::ControllerSilent);
+        }
+        if let Some(absence) = self.live.absence(now_mono_ns) {
+            supervised.must_stop(absence.into());
+        }
+        let (from_s, timing) = supervised.progress(now_mono_ns);
+        let rest = Rest {
+            grown: &self.rules.grown,
+            motion: &supervised.motion,
+            from_s,
+            timing,
+            lag_allowance_s: 0.0,
+        };
+        match self.live.certify(&rest, &mut supervised.certificates) {
+            Verdict::Free => {}
+            Verdict::Colliding { at } | Verdict::Undecided { at } => {
+                supervised.must_stop(StopReason::SceneInTheWay { at_s: at });
+            }
+        }
+    }
+
+    /// Publishes a motion after checking it against the controller and the live scene as they are now; returns its id.
+    fn take(&mut self, selected: Selected, until_mono_ns: i64) -> Result<u32, ExecutionRefusal> {
+        self.round();
+        let now = mono_now_ns();
+        let busy = self.supervised.as_ref().map(|supervised| supervised.id);
+        let start = selected.motion.knots()[0].position;
+        let controller = check_controller(self.state.as_ref(), &start, busy, now)?;
+        if !self.stop_order.can_be_given() {
+            return Err(ExecutionRefusal::CommandUnserved);
+        }
+        if let Some(absence) = self.live.absence(now) {
+            return Err(absence.into());
+        }
+        let begin_mono_ns = self.begin(selected.begin, now);
+        let certificates = self.certify(&selected, begin_mono_ns)?;
+        if mono_now_ns() > until_mono_ns {
+            return Err(ExecutionRefusal::SupervisionHeld);
+        }
+        let id = next_id(self.last_id, now);
+        self.send(&selected, id, begin_mono_ns, controller)?;
+        self.last_id = id;
+        self.supervised = Some(Supervised::new(
+            id,
+            selected.motion,
+            begin_mono_ns,
+            controller,
+            certificates,
+        ));
+        Ok(id)
+    }
+
+    fn begin(&self, begin: Begin, now_mono_ns: i64) -> i64 {
+        let soonest = now_mono_ns + self.rules.begin_lead.as_nanos() as i64;
+        match begin {
+            Begin::Soon => soonest,
+            Begin::NotBefore(time) => time.max(soonest),
+        }
+    }
+
+    fn certify(
+        &self,
+        selected: &Selected,
+        begin_mono_ns: i64,
+    ) -> Result<Certificates, ExecutionRefusal> {
+        let mut certificates = Certificates::default();
+        let rest = Rest {
+            grown: &self.rules.grown,
+            motion: &selected.motion,
+            from_s: 0.0,
+            timing: Timing::from_begin(begin_mono_ns),
+            lag_allowance_s: LAG_ALLOWANCE_S,
+        };
+        match self.live.certify(&rest, &mut certificates) {
+            Verdict::Free => Ok(certificates),
+            Verdict::Colliding { at } | Verdict::Undecided { at } => {
+                Err(ExecutionRefusal::SceneInTheWay { at_s: at })
+            }
+        }
+    }
+
+    fn send(
+        &self,
+        selected: &Selected,
+        id: u32,
+        begin_mono_ns: i64,
+        controller_instance: u64,
+    ) -> Result<(), ExecutionRefusal> {
+        let knots = selected.motion.knots();
+        let mut message = TrajectoryMessage {
+            protocol_version: PROTOCOL_VERSION,
+            trajectory_id: id,
+            plan_id: selected.plan_id,
+            controller_instance,
+            begin_mono_ns,
+            knot_count: knots.len() as u32,
+            candidate_index: selected.candidate_index as u32,
+            path_tolerance_rad: self.rules.path_tolerance_rad,
+            ..TrajectoryMessage::ZEROED
+        };
+        for (slot, knot) in message.knots.iter_mut().zip(knots) {
+            *slot = wire::knot(knot);
+        }
+        match self.publisher.send_copy(message) {
+            Ok(_) => Ok(()),
+            Err(error) => {
+                tracing::error!("trajectory {id} could not be published: {error:?}");
+                Err(ExecutionRefusal::NotPublished)
+            }
+        }
+    }
+}
