@@ -10,6 +10,7 @@ use std::{
     fs::OpenOptions,
     io,
     os::fd::AsRawFd,
+    os::unix::fs::OpenOptionsExt,
     path::{Path, PathBuf},
     ptr::NonNull,
     sync::atomic::{AtomicU64, Ordering},
