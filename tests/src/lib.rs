@@ -12,6 +12,7 @@ pub mod geometry;
 pub mod kills;
 pub mod listener;
 pub mod motion;
+pub mod other_user;
 pub mod priority;
 pub mod process;
 pub mod programs;

@@ -40,7 +40,8 @@ pub enum IpcError {
     /// Others than its owner have a right to the root directory.
     #[error(
         "{path:?} (user {owner}) has mode {mode:04o}: only 0700 is allowed for the directory of service files (PCC_ROOT), \
-         for whoever can open its lock files can block every process; remove it while none runs, and it is made anew"
+         for whoever can open its lock files can block every process; name another, which is made so, or close this one \
+         while none of them runs"
     )]
     OpenRoot {
         /// The directory.
