@@ -27,6 +27,8 @@ use crate::service::{Parts, Service};
 
 /// Name of the learned model in the manifest.
 const MODEL: &str = "fast";
+/// Time from a reason to stop until the controller brakes, s: its state is up to 20 ms old, and the order has a way to go.
+const ORDER_S: f64 = 0.05;
 
 /// Why the daemon does not start.
 #[derive(Debug, thiserror::Error)]
@@ -354,10 +356,12 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
 fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> ExecutionRules {
     let unit_robot = planner.robot();
     let growth = tracking_growth(unit_robot, config.path_tolerance_rad);
+    let limits = &robot.tendon_limits;
     ExecutionRules {
         grown: unit_robot.with_tube_growth(&growth),
         section_length_m: robot.section_lengths[0],
         path_tolerance_rad: config.path_tolerance_rad,
+        stopping_s: limits.velocity / limits.acceleration + ORDER_S,
         begin_lead: config.begin_lead,
         scene_expected: config.scene_expected,
     }

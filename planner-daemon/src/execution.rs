@@ -85,6 +85,8 @@ pub(crate) struct ExecutionRules {
     pub(crate) section_length_m: f64,
     /// Tracking error that the certificate covers, rad in each bending pair.
     pub(crate) path_tolerance_rad: f64,
+    /// Longest stop, with the time until it begins, s.
+    pub(crate) stopping_s: f64,
     /// Least time between publishing and begin.
     pub(crate) begin_lead: Duration,
     /// Whether nothing may be executed without a live scene.

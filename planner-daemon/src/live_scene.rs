@@ -107,6 +107,8 @@ pub(crate) struct Rest<'a> {
     pub(crate) from_s: f64,
     /// When it will be where, as far as can be told.
     pub(crate) timing: Timing,
+    /// Longest stop, with the time until it begins, s.
+    pub(crate) stopping_s: f64,
     /// How much later than that it must be able to come, s.
     pub(crate) lag_allowance_s: f64,
 }
@@ -338,6 +340,7 @@ impl Told {
             timing: rest.timing,
             stamp_mono_ns: self.scene.stamp_mono_ns,
             lifetime_s: self.scene.lifetime_ns as f64 * 1e-9,
+            stopping_s: rest.stopping_s,
             lag_allowance_s: rest.lag_allowance_s,
         };
         let balls = cover.of_all(&self.moving, rest.grown, [rest.from_s, rest.end_s()]);

@@ -1,11 +1,11 @@
 //! Moving balls as the certificate sees them: everywhere that they can be, however late the robot comes.
 //!
-//! A scene is believed until its lifetime L is over; what moves then is stopped. Until then a ball that was at c at the stamp s and
-//! moves at v is at the clock time t at c + v (t − s), or anywhere on its way since the stamp if it has slowed down or stopped. A
-//! motion that was expected at path time p at the clock time t(p) is there at t(p) + lag. So at path time p each ball is taken to be
-//! everywhere between t(p) − L and t(p) + L: all that can be true while the scene is believed, whatever the lag up to L, is in
-//! there. Both ends are wider by [`TOLERANCE_S`], within which t(p) may change without a new certificate. That piece of its way is
-//! covered by balls that move along with it.
+//! A scene is believed until its lifetime is over; what moves then is stopped. Let L be the lifetime and the time of a stop. Until
+//! then a ball that was at c at the stamp s and moves at v is at the clock time t at c + v (t − s), or anywhere on its way since the
+//! stamp if it has slowed down or stopped. A motion that was expected at path time p at the clock time t(p) is there at t(p) + lag.
+//! So at path time p each ball is taken to be everywhere between t(p) − L and t(p) + L: all that can be true until the robot is at
+//! rest, whatever the lag up to L, is in there. Both ends are wider by [`TOLERANCE_S`], within which t(p) may change without a new
+//! certificate. That piece of its way is covered by balls that move along with it.
 
 use collision::{Ball, MovingBall};
 use pcc_model::{Point, Robot};
@@ -61,6 +61,8 @@ pub(crate) struct Cover {
     pub(crate) timing: Timing,
     pub(crate) stamp_mono_ns: i64,
     pub(crate) lifetime_s: f64,
+    /// Time from the end of a scene's lifetime until the robot is at rest, s.
+    pub(crate) stopping_s: f64,
     /// How much later than the lifetime allows the robot must be able to come, s.
     pub(crate) lag_allowance_s: f64,
 }
@@ -84,8 +86,9 @@ impl Cover {
     fn of_one(&self, moving: &MovingBall) -> impl Iterator<Item = MovingBall> {
         let age_s = (self.timing.zero_mono_ns - self.stamp_mono_ns) as f64 * 1e-9;
         let (centre, velocity) = (moving.ball.centre, moving.velocity);
-        let first = age_s - self.lifetime_s - TOLERANCE_S;
-        let last = age_s + self.lifetime_s + TOLERANCE_S + self.lag_allowance_s;
+        let either_side_s = self.lifetime_s + self.stopping_s + TOLERANCE_S;
+        let first = age_s - either_side_s;
+        let last = age_s + either_side_s + self.lag_allowance_s;
         let way = velocity.norm() * (last - first);
         let pieces = (way / (SPACING * moving.ball.radius)).ceil();
         let pieces = pieces.clamp(1.0, MOST_COVERING as f64 - 1.0);
@@ -127,7 +130,8 @@ mod tests {
         Cover {
             timing: Timing::from_begin(2 * SECOND),
             stamp_mono_ns: SECOND,
-            lifetime_s,
+            lifetime_s: 0.5 * lifetime_s,
+            stopping_s: 0.5 * lifetime_s,
             lag_allowance_s: 0.2,
         }
     }

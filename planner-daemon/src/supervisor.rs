@@ -256,6 +256,7 @@ impl Supervisor {
             motion: &supervised.motion,
             from_s,
             timing,
+            stopping_s: self.rules.stopping_s,
             lag_allowance_s: 0.0,
         };
         match self.live.certify(&rest, &mut supervised.certificates) {
@@ -316,6 +317,7 @@ impl Supervisor {
             motion: &selected.motion,
             from_s: 0.0,
             timing: Timing::from_begin(begin_mono_ns),
+            stopping_s: self.rules.stopping_s,
             lag_allowance_s: LAG_ALLOWANCE_S,
         };
         match self.live.certify(&rest, &mut certificates) {

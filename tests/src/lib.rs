@@ -17,6 +17,7 @@ pub mod priority;
 pub mod process;
 pub mod programs;
 pub mod raw;
+pub mod raw_scene;
 pub mod recording;
 pub mod stack;
 pub mod starts;

@@ -66,6 +66,7 @@ fn certify(live: &LiveScene, from_s: f64, timing: Timing, lag_allowance_s: f64) 
         motion: &motion,
         from_s,
         timing,
+        stopping_s: 0.0,
         lag_allowance_s,
     };
     live.certify(&rest, &mut Certificates::default())
@@ -153,6 +154,7 @@ fn only_what_changed_is_certified_again() {
             motion: &motion,
             from_s: 0.0,
             timing: Timing::from_begin(begin_mono_ns),
+            stopping_s: 0.0,
             lag_allowance_s: 0.0,
         };
         let mut certificates = Certificates::default();
