@@ -1,201 +1,486 @@
-//! SIGKILL of the three processes at random instants, restarted in any order.
+//! Processes that are killed and stopped, and threads that are held, at random instants: what the robot was sent meanwhile, whether
+//! the motion was watched over again, and whether everything goes on.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
-use rand::seq::SliceRandom;
+use client::{ClientError, Pending, ScenePublisher};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopState, MotorState};
-use shared_types::message::{Cycle, RobotState};
-use shared_types::valid::Goal;
+use shared_types::message::{MovingBall, RobotState};
+use shared_types::valid::{Command, PlanRequest};
 
+use crate::disturbance::{Kind, Ongoing, threads};
+use crate::judge::{Judge, Verdict};
 use crate::listener::{Heard, Listener};
-use crate::motion::{LimitsKept, TendonSample, limits_kept};
-use crate::process::{TimedOut, wait_for};
-use crate::stack::{MOTION_ATTEMPTS, MoveError, PATIENCE, Part, Stack};
+use crate::process::TimedOut;
+use crate::rounds::{Phase, Round, goal_of, no_way_out, rounds, somewhere_near};
+use crate::stack::{MoveError, Part, Stack, tip_error};
+use crate::supervision::{Watch, Watched};
 
-/// A robot state's stamp is that of the measurement, up to two cycles from the evaluation of its set-point, s.
-pub const STAMP_SLACK_S: f64 = 2e-3;
+/// Everything is ready again so long after a disturbance has ended, or a motion under way then: a controller gives a lost daemon
+/// 0.2 s and stops in less than 0.4 s, a daemon loads its weights in less than 1 s.
+pub const READY_WITHIN: Duration = Duration::from_secs(5);
+/// A controller that holds for so long has no motion to begin any more: 50 ms of lead, and 300 ms in which it may be taken up.
+const QUIET_NS: i64 = 400_000_000;
+/// Pause before a motion that was refused is asked for again.
+const ASK_AGAIN: Duration = Duration::from_millis(200);
+/// How often a motion is asked for until its round has failed.
+const ASKED_AT_MOST: usize = 5;
+/// The longest motion asked for here takes less than 4 s.
+const MOTION_WITHIN: Duration = Duration::from_secs(8);
 
-/// What the kills did.
+/// What the disturbances did.
 #[derive(Clone, Debug, Default)]
 pub struct Survival {
-    /// Kills by part: daemon, controller, robot.
-    pub kills: [usize; 3],
-    /// Rounds after which a whole motion was planned, executed and reached.
-    pub recovered: usize,
-    /// Rounds.
+    /// Disturbances by process and kind.
+    pub disturbances: BTreeMap<String, usize>,
+    /// Disturbances by what was going on at their instant, as seen from outside.
+    pub phases: BTreeMap<String, usize>,
+    /// Threads that the ready processes have.
+    pub threads_seen: BTreeSet<String>,
+    /// How often each thread was held.
+    pub threads_held: BTreeMap<String, usize>,
+    /// Disturbances.
     pub rounds: usize,
-    /// What went wrong in the others.
+    /// Those after which everything was ready in time and a motion was planned, executed and reached when first asked for.
+    pub recovered: usize,
+    /// Why it was not after the others.
     pub failures: Vec<String>,
-    /// Motions after the kills that were stopped and had to be asked for again: a machine that stalls for more than
-    /// 20 ms makes the robot ramp to rest, which is as it should be.
-    pub interruptions: Vec<String>,
-    /// Rounds that killed the controller, and not the robot, while the robot moved.
-    pub controller_killed_in_motion: usize,
-    /// Those of them in which the robot was seen to ramp to rest.
-    pub ramps_seen: usize,
-    /// Largest steps of the robot's own reference, restarts included.
-    pub reference: LimitsKept,
-    /// Largest use of the limits by the robot's ramps to rest.
-    pub ramps: LimitsKept,
-    /// Largest use of the limits by the set-points in motion, stops included.
-    pub setpoints: LimitsKept,
-    /// States of the robot in fault: a set-point broke a rule while it followed. (Set-points are also refused while it
-    /// ramps to rest; those are no fault.)
-    pub robot_faults: usize,
-    /// Largest tip error at the end of the motions after the kills, m.
-    pub tip_error: f64,
+    /// Motions that had to be asked for again, by cause.
+    pub asked_again: BTreeMap<String, usize>,
+    /// Faults that the controller had latched and that one reset cleared.
+    pub faults: BTreeMap<String, usize>,
+    /// Motions under way at a disturbance that did not come to their end, by what was disturbed.
+    pub cut_short: BTreeMap<String, usize>,
+    /// Longest time until everything was ready again, s.
+    pub ready_s: f64,
+    /// Largest tip error at the end of the motions after the disturbances, m.
+    pub tip_error_m: f64,
+    /// Balls put in the way, and what came of them.
+    pub watched: Watched,
+    /// Times that a controller was killed in motion and the robot's ramp to rest was looked for, and those that it was seen.
+    pub ramps: (usize, usize),
+    /// What the robot was sent, and made of it.
+    pub verdict: Verdict,
 }
 
-/// Kills each part `times` times alone, and all three together `times / 3` (at least one) times.
+/// Disturbs each process in each way, `count` times in all.
 ///
 /// # Errors
-/// [`TimedOut`] if the processes do not even start before the first kill.
-pub fn kill_and_restart(stack: &mut Stack, times: usize, seed: u64) -> Result<Survival, TimedOut> {
-    let mut rng = Pcg64::seed_from_u64(seed);
-    let mut rounds: Vec<Vec<Part>> = Part::ALL
-        .iter()
-        .flat_map(|part| vec![vec![*part]; times])
-        .collect();
-    rounds.extend(vec![Part::ALL.to_vec(); times.div_ceil(3)]);
-    rounds.shuffle(&mut rng);
+/// [`TimedOut`] if the processes do not even start before the first disturbance.
+pub fn disturb(
+    stack: &mut Stack,
+    kinds: &[Kind],
+    count: usize,
+    seed: u64,
+) -> Result<Survival, TimedOut> {
     stack.wait_until_ready()?;
-    let mut survival = Survival::default();
-    for (round, mut victims) in rounds.into_iter().enumerate() {
-        victims.shuffle(&mut rng);
-        survival.rounds += 1;
-        match kill_round(stack, &victims, &mut rng, &mut survival) {
-            Ok(()) => survival.recovered += 1,
-            Err(error) => survival
-                .failures
-                .push(format!("round {round}, {victims:?} killed: {error}")),
-        }
+    let mut experiment = Experiment {
+        listener: Listener::start(&stack.world.options),
+        scenes: ScenePublisher::connect(&stack.world.options).unwrap(),
+        judge: Judge::new(stack.world.robot.tendon_limits),
+        rng: Pcg64::seed_from_u64(seed),
+        held: [0; 3],
+        survival: Survival::default(),
+        stack,
+    };
+    experiment.note_threads();
+    for round in rounds(kinds, count, &mut experiment.rng) {
+        experiment.carry_out(round);
     }
+    let mut survival = experiment.survival;
+    survival.verdict = experiment.judge.verdict().clone();
     Ok(survival)
 }
 
-fn kill_round(
-    stack: &mut Stack,
-    victims: &[Part],
-    rng: &mut Pcg64,
-    survival: &mut Survival,
-) -> Result<(), MoveError> {
-    // A round that failed must not spoil the next one.
-    stack.wait_until_ready()?;
-    let listener = Listener::start(&stack.world.options);
-    begin_random_motion(stack, rng)?;
-    thread::sleep(Duration::from_millis(rng.random_range(0..600)));
-    let controller_alone = victims == [Part::Controller];
-    let was_moving = is_moving(&listener);
-    for part in victims {
-        stack.kill9(*part);
-        survival.kills[*part as usize] += 1;
-        thread::sleep(Duration::from_millis(rng.random_range(0..120)));
-    }
-    if controller_alone && was_moving {
-        survival.controller_killed_in_motion += 1;
-        survival.ramps_seen += usize::from(comes_to_rest_by_itself(&listener)?);
-    }
-    let mut order = victims.to_vec();
-    order.shuffle(rng);
-    for part in order {
-        stack.start(part);
-        thread::sleep(Duration::from_millis(rng.random_range(0..80)));
-    }
-    let recovered = recover(stack, survival);
-    survival.look_at(stack, &listener.take());
-    recovered
+/// A motion or a plan that a disturbance falls into.
+#[derive(Debug, Default)]
+struct Underway {
+    pending: Option<Pending>,
+    motion: Option<u32>,
+    /// Where the motion ends.
+    goal: Option<[f64; 6]>,
+    /// The process that was started, and when.
+    starting: Option<(Part, i64)>,
 }
 
-fn recover(stack: &mut Stack, survival: &mut Survival) -> Result<(), MoveError> {
-    for attempt in 1.. {
-        stack.wait_until_ready()?;
-        match stack.move_tip_once([0.0, -1.55, 2.25]) {
-            Err(MoveError::CutShort(fault)) if attempt < MOTION_ATTEMPTS => {
-                survival.interruptions.push(fault);
-            }
-            result => {
-                let error = result?.commanded_tip_error;
-                survival.tip_error = survival.tip_error.max(error);
-                break;
+struct Experiment<'a> {
+    listener: Listener,
+    scenes: ScenePublisher,
+    judge: Judge,
+    rng: Pcg64,
+    /// Holds of each part so far.
+    held: [usize; 3],
+    survival: Survival,
+    stack: &'a mut Stack,
+}
+
+impl Experiment<'_> {
+    fn carry_out(&mut self, round: Round) {
+        let number = self.survival.rounds;
+        self.survival.rounds += 1;
+        let result = self.try_round(round);
+        let heard = self.listener.take();
+        self.judge.look(&heard);
+        match result {
+            Ok(()) => self.survival.recovered += 1,
+            Err(error) => {
+                let Round {
+                    phase, part, kind, ..
+                } = round;
+                let what = format!("{number}: {kind:?} of {} while {phase:?}", part.program());
+                self.survival.failures.push(format!("{what}: {error}"));
+                // The next round must not pay for this one.
+                self.start_all_anew();
             }
         }
     }
-    Ok(())
-}
 
-/// Somewhere else, so that there is a motion to interrupt.
-fn begin_random_motion(stack: &mut Stack, rng: &mut Pcg64) -> Result<(), MoveError> {
-    // Far enough inside the bending limits that a ramp to rest off the path stays within them at ten times the speed.
-    let bend = rng.random_range(0.4..0.8);
-    let side = if rng.random::<bool>() { 1.0 } else { -1.0 };
-    let goal = [side * bend, bend, 0.5, side * 0.4, -0.6, 0.3];
-    let id = stack.begin_motion(Goal::Configuration(goal))?;
-    stack.wait_for_progress(id, 0.0)?;
-    Ok(())
-}
-
-fn is_moving(listener: &Listener) -> bool {
-    listener.with(|heard| {
-        heard.robot.last().is_some_and(|state| {
-            let speed = |velocity: &f64| velocity.abs() > 1e-3;
-            state.accepted_velocity_m_s.iter().any(speed)
-        })
-    })
-}
-
-/// Whether the robot reports its ramp, waiting until it is at rest.
-fn comes_to_rest_by_itself(listener: &Listener) -> Result<bool, TimedOut> {
-    let is = |state: &RobotState, wanted: MotorState| state.state == wanted.code();
-    wait_for("the robot rests after its loss", PATIENCE, || {
-        listener.with(|heard| {
-            let last = heard.robot.last()?;
-            is(last, MotorState::AtRestAfterLoss).then_some(())
-        })
-    })?;
-    Ok(listener.with(|heard| {
-        heard
-            .robot
-            .iter()
-            .any(|state| is(state, MotorState::RampingToRest))
-    }))
-}
-
-/// Pairs of neighbours between which the robot ramps to rest.
-pub fn ramp_pairs(states: &[RobotState]) -> impl Iterator<Item = (TendonSample, TendonSample)> {
-    let ramping = |state: &RobotState| state.state == MotorState::RampingToRest.code();
-    let pairs = states.windows(2);
-    let pairs = pairs.filter(move |pair| ramping(&pair[0]) && ramping(&pair[1]));
-    pairs.map(|pair| ((&pair[0]).into(), (&pair[1]).into()))
-}
-
-/// Pairs of successive set-points of one controller in motion.
-pub fn motion_pairs(cycles: &[Cycle]) -> impl Iterator<Item = (TendonSample, TendonSample)> {
-    let moving = [LoopState::Executing, LoopState::Stopping].map(LoopState::code);
-    let pairs = cycles.windows(2).filter(move |pair| {
-        let in_motion = pair.iter().all(|cycle| moving.contains(&cycle.state));
-        in_motion && pair[1].sequence == pair[0].sequence + 1
-    });
-    pairs.map(|pair| ((&pair[0]).into(), (&pair[1]).into()))
-}
-
-impl Survival {
-    fn look_at(&mut self, stack: &Stack, heard: &Heard) {
-        let samples: Vec<TendonSample> = heard.robot.iter().map(TendonSample::from).collect();
-        let limits = &stack.world.robot.tendon_limits;
-        let kept = limits_kept(&samples, limits, STAMP_SLACK_S);
-        self.ramps
-            .add_pairs(ramp_pairs(&heard.robot), limits, STAMP_SLACK_S);
-        self.setpoints
-            .add_pairs(motion_pairs(&heard.cycles), limits, 0.0);
-        let all = &mut self.reference;
-        all.samples += kept.samples;
-        all.velocity = all.velocity.max(kept.velocity);
-        all.difference_velocity = all.difference_velocity.max(kept.difference_velocity);
-        all.largest_step_m = all.largest_step_m.max(kept.largest_step_m);
-        let is_fault = |state: &&RobotState| state.state == MotorState::Fault.code();
-        self.robot_faults += heard.robot.iter().filter(is_fault).count();
+    fn start_all_anew(&mut self) {
+        for part in Part::ALL {
+            self.stack.start(part);
+        }
+        if let Err(error) = self.stack.wait_until_ready() {
+            self.survival.failures.push(format!("anew: {error}"));
+        }
     }
+
+    fn try_round(&mut self, round: Round) -> Result<(), String> {
+        let mut underway = self.enter(round.phase)?;
+        let phase = self.observed_phase(&mut underway);
+        *self.survival.phases.entry(phase).or_default() += 1;
+        let begun_ns = mono_now_ns();
+        let was_moving = self.moves();
+        let shown_ns = self.disturb(round, &underway)?;
+        let ended_ns = mono_now_ns();
+        if let Some((part, _)) = underway.starting
+            && !self.stack.process(part).is_running()
+        {
+            self.stack.start(part);
+        }
+        if let Some(shown_ns) = shown_ns {
+            self.watch(&Watch {
+                part: round.part,
+                kind: round.kind,
+                begun_ns,
+                shown_ns,
+                ended_ns,
+            });
+        }
+        drop(underway.pending.take());
+        self.recover(ended_ns)?;
+        if was_moving {
+            self.look_at_motion(round, underway.motion, begun_ns);
+        }
+        self.prove()
+    }
+
+    /// Brings about what the disturbance is to fall into, and lets a random time of it pass.
+    fn enter(&mut self, phase: Phase) -> Result<Underway, String> {
+        let mut underway = Underway::default();
+        let mut pause_ms = self.rng.random_range(0..100);
+        match phase {
+            Phase::Resting => {}
+            Phase::Starting => {
+                let part = Part::ALL[self.rng.random_range(0..3)];
+                self.stack.kill9(part);
+                underway.starting = Some((part, mono_now_ns()));
+                self.stack.start(part);
+                pause_ms = self.rng.random_range(0..120);
+            }
+            Phase::Planning if self.rng.random::<bool>() => {
+                let submitted = self.stack.client.submit(&no_way_out());
+                underway.pending = Some(submitted.map_err(|error| error.to_string())?);
+                pause_ms = self.rng.random_range(0..250);
+            }
+            Phase::Planning => {
+                let request = self.motion_request(0.25);
+                let submitted = self.stack.client.submit(&request);
+                underway.pending = Some(submitted.map_err(|error| error.to_string())?);
+                pause_ms = self.rng.random_range(0..50);
+            }
+            Phase::Moving => {
+                let request = self.motion_request(0.25);
+                underway.goal = goal_of(&request);
+                let (id, duration_s) = self.ask_until_taken(&request)?;
+                underway.motion = Some(id);
+                let until_end = 50 + (1e3 * duration_s) as u64;
+                pause_ms = self.rng.random_range(50..until_end);
+            }
+        }
+        thread::sleep(Duration::from_millis(pause_ms));
+        Ok(underway)
+    }
+
+    /// What goes on now, as an onlooker sees it.
+    fn observed_phase(&mut self, underway: &mut Underway) -> String {
+        if let Some((part, since_ns)) = underway.starting
+            && !self.is_ready(part, since_ns)
+        {
+            return format!("starting {}", part.program());
+        }
+        let state = self
+            .listener
+            .with(|heard| heard.cycles.last().map(|cycle| cycle.state));
+        let is = |wanted: LoopState| state == Some(wanted.code());
+        if is(LoopState::Executing) || is(LoopState::Stopping) {
+            return "moving".to_owned();
+        }
+        let answered = |pending| !matches!(self.stack.client.poll(pending), Ok(None));
+        let phase = match underway.pending.as_mut().map(answered) {
+            Some(false) => "planning",
+            Some(true) => "planned, not begun",
+            None => "resting",
+        };
+        phase.to_owned()
+    }
+
+    fn is_ready(&mut self, part: Part, since_ns: i64) -> bool {
+        let anew = |state: &RobotState| state.stamp_mono_ns > since_ns;
+        match part {
+            Part::Robot => self.listener.with(|heard| heard.robot.iter().any(anew)),
+            Part::Daemon => self.stack.client.wait_for_daemon(Duration::ZERO).is_ok(),
+            Part::Controller => self.listener.with(|heard| {
+                let held = |cycle: &shared_types::message::Cycle| {
+                    cycle.stamp_mono_ns > since_ns && cycle.state == LoopState::Holding.code()
+                };
+                heard.cycles.iter().any(held)
+            }),
+        }
+    }
+
+    fn moves(&self) -> bool {
+        self.listener.with(|heard| {
+            let last = heard.robot.last();
+            last.is_some_and(|state| state.accepted_velocity_m_s.iter().any(|v| v.abs() > 1e-3))
+        })
+    }
+
+    /// Disturbs a process for a random time. A ball in the way is there just before that is over; says when, ns.
+    fn disturb(&mut self, round: Round, underway: &Underway) -> Result<Option<i64>, String> {
+        let Round { part, kind, .. } = round;
+        let name = format!("{kind:?} {}", part.program());
+        *self.survival.disturbances.entry(name).or_default() += 1;
+        let turn = self.held[part as usize];
+        let trace = |error: crate::system_calls::TraceError| error.to_string();
+        let ongoing = Ongoing::begin(self.stack, part, kind, turn).map_err(trace)?;
+        if let Ongoing::Held(_, thread) = &ongoing {
+            self.held[part as usize] += 1;
+            let held = &mut self.survival.threads_held;
+            *held.entry(thread.name.clone()).or_default() += 1;
+        }
+        thread::sleep(kind.draw_duration(&mut self.rng));
+        let goal = underway.goal.filter(|_| round.has_ball);
+        let shown_ns = goal.map(|_| mono_now_ns());
+        if let Some(goal) = goal {
+            let tip = self.stack.world.robot.tip(&goal.into());
+            self.show(&[MovingBall {
+                centre_m: tip.into(),
+                radius_m: 0.05,
+                velocity_m_s: [0.0; 3],
+            }])?;
+        }
+        ongoing.end(self.stack, part).map_err(trace)?;
+        Ok(shown_ns)
+    }
+
+    fn show(&mut self, balls: &[MovingBall]) -> Result<(), String> {
+        let shown = self.scenes.publish(balls);
+        shown.map_err(|error| format!("no scene: {error}"))
+    }
+
+    /// Whether somebody stops the motion for the ball, once that can be known.
+    fn watch(&mut self, watch: &Watch) {
+        thread::sleep(watch.patience());
+        let reaction = self.listener.with(|heard| watch.judge(heard));
+        self.survival.watched.add(watch, &reaction);
+    }
+
+    /// Waits until everything is ready; a fault that was latched is reset once.
+    fn recover(&mut self, ended_ns: i64) -> Result<(), String> {
+        self.show(&[])?;
+        let begin = Instant::now();
+        let mut reset = None;
+        loop {
+            let _ = self.scenes.greet_latecomers();
+            if begin.elapsed() > READY_WITHIN + MOTION_WITHIN {
+                return Err(self.not_ready());
+            }
+            if self.is_quiet(ended_ns) && self.stack.client.wait_for_daemon(Duration::ZERO).is_ok()
+            {
+                break;
+            }
+            let state = self.stack.controller.latest_state().ok().flatten();
+            if let Some(state) = state
+                && state.state == LoopState::Fault
+                && state.values.stamp_mono_ns > ended_ns
+                && reset.is_none()
+            {
+                let fault = state.fault.to_string();
+                *self.survival.faults.entry(fault.clone()).or_default() += 1;
+                let reply = self
+                    .stack
+                    .controller
+                    .command(Command::ResetFault, READY_WITHIN);
+                reply.map_err(|error| format!("no reset: {error}"))?;
+                reset = Some(fault);
+            }
+            thread::sleep(Duration::from_millis(2));
+        }
+        // A motion may have gone on to its end first.
+        let since_rest_s = self.rested_s(ended_ns);
+        self.survival.ready_s = self.survival.ready_s.max(since_rest_s);
+        for part in Part::ALL {
+            if !self.stack.process(part).is_running() {
+                return Err(format!("{} has ended by itself", part.program()));
+            }
+        }
+        if since_rest_s > READY_WITHIN.as_secs_f64() {
+            return Err(format!("ready after {since_rest_s:.2} s"));
+        }
+        Ok(())
+    }
+
+    /// Whether the controller has held without a word for a while, up to now.
+    fn is_quiet(&self, ended_ns: i64) -> bool {
+        let now_ns = mono_now_ns();
+        self.listener.with(|heard| {
+            let holding = LoopState::Holding.code();
+            let last = heard.cycles.last();
+            let rested = heard.cycles.iter().rev();
+            let since = rested.take_while(|cycle| cycle.state == holding).last();
+            let long = since.is_some_and(|since| {
+                now_ns - since.stamp_mono_ns.max(ended_ns - QUIET_NS / 2) > QUIET_NS
+            });
+            long && last.is_some_and(|last| now_ns - last.stamp_mono_ns < QUIET_NS / 4)
+        })
+    }
+
+    /// Time from the end of the disturbance, or of the motion after it, until now, s.
+    fn rested_s(&self, ended_ns: i64) -> f64 {
+        let moving = [LoopState::Executing, LoopState::Stopping].map(LoopState::code);
+        let last_moved = self.listener.with(|heard| {
+            let mut moved = heard.cycles.iter().rev();
+            moved
+                .find(|cycle| moving.contains(&cycle.state))
+                .map(|cycle| cycle.stamp_mono_ns)
+        });
+        let since_ns = last_moved.map_or(ended_ns, |moved| moved.max(ended_ns));
+        (mono_now_ns() - since_ns) as f64 * 1e-9
+    }
+
+    fn not_ready(&mut self) -> String {
+        let state = self.stack.controller.latest_state().ok().flatten();
+        let state = state.map(|state| (state.state, state.fault, state.refusal));
+        let robot = self
+            .listener
+            .with(|heard| heard.robot.last().map(|state| (state.state, state.fault)));
+        let logs = Part::ALL.map(|part| last_line(&self.stack.process(part).log()));
+        format!("not ready: controller {state:?}, robot {robot:?}; {logs:?}")
+    }
+
+    /// What became of the motion that the disturbance fell into.
+    fn look_at_motion(&mut self, round: Round, motion: Option<u32>, begun_ns: i64) {
+        let state = self.stack.controller.latest_state().ok().flatten();
+        let reached = state.is_some_and(|state| Some(state.values.trajectory_id) == motion);
+        let stopped = self.listener.with(|heard| {
+            let stopping = |cycle: &shared_types::message::Cycle| {
+                cycle.stamp_mono_ns > begun_ns && cycle.state == LoopState::Stopping.code()
+            };
+            heard.cycles.iter().any(stopping)
+        });
+        if !reached || stopped {
+            let name = format!("{:?} {}", round.kind, round.part.program());
+            *self.survival.cut_short.entry(name).or_default() += 1;
+        }
+        if (round.part, round.kind) == (Part::Controller, Kind::Kill) {
+            let ramps = &mut self.survival.ramps;
+            let ramping = |state: &RobotState| {
+                state.stamp_mono_ns > begun_ns && state.state == MotorState::RampingToRest.code()
+            };
+            let seen = |heard: &Heard| heard.robot.iter().any(ramping);
+            ramps.0 += 1;
+            ramps.1 += usize::from(self.listener.with(seen));
+        }
+    }
+
+    /// A whole motion: planned, executed, reached.
+    fn prove(&mut self) -> Result<(), String> {
+        let asked = self.survival.asked_again.values().sum::<usize>();
+        let request = self.motion_request(0.1);
+        let (id, _) = self.ask_until_taken(&request)?;
+        let end = match self.stack.wait_for_end(id) {
+            Ok(end) => end,
+            Err(MoveError::CutShort(why)) => {
+                let why = format!("cut short: {why}");
+                *self.survival.asked_again.entry(why.clone()).or_default() += 1;
+                return Err(why);
+            }
+            Err(error) => return Err(error.to_string()),
+        };
+        let goal = goal_of(&request).expect("it has one");
+        let robot = &self.stack.world.robot;
+        let tip = robot.tip(&goal.into()).into();
+        let error = tip_error(robot, &end.values.commanded_configuration_rad, &tip);
+        self.survival.tip_error_m = self.survival.tip_error_m.max(error);
+        if error > 0.01 {
+            return Err(format!("ended {error:.4} m from its goal"));
+        }
+        if self.survival.asked_again.values().sum::<usize>() > asked {
+            return Err("had to be asked for again".to_owned());
+        }
+        Ok(())
+    }
+
+    /// Has a request executed, and says its id and duration, s; every time that it has to be asked for again is counted.
+    fn ask_until_taken(&mut self, request: &PlanRequest) -> Result<(u32, f64), String> {
+        let mut last = String::new();
+        for _ in 0..ASKED_AT_MOST {
+            let answer = self.stack.client.plan(request, READY_WITHIN);
+            last = match answer {
+                Ok(answer) => match (answer.report().trajectory_id, answer.selected()) {
+                    (Some(id), Some(selected)) => return Ok((id, selected.summary.duration_s)),
+                    _ => format!("{}: {}", answer.report().outcome, answer.report().reason),
+                },
+                Err(ClientError::ServerLost { .. }) => "the daemon went away".to_owned(),
+                Err(error) => return Err(error.to_string()),
+            };
+            *self
+                .survival
+                .asked_again
+                .entry(without_numbers(&last))
+                .or_default() += 1;
+            thread::sleep(ASK_AGAIN);
+        }
+        Err(format!("asked for {ASKED_AT_MOST} times: {last}"))
+    }
+
+    fn motion_request(&mut self, bend_rad: f64) -> PlanRequest {
+        let start = self.stack.commanded().into();
+        somewhere_near(start, bend_rad, &mut self.rng)
+    }
+
+    fn note_threads(&mut self) {
+        for part in Part::ALL {
+            let pid = self.stack.process(part).pid();
+            let names = threads(part.program(), pid).into_iter();
+            self.survival
+                .threads_seen
+                .extend(names.map(|thread| thread.name));
+        }
+    }
+}
+
+/// Causes differ in words, not in ids and distances.
+fn without_numbers(text: &str) -> String {
+    let digit = |c: char| if c.is_ascii_digit() { '#' } else { c };
+    text.chars().map(digit).collect()
+}
+
+fn last_line(log: &str) -> String {
+    log.lines().last().unwrap_or_default().to_owned()
 }

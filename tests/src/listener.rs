@@ -6,14 +6,18 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use shared_types::ipc::{
-    IpcError, IpcNode, IpcOptions, controller_state_service, cycle_service, cycle_subscriber,
-    robot_state_service, subscriber,
+    CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber, controller_state_service,
+    cycle_service, cycle_subscriber, robot_state_service, setpoint_service, subscriber,
 };
-use shared_types::message::{ControllerState, Cycle, RobotState};
+use shared_types::message::{ControllerState, Cycle, RobotState, Setpoint};
+
+use crate::priority::{OF_A_WATCH, raise_priority};
 
 /// What was heard, in order of arrival.
 #[derive(Clone, Debug, Default)]
 pub struct Heard {
+    /// The set-points that the controller sends to the robot, about 1 kHz in motion and while it holds.
+    pub setpoints: Vec<Setpoint>,
     /// The robot's states, about 1 kHz.
     pub robot: Vec<RobotState>,
     /// The controller's cycles, each once.
@@ -22,7 +26,17 @@ pub struct Heard {
     pub controller: Vec<ControllerState>,
 }
 
-/// Listens in a thread of its own until dropped.
+impl Heard {
+    fn append(&mut self, fresh: &mut Self) {
+        self.setpoints.append(&mut fresh.setpoints);
+        self.robot.append(&mut fresh.robot);
+        self.cycles.append(&mut fresh.cycles);
+        self.controller.append(&mut fresh.controller);
+    }
+}
+
+/// Listens in a thread of its own until dropped: at a real-time priority where the system permits one, since the services keep
+/// no more than 8 ms for it.
 #[derive(Debug)]
 pub struct Listener {
     heard: Arc<Mutex<Heard>>,
@@ -65,23 +79,53 @@ impl Drop for Listener {
     }
 }
 
+struct Ports {
+    setpoints: Subscriber<Setpoint>,
+    robot: Subscriber<RobotState>,
+    cycles: CycleSubscriber,
+    controller: Subscriber<ControllerState>,
+    _node: IpcNode,
+}
+
+impl Ports {
+    fn open(options: &IpcOptions) -> Result<Self, IpcError> {
+        let node = IpcNode::create(options, "test-listener")?;
+        Ok(Self {
+            setpoints: subscriber(&node, &setpoint_service(&node)?)?,
+            robot: subscriber(&node, &robot_state_service(&node)?)?,
+            cycles: cycle_subscriber(&node, &cycle_service(&node)?)?,
+            controller: subscriber(&node, &controller_state_service(&node)?)?,
+            _node: node,
+        })
+    }
+
+    fn drain(&self, into: &mut Heard) {
+        while let Ok(Some(sample)) = self.setpoints.receive() {
+            into.setpoints.push(*sample);
+        }
+        while let Ok(Some(sample)) = self.robot.receive() {
+            into.robot.push(*sample);
+        }
+        while let Ok(Some(batch)) = self.cycles.receive() {
+            into.cycles.extend_from_slice(batch.payload());
+        }
+        while let Ok(Some(sample)) = self.controller.receive() {
+            into.controller.push(*sample);
+        }
+    }
+}
+
 fn listen(options: &IpcOptions, heard: &Mutex<Heard>, quit: &AtomicBool) -> Result<(), IpcError> {
-    let node = IpcNode::create(options, "test-listener")?;
-    let robot = subscriber(&node, &robot_state_service(&node)?)?;
-    let cycles = cycle_subscriber(&node, &cycle_service(&node)?)?;
-    let controller = subscriber(&node, &controller_state_service(&node)?)?;
+    let ports = Ports::open(options)?;
+    // What is lost without it is counted by who looks at the numbers of the messages.
+    let _ = raise_priority(OF_A_WATCH);
+    let mut fresh = Heard::default();
     while !quit.load(Ordering::Relaxed) {
-        let mut heard = heard.lock().unwrap();
-        while let Ok(Some(sample)) = robot.receive() {
-            heard.robot.push(*sample);
+        ports.drain(&mut fresh);
+        // Who looks may be kept from its processor: it is not waited for.
+        if let Ok(mut heard) = heard.try_lock() {
+            heard.append(&mut fresh);
         }
-        while let Ok(Some(batch)) = cycles.receive() {
-            heard.cycles.extend_from_slice(batch.payload());
-        }
-        while let Ok(Some(sample)) = controller.receive() {
-            heard.controller.push(*sample);
-        }
-        drop(heard);
         thread::sleep(Duration::from_millis(1));
     }
     Ok(())

@@ -2,11 +2,13 @@
 
 use shared_types::codes::LoopFault;
 use tests::concurrency::{Answers, CLIENTS, ask_at_once, general_requests};
-use tests::kills::kill_and_restart;
+use tests::disturbance::Kind;
+use tests::kills::disturb;
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 use toml::Value;
 
+use crate::safe::kills::{limits, listed, stuck};
 use crate::{Report, Scale};
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
@@ -77,46 +79,19 @@ fn clients(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
 }
 
 fn kills(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let mut stack = Stack::running(&Settings::fast_robot())?;
-    let times = scale.pick(3, 20);
-    let survival = kill_and_restart(&mut stack, times, 1)?;
-    let figure = format!("{:?}", survival.kills);
-    let enough = survival.kills.iter().all(|kills| *kills >= times);
-    let bar = format!(">= {times} each");
-    report.check("kill -9 of daemon, controller, robot", figure, &bar, enough);
-    report.all_of(
-        "rounds after which a motion was planned, executed and reached",
-        survival.recovered,
-        survival.rounds,
+    let mut stack = Stack::running(&Settings::default())?;
+    let count = scale.pick(12, 60);
+    let survival = disturb(&mut stack, &[Kind::Kill], count, 1)?;
+    let killed = &survival.disturbances;
+    let enough = killed.len() == 3 && killed.values().all(|kills| kills * 3 == count);
+    report.check(
+        "kill -9 of daemon, controller, robot",
+        listed(killed),
+        &format!("{} each", count / 3),
+        enough,
     );
-    report.none_of("rounds that failed", &survival.failures);
-    let (again, bar) = (&survival.interruptions, survival.rounds.div_ceil(10));
-    let figure = format!("{} {}", again.len(), again.join("; "));
-    let name = "motions stopped by a stalled machine and asked for again";
-    let bar = format!("<= {bar}, a tenth of the rounds");
-    let few = again.len() * 10 <= survival.rounds + 9;
-    report.check(name, figure.trim().to_owned(), &bar, few);
-    report.at_most("tip error after the kills, m", survival.tip_error, 0.01);
-    report.all_of(
-        "ramps to rest seen after the controller was killed in motion",
-        survival.ramps_seen,
-        survival.controller_killed_in_motion,
-    );
-    let reference = survival.reference.difference_velocity;
-    let name = "robot's reference over all kills: step ÷ time over the velocity limit";
-    report.at_most(name, reference, 1.05);
-    let name = "ramps to rest: velocity step ÷ time over the acceleration limit";
-    report.at_most(name, survival.ramps.difference_acceleration, 1.05);
-    let setpoints = survival.setpoints;
-    let name =
-        "set-points in motion over all kills: velocity step ÷ time over the acceleration limit";
-    report.at_most(name, setpoints.difference_acceleration, 1.01);
-    let name =
-        "set-points in motion over all kills: step unexplained by its velocities, over a Δt²";
-    report.at_most(name, setpoints.unexplained_step, 0.5);
-    let faults = survival.robot_faults;
-    let name = "robot's states in fault (a set-point broke a rule)";
-    report.check(name, faults.to_string(), "0", faults == 0);
+    limits(report, &survival);
+    stuck(report, &survival);
     Ok(())
 }
 

@@ -1,5 +1,184 @@
-//! Processes and threads killed and held at random instants.
+//! Processes killed and stopped, and threads held, at random instants.
+
+use std::collections::BTreeMap;
+
+use tests::disturbance::Kind;
+use tests::judge::ALLOWED_USE;
+use tests::kills::{READY_WITHIN, Survival, disturb};
+use tests::stack::Stack;
+use tests::world::Settings;
 
 use crate::{Report, Scale};
 
-pub(crate) fn run(_report: &mut Report, _scale: Scale) {}
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command = "acceptance safe, kills";
+    report.group("kills and stops", command, |report| {
+        let mut stack = Stack::running(&Settings::default())?;
+        let count = scale.pick(30, 500);
+        let survival = disturb(&mut stack, &Kind::ALL, count, 1)?;
+        premises(report, &survival, count);
+        limits(report, &survival);
+        supervision(report, &survival);
+        stuck(report, &survival);
+        Ok(())
+    });
+}
+
+/// `3 × this, 2 × that`.
+pub(crate) fn listed(counts: &BTreeMap<String, usize>) -> String {
+    let each = counts
+        .iter()
+        .map(|(what, count)| format!("{count} × {what}"));
+    each.collect::<Vec<_>>().join(", ")
+}
+
+fn total(counts: &BTreeMap<String, usize>) -> usize {
+    counts.values().sum()
+}
+
+fn premises(report: &mut Report, survival: &Survival, count: usize) {
+    let disturbances = &survival.disturbances;
+    report.check(
+        "disturbances: SIGKILL, SIGSTOP, single threads held by ptrace",
+        listed(disturbances),
+        &format!("{count}, each of 3 ways with each of 3 processes"),
+        total(disturbances) == count && disturbances.len() == 9,
+    );
+    let phases = &survival.phases;
+    let in_phase = |word: &str| -> usize {
+        let those = phases.iter().filter(|(phase, _)| phase.starts_with(word));
+        those.map(|(_, count)| count).sum()
+    };
+    let words = ["starting", "plann", "resting", "moving"];
+    report.check(
+        "what went on at their instants, seen from outside",
+        listed(phases),
+        "some of starting, planning, resting; a fifth of them moving",
+        words.iter().all(|word| in_phase(word) > 0) && in_phase("moving") * 5 >= count,
+    );
+    let held = &survival.threads_held;
+    let seen = &survival.threads_seen;
+    let name = format!("threads held at least once ({})", listed(held));
+    let hit = seen.iter().filter(|name| held.contains_key(*name)).count();
+    let wanted = seen.len().min(count / 3);
+    report.check(
+        &name,
+        format!("{hit} of {}", seen.len()),
+        &format!(">= {wanted}"),
+        hit >= wanted,
+    );
+}
+
+/// What the robot was sent and made of it; also for a suite that only kills.
+pub(crate) fn limits(report: &mut Report, survival: &Survival) {
+    let verdict = &survival.verdict;
+    let heard = verdict.setpoints + verdict.robot_states;
+    let lost: u64 = verdict.lost.iter().sum();
+    report.check(
+        "set-points, robot states and cycles that the listener has lost",
+        format!("{:?} of {heard}", verdict.lost),
+        "<= 1 of 10000",
+        lost * 10_000 <= heard as u64 && heard > 0,
+    );
+    report.check(
+        "states of a following robot whose set-point was not heard",
+        verdict.unmatched.to_string(),
+        "0, or the 20 ms of states that may follow each one lost",
+        verdict.unmatched as u64 <= 20 * verdict.lost[0],
+    );
+    report.at_most(
+        "set-points: velocity over the shipped limit",
+        verdict.velocity,
+        ALLOWED_USE,
+    );
+    report.at_most(
+        "set-points: acceleration over the shipped limit",
+        verdict.acceleration,
+        ALLOWED_USE,
+    );
+    for (name, used) in [
+        ("from set-point to set-point, over restarts", &verdict.sent),
+        (
+            "robot's reference in ramps, restarts and taking hold",
+            &verdict.unled,
+        ),
+    ] {
+        let name_of = |what: &str| format!("{name}: {what}, {} pairs", used.pairs);
+        let position = name_of("position step ÷ (velocity limit × time between them)");
+        report.at_most(&position, used.position, ALLOWED_USE);
+        let velocity = name_of("velocity step ÷ (acceleration limit × time between them)");
+        report.at_most(&velocity, used.velocity, ALLOWED_USE);
+    }
+    let name = "robot's reference from the set-point that it follows, m";
+    report.at_most(name, verdict.reference_error_m, 1e-9);
+    let name = "what went beyond a limit";
+    report.none_of(name, &verdict.offences);
+    let figure = format!(
+        "{} of processes, {} of set-points",
+        verdict.restarts, verdict.holds_taken
+    );
+    report.check(
+        "restarts over which that was looked at",
+        figure,
+        "some",
+        verdict.restarts > 0 && verdict.holds_taken > 0,
+    );
+    let faults = verdict.faults;
+    let name = "robot's states in fault (a set-point broke a rule)";
+    report.check(name, faults.to_string(), "0", faults == 0);
+}
+
+fn supervision(report: &mut Report, survival: &Survival) {
+    let watched = &survival.watched;
+    let mut times = watched.reactions_ms.clone();
+    times.sort_by(f64::total_cmp);
+    let worst = times.last().copied().unwrap_or_default();
+    report.check(
+        "balls put in the way of disturbed motions",
+        format!(
+            "{}, {} of them with somebody who had to stop; worst {worst:.1} ms",
+            watched.balls, watched.had_to_stop
+        ),
+        "some had to",
+        watched.had_to_stop > 0,
+    );
+    report.none_of(
+        "not stopped or at rest 100 ms after the first fresh state",
+        &watched.late,
+    );
+}
+
+/// Whether everything went on; also for a suite that only kills.
+pub(crate) fn stuck(report: &mut Report, survival: &Survival) {
+    let name = format!(
+        "all ready within {} s, and a motion planned, executed and reached when first asked for",
+        READY_WITHIN.as_secs()
+    );
+    report.all_of(&name, survival.recovered, survival.rounds);
+    report.none_of("those not so", &survival.failures);
+    report.shown(
+        "longest time until ready, s",
+        format!("{:.2}", survival.ready_s),
+    );
+    let again = &survival.asked_again;
+    let name = "motions refused or cut short and asked for again, by cause";
+    let figure = format!("{} {}", total(again), listed(again));
+    report.check(name, figure.trim().to_owned(), "0", again.is_empty());
+    report.shown("faults latched, each reset once", listed(&survival.faults));
+    report.shown(
+        "disturbed motions that did not reach their end",
+        listed(&survival.cut_short),
+    );
+    report.at_most(
+        "tip error of the motions after, m",
+        survival.tip_error_m,
+        0.01,
+    );
+    let (looked_for, seen) = survival.ramps;
+    report.check(
+        "ramps to rest seen after the controller was killed in motion",
+        format!("{seen} of {looked_for}"),
+        "all",
+        seen == looked_for,
+    );
+}

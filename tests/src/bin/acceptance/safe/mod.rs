@@ -3,7 +3,7 @@
 mod bad_input;
 mod controller;
 mod input;
-mod kills;
+pub(crate) mod kills;
 mod pressure;
 mod relay;
 mod scene;

@@ -1,0 +1,386 @@
+//! Whether what was sent to the robot, and what the robot made of it, keeps the limits of its file: from the messages alone.
+
+use std::collections::VecDeque;
+
+use pcc_model::TendonLimits;
+use shared_types::codes::MotorState;
+use shared_types::message::{RobotState, Setpoint};
+
+use crate::listener::Heard;
+
+/// Set-points that the robot's states are compared with: those of the last second, and more.
+const REMEMBERED: usize = 4096;
+/// The robot goes on from a set-point at constant velocity for at most so long, s: `lost_setpoint_ms`.
+const EXTRAPOLATED_S: f64 = 0.02;
+/// Stamps are whole nanoseconds, and lengths are rounded; m, m/s.
+const ROUNDING: f64 = 1e-9;
+/// A use of a limit beyond this is an offence.
+pub const ALLOWED_USE: f64 = 1.001;
+/// Offences that are kept in words.
+const KEPT_OFFENCES: usize = 50;
+
+/// Largest use of the limits between two successive samples, by their own stamps; 1: at the limit.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct StepUse {
+    /// |Δposition| ÷ (velocity limit × Δt).
+    pub position: f64,
+    /// |Δvelocity| ÷ (acceleration limit × Δt).
+    pub velocity: f64,
+    /// Pairs looked at.
+    pub pairs: usize,
+    /// Longest time between two of them, s.
+    pub elapsed_s: f64,
+}
+
+/// What was found.
+#[derive(Clone, Debug, Default)]
+pub struct Verdict {
+    /// Set-points looked at.
+    pub setpoints: usize,
+    /// Robot states looked at.
+    pub robot_states: usize,
+    /// Set-points, robot states and cycles that were sent and not heard, by the gaps in their numbers.
+    pub lost: [u64; 3],
+    /// Largest velocity of a set-point over the limit.
+    pub velocity: f64,
+    /// Largest acceleration of a set-point over the limit.
+    pub acceleration: f64,
+    /// Steps from set-point to set-point, from one controller to the next and over pauses, too.
+    pub sent: StepUse,
+    /// Steps of the robot's own reference where it does not follow: ramps to rest, rests, restarts, and taking hold again.
+    pub unled: StepUse,
+    /// Controllers and robots that began anew in between.
+    pub restarts: usize,
+    /// Times that set-points took hold of a robot at rest.
+    pub holds_taken: usize,
+    /// Largest distance of a following robot's reference from the set-point that it says it follows, m.
+    pub reference_error_m: f64,
+    /// States whose set-point was not heard.
+    pub unmatched: usize,
+    /// States in fault: a set-point broke a rule while the robot followed.
+    pub faults: usize,
+    /// What went beyond a limit, in words; the first ones.
+    pub offences: Vec<String>,
+    /// How many there were.
+    pub offence_count: usize,
+}
+
+/// Looks at what is heard, in pieces that follow one another.
+#[derive(Debug)]
+pub struct Judge {
+    limits: TendonLimits,
+    verdict: Verdict,
+    known: VecDeque<Setpoint>,
+    robot: Option<RobotState>,
+    cycle: Option<u64>,
+}
+
+impl Judge {
+    /// For a robot with these limits.
+    #[must_use]
+    pub fn new(limits: TendonLimits) -> Self {
+        Self {
+            limits,
+            verdict: Verdict::default(),
+            known: VecDeque::new(),
+            robot: None,
+            cycle: None,
+        }
+    }
+
+    /// What was found so far.
+    #[must_use]
+    pub fn verdict(&self) -> &Verdict {
+        &self.verdict
+    }
+
+    /// Looks at the next piece.
+    pub fn look(&mut self, heard: &Heard) {
+        for setpoint in &heard.setpoints {
+            self.look_at_setpoint(setpoint);
+        }
+        for state in &heard.robot {
+            self.look_at_robot(state);
+        }
+        for cycle in &heard.cycles {
+            self.verdict.lost[2] += gap(self.cycle, cycle.sequence);
+            self.cycle = Some(cycle.sequence);
+        }
+    }
+
+    fn look_at_setpoint(&mut self, now: &Setpoint) {
+        let verdict = &mut self.verdict;
+        verdict.setpoints += 1;
+        let velocity = largest(&now.velocity_m_s) / self.limits.velocity;
+        let acceleration = largest(&now.acceleration_m_s2) / self.limits.acceleration;
+        verdict.velocity = verdict.velocity.max(velocity);
+        verdict.acceleration = verdict.acceleration.max(acceleration);
+        if velocity > ALLOWED_USE || acceleration > ALLOWED_USE {
+            self.offend(format!(
+                "set-point {}: velocity {velocity:.4}, acceleration {acceleration:.4} of their limits",
+                now.sequence
+            ));
+        }
+        if let Some(before) = self.known.back().copied() {
+            let verdict = &mut self.verdict;
+            verdict.lost[0] += gap(Some(before.sequence), now.sequence);
+            verdict.restarts += usize::from(now.sequence <= before.sequence);
+            let step = self.step(&Sample::of_setpoint(&before), &Sample::of_setpoint(now));
+            self.verdict.sent.add(&step);
+            self.judge_step(&step, || {
+                let [from, to] = [&before, now].map(|sent| (sent.sequence, sent.state));
+                format!("set-points (number, state) {from:?} to {to:?}")
+            });
+        }
+        self.known.push_back(*now);
+        if self.known.len() > REMEMBERED {
+            self.known.pop_front();
+        }
+    }
+
+    fn look_at_robot(&mut self, now: &RobotState) {
+        let is = |state: &RobotState, wanted: MotorState| state.state == wanted.code();
+        self.verdict.robot_states += 1;
+        self.verdict.faults += usize::from(is(now, MotorState::Fault));
+        let follows = is(now, MotorState::Following);
+        if follows {
+            self.compare_with_setpoint(now);
+        }
+        let Some(before) = self.robot.replace(*now) else {
+            return;
+        };
+        let verdict = &mut self.verdict;
+        verdict.lost[1] += gap(Some(before.sequence), now.sequence);
+        verdict.restarts += usize::from(now.sequence <= before.sequence);
+        let followed = is(&before, MotorState::Following);
+        verdict.holds_taken += usize::from(follows && !followed);
+        // While it follows, its reference is the set-points', which are judged by the times that they are of.
+        if follows && followed {
+            return;
+        }
+        let step = self.step(&Sample::of_robot(&before), &Sample::of_robot(now));
+        self.verdict.unled.add(&step);
+        self.judge_step(&step, || {
+            let (from, to) = (before.state, now.state);
+            format!("robot's state {}, from state {from} to {to}", now.sequence)
+        });
+    }
+
+    /// The robot's reference is its last set-point, gone on with at constant velocity.
+    fn compare_with_setpoint(&mut self, state: &RobotState) {
+        let followed = |setpoint: &&Setpoint| {
+            setpoint.sequence == state.accepted_sequence
+                && setpoint.stamp_mono_ns <= state.stamp_mono_ns
+        };
+        let Some(setpoint) = self.known.iter().rev().find(followed) else {
+            self.verdict.unmatched += 1;
+            return;
+        };
+        let age_s = seconds(state.stamp_mono_ns - setpoint.stamp_mono_ns).min(EXTRAPOLATED_S);
+        let error = |tendon: usize| {
+            let ahead = setpoint.velocity_m_s[tendon] * age_s;
+            let expected = setpoint.position_m[tendon] + ahead;
+            (state.accepted_setpoint_m[tendon] - expected).abs()
+        };
+        let most = (0..9).map(error).fold(0.0, f64::max);
+        self.verdict.reference_error_m = self.verdict.reference_error_m.max(most);
+    }
+
+    fn step(&self, before: &Sample, now: &Sample) -> StepUse {
+        let elapsed_s = seconds(now.stamp_ns - before.stamp_ns).max(1e-9);
+        let ratio = |step: f64, limit: f64| (step - ROUNDING).max(0.0) / (limit * elapsed_s);
+        let position = largest_step(&before.position_m, &now.position_m);
+        let velocity = largest_step(&before.velocity_m_s, &now.velocity_m_s);
+        StepUse {
+            position: ratio(position, self.limits.velocity),
+            velocity: ratio(velocity, self.limits.acceleration),
+            pairs: 1,
+            elapsed_s,
+        }
+    }
+
+    fn judge_step(&mut self, step: &StepUse, what: impl FnOnce() -> String) {
+        if step.position > ALLOWED_USE || step.velocity > ALLOWED_USE {
+            let (position, velocity) = (step.position, step.velocity);
+            self.offend(format!(
+                "{}: position step {position:.4}, velocity step {velocity:.4} of what the limits allow in their {:.3} ms",
+                what(),
+                1e3 * step.elapsed_s
+            ));
+        }
+    }
+
+    fn offend(&mut self, offence: String) {
+        self.verdict.offence_count += 1;
+        if self.verdict.offences.len() < KEPT_OFFENCES {
+            self.verdict.offences.push(offence);
+        }
+    }
+}
+
+impl StepUse {
+    fn add(&mut self, other: &Self) {
+        self.position = self.position.max(other.position);
+        self.velocity = self.velocity.max(other.velocity);
+        self.pairs += other.pairs;
+        self.elapsed_s = self.elapsed_s.max(other.elapsed_s);
+    }
+}
+
+/// The tendons at one instant.
+struct Sample {
+    stamp_ns: i64,
+    position_m: [f64; 9],
+    velocity_m_s: [f64; 9],
+}
+
+impl Sample {
+    fn of_setpoint(setpoint: &Setpoint) -> Self {
+        Self {
+            stamp_ns: setpoint.stamp_mono_ns,
+            position_m: setpoint.position_m,
+            velocity_m_s: setpoint.velocity_m_s,
+        }
+    }
+
+    fn of_robot(state: &RobotState) -> Self {
+        Self {
+            stamp_ns: state.stamp_mono_ns,
+            position_m: state.accepted_setpoint_m,
+            velocity_m_s: state.accepted_velocity_m_s,
+        }
+    }
+}
+
+/// Numbers between two that were heard; a number that does not rise is a new process's.
+fn gap(before: Option<u64>, now: u64) -> u64 {
+    before.map_or(0, |before| now.saturating_sub(before).saturating_sub(1))
+}
+
+fn seconds(interval_ns: i64) -> f64 {
+    interval_ns as f64 * 1e-9
+}
+
+fn largest(values: &[f64; 9]) -> f64 {
+    values.iter().fold(0.0, |most, value| most.max(value.abs()))
+}
+
+fn largest_step(before: &[f64; 9], now: &[f64; 9]) -> f64 {
+    let steps = before.iter().zip(now).map(|(a, b)| (b - a).abs());
+    steps.fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LIMITS: TendonLimits = TendonLimits {
+        velocity: 1.0,
+        acceleration: 10.0,
+        jerk: 100.0,
+    };
+
+    /// A sine within the limits, sampled each millisecond.
+    fn setpoint(i: i64) -> Setpoint {
+        let t = i as f64 * 1e-3;
+        Setpoint {
+            sequence: i.unsigned_abs(),
+            stamp_mono_ns: i * 1_000_000,
+            position_m: [0.09 * (10.0 * t).sin(); 9],
+            velocity_m_s: [0.9 * (10.0 * t).cos(); 9],
+            acceleration_m_s2: [-9.0 * (10.0 * t).sin(); 9],
+            ..Setpoint::ZEROED
+        }
+    }
+
+    /// A robot that follows it 0.3 ms later.
+    fn robot(i: i64) -> RobotState {
+        let followed = setpoint(i);
+        RobotState {
+            sequence: followed.sequence,
+            stamp_mono_ns: followed.stamp_mono_ns + 300_000,
+            accepted_sequence: followed.sequence,
+            state: MotorState::Following.code(),
+            accepted_setpoint_m: std::array::from_fn(|tendon| {
+                followed.position_m[tendon] + followed.velocity_m_s[tendon] * 3e-4
+            }),
+            accepted_velocity_m_s: followed.velocity_m_s,
+            ..RobotState::ZEROED
+        }
+    }
+
+    fn judged(setpoints: Vec<Setpoint>, robot: Vec<RobotState>) -> Verdict {
+        let mut judge = Judge::new(LIMITS);
+        judge.look(&Heard {
+            setpoints,
+            robot,
+            ..Heard::default()
+        });
+        judge.verdict().clone()
+    }
+
+    #[test]
+    fn a_motion_within_its_limits_is_no_offence_and_what_it_uses_is_known() {
+        let setpoints: Vec<Setpoint> = (1..2000).map(setpoint).collect();
+        let verdict = judged(setpoints, (1..2000).map(robot).collect());
+        assert_eq!(verdict.offences, Vec::<String>::new());
+        for used in [
+            verdict.velocity,
+            verdict.acceleration,
+            verdict.sent.position,
+            verdict.sent.velocity,
+        ] {
+            assert!((0.89..0.91).contains(&used), "{verdict:?}");
+        }
+        assert!(verdict.reference_error_m < 1e-15, "{verdict:?}");
+        assert_eq!((verdict.lost, verdict.unmatched), ([0; 3], 0));
+    }
+
+    #[test]
+    fn a_step_in_one_tendon_is_an_offence_however_small_the_pause() {
+        let mut jump: Vec<Setpoint> = (1..100).map(setpoint).collect();
+        jump[50..]
+            .iter_mut()
+            .for_each(|sample| sample.position_m[4] += 2e-3);
+        assert_eq!(judged(jump, Vec::new()).offence_count, 1);
+        let mut kink: Vec<Setpoint> = (1..100).map(setpoint).collect();
+        kink[50..]
+            .iter_mut()
+            .for_each(|sample| sample.velocity_m_s[4] += 0.02);
+        assert_eq!(judged(kink, Vec::new()).offence_count, 1);
+    }
+
+    #[test]
+    fn steps_from_one_controller_to_the_next_count_and_what_was_not_heard_is_known() {
+        let mut two: Vec<Setpoint> = (1..100).map(setpoint).collect();
+        two.drain(20..23);
+        for (i, sample) in two[50..].iter_mut().enumerate() {
+            sample.sequence = 1 + i as u64;
+            sample.stamp_mono_ns += 40_000_000;
+        }
+        let verdict = judged(two.clone(), Vec::new());
+        assert_eq!((verdict.lost[0], verdict.restarts), (3, 1));
+        assert_eq!(verdict.offence_count, 0, "{verdict:?}");
+        two[50..]
+            .iter_mut()
+            .for_each(|sample| sample.position_m[0] += 0.05);
+        assert_eq!(judged(two, Vec::new()).offence_count, 1);
+    }
+
+    #[test]
+    fn a_robot_that_leaves_its_set_points_or_jumps_at_a_restart_is_seen() {
+        let setpoints: Vec<Setpoint> = (1..100).map(setpoint).collect();
+        let mut states: Vec<RobotState> = (1..100).map(robot).collect();
+        states[30].accepted_setpoint_m[2] += 1e-6;
+        let verdict = judged(setpoints.clone(), states.clone());
+        assert!((verdict.reference_error_m - 1e-6).abs() < 1e-12);
+        states[50..].iter_mut().for_each(|state| {
+            state.state = MotorState::AtRestAfterLoss.code();
+        });
+        let verdict = judged(setpoints.clone(), states[..51].to_vec());
+        assert_eq!(verdict.offence_count, 0, "{verdict:?}");
+        states[50].accepted_velocity_m_s = [0.0; 9];
+        let verdict = judged(setpoints, states[..51].to_vec());
+        assert_eq!(verdict.offence_count, 1, "at rest at once");
+    }
+}

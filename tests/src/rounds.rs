@@ -1,0 +1,166 @@
+//! Disturbances to come, and the requests that they fall into.
+
+use std::time::Duration;
+
+use rand::RngExt;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64;
+use shared_types::codes::Sampler;
+use shared_types::message::Ball;
+use shared_types::valid::{Goal, PlanRequest};
+
+use crate::disturbance::Kind;
+use crate::stack::Part;
+
+/// Bending of every section stays below this, rad: a ramp to rest off the path stays inside the limits, too.
+const BENT_AT_MOST_RAD: f64 = 0.9;
+
+/// What the disturbed process is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Phase {
+    /// A process has been started and is not ready.
+    Starting,
+    /// A request is being planned, or its motion waits for its begin.
+    Planning,
+    /// The robot holds, and nobody asks for anything.
+    Resting,
+    /// The robot moves.
+    Moving,
+}
+
+impl Phase {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Starting, Self::Planning, Self::Resting, Self::Moving];
+}
+
+/// One disturbance to come.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Round {
+    pub(crate) phase: Phase,
+    pub(crate) part: Part,
+    pub(crate) kind: Kind,
+    /// Whether a ball is put in the motion's way: somebody has to stop it then.
+    pub(crate) has_ball: bool,
+}
+
+/// Every way with every process equally often, half of them in motion, half of these with a ball; in random order.
+pub(crate) fn rounds(kinds: &[Kind], count: usize, rng: &mut Pcg64) -> Vec<Round> {
+    let moving = [(Phase::Moving, false), (Phase::Moving, true)];
+    let resting = [Phase::Starting, Phase::Planning, Phase::Resting].map(|phase| (phase, false));
+    let phase = |i: usize| {
+        if i % 2 == 0 {
+            moving[i / 2 % 2]
+        } else {
+            resting[i / 2 % 3]
+        }
+    };
+    let mut phases: Vec<(Phase, bool)> = (0..count).map(phase).collect();
+    phases.shuffle(rng);
+    let mut rounds: Vec<Round> = phases
+        .into_iter()
+        .enumerate()
+        .map(|(i, (phase, has_ball))| Round {
+            phase,
+            has_ball,
+            kind: kinds[i % kinds.len()],
+            part: Part::ALL[i / kinds.len() % 3],
+        })
+        .collect();
+    rounds.shuffle(rng);
+    rounds
+}
+
+/// A motion to be executed from a configuration to one nearby: each section bends by `bend_rad`, to the inside where it is bent far.
+pub(crate) fn somewhere_near(start: [f64; 6], bend_rad: f64, rng: &mut Pcg64) -> PlanRequest {
+    let mut goal = start;
+    for section in goal.chunks_exact_mut(2) {
+        let angle = rng.random_range(0.0..std::f64::consts::TAU);
+        let change = [bend_rad * angle.cos(), bend_rad * angle.sin()];
+        let bent = (section[0] + change[0]).hypot(section[1] + change[1]);
+        let sign = if bent > BENT_AT_MOST_RAD { -1.0 } else { 1.0 };
+        section[0] += sign * change[0];
+        section[1] += sign * change[1];
+    }
+    PlanRequest {
+        deadline: Some(Duration::from_secs(2)),
+        execute: true,
+        seed: rng.random(),
+        ..PlanRequest::new(start, Goal::Configuration(goal))
+    }
+}
+
+/// The configuration that a request asks for.
+pub(crate) fn goal_of(request: &PlanRequest) -> Option<[f64; 6]> {
+    match request.goal {
+        Goal::Configuration(goal) => Some(goal),
+        Goal::Tip { .. } => None,
+    }
+}
+
+/// A request that keeps the daemon planning until its deadline: a cage around the straight robot.
+pub(crate) fn no_way_out() -> PlanRequest {
+    let mut balls = Vec::new();
+    for ring in 0..3 {
+        for place in 0..12 {
+            let angle = f64::from(place) * std::f64::consts::TAU / 12.0;
+            balls.push(Ball {
+                centre_m: [
+                    0.65 * angle.cos(),
+                    0.65 * angle.sin(),
+                    1.3 + 0.7 * f64::from(ring),
+                ],
+                radius_m: 0.3,
+            });
+        }
+    }
+    PlanRequest {
+        sampler: Sampler::RrtConnect,
+        candidate_count: 16,
+        deadline: Some(Duration::from_millis(400)),
+        balls,
+        ..PlanRequest::new(
+            [0.0; 6],
+            Goal::Configuration([0.0, 1.4, 0.0, 1.4, 0.0, 0.0]),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+
+    #[test]
+    fn every_process_is_disturbed_in_every_way_and_half_of_them_in_motion() {
+        let rounds = rounds(&Kind::ALL, 90, &mut Pcg64::seed_from_u64(1));
+        for part in Part::ALL {
+            for kind in Kind::ALL {
+                let those = rounds.iter().filter(|r| r.part == part && r.kind == kind);
+                assert_eq!(those.count(), 10);
+            }
+        }
+        let moving = rounds.iter().filter(|round| round.phase == Phase::Moving);
+        assert_eq!(moving.count(), 45);
+        let with_ball = rounds.iter().filter(|round| round.has_ball);
+        assert_eq!(with_ball.count(), 22);
+    }
+
+    #[test]
+    fn motions_go_on_for_ever_without_leaving_the_inside() {
+        let mut rng = Pcg64::seed_from_u64(1);
+        let mut at = [0.0; 6];
+        for _ in 0..1000 {
+            let goal = goal_of(&somewhere_near(at, 0.25, &mut rng)).unwrap();
+            let moved = at
+                .iter()
+                .zip(&goal)
+                .map(|(a, b)| (a - b).powi(2))
+                .sum::<f64>();
+            assert!((moved - 3.0 * 0.25_f64.powi(2)).abs() < 1e-12);
+            for section in goal.chunks_exact(2) {
+                assert!(section[0].hypot(section[1]) <= BENT_AT_MOST_RAD + 0.25);
+            }
+            at = goal;
+        }
+    }
+}
