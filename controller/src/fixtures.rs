@@ -104,11 +104,14 @@ pub(crate) struct World {
     pub(crate) repeats_state: bool,
     /// What the robot's stamps are ahead of the clock.
     pub(crate) stamp_offset_ns: i64,
+    /// The guard makes no rounds.
+    pub(crate) guard_held_up: bool,
     pub(crate) faults: InjectedFaults,
     pub(crate) last: Option<CycleOutput>,
     sample: Option<RobotSample>,
     settings: ExecutiveSettings,
     sequence: u64,
+    guard_rounds: u64,
 }
 
 impl World {
@@ -134,11 +137,13 @@ impl World {
             robot_silent: false,
             repeats_state: false,
             stamp_offset_ns: 0,
+            guard_held_up: false,
             faults: InjectedFaults::default(),
             last: None,
             sample: None,
             settings,
             sequence: 0,
+            guard_rounds: 0,
         }
     }
 
@@ -216,6 +221,7 @@ impl World {
     /// One cycle of both, `elapsed_ns` after the one before.
     pub(crate) fn cycle(&mut self, elapsed_ns: i64) -> CycleOutput {
         self.now_ns += elapsed_ns;
+        self.guard_rounds += u64::from(!self.guard_held_up);
         let sample = self.sample.filter(|_| !self.robot_silent);
         let output = self.executive.step(&CycleInput {
             robot: sample.as_ref(),
@@ -251,6 +257,7 @@ impl World {
             robot: None,
             robot_state_invalid: false,
             daemon_alive: self.daemon_alive,
+            guard_rounds: self.guard_rounds,
         }
     }
 

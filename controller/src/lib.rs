@@ -2,9 +2,9 @@
 //!
 //! * [`executive`]: what the loop decides each cycle, as a plain state machine;
 //! * [`arena`], [`realtime`]: what makes a loop hard: memory of its own, priority, absolute sleeping;
-//! * [`service`]: the controller's process: loop thread and relay thread;
+//! * [`service`]: the controller's process: loop, guard and relay threads;
 //! * [`robot`]: the simulated robot, and its process;
-//! * [`config`], [`program`]: what both programs have in common.
+//! * [`config`]: what both programs have in common.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod arena;
@@ -12,7 +12,6 @@ pub mod config;
 pub mod executive;
 #[cfg(test)]
 mod fixtures;
-pub mod program;
 pub mod realtime;
 pub mod robot;
 pub mod service;

@@ -1,15 +1,12 @@
 //! The planner daemon's program.
 
-use std::io::{IsTerminal, stderr};
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use anyhow::anyhow;
+use anyhow::{Context, anyhow};
 use clap::Parser;
 use planner_daemon::{Config, Daemon, termination_flag};
 use shared_types::ipc::IpcOptions;
-use tracing_subscriber::EnvFilter;
-use tracing_subscriber::filter::LevelFilter;
 
 /// Answers plan requests over shared memory and publishes motions for execution.
 ///
@@ -27,24 +24,11 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match serve(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("planner-daemon: {error}");
-            ExitCode::FAILURE
-        }
-    }
+    logging::exit_code("planner-daemon", serve(&Arguments::parse()))
 }
 
 fn serve(arguments: &Arguments) -> anyhow::Result<()> {
-    let filter = EnvFilter::builder()
-        .with_default_directive(LevelFilter::INFO.into())
-        .from_env_lossy();
-    tracing_subscriber::fmt()
-        .with_writer(stderr)
-        .with_ansi(stderr().is_terminal())
-        .with_env_filter(filter)
-        .init();
+    logging::start().context("cannot start to log")?;
     let terminated = termination_flag().map_err(|e| anyhow!("cannot handle signals: {e}"))?;
     let config = Config::from_file(&arguments.config)?;
     let mut daemon = Daemon::start(&config, &IpcOptions::from_env())?;

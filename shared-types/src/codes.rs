@@ -306,6 +306,8 @@ codes! {
         InvalidRobotState = 7 "invalid robot state",
         /// A set-point would have been beyond the limits or not finite.
         InvalidSetpoint = 9 "invalid set-point",
+        /// The controller's guard made no round for too long: no stop would have been heard.
+        GuardHeldUp = 10 "guard held up",
     }
 }
 
@@ -472,8 +474,10 @@ codes! {
         FaultPersists = 4 "fault persists",
         /// There is nothing to stop or to reset.
         NothingToDo = 5 "nothing to do",
-        /// The loop did not take it in time.
+        /// The loop did not take it in time; it was withdrawn, and is not carried out later.
         LoopBusy = 6 "loop busy",
+        /// The loop did not take a stop in time; it stays in force, and is obeyed as soon as the loop goes on.
+        StopPending = 7 "stop pending: the loop has not taken it yet, and will",
     }
 }
 

@@ -10,7 +10,6 @@ use anyhow::Context;
 use clap::Parser;
 use controller::{
     arena::LoopAllocator,
-    program::{exit_code, start_logging},
     service::{self, ControllerConfig},
 };
 use shared_types::ipc::IpcOptions;
@@ -35,12 +34,12 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    exit_code("controller", start())
+    logging::exit_code("controller", start())
 }
 
 fn start() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
-    start_logging();
+    logging::start().context("cannot start to log")?;
     die_of_any_panic();
     let config = ControllerConfig::from_file(&arguments.config)?;
     let shutdown = Arc::new(AtomicBool::new(false));
@@ -48,7 +47,7 @@ fn start() -> anyhow::Result<()> {
         signal_hook::flag::register(signal, Arc::clone(&shutdown))
             .context("cannot handle signals")?;
     }
-    service::run(&config, &IpcOptions::from_env(), &shutdown)?;
+    service::run(config, &IpcOptions::from_env(), shutdown)?;
     Ok(())
 }
 

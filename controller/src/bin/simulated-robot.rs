@@ -12,10 +12,7 @@ use std::{
 
 use anyhow::Context;
 use clap::Parser;
-use controller::{
-    program::{exit_code, start_logging},
-    robot::{RobotConfig, Switches, run},
-};
+use controller::robot::{RobotConfig, Switches, run};
 use shared_types::ipc::IpcOptions;
 use signal_hook::{
     consts::{SIGINT, SIGTERM, SIGUSR1, SIGUSR2},
@@ -45,12 +42,12 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    exit_code("simulated-robot", start())
+    logging::exit_code("simulated-robot", start())
 }
 
 fn start() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
-    start_logging();
+    logging::start().context("cannot start to log")?;
     let config = RobotConfig::from_file(&arguments.config)?;
     let switches = Switches::default();
     listen_to_signals(&switches)?;

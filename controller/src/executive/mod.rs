@@ -63,6 +63,8 @@ pub struct CycleInput<'a> {
     pub robot_state_invalid: bool,
     /// Whether the daemon's heart beats.
     pub daemon_alive: bool,
+    /// Rounds of the guard so far: it hears stops and the daemon's heart, and counts on as long as it does.
+    pub guard_rounds: u64,
 }
 
 /// One cycle's result: the set-point, and everything that is published about it.
@@ -156,6 +158,9 @@ pub struct Executive {
     /// Why the states after it were not taken, where there were any.
     refused_state: Option<Waiting>,
     refused_robot_states: u32,
+    guard_rounds: u64,
+    /// Cycle time since the guard went on.
+    guard_silence_ns: i64,
     slack_residual_m: f64,
     last_ns: Option<i64>,
     late_run: u32,
@@ -195,6 +200,8 @@ impl Executive {
             robot_silence_ns: 0,
             refused_state: None,
             refused_robot_states: 0,
+            guard_rounds: 0,
+            guard_silence_ns: 0,
             slack_residual_m: 0.0,
             last_ns: None,
             late_run: 0,

@@ -10,6 +10,10 @@ pub const CONSISTENCY_M: f64 = 1e-6;
 /// A robot state may be stamped this far in the future, ns: robot and loop read the same clock.
 const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
 
+/// Cycle time without a round of the guard, which makes one each millisecond, after which nobody could stop the motion, ns:
+/// longer than ordinary programs keep it from a processor.
+const GUARD_HELD_UP_NS: i64 = 100_000_000;
+
 /// How long a robot may leave our first set-points unanswered, ns.
 const TAKE_UP_NS: i64 = 200_000_000;
 
@@ -34,6 +38,7 @@ impl Executive {
             // Nothing to stop is as good.
             let _ = self.stop();
         }
+        self.watch_guard(input.guard_rounds, elapsed_ns);
         self.watch_punctuality(elapsed_ns)
     }
 
@@ -200,6 +205,19 @@ impl Executive {
         };
     }
 
+    /// Where the guard is held up, neither a stop nor the loss of the daemon would be heard.
+    fn watch_guard(&mut self, rounds: u64, elapsed_ns: i64) {
+        self.guard_silence_ns += elapsed_ns.min(2 * self.settings.period_ns);
+        if rounds != self.guard_rounds {
+            self.guard_rounds = rounds;
+            self.guard_silence_ns = 0;
+        }
+        let moves_or_will = self.is_moving() || self.motion.is_some();
+        if self.guard_silence_ns > GUARD_HELD_UP_NS && moves_or_will {
+            self.stop_for(LoopFault::GuardHeldUp);
+        }
+    }
+
     fn watch_punctuality(&mut self, elapsed_ns: i64) -> bool {
         let late = elapsed_ns > self.settings.period_ns + self.settings.period_ns / 2;
         self.late_run = if late { self.late_run + 1 } else { 0 };
@@ -230,5 +248,61 @@ mod tests {
         world.run(100);
         let last = world.last.as_ref().unwrap();
         assert_eq!((last.state, last.path_time_s), (LoopState::Holding, 0.0));
+    }
+
+    #[test]
+    fn a_motion_that_nobody_could_stop_is_stopped_along_its_path() {
+        let mut world = World::holding();
+        world.begin_motion(4);
+        world.run(300);
+        assert_eq!(
+            world.last.unwrap().state,
+            LoopState::Executing,
+            "the premise"
+        );
+        world.guard_held_up = true;
+        world.run(100);
+        assert_eq!(world.last.unwrap().state, LoopState::Executing);
+        world.run(1);
+        let last = world.last.unwrap();
+        assert_eq!(last.fault, LoopFault::GuardHeldUp);
+        assert_eq!(last.state, LoopState::Stopping);
+        world.run(3_000);
+        assert_eq!(world.last.unwrap().state, LoopState::Fault);
+        world.guard_held_up = false;
+        world.run(1);
+        assert_eq!(world.executive.reset(), Ok(()));
+    }
+
+    #[test]
+    fn a_pause_of_the_whole_machine_is_no_guard_that_is_held_up() {
+        let mut world = World::holding();
+        world.begin_motion(4);
+        world.run(300);
+        world.guard_held_up = true;
+        world.cycle(15 * MS);
+        world.run(50);
+        world.guard_held_up = false;
+        world.run(20);
+        assert_eq!(world.last.unwrap().fault, LoopFault::None);
+    }
+
+    #[test]
+    fn a_motion_that_waits_for_its_begin_is_not_begun_while_nobody_could_stop_it() {
+        let mut world = World::holding();
+        world.guard_held_up = true;
+        world.run(200);
+        assert_eq!(
+            world.last.unwrap().state,
+            LoopState::Holding,
+            "at rest it is no fault"
+        );
+        world.begin_motion(4);
+        world.run(10);
+        let last = world.last.unwrap();
+        assert_eq!(
+            (last.state, last.fault),
+            (LoopState::Fault, LoopFault::GuardHeldUp)
+        );
     }
 }

@@ -4,11 +4,12 @@
 //! and allocates only what iceoryx2's send does, from its own arena. When a robot comes or goes, the ports connect and
 //! disconnect: that costs system calls once, in the cycle that sees it.
 
-use std::sync::atomic::Ordering;
+use std::sync::{Arc, atomic::Ordering};
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::{
     clock::mono_now_ns,
+    codes::CommandRefusal,
     ipc::{self, IpcError, IpcNode, IpcOptions, Publisher, Subscriber},
     message::{RobotState, Setpoint},
 };
@@ -16,7 +17,7 @@ use tracing::{info, warn};
 
 use super::{
     config::ControllerConfig,
-    link::{Answer, LoopEnd, Order, Report},
+    link::{Answer, LoopEnd, NumberedOrder, Order, Outcome, Report, Return},
     wire,
 };
 use crate::{
@@ -62,43 +63,63 @@ struct HardLoop {
     executive: Executive,
     sequence: u64,
     setpoints_sent: u64,
+    stops_seen: u64,
 }
 
-/// Runs the loop until it is told to quit.
-///
-/// # Errors
-/// [`IpcError`] where a port cannot be made; once it runs it does not fail.
-pub(super) fn run(
-    config: &ControllerConfig,
-    options: &IpcOptions,
-    link: LoopEnd,
-) -> Result<(), IpcError> {
-    let Some(mut memory) = LoopMemory::claim() else {
-        unreachable!("one loop a process");
-    };
-    // The ports' own blocks come from the arena, too: some are freed in the cycle that sees a robot go.
-    let ports = memory.cycle(|| Ports::open(options))?;
-    let mut hard_loop = HardLoop {
-        ports,
-        link,
-        executive: Executive::new(config.executive, &config.robot),
-        sequence: 0,
-        setpoints_sent: 0,
-    };
-    memory.cycle(|| hard_loop.touch_ports());
-    go_real_time(config);
-    info!(
-        period_us = config.executive.period_ns / 1_000,
-        "loop begins"
-    );
-    let period_ns = config.executive.period_ns;
-    let mut deadline_ns = mono_now_ns() + period_ns;
-    while !hard_loop.link.shared.quit.load(Ordering::Relaxed) {
-        realtime::sleep_until(deadline_ns);
-        memory.cycle(|| hard_loop.cycle(deadline_ns));
-        deadline_ns = next_deadline(deadline_ns, mono_now_ns(), period_ns);
+/// The loop thread's state: the loop, and the memory that its cycles run on.
+pub(super) struct LoopThread {
+    config: Arc<ControllerConfig>,
+    hard_loop: HardLoop,
+    // Declared last: the arena outlives what was allocated from it.
+    memory: LoopMemory,
+}
+
+impl LoopThread {
+    /// Opens the ports, in the thread that is to run the loop.
+    ///
+    /// # Errors
+    /// [`IpcError`] where a port cannot be made; once it runs it does not fail.
+    pub(super) fn open(
+        config: Arc<ControllerConfig>,
+        options: &IpcOptions,
+        link: LoopEnd,
+    ) -> Result<Self, IpcError> {
+        let Some(mut memory) = LoopMemory::claim() else {
+            unreachable!("one loop a process");
+        };
+        let thread_id = &link.shared.loop_thread_id;
+        thread_id.store(realtime::thread_id(), Ordering::Relaxed);
+        // The ports' own blocks come from the arena, too: some are freed in the cycle that sees a robot go.
+        let ports = memory.cycle(|| Ports::open(options))?;
+        let hard_loop = HardLoop {
+            ports,
+            link,
+            executive: Executive::new(config.executive, &config.robot),
+            sequence: 0,
+            setpoints_sent: 0,
+            stops_seen: 0,
+        };
+        Ok(Self {
+            config,
+            hard_loop,
+            memory,
+        })
     }
-    Ok(())
+
+    /// Runs until all threads are to end.
+    pub(super) fn run(mut self) {
+        let hard_loop = &mut self.hard_loop;
+        self.memory.cycle(|| hard_loop.touch_ports());
+        go_real_time(&self.config);
+        let period_ns = self.config.executive.period_ns;
+        info!(period_us = period_ns / 1_000, "loop begins");
+        let mut deadline_ns = mono_now_ns() + period_ns;
+        while !hard_loop.link.shared.is_quitting() {
+            realtime::sleep_until(deadline_ns);
+            self.memory.cycle(|| hard_loop.cycle(deadline_ns));
+            deadline_ns = next_deadline(deadline_ns, mono_now_ns(), period_ns);
+        }
+    }
 }
 
 /// The first deadline on the grid of periods that is still ahead.
@@ -137,7 +158,9 @@ impl HardLoop {
 
     fn cycle(&mut self, deadline_ns: i64) {
         let now_ns = mono_now_ns();
+        self.take_motions();
         self.take_orders();
+        self.take_stops();
         let message = self.ports.newest_robot_state();
         let robot = message.as_ref().and_then(wire::robot_sample);
         let output = self.executive.step(&CycleInput {
@@ -145,7 +168,9 @@ impl HardLoop {
             robot: robot.as_ref(),
             robot_state_invalid: message.is_some() && robot.is_none(),
             daemon_alive: self.link.shared.daemon_alive.load(Ordering::Relaxed),
+            guard_rounds: self.link.shared.guard_rounds.load(Ordering::Relaxed),
         });
+        self.link.shared.set_loop_state(output.state);
         if output.send {
             self.setpoints_sent += 1;
             // A set-point that cannot be sent is missed by the robot, which says so.
@@ -154,9 +179,7 @@ impl HardLoop {
                 .setpoint
                 .send_copy(wire::setpoint(self.setpoints_sent, &output));
         }
-        if let Some(motion) = self.executive.take_finished() {
-            self.answer(Answer::Finished(motion));
-        }
+        self.give_back();
         self.sequence += 1;
         let report = Report {
             sequence: self.sequence,
@@ -173,38 +196,66 @@ impl HardLoop {
         }
     }
 
-    fn take_orders(&mut self) {
-        while let Ok(order) = self.link.orders.pop() {
-            let executive = &mut self.executive;
-            match order {
-                Order::Stop => {
-                    let done = executive.stop();
-                    self.answer(Answer::Command(done));
-                }
-                Order::Reset => {
-                    let done = executive.reset();
-                    self.answer(Answer::Command(done));
-                }
-                Order::Speed(speed) => {
-                    let done = executive.set_speed(speed);
-                    self.answer(Answer::Command(done));
-                }
-                Order::Execute(motion) => {
-                    if let Err((reason, motion)) = executive.execute(motion) {
-                        self.answer(Answer::Refused(reason, motion));
-                    }
-                }
-            }
-            if let Some(motion) = self.executive.take_finished() {
-                self.answer(Answer::Finished(motion));
+    fn take_motions(&mut self) {
+        while let Ok(motion) = self.link.motions.pop() {
+            if let Err((reason, motion)) = self.executive.execute(motion) {
+                self.put_back(Return::Refused(reason, motion));
             }
         }
     }
 
-    /// The ring has room for every answer: there are never more than two trajectories and one command under way.
+    /// Carries out what is still on offer; an order that was withdrawn is left alone.
+    fn take_orders(&mut self) {
+        while let Ok(NumberedOrder { id, order }) = self.link.orders.pop() {
+            if !self.link.shared.offer.take(id) {
+                continue;
+            }
+            let result = match order {
+                Order::Reset => self.executive.reset(),
+                Order::Speed(speed) => self.executive.set_speed(speed),
+            };
+            let outcome = self.outcome(result);
+            self.answer(Answer::Order { id, outcome });
+            self.give_back();
+        }
+    }
+
+    /// Obeys a stop after all else that has come: it also ends a motion that arrived while the loop was held up.
+    fn take_stops(&mut self) {
+        let up_to = self.link.shared.stops.load(Ordering::Acquire);
+        if up_to == self.stops_seen {
+            return;
+        }
+        self.stops_seen = up_to;
+        let result = self.executive.stop();
+        let outcome = self.outcome(result);
+        self.answer(Answer::Stops { up_to, outcome });
+        self.give_back();
+    }
+
+    fn outcome(&self, result: Result<(), CommandRefusal>) -> Outcome {
+        Outcome {
+            result,
+            state: self.executive.state(),
+        }
+    }
+
+    /// The ring has room: the guard takes every answer before it orders again, and the answers to stops that it orders
+    /// without looking (a shutdown's) may be lost.
     fn answer(&mut self, answer: Answer) {
-        let pushed = self.link.answers.push(answer);
-        debug_assert!(pushed.is_ok(), "the ring of answers is full");
+        let _ = self.link.answers.push(answer);
+    }
+
+    fn give_back(&mut self) {
+        if let Some(motion) = self.executive.take_finished() {
+            self.put_back(Return::Finished(motion));
+        }
+    }
+
+    /// The ring has room for every trajectory in the process.
+    fn put_back(&mut self, motion: Return) {
+        let pushed = self.link.returns.push(motion);
+        debug_assert!(pushed.is_ok(), "the ring of trajectories is full");
     }
 }
 

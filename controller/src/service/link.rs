@@ -1,12 +1,22 @@
-//! What passes between the loop thread and the relay thread: bounded rings, nothing shared but two flags.
+//! What passes between the loop, the guard and the relay: bounded rings and a few words that all of them see. Nobody waits
+//! for another: a ring that is full loses what is told, never what is ordered.
+//!
+//! ```text
+//! guard ── stops (a number that rises), orders ──▶ loop ── reports, trajectories done with ──▶ relay
+//!   ▲ ◀──────────────── answers ────────────────── │  ◀───────────── trajectories ─────────────┘
+//!   └──────────────────────────────── events, for the log ────────────────────────────────────▶ relay
+//! ```
 
 use std::sync::{
     Arc,
-    atomic::{AtomicBool, AtomicU64},
+    atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering},
 };
 
 use rtrb::{Consumer, Producer, RingBuffer};
-use shared_types::codes::CommandRefusal;
+use shared_types::{
+    codes::{CommandRefusal, LoopState},
+    valid::Command,
+};
 
 use crate::{
     arena::MemoryCounts,
@@ -16,20 +26,43 @@ use crate::{
 /// Cycles that fit while the relay thread is kept from running: a second at 4 kHz.
 const REPORTS: usize = 4096;
 
-/// Orders and answers that fit; the relay sends one command at a time.
+/// Orders, answers and trajectories that fit. The guard has one order at the loop at a time; withdrawn ones stay in the
+/// ring until the loop runs again.
 const ORDERS: usize = 16;
 
-/// What the relay thread asks of the loop.
+/// Events that fit while the relay thread is kept from running.
+const EVENTS: usize = 256;
+
+/// What the guard asks of the loop, and may withdraw. (A stop is none of these: it cannot be withdrawn.)
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Order {
-    Stop,
     Reset,
     Speed(f64),
-    Execute(Motion),
 }
 
-/// What the loop answers, in the order of the orders, and the trajectories that it is done with.
+/// An order with its number, which is in [`Offer`] for as long as it is to be carried out.
+pub(super) struct NumberedOrder {
+    pub(super) id: u64,
+    pub(super) order: Order,
+}
+
+/// What became of an order or of a stop, and what the loop does now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Outcome {
+    pub(super) result: Result<(), CommandRefusal>,
+    pub(super) state: LoopState,
+}
+
+/// What the loop answers to the guard.
 pub(super) enum Answer {
-    Command(Result<(), CommandRefusal>),
+    /// To the order with this number.
+    Order { id: u64, outcome: Outcome },
+    /// To all stops up to this number.
+    Stops { up_to: u64, outcome: Outcome },
+}
+
+/// Trajectories that the loop is done with.
+pub(super) enum Return {
     Refused(Unacceptable, Motion),
     Finished(Motion),
 }
@@ -44,53 +77,159 @@ pub(super) struct Report {
     pub(super) memory: MemoryCounts,
 }
 
-/// Flags and counters that both threads see.
+/// What the guard has seen and done, for the log.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum GuardEvent {
+    Commanded(Command, Outcome),
+    DaemonLost(LoopState),
+    DaemonFound,
+    DaemonReplaced,
+    ShuttingDown(LoopState),
+    PriorityRefused(u8),
+}
+
+/// The number of the one order that may be carried out; 0: none. Of the loop, which takes it, and the guard, which
+/// withdraws it after waiting in vain, exactly one succeeds: what is answered "loop busy" is not carried out any more.
+#[derive(Default)]
+pub(super) struct Offer(AtomicU64);
+
+impl Offer {
+    /// Offers order `id` (not 0) instead of the one before.
+    pub(super) fn make(&self, id: u64) {
+        self.0.store(id, Ordering::Release);
+    }
+
+    /// Takes order `id` (the loop) or takes it back (the guard); false where the other one was first.
+    pub(super) fn take(&self, id: u64) -> bool {
+        self.0
+            .compare_exchange(id, 0, Ordering::AcqRel, Ordering::Acquire)
+            .is_ok()
+    }
+}
+
+/// Words that all threads see.
+#[derive(Default)]
 pub(super) struct Shared {
-    /// The daemon's heart beats (written by the relay).
+    /// The daemon's heart beats (written by the guard).
     pub(super) daemon_alive: AtomicBool,
-    /// The loop is to end (written by the relay).
+    /// Number of the newest stop (written by the guard): the loop carries out what it has not seen yet. A number cannot be
+    /// lost, delayed by a full ring, or withdrawn.
+    pub(super) stops: AtomicU64,
+    /// The order that may be carried out.
+    pub(super) offer: Offer,
+    /// Rounds of the guard: where they do not go on, nobody could stop a motion (read by the loop).
+    pub(super) guard_rounds: AtomicU64,
+    /// [`LoopState`] of the last cycle (written by the loop).
+    loop_state: AtomicU32,
+    /// Linux thread id of the loop, 0 before it runs.
+    pub(super) loop_thread_id: AtomicU32,
+    /// All threads are to end (written by the guard, once the robot is at rest).
     pub(super) quit: AtomicBool,
     /// Reports that found no room (written by the loop).
     pub(super) reports_lost: AtomicU64,
+    /// Events that found no room (written by the guard).
+    pub(super) events_lost: AtomicU64,
+}
+
+impl Shared {
+    pub(super) fn set_loop_state(&self, state: LoopState) {
+        self.loop_state.store(state.code(), Ordering::Relaxed);
+    }
+
+    pub(super) fn loop_state(&self) -> LoopState {
+        LoopState::try_from(self.loop_state.load(Ordering::Relaxed)).unwrap_or(LoopState::Starting)
+    }
+
+    pub(super) fn is_quitting(&self) -> bool {
+        self.quit.load(Ordering::Relaxed)
+    }
 }
 
 /// The loop's ends.
 pub(super) struct LoopEnd {
-    pub(super) orders: Consumer<Order>,
+    pub(super) orders: Consumer<NumberedOrder>,
     pub(super) answers: Producer<Answer>,
+    pub(super) motions: Consumer<Motion>,
+    pub(super) returns: Producer<Return>,
     pub(super) reports: Producer<Report>,
+    pub(super) shared: Arc<Shared>,
+}
+
+/// The guard's ends.
+pub(super) struct GuardEnd {
+    pub(super) orders: Producer<NumberedOrder>,
+    pub(super) answers: Consumer<Answer>,
+    pub(super) events: Producer<GuardEvent>,
     pub(super) shared: Arc<Shared>,
 }
 
 /// The relay's ends.
 pub(super) struct RelayEnd {
-    pub(super) orders: Producer<Order>,
-    pub(super) answers: Consumer<Answer>,
+    pub(super) motions: Producer<Motion>,
+    pub(super) returns: Consumer<Return>,
     pub(super) reports: Consumer<Report>,
+    pub(super) events: Consumer<GuardEvent>,
     pub(super) shared: Arc<Shared>,
 }
 
-/// Both ends of a new link.
-pub(super) fn link() -> (LoopEnd, RelayEnd) {
+/// The ends of a new link.
+pub(super) fn link() -> (LoopEnd, GuardEnd, RelayEnd) {
     let (send_order, orders) = RingBuffer::new(ORDERS);
     let (answers, take_answer) = RingBuffer::new(ORDERS);
+    let (send_motion, motions) = RingBuffer::new(ORDERS);
+    let (returns, take_return) = RingBuffer::new(ORDERS);
     let (reports, take_report) = RingBuffer::new(REPORTS);
-    let shared = Arc::new(Shared {
-        daemon_alive: AtomicBool::new(false),
-        quit: AtomicBool::new(false),
-        reports_lost: AtomicU64::new(0),
-    });
+    let (events, take_event) = RingBuffer::new(EVENTS);
+    let shared = Arc::<Shared>::default();
     let for_loop = LoopEnd {
         orders,
         answers,
+        motions,
+        returns,
         reports,
         shared: Arc::clone(&shared),
     };
-    let for_relay = RelayEnd {
+    let for_guard = GuardEnd {
         orders: send_order,
         answers: take_answer,
+        events,
+        shared: Arc::clone(&shared),
+    };
+    let for_relay = RelayEnd {
+        motions: send_motion,
+        returns: take_return,
         reports: take_report,
+        events: take_event,
         shared,
     };
-    (for_loop, for_relay)
+    (for_loop, for_guard, for_relay)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_order_is_taken_once_and_one_that_was_taken_back_never() {
+        let offer = Offer::default();
+        assert!(!offer.take(1), "nothing is offered");
+        offer.make(1);
+        assert!(offer.take(1) && !offer.take(1));
+        offer.make(2);
+        assert!(!offer.take(1), "the one before is no longer offered");
+        assert!(offer.take(2));
+    }
+
+    #[test]
+    fn of_two_threads_exactly_one_takes_an_order() {
+        let offer = Offer::default();
+        for id in 1..2_000 {
+            offer.make(id);
+            let both = std::thread::scope(|scope| {
+                let other = scope.spawn(|| offer.take(id));
+                [offer.take(id), other.join().unwrap()]
+            });
+            assert!(both[0] != both[1], "order {id}: {both:?}");
+        }
+    }
 }

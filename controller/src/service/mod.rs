@@ -1,6 +1,11 @@
-//! The controller's process: a loop thread, a relay thread, and the rings between them.
+//! The controller's process: three threads, each with one duty, and the rings between them.
+//!
+//! * the loop moves the robot, and knows of nothing that could hold it up;
+//! * the guard stops it: commands, the daemon's heart, the end of the process;
+//! * the relay does everything else: trajectories, state, the log.
 
 mod config;
+mod guard;
 mod hard_loop;
 mod link;
 mod ports;
@@ -11,53 +16,144 @@ mod wire;
 pub use config::ControllerConfig;
 
 use std::{
-    panic::resume_unwind,
-    sync::{atomic::AtomicBool, mpsc},
-    thread,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+        mpsc::sync_channel,
+    },
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
 };
 
 use shared_types::ipc::{IpcError, IpcOptions, Role, RoleLock};
-use tracing::info;
+use tracing::{info, warn};
 
-use crate::realtime;
+use guard::{Guard, GuardSettings};
+use hard_loop::LoopThread;
+use link::{GuardEnd, LoopEnd, RelayEnd, Shared};
+use relay::Relay;
+
+/// How long the other threads are waited for once the robot is at rest: one that is held up ends with the process.
+const ENDING: Duration = Duration::from_millis(500);
+const LOOK: Duration = Duration::from_millis(2);
 
 /// Runs the controller until `shutdown` is set; it then stops the robot along its path before it returns.
 ///
-/// The calling thread becomes the relay thread.
+/// A thread that is held up does not keep the process from ending: it is left behind when this returns.
 ///
 /// # Errors
 /// [`IpcError::AlreadyRunning`] where another controller lives under the same prefix and root, or what a service or a
 /// port failed with.
 pub fn run(
-    config: &ControllerConfig,
+    config: ControllerConfig,
     options: &IpcOptions,
-    shutdown: &AtomicBool,
+    shutdown: Arc<AtomicBool>,
 ) -> Result<(), IpcError> {
     let _role = RoleLock::acquire(options, Role::Controller)?;
-    let (loop_end, relay_end) = link::link();
-    let mut relay = relay::Relay::open(config, options, relay_end)?;
-    thread::scope(|scope| {
-        let (tell, told) = mpsc::channel();
-        let hard_loop = thread::Builder::new()
-            .name("hard-loop".to_owned())
-            .spawn_scoped(scope, move || {
-                // The receiver waits for it.
-                let _ = tell.send(realtime::thread_id());
-                hard_loop::run(config, options, loop_end)
-            })
-            .map_err(|error| IpcError::Failed {
-                service: "controller".to_owned(),
-                what: "the loop thread",
-                reason: error.to_string(),
-            })?;
-        if let Ok(thread_id) = told.recv() {
-            relay.set_loop_thread(thread_id);
+    let (loop_end, guard_end, relay_end) = link::link();
+    let shared = Arc::clone(&loop_end.shared);
+    let guard = GuardSettings {
+        daemon_lost_ns: config.daemon_lost_ns,
+        realtime_priority: config.realtime_priority.map(below),
+        shutdown,
+    };
+    let controller = Controller {
+        config: Arc::new(config),
+        options: options.clone(),
+    };
+    let mut threads = Vec::new();
+    let started = (|| {
+        threads.push(controller.start_relay(relay_end)?);
+        threads.push(controller.start_guard(guard, guard_end)?);
+        threads.push(controller.start_loop(loop_end)?);
+        Ok(())
+    })();
+    if started.is_err() {
+        shared.quit.store(true, Ordering::Relaxed);
+    }
+    wait_for_end(&threads, &shared);
+    if started.is_ok() {
+        info!("ended");
+    }
+    started
+}
+
+/// The guard goes after the loop, and before everything else.
+fn below(priority: u8) -> u8 {
+    priority.saturating_sub(1).max(1)
+}
+
+/// Waits until all threads are to end, and then for them.
+fn wait_for_end(threads: &[JoinHandle<()>], shared: &Shared) {
+    while !shared.is_quitting() {
+        thread::sleep(LOOK);
+    }
+    let begin = Instant::now();
+    while let Some(held) = threads.iter().find(|thread| !thread.is_finished()) {
+        if begin.elapsed() > ENDING {
+            let name = held.thread().name().unwrap_or_default();
+            warn!("the thread {name} is held up and ends with the process");
+            return;
         }
-        relay.serve(shutdown, || hard_loop.is_finished());
-        hard_loop
-            .join()
-            .unwrap_or_else(|panic| resume_unwind(panic))
-    })?;
-    info!("ended");
-    Ok(())
+        thread::sleep(LOOK);
+    }
+}
+
+/// What the threads are started with.
+struct Controller {
+    config: Arc<ControllerConfig>,
+    options: IpcOptions,
+}
+
+impl Controller {
+    fn start_relay(&self, link: RelayEnd) -> Result<JoinHandle<()>, IpcError> {
+        let (config, options) = (Arc::clone(&self.config), self.options.clone());
+        let open = move || Relay::open(config, &options, link);
+        start("relay", open, Relay::serve)
+    }
+
+    fn start_guard(
+        &self,
+        settings: GuardSettings,
+        link: GuardEnd,
+    ) -> Result<JoinHandle<()>, IpcError> {
+        let options = self.options.clone();
+        let open = move || Guard::open(settings, &options, link);
+        start("guard", open, Guard::serve)
+    }
+
+    fn start_loop(&self, link: LoopEnd) -> Result<JoinHandle<()>, IpcError> {
+        let (config, options) = (Arc::clone(&self.config), self.options.clone());
+        let open = move || LoopThread::open(config, &options, link);
+        start("hard-loop", open, LoopThread::run)
+    }
+}
+
+/// Starts a thread that opens what it works with (ports stay in their thread), and returns once that is open.
+fn start<T: 'static>(
+    name: &'static str,
+    open: impl FnOnce() -> Result<T, IpcError> + Send + 'static,
+    work: impl FnOnce(T) + Send + 'static,
+) -> Result<JoinHandle<()>, IpcError> {
+    let failed = |reason: String| IpcError::Failed {
+        service: "controller".to_owned(),
+        what: name,
+        reason,
+    };
+    let (tell, told) = sync_channel(1);
+    let begin = move || {
+        let (opened, result) = match open() {
+            Ok(opened) => (Some(opened), Ok(())),
+            Err(error) => (None, Err(error)),
+        };
+        // The receiver waits for it.
+        let _ = tell.send(result);
+        if let Some(opened) = opened {
+            work(opened);
+        }
+    };
+    let thread = thread::Builder::new().name(name.to_owned()).spawn(begin);
+    let thread = thread.map_err(|error| failed(error.to_string()))?;
+    told.recv().map_err(|error| failed(error.to_string()))??;
+    Ok(thread)
 }

@@ -1,22 +1,17 @@
-//! The relay thread's ports: everything that others come and go on.
+//! The relay thread's ports: what others come and go on.
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::{
     clock::mono_now_ns,
     codes::ProcessKind,
-    ipc::{
-        self, CommandServer, CyclePublisher, IpcError, IpcNode, IpcOptions, Publisher, Subscriber,
-    },
+    ipc::{self, CyclePublisher, IpcError, IpcNode, IpcOptions, Publisher, Subscriber},
     message::{ControllerState, Cycle, Heartbeat, TrajectoryMessage},
-    valid,
 };
 use tracing::debug;
 
 /// Ports of the relay thread.
 pub(super) struct Ports {
-    pub(super) commands: CommandServer,
     trajectory: Subscriber<TrajectoryMessage>,
-    heartbeats: Subscriber<Heartbeat>,
     heartbeat: Publisher<Heartbeat>,
     state: Publisher<ControllerState>,
     cycles: CyclePublisher,
@@ -28,12 +23,9 @@ pub(super) struct Ports {
 impl Ports {
     pub(super) fn open(options: &IpcOptions) -> Result<Self, IpcError> {
         let node = IpcNode::create(options, "controller-relay")?;
-        let heartbeats = ipc::heartbeat_service(&node)?;
         Ok(Self {
-            commands: ipc::command_server(&node, &ipc::command_service(&node)?)?,
             trajectory: ipc::subscriber(&node, &ipc::trajectory_service(&node)?)?,
-            heartbeat: ipc::publisher(&node, &heartbeats)?,
-            heartbeats: ipc::subscriber(&node, &heartbeats)?,
+            heartbeat: ipc::publisher(&node, &ipc::heartbeat_service(&node)?)?,
             state: ipc::publisher(&node, &ipc::controller_state_service(&node)?)?,
             cycles: ipc::cycle_publisher(&node, &ipc::cycle_service(&node)?)?,
             heartbeat_sequence: 0,
@@ -56,22 +48,6 @@ impl Ports {
                 false
             }
         }
-    }
-
-    /// The daemon's newest heartbeat that has arrived; one from the future would never grow old, and is none.
-    pub(super) fn newest_daemon_heartbeat(&self) -> Option<valid::Heartbeat> {
-        let mut newest: Option<valid::Heartbeat> = None;
-        while let Ok(Some(sample)) = self.heartbeats.receive() {
-            let copy = *sample;
-            let Ok(beat) = valid::Heartbeat::try_from(&copy) else {
-                continue;
-            };
-            let newer = newest.is_none_or(|newest| newest.stamp_mono_ns <= beat.stamp_mono_ns);
-            if beat.kind == ProcessKind::Daemon && newer && beat.stamp_mono_ns <= mono_now_ns() {
-                newest = Some(beat);
-            }
-        }
-        newest
     }
 
     pub(super) fn send_heartbeat(&mut self) {

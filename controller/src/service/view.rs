@@ -45,18 +45,10 @@ impl View {
         }
     }
 
-    pub(super) fn state(&self) -> LoopState {
-        self.state
-    }
-
     /// What trajectories for this controller name: when it was started, ns of CLOCK_MONOTONIC, which no other one under the same
     /// role was.
     pub(super) fn instance(&self) -> u64 {
         self.published.instance
-    }
-
-    pub(super) fn set_loop_thread(&mut self, thread_id: u32) {
-        self.published.loop_thread_id = thread_id;
     }
 
     /// What a trajectory is checked against; `None` before the first cycle.
@@ -133,8 +125,9 @@ impl View {
     }
 
     /// The message for everyone.
-    pub(super) fn message(&self) -> ControllerState {
+    pub(super) fn message(&self, loop_thread_id: u32) -> ControllerState {
         let mut message = self.published;
+        message.loop_thread_id = loop_thread_id;
         let Some(report) = &self.latest else {
             message.stamp_mono_ns = mono_now_ns();
             return message;

@@ -33,9 +33,9 @@ pub use memory::{ServiceMemory, plan_bytes, shared_memory};
 pub use node::IpcNode;
 pub use options::{IpcOptions, LONGEST_ROOT_AND_PREFIX};
 pub use request::{
-    CommandClient, CommandServer, CommandService, PlanActiveRequest, PlanClient, PlanPending,
-    PlanResponse, PlanServer, PlanService, PlanServiceCapacity, command_client, command_server,
-    command_service, open_plan_service, plan_client, plan_server, plan_service,
+    CommandClient, CommandRequest, CommandServer, CommandService, PlanActiveRequest, PlanClient,
+    PlanPending, PlanResponse, PlanServer, PlanService, PlanServiceCapacity, command_client,
+    command_server, command_service, open_plan_service, plan_client, plan_server, plan_service,
 };
 pub use role::{Role, RoleLock};
 pub use topic::{

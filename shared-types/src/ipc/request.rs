@@ -32,6 +32,8 @@ pub type PlanPending = PendingResponse<ipc::Service, PlanRequest, (), [Knot], Pl
 pub type PlanResponse = Response<ipc::Service, [Knot], PlanReport>;
 /// The open service `command`.
 pub type CommandService = PortFactory<ipc::Service, Command, (), CommandReply, ()>;
+/// A command at the controller; dropping it without a reply tells the client.
+pub type CommandRequest = ActiveRequest<ipc::Service, Command, (), CommandReply, ()>;
 /// Answers commands; create it in the thread that uses it.
 pub type CommandServer = Server<ipc::Service, Command, (), CommandReply, ()>;
 /// Sends commands; create it in the thread that uses it.

@@ -1,0 +1,168 @@
+//! Commands between a sender and a loop that is held up for a while.
+
+use std::{cell::RefCell, rc::Rc};
+
+use super::*;
+use crate::service::link::{LoopEnd, link};
+
+const MS: i64 = 1_000_000;
+
+type Replies = Rc<RefCell<Vec<message::CommandReply>>>;
+
+struct Asker(Replies);
+
+impl Request for Asker {
+    fn reply(&self, reply: message::CommandReply) {
+        self.0.borrow_mut().push(reply);
+    }
+}
+
+/// The guard's commands, a loop that runs only when it is told to, and everything that was replied.
+struct Bench {
+    commands: Commands<Asker>,
+    at_loop: LoopEnd,
+    carried_out: Vec<Order>,
+    stops_seen: u64,
+    replies: Replies,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let (at_loop, guard, _relay) = link();
+        at_loop.shared.set_loop_state(LoopState::Executing);
+        Self {
+            commands: Commands::new(guard),
+            at_loop,
+            carried_out: Vec::new(),
+            stops_seen: 0,
+            replies: Replies::default(),
+        }
+    }
+
+    fn ask(&mut self, command: Command, id: u64, now_ns: i64) {
+        let asker = Asker(Rc::clone(&self.replies));
+        self.commands.take(asker, &command.to_wire(id), now_ns);
+    }
+
+    /// A cycle of the loop: it takes what is on offer, in the order of the hard loop.
+    fn cycle(&mut self) {
+        let outcome = |state| Outcome {
+            result: Ok(()),
+            state,
+        };
+        while let Ok(NumberedOrder { id, order }) = self.at_loop.orders.pop() {
+            if self.at_loop.shared.offer.take(id) {
+                self.carried_out.push(order);
+                let outcome = outcome(LoopState::Executing);
+                let answer = Answer::Order { id, outcome };
+                assert!(self.at_loop.answers.push(answer).is_ok());
+            }
+        }
+        let up_to = self.at_loop.shared.stops.load(Ordering::Acquire);
+        if up_to > self.stops_seen {
+            self.stops_seen = up_to;
+            let outcome = outcome(LoopState::Stopping);
+            let answer = Answer::Stops { up_to, outcome };
+            assert!(self.at_loop.answers.push(answer).is_ok());
+        }
+    }
+
+    /// Command id, accepted, reason of every reply so far.
+    fn replies(&self) -> Vec<(u64, bool, u32)> {
+        let replies = self.replies.borrow();
+        let row =
+            |reply: &message::CommandReply| (reply.command_id, reply.accepted == 1, reply.reason);
+        replies.iter().map(row).collect()
+    }
+}
+
+const NONE: u32 = CommandRefusal::None.code();
+const BUSY: u32 = CommandRefusal::LoopBusy.code();
+const PENDING: u32 = CommandRefusal::StopPending.code();
+
+#[test]
+fn every_reply_is_its_own_commands_whatever_the_loop_takes_first() {
+    let mut bench = Bench::new();
+    bench.ask(Command::SetSpeed(0.5), 7, 0);
+    bench.ask(Command::Stop, 8, 0);
+    bench.ask(Command::ResetFault, 9, 0);
+    for round in 1..4 {
+        bench.commands.attend(round * MS);
+        bench.cycle();
+    }
+    bench.commands.attend(5 * MS);
+    let mut replies = bench.replies();
+    replies.sort_unstable();
+    assert_eq!(replies, [(7, true, NONE), (8, true, NONE), (9, true, NONE)]);
+    assert_eq!(bench.carried_out, [Order::Speed(0.5), Order::Reset]);
+}
+
+#[test]
+fn what_is_answered_busy_is_never_carried_out_and_a_stop_always_is() {
+    let mut bench = Bench::new();
+    bench.ask(Command::SetSpeed(0.1), 1, 0);
+    bench.ask(Command::SetSpeed(0.2), 2, 0);
+    bench.ask(Command::Stop, 3, 0);
+    bench.commands.attend(0);
+    bench.commands.attend(COMMAND_NS);
+    assert_eq!(bench.replies(), [], "nothing is late yet");
+    bench.commands.attend(COMMAND_NS + 1);
+    let mut replies = bench.replies();
+    replies.sort_unstable();
+    assert_eq!(
+        replies,
+        [(1, false, BUSY), (2, false, BUSY), (3, false, PENDING)]
+    );
+    // The loop runs again; the command that comes now gets its own answer.
+    bench.ask(Command::SetSpeed(0.3), 4, COMMAND_NS + MS);
+    bench.commands.attend(COMMAND_NS + MS);
+    bench.cycle();
+    bench.commands.attend(COMMAND_NS + 2 * MS);
+    assert_eq!(bench.carried_out, [Order::Speed(0.3)]);
+    assert_eq!(bench.stops_seen, 1);
+    assert_eq!(bench.replies()[3..], [(4, true, NONE)]);
+}
+
+#[test]
+fn an_order_that_the_loop_has_taken_is_answered_however_late() {
+    let mut bench = Bench::new();
+    bench.ask(Command::ResetFault, 1, 0);
+    bench.commands.attend(0);
+    bench.cycle();
+    bench.commands.attend(10 * COMMAND_NS);
+    assert_eq!(bench.replies(), [(1, true, NONE)]);
+}
+
+#[test]
+fn a_loop_that_is_held_for_long_fills_no_ring_for_good() {
+    let mut bench = Bench::new();
+    for id in 1..100 {
+        let now_ns = i64::try_from(id).unwrap() * 2 * COMMAND_NS;
+        bench.ask(Command::SetSpeed(0.5), id, now_ns);
+        bench.commands.attend(now_ns);
+        bench.commands.attend(now_ns + COMMAND_NS + 1);
+    }
+    assert!(bench.replies().iter().all(|reply| reply.2 == BUSY));
+    bench.cycle();
+    assert_eq!(bench.carried_out, []);
+    bench.ask(Command::SetSpeed(0.7), 100, 0);
+    bench.commands.attend(0);
+    bench.cycle();
+    assert_eq!(bench.carried_out, [Order::Speed(0.7)]);
+}
+
+#[test]
+fn a_command_of_another_version_is_refused_at_once_by_its_own_number() {
+    let mut bench = Bench::new();
+    let asker = Asker(Rc::clone(&bench.replies));
+    let wire = message::Command {
+        protocol_version: 0,
+        ..Command::Stop.to_wire(5)
+    };
+    bench.commands.take(asker, &wire, 0);
+    assert_eq!(
+        bench.replies(),
+        [(5, false, CommandRefusal::WrongVersion.code())]
+    );
+    assert_eq!(bench.at_loop.shared.stops.load(Ordering::Acquire), 0);
+}

@@ -1,0 +1,123 @@
+//! The log of a process that moves a robot, on standard error: nobody who logs ever waits for whoever reads it.
+//!
+//! A full pipe, a stopped terminal or a busy disk holds whoever writes to it. So only one thread writes; all others put
+//! their lines into a bounded [`Queue`], from which a line is lost where there is no room. Lost lines are counted, and
+//! told of in the log as soon as it goes on. What iceoryx2 logs, panics and the reason of an exit go the same way.
+
+mod queue;
+
+use std::backtrace::{Backtrace, BacktraceStatus};
+use std::fmt::{Arguments, Display};
+use std::fs::File;
+use std::io::{self, IsTerminal, stderr};
+use std::os::fd::AsFd;
+use std::panic;
+use std::process::ExitCode;
+use std::sync::{Arc, OnceLock};
+use std::thread;
+use std::time::Duration;
+
+use iceoryx2::prelude::{LogLevel, set_logger};
+use iceoryx2_log_types::Log;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::Directive;
+
+use queue::{Line, Queue};
+
+/// Longest that an end, or a panic, waits until its last lines are written.
+const FAREWELL: Duration = Duration::from_millis(100);
+
+/// Target of iceoryx2's own lines.
+const IPC: &str = "iceoryx2";
+
+/// This process's queue, once [`start`] has made it.
+static QUEUE: OnceLock<Arc<Queue>> = OnceLock::new();
+
+/// Begins to log to standard error: what `RUST_LOG` says, `info` without it, in colour on a terminal only; from iceoryx2
+/// all that its own level lets through. To be called once, before the first service is opened.
+///
+/// # Errors
+/// The system's, where it has no thread or no file descriptor left.
+pub fn start() -> io::Result<()> {
+    let queue = Arc::new(Queue::new());
+    let out = File::from(stderr().as_fd().try_clone_to_owned()?);
+    let writing = Arc::clone(&queue);
+    let writer = thread::Builder::new()
+        .name("log".to_owned())
+        .spawn(move || writing.write_to(out))?;
+    queue.wake(writer.thread().clone());
+    let lines = Arc::clone(&queue);
+    tracing_subscriber::fmt()
+        .with_env_filter(filter())
+        .with_ansi(stderr().is_terminal())
+        .with_writer(move || Line::of(Arc::clone(&lines)))
+        .init();
+    // False where it logged before: then its lines go on as they did.
+    let _ = set_logger(&IpcLog);
+    panic::set_hook(Box::new(|panic| report_panic(panic)));
+    let _ = QUEUE.set(queue);
+    Ok(())
+}
+
+fn filter() -> EnvFilter {
+    let ipc = Directive::from(LevelFilter::TRACE);
+    let filter = EnvFilter::builder()
+        .with_default_directive(LevelFilter::INFO.into())
+        .from_env_lossy();
+    format!("{IPC}={ipc}")
+        .parse()
+        .map_or(EnvFilter::new("info"), |ipc| filter.add_directive(ipc))
+}
+
+/// The exit code of `program`: 0, or 1 after the reason on standard error. Waits for the log to be written, but not long.
+pub fn exit_code<E: Display>(program: &str, result: Result<(), E>) -> ExitCode {
+    let code = match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            say(&format!("{program}: {error:#}"));
+            ExitCode::FAILURE
+        }
+    };
+    if let Some(queue) = QUEUE.get() {
+        queue.wait_until_written(FAREWELL);
+    }
+    code
+}
+
+/// A line of its own, without time and level.
+fn say(text: &str) {
+    match QUEUE.get() {
+        Some(queue) => queue.push(format!("{text}\n").into_bytes()),
+        None => eprintln!("{text}"),
+    }
+}
+
+/// The standard library's own report would hold the thread on a full pipe.
+fn report_panic(panic: &panic::PanicHookInfo<'_>) {
+    let thread = thread::current();
+    let name = thread.name().unwrap_or("<unnamed>");
+    say(&format!("thread '{name}' {panic}"));
+    let trace = Backtrace::capture();
+    if trace.status() == BacktraceStatus::Captured {
+        say(&trace.to_string());
+    }
+    if let Some(queue) = QUEUE.get() {
+        queue.wait_until_written(FAREWELL);
+    }
+}
+
+/// iceoryx2's lines among the others.
+struct IpcLog;
+
+impl Log for IpcLog {
+    fn log(&self, level: LogLevel, origin: Arguments, message: Arguments) {
+        match level {
+            LogLevel::Trace => tracing::trace!(target: IPC, %origin, "{message}"),
+            LogLevel::Debug => tracing::debug!(target: IPC, %origin, "{message}"),
+            LogLevel::Info => tracing::info!(target: IPC, %origin, "{message}"),
+            LogLevel::Warn => tracing::warn!(target: IPC, %origin, "{message}"),
+            LogLevel::Error | LogLevel::Fatal => tracing::error!(target: IPC, %origin, "{message}"),
+        }
+    }
+}

@@ -1,0 +1,224 @@
+//! Lines on their way to the thread that writes them.
+
+use std::collections::VecDeque;
+use std::hint::spin_loop;
+use std::io::{self, Write};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, TryLockError};
+use std::thread::{self, Thread};
+use std::time::{Duration, Instant};
+
+/// Lines that wait while nobody takes them.
+const LINES: usize = 1024;
+/// Longest line, bytes; the rest of a longer one is cut off.
+const LONGEST: usize = 8192;
+/// How often a thread that logs looks whether another one has let go of the queue, some 10 ns each, before its line is lost.
+const LOOKS: usize = 2000;
+/// Longest sleep of the writing thread: it is woken for every line.
+const SLEEP: Duration = Duration::from_millis(100);
+
+/// A bounded queue: putting a line in takes bounded time, whatever the writing thread, or any other, is held up by.
+pub(crate) struct Queue {
+    waiting: Mutex<VecDeque<Vec<u8>>>,
+    writer: OnceLock<Thread>,
+    queued: AtomicU64,
+    done: AtomicU64,
+    lost: AtomicU64,
+}
+
+impl Queue {
+    pub(crate) fn new() -> Self {
+        Self {
+            waiting: Mutex::new(VecDeque::with_capacity(LINES)),
+            writer: OnceLock::new(),
+            queued: AtomicU64::new(0),
+            done: AtomicU64::new(0),
+            lost: AtomicU64::new(0),
+        }
+    }
+
+    /// The thread that is woken for a line.
+    pub(crate) fn wake(&self, writer: Thread) {
+        let _ = self.writer.set(writer);
+    }
+
+    /// Puts a line in, or counts it as lost where there is no room.
+    pub(crate) fn push(&self, mut line: Vec<u8>) {
+        if line.len() > LONGEST {
+            line.truncate(LONGEST);
+            line.extend_from_slice(b"...\n");
+        }
+        let room = self.lock_soon().filter(|waiting| waiting.len() < LINES);
+        let Some(mut waiting) = room else {
+            self.lost.fetch_add(1, Ordering::Relaxed);
+            return;
+        };
+        waiting.push_back(line);
+        self.queued.fetch_add(1, Ordering::Release);
+        drop(waiting);
+        if let Some(writer) = self.writer.get() {
+            writer.unpark();
+        }
+    }
+
+    /// Whoever holds the lock moves a line or swaps two queues: where that lasts, its thread is kept from running.
+    fn lock_soon(&self) -> Option<MutexGuard<'_, VecDeque<Vec<u8>>>> {
+        for _ in 0..LOOKS {
+            match self.waiting.try_lock() {
+                Ok(waiting) => return Some(waiting),
+                Err(TryLockError::Poisoned(poisoned)) => return Some(poisoned.into_inner()),
+                Err(TryLockError::WouldBlock) => spin_loop(),
+            }
+        }
+        None
+    }
+
+    /// Writes what comes, for ever: the work of the writing thread.
+    pub(crate) fn write_to(&self, mut out: impl Write) {
+        let (mut batch, mut told) = (VecDeque::with_capacity(LINES), 0);
+        loop {
+            self.write_waiting(&mut out, &mut batch, &mut told);
+            thread::park_timeout(SLEEP);
+        }
+    }
+
+    fn write_waiting(&self, out: &mut impl Write, batch: &mut VecDeque<Vec<u8>>, told: &mut u64) {
+        if let Some(mut waiting) = self.lock_soon() {
+            std::mem::swap(&mut *waiting, batch);
+        }
+        for line in batch.drain(..) {
+            if out.write_all(&line).is_err() {
+                self.lost.fetch_add(1, Ordering::Relaxed);
+            }
+            self.done.fetch_add(1, Ordering::Release);
+        }
+        let lost = self.lost.load(Ordering::Relaxed);
+        if lost > *told {
+            let text = format!(
+                "{} log lines were lost: nobody took them in time\n",
+                lost - *told
+            );
+            if out.write_all(text.as_bytes()).is_ok() {
+                *told = lost;
+            }
+        }
+    }
+
+    /// Returns once every line before this call is written, or after `limit`.
+    pub(crate) fn wait_until_written(&self, limit: Duration) {
+        let (begin, queued) = (Instant::now(), self.queued.load(Ordering::Acquire));
+        while self.done.load(Ordering::Acquire) < queued && begin.elapsed() < limit {
+            thread::sleep(Duration::from_millis(1));
+        }
+    }
+}
+
+/// What one event is written to: it goes into the queue as a whole.
+pub(crate) struct Line(Arc<Queue>);
+
+impl Line {
+    pub(crate) fn of(queue: Arc<Queue>) -> Self {
+        Self(queue)
+    }
+}
+
+impl Write for Line {
+    fn write(&mut self, text: &[u8]) -> io::Result<usize> {
+        self.0.push(text.to_vec());
+        Ok(text.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+
+    /// Takes a line only when it is asked for one, like a pipe that is full.
+    struct Held(Receiver<()>, SyncSender<String>);
+
+    impl Write for Held {
+        fn write(&mut self, text: &[u8]) -> io::Result<usize> {
+            self.0.recv().map_err(io::Error::other)?;
+            let _ = self.1.send(String::from_utf8_lossy(text).into_owned());
+            Ok(text.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn started(out: impl Write + Send + 'static) -> Arc<Queue> {
+        let queue = Arc::new(Queue::new());
+        let writing = Arc::clone(&queue);
+        let writer = thread::spawn(move || writing.write_to(out));
+        queue.wake(writer.thread().clone());
+        queue
+    }
+
+    #[test]
+    fn while_nobody_reads_lines_are_lost_and_counted_and_nobody_waits() {
+        let (ask, asked) = sync_channel(0);
+        let (tell, told) = sync_channel(4 * LINES);
+        let queue = started(Held(asked, tell));
+        let sent = 5 * LINES;
+        (0..sent).for_each(|line| queue.push(format!("{line}\n").into_bytes()));
+        queue.wait_until_written(Duration::from_millis(5));
+        let lost = queue.lost.load(Ordering::Relaxed) as usize;
+        assert!((3 * LINES..=4 * LINES).contains(&lost), "{lost}");
+        let mut lines = Vec::new();
+        while lines
+            .last()
+            .is_none_or(|line: &String| !line.contains("lost"))
+        {
+            ask.send(()).unwrap();
+            lines.push(told.recv().unwrap());
+        }
+        assert_eq!(lines.len() - 1, sent - lost);
+        assert_eq!(lines[0], "0\n");
+        let telling = lines.last().unwrap();
+        assert!(
+            telling.starts_with(&format!("{lost} log lines")),
+            "{telling}"
+        );
+    }
+
+    #[test]
+    fn a_disk_that_is_full_loses_lines_and_ends_nothing() {
+        struct Full;
+        impl Write for Full {
+            fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+                Err(io::ErrorKind::StorageFull.into())
+            }
+            fn flush(&mut self) -> io::Result<()> {
+                Ok(())
+            }
+        }
+        let queue = started(Full);
+        (0..3).for_each(|_| queue.push(b"line\n".to_vec()));
+        queue.wait_until_written(Duration::from_secs(60));
+        assert_eq!(queue.lost.load(Ordering::Relaxed), 3);
+    }
+
+    #[test]
+    fn a_thread_that_is_held_with_the_queue_in_its_hand_stalls_nobody() {
+        let queue = Queue::new();
+        let held = queue.waiting.lock().unwrap();
+        queue.push(b"line\n".to_vec());
+        drop(held);
+        assert_eq!(queue.lost.load(Ordering::Relaxed), 1);
+    }
+
+    #[test]
+    fn a_line_without_end_is_cut() {
+        let queue = Queue::new();
+        queue.push(vec![b'x'; 10 * LONGEST]);
+        assert_eq!(queue.waiting.lock().unwrap()[0].len(), LONGEST + 4);
+    }
+}
