@@ -21,6 +21,8 @@ use crate::rounds::{Phase, Round, goal_of, no_way_out, rounds, somewhere_near};
 use crate::stack::{MoveError, Part, Stack, tip_error};
 use crate::supervision::{Watch, Watched};
 
+/// Of each scene that is shown: no round lasts so long, so that no motion is stopped for a scene that has grown old.
+const SCENE_LIFETIME: Duration = Duration::from_secs(600);
 /// Everything is ready again so long after a disturbance has ended, or a motion under way then: a controller gives a lost daemon
 /// 0.2 s and stops in less than 0.4 s, a daemon loads its weights in less than 1 s.
 pub const READY_WITHIN: Duration = Duration::from_secs(5);
@@ -81,7 +83,7 @@ pub fn disturb(
     stack.wait_until_ready()?;
     let mut experiment = Experiment {
         listener: Listener::start(&stack.world.options),
-        scenes: ScenePublisher::connect(&stack.world.options).unwrap(),
+        scenes: ScenePublisher::connect(&stack.world.options, "disturbances").unwrap(),
         judge: Judge::new(stack.world.robot.tendon_limits),
         rng: Pcg64::seed_from_u64(seed),
         held: [0; 3],
@@ -289,7 +291,7 @@ impl Experiment<'_> {
     }
 
     fn show(&mut self, balls: &[MovingBall]) -> Result<(), String> {
-        let shown = self.scenes.publish(balls);
+        let shown = self.scenes.publish(balls, SCENE_LIFETIME);
         shown.map_err(|error| format!("no scene: {error}"))
     }
 
@@ -306,7 +308,6 @@ impl Experiment<'_> {
         let begin = Instant::now();
         let mut reset = None;
         loop {
-            let _ = self.scenes.greet_latecomers();
             if begin.elapsed() > READY_WITHIN + MOTION_WITHIN {
                 return Err(self.not_ready());
             }
