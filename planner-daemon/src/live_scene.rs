@@ -22,7 +22,7 @@ pub(crate) enum SceneAbsence {
     Missing,
     /// A source has fallen silent without taking its leave.
     #[error(
-        "the live scene of source {source_name:?} has ended: it must publish again, or take its leave (`pcc scene leave`)",
+        "the live scene of source {source_name:?} has ended: it must publish again, or take its leave (`pcc scene leave NAME`)",
         source_name = .source_name.to_string()
     )]
     Ended {

@@ -10,6 +10,7 @@ mod number;
 mod order;
 mod plan;
 mod planner;
+mod scene;
 mod trace;
 mod watch;
 
@@ -39,6 +40,8 @@ enum Command {
     Reset,
     /// Set the rate at which motions run.
     Speed(order::SpeedArguments),
+    /// Sign off sources of live scenes.
+    Scene(scene::Arguments),
     /// Generate paths for training or evaluation, sharded and resumable.
     Dataset(dataset::Arguments),
     /// Write the training arrays of the few-step model from a data set.
@@ -82,6 +85,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Stop => order::stop(),
         Command::Reset => order::reset(),
         Command::Speed(arguments) => order::speed(&arguments),
+        Command::Scene(arguments) => scene::run(&arguments),
         Command::Dataset(arguments) => dataset::generate(&arguments),
         Command::Features(arguments) => dataset::features(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),

@@ -1,0 +1,35 @@
+//! `pcc scene leave`: signs off a source of live scenes whose program will not come back.
+
+use clap::{Args, Subcommand};
+use client::ScenePublisher;
+use shared_types::ipc::IpcOptions;
+use std::time::Duration;
+
+/// How long the daemon may take to judge it.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Arguments of `pcc scene`.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// Sign a source off whose program is gone: its obstacles are forgotten once their lifetime is over, and no scene of it is waited
+    /// for any more.
+    Leave {
+        /// The source's name, as the daemon says it: 1 to 32 characters of printable ASCII.
+        source: String,
+    },
+}
+
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let Action::Leave { source } = &arguments.action;
+    let mut publisher = ScenePublisher::connect(&IpcOptions::from_env(), source)?;
+    publisher.take_leave()?;
+    publisher.confirm(PATIENCE)?;
+    say!("source {source:?} is signed off");
+    Ok(())
+}
