@@ -7,6 +7,7 @@
 pub mod borders;
 pub mod concurrency;
 pub mod diffusion_starts;
+pub mod fake_robot;
 pub mod geometry;
 pub mod kills;
 pub mod listener;
