@@ -214,6 +214,11 @@ impl World {
         }
     }
 
+    /// A cycle of the robot without a set-point.
+    pub(crate) fn robot_alone(&mut self) {
+        self.move_robot(None);
+    }
+
     pub(crate) fn reference_m(&self) -> TendonVector {
         *self.simulated.reference().position_m()
     }

@@ -9,6 +9,7 @@ pub mod brute_force;
 pub mod concurrency;
 pub mod diffusion_starts;
 pub mod disturbance;
+pub mod fake_robot;
 pub mod geometry;
 pub mod judge;
 pub mod kills;

@@ -20,9 +20,11 @@ const TAKE_UP_NS: i64 = 200_000_000;
 impl Executive {
     /// Watches everything; returns whether this cycle came late.
     pub(super) fn supervise(&mut self, input: &CycleInput<'_>, elapsed_ns: i64) -> bool {
-        self.robot_silence_ns += elapsed_ns.min(2 * self.settings.period_ns);
+        let counted_ns = elapsed_ns.min(2 * self.settings.period_ns);
+        self.robot_silence_ns += counted_ns;
         if let Some(sample) = input.robot {
-            match self.check_stamp(sample.stamp_ns, input.now_ns) {
+            let paused_ns = elapsed_ns - counted_ns;
+            match self.check_stamp(sample.stamp_ns, input.now_ns, paused_ns) {
                 Ok(()) => self.hear(sample),
                 Err(reason) => self.refuse_state(reason),
             }
@@ -56,15 +58,16 @@ impl Executive {
         };
     }
 
-    /// A state counts only if it is newer than the one before, and of now: else it tells of no robot that lives.
-    fn check_stamp(&self, stamp_ns: i64, now_ns: i64) -> Result<(), Waiting> {
+    /// A state counts only if it is newer than the one before, and of now: else it tells of no robot that lives. Its age
+    /// is counted in cycle time, without the `paused_ns` by which this cycle is later than two periods.
+    fn check_stamp(&self, stamp_ns: i64, now_ns: i64, paused_ns: i64) -> Result<(), Waiting> {
         if stamp_ns > now_ns + STAMP_ALLOWANCE_NS {
             return Err(Waiting::FutureRobotState);
         }
         if self.robot.is_some_and(|last| stamp_ns <= last.stamp_ns) {
             return Err(Waiting::RepeatedRobotState);
         }
-        if now_ns - stamp_ns > self.settings.robot_lost_ns {
+        if now_ns - paused_ns - stamp_ns > self.settings.robot_lost_ns {
             return Err(Waiting::OldRobotState);
         }
         Ok(())

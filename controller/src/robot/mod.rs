@@ -23,9 +23,6 @@ use crate::{TENDONS, TendonVector};
 /// Longest step of the motor model, s; longer cycles are cut into such steps.
 const MOTOR_STEP_S: f64 = 1e-3;
 
-/// After a pause longer than this the motors are not simulated for all of it, s.
-const LONGEST_CATCH_UP_S: f64 = 0.1;
-
 /// Faults injected from outside while the robot runs.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct InjectedFaults {
@@ -43,6 +40,8 @@ pub struct SimulatedRobot {
     noise_m: f64,
     random: Pcg64,
     stepped_ns: i64,
+    /// After a longer pause the motors are simulated for this long: the reference goes on for no longer.
+    longest_catch_up_s: f64,
 }
 
 /// What the robot's sensors say after a cycle.
@@ -69,6 +68,7 @@ impl SimulatedRobot {
             noise_m: config.noise_m,
             random: Pcg64::seed_from_u64(config.seed),
             stepped_ns: now_ns,
+            longest_catch_up_s: seconds(config.reference.lost_after_ns),
         }
     }
 
@@ -95,13 +95,9 @@ impl SimulatedRobot {
     }
 
     fn move_motors(&mut self, now_ns: i64, faults: InjectedFaults) {
-        #[expect(
-            clippy::cast_precision_loss,
-            reason = "intervals are far below 2^53 ns"
-        )]
-        let elapsed_s = (now_ns - self.stepped_ns).max(0) as f64 * 1e-9;
+        let elapsed_s = seconds((now_ns - self.stepped_ns).max(0));
         self.stepped_ns = now_ns;
-        let mut left_s = elapsed_s.min(LONGEST_CATCH_UP_S);
+        let mut left_s = elapsed_s.min(self.longest_catch_up_s);
         let velocity_m_s = self.reference.velocity_m_s();
         let acceleration_m_s2 = self.reference.acceleration_m_s2();
         while left_s > 0.0 {
@@ -134,4 +130,12 @@ impl SimulatedRobot {
             configuration_rad: self.tendons.configuration(&tendon_m[..count]),
         }
     }
+}
+
+#[expect(
+    clippy::cast_precision_loss,
+    reason = "intervals are far below 2^53 ns"
+)]
+fn seconds(interval_ns: i64) -> f64 {
+    interval_ns as f64 * 1e-9
 }

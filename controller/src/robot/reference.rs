@@ -9,7 +9,7 @@
 //! rest. The fault lasts until the line has been silent for [`FAULT_SILENCE_NS`]: a controller goes silent only when
 //! it starts or is reset.
 
-use super::{Mode, ReferenceLimits, Refusal, Target};
+use super::{Mode, ReferenceLimits, Refusal, Target, seconds};
 use crate::{TENDONS, TendonVector};
 
 /// Silence after which a latched fault is forgiven, ns.
@@ -269,14 +269,6 @@ impl Reference {
             self.mode = Mode::AtRestAfterLoss;
         }
     }
-}
-
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "intervals are far below 2^53 ns"
-)]
-fn seconds(interval_ns: i64) -> f64 {
-    interval_ns as f64 * 1e-9
 }
 
 fn largest(values: &TendonVector) -> f64 {

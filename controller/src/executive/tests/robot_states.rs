@@ -60,17 +60,32 @@ fn a_stamp_that_is_not_of_now_is_no_sign_of_life() {
 }
 
 #[test]
-fn a_pause_of_the_machine_makes_one_state_old_and_nobody_lost() {
+fn pauses_of_the_machine_make_no_state_old() {
     let mut world = moving();
-    world.last = None;
-    world.cycle(300 * MS);
-    // The state of before the pause comes once more, and then new ones.
+    for pause_ms in [300, 25, 40, 1_000] {
+        world.last = None;
+        world.cycle(pause_ms * MS);
+    }
     world.run(50);
     let output = world.last.as_ref().unwrap();
     assert_eq!(
         (output.state, output.fault, output.refused_robot_states),
-        (LoopState::Executing, LoopFault::None, 1)
+        (LoopState::Executing, LoopFault::None, 0)
     );
+}
+
+#[test]
+fn a_robot_that_is_the_first_to_wake_after_a_pause_has_not_strayed() {
+    for pause_ms in [30, 60, 100, 300] {
+        let mut world = moving();
+        world.now_ns += pause_ms * MS;
+        world.robot_alone();
+        world.last = None;
+        world.cycle(MS / 5);
+        world.run(200);
+        let output = world.last.as_ref().unwrap();
+        assert_eq!(output.fault, LoopFault::None, "{pause_ms} ms: {output:?}");
+    }
 }
 
 #[test]

@@ -1,5 +1,316 @@
-//! What the controller's loop makes of a robot and of settings at their limits.
+//! What the controller makes of a robot driver that lies, and how it says what it waits for.
+
+use std::thread;
+use std::time::Duration;
+
+use shared_types::codes::{LoopFault, LoopState, Waiting};
+use shared_types::message::Cycle;
+use shared_types::valid::{Command, ControllerState, Goal};
+use tests::fake_robot::{FakeRobot, Misbehaviour};
+use tests::listener::Listener;
+use tests::process::wait_for;
+use tests::stack::{PATIENCE, Part, Stack};
+use tests::world::Settings;
+use toml::Value;
 
 use crate::{Report, Scale};
 
-pub(crate) fn run(_report: &mut Report, _scale: Scale) {}
+const SHAPES: [[f64; 6]; 2] = [
+    [0.9, -0.6, 0.5, 0.7, -0.7, 0.9],
+    [-0.8, 0.7, -0.6, -0.5, 0.8, -0.7],
+];
+const PROMPT: Duration = Duration::from_secs(5);
+/// The shipped `robot_lost_ms` in cycles of 1 ms, and one each for the state under way and for the order of the threads.
+const LOST_CYCLES: i64 = 20 + 2;
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command = "acceptance safe, controller";
+    report.group("robot drivers that lie", command, |report| {
+        liars(report, scale)
+    });
+    report.group("what a controller waits for", command, waiting);
+    report.group("path tolerance", command, tolerance);
+}
+
+/// A daemon, a controller and a robot driver of the test's own.
+struct Stand {
+    stack: Stack,
+    robot: FakeRobot,
+}
+
+impl Stand {
+    fn new(misbehaviour: Misbehaviour) -> Self {
+        let mut stack = Stack::new(&Settings::default());
+        let robot = FakeRobot::start(&stack.world.options, &stack.world.robot, misbehaviour);
+        stack.start(Part::Daemon);
+        stack.start(Part::Controller);
+        Self { stack, robot }
+    }
+
+    /// The first new state of the controller that `is` holds of.
+    fn wait_for(
+        &mut self,
+        what: &str,
+        is: impl Fn(&ControllerState) -> bool,
+    ) -> anyhow::Result<ControllerState> {
+        let view = &mut self.stack.controller;
+        let found = wait_for(what, PATIENCE / 4, || {
+            view.latest_state().ok().flatten().filter(|state| is(state))
+        });
+        found.map_err(|timed_out| {
+            let latest = self.stack.controller.latest_state().ok().flatten();
+            let now = latest.map(|state| (state.state, state.fault, state.waiting));
+            anyhow::anyhow!("{timed_out} {now:?}")
+        })
+    }
+}
+
+fn liars(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut stand = Stand::new(Misbehaviour::None);
+    stand.stack.wait_until_ready()?;
+    let listener = Listener::start(&stand.stack.world.options);
+    let times = scale.pick(1, 5);
+    let (mut driven_on, mut named, mut recovered, mut tried) = (Vec::new(), 0, 0, 0);
+    let mut stray = Vec::new();
+    for round in 0..times {
+        for (misbehaviour, reason) in [
+            (Misbehaviour::RepeatsState, Waiting::RepeatedRobotState),
+            (
+                Misbehaviour::StampOffset(-10_000_000_000),
+                Waiting::RepeatedRobotState,
+            ),
+            (
+                Misbehaviour::StampOffset(5_000_000_000),
+                Waiting::FutureRobotState,
+            ),
+            (
+                Misbehaviour::StampOffset(1_700_000_000_000_000_000),
+                Waiting::FutureRobotState,
+            ),
+        ] {
+            tried += 1;
+            let shape = SHAPES[tried % 2];
+            let id = stand.stack.begin_motion(Goal::Configuration(shape))?;
+            let progress_s = 0.5 + 0.1 * f64::from(round);
+            stand.stack.wait_for_progress(id, progress_s)?;
+            drop(listener.take());
+            thread::sleep(Duration::from_millis(50));
+            let last_ns = stand.robot.sent().map_or(0, |state| state.stamp_mono_ns);
+            stand.robot.misbehave(misbehaviour);
+            let lost = stand.wait_for("the robot is lost", |state| {
+                state.fault == LoopFault::RobotLost && state.state == LoopState::Fault
+            });
+            let lost = match lost {
+                Ok(lost) => lost,
+                Err(error) => {
+                    stray.push(format!("{misbehaviour:?}: {error}"));
+                    stand.robot.misbehave(Misbehaviour::None);
+                    stand.stack.wait_until_ready()?;
+                    continue;
+                }
+            };
+            driven_on.push(cycles_driven_on(&listener.take().cycles, last_ns));
+            named += usize::from(lost.waiting == reason || lost.waiting == Waiting::None);
+            let told = stand.wait_for("the reason", |state| state.waiting == reason);
+            named -= usize::from(told.is_err());
+            recovered += usize::from(recovers(&mut stand));
+        }
+    }
+    report.none_of("drivers that lie and are not lost", &stray);
+    let most = driven_on.iter().copied().max().unwrap_or(i64::MAX);
+    let name = "cycles driven on after the last true state (robot_lost_ms = 20)";
+    let passed = most <= LOST_CYCLES && driven_on.len() == tried;
+    report.check(
+        name,
+        format!("{driven_on:?}"),
+        &format!("<= {LOST_CYCLES} each"),
+        passed,
+    );
+    report.all_of(
+        "states of liars named (repeated, from the future)",
+        named,
+        tried,
+    );
+    report.all_of("held again after new states and a reset", recovered, tried);
+    pauses(report, scale)
+}
+
+/// Cycle time, in periods, between a state and the first cycle that brakes; a cycle counts as two at most.
+fn cycles_driven_on(cycles: &[Cycle], last_ns: i64) -> i64 {
+    let mut driven = 0;
+    for pair in cycles
+        .windows(2)
+        .filter(|pair| pair[1].stamp_mono_ns > last_ns)
+    {
+        if pair[1].state != LoopState::Executing.code() {
+            return driven;
+        }
+        let elapsed_ns = pair[1].stamp_mono_ns - pair[0].stamp_mono_ns;
+        driven += (elapsed_ns / 1_000_000).clamp(1, 2);
+    }
+    i64::MAX
+}
+
+/// Tells the truth again; a robot that nobody commands comes to rest, and is then waited for by nothing but a reset.
+fn recovers(stand: &mut Stand) -> bool {
+    stand.robot.misbehave(Misbehaviour::None);
+    let fresh = stand.wait_for("new states are heard", |state| {
+        state.waiting == Waiting::NotTakenUp
+    });
+    let reset = stand.stack.controller.command(Command::ResetFault, PROMPT);
+    let holds = stand.wait_for("it holds", |state| {
+        state.state == LoopState::Holding && state.waiting == Waiting::None
+    });
+    fresh.is_ok() && reset.is_ok_and(|reply| reply.accepted) && holds.is_ok()
+}
+
+/// Pauses of everything at once are nobody's fault (decision 0004).
+fn pauses(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut stack = Stack::running(&Settings::default())?;
+    let mut faults = Vec::new();
+    for (round, pause_ms) in [30, 100, 300, 60]
+        .into_iter()
+        .cycle()
+        .take(scale.pick(4, 12))
+        .enumerate()
+    {
+        let id = stack.begin_motion(Goal::Configuration(SHAPES[round % 2]))?;
+        stack.wait_for_progress(id, 0.5)?;
+        for part in Part::ALL {
+            stack.process(part).signal(libc::SIGSTOP);
+        }
+        thread::sleep(Duration::from_millis(pause_ms));
+        for part in Part::ALL {
+            stack.process(part).signal(libc::SIGCONT);
+        }
+        if stack.wait_for_end(id).is_err() {
+            let state = stack.controller_state();
+            faults.push(format!("{pause_ms} ms: {}, {}", state.state, state.fault));
+            stack.wait_until_ready()?;
+        }
+    }
+    report.none_of(
+        "pauses of all processes at once that end in a fault",
+        &faults,
+    );
+    Ok(())
+}
+
+fn waiting(report: &mut Report) -> anyhow::Result<()> {
+    const RESIDUAL_M: f64 = 1.1e-6;
+    let cases = [
+        (
+            Misbehaviour::OffTendonMap(RESIDUAL_M),
+            Waiting::OffTendonMap,
+        ),
+        (Misbehaviour::NeverRests(1e-6), Waiting::RobotMoves),
+        (Misbehaviour::Deaf, Waiting::NotTakenUp),
+        (
+            Misbehaviour::StampOffset(-60_000_000),
+            Waiting::OldRobotState,
+        ),
+        (
+            Misbehaviour::StampOffset(60_000_000),
+            Waiting::FutureRobotState,
+        ),
+    ];
+    let (mut named, mut logged, mut held) = (0, 0, 0);
+    for (misbehaviour, reason) in cases {
+        let mut stand = Stand::new(misbehaviour);
+        let state = stand.wait_for("a reason to wait", |state| {
+            state.waiting == reason && state.state == LoopState::Starting
+        })?;
+        let residual_m = state.values.accepted_residual_m;
+        let has_figure = reason != Waiting::OffTendonMap || (residual_m - RESIDUAL_M).abs() < 1e-9;
+        named += usize::from(has_figure);
+        let controller = stand.stack.process(Part::Controller);
+        let told = wait_for("it is logged", PROMPT, || {
+            let log = controller.log();
+            let line = log.lines().find(|line| line.contains(reason.text()))?;
+            line.contains("allowed_m=1e-6").then_some(())
+        });
+        logged += usize::from(told.is_ok());
+        stand.robot.misbehave(Misbehaviour::None);
+        let holds = stand.wait_for("it holds", |state| state.state == LoopState::Holding);
+        held += usize::from(holds.is_ok());
+    }
+    report.all_of(
+        "reasons to stay in `starting` that are published, with the figure",
+        named,
+        cases.len(),
+    );
+    report.all_of(
+        "reasons that are logged, with what is allowed",
+        logged,
+        cases.len(),
+    );
+    report.all_of("held as soon as the driver is mended", held, cases.len());
+    let mut stack = Stack::new(&Settings::default());
+    stack.start(Part::Controller);
+    let view = &mut stack.controller;
+    let alone = wait_for("a state", PROMPT, || {
+        let state = view.latest_state().ok().flatten()?;
+        (state.waiting == Waiting::NoRobotState).then_some(())
+    });
+    let figure = alone.map_or_else(
+        |error| error.to_string(),
+        |()| Waiting::NoRobotState.to_string(),
+    );
+    let passed = figure == Waiting::NoRobotState.text();
+    report.check(
+        "a controller without a robot",
+        figure,
+        "no robot state",
+        passed,
+    );
+    Ok(())
+}
+
+fn tolerance(report: &mut Report) -> anyhow::Result<()> {
+    let with = |tolerance_rad| Settings {
+        daemon: vec![("path_tolerance_rad", Value::Float(tolerance_rad))],
+        ..Settings::fast_robot()
+    };
+    let mut stack = Stack::new(&with(0.0));
+    stack.start(Part::Daemon);
+    let status = wait_for("it ends", PROMPT, || {
+        let daemon = stack.process(Part::Daemon);
+        (!daemon.is_running()).then(|| daemon.log())
+    });
+    let text = status.unwrap_or_else(|_| "it runs".to_owned());
+    let passed = ["path_tolerance_rad", "planner-daemon.toml", "0.001", "0.1"]
+        .iter()
+        .all(|word| text.contains(word));
+    let figure = text.lines().last().unwrap_or_default().to_owned();
+    report.check(
+        "a daemon with path_tolerance_rad = 0",
+        figure,
+        "refused by name, with 0.001 to 0.1",
+        passed,
+    );
+
+    // A robot ten times as fast does not keep to the least that is allowed: its motions end in a fault.
+    let mut stack = Stack::running(&with(0.001))?;
+    let (mut faults, mut cleared) = (0, 0);
+    for round in 0..6 {
+        let id = stack.begin_motion(Goal::Configuration(SHAPES[round % 2]))?;
+        if stack.wait_for_end(id).is_ok()
+            || stack.controller_state().fault != LoopFault::TrackingError
+        {
+            stack.wait_until_ready()?;
+            continue;
+        }
+        faults += 1;
+        let reset = stack.controller.command(Command::ResetFault, PROMPT)?;
+        thread::sleep(Duration::from_millis(300));
+        let state = stack.controller_state();
+        let holds = state.state == LoopState::Holding && state.fault == LoopFault::None;
+        cleared += usize::from(reset.accepted && holds);
+    }
+    report.all_of(
+        "tracking errors of the least path tolerance that a reset clears",
+        cleared,
+        faults,
+    );
+    Ok(())
+}

@@ -1,0 +1,83 @@
+//! Stops and speed changes at every period, on motions with steps of jerk.
+
+mod drive;
+mod extrapolating_law;
+mod judge;
+mod live;
+mod motions;
+
+use drive::{Run, stop_everywhere};
+use pcc_model::Robot;
+use tests::programs::repository;
+
+use crate::{Report, Scale};
+
+/// Periods, ns: 4 kHz, 1 kHz, 400 Hz, 100 Hz.
+const PERIODS_NS: [i64; 4] = [250_000, 1_000_000, 2_500_000, 10_000_000];
+/// How far above a limit rounding may bring a figure.
+const ROUNDING: f64 = 1.0 + 1e-6;
+/// Rounding of positions ÷ the square of the shortest cycle, ÷ the acceleration limit.
+const DIFFERENCE_ROUNDING: f64 = 1.0 + 1e-5;
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command = "acceptance safe, stops";
+    report.group("stops", command, |report| simulated(report, scale));
+    report.group("stops, live", command, |report| live::run(report, scale));
+}
+
+fn simulated(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
+    let motions = motions::planned(&robot, scale.pick(8, 50))?;
+    let orders = scale.pick(1_000, 25_000);
+    let mut all = Run::default();
+    for period_ns in PERIODS_NS {
+        let run = stop_everywhere(&robot, &motions, period_ns, orders)?;
+        let figure = format!(
+            "{} stops, {} speed changes, {} let go; largest acceleration sent {:.7} of the limit; {:.4} of the time of before",
+            run.stops,
+            run.speed_changes,
+            run.let_go.len(),
+            run.figures.acceleration,
+            run.median_ratio()
+        );
+        let name = format!("stops at {} ms, jittered and late", period_ns as f64 * 1e-6);
+        report.shown(&name, figure);
+        all.merge(run);
+    }
+    judge(report, &all, orders * PERIODS_NS.len());
+    Ok(())
+}
+
+fn judge(report: &mut Report, all: &Run, orders: usize) {
+    let figure = format!("{} stops, {} speed changes", all.stops, all.speed_changes);
+    let bar = format!(">= {orders} stops and speed changes");
+    let enough = all.stops + all.speed_changes >= orders && all.stops > orders / 2;
+    let name = "stops and speed changes ordered on motions with steps of jerk";
+    report.check(name, figure, &bar, enough);
+    report.none_of("robots let go by a stop or a speed change", &all.let_go);
+    report.none_of("stops that did not come to rest", &all.unrested);
+    let figures = &all.figures;
+    let at_most = [
+        ("velocity sent ÷ limit", figures.velocity, ROUNDING),
+        ("acceleration sent ÷ limit", figures.acceleration, ROUNDING),
+        ("step ÷ time ÷ velocity limit", figures.step, ROUNDING),
+        (
+            "velocity step ÷ time ÷ acceleration limit",
+            figures.velocity_step,
+            ROUNDING,
+        ),
+        (
+            "second difference of positions ÷ acceleration limit",
+            figures.second_difference,
+            DIFFERENCE_ROUNDING,
+        ),
+        ("distance from the path, rad", figures.off_path_rad, 1e-9),
+        ("path time ahead of the clock, s", figures.ahead_s, 1e-9),
+    ];
+    for (what, figure, bar) in at_most {
+        let name = format!("stops, {} cycles: {what}", figures.cycles);
+        report.at_most(&name, figure, bar);
+    }
+    let name = "median stop ÷ that of the extrapolating law, same motions and instants";
+    report.at_most(name, all.median_ratio(), 1.05);
+}
