@@ -202,10 +202,22 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("simulated-robot.toml");
         for (start, named) in [
-            ("[0, 0, 0, 0, 0, 0, 1]", "invalid length 7, expected an array of exactly 6"),
-            ("[0.0, nan, 0.0, 0.0, 0.0, 0.0]", "start_configuration_rad = NaN"),
-            ("[0.0, inf, 0.0, 0.0, 0.0, 0.0]", "start_configuration_rad = inf"),
-            ("[0.0, 2.0, 0.0, 0.0, 0.0, 0.0]", "start_configuration_rad = 2 is not allowed"),
+            (
+                "[0, 0, 0, 0, 0, 0, 1]",
+                "invalid length 7, expected an array of exactly 6",
+            ),
+            (
+                "[0.0, nan, 0.0, 0.0, 0.0, 0.0]",
+                "start_configuration_rad = NaN",
+            ),
+            (
+                "[0.0, inf, 0.0, 0.0, 0.0, 0.0]",
+                "start_configuration_rad = inf",
+            ),
+            (
+                "[0.0, 2.0, 0.0, 0.0, 0.0, 0.0]",
+                "start_configuration_rad = 2 is not allowed",
+            ),
         ] {
             let text = format!("robot = {robot:?}\nstart_configuration_rad = {start}\n");
             fs::write(&path, text).unwrap();

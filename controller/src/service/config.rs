@@ -250,11 +250,7 @@ mod tests {
                 "rate_hz = 1000\nrate = 3",
                 "unknown field `rate`",
             ),
-            (
-                "robot = \"robots/unit.toml\"",
-                "",
-                "missing field `robot`",
-            ),
+            ("robot = \"robots/unit.toml\"", "", "missing field `robot`"),
             ("rate_hz = 1000", "rate_hz = \"fast\"", "invalid type"),
             (
                 "robot = \"robots/unit.toml\"",

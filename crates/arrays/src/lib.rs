@@ -9,5 +9,5 @@ mod npy;
 mod npz;
 
 pub use npy::{NpyArray, NpyError};
-pub use npz::{ArchiveError, ArchiveReader, ArchiveWriter};
 pub use npyz::{AutoSerialize, DType, Deserialize, TypeChar};
+pub use npz::{ArchiveError, ArchiveReader, ArchiveWriter};

@@ -158,7 +158,9 @@ fn shape_of(text: &[u8]) -> Result<Vec<u64>, NpyError> {
         .collect();
     keys.sort_unstable();
     if keys != ["descr", "fortran_order", "shape"] || entries.len() != keys.len() {
-        return Err(NpyError::Header(format!("its header has the keys {keys:?}")));
+        return Err(NpyError::Header(format!(
+            "its header has the keys {keys:?}"
+        )));
     }
     let shape = entries.iter().find(|(key, _)| {
         let key = key.as_string().map(String::as_str);
@@ -242,12 +244,27 @@ mod tests {
             (npy(&of_shape("(1.5,)"), &[]), "its shape is"),
             (npy(&of_shape("2"), &[]), "not a tuple"),
             (npy("{'descr': '<i2', 'shape': (1,)}", &[0, 0]), "keys"),
-            (npy(&of_shape("(6148914691236517206, 3)"), &[0; 12]), "counted"),
-            (npy(&of_shape("(0, 6148914691236517206, 4)"), &[]), "counted"),
-            (npy(&of_shape("(9223372036854775807,)"), &[]), "counted"),
-            (npy(&of_shape("(3,)"), &[0; 5]), "needs 6 bytes behind the header, there are 5"),
-            (npy(&of_shape("(2,)"), &[0; 5]), "needs 4 bytes behind the header, there are 5"),
-            (npy(&of_shape("(1,)").replace("False", "True"), &[0; 2]), "column-major"),
+            (
+                npy(&of_shape("(6148914691236517206, 3)"), &[0; 12]),
+                "counted",
+            ),
+            (
+                npy(&of_shape("(0, 6148914691236517206, 4)"), &[]),
+                "counted",
+            ),
+            (npy(&of_shape("(18446744073709551615,)"), &[]), "counted"),
+            (
+                npy(&of_shape("(3,)"), &[0; 5]),
+                "needs 6 bytes behind the header, there are 5",
+            ),
+            (
+                npy(&of_shape("(2,)"), &[0; 5]),
+                "needs 4 bytes behind the header, there are 5",
+            ),
+            (
+                npy(&of_shape("(1,)").replace("False", "True"), &[0; 2]),
+                "column-major",
+            ),
             (npy(&of_shape("(1,)").replace("<i2", "|O"), &[0; 2]), "|O"),
         ] {
             let Err(error) = open(&bytes) else {

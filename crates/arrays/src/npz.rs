@@ -111,10 +111,18 @@ impl ArchiveReader {
             path: path.clone(),
             reason,
         };
-        let member = self.zip.by_index(index).map_err(|e| damaged(e.to_string()))?;
-        let name = member.name().map_err(|e| damaged(e.to_string()))?.into_owned();
+        let member = self
+            .zip
+            .by_index(index)
+            .map_err(|e| damaged(e.to_string()))?;
+        let name = member
+            .name()
+            .map_err(|e| damaged(e.to_string()))?
+            .into_owned();
         let Some(array) = name.strip_suffix(".npy") else {
-            return Err(damaged(format!("member `{name}` is not an array, NAME.npy")));
+            return Err(damaged(format!(
+                "member `{name}` is not an array, NAME.npy"
+            )));
         };
         let array = array.to_owned();
         let header = open_member(member).map(|opened| Header {
@@ -131,6 +139,12 @@ impl ArchiveReader {
     #[must_use]
     pub fn has(&self, array: &str) -> bool {
         self.headers.contains_key(array)
+    }
+
+    /// The name and the shape of each array.
+    pub fn shapes(&self) -> impl Iterator<Item = (&str, &[u64])> {
+        let headers = self.headers.iter();
+        headers.map(|(name, header)| (name.as_str(), header.shape.as_slice()))
     }
 
     /// The shape of an array.
@@ -224,9 +238,7 @@ impl ArchiveReader {
     }
 }
 
-fn open_member<R: Read>(
-    member: ZipFile<'_, R>,
-) -> Result<NpyArray<ZipFile<'_, R>>, NpyError> {
+fn open_member<R: Read>(member: ZipFile<'_, R>) -> Result<NpyArray<ZipFile<'_, R>>, NpyError> {
     let size = member.size();
     NpyArray::open(member, size)
 }
@@ -266,7 +278,11 @@ fn check_layout(
         let data = member.data_start().unwrap_or(u64::MAX);
         let end = data.saturating_add(member.compressed_size());
         let has_descriptor = member.flags().is_using_data_descriptor();
-        let behind = if has_descriptor { LONGEST_DESCRIPTOR } else { 0 };
+        let behind = if has_descriptor {
+            LONGEST_DESCRIPTOR
+        } else {
+            0
+        };
         members.push((member.header_start(), end, behind));
     }
     members.sort_unstable();
@@ -280,7 +296,9 @@ fn check_layout(
         }
         (from, allowed) = (end, behind);
     }
-    let ends = end.directory.is_none_or(|bytes| directory + bytes + END_RECORD == size);
+    let ends = end
+        .directory
+        .is_none_or(|bytes| directory + bytes + END_RECORD == size);
     if zip.offset() != 0 || !end.is_there || !ends {
         return Err("there are bytes behind its directory".into());
     }

@@ -1,8 +1,8 @@
 //! Robot files: TOML in SI units, unknown keys refused.
 
-use crate::{MAX_TENDONS, Numbers, SECTIONS};
 use crate::robot::{Robot, TendonLimits};
 use crate::tendons::{Tendon, TendonMap, TendonMapError};
+use crate::{MAX_TENDONS, Numbers, SECTIONS};
 use serde::Deserialize;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -143,10 +143,20 @@ impl RobotFile {
             let key = format!("section_lengths_m[{i}]");
             within(&key, length, SECTION_LENGTHS_M, "m")?;
         }
-        within("bending_limit_rad", self.bending_limit_rad, BENDING_LIMITS_RAD, "rad")?;
+        within(
+            "bending_limit_rad",
+            self.bending_limit_rad,
+            BENDING_LIMITS_RAD,
+            "rad",
+        )?;
         let shortest = lengths.into_iter().fold(f64::INFINITY, f64::min);
         let allowed = "m, the length of the shortest section";
-        within("tube_radius_m", self.tube_radius_m, [0.0, shortest], allowed)?;
+        within(
+            "tube_radius_m",
+            self.tube_radius_m,
+            [0.0, shortest],
+            allowed,
+        )?;
         within("spool_radius_m", self.spool_radius_m, SMALL_RADII_M, "m")?;
         self.tendon_limits.check()?;
         let count = self.tendons.len();
@@ -172,7 +182,12 @@ impl LimitsTable {
     fn check(&self) -> Result<(), RobotFileError> {
         for (key, value, allowed, unit) in [
             ("velocity_m_s", self.velocity_m_s, VELOCITIES_M_S, "m/s"),
-            ("acceleration_m_s2", self.acceleration_m_s2, ACCELERATIONS_M_S2, "m/s²"),
+            (
+                "acceleration_m_s2",
+                self.acceleration_m_s2,
+                ACCELERATIONS_M_S2,
+                "m/s²",
+            ),
             ("jerk_m_s3", self.jerk_m_s3, JERKS_M_S3, "m/s³"),
         ] {
             within(&format!("tendon_limits.{key}"), value, allowed, unit)?;
@@ -181,7 +196,12 @@ impl LimitsTable {
     }
 }
 
-fn within(key: &str, value: f64, [least, most]: [f64; 2], unit: &str) -> Result<(), RobotFileError> {
+fn within(
+    key: &str,
+    value: f64,
+    [least, most]: [f64; 2],
+    unit: &str,
+) -> Result<(), RobotFileError> {
     if (least..=most).contains(&value) {
         return Ok(());
     }

@@ -69,7 +69,11 @@ fn quantities_out_of_range_are_named_with_what_is_allowed() {
         ("[1.0, 1.0, 1.0]", "[1.0, inf, 1.0]", "section_lengths_m"),
         ("[1.0, 1.0, 1.0]", "[1.0, 1e-5, 1.0]", "section_lengths_m"),
         ("[1.0, 1.0, 1.0]", "[1.0, 1e300, 1.0]", "section_lengths_m"),
-        ("radius_m = 0.1636", "radius_m = 1e200", "tendons[0].radius_m"),
+        (
+            "radius_m = 0.1636",
+            "radius_m = 1e200",
+            "tendons[0].radius_m",
+        ),
         ("rad = 1.57", "rad = 3.15", "bending_limit_rad"),
         ("rad = 1.57", "rad = -1.57", "bending_limit_rad"),
         (
@@ -77,7 +81,11 @@ fn quantities_out_of_range_are_named_with_what_is_allowed() {
             "tube_radius_m = -0.1",
             "tube_radius_m",
         ),
-        ("tube_radius_m = 0.2", "tube_radius_m = 1e7", "tube_radius_m"),
+        (
+            "tube_radius_m = 0.2",
+            "tube_radius_m = 1e7",
+            "tube_radius_m",
+        ),
         ("rad = 1.57", "rad = 0.001", "bending_limit_rad"),
         ("jerk_m_s3 = 3.9", "jerk_m_s3 = 1e300", "jerk_m_s3"),
         (
