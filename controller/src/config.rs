@@ -7,6 +7,14 @@ use std::{
 
 use serde::de::DeserializeOwned;
 
+/// Functions that give the defaults of a file's keys, for serde.
+macro_rules! defaults {
+    ($($name:ident: $kind:ty = $value:expr;)*) => {
+        $(pub(super) const fn $name() -> $kind { $value })*
+    };
+}
+pub(crate) use defaults;
+
 /// Why a configuration file was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
@@ -46,17 +54,6 @@ pub enum ConfigError {
         /// What is wrong with the robot file.
         error: Box<pcc_model::RobotFileError>,
     },
-    /// The robot has more tendons than a message carries.
-    #[error(
-        "configuration {path}: the robot has {count} tendons, at most {} are allowed",
-        crate::TENDONS
-    )]
-    Tendons {
-        /// The configuration file.
-        path: PathBuf,
-        /// Tendons in the robot file.
-        count: usize,
-    },
 }
 
 /// A file's settings, and the checks of single numbers against it.
@@ -81,18 +78,10 @@ impl Checked<'_> {
     /// Loads the robot file `robot`, relative to the configuration's folder.
     pub(crate) fn robot(&self, robot: &Path) -> Result<pcc_model::Robot, ConfigError> {
         let folder = self.path.parent().unwrap_or(Path::new("."));
-        let path = self.path.to_owned();
-        let robot = pcc_model::Robot::from_file(&folder.join(robot)).map_err(|error| {
-            ConfigError::Robot {
-                path: path.clone(),
-                error: Box::new(error),
-            }
-        })?;
-        let count = robot.tendons.count();
-        if count > crate::TENDONS {
-            return Err(ConfigError::Tendons { path, count });
-        }
-        Ok(robot)
+        pcc_model::Robot::from_file(&folder.join(robot)).map_err(|error| ConfigError::Robot {
+            path: self.path.to_owned(),
+            error: Box::new(error),
+        })
     }
 
     /// Refuses `value` unless `holds`.

@@ -34,13 +34,8 @@ const ORDER_S: f64 = 0.05;
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
     /// The robot file is refused.
-    #[error("robot file {path:?}: {source}")]
-    Robot {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: Box<RobotFileError>,
-    },
+    #[error(transparent)]
+    Robot(#[from] Box<RobotFileError>),
     /// The static scene is refused.
     #[error("static scene: {0}")]
     Scene(#[from] Box<SceneFileError>),
@@ -257,10 +252,7 @@ fn bring_in_shared_memory(config: &Config, options: &IpcOptions) {
 }
 
 fn load_robot(config: &Config) -> Result<Robot, StartError> {
-    Robot::from_file(&config.robot).map_err(|source| StartError::Robot {
-        path: config.robot.clone(),
-        source: Box::new(source),
-    })
+    Ok(Robot::from_file(&config.robot).map_err(Box::new)?)
 }
 
 fn load_scene(config: &Config, robot: &Robot) -> Result<Scene, StartError> {
@@ -326,7 +318,7 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
     };
     let problem = Problem {
         start: Configuration::zeros(),
-        goal: Goal::Configuration(Configuration::repeat(0.1)),
+        goal: Goal::Configuration(Configuration::repeat(0.05 * planner.robot().bending_limit)),
         scene: Scene::new(vec![beside_the_way]).expect("one ball near the robot is a scene"),
     };
     let request = |sampler| Request {

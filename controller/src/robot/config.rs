@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, DOF, Numbers, Robot};
 use serde::Deserialize;
 
 use super::{MotorLimits, ReferenceLimits, RememberedPose};
@@ -11,22 +11,55 @@ use crate::{
     config::{Checked, ConfigError},
 };
 
-#[derive(Deserialize)]
+/// What the file says, with the defaults of what it does not.
+#[derive(Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 struct File {
     robot: PathBuf,
+    #[serde(default = "defaults::rate_hz")]
     rate_hz: u32,
+    #[serde(default = "defaults::realtime_priority")]
     realtime_priority: u8,
+    #[serde(default = "defaults::lost_setpoint_ms")]
     lost_setpoint_ms: u32,
+    #[serde(default = "defaults::limit_allowance")]
     limit_allowance: f64,
+    #[serde(default = "defaults::motor_margin")]
     motor_margin: f64,
+    #[serde(default = "defaults::natural_frequency_rad_s")]
     natural_frequency_rad_s: f64,
+    #[serde(default = "defaults::backlash")]
     backlash: f64,
+    #[serde(default = "defaults::noise")]
     noise: f64,
+    #[serde(default = "defaults::seed")]
     seed: u64,
-    start_configuration_rad: [f64; 6],
+    #[serde(default = "defaults::start_configuration_rad")]
+    start_configuration_rad: Numbers<DOF>,
+    #[serde(default = "defaults::remembers_pose")]
     remembers_pose: bool,
+    #[serde(default = "defaults::stuck_tendon")]
     stuck_tendon: usize,
+}
+
+/// The defaults that `config/simulated-robot.toml` states.
+mod defaults {
+    use pcc_model::{DOF, Numbers};
+
+    crate::config::defaults! {
+        rate_hz: u32 = 1000;
+        realtime_priority: u8 = 70;
+        lost_setpoint_ms: u32 = 20;
+        limit_allowance: f64 = 1.05;
+        motor_margin: f64 = 1.5;
+        natural_frequency_rad_s: f64 = 100.0;
+        backlash: f64 = 1e-4;
+        noise: f64 = 2e-5;
+        seed: u64 = 1;
+        start_configuration_rad: Numbers<DOF> = Numbers([0.0; DOF]);
+        remembers_pose: bool = true;
+        stuck_tendon: usize = 4;
+    }
 }
 
 /// Checked settings of the simulated robot, in SI units.
@@ -69,7 +102,7 @@ impl RobotConfig {
             period_ns: 1_000_000_000 / i64::from(file.rate_hz),
             realtime_priority: Some(file.realtime_priority).filter(|priority| *priority > 0),
             seed: file.seed,
-            start_configuration_rad: Configuration::from(file.start_configuration_rad),
+            start_configuration_rad: Configuration::from(file.start_configuration_rad.0),
             remembers_pose: file.remembers_pose,
             stuck_tendon: file.stuck_tendon,
             noise_m: file.noise * robot.section_lengths[0],
@@ -107,7 +140,12 @@ impl File {
     }
 
     fn check_robot(&self, checked: &Checked<'_>, robot: &Robot) -> Result<(), ConfigError> {
-        let start = Configuration::from(self.start_configuration_rad);
+        let start = self.start_configuration_rad.0;
+        if let Some(angle) = start.iter().find(|angle| !angle.is_finite()) {
+            let allowed = "finite angles within the robot's bending limit";
+            checked.require(false, "start_configuration_rad", *angle, allowed)?;
+        }
+        let start = Configuration::from(start);
         let excess = robot.limit_excess(&start);
         let name = "largest bending angle of start_configuration_rad";
         let allowed = "within the robot's bending limit";
@@ -138,6 +176,53 @@ impl File {
             acceleration_m_s2: robot.tendon_limits.acceleration,
             allowance: self.limit_allowance,
             lost_after_ns: i64::from(self.lost_setpoint_ms) * 1_000_000,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs;
+
+    fn shipped() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/simulated-robot.toml")
+    }
+
+    #[test]
+    fn the_shipped_values_are_the_defaults() {
+        let shipped: File = toml::from_str(&fs::read_to_string(shipped()).unwrap()).unwrap();
+        let bare: File = toml::from_str("robot = \"robots/unit.toml\"").unwrap();
+        assert_eq!(shipped, bare);
+    }
+
+    #[test]
+    fn a_start_of_seven_angles_or_of_none_is_refused_by_its_name_and_value() {
+        let robot = shipped().parent().unwrap().join("robots/unit.toml");
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("simulated-robot.toml");
+        for (start, named) in [
+            (
+                "[0, 0, 0, 0, 0, 0, 1]",
+                "invalid length 7, expected an array of exactly 6",
+            ),
+            (
+                "[0.0, nan, 0.0, 0.0, 0.0, 0.0]",
+                "start_configuration_rad = NaN",
+            ),
+            (
+                "[0.0, inf, 0.0, 0.0, 0.0, 0.0]",
+                "start_configuration_rad = inf",
+            ),
+            (
+                "[0.0, 2.0, 0.0, 0.0, 0.0, 0.0]",
+                "start_configuration_rad = 2 is not allowed",
+            ),
+        ] {
+            let text = format!("robot = {robot:?}\nstart_configuration_rad = {start}\n");
+            fs::write(&path, text).unwrap();
+            let error = RobotConfig::from_file(&path).unwrap_err().to_string();
+            assert!(error.contains(named), "{start}: {error}");
         }
     }
 }

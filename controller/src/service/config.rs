@@ -10,22 +10,53 @@ use crate::{
     executive::{BeginWindow, ExecutiveSettings},
 };
 
-#[derive(Deserialize)]
+/// What the file says, with the defaults of what it does not.
+#[derive(Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 struct File {
     robot: PathBuf,
+    #[serde(default = "defaults::rate_hz")]
     rate_hz: u32,
+    #[serde(default = "defaults::realtime_priority")]
     realtime_priority: u8,
+    #[serde(default = "defaults::processor")]
     processor: i64,
+    #[serde(default = "defaults::lock_memory")]
     lock_memory: bool,
+    #[serde(default = "defaults::step_cap_ms")]
     step_cap_ms: f64,
+    #[serde(default = "defaults::late_run_limit")]
     late_run_limit: u32,
+    #[serde(default = "defaults::robot_lost_ms")]
     robot_lost_ms: u32,
+    #[serde(default = "defaults::daemon_lost_ms")]
     daemon_lost_ms: u32,
+    #[serde(default = "defaults::tracking_filter_ms")]
     tracking_filter_ms: f64,
+    #[serde(default = "defaults::hold_tolerance_rad")]
     hold_tolerance_rad: f64,
+    #[serde(default = "defaults::begin_past_ms")]
     begin_past_ms: u32,
+    #[serde(default = "defaults::begin_ahead_s")]
     begin_ahead_s: u32,
+}
+
+/// The defaults that `config/controller.toml` states.
+mod defaults {
+    crate::config::defaults! {
+        rate_hz: u32 = 1000;
+        realtime_priority: u8 = 80;
+        processor: i64 = -1;
+        lock_memory: bool = true;
+        step_cap_ms: f64 = 20.0;
+        late_run_limit: u32 = 20;
+        robot_lost_ms: u32 = 20;
+        daemon_lost_ms: u32 = 200;
+        tracking_filter_ms: f64 = 10.0;
+        hold_tolerance_rad: f64 = 0.05;
+        begin_past_ms: u32 = 20;
+        begin_ahead_s: u32 = 60;
+    }
 }
 
 /// Checked settings of the controller.
@@ -152,6 +183,13 @@ mod tests {
     }
 
     #[test]
+    fn the_shipped_values_are_the_defaults() {
+        let shipped: File = toml::from_str(&fs::read_to_string(shipped()).unwrap()).unwrap();
+        let bare: File = toml::from_str("robot = \"robots/unit.toml\"").unwrap();
+        assert_eq!(shipped, bare);
+    }
+
+    #[test]
     fn zeros_switch_off_what_the_comments_say() {
         assert_eq!(
             changed("daemon_lost_ms = 200", "daemon_lost_ms = 0")
@@ -212,7 +250,7 @@ mod tests {
                 "rate_hz = 1000\nrate = 3",
                 "unknown field `rate`",
             ),
-            ("rate_hz = 1000", "", "missing field `rate_hz`"),
+            ("robot = \"robots/unit.toml\"", "", "missing field `robot`"),
             ("rate_hz = 1000", "rate_hz = \"fast\"", "invalid type"),
             (
                 "robot = \"robots/unit.toml\"",

@@ -1,6 +1,6 @@
 //! Solid obstacles through parry: capsules, boxes, closed meshes, voxel grids.
 
-use crate::scene::MAX_EXTENT;
+use crate::scene::{MAX_EXTENT, MIN_EXTENT};
 use crate::voxels::{VoxelError, VoxelGrid, Voxels};
 use glam::{DQuat, DVec3};
 use nalgebra::Isometry3;
@@ -18,7 +18,7 @@ pub const MAX_TRIANGLES: usize = 500_000;
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum SolidError {
     /// A length is not usable.
-    #[error("{what} is {value}; more than 0 and at most {MAX_EXTENT:e} is allowed")]
+    #[error("{what} is {value}; {MIN_EXTENT:e} to {MAX_EXTENT:e} section lengths are allowed")]
     Length {
         /// Which one.
         what: &'static str,
@@ -26,7 +26,7 @@ pub enum SolidError {
         value: f64,
     },
     /// A coordinate is not usable.
-    #[error("{what} is {value}; finite and within ±{MAX_EXTENT:e} is allowed")]
+    #[error("{what} is {value}; within ±{MAX_EXTENT:e} section lengths is allowed")]
     Coordinate {
         /// Of what.
         what: &'static str,
@@ -225,8 +225,8 @@ fn projected(shape: &impl PointQuery, local: DVec3) -> (DVec3, bool) {
     (projection.point, projection.is_inside)
 }
 
-pub(crate) fn length(what: &'static str, value: f64) -> Result<(), SolidError> {
-    if value > 0.0 && value <= MAX_EXTENT {
+fn length(what: &'static str, value: f64) -> Result<(), SolidError> {
+    if (MIN_EXTENT..=MAX_EXTENT).contains(&value) {
         Ok(())
     } else {
         Err(SolidError::Length { what, value })

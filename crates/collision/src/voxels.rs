@@ -1,6 +1,6 @@
 //! Voxel grids: which cells are filled, and the surface between filled and empty ones.
 
-use crate::scene::MAX_EXTENT;
+use crate::scene::{MAX_EXTENT, MIN_EXTENT};
 use crate::solid::MAX_TRIANGLES;
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
@@ -37,7 +37,7 @@ pub enum VoxelError {
     },
     /// The side of a cell is not usable.
     #[error(
-        "the side of a voxel is {0}; more than 0 and at most {MAX_EXTENT:e} over the whole grid is allowed"
+        "the side of a voxel is {0}; at least {MIN_EXTENT:e} section lengths, and at most {MAX_EXTENT:e} over the whole grid, is allowed"
     )]
     Side(f64),
     /// No cell is filled, or the surface is too large.
@@ -66,7 +66,7 @@ impl Voxels {
             });
         }
         let longest = x.max(y).max(z) as f64;
-        if !(grid.cell > 0.0 && grid.cell * longest <= MAX_EXTENT) {
+        if !(grid.cell >= MIN_EXTENT && grid.cell * longest <= MAX_EXTENT) {
             return Err(VoxelError::Side(grid.cell));
         }
         let faces = grid.faces();

@@ -70,23 +70,23 @@ fn every_bad_value_is_refused_by_name() {
         ("[[balls]]\nradius_m = 1.0", "missing field `centre_m`"),
         (
             "[[balls]]\ncentre_m = [0.0, nan, 0.0]\nradius_m = 1.0",
-            "ball 0 has centre",
+            "balls[0]: centre_m is NaN",
         ),
         (
             "[[balls]]\ncentre_m = [0.0, 1.0, 0.0]\nradius_m = -1.0",
-            "radius -1",
+            "balls[0]: radius_m is -1",
         ),
         (
             "[[capsules]]\nfrom_m = [0.0, 0.0, 0.0]\nto_m = [0.0, 0.0, 1.0]\nradius_m = 0.0",
-            "capsules[0]: the radius is 0",
+            "capsules[0]: radius_m is 0",
         ),
         (
             &format!("[[boxes]]\nsides_m = [1.0, inf, 1.0]\n{position}"),
-            "boxes[0]: a side is inf",
+            "boxes[0]: sides_m is inf",
         ),
         (
             "[[boxes]]\nsides_m = [1.0, 1.0, 1.0]\nposition_m = [nan, 0.0, 0.0]",
-            "boxes[0]: the position is NaN",
+            "boxes[0]: position_m is NaN",
         ),
         (
             &format!(
@@ -124,7 +124,21 @@ fn every_bad_value_is_refused_by_name() {
         ),
         (
             &format!("[[voxels]]\nfile = \"heap.npy\"\nvoxel_m = -1.0\n{position}"),
-            "side of a voxel is -1",
+            "voxels[0]: voxel_m is -1",
+        ),
+        (
+            &format!("[[voxels]]\nfile = \"heap.npy\"\nvoxel_m = 5e-324\n{position}"),
+            "voxels[0]: voxel_m is 0.000",
+        ),
+        (
+            "[[balls]]\ncentre_m = [0.0, 1.0, 0.0, 7.0]\nradius_m = 1.0",
+            "invalid length 4, expected an array of exactly 3 numbers",
+        ),
+        (
+            &format!(
+                "[[boxes]]\nsides_m = [1.0, 1.0, 1.0]\n{position}\nquaternion_xyzw = [0.0, 0.0, 0.0, 1.0, 9.0]"
+            ),
+            "invalid length 5",
         ),
         (
             &format!("[[voxels]]\nfile = \"bracket.stl\"\nvoxel_m = 0.1\n{position}"),
@@ -185,17 +199,12 @@ fn meshes_that_are_open_empty_or_inside_out_and_grids_of_other_kinds_are_refused
             "meshes[0]",
         ),
         (mesh, "a.obj", Vec::new(), "0 triangles"),
-        (
-            grid,
-            "a.npy",
-            replaced("|u1", "|i1"),
-            "u1 or b1 in C order is needed",
-        ),
+        (grid, "a.npy", replaced("|u1", "|i1"), "u1 or b1 is needed"),
         (
             grid,
             "a.npy",
             replaced("False", "True "),
-            "u1 or b1 in C order is needed",
+            "row-major (C) order is needed",
         ),
         (
             grid,
@@ -216,5 +225,34 @@ fn meshes_that_are_open_empty_or_inside_out_and_grids_of_other_kinds_are_refused
         let refused = Scene::from_file(&folder.path().join("scene.toml"), 1.0);
         let refusal = refused.unwrap_err().to_string();
         assert!(refusal.contains(named), "{named}: {refusal}");
+    }
+}
+
+/// A scene file of one mesh, which has these bytes as an STL file.
+fn with_stl(bytes: &[u8]) -> Result<Scene, collision::SceneFileError> {
+    let folder = folder("[[meshes]]\nfile = \"a.stl\"\nposition_m = [0.0, 0.0, 0.0]");
+    std::fs::write(folder.path().join("a.stl"), bytes).unwrap();
+    Scene::from_file(&folder.path().join("scene.toml"), 1.0)
+}
+
+#[test]
+fn a_binary_mesh_is_known_by_its_size_whatever_its_text_says() {
+    let shipped = std::fs::read(shipped().join("bracket.stl")).unwrap();
+    let is_binary = !shipped.starts_with(b"solid");
+    assert!(is_binary, "the shipped mesh is binary");
+    let mut named_solid = shipped.clone();
+    named_solid[..12].copy_from_slice(b"solid mesh a");
+    let [mesh, same] = [&shipped, &named_solid].map(|bytes| with_stl(bytes).unwrap());
+    let point = Point::new(0.3, -0.2, 0.1);
+    let nearest = |scene: &Scene| scene.solids()[0].nearest(&point).point;
+    assert_eq!(nearest(&mesh), nearest(&same));
+    let cut = &shipped[..shipped.len() - 7];
+    let longer = [&shipped[..], b"more"].concat();
+    for bytes in [cut, &longer, &named_solid[..1000], b"", b"solid "] {
+        let refused = with_stl(bytes).unwrap_err().to_string();
+        assert!(
+            refused.contains("meshes[0]") && refused.contains("a.stl"),
+            "{refused}"
+        );
     }
 }

@@ -13,7 +13,7 @@ use crate::factors::Factors;
 use crate::linear::Linear;
 use crate::matrix::{Precision, Store};
 use crate::norm::LayerNorm;
-use crate::simd::{Features, detected};
+use crate::simd::{Level, detected};
 use crate::weights_file::{WeightsError, WeightsFile};
 pub use flow::EvaluationsRefused;
 use flow::Flow;
@@ -200,9 +200,9 @@ impl FastModel {
     /// Candidates that are worth a worker of their own: it computes with fewer sooner than it reads the weights.
     #[must_use]
     pub fn worth_a_worker(&self) -> usize {
-        match detected().features() {
+        match detected() {
             #[cfg(target_arch = "x86_64")]
-            Features::Avx512 => 5,
+            Level::Avx512(_) => 5,
             _ => 4,
         }
     }

@@ -106,38 +106,44 @@ struct Forward<'a> {
 
 impl Kernel for Forward<'_> {
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Lanes>(self, lanes: L) {
         let channels = self.x.channels();
         let means = self.statistics.mean.chunks_exact_mut(channels);
         let scales = self.statistics.scale.chunks_exact_mut(channels);
         let candidates = self.x.each().zip(self.out.each_mut());
         let mut copies = self.copy.map(Rows::each_mut);
         for ((x, out), (mean, scale)) in candidates.zip(means.zip(scales)) {
-            measure::<L>(x, mean, scale);
+            measure(lanes, x, mean, scale);
             let copy = copies.as_mut().and_then(Iterator::next);
-            activate::<L>(x, (self.affine, mean, scale), out, copy.unwrap_or(&mut []));
+            activate(
+                lanes,
+                x,
+                (self.affine, mean, scale),
+                out,
+                copy.unwrap_or(&mut []),
+            );
         }
     }
 }
 
 /// Mean and scale of each group of height × channels values.
 #[inline(always)]
-fn measure<L: Lanes>(x: &[f32], mean: &mut [f32], scale: &mut [f32]) {
+fn measure<L: Lanes>(lanes: L, x: &[f32], mean: &mut [f32], scale: &mut [f32]) {
     let channels = mean.len();
     let share = GROUPS as f32 / x.len() as f32;
     for first in (0..channels).step_by(LANES) {
-        let sums = sum_rows::<L>(x, channels, first, |v| v);
-        L::put(sums, part_mut(mean, first));
+        let sums = sum_rows(lanes, x, channels, first, |v| v);
+        lanes.put(sums, part_mut(mean, first));
     }
     join_groups(mean, |sum| sum * share);
     for first in (0..channels).step_by(LANES) {
-        let centre = L::get(part(mean, first));
+        let centre = lanes.get(part(mean, first));
         let square = |v| {
-            let d = L::sub(v, centre);
-            L::mul(d, d)
+            let d = lanes.sub(v, centre);
+            lanes.mul(d, d)
         };
-        L::put(
-            sum_rows::<L>(x, channels, first, square),
+        lanes.put(
+            sum_rows(lanes, x, channels, first, square),
             part_mut(scale, first),
         );
     }
@@ -147,6 +153,7 @@ fn measure<L: Lanes>(x: &[f32], mean: &mut [f32], scale: &mut [f32]) {
 /// Writes the activations, and x itself unless `copy` is empty.
 #[inline(always)]
 fn activate<L: Lanes>(
+    lanes: L,
     x: &[f32],
     (affine, mean, scale): (&Affine, &[f32], &[f32]),
     out: &mut [f32],
@@ -154,15 +161,15 @@ fn activate<L: Lanes>(
 ) {
     let channels = mean.len();
     for first in (0..channels).step_by(LANES) {
-        let (factor, summand) = folded::<L>(affine, mean, scale, first);
+        let (factor, summand) = folded(lanes, affine, mean, scale, first);
         let rows = x.chunks_exact(channels);
         let mut copies = copy.chunks_exact_mut(channels);
         for (x, out) in rows.zip(out.chunks_exact_mut(channels)) {
-            let x = L::get(part(x, first));
-            let y = L::fma(x, factor, summand);
-            L::put(L::mul(y, sigmoid::<L>(y)), part_mut(out, first));
+            let x = lanes.get(part(x, first));
+            let y = lanes.fma(x, factor, summand);
+            lanes.put(lanes.mul(y, sigmoid(lanes, y)), part_mut(out, first));
             if let Some(copy) = copies.next() {
-                L::put(x, part_mut(copy, first));
+                lanes.put(x, part_mut(copy, first));
             }
         }
     }
@@ -171,17 +178,21 @@ fn activate<L: Lanes>(
 /// Normalisation and affine map as one factor and one summand.
 #[inline(always)]
 fn folded<L: Lanes>(
+    lanes: L,
     affine: &Affine,
     mean: &[f32],
     scale: &[f32],
     first: usize,
 ) -> (L::Values, L::Values) {
-    let factor = L::mul(
-        L::get(part(&affine.gain, first)),
-        L::get(part(scale, first)),
+    let factor = lanes.mul(
+        lanes.get(part(&affine.gain, first)),
+        lanes.get(part(scale, first)),
     );
-    let centre = L::mul(L::get(part(mean, first)), factor);
-    (factor, L::sub(L::get(part(&affine.offset, first)), centre))
+    let centre = lanes.mul(lanes.get(part(mean, first)), factor);
+    (
+        factor,
+        lanes.sub(lanes.get(part(&affine.offset, first)), centre),
+    )
 }
 
 struct Backward<'a> {
@@ -195,7 +206,7 @@ struct Backward<'a> {
 
 impl Kernel for Backward<'_> {
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Lanes>(self, lanes: L) {
         let channels = self.x.channels();
         let means = self.statistics.mean.chunks_exact(channels);
         let scales = self.statistics.scale.chunks_exact(channels);
@@ -208,9 +219,9 @@ impl Kernel for Backward<'_> {
                 mean,
                 scale,
             };
-            normalised.through_activation::<L>(self.affine, gradient, self.sums);
+            normalised.through_activation(lanes, self.affine, gradient, self.sums);
             let copied = copied.as_mut().and_then(Iterator::next);
-            normalised.through_norm::<L>(gradient, copied.unwrap_or(&[]), self.sums);
+            normalised.through_norm(lanes, gradient, copied.unwrap_or(&[]), self.sums);
         }
     }
 }
@@ -229,35 +240,36 @@ impl Normalised<'_> {
     #[inline(always)]
     fn through_activation<L: Lanes>(
         &self,
+        lanes: L,
         affine: &Affine,
         gradient: &mut [f32],
         sums: &mut [Vec<f32>; 2],
     ) {
         let Self { x, mean, scale, .. } = *self;
         let channels = mean.len();
-        let one = L::splat(1.0);
+        let one = lanes.splat(1.0);
         for first in (0..channels).step_by(LANES) {
-            let (factor, summand) = folded::<L>(affine, mean, scale, first);
-            let gain = L::get(part(&affine.gain, first));
-            let centre = L::get(part(mean, first));
-            let (mut total, mut along) = (L::splat(0.0), L::splat(0.0));
+            let (factor, summand) = folded(lanes, affine, mean, scale, first);
+            let gain = lanes.get(part(&affine.gain, first));
+            let centre = lanes.get(part(mean, first));
+            let (mut total, mut along) = (lanes.splat(0.0), lanes.splat(0.0));
             let rows = x.chunks_exact(channels);
             for (x, g) in rows.zip(gradient.chunks_exact_mut(channels)) {
                 let x = part(x, first);
                 ask_for(x.as_ptr().wrapping_add(self.pitch));
-                let x = L::get(x);
-                let y = L::fma(x, factor, summand);
-                let s = sigmoid::<L>(y);
+                let x = lanes.get(x);
+                let y = lanes.fma(x, factor, summand);
+                let s = sigmoid(lanes, y);
                 // SiLU' = s + y s (1 − s)
-                let slope = L::fma(L::mul(y, s), L::sub(one, s), s);
-                let d = L::mul(L::mul(L::get(part(g, first)), slope), gain);
-                total = L::add(total, d);
-                along = L::fma(d, L::sub(x, centre), along);
-                L::put(d, part_mut(g, first));
+                let slope = lanes.fma(lanes.mul(y, s), lanes.sub(one, s), s);
+                let d = lanes.mul(lanes.mul(lanes.get(part(g, first)), slope), gain);
+                total = lanes.add(total, d);
+                along = lanes.fma(d, lanes.sub(x, centre), along);
+                lanes.put(d, part_mut(g, first));
             }
-            L::put(total, part_mut(&mut sums[0], first));
-            let along = L::mul(along, L::get(part(scale, first)));
-            L::put(along, part_mut(&mut sums[1], first));
+            lanes.put(total, part_mut(&mut sums[0], first));
+            let along = lanes.mul(along, lanes.get(part(scale, first)));
+            lanes.put(along, part_mut(&mut sums[1], first));
         }
         let share = GROUPS as f32 / x.len() as f32;
         for sum in sums {
@@ -270,28 +282,29 @@ impl Normalised<'_> {
     #[inline(always)]
     fn through_norm<L: Lanes>(
         &self,
+        lanes: L,
         gradient: &mut [f32],
         copied: &[f32],
         averages: &[Vec<f32>; 2],
     ) {
         let channels = self.mean.len();
         for first in (0..channels).step_by(LANES) {
-            let at = |values: &[f32]| L::get(part(values, first));
+            let at = |values: &[f32]| lanes.get(part(values, first));
             let (mean, scale) = (at(self.mean), at(self.scale));
             // g · scale + x · slope + rest
-            let slope = L::mul(L::mul(scale, scale), at(&averages[1]));
-            let slope = L::sub(L::splat(0.0), slope);
-            let rest = L::fma(mean, slope, L::mul(scale, at(&averages[0])));
-            let rest = L::sub(L::splat(0.0), rest);
+            let slope = lanes.mul(lanes.mul(scale, scale), at(&averages[1]));
+            let slope = lanes.sub(lanes.splat(0.0), slope);
+            let rest = lanes.fma(mean, slope, lanes.mul(scale, at(&averages[0])));
+            let rest = lanes.sub(lanes.splat(0.0), rest);
             let rows = self.x.chunks_exact(channels);
             let mut copied = copied.chunks_exact(channels);
             for (x, g) in rows.zip(gradient.chunks_exact_mut(channels)) {
-                let along = L::fma(L::get(part(x, first)), slope, rest);
-                let mut d = L::fma(L::get(part(g, first)), scale, along);
+                let along = lanes.fma(lanes.get(part(x, first)), slope, rest);
+                let mut d = lanes.fma(lanes.get(part(g, first)), scale, along);
                 if let Some(copied) = copied.next() {
-                    d = L::add(d, L::get(part(copied, first)));
+                    d = lanes.add(d, lanes.get(part(copied, first)));
                 }
-                L::put(d, part_mut(g, first));
+                lanes.put(d, part_mut(g, first));
             }
         }
     }
@@ -300,6 +313,7 @@ impl Normalised<'_> {
 /// Sums a function of the values of some channels over all rows, in a fixed order.
 #[inline(always)]
 fn sum_rows<L: Lanes>(
+    lanes: L,
     x: &[f32],
     channels: usize,
     first: usize,
@@ -307,15 +321,15 @@ fn sum_rows<L: Lanes>(
 ) -> L::Values {
     /// Independent chains of additions.
     const CHAINS: usize = 4;
-    let mut sums = [L::splat(0.0); CHAINS];
+    let mut sums = [lanes.splat(0.0); CHAINS];
     let blocks = x.chunks_exact(CHAINS * channels);
     assert!(blocks.remainder().is_empty(), "rows in fours");
     for block in blocks {
         for (sum, row) in sums.iter_mut().zip(block.chunks_exact(channels)) {
-            *sum = L::add(*sum, of(L::get(part(row, first))));
+            *sum = lanes.add(*sum, of(lanes.get(part(row, first))));
         }
     }
-    L::add(L::add(sums[0], sums[1]), L::add(sums[2], sums[3]))
+    lanes.add(lanes.add(sums[0], sums[1]), lanes.add(sums[2], sums[3]))
 }
 
 /// Replaces each channel's value by a function of the sum over its group.

@@ -12,25 +12,25 @@ pub(crate) const LANES: usize = 16;
 
 /// Element-wise arithmetic of a level.
 ///
-/// Only [`dispatch`](crate::simd::dispatch) hands out levels, after it detected their features; that is what makes
-/// their methods sound.
-pub(crate) trait Lanes {
+/// A value of the level is the proof that the processor has its features: only [`simd`](crate::simd) makes one, after it
+/// detected them, and every method asks for one. That is what makes the methods sound.
+pub(crate) trait Lanes: Copy {
     /// [`LANES`] values in registers.
     type Values: Copy;
-    fn get(values: &[f32; LANES]) -> Self::Values;
-    fn put(values: Self::Values, to: &mut [f32; LANES]);
-    fn splat(value: f32) -> Self::Values;
-    fn add(a: Self::Values, b: Self::Values) -> Self::Values;
-    fn sub(a: Self::Values, b: Self::Values) -> Self::Values;
-    fn mul(a: Self::Values, b: Self::Values) -> Self::Values;
-    fn min(a: Self::Values, b: Self::Values) -> Self::Values;
-    fn max(a: Self::Values, b: Self::Values) -> Self::Values;
+    fn get(self, values: &[f32; LANES]) -> Self::Values;
+    fn put(self, values: Self::Values, to: &mut [f32; LANES]);
+    fn splat(self, value: f32) -> Self::Values;
+    fn add(self, a: Self::Values, b: Self::Values) -> Self::Values;
+    fn sub(self, a: Self::Values, b: Self::Values) -> Self::Values;
+    fn mul(self, a: Self::Values, b: Self::Values) -> Self::Values;
+    fn min(self, a: Self::Values, b: Self::Values) -> Self::Values;
+    fn max(self, a: Self::Values, b: Self::Values) -> Self::Values;
     /// a · b + c.
-    fn fma(a: Self::Values, b: Self::Values, c: Self::Values) -> Self::Values;
+    fn fma(self, a: Self::Values, b: Self::Values, c: Self::Values) -> Self::Values;
     /// 1 / a within 2e-7 of it, for normal numbers with normal inverses.
-    fn inverse(a: Self::Values) -> Self::Values;
+    fn inverse(self, a: Self::Values) -> Self::Values;
     /// 2ⁿ, given n + 1.5 · 2²³ for an integer n in −126..=127.
-    fn power_of_two(shifted: Self::Values) -> Self::Values;
+    fn power_of_two(self, shifted: Self::Values) -> Self::Values;
 }
 
 /// Adding and subtracting 1.5 · 2²³ rounds to the nearest integer.
@@ -40,47 +40,47 @@ impl Lanes for Plain {
     type Values = [f32; LANES];
 
     #[inline(always)]
-    fn get(values: &[f32; LANES]) -> Self::Values {
+    fn get(self, values: &[f32; LANES]) -> Self::Values {
         *values
     }
     #[inline(always)]
-    fn put(values: Self::Values, to: &mut [f32; LANES]) {
+    fn put(self, values: Self::Values, to: &mut [f32; LANES]) {
         *to = values;
     }
     #[inline(always)]
-    fn splat(value: f32) -> Self::Values {
+    fn splat(self, value: f32) -> Self::Values {
         [value; LANES]
     }
     #[inline(always)]
-    fn add(a: Self::Values, b: Self::Values) -> Self::Values {
+    fn add(self, a: Self::Values, b: Self::Values) -> Self::Values {
         std::array::from_fn(|i| a[i] + b[i])
     }
     #[inline(always)]
-    fn sub(a: Self::Values, b: Self::Values) -> Self::Values {
+    fn sub(self, a: Self::Values, b: Self::Values) -> Self::Values {
         std::array::from_fn(|i| a[i] - b[i])
     }
     #[inline(always)]
-    fn mul(a: Self::Values, b: Self::Values) -> Self::Values {
+    fn mul(self, a: Self::Values, b: Self::Values) -> Self::Values {
         std::array::from_fn(|i| a[i] * b[i])
     }
     #[inline(always)]
-    fn inverse(a: Self::Values) -> Self::Values {
+    fn inverse(self, a: Self::Values) -> Self::Values {
         a.map(f32::recip)
     }
     #[inline(always)]
-    fn min(a: Self::Values, b: Self::Values) -> Self::Values {
+    fn min(self, a: Self::Values, b: Self::Values) -> Self::Values {
         std::array::from_fn(|i| a[i].min(b[i]))
     }
     #[inline(always)]
-    fn max(a: Self::Values, b: Self::Values) -> Self::Values {
+    fn max(self, a: Self::Values, b: Self::Values) -> Self::Values {
         std::array::from_fn(|i| a[i].max(b[i]))
     }
     #[inline(always)]
-    fn fma(a: Self::Values, b: Self::Values, c: Self::Values) -> Self::Values {
+    fn fma(self, a: Self::Values, b: Self::Values, c: Self::Values) -> Self::Values {
         std::array::from_fn(|i| a[i] * b[i] + c[i])
     }
     #[inline(always)]
-    fn power_of_two(shifted: Self::Values) -> Self::Values {
+    fn power_of_two(self, shifted: Self::Values) -> Self::Values {
         let of = |v: f32| v.to_bits().wrapping_sub(ROUND.to_bits()).wrapping_add(127) << 23;
         shifted.map(|v| f32::from_bits(of(v)))
     }
@@ -90,8 +90,8 @@ impl Lanes for Plain {
 macro_rules! avx512 {
     ($($name:ident($($argument:ident),+) = $instruction:ident;)+) => {
         $(#[inline(always)]
-        fn $name($($argument: Self::Values),+) -> Self::Values {
-            // SAFETY: AVX-512 was detected.
+        fn $name(self, $($argument: Self::Values),+) -> Self::Values {
+            // SAFETY: `self` proves that AVX-512 was detected.
             unsafe { $instruction($($argument),+) }
         })+
     };
@@ -102,18 +102,18 @@ impl Lanes for Avx512 {
     type Values = __m512;
 
     #[inline(always)]
-    fn get(values: &[f32; LANES]) -> Self::Values {
-        // SAFETY: AVX-512 was detected; 16 values are read.
+    fn get(self, values: &[f32; LANES]) -> Self::Values {
+        // SAFETY: `self` proves that AVX-512 was detected; 16 values are read.
         unsafe { _mm512_loadu_ps(values.as_ptr()) }
     }
     #[inline(always)]
-    fn put(values: Self::Values, to: &mut [f32; LANES]) {
-        // SAFETY: AVX-512 was detected; 16 values are written.
+    fn put(self, values: Self::Values, to: &mut [f32; LANES]) {
+        // SAFETY: `self` proves that AVX-512 was detected; 16 values are written.
         unsafe { _mm512_storeu_ps(to.as_mut_ptr(), values) }
     }
     #[inline(always)]
-    fn splat(value: f32) -> Self::Values {
-        // SAFETY: AVX-512 was detected.
+    fn splat(self, value: f32) -> Self::Values {
+        // SAFETY: `self` proves that AVX-512 was detected.
         unsafe { _mm512_set1_ps(value) }
     }
     avx512! {
@@ -125,8 +125,8 @@ impl Lanes for Avx512 {
         fma(a, b, c) = _mm512_fmadd_ps;
     }
     #[inline(always)]
-    fn inverse(a: Self::Values) -> Self::Values {
-        // SAFETY: AVX-512 was detected.
+    fn inverse(self, a: Self::Values) -> Self::Values {
+        // SAFETY: `self` proves that AVX-512 was detected.
         unsafe {
             // 14 bits, and a step of Newton's method
             let near = _mm512_rcp14_ps(a);
@@ -135,8 +135,8 @@ impl Lanes for Avx512 {
         }
     }
     #[inline(always)]
-    fn power_of_two(shifted: Self::Values) -> Self::Values {
-        // SAFETY: AVX-512 was detected.
+    fn power_of_two(self, shifted: Self::Values) -> Self::Values {
+        // SAFETY: `self` proves that AVX-512 was detected.
         unsafe {
             let n = _mm512_castps_si512(shifted);
             let bias = _mm512_set1_epi32(127_i32.wrapping_sub_unsigned(ROUND.to_bits()));
@@ -149,8 +149,8 @@ impl Lanes for Avx512 {
 macro_rules! avx2 {
     ($($name:ident($($argument:ident),+) = $instruction:ident;)+) => {
         $(#[inline(always)]
-        fn $name($($argument: Self::Values),+) -> Self::Values {
-            // SAFETY: AVX2 and FMA were detected.
+        fn $name(self, $($argument: Self::Values),+) -> Self::Values {
+            // SAFETY: `self` proves that AVX2 and FMA were detected.
             [0, 1].map(|half| unsafe { $instruction($($argument[half]),+) })
         })+
     };
@@ -161,20 +161,20 @@ impl Lanes for Avx2 {
     type Values = [__m256; 2];
 
     #[inline(always)]
-    fn get(values: &[f32; LANES]) -> Self::Values {
-        // SAFETY: AVX2 was detected; each load reads 8 of the 16 values.
+    fn get(self, values: &[f32; LANES]) -> Self::Values {
+        // SAFETY: `self` proves that AVX2 was detected; each load reads 8 of the 16 values.
         [0, 8].map(|first| unsafe { _mm256_loadu_ps(values.as_ptr().add(first)) })
     }
     #[inline(always)]
-    fn put(values: Self::Values, to: &mut [f32; LANES]) {
+    fn put(self, values: Self::Values, to: &mut [f32; LANES]) {
         for (chunk, half) in to.as_chunks_mut::<8>().0.iter_mut().zip(values) {
-            // SAFETY: AVX2 was detected; the chunk has 8 values.
+            // SAFETY: `self` proves that AVX2 was detected; the chunk has 8 values.
             unsafe { _mm256_storeu_ps(chunk.as_mut_ptr(), half) };
         }
     }
     #[inline(always)]
-    fn splat(value: f32) -> Self::Values {
-        // SAFETY: AVX2 was detected.
+    fn splat(self, value: f32) -> Self::Values {
+        // SAFETY: `self` proves that AVX2 was detected.
         [unsafe { _mm256_set1_ps(value) }; 2]
     }
     avx2! {
@@ -186,13 +186,13 @@ impl Lanes for Avx2 {
         fma(a, b, c) = _mm256_fmadd_ps;
     }
     #[inline(always)]
-    fn inverse(a: Self::Values) -> Self::Values {
-        // SAFETY: AVX2 was detected.
+    fn inverse(self, a: Self::Values) -> Self::Values {
+        // SAFETY: `self` proves that AVX2 was detected.
         a.map(|half| unsafe { _mm256_div_ps(_mm256_set1_ps(1.0), half) })
     }
     #[inline(always)]
-    fn power_of_two(shifted: Self::Values) -> Self::Values {
-        // SAFETY: AVX2 was detected.
+    fn power_of_two(self, shifted: Self::Values) -> Self::Values {
+        // SAFETY: `self` proves that AVX2 was detected.
         shifted.map(|half| unsafe {
             let n = _mm256_castps_si256(half);
             let bias = _mm256_set1_epi32(127_i32.wrapping_sub_unsigned(ROUND.to_bits()));

@@ -44,7 +44,7 @@ struct Normalise<'a> {
 
 impl Kernel for Normalise<'_> {
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Lanes>(self, _: L) {
         let LayerNorm { weight, bias } = self.norm;
         let width = weight.len();
         let rows = self.rows.chunks_exact(width);

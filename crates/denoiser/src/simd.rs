@@ -10,61 +10,54 @@ use std::arch::x86_64::*;
 use std::sync::LazyLock;
 
 /// No vector extension.
+#[derive(Clone, Copy)]
 pub(crate) struct Plain;
 
-/// AVX2 and FMA.
+/// Proof that this processor has AVX2 and FMA: only this module makes one, after it detected them.
 #[cfg(target_arch = "x86_64")]
-pub(crate) struct Avx2;
+#[derive(Clone, Copy)]
+pub(crate) struct Avx2(());
 
-/// AVX-512 F, VL, DQ and BW.
+/// Proof that this processor has AVX-512 F, VL, DQ, BW, AVX2 and FMA: only this module makes one, after it detected them.
 #[cfg(target_arch = "x86_64")]
-pub(crate) struct Avx512;
-
-/// A level that this processor has: only this module makes one, after it detected the features.
 #[derive(Clone, Copy)]
-pub(crate) struct Detected(Features);
+pub(crate) struct Avx512(());
 
-/// What a level may use of the processor.
+/// What may be used of this processor.
 #[derive(Clone, Copy)]
-pub(crate) enum Features {
+pub(crate) enum Level {
     /// AVX-512 F, VL, DQ, BW, AVX2 and FMA.
     #[cfg(target_arch = "x86_64")]
-    Avx512,
+    Avx512(Avx512),
     /// AVX2 and FMA.
     #[cfg(target_arch = "x86_64")]
-    Avx2,
+    Avx2(Avx2),
     /// No vector extension.
     Plain,
 }
 
-impl Detected {
-    /// What was detected.
-    pub(crate) fn features(self) -> Features {
-        self.0
-    }
-}
-
-static DETECTED: LazyLock<Detected> = LazyLock::new(|| {
+/// Every level that this processor has, the widest first.
+static DETECTED: LazyLock<Vec<Level>> = LazyLock::new(|| {
+    let mut levels = vec![];
     #[cfg(target_arch = "x86_64")]
-    {
-        let avx2 = is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma");
-        let avx512 = is_x86_feature_detected!("avx512f")
+    if is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") {
+        if is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512vl")
             && is_x86_feature_detected!("avx512dq")
-            && is_x86_feature_detected!("avx512bw");
-        match (avx512, avx2) {
-            (true, true) => return Detected(Features::Avx512),
-            (false, true) => return Detected(Features::Avx2),
-            (_, false) => {}
+            && is_x86_feature_detected!("avx512bw")
+        {
+            levels.push(Level::Avx512(Avx512(())));
         }
+        levels.push(Level::Avx2(Avx2(())));
     }
-    Detected(Features::Plain)
+    levels.push(Level::Plain);
+    levels
 });
 
 /// Work that is compiled for each level.
 pub(crate) trait Kernel {
     /// Does the work; must be marked `#[inline(always)]` so that it takes on the caller's features.
-    fn run<L: Lanes>(self);
+    fn run<L: Lanes>(self, lanes: L);
 }
 
 /// Asks the first cache for the line of an address, which need not be valid.
@@ -80,8 +73,8 @@ pub(crate) fn ask_for(address: *const f32) {
 }
 
 /// The widest level that this processor has.
-pub(crate) fn detected() -> Detected {
-    *DETECTED
+pub(crate) fn detected() -> Level {
+    DETECTED[0]
 }
 
 /// Runs a kernel with the widest vectors available.
@@ -89,40 +82,33 @@ pub(crate) fn dispatch(kernel: impl Kernel) {
     run_at(detected(), kernel);
 }
 
-/// Runs a kernel at a level that was detected.
-pub(crate) fn run_at(level: Detected, kernel: impl Kernel) {
-    match level.0 {
+/// Runs a kernel at a level.
+pub(crate) fn run_at(level: Level, kernel: impl Kernel) {
+    match level {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: this level is chosen only after AVX-512 F, VL, DQ, BW, AVX2 and FMA were detected.
-        Features::Avx512 => unsafe { run_avx512(kernel) },
+        // SAFETY: the level proves that AVX-512 F, VL, DQ, BW, AVX2 and FMA were detected.
+        Level::Avx512(lanes) => unsafe { run_avx512(kernel, lanes) },
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: this level is chosen only after AVX2 and FMA were detected.
-        Features::Avx2 => unsafe { run_avx2(kernel) },
-        Features::Plain => kernel.run::<Plain>(),
+        // SAFETY: the level proves that AVX2 and FMA were detected.
+        Level::Avx2(lanes) => unsafe { run_avx2(kernel, lanes) },
+        Level::Plain => kernel.run(Plain),
     }
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx2,fma")]
-fn run_avx512(kernel: impl Kernel) {
-    kernel.run::<Avx512>();
+fn run_avx512(kernel: impl Kernel, lanes: Avx512) {
+    kernel.run(lanes);
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,fma")]
-fn run_avx2(kernel: impl Kernel) {
-    kernel.run::<Avx2>();
+fn run_avx2(kernel: impl Kernel, lanes: Avx2) {
+    kernel.run(lanes);
 }
 
 /// Every level that this processor has.
 #[cfg(test)]
-pub(crate) fn detected_levels() -> Vec<Detected> {
-    let features = match DETECTED.0 {
-        #[cfg(target_arch = "x86_64")]
-        Features::Avx512 => vec![Features::Avx512, Features::Avx2, Features::Plain],
-        #[cfg(target_arch = "x86_64")]
-        Features::Avx2 => vec![Features::Avx2, Features::Plain],
-        Features::Plain => vec![Features::Plain],
-    };
-    features.into_iter().map(Detected).collect()
+pub(crate) fn detected_levels() -> Vec<Level> {
+    DETECTED.clone()
 }

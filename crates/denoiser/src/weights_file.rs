@@ -163,11 +163,14 @@ impl WeightsFile {
     /// # Errors
     /// [`WeightsError`], naming what does not fit.
     pub fn open(path: &Path, entry: &ManifestEntry) -> Result<Self, WeightsError> {
-        let content = std::fs::read(path).map_err(|source| WeightsError::Missing {
+        let missing = |source| WeightsError::Missing {
             path: path.into(),
             source,
-        })?;
-        check_identity(path, &content, entry)?;
+        };
+        check_size(path, std::fs::metadata(path).map_err(missing)?.len(), entry)?;
+        let content = std::fs::read(path).map_err(missing)?;
+        check_size(path, content.len() as u64, entry)?;
+        check_hash(path, &content, entry)?;
         let file = Self::parse(path, &content)?;
         file.expect("architecture", &entry.architecture)?;
         Ok(file)
@@ -283,24 +286,26 @@ impl WeightsFile {
     }
 }
 
-/// Checks the size and the hash.
-fn check_identity(path: &Path, content: &[u8], entry: &ManifestEntry) -> Result<(), WeightsError> {
-    let size = content.len() as u64;
-    if size != entry.bytes {
-        return Err(WeightsError::Size {
-            path: path.into(),
-            found: size,
-            expected: entry.bytes,
-        });
+fn check_size(path: &Path, found: u64, entry: &ManifestEntry) -> Result<(), WeightsError> {
+    if found == entry.bytes {
+        return Ok(());
     }
+    Err(WeightsError::Size {
+        path: path.into(),
+        found,
+        expected: entry.bytes,
+    })
+}
+
+fn check_hash(path: &Path, content: &[u8], entry: &ManifestEntry) -> Result<(), WeightsError> {
     let digest = Sha256::digest(content);
     let hash: String = digest.iter().map(|b| format!("{b:02x}")).collect();
-    if hash != entry.sha256 {
-        return Err(WeightsError::Hash {
-            path: path.into(),
-            found: hash,
-            expected: entry.sha256.clone(),
-        });
+    if hash == entry.sha256 {
+        return Ok(());
     }
-    Ok(())
+    Err(WeightsError::Hash {
+        path: path.into(),
+        found: hash,
+        expected: entry.sha256.clone(),
+    })
 }

@@ -1,23 +1,29 @@
-//! `pcc dataset` and `pcc features`: paths by the teacher or by the paper's generator, and training arrays.
+//! `pcc dataset`: paths by the teacher or by the paper's generator.
 
 use crate::number::threads;
-use anyhow::{Context, bail};
+use crate::output_files::{make_writable, write_whole};
+use crate::robot::unit_robot;
+use anyhow::{Context, bail, ensure};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::Robot;
-use planning::FeatureFrame;
 use planning::dataset::{
-    BlockReport, Dataset, Meta, PAPER_VERSION, PaperReport, Recipe, Row, TEACHER_VERSION,
-    TERMINALS, generate_block, generate_paper_block, training_rows,
+    Counts, Dataset, LARGEST_STEP, Meta, PAPER_VERSION, Recipe, Row, TEACHER_VERSION, TERMINALS,
+    generate_block, generate_paper_block,
 };
 use planning::scenes::{STARTS, Setting};
 use serde_json::json;
-use std::path::{Path, PathBuf};
+use std::io::ErrorKind;
+use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Targets of one block: the unit of work, of resuming and of sharding.
 const BLOCK: u64 = 32;
+/// Most targets of a set: weeks of work of a large machine.
+const MAX_TARGETS: u64 = 10_000_000;
+/// Times that progress is told where there is no terminal to draw a bar on.
+const PROGRESS_LINES: u64 = 20;
 
 #[derive(Clone, Copy, ValueEnum)]
 enum SettingName {
@@ -61,8 +67,8 @@ pub(crate) struct Arguments {
     /// Number of balls in every general scene, instead of the cycle (0 to 64).
     #[arg(long)]
     balls: Option<usize>,
-    /// Targets to draw, at least 1.
-    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u64).range(1..))]
+    /// Targets to draw (1 to 10000000).
+    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u64).range(1..=MAX_TARGETS))]
     targets: u64,
     /// Starts of each target (1 to 5).
     #[arg(long, default_value_t = 5)]
@@ -93,41 +99,6 @@ pub(crate) struct Arguments {
     out: PathBuf,
 }
 
-#[derive(Clone, Copy, ValueEnum)]
-enum FrameName {
-    /// Turned so that the goal has azimuth zero.
-    Canonical,
-    /// The robot's base.
-    Base,
-}
-
-/// Arguments of `pcc features`.
-#[derive(Args)]
-pub(crate) struct FeatureArguments {
-    /// Folder of a data set.
-    #[arg(long)]
-    dataset: PathBuf,
-    /// Added to the target indices, so that the targets of several data sets stay apart.
-    #[arg(long, default_value_t = 0)]
-    first_group: i64,
-    /// Frame of the arrays.
-    #[arg(long, value_enum, default_value = "canonical")]
-    frame: FrameName,
-    /// Robot file.
-    #[arg(long, default_value = "config/robots/unit.toml")]
-    robot: PathBuf,
-    /// Training archive to write.
-    #[arg(long)]
-    out: PathBuf,
-}
-
-/// What became of what was asked for; the part of the method that was not used stays empty.
-#[derive(Default)]
-struct Reports {
-    teacher: BlockReport,
-    paper: PaperReport,
-}
-
 struct Job<'a> {
     arguments: &'a Arguments,
     robot: Robot,
@@ -139,16 +110,25 @@ pub(crate) fn generate(arguments: &Arguments) -> anyhow::Result<()> {
     let (shard, shards) = parse_shard(&arguments.shard)?;
     let job = Job::new(arguments)?;
     let all = arguments.targets.div_ceil(BLOCK);
-    let mine: Vec<u64> = (0..all)
-        .filter(|b| b % shards == shard && !job.is_done(*b))
-        .collect();
-    job.make(&mine)?;
-    if (0..all).all(|block| job.is_done(block)) {
-        job.merge(all)?;
-    } else {
-        say!("waiting for the other shards: the one that ends last merges");
+    let mut mine = Vec::new();
+    for block in (0..all).filter(|b| b % shards == shard) {
+        if !job.is_done(block)? {
+            mine.push(block);
+        }
     }
-    Ok(())
+    say!(
+        "{}: {} of {all} blocks of {BLOCK} targets to make",
+        arguments.out.display(),
+        mine.len()
+    );
+    job.make(&mine)?;
+    for block in 0..all {
+        if !job.is_done(block)? {
+            say!("waiting for the other shards: the one that ends last merges");
+            return Ok(());
+        }
+    }
+    job.merge(all)
 }
 
 fn parse_shard(text: &str) -> anyhow::Result<(u64, u64)> {
@@ -200,31 +180,37 @@ impl<'a> Job<'a> {
             trees: arguments.trees,
             test_only: arguments.test_only,
         };
-        let blocks = arguments.out.join("blocks");
-        std::fs::create_dir_all(&blocks)
-            .with_context(|| format!("cannot make {}", blocks.display()))?;
         let job = Self {
             arguments,
             robot: unit_robot(&arguments.robot)?,
             recipe,
-            blocks,
+            blocks: arguments.out.join("blocks"),
         };
+        make_writable(&job.blocks)?;
         job.check_recipe()?;
         Ok(job)
     }
 
-    /// Refuses to mix blocks of different recipes, generators or robots in one folder.
+    /// Refuses to mix blocks of different recipes, generators or robots in one folder, and to replace another set.
     fn check_recipe(&self) -> anyhow::Result<()> {
-        let file = self.arguments.out.join("recipe.json");
+        let out = &self.arguments.out;
+        let file = out.join("recipe.json");
         let text = serde_json::to_string_pretty(&self.recipe_json())?;
         match std::fs::read_to_string(&file) {
             Ok(found) if found != text => bail!(
                 "{} was made with another recipe: {found}\nthis one is: {text}\nchoose another --out, or remove the folder",
-                self.arguments.out.display()
+                out.display()
             ),
             Ok(_) => Ok(()),
-            Err(_) => write_whole(&file, &text)
-                .with_context(|| format!("cannot write {}", file.display())),
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                ensure!(
+                    !Meta::is_in(out),
+                    "{} has a data set without recipe.json, which would be replaced: choose another --out",
+                    out.display()
+                );
+                write_whole(&file, &text)
+            }
+            Err(error) => Err(error).with_context(|| format!("cannot read {}", file.display())),
         }
     }
 
@@ -243,13 +229,30 @@ impl<'a> Job<'a> {
         self.blocks.join(format!("block-{block:06}"))
     }
 
-    fn is_done(&self, block: u64) -> bool {
-        self.block_folder(block).join("dataset_meta.json").exists()
+    /// What a block's meta data says of how it was made.
+    fn block_config(&self, block: u64) -> serde_json::Value {
+        json!({ "block": block, "recipe": self.recipe_json() })
+    }
+
+    /// Whether a block is there; one of another recipe is refused.
+    fn is_done(&self, block: u64) -> anyhow::Result<bool> {
+        let folder = self.block_folder(block);
+        if !Meta::is_in(&folder) {
+            return Ok(false);
+        }
+        let found = Meta::read(&folder)?.config;
+        let expected = self.block_config(block);
+        ensure!(
+            found == expected,
+            "{} was made with another recipe, or as another block: {found}\nthis one is: {expected}\nchoose another --out, or remove the folder",
+            folder.display()
+        );
+        Ok(true)
     }
 
     fn make(&self, blocks: &[u64]) -> anyhow::Result<()> {
         let bar = progress_bar(blocks.len() as u64);
-        let (next, total) = (AtomicU64::new(0), Mutex::new(Reports::default()));
+        let (next, total) = (AtomicU64::new(0), Mutex::new(Counts::default()));
         let threads = match self.arguments.threads {
             0 => std::thread::available_parallelism()?.get(),
             n => n,
@@ -257,141 +260,92 @@ impl<'a> Job<'a> {
         std::thread::scope(|scope| {
             let work = || -> anyhow::Result<()> {
                 while let Some(block) = blocks.get(next.fetch_add(1, Ordering::Relaxed) as usize) {
-                    let reports = self.make_block(*block)?;
+                    let counts = self.make_block(*block)?;
                     let mut total = total
                         .lock()
                         .map_err(|_| anyhow::anyhow!("a worker stopped"))?;
-                    total.teacher += reports.teacher;
-                    total.paper += reports.paper;
-                    let kept = total.teacher.kept + total.paper.actual_paths;
-                    bar.set_message(format!("{kept} paths kept"));
-                    bar.inc(1);
+                    *total += &counts;
+                    tell_progress(&bar, &total);
                 }
                 Ok(())
             };
-            let workers: Vec<_> = (0..threads).map(|_| scope.spawn(work)).collect();
+            let workers: Vec<_> = (0..threads.min(blocks.len()))
+                .map(|_| scope.spawn(work))
+                .collect();
             workers
                 .into_iter()
                 .try_for_each(|w| w.join().map_err(|_| anyhow::anyhow!("a worker stopped"))?)
         })?;
         bar.finish();
-        let total = total.into_inner().unwrap_or_default();
-        match self.arguments.method {
-            Method::Teacher => print_teacher_report(&total.teacher),
-            Method::Paper => print_paper_report(&total.paper),
+        if !blocks.is_empty() {
+            say!("{}", total.into_inner().unwrap_or_default());
         }
         Ok(())
     }
 
-    fn make_block(&self, block: u64) -> anyhow::Result<Reports> {
+    fn make_block(&self, block: u64) -> anyhow::Result<Counts> {
         let end = ((block + 1) * BLOCK).min(self.arguments.targets);
         let targets = block * BLOCK..end;
-        let mut reports = Reports::default();
-        let (rows, meta);
-        match self.arguments.method {
+        let (rows, counts) = match self.arguments.method {
             Method::Teacher => {
-                (rows, reports.teacher) = generate_block(&self.robot, &self.recipe, targets);
-                let report = format!("{:?}", reports.teacher);
-                meta = self.meta(json!({ "block": block, "report": report }), None);
+                let (rows, report) = generate_block(&self.robot, &self.recipe, targets);
+                (rows, Counts::from(&report))
             }
             Method::Paper => {
-                (rows, reports.paper) = generate_paper_block(&self.robot, &self.recipe, targets);
-                meta = self.meta(json!({ "block": block }), Some(reports.paper));
+                let (rows, report) = generate_paper_block(&self.robot, &self.recipe, targets);
+                (rows, Counts::from(&report))
             }
+        };
+        let meta = self.meta(self.block_config(block), counts.clone());
+        let folder = self.block_folder(block);
+        match rows.is_empty() {
+            true => meta.write(&folder)?,
+            false => Dataset { rows, meta }.write(&folder)?,
         }
-        Dataset { rows, meta }.write(&self.block_folder(block))?;
-        Ok(reports)
+        Ok(counts)
     }
 
-    fn meta(&self, config: serde_json::Value, report: Option<PaperReport>) -> Meta {
+    fn meta(&self, config: serde_json::Value, counts: Counts) -> Meta {
+        let is_paper = self.arguments.method == Method::Paper;
         Meta {
             clearance_margin: self.robot.largest_tube_radius(),
-            report,
+            counts: Some(counts),
+            maximum_adjacent_configuration_step: is_paper.then_some(LARGEST_STEP),
             ..Meta::new(config)
         }
     }
 
     fn merge(&self, blocks: u64) -> anyhow::Result<()> {
         let mut rows: Vec<Row> = Vec::new();
-        let mut report = PaperReport::default();
+        let mut counts = Counts::default();
         for block in 0..blocks {
-            let block = Dataset::read(&self.block_folder(block))?;
-            rows.extend(block.rows);
-            report += block.meta.report.unwrap_or_default();
+            let folder = self.block_folder(block);
+            let of_block = Meta::read(&folder)?.counts.unwrap_or_default();
+            if of_block.actual_paths > 0 {
+                let block = Dataset::read(&folder);
+                rows.extend(block.with_context(|| folder.display().to_string())?.rows);
+            }
+            counts += &of_block;
         }
         let count = rows.len();
-        let is_paper = self.arguments.method == Method::Paper;
-        let meta = self.meta(self.recipe_json(), is_paper.then_some(report));
-        Dataset { rows, meta }.write(&self.arguments.out)?;
-        say!("{}: {count} paths", self.arguments.out.display());
+        let meta = self.meta(self.recipe_json(), counts);
+        let out = &self.arguments.out;
+        let written = Dataset { rows, meta }.write(out);
+        written.with_context(|| format!("no data set in {}", out.display()))?;
+        say!("{}: {count} paths", out.display());
         Ok(())
     }
 }
 
-fn print_teacher_report(r: &BlockReport) {
-    say!(
-        "{} targets ({} dropped), {} starts without an end shape; {} paths kept ({} with the tree's help), {} dropped",
-        r.targets,
-        r.dropped_targets,
-        r.dropped_starts,
-        r.kept,
-        r.from_tree,
-        r.dropped_paths
-    );
-}
-
-fn print_paper_report(r: &PaperReport) {
-    let (targets, paths) = (&r.target_discarded_counts, &r.path_failure_counts);
-    say!(
-        "{} of {} targets (dropped: {} without ten terminal solutions, {} without starts, {} without a path)",
-        r.actual_targets,
-        r.requested_targets,
-        targets.terminal_ik,
-        targets.start_sampling,
-        targets.zero_retained_paths
-    );
-    say!(
-        "{} of {} paths kept, {:.1} % (dropped: {} not followed, {} with too large steps, {} colliding)",
-        r.actual_paths,
-        r.requested_paths,
-        100.0 * r.actual_paths as f64 / r.requested_paths.max(1) as f64,
-        paths.workspace_ik,
-        paths.path_constraints,
-        paths.collision_repair
-    );
-}
-
-/// Writes a file that others, such as another shard, see whole or not at all.
-fn write_whole(file: &Path, text: &str) -> std::io::Result<()> {
-    let part = file.with_extension(format!("{}.part", std::process::id()));
-    std::fs::write(&part, text)?;
-    std::fs::rename(part, file)
-}
-
-pub(crate) fn features(arguments: &FeatureArguments) -> anyhow::Result<()> {
-    if let Some(folder) = arguments.out.parent() {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make {}", folder.display()))?;
+/// Draws the bar; where there is no terminal, says a line now and then.
+fn tell_progress(bar: &ProgressBar, total: &Counts) {
+    bar.set_message(format!("{} paths kept", total.actual_paths));
+    bar.inc(1);
+    let (done, all) = (bar.position(), bar.length().unwrap_or(0));
+    let lines = |blocks: u64| blocks * PROGRESS_LINES / all.max(1);
+    if bar.is_hidden() && done < all && lines(done) > lines(done - 1) {
+        say!("{done} of {all} blocks, {} paths kept", total.actual_paths);
     }
-    let robot = unit_robot(&arguments.robot)?;
-    let dataset = Dataset::read(&arguments.dataset)?;
-    let frame = match arguments.frame {
-        FrameName::Canonical => FeatureFrame::Canonical,
-        FrameName::Base => FeatureFrame::Base,
-    };
-    let rows = training_rows(&robot, &dataset.rows, arguments.first_group, frame)?;
-    rows.write(&arguments.out)?;
-    say!("{}: {} rows", arguments.out.display(), rows.len());
-    Ok(())
-}
-
-/// Loads a robot in units of its section length.
-pub(crate) fn unit_robot(file: &Path) -> anyhow::Result<Robot> {
-    let robot = Robot::from_file(file).with_context(|| format!("robot file {}", file.display()))?;
-    let length = robot
-        .equal_section_length()
-        .context("the three sections must be equally long")?;
-    Ok(robot.scaled(1.0 / length))
 }
 
 fn progress_bar(length: u64) -> ProgressBar {

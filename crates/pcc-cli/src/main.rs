@@ -6,10 +6,13 @@ mod output;
 mod dataset;
 mod demo;
 mod evaluate;
+mod features;
 mod number;
 mod order;
+mod output_files;
 mod plan;
 mod planner;
+mod robot;
 mod scene;
 mod trace;
 mod watch;
@@ -45,7 +48,7 @@ enum Command {
     /// Generate paths for training or evaluation, sharded and resumable.
     Dataset(dataset::Arguments),
     /// Write the training arrays of the few-step model from a data set.
-    Features(dataset::FeatureArguments),
+    Features(features::Arguments),
     /// Evaluate a planner on a data set and write result.json and paths.npz.
     Evaluate(evaluate::Arguments),
     /// Write how noise becomes a path, step by step, as an archive for pictures.
@@ -87,7 +90,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Speed(arguments) => order::speed(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Dataset(arguments) => dataset::generate(&arguments),
-        Command::Features(arguments) => dataset::features(&arguments),
+        Command::Features(arguments) => features::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Trace(arguments) => trace::run(&arguments),
     }

@@ -1,10 +1,10 @@
 //! `pcc plan`: asks the daemon for candidates, shows them, and can have one executed.
 
-use crate::number::finite;
+use crate::number::{candidates, finite, share};
 use anyhow::bail;
 use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
-use shared_types::capacity::DOF;
+use shared_types::capacity::{DOF, MAX_BALLS};
 use shared_types::codes::{Outcome, Sampler, Selection, Source, Stage};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
@@ -70,7 +70,7 @@ pub(crate) struct Arguments {
     #[arg(long, num_args = 4, action = ArgAction::Append, value_parser = finite, value_names = ["X", "Y", "Z", "RADIUS"], allow_negative_numbers = true)]
     ball: Vec<f64>,
     /// Candidates wanted (1 to 64).
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = 10, value_parser = candidates())]
     candidates: usize,
     /// Seed; the same request and seed give the same answer.
     #[arg(long, default_value_t = 0)]
@@ -84,11 +84,11 @@ pub(crate) struct Arguments {
     /// Select the candidate with this index (as the table shows) instead.
     #[arg(long, conflicts_with = "select")]
     index: Option<usize>,
-    /// Deadline, milliseconds (0: the daemon's default).
-    #[arg(long, default_value_t = 0)]
+    /// Deadline, milliseconds, at most 60000 (0: the daemon's default).
+    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=60_000))]
     deadline_ms: u64,
     /// Share of the tendon limits to use, above 0 and at most 1.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, value_parser = share)]
     limits_scale: f64,
     /// Have the selected candidate executed.
     #[arg(long)]
@@ -103,7 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let answer = client.plan(&request, PATIENCE)?;
     let round_trip = clock.elapsed();
     let report = answer.report();
-    if !report.outcome.has_candidates() {
+    if !report.outcome.has_candidates() || report.candidates.is_empty() {
         bail!("{}", explain(report));
     }
     print_answer(&answer, round_trip);
@@ -115,14 +115,24 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 impl Arguments {
     fn request(&self, options: &IpcOptions) -> anyhow::Result<PlanRequest> {
-        let start = match &self.start {
-            Some(values) => six(values),
-            None => held_configuration(options)?,
-        };
+        let count = self.ball.len() / 4;
+        if count > MAX_BALLS {
+            bail!("{count} of --ball: at most {MAX_BALLS} are allowed");
+        }
+        if let Some(index) = self.index.filter(|index| *index >= self.candidates) {
+            bail!(
+                "--index {index}: 0 to {}, below --candidates, are allowed",
+                self.candidates - 1
+            );
+        }
         let balls = self.ball.chunks_exact(4).map(|b| Ball {
             centre_m: [b[0], b[1], b[2]],
             radius_m: b[3],
         });
+        let start = match &self.start {
+            Some(values) => six(values),
+            None => held_configuration(options)?,
+        };
         Ok(PlanRequest {
             seed: self.seed,
             candidate_count: self.candidates,
@@ -198,7 +208,9 @@ fn held_configuration(options: &IpcOptions) -> anyhow::Result<[f64; DOF]> {
 /// The outcome and its reason, which may begin with the outcome's own words.
 fn explain(report: &PlanReport) -> String {
     let outcome = report.outcome.text();
-    if report.reason.starts_with(outcome) {
+    if report.reason.is_empty() {
+        format!("{outcome}: no candidate")
+    } else if report.reason.starts_with(outcome) {
         report.reason.clone()
     } else {
         format!("{outcome}: {}", report.reason)

@@ -90,6 +90,11 @@ impl ModelArguments {
         })
     }
 
+    /// Names the weights that an error is about.
+    fn refused(&self, name: &str) -> String {
+        format!("weights `{name}` of {}", self.weights.display())
+    }
+
     /// Refuses what the planner would not read.
     fn refuse_unread(&self, planner: PlannerName) -> anyhow::Result<()> {
         let sampler = planner.sampler();
@@ -214,7 +219,9 @@ pub(crate) fn load(
 fn load_fast(robot: &Robot, arguments: &ModelArguments) -> anyhow::Result<(FastModel, FastRecord)> {
     let manifest = Manifest::open(&arguments.weights)?;
     let name = arguments.model.as_deref().unwrap_or(FAST_WEIGHTS);
-    let mut model = FastModel::from_weights(&manifest.weights(name)?, robot.bending_limit)?;
+    let file = manifest.weights(name)?;
+    let mut model = FastModel::from_weights(&file, robot.bending_limit)
+        .with_context(|| arguments.refused(name))?;
     if let Some(evaluations) = arguments.evaluations {
         model = model.with_evaluations(evaluations)?;
     }
@@ -232,7 +239,8 @@ fn load_diffusion(
     let settings = arguments.settings()?;
     let manifest = Manifest::open(&arguments.weights)?;
     let name = arguments.model.as_deref().unwrap_or(DIFFUSION_WEIGHTS);
-    let unet = TemporalUnet::load(&manifest.weights(name)?, robot.bending_limit)?;
+    let unet = TemporalUnet::load(&manifest.weights(name)?, robot.bending_limit)
+        .with_context(|| arguments.refused(name))?;
     let model = DiffusionModel::new(unet, settings)?;
     let record = DiffusionRecord {
         weights: WeightsRecord::of(&manifest, name)?,

@@ -1,8 +1,9 @@
 //! `pcc trace`: how noise becomes a path, step by step, for pictures of the reverse process.
 
-use crate::dataset::unit_robot;
 use crate::number::finite;
+use crate::output_files::make_writable_for;
 use crate::planner::{ModelArguments, PlannerName, load};
+use crate::robot::unit_robot;
 use anyhow::{Context, bail};
 use clap::{ArgAction, Args};
 use collision::{Ball, Scene};
@@ -54,12 +55,12 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let Some(Sampler::Diffusion(guidance)) = arguments.planner.sampler() else {
         bail!("--planner: diffusion, diffusion-post and diffusion-guided are allowed");
     };
+    make_writable_for(&arguments.out)?;
     let robot = unit_robot(&arguments.robot)?;
     let planner = load(arguments.planner, &robot, &arguments.models, 1)?.planner;
     let problem = arguments.problem(planner.robot())?;
     let trace = planner.trace(&problem, guidance, arguments.seed)?;
-    write(&arguments.out, planner.robot(), &trace)
-        .with_context(|| format!("cannot write {}", arguments.out.display()))?;
+    write(&arguments.out, planner.robot(), &trace)?;
     let last = &trace[trace.len() - 1];
     let miss =
         (planner.robot().tip(&last[WAYPOINTS - 1]) - problem.goal_tip(planner.robot())).norm();

@@ -9,6 +9,7 @@ mod arc;
 mod backbone;
 mod lanes;
 mod limits;
+mod numbers;
 mod robot;
 mod robot_file;
 mod section;
@@ -18,6 +19,7 @@ mod tips;
 pub use arc::Nearest;
 pub use backbone::{Backbone, Pose};
 pub use lanes::{LANES, norms_squared, one_by_one, side_by_side};
+pub use numbers::Numbers;
 pub use robot::{Robot, TendonLimits};
 pub use robot_file::RobotFileError;
 pub use tendons::{Tendon, TendonMap, TendonMapError};
@@ -25,6 +27,8 @@ pub use tips::MovingTips;
 
 /// Number of sections.
 pub const SECTIONS: usize = 3;
+/// Tendons that a robot may have: as many as the messages between the processes carry.
+pub const MAX_TENDONS: usize = 9;
 /// Number of configuration components: two a section.
 pub const DOF: usize = 2 * SECTIONS;
 

@@ -1,8 +1,8 @@
 //! Robot files: TOML in SI units, unknown keys refused.
 
-use crate::SECTIONS;
 use crate::robot::{Robot, TendonLimits};
 use crate::tendons::{Tendon, TendonMap, TendonMapError};
+use crate::{MAX_TENDONS, Numbers, SECTIONS};
 use serde::Deserialize;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -10,8 +10,16 @@ use thiserror::Error;
 
 /// Lengths that a section may have, m: beyond them distances and scaled quantities lose their digits.
 const SECTION_LENGTHS_M: [f64; 2] = [1e-4, 1e3];
-/// Distances of a tendon from the backbone, m.
-const TENDON_RADII_M: [f64; 2] = [1e-6, 1e3];
+/// Distances of a tendon from the backbone, and radii of a spool, m.
+const SMALL_RADII_M: [f64; 2] = [1e-6, 1e3];
+/// Bending angles that a section may reach, rad: below, a motion is lost among the tolerances it is certified for.
+const BENDING_LIMITS_RAD: [f64; 2] = [0.01, PI];
+/// Tendon velocities, m/s.
+const VELOCITIES_M_S: [f64; 2] = [1e-7, 1e4];
+/// Tendon accelerations, m/s².
+const ACCELERATIONS_M_S2: [f64; 2] = [1e-7, 1e5];
+/// Tendon jerks, m/s³.
+const JERKS_M_S3: [f64; 2] = [1e-7, 1e6];
 
 /// Why a robot file is refused.
 #[derive(Debug, Error)]
@@ -24,18 +32,32 @@ pub enum RobotFileError {
         /// The reason.
         source: std::io::Error,
     },
+    /// What it says is refused.
+    #[error("robot file {path}: {source}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// The reason: any of the others.
+        source: Box<RobotFileError>,
+    },
     /// Not TOML, a key missing or unknown, or a value of the wrong type.
-    #[error("robot file is not understood: {0}")]
+    #[error("it is not understood: {0}")]
     Syntax(#[from] toml::de::Error),
     /// A quantity is out of its range.
     #[error("{key} = {value} is not allowed: {allowed}")]
     Range {
         /// The key.
-        key: &'static str,
+        key: String,
         /// Its value.
         value: f64,
         /// What is allowed.
-        allowed: &'static str,
+        allowed: String,
+    },
+    /// More tendons than the messages between the processes carry.
+    #[error("the robot has {count} tendons, at most {MAX_TENDONS} are allowed")]
+    TendonCount {
+        /// Tendons in the file.
+        count: usize,
     },
     /// The tendons do not fit.
     #[error(transparent)]
@@ -46,7 +68,7 @@ pub enum RobotFileError {
 #[serde(deny_unknown_fields)]
 struct RobotFile {
     name: String,
-    section_lengths_m: [f64; SECTIONS],
+    section_lengths_m: Numbers<SECTIONS>,
     bending_limit_rad: f64,
     tube_radius_m: f64,
     spool_radius_m: f64,
@@ -74,13 +96,16 @@ impl Robot {
     /// Reads a robot file; lengths are metres.
     ///
     /// # Errors
-    /// [`RobotFileError`], naming the key and what is allowed.
+    /// [`RobotFileError`], naming the file, the key and what is allowed.
     pub fn from_file(path: &Path) -> Result<Self, RobotFileError> {
         let text = std::fs::read_to_string(path).map_err(|source| RobotFileError::Read {
             path: path.into(),
             source,
         })?;
-        Self::from_toml_str(&text)
+        Self::from_toml_str(&text).map_err(|source| RobotFileError::Content {
+            path: path.into(),
+            source: Box::new(source),
+        })
     }
 
     /// Reads a robot from the text of a robot file; lengths are metres.
@@ -97,7 +122,7 @@ impl Robot {
         };
         Ok(Self {
             name: file.name,
-            section_lengths: file.section_lengths_m,
+            section_lengths: file.section_lengths_m.0,
             bending_limit: file.bending_limit_rad,
             tube_radii: [file.tube_radius_m; SECTIONS],
             spool_radius: file.spool_radius_m,
@@ -113,69 +138,76 @@ impl Robot {
 
 impl RobotFile {
     fn check(&self) -> Result<(), RobotFileError> {
-        for length in self.section_lengths_m {
-            check(
-                "section_lengths_m",
-                length,
-                |v| is_within(v, SECTION_LENGTHS_M),
-                "0.0001 to 1000 m",
-            )?;
+        let lengths = self.section_lengths_m.0;
+        for (i, length) in lengths.into_iter().enumerate() {
+            let key = format!("section_lengths_m[{i}]");
+            within(&key, length, SECTION_LENGTHS_M, "m")?;
         }
-        // The map refuses a radius that is not above 0, by the tendon's number.
-        for radius in self.tendons.iter().map(|t| t.radius_m).filter(|r| *r > 0.0) {
-            check(
-                "tendons.radius_m",
-                radius,
-                |v| is_within(v, TENDON_RADII_M),
-                "0.000001 to 1000 m",
-            )?;
-        }
-        positive("spool_radius_m", self.spool_radius_m)?;
-        positive(
-            "tendon_limits.velocity_m_s",
-            self.tendon_limits.velocity_m_s,
-        )?;
-        positive(
-            "tendon_limits.acceleration_m_s2",
-            self.tendon_limits.acceleration_m_s2,
-        )?;
-        positive("tendon_limits.jerk_m_s3", self.tendon_limits.jerk_m_s3)?;
-        check(
-            "tube_radius_m",
-            self.tube_radius_m,
-            |v| v >= 0.0,
-            "a finite radius of at least 0 m",
-        )?;
-        check(
+        within(
             "bending_limit_rad",
             self.bending_limit_rad,
-            |v| v > 0.0 && v <= PI,
-            "above 0 and at most π rad",
-        )
-    }
-}
-
-fn is_within(value: f64, [least, most]: [f64; 2]) -> bool {
-    (least..=most).contains(&value)
-}
-
-fn positive(key: &'static str, value: f64) -> Result<(), RobotFileError> {
-    check(key, value, |v| v > 0.0, "a finite value above 0")
-}
-
-fn check(
-    key: &'static str,
-    value: f64,
-    is_allowed: impl Fn(f64) -> bool,
-    allowed: &'static str,
-) -> Result<(), RobotFileError> {
-    if value.is_finite() && is_allowed(value) {
-        Ok(())
-    } else {
-        Err(RobotFileError::Range {
-            key,
-            value,
+            BENDING_LIMITS_RAD,
+            "rad",
+        )?;
+        let shortest = lengths.into_iter().fold(f64::INFINITY, f64::min);
+        let allowed = "m, the length of the shortest section";
+        within(
+            "tube_radius_m",
+            self.tube_radius_m,
+            [0.0, shortest],
             allowed,
-        })
+        )?;
+        within("spool_radius_m", self.spool_radius_m, SMALL_RADII_M, "m")?;
+        self.tendon_limits.check()?;
+        let count = self.tendons.len();
+        if count > MAX_TENDONS {
+            return Err(RobotFileError::TendonCount { count });
+        }
+        // The map refuses a radius that is not above 0 and an angle that is none, by the tendon's number.
+        for (i, tendon) in self.tendons.iter().enumerate() {
+            if tendon.radius_m > 0.0 {
+                let key = format!("tendons[{i}].radius_m");
+                within(&key, tendon.radius_m, SMALL_RADII_M, "m")?;
+            }
+            if tendon.angle_deg.is_finite() {
+                let key = format!("tendons[{i}].angle_deg");
+                within(&key, tendon.angle_deg, [-360.0, 360.0], "degrees")?;
+            }
+        }
+        Ok(())
     }
+}
+
+impl LimitsTable {
+    fn check(&self) -> Result<(), RobotFileError> {
+        for (key, value, allowed, unit) in [
+            ("velocity_m_s", self.velocity_m_s, VELOCITIES_M_S, "m/s"),
+            (
+                "acceleration_m_s2",
+                self.acceleration_m_s2,
+                ACCELERATIONS_M_S2,
+                "m/s²",
+            ),
+            ("jerk_m_s3", self.jerk_m_s3, JERKS_M_S3, "m/s³"),
+        ] {
+            within(&format!("tendon_limits.{key}"), value, allowed, unit)?;
+        }
+        Ok(())
+    }
+}
+
+fn within(
+    key: &str,
+    value: f64,
+    [least, most]: [f64; 2],
+    unit: &str,
+) -> Result<(), RobotFileError> {
+    if (least..=most).contains(&value) {
+        return Ok(());
+    }
+    Err(RobotFileError::Range {
+        key: key.into(),
+        value,
+        allowed: format!("{least} to {most} {unit}"),
+    })
 }

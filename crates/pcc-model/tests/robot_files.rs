@@ -48,6 +48,11 @@ fn keys_must_be_known_and_complete() {
         ("jerk_m_s3 = 3.9", "jerk_m_s3 = 3.9\nsnap = 1.0", "snap"),
         ("section = 1", "section = 1\ncolour = 3", "colour"),
         ("[1.0, 1.0, 1.0]", "[1.0, 1.0]", "section_lengths_m"),
+        (
+            "[1.0, 1.0, 1.0]",
+            "[1.0, 1.0, 1.0, 1.0]",
+            "invalid length 4, expected an array of exactly 3 numbers",
+        ),
         ("name =", "name = =", "name"),
     ] {
         let error = refused(what, by);
@@ -64,7 +69,11 @@ fn quantities_out_of_range_are_named_with_what_is_allowed() {
         ("[1.0, 1.0, 1.0]", "[1.0, inf, 1.0]", "section_lengths_m"),
         ("[1.0, 1.0, 1.0]", "[1.0, 1e-5, 1.0]", "section_lengths_m"),
         ("[1.0, 1.0, 1.0]", "[1.0, 1e300, 1.0]", "section_lengths_m"),
-        ("radius_m = 0.1636", "radius_m = 1e200", "tendons.radius_m"),
+        (
+            "radius_m = 0.1636",
+            "radius_m = 1e200",
+            "tendons[0].radius_m",
+        ),
         ("rad = 1.57", "rad = 3.15", "bending_limit_rad"),
         ("rad = 1.57", "rad = -1.57", "bending_limit_rad"),
         (
@@ -72,6 +81,13 @@ fn quantities_out_of_range_are_named_with_what_is_allowed() {
             "tube_radius_m = -0.1",
             "tube_radius_m",
         ),
+        (
+            "tube_radius_m = 0.2",
+            "tube_radius_m = 1e7",
+            "tube_radius_m",
+        ),
+        ("rad = 1.57", "rad = 0.001", "bending_limit_rad"),
+        ("jerk_m_s3 = 3.9", "jerk_m_s3 = 1e300", "jerk_m_s3"),
         (
             "spool_radius_m = 0.039",
             "spool_radius_m = 0.0",
@@ -93,7 +109,7 @@ fn quantities_out_of_range_are_named_with_what_is_allowed() {
         let RobotFileError::Range { key, allowed, .. } = &error else {
             panic!("{error}");
         };
-        assert!(key.contains(named) && allowed.contains("0"), "{error}");
+        assert!(key.contains(named) && allowed.contains(" to "), "{error}");
         let text = error.to_string();
         assert!(text.contains(key) && text.contains(allowed), "{text}");
     }
@@ -152,4 +168,28 @@ fn tendons_must_determine_the_shape() {
         Robot::from_toml_str(&none).unwrap_err(),
         RobotFileError::Tendons(TendonMapError::Rank { rank: 0 })
     ));
+}
+
+#[test]
+fn more_tendons_than_a_message_carries_are_refused() {
+    let text = unit_text();
+    let tendon = "\n[[tendons]]\nsection = 1\nradius_m = 0.1\nangle_deg = 10.0\n";
+    let error = Robot::from_toml_str(&(text + tendon)).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "the robot has 10 tendons, at most 9 are allowed"
+    );
+}
+
+#[test]
+fn what_is_wrong_in_a_file_names_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("thick.toml");
+    let text = unit_text().replace("tube_radius_m = 0.2", "tube_radius_m = 1e7");
+    std::fs::write(&file, text).unwrap();
+    let error = Robot::from_file(&file).unwrap_err().to_string();
+    assert!(
+        error.contains("thick.toml") && error.contains("tube_radius_m = 10000000"),
+        "{error}"
+    );
 }

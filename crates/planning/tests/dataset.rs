@@ -4,8 +4,8 @@
 use pcc_model::Robot;
 use planning::FeatureFrame;
 use planning::dataset::{
-    ArchiveReader, ArchiveWriter, Dataset, DatasetError, Meta, Recipe, Split, generate_block,
-    training_rows,
+    ArchiveReader, ArchiveWriter, Counts, Dataset, DatasetError, Meta, Recipe, Split,
+    generate_block, training_rows,
 };
 use planning::scenes::{Setting, reference_layout};
 use std::path::{Path, PathBuf};
@@ -121,24 +121,133 @@ fn broken_sets_are_refused_by_name() {
 }
 
 #[test]
-fn sets_without_rows_or_without_balls_are_sets_too() {
+fn a_set_without_balls_is_a_set_and_one_without_rows_is_none() {
     let folder = tempfile::tempdir().unwrap();
-    let meta = Meta::new(serde_json::json!({}));
-    for targets in [0, 2] {
-        let (rows, _) = generate_block(&robot(), &recipe(Setting::ObstacleFree), 0..targets);
-        assert_eq!(rows.is_empty(), targets == 0);
-        let written = Dataset {
-            rows,
-            meta: meta.clone(),
-        };
-        written.write(folder.path()).unwrap();
-        let read = Dataset::read(folder.path()).unwrap();
-        assert_eq!(read.rows.len(), written.rows.len());
-        assert!(read.rows.iter().all(|row| row.balls.is_empty()));
-        assert!(training_rows(&robot(), &read.rows, 0, FeatureFrame::Canonical).is_ok());
-    }
+    let counts = Counts {
+        requested_targets: 2,
+        ..Counts::default()
+    };
+    let meta = Meta {
+        counts: Some(counts),
+        ..Meta::new(serde_json::json!({}))
+    };
+    let nothing = Dataset {
+        rows: Vec::new(),
+        meta,
+    };
+    let error = nothing.write(&folder.path().join("none")).unwrap_err();
+    assert!(matches!(error, DatasetError::Empty { .. }), "{error}");
+    assert!(error.to_string().contains("0 of 2 targets"), "{error}");
+    assert!(!folder.path().join("none").exists(), "nothing is written");
+    let (rows, _) = generate_block(&robot(), &recipe(Setting::ObstacleFree), 0..2);
+    let written = Dataset {
+        rows,
+        meta: Meta::new(serde_json::json!({})),
+    };
+    written.write(folder.path()).unwrap();
+    let read = Dataset::read(folder.path()).unwrap();
+    assert_eq!(read.rows.len(), written.rows.len());
+    assert!(read.rows.iter().all(|row| row.balls.is_empty()));
+    assert!(training_rows(&robot(), &read.rows, 0, FeatureFrame::Canonical).is_ok());
     let files = std::fs::read_dir(folder.path()).unwrap().count();
     assert_eq!(files, 2, "nothing half-written is left");
+}
+
+#[test]
+fn the_meta_data_has_every_key_of_the_authors_that_has_a_meaning_here() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rows, report) = generate_block(&robot(), &recipe(Setting::General(Some(3))), 0..3);
+    let meta = Meta {
+        counts: Some(Counts::from(&report)),
+        ..Meta::new(serde_json::json!({}))
+    };
+    Dataset { rows, meta }.write(folder.path()).unwrap();
+    let read = |folder: &Path| -> serde_json::Value {
+        let text = std::fs::read_to_string(folder.join("dataset_meta.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    };
+    let ours = read(folder.path());
+    let theirs = read(&project("tests/data/reference-mixed-sample"));
+    /// How their generator works inside.
+    const OF_THEIR_PROGRAM: [&str; 7] = [
+        "obstacle_layout_radius",
+        "planning_policy",
+        "collision_policy",
+        "maximum_adjacent_configuration_step",
+        "resolved_device",
+        "solver_dtype",
+        "workspace_path_ik",
+    ];
+    for (key, value) in theirs.as_object().unwrap() {
+        if OF_THEIR_PROGRAM.contains(&key.as_str()) {
+            continue;
+        }
+        let same = match &ours[key] {
+            serde_json::Value::Null => panic!("{key} is missing"),
+            other => std::mem::discriminant(other) == std::mem::discriminant(value),
+        };
+        assert!(same, "{key} is {}, theirs is {value}", ours[key]);
+    }
+    assert_eq!(ours["split_codes"], theirs["split_codes"]);
+    let total = |key: &str| ours[key]["total"].as_u64().unwrap();
+    let number = |key: &str| ours[key].as_u64().unwrap();
+    assert_eq!(
+        number("requested_targets") - number("actual_targets"),
+        total("target_discarded_counts")
+    );
+    assert_eq!(
+        number("requested_paths") - number("actual_paths"),
+        total("path_failure_counts")
+    );
+}
+
+/// A copy of the authors' sample of which some bytes of the archive are changed.
+fn damaged(change: impl FnOnce(&mut Vec<u8>)) -> Result<Dataset, DatasetError> {
+    let folder = tempfile::tempdir().unwrap();
+    let sample = project("tests/data/reference-mixed-sample");
+    let meta = "dataset_meta.json";
+    std::fs::copy(sample.join(meta), folder.path().join(meta)).unwrap();
+    let mut archive = std::fs::read(sample.join("dataset.npz")).unwrap();
+    change(&mut archive);
+    std::fs::write(folder.path().join("dataset.npz"), archive).unwrap();
+    Dataset::read(folder.path())
+}
+
+#[test]
+fn every_flipped_bit_of_the_values_and_every_surplus_byte_is_seen() {
+    assert!(damaged(|_| ()).is_ok());
+    for place in (1000..230_000).step_by(4787) {
+        let read = damaged(|bytes| bytes[place] ^= 1 << (place % 8));
+        assert!(read.is_err(), "bit {} of byte {place}", place % 8);
+    }
+    assert!(damaged(|bytes| bytes.push(0)).is_err(), "behind");
+    assert!(damaged(|bytes| bytes.insert(0, 0)).is_err(), "before");
+    let inside = |bytes: &mut Vec<u8>| {
+        let directory = bytes.windows(4).position(|w| w == b"PK\x01\x02").unwrap();
+        let end = bytes.len() - 6;
+        let start = u32::from_le_bytes(bytes[end..end + 4].try_into().unwrap());
+        assert_eq!(start as usize, directory, "the premise");
+        bytes[end..end + 4].copy_from_slice(&(start + 3).to_le_bytes());
+        bytes.splice(directory..directory, *b"abc");
+    };
+    assert!(damaged(inside).is_err(), "between");
+}
+
+#[test]
+fn a_set_of_ours_knows_its_own_arrays() {
+    let folder = tempfile::tempdir().unwrap();
+    let (rows, _) = generate_block(&robot(), &recipe(Setting::ObstacleFree), 0..2);
+    let meta = Meta::new(serde_json::json!({}));
+    Dataset { rows, meta }.write(folder.path()).unwrap();
+    let file = folder.path().join("dataset.npz");
+    let whole = std::fs::read(&file).unwrap();
+    for place in (0..whole.len()).step_by(whole.len() / 40) {
+        let mut flipped = whole.clone();
+        flipped[place] ^= 0x10;
+        std::fs::write(&file, flipped).unwrap();
+        let error = Dataset::read(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("arrays_sha256"), "{place}: {error}");
+    }
 }
 
 /// One row with a ball, in the widths that NumPy makes by itself.
@@ -168,8 +277,9 @@ fn write_wide(file: &Path, path_shape: &[usize], tip: f64) {
 #[test]
 fn arrays_of_any_width_are_read_and_shapes_and_values_are_checked() {
     let folder = tempfile::tempdir().unwrap();
-    let sample = project("tests/data/reference-mixed-sample/dataset_meta.json");
-    std::fs::copy(sample, folder.path().join("dataset_meta.json")).unwrap();
+    Meta::new(serde_json::json!({}))
+        .write(folder.path())
+        .unwrap();
     let file = folder.path().join("dataset.npz");
     write_wide(&file, &[1, 64, 6], 2.4);
     let read = Dataset::read(folder.path()).unwrap();

@@ -72,7 +72,9 @@ struct Peaks {
 
 impl Peaks {
     fn measure() -> Self {
-        let has_tiles = Unit::detected().contains(&Unit::Tiles);
+        let has_tiles = Unit::detected()
+            .iter()
+            .any(|unit| matches!(unit, Unit::Tiles(_)));
         Self {
             single: peak::single(),
             vectors: peak::brain_vectors(),
@@ -83,8 +85,8 @@ impl Peaks {
 
     fn of(&self, unit: Unit) -> Option<f64> {
         match unit {
-            Unit::Vectors => self.vectors,
-            Unit::Tiles => self.tiles,
+            Unit::Vectors(_) => self.vectors,
+            Unit::Tiles(_) => self.tiles,
         }
     }
 }

@@ -89,7 +89,7 @@ impl BrainBuffer {
             .chunks(width.max(1))
             .zip(self.lines.chunks_mut(per_row.max(1)))
         {
-            // SAFETY: a unit exists only where AVX-512 F, BW, VL and BF16 were detected.
+            // SAFETY: either unit proves that AVX-512 F, BW, VL and BF16 were detected.
             unsafe { round_row(row, lines) };
         }
     }
@@ -139,13 +139,22 @@ fn round_line(values: &[f32], Line(line): &mut Line) {
     }
 }
 
-/// What computes bf16 products.
+/// Proof that this processor has AVX-512 F, BW, VL and BF16: only [`Unit::detected`] makes one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bf16Vectors(());
+
+/// Proof that this processor has AMX BF16 beside AVX-512 BF16, and that its tiles may be used: only [`Unit::detected`]
+/// makes one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bf16Tiles(());
+
+/// What computes bf16 products; there is a value only of what this processor has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     /// AVX-512 BF16: pairs of products in vector registers.
-    Vectors,
+    Vectors(Bf16Vectors),
     /// AMX BF16: tiles of products.
-    Tiles,
+    Tiles(Bf16Tiles),
 }
 
 static UNITS: LazyLock<Vec<Unit>> = LazyLock::new(|| {
@@ -156,9 +165,9 @@ static UNITS: LazyLock<Vec<Unit>> = LazyLock::new(|| {
         && is_x86_feature_detected!("avx512vl")
         && is_x86_feature_detected!("avx512bf16")
     {
-        units.push(Unit::Vectors);
+        units.push(Unit::Vectors(Bf16Vectors(())));
         if tiles::available() {
-            units.push(Unit::Tiles);
+            units.push(Unit::Tiles(Bf16Tiles(())));
         }
     }
     units
@@ -179,14 +188,14 @@ impl Unit {
     /// half of it on an Intel Xeon.
     pub(super) fn is_faster_than_single(self) -> bool {
         match self {
-            Self::Tiles => true,
+            Self::Tiles(_) => true,
             #[cfg(target_arch = "x86_64")]
-            Self::Vectors => {
+            Self::Vectors(_) => {
                 let CpuidResult { ebx, ecx, edx, .. } = __cpuid(0);
                 [ebx, edx, ecx].map(u32::to_le_bytes).as_flattened() == b"AuthenticAMD"
             }
             #[cfg(not(target_arch = "x86_64"))]
-            Self::Vectors => false,
+            Self::Vectors(_) => false,
         }
     }
 
@@ -224,17 +233,15 @@ impl BrainPanels {
         Self { pairs, weights }
     }
 
-    /// Computes with a unit, which must be [detected](Unit::detected).
+    /// Computes with a unit.
     pub(super) fn multiply(&self, unit: Unit, job: Job<'_, Brain>) {
-        let is_detected = Unit::detected().contains(&unit);
-        assert!(is_detected, "this processor has no {unit:?} for bf16");
         match unit {
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: AVX-512 F, BW, VL and BF16 were detected: asserted above.
-            Unit::Vectors => unsafe { vectors::multiply(self, job) },
+            // SAFETY: the unit proves that AVX-512 F, BW, VL and BF16 were detected.
+            Unit::Vectors(_) => unsafe { vectors::multiply(self, job) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: tiles are available: asserted above.
-            Unit::Tiles => unsafe { tiles::multiply(self, job) },
+            // SAFETY: the unit proves that tiles are available.
+            Unit::Tiles(_) => unsafe { tiles::multiply(self, job) },
             #[cfg(not(target_arch = "x86_64"))]
             unit => unreachable!("{unit:?} is of x86-64, not for {} rows", job.batch.rows),
         }

@@ -20,7 +20,7 @@ mod wide;
 
 use crate::simd::detected;
 use brain::BrainPanels;
-pub use brain::{Brain, BrainBuffer, Unit, padded};
+pub use brain::{Bf16Tiles, Bf16Vectors, Brain, BrainBuffer, Unit, padded};
 use single::SinglePanels;
 use std::fmt;
 use std::ops::Range;
@@ -369,7 +369,7 @@ impl Packed {
     ///
     /// # Panics
     ///
-    /// When a row lies outside of `x` or `out`, or the unit is not [detected](Unit::detected).
+    /// When a row lies outside of `x` or `out`.
     pub fn multiply_on(
         &self,
         unit: Unit,

@@ -5,7 +5,7 @@ use super::{Job, PANEL};
 #[cfg(target_arch = "x86_64")]
 use super::{narrow, wide};
 use crate::paged::Paged;
-use crate::simd::{Detected, Features};
+use crate::simd::Level;
 
 /// The weights of one input for as many outputs as a panel has, on cache lines of its own.
 #[derive(Clone, Copy)]
@@ -14,14 +14,14 @@ pub(super) struct Weights(pub(super) [f32; PANEL]);
 
 /// A matrix packed as `[part of a panel][input][output in part]`, for the products of one level.
 pub(super) struct SinglePanels {
-    level: Detected,
+    level: Level,
     inputs: usize,
     weights: Paged<Weights>,
 }
 
 impl SinglePanels {
     /// Packs a row-major matrix (outputs × inputs).
-    pub(super) fn new(level: Detected, weight: &[f32], outputs: usize) -> Self {
+    pub(super) fn new(level: Level, weight: &[f32], outputs: usize) -> Self {
         let inputs = weight.len() / outputs;
         let count = outputs.div_ceil(PANEL) * inputs;
         let mut panels = Self {
@@ -46,23 +46,23 @@ impl SinglePanels {
 
     /// Where the weight of an input for an output lies.
     fn place(&self, output: usize, input: usize) -> usize {
-        let part = match self.level.features() {
+        let part = match self.level {
             #[cfg(target_arch = "x86_64")]
-            Features::Avx2 => narrow::HALF,
+            Level::Avx2(_) => narrow::HALF,
             _ => PANEL,
         };
         (output / part * self.inputs + input) * part + output % part
     }
 
     pub(super) fn multiply(&self, job: Job<'_, f32>) {
-        match self.level.features() {
+        match self.level {
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: its features were detected.
-            Features::Avx512 => unsafe { wide::multiply(&self.weights, self.inputs, job) },
+            // SAFETY: the level proves that its features were detected.
+            Level::Avx512(_) => unsafe { wide::multiply(&self.weights, self.inputs, job) },
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: its features were detected.
-            Features::Avx2 => unsafe { narrow::multiply(&self.weights, self.inputs, job) },
-            Features::Plain => self.multiply_plainly(job),
+            // SAFETY: the level proves that its features were detected.
+            Level::Avx2(_) => unsafe { narrow::multiply(&self.weights, self.inputs, job) },
+            Level::Plain => self.multiply_plainly(job),
         }
     }
 

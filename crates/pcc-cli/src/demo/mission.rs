@@ -2,6 +2,7 @@
 
 use super::motion::{Execution, Proposal, Report, Stage, Task};
 use super::recording::Recording;
+use crate::output_files::write_whole;
 use anyhow::{Context, bail};
 use client::{Client, ControllerView, ScenePublisher};
 use collision::{Ball, Scene};
@@ -282,10 +283,10 @@ impl<'a> Mission<'a> {
             "interrupted": self.interrupted,
             "impossible_outcome": self.impossible,
         });
-        Ok(std::fs::write(
-            folder.join("demo.json"),
-            serde_json::to_string_pretty(&summary)?,
-        )?)
+        write_whole(
+            &folder.join("demo.json"),
+            &serde_json::to_string_pretty(&summary)?,
+        )
     }
 }
 

@@ -4,7 +4,7 @@ mod mission;
 mod motion;
 mod recording;
 
-use anyhow::Context;
+use crate::output_files::{make_writable, refuse_existing};
 use clap::Args;
 use pcc_model::Robot;
 use shared_types::ipc::IpcOptions;
@@ -13,7 +13,7 @@ use std::path::PathBuf;
 /// Arguments of `pcc demo`.
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// Keep recording.npz, scene.json and demo.json in this folder.
+    /// Keep recording.npz, scene.json and demo.json in this folder, which has none yet.
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
     /// Robot file; the same that the daemon and the controller use.
@@ -25,8 +25,11 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let robot = Robot::from_file(&arguments.robot)
-        .with_context(|| format!("robot file {}", arguments.robot.display()))?;
+    let robot = Robot::from_file(&arguments.robot)?;
+    if let Some(folder) = &arguments.record {
+        refuse_existing(folder, &recording::FILES)?;
+        make_writable(folder)?;
+    }
     let options = IpcOptions::from_env();
     let mut mission = mission::Mission::begin(&robot, &options, arguments.seed)?;
     let outcome = mission.carry_out();

@@ -1,6 +1,7 @@
 //! Every cycle of the loop during the demonstration, and what stood in the way.
 
-use anyhow::{Context, anyhow};
+use crate::output_files::write_whole;
+use anyhow::anyhow;
 use client::CycleRecorder;
 use pcc_model::Robot;
 use planning::dataset::ArchiveWriter;
@@ -12,6 +13,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
+
+/// What a recorded demonstration leaves behind.
+pub(super) const FILES: [&str; 3] = ["recording.npz", "scene.json", "demo.json"];
 
 /// Records in a thread of its own, since ports stay in the thread that made them.
 pub(super) struct Recording {
@@ -61,8 +65,6 @@ impl Recording {
 
     /// Writes `recording.npz` and `scene.json`.
     pub(super) fn save(&self, folder: &Path, robot: &Robot) -> anyhow::Result<()> {
-        std::fs::create_dir_all(folder)
-            .with_context(|| format!("cannot make {}", folder.display()))?;
         let cycles = self.since(i64::MIN)?;
         write_cycles(&folder.join("recording.npz"), &cycles)?;
         let event = |(stamp, balls): &(i64, Vec<MovingBall>)| {
@@ -78,10 +80,10 @@ impl Recording {
             "limits": { "velocity_m_s": limits.velocity, "acceleration_m_s2": limits.acceleration, "jerk_m_s3": limits.jerk },
             "events": self.scenes.iter().map(event).collect::<Vec<_>>(),
         });
-        Ok(std::fs::write(
-            folder.join("scene.json"),
-            serde_json::to_string_pretty(&scene)?,
-        )?)
+        write_whole(
+            &folder.join("scene.json"),
+            &serde_json::to_string_pretty(&scene)?,
+        )
     }
 }
 

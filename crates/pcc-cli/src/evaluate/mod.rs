@@ -4,9 +4,10 @@ mod arrays;
 mod proposals;
 mod summary;
 
-use crate::dataset::unit_robot;
 use crate::number::threads;
+use crate::output_files::{make_writable, write_whole};
 use crate::planner::{Loaded, ModelArguments, PlannerName, load, name_of};
+use crate::robot::unit_robot;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum, builder::RangedU64ValueParser};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -45,7 +46,7 @@ pub(crate) struct Arguments {
     /// Candidates a case (1 to 64).
     #[arg(long, default_value_t = 10)]
     candidates: usize,
-    /// Seed; case i is planned with seed + i.
+    /// Seed; case i is planned with seed + i (modulo 2^64).
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Only the first N cases, at least 1.
@@ -88,8 +89,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     )?;
     let proposals = arguments.proposals()?;
     let cases = arguments.cases(proposals.as_ref().map(Vec::len))?;
-    std::fs::create_dir_all(&arguments.out)
-        .with_context(|| format!("cannot make {}", arguments.out.display()))?;
+    make_writable(&arguments.out)?;
     let answers = answer_all(&planner, arguments, cases, proposals)?;
     arrays::write(
         &arguments.out.join("paths.npz"),
@@ -97,10 +97,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         arguments.candidates,
     )?;
     let result = summary::summarise(planner.robot(), arguments, records, &answers);
-    std::fs::write(
-        arguments.out.join("result.json"),
-        serde_json::to_string_pretty(&result)?,
-    )?;
+    let text = serde_json::to_string_pretty(&result)?;
+    write_whole(&arguments.out.join("result.json"), &text)?;
     summary::print(&result);
     Ok(())
 }
@@ -114,7 +112,9 @@ impl Arguments {
             SplitName::Test => Split::Test,
         };
         let limit = self.cases.into_iter().chain(given).min();
-        let cases = Dataset::read(&self.dataset)?.cases(split, limit)?;
+        let cases = Dataset::read(&self.dataset)
+            .and_then(|dataset| dataset.cases(split, limit))
+            .with_context(|| format!("data set {}", self.dataset.display()))?;
         let needed = given.and(limit).unwrap_or(1);
         if cases.len() < needed {
             bail!(

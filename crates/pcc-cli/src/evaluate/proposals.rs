@@ -9,17 +9,19 @@ use std::path::Path;
 /// Reads `paths [C, candidates, 64, 6]`, f32 or f64, radians; case by case.
 pub(super) fn read(file: &Path, candidates: usize) -> anyhow::Result<Vec<Vec<Waypoints>>> {
     let mut archive = ArchiveReader::open(file)?;
-    let (values, shape) = archive.read::<f64>("paths").or_else(|error| {
-        let (values, shape) = archive.read::<f32>("paths").map_err(|_| error)?;
-        anyhow::Ok((values.into_iter().map(f64::from).collect(), shape))
-    })?;
-    let wanted = [candidates, WAYPOINTS, DOF];
-    if shape.len() != 4 || !shape[1..].iter().map(|n| *n as usize).eq(wanted) || shape[0] == 0 {
+    let cases = archive.shape("paths")?.first().copied().unwrap_or(0) as usize;
+    if cases == 0 {
         bail!(
-            "array `paths` of {} has shape {shape:?}: [C, {candidates}, {WAYPOINTS}, {DOF}] with C of at least 1 is needed",
+            "array `paths` of {} has no case; at least 1 is needed",
             file.display()
         );
     }
+    archive.expect_shape("paths", &[cases, candidates, WAYPOINTS, DOF])?;
+    let values = match archive.read::<f32>("paths") {
+        Ok((values, _)) => values.into_iter().map(f64::from).collect(),
+        Err(_) => archive.read::<f64>("paths")?.0,
+    };
+    archive.check_all()?;
     let wrong = values.iter().position(|v| !v.is_finite());
     if let Some(index) = wrong {
         let case = index / (candidates * WAYPOINTS * DOF);

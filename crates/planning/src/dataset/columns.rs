@@ -1,73 +1,49 @@
 //! Reading the arrays of a data set, whatever width their numbers have.
+//!
+//! Every shape is compared before any value is read: a small archive may hold gigabytes of zeros.
 
-use super::archive::{ArchiveError, ArchiveReader};
-use super::format::DatasetError;
+use arrays::{ArchiveError, ArchiveReader, DType, Deserialize, TypeChar};
 
-/// First dimension of a shape; 0 for a scalar, which no array of rows is.
-pub(super) fn first(shape: &[u64]) -> usize {
-    shape.first().map_or(0, |n| *n as usize)
+/// Number of rows of an array; 0 for a scalar, which no array of rows is.
+pub(super) fn rows_of(archive: &ArchiveReader, array: &str) -> Result<usize, ArchiveError> {
+    let rows = archive.shape(array)?.first().copied().unwrap_or(0);
+    // More than an address can count are more than there is memory for; the shape is refused by what it is compared with.
+    Ok(usize::try_from(rows).unwrap_or(usize::MAX))
 }
 
-/// An array of real numbers; f32, as the format has it, or f64.
-pub(super) fn reals(
-    archive: &mut ArchiveReader,
-    array: &'static str,
-) -> Result<(Vec<f32>, Vec<u64>), ArchiveError> {
-    let narrow = |v: f64| v as f32;
-    archive.read::<f32>(array).or_else(|as_written| {
-        let (values, shape) = archive.read::<f64>(array).map_err(|_| as_written)?;
-        Ok((values.into_iter().map(narrow).collect(), shape))
-    })
-}
-
-pub(super) fn real_column(
-    archive: &mut ArchiveReader,
-    array: &'static str,
-    expected: &[usize],
-) -> Result<Vec<f32>, DatasetError> {
-    let (values, shape) = reals(archive, array)?;
-    expect_shape(array, &shape, expected)?;
-    Ok(values)
-}
-
-pub(super) fn integer_column(
-    archive: &mut ArchiveReader,
-    array: &'static str,
-    count: usize,
-) -> Result<Vec<i64>, DatasetError> {
-    let (values, shape) = archive
-        .read::<i64>(array)
-        .or_else(|error| integers::<i32>(archive, array).map_err(|_| error))
-        .or_else(|error| integers::<i16>(archive, array).map_err(|_| error))
-        .or_else(|error| integers::<i8>(archive, array).map_err(|_| error))
-        .or_else(|error| integers::<u8>(archive, array).map_err(|_| error))?;
-    expect_shape(array, &shape, &[count])?;
-    Ok(values)
-}
-
-fn integers<T: npyz::Deserialize + Into<i64>>(
-    archive: &mut ArchiveReader,
-    array: &'static str,
-) -> Result<(Vec<i64>, Vec<u64>), ArchiveError> {
-    let (values, shape) = archive.read::<T>(array)?;
-    Ok((values.into_iter().map(Into::into).collect(), shape))
-}
-
-pub(super) fn expect_shape(
-    array: &'static str,
-    found: &[u64],
-    expected: &[usize],
-) -> Result<(), DatasetError> {
-    if found
-        .iter()
-        .map(|n| *n as usize)
-        .eq(expected.iter().copied())
-    {
-        return Ok(());
+/// Real numbers; f32, as the format has it, or f64.
+pub(super) fn reals(archive: &mut ArchiveReader, array: &str) -> Result<Vec<f32>, ArchiveError> {
+    match number(archive.dtype(array)?) {
+        Some((TypeChar::Float, 8)) => {
+            let (values, _) = archive.read::<f64>(array)?;
+            Ok(values.into_iter().map(|v| v as f32).collect())
+        }
+        _ => Ok(archive.read(array)?.0),
     }
-    Err(DatasetError::Shape {
-        array,
-        found: found.to_vec(),
-        expected: format!("{expected:?}"),
-    })
+}
+
+/// Whole numbers of any width.
+pub(super) fn integers(archive: &mut ArchiveReader, array: &str) -> Result<Vec<i64>, ArchiveError> {
+    match number(archive.dtype(array)?) {
+        Some((TypeChar::Int, 4)) => widened::<i32>(archive, array),
+        Some((TypeChar::Int, 2)) => widened::<i16>(archive, array),
+        Some((TypeChar::Int, 1)) => widened::<i8>(archive, array),
+        Some((TypeChar::Uint, 1)) => widened::<u8>(archive, array),
+        _ => Ok(archive.read(array)?.0),
+    }
+}
+
+fn widened<T: Deserialize + Into<i64>>(
+    archive: &mut ArchiveReader,
+    array: &str,
+) -> Result<Vec<i64>, ArchiveError> {
+    let (values, _) = archive.read::<T>(array)?;
+    Ok(values.into_iter().map(Into::into).collect())
+}
+
+fn number(dtype: &DType) -> Option<(TypeChar, u64)> {
+    match dtype {
+        DType::Plain(plain) => Some((plain.type_char(), plain.size_field())),
+        _ => None,
+    }
 }

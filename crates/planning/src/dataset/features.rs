@@ -1,8 +1,8 @@
 //! Training arrays of the few-step model, made from a data set.
 
-use super::archive::{ArchiveError, ArchiveWriter};
 use super::format::Row;
 use crate::features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, residual_coefficients};
+use arrays::{ArchiveError, ArchiveWriter};
 use collision::{Scene, SceneError};
 use denoiser::FeatureFrame;
 use pcc_model::{Configuration, Robot};
@@ -27,7 +27,7 @@ pub struct TrainingRows {
 pub fn training_rows(
     robot: &Robot,
     rows: &[Row],
-    first_group: i64,
+    first_group: u32,
     frame: FeatureFrame,
 ) -> Result<TrainingRows, SceneError> {
     let mut out = TrainingRows {
@@ -49,7 +49,8 @@ pub fn training_rows(
             out.ball_offsets
                 .push((out.balls.len() / BALL_FEATURES) as i64);
             out.coefficients.extend(coefficients.map(|c| c as f32));
-            out.groups.push(first_group + i64::from(row.target_index));
+            out.groups
+                .push(i64::from(first_group) + i64::from(row.target_index));
         }
     }
     Ok(out)

@@ -1,18 +1,17 @@
 //! The authors' data set format, version 25: one row a path, obstacles by offsets (docs/evaluation.md "The command").
 
-use super::archive::{ArchiveError, ArchiveReader, ArchiveWriter};
-use super::columns::{expect_shape, first, integer_column, real_column, reals};
-use super::paper::PaperReport;
+use super::columns::{integers, reals, rows_of};
+use super::meta::{Counts, Meta};
 use crate::path::WAYPOINTS;
-use collision::{Ball, Scene, SceneError};
+use arrays::{ArchiveError, ArchiveReader, ArchiveWriter};
+use collision::{Ball, MAX_EXTENT, Scene, SceneError};
 use pcc_model::{Configuration, DOF, Point};
-use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 use std::collections::HashSet;
+use std::fs::File;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
-
-/// Version of the format that is read and written.
-const VERSION: u32 = 25;
 
 /// The part of a data set that a row belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,45 +25,11 @@ pub enum Split {
 }
 
 impl Split {
-    fn code(self) -> i8 {
+    pub(super) fn code(self) -> i8 {
         match self {
             Self::Train => 0,
             Self::Validation => 1,
             Self::Test => 2,
-        }
-    }
-}
-
-/// What `dataset_meta.json` says; keys that are not known are ignored.
-#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
-pub struct Meta {
-    /// `pcc_diffuser_npz`.
-    pub format: String,
-    /// 25.
-    pub version: u32,
-    /// Radius of every ball where no `obstacle_radii` are stored, section lengths.
-    pub sphere_radius: f64,
-    /// Tube radius of the body, section lengths.
-    pub clearance_margin: f64,
-    /// How the data was made.
-    #[serde(default)]
-    pub config: serde_json::Value,
-    /// What the paper's generator dropped, where it was that one.
-    #[serde(flatten)]
-    pub report: Option<PaperReport>,
-}
-
-impl Meta {
-    /// Meta data of a set made by this project with the given recipe.
-    #[must_use]
-    pub fn new(config: serde_json::Value) -> Self {
-        Self {
-            format: "pcc_diffuser_npz".into(),
-            version: VERSION,
-            sphere_radius: 0.4,
-            clearance_margin: 0.2,
-            config,
-            report: None,
         }
     }
 }
@@ -137,15 +102,11 @@ pub enum DatasetError {
         /// What is wrong and what is allowed.
         reason: String,
     },
-    /// An array has a shape that does not fit the others.
-    #[error("array `{array}` has shape {found:?}, {expected} is needed")]
-    Shape {
-        /// The array.
-        array: &'static str,
-        /// Its shape.
-        found: Vec<u64>,
-        /// What fits.
-        expected: String,
+    /// No path was kept, so there is no set.
+    #[error("there is no path to make a data set of{}", .counts.as_ref().map(|c| format!(": {c}")).unwrap_or_default())]
+    Empty {
+        /// What was dropped and why, where it is known.
+        counts: Option<Box<Counts>>,
     },
     /// A value is out of range.
     #[error("row {row}: {reason}")]
@@ -171,55 +132,58 @@ impl Dataset {
     /// # Errors
     /// [`DatasetError`], naming the file or array and what is allowed.
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
-        let meta = read_meta(&folder.join("dataset_meta.json"))?;
-        let mut archive = ArchiveReader::open(&folder.join("dataset.npz"))?;
-        let (paths, shape) = reals(&mut archive, "paths")?;
-        let rows = first(&shape);
-        expect_shape("paths", &shape, &[rows, WAYPOINTS, DOF])?;
-        let tips = real_column(&mut archive, "target_tips", &[rows, 3])?;
-        let targets = integer_column(&mut archive, "target_indices", rows)?;
-        let starts = integer_column(&mut archive, "start_indices", rows)?;
-        let shapes = integer_column(&mut archive, "ik_indices", rows)?;
-        let splits = integer_column(&mut archive, "split_indices", rows)?;
-        let obstacles = Obstacles::read(&mut archive, rows, meta.sphere_radius)?;
-        let checks = read_checks(&mut archive, rows)?;
-        let row = |i: usize| {
-            Ok(Row {
-                path: read_path(i, &paths[i * WAYPOINTS * DOF..][..WAYPOINTS * DOF])?,
-                target_tip: read_tip(i, &tips[3 * i..][..3])?,
-                target_index: index(i, "target", targets[i])?,
-                start_index: index(i, "start", starts[i])?,
-                ik_index: index(i, "end shape", shapes[i])?,
-                split: split_of(i, splits[i])?,
-                balls: obstacles.of(i)?,
-                check: checks.as_ref().map(|checks| checks[i]),
-            })
+        let meta = Meta::read(folder)?;
+        let file = folder.join(ARRAYS);
+        let wrong_meta = |reason: String| DatasetError::Meta {
+            path: folder.join("dataset_meta.json"),
+            reason,
         };
-        Ok(Self {
-            rows: (0..rows).map(row).collect::<Result<_, DatasetError>>()?,
-            meta,
-        })
+        if let Some(expected) = &meta.arrays_sha256 {
+            let found = sha256(&file)?;
+            if found != *expected {
+                return Err(wrong_meta(format!(
+                    "arrays_sha256 is {expected}, that of dataset.npz is {found}: it is damaged, or of another set"
+                )));
+            }
+        }
+        let mut archive = ArchiveReader::open(&file)?;
+        let shapes = Shapes::check(&archive)?;
+        if shapes.rows == 0 {
+            let counts = meta.counts.map(Box::new);
+            return Err(DatasetError::Empty { counts });
+        }
+        archive.check_all()?;
+        let rows = read_rows(&mut archive, &shapes, meta.sphere_radius)?;
+        meta.check_rows(&rows).map_err(wrong_meta)?;
+        Ok(Self { rows, meta })
     }
 
     /// Writes both files into a folder, which is made if need be; each appears whole, the meta data last.
     ///
     /// # Errors
-    /// [`DatasetError::Archive`] or [`DatasetError::Meta`].
+    /// [`DatasetError::Empty`] where there is no row: nothing is written then; [`DatasetError::Archive`] or
+    /// [`DatasetError::Meta`].
     pub fn write(&self, folder: &Path) -> Result<(), DatasetError> {
-        let path = folder.join("dataset_meta.json");
-        let fail = |reason: String| DatasetError::Meta {
-            path: path.clone(),
-            reason,
+        if self.rows.is_empty() {
+            let counts = self.meta.counts.clone().map(Box::new);
+            return Err(DatasetError::Empty { counts });
+        }
+        let file = folder.join(ARRAYS);
+        std::fs::create_dir_all(folder).map_err(|source| ArchiveError::Write {
+            path: file.clone(),
+            source,
+        })?;
+        self.write_arrays(&file)?;
+        let archive = ArchiveReader::open(&file)?;
+        let shapes = archive
+            .shapes()
+            .map(|(name, shape)| (name.to_owned(), shape.to_vec()));
+        let meta = Meta {
+            arrays: Some(shapes.collect()),
+            arrays_sha256: Some(sha256(&file)?),
+            ..self.meta.counting(&self.rows)
         };
-        std::fs::create_dir_all(folder).map_err(|e| fail(e.to_string()))?;
-        let arrays = folder.join("dataset.npz");
-        let part = part_of(&arrays);
-        self.write_arrays(&part)?;
-        std::fs::rename(&part, &arrays).map_err(|e| fail(e.to_string()))?;
-        let text = serde_json::to_string_pretty(&self.meta).map_err(|e| fail(e.to_string()))?;
-        let part = part_of(&path);
-        std::fs::write(&part, text).map_err(|e| fail(e.to_string()))?;
-        std::fs::rename(&part, &path).map_err(|e| fail(e.to_string()))
+        meta.write(folder)
     }
 
     fn write_arrays(&self, file: &Path) -> Result<(), ArchiveError> {
@@ -303,29 +267,124 @@ impl Dataset {
     }
 }
 
-fn read_checks(
-    archive: &mut ArchiveReader,
+/// Name of the file with the arrays.
+const ARRAYS: &str = "dataset.npz";
+
+/// The sizes of a set's arrays, which fit each other.
+struct Shapes {
     rows: usize,
-) -> Result<Option<Vec<Check>>, DatasetError> {
-    if !(archive.has("clearances") && archive.has("certified")) {
-        return Ok(None);
-    }
-    let clearances = real_column(archive, "clearances", &[rows])?;
-    let certified = integer_column(archive, "certified", rows)?;
-    let checks = clearances.into_iter().zip(certified);
-    Ok(Some(
-        checks
-            .map(|(clearance, certified)| Check {
-                clearance,
-                is_certified: certified != 0,
-            })
-            .collect(),
-    ))
+    balls: usize,
+    has_radii: bool,
+    has_checks: bool,
 }
 
-/// Where a file is written before it is whole; of this process alone, since shards may end at the same time.
-fn part_of(file: &Path) -> PathBuf {
-    file.with_extension(format!("{}.part", std::process::id()))
+impl Shapes {
+    /// Compares the shapes of all arrays; no value is read.
+    fn check(archive: &ArchiveReader) -> Result<Self, ArchiveError> {
+        let (rows, balls) = (
+            rows_of(archive, "paths")?,
+            rows_of(archive, "obstacle_centres")?,
+        );
+        archive.expect_shape("paths", &[rows, WAYPOINTS, DOF])?;
+        archive.expect_shape("target_tips", &[rows, 3])?;
+        for array in INDICES {
+            archive.expect_shape(array, &[rows])?;
+        }
+        archive.expect_shape("obstacle_centres", &[balls, 3])?;
+        archive.expect_shape("obstacle_offsets", &[rows.saturating_add(1)])?;
+        let has_radii = archive.has("obstacle_radii");
+        if has_radii {
+            archive.expect_shape("obstacle_radii", &[balls])?;
+        }
+        let has_checks = archive.has("clearances") || archive.has("certified");
+        if has_checks {
+            archive.expect_shape("clearances", &[rows])?;
+            archive.expect_shape("certified", &[rows])?;
+        }
+        Ok(Self {
+            rows,
+            balls,
+            has_radii,
+            has_checks,
+        })
+    }
+}
+
+/// Arrays of one whole number a row.
+const INDICES: [&str; 4] = [
+    "target_indices",
+    "start_indices",
+    "ik_indices",
+    "split_indices",
+];
+
+fn read_rows(
+    archive: &mut ArchiveReader,
+    shapes: &Shapes,
+    sphere_radius: f64,
+) -> Result<Vec<Row>, DatasetError> {
+    let paths = reals(archive, "paths")?;
+    let tips = reals(archive, "target_tips")?;
+    let [targets, starts, ends, splits] = INDICES.map(|array| integers(archive, array));
+    let (targets, starts, ends, splits) = (targets?, starts?, ends?, splits?);
+    let obstacles = Obstacles::read(archive, shapes, sphere_radius)?;
+    let checks = match shapes.has_checks {
+        true => Some(read_checks(archive)?),
+        false => None,
+    };
+    let row = |i: usize| {
+        Ok(Row {
+            path: read_path(i, &paths[i * WAYPOINTS * DOF..][..WAYPOINTS * DOF])?,
+            target_tip: read_tip(i, &tips[3 * i..][..3])?,
+            target_index: index(i, "target", targets[i])?,
+            start_index: index(i, "start", starts[i])?,
+            ik_index: index(i, "end shape", ends[i])?,
+            split: split_of(i, splits[i])?,
+            balls: obstacles.of(i)?,
+            check: checks.as_ref().map(|checks| checks[i]),
+        })
+    };
+    (0..shapes.rows).map(row).collect()
+}
+
+fn read_checks(archive: &mut ArchiveReader) -> Result<Vec<Check>, DatasetError> {
+    let clearances = reals(archive, "clearances")?;
+    let certified = integers(archive, "certified")?;
+    let checks = clearances.into_iter().zip(certified).enumerate();
+    let check = |(row, (clearance, certified)): (usize, (f32, i64))| {
+        if clearance.is_nan() || !(0..=1).contains(&certified) {
+            return Err(DatasetError::Row {
+                row,
+                reason: format!(
+                    "clearance {clearance}, certified {certified}; a number, and 0 or 1 are needed"
+                ),
+            });
+        }
+        Ok(Check {
+            clearance,
+            is_certified: certified == 1,
+        })
+    };
+    checks.map(check).collect()
+}
+
+/// SHA-256 of a file, hexadecimal.
+fn sha256(path: &Path) -> Result<String, ArchiveError> {
+    let hash = || {
+        let (mut file, mut hash) = (File::open(path)?, Sha256::new());
+        let mut bytes = vec![0; 1 << 16];
+        loop {
+            match file.read(&mut bytes)? {
+                0 => return Ok(hash.finalize()),
+                count => hash.update(&bytes[..count]),
+            }
+        }
+    };
+    let hash = hash().map_err(|source| ArchiveError::File {
+        path: path.into(),
+        source,
+    })?;
+    Ok(hash.iter().map(|b| format!("{b:02x}")).collect())
 }
 
 fn case_of(index: usize, row: &Row) -> Result<Case, DatasetError> {
@@ -349,23 +408,28 @@ struct Obstacles {
 impl Obstacles {
     fn read(
         archive: &mut ArchiveReader,
-        rows: usize,
+        shapes: &Shapes,
         default_radius: f64,
     ) -> Result<Self, DatasetError> {
-        let (centres, shape) = reals(archive, "obstacle_centres")?;
-        let count = first(&shape);
-        expect_shape("obstacle_centres", &shape, &[count, 3])?;
-        let offsets = integer_column(archive, "obstacle_offsets", rows + 1)?;
-        let radii = if archive.has("obstacle_radii") {
-            real_column(archive, "obstacle_radii", &[count])?
-        } else {
-            vec![default_radius as f32; count]
+        let obstacles = Self {
+            centres: reals(archive, "obstacle_centres")?,
+            radii: match shapes.has_radii {
+                true => reals(archive, "obstacle_radii")?,
+                false => vec![default_radius as f32; shapes.balls],
+            },
+            offsets: integers(archive, "obstacle_offsets")?,
         };
-        Ok(Self {
-            centres,
-            radii,
-            offsets,
-        })
+        let ends = [obstacles.offsets[0], obstacles.offsets[shapes.rows]];
+        if ends != [0, shapes.balls as i64] {
+            return Err(DatasetError::Row {
+                row: 0,
+                reason: format!(
+                    "obstacle_offsets are from {} to {}; from 0 to {}, the number of obstacles, is needed",
+                    ends[0], ends[1], shapes.balls
+                ),
+            });
+        }
+        Ok(obstacles)
     }
 
     fn of(&self, row: usize) -> Result<Vec<Ball>, DatasetError> {
@@ -381,24 +445,23 @@ impl Obstacles {
             centre: Point::from_fn(|axis, _| f64::from(self.centres[3 * i + axis])),
             radius: f64::from(self.radii[i]),
         };
-        Ok((first as usize..end as usize).map(ball).collect())
+        let balls: Vec<Ball> = (first as usize..end as usize).map(ball).collect();
+        let extent = -MAX_EXTENT..=MAX_EXTENT;
+        let is_allowed = |ball: &Ball| {
+            ball.centre.iter().all(|v| extent.contains(v))
+                && (0.0..=MAX_EXTENT).contains(&ball.radius)
+        };
+        match balls.iter().find(|ball| !is_allowed(ball)) {
+            None => Ok(balls),
+            Some(Ball { centre, radius }) => Err(DatasetError::Row {
+                row,
+                reason: format!(
+                    "an obstacle has centre {:?} and radius {radius}; coordinates within ±{MAX_EXTENT:e} and a radius of 0 to {MAX_EXTENT:e} are allowed",
+                    <[f64; 3]>::from(*centre)
+                ),
+            }),
+        }
     }
-}
-
-fn read_meta(path: &Path) -> Result<Meta, DatasetError> {
-    let fail = |reason: String| DatasetError::Meta {
-        path: path.into(),
-        reason,
-    };
-    let text = std::fs::read_to_string(path).map_err(|e| fail(e.to_string()))?;
-    let meta: Meta = serde_json::from_str(&text).map_err(|e| fail(e.to_string()))?;
-    if meta.format != "pcc_diffuser_npz" || meta.version != VERSION {
-        return Err(fail(format!(
-            "format `{}` version {}; `pcc_diffuser_npz` version {VERSION} is needed",
-            meta.format, meta.version
-        )));
-    }
-    Ok(meta)
 }
 
 fn read_path(row: usize, values: &[f32]) -> Result<Vec<Configuration>, DatasetError> {
@@ -425,9 +488,14 @@ fn read_tip(row: usize, values: &[f32]) -> Result<Point, DatasetError> {
 }
 
 fn index<T: TryFrom<i64>>(row: usize, what: &str, value: i64) -> Result<T, DatasetError> {
-    T::try_from(value).map_err(|_| DatasetError::Row {
+    let index = Some(value).filter(|value| *value >= 0);
+    let index = index.and_then(|value| T::try_from(value).ok());
+    index.ok_or_else(|| DatasetError::Row {
         row,
-        reason: format!("{what} index {value} is out of range"),
+        reason: format!(
+            "{what} index {value} is out of range; 0 to {} is allowed",
+            (1_u64 << (8 * size_of::<T>() - 1)) - 1
+        ),
     })
 }
 

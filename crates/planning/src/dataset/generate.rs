@@ -46,6 +46,14 @@ pub struct BlockReport {
     pub targets: usize,
     /// Targets without a valid tip or start.
     pub dropped_targets: usize,
+    /// Targets with a path.
+    pub targets_with_paths: usize,
+    /// Paths asked for, those of dropped targets too.
+    pub requested_paths: usize,
+    /// Paths missing because a target that was not dropped has fewer starts than asked for.
+    pub missing_starts: usize,
+    /// Paths missing because a start has fewer clear end shapes than asked for.
+    pub missing_ends: usize,
     /// Starts without a clear end shape.
     pub dropped_starts: usize,
     /// Paths the teacher could not certify.
@@ -60,6 +68,10 @@ impl std::ops::AddAssign for BlockReport {
     fn add_assign(&mut self, other: Self) {
         self.targets += other.targets;
         self.dropped_targets += other.dropped_targets;
+        self.targets_with_paths += other.targets_with_paths;
+        self.requested_paths += other.requested_paths;
+        self.missing_starts += other.missing_starts;
+        self.missing_ends += other.missing_ends;
         self.dropped_starts += other.dropped_starts;
         self.dropped_paths += other.dropped_paths;
         self.from_tree += other.from_tree;
@@ -78,10 +90,13 @@ pub fn generate_block(
     let mut report = BlockReport::default();
     for index in targets {
         report.targets += 1;
+        report.requested_paths += recipe.starts * recipe.ends;
+        let before = rows.len();
         match draw_target(robot, recipe.setting, recipe.seed, index) {
             Some(target) => target_rows(robot, recipe, index, &target, &mut rows, &mut report),
             None => report.dropped_targets += 1,
         }
+        report.targets_with_paths += usize::from(rows.len() > before);
     }
     (rows, report)
 }
@@ -95,6 +110,7 @@ fn target_rows(
     report: &mut BlockReport,
 ) {
     let mut rng = Pcg64::new(u128::from(recipe.seed), u128::from(index) + 1);
+    report.missing_starts += recipe.starts.saturating_sub(target.starts.len()) * recipe.ends;
     for (start_index, start) in target.starts.iter().enumerate().take(recipe.starts) {
         let problem = Problem {
             start: *start,
@@ -103,8 +119,10 @@ fn target_rows(
         };
         let Ok(mut ends) = end_shapes(robot, &problem, 10.max(recipe.ends), &mut rng) else {
             report.dropped_starts += 1;
+            report.missing_ends += recipe.ends;
             continue;
         };
+        report.missing_ends += recipe.ends.saturating_sub(ends.shapes.len());
         ends.shapes.shuffle(&mut rng);
         for (ik_index, end) in ends.shapes.iter().enumerate().take(recipe.ends) {
             let Some(path) = taught_path(robot, recipe.trees, &problem, end, &mut rng, report)

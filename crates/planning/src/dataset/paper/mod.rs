@@ -20,18 +20,17 @@ use collision::{Scene, certify_polyline};
 use pcc_model::{Configuration, Point, Robot};
 use rand_pcg::Pcg64;
 use repair::Repairer;
-use serde::{Deserialize, Serialize};
 use solver::PathSolver;
 use target::Place;
 pub use target::TERMINALS;
 
 /// Version of [`generate_paper_block`]: another one makes other rows from the same recipe.
 pub const PAPER_VERSION: u32 = 1;
-/// Largest step between neighbouring waypoints, rad.
-const LARGEST_STEP: f64 = 0.4;
+/// Largest step between neighbouring waypoints of a path that [`generate_paper_block`] keeps, rad.
+pub const LARGEST_STEP: f64 = 0.4;
 
 /// Why targets were dropped.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DroppedTargets {
     /// No ten clear and distinct terminal solutions.
     pub terminal_ik: usize,
@@ -42,7 +41,7 @@ pub struct DroppedTargets {
 }
 
 /// Why paths were dropped.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct DroppedPaths {
     /// The straight way of the tip could not be followed.
     pub workspace_ik: usize,
@@ -53,7 +52,7 @@ pub struct DroppedPaths {
 }
 
 /// What became of the paths asked for; as the authors' `dataset_meta.json` names it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PaperReport {
     /// Targets drawn.
     pub requested_targets: usize,

@@ -1,0 +1,53 @@
+//! Files and folders that commands write: looked at before the work, written whole.
+
+use anyhow::{Context, bail};
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+
+/// Makes a folder if need be, and finds out whether files can be written there before anything is computed for them.
+pub(crate) fn make_writable(folder: &Path) -> anyhow::Result<()> {
+    fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+    let probe = part_of(&folder.join("writable"));
+    let written = File::create_new(&probe).and_then(|_| fs::remove_file(&probe));
+    written.with_context(|| format!("cannot write into {}", folder.display()))
+}
+
+/// Finds out whether a file can be written before it is computed: its folder, which is made, and that it is none itself.
+pub(crate) fn make_writable_for(file: &Path) -> anyhow::Result<()> {
+    if file.is_dir() {
+        bail!(
+            "{} is a folder; the name of a file is needed",
+            file.display()
+        );
+    }
+    match file.parent() {
+        Some(folder) if folder != Path::new("") => make_writable(folder),
+        _ => make_writable(Path::new(".")),
+    }
+}
+
+/// Refuses a folder that has one of these files already.
+pub(crate) fn refuse_existing(folder: &Path, files: &[&str]) -> anyhow::Result<()> {
+    match files.iter().find(|file| folder.join(file).exists()) {
+        None => Ok(()),
+        Some(file) => bail!(
+            "{} is there already: name another folder, or remove it",
+            folder.join(file).display()
+        ),
+    }
+}
+
+/// Writes a text file that others see whole or not at all.
+pub(crate) fn write_whole(file: &Path, text: &str) -> anyhow::Result<()> {
+    let part = part_of(file);
+    let written = fs::write(&part, text).and_then(|()| fs::rename(&part, file));
+    if written.is_err() {
+        let _ = fs::remove_file(&part);
+    }
+    written.with_context(|| format!("cannot write {}", file.display()))
+}
+
+/// A name beside a file, of this process alone.
+fn part_of(file: &Path) -> PathBuf {
+    file.with_extension(format!("{}.part", std::process::id()))
+}

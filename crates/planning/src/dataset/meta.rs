@@ -1,0 +1,353 @@
+//! `dataset_meta.json`: what a set is, how it was made, and what became of what was asked for.
+
+use super::format::{DatasetError, Row, Split};
+use super::generate::BlockReport;
+use super::paper::PaperReport;
+use collision::MAX_EXTENT;
+use pcc_model::SECTIONS;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::ops::{AddAssign, RangeInclusive};
+use std::path::Path;
+
+/// Name of the file.
+const FILE: &str = "dataset_meta.json";
+/// Version of the format that is read and written.
+const VERSION: u32 = 25;
+/// Radii of balls and of the body, section lengths.
+const RADII: RangeInclusive<f64> = 0.0..=MAX_EXTENT;
+
+/// What `dataset_meta.json` says, under the authors' keys; keys that are not known are ignored.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
+pub struct Meta {
+    /// `pcc_diffuser_npz`.
+    pub format: String,
+    /// 25.
+    pub version: u32,
+    /// Whether all of the set is there; a set that says otherwise is refused.
+    #[serde(default = "complete")]
+    pub complete: bool,
+    /// Units of the numbers.
+    #[serde(default)]
+    pub units: Units,
+    /// Lengths of the robot's sections, in their own unit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub section_lengths: Option<[f64; SECTIONS]>,
+    /// Radius of every ball where no `obstacle_radii` are stored, section lengths.
+    pub sphere_radius: f64,
+    /// Tube radius of the body, section lengths.
+    pub clearance_margin: f64,
+    /// What became of the targets and paths asked for.
+    #[serde(flatten)]
+    pub counts: Option<Counts>,
+    /// Largest step between neighbouring waypoints, rad, where the generator has a limit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub maximum_adjacent_configuration_step: Option<f64>,
+    /// The code of each split in `split_indices`.
+    #[serde(default)]
+    pub split_codes: BySplit,
+    /// Rows of each split.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub split_counts: Option<BySplit>,
+    /// How the data was made.
+    #[serde(default)]
+    pub config: serde_json::Value,
+    /// Name and shape of each array in `dataset.npz`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arrays: Option<BTreeMap<String, Vec<u64>>>,
+    /// SHA-256 of `dataset.npz`, hexadecimal; the authors' sets have none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub arrays_sha256: Option<String>,
+}
+
+fn complete() -> bool {
+    true
+}
+
+/// Units of a data set.
+#[derive(Clone, Debug, Serialize, Deserialize, PartialEq, Eq)]
+pub struct Units {
+    /// `normalised`: in section lengths.
+    pub length: String,
+    /// `radian`.
+    pub configuration: String,
+}
+
+impl Default for Units {
+    fn default() -> Self {
+        Self {
+            length: "normalised".into(),
+            configuration: "radian".into(),
+        }
+    }
+}
+
+/// A number for each split; by default their codes.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq, Eq)]
+pub struct BySplit {
+    /// For training.
+    pub train: usize,
+    /// For choosing among trained models.
+    pub validation: usize,
+    /// For the last word.
+    pub test: usize,
+}
+
+impl Default for BySplit {
+    fn default() -> Self {
+        let code = |split: Split| split.code() as usize;
+        Self {
+            train: code(Split::Train),
+            validation: code(Split::Validation),
+            test: code(Split::Test),
+        }
+    }
+}
+
+impl BySplit {
+    /// Rows of each split.
+    fn count(rows: &[Row]) -> Self {
+        let count = |split| rows.iter().filter(|row| row.split == split).count();
+        Self {
+            train: count(Split::Train),
+            validation: count(Split::Validation),
+            test: count(Split::Test),
+        }
+    }
+}
+
+/// What became of the targets and paths asked for.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, PartialEq, Eq)]
+pub struct Counts {
+    /// Targets asked for.
+    pub requested_targets: usize,
+    /// Targets with a path.
+    pub actual_targets: usize,
+    /// Paths asked for, those of dropped targets too.
+    pub requested_paths: usize,
+    /// Paths kept: the rows.
+    pub actual_paths: usize,
+    /// Why targets were dropped, and `total`.
+    pub target_discarded_counts: BTreeMap<String, usize>,
+    /// Why paths of targets that were not dropped at once are missing, and `total`.
+    pub path_failure_counts: BTreeMap<String, usize>,
+}
+
+impl From<&PaperReport> for Counts {
+    fn from(report: &PaperReport) -> Self {
+        let (targets, paths) = (report.target_discarded_counts, report.path_failure_counts);
+        Self {
+            requested_targets: report.requested_targets,
+            actual_targets: report.actual_targets,
+            requested_paths: report.requested_paths,
+            actual_paths: report.actual_paths,
+            target_discarded_counts: with_total([
+                ("terminal_ik", targets.terminal_ik),
+                ("start_sampling", targets.start_sampling),
+                ("zero_retained_paths", targets.zero_retained_paths),
+            ]),
+            path_failure_counts: with_total([
+                ("workspace_ik", paths.workspace_ik),
+                ("path_constraints", paths.path_constraints),
+                ("collision_repair", paths.collision_repair),
+            ]),
+        }
+    }
+}
+
+impl From<&BlockReport> for Counts {
+    fn from(report: &BlockReport) -> Self {
+        let drawn = report.targets - report.dropped_targets;
+        Self {
+            requested_targets: report.targets,
+            actual_targets: report.targets_with_paths,
+            requested_paths: report.requested_paths,
+            actual_paths: report.kept,
+            target_discarded_counts: with_total([
+                ("target_or_start_sampling", report.dropped_targets),
+                ("zero_retained_paths", drawn - report.targets_with_paths),
+            ]),
+            path_failure_counts: with_total([
+                ("missing_starts", report.missing_starts),
+                ("missing_end_shapes", report.missing_ends),
+                ("not_certified", report.dropped_paths),
+            ]),
+        }
+    }
+}
+
+fn with_total<const N: usize>(reasons: [(&str, usize); N]) -> BTreeMap<String, usize> {
+    let total = ("total", reasons.iter().map(|(_, count)| count).sum());
+    let all = reasons.into_iter().chain([total]);
+    all.map(|(reason, count)| (reason.to_owned(), count))
+        .collect()
+}
+
+impl AddAssign<&Counts> for Counts {
+    fn add_assign(&mut self, other: &Self) {
+        self.requested_targets += other.requested_targets;
+        self.actual_targets += other.actual_targets;
+        self.requested_paths += other.requested_paths;
+        self.actual_paths += other.actual_paths;
+        for (sums, more) in [
+            (
+                &mut self.target_discarded_counts,
+                &other.target_discarded_counts,
+            ),
+            (&mut self.path_failure_counts, &other.path_failure_counts),
+        ] {
+            for (reason, count) in more {
+                *sums.entry(reason.clone()).or_default() += count;
+            }
+        }
+    }
+}
+
+impl fmt::Display for Counts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let list = |reasons: &BTreeMap<String, usize>| {
+            let reasons = reasons.iter().filter(|(reason, _)| *reason != "total");
+            let texts: Vec<_> = reasons.map(|(reason, n)| format!("{reason} {n}")).collect();
+            texts.join(", ")
+        };
+        write!(
+            f,
+            "{} of {} targets have paths (dropped: {}); {} of {} paths kept (dropped: {})",
+            self.actual_targets,
+            self.requested_targets,
+            list(&self.target_discarded_counts),
+            self.actual_paths,
+            self.requested_paths,
+            list(&self.path_failure_counts)
+        )
+    }
+}
+
+impl Meta {
+    /// Meta data of a set made by this project with the given recipe.
+    #[must_use]
+    pub fn new(config: serde_json::Value) -> Self {
+        Self {
+            format: "pcc_diffuser_npz".into(),
+            version: VERSION,
+            complete: true,
+            units: Units::default(),
+            section_lengths: Some([1.0; SECTIONS]),
+            sphere_radius: 0.4,
+            clearance_margin: 0.2,
+            counts: None,
+            maximum_adjacent_configuration_step: None,
+            split_codes: BySplit::default(),
+            split_counts: None,
+            config,
+            arrays: None,
+            arrays_sha256: None,
+        }
+    }
+
+    /// Reads and checks the file of a folder.
+    ///
+    /// # Errors
+    /// [`DatasetError::Meta`], naming the file, the key and what is allowed.
+    pub fn read(folder: &Path) -> Result<Self, DatasetError> {
+        let path = folder.join(FILE);
+        let fail = |reason: String| DatasetError::Meta {
+            path: path.clone(),
+            reason,
+        };
+        let text = std::fs::read_to_string(&path).map_err(|e| fail(e.to_string()))?;
+        let meta: Self = serde_json::from_str(&text).map_err(|e| fail(e.to_string()))?;
+        meta.check().map_err(fail)?;
+        Ok(meta)
+    }
+
+    fn check(&self) -> Result<(), String> {
+        if self.format != "pcc_diffuser_npz" || self.version != VERSION {
+            return Err(format!(
+                "format `{}` version {}; `pcc_diffuser_npz` version {VERSION} is needed",
+                self.format, self.version
+            ));
+        }
+        if !self.complete {
+            return Err("complete is false; only a whole set is read".into());
+        }
+        if self.units != Units::default() {
+            let Units {
+                length,
+                configuration,
+            } = &self.units;
+            return Err(format!(
+                "units are `{length}` and `{configuration}`; `normalised` and `radian` are needed"
+            ));
+        }
+        if self.split_codes != BySplit::default() {
+            return Err(format!(
+                "split_codes are {:?}; {:?} is needed",
+                self.split_codes,
+                BySplit::default()
+            ));
+        }
+        for (key, radius) in [
+            ("sphere_radius", self.sphere_radius),
+            ("clearance_margin", self.clearance_margin),
+        ] {
+            if !RADII.contains(&radius) {
+                return Err(format!("{key} is {radius}; 0 to {MAX_EXTENT:e} is allowed"));
+            }
+        }
+        Ok(())
+    }
+
+    /// Checks what it says of the rows.
+    pub(super) fn check_rows(&self, rows: &[Row]) -> Result<(), String> {
+        let found = BySplit::count(rows);
+        if self.split_counts.is_some_and(|counts| counts != found) {
+            return Err(format!(
+                "split_counts are {:?}, dataset.npz has {found:?}",
+                self.split_counts.unwrap_or_default()
+            ));
+        }
+        match &self.counts {
+            Some(counts) if counts.actual_paths != rows.len() => Err(format!(
+                "actual_paths is {}, dataset.npz has {}",
+                counts.actual_paths,
+                rows.len()
+            )),
+            _ => Ok(()),
+        }
+    }
+
+    /// With the number of rows of each split.
+    pub(super) fn counting(&self, rows: &[Row]) -> Self {
+        Self {
+            split_counts: Some(BySplit::count(rows)),
+            ..self.clone()
+        }
+    }
+
+    /// Writes the file into a folder, which is made if need be; it appears whole.
+    ///
+    /// # Errors
+    /// [`DatasetError::Meta`].
+    pub fn write(&self, folder: &Path) -> Result<(), DatasetError> {
+        let path = folder.join(FILE);
+        let write = || {
+            std::fs::create_dir_all(folder)?;
+            let text = serde_json::to_string_pretty(self)?;
+            let part = path.with_extension(format!("{}.part", std::process::id()));
+            std::fs::write(&part, text)?;
+            std::fs::rename(&part, &path)
+        };
+        write().map_err(|error| DatasetError::Meta {
+            path: path.clone(),
+            reason: format!("cannot write: {error}"),
+        })
+    }
+
+    /// Whether a folder has such a file.
+    #[must_use]
+    pub fn is_in(folder: &Path) -> bool {
+        folder.join(FILE).exists()
+    }
+}

@@ -1,0 +1,105 @@
+//! Vector instructions that a processor may lack: safe code must not get at them without having looked.
+//!
+//! A copy of the crate gets a module of safe code that does not look; the compiler must refuse it.
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use anyhow::{Context, ensure};
+use tests::programs::repository;
+
+use super::text;
+use crate::Report;
+
+/// Safe code that comes by a level or a unit without detection: each in every spelling that might compile.
+const ATTEMPTS: [(&str, &[&str]); 4] = [
+    (
+        "sums of AVX-512 without a value of the level",
+        &[
+            "use crate::lanes::Lanes; pub fn f(a: &[f32; 16]) { let v = <crate::simd::Avx512 as Lanes>::get(a); let _ = v; }",
+        ],
+    ),
+    (
+        "a value of AVX-512",
+        &[
+            "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512 }",
+            "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512(()) }",
+            "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512 {} }",
+            "pub fn f() -> crate::simd::Avx512 { Default::default() }",
+        ],
+    ),
+    (
+        "a value of AVX2",
+        &[
+            "pub fn f() -> crate::simd::Avx2 { crate::simd::Avx2 }",
+            "pub fn f() -> crate::simd::Avx2 { crate::simd::Avx2(()) }",
+            "pub fn f() -> crate::simd::Avx2 { Default::default() }",
+        ],
+    ),
+    (
+        "a unit for bf16",
+        &[
+            "use crate::matrix::Unit; pub fn f() -> Unit { Unit::Vectors }",
+            "use crate::matrix::Unit; pub fn f() -> Unit { Unit::Tiles }",
+            "use crate::matrix::{Bf16Vectors, Unit}; pub fn f() -> Unit { Unit::Vectors(Bf16Vectors(())) }",
+            "use crate::matrix::{Bf16Tiles, Unit}; pub fn f() -> Unit { Unit::Tiles(Bf16Tiles(())) }",
+        ],
+    ),
+];
+
+/// Safe code that is as it should be.
+const GOOD: &str = "pub fn f(a: &mut [f32]) { crate::activation::silu(a); }";
+
+pub(super) fn run(report: &mut Report) -> anyhow::Result<()> {
+    let folder = tempfile::tempdir()?;
+    copy_crate(folder.path())?;
+    let library = folder.path().join("crates/denoiser/src/lib.rs");
+    let source = fs::read_to_string(&library)?;
+    let compiles = |module: &str| -> anyhow::Result<bool> {
+        let module = format!(
+            "{source}\n#[allow(dead_code, unreachable_pub, missing_docs)]\nmod tried {{ {module} }}\n"
+        );
+        fs::write(&library, module)?;
+        Ok(check(folder.path())?.status.success())
+    };
+    ensure!(compiles(GOOD)?, "the copy of the crate does not compile");
+    let mut compiled = Vec::new();
+    for (what, spellings) in ATTEMPTS {
+        for spelling in spellings {
+            if compiles(spelling)? {
+                compiled.push(format!("{what}: {spelling}"));
+            }
+        }
+    }
+    let name = "safe code that gets at AVX-512, AVX2 or bf16 without having looked for them";
+    report.none_of(name, &compiled);
+    Ok(())
+}
+
+/// The crate, in a workspace of its own.
+fn copy_crate(to: &Path) -> anyhow::Result<()> {
+    let from = repository();
+    fs::create_dir_all(to.join("crates"))?;
+    let source = from.join("crates/denoiser");
+    let copied = Command::new("cp")
+        .args(["-r", text(&source), text(&to.join("crates"))])
+        .status()?;
+    ensure!(copied.success(), "cp");
+    fs::copy(from.join("Cargo.lock"), to.join("Cargo.lock"))?;
+    let manifest = fs::read_to_string(from.join("Cargo.toml"))?;
+    let (head, rest) = manifest.split_once("members = [").context("members")?;
+    let (_, tail) = rest.split_once(']').context("members")?;
+    let manifest = format!("{head}members = [\"crates/denoiser\"]{tail}");
+    fs::write(to.join("Cargo.toml"), manifest)?;
+    Ok(())
+}
+
+fn check(folder: &Path) -> anyhow::Result<std::process::Output> {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(cargo);
+    command.current_dir(folder).env_remove("RUSTC_WRAPPER");
+    command.args(["check", "--quiet", "--offline", "--lib", "-p", "denoiser"]);
+    command.args(["--target-dir", text(&folder.join("target"))]);
+    Ok(command.output()?)
+}
