@@ -112,6 +112,7 @@ impl Driven {
             robot: Some(&self.robot),
             robot_state_invalid: false,
             daemon_alive: true,
+            guard_rounds: self.now_ns.unsigned_abs(),
         });
         self.executive.take_finished();
         if output.send {
