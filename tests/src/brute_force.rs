@@ -59,7 +59,7 @@ impl Ball {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Body {
     section_lengths_m: [f64; 3],
-    tube_radius_m: f64,
+    tube_radii_m: [f64; 3],
     /// Length change of each tendon, m, for a radian of each component.
     tendon_rows_m: [[f64; 6]; 9],
 }
@@ -105,8 +105,18 @@ impl Body {
         assert_eq!((lengths.len(), tendons.len()), (3, 9));
         Self {
             section_lengths_m: std::array::from_fn(|section| number(&lengths[section])),
-            tube_radius_m: number(&file["tube_radius_m"]),
+            tube_radii_m: [number(&file["tube_radius_m"]); 3],
             tendon_rows_m: std::array::from_fn(|tendon| tendon_row(&tendons[tendon])),
+        }
+    }
+
+    /// The same body with a thicker tube around each section, m.
+    #[must_use]
+    pub fn grown(&self, growth_m: &[f64; 3]) -> Self {
+        let tube_radii_m = std::array::from_fn(|k| self.tube_radii_m[k] + growth_m[k]);
+        Self {
+            tube_radii_m,
+            ..self.clone()
         }
     }
 
@@ -173,9 +183,10 @@ impl Body {
         let mut least = f64::INFINITY;
         for ball in balls {
             let centre = ball.centre_at(stamp_ns);
-            for chord in points.windows(2) {
+            for (index, chord) in points.windows(2).enumerate() {
                 let distance = distance_from_chord(centre, chord[0], chord[1]);
-                least = least.min(distance - ball.radius_m - self.tube_radius_m);
+                let tube_m = self.tube_radii_m[index / CHORDS_PER_SECTION];
+                least = least.min(distance - ball.radius_m - tube_m);
             }
         }
         least
@@ -432,6 +443,10 @@ mod tests {
         let beside = Ball::resting([0.9, 0.0, 1.501], 0.3);
         let clearance = body.clearance(&[0.0; 6], &[beside], 0);
         assert!((clearance - 0.4).abs() < 1e-12, "{clearance}");
+        let clearance = body
+            .grown(&[0.0, 0.1, 0.0])
+            .clearance(&[0.0; 6], &[beside], 0);
+        assert!((clearance - 0.3).abs() < 1e-12, "{clearance}");
         let quarter = std::f64::consts::FRAC_PI_2;
         let bent = [0.0, quarter, 0.0, 0.0, 0.0, 0.0];
         let radius = 1.0 / quarter;

@@ -8,8 +8,8 @@ use shared_types::message::{RobotState, Setpoint};
 
 use crate::listener::Heard;
 
-/// Set-points that the robot's states are compared with: those of the last second, and more.
-const REMEMBERED: usize = 4096;
+/// Set-points of one piece that the robot's states of the next one may still follow.
+const REMEMBERED: usize = 1024;
 /// The robot goes on from a set-point at constant velocity for at most so long, s: `lost_setpoint_ms`.
 const EXTRAPOLATED_S: f64 = 0.02;
 /// Stamps are whole nanoseconds, and lengths are rounded; m, m/s.
@@ -102,6 +102,8 @@ impl Judge {
         for state in &heard.robot {
             self.look_at_robot(state);
         }
+        let old = self.known.len().saturating_sub(REMEMBERED);
+        self.known.drain(..old);
         for cycle in &heard.cycles {
             self.verdict.lost[2] += gap(self.cycle, cycle.sequence);
             self.cycle = Some(cycle.sequence);
@@ -133,9 +135,6 @@ impl Judge {
             });
         }
         self.known.push_back(*now);
-        if self.known.len() > REMEMBERED {
-            self.known.pop_front();
-        }
     }
 
     fn look_at_robot(&mut self, now: &RobotState) {

@@ -1,7 +1,6 @@
 //! What a sequence of tendon set-points must keep, measured from the sequence alone.
 
 use pcc_model::TendonLimits;
-use shared_types::message::{Cycle, RobotState};
 
 /// The tendons at one instant: m, m/s, and m/s² where that is known.
 #[derive(Clone, Copy, Debug)]
@@ -14,28 +13,6 @@ pub struct TendonSample {
     pub velocity: [f64; 9],
     /// Their accelerations, m/s²; zero where not published.
     pub acceleration: [f64; 9],
-}
-
-impl From<&Cycle> for TendonSample {
-    fn from(cycle: &Cycle) -> Self {
-        Self {
-            stamp_ns: cycle.stamp_mono_ns,
-            position: cycle.setpoint_m,
-            velocity: cycle.setpoint_velocity_m_s,
-            acceleration: cycle.setpoint_acceleration_m_s2,
-        }
-    }
-}
-
-impl From<&RobotState> for TendonSample {
-    fn from(state: &RobotState) -> Self {
-        Self {
-            stamp_ns: state.stamp_mono_ns,
-            position: state.accepted_setpoint_m,
-            velocity: state.accepted_velocity_m_s,
-            acceleration: [0.0; 9],
-        }
-    }
 }
 
 /// Largest use of each limit (1: at the limit) and the largest steps.
@@ -58,80 +35,67 @@ pub struct LimitsKept {
     pub samples: usize,
 }
 
-/// Measures a sequence; `slack_s` is added to each time difference, for stamps that are not evaluation times.
+/// Measures a sequence by its own stamps.
 #[must_use]
-pub fn limits_kept(samples: &[TendonSample], limits: &TendonLimits, slack_s: f64) -> LimitsKept {
-    let mut kept = LimitsKept {
-        samples: samples.len(),
-        ..LimitsKept::default()
-    };
+pub fn limits_kept(samples: &[TendonSample], limits: &TendonLimits) -> LimitsKept {
+    let mut kept = LimitsKept::default();
     for sample in samples {
-        kept.velocity = kept
-            .velocity
-            .max(largest(&sample.velocity) / limits.velocity);
-        kept.acceleration = kept
-            .acceleration
-            .max(largest(&sample.acceleration) / limits.acceleration);
+        kept.add(sample, limits);
     }
-    let pairs = samples.windows(2).map(|pair| (pair[0], pair[1]));
-    kept.add_pairs(pairs, limits, slack_s);
+    for pair in samples.windows(2) {
+        kept.add_neighbours(&pair[0], &pair[1], limits);
+    }
     kept
 }
 
 impl LimitsKept {
-    /// Keeps what single samples showed.
-    pub fn forget_steps(&mut self) {
-        *self = Self {
-            velocity: self.velocity,
-            acceleration: self.acceleration,
-            samples: self.samples,
-            ..Self::default()
-        };
+    /// Looks at one sample by itself.
+    pub fn add(&mut self, sample: &TendonSample, limits: &TendonLimits) {
+        self.samples += 1;
+        raise(
+            &mut self.velocity,
+            largest(&sample.velocity) / limits.velocity,
+        );
+        let acceleration = largest(&sample.acceleration) / limits.acceleration;
+        raise(&mut self.acceleration, acceleration);
     }
 
-    /// Measures the steps between the samples of each pair.
-    pub fn add_pairs(
-        &mut self,
-        pairs: impl Iterator<Item = (TendonSample, TendonSample)>,
-        limits: &TendonLimits,
-        slack_s: f64,
-    ) {
-        pairs.for_each(|(before, after)| self.add_pair(&before, &after, limits, slack_s));
+    /// Looks at the step from one sample to a later one, however much later.
+    pub fn add_step(&mut self, before: &TendonSample, after: &TendonSample, limits: &TendonLimits) {
+        let elapsed_s = (after.stamp_ns - before.stamp_ns) as f64 * 1e-9;
+        for tendon in 0..9 {
+            let step = (after.position[tendon] - before.position[tendon]).abs();
+            let change = (after.velocity[tendon] - before.velocity[tendon]).abs();
+            raise(&mut self.largest_step_m, step);
+            let velocity = (step - ROUNDING_M) / elapsed_s / limits.velocity;
+            raise(&mut self.difference_velocity, velocity);
+            let acceleration = change / elapsed_s / limits.acceleration;
+            raise(&mut self.difference_acceleration, acceleration);
+        }
     }
 
-    fn add_pair(
+    /// Looks at the step between two successive cycles: the velocities at its ends have to explain it, too.
+    pub fn add_neighbours(
         &mut self,
         before: &TendonSample,
         after: &TendonSample,
         limits: &TendonLimits,
-        slack_s: f64,
     ) {
-        let stamped_s = (after.stamp_ns - before.stamp_ns) as f64 * 1e-9;
-        let elapsed_s = stamped_s + slack_s;
+        self.add_step(before, after, limits);
         // A later cycle goes on by no more than the cap: the path time lags then, and the robot falls short.
-        let moved_s = stamped_s.min(STEP_CAP_S);
+        let moved_s = ((after.stamp_ns - before.stamp_ns) as f64 * 1e-9).min(STEP_CAP_S);
         for tendon in 0..9 {
             let step = after.position[tendon] - before.position[tendon];
-            let (begin, end) = (before.velocity[tendon], after.velocity[tendon]);
-            let mean = 0.5 * (begin + end);
-            let allowed = mean.abs() * slack_s + ROUNDING_M;
-            let unexplained = (step - mean * moved_s).abs() - allowed;
-            let raise = |figure: &mut f64, value: f64| *figure = figure.max(value);
-            raise(&mut self.largest_step_m, step.abs());
-            raise(
-                &mut self.difference_velocity,
-                (step.abs() - ROUNDING_M) / elapsed_s / limits.velocity,
-            );
-            raise(
-                &mut self.difference_acceleration,
-                (end - begin).abs() / elapsed_s / limits.acceleration,
-            );
-            raise(
-                &mut self.unexplained_step,
-                unexplained / (limits.acceleration * (moved_s + slack_s).powi(2)),
-            );
+            let mean = 0.5 * (before.velocity[tendon] + after.velocity[tendon]);
+            let unexplained = (step - mean * moved_s).abs() - ROUNDING_M;
+            let allowed = limits.acceleration * moved_s.powi(2);
+            raise(&mut self.unexplained_step, unexplained / allowed);
         }
     }
+}
+
+fn raise(figure: &mut f64, value: f64) {
+    *figure = figure.max(value);
 }
 
 /// The shipped controller's `step_cap_ms`, s.
@@ -170,7 +134,7 @@ mod tests {
 
     #[test]
     fn a_motion_within_its_limits_keeps_them() {
-        let kept = limits_kept(&sine(), &LIMITS, 0.0);
+        let kept = limits_kept(&sine(), &LIMITS);
         assert!((0.89..0.91).contains(&kept.velocity), "{kept:?}");
         assert!((0.89..0.91).contains(&kept.difference_velocity), "{kept:?}");
         assert!((0.89..0.91).contains(&kept.acceleration), "{kept:?}");
@@ -187,13 +151,13 @@ mod tests {
         jump[1000..]
             .iter_mut()
             .for_each(|sample| sample.position[4] += 1e-4);
-        let kept = limits_kept(&jump, &LIMITS, 0.0);
+        let kept = limits_kept(&jump, &LIMITS);
         assert!(kept.unexplained_step > 5.0, "{kept:?}");
         let mut kink = sine();
         kink[1000..]
             .iter_mut()
             .for_each(|sample| sample.velocity[4] += 0.05);
-        let kept = limits_kept(&kink, &LIMITS, 0.0);
+        let kept = limits_kept(&kink, &LIMITS);
         assert!(kept.difference_acceleration > 1.5, "{kept:?}");
     }
 }

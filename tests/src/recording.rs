@@ -3,16 +3,13 @@
 use std::fs;
 use std::path::Path;
 
-use collision::{Ball, Scene};
-use pcc_model::{Configuration, Point, Robot, TendonLimits};
+use pcc_model::{Configuration, TendonLimits};
 use planning::dataset::{ArchiveError, ArchiveReader};
 use serde::Deserialize;
 use shared_types::codes::LoopState;
 
-use crate::motion::{LimitsKept, TendonSample, limits_kept};
-
-/// Age of the robot's reference in a set-point that mirrors it, at most: two cycles and their jitter, s.
-const MIRROR_SLACK_S: f64 = 3e-3;
+use crate::brute_force::{Ball, Body, Clearance, Tendons};
+use crate::motion::{LimitsKept, TendonSample};
 
 /// Why a recording cannot be read.
 #[derive(Debug, thiserror::Error)]
@@ -57,6 +54,19 @@ pub struct ToldMotion {
     pub end_configuration_rad: [f64; 6],
 }
 
+/// An order that was given on the way, as `demo.json` tells it.
+#[derive(Clone, Debug, Deserialize)]
+pub struct ToldOrder {
+    /// The motion under way.
+    pub trajectory_id: u32,
+    /// When it was obeyed, ns of CLOCK_MONOTONIC.
+    pub stamp_ns: i64,
+    /// `stop` or `speed`.
+    pub order: String,
+    /// How long the motion would have taken, s.
+    pub planned_s: f64,
+}
+
 /// `demo.json`.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Told {
@@ -64,6 +74,8 @@ pub struct Told {
     pub motions: Vec<ToldMotion>,
     /// Ids of the motions that the controller stopped on the way, and that were asked for again.
     pub interrupted: Vec<u32>,
+    /// Stops and changes of speed that were ordered on the way of other motions.
+    pub orders: Vec<ToldOrder>,
     /// How the impossible form of experiment 3 was answered.
     pub impossible_outcome: Option<String>,
 }
@@ -102,7 +114,7 @@ pub struct Recording {
     measured: Vec<Configuration>,
     trajectory_id: Vec<u32>,
     state: Vec<u32>,
-    scenes: Vec<(i64, Scene)>,
+    scenes: Vec<(i64, Vec<Ball>)>,
 }
 
 /// A motion as the recording shows it.
@@ -129,12 +141,8 @@ impl Recording {
         let told = serde_json::from_str(&fs::read_to_string(folder.join("demo.json"))?)?;
         let mut archive = ArchiveReader::open(&folder.join("recording.npz"))?;
         let scenes = scene.events.iter().map(|event| {
-            let ball = |ball: &[f64; 4]| Ball {
-                centre: Point::new(ball[0], ball[1], ball[2]),
-                radius: ball[3],
-            };
-            let balls = event.balls.iter().map(ball).collect();
-            (event.stamp_ns, Scene::new(balls).unwrap())
+            let ball = |[x, y, z, radius]: &[f64; 4]| Ball::resting([*x, *y, *z], *radius);
+            (event.stamp_ns, event.balls.iter().map(ball).collect())
         });
         Ok(Self {
             robot: scene.robot,
@@ -159,67 +167,100 @@ impl Recording {
         })
     }
 
-    /// Limits at every sample, and continuity between neighbours.
+    /// Limits at every set-point that was sent, and continuity from each to the next, however much later that is.
     ///
-    /// A controller that the robot has let go of sends nothing: its set-point is then the robot's own reference, of up to
-    /// `MIRROR_SLACK_S` before.
+    /// A controller that the robot has let go of sends nothing: what is recorded then is the robot's own reference.
     #[must_use]
     pub fn limits_kept(&self) -> LimitsKept {
-        let samples = &self.samples;
-        let mut kept = limits_kept(samples, &self.limits, MIRROR_SLACK_S);
-        kept.forget_steps();
-        let pairs = |mirrored: bool| {
-            let pairs = (1..samples.len()).filter(move |&i| self.is_mirrored(i) == mirrored);
-            pairs.map(|i| (samples[i - 1], samples[i]))
-        };
-        kept.add_pairs(pairs(false), &self.limits, 0.0);
-        kept.add_pairs(pairs(true), &self.limits, MIRROR_SLACK_S);
+        let mut kept = LimitsKept::default();
+        let mut before: Option<usize> = None;
+        for index in (0..self.len()).filter(|&index| !self.is_mirrored(index)) {
+            let now = &self.samples[index];
+            kept.add(now, &self.limits);
+            match before {
+                Some(before) if before + 1 == index => {
+                    kept.add_neighbours(&self.samples[before], now, &self.limits);
+                }
+                Some(before) => kept.add_step(&self.samples[before], now, &self.limits),
+                None => {}
+            }
+            before = Some(index);
+        }
         kept
     }
 
-    /// Whether a sample or the one before it is the robot's own reference.
+    /// Whether a sample is the robot's own reference.
     fn is_mirrored(&self, index: usize) -> bool {
         let detached = [LoopState::Starting, LoopState::Fault].map(LoopState::code);
-        self.state[index - 1..=index]
-            .iter()
-            .any(|state| detached.contains(state))
+        detached.contains(&self.state[index])
     }
 
     /// Samples of a controller that the robot had let go of.
     #[must_use]
     pub fn mirrored(&self) -> usize {
-        (1..self.state.len())
-            .filter(|&i| self.is_mirrored(i))
+        (0..self.len())
+            .filter(|&index| self.is_mirrored(index))
             .count()
     }
 
     /// Largest difference of the set-points from the tendon lengths that the commanded configurations mean, m.
     #[must_use]
-    pub fn tendon_map_error(&self, robot: &Robot) -> f64 {
+    pub fn tendon_map_error(&self, body: &Body) -> f64 {
         let pairs = self.samples.iter().zip(&self.commanded);
-        let mut lengths = [0.0; 9];
-        let mut error = |(sample, shape): (&TendonSample, &Configuration)| {
-            robot.tendons.lengths(shape, &mut lengths);
-            let errors = lengths.iter().zip(&sample.position);
+        let error = |(sample, shape): (&TendonSample, &Configuration)| {
+            let meant = body.tendons(&(*shape).into());
+            let errors = meant.iter().zip(&sample.position);
             errors.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
         };
-        pairs.map(&mut error).fold(0.0, f64::max)
+        pairs.map(error).fold(0.0, f64::max)
     }
 
-    /// The motions in order, without those that were cut short.
+    /// How long an ordered motion was under way, s.
+    #[must_use]
+    pub fn lasted_s(&self, trajectory_id: u32) -> f64 {
+        let under_way =
+            |&index: &usize| self.is_moving(index) && self.trajectory_id[index] == trajectory_id;
+        let mut stamps = (0..self.len())
+            .filter(under_way)
+            .map(|index| self.samples[index].stamp_ns);
+        let first = stamps.next();
+        let last = stamps.last();
+        first
+            .zip(last)
+            .map_or(0.0, |(first, last)| (last - first) as f64 * 1e-9)
+    }
+
+    /// Set-points on which the controller brakes along a motion.
+    #[must_use]
+    pub fn stopping(&self, trajectory_id: u32) -> usize {
+        let stopping = |&index: &usize| {
+            self.trajectory_id[index] == trajectory_id
+                && self.state[index] == LoopState::Stopping.code()
+        };
+        (0..self.len()).filter(stopping).count()
+    }
+
+    fn is_moving(&self, index: usize) -> bool {
+        self.trajectory_id[index] != 0 && self.samples[index].velocity.iter().any(|v| *v != 0.0)
+    }
+
+    /// The motions to their ends, in order: not those that were cut short, nor those that orders were given on.
     #[must_use]
     pub fn motions(&self) -> Vec<RecordedMotion> {
-        let moving = |i: usize| {
-            self.trajectory_id[i] != 0 && self.samples[i].velocity.iter().any(|v| *v != 0.0)
-        };
         let mut ranges: Vec<(u32, usize, usize)> = Vec::new();
-        for i in (0..self.samples.len()).filter(|&i| moving(i)) {
+        for i in (0..self.len()).filter(|&i| self.is_moving(i)) {
             match ranges.last_mut() {
                 Some((id, _, last)) if *id == self.trajectory_id[i] => *last = i,
                 _ => ranges.push((self.trajectory_id[i], i, i)),
             }
         }
-        ranges.retain(|(id, ..)| !self.told.interrupted.contains(id));
+        let ordered = |id: u32| {
+            self.told
+                .orders
+                .iter()
+                .any(|order| order.trajectory_id == id)
+        };
+        ranges.retain(|(id, ..)| !self.told.interrupted.contains(id) && !ordered(*id));
         ranges.into_iter().map(|range| self.motion(range)).collect()
     }
 
@@ -240,19 +281,25 @@ impl Recording {
         }
     }
 
-    /// Least clearance of the commanded body over some samples, against the scene of each instant, m.
+    /// Least clearance of the body over some set-points and between them, against the scene of each instant, by geometry that
+    /// shares nothing with the certificate's.
     #[must_use]
-    pub fn clearance(&self, robot: &Robot, range: (usize, usize)) -> f64 {
-        let clearance = |i: usize| {
-            let stamp = self.samples[i].stamp_ns;
-            let known = self.scenes.iter().rev().find(|(since, _)| *since <= stamp);
-            known.map_or(f64::INFINITY, |(_, scene)| {
-                scene.clearance(&robot.backbone(&self.commanded[i]), &robot.tube_radii)
-            })
-        };
-        (range.0..=range.1)
-            .map(clearance)
-            .fold(f64::INFINITY, f64::min)
+    pub fn clearance(&self, body: &Body, range: (usize, usize)) -> Clearance {
+        let setpoint = |sample: &TendonSample| (sample.stamp_ns, sample.position);
+        let samples = &self.samples[range.0..=range.1];
+        let setpoints: Vec<(i64, Tendons)> = samples.iter().map(setpoint).collect();
+        body.least_clearance(&setpoints, |stamp_ns| {
+            let known = self.scenes.iter().rev();
+            let mut known = known.skip_while(|(since, _)| *since > stamp_ns);
+            known.next().map_or(&[][..], |(_, balls)| balls)
+        })
+    }
+
+    /// Largest tendon length that no configuration explains, m.
+    #[must_use]
+    pub fn unexplained_m(&self, body: &Body) -> f64 {
+        let residual = |sample: &TendonSample| body.explain(&sample.position).residual_m;
+        self.samples.iter().map(residual).fold(0.0, f64::max)
     }
 
     /// Number of samples.

@@ -272,7 +272,10 @@ pub fn configurations() -> BadStarts {
     starts
 }
 
-/// Weights that the daemon must refuse; none are tried where no model is shipped.
+/// Weights that the daemon must refuse.
+///
+/// # Panics
+/// Where no model is shipped.
 #[must_use]
 pub fn weights() -> BadStarts {
     let mut starts = BadStarts::default();
@@ -304,9 +307,7 @@ pub fn weights() -> BadStarts {
     ];
     for (name, damage, named) in damages {
         let world = World::new(&Settings::default());
-        let Some(mut weights) = Weights::shipped() else {
-            return starts;
-        };
+        let mut weights = Weights::shipped().expect("weights are part of the repository");
         damage(&mut weights);
         let folder = weights.write(&world);
         edit(&world.config("planner-daemon.toml"), &|daemon| {

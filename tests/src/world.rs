@@ -19,7 +19,7 @@ pub struct Settings {
     pub limits_factor: Option<f64>,
     /// Keys of the daemon's configuration.
     pub daemon: Vec<(&'static str, Value)>,
-    /// Whether the daemon is to have no model even where one is shipped.
+    /// Whether the daemon is to have no model.
     pub without_weights: bool,
 }
 
@@ -50,12 +50,6 @@ pub struct World {
     logs: AtomicU32,
 }
 
-/// Whether a trained model is in the repository.
-#[must_use]
-pub fn weights_are_shipped() -> bool {
-    repository().join("weights/MANIFEST.toml").is_file()
-}
-
 impl World {
     /// Makes one.
     #[must_use]
@@ -69,7 +63,7 @@ impl World {
             prefix: prefix.replace('.', "-"),
             root: folder.path().join("root"),
         };
-        let has_weights = weights_are_shipped() && !settings.without_weights;
+        let has_weights = !settings.without_weights;
         let robot = write_configuration(&folder.path().join("config"), settings, has_weights);
         Self {
             options,
@@ -92,7 +86,7 @@ impl World {
         self.folder.path()
     }
 
-    /// What its daemon can propose with: the model where there is one, else the null arm.
+    /// What its daemon proposes with: the model, or the null arm in a world that is to have none.
     #[must_use]
     pub fn sampler(&self) -> Sampler {
         if self.has_weights {

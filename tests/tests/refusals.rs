@@ -4,7 +4,6 @@
 use tests::diffusion_starts::{bad_diffusion_weights, undamaged_start};
 use tests::programs::repository;
 use tests::starts::{BadStarts, configurations, robot_files, weights};
-use tests::world::weights_are_shipped;
 
 fn assert_all_named(starts: &BadStarts, least: usize) {
     assert_eq!(starts.unexpected, Vec::<String>::new());
@@ -24,7 +23,7 @@ fn bad_configurations() {
 
 #[test]
 fn bad_weights() {
-    assert_all_named(&weights(), if weights_are_shipped() { 8 } else { 0 });
+    assert_all_named(&weights(), 8);
 }
 
 #[test]

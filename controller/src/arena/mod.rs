@@ -263,6 +263,7 @@ mod tests {
                 (sender, thread)
             })
             .collect();
+        let mut handed = 0;
         for turn in 0..40_000_usize {
             let layout = layout(1 + turn % 300, 1 << (turn % 7));
             // SAFETY: this thread is the owner.
@@ -276,14 +277,18 @@ mod tests {
             };
             let (sender, _) = &senders[turn % senders.len()];
             sender.send(Handed(block, layout.align())).unwrap();
+            handed += 1;
         }
+        assert!(handed > 20_000, "the premise: only {handed} blocks");
         for (sender, thread) in senders {
             drop(sender);
             thread.join().unwrap();
         }
-        while arena.blocks_in_use() > 0 {
+        // Nobody frees any more: what is out now comes back in so many collections, or never.
+        for _ in 0..=arena.blocks_in_use().div_ceil(COLLECTED_AT_ONCE) {
             // SAFETY: this thread is the owner.
             unsafe { arena.collect_returned() };
         }
+        assert_eq!(arena.blocks_in_use(), 0);
     }
 }

@@ -3,7 +3,7 @@
 
 mod requests;
 
-use collision::{Ball, Scene, certify_trajectory};
+use collision::{Ball, Scene};
 use denoiser::{Manifest, Precision, Solver, TemporalUnet};
 use pcc_model::{Configuration, Point, Robot};
 use planning::scenes::{Setting, draw_target, reference_layout};
@@ -13,7 +13,6 @@ use planning::{
 };
 use requests::request;
 use std::path::Path;
-use trajectory::limit_use;
 
 fn robot() -> Robot {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
@@ -170,56 +169,6 @@ fn the_same_seed_gives_the_same_bits_with_one_thread_and_with_two() {
             "another seed draws other end shapes"
         );
     }
-}
-
-#[test]
-fn delivered_candidates_keep_every_promise() {
-    let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
-    let robot = planner.robot();
-    let mut checked = 0;
-    for index in 0..24 {
-        let Some(target) = draw_target(robot, Setting::General(None), 11, index) else {
-            continue;
-        };
-        let problem = Problem {
-            start: target.starts[0],
-            goal: Goal::Tip(target.tip),
-            scene: target.scene.clone(),
-        };
-        for sampler in [Sampler::Straight, Sampler::RrtConnect] {
-            let growth = [0.0, 0.01, 0.02];
-            let grown = robot.with_tube_growth(&growth);
-            let answer = plan(
-                &planner,
-                &problem,
-                &Request {
-                    growth,
-                    ..request(sampler, index)
-                },
-            )
-            .unwrap();
-            for candidate in &answer.candidates {
-                let motion = &candidate.trajectory;
-                assert_eq!(motion.knots()[0].position, problem.start);
-                assert!((robot.tip(&candidate.end()) - target.tip).norm() < 1e-6);
-                assert!(certify_trajectory(&grown, &problem.scene, motion, 0.0).is_free());
-                assert!(
-                    limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6
-                );
-                assert!(
-                    motion
-                        .sample(500)
-                        .iter()
-                        .all(|q| robot.limit_excess(q) <= 5e-3)
-                );
-                checked += 1;
-            }
-        }
-    }
-    assert!(
-        checked > 300,
-        "only {checked} candidates were there to check"
-    );
 }
 
 #[test]

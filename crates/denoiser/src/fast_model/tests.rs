@@ -263,11 +263,19 @@ fn a_warm_start_beyond_the_flow_is_refused() {
 }
 
 #[test]
-fn no_candidates_are_no_samples() {
-    let mut out = [];
-    Parity::load()
-        .model
-        .sample(&[], &[], &mut FastScratch::default(), &mut out);
+fn calls_of_any_size_leave_nothing_behind_for_the_next_one() {
+    let parity = Parity::load();
+    let (candidates, noise) = (parity.candidates(), parity.noise());
+    let mut scratch = FastScratch::default();
+    for count in [3, 0, 1, 3, 2, 0, 3] {
+        let (candidates, noise) = (&candidates[..count], &noise[..count * COEFFICIENTS]);
+        let mut found = vec![f32::NAN; noise.len()];
+        parity
+            .model
+            .sample(candidates, noise, &mut scratch, &mut found);
+        let alone = sample(&parity.model, candidates, noise);
+        assert_eq!(found, alone, "{count} candidates");
+    }
 }
 
 #[test]

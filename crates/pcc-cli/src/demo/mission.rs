@@ -1,6 +1,6 @@
 //! The paper's three experiments: consecutive planning, two solutions of one target, avoiding an obstacle.
 
-use super::motion::{Execution, Proposal, Report, Stage, Task};
+use super::motion::{Execution, Order, Proposal, Report, Stage, Task};
 use super::recording::Recording;
 use crate::output_files::write_whole;
 use anyhow::{Context, bail};
@@ -12,7 +12,7 @@ use shared_types::clock::mono_now_ns;
 use shared_types::codes::Outcome;
 use shared_types::ipc::IpcOptions;
 use shared_types::message::MovingBall;
-use shared_types::valid::Goal;
+use shared_types::valid::{Command, Goal};
 use std::path::Path;
 use std::time::Duration;
 
@@ -45,6 +45,7 @@ pub(super) struct Mission<'a> {
     length: f64,
     reports: Vec<Report>,
     interrupted: Vec<u32>,
+    orders: Vec<Order>,
     impossible: Option<String>,
 }
 
@@ -67,6 +68,7 @@ impl<'a> Mission<'a> {
             length,
             reports: Vec::new(),
             interrupted: Vec::new(),
+            orders: Vec::new(),
             impossible: None,
         };
         mission.show(&[])?;
@@ -95,6 +97,8 @@ impl<'a> Mission<'a> {
             "  terminal shapes {:.3} rad apart",
             (self.last_end()? - first).norm()
         );
+        say!("orders on the way");
+        self.give_orders()?;
         say!("experiment 3: a ball appears");
         self.home(3)?;
         self.avoid()?;
@@ -111,6 +115,43 @@ impl<'a> Mission<'a> {
     pub(super) fn take_leave(&mut self) -> anyhow::Result<()> {
         self.scene.take_leave()?;
         Ok(self.scene.confirm(SCENE_PATIENCE)?)
+    }
+
+    /// Half speed and full speed again on one motion, and a stop on the next.
+    fn give_orders(&mut self) -> anyhow::Result<()> {
+        let slower = [(0.3, Command::SetSpeed(0.5)), (0.6, Command::SetSpeed(1.0))];
+        self.order_about(
+            "slower, and faster again",
+            self.tip(CONSECUTIVE[0]),
+            &slower,
+        )?;
+        let home = Goal::Configuration([0.0; 6]);
+        self.order_about("stopped half-way", home, &[(0.5, Command::Stop)])
+    }
+
+    fn order_about(
+        &mut self,
+        name: &str,
+        goal: Goal,
+        orders: &[(f64, Command)],
+    ) -> anyhow::Result<()> {
+        let task = Task {
+            experiment: 2,
+            name,
+            goal,
+            balls: &[],
+        };
+        let obeyed = self
+            .stage
+            .order_about(&task, orders)
+            .context(name.to_owned())?;
+        say!(
+            "  {name}: {} of {} orders obeyed",
+            obeyed.len(),
+            orders.len()
+        );
+        self.orders.extend(obeyed);
+        Ok(())
     }
 
     fn avoid(&mut self) -> anyhow::Result<()> {
@@ -281,6 +322,7 @@ impl<'a> Mission<'a> {
         let summary = json!({
             "motions": self.reports,
             "interrupted": self.interrupted,
+            "orders": self.orders,
             "impossible_outcome": self.impossible,
         });
         write_whole(

@@ -55,6 +55,17 @@ pub(super) enum Execution {
     },
 }
 
+/// An order that the controller obeyed on the way of a motion.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Order {
+    pub(super) trajectory_id: u32,
+    pub(super) stamp_ns: i64,
+    /// `stop`, `speed` or `reset`.
+    pub(super) order: &'static str,
+    /// How long the motion would have taken without orders.
+    pub(super) planned_s: f64,
+}
+
 /// One candidate, in the robot's own units.
 pub(super) struct Proposal {
     pub(super) index: usize,
@@ -128,6 +139,46 @@ impl Stage<'_> {
                 .saturating_sub(begun.values.late_cycles),
             end_configuration_rad: end.into(),
         }))
+    }
+
+    /// Plans from where the controller holds, executes the first candidate, and gives each order when that share of the motion is
+    /// done; returns what was obeyed once the robot rests.
+    pub(super) fn order_about(
+        &mut self,
+        task: &Task,
+        orders: &[(f64, Command)],
+    ) -> anyhow::Result<Vec<Order>> {
+        let begun = self.hold()?;
+        let request = self.request(begun.values.commanded_configuration_rad, task);
+        let (proposals, hash) = self.propose(&request)?;
+        let id = self.execute(&request, &proposals[0], hash)?;
+        let planned_s = proposals[0].motion.duration();
+        let mut obeyed = Vec::new();
+        for (share, command) in orders {
+            let patience = PATIENCE + Duration::from_secs_f64(planned_s);
+            self.wait(patience, "that part of the motion is done", |s| {
+                s.values.trajectory_id == id && s.values.trajectory_time_s >= share * planned_s
+            })?;
+            let reply = self.controller.command(*command, PATIENCE)?;
+            if !reply.accepted {
+                bail!("the controller does not obey: {}", reply.reason);
+            }
+            obeyed.push(Order {
+                trajectory_id: id,
+                stamp_ns: mono_now_ns(),
+                order: match command {
+                    Command::SetSpeed(_) => "speed",
+                    Command::Stop => "stop",
+                    Command::ResetFault => "reset",
+                },
+                planned_s,
+            });
+        }
+        let ended = self.follow(id, 2.0 * planned_s)?;
+        if ended.state == LoopState::Fault {
+            bail!("the controller is in fault: {}", ended.fault);
+        }
+        Ok(obeyed)
     }
 
     /// What the daemon answers to a request that is only planned.
