@@ -19,4 +19,5 @@ pub mod recording;
 pub mod stack;
 pub mod starts;
 pub mod system_calls;
+pub mod trial;
 pub mod world;
