@@ -27,4 +27,5 @@ pub mod stack;
 pub mod starts;
 pub mod supervision;
 pub mod system_calls;
+pub mod trial;
 pub mod world;

@@ -1,0 +1,204 @@
+//! Thousands of damaged files and options: each is refused with a message that names file, key, value and what is allowed.
+//!
+//! Every variant says beforehand what must come of it, by rules that share nothing with the programs' own checks. The real
+//! programs are started with it, from outside, with a limit on time and memory.
+
+mod configurations;
+mod damage;
+mod datasets;
+mod environment;
+mod keys;
+mod npz;
+mod option_rules;
+mod options;
+mod rules;
+mod shapes;
+mod variant;
+mod weights;
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+use std::time::Duration;
+
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_pcg::Pcg64;
+use tests::programs::{program, repository};
+use tests::stack::Stack;
+use tests::trial::{Outcome, remove_shared_memory};
+use tests::world::Settings;
+
+use self::variant::{Kind, Variant, judge};
+use crate::{Report, Scale};
+
+/// Seed of the choice of the quick form's variants.
+const SEED: u64 = 18;
+/// Variants of the quick form.
+const QUICK: usize = 300;
+/// Least number of variants of the full form.
+const LEAST: usize = 3000;
+/// A program that neither ends nor serves by then hangs.
+const LIMIT: Duration = Duration::from_secs(30);
+/// Programs that run at once.
+const AT_ONCE: usize = 2;
+
+/// What is wrong with one variant.
+struct Violation {
+    kind: Kind,
+    family: &'static str,
+    name: String,
+    what: String,
+    outcome: Outcome,
+}
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command =
+        "the four programs with damaged robot, scene, process, weights and data files and options";
+    report.group("bad input", command, |report| {
+        let stack = Stack::running(&Settings::default())?;
+        let (mut variants, without_rule) = all_variants(&stack);
+        report.none_of(
+            "commands and options of pcc that the harness has no rule for",
+            &without_rule,
+        );
+        let total = variants.len();
+        if let Ok(only) = std::env::var("BAD_INPUT_ONLY") {
+            variants.retain(|variant| variant.family.contains(&only));
+        } else if !scale.full {
+            variants.shuffle(&mut Pcg64::seed_from_u64(SEED));
+            variants.truncate(QUICK);
+        }
+        let violations = try_all(&variants);
+        write_all(&violations, &variants);
+        let name = format!(
+            "variants of files and options that there are (tried: {})",
+            variants.len()
+        );
+        report.check(
+            &name,
+            total.to_string(),
+            &format!(">= {LEAST}"),
+            total >= LEAST,
+        );
+        report.shown(
+            "variants tried, by what must come of them",
+            classes(&variants),
+        );
+        for (kind, text) in Kind::ALL {
+            let offenders: Vec<String> = violations
+                .iter()
+                .filter(|violation| violation.kind == kind)
+                .map(Violation::line)
+                .collect();
+            report.none_of(&format!("bad input: {text}"), &offenders);
+        }
+        Ok(())
+    });
+}
+
+fn all_variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
+    let (mut all, without_rule) = options::variants(stack);
+    all.extend(configurations::variants());
+    all.extend(shapes::variants());
+    all.extend(weights::variants());
+    all.extend(datasets::variants());
+    all.extend(environment::variants());
+    (all, without_rule)
+}
+
+impl Violation {
+    fn line(&self) -> String {
+        format!("{}: {} {}", self.family, self.name, self.what)
+            .trim_end()
+            .to_owned()
+    }
+}
+
+/// Tries every variant, several at once.
+fn try_all(variants: &[Variant]) -> Vec<Violation> {
+    // Built before the clock of the first one runs.
+    let _ = program("pcc");
+    let (next, violations) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    let work = || {
+        while let Some(variant) = variants.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let found = try_one(variant);
+            violations.lock().unwrap().extend(found);
+        }
+    };
+    thread::scope(|scope| {
+        for _ in 0..AT_ONCE {
+            scope.spawn(work);
+        }
+    });
+    violations.into_inner().unwrap()
+}
+
+fn try_one(variant: &Variant) -> Vec<Violation> {
+    let folder = tempfile::Builder::new()
+        .prefix("pccb")
+        .tempdir_in("/dev/shm")
+        .unwrap();
+    let prefix = folder
+        .path()
+        .file_name()
+        .unwrap()
+        .to_str()
+        .unwrap()
+        .replace('.', "-");
+    let start = (variant.make)(folder.path());
+    let outcome = start.run(folder.path(), &prefix, LIMIT);
+    let wrong = judge(&variant.expected, &outcome, folder.path());
+    remove_shared_memory(&prefix);
+    let violation = |(kind, what)| Violation {
+        kind,
+        family: variant.family,
+        name: variant.name.clone(),
+        what,
+        outcome: outcome.clone(),
+    };
+    wrong.into_iter().map(violation).collect()
+}
+
+fn classes(variants: &[Variant]) -> String {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for variant in variants {
+        *counts.entry(variant.expected.class()).or_default() += 1;
+    }
+    let text = |(class, count): (&&str, &usize)| format!("{class} {count}");
+    counts.iter().map(text).collect::<Vec<_>>().join(", ")
+}
+
+/// All violations with what the programs said, for reading.
+fn write_all(violations: &[Violation], variants: &[Variant]) {
+    let mut text = format!(
+        "{} variants tried, {} findings\n",
+        variants.len(),
+        violations.len()
+    );
+    let mut families: BTreeMap<&str, usize> = BTreeMap::new();
+    for variant in variants {
+        *families.entry(variant.family).or_default() += 1;
+    }
+    for (family, count) in families {
+        let found = violations.iter().filter(|v| v.family == family).count();
+        let _ = writeln!(text, "{family}: {count} tried, {found} findings");
+    }
+    for (kind, name) in Kind::ALL {
+        for violation in violations.iter().filter(|violation| violation.kind == kind) {
+            let said: String = violation.outcome.text.chars().take(1500).collect();
+            let (line, ending) = (violation.line(), violation.outcome.ending);
+            let _ = writeln!(
+                text,
+                "\n== {name}: {line} [{ending:?}]\n{}",
+                said.trim_end()
+            );
+        }
+    }
+    let folder = repository().join("target/acceptance");
+    fs::create_dir_all(&folder).unwrap();
+    fs::write(folder.join("bad_input.txt"), text).unwrap();
+}

@@ -1,0 +1,136 @@
+//! NumPy archives byte by byte: writing them with lies in their headers, and finding what each byte of one is.
+
+use std::fmt::Write;
+use std::ops::Range;
+
+/// One array of an archive, as bytes.
+#[derive(Clone)]
+pub(super) struct Member {
+    pub(super) name: String,
+    pub(super) npy: Vec<u8>,
+}
+
+/// An npy file of a type (`<f4`), order, shape and content, which need not fit each other.
+pub(super) fn npy(descr: &str, fortran: bool, shape: &str, content: &[u8]) -> Vec<u8> {
+    let order = if fortran { "True" } else { "False" };
+    let mut header =
+        format!("{{'descr': '{descr}', 'fortran_order': {order}, 'shape': {shape}, }}");
+    while (header.len() + 11) % 64 != 0 {
+        header.push(' ');
+    }
+    header.push('\n');
+    let length = u16::try_from(header.len()).unwrap().to_le_bytes();
+    [
+        &b"\x93NUMPY\x01\x00"[..],
+        &length,
+        header.as_bytes(),
+        content,
+    ]
+    .concat()
+}
+
+/// A shape as NumPy writes it.
+pub(super) fn shape(counts: &[usize]) -> String {
+    let mut text = String::from("(");
+    for count in counts {
+        let _ = write!(text, "{count}, ");
+    }
+    text + ")"
+}
+
+/// The bytes of numbers.
+pub(super) fn reals(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// A zip archive of members that are stored as they are.
+pub(super) fn archive(members: &[Member]) -> Vec<u8> {
+    let (mut file, mut directory) = (Vec::new(), Vec::new());
+    for member in members {
+        let name = format!("{}.npy", member.name);
+        let (offset, size) = (u32_of(file.len()), u32_of(member.npy.len()));
+        // Version, flags, method, time, date (1 January 1980), CRC, both sizes, lengths of name and extra field.
+        let mut common = vec![20, 0, 0, 0, 0, 0, 0, 0, 33, 0];
+        common.extend(crc32(&member.npy).to_le_bytes());
+        common.extend([size, size].iter().flat_map(|n| n.to_le_bytes()));
+        common.extend(u16::try_from(name.len()).unwrap().to_le_bytes());
+        common.extend([0, 0]);
+        file.extend(b"PK\x03\x04");
+        file.extend(&common);
+        file.extend(name.as_bytes());
+        file.extend(&member.npy);
+        directory.extend(b"PK\x01\x02\x14\x00");
+        directory.extend(&common);
+        directory.extend([0; 10]);
+        directory.extend(offset.to_le_bytes());
+        directory.extend(name.as_bytes());
+    }
+    let count = u16::try_from(members.len()).unwrap().to_le_bytes();
+    let (begin, size) = (
+        u32_of(file.len()).to_le_bytes(),
+        u32_of(directory.len()).to_le_bytes(),
+    );
+    file.extend(directory);
+    file.extend(b"PK\x05\x06\0\0\0\0");
+    file.extend([count, count].concat());
+    file.extend([size, begin].concat());
+    file.extend([0, 0]);
+    file
+}
+
+fn u32_of(length: usize) -> u32 {
+    u32::try_from(length).unwrap()
+}
+
+fn crc32(bytes: &[u8]) -> u32 {
+    let step = |crc: u32, byte: &u8| {
+        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
+            (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg())
+        })
+    };
+    !bytes.iter().fold(u32::MAX, step)
+}
+
+/// Name and place of the content of each member, compressed or not, by the archive's directory.
+pub(super) fn contents(archive: &[u8]) -> Vec<(String, Range<usize>)> {
+    let end = archive
+        .windows(4)
+        .rposition(|w| w == b"PK\x05\x06")
+        .unwrap();
+    let mut at = number(archive, end + 16, 4);
+    let mut found = Vec::new();
+    for _ in 0..number(archive, end + 10, 2) {
+        let (size, offset) = (number(archive, at + 20, 4), number(archive, at + 42, 4));
+        let lengths = [28, 30, 32].map(|field| number(archive, at + field, 2));
+        let name = String::from_utf8_lossy(&archive[at + 46..][..lengths[0]]).into_owned();
+        let begin = offset + 30 + number(archive, offset + 26, 2) + number(archive, offset + 28, 2);
+        found.push((name, begin..begin + size));
+        at += 46 + lengths.iter().sum::<usize>();
+    }
+    found
+}
+
+fn number(bytes: &[u8], at: usize, length: usize) -> usize {
+    bytes[at..at + length]
+        .iter()
+        .rev()
+        .fold(0, |sum, byte| (sum << 8) | usize::from(*byte))
+}
+
+#[cfg(test)]
+mod unit {
+    use super::*;
+
+    #[test]
+    fn an_archive_is_found_again() {
+        let members = ["a", "bc"].map(|name| Member {
+            name: name.to_owned(),
+            npy: npy("<f4", false, &shape(&[2]), &reals(&[1.0, 2.0])),
+        });
+        let bytes = archive(&members);
+        let found = contents(&bytes);
+        assert_eq!(found[1].0, "bc.npy");
+        assert_eq!(bytes[found[1].1.clone()], members[1].npy);
+        assert_eq!(crc32(b"123456789"), 0xCBF4_3926);
+    }
+}

@@ -1,0 +1,312 @@
+//! What the help of `pcc` says that each option takes, and a good command line for each command.
+
+/// What an option takes.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Wanted {
+    /// Nothing.
+    Flag,
+    /// A whole number of the range; numbers above the last one are right, and take too long to try.
+    Whole([i128; 2], i128),
+    /// A number of the range; with 0 where the range begins above it.
+    Real([f64; 2]),
+    /// Numbers whose size must not exceed the first; what else a message may call them.
+    Reals(f64, &'static [&'static str]),
+    /// One of the names that the help lists, or these.
+    Choice(&'static [&'static str]),
+    /// The name of something; another one does not exist.
+    Name(&'static str),
+    /// As `0/1`.
+    Shard,
+    /// A file that is read.
+    ReadFile,
+    /// A folder that is read.
+    ReadFolder,
+    /// A file that is written.
+    WriteFile,
+    /// A folder that is written to.
+    WriteFolder,
+}
+
+/// A command with a good line, by option.
+pub(super) struct Command {
+    pub(super) name: &'static str,
+    pub(super) family: &'static str,
+    /// Whether it talks to the running processes.
+    pub(super) is_live: bool,
+    /// Whether its good line ends in seconds.
+    pub(super) runs: bool,
+    pub(super) base: &'static [(&'static str, &'static [&'static str])],
+    pub(super) options: &'static [(&'static str, Wanted)],
+}
+
+const WHOLE_64: [i128; 2] = [0, u64::MAX as i128];
+const SEED: Wanted = Wanted::Whole(WHOLE_64, i128::MAX);
+/// Bending angles, rad: beyond it no robot bends.
+const ANGLES: Wanted = Wanted::Reals(4.0, &["start", "goal", "configuration"]);
+const ROBOT: (&str, &[&str]) = ("--robot", &["repository:config/robots/unit.toml"]);
+const SAMPLE: (&str, &[&str]) = (
+    "--dataset",
+    &["repository:tests/data/reference-mixed-sample"],
+);
+
+/// All commands.
+pub(super) const COMMANDS: &[Command] = &[
+    Command {
+        name: "plan",
+        family: "options of plan",
+        is_live: true,
+        runs: true,
+        base: &[
+            ("--tip", &["0.9", "0.3", "2.4"]),
+            ("--start", &["0", "0", "0", "0", "0", "0"]),
+            ("--candidates", &["1"]),
+            ("--sampler", &["straight"]),
+        ],
+        options: &[
+            ("--tip", Wanted::Reals(1e3, &["goal"])),
+            ("--configuration", ANGLES),
+            ("--start", ANGLES),
+            ("--ball", Wanted::Reals(1e7, &["ball"])),
+            // The daemon on which it is tried gives 16.
+            ("--candidates", Wanted::Whole([1, 16], 16)),
+            ("--seed", SEED),
+            ("--sampler", Wanted::Choice(&[])),
+            ("--select", Wanted::Choice(&[])),
+            ("--index", Wanted::Whole([0, 0], 0)),
+            // The longest deadline of a request is a minute.
+            ("--deadline-ms", Wanted::Whole([0, 60_000], 60_000)),
+            ("--limits-scale", Wanted::Real([f64::MIN_POSITIVE, 1.0])),
+            ("--execute", Wanted::Flag),
+        ],
+    },
+    Command {
+        name: "demo",
+        family: "options of demo",
+        is_live: true,
+        runs: false,
+        base: &[ROBOT],
+        options: &[
+            ("--record", Wanted::WriteFolder),
+            ("--robot", Wanted::ReadFile),
+            ("--seed", Wanted::Whole(WHOLE_64, -1)),
+        ],
+    },
+    Command {
+        name: "watch",
+        family: "options of watch",
+        is_live: true,
+        runs: true,
+        base: &[("--times", &["1"]), ("--rate-hz", &["100"])],
+        options: &[
+            ("--rate-hz", Wanted::Real([0.1, 100.0])),
+            ("--times", Wanted::Whole([0, u64::MAX as i128], 0)),
+        ],
+    },
+    Command {
+        name: "stop",
+        family: "options of orders",
+        is_live: true,
+        runs: true,
+        base: &[],
+        options: &[],
+    },
+    Command {
+        name: "reset",
+        family: "options of orders",
+        is_live: true,
+        runs: false,
+        base: &[],
+        options: &[],
+    },
+    Command {
+        name: "speed",
+        family: "options of orders",
+        is_live: true,
+        runs: true,
+        base: &[("<RATE>", &["1"])],
+        options: &[("<RATE>", Wanted::Real([0.0, 1.0]))],
+    },
+    Command {
+        name: "dataset",
+        family: "options of dataset",
+        is_live: false,
+        runs: true,
+        base: &[
+            ("--setting", &["general"]),
+            ("--targets", &["1"]),
+            ("--starts", &["1"]),
+            ("--ends", &["1"]),
+            ("--threads", &["1"]),
+            ROBOT,
+            ("--out", &["out"]),
+        ],
+        options: &[
+            ("--setting", Wanted::Choice(&[])),
+            ("--method", Wanted::Choice(&[])),
+            ("--balls", Wanted::Whole([0, 64], 4)),
+            // The format's indices of targets have 32 bits.
+            ("--targets", Wanted::Whole([1, i32::MAX as i128], 4)),
+            ("--starts", Wanted::Whole([1, 5], 5)),
+            ("--ends", Wanted::Whole([1, 64], 2)),
+            ("--trees", Wanted::Whole([1, 64], 1)),
+            ("--seed", SEED),
+            ("--test-only", Wanted::Flag),
+            ("--shard", Wanted::Shard),
+            ("--threads", Wanted::Whole([0, 256], 256)),
+            ("--robot", Wanted::ReadFile),
+            ("--out", Wanted::WriteFolder),
+        ],
+    },
+    Command {
+        name: "features",
+        family: "options of features",
+        is_live: false,
+        runs: true,
+        base: &[SAMPLE, ROBOT, ("--out", &["features.npz"])],
+        options: &[
+            ("--dataset", Wanted::ReadFolder),
+            // Added to indices of 32 bits, of which there are 58 targets, and must not wrap.
+            (
+                "--first-group",
+                Wanted::Whole([i64::MIN as i128, i64::MAX as i128 - (1 << 31)], i128::MAX),
+            ),
+            ("--frame", Wanted::Choice(&[])),
+            ("--robot", Wanted::ReadFile),
+            ("--out", Wanted::WriteFile),
+        ],
+    },
+    Command {
+        name: "evaluate",
+        family: "options of evaluate",
+        is_live: false,
+        runs: true,
+        base: &[
+            SAMPLE,
+            ("--planner", &["fast"]),
+            ("--cases", &["1"]),
+            ("--candidates", &["1"]),
+            ("--threads", &["1"]),
+            ROBOT,
+            ("--weights", &["repository:weights"]),
+            ("--out", &["out"]),
+        ],
+        options: &[
+            ("--dataset", Wanted::ReadFolder),
+            ("--split", Wanted::Choice(&[])),
+            ("--planner", Wanted::Choice(&[])),
+            ("--proposals", Wanted::ReadFile),
+            ("--candidates", Wanted::Whole([1, 64], 64)),
+            ("--seed", SEED),
+            ("--cases", Wanted::Whole([1, u64::MAX as i128], 4)),
+            ("--threads", Wanted::Whole([0, 256], 256)),
+            ("--corrections", Wanted::Whole([0, 2], 2)),
+            ("--robot", Wanted::ReadFile),
+            ("--weights", Wanted::ReadFolder),
+            ("--model", Wanted::Name("fast")),
+            ("--evaluations", Wanted::Choice(&["1", "2", "4", "8"])),
+            // What the planner of the good line does not read is refused.
+            ("--steps", Wanted::Whole([1, 0], 0)),
+            ("--solver", Wanted::Choice(&["ddim", "dpm-solver"])),
+            ("--precision", Wanted::Choice(&["f32", "bf16"])),
+            ("--out", Wanted::WriteFolder),
+        ],
+    },
+    Command {
+        name: "trace",
+        family: "options of trace",
+        is_live: false,
+        runs: true,
+        base: &[
+            ("--tip", &["0.9", "0.3", "2.4"]),
+            ("--planner", &["diffusion"]),
+            ("--steps", &["1"]),
+            ROBOT,
+            ("--weights", &["repository:weights"]),
+            ("--out", &["trace.npz"]),
+        ],
+        options: &[
+            ("--tip", Wanted::Reals(1e3, &["goal"])),
+            ("--start", ANGLES),
+            ("--random-start", Wanted::Flag),
+            ("--ball", Wanted::Reals(1e7, &["ball"])),
+            ("--planner", Wanted::Choice(&[])),
+            ("--seed", SEED),
+            ("--weights", Wanted::ReadFolder),
+            ("--model", Wanted::Name("mixed")),
+            ("--evaluations", Wanted::Choice(&["1", "2", "4", "8"])),
+            ("--steps", Wanted::Whole([1, 1000], 4)),
+            ("--solver", Wanted::Choice(&["ddim", "dpm-solver"])),
+            ("--precision", Wanted::Choice(&["f32", "bf16"])),
+            ("--robot", Wanted::ReadFile),
+            ("--out", Wanted::WriteFile),
+        ],
+    },
+];
+
+impl Wanted {
+    /// Good values for the option.
+    pub(super) fn good(&self, count: usize, choices: &[String]) -> Vec<String> {
+        let one = match self {
+            Self::Flag => return Vec::new(),
+            Self::Whole([least, most], _) => (*least).max(0).min((*most).max(0)).to_string(),
+            Self::Real([_, most]) => most.to_string(),
+            Self::Reals(..) => "0.1".to_owned(),
+            Self::Choice(names) => choices
+                .first()
+                .cloned()
+                .or_else(|| names.first().map(|n| (*n).to_owned()))
+                .unwrap(),
+            Self::Name(name) => (*name).to_owned(),
+            Self::Shard => "0/1".to_owned(),
+            Self::ReadFile | Self::ReadFolder | Self::WriteFile | Self::WriteFolder => {
+                "path".to_owned()
+            }
+        };
+        vec![one; count]
+    }
+
+    pub(super) fn is_path(&self) -> bool {
+        matches!(
+            self,
+            Self::ReadFile | Self::ReadFolder | Self::WriteFile | Self::WriteFolder
+        )
+    }
+
+    /// What else a message may call the value.
+    pub(super) fn aliases(&self) -> &'static [&'static str] {
+        match self {
+            Self::Reals(_, aliases) => aliases,
+            _ => &[],
+        }
+    }
+
+    /// Whether a text is a right value; nothing where it is not tried.
+    pub(super) fn opinion(&self, text: &str, choices: &[String]) -> Option<bool> {
+        Some(match self {
+            Self::Whole([least, most], _) => {
+                let number = text.parse::<i128>();
+                number.is_ok_and(|number| (*least..=*most).contains(&number))
+            }
+            Self::Real([least, most]) => text
+                .parse::<f64>()
+                .is_ok_and(|v| (*least..=*most).contains(&v)),
+            Self::Reals(most, _) => text.parse::<f64>().is_ok_and(|v| v.abs() <= *most),
+            Self::Choice(names) => choices.iter().any(|c| c == text) || names.contains(&text),
+            Self::Name(name) => *name == text,
+            Self::Shard => false,
+            _ => return None,
+        })
+    }
+
+    /// Whether a right value takes too long to be tried.
+    pub(super) fn is_long(&self, text: &str) -> bool {
+        match self {
+            Self::Whole(_, longest) => text.parse::<i128>().is_ok_and(|number| number > *longest),
+            // A picture a second and slower.
+            Self::Real([least, most]) if *most > 1.0 => {
+                text.parse::<f64>().is_ok_and(|v| v < 10.0 * *least)
+            }
+            _ => false,
+        }
+    }
+}

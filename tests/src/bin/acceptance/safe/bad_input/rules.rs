@@ -1,0 +1,263 @@
+//! What the documentation of each file allows, key by key: the judge of damaged configurations, apart from the programs' own checks.
+
+use toml::{Table, Value};
+
+use super::variant::{Expected, Fault};
+
+/// What a key may hold.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Rule {
+    /// A number from the first to the second; refused beyond the outer two, in between nothing is documented.
+    Real {
+        allowed: [f64; 2],
+        refused_beyond: [f64; 2],
+    },
+    /// A whole number in the range.
+    Whole(i64, i64),
+    /// So many numbers in the range.
+    Reals(usize, f64, f64),
+    /// Any number of whole numbers in the range.
+    Wholes(i64, i64),
+    /// true or false.
+    Truth,
+    /// One of these texts.
+    OneOf(&'static [&'static str]),
+    /// Any text.
+    Text,
+    /// A file or folder that is read.
+    File,
+}
+
+/// A number that must be in a closed range.
+pub(super) const fn real(least: f64, most: f64) -> Rule {
+    Rule::Real {
+        allowed: [least, most],
+        refused_beyond: [least, most],
+    }
+}
+
+/// A number above 0 without a documented upper end.
+pub(super) const fn positive() -> Rule {
+    Rule::Real {
+        allowed: [1e-3, 1e3],
+        refused_beyond: [f64::MIN_POSITIVE * f64::EPSILON, f64::MAX],
+    }
+}
+
+/// A key of a file, by its path (`tendon_limits.jerk_m_s3`, `tendons.0.radius_m`).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Key {
+    pub(super) path: &'static str,
+    pub(super) rule: Rule,
+    pub(super) is_required: bool,
+}
+
+/// A required key.
+pub(super) const fn needed(path: &'static str, rule: Rule) -> Key {
+    Key {
+        path,
+        rule,
+        is_required: true,
+    }
+}
+
+/// A key that may be left out.
+pub(super) const fn optional(path: &'static str, rule: Rule) -> Key {
+    Key {
+        is_required: false,
+        ..needed(path, rule)
+    }
+}
+
+/// What a rule says of a value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Opinion {
+    Allowed,
+    Refused,
+    Undocumented,
+}
+
+impl Rule {
+    pub(super) fn opinion(self, value: &Value) -> Opinion {
+        match (self, value) {
+            (
+                Self::Real {
+                    allowed,
+                    refused_beyond,
+                },
+                Value::Float(_) | Value::Integer(_),
+            ) => {
+                let number = number_of(value);
+                if within(number, allowed) {
+                    Opinion::Allowed
+                } else if within(number, refused_beyond) && number.is_finite() {
+                    Opinion::Undocumented
+                } else {
+                    Opinion::Refused
+                }
+            }
+            (Self::Whole(least, most), Value::Integer(value)) => {
+                yes((least..=most).contains(value))
+            }
+            (Self::Reals(count, least, most), Value::Array(values)) => yes(values.len() == count
+                && values.iter().all(|v| {
+                    matches!(v, Value::Float(_) | Value::Integer(_))
+                        && within(number_of(v), [least, most])
+                })),
+            (Self::Wholes(least, most), Value::Array(values)) => yes(values
+                .iter()
+                .all(|v| v.as_integer().is_some_and(|v| (least..=most).contains(&v)))),
+            (Self::Truth, Value::Boolean(_)) => Opinion::Allowed,
+            (Self::OneOf(names), Value::String(name)) => yes(names.contains(&name.as_str())),
+            (Self::Text, Value::String(_)) => Opinion::Undocumented,
+            // Whether there is such a file is not for the text to say: none of the names tried exists.
+            (Self::File, Value::String(_)) => Opinion::Refused,
+            _ => Opinion::Refused,
+        }
+    }
+}
+
+fn yes(is_allowed: bool) -> Opinion {
+    if is_allowed {
+        Opinion::Allowed
+    } else {
+        Opinion::Refused
+    }
+}
+
+fn within(number: f64, [least, most]: [f64; 2]) -> bool {
+    (least..=most).contains(&number)
+}
+
+fn number_of(value: &Value) -> f64 {
+    #[expect(clippy::cast_precision_loss, reason = "ranges are wide")]
+    let whole = |v: i64| v as f64;
+    value
+        .as_float()
+        .or_else(|| value.as_integer().map(whole))
+        .unwrap_or(f64::NAN)
+}
+
+/// The value at a path in a table, where numbers are places in arrays.
+pub(super) fn look_up<'a>(table: &'a Table, path: &str) -> Option<&'a Value> {
+    let (first, rest) = path.split_once('.').unwrap_or((path, ""));
+    descend(table.get(first)?, rest)
+}
+
+fn descend<'a>(value: &'a Value, path: &str) -> Option<&'a Value> {
+    if path.is_empty() {
+        return Some(value);
+    }
+    let (first, rest) = path.split_once('.').unwrap_or((path, ""));
+    let next = match value {
+        Value::Table(table) => table.get(first)?,
+        Value::Array(values) => values.get(first.parse::<usize>().ok()?)?,
+        _ => return None,
+    };
+    descend(next, rest)
+}
+
+/// The table that holds the last part of a path, and that part.
+pub(super) fn holder<'a>(table: &'a mut Table, path: &str) -> (&'a mut Table, String) {
+    let mut parts: Vec<&str> = path.split('.').collect();
+    let last = parts.pop().unwrap().to_owned();
+    let mut parts = parts.into_iter();
+    let Some(first) = parts.next() else {
+        return (table, last);
+    };
+    let mut value = table.get_mut(first).unwrap();
+    for part in parts {
+        value = match value {
+            Value::Table(table) => table.get_mut(part).unwrap(),
+            Value::Array(values) => values.get_mut(part.parse::<usize>().unwrap()).unwrap(),
+            _ => panic!("{path} is not in the file"),
+        };
+    }
+    (value.as_table_mut().unwrap(), last)
+}
+
+/// The last part of a path: what a message must name.
+pub(super) fn last_part(path: &str) -> &str {
+    path.rsplit('.').next().unwrap_or(path)
+}
+
+/// What must become of a file whose text was damaged in some place: judged by what it holds afterwards.
+pub(super) fn judge_text(file: &str, keys: &[Key], before: &Table, after: &[u8]) -> Expected {
+    let whole = vec![Fault::file(file)];
+    let Ok(text) = std::str::from_utf8(after) else {
+        return Expected::Refused(vec![Fault::unreadable(file)]);
+    };
+    let Ok(table) = text.parse::<Table>() else {
+        return Expected::Refused(whole);
+    };
+    if table == *before {
+        return Expected::Taken;
+    }
+    let mut faults: Vec<Fault> = keys
+        .iter()
+        .filter_map(|key| fault_of(file, *key, before, &table))
+        .collect();
+    faults.extend(unknown_keys(file, before, &table));
+    if faults.is_empty() {
+        Expected::Either(whole)
+    } else {
+        // Which of several faults is told first is the program's choice.
+        Expected::Refused(faults)
+    }
+}
+
+fn fault_of(file: &str, key: Key, before: &Table, after: &Table) -> Option<Fault> {
+    let name = last_part(key.path);
+    let Some(value) = look_up(after, key.path) else {
+        let was_there = look_up(before, key.path).is_some();
+        return (key.is_required && was_there).then(|| Fault::key(file, name, ""));
+    };
+    if Some(value) == look_up(before, key.path) {
+        return None;
+    }
+    (key.rule.opinion(value) == Opinion::Refused).then(|| Fault::key(file, name, ""))
+}
+
+/// Keys that no undamaged file has: every file refuses them.
+fn unknown_keys(file: &str, before: &Table, after: &Table) -> Vec<Fault> {
+    let added = after.keys().filter(|key| !before.contains_key(*key));
+    added.map(|key| Fault::key(file, key, "")).collect()
+}
+
+#[cfg(test)]
+mod unit {
+    use super::*;
+
+    #[test]
+    fn rules_have_the_opinions_that_are_documented() {
+        assert_eq!(real(0.0, 1.0).opinion(&Value::Float(1.0)), Opinion::Allowed);
+        assert_eq!(
+            real(0.0, 1.0).opinion(&Value::Float(f64::NAN)),
+            Opinion::Refused
+        );
+        assert_eq!(positive().opinion(&Value::Float(0.0)), Opinion::Refused);
+        assert_eq!(
+            positive().opinion(&Value::Float(1e300)),
+            Opinion::Undocumented
+        );
+        assert_eq!(
+            Rule::Whole(0, 9).opinion(&Value::Float(1.0)),
+            Opinion::Refused
+        );
+        let four = Value::Array(vec![Value::Float(1.0); 4]);
+        assert_eq!(Rule::Reals(3, 0.0, 2.0).opinion(&four), Opinion::Refused);
+    }
+
+    #[test]
+    fn damaged_text_is_judged_by_what_it_holds_afterwards() {
+        let keys = [needed("a", real(0.0, 1.0)), needed("b", Rule::Text)];
+        let before: Table = "a = 0.5\nb = \"x\" # c".parse().unwrap();
+        let class = |text: &str| judge_text("f", &keys, &before, text.as_bytes()).class();
+        assert_eq!(class("a = 0.5\nb = \"x\" # d"), "must be taken");
+        assert_eq!(class("a = 0.4\nb = \"x\""), "either");
+        assert_eq!(class("a = 2.5\nb = \"x\""), "must be refused");
+        assert_eq!(class("c = 0.5\nb = \"x\""), "must be refused");
+        assert_eq!(class("a = 0.5"), "must be refused");
+        assert_eq!(class("a = "), "must be refused");
+    }
+}

@@ -1,0 +1,352 @@
+//! Folders of weights: the manifest, the files, and tensors that are not what the network needs.
+
+use std::fs;
+use std::os::unix::fs::symlink;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::{Map, Value, json};
+use sha2::{Digest, Sha256};
+use tests::programs::repository;
+use tests::trial::Start;
+use toml::Table;
+
+use super::damage::{self, Damaged};
+use super::keys::changes;
+use super::rules::{Key, Rule, judge_text, needed, optional};
+use super::variant::{Expected, Fault, Variant};
+
+const MANIFEST: &str = "MANIFEST.toml";
+const FILE: &str = "fast.safetensors";
+/// The smaller of the shipped models is damaged: what is checked is the same.
+const SOURCE: &str = "fast-width-96";
+
+/// What the manifest says of a file, by weights/README.md.
+const KEYS: &[Key] = &[
+    needed("fast.file", Rule::File),
+    needed("fast.sha256", Rule::OneOf(&[])),
+    needed("fast.bytes", Rule::Whole(i64::MAX, i64::MIN)),
+    needed("fast.architecture", Rule::OneOf(&[])),
+    needed("fast.description", Rule::Text),
+    needed("fast.updates", Rule::Whole(0, i64::MAX)),
+    needed("fast.training_seconds", Rule::Whole(0, i64::MAX)),
+    optional("fast.measured", Rule::OneOf(&[])),
+];
+
+/// A manifest with one file.
+#[derive(Clone)]
+struct Weights {
+    entry: Table,
+    content: Arc<Vec<u8>>,
+}
+
+/// All that is tried of weights.
+pub(super) fn variants() -> Vec<Variant> {
+    let weights = Weights::shipped();
+    let mut all = weights.manifests();
+    all.extend(weights.files());
+    all.extend(weights.tensors());
+    all.extend(weights.places());
+    all.push(weights.clone().variant("undamaged", Expected::Taken));
+    all
+}
+
+impl Weights {
+    fn shipped() -> Self {
+        let folder = repository().join("weights");
+        let manifest: Table = fs::read_to_string(folder.join(MANIFEST))
+            .unwrap()
+            .parse()
+            .unwrap();
+        let mut entry = manifest[SOURCE].as_table().unwrap().clone();
+        let content = fs::read(folder.join(entry["file"].as_str().unwrap())).unwrap();
+        entry.insert("file".into(), FILE.into());
+        Self {
+            entry,
+            content: Arc::new(content),
+        }
+    }
+
+    fn manifest(&self) -> Table {
+        Table::from_iter([("fast".to_owned(), self.entry.clone().into())])
+    }
+
+    /// With other content, which the manifest then fits.
+    fn signed(&self, content: Vec<u8>) -> Self {
+        let mut entry = self.entry.clone();
+        let digest = Sha256::digest(&content);
+        let text: String = digest.iter().map(|byte| format!("{byte:02x}")).collect();
+        entry.insert("sha256".into(), text.into());
+        entry.insert("bytes".into(), i64::try_from(content.len()).unwrap().into());
+        Self {
+            entry,
+            content: Arc::new(content),
+        }
+    }
+
+    fn variant(self, name: &str, expected: Expected) -> Variant {
+        let manifest = self.manifest().to_string().into_bytes();
+        self.with_manifest(name.to_owned(), manifest, expected)
+    }
+
+    fn with_manifest(&self, name: String, manifest: Vec<u8>, expected: Expected) -> Variant {
+        let content = Arc::clone(&self.content);
+        Variant {
+            family: "weights",
+            name,
+            make: Box::new(move |folder| {
+                fs::create_dir(folder.join("weights")).unwrap();
+                fs::write(folder.join("weights").join(MANIFEST), &manifest).unwrap();
+                fs::write(folder.join("weights").join(FILE), &*content).unwrap();
+                start()
+            }),
+            expected,
+        }
+    }
+
+    fn manifests(&self) -> Vec<Variant> {
+        let table = self.manifest();
+        let text = table.to_string().into_bytes();
+        let mut all: Vec<Variant> = changes(MANIFEST, KEYS, &table)
+            .into_iter()
+            .map(|c| {
+                self.with_manifest(
+                    format!("{MANIFEST} {}", c.name),
+                    c.text.into_bytes(),
+                    c.expected,
+                )
+            })
+            .collect();
+        let mut bytes = damage::truncated(&text, 30);
+        bytes.extend(damage::flipped(&text, 60, 31));
+        bytes.extend(damage::with_surplus(&text, true));
+        bytes.extend(damage::foreign());
+        all.extend(bytes.into_iter().map(|d| {
+            let expected = judge_manifest(&table, &d.content);
+            self.with_manifest(format!("{MANIFEST} {}", d.name), d.content, expected)
+        }));
+        all
+    }
+
+    /// What the manifest's size and hash must find.
+    fn files(&self) -> Vec<Variant> {
+        let mut bytes: Vec<Damaged> = damage::truncated(&self.content, 30);
+        bytes.extend(damage::flipped(&self.content, 40, 32));
+        bytes.extend((0..16).map(|i| damage::flip(&self.content, i * 7, i as u32 % 8)));
+        bytes.extend(damage::with_surplus(&self.content, false));
+        bytes.extend(damage::foreign());
+        let refused = |d: Damaged| {
+            let weights = Self {
+                content: Arc::new(d.content),
+                ..self.clone()
+            };
+            weights.variant(
+                &format!("{FILE} {}", d.name),
+                Expected::Refused(vec![Fault::file(FILE)]),
+            )
+        };
+        bytes.into_iter().map(refused).collect()
+    }
+
+    /// Content that the manifest fits, and that is not what the network needs.
+    fn tensors(&self) -> Vec<Variant> {
+        let length =
+            usize::try_from(u64::from_le_bytes(self.content[..8].try_into().unwrap())).unwrap();
+        let header: Map<String, Value> =
+            serde_json::from_slice(&self.content[8..8 + length]).unwrap();
+        let data = &self.content[8 + length..];
+        let mut all = Vec::new();
+        let mut add = |name: String, header: &Map<String, Value>, key: &str, is_refused: bool| {
+            let text = serde_json::to_vec(header).unwrap();
+            let content = [&(text.len() as u64).to_le_bytes()[..], &text, data].concat();
+            let fault = vec![Fault::key(FILE, key, "")];
+            let expected = if is_refused {
+                Expected::Refused(fault)
+            } else {
+                Expected::Either(fault)
+            };
+            all.push(self.signed(content).variant(&name, expected));
+        };
+        for name in header.keys().filter(|name| *name != "__metadata__") {
+            let renamed = |fresh: &mut Map<String, Value>| {
+                let tensor = fresh.remove(name).unwrap();
+                fresh.insert(format!("{name}x"), tensor);
+            };
+            let mut fresh = header.clone();
+            renamed(&mut fresh);
+            add(
+                format!("tensor {name} is called {name}x"),
+                &fresh,
+                name,
+                true,
+            );
+            for (what, key, value) in [
+                ("is of type F16", "dtype", json!("F16")),
+                ("is of type I32", "dtype", json!("I32")),
+                ("has shape [1]", "shape", json!([1])),
+                ("has shape []", "shape", json!([])),
+                ("has an endless shape", "shape", json!([u64::MAX, 2])),
+                ("lies outside", "data_offsets", json!([0, 1_u64 << 60])),
+            ] {
+                let mut fresh = header.clone();
+                fresh[name][key] = value;
+                add(format!("tensor {name} {what}"), &fresh, name, true);
+            }
+            let mut fresh = header.clone();
+            let counts = fresh[name]["shape"].as_array_mut().unwrap();
+            counts.reverse();
+            let is_another = fresh[name]["shape"] != header[name]["shape"];
+            add(
+                format!("tensor {name} has its shape reversed"),
+                &fresh,
+                name,
+                is_another,
+            );
+        }
+        let metadata = header["__metadata__"].as_object().unwrap();
+        for key in metadata.keys() {
+            let mut fresh = header.clone();
+            fresh["__metadata__"].as_object_mut().unwrap().remove(key);
+            add(format!("metadata without {key}"), &fresh, key, false);
+            for value in ["", "nan", "-1", "1e308", "18446744073709551616", "another"] {
+                let mut fresh = header.clone();
+                fresh["__metadata__"][key] = value.into();
+                add(format!("metadata {key} = {value:?}"), &fresh, key, false);
+            }
+        }
+        all.extend(self.wrong_content());
+        all
+    }
+
+    /// A header whose length lies, and values that are not numbers.
+    fn wrong_content(&self) -> Vec<Variant> {
+        let mut all = Vec::new();
+        let mut add = |name: String, at: usize, bytes: &[u8]| {
+            let mut content = self.content.to_vec();
+            content[at..at + bytes.len()].copy_from_slice(bytes);
+            all.push(
+                self.signed(content)
+                    .variant(&name, Expected::Refused(vec![Fault::file(FILE)])),
+            );
+        };
+        for length in [0_u64, 1, 2, 100_000_000, 1 << 40, u64::MAX, u64::MAX / 2] {
+            add(
+                format!("header of {length} bytes"),
+                0,
+                &length.to_le_bytes(),
+            );
+        }
+        let end = self.content.len();
+        for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for at in [end - 4, end / 2 / 4 * 4 + end % 4] {
+                add(format!("{value} at {at}"), at, &value.to_le_bytes());
+            }
+        }
+        all
+    }
+
+    fn places(&self) -> Vec<Variant> {
+        let mut all = Vec::new();
+        for file in [MANIFEST, FILE] {
+            for (name, make) in damage::PLACES {
+                let weights = self.clone();
+                all.push(Variant {
+                    family: "weights",
+                    name: format!("{file} {name}"),
+                    make: Box::new(move |folder| {
+                        let start = (weights.clone().variant("", Expected::Taken).make)(folder);
+                        fs::remove_file(folder.join("weights").join(file)).unwrap();
+                        make(&folder.join("weights").join(file));
+                        start
+                    }),
+                    expected: Expected::Refused(vec![Fault::unreadable(file), Fault::file(file)]),
+                });
+            }
+        }
+        for (name, make) in damage::PLACES {
+            all.push(Variant {
+                family: "weights",
+                name: format!("the folder {name}"),
+                make: Box::new(move |folder| {
+                    make(&folder.join("weights"));
+                    start()
+                }),
+                expected: Expected::Refused(vec![Fault::unreadable("weights")]),
+            });
+        }
+        all.push(other_robot());
+        all
+    }
+}
+
+/// Of the manifest only what it says of the file in use is read; what it tells people about it may change.
+fn judge_manifest(before: &Table, after: &[u8]) -> Expected {
+    match judge_text(MANIFEST, KEYS, before, after) {
+        Expected::Refused(mut faults) => {
+            // The file or the name that the manifest now leads to is told.
+            faults.extend([
+                Fault::file(MANIFEST),
+                Fault::file(FILE),
+                Fault::unreadable("safetensors"),
+            ]);
+            Expected::Refused(faults)
+        }
+        other => other,
+    }
+}
+
+/// Judges one case with the model.
+fn start() -> Start {
+    let repository = repository();
+    let file = |path: &str| repository.join(path).to_str().unwrap().to_owned();
+    let (set, robot) = (
+        file("tests/data/reference-mixed-sample"),
+        file("config/robots/unit.toml"),
+    );
+    Start::new(
+        "pcc",
+        &[
+            "evaluate",
+            "--dataset",
+            &set,
+            "--planner",
+            "fast",
+            "--cases",
+            "1",
+            "--candidates",
+            "1",
+            "--threads",
+            "1",
+            "--robot",
+            &robot,
+            "--weights",
+            "weights",
+            "--out",
+            "out",
+        ],
+    )
+}
+
+/// The shipped weights with a robot that bends less.
+fn other_robot() -> Variant {
+    Variant {
+        family: "weights",
+        name: "of a robot with another bending limit".to_owned(),
+        make: Box::new(|folder: &Path| {
+            symlink(repository().join("weights"), folder.join("weights")).unwrap();
+            let robot = fs::read_to_string(repository().join("config/robots/unit.toml")).unwrap();
+            fs::write(
+                folder.join("robot.toml"),
+                robot.replace("1.5707963267948966", "1.2"),
+            )
+            .unwrap();
+            let mut start = start();
+            let at = start.arguments.iter().position(|a| a == "--robot").unwrap();
+            start.arguments[at + 1] = "robot.toml".into();
+            start
+        }),
+        expected: Expected::Refused(vec![
+            Fault::key("safetensors", "bending_limit", "1.2").or_key("bending limit"),
+        ]),
+    }
+}
