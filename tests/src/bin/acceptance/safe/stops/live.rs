@@ -61,7 +61,7 @@ fn judge(report: &mut Report, cycles: &[Cycle], stack: &Stack, orders: usize) {
         LoopState::Stopping,
     ]
     .map(LoopState::code);
-    let samples: Vec<TendonSample> = cycles.iter().map(TendonSample::from).collect();
+    let samples: Vec<TendonSample> = cycles.iter().map(sample).collect();
     let limits = &stack.world.robot.tendon_limits;
     let mut kept = LimitsKept::default();
     let mut pairs = 0;
@@ -70,14 +70,8 @@ fn judge(report: &mut Report, cycles: &[Cycle], stack: &Stack, orders: usize) {
             && pair[1].sequence == pair[0].sequence + 1
         {
             pairs += 1;
-            let figures = tests::motion::limits_kept(two, limits, 0.0);
-            kept.velocity = kept.velocity.max(figures.velocity);
-            kept.acceleration = kept.acceleration.max(figures.acceleration);
-            kept.difference_velocity = kept.difference_velocity.max(figures.difference_velocity);
-            kept.difference_acceleration = kept
-                .difference_acceleration
-                .max(figures.difference_acceleration);
-            kept.unexplained_step = kept.unexplained_step.max(figures.unexplained_step);
+            kept.add(&two[1], limits);
+            kept.add_neighbours(&two[0], &two[1], limits);
         }
     }
     report.check(
@@ -111,5 +105,14 @@ fn judge(report: &mut Report, cycles: &[Cycle], stack: &Stack, orders: usize) {
     ];
     for (what, figure, bar) in figures {
         report.at_most(&format!("live: {what}"), figure, bar);
+    }
+}
+
+fn sample(cycle: &Cycle) -> TendonSample {
+    TendonSample {
+        stamp_ns: cycle.stamp_mono_ns,
+        position: cycle.setpoint_m,
+        velocity: cycle.setpoint_velocity_m_s,
+        acceleration: cycle.setpoint_acceleration_m_s2,
     }
 }
