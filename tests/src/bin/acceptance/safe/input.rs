@@ -36,7 +36,6 @@ struct Outcome {
     said: String,
     /// Its largest resident memory, 10^6 bytes.
     peak_mb: f64,
-    took: Duration,
 }
 
 impl Outcome {
@@ -97,7 +96,6 @@ fn outcome(command: &mut Command, patience: Duration) -> Outcome {
         status,
         said: String::from_utf8_lossy(&fs::read(&log).unwrap()).into_owned(),
         peak_mb,
-        took: begin.elapsed(),
     }
 }
 
