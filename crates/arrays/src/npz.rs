@@ -383,7 +383,10 @@ impl ArchiveWriter {
         let written = zip
             .finish()
             .map_err(std::io::Error::from)
-            .and_then(|buffered| Ok(drop(buffered.into_inner()?)))
+            .and_then(|buffered| {
+                buffered.into_inner()?;
+                Ok(())
+            })
             .and_then(|()| std::fs::rename(&part.0, &path));
         written.map_err(|source| ArchiveError::Write { path, source })
     }

@@ -55,7 +55,7 @@ pub fn start() -> io::Result<()> {
         .init();
     // False where it logged before: then its lines go on as they did.
     let _ = set_logger(&IpcLog);
-    panic::set_hook(Box::new(|panic| report_panic(panic)));
+    panic::set_hook(Box::new(report_panic));
     let _ = QUEUE.set(queue);
     Ok(())
 }
