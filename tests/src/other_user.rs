@@ -188,21 +188,23 @@ impl OwnersRobot {
         }
     }
 
-    /// Runs `execute`, gives the order `stop` again and again until it is obeyed, and says how long that last one took.
+    /// Has motions to two places executed in turn, gives the order `stop` until it is obeyed, and says how long that one took.
     ///
     /// # Errors
-    /// [`TimedOut`] with what was answered last.
+    /// [`TimedOut`] with what was answered last, to the motion and to the order.
     pub fn stop_in_motion(
         &self,
-        execute: &[&str],
+        motions: [&[&str]; 2],
         stop: &[&str],
         limit: Duration,
     ) -> Result<Duration, TimedOut> {
-        let mut executing = self.command("pcc", execute);
-        executing.stdout(Stdio::null()).stderr(Stdio::null());
-        let mut executing = executing.spawn().unwrap();
         let mut said = String::new();
+        let mut in_turn = motions.into_iter().cycle();
+        let mut executing = self.execute(in_turn.next().unwrap());
         let stopped = wait_for("an order to stop is obeyed", limit, || {
+            if executing.try_wait().unwrap().is_some() {
+                executing = self.execute(in_turn.next().unwrap());
+            }
             let begin = Instant::now();
             let output = self.pcc(stop, limit);
             said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -211,9 +213,16 @@ impl OwnersRobot {
         let _ = executing.kill();
         executing.wait().unwrap();
         stopped.map_err(|timed_out| TimedOut {
-            log: said,
+            log: format!("{said}{}", self.log("execute")),
             ..timed_out
         })
+    }
+
+    fn execute(&self, motion: &[&str]) -> Child {
+        let log = File::create(self.world.folder().join("execute.log")).unwrap();
+        let mut command = self.command("pcc", motion);
+        command.stdout(Stdio::null()).stderr(log);
+        command.spawn().unwrap()
     }
 
     /// All names of this robot in shared memory.

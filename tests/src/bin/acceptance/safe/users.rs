@@ -27,15 +27,27 @@ const PLAN: &[&str] = &[
     "--sampler",
     "straight",
 ];
-const EXECUTE: &[&str] = &[
-    "plan",
-    "--tip",
-    "0.8",
-    "0.2",
-    "2.7",
-    "--sampler",
-    "straight",
-    "--execute",
+const MOTIONS: [&[&str]; 2] = [
+    &[
+        "plan",
+        "--tip",
+        "0.8",
+        "0.2",
+        "2.7",
+        "--sampler",
+        "straight",
+        "--execute",
+    ],
+    &[
+        "plan",
+        "--tip",
+        "-0.8",
+        "0.4",
+        "2.6",
+        "--sampler",
+        "straight",
+        "--execute",
+    ],
 ];
 const STOP: &[&str] = &["stop"];
 /// The node counter's name after the prefix, as iceoryx2 0.10.0 makes it.
@@ -62,7 +74,7 @@ impl Times {
     fn measure(robot: &mut OwnersRobot) -> anyhow::Result<Self> {
         let mut times = Self {
             plan: robot.until_it_works(PLAN, PATIENCE)?,
-            stop: robot.stop_in_motion(EXECUTE, STOP, PATIENCE)?,
+            stop: robot.stop_in_motion(MOTIONS, STOP, PATIENCE)?,
             watch: robot
                 .until_it_works(&["watch", "--rate-hz", "100", "--times", "3"], PATIENCE)?,
             restarts: [Duration::ZERO; 3],
