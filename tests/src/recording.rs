@@ -224,7 +224,7 @@ impl Recording {
             .filter(under_way)
             .map(|index| self.samples[index].stamp_ns);
         let first = stamps.next();
-        let last = stamps.last();
+        let last = stamps.next_back();
         first
             .zip(last)
             .map_or(0.0, |(first, last)| (last - first) as f64 * 1e-9)

@@ -48,7 +48,7 @@ pub(crate) fn rounds(kinds: &[Kind], count: usize, rng: &mut Pcg64) -> Vec<Round
     let moving = [(Phase::Moving, false), (Phase::Moving, true)];
     let resting = [Phase::Starting, Phase::Planning, Phase::Resting].map(|phase| (phase, false));
     let phase = |i: usize| {
-        if i % 2 == 0 {
+        if i.is_multiple_of(2) {
             moving[i / 2 % 2]
         } else {
             resting[i / 2 % 3]

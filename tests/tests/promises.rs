@@ -64,8 +64,8 @@ impl Judge {
             .collect();
         let limits = &self.robot.tendon_limits;
         for around in tendons.windows(3) {
-            for tendon in 0..9 {
-                let [before, now, after] = [0, 1, 2].map(|i| around[i][tendon]);
+            let neighbours = around[0].iter().zip(&around[1]).zip(&around[2]);
+            for ((before, now), after) in neighbours {
                 let velocity = (after - now).abs() / step / limits.velocity;
                 let acceleration = (after - 2.0 * now + before).abs() / step.powi(2);
                 fastest = fastest.max(velocity);

@@ -131,6 +131,20 @@ fn every_bad_value_is_refused_by_name() {
             "voxels[0]: voxel_m is 0.000",
         ),
         (
+            &format!("[[voxels]]\nfile = \"bracket.stl\"\nvoxel_m = 0.1\n{position}"),
+            "voxels[0]",
+        ),
+    ] {
+        let refusal = refusal(text);
+        assert!(refusal.contains(named), "{text}: {refusal}");
+    }
+}
+
+#[test]
+fn too_many_values_too_many_balls_and_missing_files_are_refused_by_name() {
+    let position = "position_m = [0.0, 0.0, 0.0]";
+    for (text, named) in [
+        (
             "[[balls]]\ncentre_m = [0.0, 1.0, 0.0, 7.0]\nradius_m = 1.0",
             "invalid length 4, expected an array of exactly 3 numbers",
         ),
@@ -139,10 +153,6 @@ fn every_bad_value_is_refused_by_name() {
                 "[[boxes]]\nsides_m = [1.0, 1.0, 1.0]\n{position}\nquaternion_xyzw = [0.0, 0.0, 0.0, 1.0, 9.0]"
             ),
             "invalid length 5",
-        ),
-        (
-            &format!("[[voxels]]\nfile = \"bracket.stl\"\nvoxel_m = 0.1\n{position}"),
-            "voxels[0]",
         ),
     ] {
         let refusal = refusal(text);

@@ -196,11 +196,12 @@ impl Subject {
         changed.into_iter().map(variant).collect()
     }
 
-    fn with(&self, name: String, content: Vec<u8>, expected: Expected) -> Variant {
+    fn with(&self, mut name: String, content: Vec<u8>, expected: Expected) -> Variant {
         let (file, start) = (self.file, Arc::clone(&self.start));
+        name.insert_str(0, &format!("{file} "));
         Variant {
             family: self.family,
-            name: format!("{file} {name}"),
+            name,
             make: Box::new(move |folder| {
                 let start = start(folder);
                 fs::write(folder.join(file), &content).unwrap();

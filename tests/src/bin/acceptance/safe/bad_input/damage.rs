@@ -113,8 +113,11 @@ pub(super) fn foreign() -> Vec<Damaged> {
     ]
 }
 
+/// Puts something at a path.
+type MakePlace = fn(&Path);
+
 /// What may lie at a path instead of a file.
-pub(super) const PLACES: &[(&str, fn(&Path))] = &[
+pub(super) const PLACES: &[(&str, MakePlace)] = &[
     ("is missing", |_| ()),
     ("is a folder", |path| fs::create_dir(path).unwrap()),
     ("is a pipe that nobody writes", pipe),
@@ -123,7 +126,7 @@ pub(super) const PLACES: &[(&str, fn(&Path))] = &[
     ("is /dev/null", |path| symlink("/dev/null", path).unwrap()),
     ("is a link to itself", |path| symlink(path, path).unwrap()),
     ("leads nowhere", |path| {
-        symlink("/nowhere/at/all", path).unwrap()
+        symlink("/nowhere/at/all", path).unwrap();
     }),
     ("is a socket", |path| {
         std::os::unix::net::UnixListener::bind(path).unwrap();

@@ -497,7 +497,7 @@ fn members() -> Vec<Member> {
         name: name.to_owned(),
         npy: npy(descr, false, &shape(counts), &content),
     };
-    let angle = |i: usize| (i / 6 % 64) as f32 * 0.01 * if i % 6 == 0 { 1.0 } else { 0.2 };
+    let angle = |i: usize| (i / 6 % 64) as f32 * 0.01 * if i.is_multiple_of(6) { 1.0 } else { 0.2 };
     let path: Vec<f32> = (0..ROWS * 64 * 6).map(angle).collect();
     let tips = [0.9, 0.3, 2.4, 0.9, 0.3, 2.4];
     let numbers = |values: &[i64], size: usize| -> Vec<u8> {

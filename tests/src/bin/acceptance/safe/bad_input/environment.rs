@@ -46,7 +46,7 @@ pub(super) fn variants() -> Vec<Variant> {
 fn variant(program: &'static str, name: &'static str, value: OsString) -> Variant {
     let shown = value.to_string_lossy().into_owned();
     // What is not UTF-8 is shown escaped.
-    let said: String = shown.chars().take_while(|c| c.is_ascii_graphic()).collect();
+    let said: String = shown.chars().take_while(char::is_ascii_graphic).collect();
     Variant {
         family: "environment",
         name: format!("{program} with {name} = {shown:?}"),

@@ -123,7 +123,7 @@ fn said(value: &Value) -> String {
         Value::String(text) => text
             .chars()
             .take(12)
-            .filter(|c| c.is_ascii_graphic())
+            .filter(char::is_ascii_graphic)
             .collect(),
         Value::Array(_) | Value::Table(_) => String::new(),
         other => other.to_string(),
@@ -223,7 +223,7 @@ fn arrays_for(items: &[Value]) -> Vec<Value> {
         mixed[0] = "text".into();
         all.push(mixed);
     }
-    all.push([items, &[filler.clone()]].concat());
+    all.push([items, std::slice::from_ref(&filler)].concat());
     all.push(vec![filler; 5000]);
     all.push(vec![Value::Array(items.to_vec())]);
     all.into_iter().map(Value::Array).collect()

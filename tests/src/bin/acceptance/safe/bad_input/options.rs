@@ -409,33 +409,33 @@ fn wrong_paths(option: &Listed, wanted: &Wanted) -> Vec<Given> {
             all.push(at("/proc/self/mem", nothing));
             all.push(at("pipe", |folder| damage::pipe(&folder.join("pipe"))));
             all.push(at("folder", |folder| {
-                fs::create_dir(folder.join("folder")).unwrap()
+                fs::create_dir(folder.join("folder")).unwrap();
             }));
             all.push(at("file", |folder| {
-                fs::write(folder.join("file"), "text").unwrap()
+                fs::write(folder.join("file"), "text").unwrap();
             }));
         }
         Wanted::WriteFolder => {
             all.push(at("file", |folder| {
-                fs::write(folder.join("file"), "text").unwrap()
+                fs::write(folder.join("file"), "text").unwrap();
             }));
             all.push(at("file/below", |folder| {
-                fs::write(folder.join("file"), "text").unwrap()
+                fs::write(folder.join("file"), "text").unwrap();
             }));
             all.push(at("/proc/none", nothing));
             all.push(at("/dev/null", nothing));
             all.push(at(&long, nothing));
             all.push(at("", nothing));
             all.push(at("loop", |folder| {
-                std::os::unix::fs::symlink("loop", folder.join("loop")).unwrap()
+                std::os::unix::fs::symlink("loop", folder.join("loop")).unwrap();
             }));
         }
         Wanted::WriteFile => {
             all.push(at("folder", |folder| {
-                fs::create_dir(folder.join("folder")).unwrap()
+                fs::create_dir(folder.join("folder")).unwrap();
             }));
             all.push(at("file/below", |folder| {
-                fs::write(folder.join("file"), "text").unwrap()
+                fs::write(folder.join("file"), "text").unwrap();
             }));
             all.push(at("/proc/none/file", nothing));
             all.push(at("/dev/full", nothing));

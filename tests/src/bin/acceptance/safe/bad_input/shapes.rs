@@ -39,10 +39,11 @@ pub(super) fn variants() -> Vec<Variant> {
     all
 }
 
-fn with(file: &'static str, name: String, content: Vec<u8>, expected: Expected) -> Variant {
+fn with(file: &'static str, mut name: String, content: Vec<u8>, expected: Expected) -> Variant {
+    name.insert_str(0, &format!("{file} "));
     Variant {
         family: "mesh or grid",
-        name: format!("{file} {name}"),
+        name,
         make: Box::new(move |folder| {
             let start = daemon_with_scene(folder);
             fs::write(folder.join(file), &content).unwrap();
@@ -84,7 +85,7 @@ fn corners(content: &[u8]) -> Option<Vec<[f32; 3]>> {
         match words[..] {
             ["solid", ..] => is_open = true,
             ["vertex", x, y, z] => {
-                corners.push([x.parse().ok()?, y.parse().ok()?, z.parse().ok()?])
+                corners.push([x.parse().ok()?, y.parse().ok()?, z.parse().ok()?]);
             }
             ["endsolid", ..] => is_open = false,
             ["facet", "normal", ..] | ["outer", "loop"] | ["endloop" | "endfacet"] | [] => {}

@@ -69,9 +69,9 @@ impl Crossing {
         };
         for step in 0..300 {
             crossing.ball_s = tip_s + 0.02 * f64::from(step);
-            let lags = (0..=20).map(|i| lag_s * f64::from(i) / 20.0);
+            let mut lags = (0..=20).map(|i| lag_s * f64::from(i) / 20.0);
             let clear = |lag_s| crossing.clearance(body, lag_s) > SPARE_M;
-            if lags.map(clear).all(|is_clear| is_clear) {
+            if lags.all(clear) {
                 return Ok(crossing);
             }
         }
@@ -199,7 +199,10 @@ fn execute_and_pause(
     };
     let id = match stack.try_motion(&later) {
         Ok(id) => id,
-        Err(MoveError::Refused { outcome, reason }) if outcome == Outcome::ExecutionRefused => {
+        Err(MoveError::Refused {
+            outcome: Outcome::ExecutionRefused,
+            reason,
+        }) => {
             return Ok((false, format!("not executed: {reason}"), Vec::new()));
         }
         Err(error) => return Err(error.into()),

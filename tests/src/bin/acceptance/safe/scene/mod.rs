@@ -89,9 +89,10 @@ fn execute(stack: &mut Stack) -> Result<u32, MoveError> {
 fn refusal(stack: &mut Stack) -> anyhow::Result<String> {
     match execute(stack) {
         Ok(id) => anyhow::bail!("trajectory {id} was published"),
-        Err(MoveError::Refused { outcome, reason }) if outcome == Outcome::ExecutionRefused => {
-            Ok(reason)
-        }
+        Err(MoveError::Refused {
+            outcome: Outcome::ExecutionRefused,
+            reason,
+        }) => Ok(reason),
         Err(error) => Err(error.into()),
     }
 }

@@ -222,7 +222,7 @@ impl Trial<'_> {
     fn order(&self, mut driven: Driven, number: usize, run: &mut Run) {
         let mut judge = self.judge();
         judge.take(&sent(driven.last.as_ref().unwrap()));
-        if number % 2 == 0 {
+        if number.is_multiple_of(2) {
             for _ in 0..driven.random.random_range(1..=4) {
                 let speed = match driven.random.random_range(0..4) {
                     0 => 0.0,
