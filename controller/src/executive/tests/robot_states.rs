@@ -82,9 +82,11 @@ fn a_robot_that_is_the_first_to_wake_after_a_pause_has_not_strayed() {
         world.robot_alone();
         world.last = None;
         world.cycle(MS / 5);
-        world.run(200);
-        let output = world.last.as_ref().unwrap();
-        assert_eq!(output.fault, LoopFault::None, "{pause_ms} ms: {output:?}");
+        let mut worst_rad = 0.0_f64;
+        for _ in 0..200 {
+            worst_rad = worst_rad.max(world.cycle(MS).tracking_error_rad);
+        }
+        assert!(worst_rad < 2e-3, "{worst_rad} rad after {pause_ms} ms");
     }
 }
 
