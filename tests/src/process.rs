@@ -62,6 +62,25 @@ impl Process {
     pub fn start(world: &World, name: &str, arguments: &[&str]) -> Self {
         let log = world.new_log(name);
         let file = File::create(&log).unwrap();
+        let (out, errors) = (file.try_clone().unwrap().into(), file.into());
+        Self::spawn(world, name, arguments, log, [out, errors])
+    }
+
+    /// The same, but what it writes to standard error goes elsewhere.
+    #[must_use]
+    pub fn start_onto(world: &World, name: &str, arguments: &[&str], errors: Stdio) -> Self {
+        let log = world.new_log(name);
+        let out = File::create(&log).unwrap().into();
+        Self::spawn(world, name, arguments, log, [out, errors])
+    }
+
+    fn spawn(
+        world: &World,
+        name: &str,
+        arguments: &[&str],
+        log: PathBuf,
+        [out, errors]: [Stdio; 2],
+    ) -> Self {
         let child = Command::new(program(name))
             .args(arguments)
             .env("PCC_PREFIX", &world.options.prefix)
@@ -69,8 +88,8 @@ impl Process {
             .env("NO_COLOR", "1")
             .env_remove("RUST_BACKTRACE")
             .stdin(Stdio::null())
-            .stdout(file.try_clone().unwrap())
-            .stderr(file)
+            .stdout(out)
+            .stderr(errors)
             .spawn()
             .unwrap();
         Self { child, log }

@@ -1,5 +1,6 @@
 //! The three processes of one robot, and how to make them move.
 
+use std::process::Stdio;
 use std::time::Duration;
 
 use client::{Client, ClientError, ControllerView, RobotView};
@@ -51,12 +52,20 @@ impl Part {
     /// Starts it.
     #[must_use]
     pub fn start(self, world: &World) -> Process {
-        let config = world.config(&format!("{}.toml", self.program()));
-        Process::start(
-            world,
-            self.program(),
-            &["--config", config.to_str().unwrap()],
-        )
+        let config = self.config(world);
+        Process::start(world, self.program(), &["--config", &config])
+    }
+
+    /// Starts it with another standard error.
+    #[must_use]
+    pub fn start_onto(self, world: &World, errors: Stdio) -> Process {
+        let config = self.config(world);
+        Process::start_onto(world, self.program(), &["--config", &config], errors)
+    }
+
+    fn config(self, world: &World) -> String {
+        let file = world.config(&format!("{}.toml", self.program()));
+        file.to_str().unwrap().to_owned()
     }
 }
 
@@ -113,7 +122,12 @@ impl Stack {
     /// Connects to a world in which nothing runs yet.
     #[must_use]
     pub fn new(settings: &Settings) -> Self {
-        let world = World::new(settings);
+        Self::within(World::new(settings))
+    }
+
+    /// Connects to a world in which nothing runs yet and that was prepared before.
+    #[must_use]
+    pub fn within(world: World) -> Self {
         let options = &world.options;
         Self {
             client: Client::connect(options).unwrap(),
@@ -146,6 +160,12 @@ impl Stack {
     pub fn start(&mut self, part: Part) {
         self.processes[part as usize] = None;
         self.processes[part as usize] = Some(part.start(&self.world));
+    }
+
+    /// Starts a part, in place of the one that ran, with another standard error.
+    pub fn start_onto(&mut self, part: Part, errors: Stdio) {
+        self.processes[part as usize] = None;
+        self.processes[part as usize] = Some(part.start_onto(&self.world, errors));
     }
 
     /// The running process of a part.

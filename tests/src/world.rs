@@ -19,6 +19,8 @@ pub struct Settings {
     pub limits_factor: Option<f64>,
     /// Keys of the daemon's configuration.
     pub daemon: Vec<(&'static str, Value)>,
+    /// Whether no process asks for a real-time priority, as if the system refused them.
+    pub without_priorities: bool,
     /// Whether the daemon is to have no model.
     pub without_weights: bool,
 }
@@ -143,6 +145,9 @@ fn folder_bytes(folder: &Path) -> u64 {
         .sum()
 }
 
+/// The key of the real-time priority in every configuration file.
+pub const PRIORITY: &str = "realtime_priority";
+
 /// A shipped configuration file as a table.
 #[must_use]
 pub fn shipped(name: &str) -> Table {
@@ -162,16 +167,19 @@ fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) ->
         }
     }
     fs::write(folder.join("robots/unit.toml"), robot.to_string()).unwrap();
-    fs::write(
-        folder.join("controller.toml"),
-        shipped("controller.toml").to_string(),
-    )
-    .unwrap();
+    let mut controller = shipped("controller.toml");
+    if settings.without_priorities {
+        controller.insert(PRIORITY.to_owned(), Value::Integer(0));
+    }
+    fs::write(folder.join("controller.toml"), controller.to_string()).unwrap();
     let mut motors = shipped("simulated-robot.toml");
     // The lag behind an acceleration a is a/ω²: motors that keep up with faster motions as well as the shipped ones.
     let frequency = motors["natural_frequency_rad_s"].as_float().unwrap()
         * settings.limits_factor.unwrap_or(1.0).sqrt();
     motors.insert("natural_frequency_rad_s".into(), frequency.into());
+    if settings.without_priorities {
+        motors.insert(PRIORITY.to_owned(), Value::Integer(0));
+    }
     fs::write(folder.join("simulated-robot.toml"), motors.to_string()).unwrap();
     let mut daemon = shipped("planner-daemon.toml");
     daemon.remove("weights");

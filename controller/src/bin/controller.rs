@@ -1,18 +1,15 @@
 //! `controller`: the hard loop between the planner daemon and the motors.
 
-use std::{
-    path::PathBuf,
-    process::ExitCode,
-    sync::{Arc, atomic::AtomicBool},
-};
+use std::{path::PathBuf, process::ExitCode, sync::Arc};
 
 use anyhow::Context;
 use clap::Parser;
 use controller::{
     arena::LoopAllocator,
-    service::{self, ControllerConfig},
+    service::{self, ControllerConfig, Signals},
 };
 use shared_types::ipc::IpcOptions;
+use signal_hook::consts::{SIGINT, SIGTERM, SIGUSR1};
 
 #[global_allocator]
 static ALLOCATOR: LoopAllocator = LoopAllocator;
@@ -24,7 +21,8 @@ static ALLOCATOR: LoopAllocator = LoopAllocator;
 /// client) sends a reset. One controller runs per prefix; robot, daemon and controller start in any order.
 ///
 /// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default /dev/shm/pcc-UID) name the robot's shared memory;
-/// RUST_LOG sets the log level on stderr (default info). SIGTERM and SIGINT stop the robot along its path, then exit 0.
+/// RUST_LOG sets the log level on stderr (default info). SIGTERM and SIGINT stop the robot along its path, then exit 0;
+/// SIGUSR1 stops it like `pcc stop`, without any service.
 #[derive(Parser)]
 #[command(version, verbatim_doc_comment)]
 struct Arguments {
@@ -42,12 +40,15 @@ fn start() -> anyhow::Result<()> {
     logging::start().context("cannot start to log")?;
     die_of_any_panic();
     let config = ControllerConfig::from_file(&arguments.config)?;
-    let shutdown = Arc::new(AtomicBool::new(false));
-    for signal in [signal_hook::consts::SIGTERM, signal_hook::consts::SIGINT] {
-        signal_hook::flag::register(signal, Arc::clone(&shutdown))
-            .context("cannot handle signals")?;
+    let signals = Signals::default();
+    for (signal, flag) in [
+        (SIGTERM, &signals.shutdown),
+        (SIGINT, &signals.shutdown),
+        (SIGUSR1, &signals.stop),
+    ] {
+        signal_hook::flag::register(signal, Arc::clone(flag)).context("cannot handle signals")?;
     }
-    service::run(config, &IpcOptions::from_env(), shutdown)?;
+    service::run(config, &IpcOptions::from_env(), signals)?;
     Ok(())
 }
 

@@ -58,7 +58,12 @@ impl PoseMemory {
             .mode(0o600)
             .open(path)?;
         let bytes = size_of::<[Slot; 2]>();
-        file.set_len(bytes as u64)?;
+        // Its memory is taken now: a page that a full disk has none left for would end the process when it is written.
+        // SAFETY: takes numbers only.
+        let refused = unsafe { libc::posix_fallocate(file.as_raw_fd(), 0, bytes as libc::off_t) };
+        if refused != 0 {
+            return Err(io::Error::from_raw_os_error(refused));
+        }
         // SAFETY: a new shared mapping of a file that is `bytes` long; failure is checked.
         let address = unsafe {
             libc::mmap(

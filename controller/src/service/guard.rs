@@ -1,4 +1,4 @@
-//! The guard thread: what stops the robot. It serves `command`, watches the daemon's heart, and obeys SIGTERM; nothing else,
+//! The guard thread: what stops the robot. It serves `command`, watches the daemon's heart, and obeys signals; nothing else,
 //! so that nothing else can keep a stop from the loop.
 //!
 //! It never waits: not for the loop (an answer that is late is one of the next rounds' work), not for a reader of the log
@@ -47,8 +47,16 @@ pub(super) struct GuardSettings {
     pub(super) daemon_lost_ns: Option<i64>,
     /// Priority under SCHED_FIFO, below the loop's; `None` for none.
     pub(super) realtime_priority: Option<u8>,
-    /// Set by SIGTERM and SIGINT.
-    pub(super) shutdown: Arc<AtomicBool>,
+    pub(super) signals: Signals,
+}
+
+/// What signals have set.
+#[derive(Clone, Debug, Default)]
+pub struct Signals {
+    /// Stop the robot along its path, then end.
+    pub shutdown: Arc<AtomicBool>,
+    /// Stop the robot along its path: an order for when no service can be joined, as on a full disk.
+    pub stop: Arc<AtomicBool>,
 }
 
 /// The guard's ports.
@@ -286,7 +294,7 @@ impl Guard {
         })
     }
 
-    /// Serves until `shutdown` is set and the robot is at rest, or until another thread has all of them quit.
+    /// Serves until it is told to shut down and the robot is at rest, or until another thread has all of them quit.
     pub(super) fn serve(mut self) {
         if let Some(priority) = self.settings.realtime_priority
             && crate::realtime::use_fifo_priority(priority).is_err()
@@ -299,7 +307,11 @@ impl Guard {
             self.watch_daemon(now_ns);
             self.receive(now_ns);
             self.commands.attend(now_ns);
-            if self.settings.shutdown.load(Ordering::Relaxed)
+            if self.settings.signals.stop.swap(false, Ordering::Relaxed) {
+                self.commands.stop();
+                self.commands.tell(GuardEvent::Signalled);
+            }
+            if self.settings.signals.shutdown.load(Ordering::Relaxed)
                 && self.may_quit(&mut give_up_ns, now_ns)
             {
                 self.commands

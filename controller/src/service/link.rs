@@ -84,6 +84,7 @@ pub(super) enum GuardEvent {
     DaemonLost(LoopState),
     DaemonFound,
     DaemonReplaced,
+    Signalled,
     ShuttingDown(LoopState),
     PriorityRefused(u8),
 }

@@ -14,13 +14,10 @@ mod view;
 mod wire;
 
 pub use config::ControllerConfig;
+pub use guard::Signals;
 
 use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-        mpsc::sync_channel,
-    },
+    sync::{Arc, atomic::Ordering, mpsc::sync_channel},
     thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
@@ -37,7 +34,7 @@ use relay::Relay;
 const ENDING: Duration = Duration::from_millis(500);
 const LOOK: Duration = Duration::from_millis(2);
 
-/// Runs the controller until `shutdown` is set; it then stops the robot along its path before it returns.
+/// Runs the controller until it is told to shut down; it then stops the robot along its path before it returns.
 ///
 /// A thread that is held up does not keep the process from ending: it is left behind when this returns.
 ///
@@ -47,7 +44,7 @@ const LOOK: Duration = Duration::from_millis(2);
 pub fn run(
     config: ControllerConfig,
     options: &IpcOptions,
-    shutdown: Arc<AtomicBool>,
+    signals: Signals,
 ) -> Result<(), IpcError> {
     let _role = RoleLock::acquire(options, Role::Controller)?;
     let (loop_end, guard_end, relay_end) = link::link();
@@ -55,7 +52,7 @@ pub fn run(
     let guard = GuardSettings {
         daemon_lost_ns: config.daemon_lost_ns,
         realtime_priority: config.realtime_priority.map(below),
-        shutdown,
+        signals,
     };
     let controller = Controller {
         config: Arc::new(config),

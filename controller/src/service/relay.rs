@@ -256,6 +256,7 @@ fn log(event: GuardEvent) {
                 "another daemon is there: the motion of the one before is stopped along its path"
             );
         }
+        GuardEvent::Signalled => info!("a signal orders a stop"),
         GuardEvent::ShuttingDown(LoopState::Executing | LoopState::Stopping) => {
             info!("shutting down: stopping the robot along its path");
         }

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use iceoryx2::prelude::ZeroCopySend;
 use shared_types::ipc::{
-    CommandClient, CycleSubscriber, IpcNode, IpcOptions, Subscriber, command_client,
+    CommandClient, CommandService, CycleSubscriber, IpcNode, IpcOptions, Subscriber,
     command_service, controller_state_service, cycle_service, cycle_subscriber,
-    robot_state_service, subscriber,
+    robot_state_service, visiting_command_client, visiting_subscriber,
 };
 use shared_types::message;
 use shared_types::valid::{Command, CommandReply, ControllerState, Cycle, Invalid, RobotState};
@@ -19,12 +19,14 @@ use crate::patience::{Cleaner, PAUSE, Patience, wait};
 const CONTROLLER: &str = "controller";
 const ROBOT: &str = "robot";
 
-/// The controller's state, and commands to it.
+/// The controller's state, and commands to it. Who only watches takes no place from those who command: the first command takes one
+/// ([`ControllerView::prepare_to_command`] does so earlier).
 #[derive(Debug)]
 pub struct ControllerView {
     states: Subscriber<message::ControllerState>,
     latest: Option<ControllerState>,
-    commands: CommandClient,
+    commands: Option<CommandClient>,
+    command_service: CommandService,
     last_command_id: u64,
     cleaner: Cleaner,
     node: IpcNode,
@@ -37,12 +39,13 @@ impl ControllerView {
     /// [`ClientError::Ipc`].
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
         let node = IpcNode::create(options, "pcc-controller-view")?;
-        let states = subscriber(&node, &controller_state_service(&node)?)?;
-        let commands = command_client(&node, &command_service(&node)?)?;
+        let states = visiting_subscriber(&node, &controller_state_service(&node)?)?;
+        let command_service = command_service(&node)?;
         Ok(Self {
             states,
             latest: None,
-            commands,
+            commands: None,
+            command_service,
             last_command_id: 0,
             cleaner: Cleaner::new(),
             node,
@@ -62,11 +65,23 @@ impl ControllerView {
         Ok(self.latest)
     }
 
+    /// Takes this program's place among those who command, if it has none yet: a later command then needs neither memory nor a file
+    /// of its own. For programs with a button to stop.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`], where there is no place left.
+    pub fn prepare_to_command(&mut self) -> Result<(), ClientError> {
+        if self.commands.is_none() {
+            self.commands = Some(visiting_command_client(&self.node, &self.command_service)?);
+        }
+        Ok(())
+    }
+
     /// Gives an order and waits for the reply; a refused order is no error.
     ///
     /// # Errors
-    /// [`ClientError::InvalidRequest`], [`ClientError::NoServer`], [`ClientError::ServerLost`],
-    /// [`ClientError::TimedOut`], [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    /// [`ClientError::InvalidRequest`], [`ClientError::Ipc`] (no place left), [`ClientError::NoServer`],
+    /// [`ClientError::ServerLost`], [`ClientError::TimedOut`], [`ClientError::BadMessage`] or [`ClientError::Transport`].
     pub fn command(
         &mut self,
         command: Command,
@@ -76,10 +91,12 @@ impl ControllerView {
         let (id, patience) = (self.last_command_id, Patience::new(timeout));
         let wire = command.to_wire(id);
         Command::try_from(&wire).map_err(ClientError::InvalidRequest)?;
-        let (node, cleaner, commands) = (&self.node, &mut self.cleaner, &self.commands);
+        self.prepare_to_command()?;
+        let (node, cleaner, commands) = (&self.node, &mut self.cleaner, self.commands.as_ref());
         let pause = |left: Duration| thread::sleep(PAUSE.min(left));
         let sent = wait(&patience, cleaner, node, pause, || {
             let pending = commands
+                .ok_or_else(|| ClientError::transport("send a command", "it has no place"))?
                 .send_copy(wire)
                 .map_err(|reason| ClientError::transport("send a command", reason))?;
             Ok::<_, ClientError>((pending.number_of_server_connections() > 0).then_some(pending))
@@ -127,7 +144,7 @@ impl RobotView {
     /// [`ClientError::Ipc`].
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
         let node = IpcNode::create(options, "pcc-robot-view")?;
-        let states = subscriber(&node, &robot_state_service(&node)?)?;
+        let states = visiting_subscriber(&node, &robot_state_service(&node)?)?;
         Ok(Self {
             states,
             latest: None,

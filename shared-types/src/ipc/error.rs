@@ -149,12 +149,14 @@ pub enum IpcError {
         reason: String,
     },
     /// All places of a service are taken by live processes.
-    #[error("service {service} has no free place for another {port}")]
+    #[error("service {service} has no free place for another {port}{users}")]
     Full {
         /// The service's name.
         service: String,
         /// The kind of port.
         port: &'static str,
+        /// Who may be closed: the text after the rest of the message, empty where nobody is known.
+        users: String,
     },
     /// Anything else.
     #[error("cannot open service {service} ({what}): {reason}")]

@@ -20,7 +20,6 @@ use super::{IpcError, IpcNode};
 #[derive(Debug)]
 pub struct EventService {
     service: PortFactory<ipc::Service>,
-    full_name: String,
 }
 
 /// Says that something was sent; create it in the thread that uses it.
@@ -60,7 +59,6 @@ fn event(node: &IpcNode, name: &str) -> Result<EventService, IpcError> {
     };
     Ok(EventService {
         service: open_service(node, name, open, translate)?,
-        full_name: node.options().service_name(name),
     })
 }
 
@@ -77,7 +75,7 @@ pub fn event_notifier(node: &IpcNode, event: &EventService) -> Result<EventNotif
             .create()
     };
     let full = NotifierCreateError::ExceedsMaxSupportedNotifiers;
-    node.make_port(&event.full_name, "notifier", create, &full)
+    node.make_port(&event.service, "notifier", create, &full)
 }
 
 /// Makes a listener, after cleaning up dead ones.
@@ -87,7 +85,7 @@ pub fn event_notifier(node: &IpcNode, event: &EventService) -> Result<EventNotif
 pub fn event_listener(node: &IpcNode, event: &EventService) -> Result<EventListener, IpcError> {
     let create = || event.service.listener_builder().create();
     let full = ListenerCreateError::ExceedsMaxSupportedListeners;
-    node.make_port(&event.full_name, "listener", create, &full)
+    node.make_port(&event.service, "listener", create, &full)
         .map(EventListener)
 }
 
@@ -139,6 +137,7 @@ fn translate(service: String, error: EventOpenOrCreateError) -> IpcError {
         Either::EventOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
             service,
             port: "process",
+            users: String::new(),
         },
         Either::EventOpenError(
             Open::IncompatibleMessagingPattern

@@ -36,11 +36,12 @@ pub use request::{
     CommandClient, CommandRequest, CommandServer, CommandService, PlanActiveRequest, PlanClient,
     PlanPending, PlanResponse, PlanServer, PlanService, PlanServiceCapacity, command_client,
     command_server, command_service, open_plan_service, plan_client, plan_server, plan_service,
+    visiting_command_client,
 };
 pub use role::{Role, RoleLock};
 pub use topic::{
     CYCLES_PER_BATCH, CyclePublisher, CycleSubscriber, CycleTopic, Publisher, Subscriber, Topic,
     controller_state_service, cycle_publisher, cycle_service, cycle_subscriber, heartbeat_service,
     publisher, robot_state_service, scene_service, scene_status_service, setpoint_service,
-    subscriber, trajectory_service,
+    subscriber, trajectory_service, visiting_subscriber,
 };

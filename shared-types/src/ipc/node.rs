@@ -6,10 +6,10 @@ use std::thread;
 use std::time::Duration;
 
 use iceoryx2::config::Config;
-use iceoryx2::node::{Node, NodeBuilder};
+use iceoryx2::node::{Node, NodeBuilder, NodeState, NodeView};
 use iceoryx2::prelude::{
-    FileName, LogLevel, MessagingPattern, NodeName, SemanticString, ServiceName,
-    SignalHandlingMode, ipc, set_log_level,
+    CallbackProgression, FileName, LogLevel, MessagingPattern, NodeName, PortFactory,
+    SemanticString, ServiceName, SignalHandlingMode, ipc, set_log_level,
 };
 use iceoryx2::service::builder::Builder;
 
@@ -139,30 +139,61 @@ impl IpcNode {
         operation()
     }
 
-    /// Makes a port of the service with this full name, after cleaning up dead processes that hold its place.
+    /// Makes a port of a service, after cleaning up dead processes that hold its place.
     ///
     /// # Errors
     /// [`IpcError::Full`] where creating one fails as if live processes hold all places, or [`IpcError::Failed`].
     pub(super) fn make_port<T, E: Debug + PartialEq>(
         &self,
-        service: &str,
+        service: &impl PortFactory<Service = ipc::Service>,
         port: &'static str,
         create: impl FnMut() -> Result<T, E>,
         full: &E,
     ) -> Result<T, IpcError> {
         let made = self.retry(create, |error| error == full);
         made.map_err(|error| {
-            let service = service.to_owned();
+            let name = service.name().to_string();
             if error == *full {
-                return IpcError::Full { service, port };
+                return IpcError::Full {
+                    service: name,
+                    port,
+                    users: users_of(service),
+                };
             }
             IpcError::Failed {
-                service,
+                service: name,
                 what: port,
                 reason: format!("{error:?}"),
             }
         })
     }
+}
+
+/// Who has a service open, for the message that it is full: one of them may be closed.
+fn users_of(service: &impl PortFactory<Service = ipc::Service>) -> String {
+    let mut users = Vec::new();
+    let listed = service.nodes(|node| {
+        if let NodeState::Alive(node) = node {
+            let name = node
+                .details()
+                .as_ref()
+                .map(|details| details.name().to_string());
+            let name = name.unwrap_or_else(|| "a program".to_owned());
+            let process = node.id().pid::<ipc::Service>();
+            let process =
+                process.map_or(String::new(), |pid| format!(" (process {})", pid.value()));
+            users.push(name + &process);
+        }
+        CallbackProgression::Continue
+    });
+    if listed.is_err() || users.is_empty() {
+        return String::new();
+    }
+    users.sort_unstable();
+    format!(
+        "; close one of those that have it open: {}",
+        users.join(", ")
+    )
 }
 
 /// Makes the memory that the node takes its number from, and tells iceoryx2 of it.

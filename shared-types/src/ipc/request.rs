@@ -4,14 +4,14 @@ use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
-use iceoryx2::prelude::{AllocationStrategy, ipc};
+use iceoryx2::prelude::{AllocationStrategy, PortFactory, ipc};
 use iceoryx2::response::Response;
 use iceoryx2::service::builder::Builder;
 use iceoryx2::service::builder::request_response::{
     RequestResponseCreateError, RequestResponseOpenError, RequestResponseOpenOrCreateError,
 };
 use iceoryx2::service::port_factory::client::ClientCreateError;
-use iceoryx2::service::port_factory::request_response::PortFactory;
+use iceoryx2::service::port_factory::request_response::PortFactory as RequestResponse;
 use iceoryx2::service::port_factory::server::ServerCreateError;
 
 use super::opening::{NODES, open_service};
@@ -19,7 +19,7 @@ use super::{IpcError, IpcNode};
 use crate::message::{Command, CommandReply, Knot, PlanReport, PlanRequest};
 
 /// The open service `plan`.
-pub type PlanService = PortFactory<ipc::Service, PlanRequest, (), [Knot], PlanReport>;
+pub type PlanService = RequestResponse<ipc::Service, PlanRequest, (), [Knot], PlanReport>;
 /// Answers plan requests; create it in the thread that uses it.
 pub type PlanServer = Server<ipc::Service, PlanRequest, (), [Knot], PlanReport>;
 /// Sends plan requests; create it in the thread that uses it.
@@ -31,7 +31,7 @@ pub type PlanPending = PendingResponse<ipc::Service, PlanRequest, (), [Knot], Pl
 /// An answer in shared memory: the report is its user header, all candidates' knots its slice.
 pub type PlanResponse = Response<ipc::Service, [Knot], PlanReport>;
 /// The open service `command`.
-pub type CommandService = PortFactory<ipc::Service, Command, (), CommandReply, ()>;
+pub type CommandService = RequestResponse<ipc::Service, Command, (), CommandReply, ()>;
 /// A command at the controller; dropping it without a reply tells the client.
 pub type CommandRequest = ActiveRequest<ipc::Service, Command, (), CommandReply, ()>;
 /// Answers commands; create it in the thread that uses it.
@@ -52,7 +52,10 @@ pub(super) const HELD_ANSWERS: usize = 2;
 pub(super) const HELD_REPLIES: usize = 1;
 /// Requests that a client may prepare at once.
 pub(super) const REQUEST_LOANS: usize = 2;
-pub(super) const COMMAND_CLIENTS: usize = 8;
+/// Clients of `command` at once; programs that only watch have none.
+pub(super) const COMMAND_CLIENTS: usize = 32;
+/// Of these, places that [`visiting_command_client`] leaves free: the daemon gets its own however many give orders.
+const RESERVED_COMMAND_CLIENTS: usize = 8;
 pub(super) const COMMANDS_PER_CLIENT: usize = 2;
 
 /// How much the daemon serves at once: it decides the shared memory ([`super::plan_bytes`]).
@@ -157,7 +160,7 @@ pub fn plan_server(
             .allocation_strategy(AllocationStrategy::Static)
             .create()
     };
-    server(node, PLAN, create)
+    server(node, service, create)
 }
 
 /// Makes a client of `plan`, after cleaning up dead ones.
@@ -165,7 +168,7 @@ pub fn plan_server(
 /// # Errors
 /// [`IpcError::Full`] if live processes hold all places, or [`IpcError::Failed`].
 pub fn plan_client(node: &IpcNode, service: &PlanService) -> Result<PlanClient, IpcError> {
-    client(node, PLAN, || service.client_builder().create())
+    client(node, service, || service.client_builder().create())
 }
 
 /// Opens or creates `command`: both sides.
@@ -196,7 +199,7 @@ pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
 /// # Errors
 /// As [`plan_server`].
 pub fn command_server(node: &IpcNode, service: &CommandService) -> Result<CommandServer, IpcError> {
-    server(node, COMMAND, || {
+    server(node, service, || {
         service
             .server_builder()
             .max_loaned_responses_per_request(RESPONSES)
@@ -204,32 +207,48 @@ pub fn command_server(node: &IpcNode, service: &CommandService) -> Result<Comman
     })
 }
 
-/// Makes a client of `command`, after cleaning up dead ones.
+/// Makes the daemon's client of `command`, after cleaning up dead ones.
 ///
 /// # Errors
 /// As [`plan_client`].
 pub fn command_client(node: &IpcNode, service: &CommandService) -> Result<CommandClient, IpcError> {
-    client(node, COMMAND, || service.client_builder().create())
+    client(node, service, || service.client_builder().create())
+}
+
+/// Makes a client of `command` for a program that a person uses, like [`command_client`]: it leaves some places free for the
+/// processes that the robot needs.
+///
+/// # Errors
+/// As [`plan_client`].
+pub fn visiting_command_client(
+    node: &IpcNode,
+    service: &CommandService,
+) -> Result<CommandClient, IpcError> {
+    client(node, service, || {
+        let taken = service.dynamic_config().number_of_clients();
+        if taken + RESERVED_COMMAND_CLIENTS >= COMMAND_CLIENTS {
+            return Err(ClientCreateError::ExceedsMaxSupportedClients);
+        }
+        service.client_builder().create()
+    })
 }
 
 fn server<T>(
     node: &IpcNode,
-    service: &str,
+    service: &impl PortFactory<Service = ipc::Service>,
     create: impl FnMut() -> Result<T, ServerCreateError>,
 ) -> Result<T, IpcError> {
-    let service = node.options().service_name(service);
     let full = ServerCreateError::ExceedsMaxSupportedServers;
-    node.make_port(&service, "server", create, &full)
+    node.make_port(service, "server", create, &full)
 }
 
 fn client<T>(
     node: &IpcNode,
-    service: &str,
+    service: &impl PortFactory<Service = ipc::Service>,
     create: impl FnMut() -> Result<T, ClientCreateError>,
 ) -> Result<T, IpcError> {
-    let service = node.options().service_name(service);
     let full = ClientCreateError::ExceedsMaxSupportedClients;
-    node.make_port(&service, "client", create, &full)
+    node.make_port(service, "client", create, &full)
 }
 
 fn translate(service: String, error: RequestResponseOpenOrCreateError) -> IpcError {
@@ -244,6 +263,7 @@ fn translate(service: String, error: RequestResponseOpenOrCreateError) -> IpcErr
         Either::RequestResponseOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
             service,
             port: "process",
+            users: String::new(),
         },
         Either::RequestResponseOpenError(
             Open::IncompatibleRequestOrResponseType

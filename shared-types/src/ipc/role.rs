@@ -70,6 +70,20 @@ impl RoleLock {
             .map_err(io)?;
         Ok(Self { _locked: file })
     }
+
+    /// Process id of who has the role now; none where nobody has, or the file cannot be read.
+    #[must_use]
+    pub fn holder(options: &IpcOptions, role: Role) -> Option<u32> {
+        // Only in a folder of ours: in another one, the file could name any process.
+        options.prepare().ok()?;
+        let mut file = File::open(options.lock_file(role.name())).ok()?;
+        if !matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)) {
+            return None;
+        }
+        let mut pid = String::new();
+        file.read_to_string(&mut pid).ok()?;
+        pid.trim().parse().ok()
+    }
 }
 
 #[cfg(test)]
@@ -84,6 +98,8 @@ mod tests {
             root: directory.path().join("root"),
         };
         let first = RoleLock::acquire(&options, Role::Controller).unwrap();
+        let holder = || RoleLock::holder(&options, Role::Controller);
+        assert_eq!(holder(), Some(std::process::id()));
         let error = RoleLock::acquire(&options, Role::Controller).unwrap_err();
         let text = error.to_string();
         assert!(text.contains("a controller already runs"), "{text}");
@@ -98,6 +114,7 @@ mod tests {
         )
         .unwrap();
         drop(first);
+        assert_eq!(holder(), None);
         RoleLock::acquire(&options, Role::Controller).unwrap();
     }
 }

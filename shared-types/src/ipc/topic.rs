@@ -26,6 +26,8 @@ use crate::message::{
 
 /// Most cycles in one batch of the service `cycle`: 16 ms at 4 kHz.
 pub const CYCLES_PER_BATCH: usize = 64;
+/// Subscribers' places that [`visiting_subscriber`] leaves free: daemon, controller and robot get theirs however many watch.
+pub(super) const RESERVED_SUBSCRIBERS: usize = 8;
 /// Samples that a publisher may prepare at once, and that a subscriber may hold at once.
 pub(super) const LOANS: usize = 2;
 
@@ -73,7 +75,7 @@ pub(super) const SETPOINT: Qualities = Qualities {
 pub(super) const ROBOT_STATE: Qualities = Qualities {
     name: "robot_state",
     publishers: 1,
-    subscribers: 16,
+    subscribers: 32,
     history: 1,
     buffer: 8,
     slice: 1,
@@ -82,7 +84,7 @@ pub(super) const ROBOT_STATE: Qualities = Qualities {
 pub(super) const CONTROLLER_STATE: Qualities = Qualities {
     name: "controller_state",
     publishers: 1,
-    subscribers: 16,
+    subscribers: 32,
     history: 1,
     buffer: 8,
     slice: 1,
@@ -128,7 +130,6 @@ pub(super) const HEARTBEAT: Qualities = Qualities {
 #[derive(Debug)]
 pub struct Topic<T: Debug + IceoryxSend + ?Sized> {
     service: PortFactory<ipc::Service, T, ()>,
-    full_name: String,
     qualities: Qualities,
 }
 
@@ -161,8 +162,7 @@ macro_rules! topic_functions {
                 with_qualities(builder.publish_subscribe::<$message>(), &$qualities).open_or_create()
             };
             let service = open_service(node, $qualities.name, open, translate)?;
-            let full_name = node.options().service_name($qualities.name);
-            Ok(Topic { service, full_name, qualities: $qualities })
+            Ok(Topic { service, qualities: $qualities })
         }
     )* };
 }
@@ -217,7 +217,7 @@ pub fn publisher<T: Debug + ZeroCopySend>(
             .create()
     };
     let full = PublisherCreateError::ExceedsMaxSupportedPublishers;
-    node.make_port(&topic.full_name, "publisher", create, &full)
+    node.make_port(&topic.service, "publisher", create, &full)
 }
 
 /// Makes the publisher of cycles, like [`publisher()`]; batches have at most [`CYCLES_PER_BATCH`].
@@ -235,7 +235,7 @@ pub fn cycle_publisher(node: &IpcNode, topic: &CycleTopic) -> Result<CyclePublis
             .create()
     };
     let full = PublisherCreateError::ExceedsMaxSupportedPublishers;
-    node.make_port(&topic.full_name, "publisher", create, &full)
+    node.make_port(&topic.service, "publisher", create, &full)
 }
 
 /// Makes a subscriber, after cleaning up dead ones that hold its place; it receives the service's history.
@@ -246,7 +246,19 @@ pub fn subscriber<T: Debug + ZeroCopySend>(
     node: &IpcNode,
     topic: &Topic<T>,
 ) -> Result<Subscriber<T>, IpcError> {
-    any_subscriber(node, topic)
+    any_subscriber(node, topic, 0)
+}
+
+/// Makes a subscriber for a program that only watches, like [`subscriber()`]: it leaves some places free for the processes
+/// that the robot needs.
+///
+/// # Errors
+/// As [`subscriber()`].
+pub fn visiting_subscriber<T: Debug + ZeroCopySend>(
+    node: &IpcNode,
+    topic: &Topic<T>,
+) -> Result<Subscriber<T>, IpcError> {
+    any_subscriber(node, topic, RESERVED_SUBSCRIBERS)
 }
 
 /// Makes a subscriber of cycles, like [`subscriber()`].
@@ -254,22 +266,25 @@ pub fn subscriber<T: Debug + ZeroCopySend>(
 /// # Errors
 /// As [`subscriber()`].
 pub fn cycle_subscriber(node: &IpcNode, topic: &CycleTopic) -> Result<CycleSubscriber, IpcError> {
-    any_subscriber(node, topic)
+    any_subscriber(node, topic, 0)
 }
 
+/// Makes a subscriber that leaves `reserved` places free.
 fn any_subscriber<T: Debug + IceoryxSend + ?Sized>(
     node: &IpcNode,
     topic: &Topic<T>,
+    reserved: usize,
 ) -> Result<Subscriber<T>, IpcError> {
-    let create = || {
-        topic
-            .service
-            .subscriber_builder()
-            .buffer_size(topic.qualities.buffer)
-            .create()
-    };
     let full = SubscriberCreateError::ExceedsMaxSupportedSubscribers;
-    node.make_port(&topic.full_name, "subscriber", create, &full)
+    let create = || {
+        let taken = topic.service.dynamic_config().number_of_subscribers();
+        if taken + reserved >= topic.qualities.subscribers {
+            return Err(full);
+        }
+        let builder = topic.service.subscriber_builder();
+        builder.buffer_size(topic.qualities.buffer).create()
+    };
+    node.make_port(&topic.service, "subscriber", create, &full)
 }
 
 fn translate(service: String, error: PublishSubscribeOpenOrCreateError) -> IpcError {
@@ -286,6 +301,7 @@ fn translate(service: String, error: PublishSubscribeOpenOrCreateError) -> IpcEr
         Either::PublishSubscribeOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
             service,
             port: "process",
+            users: String::new(),
         },
         Either::PublishSubscribeOpenError(
             Open::IncompatibleTypes

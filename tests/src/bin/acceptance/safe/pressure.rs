@@ -1,5 +1,383 @@
-//! Orders to stop while output stands still, disks are full and others flood the services.
+//! Whether a stop is obeyed in time while everything that could delay it happens: outputs that nobody reads, a full disk, a
+//! stopped terminal, watchers, a flood of scenes.
+//!
+//! A time begins just before the command, or the scene, is sent by this process's client, and ends with the stamp of the first
+//! cycle in which the loop brakes. (`pcc stop` itself is tried besides: its start as a process is no part of the figure.)
 
+use std::fs::{self, File};
+use std::process::Stdio;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use client::{ControllerView, ScenePublisher};
+use pcc_model::Configuration;
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::{LoopState, Sampler};
+use shared_types::message::{Cycle, MovingBall};
+use shared_types::valid::{Command, Goal, PlanRequest};
+use tests::listener::Listener;
+use tests::outside::pcc;
+use tests::process::{Process, wait_for};
+use tests::raw_scene::Flood;
+use tests::stack::{MoveError, Part, Stack};
+use tests::stalled_output::{SmallDisk, StalledOutput};
+use tests::world::{Settings, World};
+
+use crate::spread::Spread;
+use crate::stolen::StolenTimes;
 use crate::{Report, Scale};
 
-pub(crate) fn run(_report: &mut Report, _scale: Scale) {}
+/// Ends of the motions, rad.
+const ENDS: [[f64; 6]; 2] = [[0.0; 6], [1.1, 0.4, -0.9, 0.7, 0.8, -1.0]];
+const WATCHERS: usize = 10;
+const FLOODING: usize = 3;
+/// Bytes of the disk that is filled, on which the services' files, the robot's pose and the logs are.
+const DISK_BYTES: usize = 4 << 20;
+/// How long a motion has been under way when it is to be stopped.
+const IN_MOTION_S: f64 = 0.15;
+/// How long a stop is waited for at all.
+const LIMIT: Duration = Duration::from_secs(5);
+const LIFETIME: Duration = Duration::from_secs(30);
+/// Of 100 tries, so many within the first bar.
+const OFTEN: f64 = 0.95;
+
+/// What the robot is under.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Pressure {
+    Pipe,
+    Disk,
+    Terminal,
+    Watchers,
+    Flood,
+    All,
+}
+
+impl Pressure {
+    const EACH: [Self; 6] = [
+        Self::Pipe,
+        Self::Disk,
+        Self::Terminal,
+        Self::Watchers,
+        Self::Flood,
+        Self::All,
+    ];
+
+    fn text(self) -> &'static str {
+        match self {
+            Self::Pipe => "stderr that nobody reads",
+            Self::Disk => "full disk",
+            Self::Terminal => "stopped terminal",
+            Self::Watchers => "10 watchers",
+            Self::Flood => "3 flooding publishers",
+            Self::All => "all together",
+        }
+    }
+
+    fn has(self, other: Self) -> bool {
+        self == other || self == Self::All
+    }
+}
+
+pub(crate) fn run(report: &mut Report, scale: Scale) {
+    let command = "acceptance safe, pressure";
+    for with_priorities in [false, true] {
+        for pressure in Pressure::EACH {
+            let how = if with_priorities {
+                "with priorities"
+            } else {
+                "as shipped"
+            };
+            let name = format!("pressure: {}, {how}", pressure.text());
+            report.group(&name, command, |report| {
+                let tried = Tried::of(pressure, with_priorities, scale)?;
+                tried.report(report, &name, with_priorities);
+                Ok(())
+            });
+        }
+    }
+}
+
+/// From the order to the first cycle that brakes.
+struct Try {
+    ms: f64,
+    stolen_ms: f64,
+}
+
+/// All tries under one pressure.
+struct Tried {
+    stops: Vec<Result<Try, String>>,
+    scenes: Vec<Result<Try, String>>,
+    /// What `pcc stop` said, as a process.
+    program: Vec<Result<(), String>>,
+}
+
+impl Tried {
+    fn of(pressure: Pressure, with_priorities: bool, scale: Scale) -> anyhow::Result<Self> {
+        let mut scenario = Scenario::start(pressure, with_priorities)?;
+        scenario.begin_stall()?;
+        let (mut stops, mut scenes, mut program) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..scale.pick(5, 100) {
+            stops.push(scenario.stop()?);
+            scenes.push(scenario.scene()?);
+        }
+        for _ in 0..scale.pick(2, 10) {
+            program.push(scenario.program()?);
+        }
+        scenario.still_stalls()?;
+        Ok(Self {
+            stops,
+            scenes,
+            program,
+        })
+    }
+
+    fn report(&self, report: &mut Report, about: &str, with_priorities: bool) {
+        let orders = [
+            ("stop obeyed after it was sent", &self.stops),
+            (
+                "the daemon's stop obeyed after the scene was sent",
+                &self.scenes,
+            ),
+        ];
+        for (what, tries) in orders {
+            let failed: Vec<String> = tries
+                .iter()
+                .filter_map(|t| t.as_ref().err().cloned())
+                .collect();
+            let name = format!("{about}: {what}");
+            report.none_of(&format!("{name}: never"), &failed);
+            let obeyed: Vec<&Try> = tries.iter().flatten().collect();
+            let ms: Vec<f64> = obeyed.iter().map(|obeyed| obeyed.ms).collect();
+            report.shown(&format!("{name}, ms"), Spread::of(&ms).to_string());
+            let (often_ms, always_ms) = if with_priorities {
+                (10.0, 10.0)
+            } else {
+                (20.0, 100.0)
+            };
+            let in_time = ms.iter().filter(|ms| **ms <= often_ms).count();
+            let share = in_time as f64 / tries.len() as f64;
+            if !with_priorities {
+                let figure = format!("{in_time} of {}", tries.len());
+                let bar = "95 of 100";
+                report.check(
+                    &format!("{name}: <= {often_ms} ms"),
+                    figure,
+                    bar,
+                    share >= OFTEN,
+                );
+            }
+            let kept = |t: &&&Try| t.ms <= always_ms + t.stolen_ms;
+            let name = format!("{name}: <= {always_ms} ms plus stolen time");
+            report.all_of(&name, obeyed.iter().filter(kept).count(), tries.len());
+        }
+        let failed: Vec<String> = self
+            .program
+            .iter()
+            .filter_map(|t| t.clone().err())
+            .collect();
+        report.none_of(&format!("{about}: the program `pcc stop` failed"), &failed);
+    }
+}
+
+/// A small disk in the place of a world's root folder.
+fn disk(world: &World) -> anyhow::Result<SmallDisk> {
+    let root = &world.options.root;
+    fs::create_dir(root)?;
+    SmallDisk::mount(root, DISK_BYTES).context("a full disk needs the right to mount one")
+}
+
+/// The robot under pressure. Dropped in this order.
+struct Scenario {
+    flood: Option<Flood>,
+    watchers: Vec<Process>,
+    scenes: ScenePublisher,
+    command: ControllerView,
+    stolen: StolenTimes,
+    listener: Listener,
+    disk: Option<SmallDisk>,
+    stack: Stack,
+    outputs: Vec<StalledOutput>,
+}
+
+impl Scenario {
+    fn start(pressure: Pressure, with_priorities: bool) -> anyhow::Result<Self> {
+        let mut settings = Settings {
+            without_priorities: !with_priorities,
+            ..Settings::fast_robot()
+        };
+        if with_priorities {
+            settings.daemon.push((tests::world::PRIORITY, 10.into()));
+        }
+        let mut outputs = Vec::new();
+        if pressure.has(Pressure::Terminal) {
+            outputs.push(StalledOutput::terminal()?);
+        }
+        if pressure.has(Pressure::Pipe) {
+            outputs.push(StalledOutput::pipe()?);
+        }
+        let world = World::new(&settings);
+        let disk = pressure.has(Pressure::Disk).then(|| disk(&world));
+        let disk = disk.transpose()?;
+        let mut stack = Stack::within(world);
+        for (index, part) in Part::ALL.into_iter().enumerate() {
+            let log = stack
+                .world
+                .options
+                .root
+                .join(format!("{}.log", part.program()));
+            // Where there are several, each process has another one.
+            let mut errors: Vec<Stdio> = disk
+                .iter()
+                .map(|_| File::create(&log))
+                .map(|log| log.map(Into::into))
+                .collect::<Result<_, _>>()?;
+            for output in &outputs {
+                errors.push(output.stdio()?);
+            }
+            match errors.len() {
+                0 => stack.start(part),
+                count => stack.start_onto(part, errors.swap_remove(index % count)),
+            }
+        }
+        stack.wait_until_ready()?;
+        let options = stack.world.options.clone();
+        let watchers = if pressure.has(Pressure::Watchers) {
+            WATCHERS
+        } else {
+            0
+        };
+        let watch = |_| Process::start(&stack.world, "pcc", &["watch", "--rate-hz", "20"]);
+        let watchers = (0..watchers).map(watch).collect();
+        let mut command = ControllerView::connect(&options)?;
+        command.prepare_to_command()?;
+        let mut scenario = Self {
+            flood: None,
+            watchers,
+            scenes: ScenePublisher::connect(&options, "camera")?,
+            command,
+            stolen: StolenTimes::watch()?,
+            listener: Listener::start(&options),
+            disk,
+            stack,
+            outputs,
+        };
+        scenario.scenes.publish(&[], LIFETIME)?;
+        thread::sleep(Duration::from_secs(2));
+        if pressure.has(Pressure::Flood) {
+            scenario.flood = Some(Flood::start(&options, FLOODING));
+        }
+        Ok(scenario)
+    }
+
+    fn begin_stall(&mut self) -> anyhow::Result<()> {
+        for output in &mut self.outputs {
+            output.stall()?;
+        }
+        if let Some(disk) = &self.disk {
+            disk.fill()?;
+        }
+        self.still_stalls()
+    }
+
+    fn still_stalls(&mut self) -> anyhow::Result<()> {
+        for output in &self.outputs {
+            anyhow::ensure!(output.is_stalled()?, "the premise: a write would wait");
+        }
+        let full = self.disk.as_ref().is_none_or(SmallDisk::is_full);
+        anyhow::ensure!(full, "the premise: the disk is full");
+        let running = self.watchers.iter_mut().all(Process::is_running);
+        anyhow::ensure!(running, "the premise: the watchers watch");
+        Ok(())
+    }
+
+    /// A motion to the end that the robot is farther from, until it is under way.
+    fn begin_motion(&mut self) -> anyhow::Result<u32> {
+        let mut refused = None;
+        for _ in 0..40 {
+            let start = self.stack.commanded();
+            let distance = |end: &[f64; 6]| (Configuration::from(*end) - start).norm();
+            let farther = usize::from(distance(&ENDS[1]) > distance(&ENDS[0]));
+            let request = PlanRequest {
+                sampler: Sampler::Straight,
+                candidate_count: 1,
+                deadline: Some(Duration::from_secs(10)),
+                execute: true,
+                ..PlanRequest::new(start.into(), Goal::Configuration(ENDS[farther]))
+            };
+            match self.stack.try_motion(&request) {
+                Ok(id) => {
+                    self.stack.wait_for_progress(id, IN_MOTION_S)?;
+                    return Ok(id);
+                }
+                Err(error @ MoveError::Refused { .. }) => refused = Some(error),
+                Err(error) => return Err(error.into()),
+            }
+            self.stack.wait_until_ready()?;
+            thread::sleep(Duration::from_millis(50));
+        }
+        Err(refused.context("there was an attempt")?.into())
+    }
+
+    /// A command of this process's client.
+    fn stop(&mut self) -> anyhow::Result<Result<Try, String>> {
+        let id = self.begin_motion()?;
+        let (sent, sent_ns) = (Instant::now(), mono_now_ns());
+        let reply = self.command.command(Command::Stop, LIMIT);
+        let tried = self.braking(sent, sent_ns);
+        self.stack.wait_for_end(id).ok();
+        Ok(match reply {
+            Ok(reply) if reply.accepted => tried,
+            Ok(reply) => Err(format!("refused: {}", reply.reason)),
+            Err(error) => Err(error.to_string()),
+        })
+    }
+
+    /// A ball on the body.
+    fn scene(&mut self) -> anyhow::Result<Result<Try, String>> {
+        let id = self.begin_motion()?;
+        let shape = self.stack.commanded();
+        let ball = MovingBall {
+            centre_m: self.stack.world.robot.backbone(&shape).point(1, 0.5).into(),
+            radius_m: 0.3,
+            velocity_m_s: [0.0; 3],
+        };
+        let (sent, sent_ns) = (Instant::now(), mono_now_ns());
+        self.scenes.publish(&[ball], LIFETIME)?;
+        let tried = self.braking(sent, sent_ns);
+        self.stack.wait_for_end(id).ok();
+        self.scenes.publish(&[], LIFETIME)?;
+        Ok(tried)
+    }
+
+    /// `pcc stop` as a process.
+    fn program(&mut self) -> anyhow::Result<Result<(), String>> {
+        let id = self.begin_motion()?;
+        let said = pcc(&self.stack.world, &["stop"], LIMIT);
+        self.stack.wait_for_end(id).ok();
+        Ok(if said.is_good() {
+            Ok(())
+        } else {
+            Err(said.summary())
+        })
+    }
+
+    fn braking(&self, sent: Instant, sent_ns: i64) -> Result<Try, String> {
+        let braking = wait_for("the loop brakes", LIMIT, || {
+            self.listener.with(|heard| {
+                let brakes = |cycle: &&Cycle| {
+                    cycle.stamp_mono_ns > sent_ns && cycle.state == LoopState::Stopping.code()
+                };
+                let first = heard.cycles.iter().find(brakes);
+                first.map(|cycle| cycle.stamp_mono_ns)
+            })
+        });
+        let _ = self.listener.take();
+        let at_ns = braking.map_err(|error| error.what)?;
+        let took = Duration::from_nanos((at_ns - sent_ns).unsigned_abs());
+        Ok(Try {
+            ms: took.as_secs_f64() * 1e3,
+            stolen_ms: self.stolen.between(sent, sent + took).as_secs_f64() * 1e3,
+        })
+    }
+}

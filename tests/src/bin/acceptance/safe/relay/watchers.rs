@@ -1,0 +1,120 @@
+//! Programs that watch take no place from those that stop, plan, or start again.
+
+use std::time::{Duration, Instant};
+
+use tests::outside::{execute, pcc};
+use tests::process::{Process, wait_for};
+use tests::stack::Part;
+
+use super::{FAR, PATIENCE, Processes};
+use crate::{Report, Scale};
+
+/// Watchers of the line.
+const WATCHERS: usize = 10;
+/// More than there are places for.
+const CROWD: usize = 34;
+/// Time in which a process that is refused its place has ended.
+const REFUSED_WITHIN: Duration = Duration::from_secs(3);
+
+pub(super) fn run(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut processes = Processes::shipped()?;
+    let mut watchers = watch(&processes, WATCHERS);
+    let watching = watchers
+        .iter_mut()
+        .filter_map(|watcher| watcher.is_running().then_some(()));
+    report.all_of("defect 5: watchers that watch", watching.count(), WATCHERS);
+    let about = format!("defect 5: {WATCHERS} watchers");
+    served(report, &mut processes, &about)?;
+    restarted(report, &mut processes, &about, Part::Daemon)?;
+    restarted(report, &mut processes, &about, Part::Controller)?;
+    if scale.full {
+        crowd(report, &mut processes, watchers)?;
+    }
+    Ok(())
+}
+
+fn watch(processes: &Processes, count: usize) -> Vec<Process> {
+    let start = |_| {
+        let watcher = Process::start(&processes.world, "pcc", &["watch", "--rate-hz", "2"]);
+        // One after the other: each joins in some milliseconds.
+        std::thread::sleep(Duration::from_millis(100));
+        watcher
+    };
+    let watchers = (0..count).map(start).collect();
+    std::thread::sleep(REFUSED_WITHIN);
+    watchers
+}
+
+/// `plan --execute`, and `stop` of what it began.
+fn served(report: &mut Report, processes: &mut Processes, about: &str) -> anyhow::Result<()> {
+    let said = execute(&processes.world, &FAR, PATIENCE);
+    let name = format!("{about}: `pcc plan --execute`");
+    report.check(&name, said.summary(), "status 0", said.is_good());
+    if !said.is_good() {
+        return Ok(());
+    }
+    processes
+        .robot()
+        .wait_for_motion(super::IN_MOTION, PATIENCE)?;
+    let begun = Instant::now();
+    let said = pcc(&processes.world, &["stop"], PATIENCE);
+    let rest = processes
+        .robot()
+        .time_to_rest(begun, Duration::from_secs(4));
+    let passed = said.is_good() && rest.is_some();
+    let name = format!("{about}: `pcc stop`");
+    report.check(&name, said.summary(), "status 0, at rest", passed);
+    Ok(())
+}
+
+/// Kills a part and starts it again: it must find its places.
+fn restarted(
+    report: &mut Report,
+    processes: &mut Processes,
+    about: &str,
+    part: Part,
+) -> anyhow::Result<()> {
+    processes.of(part).kill9();
+    processes.processes[part as usize] = part.start(&processes.world);
+    std::thread::sleep(REFUSED_WITHIN);
+    let process = processes.of(part);
+    let (runs, log) = (process.is_running(), process.log());
+    let name = format!("{about}: a restarted {}", part.program());
+    let last = log.lines().last().unwrap_or_default().to_owned();
+    report.check(&name, last, "runs", runs);
+    if runs {
+        tests::outside::wait_for_controller(&processes.world, "holding", PATIENCE)?;
+        served(report, processes, &format!("{name}, then"))?;
+    }
+    Ok(())
+}
+
+/// Watchers until there is no place left: who is refused is told what is full and who may be closed, and the robot still obeys.
+fn crowd(
+    report: &mut Report,
+    processes: &mut Processes,
+    mut watchers: Vec<Process>,
+) -> anyhow::Result<()> {
+    watchers.extend(watch(processes, CROWD - WATCHERS));
+    let mut refused = Vec::new();
+    wait_for("a watcher is refused", PATIENCE, || {
+        let ended = watchers.iter_mut().filter_map(|watcher| {
+            let ended = !watcher.is_running();
+            ended.then(|| watcher.log())
+        });
+        refused = ended.collect();
+        (!refused.is_empty()).then_some(())
+    })?;
+    let named = |log: &&String| {
+        log.contains("controller_state has no free place") && log.contains("(process ")
+    };
+    let count = refused.iter().filter(named).count();
+    let name = format!(
+        "defect 5: {CROWD} watchers: refused ones are told what is full and who may be closed"
+    );
+    report.all_of(&name, count, refused.len());
+    let about = format!("defect 5: {CROWD} watchers");
+    served(report, processes, &about)?;
+    restarted(report, processes, &about, Part::Daemon)?;
+    restarted(report, processes, &about, Part::Controller)
+}
