@@ -44,39 +44,39 @@ const ROBOT: &[Key] = &[
 /// `config/controller.toml`.
 const CONTROLLER: &[Key] = &[
     needed("robot", Rule::File),
-    needed("rate_hz", Rule::Whole(100, 4000)),
-    needed("realtime_priority", Rule::Whole(0, 99)),
-    needed("processor", Rule::Whole(-1, 9999)),
-    needed("lock_memory", Rule::Truth),
-    needed("step_cap_ms", real(2.0, 100.0)),
-    needed("late_run_limit", Rule::Whole(1, 1000)),
-    needed("robot_lost_ms", Rule::Whole(5, 1000)),
-    needed("tracking_filter_ms", real(0.0, 1000.0)),
-    needed(
+    optional("rate_hz", Rule::Whole(100, 4000)),
+    optional("realtime_priority", Rule::Whole(0, 99)),
+    optional("processor", Rule::Whole(-1, 9999)),
+    optional("lock_memory", Rule::Truth),
+    optional("step_cap_ms", real(2.0, 100.0)),
+    optional("late_run_limit", Rule::Whole(1, 1000)),
+    optional("robot_lost_ms", Rule::Whole(5, 1000)),
+    optional("tracking_filter_ms", real(0.0, 1000.0)),
+    optional(
         "hold_tolerance_rad",
         real(f64::MIN_POSITIVE, 1.0 - f64::EPSILON),
     ),
-    needed("begin_past_ms", Rule::Whole(0, 1000)),
-    needed("begin_ahead_s", Rule::Whole(1, 3600)),
+    optional("begin_past_ms", Rule::Whole(0, 1000)),
+    optional("begin_ahead_s", Rule::Whole(1, 3600)),
     // 1 to 39 are refused, too.
-    needed("daemon_lost_ms", Rule::Whole(0, 10_000)),
+    optional("daemon_lost_ms", Rule::Whole(0, 10_000)),
 ];
 
 /// `config/simulated-robot.toml`.
 const SIMULATED: &[Key] = &[
     needed("robot", Rule::File),
-    needed("rate_hz", Rule::Whole(100, 4000)),
-    needed("realtime_priority", Rule::Whole(0, 99)),
-    needed("lost_setpoint_ms", Rule::Whole(5, 1000)),
-    needed("limit_allowance", real(1.0, 2.0)),
-    needed("motor_margin", real(1.0, 10.0)),
-    needed("natural_frequency_rad_s", real(1.0, 500.0)),
-    needed("backlash", real(0.0, 0.01)),
-    needed("noise", real(0.0, 0.01)),
-    needed("seed", Rule::Whole(0, i64::MAX)),
-    needed("start_configuration_rad", Rule::Reals(6, -1.58, 1.58)),
-    needed("remembers_pose", Rule::Truth),
-    needed("stuck_tendon", Rule::Whole(0, 8)),
+    optional("rate_hz", Rule::Whole(100, 4000)),
+    optional("realtime_priority", Rule::Whole(0, 99)),
+    optional("lost_setpoint_ms", Rule::Whole(5, 1000)),
+    optional("limit_allowance", real(1.0, 2.0)),
+    optional("motor_margin", real(1.0, 10.0)),
+    optional("natural_frequency_rad_s", real(1.0, 500.0)),
+    optional("backlash", real(0.0, 0.01)),
+    optional("noise", real(0.0, 0.01)),
+    optional("seed", Rule::Whole(0, i64::MAX)),
+    optional("start_configuration_rad", Rule::Reals(6, -1.58, 1.58)),
+    optional("remembers_pose", Rule::Truth),
+    optional("stuck_tendon", Rule::Whole(0, 8)),
 ];
 
 /// `config/planner-daemon.toml`, with its tables.
