@@ -245,19 +245,48 @@ fn with_stl(bytes: &[u8]) -> Result<Scene, collision::SceneFileError> {
     Scene::from_file(&folder.path().join("scene.toml"), 1.0)
 }
 
+/// The shipped mesh, which is text, as a binary STL file whose 80 bytes of text begin with `header`.
+fn binary_bracket(header: &[u8]) -> Vec<u8> {
+    let text = std::fs::read_to_string(shipped().join("bracket.stl")).unwrap();
+    let numbers = |line: &str| -> Option<Vec<u8>> {
+        let line = line.trim();
+        let numbers = line
+            .strip_prefix("facet normal")
+            .or_else(|| line.strip_prefix("vertex"))?;
+        let numbers = numbers.split_whitespace();
+        Some(
+            numbers
+                .flat_map(|n| n.parse::<f32>().unwrap().to_le_bytes())
+                .collect(),
+        )
+    };
+    let vectors: Vec<Vec<u8>> = text.lines().filter_map(numbers).collect();
+    let triangles = vectors.chunks_exact(4);
+    let count = u32::try_from(triangles.len()).unwrap();
+    let mut bytes = header.to_vec();
+    bytes.resize(80, b' ');
+    bytes.extend(count.to_le_bytes());
+    for triangle in triangles {
+        bytes.extend(triangle.concat());
+        bytes.extend([0; 2]);
+    }
+    bytes
+}
+
 #[test]
 fn a_binary_mesh_is_known_by_its_size_whatever_its_text_says() {
-    let shipped = std::fs::read(shipped().join("bracket.stl")).unwrap();
-    let is_binary = !shipped.starts_with(b"solid");
-    assert!(is_binary, "the shipped mesh is binary");
-    let mut named_solid = shipped.clone();
-    named_solid[..12].copy_from_slice(b"solid mesh a");
-    let [mesh, same] = [&shipped, &named_solid].map(|bytes| with_stl(bytes).unwrap());
+    let named_solid = binary_bracket(b"solid bracket");
+    let named_else = binary_bracket(b"bracket");
+    assert!(named_solid.len() > 1000, "{}", named_solid.len());
+    let text = std::fs::read(shipped().join("bracket.stl")).unwrap();
+    let [mesh, same, other] =
+        [&text, &named_solid, &named_else].map(|bytes| with_stl(bytes).unwrap());
     let point = Point::new(0.3, -0.2, 0.1);
     let nearest = |scene: &Scene| scene.solids()[0].nearest(&point).point;
     assert_eq!(nearest(&mesh), nearest(&same));
-    let cut = &shipped[..shipped.len() - 7];
-    let longer = [&shipped[..], b"more"].concat();
+    assert_eq!(nearest(&mesh), nearest(&other));
+    let cut = &named_else[..named_else.len() - 7];
+    let longer = [&named_else[..], b"more"].concat();
     for bytes in [cut, &longer, &named_solid[..1000], b"", b"solid "] {
         let refused = with_stl(bytes).unwrap_err().to_string();
         assert!(
