@@ -120,7 +120,11 @@ fn paths_of_another_program_are_judged_as_those_of_the_planners() {
     assert_eq!(result(&out)["cases"], 1);
     let file = out.join("damaged.npz").display().to_string();
     for (shape, value, named) in [
-        ([1, 2, 64, 6], 0.0, "has shape [1, 2, 64, 6]: [C, 1, 64, 6]"),
+        (
+            [1, 2, 64, 6],
+            0.0,
+            "has shape [1, 2, 64, 6], [1, 1, 64, 6] is needed",
+        ),
         ([1, 1, 64, 6], f64::NAN, "is not finite in case 0"),
     ] {
         propose(&file, &shape, value);
