@@ -1,7 +1,7 @@
 //! The log of a process that moves a robot, on standard error: nobody who logs ever waits for whoever reads it.
 //!
 //! A full pipe, a stopped terminal or a busy disk holds whoever writes to it. So only one thread writes; all others put
-//! their lines into a bounded [`Queue`], from which a line is lost where there is no room. Lost lines are counted, and
+//! their lines into a bounded queue, from which a line is lost where there is no room. Lost lines are counted, and
 //! told of in the log as soon as it goes on. What iceoryx2 logs, panics and the reason of an exit go the same way.
 
 mod queue;
