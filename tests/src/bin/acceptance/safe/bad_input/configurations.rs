@@ -89,7 +89,7 @@ const DAEMON: &[Key] = &[
     optional("requests_per_client", Rule::Whole(1, 16)),
     optional("queued_per_client", Rule::Whole(1, 16)),
     optional("default_deadline_ms", real(f64::MIN_POSITIVE, 60_000.0)),
-    optional("path_tolerance_rad", real(0.0, 0.1)),
+    optional("path_tolerance_rad", real(0.001, 0.1)),
     optional("begin_lead_ms", real(10.0, 1000.0)),
     optional("wait", Rule::OneOf(&["event", "poll"])),
     optional("realtime_priority", Rule::Whole(0, 68)),
