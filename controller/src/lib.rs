@@ -12,7 +12,6 @@ pub mod config;
 pub mod executive;
 #[cfg(test)]
 mod fixtures;
-pub mod realtime;
 pub mod robot;
 pub mod service;
 

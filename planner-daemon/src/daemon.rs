@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::thread;
+use std::time::Duration;
 
 use collision::{Ball, Scene, SceneFileError, tracking_growth};
 use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
@@ -12,6 +13,7 @@ use planning::{
     DiffusionModel, Goal, Guidance, MOST_CORRECTIONS, Models, Planner, PlannerError,
     PrecisionUnavailable, Problem, Request, Sampler, Selection,
 };
+use realtime::{Pages, RealtimeError};
 use shared_types::ipc::{
     IpcError, IpcNode, IpcOptions, Role, RoleLock, event_listener, event_notifier,
     plan_answered_event, plan_asked_event, plan_server, plan_service, shared_memory,
@@ -25,6 +27,8 @@ use crate::planning_at_work::Planning;
 use crate::process;
 use crate::service::{Parts, Service};
 
+/// Longest turn of a planning thread on a processor: a thread that asks for shorter ones need not wait for its end.
+const LONG_TURN: Duration = Duration::from_millis(6);
 /// Name of the learned model in the manifest.
 const MODEL: &str = "fast";
 /// Time from a reason to stop until the controller brakes, s: its state is up to 20 ms old, and the order has a way to go.
@@ -82,13 +86,11 @@ pub enum StartError {
         allowed_mb: f64,
     },
     /// The processors asked for are not available.
-    #[error("cannot run on processors {processors:?}: {source}")]
-    Processors {
-        /// The processors asked for.
-        processors: Vec<usize>,
-        /// The system's answer.
-        source: std::io::Error,
-    },
+    #[error("`processors`: {0}")]
+    Processors(#[source] RealtimeError),
+    /// The system takes a priority back that it granted.
+    #[error(transparent)]
+    Priority(#[from] RealtimeError),
     /// The system refuses something that the daemon cannot go without.
     #[error("the system refuses: {0}")]
     System(#[from] std::io::Error),
@@ -134,7 +136,7 @@ impl Daemon {
         bring_in_shared_memory(config, options);
         let background = Background::start(options, &progress, serving)?;
         if let Some(serving) = serving {
-            process::use_fifo_priority(serving)?;
+            realtime::use_fifo_priority(serving)?;
         }
         let resident_bytes = check_resident_memory(config)?;
         tracing::info!(
@@ -186,22 +188,15 @@ fn use_processors(config: &Config) -> Result<(), StartError> {
     if config.processors.is_empty() {
         return Ok(());
     }
-    let failed = |source| StartError::Processors {
-        processors: config.processors.clone(),
-        source,
-    };
-    process::use_processors(&config.processors).map_err(failed)
+    realtime::use_processors(&config.processors).map_err(StartError::Processors)
 }
 
 fn lock_memory(config: &Config) {
     if !config.lock_memory {
         return;
     }
-    if let Err(error) = process::lock_memory() {
-        tracing::warn!(
-            "memory is not locked, answers can be delayed by swapping ({error}): allow it with CAP_IPC_LOCK or \
-             `ulimit -l unlimited`, or set lock_memory = false"
-        );
+    if let Err(error) = realtime::lock_memory(Pages::Touched) {
+        tracing::warn!("{error}, or set lock_memory = false");
     }
 }
 
@@ -217,7 +212,7 @@ struct Priorities {
 fn priorities(config: &Config) -> Option<Priorities> {
     let planning = config.realtime_priority?;
     let (serving, supervising) = (planning + 1, planning + 2);
-    let tried = thread::spawn(move || process::use_fifo_priority(supervising));
+    let tried = thread::spawn(move || realtime::use_fifo_priority(supervising));
     match tried.join().expect("a system call does not panic") {
         Ok(()) => Some(Priorities {
             planning,
@@ -226,8 +221,7 @@ fn priorities(config: &Config) -> Option<Priorities> {
         }),
         Err(error) => {
             tracing::warn!(
-                "no real-time priorities {planning} to {supervising}, other programs can make answers and orders to stop late ({error}): \
-                 allow them with CAP_SYS_NICE or `ulimit -r {supervising}`, or set realtime_priority = 0"
+                "answers and orders to stop can be late: {error}, or set realtime_priority = 0"
             );
             None
         }
@@ -278,11 +272,11 @@ fn load_planner(
     let planner = Planner::new(robot, models, config.threads)?;
     planner.on_every_worker(|| {
         if let Some(Priorities { planning, .. }) = priorities
-            && let Err(error) = process::use_fifo_priority(planning)
+            && let Err(error) = realtime::use_fifo_priority(planning)
         {
-            tracing::warn!("a planning thread has no real-time priority {planning}: {error}");
+            tracing::warn!("a planning thread: {error}");
         }
-        if let Err(error) = process::take_long_turns() {
+        if let Err(error) = realtime::take_turns(LONG_TURN) {
             tracing::warn!("answers may be a few ms late where processors are scarce: {error}");
         }
     });

@@ -7,12 +7,11 @@ use std::sync::mpsc::sync_channel;
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::Duration;
 
+use realtime::{RealtimeError, let_others_go_first, use_fifo_priority};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::ProcessKind;
 use shared_types::ipc::{IpcError, IpcNode, IpcOptions, Publisher, heartbeat_service, publisher};
 use shared_types::message::Heartbeat;
-
-use crate::process::{let_others_go_first, use_fifo_priority};
 
 /// Time between two heartbeats.
 const BEAT: Duration = Duration::from_millis(10);
@@ -27,9 +26,12 @@ pub enum BackgroundError {
     /// The services are not available.
     #[error(transparent)]
     Ipc(#[from] IpcError),
-    /// The system has no more threads, or takes a priority back that it granted.
+    /// The system has no more threads.
     #[error("cannot start a thread: {0}")]
     Thread(#[from] io::Error),
+    /// The system takes a priority back that it granted.
+    #[error(transparent)]
+    Priority(#[from] RealtimeError),
 }
 
 /// Rounds of supervision; heartbeats stop where there are no more.

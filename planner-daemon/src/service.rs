@@ -9,6 +9,7 @@ use iceoryx2::identifiers::UniqueClientId;
 use iceoryx2::port::ReceiveError;
 use pcc_model::Robot;
 use planning::Candidate;
+use realtime::sleep_punctually;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::Outcome;
 use shared_types::ipc::{EventListener, EventNotifier, PlanActiveRequest, PlanServer};
@@ -19,7 +20,6 @@ use crate::config::WaitMode;
 use crate::execution::{Execution, ExecutionRefusal, Selected};
 use crate::kept_plans::KeptPlans;
 use crate::planning_at_work::{Early, Job, Planned, Planning, Product};
-use crate::process::sleep_punctually;
 use crate::queue::FairQueue;
 
 /// Time between two looks at requests that nobody told of, and at clients that gave up.

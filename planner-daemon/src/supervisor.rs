@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use collision::Verdict;
 use iceoryx2::port::update_connections::UpdateConnections;
+use realtime::{use_fifo_priority, wake_soon};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::{mono_now_ns, wall_now_ns};
 use shared_types::ipc::{
@@ -23,7 +24,6 @@ use crate::execution::{
 use crate::heartbeat::{BackgroundError, Progress};
 use crate::live_scene::{Arrival, Certificates, LiveScene, Rest};
 use crate::moving_cover::Timing;
-use crate::process::{sleep_punctually, take_turns, use_fifo_priority};
 use crate::scene_inbox::SceneInbox;
 use crate::stop_order::StopOrder;
 use crate::supervision::{STATE_LIFETIME_NS, Standing, StopReason, Supervised, is_fresh};
@@ -37,8 +37,6 @@ const MOST_A_ROUND_NS: i64 = 5_000_000;
 /// How much later than expected a motion must be able to come from its begin on without contact, s: pauses up to this neither hurt
 /// nor need a stop.
 const LAG_ALLOWANCE_S: f64 = 0.2;
-/// Longest turn of this thread on a processor, ns: who asks for short ones gets them soon.
-const TURN_NS: u64 = 200_000;
 /// Rounds that the end of what moves is waited for when the daemon ends: 5 s, far above the longest stop.
 const ENDING_ROUNDS: usize = 5_000;
 
@@ -72,8 +70,8 @@ impl Supervisor {
         progress: Arc<Progress>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
-        if let Err(error) = sleep_punctually().and_then(|()| take_turns(TURN_NS)) {
-            tracing::warn!("orders to stop may be some ms late on a busy machine: {error}");
+        if let Err(error) = wake_soon() {
+            tracing::warn!("orders to stop: {error}");
         }
         if let Some(priority) = realtime_priority {
             use_fifo_priority(priority)?;

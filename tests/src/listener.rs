@@ -5,13 +5,14 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use realtime::use_fifo_priority;
 use shared_types::ipc::{
     CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber, controller_state_service,
     cycle_service, cycle_subscriber, robot_state_service, setpoint_service, subscriber,
 };
 use shared_types::message::{ControllerState, Cycle, RobotState, Setpoint};
 
-use crate::priority::{OF_A_WATCH, raise_priority};
+use crate::priority::OF_A_WATCH;
 
 /// What was heard, in order of arrival.
 #[derive(Clone, Debug, Default)]
@@ -99,12 +100,13 @@ impl Ports {
         })
     }
 
+    /// What follows from something is received before it, so that no state is taken away without the set-point that it follows.
     fn drain(&self, into: &mut Heard) {
-        while let Ok(Some(sample)) = self.setpoints.receive() {
-            into.setpoints.push(*sample);
-        }
         while let Ok(Some(sample)) = self.robot.receive() {
             into.robot.push(*sample);
+        }
+        while let Ok(Some(sample)) = self.setpoints.receive() {
+            into.setpoints.push(*sample);
         }
         while let Ok(Some(batch)) = self.cycles.receive() {
             into.cycles.extend_from_slice(batch.payload());
@@ -118,7 +120,7 @@ impl Ports {
 fn listen(options: &IpcOptions, heard: &Mutex<Heard>, quit: &AtomicBool) -> Result<(), IpcError> {
     let ports = Ports::open(options)?;
     // What is lost without it is counted by who looks at the numbers of the messages.
-    let _ = raise_priority(OF_A_WATCH);
+    let _ = use_fifo_priority(OF_A_WATCH);
     let mut fresh = Heard::default();
     while !quit.load(Ordering::Relaxed) {
         ports.drain(&mut fresh);

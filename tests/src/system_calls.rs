@@ -14,7 +14,9 @@ use std::time::{Duration, Instant};
 
 use libc::{c_int, c_void, pid_t};
 
-use crate::priority::{OF_A_WATCH, raise_priority};
+use realtime::use_fifo_priority;
+
+use crate::priority::OF_A_WATCH;
 
 /// A stop at a system call is a SIGTRAP with this bit.
 const SYSTEM_CALL_STOP: c_int = libc::SIGTRAP | 0x80;
@@ -147,7 +149,7 @@ struct Traced {
 impl Traced {
     fn stop(thread: u32) -> Result<Self, TraceError> {
         // A loop at a real-time priority should not wait for who holds it; a refusal changes nothing.
-        let _ = raise_priority(OF_A_WATCH);
+        let _ = use_fifo_priority(OF_A_WATCH);
         let pid = pid_t::try_from(thread).map_err(|_| TraceError::Gone { thread })?;
         let mut traced = Self {
             thread,

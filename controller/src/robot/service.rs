@@ -17,7 +17,6 @@ use super::{
     InjectedFaults, Measurement, Mode, PoseMemory, RememberedPose, RobotConfig, SimulatedRobot,
     Target,
 };
-use crate::realtime;
 
 /// Time between two heartbeats.
 const HEARTBEAT_EVERY_NS: i64 = 20_000_000;
@@ -117,6 +116,9 @@ pub fn run(
         next_beat_ns: now_ns,
     };
     if let Some(Err(refused)) = config.realtime_priority.map(realtime::use_fifo_priority) {
+        warn!("{refused}");
+    }
+    if let Err(refused) = realtime::wake_soon() {
         warn!("{refused}");
     }
     process.serve();

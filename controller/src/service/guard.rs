@@ -297,10 +297,12 @@ impl Guard {
     /// Serves until it is told to shut down and the robot is at rest, or until another thread has all of them quit.
     pub(super) fn serve(mut self) {
         if let Some(priority) = self.settings.realtime_priority
-            && crate::realtime::use_fifo_priority(priority).is_err()
+            && realtime::use_fifo_priority(priority).is_err()
         {
             self.commands.tell(GuardEvent::PriorityRefused(priority));
         }
+        // The loop says what the system refuses.
+        let _ = realtime::wake_soon();
         let mut give_up_ns = None;
         while !self.commands.link.shared.is_quitting() {
             let now_ns = mono_now_ns();

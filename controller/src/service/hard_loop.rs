@@ -7,6 +7,7 @@
 use std::sync::{Arc, atomic::Ordering};
 
 use iceoryx2::port::update_connections::UpdateConnections;
+use realtime::{Pages, wake_soon};
 use shared_types::{
     clock::mono_now_ns,
     codes::CommandRefusal,
@@ -23,7 +24,6 @@ use super::{
 use crate::{
     arena::LoopMemory,
     executive::{CycleInput, Executive},
-    realtime,
 };
 
 /// The loop's ports: only these, so that tools that come and go never touch the loop.
@@ -130,16 +130,18 @@ fn next_deadline(deadline_ns: i64, now_ns: i64, period_ns: i64) -> i64 {
 
 /// What the system refuses is warned about once, and done without.
 fn go_real_time(config: &ControllerConfig) {
-    let processor = config.processor.map_or(Ok(()), realtime::pin_to_processor);
+    let processor = config
+        .processor
+        .map_or(Ok(()), |processor| realtime::use_processors(&[processor]));
     let priority = config
         .realtime_priority
         .map_or(Ok(()), realtime::use_fifo_priority);
     let memory = if config.lock_memory {
-        realtime::lock_memory()
+        realtime::lock_memory(Pages::All)
     } else {
         Ok(())
     };
-    for refused in [processor, priority, memory]
+    for refused in [processor, priority, memory, wake_soon()]
         .into_iter()
         .filter_map(Result::err)
     {

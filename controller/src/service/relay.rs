@@ -107,6 +107,8 @@ impl Relay {
 
     /// Serves until all threads are to end.
     pub(super) fn serve(mut self) {
+        // The loop says what the system refuses.
+        let _ = realtime::wake_soon();
         let (mut batch, mut state) = (Due::every(BATCH_EVERY_NS), Due::every(STATE_EVERY_NS));
         let mut tidy = Due::every(TIDY_EVERY_NS);
         while !self.link.shared.is_quitting() {

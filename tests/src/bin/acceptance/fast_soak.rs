@@ -18,7 +18,7 @@ use shared_types::capacity::MAX_CANDIDATES;
 use shared_types::codes::{Outcome, Stage};
 use shared_types::message::{self, Knot};
 use shared_types::valid::{PlanReport, PlanRequest};
-use tests::priority::{OF_A_CLIENT, OF_PLANNING, raise_priority};
+use tests::priority::{OF_A_CLIENT, OF_PLANNING};
 use tests::raw::RawClient;
 use tests::stack::{NO_DEADLINE, PATIENCE};
 use tests::world::World;
@@ -233,7 +233,7 @@ impl<'a> Asker<'a> {
         client.wait_for_daemon(PATIENCE)?;
         let raw = RawClient::connect(&world.options, PATIENCE)?;
         // What the connections start keeps the ordinary one.
-        raise_priority(OF_A_CLIENT)?;
+        realtime::use_fifo_priority(OF_A_CLIENT)?;
         Ok(Self {
             pool,
             client,

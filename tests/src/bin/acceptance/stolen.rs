@@ -9,7 +9,8 @@ use std::sync::{Arc, Mutex};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use tests::priority::{OF_A_WATCH, raise_priority};
+use realtime::use_fifo_priority;
+use tests::priority::OF_A_WATCH;
 
 use crate::machine::{Pinned, processors};
 
@@ -33,7 +34,7 @@ impl StolenTimes {
     /// # Errors
     /// Where the system does not permit a real-time priority: an ordinary thread also waits for other programs.
     pub(crate) fn watch() -> anyhow::Result<Self> {
-        thread::spawn(|| raise_priority(OF_A_WATCH))
+        thread::spawn(|| use_fifo_priority(OF_A_WATCH))
             .join()
             .expect("it does not panic")?;
         let (away, quit) = (Arc::default(), Arc::default());
@@ -64,7 +65,7 @@ fn stand_sentry(
     quit: &AtomicBool,
 ) -> anyhow::Result<()> {
     let _pinned = Pinned::to(processor)?;
-    raise_priority(OF_A_WATCH)?;
+    use_fifo_priority(OF_A_WATCH)?;
     while !quit.load(Ordering::Relaxed) {
         let waking = Instant::now() + NAP;
         thread::sleep(NAP);
