@@ -390,6 +390,26 @@ fn commands_are_answered() {
 }
 
 #[test]
+fn a_command_arrives_whose_sender_waits_for_no_reply() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let service = command_service(&node).unwrap();
+    let (server, client) = (
+        command_server(&node, &service).unwrap(),
+        command_client(&node, &service).unwrap(),
+    );
+    let stop = Command {
+        command_id: 7,
+        kind: 1,
+        ..Command::ZEROED
+    };
+    drop(client.send_copy(stop).unwrap());
+    let active = server.receive().unwrap().unwrap();
+    assert_eq!(active.command_id, 7);
+    assert!(!active.is_connected());
+}
+
+#[test]
 fn the_budget_is_what_the_segments_take() {
     let world = world();
     let node = IpcNode::create(&world.options, "test").unwrap();

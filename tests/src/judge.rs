@@ -7,6 +7,7 @@ use shared_types::codes::MotorState;
 use shared_types::message::{RobotState, Setpoint};
 
 use crate::listener::Heard;
+use crate::motion::{largest, raise};
 
 /// Set-points of one piece that the robot's states of the next one may still follow.
 const REMEMBERED: usize = 1024;
@@ -115,9 +116,9 @@ impl Judge {
         verdict.setpoints += 1;
         let velocity = largest(&now.velocity_m_s) / self.limits.velocity;
         let acceleration = largest(&now.acceleration_m_s2) / self.limits.acceleration;
-        verdict.velocity = verdict.velocity.max(velocity);
-        verdict.acceleration = verdict.acceleration.max(acceleration);
-        if velocity > ALLOWED_USE || acceleration > ALLOWED_USE {
+        raise(&mut verdict.velocity, velocity);
+        raise(&mut verdict.acceleration, acceleration);
+        if is_beyond(velocity) || is_beyond(acceleration) {
             self.offend(format!(
                 "set-point {}: velocity {velocity:.4}, acceleration {acceleration:.4} of their limits",
                 now.sequence
@@ -181,13 +182,20 @@ impl Judge {
             let expected = setpoint.position_m[tendon] + ahead;
             (state.accepted_setpoint_m[tendon] - expected).abs()
         };
-        let most = (0..9).map(error).fold(0.0, f64::max);
-        self.verdict.reference_error_m = self.verdict.reference_error_m.max(most);
+        let errors = std::array::from_fn(error);
+        raise(&mut self.verdict.reference_error_m, largest(&errors));
     }
 
     fn step(&self, before: &Sample, now: &Sample) -> StepUse {
         let elapsed_s = seconds(now.stamp_ns - before.stamp_ns).max(1e-9);
-        let ratio = |step: f64, limit: f64| (step - ROUNDING).max(0.0) / (limit * elapsed_s);
+        let ratio = |step: f64, limit: f64| {
+            let beyond_rounding = if step <= ROUNDING {
+                0.0
+            } else {
+                step - ROUNDING
+            };
+            beyond_rounding / (limit * elapsed_s)
+        };
         let position = largest_step(&before.position_m, &now.position_m);
         let velocity = largest_step(&before.velocity_m_s, &now.velocity_m_s);
         StepUse {
@@ -199,7 +207,7 @@ impl Judge {
     }
 
     fn judge_step(&mut self, step: &StepUse, what: impl FnOnce() -> String) {
-        if step.position > ALLOWED_USE || step.velocity > ALLOWED_USE {
+        if is_beyond(step.position) || is_beyond(step.velocity) {
             let (position, velocity) = (step.position, step.velocity);
             self.offend(format!(
                 "{}: position step {position:.4}, velocity step {velocity:.4} of what the limits allow in their {:.3} ms",
@@ -219,8 +227,8 @@ impl Judge {
 
 impl StepUse {
     fn add(&mut self, other: &Self) {
-        self.position = self.position.max(other.position);
-        self.velocity = self.velocity.max(other.velocity);
+        raise(&mut self.position, other.position);
+        raise(&mut self.velocity, other.velocity);
         self.pairs += other.pairs;
         self.elapsed_s = self.elapsed_s.max(other.elapsed_s);
     }
@@ -251,8 +259,9 @@ impl Sample {
     }
 }
 
-/// Numbers between two that were heard; a number that does not rise is a new process's.
+/// Numbers between two that were heard; a number that does not rise is a new process's, which counts from 1.
 fn gap(before: Option<u64>, now: u64) -> u64 {
+    let before = before.map(|before| if now > before { before } else { 0 });
     before.map_or(0, |before| now.saturating_sub(before).saturating_sub(1))
 }
 
@@ -260,13 +269,13 @@ fn seconds(interval_ns: i64) -> f64 {
     interval_ns as f64 * 1e-9
 }
 
-fn largest(values: &[f64; 9]) -> f64 {
-    values.iter().fold(0.0, |most, value| most.max(value.abs()))
+fn largest_step(before: &[f64; 9], now: &[f64; 9]) -> f64 {
+    largest(&std::array::from_fn(|tendon| now[tendon] - before[tendon]))
 }
 
-fn largest_step(before: &[f64; 9], now: &[f64; 9]) -> f64 {
-    let steps = before.iter().zip(now).map(|(a, b)| (b - a).abs());
-    steps.fold(0.0, f64::max)
+/// Whether a use of a limit is an offence; one that is no number is.
+fn is_beyond(used: f64) -> bool {
+    !(used <= ALLOWED_USE)
 }
 
 #[cfg(test)]
@@ -350,15 +359,24 @@ mod tests {
     }
 
     #[test]
+    fn a_number_that_is_none_is_an_offence() {
+        let mut spoilt: Vec<Setpoint> = (1..100).map(setpoint).collect();
+        spoilt[50].velocity_m_s[4] = f64::NAN;
+        let verdict = judged(spoilt, Vec::new());
+        assert!(verdict.velocity.is_nan() && verdict.sent.velocity.is_nan());
+        assert_eq!(verdict.offence_count, 3, "{verdict:?}");
+    }
+
+    #[test]
     fn steps_from_one_controller_to_the_next_count_and_what_was_not_heard_is_known() {
         let mut two: Vec<Setpoint> = (1..100).map(setpoint).collect();
         two.drain(20..23);
         for (i, sample) in two[50..].iter_mut().enumerate() {
-            sample.sequence = 1 + i as u64;
+            sample.sequence = 2 + i as u64;
             sample.stamp_mono_ns += 40_000_000;
         }
         let verdict = judged(two.clone(), Vec::new());
-        assert_eq!((verdict.lost[0], verdict.restarts), (3, 1));
+        assert_eq!((verdict.lost[0], verdict.restarts), (3 + 1, 1));
         assert_eq!(verdict.offence_count, 0, "{verdict:?}");
         two[50..]
             .iter_mut()

@@ -40,7 +40,7 @@ const MOTION_WITHIN: Duration = Duration::from_secs(8);
 pub struct Survival {
     /// Disturbances by process and kind.
     pub disturbances: BTreeMap<String, usize>,
-    /// Disturbances by what was going on at their instant, as seen from outside.
+    /// Disturbances by process and by what was going on at their instant, as seen from outside.
     pub phases: BTreeMap<String, usize>,
     /// Threads that the ready processes have.
     pub threads_seen: BTreeSet<String>,
@@ -152,8 +152,9 @@ impl Experiment<'_> {
     }
 
     fn try_round(&mut self, round: Round) -> Result<(), String> {
-        let mut underway = self.enter(round.phase)?;
+        let mut underway = self.enter(round)?;
         let phase = self.observed_phase(&mut underway);
+        let phase = format!("{} while {phase}", round.part.program());
         *self.survival.phases.entry(phase).or_default() += 1;
         let begun_ns = mono_now_ns();
         let was_moving = self.moves();
@@ -182,13 +183,13 @@ impl Experiment<'_> {
     }
 
     /// Brings about what the disturbance is to fall into, and lets a random time of it pass.
-    fn enter(&mut self, phase: Phase) -> Result<Underway, String> {
+    fn enter(&mut self, round: Round) -> Result<Underway, String> {
         let mut underway = Underway::default();
         let mut pause_ms = self.rng.random_range(0..100);
-        match phase {
+        match round.phase {
             Phase::Resting => {}
             Phase::Starting => {
-                let part = Part::ALL[self.rng.random_range(0..3)];
+                let part = round.part;
                 self.stack.kill9(part);
                 underway.starting = Some((part, mono_now_ns()));
                 self.stack.start(part);
@@ -235,7 +236,7 @@ impl Experiment<'_> {
         let answered = |pending| !matches!(self.stack.client.poll(pending), Ok(None));
         let phase = match underway.pending.as_mut().map(answered) {
             Some(false) => "planning",
-            Some(true) => "planned, not begun",
+            Some(true) => "awaiting its begin",
             None => "resting",
         };
         phase.to_owned()

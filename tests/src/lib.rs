@@ -23,6 +23,7 @@ pub mod programs;
 pub mod raw;
 pub mod raw_scene;
 pub mod recording;
+pub mod retries;
 pub mod rounds;
 pub mod stack;
 pub mod stalled_output;

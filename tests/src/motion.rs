@@ -94,8 +94,11 @@ impl LimitsKept {
     }
 }
 
-fn raise(figure: &mut f64, value: f64) {
-    *figure = figure.max(value);
+/// Raises a figure to a value; NaN is larger than everything, and stays.
+pub fn raise(figure: &mut f64, value: f64) {
+    if value.is_nan() || value > *figure {
+        *figure = value;
+    }
 }
 
 /// The shipped controller's `step_cap_ms`, s.
@@ -104,8 +107,14 @@ const STEP_CAP_S: f64 = 0.02;
 /// Positions and times are rounded: stamps to a nanosecond.
 const ROUNDING_M: f64 = 1e-10;
 
-fn largest(values: &[f64; 9]) -> f64 {
-    values.iter().fold(0.0, |most, value| most.max(value.abs()))
+/// The largest absolute value; NaN if there is one.
+#[must_use]
+pub fn largest(values: &[f64; 9]) -> f64 {
+    let mut most = 0.0;
+    for value in values {
+        raise(&mut most, value.abs());
+    }
+    most
 }
 
 #[cfg(test)]

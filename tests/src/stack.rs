@@ -10,6 +10,7 @@ use shared_types::codes::{LoopState, Outcome};
 use shared_types::valid::{Command, ControllerState, Goal, PlanRequest};
 
 use crate::process::{Process, TimedOut, wait_for};
+use crate::retries;
 use crate::world::{Settings, World};
 
 /// Long enough for everything that should happen at all.
@@ -252,7 +253,9 @@ impl Stack {
                 Err(MoveError::Refused { outcome, reason })
                     if outcome == Outcome::ExecutionRefused =>
                 {
-                    refused = Some(MoveError::Refused { outcome, reason });
+                    let error = MoveError::Refused { outcome, reason };
+                    retries::note(&error.to_string());
+                    refused = Some(error);
                     std::thread::sleep(PAUSE);
                 }
                 result => return result,
@@ -318,7 +321,10 @@ impl Stack {
     pub fn move_tip(&mut self, tip: [f64; 3]) -> Result<Motion, MoveError> {
         for _ in 1..MOTION_ATTEMPTS {
             match self.move_tip_once(tip) {
-                Err(MoveError::CutShort(_)) => self.wait_until_ready()?,
+                Err(error @ MoveError::CutShort(_)) => {
+                    retries::note(&error.to_string());
+                    self.wait_until_ready()?;
+                }
                 result => return result,
             }
         }

@@ -9,11 +9,18 @@ const MS: i64 = 1_000_000;
 
 type Replies = Rc<RefCell<Vec<message::CommandReply>>>;
 
-struct Asker(Replies);
+struct Asker {
+    replies: Replies,
+    awaited: bool,
+}
 
 impl Request for Asker {
+    fn is_awaited(&self) -> bool {
+        self.awaited
+    }
+
     fn reply(&self, reply: message::CommandReply) {
-        self.0.borrow_mut().push(reply);
+        self.replies.borrow_mut().push(reply);
     }
 }
 
@@ -40,7 +47,15 @@ impl Bench {
     }
 
     fn ask(&mut self, command: Command, id: u64, now_ns: i64) {
-        let asker = Asker(Rc::clone(&self.replies));
+        self.ask_and(true, command, id, now_ns);
+    }
+
+    /// Asks, and waits for the reply or not.
+    fn ask_and(&mut self, awaited: bool, command: Command, id: u64, now_ns: i64) {
+        let asker = Asker {
+            replies: Rc::clone(&self.replies),
+            awaited,
+        };
         self.commands.take(asker, &command.to_wire(id), now_ns);
     }
 
@@ -154,7 +169,10 @@ fn a_loop_that_is_held_for_long_fills_no_ring_for_good() {
 #[test]
 fn a_command_of_another_version_is_refused_at_once_by_its_own_number() {
     let mut bench = Bench::new();
-    let asker = Asker(Rc::clone(&bench.replies));
+    let asker = Asker {
+        replies: Rc::clone(&bench.replies),
+        awaited: true,
+    };
     let wire = message::Command {
         protocol_version: 0,
         ..Command::Stop.to_wire(5)
@@ -165,4 +183,16 @@ fn a_command_of_another_version_is_refused_at_once_by_its_own_number() {
         [(5, false, CommandRefusal::WrongVersion.code())]
     );
     assert_eq!(bench.at_loop.shared.stops.load(Ordering::Acquire), 0);
+}
+
+#[test]
+fn a_stop_counts_when_nobody_waits_for_its_reply_and_another_order_does_not() {
+    let mut bench = Bench::new();
+    bench.ask_and(false, Command::SetSpeed(0.1), 1, 0);
+    bench.ask_and(false, Command::ResetFault, 2, 0);
+    bench.ask_and(false, Command::Stop, 3, 0);
+    bench.commands.attend(0);
+    bench.cycle();
+    assert_eq!(bench.carried_out, []);
+    assert_eq!(bench.stops_seen, 1);
 }

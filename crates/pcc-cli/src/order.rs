@@ -1,16 +1,23 @@
 //! `pcc stop`, `pcc reset`, `pcc speed`: orders to the controller.
 
+use std::fmt::{self, Display, Formatter};
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::thread;
+use std::time::Duration;
+
 use anyhow::{Context, bail};
 use clap::Args;
 use client::{ClientError, ControllerView};
 use rustix::process::{Pid, Signal, kill_process};
-use shared_types::codes::CommandRefusal;
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::{CommandRefusal, LoopState};
 use shared_types::ipc::{IpcOptions, Role, RoleLock};
 use shared_types::valid::Command;
-use std::time::Duration;
 
 /// How long a controller is waited for.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// How long `pcc stop` waits for a reply before it tells the controller by a signal, too.
+const SIGNAL_AFTER: Duration = Duration::from_millis(50);
 
 /// Arguments of `pcc speed`.
 #[derive(Args)]
@@ -20,38 +27,77 @@ pub(crate) struct SpeedArguments {
     rate: f64,
 }
 
-/// Where the services cannot be joined (a full disk, no place left), the controller is told by a signal.
+/// The controller is told by a signal, too, where it has not replied soon: no service is needed for that.
 pub(crate) fn stop() -> anyhow::Result<()> {
+    let (replied, no_reply) = sync_channel::<()>(0);
+    let signal = thread::spawn(move || {
+        let waited = no_reply.recv_timeout(SIGNAL_AFTER);
+        matches!(waited, Err(RecvTimeoutError::Timeout)).then(signal_stop)
+    });
     let result = give(Command::Stop);
-    let cannot_join =
-        |error: &anyhow::Error| matches!(error.downcast_ref(), Some(ClientError::Ipc(_)));
-    match result {
-        Err(error) if cannot_join(&error) => stop_by_signal().map_err(|_| error),
-        result => result,
+    drop(replied);
+    let signalled = signal.join().unwrap_or(None);
+    let error = match result {
+        Ok(accepted) => {
+            let first = signalled
+                .and_then(Result::ok)
+                .map(|signalled| signalled.sent);
+            say!("{}", accepted.first_sent(first));
+            return Ok(());
+        }
+        Err(error) => error,
+    };
+    if !error.is::<ClientError>() {
+        return Err(error);
     }
-}
-
-fn stop_by_signal() -> anyhow::Result<()> {
-    let holder = RoleLock::holder(&IpcOptions::from_env(), Role::Controller);
-    let controller = holder.and_then(|pid| Pid::from_raw(pid.try_into().ok()?));
-    let controller = controller.context("no controller runs here")?;
-    kill_process(controller, Signal::USR1)?;
-    say!(
-        "the services cannot be joined: the controller, process {controller}, is told to stop by a signal, and does not reply"
-    );
+    let Ok(signalled) = signalled.unwrap_or_else(signal_stop) else {
+        return Err(error);
+    };
+    say!("{signalled}; by the services: {error:#}");
     Ok(())
 }
 
+/// A stop by signal.
+struct Signalled {
+    controller: Pid,
+    sent: Sent,
+}
+
+impl Display for Signalled {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self { controller, sent } = self;
+        write!(
+            f,
+            "the controller, process {controller}, was told to stop by a signal, {sent}, to which it does not reply"
+        )
+    }
+}
+
+fn signal_stop() -> anyhow::Result<Signalled> {
+    let holder = RoleLock::holder(&IpcOptions::from_env(), Role::Controller);
+    let controller = holder.and_then(|pid| Pid::from_raw(pid.try_into().ok()?));
+    let controller = controller.context("no controller runs here")?;
+    let sent = Sent::now();
+    kill_process(controller, Signal::USR1)?;
+    Ok(Signalled { controller, sent })
+}
+
 pub(crate) fn reset() -> anyhow::Result<()> {
-    give(Command::ResetFault)
+    say!("{}", give(Command::ResetFault)?);
+    Ok(())
 }
 
 pub(crate) fn speed(arguments: &SpeedArguments) -> anyhow::Result<()> {
-    give(Command::SetSpeed(arguments.rate))
+    say!("{}", give(Command::SetSpeed(arguments.rate))?);
+    Ok(())
 }
 
-fn give(command: Command) -> anyhow::Result<()> {
-    let reply = ControllerView::connect(&IpcOptions::from_env())?.command(command, PATIENCE)?;
+fn give(command: Command) -> anyhow::Result<Accepted> {
+    let mut controller = ControllerView::connect(&IpcOptions::from_env())?;
+    controller.prepare_to_command()?;
+    let sent = Sent::now();
+    let reply = controller.command(command, PATIENCE)?;
+    let took_ms = sent.elapsed_ms();
     if reply.reason == CommandRefusal::StopPending {
         bail!("{}; the controller was {} last", reply.reason, reply.state);
     }
@@ -62,6 +108,64 @@ fn give(command: Command) -> anyhow::Result<()> {
             reply.reason
         );
     }
-    say!("accepted; the controller is {}", reply.state);
-    Ok(())
+    Ok(Accepted {
+        sent,
+        took_ms,
+        state: reply.state,
+    })
+}
+
+/// An order that the controller has accepted.
+struct Accepted {
+    sent: Sent,
+    took_ms: f64,
+    state: LoopState,
+}
+
+impl Accepted {
+    /// ... which was sent before in another way.
+    fn first_sent(self, before: Option<Sent>) -> Self {
+        let Some(before) = before.filter(|before| before.0 < self.sent.0) else {
+            return self;
+        };
+        Self {
+            took_ms: self.took_ms + (self.sent.0 - before.0) as f64 * 1e-6,
+            sent: before,
+            state: self.state,
+        }
+    }
+}
+
+impl Display for Accepted {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let Self {
+            sent,
+            took_ms,
+            state,
+        } = self;
+        write!(
+            f,
+            "accepted {took_ms:.1} ms after it was {sent}; the controller is {state}"
+        )
+    }
+}
+
+/// When an order was sent, nanoseconds of `CLOCK_MONOTONIC`, the clock of every stamp of the controller.
+struct Sent(i64);
+
+impl Sent {
+    fn now() -> Self {
+        Self(mono_now_ns())
+    }
+
+    fn elapsed_ms(&self) -> f64 {
+        (mono_now_ns() - self.0) as f64 * 1e-6
+    }
+}
+
+impl Display for Sent {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        let (seconds, rest) = (self.0 / 1_000_000_000, self.0 % 1_000_000_000);
+        write!(f, "sent at {seconds}.{rest:09} s")
+    }
 }

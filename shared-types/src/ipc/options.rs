@@ -13,8 +13,9 @@ use rustix::process::geteuid;
 
 use super::{IpcError, root_folder};
 
-/// How long a service may take to be made: some milliseconds, and the stalls of a busy machine.
-const CREATION_TIMEOUT: Duration = Duration::from_millis(100);
+/// How long a service or a port may take to be made: some milliseconds, and the stalls of a busy machine. Who waits for one that a
+/// stopped process has begun is held for as long: less than half of what the controller's loop lets its guard be held for.
+const CREATION_TIMEOUT: Duration = Duration::from_millis(40);
 
 /// Most bytes of root and prefix together: iceoryx2 makes the paths of sockets of them, with a number of up to 39 digits,
 /// and such a path has 107 at most.
@@ -129,7 +130,8 @@ fn default_root() -> PathBuf {
     let user = geteuid().as_raw();
     let usual = parent.join(format!("pcc-{user}"));
     let is_foreign = |path: &Path| fs::symlink_metadata(path).is_ok_and(|data| data.uid() != user);
-    let Some(own) = env::home_dir().map(|home| home.join(".pcc-services")) else {
+    let home = env::home_dir().filter(|home| home.is_absolute());
+    let Some(own) = home.map(|home| home.join(".pcc-services")) else {
         return usual;
     };
     // Once made it is kept to, so that all processes agree also when the other user's folder is gone.

@@ -181,7 +181,8 @@ pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
             .request_response::<Command, CommandReply>()
             .enable_safe_overflow_for_requests(true)
             .enable_safe_overflow_for_responses(true)
-            .enable_fire_and_forget_requests(false)
+            // A stop arrives also when its sender no longer waits for the reply.
+            .enable_fire_and_forget_requests(true)
             .max_active_requests_per_client(COMMANDS_PER_CLIENT)
             .max_loaned_requests(REQUEST_LOANS)
             .max_response_buffer_size(RESPONSES)

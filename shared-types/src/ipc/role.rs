@@ -1,7 +1,8 @@
 //! Processes of which there may be only one.
 
-use std::fs::{File, TryLockError};
+use std::fs::{self, File, TryLockError};
 use std::io::{Read, Write};
+use std::os::unix::fs::MetadataExt;
 
 use super::{IpcError, IpcOptions, root_folder};
 
@@ -71,18 +72,20 @@ impl RoleLock {
         Ok(Self { _locked: file })
     }
 
-    /// Process id of who has the role now; none where nobody has, or the file cannot be read.
+    /// Process id of who has the role now: the one that the lock file names, if that process has the file open; none where nobody
+    /// has it, or the file cannot be read.
     #[must_use]
     pub fn holder(options: &IpcOptions, role: Role) -> Option<u32> {
         // Only in a folder of ours: in another one, the file could name any process.
         options.prepare().ok()?;
-        let mut file = File::open(options.lock_file(role.name())).ok()?;
-        if !matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)) {
-            return None;
-        }
-        let mut pid = String::new();
-        file.read_to_string(&mut pid).ok()?;
-        pid.trim().parse().ok()
+        let lock_file = options.lock_file(role.name());
+        let pid: u32 = fs::read_to_string(&lock_file).ok()?.trim().parse().ok()?;
+        let locked = fs::metadata(&lock_file).ok()?;
+        let is_locked =
+            |open: fs::Metadata| (open.dev(), open.ino()) == (locked.dev(), locked.ino());
+        let open_files = fs::read_dir(format!("/proc/{pid}/fd")).ok()?.flatten();
+        let mut open_files = open_files.filter_map(|file| fs::metadata(file.path()).ok());
+        open_files.any(is_locked).then_some(pid)
     }
 }
 

@@ -196,19 +196,19 @@ fn limits(report: &mut Report, recording: &Recording, body: &Body) {
         1.0 + 1e-6,
     );
     report.at_most(
-        "position differences ÷ time over the velocity limit (slack 0.1 %)",
+        "position differences ÷ time over the velocity limit",
         kept.difference_velocity,
-        1.001,
+        1.0 + 1e-6,
     );
     report.at_most(
-        "velocity differences ÷ time over the acceleration limit (slack 1 %)",
+        "velocity differences ÷ time over the acceleration limit",
         kept.difference_acceleration,
-        1.01,
+        1.0 + 1e-4,
     );
     report.at_most(
         "step unexplained by the velocities at its ends, over a Δt² (smooth: 1/4)",
         kept.unexplained_step,
-        0.5,
+        0.25 + 1e-3,
     );
     report.at_most(
         "set-points against the commanded configurations' tendons, m",

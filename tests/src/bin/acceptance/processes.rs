@@ -8,7 +8,7 @@ use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 use toml::Value;
 
-use crate::safe::kills::{limits, listed, stuck};
+use crate::safe::kills::{limits, listed, phases, stuck};
 use crate::{Report, Scale};
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
@@ -80,7 +80,7 @@ fn clients(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
 
 fn kills(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut stack = Stack::running(&Settings::default())?;
-    let count = scale.pick(12, 60);
+    let count = scale.pick(18, 72);
     let survival = disturb(&mut stack, &[Kind::Kill], count, 1)?;
     let killed = &survival.disturbances;
     let enough = killed.len() == 3 && killed.values().all(|kills| kills * 3 == count);
@@ -90,6 +90,7 @@ fn kills(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         &format!("{} each", count / 3),
         enough,
     );
+    phases(report, &survival, count);
     limits(report, &survival);
     stuck(report, &survival);
     Ok(())

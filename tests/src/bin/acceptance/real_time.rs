@@ -7,6 +7,7 @@ use std::time::Duration;
 use shared_types::valid::{ControllerState, Goal};
 use tests::process::wait_for;
 use tests::programs::repository;
+use tests::retries;
 use tests::stack::{MoveError, PATIENCE, Stack};
 use tests::system_calls;
 use tests::world::Settings;
@@ -22,21 +23,16 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     report.group("unsafe code", command, unsafe_code);
 }
 
-/// Stalls of the machine that a measurement goes on after.
-const CUT_SHORT_AT_MOST: usize = 10;
-
 /// Motions between two configurations until the controller has counted so many cycles more.
 fn move_for(stack: &mut Stack, cycles: u64) -> anyhow::Result<usize> {
     let begin = stack.controller_state().values.cycle;
-    let (mut motions, mut cut_short) = (0, 0);
+    let mut motions = 0;
     while stack.controller_state().values.cycle < begin + cycles {
         let side = if motions % 2 == 0 { 0.8 } else { -0.8 };
         let id = stack.begin_motion(Goal::Configuration([side, 0.4, -side, 0.3, 0.5, side]))?;
         match stack.wait_for_end(id) {
-            // A machine that stalls, or a counter that stops the loop, for too long: safe, and not what is measured here.
-            Err(MoveError::CutShort(fault)) if cut_short < CUT_SHORT_AT_MOST => {
-                cut_short += 1;
-                eprintln!("a motion was cut short: {fault}");
+            Err(error @ MoveError::CutShort(_)) => {
+                retries::note(&error.to_string());
                 stack.wait_until_ready()?;
             }
             end => drop(end?),

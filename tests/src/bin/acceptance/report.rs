@@ -7,6 +7,7 @@ use std::process::Command;
 
 use serde::{Deserialize, Serialize};
 use tests::programs::repository;
+use tests::retries;
 
 /// One measured figure beside its bar.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -102,13 +103,26 @@ impl Report {
         }
         self.record.checks.retain(|check| check.group != name);
         (self.group, self.command) = (name.to_owned(), command.to_owned());
+        let _ = retries::take();
         let outcome = catch_unwind(AssertUnwindSafe(|| run(self)));
         match outcome {
             Ok(Ok(())) => self.record.finished_groups.push(name.to_owned()),
             Ok(Err(error)) => self.broke(name, &format!("{error:#}")),
             Err(panic) => self.broke(name, &panic_text(panic.as_ref())),
         }
+        self.retried(name);
         self.save();
+    }
+
+    /// A retry counts against the group in which it was.
+    fn retried(&mut self, name: &str) {
+        let again = retries::take();
+        let name = format!("{name}: motions asked for again");
+        let line = |(cause, count): (&String, &usize)| format!("{count} × {cause}");
+        let lines: Vec<String> = again.iter().map(line).collect();
+        if !lines.is_empty() {
+            self.check(&name, lines.join("; "), "0", false);
+        }
     }
 
     fn broke(&mut self, name: &str, error: &str) {

@@ -1,8 +1,8 @@
 //! When processors were away from every program: with their host, or in the kernel.
 //!
 //! `/proc/stat` tells of the host alone, and to a hundredth of a second. Here a sentry sleeps on each processor at a real-time
-//! priority: no ordinary program can keep it from waking, so while it is late, none of them had the processor. A sentry that
-//! cannot take its place tells of nothing stolen.
+//! priority above that of all programs looked at, so while it is late, none of them had the processor. A sentry that cannot take
+//! its place tells of nothing stolen.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -10,7 +10,7 @@ use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 use realtime::use_fifo_priority;
-use tests::priority::OF_A_WATCH;
+use tests::priority::OF_A_SENTRY;
 
 use crate::machine::{Pinned, processors};
 
@@ -34,7 +34,7 @@ impl StolenTimes {
     /// # Errors
     /// Where the system does not permit a real-time priority: an ordinary thread also waits for other programs.
     pub(crate) fn watch() -> anyhow::Result<Self> {
-        thread::spawn(|| use_fifo_priority(OF_A_WATCH))
+        thread::spawn(|| use_fifo_priority(OF_A_SENTRY))
             .join()
             .expect("it does not panic")?;
         let (away, quit) = (Arc::default(), Arc::default());
@@ -50,13 +50,27 @@ impl StolenTimes {
         })
     }
 
-    /// Time in which a processor was away between two instants, of all processors together: a request needs one after the other.
+    /// Time between two instants in which a processor, or several, was away.
     pub(crate) fn between(&self, begin: Instant, end: Instant) -> Duration {
         let away = self.away.lock().unwrap();
-        away.iter()
-            .map(|(from, to)| (*to).min(end).saturating_duration_since((*from).max(begin)))
-            .sum()
+        let within = |(from, to): &Interval| ((*from).max(begin), (*to).min(end));
+        let mut intervals: Vec<Interval> = away.iter().map(within).collect();
+        intervals.sort_unstable();
+        union(&intervals)
     }
+}
+
+/// Time that intervals cover, in the order of their begins; one that ends before it begins covers nothing.
+fn union(intervals: &[Interval]) -> Duration {
+    let (mut total, mut covered) = (Duration::ZERO, None);
+    for &(from, to) in intervals {
+        let from = covered.map_or(from, |covered| from.max(covered));
+        if to > from {
+            total += to - from;
+            covered = Some(to);
+        }
+    }
+    total
 }
 
 fn stand_sentry(
@@ -65,7 +79,7 @@ fn stand_sentry(
     quit: &AtomicBool,
 ) -> anyhow::Result<()> {
     let _pinned = Pinned::to(processor)?;
-    use_fifo_priority(OF_A_WATCH)?;
+    use_fifo_priority(OF_A_SENTRY)?;
     while !quit.load(Ordering::Relaxed) {
         let waking = Instant::now() + NAP;
         thread::sleep(NAP);

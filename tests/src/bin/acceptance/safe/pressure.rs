@@ -1,8 +1,9 @@
 //! Whether a stop is obeyed in time while everything that could delay it happens: outputs that nobody reads, a full disk, a
 //! stopped terminal, watchers, a flood of scenes.
 //!
-//! A time begins just before the command, or the scene, is sent by this process's client, and ends with the stamp of the first
-//! cycle in which the loop brakes. (`pcc stop` itself is tried besides: its start as a process is no part of the figure.)
+//! A time begins just before the command, or the scene, is sent, and ends with the stamp of the first cycle in which the loop, which
+//! executed until then, brakes. The command is sent by the program `pcc stop`, which says when, and by a program that has joined the
+//! services before.
 
 use std::fs::{self, File};
 use std::process::Stdio;
@@ -20,7 +21,7 @@ use tests::listener::Listener;
 use tests::outside::pcc;
 use tests::process::{Process, wait_for};
 use tests::raw_scene::Flood;
-use tests::stack::{MoveError, Part, Stack};
+use tests::stack::{Part, Stack};
 use tests::stalled_output::{SmallDisk, StalledOutput};
 use tests::world::{Settings, World};
 
@@ -34,11 +35,13 @@ const WATCHERS: usize = 10;
 const FLOODING: usize = 3;
 /// Bytes of the disk that is filled, on which the services' files, the robot's pose and the logs are.
 const DISK_BYTES: usize = 4 << 20;
-/// How long a motion has been under way when it is to be stopped.
+/// How long a motion has been under way when it is to be stopped; it takes longer than a second.
 const IN_MOTION_S: f64 = 0.15;
 /// How long a stop is waited for at all.
 const LIMIT: Duration = Duration::from_secs(5);
 const LIFETIME: Duration = Duration::from_secs(30);
+/// Motions that do not begin before a group of tries has failed.
+const MOTIONS_ASKED_FOR: usize = 5;
 /// Of 100 tries, so many within the first bar.
 const OFTEN: f64 = 0.95;
 
@@ -104,37 +107,47 @@ struct Try {
     stolen_ms: f64,
 }
 
+/// An order that was obeyed, or why it was not.
+type Outcome = Result<Try, String>;
+
 /// All tries under one pressure.
 struct Tried {
-    stops: Vec<Result<Try, String>>,
-    scenes: Vec<Result<Try, String>>,
-    /// What `pcc stop` said, as a process.
-    program: Vec<Result<(), String>>,
+    /// `pcc stop`.
+    program: Vec<Outcome>,
+    /// Of a client that has joined the services before.
+    stops: Vec<Outcome>,
+    /// Of the daemon, after a ball on the body was published.
+    scenes: Vec<Outcome>,
+    /// Motions that were not begun when they were asked for, which is no try.
+    not_begun: Vec<String>,
 }
 
 impl Tried {
     fn of(pressure: Pressure, with_priorities: bool, scale: Scale) -> anyhow::Result<Self> {
         let mut scenario = Scenario::start(pressure, with_priorities)?;
         scenario.begin_stall()?;
-        let (mut stops, mut scenes, mut program) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut program, mut stops, mut scenes) = (Vec::new(), Vec::new(), Vec::new());
         for _ in 0..scale.pick(5, 100) {
-            stops.push(scenario.stop()?);
-            scenes.push(scenario.scene()?);
+            program.push(scenario.order(Scenario::run_pcc_stop)?);
+            stops.push(scenario.order(Scenario::send_stop)?);
+            scenes.push(scenario.order(Scenario::show_ball)?);
+            scenario.still_stalls()?;
         }
-        for _ in 0..scale.pick(2, 10) {
-            program.push(scenario.program()?);
-        }
-        scenario.still_stalls()?;
         Ok(Self {
+            program,
             stops,
             scenes,
-            program,
+            not_begun: scenario.not_begun,
         })
     }
 
     fn report(&self, report: &mut Report, about: &str, with_priorities: bool) {
         let orders = [
-            ("stop obeyed after it was sent", &self.stops),
+            ("`pcc stop` obeyed after it was sent", &self.program),
+            (
+                "another client's stop obeyed after it was sent",
+                &self.stops,
+            ),
             (
                 "the daemon's stop obeyed after the scene was sent",
                 &self.scenes,
@@ -171,12 +184,8 @@ impl Tried {
             let name = format!("{name}: <= {always_ms} ms plus stolen time");
             report.all_of(&name, obeyed.iter().filter(kept).count(), tries.len());
         }
-        let failed: Vec<String> = self
-            .program
-            .iter()
-            .filter_map(|t| t.clone().err())
-            .collect();
-        report.none_of(&format!("{about}: the program `pcc stop` failed"), &failed);
+        let name = format!("{about}: motions not begun when they were asked for");
+        report.none_of(&name, &self.not_begun);
     }
 }
 
@@ -198,13 +207,15 @@ struct Scenario {
     disk: Option<SmallDisk>,
     stack: Stack,
     outputs: Vec<StalledOutput>,
+    not_begun: Vec<String>,
+    flooded: u64,
 }
 
 impl Scenario {
     fn start(pressure: Pressure, with_priorities: bool) -> anyhow::Result<Self> {
         let mut settings = Settings {
             without_priorities: !with_priorities,
-            ..Settings::fast_robot()
+            ..Settings::default()
         };
         if with_priorities {
             settings.daemon.push((tests::world::PRIORITY, 10.into()));
@@ -261,6 +272,8 @@ impl Scenario {
             disk,
             stack,
             outputs,
+            not_begun: Vec::new(),
+            flooded: 0,
         };
         scenario.scenes.publish(&[], LIFETIME)?;
         thread::sleep(Duration::from_secs(2));
@@ -288,96 +301,139 @@ impl Scenario {
         anyhow::ensure!(full, "the premise: the disk is full");
         let running = self.watchers.iter_mut().all(Process::is_running);
         anyhow::ensure!(running, "the premise: the watchers watch");
+        if let Some(flood) = &self.flood {
+            let sent = flood.sent();
+            anyhow::ensure!(
+                flood.is_alive() && sent > self.flooded,
+                "the premise: {FLOODING} publishers flood"
+            );
+            self.flooded = sent;
+        }
         Ok(())
     }
 
     /// A motion to the end that the robot is farther from, until it is under way.
     fn begin_motion(&mut self) -> anyhow::Result<u32> {
-        let mut refused = None;
-        for _ in 0..40 {
-            let start = self.stack.commanded();
-            let distance = |end: &[f64; 6]| (Configuration::from(*end) - start).norm();
-            let farther = usize::from(distance(&ENDS[1]) > distance(&ENDS[0]));
-            let request = PlanRequest {
-                sampler: Sampler::Straight,
-                candidate_count: 1,
-                deadline: Some(Duration::from_secs(10)),
-                execute: true,
-                ..PlanRequest::new(start.into(), Goal::Configuration(ENDS[farther]))
-            };
-            match self.stack.try_motion(&request) {
-                Ok(id) => {
-                    self.stack.wait_for_progress(id, IN_MOTION_S)?;
-                    return Ok(id);
-                }
-                Err(error @ MoveError::Refused { .. }) => refused = Some(error),
-                Err(error) => return Err(error.into()),
-            }
+        for _ in 0..MOTIONS_ASKED_FOR {
             self.stack.wait_until_ready()?;
-            thread::sleep(Duration::from_millis(50));
+            match self.try_motion() {
+                Ok(id) => return Ok(id),
+                Err(why) => self.not_begun.push(why.to_string()),
+            }
         }
-        Err(refused.context("there was an attempt")?.into())
+        anyhow::bail!("no motion begins: {}", self.not_begun.join("; "))
+    }
+
+    fn try_motion(&mut self) -> anyhow::Result<u32> {
+        self.scenes.confirm(LIMIT)?;
+        let start = self.stack.commanded();
+        let distance = |end: &[f64; 6]| (Configuration::from(*end) - start).norm();
+        let farther = usize::from(distance(&ENDS[1]) > distance(&ENDS[0]));
+        let request = PlanRequest {
+            sampler: Sampler::Straight,
+            candidate_count: 1,
+            deadline: Some(Duration::from_secs(10)),
+            execute: true,
+            ..PlanRequest::new(start.into(), Goal::Configuration(ENDS[farther]))
+        };
+        let id = self.stack.try_motion(&request)?;
+        let view = &mut self.stack.controller;
+        let under_way = wait_for("the motion is under way", LIMIT, || {
+            let state = view.latest_state().ok().flatten()?;
+            let on_it = state.values.trajectory_id == id
+                && state.values.trajectory_time_s >= IN_MOTION_S
+                && state.state == LoopState::Executing;
+            (on_it || state.values.refused_trajectory_id == id).then_some((on_it, state.refusal))
+        });
+        match under_way? {
+            (true, _) => Ok(id),
+            (false, refusal) => anyhow::bail!("the controller refuses: {refusal}"),
+        }
+    }
+
+    /// From a motion under way to the braking that an order brings about; the order says when it was sent.
+    fn order(
+        &mut self,
+        give: impl FnOnce(&mut Self) -> anyhow::Result<i64>,
+    ) -> anyhow::Result<Outcome> {
+        let id = self.begin_motion()?;
+        let sent_ns = give(self);
+        let tried = match sent_ns {
+            Ok(sent_ns) => self.braking(sent_ns),
+            Err(error) => Err(format!("{error:#}")),
+        };
+        let end = self.stack.wait_for_end(id);
+        self.scenes.publish(&[], LIFETIME)?;
+        let _ = self.listener.take();
+        Ok(tried.and_then(|tried| end.map(|_| tried).map_err(|error| error.to_string())))
     }
 
     /// A command of this process's client.
-    fn stop(&mut self) -> anyhow::Result<Result<Try, String>> {
-        let id = self.begin_motion()?;
-        let (sent, sent_ns) = (Instant::now(), mono_now_ns());
-        let reply = self.command.command(Command::Stop, LIMIT);
-        let tried = self.braking(sent, sent_ns);
-        self.stack.wait_for_end(id).ok();
-        Ok(match reply {
-            Ok(reply) if reply.accepted => tried,
-            Ok(reply) => Err(format!("refused: {}", reply.reason)),
-            Err(error) => Err(error.to_string()),
-        })
+    fn send_stop(&mut self) -> anyhow::Result<i64> {
+        let sent_ns = mono_now_ns();
+        let reply = self.command.command(Command::Stop, LIMIT)?;
+        anyhow::ensure!(reply.accepted, "refused: {}", reply.reason);
+        Ok(sent_ns)
     }
 
     /// A ball on the body.
-    fn scene(&mut self) -> anyhow::Result<Result<Try, String>> {
-        let id = self.begin_motion()?;
+    fn show_ball(&mut self) -> anyhow::Result<i64> {
         let shape = self.stack.commanded();
         let ball = MovingBall {
             centre_m: self.stack.world.robot.backbone(&shape).point(1, 0.5).into(),
             radius_m: 0.3,
             velocity_m_s: [0.0; 3],
         };
-        let (sent, sent_ns) = (Instant::now(), mono_now_ns());
+        let sent_ns = mono_now_ns();
         self.scenes.publish(&[ball], LIFETIME)?;
-        let tried = self.braking(sent, sent_ns);
-        self.stack.wait_for_end(id).ok();
-        self.scenes.publish(&[], LIFETIME)?;
-        Ok(tried)
+        Ok(sent_ns)
     }
 
-    /// `pcc stop` as a process.
-    fn program(&mut self) -> anyhow::Result<Result<(), String>> {
-        let id = self.begin_motion()?;
+    /// The program, to its end.
+    fn run_pcc_stop(&mut self) -> anyhow::Result<i64> {
+        let started_ns = mono_now_ns();
         let said = pcc(&self.stack.world, &["stop"], LIMIT);
-        self.stack.wait_for_end(id).ok();
-        Ok(if said.is_good() {
-            Ok(())
-        } else {
-            Err(said.summary())
-        })
+        anyhow::ensure!(said.is_good(), "{}", said.summary());
+        let sent_ns = sent_at(&said.text).context(said.summary())?;
+        let ran = started_ns..mono_now_ns();
+        anyhow::ensure!(
+            ran.contains(&sent_ns),
+            "not sent while it ran: {}",
+            said.summary()
+        );
+        Ok(sent_ns)
     }
 
-    fn braking(&self, sent: Instant, sent_ns: i64) -> Result<Try, String> {
+    fn braking(&self, sent_ns: i64) -> Outcome {
         let braking = wait_for("the loop brakes", LIMIT, || {
             self.listener.with(|heard| {
-                let brakes = |cycle: &&Cycle| {
-                    cycle.stamp_mono_ns > sent_ns && cycle.state == LoopState::Stopping.code()
-                };
-                let first = heard.cycles.iter().find(brakes);
-                first.map(|cycle| cycle.stamp_mono_ns)
+                let state = |wanted: LoopState| move |cycle: &&Cycle| cycle.state == wanted.code();
+                let before = heard.cycles.iter().filter(|c| c.stamp_mono_ns <= sent_ns);
+                let executed = before
+                    .last()
+                    .is_some_and(|last| state(LoopState::Executing)(&last));
+                let mut after = heard.cycles.iter().filter(|c| c.stamp_mono_ns > sent_ns);
+                let first = after.find(state(LoopState::Stopping))?;
+                Some(executed.then_some(first.stamp_mono_ns))
             })
         });
-        let _ = self.listener.take();
         let at_ns = braking.map_err(|error| error.what)?;
+        let at_ns = at_ns.ok_or("it did not execute just before")?;
         let took = Duration::from_nanos((at_ns - sent_ns).unsigned_abs());
+        let now = (Instant::now(), mono_now_ns());
+        let sent = now.0 - Duration::from_nanos((now.1 - sent_ns).unsigned_abs());
         Ok(Try {
             ms: took.as_secs_f64() * 1e3,
             stolen_ms: self.stolen.between(sent, sent + took).as_secs_f64() * 1e3,
         })
     }
+}
+
+/// When `pcc stop` says that it has sent its order, nanoseconds of CLOCK_MONOTONIC.
+fn sent_at(text: &str) -> Option<i64> {
+    let (_, rest) = text.split_once("sent at ")?;
+    let (seconds, rest) = rest.split_once('.')?;
+    let (nanoseconds, _) = rest.split_once(" s")?;
+    let (seconds, nanoseconds) = (seconds.parse::<i64>(), nanoseconds.parse::<i64>());
+    Some(seconds.ok()? * 1_000_000_000 + nanoseconds.ok()?)
 }

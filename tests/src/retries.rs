@@ -1,0 +1,18 @@
+//! What was asked for again, by cause: a retry that is not seen would hide that something failed.
+
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+
+static ASKED_AGAIN: Mutex<BTreeMap<String, usize>> = Mutex::new(BTreeMap::new());
+
+/// Notes a motion that is asked for again; causes differ in words, not in numbers.
+pub fn note(cause: &str) {
+    let cause = cause.replace(|c: char| c.is_ascii_digit(), "#");
+    *ASKED_AGAIN.lock().unwrap().entry(cause).or_default() += 1;
+}
+
+/// What was noted since the last call.
+#[must_use]
+pub fn take() -> BTreeMap<String, usize> {
+    std::mem::take(&mut ASKED_AGAIN.lock().unwrap())
+}
