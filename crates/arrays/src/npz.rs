@@ -328,6 +328,9 @@ fn check_layout(
     let directory = zip.central_directory_start();
     let (mut from, mut allowed) = (0, 0);
     for (start, end, behind) in members.into_iter().chain([(directory, directory, 0)]) {
+        if start < from {
+            return Err(format!("byte {start} belongs to two of its arrays"));
+        }
         if start > from + allowed {
             return Err(format!(
                 "bytes {from} to {start} belong to none of its arrays"

@@ -134,9 +134,11 @@ mod tests {
     use std::collections::BTreeMap;
     use std::fs;
 
-    const FILE: SettingsFile = SettingsFile {
-        path: Path::new("a.toml"),
-    };
+    fn file() -> SettingsFile<'static> {
+        SettingsFile {
+            path: Path::new("a.toml"),
+        }
+    }
 
     #[test]
     fn a_file_is_read_as_a_type() {
@@ -149,13 +151,13 @@ mod tests {
 
     #[test]
     fn what_is_refused_is_told_with_file_key_value_and_what_is_allowed() {
-        let error = FILE.within("rate_hz", 7, 100..=400).unwrap_err();
+        let error = file().within("rate_hz", 7, 100..=400).unwrap_err();
         let said = "\"a.toml\": rate_hz = 7 is not allowed: 100 to 400";
         assert_eq!(error.to_string(), said);
-        assert!(FILE.within("rate_hz", 100, 100..=400).is_ok());
-        let nan = FILE.within("noise", f64::NAN, 0.0..=1.0).unwrap_err();
+        assert!(file().within("rate_hz", 100, 100..=400).is_ok());
+        let nan = file().within("noise", f64::NAN, 0.0..=1.0).unwrap_err();
         assert!(nan.to_string().contains("noise = NaN"), "{nan}");
-        let wrong = FILE.parse::<BTreeMap<String, u32>>("rate_hz = \"x\"");
+        let wrong = file().parse::<BTreeMap<String, u32>>("rate_hz = \"x\"");
         let wrong = wrong.unwrap_err().to_string();
         for part in ["a.toml", "line 1", "rate_hz = \"x\"", "expected u32"] {
             assert!(wrong.contains(part), "{part}: {wrong}");
@@ -165,7 +167,7 @@ mod tests {
     #[test]
     fn of_a_long_line_both_ends_are_quoted() {
         let text = format!("rate_hz = \"{}\"", "x".repeat(100_000));
-        let wrong = FILE.parse::<BTreeMap<String, u32>>(&text);
+        let wrong = file().parse::<BTreeMap<String, u32>>(&text);
         let wrong = wrong.unwrap_err().to_string();
         assert!(wrong.len() < 1500, "{} bytes", wrong.len());
         for part in ["rate_hz = \"x", "expected u32"] {
