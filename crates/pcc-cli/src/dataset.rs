@@ -6,6 +6,7 @@ use crate::robot::unit_robot;
 use anyhow::{Context, bail, ensure};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
+use input_files::{read_text, shortened};
 use pcc_model::Robot;
 use planning::dataset::{
     Counts, Dataset, LARGEST_STEP, Meta, PAPER_VERSION, Recipe, Row, TEACHER_VERSION, TERMINALS,
@@ -13,7 +14,6 @@ use planning::dataset::{
 };
 use planning::scenes::{STARTS, Setting};
 use serde_json::json;
-use std::io::ErrorKind;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -22,6 +22,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const BLOCK: u64 = 32;
 /// Most targets of a set: weeks of work of a large machine.
 const MAX_TARGETS: u64 = 10_000_000;
+/// Longest recipe that is read, bytes.
+const MAX_RECIPE_BYTES: u64 = 1 << 16;
 /// Times that progress is told where there is no terminal to draw a bar on.
 const PROGRESS_LINES: u64 = 20;
 
@@ -196,13 +198,15 @@ impl<'a> Job<'a> {
         let out = &self.arguments.out;
         let file = out.join("recipe.json");
         let text = serde_json::to_string_pretty(&self.recipe_json())?;
-        match std::fs::read_to_string(&file) {
+        match read_text(&file, MAX_RECIPE_BYTES) {
             Ok(found) if found != text => bail!(
-                "{} was made with another recipe: {found}\nthis one is: {text}\nchoose another --out, or remove the folder",
-                out.display()
+                "{} was made with another recipe, by {}: {}\nthis one is needed: {text}\nchoose another --out, or remove the folder",
+                out.display(),
+                file.display(),
+                shortened(&found)
             ),
             Ok(_) => Ok(()),
-            Err(error) if error.kind() == ErrorKind::NotFound => {
+            Err(_) if !file.exists() => {
                 ensure!(
                     !Meta::is_in(out),
                     "{} has a data set without recipe.json, which would be replaced: choose another --out",
@@ -210,7 +214,7 @@ impl<'a> Job<'a> {
                 );
                 write_whole(&file, &text)
             }
-            Err(error) => Err(error).with_context(|| format!("cannot read {}", file.display())),
+            Err(error) => Err(error.into()),
         }
     }
 
@@ -244,8 +248,9 @@ impl<'a> Job<'a> {
         let expected = self.block_config(block);
         ensure!(
             found == expected,
-            "{} was made with another recipe, or as another block: {found}\nthis one is: {expected}\nchoose another --out, or remove the folder",
-            folder.display()
+            "{} was made with another recipe, or as another block, by its dataset_meta.json: {}\nthis one is needed: {expected}\nchoose another --out, or remove the folder",
+            folder.display(),
+            shortened(&found.to_string())
         );
         Ok(true)
     }
@@ -320,8 +325,11 @@ impl<'a> Job<'a> {
         let mut counts = Counts::default();
         for block in 0..blocks {
             let folder = self.block_folder(block);
-            let of_block = Meta::read(&folder)?.counts.unwrap_or_default();
-            if of_block.actual_paths > 0 {
+            let of_block = Meta::read(&folder)?;
+            // What it says of its counts may be damaged: where there are arrays, they are read.
+            let has_arrays = of_block.arrays.is_some();
+            let of_block = of_block.counts.unwrap_or_default();
+            if has_arrays || of_block.actual_paths > 0 {
                 let block = Dataset::read(&folder);
                 rows.extend(block.with_context(|| folder.display().to_string())?.rows);
             }

@@ -12,11 +12,19 @@ pub(crate) fn make_writable(folder: &Path) -> anyhow::Result<()> {
     written.with_context(|| format!("cannot write into {}", folder.display()))
 }
 
-/// Finds out whether a file can be written before it is computed: its folder, which is made, and that it is none itself.
+/// Finds out whether a file can be written before it is computed: its folder, which is made, and that nothing lies there but
+/// a file that it can take the place of. A device or a pipe would be gone.
 pub(crate) fn make_writable_for(file: &Path) -> anyhow::Result<()> {
     if file.is_dir() {
         bail!(
             "{} is a folder; the name of a file is needed",
+            file.display()
+        );
+    }
+    let there = file.symlink_metadata();
+    if there.is_ok_and(|there| !there.is_file()) {
+        bail!(
+            "{} is there and no regular file; the name of a new file, or of one to be replaced, is needed",
             file.display()
         );
     }

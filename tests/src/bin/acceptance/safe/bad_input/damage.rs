@@ -128,6 +128,9 @@ pub(super) const PLACES: &[(&str, MakePlace)] = &[
     ("leads nowhere", |path| {
         symlink("/nowhere/at/all", path).unwrap();
     }),
+    ("is /proc/self/mem", |path| {
+        symlink("/proc/self/mem", path).unwrap();
+    }),
     ("is a socket", |path| {
         std::os::unix::net::UnixListener::bind(path).unwrap();
     }),

@@ -3,6 +3,10 @@
 //! Every variant says beforehand what must come of it, by rules that share nothing with the programs' own checks. The real
 //! programs are started with it, from outside, with a limit on time and memory.
 
+mod arrays;
+mod blocks;
+mod bombs;
+mod closed;
 mod configurations;
 mod damage;
 mod datasets;
@@ -29,7 +33,7 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use tests::programs::{program, repository};
 use tests::stack::Stack;
-use tests::trial::{Outcome, remove_shared_memory};
+use tests::trial::{Ending, Outcome, remove_shared_memory};
 use tests::world::Settings;
 
 use self::variant::{Kind, Variant, judge};
@@ -43,6 +47,8 @@ const QUICK: usize = 300;
 const LEAST: usize = 3000;
 /// A program that neither ends nor serves by then hangs.
 const LIMIT: Duration = Duration::from_secs(30);
+/// Variants after which progress is told.
+const TOLD_EVERY: usize = 200;
 /// Programs that run at once.
 const AT_ONCE: usize = 2;
 
@@ -72,7 +78,7 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
             variants.shuffle(&mut Pcg64::seed_from_u64(SEED));
             variants.truncate(QUICK);
         }
-        let violations = try_all(&variants);
+        let (violations, longest) = try_all(&variants);
         write_all(&violations, &variants);
         let name = format!(
             "variants of files and options that there are (tried: {})",
@@ -88,6 +94,7 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
             "variants tried, by what must come of them",
             classes(&variants),
         );
+        report.shown("longest message, bytes", longest.to_string());
         for (kind, text) in Kind::ALL {
             let offenders: Vec<String> = violations
                 .iter()
@@ -106,6 +113,9 @@ fn all_variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
     all.extend(shapes::variants());
     all.extend(weights::variants());
     all.extend(datasets::variants());
+    all.extend(blocks::variants());
+    all.extend(bombs::variants());
+    all.extend(closed::variants());
     all.extend(environment::variants());
     (all, without_rule)
 }
@@ -118,15 +128,28 @@ impl Violation {
     }
 }
 
-/// Tries every variant, several at once.
-fn try_all(variants: &[Variant]) -> Vec<Violation> {
+/// Tries every variant, several at once; what is wrong, and how long the longest refusal is, bytes.
+fn try_all(variants: &[Variant]) -> (Vec<Violation>, usize) {
     // Built before the clock of the first one runs.
     let _ = program("pcc");
-    let (next, violations) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    let (next, longest) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let violations = Mutex::new(Vec::new());
     let work = || {
-        while let Some(variant) = variants.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let found = try_one(variant);
-            violations.lock().unwrap().extend(found);
+        loop {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(variant) = variants.get(index) else {
+                return;
+            };
+            let (outcome, found) = try_one(variant);
+            if !matches!(outcome.ending, Ending::Exited(0) | Ending::Served) {
+                longest.fetch_max(outcome.text.len(), Ordering::Relaxed);
+            }
+            let mut violations = violations.lock().unwrap();
+            violations.extend(found);
+            if index > 0 && index.is_multiple_of(TOLD_EVERY) {
+                let (tried, found) = (variants.len(), violations.len());
+                eprintln!("bad input: {index} of {tried} variants, {found} findings");
+            }
         }
     };
     thread::scope(|scope| {
@@ -134,10 +157,10 @@ fn try_all(variants: &[Variant]) -> Vec<Violation> {
             scope.spawn(work);
         }
     });
-    violations.into_inner().unwrap()
+    (violations.into_inner().unwrap(), longest.into_inner())
 }
 
-fn try_one(variant: &Variant) -> Vec<Violation> {
+fn try_one(variant: &Variant) -> (Outcome, Vec<Violation>) {
     let folder = tempfile::Builder::new()
         .prefix("pccb")
         .tempdir_in("/dev/shm")
@@ -160,7 +183,8 @@ fn try_one(variant: &Variant) -> Vec<Violation> {
         what,
         outcome: outcome.clone(),
     };
-    wrong.into_iter().map(violation).collect()
+    let violations = wrong.into_iter().map(violation).collect();
+    (outcome, violations)
 }
 
 fn classes(variants: &[Variant]) -> String {

@@ -43,22 +43,120 @@ pub(super) fn reals(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
+/// A member of an archive as it lies there, with what the archive says of it.
+#[derive(Clone)]
+pub(super) struct Packed {
+    pub(super) name: String,
+    /// 0 for stored, 8 for deflated.
+    method: u8,
+    crc: u32,
+    /// Bytes that it has, as the archive says.
+    pub(super) size: u32,
+    pub(super) packed: Vec<u8>,
+}
+
+impl Packed {
+    /// A member that is stored as it is.
+    pub(super) fn of(name: &str, npy: &[u8]) -> Self {
+        Self {
+            name: name.to_owned(),
+            method: 0,
+            crc: crc32(npy),
+            size: u32_of(npy.len()),
+            packed: npy.to_vec(),
+        }
+    }
+
+    /// A deflated member: `header`, and so many zeros behind it.
+    pub(super) fn zeros_behind(name: &str, header: &[u8], zeros: usize) -> Self {
+        let begin = header
+            .iter()
+            .fold(u32::MAX, |crc, byte| crc_step(crc, *byte));
+        Self {
+            name: name.to_owned(),
+            method: 8,
+            crc: !crc_of_zeros(begin, zeros),
+            size: u32_of(header.len() + zeros),
+            packed: deflated(header, zeros),
+        }
+    }
+}
+
+/// A deflate stream of a block that is stored, and one of zeros in the fixed code (RFC 1951).
+fn deflated(header: &[u8], zeros: usize) -> Vec<u8> {
+    /// Bytes that the longest reference stands for.
+    const LONGEST: usize = 258;
+    let length = u16::try_from(header.len()).unwrap();
+    let mut stream = vec![0];
+    stream.extend(length.to_le_bytes());
+    stream.extend((!length).to_le_bytes());
+    stream.extend(header);
+    let mut bits = Bits::default();
+    bits.push(0b11, 3);
+    let first = usize::from(zeros > 0);
+    let literals = first + zeros.saturating_sub(first) % LONGEST;
+    for _ in 0..literals {
+        bits.push_code(0x30, 8);
+    }
+    for _ in 0..(zeros - literals) / LONGEST {
+        // Symbol 285, and a distance of 1.
+        bits.push_code(0b1100_0101, 8);
+        bits.push_code(0, 5);
+    }
+    bits.push_code(0, 7);
+    stream.extend(bits.bytes);
+    stream
+}
+
+/// Bits from the lowest of the first byte on.
+#[derive(Default)]
+struct Bits {
+    bytes: Vec<u8>,
+    count: usize,
+}
+
+impl Bits {
+    /// Adds bits, the lowest first.
+    fn push(&mut self, value: u32, count: usize) {
+        for i in 0..count {
+            if self.count.is_multiple_of(8) {
+                self.bytes.push(0);
+            }
+            let bit = u8::try_from(value >> i & 1).unwrap();
+            *self.bytes.last_mut().unwrap() |= bit << (self.count % 8);
+            self.count += 1;
+        }
+    }
+
+    /// Adds a code, the highest bit first.
+    fn push_code(&mut self, code: u32, count: usize) {
+        self.push(code.reverse_bits() >> (32 - count), count);
+    }
+}
+
 /// A zip archive of members that are stored as they are.
 pub(super) fn archive(members: &[Member]) -> Vec<u8> {
+    let stored = members.iter().map(|m| Packed::of(&m.name, &m.npy));
+    packed_archive(&stored.collect::<Vec<_>>())
+}
+
+/// A zip archive.
+pub(super) fn packed_archive(members: &[Packed]) -> Vec<u8> {
     let (mut file, mut directory) = (Vec::new(), Vec::new());
     for member in members {
         let name = format!("{}.npy", member.name);
-        let (offset, size) = (u32_of(file.len()), u32_of(member.npy.len()));
+        let offset = u32_of(file.len());
         // Version, flags, method, time, date (1 January 1980), CRC, both sizes, lengths of name and extra field.
-        let mut common = vec![20, 0, 0, 0, 0, 0, 0, 0, 33, 0];
-        common.extend(crc32(&member.npy).to_le_bytes());
-        common.extend([size, size].iter().flat_map(|n| n.to_le_bytes()));
+        let mut common = vec![20, 0, 0, 0, member.method, 0, 0, 0, 33, 0];
+        common.extend(member.crc.to_le_bytes());
+        let sizes = [u32_of(member.packed.len()), member.size];
+        common.extend(sizes.iter().flat_map(|n| n.to_le_bytes()));
         common.extend(u16::try_from(name.len()).unwrap().to_le_bytes());
         common.extend([0, 0]);
         file.extend(b"PK\x03\x04");
         file.extend(&common);
         file.extend(name.as_bytes());
-        file.extend(&member.npy);
+        file.extend(&member.packed);
         directory.extend(b"PK\x01\x02\x14\x00");
         directory.extend(&common);
         directory.extend([0; 10]);
@@ -83,12 +181,33 @@ fn u32_of(length: usize) -> u32 {
 }
 
 fn crc32(bytes: &[u8]) -> u32 {
-    let step = |crc: u32, byte: &u8| {
-        (0..8).fold(crc ^ u32::from(*byte), |crc, _| {
-            (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg())
-        })
+    !bytes
+        .iter()
+        .fold(u32::MAX, |crc, byte| crc_step(crc, *byte))
+}
+
+/// The register after another byte.
+fn crc_step(crc: u32, byte: u8) -> u32 {
+    (0..8).fold(crc ^ u32::from(byte), |crc, _| {
+        (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg())
+    })
+}
+
+/// The register after so many zeros: a step is linear over its bits, so that its square takes twice as many.
+fn crc_of_zeros(mut crc: u32, mut zeros: usize) -> u32 {
+    let apply = |matrix: &[u32; 32], crc: u32| {
+        let bits = (0..32).filter(|bit| crc >> bit & 1 == 1);
+        bits.fold(0, |sum, bit: usize| sum ^ matrix[bit])
     };
-    !bytes.iter().fold(u32::MAX, step)
+    let mut step: [u32; 32] = std::array::from_fn(|bit| crc_step(1 << bit, 0));
+    while zeros > 0 {
+        if zeros % 2 == 1 {
+            crc = apply(&step, crc);
+        }
+        step = step.map(|column| apply(&step, column));
+        zeros /= 2;
+    }
+    crc
 }
 
 /// Name and place of the content of each member, compressed or not, by the archive's directory.
@@ -132,5 +251,7 @@ mod unit {
         assert_eq!(found[1].0, "bc.npy");
         assert_eq!(bytes[found[1].1.clone()], members[1].npy);
         assert_eq!(crc32(b"123456789"), 0xCBF4_3926);
+        let zeros = crc_of_zeros(crc_step(u32::MAX, 7), 1000);
+        assert_eq!(!zeros, crc32(&[&[7][..], &[0; 1000]].concat()));
     }
 }

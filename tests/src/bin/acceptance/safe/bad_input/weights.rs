@@ -295,6 +295,11 @@ fn judge_manifest(before: &Table, after: &[u8]) -> Expected {
     }
 }
 
+/// Undamaged weights, and one case that is judged with them.
+pub(super) fn undamaged(folder: &Path) -> Start {
+    (Weights::shipped().variant("", Expected::Taken).make)(folder)
+}
+
 /// Judges one case with the model.
 fn start() -> Start {
     let repository = repository();

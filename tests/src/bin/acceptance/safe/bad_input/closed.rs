@@ -1,0 +1,84 @@
+//! Files that the user of the program may not read.
+
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
+
+use tests::programs::program;
+use tests::trial::Start;
+
+use super::configurations::daemon_with_scene;
+use super::datasets;
+use super::variant::{Expected, Fault, Variant};
+use super::weights;
+
+/// Runs a program as another user (util-linux).
+const AS_USER: &str = "/usr/bin/setpriv";
+/// A user whom nothing belongs to.
+const NOBODY: &str = "65534";
+
+/// Writes undamaged files and says what is started with them.
+type Make = fn(&Path) -> Start;
+
+/// One file of each kind, closed to the user that reads it; nothing where this process may not become another user.
+pub(super) fn variants() -> Vec<Variant> {
+    if !rustix::process::geteuid().is_root() || !Path::new(AS_USER).exists() {
+        return Vec::new();
+    }
+    let files: [(Make, &'static [&'static str]); 3] = [
+        (
+            daemon_with_scene,
+            &[
+                "planner-daemon.toml",
+                "robot.toml",
+                "workshop.toml",
+                "bracket.stl",
+                "pyramid.obj",
+                "heap.npy",
+            ],
+        ),
+        (
+            weights::undamaged,
+            &[
+                "weights/MANIFEST.toml",
+                "weights/fast.safetensors",
+                "weights",
+            ],
+        ),
+        (
+            datasets::sample,
+            &["set/dataset.npz", "set/dataset_meta.json", "set"],
+        ),
+    ];
+    let of = |(make, names): (Make, &'static [&'static str])| {
+        names.iter().map(move |name| closed(make, name))
+    };
+    files.into_iter().flat_map(of).collect()
+}
+
+fn closed(make: Make, file: &'static str) -> Variant {
+    let name = file.rsplit('/').next().unwrap_or(file);
+    Variant {
+        family: "closed to the user",
+        name: file.to_owned(),
+        make: Box::new(move |folder| {
+            let start = make(folder);
+            // The user may write results beside what it reads.
+            fs::set_permissions(folder, Permissions::from_mode(0o777)).unwrap();
+            fs::set_permissions(folder.join(file), Permissions::from_mode(0)).unwrap();
+            by_nobody(&start)
+        }),
+        expected: Expected::Refused(vec![Fault::unreadable(name)]),
+    }
+}
+
+/// The same start, as a user whom nothing belongs to.
+fn by_nobody(start: &Start) -> Start {
+    let mut fresh = Start::new(
+        AS_USER,
+        &["--reuid", NOBODY, "--regid", NOBODY, "--clear-groups"],
+    );
+    fresh.arguments.push(program(start.program).into());
+    fresh.arguments.extend(start.arguments.iter().cloned());
+    fresh
+}
