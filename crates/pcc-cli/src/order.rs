@@ -1,5 +1,6 @@
 //! `pcc stop`, `pcc reset`, `pcc speed`: orders to the controller.
 
+use crate::number::rate;
 use anyhow::{Context, bail};
 use clap::Args;
 use client::{ClientError, ControllerView};
@@ -16,7 +17,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 #[derive(Args)]
 pub(crate) struct SpeedArguments {
     /// Rate at which the path time runs, 0 (stand still on the path) to 1.
-    #[arg(allow_negative_numbers = true)]
+    #[arg(value_parser = rate())]
     rate: f64,
 }
 

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, bail};
 use std::fs::{self, File};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Makes a folder if need be, and finds out whether files can be written there before anything is computed for them.
@@ -12,13 +13,22 @@ pub(crate) fn make_writable(folder: &Path) -> anyhow::Result<()> {
     written.with_context(|| format!("cannot write into {}", folder.display()))
 }
 
-/// Finds out whether a file can be written before it is computed: its folder, which is made, and that it is none itself.
+/// Finds out whether a file can be written before it is computed: its folder, which is made, and that nothing but a file is
+/// there already, for what is there is replaced.
 pub(crate) fn make_writable_for(file: &Path) -> anyhow::Result<()> {
-    if file.is_dir() {
-        bail!(
+    match fs::metadata(file) {
+        Ok(found) if found.is_dir() => bail!(
             "{} is a folder; the name of a file is needed",
             file.display()
-        );
+        ),
+        Ok(found) if !found.is_file() => bail!(
+            "{} is no regular file and would be replaced by one; the name of a file is needed",
+            file.display()
+        ),
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            return Err(error).with_context(|| format!("cannot write {}", file.display()));
+        }
+        _ => {}
     }
     match file.parent() {
         Some(folder) if folder != Path::new("") => make_writable(folder),
@@ -50,4 +60,25 @@ pub(crate) fn write_whole(file: &Path, text: &str) -> anyhow::Result<()> {
 /// A name beside a file, of this process alone.
 fn part_of(file: &Path) -> PathBuf {
     file.with_extension(format!("{}.part", std::process::id()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn only_a_file_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("file"), "").unwrap();
+        make_writable_for(&at("file")).unwrap();
+        make_writable_for(&at("free")).unwrap();
+        symlink("/dev/null", at("device")).unwrap();
+        symlink("loop", at("loop")).unwrap();
+        for path in [at("device"), at("loop"), at("file/below"), at("")] {
+            let said = make_writable_for(&path).unwrap_err().to_string();
+            assert!(said.contains(path.to_str().unwrap()), "{said}");
+        }
+    }
 }
