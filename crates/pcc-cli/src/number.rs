@@ -9,7 +9,7 @@ use collision::MAX_EXTENT;
 use planning::MOST_CORRECTIONS;
 use planning::scenes::STARTS;
 use shared_types::capacity::{MAX_BALLS, MAX_CANDIDATES};
-use shared_types::valid::MAX_LENGTH_M;
+use shared_types::valid::{LEAST_LIMITS_SCALE, MAX_LENGTH_M};
 use std::ffi::OsStr;
 use std::f64::consts::PI;
 use std::str::FromStr;
@@ -22,8 +22,6 @@ const MOST_OF_A_SET: usize = 64;
 const MOST_TARGETS: u64 = 10_000_000;
 /// Longest deadline, milliseconds.
 const LONGEST_DEADLINE_MS: u64 = 60_000;
-/// Least share of the tendon limits: a motion that takes longer than the longest allowed one has less.
-const LEAST_LIMITS_SCALE: f64 = f64::MIN_POSITIVE;
 /// Most evaluations of a diffusion planner's network: the noise levels that it was trained with.
 const MOST_STEPS: usize = 1000;
 
@@ -107,7 +105,11 @@ pub(crate) fn radians() -> Number<f64> {
 
 /// A share of the tendon limits.
 pub(crate) fn limits_scale() -> Number<f64> {
-    real(LEAST_LIMITS_SCALE, 1.0, "")
+    Number {
+        least: LEAST_LIMITS_SCALE,
+        most: 1.0,
+        allowed: format!("a number from {LEAST_LIMITS_SCALE:e} to 1"),
+    }
 }
 
 /// The rate of path time.

@@ -76,7 +76,8 @@ mod tests {
         make_writable_for(&at("free")).unwrap();
         symlink("/dev/null", at("device")).unwrap();
         symlink("loop", at("loop")).unwrap();
-        for path in [at("device"), at("loop"), at("file/below"), at("")] {
+        for name in ["device", "loop", "file/below", ""] {
+            let path = at(name);
             let said = make_writable_for(&path).unwrap_err().to_string();
             assert!(said.contains(path.to_str().unwrap()), "{said}");
         }

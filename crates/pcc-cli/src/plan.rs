@@ -89,7 +89,7 @@ pub(crate) struct Arguments {
     /// Deadline, milliseconds, at most 60000 (0: the daemon's default).
     #[arg(long, default_value_t = 0, value_parser = number::deadline_ms())]
     deadline_ms: u64,
-    /// Share of the tendon limits to use, above 0 and at most 1.
+    /// Share of the tendon limits to use (1e-9 to 1).
     #[arg(long, default_value_t = 1.0, value_parser = number::limits_scale())]
     limits_scale: f64,
     /// Have the selected candidate executed.

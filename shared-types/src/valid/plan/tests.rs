@@ -121,17 +121,17 @@ const BAD: &[(Change, PlanField, &str)] = &[
     (
         |r| r.limits_scale = 0.0,
         PlanField::LimitsScale,
-        "0 < scale <= 1",
+        "1e-9..=1",
     ),
     (
         |r| r.limits_scale = -0.5,
         PlanField::LimitsScale,
-        "0 < scale <= 1",
+        "1e-9..=1",
     ),
     (
         |r| r.limits_scale = 1.0 + 1e-12,
         PlanField::LimitsScale,
-        "0 < scale <= 1",
+        "1e-9..=1",
     ),
     (|r| r.limits_scale = f64::NAN, PlanField::LimitsScale, "NaN"),
     (|r| r.begin_mono_ns = -1, PlanField::Begin, "0 or later"),
