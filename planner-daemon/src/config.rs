@@ -1,12 +1,12 @@
 //! The daemon's settings (`config/planner-daemon.toml` says what each means).
 
 use std::fmt::{self, Display, Formatter};
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::time::Duration;
 
 use denoiser::{Precision, Solver};
+use input_files::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, read_text};
 use planning::DiffusionSettings;
 use serde::{Deserialize, Deserializer, de};
 use shared_types::capacity::{MAX_CANDIDATES, MAX_KNOTS};
@@ -16,34 +16,9 @@ use shared_types::valid::LEAST_PATH_TOLERANCE_RAD;
 /// Why a configuration is refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {
-    /// The file cannot be read.
-    #[error("cannot read configuration {path:?}: {source}")]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// The system's answer.
-        source: std::io::Error,
-    },
-    /// It is not TOML, a key is missing or unknown, or a value has the wrong type.
-    #[error("configuration {path:?} is not understood: {source}")]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// Where and what.
-        source: Box<toml::de::Error>,
-    },
-    /// A setting is outside its range.
-    #[error("configuration {path:?}: {setting} = {value} is not allowed: {allowed}")]
-    Range {
-        /// The file.
-        path: PathBuf,
-        /// The setting's name.
-        setting: &'static str,
-        /// Its value.
-        value: String,
-        /// What is allowed.
-        allowed: String,
-    },
+    /// The file is not read or not understood, or a setting is outside its range.
+    #[error("configuration: {0}")]
+    Settings(#[from] SettingsError),
     /// A thread that always looks and always comes first would keep its processor for ever.
     #[error(
         "configuration {path:?}: wait = \"poll\" allows no realtime_priority but 0, since such a thread never lets go of its processor"
@@ -244,10 +219,7 @@ impl Config {
     /// # Errors
     /// [`ConfigError`], naming the file, the setting and what is allowed.
     pub fn from_file(path: &Path) -> Result<Self, ConfigError> {
-        let text = std::fs::read_to_string(path).map_err(|source| ConfigError::Unreadable {
-            path: path.into(),
-            source,
-        })?;
+        let text = read_text(path, MAX_SETTINGS_BYTES).map_err(SettingsError::from)?;
         Self::from_toml_str(&text, path)
     }
 
@@ -256,18 +228,16 @@ impl Config {
     /// # Errors
     /// As [`Config::from_file`].
     pub fn from_toml_str(text: &str, path: &Path) -> Result<Self, ConfigError> {
-        let file: File = toml::from_str(text).map_err(|source| ConfigError::Syntax {
-            path: path.into(),
-            source: Box::new(source),
-        })?;
-        file.check(&Checked { path })?;
+        let settings = SettingsFile { path };
+        let file: File = settings.parse(text)?;
+        file.check(&settings)?;
         let folder = path.parent().unwrap_or(Path::new("."));
         Ok(file.settings(folder))
     }
 }
 
 impl File {
-    fn check(&self, checked: &Checked) -> Result<(), ConfigError> {
+    fn check(&self, checked: &SettingsFile) -> Result<(), ConfigError> {
         checked.within("threads", self.threads, 1..=64)?;
         checked.within("candidates", self.candidates, 1..=MAX_CANDIDATES)?;
         checked.within(
@@ -311,7 +281,8 @@ impl File {
             "resident_memory_budget_mb",
             self.resident_memory_budget_mb,
             budget,
-        )
+        )?;
+        Ok(())
     }
 
     fn settings(self, folder: &Path) -> Config {
@@ -342,30 +313,6 @@ impl File {
             shared_memory_budget: (self.shared_memory_budget_mb * 1e6) as usize,
             resident_memory_budget: (self.resident_memory_budget_mb * 1e6) as usize,
         }
-    }
-}
-
-/// Checks of single settings against the file they come from.
-struct Checked<'a> {
-    path: &'a Path,
-}
-
-impl Checked<'_> {
-    fn within<T: PartialOrd + Display + Copy>(
-        &self,
-        setting: &'static str,
-        value: T,
-        allowed: RangeInclusive<T>,
-    ) -> Result<(), ConfigError> {
-        if allowed.contains(&value) {
-            return Ok(());
-        }
-        Err(ConfigError::Range {
-            path: self.path.to_owned(),
-            setting,
-            value: value.to_string(),
-            allowed: format!("{} to {}", allowed.start(), allowed.end()),
-        })
     }
 }
 

@@ -2,13 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
+use input_files::{SettingsError, SettingsFile};
 use pcc_model::{Configuration, DOF, Numbers, Robot};
 use serde::Deserialize;
 
 use super::{MotorLimits, ReferenceLimits, RememberedPose};
 use crate::{
     TENDONS,
-    config::{Checked, ConfigError},
+    config::{ConfigError, check_loop, robot_of},
 };
 
 /// What the file says, with the defaults of what it does not.
@@ -93,10 +94,10 @@ impl RobotConfig {
     /// # Errors
     /// [`ConfigError`] names the file, the setting and what is allowed.
     pub fn from_file(path: &Path) -> Result<Self, ConfigError> {
-        let checked = Checked { path };
+        let checked = SettingsFile { path };
         let file: File = checked.read()?;
         file.check(&checked)?;
-        let robot = checked.robot(&file.robot)?;
+        let robot = robot_of(&checked, &file.robot)?;
         file.check_robot(&checked, &robot)?;
         Ok(Self {
             period_ns: 1_000_000_000 / i64::from(file.rate_hz),
@@ -128,9 +129,9 @@ impl RobotConfig {
 }
 
 impl File {
-    fn check(&self, checked: &Checked<'_>) -> Result<(), ConfigError> {
-        checked.real_time_loop(self.rate_hz, self.realtime_priority)?;
-        checked.within("lost_setpoint_ms", self.lost_setpoint_ms, 5.0..=1000.0)?;
+    fn check(&self, checked: &SettingsFile<'_>) -> Result<(), SettingsError> {
+        check_loop(checked, self.rate_hz, self.realtime_priority)?;
+        checked.within("lost_setpoint_ms", self.lost_setpoint_ms, 5..=1000)?;
         checked.within("limit_allowance", self.limit_allowance, 1.0..=2.0)?;
         checked.within("motor_margin", self.motor_margin, 1.0..=10.0)?;
         let name = "natural_frequency_rad_s";
@@ -139,22 +140,21 @@ impl File {
         checked.within("noise", self.noise, 0.0..=0.01)
     }
 
-    fn check_robot(&self, checked: &Checked<'_>, robot: &Robot) -> Result<(), ConfigError> {
+    fn check_robot(&self, checked: &SettingsFile<'_>, robot: &Robot) -> Result<(), SettingsError> {
         let start = self.start_configuration_rad.0;
         if let Some(angle) = start.iter().find(|angle| !angle.is_finite()) {
             let allowed = "finite angles within the robot's bending limit";
-            checked.require(false, "start_configuration_rad", *angle, allowed)?;
+            checked.require(false, "start_configuration_rad", angle, allowed)?;
         }
         let start = Configuration::from(start);
         let excess = robot.limit_excess(&start);
         let name = "largest bending angle of start_configuration_rad";
         let allowed = "within the robot's bending limit";
         checked.require(excess <= 0.0, name, robot.bending_limit + excess, allowed)?;
-        #[expect(clippy::cast_precision_loss, reason = "a tendon's number is small")]
-        let stuck = self.stuck_tendon as f64;
+        let stuck = self.stuck_tendon;
         let allowed = "a tendon of the robot, counted from 0";
         checked.require(
-            self.stuck_tendon < robot.tendons.count(),
+            stuck < robot.tendons.count(),
             "stuck_tendon",
             stuck,
             allowed,

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use input_files::{SettingsError, SettingsFile};
 use pcc_model::Robot;
 use serde::Deserialize;
 
 use crate::{
-    config::{Checked, ConfigError},
+    config::{ConfigError, check_loop, robot_of},
     executive::{BeginWindow, ExecutiveSettings},
 };
 
@@ -84,11 +85,11 @@ impl ControllerConfig {
     /// # Errors
     /// [`ConfigError`] names the file, the setting and what is allowed.
     pub fn from_file(path: &Path) -> Result<Self, ConfigError> {
-        let checked = Checked { path };
+        let checked = SettingsFile { path };
         let file: File = checked.read()?;
         file.check(&checked)?;
         file.check_times(&checked)?;
-        let robot = checked.robot(&file.robot)?;
+        let robot = robot_of(&checked, &file.robot)?;
         Ok(Self {
             robot,
             realtime_priority: Some(file.realtime_priority).filter(|priority| *priority > 0),
@@ -105,29 +106,28 @@ impl ControllerConfig {
 }
 
 impl File {
-    fn check(&self, checked: &Checked<'_>) -> Result<(), ConfigError> {
-        checked.real_time_loop(self.rate_hz, self.realtime_priority)?;
-        #[expect(clippy::cast_precision_loss, reason = "a processor's number is small")]
-        let processor = self.processor as f64;
+    fn check(&self, checked: &SettingsFile<'_>) -> Result<(), SettingsError> {
+        check_loop(checked, self.rate_hz, self.realtime_priority)?;
+        let processor = self.processor;
         let allowed = "-1 (any) or a processor's number";
-        let holds = (-1.0..1e4).contains(&processor);
+        let holds = (-1..10_000).contains(&processor);
         checked.require(holds, "processor", processor, allowed)?;
         let tolerance = self.hold_tolerance_rad;
         let holds = tolerance > 0.0 && tolerance < 1.0;
         checked.require(holds, "hold_tolerance_rad", tolerance, "above 0, below 1")
     }
 
-    fn check_times(&self, checked: &Checked<'_>) -> Result<(), ConfigError> {
+    fn check_times(&self, checked: &SettingsFile<'_>) -> Result<(), SettingsError> {
         let two_periods_ms = 2e3 / f64::from(self.rate_hz);
         checked.within("step_cap_ms", self.step_cap_ms, two_periods_ms..=100.0)?;
-        checked.within("late_run_limit", self.late_run_limit, 1.0..=1000.0)?;
-        checked.within("robot_lost_ms", self.robot_lost_ms, 5.0..=1000.0)?;
-        let daemon = f64::from(self.daemon_lost_ms);
-        let holds = daemon == 0.0 || (40.0..=10_000.0).contains(&daemon);
+        checked.within("late_run_limit", self.late_run_limit, 1..=1000)?;
+        checked.within("robot_lost_ms", self.robot_lost_ms, 5..=1000)?;
+        let daemon = self.daemon_lost_ms;
+        let holds = daemon == 0 || (40..=10_000).contains(&daemon);
         checked.require(holds, "daemon_lost_ms", daemon, "0 (never) or 40 to 10000")?;
         checked.within("tracking_filter_ms", self.tracking_filter_ms, 0.0..=1000.0)?;
-        checked.within("begin_past_ms", self.begin_past_ms, 0.0..=1000.0)?;
-        checked.within("begin_ahead_s", self.begin_ahead_s, 1.0..=3600.0)
+        checked.within("begin_past_ms", self.begin_past_ms, 0..=1000)?;
+        checked.within("begin_ahead_s", self.begin_ahead_s, 1..=3600)
     }
 
     fn executive(&self) -> ExecutiveSettings {

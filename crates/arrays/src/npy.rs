@@ -5,6 +5,8 @@ use py_literal::Value;
 use std::io::{Chain, Cursor, Read};
 use thiserror::Error;
 
+/// Values for which there is memory: space for more is asked for before they are read.
+const KNOWN_TO_FIT: usize = 1 << 20;
 /// Bytes before the header's text: `\x93NUMPY`, two of the version, two of the text's length (version 1).
 const PREAMBLE: usize = 10;
 /// Longest text of a header that is read; NumPy's have some hundred bytes.
@@ -21,7 +23,10 @@ pub enum NpyError {
     )]
     Header(String),
     /// The product of the shape is beyond what can be counted.
-    #[error("shape {shape:?} has more bytes than can be counted")]
+    #[error(
+        "shape {shape:?} has more bytes than can be counted; at most {} are allowed",
+        u64::MAX
+    )]
     Overflow {
         /// The shape.
         shape: Vec<u64>,
@@ -44,8 +49,16 @@ pub enum NpyError {
     #[error("column-major order; row-major (C) order is needed")]
     ColumnMajor,
     /// The values are of another type, or cannot be read; a checksum that does not hold shows here.
-    #[error("{0}")]
+    #[error("{0}; undamaged values, as many as the shape says, are needed")]
     Values(#[from] std::io::Error),
+    /// There is not as much memory as the values need.
+    #[error(
+        "shape {shape:?} needs more memory than there is; at most as many values as fit into it are allowed"
+    )]
+    Memory {
+        /// The shape.
+        shape: Vec<u64>,
+    },
 }
 
 /// An array of which the header has been read and checked, and no value yet.
@@ -107,14 +120,22 @@ impl<R: Read> NpyArray<R> {
     /// [`NpyError::Values`] if they are not of type `T`, or cannot be read.
     pub fn into_vec<T: Deserialize>(self) -> Result<Vec<T>, NpyError> {
         let dtype = self.file.dtype().descr();
+        let shape = self.file.shape().to_vec();
         let (header, mut reader) = (self.file.header().clone(), self.file.into_inner());
         let values = NpyFile::with_header(header, &mut reader)
             .data::<T>()
             .map_err(|error| std::io::Error::other(format!("it holds {dtype}: {error}")))?;
-        let values: Vec<T> = values.collect::<Result<_, _>>()?;
+        let mut read = Vec::new();
+        let count = usize::try_from(values.len()).unwrap_or(usize::MAX);
+        if count > KNOWN_TO_FIT && read.try_reserve_exact(count).is_err() {
+            return Err(NpyError::Memory { shape });
+        }
+        for value in values {
+            read.push(value?);
+        }
         // At the end a compressed member's checksum is looked at.
         match reader.read(&mut [0])? {
-            0 => Ok(values),
+            0 => Ok(read),
             _ => Err(std::io::Error::other("there are bytes behind the last value").into()),
         }
     }

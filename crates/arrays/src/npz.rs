@@ -1,6 +1,7 @@
 //! Archives of named arrays: NumPy's npz, a zip file with a member `NAME.npy` for each array.
 
 use crate::npy::{NpyArray, NpyError};
+use input_files::{InputFile, InputFileError};
 use npyz::{AutoSerialize, DType, Deserialize, WriterBuilder};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -13,22 +14,25 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
 /// Bytes of the record that ends a zip file without a comment.
 const END_RECORD: u64 = 22;
+/// Longest archive that is read, bytes.
+const MAX_BYTES: u64 = 1 << 38;
+/// How many times as many bytes as the archive its arrays may have; arrays of measured numbers have less than twice as many.
+const MAX_EXPANSION: u64 = 100;
+/// Bytes that the arrays of any archive may have.
+const SMALL: u64 = 1 << 25;
 /// Most bytes of a record of sizes behind a member, where its header does not tell them.
 const LONGEST_DESCRIPTOR: u64 = 24;
 
 /// Why an archive could not be read or written.
 #[derive(Debug, Error)]
 pub enum ArchiveError {
-    /// The file system refused.
-    #[error("{path}: {source}")]
-    File {
-        /// The archive.
-        path: PathBuf,
-        /// The reason.
-        source: std::io::Error,
-    },
+    /// The file is not read.
+    #[error(transparent)]
+    File(#[from] InputFileError),
     /// Not a zip archive, or a damaged one.
-    #[error("{path} is not a readable NumPy archive: {reason}")]
+    #[error(
+        "{path} is not a readable NumPy archive: {reason}; an undamaged zip file of members NAME.npy, and of nothing else, is needed"
+    )]
     Zip {
         /// The archive.
         path: PathBuf,
@@ -77,13 +81,13 @@ impl ArchiveReader {
     /// # Errors
     /// [`ArchiveError`] where it is not an archive of arrays, or has bytes that belong to none.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
-        let unreadable = |source| ArchiveError::File {
+        let file = InputFile::open(path, MAX_BYTES)?;
+        let size = file.size();
+        let mut file = file.into_file();
+        let end = end_record(&mut file, size).map_err(|source| InputFileError::Unreadable {
             path: path.into(),
             source,
-        };
-        let mut file = File::open(path).map_err(unreadable)?;
-        let size = file.metadata().map_err(unreadable)?.len();
-        let end = end_record(&mut file, size).map_err(unreadable)?;
+        })?;
         let damaged = |reason: String| ArchiveError::Zip {
             path: path.into(),
             reason,
@@ -93,6 +97,7 @@ impl ArchiveReader {
         zip.validate_header_consistency()
             .map_err(|error| damaged(error.to_string()))?;
         check_layout(&mut zip, size, &end).map_err(damaged)?;
+        check_expansion(&mut zip, size).map_err(damaged)?;
         let mut archive = Self {
             path: path.into(),
             zip,
@@ -135,6 +140,12 @@ impl ArchiveReader {
         }
     }
 
+    /// The archive.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Whether the archive holds an array of that name.
     #[must_use]
     pub fn has(&self, array: &str) -> bool {
@@ -168,8 +179,8 @@ impl ArchiveReader {
             path: self.path.clone(),
             array: array.into(),
             reason: format!(
-                "missing; there are {}",
-                self.headers.keys().cloned().collect::<Vec<_>>().join(", ")
+                "it is missing, and needed; there are {:?}",
+                self.headers.keys().collect::<Vec<_>>()
             ),
         })
     }
@@ -190,6 +201,34 @@ impl ArchiveReader {
             array: array.into(),
             reason: format!("it has shape {found:?}, {expected:?} is needed"),
         })
+    }
+
+    /// Checks the type of an array's values; no value is read.
+    ///
+    /// # Errors
+    /// [`ArchiveError::Array`] if it is missing or of none of these types, `<f4` as NumPy writes it.
+    pub fn expect_type(&self, array: &str, allowed: &[&str]) -> Result<(), ArchiveError> {
+        let Header { dtype, .. } = self.known(array)?;
+        let found = dtype.descr();
+        let found = found.trim_matches('\'');
+        if allowed.contains(&found) {
+            return Ok(());
+        }
+        Err(ArchiveError::Array {
+            path: self.path.clone(),
+            array: array.into(),
+            reason: format!("it holds {found}; {} is needed", allowed.join(" or ")),
+        })
+    }
+
+    /// The error that says what is wrong with an array, and what is allowed.
+    #[must_use]
+    pub fn wrong(&self, array: &str, reason: String) -> ArchiveError {
+        ArchiveError::Array {
+            path: self.path.clone(),
+            array: array.into(),
+            reason,
+        }
     }
 
     /// Reads one array in row-major order, with its shape; its checksum holds.
@@ -303,6 +342,22 @@ fn check_layout(
         return Err("there are bytes behind its directory".into());
     }
     Ok(())
+}
+
+/// Refuses an archive that a few bytes make endless: it would take the memory of whatever reads it.
+fn check_expansion(zip: &mut ZipArchive<BufReader<File>>, size: u64) -> Result<(), String> {
+    let mut total = 0_u64;
+    for index in 0..zip.len() {
+        let member = zip.by_index_raw(index).map_err(|error| error.to_string())?;
+        total = total.saturating_add(member.size());
+    }
+    let most = size.saturating_mul(MAX_EXPANSION).max(SMALL);
+    if total <= most {
+        return Ok(());
+    }
+    Err(format!(
+        "its arrays have {total} bytes in a file of {size}; at most {most}, {MAX_EXPANSION} times as many, are allowed"
+    ))
 }
 
 /// Writes named arrays; the file appears whole, or not at all.

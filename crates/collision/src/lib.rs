@@ -12,6 +12,7 @@ mod certificate;
 mod chain;
 mod clearance;
 mod edge;
+mod mesh_files;
 mod minimum;
 mod moving;
 mod relevant;

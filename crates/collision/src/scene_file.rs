@@ -4,6 +4,7 @@ use crate::scene::{Ball, MAX_EXTENT, MIN_EXTENT, Scene, SceneError};
 use crate::solid::{Solid, SolidError};
 use crate::solid_files::{read_grid, read_mesh};
 use crate::voxels::VoxelGrid;
+use input_files::{InputFileError, SettingsError, SettingsFile};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use pcc_model::{Numbers, Point};
 use serde::Deserialize;
@@ -24,22 +25,9 @@ const UNITS_M: RangeInclusive<f64> = 1e-6..=1e3;
 /// Why a scene file is refused.
 #[derive(Debug, Error)]
 pub enum SceneFileError {
-    /// A file cannot be read.
-    #[error("cannot read {path:?}: {source}")]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// The system's answer.
-        source: std::io::Error,
-    },
-    /// The file is not TOML, a key is missing or unknown, or a value has the wrong type.
-    #[error("scene file {path:?} is not understood: {source}")]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// Where and what.
-        source: Box<toml::de::Error>,
-    },
+    /// The file is not read, is not TOML, a key is missing or unknown, or a value has the wrong type.
+    #[error("scene file: {0}")]
+    Settings(#[from] SettingsError),
     /// An entry is refused.
     #[error("scene file {path:?}: {entry}: {source}")]
     Entry {
@@ -81,14 +69,9 @@ pub enum EntryError {
         /// What is allowed.
         allowed: String,
     },
-    /// A file that it names cannot be read.
-    #[error("cannot read {path:?}: {source}")]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// The system's answer.
-        source: std::io::Error,
-    },
+    /// A file that it names is not read.
+    #[error(transparent)]
+    File(#[from] InputFileError),
     /// A file with a mesh or a grid is not understood.
     #[error("{path:?} is not understood: {reason}")]
     Content {
@@ -103,6 +86,14 @@ pub enum EntryError {
     /// The numbers do not make a solid; lengths in section lengths of the robot.
     #[error(transparent)]
     Solid(#[from] SolidError),
+    /// What a file holds does not make a solid; lengths in section lengths of the robot.
+    #[error("{path:?}: {source}")]
+    SolidOfFile {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: SolidError,
+    },
 }
 
 #[derive(Deserialize)]
@@ -178,15 +169,7 @@ impl Scene {
     /// # Errors
     /// [`SceneFileError`], naming the file, the entry and what is allowed.
     pub fn from_file(path: &Path, section_length_m: f64) -> Result<Self, SceneFileError> {
-        let unreadable = |source| SceneFileError::Unreadable {
-            path: path.into(),
-            source,
-        };
-        let text = std::fs::read_to_string(path).map_err(unreadable)?;
-        let file: File = toml::from_str(&text).map_err(|source| SceneFileError::Syntax {
-            path: path.into(),
-            source: Box::new(source),
-        })?;
+        let file: File = SettingsFile { path }.read()?;
         if file.balls.len() > MAX_FILE_BALLS {
             return Err(SceneFileError::Balls {
                 path: path.into(),
@@ -277,23 +260,26 @@ impl Reader<'_> {
                 allowed: format!("{:e} to {:e} m", UNITS_M.start(), UNITS_M.end()),
             });
         }
-        let (mut vertices, triangles) = read_mesh(&self.beside(&entry.file))?;
+        let path = self.beside(&entry.file);
+        let (mut vertices, triangles) = read_mesh(&path)?;
         let scale = entry.unit_m / self.unit;
         vertices.iter_mut().for_each(|vertex| *vertex *= scale);
-        Ok(Solid::mesh(&vertices, &triangles, &pose)?)
+        Solid::mesh(&vertices, &triangles, &pose)
+            .map_err(|source| EntryError::SolidOfFile { path, source })
     }
 
     fn voxels(&self, entry: &VoxelsEntry) -> Result<Solid, EntryError> {
         let rotation = rotation(entry.quaternion_xyzw, entry.rotation_vector_rad)?;
         let pose = self.pose(&entry.position_m, rotation)?;
         let cell = self.length("voxel_m", entry.voxel_m, MIN_EXTENT)?;
-        let (counts, filled) = read_grid(&self.beside(&entry.file))?;
+        let path = self.beside(&entry.file);
+        let (counts, filled) = read_grid(&path)?;
         let grid = VoxelGrid {
             counts,
             cell,
             filled,
         };
-        Ok(Solid::voxels(grid, &pose)?)
+        Solid::voxels(grid, &pose).map_err(|source| EntryError::SolidOfFile { path, source })
     }
 
     /// A file that the scene file names, relative to its folder.

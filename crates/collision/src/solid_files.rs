@@ -1,106 +1,40 @@
 //! Files of solids: meshes (STL, OBJ) and voxel grids (npy).
 
+use crate::mesh_files::{Mesh, obj, stl};
 use crate::scene_file::EntryError;
 use crate::solid::MAX_TRIANGLES;
 use crate::voxels::MAX_CELLS;
 use arrays::{DType, NpyArray, TypeChar};
-use pcc_model::Point;
-use std::fs::File;
-use std::io::{BufReader, Cursor, Read};
+use input_files::read_bytes;
 use std::path::Path;
 
-/// Bytes before the number of triangles of a binary STL file: text that means nothing.
-const STL_TEXT: usize = 80;
-/// Bytes before its first triangle.
-const STL_HEADER: u64 = 84;
-/// Bytes of each triangle.
-const STL_TRIANGLE: u64 = 50;
 /// Longest mesh file that is read: that of a mesh with the most triangles, as text.
-const MAX_BYTES: u64 = 512 * MAX_TRIANGLES as u64;
-
-pub(crate) type Mesh = (Vec<Point>, Vec<[u32; 3]>);
+const MAX_MESH_BYTES: u64 = 512 * MAX_TRIANGLES as u64;
+/// Longest grid file that is read: the most cells, and more than a header has.
+const MAX_GRID_BYTES: u64 = MAX_CELLS as u64 + (1 << 16);
 
 /// Reads an STL or OBJ file, in its own unit.
 pub(crate) fn read_mesh(path: &Path) -> Result<Mesh, EntryError> {
     let extension = path.extension().and_then(|e| e.to_str());
     let extension = extension.unwrap_or_default().to_ascii_lowercase();
-    let read = match extension.as_str() {
+    let read: fn(&[u8]) -> Result<Mesh, String> = match extension.as_str() {
         "stl" => stl,
         "obj" => obj,
         _ => {
-            let reason = "the names of mesh files end in .stl or .obj";
+            let reason = "a mesh file whose name ends in .stl or .obj is needed";
             return Err(not_understood(path, reason.into()));
         }
     };
-    let (file, size) = open(path)?;
-    if size > MAX_BYTES {
-        let reason = format!("it has {size} bytes; at most {MAX_BYTES} are allowed");
-        return Err(not_understood(path, reason));
-    }
-    let mut bytes = Vec::new();
-    let reading = file.take(MAX_BYTES).read_to_end(&mut bytes);
-    reading.map_err(|source| EntryError::Unreadable {
-        path: path.into(),
-        source,
-    })?;
-    read(bytes).map_err(|reason| not_understood(path, reason))
-}
-
-/// A binary file is told from text by its size, since its own text may begin with `solid`, too.
-fn stl(mut bytes: Vec<u8>) -> Result<Mesh, String> {
-    let size = bytes.len() as u64;
-    let count = bytes.get(STL_TEXT..STL_HEADER as usize);
-    let count = count.and_then(|count| count.try_into().ok());
-    let binary_size = count.map(|count| {
-        let triangles = u64::from(u32::from_le_bytes(count));
-        STL_HEADER + STL_TRIANGLE * triangles
-    });
-    if binary_size == Some(size) {
-        bytes[..STL_TEXT].fill(0);
-    } else if !bytes.starts_with(b"solid ") {
-        let needed = binary_size.map_or("at least 84".into(), |size| size.to_string());
-        return Err(format!(
-            "it has {size} bytes; a binary STL file of so many triangles has {needed}, and text begins with `solid `"
-        ));
-    }
-    let mesh = stl_io::read_stl(&mut Cursor::new(bytes)).map_err(|error| error.to_string())?;
-    let vertex = |v: &stl_io::Vertex| Point::from(v.0.map(f64::from));
-    let triangle = |t: &stl_io::IndexedTriangle| t.vertices.map(|v| v as u32);
-    Ok((
-        mesh.vertices.iter().map(vertex).collect(),
-        mesh.faces.iter().map(triangle).collect(),
-    ))
-}
-
-fn obj(bytes: Vec<u8>) -> Result<Mesh, String> {
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        ..tobj::LoadOptions::default()
-    };
-    let no_materials = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, no_materials)
-        .map_err(|error| error.to_string())?;
-    Ok(joined(&models))
-}
-
-/// The parts of an OBJ file as one mesh.
-fn joined(models: &[tobj::Model]) -> Mesh {
-    let (mut vertices, mut triangles): Mesh = (Vec::new(), Vec::new());
-    for model in models {
-        let first = vertices.len() as u32;
-        let positions = model.mesh.positions.chunks_exact(3);
-        vertices.extend(positions.map(Point::from_column_slice));
-        let corners = model.mesh.indices.chunks_exact(3);
-        triangles.extend(corners.map(|t| [t[0] + first, t[1] + first, t[2] + first]));
-    }
-    (vertices, triangles)
+    let bytes = read_bytes(path, MAX_MESH_BYTES)?;
+    read(&bytes).map_err(|reason| not_understood(path, reason))
 }
 
 /// Reads a grid of bytes or booleans: not zero is filled.
 pub(crate) fn read_grid(path: &Path) -> Result<([usize; 3], Vec<bool>), EntryError> {
     let content = |reason: String| not_understood(path, reason);
-    let (file, size) = open(path)?;
-    let grid = NpyArray::open(file, size).map_err(|error| content(error.to_string()))?;
+    let bytes = read_bytes(path, MAX_GRID_BYTES)?;
+    let grid = NpyArray::open(&bytes[..], bytes.len() as u64)
+        .map_err(|error| content(error.to_string()))?;
     let (dtype, shape) = (grid.dtype(), grid.shape().to_vec());
     let &[x, y, z] = shape.as_slice() else {
         return Err(content(format!(
@@ -131,19 +65,6 @@ pub(crate) fn read_grid(path: &Path) -> Result<([usize; 3], Vec<bool>), EntryErr
     };
     let filled = filled.map_err(|error| content(error.to_string()))?;
     Ok(([x, y, z].map(|n| n as usize), filled))
-}
-
-/// A file and its size, bytes.
-fn open(path: &Path) -> Result<(BufReader<File>, u64), EntryError> {
-    let open = || {
-        let file = File::open(path)?;
-        let size = file.metadata()?.len();
-        Ok((BufReader::new(file), size))
-    };
-    open().map_err(|source| EntryError::Unreadable {
-        path: path.into(),
-        source,
-    })
 }
 
 fn not_understood(path: &Path, reason: String) -> EntryError {

@@ -14,7 +14,7 @@ use crate::linear::Linear;
 use crate::matrix::{Precision, Store};
 use crate::norm::LayerNorm;
 use crate::simd::{Level, detected};
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::weights_file::{ContentError, WeightsError, WeightsFile};
 pub use flow::EvaluationsRefused;
 use flow::Flow;
 
@@ -40,11 +40,11 @@ impl FeatureFrame {
         match file.metadata("frame") {
             None | Some("canonical") => Ok(Self::Canonical),
             Some("base") => Ok(Self::Base),
-            Some(found) => Err(WeightsError::Metadata {
+            Some(found) => Err(file.refused(ContentError::Metadata {
                 key: "frame",
                 found: Some(found.into()),
                 expected: "`canonical` or `base`".into(),
-            }),
+            })),
         }
     }
 }

@@ -15,6 +15,7 @@ mod manifest;
 pub mod matrix;
 mod norm;
 mod paged;
+mod safetensors_header;
 mod simd;
 mod unet;
 mod weights_file;
@@ -26,4 +27,4 @@ pub use fast_model::{
 pub use manifest::{Manifest, ManifestEntry};
 pub use matrix::Precision;
 pub use unet::{FRAME, HORIZON, Normalisation, TemporalUnet, UnetCondition, UnetScratch};
-pub use weights_file::{WeightsError, WeightsFile};
+pub use weights_file::{ContentError, WeightsError, WeightsFile};

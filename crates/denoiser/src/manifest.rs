@@ -1,11 +1,18 @@
 //! `MANIFEST.toml`: which weights there are, how large, and their hashes.
 
 use crate::weights_file::{WeightsError, WeightsFile};
-use serde::Deserialize;
+use input_files::{SettingsFile, read_bytes, shortened};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer};
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 const FILE: &str = "MANIFEST.toml";
+/// Longest weights file that is read.
+const MAX_BYTES: u64 = 1 << 30;
+/// Longest name of a file, bytes.
+const MAX_NAME: usize = 255;
 
 /// What the manifest says of one file.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
@@ -26,8 +33,54 @@ pub struct ManifestEntry {
     /// Updates of training.
     pub updates: u64,
     /// Figures measured with it, and the command that measured them.
-    #[serde(default)]
-    pub measured: BTreeMap<String, toml::Value>,
+    #[serde(default, deserialize_with = "table")]
+    pub measured: toml::Table,
+}
+
+/// A table, which a date is not, though it reads like one.
+fn table<'de, D: Deserializer<'de>>(deserializer: D) -> Result<toml::Table, D::Error> {
+    match toml::Value::deserialize(deserializer)? {
+        toml::Value::Table(table) => Ok(table),
+        other => {
+            let found = other.type_str();
+            Err(D::Error::custom(format!(
+                "invalid type: {found}, expected a table"
+            )))
+        }
+    }
+}
+
+impl ManifestEntry {
+    fn check(&self, path: &Path, name: &str) -> Result<(), WeightsError> {
+        let is_name = Path::new(&self.file).file_name() == Some(OsStr::new(&self.file));
+        let is_file = is_name && self.file.len() <= MAX_NAME && !self.file.contains('\0');
+        let is_hash = self.sha256.len() == 64 && self.sha256.bytes().all(|b| b.is_ascii_hexdigit());
+        for (holds, key, found, allowed) in [
+            (
+                is_file,
+                "file",
+                &self.file,
+                "the name of a file beside it, of at most 255 bytes,",
+            ),
+            (
+                is_hash,
+                "sha256",
+                &self.sha256,
+                "a hash of 64 hexadecimal digits",
+            ),
+        ] {
+            if !holds {
+                return Err(WeightsError::Entry {
+                    path: path.into(),
+                    name: name.into(),
+                    key,
+                    found: shortened(&format!("{found:?}")),
+                    allowed,
+                });
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The weights of a folder.
@@ -41,17 +94,13 @@ impl Manifest {
     /// Reads `MANIFEST.toml` of a folder.
     ///
     /// # Errors
-    /// [`WeightsError::Missing`] or [`WeightsError::Manifest`].
+    /// [`WeightsError::Manifest`], or [`WeightsError::Entry`].
     pub fn open(folder: &Path) -> Result<Self, WeightsError> {
         let path = folder.join(FILE);
-        let text = std::fs::read_to_string(&path).map_err(|source| WeightsError::Missing {
-            path: path.clone(),
-            source,
-        })?;
-        let entries = toml::from_str(&text).map_err(|e| WeightsError::Manifest {
-            path,
-            reason: e.to_string(),
-        })?;
+        let entries: BTreeMap<String, ManifestEntry> = SettingsFile { path: &path }.read()?;
+        for (name, entry) in &entries {
+            entry.check(&path, name)?;
+        }
         Ok(Self {
             folder: folder.into(),
             entries,
@@ -64,7 +113,13 @@ impl Manifest {
     /// [`WeightsError`]: the name is not in the manifest, or the file does not fit it.
     pub fn weights(&self, name: &str) -> Result<WeightsFile, WeightsError> {
         let entry = self.entry(name)?;
-        WeightsFile::open(&self.folder.join(&entry.file), entry)
+        let path = self.folder.join(&entry.file);
+        let content = read_bytes(&path, MAX_BYTES).map_err(|source| WeightsError::File {
+            manifest: self.folder.join(FILE),
+            name: name.into(),
+            source,
+        })?;
+        WeightsFile::checked(&path, &content, entry)
     }
 
     /// The names of the weights, sorted.

@@ -1,6 +1,8 @@
 //! Weights files: safetensors with metadata, checked before anything is computed with them.
 
 use crate::manifest::ManifestEntry;
+use crate::safetensors_header::header_fault;
+use input_files::{InputFileError, SettingsError, shortened};
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, HashMap};
@@ -10,24 +12,25 @@ use thiserror::Error;
 /// Why weights are refused.
 #[derive(Debug, Error)]
 pub enum WeightsError {
-    /// A file cannot be read.
-    #[error("cannot read {path}: {source}")]
-    Missing {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: std::io::Error,
-    },
-    /// The manifest is not understood.
-    #[error("manifest {path} is not understood: {reason}")]
-    Manifest {
+    /// The manifest is not read or not understood.
+    #[error("manifest: {0}")]
+    Manifest(#[from] SettingsError),
+    /// What the manifest says of some weights is refused.
+    #[error("manifest {path:?}: `{key}` of `{name}` is {found}; {allowed} is needed")]
+    Entry {
         /// The manifest.
         path: PathBuf,
-        /// The reason.
-        reason: String,
+        /// The name of the weights.
+        name: String,
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        found: String,
+        /// What is allowed.
+        allowed: &'static str,
     },
     /// The manifest has no such name.
-    #[error("{path} has no weights `{name}`, only {}; weights/README.md says how to train them", .known.join(", "))]
+    #[error("{path} has no weights `{name}`; one of {} is needed (weights/README.md says how to train more)", .known.join(", "))]
     NotInManifest {
         /// The manifest.
         path: PathBuf,
@@ -36,40 +39,53 @@ pub enum WeightsError {
         /// The names there are.
         known: Vec<String>,
     },
-    /// The file is shorter or longer than the manifest says.
-    #[error(
-        "weights file {path} has {found} bytes, the manifest says {expected}: it is truncated or another file"
-    )]
-    Size {
-        /// The file.
-        path: PathBuf,
-        /// Its size.
-        found: u64,
-        /// The manifest's size.
-        expected: u64,
+    /// The file that the manifest names is not read.
+    #[error("weights `{name}`, by `file` in {manifest:?}: {source}")]
+    File {
+        /// The manifest.
+        manifest: PathBuf,
+        /// The name of the weights.
+        name: String,
+        /// The reason.
+        source: InputFileError,
     },
-    /// The content is not what the manifest says.
+    /// The file is not what the manifest says of it.
     #[error(
-        "weights file {path} has sha256 {found}, the manifest says {expected}: it is damaged or another file"
+        "weights file {path:?} has {key} {found:?}, but `{key}` is {expected:?} in MANIFEST.toml; they must be the same: one of the two is damaged, or another's"
     )]
-    Hash {
+    Differs {
         /// The file.
         path: PathBuf,
-        /// Its hash.
+        /// The manifest's key.
+        key: &'static str,
+        /// What the file has.
         found: String,
-        /// The manifest's hash.
+        /// What the manifest says.
         expected: String,
     },
     /// Not a safetensors file.
-    #[error("weights file {path} is not a safetensors file: {reason}")]
+    #[error("weights file {path:?} is not a safetensors file: {reason}")]
     Format {
         /// The file.
         path: PathBuf,
-        /// The reason.
+        /// What is wrong, and what is needed.
         reason: String,
     },
+    /// What the file holds does not fit.
+    #[error("weights file {path:?}: {reason}")]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What does not fit.
+        reason: ContentError,
+    },
+}
+
+/// What of a weights file's content does not fit.
+#[derive(Debug, Error)]
+pub enum ContentError {
     /// A tensor is missing.
-    #[error("weights have no tensor `{tensor}`")]
+    #[error("tensor `{tensor}` is missing; it is needed")]
     NoTensor {
         /// The tensor.
         tensor: String,
@@ -85,12 +101,14 @@ pub enum WeightsError {
         expected: Vec<usize>,
     },
     /// A tensor holds values that are not finite.
-    #[error("tensor `{tensor}` has a value that is not finite at index {index}")]
+    #[error("tensor `{tensor}` has the value {value} at index {index}; finite values are needed")]
     NotFinite {
         /// The tensor.
         tensor: String,
         /// Index of the first such value.
         index: usize,
+        /// The value.
+        value: f32,
     },
     /// A tensor's values do not make sense together.
     #[error("tensor `{tensor}` has {found}, {expected} is needed")]
@@ -103,7 +121,7 @@ pub enum WeightsError {
         expected: &'static str,
     },
     /// The metadata does not fit this program.
-    #[error("weights metadata `{key}` is {found:?}, {expected} is needed")]
+    #[error("metadata `{key}` is {}, {expected} is needed", .found.as_ref().map_or("missing".into(), |found| shortened(&format!("{found:?}"))))]
     Metadata {
         /// The key.
         key: &'static str,
@@ -113,8 +131,12 @@ pub enum WeightsError {
         expected: String,
     },
     /// The weights were trained for another robot.
-    #[error("weights are for another robot: {quantity} is {found}, this robot has {expected}")]
+    #[error(
+        "it is for another robot: metadata `{key}` ({quantity}) is {found:?}; this robot's, {expected:?}, is needed"
+    )]
     Robot {
+        /// The metadata's key.
+        key: &'static str,
         /// What differs.
         quantity: &'static str,
         /// The weights' value.
@@ -130,9 +152,9 @@ struct Tensor {
 }
 
 impl Tensor {
-    fn read(name: &str, view: &TensorView) -> Result<Self, WeightsError> {
+    fn read(name: &str, view: &TensorView) -> Result<Self, ContentError> {
         if view.dtype() != Dtype::F32 {
-            return Err(WeightsError::Shape {
+            return Err(ContentError::Shape {
                 tensor: name.into(),
                 found: format!("{:?} {:?}", view.dtype(), view.shape()),
                 expected: view.shape().to_vec(),
@@ -141,9 +163,10 @@ impl Tensor {
         let (bytes, _) = view.data().as_chunks::<4>();
         let values: Vec<f32> = bytes.iter().map(|b| f32::from_le_bytes(*b)).collect();
         if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-            return Err(WeightsError::NotFinite {
+            return Err(ContentError::NotFinite {
                 tensor: name.into(),
                 index,
+                value: values[index],
             });
         }
         let shape = view.shape().to_vec();
@@ -153,33 +176,46 @@ impl Tensor {
 
 /// The content of a weights file: finite f32 tensors and metadata.
 pub struct WeightsFile {
+    path: PathBuf,
     tensors: BTreeMap<String, Tensor>,
     metadata: HashMap<String, String>,
 }
 
 impl WeightsFile {
-    /// Opens a weights file and checks its size, hash and values.
+    /// Checks the content of a weights file against what the manifest says of it.
     ///
     /// # Errors
     /// [`WeightsError`], naming what does not fit.
-    pub fn open(path: &Path, entry: &ManifestEntry) -> Result<Self, WeightsError> {
-        let missing = |source| WeightsError::Missing {
-            path: path.into(),
-            source,
+    pub(crate) fn checked(
+        path: &Path,
+        content: &[u8],
+        entry: &ManifestEntry,
+    ) -> Result<Self, WeightsError> {
+        let is_same = |key, found: String, expected: String| match found == expected {
+            true => Ok(()),
+            false => Err(WeightsError::Differs {
+                path: path.into(),
+                key,
+                found,
+                expected,
+            }),
         };
-        check_size(path, std::fs::metadata(path).map_err(missing)?.len(), entry)?;
-        let content = std::fs::read(path).map_err(missing)?;
-        check_size(path, content.len() as u64, entry)?;
-        check_hash(path, &content, entry)?;
-        let file = Self::parse(path, &content)?;
-        file.expect("architecture", &entry.architecture)?;
+        is_same("bytes", content.len().to_string(), entry.bytes.to_string())?;
+        let digest = Sha256::digest(content);
+        let hash = digest.iter().map(|b| format!("{b:02x}")).collect();
+        is_same("sha256", hash, entry.sha256.clone())?;
+        let file = Self::parse(path, content)?;
+        let found = file.metadata("architecture").unwrap_or("none");
+        is_same("architecture", found.into(), entry.architecture.clone())?;
         Ok(file)
     }
 
     pub(crate) fn parse(path: &Path, content: &[u8]) -> Result<Self, WeightsError> {
         let fail = |e: safetensors::SafeTensorError| WeightsError::Format {
             path: path.into(),
-            reason: e.to_string(),
+            reason: header_fault(content).unwrap_or_else(|| {
+                format!("{e}; tensors of F32, one right behind the other, are needed")
+            }),
         };
         let (_, header) = SafeTensors::read_metadata(content).map_err(fail)?;
         let file = SafeTensors::deserialize(content).map_err(fail)?;
@@ -187,46 +223,57 @@ impl WeightsFile {
             .tensors()
             .iter()
             .map(|(name, view)| Ok((name.clone(), Tensor::read(name, view)?)))
-            .collect::<Result<_, WeightsError>>()?;
+            .collect::<Result<_, ContentError>>();
+        let tensors = tensors.map_err(|reason| WeightsError::Content {
+            path: path.into(),
+            reason,
+        })?;
         Ok(Self {
+            path: path.into(),
             tensors,
             metadata: header.metadata().clone().unwrap_or_default(),
         })
     }
 
+    /// The error that says that this file's content does not fit.
+    pub(crate) fn refused(&self, reason: ContentError) -> WeightsError {
+        WeightsError::Content {
+            path: self.path.clone(),
+            reason,
+        }
+    }
+
     /// The values of a tensor, row-major, if it has the shape.
     ///
     /// # Errors
-    /// [`WeightsError::NoTensor`] or [`WeightsError::Shape`].
+    /// [`ContentError::NoTensor`] or [`ContentError::Shape`].
     pub fn tensor(&self, name: &str, shape: &[usize]) -> Result<&[f32], WeightsError> {
-        let tensor = self
-            .tensors
-            .get(name)
-            .ok_or_else(|| WeightsError::NoTensor {
-                tensor: name.into(),
-            })?;
-        if tensor.shape != shape {
-            return Err(WeightsError::Shape {
-                tensor: name.into(),
-                found: format!("f32 {:?}", tensor.shape),
+        let tensor = name.into();
+        let Some(known) = self.tensors.get(name) else {
+            return Err(self.refused(ContentError::NoTensor { tensor }));
+        };
+        if known.shape != shape {
+            return Err(self.refused(ContentError::Shape {
+                tensor,
+                found: format!("f32 {:?}", known.shape),
                 expected: shape.to_vec(),
-            });
+            }));
         }
-        Ok(&tensor.values)
+        Ok(&known.values)
     }
 
     /// Checks that a metadata entry has a value.
     ///
     /// # Errors
-    /// [`WeightsError::Metadata`].
+    /// [`ContentError::Metadata`].
     pub fn expect(&self, key: &'static str, expected: &str) -> Result<(), WeightsError> {
         match self.metadata.get(key) {
             Some(found) if found == expected => Ok(()),
-            found => Err(WeightsError::Metadata {
+            found => Err(self.refused(ContentError::Metadata {
                 key,
                 found: found.cloned(),
                 expected: format!("`{expected}`"),
-            }),
+            })),
         }
     }
 
@@ -239,7 +286,7 @@ impl WeightsFile {
     /// Checks that the weights are for a robot of three sections with this bending limit (rad).
     ///
     /// # Errors
-    /// [`WeightsError::Metadata`] or [`WeightsError::Robot`].
+    /// [`ContentError::Metadata`] or [`ContentError::Robot`].
     pub fn expect_robot(&self, bending_limit: f64) -> Result<(), WeightsError> {
         /// Limits that differ by less are the same.
         const SAME_LIMIT_RAD: f64 = 1e-6;
@@ -247,11 +294,12 @@ impl WeightsFile {
         let found: f64 = self.number("theta_max")?;
         let is_same = (found - bending_limit).abs() <= SAME_LIMIT_RAD;
         if !is_same {
-            return Err(WeightsError::Robot {
-                quantity: "bending limit (rad)",
+            return Err(self.refused(ContentError::Robot {
+                key: "theta_max",
+                quantity: "bending limit, rad",
                 found,
                 expected: bending_limit,
-            });
+            }));
         }
         Ok(())
     }
@@ -259,14 +307,14 @@ impl WeightsFile {
     /// A metadata entry as a count of at least 1.
     ///
     /// # Errors
-    /// [`WeightsError::Metadata`].
+    /// [`ContentError::Metadata`].
     pub fn count(&self, key: &'static str) -> Result<usize, WeightsError> {
         match self.number(key)? {
-            0 => Err(WeightsError::Metadata {
+            0 => Err(self.refused(ContentError::Metadata {
                 key,
                 found: Some("0".into()),
                 expected: "a count of at least 1".into(),
-            }),
+            })),
             count => Ok(count),
         }
     }
@@ -274,38 +322,16 @@ impl WeightsFile {
     /// A metadata entry as a number.
     ///
     /// # Errors
-    /// [`WeightsError::Metadata`].
+    /// [`ContentError::Metadata`].
     pub fn number<T: std::str::FromStr>(&self, key: &'static str) -> Result<T, WeightsError> {
         let found = self.metadata.get(key);
-        let missing = || WeightsError::Metadata {
-            key,
-            found: found.cloned(),
-            expected: "a number".into(),
+        let missing = || {
+            self.refused(ContentError::Metadata {
+                key,
+                found: found.cloned(),
+                expected: "a number".into(),
+            })
         };
         found.and_then(|text| text.parse().ok()).ok_or_else(missing)
     }
-}
-
-fn check_size(path: &Path, found: u64, entry: &ManifestEntry) -> Result<(), WeightsError> {
-    if found == entry.bytes {
-        return Ok(());
-    }
-    Err(WeightsError::Size {
-        path: path.into(),
-        found,
-        expected: entry.bytes,
-    })
-}
-
-fn check_hash(path: &Path, content: &[u8], entry: &ManifestEntry) -> Result<(), WeightsError> {
-    let digest = Sha256::digest(content);
-    let hash: String = digest.iter().map(|b| format!("{b:02x}")).collect();
-    if hash == entry.sha256 {
-        return Ok(());
-    }
-    Err(WeightsError::Hash {
-        path: path.into(),
-        found: hash,
-        expected: entry.sha256.clone(),
-    })
 }

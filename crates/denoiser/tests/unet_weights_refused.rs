@@ -4,7 +4,7 @@
 mod damage;
 
 use damage::{Folder, Weights};
-use denoiser::{TemporalUnet, WeightsError};
+use denoiser::{ContentError, TemporalUnet, WeightsError};
 use std::f64::consts::FRAC_PI_2;
 use std::fs;
 
@@ -37,12 +37,18 @@ fn a_truncated_or_altered_file_is_refused() {
     let file = folder.file("tiny.safetensors");
     fs::write(&file, &content[..content.len() / 2]).unwrap();
     let found = folder.weights();
-    assert!(matches!(found, Err(WeightsError::Size { .. })));
+    assert!(matches!(
+        found,
+        Err(WeightsError::Differs { key: "bytes", .. })
+    ));
     let mut altered = content;
     *altered.last_mut().unwrap() ^= 1;
     fs::write(&file, altered).unwrap();
     let found = folder.weights();
-    assert!(matches!(found, Err(WeightsError::Hash { .. })));
+    assert!(matches!(
+        found,
+        Err(WeightsError::Differs { key: "sha256", .. })
+    ));
 }
 
 #[test]
@@ -61,7 +67,7 @@ fn metadata_that_does_not_fit_is_named() {
     ] {
         let refused = refusal(&unet().with(key, value));
         assert!(
-            matches!(&refused, WeightsError::Metadata { key: k, found: Some(f), .. } if *k == key && f == value),
+            matches!(&refused, WeightsError::Content { reason: ContentError::Metadata { key: k, found: Some(f), .. }, .. } if *k == key && f == value),
             "{refused}"
         );
     }
@@ -71,9 +77,12 @@ fn metadata_that_does_not_fit_is_named() {
     assert!(
         matches!(
             &refused,
-            WeightsError::Metadata {
-                key: "width",
-                found: None,
+            WeightsError::Content {
+                reason: ContentError::Metadata {
+                    key: "width",
+                    found: None,
+                    ..
+                },
                 ..
             }
         ),
@@ -85,7 +94,7 @@ fn metadata_that_does_not_fit_is_named() {
 fn another_robot_is_named_with_both_limits() {
     let refused = refusal(&unet().with("theta_max", "1.2"));
     assert!(
-        matches!(refused, WeightsError::Robot { found, expected, .. } if found == 1.2 && expected == FRAC_PI_2)
+        matches!(refused, WeightsError::Content { reason: ContentError::Robot { found, expected, .. }, .. } if found == 1.2 && expected == FRAC_PI_2)
     );
 }
 
@@ -93,7 +102,7 @@ fn another_robot_is_named_with_both_limits() {
 fn another_width_than_the_tensors_have_is_named() {
     let refused = refusal(&unet().with("width", "32"));
     assert!(
-        matches!(&refused, WeightsError::Shape { expected, .. } if expected.contains(&32)),
+        matches!(&refused, WeightsError::Content { reason: ContentError::Shape { expected, .. }, .. } if expected.contains(&32)),
         "{refused}"
     );
 }
@@ -112,7 +121,7 @@ fn a_tensor_of_another_shape_is_named_with_both_shapes() {
         let needed = std::mem::replace(&mut weights.tensors.get_mut(tensor).unwrap().0, shape);
         let refused = refusal(&weights);
         assert!(
-            matches!(&refused, WeightsError::Shape { tensor: t, expected, .. } if t == tensor && *expected == needed),
+            matches!(&refused, WeightsError::Content { reason: ContentError::Shape { tensor: t, expected, .. }, .. } if t == tensor && *expected == needed),
             "{refused}"
         );
     }
@@ -127,7 +136,7 @@ fn every_tensor_is_needed_and_must_be_finite() {
         weights.tensors.remove(&name);
         let refused = refusal(&weights);
         assert!(
-            matches!(&refused, WeightsError::NoTensor { tensor } if *tensor == name),
+            matches!(&refused, WeightsError::Content { reason: ContentError::NoTensor { tensor }, .. } if *tensor == name),
             "{refused}"
         );
     }
@@ -140,7 +149,7 @@ fn every_tensor_is_needed_and_must_be_finite() {
             .1[5] = value;
         let refused = refusal(&weights);
         assert!(
-            matches!(&refused, WeightsError::NotFinite { tensor, index: 5 } if tensor == "middle.block2.film.bias"),
+            matches!(&refused, WeightsError::Content { reason: ContentError::NotFinite { tensor, index: 5, .. }, .. } if tensor == "middle.block2.film.bias"),
             "{refused}"
         );
     }
@@ -154,7 +163,7 @@ fn a_normalisation_that_divides_by_nothing_is_named() {
         weights.tensors.get_mut(&name).unwrap().1.fill(value);
         let refused = refusal(&weights);
         assert!(
-            matches!(&refused, WeightsError::Value { tensor, .. } if *tensor == name),
+            matches!(&refused, WeightsError::Content { reason: ContentError::Value { tensor, .. }, .. } if *tensor == name),
             "{refused}"
         );
     }

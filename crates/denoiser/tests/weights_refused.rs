@@ -4,7 +4,7 @@
 mod damage;
 
 use damage::{Folder, Weights};
-use denoiser::{FastModel, FeatureFrame, Manifest, WeightsError};
+use denoiser::{ContentError, FastModel, FeatureFrame, Manifest, WeightsError};
 use std::f64::consts::FRAC_PI_2;
 use std::fs;
 
@@ -38,12 +38,12 @@ fn sound_weights_are_taken() {
 fn files_that_are_not_there_are_named() {
     let nowhere = tempfile::tempdir().unwrap();
     assert!(
-        matches!(Manifest::open(nowhere.path()), Err(WeightsError::Missing { path, .. }) if path.ends_with("MANIFEST.toml"))
+        matches!(Manifest::open(nowhere.path()), Err(error @ WeightsError::Manifest(_)) if error.to_string().contains("MANIFEST.toml"))
     );
     let folder = Folder::of(&tiny().content(), ARCHITECTURE);
     fs::remove_file(folder.file("tiny.safetensors")).unwrap();
     assert!(
-        matches!(refusal(load(&folder)), WeightsError::Missing { path, .. } if path.ends_with("tiny.safetensors"))
+        matches!(refusal(load(&folder)), error @ WeightsError::File { .. } if error.to_string().contains("tiny.safetensors"))
     );
 }
 
@@ -58,7 +58,7 @@ fn a_manifest_that_is_not_understood_or_lacks_the_name_is_refused() {
     );
     folder.manifest("[tiny]\nfile = \"tiny.safetensors\"\nhash = \"0\"\n");
     assert!(
-        matches!(refusal(load(&folder)), WeightsError::Manifest { reason, .. } if reason.contains("hash"))
+        matches!(refusal(load(&folder)), error @ WeightsError::Manifest(_) if error.to_string().contains("hash"))
     );
 }
 
@@ -73,12 +73,15 @@ fn a_truncated_or_altered_file_is_refused() {
     .unwrap();
     let expected = content.len() as u64;
     assert!(
-        matches!(refusal(load(&folder)), WeightsError::Size { found, expected: e, .. } if found == expected - 1 && e == expected)
+        matches!(refusal(load(&folder)), WeightsError::Differs { key: "bytes", found, expected: e, .. } if found == (expected - 1).to_string() && e == expected.to_string())
     );
     let mut altered = content;
     *altered.last_mut().unwrap() ^= 1;
     fs::write(folder.file("tiny.safetensors"), altered).unwrap();
-    assert!(matches!(refusal(load(&folder)), WeightsError::Hash { .. }));
+    assert!(matches!(
+        refusal(load(&folder)),
+        WeightsError::Differs { key: "sha256", .. }
+    ));
 }
 
 #[test]
@@ -105,7 +108,7 @@ fn metadata_that_does_not_fit_is_named() {
     ] {
         let refused = refusal(load_weights(&tiny().with(key, value)));
         assert!(
-            matches!(&refused, WeightsError::Metadata { key: k, found: Some(f), .. } if *k == key && f == value),
+            matches!(&refused, WeightsError::Content { reason: ContentError::Metadata { key: k, found: Some(f), .. }, .. } if *k == key && f == value),
             "{refused}"
         );
     }
@@ -115,7 +118,7 @@ fn metadata_that_does_not_fit_is_named() {
 fn another_robot_is_named_with_both_limits() {
     let refused = refusal(load_weights(&tiny().with("theta_max", "1.2")));
     assert!(
-        matches!(refused, WeightsError::Robot { found, expected, .. } if found == 1.2 && expected == FRAC_PI_2)
+        matches!(refused, WeightsError::Content { reason: ContentError::Robot { found, expected, .. }, .. } if found == 1.2 && expected == FRAC_PI_2)
     );
 }
 
@@ -125,7 +128,7 @@ fn a_tensor_of_another_shape_is_named_with_both_shapes() {
     weights.tensors.get_mut("blocks.1.inner.weight").unwrap().0 = vec![16, 64];
     let refused = refusal(load_weights(&weights));
     assert!(
-        matches!(&refused, WeightsError::Shape { tensor, found, expected }
+        matches!(&refused, WeightsError::Content { reason: ContentError::Shape { tensor, found, expected }, .. }
             if tensor == "blocks.1.inner.weight" && found == "f32 [16, 64]" && expected == &[32, 32]),
         "{refused}"
     );
@@ -136,13 +139,13 @@ fn a_tensor_that_is_missing_or_not_finite_is_named() {
     let mut weights = tiny();
     weights.tensors.remove("output.bias");
     assert!(
-        matches!(refusal(load_weights(&weights)), WeightsError::NoTensor { tensor } if tensor == "output.bias")
+        matches!(refusal(load_weights(&weights)), WeightsError::Content { reason: ContentError::NoTensor { tensor }, .. } if tensor == "output.bias")
     );
     for value in [f32::NAN, f32::INFINITY] {
         let mut weights = tiny();
         weights.tensors.get_mut("time.weight").unwrap().1[17] = value;
         assert!(
-            matches!(refusal(load_weights(&weights)), WeightsError::NotFinite { tensor, index: 17 } if tensor == "time.weight")
+            matches!(refusal(load_weights(&weights)), WeightsError::Content { reason: ContentError::NotFinite { tensor, index: 17, .. }, .. } if tensor == "time.weight")
         );
     }
 }

@@ -7,9 +7,11 @@
 mod queue;
 
 use std::backtrace::{Backtrace, BacktraceStatus};
-use std::fmt::{Arguments, Display};
+use std::error::Error;
+use std::fmt::Arguments;
 use std::fs::File;
 use std::io::{self, IsTerminal, stderr};
+use std::iter::successors;
 use std::os::fd::AsFd;
 use std::panic;
 use std::process::ExitCode;
@@ -70,12 +72,28 @@ fn filter() -> EnvFilter {
         .map_or(EnvFilter::new("info"), |ipc| filter.add_directive(ipc))
 }
 
+/// An error and its causes in one line, without those that the text before has already said.
+#[must_use]
+pub fn with_causes(error: &(dyn Error + 'static)) -> String {
+    let causes = successors(Some(error), |&cause| cause.source());
+    causes.fold(String::new(), |text, cause| {
+        let cause = cause.to_string();
+        if text.is_empty() {
+            cause
+        } else if text.ends_with(&cause) {
+            text
+        } else {
+            format!("{text}: {cause}")
+        }
+    })
+}
+
 /// The exit code of `program`: 0, or 1 after the reason on standard error. Waits for the log to be written, but not long.
-pub fn exit_code<E: Display>(program: &str, result: Result<(), E>) -> ExitCode {
+pub fn exit_code<E: AsRef<dyn Error>>(program: &str, result: Result<(), E>) -> ExitCode {
     let code = match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            say(&format!("{program}: {error:#}"));
+            say(&format!("{program}: {}", with_causes(error.as_ref())));
             ExitCode::FAILURE
         }
     };

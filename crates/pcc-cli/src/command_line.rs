@@ -19,8 +19,10 @@ pub(crate) fn read<P: CommandFactory + FromArgMatches>() -> P {
 fn read_from<P: CommandFactory + FromArgMatches>(given: &[OsString]) -> Result<P, Error> {
     let mut command = with_hyphens(P::command());
     let matches = command.try_get_matches_from_mut(given);
-    let read = matches.and_then(|matches| P::from_arg_matches(&matches));
-    read.map_err(|error| explained(error.format(&mut command), &command, given))
+    let read = matches.and_then(|matches| {
+        P::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+    });
+    read.map_err(|error| explained(error, &command, given))
 }
 
 /// Lets every option take a value that begins with a hyphen, but for paths: the value is then refused as what it is, and not as
@@ -96,8 +98,8 @@ fn not_utf8(command: &Command, given: &[OsString]) -> Error {
     });
     let option = option.map_or_else(String::new, |option| format!(" for '{}'", option.display()));
     let word = word.first().map(|word| shortened(word)).unwrap_or_default();
-    let message = format!("invalid value '{word}'{option}: only text in UTF-8 is allowed\n");
-    Error::raw(ErrorKind::InvalidUtf8, message).with_cmd(named(command, given))
+    let message = format!("invalid value '{word}'{option}: only text in UTF-8 is allowed");
+    Error::raw(ErrorKind::InvalidUtf8, message).format(&mut named(command, given).clone())
 }
 
 #[cfg(test)]
@@ -112,7 +114,9 @@ mod tests {
     }
 
     fn said_of(words: &[OsString]) -> String {
-        let given: Vec<OsString> = std::iter::once("pcc".into()).chain(words.iter().cloned()).collect();
+        let given: Vec<OsString> = std::iter::once("pcc".into())
+            .chain(words.iter().cloned())
+            .collect();
         let Err(error) = read_from::<Arguments>(&given) else {
             panic!("{words:?} were taken");
         };
@@ -138,7 +142,10 @@ mod tests {
             let text = said(&["watch", "--rate-hz", value]);
             assert!(text.contains(value) && text.contains("--rate-hz"), "{text}");
             let text = said(&["plan", "--sampler", value]);
-            assert!(text.contains(value) && text.contains("rrt-connect"), "{text}");
+            assert!(
+                text.contains(value) && text.contains("rrt-connect"),
+                "{text}"
+            );
         }
     }
 
@@ -149,14 +156,17 @@ mod tests {
             let text = said_of(&["watch".into(), option.into(), bytes.clone()]);
             assert!(text.contains("1\\xff") && text.contains(option), "{text}");
         }
-        let text = said_of(&["plan".into(), "--sampler".into(), bytes]);
-        assert!(text.contains("--sampler") && text.contains("UTF-8"), "{text}");
+        let text = said_of(&["scene".into(), "leave".into(), bytes]);
+        assert!(text.contains("1\\xff") && text.contains("UTF-8"), "{text}");
     }
 
     #[test]
     fn who_names_an_unknown_option_is_told_the_known_ones() {
         let text = said(&["watch", "--rate"]);
-        assert!(text.contains("--rate-hz") && text.contains("allowed"), "{text}");
+        assert!(
+            text.contains("--rate-hz") && text.contains("allowed"),
+            "{text}"
+        );
         let text = said(&["watches"]);
         assert!(text.contains("watch") && text.contains("allowed"), "{text}");
     }

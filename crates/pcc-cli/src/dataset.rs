@@ -6,6 +6,7 @@ use crate::robot::unit_robot;
 use anyhow::{Context, bail, ensure};
 use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
+use input_files::read_text;
 use pcc_model::Robot;
 use planning::dataset::{
     Counts, Dataset, LARGEST_STEP, Meta, PAPER_VERSION, Recipe, Row, TEACHER_VERSION, TERMINALS,
@@ -13,13 +14,15 @@ use planning::dataset::{
 };
 use planning::scenes::Setting;
 use serde_json::json;
-use std::io::ErrorKind;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::Builder;
 
 /// Targets of one block: the unit of work, of resuming and of sharding.
 const BLOCK: u64 = 32;
+/// Longest recipe that is read, bytes.
+const MAX_RECIPE_BYTES: u64 = 1 << 16;
 /// Times that progress is told where there is no terminal to draw a bar on.
 const PROGRESS_LINES: u64 = 20;
 
@@ -142,7 +145,10 @@ impl<'a> Job<'a> {
         if is_paper && setting == Setting::Hard {
             bail!("--method paper makes the settings reference, obstacle-free and general");
         }
-        for (name, value, most) in [("ends", arguments.ends, TERMINALS), ("trees", arguments.trees, 1)] {
+        for (name, value, most) in [
+            ("ends", arguments.ends, TERMINALS),
+            ("trees", arguments.trees, 1),
+        ] {
             ensure!(
                 !is_paper || value <= most,
                 "--{name} {value}: 1 to {most} are allowed with --method paper"
@@ -172,13 +178,13 @@ impl<'a> Job<'a> {
         let out = &self.arguments.out;
         let file = out.join("recipe.json");
         let text = serde_json::to_string_pretty(&self.recipe_json())?;
-        match std::fs::read_to_string(&file) {
+        match read_text(&file, MAX_RECIPE_BYTES) {
             Ok(found) if found != text => bail!(
                 "{} was made with another recipe: {found}\nthis one is: {text}\nchoose another --out, or remove the folder",
                 out.display()
             ),
             Ok(_) => Ok(()),
-            Err(error) if error.kind() == ErrorKind::NotFound => {
+            Err(_) if !file.exists() => {
                 ensure!(
                     !Meta::is_in(out),
                     "{} has a data set without recipe.json, which would be replaced: choose another --out",
@@ -186,7 +192,7 @@ impl<'a> Job<'a> {
                 );
                 write_whole(&file, &text)
             }
-            Err(error) => Err(error).with_context(|| format!("cannot read {}", file.display())),
+            Err(error) => Err(error.into()),
         }
     }
 
@@ -245,9 +251,13 @@ impl<'a> Job<'a> {
                 }
                 Ok(())
             };
-            let workers: Vec<_> = (0..threads.min(blocks.len()))
-                .map(|_| scope.spawn(work))
-                .collect();
+            let mut workers = Vec::new();
+            for _ in 0..threads.min(blocks.len()) {
+                let spawned = Builder::new().spawn_scoped(scope, work);
+                workers.push(spawned.with_context(|| {
+                    format!("--threads {threads}: not so many can be started, fewer are needed")
+                })?);
+            }
             workers
                 .into_iter()
                 .try_for_each(|w| w.join().map_err(|_| anyhow::anyhow!("a worker stopped"))?)

@@ -3,6 +3,7 @@
 #[macro_use]
 mod output;
 
+mod asked;
 mod command_line;
 mod dataset;
 mod demo;
@@ -61,24 +62,14 @@ fn main() -> ExitCode {
         Ok(()) if output::is_lost() => ExitCode::FAILURE,
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            let _ = writeln!(std::io::stderr(), "pcc: {}", with_causes(&error));
+            let _ = writeln!(
+                std::io::stderr(),
+                "pcc: {}",
+                logging::with_causes(error.as_ref())
+            );
             ExitCode::FAILURE
         }
     }
-}
-
-/// An error and its causes in one line, without those that the text before has already said.
-fn with_causes(error: &anyhow::Error) -> String {
-    error.chain().fold(String::new(), |text, cause| {
-        let cause = cause.to_string();
-        if text.is_empty() {
-            cause
-        } else if text.ends_with(&cause) {
-            text
-        } else {
-            format!("{text}: {cause}")
-        }
-    })
 }
 
 fn run(command: Command) -> anyhow::Result<()> {
@@ -99,17 +90,22 @@ fn run(command: Command) -> anyhow::Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use anyhow::Context;
 
     #[test]
     fn a_cause_is_said_once() {
         let refused = || std::io::Error::from(std::io::ErrorKind::PermissionDenied);
         let once = anyhow::Error::from(refused()).context(format!("cannot read x: {}", refused()));
-        assert_eq!(with_causes(&once), format!("cannot read x: {}", refused()));
+        assert_eq!(
+            logging::with_causes(once.as_ref()),
+            format!("cannot read x: {}", refused())
+        );
         let Err(chain) = Err::<(), _>(refused()).context("robot file x") else {
             unreachable!("it was an error");
         };
-        assert_eq!(with_causes(&chain), format!("robot file x: {}", refused()));
+        assert_eq!(
+            logging::with_causes(chain.as_ref()),
+            format!("robot file x: {}", refused())
+        );
     }
 }

@@ -10,8 +10,8 @@ use planning::MOST_CORRECTIONS;
 use planning::scenes::STARTS;
 use shared_types::capacity::{MAX_BALLS, MAX_CANDIDATES};
 use shared_types::valid::{LEAST_LIMITS_SCALE, MAX_LENGTH_M};
-use std::ffi::OsStr;
 use std::f64::consts::PI;
+use std::ffi::OsStr;
 use std::str::FromStr;
 
 /// Most worker threads.
@@ -40,12 +40,7 @@ where
 {
     type Value = T;
 
-    fn parse_ref(
-        &self,
-        command: &Command,
-        option: Option<&Arg>,
-        text: &OsStr,
-    ) -> Result<T, Error> {
+    fn parse_ref(&self, command: &Command, option: Option<&Arg>, text: &OsStr) -> Result<T, Error> {
         let number = text.to_str().and_then(|text| text.parse().ok());
         number
             .filter(|number| (&self.least..=&self.most).contains(&number))
@@ -54,15 +49,24 @@ where
 }
 
 /// An error that names an option, its value, and what is allowed.
-pub(crate) fn refused(command: &Command, option: Option<&Arg>, text: &OsStr, allowed: &str) -> Error {
+pub(crate) fn refused(
+    command: &Command,
+    option: Option<&Arg>,
+    text: &OsStr,
+    allowed: &str,
+) -> Error {
     let option = option.map(ToString::to_string).unwrap_or_default();
     let text = shortened(text);
-    let message = format!("invalid value '{text}' for '{option}': {allowed} is needed\n");
-    Error::raw(ErrorKind::ValueValidation, message).with_cmd(command)
+    let message = format!("invalid value '{text}' for '{option}': {allowed} is needed");
+    Error::raw(ErrorKind::ValueValidation, message).format(&mut command.clone())
 }
 
 fn whole<T: ToString>(least: T, most: T) -> Number<T> {
-    let allowed = format!("a whole number from {} to {}", least.to_string(), most.to_string());
+    let allowed = format!(
+        "a whole number from {} to {}",
+        least.to_string(),
+        most.to_string()
+    );
     Number {
         least,
         most,
@@ -257,9 +261,14 @@ mod tests {
     fn no_number_is_not_finite() {
         let command = Command::new("pcc");
         for text in ["nan", "inf", "-inf", "1e309", "1001"] {
-            metres().parse_ref(&command, None, text.as_ref()).unwrap_err();
+            metres()
+                .parse_ref(&command, None, text.as_ref())
+                .unwrap_err();
         }
-        assert_eq!(metres().parse_ref(&command, None, "-1e3".as_ref()).unwrap(), -1e3);
+        assert_eq!(
+            metres().parse_ref(&command, None, "-1e3".as_ref()).unwrap(),
+            -1e3
+        );
     }
 
     #[test]
@@ -273,8 +282,13 @@ mod tests {
     #[test]
     fn a_ball_has_no_negative_radius() {
         assert_eq!(balls_of(&[1.0; 8], 2.0, "m").unwrap(), [[1.0; 4]; 2]);
-        let said = balls_of(&[0.5, 0.0, 0.0, -1.0], 2.0, "m").unwrap_err().to_string();
-        assert_eq!(said, "--ball 0.5 0.0 0.0 -1.0: a radius of 0 to 2 m is needed");
+        let said = balls_of(&[0.5, 0.0, 0.0, -1.0], 2.0, "m")
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            said,
+            "--ball 0.5 0.0 0.0 -1.0: a radius of 0 to 2 m is needed"
+        );
         balls_of(&[0.0; 4 * 65], 2.0, "m").unwrap_err();
     }
 }

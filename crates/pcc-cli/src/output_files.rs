@@ -2,7 +2,6 @@
 
 use anyhow::{Context, bail};
 use std::fs::{self, File};
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 /// Makes a folder if need be, and finds out whether files can be written there before anything is computed for them.
@@ -13,27 +12,23 @@ pub(crate) fn make_writable(folder: &Path) -> anyhow::Result<()> {
     written.with_context(|| format!("cannot write into {}", folder.display()))
 }
 
-/// Finds out whether a file can be written before it is computed: its folder, which is made, and that nothing but a file is
-/// there already, for what is there is replaced.
+/// Finds out whether a file can be written before it is computed: its folder, which is made, and that nothing lies there but
+/// a file that it can take the place of. A device or a pipe would be gone.
 pub(crate) fn make_writable_for(file: &Path) -> anyhow::Result<()> {
-    match fs::metadata(file) {
-        Ok(found) if found.is_dir() => bail!(
+    match fs::symlink_metadata(file) {
+        Ok(there) if there.is_dir() => bail!(
             "{} is a folder; the name of a file is needed",
             file.display()
         ),
-        Ok(found) if !found.is_file() => bail!(
-            "{} is no regular file and would be replaced by one; the name of a file is needed",
+        Ok(there) if !there.is_file() => bail!(
+            "{} is there and no regular file; the name of a new file, or of one to be replaced, is needed",
             file.display()
         ),
-        Err(error) if error.kind() != ErrorKind::NotFound => {
-            return Err(error).with_context(|| format!("cannot write {}", file.display()));
-        }
         _ => {}
     }
-    match file.parent() {
-        Some(folder) if folder != Path::new("") => make_writable(folder),
-        _ => make_writable(Path::new(".")),
-    }
+    let folder = file.parent().filter(|folder| *folder != Path::new(""));
+    make_writable(folder.unwrap_or(Path::new(".")))
+        .with_context(|| format!("cannot write {}", file.display()))
 }
 
 /// Refuses a folder that has one of these files already.

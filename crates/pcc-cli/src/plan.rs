@@ -1,6 +1,7 @@
 //! `pcc plan`: asks the daemon for candidates, shows them, and can have one executed.
 
-use crate::number::{self, balls_of, spaced};
+use crate::asked::{Asked, Wrong};
+use crate::number::{self, balls_of};
 use anyhow::bail;
 use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
@@ -13,9 +14,6 @@ use std::time::{Duration, Instant};
 
 /// How long a running daemon and controller are looked for.
 const PATIENCE: Duration = Duration::from_secs(5);
-
-/// Options that a message repeats.
-const SHOWN_OPTIONS: usize = 5;
 
 #[derive(Clone, Copy, ValueEnum)]
 enum SamplerName {
@@ -106,7 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let round_trip = clock.elapsed();
     let report = answer.report();
     if !report.outcome.has_candidates() || report.candidates.is_empty() {
-        bail!("{}{}", explain(report), arguments.blamed(report.outcome));
+        bail!("{}", arguments.explain(report));
     }
     print_answer(&answer, round_trip);
     match report.outcome {
@@ -160,6 +158,28 @@ impl Arguments {
     }
 }
 
+impl Arguments {
+    /// The outcome, its reason, which may begin with the outcome's own words, and the options that it is about.
+    fn explain(&self, report: &PlanReport) -> String {
+        let outcome = report.outcome.text();
+        let reason = match report.reason.as_str() {
+            "" => format!("{outcome}: no candidate"),
+            reason if reason.starts_with(outcome) => reason.to_owned(),
+            reason => format!("{outcome}: {reason}"),
+        };
+        let asked = Asked {
+            start: self.start.as_deref(),
+            tip: self.tip.as_deref(),
+            configuration: self.configuration.as_deref(),
+            balls: &self.ball,
+        };
+        match Wrong::of(report.outcome) {
+            Some(wrong) => format!("{reason} ({})", asked.blamed(&wrong)),
+            None => reason,
+        }
+    }
+}
+
 impl SamplerName {
     fn code(self) -> Sampler {
         match self {
@@ -186,32 +206,6 @@ impl SelectionName {
     }
 }
 
-impl Arguments {
-    /// The options that the outcome is about, with what it asks of them; nothing where it is about none.
-    fn blamed(&self, outcome: Outcome) -> String {
-        let bent = "every section bent within the robot's limit is needed";
-        let start = self.start.iter().map(|start| format!("--start {}", spaced(start)));
-        let balls = self.ball.chunks(4).map(|ball| format!("--ball {}", spaced(ball)));
-        let goal = match (&self.tip, &self.configuration) {
-            (Some(tip), _) => format!("--tip {}", spaced(tip)),
-            (None, Some(shape)) => format!("--configuration {}", spaced(shape)),
-            (None, None) => String::new(),
-        };
-        let (options, needed): (Vec<String>, _) = match outcome {
-            Outcome::StartOutOfLimits => (start.collect(), bent),
-            Outcome::GoalOutOfReach if self.tip.is_some() => (vec![goal], "a position that the tip reaches is needed"),
-            Outcome::GoalOutOfReach => (vec![goal], bent),
-            Outcome::StartInCollision => (start.chain(balls).take(SHOWN_OPTIONS).collect(), "a start clear of all obstacles is needed"),
-            Outcome::GoalInCollision => (std::iter::once(goal).chain(balls).take(SHOWN_OPTIONS).collect(), "a goal clear of all obstacles is needed"),
-            _ => return String::new(),
-        };
-        if options.is_empty() {
-            return String::new();
-        }
-        format!(" ({}: {needed})", options.join(" "))
-    }
-}
-
 fn six(values: &[f64]) -> [f64; DOF] {
     std::array::from_fn(|i| values[i])
 }
@@ -228,18 +222,6 @@ fn held_configuration(options: &IpcOptions) -> anyhow::Result<[f64; DOF]> {
     bail!(
         "no controller within {PATIENCE:?}: start it, set PCC_PREFIX and PCC_ROOT to where it runs, or give --start"
     )
-}
-
-/// The outcome and its reason, which may begin with the outcome's own words.
-fn explain(report: &PlanReport) -> String {
-    let outcome = report.outcome.text();
-    if report.reason.is_empty() {
-        format!("{outcome}: no candidate")
-    } else if report.reason.starts_with(outcome) {
-        report.reason.clone()
-    } else {
-        format!("{outcome}: {}", report.reason)
-    }
 }
 
 fn print_answer(answer: &PlanAnswer, round_trip: Duration) {

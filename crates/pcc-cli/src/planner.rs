@@ -87,6 +87,11 @@ impl ModelArguments {
         }
     }
 
+    /// Names the option that an error about missing weights is about.
+    fn named(&self, name: &str) -> String {
+        format!("--weights {} --model {name}", self.weights.display())
+    }
+
     /// Names the weights that an error is about.
     fn refused(&self, name: &str) -> String {
         format!("weights `{name}` of {}", self.weights.display())
@@ -209,14 +214,18 @@ pub(crate) fn load(
         }
         Some(Sampler::Straight | Sampler::RrtConnect) | None => {}
     }
-    let planner = Planner::new(robot, models, threads).context("the planner could not be made")?;
+    let planner = Planner::new(robot, models, threads).with_context(|| {
+        format!("the planner could not be made (--threads {threads}: fewer are needed where no more can be started)")
+    })?;
     Ok(Loaded { planner, records })
 }
 
 fn load_fast(robot: &Robot, arguments: &ModelArguments) -> anyhow::Result<(FastModel, FastRecord)> {
     let manifest = Manifest::open(&arguments.weights)?;
     let name = arguments.model.as_deref().unwrap_or(FAST_WEIGHTS);
-    let file = manifest.weights(name)?;
+    let file = manifest
+        .weights(name)
+        .with_context(|| arguments.named(name))?;
     let mut model = FastModel::from_weights(&file, robot.bending_limit)
         .with_context(|| arguments.refused(name))?;
     if let Some(evaluations) = arguments.evaluations {
@@ -236,8 +245,11 @@ fn load_diffusion(
     let settings = arguments.settings();
     let manifest = Manifest::open(&arguments.weights)?;
     let name = arguments.model.as_deref().unwrap_or(DIFFUSION_WEIGHTS);
-    let unet = TemporalUnet::load(&manifest.weights(name)?, robot.bending_limit)
-        .with_context(|| arguments.refused(name))?;
+    let file = manifest
+        .weights(name)
+        .with_context(|| arguments.named(name))?;
+    let unet =
+        TemporalUnet::load(&file, robot.bending_limit).with_context(|| arguments.refused(name))?;
     let model = DiffusionModel::new(unet, settings)?;
     let record = DiffusionRecord {
         weights: WeightsRecord::of(&manifest, name)?,

@@ -1,16 +1,17 @@
 //! `pcc trace`: how noise becomes a path, step by step, for pictures of the reverse process.
 
+use crate::asked::{Asked, Wrong};
 use crate::number::{self, balls_of};
 use crate::output_files::make_writable_for;
-use crate::planner::{ModelArguments, PlannerName, load};
+use crate::planner::{ModelArguments, PlannerName, load, name_of};
 use crate::robot::unit_robot;
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::{ArgAction, Args};
 use collision::{Ball, MAX_EXTENT, Scene};
 use pcc_model::{Configuration, DOF, Point, Robot};
 use planning::dataset::ArchiveWriter;
 use planning::scenes::random_configuration;
-use planning::{Goal, Problem, Sampler, WAYPOINTS, Waypoints};
+use planning::{Goal, PlannerError, Problem, Sampler, WAYPOINTS, Waypoints};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use std::path::PathBuf;
@@ -52,13 +53,17 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let Some(Sampler::Diffusion(guidance)) = arguments.planner.sampler() else {
-        bail!("--planner: diffusion, diffusion-post and diffusion-guided are allowed");
+        bail!(
+            "--planner {}: diffusion, diffusion-post and diffusion-guided are allowed",
+            name_of(&arguments.planner)
+        );
     };
     make_writable_for(&arguments.out)?;
     let robot = unit_robot(&arguments.robot)?;
     let planner = load(arguments.planner, &robot, &arguments.models, 1)?.planner;
     let problem = arguments.problem(planner.robot())?;
-    let trace = planner.trace(&problem, guidance, arguments.seed)?;
+    let trace = planner.trace(&problem, guidance, arguments.seed);
+    let trace = trace.map_err(|error| arguments.explain(error))?;
     write(&arguments.out, planner.robot(), &trace)?;
     let last = &trace[trace.len() - 1];
     let miss =
@@ -72,6 +77,22 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 impl Arguments {
+    /// An error with the options that it is about.
+    fn explain(&self, error: PlannerError) -> anyhow::Error {
+        let asked = Asked {
+            start: self.start.as_deref(),
+            tip: Some(&self.tip),
+            configuration: None,
+            balls: &self.ball,
+        };
+        match error {
+            PlannerError::Infeasible(reason) => {
+                anyhow!("{reason} ({})", asked.blamed(&Wrong::from(&reason)))
+            }
+            error => error.into(),
+        }
+    }
+
     fn problem(&self, robot: &Robot) -> anyhow::Result<Problem> {
         let balls = balls_of(&self.ball, MAX_EXTENT, "section lengths")?.into_iter();
         let balls = balls.map(|[x, y, z, radius]| Ball {

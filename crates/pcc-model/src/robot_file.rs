@@ -3,6 +3,7 @@
 use crate::robot::{Robot, TendonLimits};
 use crate::tendons::{Tendon, TendonMap, TendonMapError};
 use crate::{MAX_TENDONS, Numbers, SECTIONS};
+use input_files::{InputFileError, MAX_SETTINGS_BYTES, read_text};
 use serde::Deserialize;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
@@ -27,13 +28,8 @@ const JERKS_M_S3: [f64; 2] = [1e-7, 1e6];
 #[derive(Debug, Error)]
 pub enum RobotFileError {
     /// The file cannot be read.
-    #[error("cannot read robot file {path}: {source}")]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The reason.
-        source: std::io::Error,
-    },
+    #[error("robot file: {0}")]
+    Read(#[from] InputFileError),
     /// What it says is refused.
     #[error("robot file {path}: {source}")]
     Content {
@@ -100,10 +96,7 @@ impl Robot {
     /// # Errors
     /// [`RobotFileError`], naming the file, the key and what is allowed.
     pub fn from_file(path: &Path) -> Result<Self, RobotFileError> {
-        let text = std::fs::read_to_string(path).map_err(|source| RobotFileError::Read {
-            path: path.into(),
-            source,
-        })?;
+        let text = read_text(path, MAX_SETTINGS_BYTES)?;
         Self::from_toml_str(&text).map_err(|source| RobotFileError::Content {
             path: path.into(),
             source: Box::new(source),

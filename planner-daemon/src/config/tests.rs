@@ -44,7 +44,10 @@ fn a_broken_file_an_unknown_key_and_a_missing_one_are_named() {
         ("robot = \"a\"\nwait = \"sleep\"", "unknown variant `sleep`"),
     ] {
         let error = parse(text).unwrap_err();
-        assert!(matches!(error, ConfigError::Syntax { .. }), "{error}");
+        assert!(
+            matches!(error, ConfigError::Settings(SettingsError::Syntax { .. })),
+            "{error}"
+        );
         assert!(error.to_string().contains(named), "{text}: {error}");
     }
 }
@@ -75,7 +78,7 @@ fn every_number_has_a_range() {
         let error = parse(&format!("robot = \"a\"\n{setting}")).unwrap_err();
         let name = setting.split(' ').next().unwrap();
         assert!(
-            matches!(error, ConfigError::Range { setting, .. } if setting == name),
+            matches!(error, ConfigError::Settings(SettingsError::Range { key, .. }) if key == name),
             "{setting}: {error}"
         );
     }

@@ -1,7 +1,7 @@
 //! The Euler steps of the flow: their times, and what the network is told of them.
 
 use crate::linear::Linear;
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::weights_file::{ContentError, WeightsError, WeightsFile};
 use std::f32::consts::TAU;
 use thiserror::Error;
 
@@ -32,12 +32,13 @@ impl Flow {
             times: Vec::new(),
         };
         let evaluations = file.count("evaluations")?;
-        flow.set_evaluations(evaluations)
-            .map_err(|_| WeightsError::Metadata {
+        flow.set_evaluations(evaluations).map_err(|_| {
+            file.refused(ContentError::Metadata {
                 key: "evaluations",
                 found: Some(evaluations.to_string()),
                 expected: format!("one of {ALLOWED:?}"),
-            })?;
+            })
+        })?;
         Ok(flow)
     }
 

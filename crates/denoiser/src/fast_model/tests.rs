@@ -298,7 +298,7 @@ fn ends_of_another_length_are_refused() {
 fn another_bending_limit_is_refused() {
     let refused = FastModel::from_weights(&weights(), 1.2).err().unwrap();
     assert!(
-        matches!(refused, WeightsError::Robot { expected, .. } if expected == 1.2),
+        matches!(refused, WeightsError::Content { reason: ContentError::Robot { expected, .. }, .. } if expected == 1.2),
         "{refused}"
     );
 }

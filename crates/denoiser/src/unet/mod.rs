@@ -18,7 +18,7 @@ use crate::diffusion::STEPS;
 use crate::group_norm::{self, Affine, Statistics};
 use crate::lanes::LANES;
 use crate::matrix::Precision;
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::weights_file::{ContentError, WeightsError, WeightsFile};
 use block::{Entrance, ResidualBlock, Stage, StageTape, Work};
 use embedding::{Embedding, EmbeddingWork};
 use gradient::GradientScratch;
@@ -70,11 +70,14 @@ impl Normalisation {
             position_centre: [x, y, z],
             position_scale: scale,
         };
-        found.check().map(|()| found)
+        match found.check() {
+            Ok(()) => Ok(found),
+            Err(reason) => Err(file.refused(reason)),
+        }
     }
 
-    fn check(&self) -> Result<(), WeightsError> {
-        let wrong = |tensor, found, expected| WeightsError::Value {
+    fn check(&self) -> Result<(), ContentError> {
+        let wrong = |tensor, found, expected| ContentError::Value {
             tensor,
             found,
             expected,
@@ -186,11 +189,11 @@ impl TemporalUnet {
         file.expect_robot(bending_limit)?;
         let width = file.count("width")?;
         if width % LANES != 0 {
-            return Err(WeightsError::Metadata {
+            return Err(file.refused(ContentError::Metadata {
                 key: "width",
                 found: Some(width.to_string()),
                 expected: format!("a multiple of {LANES}"),
-            });
+            }));
         }
         let context = file.count("context")?;
         Ok(Self {

@@ -128,7 +128,10 @@ impl Arguments {
         match (self.planner, &self.proposals) {
             (PlannerName::Proposed, Some(file)) => proposals::read(file, self.candidates).map(Some),
             (PlannerName::Proposed, None) => bail!("--planner proposed needs --proposals FILE"),
-            (_, Some(_)) => bail!("--proposals goes with --planner proposed"),
+            (_, Some(file)) => bail!(
+                "--proposals {} goes with --planner proposed",
+                file.display()
+            ),
             (_, None) => Ok(None),
         }
     }

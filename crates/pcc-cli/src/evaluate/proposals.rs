@@ -17,17 +17,24 @@ pub(super) fn read(file: &Path, candidates: usize) -> anyhow::Result<Vec<Vec<Way
         );
     }
     archive.expect_shape("paths", &[cases, candidates, WAYPOINTS, DOF])?;
-    let values = match archive.read::<f32>("paths") {
-        Ok((values, _)) => values.into_iter().map(f64::from).collect(),
-        Err(_) => archive.read::<f64>("paths")?.0,
+    archive.expect_type("paths", &["<f4", "<f8"])?;
+    let values: Vec<f64> = match archive.dtype("paths")?.descr().contains("<f4") {
+        true => archive
+            .read::<f32>("paths")?
+            .0
+            .into_iter()
+            .map(f64::from)
+            .collect(),
+        false => archive.read::<f64>("paths")?.0,
     };
     archive.check_all()?;
     let wrong = values.iter().position(|v| !v.is_finite());
     if let Some(index) = wrong {
         let case = index / (candidates * WAYPOINTS * DOF);
         bail!(
-            "array `paths` of {} is not finite in case {case}",
-            file.display()
+            "array `paths` of {} has the value {} in case {case}; finite values are needed",
+            file.display(),
+            values[index]
         );
     }
     let shapes: Vec<Configuration> = values

@@ -2,7 +2,12 @@
 //!
 //! Every shape is compared before any value is read: a small archive may hold gigabytes of zeros.
 
-use arrays::{ArchiveError, ArchiveReader, DType, Deserialize, TypeChar};
+use arrays::{ArchiveError, ArchiveReader, Deserialize};
+
+/// Types of real numbers that are read.
+const REALS: [&str; 2] = ["<f4", "<f8"];
+/// Types of whole numbers that are read.
+const INTEGERS: [&str; 6] = ["<i8", "<i4", "<i2", "|i1", "|u1", "|b1"];
 
 /// Number of rows of an array; 0 for a scalar, which no array of rows is.
 pub(super) fn rows_of(archive: &ArchiveReader, array: &str) -> Result<usize, ArchiveError> {
@@ -13,22 +18,24 @@ pub(super) fn rows_of(archive: &ArchiveReader, array: &str) -> Result<usize, Arc
 
 /// Real numbers; f32, as the format has it, or f64.
 pub(super) fn reals(archive: &mut ArchiveReader, array: &str) -> Result<Vec<f32>, ArchiveError> {
-    match number(archive.dtype(array)?) {
-        Some((TypeChar::Float, 8)) => {
-            let (values, _) = archive.read::<f64>(array)?;
-            Ok(values.into_iter().map(|v| v as f32).collect())
-        }
-        _ => Ok(archive.read(array)?.0),
+    archive.expect_type(array, &REALS)?;
+    if archive.dtype(array)?.descr().contains("<f8") {
+        let (values, _) = archive.read::<f64>(array)?;
+        return Ok(values.into_iter().map(|v| v as f32).collect());
     }
+    Ok(archive.read(array)?.0)
 }
 
 /// Whole numbers of any width.
 pub(super) fn integers(archive: &mut ArchiveReader, array: &str) -> Result<Vec<i64>, ArchiveError> {
-    match number(archive.dtype(array)?) {
-        Some((TypeChar::Int, 4)) => widened::<i32>(archive, array),
-        Some((TypeChar::Int, 2)) => widened::<i16>(archive, array),
-        Some((TypeChar::Int, 1)) => widened::<i8>(archive, array),
-        Some((TypeChar::Uint, 1)) => widened::<u8>(archive, array),
+    archive.expect_type(array, &INTEGERS)?;
+    let found = archive.dtype(array)?.descr();
+    match found.trim_matches('\'') {
+        "<i4" => widened::<i32>(archive, array),
+        "<i2" => widened::<i16>(archive, array),
+        "|i1" => widened::<i8>(archive, array),
+        "|u1" => widened::<u8>(archive, array),
+        "|b1" => widened::<bool>(archive, array),
         _ => Ok(archive.read(array)?.0),
     }
 }
@@ -39,11 +46,4 @@ fn widened<T: Deserialize + Into<i64>>(
 ) -> Result<Vec<i64>, ArchiveError> {
     let (values, _) = archive.read::<T>(array)?;
     Ok(values.into_iter().map(Into::into).collect())
-}
-
-fn number(dtype: &DType) -> Option<(TypeChar, u64)> {
-    match dtype {
-        DType::Plain(plain) => Some((plain.type_char(), plain.size_field())),
-        _ => None,
-    }
 }

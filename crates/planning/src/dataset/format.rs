@@ -1,14 +1,15 @@
 //! The authors' data set format, version 25: one row a path, obstacles by offsets (docs/evaluation.md "The command").
 
-use super::columns::{integers, reals, rows_of};
 use super::meta::{Counts, Meta};
+use super::rows::{Shapes, read_rows};
 use crate::path::WAYPOINTS;
 use arrays::{ArchiveError, ArchiveReader, ArchiveWriter};
-use collision::{Ball, MAX_EXTENT, Scene, SceneError};
+use collision::{Ball, Scene, SceneError};
+use input_files::{InputFile, InputFileError};
 use pcc_model::{Configuration, DOF, Point};
+use sha2::digest::Output;
 use sha2::{Digest, Sha256};
 use std::collections::HashSet;
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -94,7 +95,10 @@ pub enum DatasetError {
     /// The archive itself.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
-    /// `dataset_meta.json` is missing or not understood.
+    /// A file is not read.
+    #[error(transparent)]
+    File(#[from] InputFileError),
+    /// `dataset_meta.json` is not understood, or does not fit the archive.
     #[error("{path}: {reason}")]
     Meta {
         /// The file.
@@ -109,8 +113,10 @@ pub enum DatasetError {
         counts: Option<Box<Counts>>,
     },
     /// A value is out of range.
-    #[error("row {row}: {reason}")]
+    #[error("{path}: row {row}: {reason}")]
     Row {
+        /// The archive.
+        path: PathBuf,
         /// Index of the row.
         row: usize,
         /// What is wrong and what is allowed.
@@ -134,6 +140,7 @@ impl Dataset {
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
         let meta = Meta::read(folder)?;
         let file = folder.join(ARRAYS);
+        let mut archive = ArchiveReader::open(&file)?;
         let wrong_meta = |reason: String| DatasetError::Meta {
             path: folder.join("dataset_meta.json"),
             reason,
@@ -142,11 +149,10 @@ impl Dataset {
             let found = sha256(&file)?;
             if found != *expected {
                 return Err(wrong_meta(format!(
-                    "arrays_sha256 is {expected}, that of dataset.npz is {found}: it is damaged, or of another set"
+                    "arrays_sha256 is {expected:?}; {found:?}, that of dataset.npz, is needed: one of the two is damaged, or of another set"
                 )));
             }
         }
-        let mut archive = ArchiveReader::open(&file)?;
         let shapes = Shapes::check(&archive)?;
         if shapes.rows == 0 {
             let counts = meta.counts.map(Box::new);
@@ -270,108 +276,11 @@ impl Dataset {
 /// Name of the file with the arrays.
 const ARRAYS: &str = "dataset.npz";
 
-/// The sizes of a set's arrays, which fit each other.
-struct Shapes {
-    rows: usize,
-    balls: usize,
-    has_radii: bool,
-    has_checks: bool,
-}
-
-impl Shapes {
-    /// Compares the shapes of all arrays; no value is read.
-    fn check(archive: &ArchiveReader) -> Result<Self, ArchiveError> {
-        let (rows, balls) = (
-            rows_of(archive, "paths")?,
-            rows_of(archive, "obstacle_centres")?,
-        );
-        archive.expect_shape("paths", &[rows, WAYPOINTS, DOF])?;
-        archive.expect_shape("target_tips", &[rows, 3])?;
-        for array in INDICES {
-            archive.expect_shape(array, &[rows])?;
-        }
-        archive.expect_shape("obstacle_centres", &[balls, 3])?;
-        archive.expect_shape("obstacle_offsets", &[rows.saturating_add(1)])?;
-        let has_radii = archive.has("obstacle_radii");
-        if has_radii {
-            archive.expect_shape("obstacle_radii", &[balls])?;
-        }
-        let has_checks = archive.has("clearances") || archive.has("certified");
-        if has_checks {
-            archive.expect_shape("clearances", &[rows])?;
-            archive.expect_shape("certified", &[rows])?;
-        }
-        Ok(Self {
-            rows,
-            balls,
-            has_radii,
-            has_checks,
-        })
-    }
-}
-
-/// Arrays of one whole number a row.
-const INDICES: [&str; 4] = [
-    "target_indices",
-    "start_indices",
-    "ik_indices",
-    "split_indices",
-];
-
-fn read_rows(
-    archive: &mut ArchiveReader,
-    shapes: &Shapes,
-    sphere_radius: f64,
-) -> Result<Vec<Row>, DatasetError> {
-    let paths = reals(archive, "paths")?;
-    let tips = reals(archive, "target_tips")?;
-    let [targets, starts, ends, splits] = INDICES.map(|array| integers(archive, array));
-    let (targets, starts, ends, splits) = (targets?, starts?, ends?, splits?);
-    let obstacles = Obstacles::read(archive, shapes, sphere_radius)?;
-    let checks = match shapes.has_checks {
-        true => Some(read_checks(archive)?),
-        false => None,
-    };
-    let row = |i: usize| {
-        Ok(Row {
-            path: read_path(i, &paths[i * WAYPOINTS * DOF..][..WAYPOINTS * DOF])?,
-            target_tip: read_tip(i, &tips[3 * i..][..3])?,
-            target_index: index(i, "target", targets[i])?,
-            start_index: index(i, "start", starts[i])?,
-            ik_index: index(i, "end shape", ends[i])?,
-            split: split_of(i, splits[i])?,
-            balls: obstacles.of(i)?,
-            check: checks.as_ref().map(|checks| checks[i]),
-        })
-    };
-    (0..shapes.rows).map(row).collect()
-}
-
-fn read_checks(archive: &mut ArchiveReader) -> Result<Vec<Check>, DatasetError> {
-    let clearances = reals(archive, "clearances")?;
-    let certified = integers(archive, "certified")?;
-    let checks = clearances.into_iter().zip(certified).enumerate();
-    let check = |(row, (clearance, certified)): (usize, (f32, i64))| {
-        if clearance.is_nan() || !(0..=1).contains(&certified) {
-            return Err(DatasetError::Row {
-                row,
-                reason: format!(
-                    "clearance {clearance}, certified {certified}; a number, and 0 or 1 are needed"
-                ),
-            });
-        }
-        Ok(Check {
-            clearance,
-            is_certified: certified == 1,
-        })
-    };
-    checks.map(check).collect()
-}
-
 /// SHA-256 of a file, hexadecimal.
 fn sha256(path: &Path) -> Result<String, ArchiveError> {
-    let hash = || {
-        let (mut file, mut hash) = (File::open(path)?, Sha256::new());
+    let mut file = InputFile::open(path, u64::MAX)?.into_file();
+    let mut hash = || {
+        let mut hash = Sha256::new();
         let mut bytes = vec![0; 1 << 16];
         loop {
             match file.read(&mut bytes)? {
@@ -380,7 +289,7 @@ fn sha256(path: &Path) -> Result<String, ArchiveError> {
             }
         }
     };
-    let hash = hash().map_err(|source| ArchiveError::File {
+    let hash: Output<Sha256> = hash().map_err(|source| InputFileError::Unreadable {
         path: path.into(),
         source,
     })?;
@@ -397,114 +306,4 @@ fn case_of(index: usize, row: &Row) -> Result<Case, DatasetError> {
         target_tip: row.target_tip,
         scene,
     })
-}
-
-struct Obstacles {
-    centres: Vec<f32>,
-    radii: Vec<f32>,
-    offsets: Vec<i64>,
-}
-
-impl Obstacles {
-    fn read(
-        archive: &mut ArchiveReader,
-        shapes: &Shapes,
-        default_radius: f64,
-    ) -> Result<Self, DatasetError> {
-        let obstacles = Self {
-            centres: reals(archive, "obstacle_centres")?,
-            radii: match shapes.has_radii {
-                true => reals(archive, "obstacle_radii")?,
-                false => vec![default_radius as f32; shapes.balls],
-            },
-            offsets: integers(archive, "obstacle_offsets")?,
-        };
-        let ends = [obstacles.offsets[0], obstacles.offsets[shapes.rows]];
-        if ends != [0, shapes.balls as i64] {
-            return Err(DatasetError::Row {
-                row: 0,
-                reason: format!(
-                    "obstacle_offsets are from {} to {}; from 0 to {}, the number of obstacles, is needed",
-                    ends[0], ends[1], shapes.balls
-                ),
-            });
-        }
-        Ok(obstacles)
-    }
-
-    fn of(&self, row: usize) -> Result<Vec<Ball>, DatasetError> {
-        let (first, end) = (self.offsets[row], self.offsets[row + 1]);
-        if first < 0 || end < first || end as usize > self.radii.len() {
-            let reason = format!(
-                "obstacle offsets {first}..{end}; they must rise and stay within 0..={}",
-                self.radii.len()
-            );
-            return Err(DatasetError::Row { row, reason });
-        }
-        let ball = |i: usize| Ball {
-            centre: Point::from_fn(|axis, _| f64::from(self.centres[3 * i + axis])),
-            radius: f64::from(self.radii[i]),
-        };
-        let balls: Vec<Ball> = (first as usize..end as usize).map(ball).collect();
-        let extent = -MAX_EXTENT..=MAX_EXTENT;
-        let is_allowed = |ball: &Ball| {
-            ball.centre.iter().all(|v| extent.contains(v))
-                && (0.0..=MAX_EXTENT).contains(&ball.radius)
-        };
-        match balls.iter().find(|ball| !is_allowed(ball)) {
-            None => Ok(balls),
-            Some(Ball { centre, radius }) => Err(DatasetError::Row {
-                row,
-                reason: format!(
-                    "an obstacle has centre {:?} and radius {radius}; coordinates within ±{MAX_EXTENT:e} and a radius of 0 to {MAX_EXTENT:e} are allowed",
-                    <[f64; 3]>::from(*centre)
-                ),
-            }),
-        }
-    }
-}
-
-fn read_path(row: usize, values: &[f32]) -> Result<Vec<Configuration>, DatasetError> {
-    if values.iter().any(|v| !v.is_finite()) {
-        return Err(DatasetError::Row {
-            row,
-            reason: "the path has values that are not finite".into(),
-        });
-    }
-    Ok(values
-        .chunks_exact(DOF)
-        .map(|c| Configuration::from_fn(|d, _| f64::from(c[d])))
-        .collect())
-}
-
-fn read_tip(row: usize, values: &[f32]) -> Result<Point, DatasetError> {
-    if values.iter().any(|v| !v.is_finite()) {
-        return Err(DatasetError::Row {
-            row,
-            reason: format!("target tip {values:?}; finite numbers are needed"),
-        });
-    }
-    Ok(Point::from_fn(|axis, _| f64::from(values[axis])))
-}
-
-fn index<T: TryFrom<i64>>(row: usize, what: &str, value: i64) -> Result<T, DatasetError> {
-    let index = Some(value).filter(|value| *value >= 0);
-    let index = index.and_then(|value| T::try_from(value).ok());
-    index.ok_or_else(|| DatasetError::Row {
-        row,
-        reason: format!(
-            "{what} index {value} is out of range; 0 to {} is allowed",
-            (1_u64 << (8 * size_of::<T>() - 1)) - 1
-        ),
-    })
-}
-
-fn split_of(row: usize, code: i64) -> Result<Split, DatasetError> {
-    [Split::Train, Split::Validation, Split::Test]
-        .into_iter()
-        .find(|s| i64::from(s.code()) == code)
-        .ok_or_else(|| DatasetError::Row {
-            row,
-            reason: format!("split code {code}; 0, 1 or 2 is needed"),
-        })
 }

@@ -4,6 +4,7 @@ use super::format::{DatasetError, Row, Split};
 use super::generate::BlockReport;
 use super::paper::PaperReport;
 use collision::MAX_EXTENT;
+use input_files::{read_text, shortened};
 use pcc_model::SECTIONS;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -15,6 +16,10 @@ use std::path::Path;
 const FILE: &str = "dataset_meta.json";
 /// Version of the format that is read and written.
 const VERSION: u32 = 25;
+/// Longest such file that is read.
+const MAX_BYTES: u64 = 1 << 24;
+/// Characters of a line that a message quotes before the place where it is wrong.
+const QUOTED: usize = 60;
 /// Radii of balls and of the body, section lengths.
 const RADII: RangeInclusive<f64> = 0.0..=MAX_EXTENT;
 
@@ -224,6 +229,18 @@ impl fmt::Display for Counts {
     }
 }
 
+/// What is wrong with JSON: the place, what stands there, and what is needed.
+fn wrong_json(text: &str, error: &serde_json::Error) -> String {
+    let line = text.lines().nth(error.line().saturating_sub(1));
+    let line: Vec<char> = line.unwrap_or_default().chars().collect();
+    let end = error.column().min(line.len());
+    let there: String = line[end.saturating_sub(QUOTED)..end].iter().collect();
+    let reason = shortened(&error.to_string());
+    format!(
+        "{reason}, behind {there:?}; JSON with the keys of the format, each of its type, is needed"
+    )
+}
+
 impl Meta {
     /// Meta data of a set made by this project with the given recipe.
     #[must_use]
@@ -249,15 +266,15 @@ impl Meta {
     /// Reads and checks the file of a folder.
     ///
     /// # Errors
-    /// [`DatasetError::Meta`], naming the file, the key and what is allowed.
+    /// [`DatasetError::File`] or [`DatasetError::Meta`], naming the file, the key and what is allowed.
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
         let path = folder.join(FILE);
         let fail = |reason: String| DatasetError::Meta {
             path: path.clone(),
             reason,
         };
-        let text = std::fs::read_to_string(&path).map_err(|e| fail(e.to_string()))?;
-        let meta: Self = serde_json::from_str(&text).map_err(|e| fail(e.to_string()))?;
+        let text = read_text(&path, MAX_BYTES)?;
+        let meta: Self = serde_json::from_str(&text).map_err(|e| fail(wrong_json(&text, &e)))?;
         meta.check().map_err(fail)?;
         Ok(meta)
     }
@@ -265,8 +282,9 @@ impl Meta {
     fn check(&self) -> Result<(), String> {
         if self.format != "pcc_diffuser_npz" || self.version != VERSION {
             return Err(format!(
-                "format `{}` version {}; `pcc_diffuser_npz` version {VERSION} is needed",
-                self.format, self.version
+                "format {}, version {}; `pcc_diffuser_npz`, version {VERSION}, is needed",
+                shortened(&format!("{:?}", self.format)),
+                self.version
             ));
         }
         if !self.complete {
@@ -278,7 +296,8 @@ impl Meta {
                 configuration,
             } = &self.units;
             return Err(format!(
-                "units are `{length}` and `{configuration}`; `normalised` and `radian` are needed"
+                "units are {}; `normalised` and `radian` are needed",
+                shortened(&format!("{length:?} and {configuration:?}"))
             ));
         }
         if self.split_codes != BySplit::default() {
@@ -293,7 +312,9 @@ impl Meta {
             ("clearance_margin", self.clearance_margin),
         ] {
             if !RADII.contains(&radius) {
-                return Err(format!("{key} is {radius}; 0 to {MAX_EXTENT:e} is allowed"));
+                return Err(format!(
+                    "{key} is {radius:?}; 0 to {MAX_EXTENT:e} is allowed"
+                ));
             }
         }
         Ok(())
@@ -304,13 +325,13 @@ impl Meta {
         let found = BySplit::count(rows);
         if self.split_counts.is_some_and(|counts| counts != found) {
             return Err(format!(
-                "split_counts are {:?}, dataset.npz has {found:?}",
+                "split_counts are {:?}; {found:?}, as dataset.npz has them, are needed",
                 self.split_counts.unwrap_or_default()
             ));
         }
         match &self.counts {
             Some(counts) if counts.actual_paths != rows.len() => Err(format!(
-                "actual_paths is {}, dataset.npz has {}",
+                "actual_paths is {}; {}, as dataset.npz has them, is needed",
                 counts.actual_paths,
                 rows.len()
             )),

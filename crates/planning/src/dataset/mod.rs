@@ -6,6 +6,7 @@ mod format;
 mod generate;
 mod meta;
 mod paper;
+mod rows;
 
 pub use arrays::{ArchiveError, ArchiveReader, ArchiveWriter};
 pub use features::{TrainingRows, training_rows};

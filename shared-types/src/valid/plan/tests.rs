@@ -118,11 +118,7 @@ const BAD: &[(Change, PlanField, &str)] = &[
         PlanField::GoalConfiguration,
         "[3]",
     ),
-    (
-        |r| r.limits_scale = 0.0,
-        PlanField::LimitsScale,
-        "1e-9..=1",
-    ),
+    (|r| r.limits_scale = 0.0, PlanField::LimitsScale, "1e-9..=1"),
     (
         |r| r.limits_scale = -0.5,
         PlanField::LimitsScale,

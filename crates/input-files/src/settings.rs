@@ -1,0 +1,175 @@
+//! Files of settings: TOML, read as a type, and checked key by key.
+
+use crate::file::{InputFileError, read_text};
+use serde::de::DeserializeOwned;
+use std::fmt::Display;
+use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Longest file of settings that is read, bytes.
+pub const MAX_SETTINGS_BYTES: u64 = 1 << 20;
+/// Most characters of either end of a line that a message quotes.
+const QUOTED: usize = 120;
+
+/// Why a file of settings is refused.
+#[derive(Debug, Error)]
+pub enum SettingsError {
+    /// The file is not read.
+    #[error(transparent)]
+    File(#[from] InputFileError),
+    /// It is not TOML, a key is missing or unknown, or a value has the wrong type.
+    #[error("{path:?} is not understood: {}", readable(.source))]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// Where and what.
+        source: Box<toml::de::Error>,
+    },
+    /// A value is outside its range.
+    #[error("{path:?}: {key} = {value} is not allowed: {allowed}")]
+    Range {
+        /// The file.
+        path: PathBuf,
+        /// The key.
+        key: &'static str,
+        /// Its value.
+        value: String,
+        /// What is allowed.
+        allowed: String,
+    },
+}
+
+/// A file of settings, against which single values are checked.
+#[derive(Clone, Copy, Debug)]
+pub struct SettingsFile<'a> {
+    /// Where it lies.
+    pub path: &'a Path,
+}
+
+impl SettingsFile<'_> {
+    /// Reads the file as `T`.
+    ///
+    /// # Errors
+    /// [`SettingsError`], naming the file, the key or the line, and what is allowed.
+    pub fn read<T: DeserializeOwned>(&self) -> Result<T, SettingsError> {
+        self.parse(&read_text(self.path, MAX_SETTINGS_BYTES)?)
+    }
+
+    /// Takes `text` as the file's content.
+    ///
+    /// # Errors
+    /// [`SettingsError::Syntax`].
+    pub fn parse<T: DeserializeOwned>(&self, text: &str) -> Result<T, SettingsError> {
+        toml::from_str(text).map_err(|source| SettingsError::Syntax {
+            path: self.path.into(),
+            source: Box::new(source),
+        })
+    }
+
+    /// Refuses the value of a key unless `holds`.
+    ///
+    /// # Errors
+    /// [`SettingsError::Range`].
+    pub fn require(
+        &self,
+        holds: bool,
+        key: &'static str,
+        value: impl Display,
+        allowed: impl Into<String>,
+    ) -> Result<(), SettingsError> {
+        if holds {
+            return Ok(());
+        }
+        Err(SettingsError::Range {
+            path: self.path.into(),
+            key,
+            value: value.to_string(),
+            allowed: allowed.into(),
+        })
+    }
+
+    /// Refuses the value of a key unless it is in a range.
+    ///
+    /// # Errors
+    /// [`SettingsError::Range`].
+    pub fn within<T: PartialOrd + Display>(
+        &self,
+        key: &'static str,
+        value: T,
+        range: RangeInclusive<T>,
+    ) -> Result<(), SettingsError> {
+        let allowed = format!("{} to {}", range.start(), range.end());
+        self.require(range.contains(&value), key, value, allowed)
+    }
+}
+
+/// What a parser says, and what is allowed where it does not say so.
+fn readable(error: &toml::de::Error) -> String {
+    let said = shortened(error.to_string().trim_end());
+    match error.message() {
+        "duplicate key" => said + "; each key is allowed once",
+        _ => said,
+    }
+}
+
+/// A text whose lines may be as long as a file: without the middles of its long lines.
+#[must_use]
+pub fn shortened(text: &str) -> String {
+    let lines = text.lines().map(|line| {
+        let length = line.chars().count();
+        if length <= 2 * QUOTED {
+            return line.to_owned();
+        }
+        let begin: String = line.chars().take(QUOTED).collect();
+        let end: String = line.chars().skip(length - QUOTED).collect();
+        format!("{begin} … {end}")
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::BTreeMap;
+    use std::fs;
+
+    const FILE: SettingsFile = SettingsFile {
+        path: Path::new("a.toml"),
+    };
+
+    #[test]
+    fn a_file_is_read_as_a_type() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.toml");
+        fs::write(&path, "rate_hz = 5").unwrap();
+        let read: BTreeMap<String, u32> = SettingsFile { path: &path }.read().unwrap();
+        assert_eq!(read["rate_hz"], 5);
+    }
+
+    #[test]
+    fn what_is_refused_is_told_with_file_key_value_and_what_is_allowed() {
+        let error = FILE.within("rate_hz", 7, 100..=400).unwrap_err();
+        let said = "\"a.toml\": rate_hz = 7 is not allowed: 100 to 400";
+        assert_eq!(error.to_string(), said);
+        assert!(FILE.within("rate_hz", 100, 100..=400).is_ok());
+        let nan = FILE.within("noise", f64::NAN, 0.0..=1.0).unwrap_err();
+        assert!(nan.to_string().contains("noise = NaN"), "{nan}");
+        let wrong = FILE.parse::<BTreeMap<String, u32>>("rate_hz = \"x\"");
+        let wrong = wrong.unwrap_err().to_string();
+        for part in ["a.toml", "line 1", "rate_hz = \"x\"", "expected u32"] {
+            assert!(wrong.contains(part), "{part}: {wrong}");
+        }
+    }
+
+    #[test]
+    fn of_a_long_line_both_ends_are_quoted() {
+        let text = format!("rate_hz = \"{}\"", "x".repeat(100_000));
+        let wrong = FILE.parse::<BTreeMap<String, u32>>(&text);
+        let wrong = wrong.unwrap_err().to_string();
+        assert!(wrong.len() < 1500, "{} bytes", wrong.len());
+        for part in ["rate_hz = \"x", "expected u32"] {
+            assert!(wrong.contains(part), "{part}: {wrong}");
+        }
+    }
+}
