@@ -1,6 +1,6 @@
 //! `pcc dataset`: paths by the teacher or by the paper's generator.
 
-use crate::number::threads;
+use crate::number::{self, Shard};
 use crate::output_files::{make_writable, write_whole};
 use crate::robot::unit_robot;
 use anyhow::{Context, bail, ensure};
@@ -12,16 +12,15 @@ use planning::dataset::{
     Counts, Dataset, LARGEST_STEP, Meta, PAPER_VERSION, Recipe, Row, TEACHER_VERSION, TERMINALS,
     generate_block, generate_paper_block,
 };
-use planning::scenes::{STARTS, Setting};
+use planning::scenes::Setting;
 use serde_json::json;
 use std::path::PathBuf;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread::Builder;
 
 /// Targets of one block: the unit of work, of resuming and of sharding.
 const BLOCK: u64 = 32;
-/// Most targets of a set: weeks of work of a large machine.
-const MAX_TARGETS: u64 = 10_000_000;
 /// Longest recipe that is read, bytes.
 const MAX_RECIPE_BYTES: u64 = 1 << 16;
 /// Times that progress is told where there is no terminal to draw a bar on.
@@ -67,31 +66,31 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "teacher")]
     method: Method,
     /// Number of balls in every general scene, instead of the cycle (0 to 64).
-    #[arg(long)]
+    #[arg(long, value_parser = number::balls())]
     balls: Option<usize>,
     /// Targets to draw (1 to 10000000).
-    #[arg(long, default_value_t = 320, value_parser = clap::value_parser!(u64).range(1..=MAX_TARGETS))]
+    #[arg(long, default_value_t = 320, value_parser = number::targets())]
     targets: u64,
     /// Starts of each target (1 to 5).
-    #[arg(long, default_value_t = 5)]
+    #[arg(long, default_value_t = 5, value_parser = number::starts())]
     starts: usize,
     /// End shapes of each start, as many of them as there are (1 to 64; the paper's generator: 1 to 10).
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = 10, value_parser = number::of_a_set())]
     ends: usize,
-    /// Trees that the teacher looks at where a straight segment leads it nowhere, to keep the shortest path (1 to 64).
-    #[arg(long, default_value_t = 1)]
+    /// Trees that the teacher looks at where a straight segment leads it nowhere, to keep the shortest path (1 to 64; the paper's generator: 1).
+    #[arg(long, default_value_t = 1, value_parser = number::of_a_set())]
     trees: usize,
-    /// Seed; the same seed gives the same rows whatever the shards and threads.
-    #[arg(long, default_value_t = 0)]
+    /// Seed (0 to 2^64 - 1); the same seed gives the same rows whatever the shards and threads.
+    #[arg(long, default_value_t = 0, value_parser = number::any())]
     seed: u64,
     /// Put every row into the test split.
     #[arg(long)]
     test_only: bool,
     /// This shard of how many, as `i/n`, counted from 0; the shard that ends last merges.
-    #[arg(long, default_value = "0/1")]
-    shard: String,
+    #[arg(long, default_value = "0/1", value_parser = number::shard)]
+    shard: Shard,
     /// Worker threads, at most 256 (0: one a core).
-    #[arg(long, default_value_t = 0, value_parser = threads())]
+    #[arg(long, default_value_t = 0, value_parser = number::threads())]
     threads: usize,
     /// Robot file; its three sections must be equally long.
     #[arg(long, default_value = "config/robots/unit.toml")]
@@ -109,11 +108,11 @@ struct Job<'a> {
 }
 
 pub(crate) fn generate(arguments: &Arguments) -> anyhow::Result<()> {
-    let (shard, shards) = parse_shard(&arguments.shard)?;
+    let Shard { index, count } = arguments.shard;
     let job = Job::new(arguments)?;
     let all = arguments.targets.div_ceil(BLOCK);
     let mut mine = Vec::new();
-    for block in (0..all).filter(|b| b % shards == shard) {
+    for block in (0..all).filter(|b| b % count == index) {
         if !job.is_done(block)? {
             mine.push(block);
         }
@@ -133,46 +132,27 @@ pub(crate) fn generate(arguments: &Arguments) -> anyhow::Result<()> {
     job.merge(all)
 }
 
-fn parse_shard(text: &str) -> anyhow::Result<(u64, u64)> {
-    let (shard, shards) = text.split_once('/').context("--shard must look like 0/4")?;
-    let number = |part: &str| -> anyhow::Result<u64> {
-        let number = part.parse();
-        number.with_context(|| format!("--shard {text}: two whole numbers are needed, like 0/4"))
-    };
-    let (shard, shards) = (number(shard)?, number(shards)?);
-    if shard >= shards {
-        bail!("--shard {text}: the first number must be below the second");
-    }
-    Ok((shard, shards))
-}
-
 impl<'a> Job<'a> {
     fn new(arguments: &'a Arguments) -> anyhow::Result<Self> {
         let setting = match (arguments.setting, arguments.balls) {
-            (SettingName::General, balls) if balls.unwrap_or(0) <= 64 => Setting::General(balls),
-            (SettingName::General, Some(balls)) => bail!("--balls {balls}: 0 to 64 are allowed"),
-            (_, Some(_)) => bail!("--balls goes with --setting general"),
+            (SettingName::General, balls) => Setting::General(balls),
+            (_, Some(balls)) => bail!("--balls {balls} goes with --setting general"),
             (SettingName::Reference, None) => Setting::Reference,
             (SettingName::ObstacleFree, None) => Setting::ObstacleFree,
             (SettingName::Hard, None) => Setting::Hard,
-            (SettingName::General, None) => Setting::General(None),
         };
         let is_paper = arguments.method == Method::Paper;
         if is_paper && setting == Setting::Hard {
             bail!("--method paper makes the settings reference, obstacle-free and general");
         }
         for (name, value, most) in [
-            ("starts", arguments.starts, STARTS),
-            (
-                "ends",
-                arguments.ends,
-                if is_paper { TERMINALS } else { 64 },
-            ),
-            ("trees", arguments.trees, if is_paper { 1 } else { 64 }),
+            ("ends", arguments.ends, TERMINALS),
+            ("trees", arguments.trees, 1),
         ] {
-            if !(1..=most).contains(&value) {
-                bail!("--{name} {value}: 1 to {most} are allowed");
-            }
+            ensure!(
+                !is_paper || value <= most,
+                "--{name} {value}: 1 to {most} are allowed with --method paper"
+            );
         }
         let recipe = Recipe {
             setting,
@@ -274,9 +254,13 @@ impl<'a> Job<'a> {
                 }
                 Ok(())
             };
-            let workers: Vec<_> = (0..threads.min(blocks.len()))
-                .map(|_| scope.spawn(work))
-                .collect();
+            let mut workers = Vec::new();
+            for _ in 0..threads.min(blocks.len()) {
+                let spawned = Builder::new().spawn_scoped(scope, work);
+                workers.push(spawned.with_context(|| {
+                    format!("--threads {threads}: not so many can be started, fewer are needed")
+                })?);
+            }
             workers
                 .into_iter()
                 .try_for_each(|w| w.join().map_err(|_| anyhow::anyhow!("a worker stopped"))?)

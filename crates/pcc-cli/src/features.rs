@@ -1,5 +1,6 @@
 //! `pcc features`: the training arrays of the few-step model.
 
+use crate::number::group;
 use crate::output_files::make_writable_for;
 use crate::robot::unit_robot;
 use anyhow::Context;
@@ -22,8 +23,8 @@ pub(crate) struct Arguments {
     /// Folder of a data set.
     #[arg(long)]
     dataset: PathBuf,
-    /// Added to the target indices, so that the targets of several data sets stay apart.
-    #[arg(long, default_value_t = 0)]
+    /// Added to the target indices (0 to 2^32 - 1), so that the targets of several data sets stay apart.
+    #[arg(long, default_value_t = 0, value_parser = group())]
     first_group: u32,
     /// Frame of the arrays.
     #[arg(long, value_enum, default_value = "canonical")]

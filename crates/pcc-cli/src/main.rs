@@ -3,6 +3,8 @@
 #[macro_use]
 mod output;
 
+mod asked;
+mod command_line;
 mod dataset;
 mod demo;
 mod evaluate;
@@ -56,7 +58,7 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    match run(Arguments::parse().command) {
+    match run(command_line::read::<Arguments>().command) {
         Ok(()) if output::is_lost() => ExitCode::FAILURE,
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

@@ -14,6 +14,8 @@ use shared_types::codes::{CommandRefusal, LoopState};
 use shared_types::ipc::{IpcOptions, Role, RoleLock};
 use shared_types::valid::Command;
 
+use crate::number::rate;
+
 /// How long a controller is waited for.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// How long `pcc stop` waits for a reply before it tells the controller by a signal, too.
@@ -23,7 +25,7 @@ const SIGNAL_AFTER: Duration = Duration::from_millis(50);
 #[derive(Args)]
 pub(crate) struct SpeedArguments {
     /// Rate at which the path time runs, 0 (stand still on the path) to 1.
-    #[arg(allow_negative_numbers = true)]
+    #[arg(value_parser = rate())]
     rate: f64,
 }
 

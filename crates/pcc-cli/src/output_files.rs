@@ -15,23 +15,20 @@ pub(crate) fn make_writable(folder: &Path) -> anyhow::Result<()> {
 /// Finds out whether a file can be written before it is computed: its folder, which is made, and that nothing lies there but
 /// a file that it can take the place of. A device or a pipe would be gone.
 pub(crate) fn make_writable_for(file: &Path) -> anyhow::Result<()> {
-    if file.is_dir() {
-        bail!(
+    match fs::symlink_metadata(file) {
+        Ok(there) if there.is_dir() => bail!(
             "{} is a folder; the name of a file is needed",
             file.display()
-        );
-    }
-    let there = file.symlink_metadata();
-    if there.is_ok_and(|there| !there.is_file()) {
-        bail!(
+        ),
+        Ok(there) if !there.is_file() => bail!(
             "{} is there and no regular file; the name of a new file, or of one to be replaced, is needed",
             file.display()
-        );
+        ),
+        _ => {}
     }
-    match file.parent() {
-        Some(folder) if folder != Path::new("") => make_writable(folder),
-        _ => make_writable(Path::new(".")),
-    }
+    let folder = file.parent().filter(|folder| *folder != Path::new(""));
+    make_writable(folder.unwrap_or(Path::new(".")))
+        .with_context(|| format!("cannot write {}", file.display()))
 }
 
 /// Refuses a folder that has one of these files already.
@@ -58,4 +55,26 @@ pub(crate) fn write_whole(file: &Path, text: &str) -> anyhow::Result<()> {
 /// A name beside a file, of this process alone.
 fn part_of(file: &Path) -> PathBuf {
     file.with_extension(format!("{}.part", std::process::id()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn only_a_file_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("file"), "").unwrap();
+        make_writable_for(&at("file")).unwrap();
+        make_writable_for(&at("free")).unwrap();
+        symlink("/dev/null", at("device")).unwrap();
+        symlink("loop", at("loop")).unwrap();
+        for name in ["device", "loop", "file/below", ""] {
+            let path = at(name);
+            let said = make_writable_for(&path).unwrap_err().to_string();
+            assert!(said.contains(path.to_str().unwrap()), "{said}");
+        }
+    }
 }

@@ -1,14 +1,15 @@
 //! `pcc plan`: asks the daemon for candidates, shows them, and can have one executed.
 
-use crate::number::{candidates, finite, share};
+use crate::asked::{Asked, Wrong};
+use crate::number::{self, balls_of};
 use anyhow::bail;
 use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
-use shared_types::capacity::{DOF, MAX_BALLS};
+use shared_types::capacity::DOF;
 use shared_types::codes::{Outcome, Sampler, Selection, Source, Stage};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
-use shared_types::valid::{Goal, PlanReport, PlanRequest, SelectionRule};
+use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
 use std::time::{Duration, Instant};
 
 /// How long a running daemon and controller are looked for.
@@ -49,31 +50,30 @@ enum SelectionName {
 /// Arguments of `pcc plan`.
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// Tip position to reach, metres, base frame.
-    #[arg(long, num_args = 3, action = ArgAction::Set, value_parser = finite, value_names = ["X", "Y", "Z"], allow_negative_numbers = true, required_unless_present = "configuration")]
+    /// Tip position to reach, metres (-1000 to 1000), base frame.
+    #[arg(long, num_args = 3, action = ArgAction::Set, value_parser = number::metres(), value_names = ["X", "Y", "Z"], required_unless_present = "configuration")]
     tip: Option<Vec<f64>>,
-    /// Configuration to reach instead, radians.
+    /// Configuration to reach instead, radians (-π to π, and within the robot's bending limit).
     #[arg(
         long,
         num_args = 6,
         action = ArgAction::Set,
-        value_parser = finite,
+        value_parser = number::radians(),
         value_name = "RAD",
-        allow_negative_numbers = true,
         conflicts_with = "tip"
     )]
     configuration: Option<Vec<f64>>,
-    /// Start configuration, radians; without it, where the controller holds the robot.
-    #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = finite, value_name = "RAD", allow_negative_numbers = true)]
+    /// Start configuration, radians (as --configuration); without it, where the controller holds the robot.
+    #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = number::radians(), value_name = "RAD")]
     start: Option<Vec<f64>>,
-    /// An obstacle, metres; may be given up to 64 times.
-    #[arg(long, num_args = 4, action = ArgAction::Append, value_parser = finite, value_names = ["X", "Y", "Z", "RADIUS"], allow_negative_numbers = true)]
+    /// An obstacle, metres (coordinates from -1000 to 1000, a radius from 0 to 1000); may be given up to 64 times.
+    #[arg(long, num_args = 4, action = ArgAction::Append, value_parser = number::metres(), value_names = ["X", "Y", "Z", "RADIUS"])]
     ball: Vec<f64>,
     /// Candidates wanted (1 to 64).
-    #[arg(long, default_value_t = 10, value_parser = candidates())]
+    #[arg(long, default_value_t = 10, value_parser = number::candidates())]
     candidates: usize,
-    /// Seed; the same request and seed give the same answer.
-    #[arg(long, default_value_t = 0)]
+    /// Seed (0 to 2^64 - 1); the same request and seed give the same answer.
+    #[arg(long, default_value_t = 0, value_parser = number::any())]
     seed: u64,
     /// Who proposes paths.
     #[arg(long, value_enum, default_value = "default")]
@@ -81,14 +81,14 @@ pub(crate) struct Arguments {
     /// Which candidate is selected.
     #[arg(long, value_enum, default_value = "shortest-time")]
     select: SelectionName,
-    /// Select the candidate with this index (as the table shows) instead.
-    #[arg(long, conflicts_with = "select")]
+    /// Select the candidate with this index (as the table shows, below --candidates) instead.
+    #[arg(long, conflicts_with = "select", value_parser = number::candidate_index())]
     index: Option<usize>,
     /// Deadline, milliseconds, at most 60000 (0: the daemon's default).
-    #[arg(long, default_value_t = 0, value_parser = clap::value_parser!(u64).range(0..=60_000))]
+    #[arg(long, default_value_t = 0, value_parser = number::deadline_ms())]
     deadline_ms: u64,
-    /// Share of the tendon limits to use, above 0 and at most 1.
-    #[arg(long, default_value_t = 1.0, value_parser = share)]
+    /// Share of the tendon limits to use (1e-9 to 1).
+    #[arg(long, default_value_t = 1.0, value_parser = number::limits_scale())]
     limits_scale: f64,
     /// Have the selected candidate executed.
     #[arg(long)]
@@ -104,7 +104,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let round_trip = clock.elapsed();
     let report = answer.report();
     if !report.outcome.has_candidates() || report.candidates.is_empty() {
-        bail!("{}", explain(report));
+        bail!("{}", arguments.explain(report));
     }
     print_answer(&answer, round_trip);
     match report.outcome {
@@ -115,19 +115,16 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 impl Arguments {
     fn request(&self, options: &IpcOptions) -> anyhow::Result<PlanRequest> {
-        let count = self.ball.len() / 4;
-        if count > MAX_BALLS {
-            bail!("{count} of --ball: at most {MAX_BALLS} are allowed");
-        }
         if let Some(index) = self.index.filter(|index| *index >= self.candidates) {
             bail!(
                 "--index {index}: 0 to {}, below --candidates, are allowed",
                 self.candidates - 1
             );
         }
-        let balls = self.ball.chunks_exact(4).map(|b| Ball {
-            centre_m: [b[0], b[1], b[2]],
-            radius_m: b[3],
+        let balls = balls_of(&self.ball, MAX_LENGTH_M, "m")?.into_iter();
+        let balls = balls.map(|[x, y, z, radius_m]| Ball {
+            centre_m: [x, y, z],
+            radius_m,
         });
         let start = match &self.start {
             Some(values) => six(values),
@@ -157,6 +154,28 @@ impl Arguments {
             }),
             (None, Some(shape)) => Ok(Goal::Configuration(six(shape))),
             (None, None) => bail!("--tip or --configuration is needed"),
+        }
+    }
+}
+
+impl Arguments {
+    /// The outcome, its reason, which may begin with the outcome's own words, and the options that it is about.
+    fn explain(&self, report: &PlanReport) -> String {
+        let outcome = report.outcome.text();
+        let reason = match report.reason.as_str() {
+            "" => format!("{outcome}: no candidate"),
+            reason if reason.starts_with(outcome) => reason.to_owned(),
+            reason => format!("{outcome}: {reason}"),
+        };
+        let asked = Asked {
+            start: self.start.as_deref(),
+            tip: self.tip.as_deref(),
+            configuration: self.configuration.as_deref(),
+            balls: &self.ball,
+        };
+        match Wrong::of(report.outcome) {
+            Some(wrong) => format!("{reason} ({})", asked.blamed(&wrong)),
+            None => reason,
         }
     }
 }
@@ -203,18 +222,6 @@ fn held_configuration(options: &IpcOptions) -> anyhow::Result<[f64; DOF]> {
     bail!(
         "no controller within {PATIENCE:?}: start it, set PCC_PREFIX and PCC_ROOT to where it runs, or give --start"
     )
-}
-
-/// The outcome and its reason, which may begin with the outcome's own words.
-fn explain(report: &PlanReport) -> String {
-    let outcome = report.outcome.text();
-    if report.reason.is_empty() {
-        format!("{outcome}: no candidate")
-    } else if report.reason.starts_with(outcome) {
-        report.reason.clone()
-    } else {
-        format!("{outcome}: {}", report.reason)
-    }
 }
 
 fn print_answer(answer: &PlanAnswer, round_trip: Duration) {

@@ -1,5 +1,6 @@
 //! Planners by name, with the models where they are needed.
 
+use crate::number::{evaluations, steps};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use denoiser::{FastModel, Manifest, Precision, Solver, TemporalUnet};
@@ -63,10 +64,10 @@ pub(crate) struct ModelArguments {
     #[arg(long)]
     model: Option<String>,
     /// Evaluations of the network by `fast` and `default` (1, 2, 4 or 8); without it as many as the weights say.
-    #[arg(long)]
+    #[arg(long, value_parser = evaluations())]
     evaluations: Option<usize>,
     /// Evaluations of the diffusion planners' network (1 to 1000); without it the paper's 50.
-    #[arg(long)]
+    #[arg(long, value_parser = steps())]
     steps: Option<usize>,
     /// Solver of the diffusion planners: `ddim`, the paper's, which it is without this, or `dpm-solver` (DPM-Solver++(2M)).
     #[arg(long)]
@@ -78,16 +79,17 @@ pub(crate) struct ModelArguments {
 }
 
 impl ModelArguments {
-    fn settings(&self) -> anyhow::Result<DiffusionSettings> {
-        let steps = self.steps.unwrap_or(STEPS);
-        if !(1..=1000).contains(&steps) {
-            bail!("--steps {steps}: 1 to 1000 are allowed");
-        }
-        Ok(DiffusionSettings {
+    fn settings(&self) -> DiffusionSettings {
+        DiffusionSettings {
             solver: self.solver.unwrap_or(Solver::Ddim),
-            steps,
+            steps: self.steps.unwrap_or(STEPS),
             precision: self.precision.unwrap_or(Precision::Single),
-        })
+        }
+    }
+
+    /// Names the option that an error about missing weights is about.
+    fn named(&self, name: &str) -> String {
+        format!("--weights {} --model {name}", self.weights.display())
     }
 
     /// Names the weights that an error is about.
@@ -212,14 +214,18 @@ pub(crate) fn load(
         }
         Some(Sampler::Straight | Sampler::RrtConnect) | None => {}
     }
-    let planner = Planner::new(robot, models, threads).context("the planner could not be made")?;
+    let planner = Planner::new(robot, models, threads).with_context(|| {
+        format!("the planner could not be made (--threads {threads}: fewer are needed where no more can be started)")
+    })?;
     Ok(Loaded { planner, records })
 }
 
 fn load_fast(robot: &Robot, arguments: &ModelArguments) -> anyhow::Result<(FastModel, FastRecord)> {
     let manifest = Manifest::open(&arguments.weights)?;
     let name = arguments.model.as_deref().unwrap_or(FAST_WEIGHTS);
-    let file = manifest.weights(name)?;
+    let file = manifest
+        .weights(name)
+        .with_context(|| arguments.named(name))?;
     let mut model = FastModel::from_weights(&file, robot.bending_limit)
         .with_context(|| arguments.refused(name))?;
     if let Some(evaluations) = arguments.evaluations {
@@ -236,11 +242,14 @@ fn load_diffusion(
     robot: &Robot,
     arguments: &ModelArguments,
 ) -> anyhow::Result<(DiffusionModel, DiffusionRecord)> {
-    let settings = arguments.settings()?;
+    let settings = arguments.settings();
     let manifest = Manifest::open(&arguments.weights)?;
     let name = arguments.model.as_deref().unwrap_or(DIFFUSION_WEIGHTS);
-    let unet = TemporalUnet::load(&manifest.weights(name)?, robot.bending_limit)
-        .with_context(|| arguments.refused(name))?;
+    let file = manifest
+        .weights(name)
+        .with_context(|| arguments.named(name))?;
+    let unet =
+        TemporalUnet::load(&file, robot.bending_limit).with_context(|| arguments.refused(name))?;
     let model = DiffusionModel::new(unet, settings)?;
     let record = DiffusionRecord {
         weights: WeightsRecord::of(&manifest, name)?,

@@ -2,6 +2,7 @@
 
 use clap::{Args, Subcommand};
 use client::ScenePublisher;
+use shared_types::capacity::SOURCE_NAME_BYTES;
 use shared_types::ipc::IpcOptions;
 use std::time::Duration;
 
@@ -21,8 +22,17 @@ enum Action {
     /// for any more.
     Leave {
         /// The source's name, as the daemon says it: 1 to 32 characters of printable ASCII.
+        #[arg(value_parser = source_name)]
         source: String,
     },
+}
+
+fn source_name(text: &str) -> Result<String, String> {
+    let is_name = (1..=SOURCE_NAME_BYTES).contains(&text.len())
+        && text.bytes().all(|byte| matches!(byte, b' '..=b'~'));
+    is_name
+        .then(|| text.to_owned())
+        .ok_or_else(|| format!("1 to {SOURCE_NAME_BYTES} characters of printable ASCII are needed"))
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {

@@ -1,19 +1,19 @@
 //! `pcc trace`: how noise becomes a path, step by step, for pictures of the reverse process.
 
-use crate::number::finite;
+use crate::asked::{Asked, Wrong};
+use crate::number::{self, balls_of};
 use crate::output_files::make_writable_for;
-use crate::planner::{ModelArguments, PlannerName, load};
+use crate::planner::{ModelArguments, PlannerName, load, name_of};
 use crate::robot::unit_robot;
-use anyhow::{Context, bail};
+use anyhow::{Context, anyhow, bail};
 use clap::{ArgAction, Args};
-use collision::{Ball, Scene};
+use collision::{Ball, MAX_EXTENT, Scene};
 use pcc_model::{Configuration, DOF, Point, Robot};
 use planning::dataset::ArchiveWriter;
 use planning::scenes::random_configuration;
-use planning::{Goal, Problem, Sampler, WAYPOINTS, Waypoints};
+use planning::{Goal, PlannerError, Problem, Sampler, WAYPOINTS, Waypoints};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
-use shared_types::capacity::MAX_BALLS;
 use std::path::PathBuf;
 
 /// Random shapes looked at for a start that is clear.
@@ -22,23 +22,23 @@ const START_DRAWS: usize = 1000;
 /// Arguments of `pcc trace`.
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// Tip position to reach, section lengths, base frame.
-    #[arg(long, required = true, num_args = 3, action = ArgAction::Set, value_parser = finite, value_names = ["X", "Y", "Z"], allow_negative_numbers = true)]
+    /// Tip position to reach, section lengths (-1000 to 1000), base frame.
+    #[arg(long, required = true, num_args = 3, action = ArgAction::Set, value_parser = number::section_lengths(), value_names = ["X", "Y", "Z"])]
     tip: Vec<f64>,
-    /// Start configuration, radians; without it the straight one.
-    #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = finite, value_name = "RAD", allow_negative_numbers = true)]
+    /// Start configuration, radians (-π to π, and within the robot's bending limit); without it the straight one.
+    #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = number::radians(), value_name = "RAD")]
     start: Option<Vec<f64>>,
     /// Start from a random configuration that is clear, drawn from the seed.
     #[arg(long, conflicts_with = "start")]
     random_start: bool,
-    /// An obstacle, section lengths; may be given up to 64 times.
-    #[arg(long, num_args = 4, action = ArgAction::Append, value_parser = finite, value_names = ["X", "Y", "Z", "RADIUS"], allow_negative_numbers = true)]
+    /// An obstacle, section lengths (coordinates from -1e7 to 1e7, a radius from 0 to 1e7); may be given up to 64 times.
+    #[arg(long, num_args = 4, action = ArgAction::Append, value_parser = number::extents(), value_names = ["X", "Y", "Z", "RADIUS"])]
     ball: Vec<f64>,
     /// Which of the diffusion planners.
     #[arg(long, value_enum, default_value = "diffusion-post")]
     planner: PlannerName,
-    /// Seed of the noise.
-    #[arg(long, default_value_t = 0)]
+    /// Seed of the noise (0 to 2^64 - 1).
+    #[arg(long, default_value_t = 0, value_parser = number::any())]
     seed: u64,
     #[command(flatten)]
     models: ModelArguments,
@@ -53,13 +53,17 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let Some(Sampler::Diffusion(guidance)) = arguments.planner.sampler() else {
-        bail!("--planner: diffusion, diffusion-post and diffusion-guided are allowed");
+        bail!(
+            "--planner {}: diffusion, diffusion-post and diffusion-guided are allowed",
+            name_of(&arguments.planner)
+        );
     };
     make_writable_for(&arguments.out)?;
     let robot = unit_robot(&arguments.robot)?;
     let planner = load(arguments.planner, &robot, &arguments.models, 1)?.planner;
     let problem = arguments.problem(planner.robot())?;
-    let trace = planner.trace(&problem, guidance, arguments.seed)?;
+    let trace = planner.trace(&problem, guidance, arguments.seed);
+    let trace = trace.map_err(|error| arguments.explain(error))?;
     write(&arguments.out, planner.robot(), &trace)?;
     let last = &trace[trace.len() - 1];
     let miss =
@@ -73,14 +77,27 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 impl Arguments {
-    fn problem(&self, robot: &Robot) -> anyhow::Result<Problem> {
-        let count = self.ball.len() / 4;
-        if count > MAX_BALLS {
-            bail!("{count} of --ball: at most {MAX_BALLS} are allowed");
+    /// An error with the options that it is about.
+    fn explain(&self, error: PlannerError) -> anyhow::Error {
+        let asked = Asked {
+            start: self.start.as_deref(),
+            tip: Some(&self.tip),
+            configuration: None,
+            balls: &self.ball,
+        };
+        match error {
+            PlannerError::Infeasible(reason) => {
+                anyhow!("{reason} ({})", asked.blamed(&Wrong::from(&reason)))
+            }
+            error => error.into(),
         }
-        let balls = self.ball.chunks_exact(4).map(|b| Ball {
-            centre: Point::new(b[0], b[1], b[2]),
-            radius: b[3],
+    }
+
+    fn problem(&self, robot: &Robot) -> anyhow::Result<Problem> {
+        let balls = balls_of(&self.ball, MAX_EXTENT, "section lengths")?.into_iter();
+        let balls = balls.map(|[x, y, z, radius]| Ball {
+            centre: Point::new(x, y, z),
+            radius,
         });
         let problem = |start, scene: &Scene| Problem {
             start,

@@ -1,6 +1,6 @@
 //! `pcc watch`: the live state of controller and robot in the terminal.
 
-use anyhow::bail;
+use crate::number::{any, shown_hz};
 use clap::Args;
 use client::{ControllerView, RobotView};
 use shared_types::clock::mono_now_ns;
@@ -18,24 +18,20 @@ use std::time::Duration;
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Times a second, 0.1 to 100.
-    #[arg(long, default_value_t = 5.0)]
+    #[arg(long, default_value_t = 5.0, value_parser = shown_hz())]
     rate_hz: f64,
-    /// Show the state this many times, then end (0: until interrupted).
-    #[arg(long, default_value_t = 0)]
+    /// Show the state this many times (0 to 2^64 - 1), then end (0: until interrupted).
+    #[arg(long, default_value_t = 0, value_parser = any())]
     times: u64,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let rate_hz = arguments.rate_hz;
-    if !(0.1..=100.0).contains(&rate_hz) {
-        bail!("--rate-hz {rate_hz}: 0.1 to 100 are allowed");
-    }
     let options = IpcOptions::from_env();
     let (mut controller, mut robot) = (
         ControllerView::connect(&options)?,
         RobotView::connect(&options)?,
     );
-    let pause = Duration::from_secs_f64(1.0 / rate_hz);
+    let pause = Duration::from_secs_f64(1.0 / arguments.rate_hz);
     let mut out = std::io::stdout();
     let clear = if out.is_terminal() {
         "\x1b[H\x1b[2J"

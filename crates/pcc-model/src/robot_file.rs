@@ -13,6 +13,8 @@ use thiserror::Error;
 const SECTION_LENGTHS_M: [f64; 2] = [1e-4, 1e3];
 /// Distances of a tendon from the backbone, and radii of a spool, m.
 const SMALL_RADII_M: [f64; 2] = [1e-6, 1e3];
+/// Angles of a tendon around the backbone, degrees.
+const ANGLES_DEG: [f64; 2] = [-360.0, 360.0];
 /// Bending angles that a section may reach, rad: below, a motion is lost among the tolerances it is certified for.
 const BENDING_LIMITS_RAD: [f64; 2] = [0.01, PI];
 /// Tendon velocities, m/s.
@@ -156,16 +158,10 @@ impl RobotFile {
         if count > MAX_TENDONS {
             return Err(RobotFileError::TendonCount { count });
         }
-        // The map refuses a radius that is not above 0 and an angle that is none, by the tendon's number.
         for (i, tendon) in self.tendons.iter().enumerate() {
-            if tendon.radius_m > 0.0 {
-                let key = format!("tendons[{i}].radius_m");
-                within(&key, tendon.radius_m, SMALL_RADII_M, "m")?;
-            }
-            if tendon.angle_deg.is_finite() {
-                let key = format!("tendons[{i}].angle_deg");
-                within(&key, tendon.angle_deg, [-360.0, 360.0], "degrees")?;
-            }
+            let key = |name: &str| format!("tendons[{i}].{name}");
+            within(&key("radius_m"), tendon.radius_m, SMALL_RADII_M, "m")?;
+            within(&key("angle_deg"), tendon.angle_deg, ANGLES_DEG, "degrees")?;
         }
         Ok(())
     }

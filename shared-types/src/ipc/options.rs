@@ -36,10 +36,14 @@ pub struct IpcOptions {
 
 impl IpcOptions {
     /// `PCC_PREFIX` and `PCC_ROOT` of the environment, or the defaults.
+    ///
+    /// What of the prefix is no text in UTF-8 is replaced by a character that no prefix may have: it is refused by name where
+    /// the services are joined.
     #[must_use]
     pub fn from_env() -> Self {
+        let prefix = env::var_os("PCC_PREFIX").unwrap_or_else(|| "pcc".into());
         Self {
-            prefix: env::var("PCC_PREFIX").unwrap_or_else(|_| "pcc".to_owned()),
+            prefix: prefix.to_string_lossy().into_owned(),
             root: env::var_os("PCC_ROOT").map_or_else(default_root, PathBuf::from),
         }
     }
@@ -67,6 +71,7 @@ impl IpcOptions {
             path: self.root.clone(),
             source,
         };
+        self.iox_root()?;
         let length = self.root.as_os_str().len() + self.prefix.len();
         if length > LONGEST_ROOT_AND_PREFIX {
             return Err(io(io::Error::other(format!(
@@ -95,19 +100,21 @@ impl IpcOptions {
         })
     }
 
-    /// The iceoryx2 configuration: nothing of a system-wide configuration file has a part in it.
-    pub(super) fn config(&self) -> Result<Config, IpcError> {
-        let invalid_root = || IpcError::Root {
+    /// The root directory as iceoryx2 is told, which refuses some characters.
+    fn iox_root(&self) -> Result<IoxPath, IpcError> {
+        let text = self.root.to_str();
+        let root = text.and_then(|root| IoxPath::new(root.as_bytes()).ok());
+        root.ok_or_else(|| IpcError::Root {
             path: self.root.clone(),
             source: io::Error::other(
-                "the path is too long or has characters that iceoryx2 refuses",
+                "only text in UTF-8 without control characters and < > \" | ? * is allowed",
             ),
-        };
-        let root = self
-            .root
-            .to_str()
-            .and_then(|root| IoxPath::new(root.as_bytes()).ok())
-            .ok_or_else(invalid_root)?;
+        })
+    }
+
+    /// The iceoryx2 configuration: nothing of a system-wide configuration file has a part in it.
+    pub(super) fn config(&self) -> Result<Config, IpcError> {
+        let root = self.iox_root()?;
         let prefix =
             FileName::new(self.file_prefix().as_bytes()).map_err(|_| IpcError::InvalidPrefix {
                 prefix: self.prefix.clone(),
@@ -144,6 +151,9 @@ fn default_root() -> PathBuf {
 
 #[cfg(test)]
 mod tests {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+
     use super::*;
 
     fn options(prefix: &str, root: &Path) -> IpcOptions {
@@ -165,5 +175,16 @@ mod tests {
         }
         let root = directory.path().join("root");
         options("pcc-2_A", &root).prepare().unwrap();
+    }
+
+    #[test]
+    fn a_root_that_no_service_can_have_is_refused_before_it_is_made() {
+        let directory = tempfile::tempdir().unwrap();
+        for name in [&b"\xff"[..], b"a\nb", b"a*"] {
+            let root = directory.path().join(OsStr::from_bytes(name));
+            let said = options("pcc", &root).prepare().unwrap_err().to_string();
+            assert!(said.contains("PCC_ROOT") && said.contains("only"), "{said}");
+            assert!(!root.exists());
+        }
     }
 }

@@ -64,7 +64,7 @@ wire_message! {
         pub goal_configuration_rad: [f64; DOF],
         /// Distance from the goal tip that counts as reached, metres; 0: a hundredth of a section's length.
         pub tip_tolerance_m: f64,
-        /// Share of the tendon limits to use, 0 < scale <= 1.
+        /// Share of the tendon limits to use, 1e-9 to 1.
         pub limits_scale: f64,
         /// When the motion is to begin if executed, nanoseconds of `CLOCK_MONOTONIC`; 0: as soon as possible.
         pub begin_mono_ns: i64,

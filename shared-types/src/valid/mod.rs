@@ -38,6 +38,8 @@ pub const MAX_LENGTH_M: f64 = 1e3;
 pub const MAX_ANGLE_RAD: f64 = 1e3;
 /// Largest magnitude of a velocity or an acceleration, per s or s².
 pub const MAX_RATE: f64 = 1e6;
+/// Least share of the tendon limits that a plan may ask for: with less, every motion takes longer than the longest one.
+pub const LEAST_LIMITS_SCALE: f64 = 1e-9;
 /// Longest motion, s.
 pub const MAX_DURATION_S: f64 = 1e6;
 

@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use super::{
-    Invalid, Quantity, Reason, check_array, check_code, check_count, check_distance, check_flag,
-    check_radius, check_range, check_stamp, check_version, invalid, invalid_at,
+    Invalid, LEAST_LIMITS_SCALE, Quantity, Reason, check_array, check_code, check_count,
+    check_distance, check_flag, check_radius, check_range, check_stamp, check_version, invalid,
+    invalid_at,
 };
 use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES};
 use crate::codes::{GoalKind, Sampler, Selection};
@@ -70,7 +71,7 @@ pub struct PlanRequest {
     pub start_acceleration_rad_s2: [f64; DOF],
     /// Where to.
     pub goal: Goal,
-    /// Share of the tendon limits, 0 < scale <= 1.
+    /// Share of the tendon limits, [`LEAST_LIMITS_SCALE`] to 1.
     pub limits_scale: f64,
     /// When the motion begins if executed, nanoseconds of `CLOCK_MONOTONIC`; none: as soon as possible.
     pub begin_mono_ns: Option<i64>,
@@ -245,7 +246,7 @@ fn goal(wire: &message::PlanRequest) -> Result<Goal, Invalid> {
 }
 
 fn limits_scale(scale: f64) -> Result<f64, Invalid> {
-    check_range(scale, f64::MIN_POSITIVE, 1.0, "0 < scale <= 1")
+    check_range(scale, LEAST_LIMITS_SCALE, 1.0, "1e-9..=1")
         .map_err(|reason| invalid("limits_scale", reason))
 }
 

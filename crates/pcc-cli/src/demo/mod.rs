@@ -4,6 +4,7 @@ mod mission;
 mod motion;
 mod recording;
 
+use crate::number::any;
 use crate::output_files::{make_writable, refuse_existing};
 use clap::Args;
 use pcc_model::Robot;
@@ -19,8 +20,8 @@ pub(crate) struct Arguments {
     /// Robot file; the same that the daemon and the controller use.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
-    /// Seed of the plans.
-    #[arg(long, default_value_t = 0)]
+    /// Seed of the plans (0 to 2^64 - 1).
+    #[arg(long, default_value_t = 0, value_parser = any())]
     seed: u64,
 }
 

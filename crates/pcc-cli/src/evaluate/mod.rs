@@ -4,12 +4,12 @@ mod arrays;
 mod proposals;
 mod summary;
 
-use crate::number::threads;
+use crate::number;
 use crate::output_files::{make_writable, write_whole};
 use crate::planner::{Loaded, ModelArguments, PlannerName, load, name_of};
 use crate::robot::unit_robot;
 use anyhow::{Context, bail};
-use clap::{Args, ValueEnum, builder::RangedU64ValueParser};
+use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::SECTIONS;
 use planning::dataset::{Case, Dataset, Split};
@@ -44,20 +44,19 @@ pub(crate) struct Arguments {
     #[arg(long)]
     proposals: Option<PathBuf>,
     /// Candidates a case (1 to 64).
-    #[arg(long, default_value_t = 10)]
+    #[arg(long, default_value_t = 10, value_parser = number::candidates())]
     candidates: usize,
-    /// Seed; case i is planned with seed + i (modulo 2^64).
-    #[arg(long, default_value_t = 0)]
+    /// Seed (0 to 2^64 - 1); case i is planned with seed + i (modulo 2^64).
+    #[arg(long, default_value_t = 0, value_parser = number::any())]
     seed: u64,
     /// Only the first N cases, at least 1.
-    #[arg(long, value_parser = RangedU64ValueParser::<usize>::new().range(1..))]
+    #[arg(long, value_parser = number::cases())]
     cases: Option<usize>,
     /// Worker threads of the planner, at most 256 (0: one a core).
-    #[arg(long, default_value_t = 0, value_parser = threads())]
+    #[arg(long, default_value_t = 0, value_parser = number::threads())]
     threads: usize,
     /// Corrections that a drawn path gets before it is given up (0 to 2).
-    #[arg(long, default_value_t = MOST_CORRECTIONS,
-        value_parser = RangedU64ValueParser::<usize>::new().range(0..=MOST_CORRECTIONS as u64))]
+    #[arg(long, default_value_t = MOST_CORRECTIONS, value_parser = number::corrections())]
     corrections: usize,
     /// Robot file.
     #[arg(long, default_value = "config/robots/unit.toml")]
@@ -77,9 +76,6 @@ pub(crate) struct Answer {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    if !(1..=64).contains(&arguments.candidates) {
-        bail!("--candidates {}: 1 to 64 are allowed", arguments.candidates);
-    }
     let robot = unit_robot(&arguments.robot)?;
     let Loaded { planner, records } = load(
         arguments.planner,
@@ -132,7 +128,10 @@ impl Arguments {
         match (self.planner, &self.proposals) {
             (PlannerName::Proposed, Some(file)) => proposals::read(file, self.candidates).map(Some),
             (PlannerName::Proposed, None) => bail!("--planner proposed needs --proposals FILE"),
-            (_, Some(_)) => bail!("--proposals goes with --planner proposed"),
+            (_, Some(file)) => bail!(
+                "--proposals {} goes with --planner proposed",
+                file.display()
+            ),
             (_, None) => Ok(None),
         }
     }

@@ -118,20 +118,16 @@ const BAD: &[(Change, PlanField, &str)] = &[
         PlanField::GoalConfiguration,
         "[3]",
     ),
-    (
-        |r| r.limits_scale = 0.0,
-        PlanField::LimitsScale,
-        "0 < scale <= 1",
-    ),
+    (|r| r.limits_scale = 0.0, PlanField::LimitsScale, "1e-9..=1"),
     (
         |r| r.limits_scale = -0.5,
         PlanField::LimitsScale,
-        "0 < scale <= 1",
+        "1e-9..=1",
     ),
     (
         |r| r.limits_scale = 1.0 + 1e-12,
         PlanField::LimitsScale,
-        "0 < scale <= 1",
+        "1e-9..=1",
     ),
     (|r| r.limits_scale = f64::NAN, PlanField::LimitsScale, "NaN"),
     (|r| r.begin_mono_ns = -1, PlanField::Begin, "0 or later"),
