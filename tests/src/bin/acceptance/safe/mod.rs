@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod controller;
+mod half_made;
 mod input;
 pub(crate) mod kills;
 mod pressure;
@@ -19,6 +20,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     relay::run,
     scene::run,
     users::run,
+    half_made::run,
     input::run,
     bad_input::run,
     pressure::run,
