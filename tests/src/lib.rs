@@ -31,4 +31,5 @@ pub mod starts;
 pub mod supervision;
 pub mod system_calls;
 pub mod trial;
+pub mod usage;
 pub mod world;
