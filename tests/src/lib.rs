@@ -22,6 +22,7 @@ pub mod priority;
 pub mod process;
 pub mod programs;
 pub mod raw;
+pub mod raw_daemon;
 pub mod raw_scene;
 pub mod recording;
 pub mod rounds;

@@ -5,6 +5,7 @@ mod controller;
 mod half_made;
 mod input;
 pub(crate) mod kills;
+mod pending_stops;
 mod pressure;
 mod relay;
 mod scene;
@@ -18,6 +19,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     stops::run,
     controller::run,
     relay::run,
+    pending_stops::run,
     scene::run,
     users::run,
     half_made::run,

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
+use pcc_model::Configuration;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use realtime::use_fifo_priority;
@@ -119,7 +120,7 @@ fn one_stop(
     orders: &mut Orders,
 ) -> anyhow::Result<()> {
     let now = stack.commanded();
-    let distance = |shape: &[f64; 6]| (now - (*shape).into()).norm();
+    let distance = |shape: &[f64; 6]| (now - Configuration::from(*shape)).norm();
     let is_second = distance(&SHAPES[1]) > distance(&SHAPES[0]);
     let id = stack.begin_motion(Goal::Configuration(SHAPES[usize::from(is_second)]))?;
     stack.wait_for_progress(id, 0.0)?;
