@@ -96,14 +96,43 @@ impl HeldThread {
     /// # Errors
     /// [`TraceError`].
     pub fn hold(thread_id: u32) -> Result<Self, TraceError> {
+        let held = Self::held(move || Ok((Traced::stop(thread_id)?, true)))?;
+        held.ok_or(TraceError::Gone { thread: thread_id })
+    }
+
+    /// Stops a thread that waits, has `begin` end its waiting, and holds it once so many more of its system calls have returned;
+    /// none, and the thread goes on, where it is about to write to standard output before that.
+    ///
+    /// # Errors
+    /// [`TraceError`].
+    pub fn hold_after(
+        thread_id: u32,
+        calls: usize,
+        begin: impl FnOnce() + Send + 'static,
+    ) -> Result<Option<Self>, TraceError> {
+        Self::held(move || {
+            let mut traced = Traced::stop(thread_id)?;
+            begin();
+            let is_there = traced.pass(calls)?;
+            Ok((traced, is_there))
+        })
+    }
+
+    /// Stops a thread; it is held where `stop` says so.
+    fn held(
+        stop: impl FnOnce() -> Result<(Traced, bool), TraceError> + Send + 'static,
+    ) -> Result<Option<Self>, TraceError> {
         let (release, released) = mpsc::channel();
         let (stands, standing) = mpsc::channel();
         // The thread that attaches has to let go, too.
         let holder = std::thread::spawn(move || {
-            let traced = Traced::stop(thread_id)?;
-            let _ = stands.send(());
-            // Either word or the end of the channel.
-            let _ = released.recv();
+            let (traced, is_held) = stop()?;
+            if is_held {
+                let _ = stands.send(());
+                // Either word or the end of the channel.
+                let _ = released.recv();
+            }
+            drop(stands);
             traced.detach()
         });
         let mut held = Self {
@@ -111,9 +140,9 @@ impl HeldThread {
             holder: Some(holder),
         };
         match standing.recv() {
-            Ok(()) => Ok(held),
-            // Its holder ended before it stood still.
-            Err(_) => held.end().map(|()| held),
+            Ok(()) => Ok(Some(held)),
+            // Its holder let go before anybody asked.
+            Err(_) => held.end().map(|()| None),
         }
     }
 
@@ -168,13 +197,30 @@ impl Traced {
         while begin.elapsed() < duration {
             self.request(libc::PTRACE_SYSCALL, self.signal)?;
             if self.wait()?
-                && let Some(number) = self.entered_call()?
+                && let Some((number, _)) = self.entered_call()?
             {
                 *counts.entry(number).or_insert(0) += 1;
             }
         }
         self.detach()?;
         Ok(counts)
+    }
+
+    /// Lets it go on until so many calls have returned; whether that was before it began to write to standard output.
+    fn pass(&mut self, calls: usize) -> Result<bool, TraceError> {
+        let mut returned = 0;
+        while returned < calls {
+            self.request(libc::PTRACE_SYSCALL, self.signal)?;
+            if !self.wait()? {
+                continue;
+            }
+            match self.entered_call()? {
+                Some((number, first)) if is_output(number, first) => return Ok(false),
+                Some(_) => {}
+                None => returned += 1,
+            }
+        }
+        Ok(true)
     }
 
     fn detach(self) -> Result<(), TraceError> {
@@ -218,8 +264,8 @@ impl Traced {
         Ok(at_call)
     }
 
-    /// The number of the call that it stopped at the entry of; none at its exit.
-    fn entered_call(&self) -> Result<Option<u64>, TraceError> {
+    /// The number and the first argument of the call that it stopped at the entry of; none at its exit.
+    fn entered_call(&self) -> Result<Option<(u64, u64)>, TraceError> {
         let mut information = MaybeUninit::<libc::ptrace_syscall_info>::zeroed();
         // SAFETY: `information` is as large as the address argument says, and outlives the call.
         let written = unsafe {
@@ -237,16 +283,24 @@ impl Traced {
         let information = unsafe { information.assume_init() };
         Ok(match information.op {
             // SAFETY: at an entry, the kernel has written this member.
-            libc::PTRACE_SYSCALL_INFO_ENTRY => Some(unsafe { information.u.entry.nr }),
+            libc::PTRACE_SYSCALL_INFO_ENTRY => Some(unsafe {
+                let entry = information.u.entry;
+                (entry.nr, entry.args[0])
+            }),
             _ => None,
         })
     }
+}
+
+fn is_output(call: u64, file: u64) -> bool {
+    u64::try_from(libc::SYS_write) == Ok(call) && file == 1
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::fs;
+    use std::io::{Read, Write};
     use std::process::{Child, Command, Stdio};
     use std::thread::sleep;
 
@@ -292,6 +346,25 @@ mod tests {
         held.release().unwrap();
         sleep(pause);
         assert!(written() > before);
+    }
+
+    #[test]
+    fn a_thread_is_held_after_so_many_calls_or_goes_on_where_it_writes_before() {
+        for (calls, is_held) in [(1, true), (10_000, false)] {
+            let mut command = Command::new("cat");
+            let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped());
+            let mut cat = BusyProgram(piped.spawn().unwrap());
+            sleep(Duration::from_millis(300));
+            let mut input = cat.0.stdin.take().unwrap();
+            let write = move || input.write_all(b"x").unwrap();
+            let held = HeldThread::hold_after(cat.0.id(), calls, write);
+            let held = held.unwrap_or_else(|error| panic!("{error}"));
+            assert_eq!(held.is_some(), is_held);
+            drop(held);
+            let mut output = String::new();
+            cat.0.stdout.take().unwrap().read_to_string(&mut output).unwrap();
+            assert_eq!(output, "x");
+        }
     }
 
     #[test]

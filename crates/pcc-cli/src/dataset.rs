@@ -9,7 +9,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use input_files::{read_text, shortened};
 use pcc_model::Robot;
 use planning::dataset::{
-    Counts, Dataset, LARGEST_STEP, Meta, PAPER_VERSION, Recipe, Row, TEACHER_VERSION, TERMINALS,
+    Counts, Dataset, GeneratorNotes, Meta, PAPER_VERSION, Recipe, Row, TEACHER_VERSION, TERMINALS,
     generate_block, generate_paper_block,
 };
 use planning::scenes::Setting;
@@ -295,11 +295,14 @@ impl<'a> Job<'a> {
     }
 
     fn meta(&self, config: serde_json::Value, counts: Counts) -> Meta {
-        let is_paper = self.arguments.method == Method::Paper;
+        let setting = self.recipe.setting;
         Meta {
             clearance_margin: self.robot.largest_tube_radius(),
             counts: Some(counts),
-            maximum_adjacent_configuration_step: is_paper.then_some(LARGEST_STEP),
+            generator: match self.arguments.method {
+                Method::Teacher => GeneratorNotes::of_expert(setting),
+                Method::Paper => GeneratorNotes::of_paper(setting),
+            },
             ..Meta::new(config)
         }
     }

@@ -12,6 +12,8 @@ use std::f64::consts::{SQRT_2, TAU};
 
 /// Clearance asked of targets and starts beyond the tube: 1.5 × 0.2 − 0.2 section lengths.
 const ENDPOINT_CLEARANCE: f64 = 0.1;
+/// Distance of the balls from the axis in the layouts of 2 and 4 balls, section lengths.
+pub(crate) const LAYOUT_RADIUS: f64 = 1.2;
 /// Starts drawn for one target.
 pub const STARTS: usize = 5;
 
@@ -93,7 +95,7 @@ pub(crate) fn draw_balls(setting: Setting, index: u64, rng: &mut Pcg64) -> Vec<B
 /// The authors' layouts of 0, 1, 2 or 4 balls of radius 0.4 at height 1.5.
 #[must_use]
 pub fn reference_layout(count: usize) -> Vec<Ball> {
-    let o = 1.2 / SQRT_2;
+    let o = LAYOUT_RADIUS / SQRT_2;
     let corners: &[(f64, f64)] = match count {
         0 => &[],
         1 => &[(0.0, 0.0)],

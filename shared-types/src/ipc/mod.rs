@@ -15,6 +15,7 @@ mod event;
 mod memory;
 mod node;
 mod node_counter;
+mod open_elsewhere;
 mod opening;
 mod options;
 mod own_memory;

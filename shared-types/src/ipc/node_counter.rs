@@ -31,6 +31,8 @@ const BYTES: usize = 16;
 pub(super) struct NodeCounter {
     path: PathBuf,
     suffix: String,
+    /// Open as long as it is needed: what nobody has open is a dead process's.
+    _file: File,
 }
 
 impl NodeCounter {
@@ -46,9 +48,14 @@ impl NodeCounter {
             .create_new(true)
             .mode(0o600)
             .open(&path)?;
-        let counter = Self { path, suffix };
-        file.write_all(&contents(next_number()?))?;
-        Ok(counter)
+        let written = next_number().and_then(|number| file.write_all(&contents(number)));
+        // Dropped where it could not be written.
+        let counter = Self {
+            path,
+            suffix,
+            _file: file,
+        };
+        written.map(|()| counter)
     }
 
     /// What iceoryx2 has to be told so that it takes this memory.

@@ -5,12 +5,13 @@
 //! would be mapped, or be waited for without end where it is empty, or could never be removed, so that a dead process of
 //! ours kept its place for ever. The two functions of the C library through which iceoryx2 reaches names are therefore
 //! defined here, with one rule more: what another user made is not there, and a name that another user has taken cannot be
-//! made. The linker takes a program's own definition before a shared library's.
+//! made. And a service's memory that has no size yet is memory that may not be read yet: iceoryx2 waits for that as long as it is
+//! told to, but for a size without end. The linker takes a program's own definition before a shared library's.
 
 use std::ffi::{CStr, OsStr, c_char, c_int};
 use std::os::fd::{IntoRawFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use rustix::fs::{AtFlags, CWD, Mode, OFlags, fstat, open, statat, unlink};
 use rustix::io::Errno;
@@ -18,11 +19,14 @@ use rustix::process::geteuid;
 
 /// Where POSIX shared memory has its names.
 pub(super) const FOLDER: &str = "/dev/shm";
+/// Ends the names of the memory of services, without which nobody can use one.
+const SERVICES_END: &str = "dynamic";
 
 /// Opens or makes shared memory as POSIX says, but never another user's.
 ///
 /// Returns a file descriptor, or −1 and the reason in `errno`: `ENOENT` also where the memory is another user's, `EACCES`
-/// also where it was to be made and another user has taken the name.
+/// also where it was to be made and another user has taken the name, and where it is a service's and its maker has not come to giving
+/// it a size.
 ///
 /// # Safety
 /// `name` points to a string that ends with a zero byte.
@@ -80,12 +84,21 @@ fn open_own(path: &PathBuf, flags: OFlags, mode: Mode) -> Result<OwnedFd, Errno>
     } else {
         Errno::NOENT
     };
-    match open(path, flags, mode) {
-        Ok(file) if fstat(&file)?.st_uid == geteuid().as_raw() => Ok(file),
-        Ok(_) => Err(foreign),
+    let opened = open(path, flags, mode).and_then(|file| Ok((fstat(&file)?, file)));
+    match opened {
+        Ok((data, _)) if data.st_uid != geteuid().as_raw() => Err(foreign),
+        Ok((data, _)) if data.st_size == 0 && is_only_opened(path, flags) => Err(Errno::ACCESS),
+        Ok((_, file)) => Ok(file),
+        // Somebody finds out whether its maker lives.
+        Err(Errno::WOULDBLOCK) => Err(Errno::ACCESS),
         Err(_) if is_foreign(path) => Err(foreign),
         Err(error) => Err(error),
     }
+}
+
+/// Whether somebody opens the memory of a service that another process makes.
+fn is_only_opened(path: &Path, flags: OFlags) -> bool {
+    !flags.contains(OFlags::CREATE) && path.extension().is_some_and(|end| end == SERVICES_END)
 }
 
 fn is_foreign(path: &PathBuf) -> bool {

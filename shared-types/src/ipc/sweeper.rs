@@ -1,27 +1,35 @@
 //! Removes shared memory whose maker was killed before it had a size, or before it could remove its node counter.
 //!
-//! iceoryx2 0.10.0 waits for such memory without end, whatever its time limits say: the case `MappingSizeIsZero` of
-//! `open_impl` in `iceoryx2-cal/src/dynamic_storage/posix_shared_memory.rs` is the only one without a limit. Opening a
-//! service, connecting two ports, and cleaning up after the dead all go through there. Once the name is gone, they go on.
+//! Programs that have only iceoryx2 0.10.0 wait for such memory without end, whatever its time limits say: the case
+//! `MappingSizeIsZero` of `open_impl` in `iceoryx2-cal/src/dynamic_storage/posix_shared_memory.rs` is the only one without a limit.
+//! Opening a service, connecting two ports, and cleaning up after the dead all go through there. For this project's processes
+//! it is memory that may not be read yet ([`super::own_memory`]), which iceoryx2 waits for as long as it is told to; but it
+//! stays until its name is gone.
+//!
+//! A maker that was only stopped keeps what it makes: it has it open ([`super::open_elsewhere`]).
 
 use std::collections::HashMap;
-use std::ffi::OsString;
-use std::fs;
-use std::os::unix::fs::MetadataExt;
+use std::ffi::{OsStr, OsString};
+use std::fs::{self, Metadata, OpenOptions};
+use std::io::{self, ErrorKind};
+use std::os::unix::ffi::OsStrExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use rustix::fs::OFlags;
 use rustix::process::geteuid;
 
 use super::IpcOptions;
 use super::node_counter::is_of_one_node;
+use super::open_elsewhere::Sole;
 use super::own_memory::FOLDER;
 
 /// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(200);
-/// Memory without a size, or a node counter, older than this has no living maker: these take microseconds.
+/// What is half-made for longer than this is looked at closely: it takes microseconds to make.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// Looks for abandoned memory of one prefix, in a thread of its own, until dropped.
@@ -70,25 +78,57 @@ fn sweep(prefix: &str, seen: &mut HashMap<OsString, Instant>) {
     for name in half_made {
         let since = *seen.entry(name.clone()).or_insert(now);
         if now - since >= PATIENCE {
-            // Another process may have been faster.
-            let _ = fs::remove_file(Path::new(FOLDER).join(name));
+            // Its maker may live, and another process may have been faster.
+            let _ = remove_abandoned(prefix, &Path::new(FOLDER).join(name));
         }
     }
 }
 
-fn half_made(prefix: &str) -> Vec<OsString> {
-    let user = geteuid().as_raw();
-    let is_half_made = |entry: &fs::DirEntry| {
-        let name = entry.file_name();
-        let Some(name) = name.to_str().filter(|name| name.starts_with(prefix)) else {
-            return false;
-        };
-        entry.metadata().is_ok_and(|data| {
-            let own_file = data.is_file() && data.uid() == user;
-            own_file && (data.len() == 0 || is_of_one_node(prefix, name))
-        })
+/// Removes what is still half-made, unless its maker lives.
+///
+/// # Errors
+/// What the system says; [`io::ErrorKind::WouldBlock`] where somebody has it open.
+fn remove_abandoned(prefix: &str, path: &Path) -> io::Result<()> {
+    let flags = OFlags::NOFOLLOW | OFlags::NONBLOCK;
+    let mut options = OpenOptions::new();
+    let options = options.write(true).custom_flags(flags.bits().cast_signed());
+    let file = options.open(path)?;
+    let _sole = match Sole::of(&file) {
+        Err(error) if error.kind() == ErrorKind::WouldBlock && !is_connection(path) => {
+            return Err(error);
+        }
+        // Where the system has no leases, age alone decides.
+        sole => sole.ok(),
     };
+    // Since it was listed it may have been finished, or made anew.
+    let (data, named) = (file.metadata()?, fs::symlink_metadata(path)?);
+    let is_the_same = (data.dev(), data.ino()) == (named.dev(), named.ino());
+    let name = path.file_name().unwrap_or_default();
+    if is_the_same && is_half_made(prefix, name, &named) {
+        fs::remove_file(path)?;
+    }
+    Ok(())
+}
+
+/// A connection of two ports has two makers, and the one waits for the other: a process that moves a robot must not wait for one that
+/// was stopped.
+fn is_connection(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end == "connection")
+}
+
+fn half_made(prefix: &str) -> Vec<OsString> {
     let entries = fs::read_dir(FOLDER).into_iter().flatten().flatten();
-    let names = entries.filter(is_half_made).map(|entry| entry.file_name());
-    names.collect()
+    let half_made = entries.filter(|entry| {
+        // The name is cheaper to look at than the file.
+        let is_ours = entry.file_name().as_bytes().starts_with(prefix.as_bytes());
+        let data = is_ours.then(|| entry.metadata());
+        data.is_some_and(|data| data.is_ok_and(|d| is_half_made(prefix, &entry.file_name(), &d)))
+    });
+    half_made.map(|entry| entry.file_name()).collect()
+}
+
+fn is_half_made(prefix: &str, name: &OsStr, data: &Metadata) -> bool {
+    let own_file = data.is_file() && data.uid() == geteuid().as_raw();
+    let is_counter = || name.to_str().is_some_and(|name| is_of_one_node(prefix, name));
+    own_file && (data.len() == 0 || is_counter())
 }

@@ -2,6 +2,7 @@
 
 use super::format::{DatasetError, Row, Split};
 use super::generate::BlockReport;
+use super::generator_notes::GeneratorNotes;
 use super::paper::PaperReport;
 use collision::MAX_EXTENT;
 use input_files::{read_text, shortened};
@@ -46,9 +47,9 @@ pub struct Meta {
     /// What became of the targets and paths asked for.
     #[serde(flatten)]
     pub counts: Option<Counts>,
-    /// Largest step between neighbouring waypoints, rad, where the generator has a limit.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub maximum_adjacent_configuration_step: Option<f64>,
+    /// How the generator works inside; not read.
+    #[serde(flatten, skip_deserializing)]
+    pub generator: GeneratorNotes,
     /// The code of each split in `split_indices`.
     #[serde(default)]
     pub split_codes: BySplit,
@@ -254,7 +255,7 @@ impl Meta {
             sphere_radius: 0.4,
             clearance_margin: 0.2,
             counts: None,
-            maximum_adjacent_configuration_step: None,
+            generator: GeneratorNotes::default(),
             split_codes: BySplit::default(),
             split_counts: None,
             config,

@@ -4,6 +4,7 @@ mod columns;
 mod features;
 mod format;
 mod generate;
+mod generator_notes;
 mod meta;
 mod paper;
 mod rows;
@@ -12,8 +13,9 @@ pub use arrays::{ArchiveError, ArchiveReader, ArchiveWriter};
 pub use features::{TrainingRows, training_rows};
 pub use format::{Case, Check, Dataset, DatasetError, Row, Split};
 pub use generate::{BlockReport, Recipe, TEACHER_VERSION, generate_block};
+pub use generator_notes::GeneratorNotes;
 pub use meta::{BySplit, Counts, Meta, Units};
 pub use paper::{
-    DroppedPaths, DroppedTargets, LARGEST_STEP, PAPER_VERSION, PaperReport, TERMINALS,
+    DroppedPaths, DroppedTargets, PAPER_VERSION, PaperReport, TERMINALS,
     generate_paper_block,
 };

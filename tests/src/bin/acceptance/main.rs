@@ -129,6 +129,13 @@ fn main() -> ExitCode {
     for group in suite.groups {
         group(&mut report, Scale { full });
     }
+    if let Some(groups) = report.unless_met() {
+        eprintln!(
+            "no group of {name} has {only:?} in its name; the groups are:\n  {}",
+            groups.join("\n  ")
+        );
+        return ExitCode::from(2);
+    }
     if report.finish() {
         ExitCode::SUCCESS
     } else {

@@ -43,6 +43,10 @@ pub(crate) struct Report {
     file: Option<PathBuf>,
     /// Groups without this in their names are left out.
     only: String,
+    /// The names of those that were.
+    left_out: Vec<String>,
+    /// Whether a group has it in its name.
+    is_met: bool,
     group: String,
     command: String,
 }
@@ -76,6 +80,8 @@ impl Report {
             record,
             file,
             only: String::new(),
+            left_out: Vec::new(),
+            is_met: false,
             group: String::new(),
             command: String::new(),
         }
@@ -89,8 +95,10 @@ impl Report {
         run: impl FnOnce(&mut Self) -> anyhow::Result<()>,
     ) {
         if !name.contains(&self.only) {
+            self.left_out.push(name.to_owned());
             return;
         }
+        self.is_met = true;
         if self
             .record
             .finished_groups
@@ -178,6 +186,11 @@ impl Report {
         let shown: Vec<&str> = offenders.iter().take(3).map(String::as_str).collect();
         let figure = format!("{} {}", offenders.len(), shown.join("; "));
         self.check(name, figure.trim().to_owned(), "0", offenders.is_empty());
+    }
+
+    /// The names of all groups, where none has what is asked for.
+    pub(crate) fn unless_met(&self) -> Option<&[String]> {
+        (!self.is_met).then_some(&self.left_out)
     }
 
     /// The last line; whether all passed.
@@ -275,6 +288,18 @@ mod unit {
         report.group("soak", "true", |_| panic!("it is not asked for"));
         report.group("latency, hard", "true", good);
         assert_eq!(report.record.checks.len(), 1);
+        assert_eq!(report.unless_met(), None);
+    }
+
+    #[test]
+    fn what_no_group_is_called_is_told_with_the_names_of_all() {
+        let mut report = Report::of(String::new(), None, String::new()).only("latncy");
+        report.group("soak", "true", |_| panic!("it is not asked for"));
+        report.group("latency, hard", "true", |_| panic!("it is not asked for"));
+        assert_eq!(
+            report.unless_met(),
+            Some(&["soak".to_owned(), "latency, hard".to_owned()][..])
+        );
     }
 
     #[test]

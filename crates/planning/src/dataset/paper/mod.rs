@@ -22,12 +22,13 @@ use rand_pcg::Pcg64;
 use repair::Repairer;
 use solver::PathSolver;
 use target::Place;
+pub(super) use solver::CONTINUITY;
 pub use target::TERMINALS;
 
 /// Version of [`generate_paper_block`]: another one makes other rows from the same recipe.
 pub const PAPER_VERSION: u32 = 1;
 /// Largest step between neighbouring waypoints of a path that [`generate_paper_block`] keeps, rad.
-pub const LARGEST_STEP: f64 = 0.4;
+pub(super) const LARGEST_STEP: f64 = 0.4;
 
 /// Why targets were dropped.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

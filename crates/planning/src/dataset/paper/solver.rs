@@ -10,7 +10,7 @@ pub(super) const ITERATIONS: usize = 200;
 /// Tip distance that counts as reached, section lengths.
 pub(super) const TOLERANCE: f64 = 1e-3;
 /// Gain of the descent of Σ‖ζ_{h+1} − ζ_h‖² in the null space of the tip.
-const CONTINUITY: f64 = 0.1;
+pub(in crate::dataset) const CONTINUITY: f64 = 0.1;
 /// Frame h has the place h + 1, so that the ends have neighbours to load, too.
 const PADDED: usize = WAYPOINTS + 2;
 

@@ -11,6 +11,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use tests::programs::{program, repository};
+use tests::usage::wait_with_usage;
 use toml::Table;
 
 use crate::{Report, Scale};
@@ -34,8 +35,12 @@ struct Outcome {
     status: Option<i32>,
     /// What it wrote.
     said: String,
-    /// Its largest resident memory, 10^6 bytes.
+    /// Its largest resident memory, 10^6 bytes; as the kernel counted it, from its start to its end.
     peak_mb: f64,
+    /// Processor time of all its threads, s.
+    processor_s: f64,
+    /// From its start to its end, s.
+    took_s: f64,
 }
 
 impl Outcome {
@@ -78,24 +83,24 @@ fn outcome(command: &mut Command, patience: Duration) -> Outcome {
         .stderr(file)
         .spawn()
         .unwrap();
-    let (begin, mut peak_mb) = (Instant::now(), 0.0_f64);
-    let status = loop {
-        peak_mb =
-            crate::machine::memory_mb(child.id(), "VmHWM:").map_or(peak_mb, |mb| mb.max(peak_mb));
-        if let Some(status) = child.try_wait().unwrap() {
-            break status.code();
+    let begin = Instant::now();
+    let mut is_late = false;
+    let (status, usage) = loop {
+        if let Some(ended) = wait_with_usage(&child).unwrap() {
+            break ended;
         }
-        if begin.elapsed() > patience {
+        if begin.elapsed() > patience && !is_late {
             child.kill().unwrap();
-            child.wait().unwrap();
-            break None;
+            is_late = true;
         }
         std::thread::sleep(Duration::from_millis(2));
     };
     Outcome {
-        status,
+        status: status.code(),
         said: String::from_utf8_lossy(&fs::read(&log).unwrap()).into_owned(),
-        peak_mb,
+        peak_mb: usage.peak_mb,
+        processor_s: usage.processor_s,
+        took_s: begin.elapsed().as_secs_f64(),
     }
 }
 

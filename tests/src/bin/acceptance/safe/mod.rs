@@ -2,8 +2,10 @@
 
 mod bad_input;
 mod controller;
+mod half_made;
 mod input;
 pub(crate) mod kills;
+mod pending_stops;
 mod pressure;
 mod relay;
 mod scene;
@@ -17,8 +19,10 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     stops::run,
     controller::run,
     relay::run,
+    pending_stops::run,
     scene::run,
     users::run,
+    half_made::run,
     input::run,
     bad_input::run,
     pressure::run,

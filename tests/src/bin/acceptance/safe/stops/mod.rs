@@ -14,6 +14,8 @@ use crate::{Report, Scale};
 
 /// Periods, ns: 4 kHz, 1 kHz, 400 Hz, 100 Hz.
 const PERIODS_NS: [i64; 4] = [250_000, 1_000_000, 2_500_000, 10_000_000];
+/// The largest step of jerk that each motion has at least, of the jerk limit.
+const LEAST_JERK_STEP: f64 = 0.1;
 /// How far above a limit rounding may bring a figure.
 const ROUNDING: f64 = 1.0 + 1e-6;
 /// Rounding of positions ÷ the square of the shortest cycle, ÷ the acceleration limit.
@@ -28,6 +30,12 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
 fn simulated(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
     let motions = motions::planned(&robot, scale.pick(8, 50))?;
+    let with_steps = motions::largest_jerk_steps(&robot, &motions);
+    let least = with_steps.iter().copied().fold(f64::INFINITY, f64::min);
+    let name = "defect 1: motions with steps of jerk, the least of their largest ÷ jerk limit";
+    let all_have = least >= LEAST_JERK_STEP;
+    let figure = format!("{least:.3} of {} motions", motions.len());
+    report.check(name, figure, &format!(">= {LEAST_JERK_STEP}, all"), all_have);
     let orders = scale.pick(1_000, 25_000);
     let mut all = Run::default();
     for period_ns in PERIODS_NS {
@@ -52,10 +60,10 @@ fn judge(report: &mut Report, all: &Run, orders: usize) {
     let figure = format!("{} stops, {} speed changes", all.stops, all.speed_changes);
     let bar = format!(">= {orders} stops and speed changes");
     let enough = all.stops + all.speed_changes >= orders && all.stops > orders / 2;
-    let name = "stops and speed changes ordered on motions with steps of jerk";
+    let name = "defect 1: stops and speed changes ordered on motions with steps of jerk";
     report.check(name, figure, &bar, enough);
-    report.none_of("robots let go by a stop or a speed change", &all.let_go);
-    report.none_of("stops that did not come to rest", &all.unrested);
+    report.none_of("defect 1: robots let go by a stop or a speed change", &all.let_go);
+    report.none_of("defect 1: stops that did not come to rest", &all.unrested);
     let figures = &all.figures;
     let at_most = [
         ("velocity sent ÷ limit", figures.velocity, ROUNDING),
@@ -75,9 +83,9 @@ fn judge(report: &mut Report, all: &Run, orders: usize) {
         ("path time ahead of the clock, s", figures.ahead_s, 1e-9),
     ];
     for (what, figure, bar) in at_most {
-        let name = format!("stops, {} cycles: {what}", figures.cycles);
+        let name = format!("defect 1: stops, {} cycles: {what}", figures.cycles);
         report.at_most(&name, figure, bar);
     }
-    let name = "median stop ÷ that of the extrapolating law, same motions and instants";
+    let name = "defect 1: median stop ÷ that of the extrapolating law, same motions and instants";
     report.at_most(name, all.median_ratio(), 1.05);
 }

@@ -1,9 +1,9 @@
 //! Motions of the planner: straight ones, and curved ones round the balls of hard scenes.
 
-use pcc_model::Robot;
+use pcc_model::{Configuration, Robot};
 use planning::scenes::{Setting, draw_target};
 use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
-use trajectory::{AllocationOptions, Trajectory};
+use trajectory::{AllocationOptions, Knot, Trajectory};
 
 const SEED: u64 = 1801;
 
@@ -24,6 +24,35 @@ pub(super) fn planned(robot: &Robot, count: usize) -> anyhow::Result<Vec<Traject
         }
     }
     Ok(motions)
+}
+
+/// The largest step of any tendon's jerk at a knot, ÷ the jerk limit, of each motion.
+pub(super) fn largest_jerk_steps(robot: &Robot, motions: &[Trajectory]) -> Vec<f64> {
+    let of_tendons = |jerk: Configuration| {
+        let matrix = robot.tendons.matrix();
+        (0..robot.tendons.count()).map(move |tendon| matrix.row(tendon).dot(&jerk.transpose()))
+    };
+    let step = |three: &[Knot]| {
+        let before = jerk_between(&three[0], &three[1])[1];
+        let after = jerk_between(&three[1], &three[2])[0];
+        of_tendons(after - before).fold(0.0, |most: f64, step| most.max(step.abs()))
+    };
+    let largest = |motion: &Trajectory| {
+        let steps = motion.knots().windows(3).map(step);
+        steps.fold(0.0, f64::max) / robot.tendon_limits.jerk
+    };
+    motions.iter().map(largest).collect()
+}
+
+/// Jerk at the begin and at the end of the quintic (Hermite) through two knots, rad/s³.
+fn jerk_between(from: &Knot, to: &Knot) -> [Configuration; 2] {
+    let h = to.time - from.time;
+    let way = (to.position - from.position) * 60.0;
+    let (v0, v1) = (from.velocity * h, to.velocity * h);
+    let (a0, a1) = (from.acceleration * (h * h), to.acceleration * (h * h));
+    let begin = way - v0 * 36.0 - v1 * 24.0 - a0 * 9.0 + a1 * 3.0;
+    let end = way - v0 * 24.0 - v1 * 36.0 - a0 * 3.0 + a1 * 9.0;
+    [begin, end].map(|jerk| jerk / (h * h * h))
 }
 
 fn plan(
