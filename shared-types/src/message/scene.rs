@@ -7,7 +7,7 @@ use crate::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
 
 wire_message! {
     /// An obstacle that keeps its velocity.
-    pub struct MovingBall: "pcc.v2.MovingBall", 56 bytes {
+    pub struct MovingBall: "pcc.v3.MovingBall", 56 bytes {
         /// Centre in the base frame at the scene's stamp, metres.
         pub centre_m: [f64; 3],
         /// Radius, metres, not negative.
@@ -20,7 +20,7 @@ wire_message! {
 wire_message! {
     /// All obstacles that one source knows of (service `scene`, history 1). The newest scene of a source replaces the one before;
     /// the obstacles of all sources count together.
-    pub struct SceneMessage: "pcc.v2.SceneMessage", 57408 bytes {
+    pub struct SceneMessage: "pcc.v3.SceneMessage", 57408 bytes {
         /// Time for which the centres hold, nanoseconds of `CLOCK_MONOTONIC`; not in the future.
         pub stamp_mono_ns: i64,
         /// For how long from the stamp on the scene counts, nanoseconds, 1 ms to an hour. Once it is over and no newer one is there,
@@ -44,7 +44,7 @@ wire_message! {
 wire_message! {
     /// What became of a scene (service `scene_status`, publisher: the daemon). Scenes that a newer one of the same publisher
     /// replaced before they were looked at are not spoken of.
-    pub struct SceneStatus: "pcc.v2.SceneStatus", 64 bytes {
+    pub struct SceneStatus: "pcc.v3.SceneStatus", 64 bytes {
         /// When it was judged, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// `stamp_mono_ns` of the scene.
