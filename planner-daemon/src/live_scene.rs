@@ -1,13 +1,17 @@
 //! The obstacles that there are now, told by several sources, and whether a motion keeps clear of them.
 
-use collision::{Ball, MovingBall, Scene, Verdict, certify_moving, certify_trajectory};
+use collision::{Ball, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory};
 use pcc_model::{Point, Robot};
 use shared_types::codes::SceneRefusal;
+use shared_types::ipc::PresentPublisher;
 use shared_types::message::{self, SceneMessage};
 use shared_types::valid::{self, Invalid, SourceName, stamp_refusal};
 use trajectory::Trajectory;
 
+use self::ports::{Heard, Ports, TIME_TO_SPEAK_NS};
 use crate::moving_cover::{Cover, Timing};
+
+mod ports;
 
 /// Publishers of scenes that are kept at once: those that may live at once, and as many that were restarted.
 pub(crate) const MOST_SOURCES: usize = 8;
@@ -28,6 +32,22 @@ pub(crate) enum SceneAbsence {
     Ended {
         /// Which.
         source_name: SourceName,
+    },
+    /// A publisher is there that may know of obstacles and was not heard.
+    #[error("a publisher of scenes has not been heard (process {pid}): it must publish, or end")]
+    Unheard {
+        /// Its process.
+        pid: u32,
+    },
+    /// A publisher is there whose scenes count under no name.
+    #[error(
+        "a publisher's scenes do not count (process {pid}): {refusal}; it must publish one that does, or end"
+    )]
+    Refused {
+        /// Its process.
+        pid: u32,
+        /// Why.
+        refusal: SceneRefusal,
     },
 }
 
@@ -130,13 +150,15 @@ struct Told {
     version: u64,
 }
 
-/// A publisher of scenes.
+/// A publisher of scenes under a name, which may have died.
 #[derive(Debug)]
 struct Source {
     name: SourceName,
     publisher: u128,
     /// None where all that it has sent was refused.
     told: Option<Told>,
+    /// It is signed off: it is forgotten once its lifetime is over.
+    leaves: bool,
 }
 
 impl Source {
@@ -144,12 +166,18 @@ impl Source {
         let told = self.told.as_ref();
         told.is_some_and(|told| now_mono_ns < told.scene.end_mono_ns())
     }
+
+    fn has_spoken_since(&self, mono_ns: i64) -> bool {
+        let told = self.told.as_ref();
+        told.is_some_and(|told| told.scene.stamp_mono_ns >= mono_ns)
+    }
 }
 
 /// The newest scenes of all sources.
 #[derive(Debug)]
 pub(crate) struct LiveScene {
     sources: Vec<Source>,
+    ports: Ports,
     section_length_m: f64,
     expected: bool,
     versions: u64,
@@ -160,97 +188,133 @@ impl LiveScene {
     pub(crate) fn new(section_length_m: f64, expected: bool) -> Self {
         Self {
             sources: Vec::new(),
+            ports: Ports::default(),
             section_length_m,
             expected,
             versions: 0,
         }
     }
 
-    /// Takes a publisher's scene in, in place of the one before, or says why not.
+    /// Notes which publishers are there, and forgets signed-off sources whose lifetime is over.
+    pub(crate) fn attend(&mut self, present: &[PresentPublisher], now_mono_ns: i64) {
+        self.ports.attend(present, now_mono_ns);
+        self.sources
+            .retain(|source| !source.leaves || source.is_live(now_mono_ns));
+    }
+
+    /// Takes a publisher's scene in, in place of the one before, or says why not; none where that cannot be said yet.
     ///
-    /// A publisher whose scene is refused counts as a source all the same: there are obstacles that nobody knows.
-    /// Once a publisher's scene is taken in, those of publishers before it under the same name count no longer, unless they are
-    /// `there`.
+    /// A publisher whose scene is refused counts as a source all the same, under its name if that is one, else while it is there:
+    /// there are obstacles that nobody knows. A name belongs to one publisher. Another one gets it, and takes the place of the one
+    /// before, if that is gone and has said nothing since the new one is there.
     pub(crate) fn take(
         &mut self,
         wire: &SceneMessage,
         publisher: u128,
         now: Arrival,
-        there: impl Fn(u128) -> bool,
-    ) -> Judged {
+    ) -> Option<Judged> {
         let scene = match valid::Scene::try_from(wire) {
             Ok(scene) => scene,
-            Err(invalid) if invalid.field == "protocol_version" => {
-                return Judged::refused(SceneRefusal::WrongVersion, Some(invalid));
-            }
-            Err(invalid) => {
-                if let Ok(name) = SourceName::try_from(&wire.source) {
-                    self.source(name, publisher, now.mono_ns);
-                }
-                return Judged::refused(SceneRefusal::Malformed, Some(invalid));
-            }
+            Err(invalid) => return Some(self.miss(wire, publisher, now.mono_ns, invalid)),
         };
         let (stamp, lifetime) = (scene.stamp_mono_ns, scene.lifetime_ns);
         let refusal = stamp_refusal(stamp, lifetime, now.mono_ns, now.wall_ns);
         if refusal.is_none() && scene.takes_leave {
             self.take_leave(scene.source, publisher, now.mono_ns);
-            return Judged::accepted(0);
+            return Some(Judged::accepted(0));
         }
-        let Some(index) = self.source(scene.source, publisher, now.mono_ns) else {
-            return Judged::refused(SceneRefusal::TooManySources, None);
-        };
-        match refusal {
-            Some(refusal) => Judged::refused(refusal, None),
-            None => {
-                let name = scene.source;
-                let judged = self.replace(index, scene);
-                if judged.refusal == SceneRefusal::None {
-                    self.succeed(name, publisher, now.mono_ns, there);
-                }
-                judged
+        let index = match self.place(scene.source, publisher, now.mono_ns) {
+            Ok(index) => index,
+            Err(SceneRefusal::NameTaken) if self.ports.has_just_come(publisher, now.mono_ns) => {
+                return None;
             }
-        }
+            Err(refusal) => {
+                self.ports.note(publisher, Heard::Refused(refusal));
+                return Some(Judged::refused(refusal, None));
+            }
+        };
+        self.ports.note(publisher, Heard::Known);
+        Some(match refusal {
+            Some(refusal) => Judged::refused(refusal, None),
+            None => self.replace(index, scene),
+        })
     }
 
+    /// Counts the publisher of an unreadable scene as a source that is missing.
+    fn miss(
+        &mut self,
+        wire: &SceneMessage,
+        publisher: u128,
+        now_mono_ns: i64,
+        invalid: Invalid,
+    ) -> Judged {
+        let refusal = if invalid.field == "protocol_version" {
+            SceneRefusal::WrongVersion
+        } else {
+            SceneRefusal::Malformed
+        };
+        let name = SourceName::try_from(&wire.source);
+        let has_place = name.is_ok_and(|name| self.place(name, publisher, now_mono_ns).is_ok());
+        let heard = if has_place {
+            Heard::Known
+        } else {
+            Heard::Refused(refusal)
+        };
+        self.ports.note(publisher, heard);
+        Judged::refused(refusal, Some(invalid))
+    }
+
+    /// Signs a name off. What other publishers have told under it counts until its lifetime ends. Who was refused that name signs off
+    /// only itself.
     fn take_leave(&mut self, name: SourceName, publisher: u128, now_mono_ns: i64) {
+        let heard = self.ports.heard(publisher);
+        self.ports.note(publisher, Heard::Known);
+        if heard == Some(Heard::Refused(SceneRefusal::NameTaken)) {
+            return;
+        }
+        for source in &mut self.sources {
+            source.leaves |= source.name == name;
+        }
         self.sources.retain(|source| {
             source.name != name || (source.publisher != publisher && source.is_live(now_mono_ns))
         });
     }
 
-    /// The place of a publisher, a new one if need be; none where there is no room.
-    fn source(&mut self, name: SourceName, publisher: u128, now_mono_ns: i64) -> Option<usize> {
+    /// The place of a publisher, a new one if need be, or why it gets none.
+    fn place(
+        &mut self,
+        name: SourceName,
+        publisher: u128,
+        now_mono_ns: i64,
+    ) -> Result<usize, SceneRefusal> {
         let known = |source: &Source| source.name == name && source.publisher == publisher;
         if let Some(index) = self.sources.iter().position(known) {
-            return Some(index);
+            return Ok(index);
+        }
+        let since = self.ports.since_mono_ns(publisher).unwrap_or(now_mono_ns);
+        let has_it = |source: &Source| {
+            source.name == name
+                && (self.ports.has(source.publisher) || source.has_spoken_since(since))
+        };
+        if self.sources.iter().any(has_it) {
+            return Err(SceneRefusal::NameTaken);
         }
         // A publisher that was restarted takes the place of the one that died.
         self.sources
             .retain(|source| source.name != name || source.is_live(now_mono_ns));
         if self.sources.len() == MOST_SOURCES {
-            return None;
+            return Err(SceneRefusal::TooManySources);
         }
         self.sources.push(Source {
             name,
             publisher,
             told: None,
+            leaves: false,
         });
-        Some(self.sources.len() - 1)
+        Ok(self.sources.len() - 1)
     }
 
-    fn succeed(
-        &mut self,
-        name: SourceName,
-        publisher: u128,
-        now_mono_ns: i64,
-        there: impl Fn(u128) -> bool,
-    ) {
-        self.sources.retain(|other| {
-            let is_another = other.name == name && other.publisher != publisher;
-            !is_another || (other.is_live(now_mono_ns) && there(other.publisher))
-        });
-    }
-
+    /// What publishers before it have told under its name counts no longer.
     fn replace(&mut self, index: usize, scene: valid::Scene) -> Judged {
         let source = &mut self.sources[index];
         let count = scene.balls.len();
@@ -258,31 +322,49 @@ impl LiveScene {
             if scene.stamp_mono_ns < told.scene.stamp_mono_ns {
                 return Judged::refused(SceneRefusal::Superseded, None);
             }
-            if told.scene.balls == scene.balls
-                && (told.moving.is_empty() || told.scene.stamp_mono_ns == scene.stamp_mono_ns)
-            {
+            if told.means_the_same_as(&scene) {
                 told.scene = scene;
+                source.leaves = false;
                 return Judged::accepted(count);
             }
         }
         self.versions += 1;
-        source.told = Some(Told::new(scene, self.section_length_m, self.versions));
+        match Told::new(scene, self.section_length_m, self.versions) {
+            Ok(told) => source.told = Some(told),
+            Err(error) => {
+                // Nobody knows its obstacles: it has no living scene.
+                source.told = None;
+                tracing::error!("a scene of source {:?}: {error}", source.name.to_string());
+                return Judged::refused(SceneRefusal::Malformed, None);
+            }
+        }
+        source.leaves = false;
+        let (name, publisher) = (source.name, source.publisher);
+        self.sources
+            .retain(|other| other.name != name || other.publisher == publisher);
         Judged::accepted(count)
     }
 
     /// Why nothing may be executed now, if that is so.
     pub(crate) fn absence(&self, now_mono_ns: i64) -> Option<SceneAbsence> {
-        if self.sources.is_empty() {
-            return self.expected.then_some(SceneAbsence::Missing);
+        self.missing(now_mono_ns, 0)
+    }
+
+    /// Why what moves must stop now, if that is so: as [`LiveScene::absence`], but who has just come gets some time to speak.
+    pub(crate) fn absence_in_motion(&self, now_mono_ns: i64) -> Option<SceneAbsence> {
+        self.missing(now_mono_ns, TIME_TO_SPEAK_NS)
+    }
+
+    fn missing(&self, now_mono_ns: i64, time_to_speak_ns: i64) -> Option<SceneAbsence> {
+        if self.expected && self.sources.is_empty() {
+            return Some(SceneAbsence::Missing);
         }
-        let is_heard = |name| {
-            let mut publishers = self.sources.iter().filter(|source| source.name == name);
-            publishers.any(|source| source.is_live(now_mono_ns))
-        };
-        let ended = self.sources.iter().find(|source| !is_heard(source.name));
-        ended.map(|source| SceneAbsence::Ended {
+        let is_missed = |source: &&Source| !source.leaves && !source.is_live(now_mono_ns);
+        let ended = self.sources.iter().find(is_missed);
+        let ended = ended.map(|source| SceneAbsence::Ended {
             source_name: source.name,
-        })
+        });
+        ended.or_else(|| self.ports.absence(now_mono_ns, time_to_speak_ns))
     }
 
     /// Certifies what is left of a motion against every source's scene, those that it was not certified for yet; small scenes
@@ -312,7 +394,7 @@ impl LiveScene {
 }
 
 impl Told {
-    fn new(scene: valid::Scene, section_length_m: f64, version: u64) -> Self {
+    fn new(scene: valid::Scene, section_length_m: f64, version: u64) -> Result<Self, SceneError> {
         let (mut resting, mut moving) = (Vec::new(), Vec::new());
         for ball in &scene.balls {
             let ball = moving_ball(ball, section_length_m);
@@ -322,13 +404,20 @@ impl Told {
                 moving.push(ball);
             }
         }
-        Self {
+        Ok(Self {
             scene,
-            // Its balls have been checked: they are finite and their radii not negative.
-            resting: Scene::new(resting).unwrap_or_default(),
+            resting: Scene::new(resting)?,
             moving,
             version,
-        }
+        })
+    }
+
+    /// Whether what was certified for this one is certified for another one: moving balls count where they may be within the lifetime
+    /// from the stamp on.
+    fn means_the_same_as(&self, scene: &valid::Scene) -> bool {
+        let has_same_times = self.scene.stamp_mono_ns == scene.stamp_mono_ns
+            && self.scene.lifetime_ns == scene.lifetime_ns;
+        self.scene.balls == scene.balls && (self.moving.is_empty() || has_same_times)
     }
 
     fn certify(&self, rest: &Rest) -> Verdict {

@@ -4,7 +4,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::{
-    IpcError, IpcNode, Publisher, Subscriber, Topic, publisher, scene_service,
+    IpcError, IpcNode, PresentPublisher, Publisher, Subscriber, Topic, publisher, scene_service,
     scene_status_service, subscriber,
 };
 use shared_types::message::{SceneMessage, SceneStatus};
@@ -18,6 +18,9 @@ const MOST_RECEIVED: usize = 16;
 const REST_FACTOR: i64 = 3;
 /// ... but no later than after this, nanoseconds.
 const MOST_REST_NS: i64 = 10_000_000;
+
+/// A scene of which nothing can be said yet is looked at again after this, nanoseconds.
+const LOOK_AGAIN_NS: i64 = 10_000_000;
 
 /// The newest scene of a publisher.
 struct Waiting {
@@ -37,10 +40,12 @@ pub(crate) struct SceneInbox {
     scenes: Subscriber<SceneMessage>,
     statuses: Publisher<SceneStatus>,
     waiting: Vec<Waiting>,
+    present: Vec<PresentPublisher>,
+    receiving_fails: bool,
 }
 
 impl SceneInbox {
-    /// Publishers that are listened to at once: twice as many as can live at once.
+    /// Publishers that are listened to at once: those that can live at once, and some that were restarted.
     pub(crate) const PUBLISHERS: usize = 8;
 
     /// Opens the services and makes the ports.
@@ -54,7 +59,15 @@ impl SceneInbox {
             topic,
             statuses: publisher(node, &scene_status_service(node)?)?,
             waiting: Vec::with_capacity(Self::PUBLISHERS),
+            present: Vec::new(),
+            receiving_fails: false,
         })
+    }
+
+    /// The publishers that are there now, also those that have sent nothing and those that cannot be heard.
+    pub(crate) fn present(&mut self) -> &[PresentPublisher] {
+        self.topic.list_publishers(&mut self.present);
+        &self.present
     }
 
     /// Receives what has arrived; the place of the publisher whose scene is to be looked at now, that with the fewest balls first.
@@ -68,7 +81,14 @@ impl SceneInbox {
 
     fn receive(&mut self) {
         for _ in 0..MOST_RECEIVED {
-            let Ok(Some(sample)) = self.scenes.receive() else {
+            let received = self.scenes.receive();
+            if let Err(error) = &received
+                && !self.receiving_fails
+            {
+                tracing::warn!("a publisher of scenes cannot be heard: {error:?}");
+            }
+            self.receiving_fails = received.is_err();
+            let Ok(Some(sample)) = received else {
                 return;
             };
             let publisher = sample.origin().value();
@@ -100,18 +120,22 @@ impl SceneInbox {
         });
     }
 
-    /// Has a publisher's scene judged, and says what became of it, to the publisher too.
+    /// Has a publisher's scene judged, and says what became of it, to the publisher too. Where nothing can be said yet (none), it is
+    /// looked at again.
     pub(crate) fn judge(
         &mut self,
         index: usize,
         now_mono_ns: i64,
-        judge: impl FnOnce(&SceneMessage, u128, &dyn Fn(u128) -> bool) -> Judged,
+        judge: impl FnOnce(&SceneMessage, u128) -> Option<Judged>,
     ) {
         let waiting = &mut self.waiting[index];
-        waiting.is_new = false;
         let scene = &waiting.scene;
-        let there = |publisher| self.topic.has_publisher(publisher);
-        let judged = judge(scene, waiting.publisher, &there);
+        let judged = judge(scene, waiting.publisher);
+        waiting.is_new = judged.is_none();
+        let Some(judged) = judged else {
+            waiting.not_before_mono_ns = now_mono_ns + LOOK_AGAIN_NS;
+            return;
+        };
         let status = SceneStatus {
             stamp_mono_ns: now_mono_ns,
             scene_stamp_mono_ns: scene.stamp_mono_ns,
@@ -140,6 +164,7 @@ impl SceneInbox {
     /// Says how long the work on a publisher's scene took: its next one waits in proportion.
     pub(crate) fn has_cost(&mut self, index: usize, begun_mono_ns: i64, ended_mono_ns: i64) {
         let rest_ns = (REST_FACTOR * (ended_mono_ns - begun_mono_ns)).min(MOST_REST_NS);
-        self.waiting[index].not_before_mono_ns = ended_mono_ns + rest_ns;
+        let waiting = &mut self.waiting[index];
+        waiting.not_before_mono_ns = waiting.not_before_mono_ns.max(ended_mono_ns + rest_ns);
     }
 }

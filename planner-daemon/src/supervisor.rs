@@ -128,6 +128,7 @@ impl Supervisor {
     fn round(&mut self) {
         self.connect();
         self.hear_controller();
+        self.live.attend(self.inbox.present(), mono_now_ns());
         self.supervise();
         for _ in 0..SceneInbox::PUBLISHERS {
             let begun = mono_now_ns();
@@ -194,10 +195,11 @@ impl Supervisor {
             wall_ns: wall_now_ns(),
         };
         let live = &mut self.live;
-        self.inbox
-            .judge(index, now.mono_ns, |wire, publisher, there| {
-                live.take(wire, publisher, now, there)
-            });
+        // Who sent it was there before: where it is not there now, it is gone.
+        live.attend(self.inbox.present(), now.mono_ns);
+        self.inbox.judge(index, now.mono_ns, |wire, publisher| {
+            live.take(wire, publisher, now)
+        });
     }
 
     fn supervise(&mut self) {
@@ -245,7 +247,7 @@ impl Supervisor {
         if self.silence_ns > STATE_LIFETIME_NS {
             supervised.must_stop(StopReason::ControllerSilent);
         }
-        if let Some(absence) = self.live.absence(now_mono_ns) {
+        if let Some(absence) = self.live.absence_in_motion(now_mono_ns) {
             supervised.must_stop(absence.into());
         }
         let (from_s, timing) = supervised.progress(now_mono_ns);

@@ -175,6 +175,72 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
 }
 
 #[test]
+fn a_publisher_of_scenes_that_says_nothing_is_not_taken_for_no_obstacles() {
+    let world = World::new();
+    let daemon = world.start(&world.configuration(""));
+    let mut client = Client::connect(&world.options).unwrap();
+    client.wait_for_daemon(PATIENCE).unwrap();
+    let mut controller = PlayedController::start(&world.options);
+    let node = IpcNode::create(&world.options, "silent").unwrap();
+    let scene = scene_service(&node).unwrap();
+    let silent = publisher(&node, &scene).unwrap();
+    let refused = plan(&mut client, &mut controller, &executed());
+    assert_refused(refused.report(), "has not been heard");
+    drop(silent);
+    let answer = plan(&mut client, &mut controller, &executed());
+    assert_eq!(answer.report().outcome, Outcome::Ok);
+    controller.state.trajectory_id = until(|| controller.trajectory()).id;
+    controller.state.state = LoopState::Executing.code();
+    // One that has not joined the services for a scene yet is nobody.
+    let mut speaking = ScenePublisher::connect(&world.options, "test").unwrap();
+    for _ in 0..150 {
+        controller.cycle();
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    speaking.publish(&[], PATIENCE).unwrap();
+    for _ in 0..150 {
+        controller.cycle();
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    assert_eq!(controller.stops, 0, "it speaks: {}", daemon.said());
+    let _silent = publisher(&node, &scene).unwrap();
+    until(|| {
+        controller.cycle();
+        (controller.stops > 0).then_some(())
+    });
+    assert!(
+        daemon.said().contains("has not been heard"),
+        "{}",
+        daemon.said()
+    );
+}
+
+#[test]
+fn a_second_publisher_of_a_sources_name_is_told_so_and_a_restarted_one_gets_it() {
+    let world = World::new();
+    let _daemon = world.start(&world.configuration(""));
+    let mut client = Client::connect(&world.options).unwrap();
+    client.wait_for_daemon(PATIENCE).unwrap();
+    let mut controller = PlayedController::start(&world.options);
+    let mut first = ScenePublisher::connect(&world.options, "test").unwrap();
+    first.publish(&[], PATIENCE).unwrap();
+    first.confirm(PATIENCE).unwrap();
+    let mut second = ScenePublisher::connect(&world.options, "test").unwrap();
+    second.publish(&[], PATIENCE).unwrap();
+    let error = second.confirm(PATIENCE).unwrap_err().to_string();
+    assert!(error.contains("another publisher has"), "{error}");
+    let refused = plan(&mut client, &mut controller, &executed());
+    assert_refused(refused.report(), "another publisher has");
+    drop(second);
+    drop(first);
+    let mut again = ScenePublisher::connect(&world.options, "test").unwrap();
+    again.publish(&[], PATIENCE).unwrap();
+    again.confirm(PATIENCE).unwrap();
+    let answer = plan(&mut client, &mut controller, &executed());
+    assert_eq!(answer.report().outcome, Outcome::Ok);
+}
+
+#[test]
 fn a_motion_that_waits_for_its_begin_is_taken_back_when_a_ball_appears() {
     let world = World::new();
     let daemon = world.start(&world.configuration(""));

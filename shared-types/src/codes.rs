@@ -393,6 +393,8 @@ codes! {
         Superseded = 6 "older than the one before",
         /// There are as many sources as the daemon keeps.
         TooManySources = 7 "too many sources",
+        /// Another publisher that is there, or that spoke while this one was there, has the source's name.
+        NameTaken = 8 "another publisher has the source's name",
     }
 }
 

@@ -154,6 +154,47 @@ fn a_second_publisher_of_trajectories_is_refused() {
     publisher(&node, &topic).unwrap();
 }
 
+/// Fills all places that visitors get; how many places are left then.
+fn places_left_by_visitors<T>(open: impl Fn(&IpcNode) -> Result<Topic<T>, IpcError>) -> usize
+where
+    T: Copy + std::fmt::Debug + ZeroCopySend + 'static,
+{
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let topic = open(&node).unwrap();
+    let visitors: Vec<_> = std::iter::from_fn(|| visiting_subscriber(&node, &topic).ok()).collect();
+    assert!(!visitors.is_empty());
+    std::iter::from_fn(|| subscriber(&node, &topic).ok())
+        .collect::<Vec<_>>()
+        .len()
+}
+
+#[test]
+fn who_only_watches_leaves_places_for_the_processes_that_the_robot_needs() {
+    assert_eq!(places_left_by_visitors(trajectory_service), 2);
+    assert_eq!(places_left_by_visitors(setpoint_service), 2);
+    assert_eq!(places_left_by_visitors(scene_service), 2);
+    assert_eq!(places_left_by_visitors(scene_status_service), 2);
+    assert_eq!(places_left_by_visitors(heartbeat_service), 4);
+}
+
+#[test]
+fn four_sources_of_scenes_leave_a_place_for_who_signs_one_off() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "test").unwrap();
+    let topic = scene_service(&node).unwrap();
+    let sources: Vec<_> = std::iter::from_fn(|| visiting_publisher(&node, &topic).ok()).collect();
+    assert_eq!(sources.len(), 4);
+    let fifth = publisher(&node, &topic).unwrap();
+    let mut present = Vec::new();
+    topic.list_publishers(&mut present);
+    assert_eq!(present.len(), 5);
+    assert!(present.iter().all(|one| one.pid == std::process::id()));
+    drop((sources, fifth));
+    topic.list_publishers(&mut present);
+    assert_eq!(present, []);
+}
+
 #[test]
 fn a_plan_is_written_in_place_and_read_in_place() {
     let world = world();

@@ -9,8 +9,8 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::clock::{mono_now_ns, wall_now_ns};
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::{
-    IpcNode, IpcOptions, Publisher, Subscriber, publisher, scene_service, scene_status_service,
-    subscriber,
+    IpcNode, IpcOptions, Publisher, Subscriber, Topic, publisher, scene_service,
+    scene_status_service, subscriber, visiting_publisher, visiting_subscriber,
 };
 use shared_types::message::{self, MovingBall, SceneMessage};
 use shared_types::valid::{Scene, SceneStatus, SourceName, stamp_refusal};
@@ -57,7 +57,7 @@ struct Verdicts {
 
 impl ScenePublisher {
     /// Joins the services as a source: 1 to 32 characters of printable ASCII, another name for each source. A program that starts
-    /// again takes its name up again.
+    /// again takes its name up again. The daemon knows of it from its first scene on.
     ///
     /// # Errors
     /// [`ClientError::InvalidRequest`] for the name, or [`ClientError::Ipc`].
@@ -68,8 +68,8 @@ impl ScenePublisher {
         let (tell, told) = sync_channel(1);
         let heard = Arc::<Heard>::default();
         let shared = Arc::clone(&heard);
-        let work = move || match Ports::open(node, source) {
-            Ok(ports) => {
+        let work = move || match Ports::join(node, source) {
+            Ok(mut ports) => {
                 let _ = tell.send(Ok(()));
                 ports.serve(&outgoing, &shared);
             }
@@ -98,9 +98,9 @@ impl ScenePublisher {
     /// everywhere that it may be within that time, so what moves wants a short one.
     ///
     /// # Errors
-    /// [`ClientError::InvalidRequest`] if a ball or the lifetime is not valid (the scene before then holds),
-    /// [`ClientError::Transport`], or, when this one was sent, [`ClientError::SceneRefused`] if the daemon has refused one of those
-    /// before and that was not told yet.
+    /// [`ClientError::InvalidRequest`] if a ball or the lifetime is not valid (the scene before then holds), [`ClientError::Ipc`] if
+    /// there is no place for one more source, [`ClientError::Transport`], or, when this one was sent, [`ClientError::SceneRefused`] if
+    /// the daemon has refused one of those before and that was not told yet.
     pub fn publish(&mut self, balls: &[MovingBall], lifetime: Duration) -> Result<(), ClientError> {
         self.publish_stamped(mono_now_ns(), balls, lifetime)
     }
@@ -126,10 +126,11 @@ impl ScenePublisher {
         })
     }
 
-    /// Signs the source off: its obstacles are gone, and no scene of it is expected any more.
+    /// Signs the source off: no scene of it is expected any more, and its obstacles are gone; those that another publisher has told
+    /// of under this name count until their lifetime ends.
     ///
     /// # Errors
-    /// [`ClientError::Transport`].
+    /// [`ClientError::Ipc`] or [`ClientError::Transport`].
     pub fn take_leave(&mut self) -> Result<(), ClientError> {
         self.send(&Scene {
             source: self.source,
@@ -211,41 +212,36 @@ impl Drop for ScenePublisher {
     }
 }
 
-/// The ports, in the thread that uses them.
+/// The services, and the ports once there is something to say, in the thread that uses them.
 struct Ports {
     source: SourceName,
-    scenes: Publisher<SceneMessage>,
-    statuses: Subscriber<message::SceneStatus>,
-    _node: IpcNode,
+    scenes: Topic<SceneMessage>,
+    statuses: Topic<message::SceneStatus>,
+    open: Option<OpenPorts>,
+    node: IpcNode,
 }
 
-impl Ports {
-    fn open(node: IpcNode, source: SourceName) -> Result<Self, ClientError> {
-        Ok(Self {
-            source,
-            statuses: subscriber(&node, &scene_status_service(&node)?)?,
-            scenes: publisher(&node, &scene_service(&node)?)?,
-            _node: node,
-        })
-    }
+/// A publisher that is there and was not heard stops every motion: the port is made when there is a scene to send, not before.
+struct OpenPorts {
+    scenes: Publisher<SceneMessage>,
+    statuses: Subscriber<message::SceneStatus>,
+}
 
-    /// Sends what comes, hands the last scene to those that come later, and hears what the daemon says, until nobody sends any more.
-    fn serve(&self, outgoing: &Receiver<Outgoing>, heard: &Heard) {
-        let mut last_sequence = 0;
-        loop {
-            match outgoing.recv_timeout(LOOK) {
-                Ok(Outgoing { scene, sent }) => {
-                    last_sequence = scene.sequence;
-                    let _ = sent.send(self.send(&scene));
-                }
-                Err(RecvTimeoutError::Timeout) => {
-                    // A daemon that cannot be reached now is tried again next time.
-                    let _ = self.scenes.update_connections();
-                }
-                Err(RecvTimeoutError::Disconnected) => return,
+impl OpenPorts {
+    /// Who signs a source off has places of its own: those of a source may all be held by sources that hang.
+    fn open(ports: &Ports, takes_leave: bool) -> Result<Self, ClientError> {
+        let (node, scenes, statuses) = (&ports.node, &ports.scenes, &ports.statuses);
+        Ok(if takes_leave {
+            Self {
+                statuses: subscriber(node, statuses)?,
+                scenes: publisher(node, scenes)?,
             }
-            self.hear(heard, last_sequence);
-        }
+        } else {
+            Self {
+                statuses: visiting_subscriber(node, statuses)?,
+                scenes: visiting_publisher(node, scenes)?,
+            }
+        })
     }
 
     fn send(&self, scene: &SceneMessage) -> Result<(), ClientError> {
@@ -259,10 +255,54 @@ impl Ports {
             .map(drop)
             .map_err(|reason| ClientError::transport("send a scene", reason))
     }
+}
+
+impl Ports {
+    fn join(node: IpcNode, source: SourceName) -> Result<Self, ClientError> {
+        Ok(Self {
+            source,
+            statuses: scene_status_service(&node)?,
+            scenes: scene_service(&node)?,
+            open: None,
+            node,
+        })
+    }
+
+    /// Sends what comes, hands the last scene to those that come later, and hears what the daemon says, until nobody sends any more.
+    fn serve(&mut self, outgoing: &Receiver<Outgoing>, heard: &Heard) {
+        let mut last_sequence = 0;
+        loop {
+            match outgoing.recv_timeout(LOOK) {
+                Ok(Outgoing { scene, sent }) => {
+                    last_sequence = scene.sequence;
+                    let _ = sent.send(self.send(&scene));
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    if let Some(open) = &self.open {
+                        // A daemon that cannot be reached now is tried again next time.
+                        let _ = open.scenes.update_connections();
+                    }
+                }
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+            self.hear(heard, last_sequence);
+        }
+    }
+
+    fn send(&mut self, scene: &SceneMessage) -> Result<(), ClientError> {
+        let open = match self.open.take() {
+            Some(open) => open,
+            None => OpenPorts::open(self, scene.takes_leave != 0)?,
+        };
+        self.open.insert(open).send(scene)
+    }
 
     /// Of the scenes that another publisher sends under this name something else may be said.
     fn hear(&self, heard: &Heard, last_sequence: u32) {
-        while let Ok(Some(sample)) = self.statuses.receive() {
+        let Some(open) = &self.open else {
+            return;
+        };
+        while let Ok(Some(sample)) = open.statuses.receive() {
             let copy = *sample;
             let Ok(status) = SceneStatus::try_from(&copy) else {
                 continue;

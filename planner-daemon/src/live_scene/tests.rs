@@ -46,9 +46,31 @@ fn live() -> LiveScene {
     LiveScene::new(LENGTH_M, false)
 }
 
+/// These publishers are there from now on.
+fn there(live: &mut LiveScene, publishers: &[u128], now: i64) {
+    let present = |&id: &u128| PresentPublisher { id, pid: 4711 };
+    let present: Vec<PresentPublisher> = publishers.iter().map(present).collect();
+    live.attend(&present, now);
+}
+
+fn judge(live: &mut LiveScene, wire: &SceneMessage, publisher: u128, now: i64) -> SceneRefusal {
+    live.take(wire, publisher, at(now)).unwrap().refusal
+}
+
 fn take(live: &mut LiveScene, scene: &ValidScene, publisher: u128, now: i64) -> SceneRefusal {
-    live.take(&wire(scene), publisher, at(now), |_| true)
-        .refusal
+    judge(live, &wire(scene), publisher, now)
+}
+
+fn leave(source: &str, stamp_mono_ns: i64) -> ValidScene {
+    ValidScene {
+        takes_leave: true,
+        ..scene(source, stamp_mono_ns, &[])
+    }
+}
+
+/// What is left of a motion from its begin on is free of all obstacles that count.
+fn is_free(live: &LiveScene) -> bool {
+    certify(live, 0.0, Timing::from_begin(NOW), 0.0).is_free()
 }
 
 /// What a scene of one source that was just told means for a motion that begins then.
@@ -132,11 +154,8 @@ fn the_obstacles_of_all_sources_count_together_until_one_takes_its_leave() {
     take(&mut live, &scene("b", NOW, &[(ASIDE, [0.0; 3])]), 2, NOW);
     let timing = Timing::from_begin(NOW);
     assert!(!certify(&live, 0.0, timing, 0.0).is_free());
-    let leave = ValidScene {
-        takes_leave: true,
-        ..scene("a", NOW + 1, &[])
-    };
-    assert_eq!(take(&mut live, &leave, 1, NOW + 1), SceneRefusal::None);
+    let left = take(&mut live, &leave("a", NOW + 1), 1, NOW + 1);
+    assert_eq!(left, SceneRefusal::None);
     assert!(certify(&live, 0.0, timing, 0.0).is_free());
     assert_eq!(live.absence(NOW + 2), None);
 }
@@ -206,26 +225,8 @@ fn a_source_that_falls_silent_is_missed_until_it_speaks_or_leaves() {
     take(&mut live, &scene("a", end, &[]), 2, end);
     assert_eq!(live.absence(end), None);
     assert_eq!(live.sources.len(), 1, "it has taken the dead one's place");
-    let leave = ValidScene {
-        takes_leave: true,
-        ..scene("a", end + SECOND, &[])
-    };
-    take(&mut live, &leave, 3, end + SECOND);
+    take(&mut live, &leave("a", end + SECOND), 3, end + SECOND);
     assert_eq!(live.absence(end + SECOND), None, "anyone may sign it off");
-}
-
-#[test]
-fn a_publisher_takes_the_place_of_one_that_is_gone_but_not_of_one_that_is_there() {
-    for there in [true, false] {
-        let mut live = live();
-        let ball = [(IN_THE_WAY, [0.0; 3])];
-        take(&mut live, &scene("a", NOW, &ball), 1, NOW);
-        let next = wire(&scene("a", NOW + 1, &[]));
-        let judged = live.take(&next, 2, at(NOW + 1), |publisher| publisher == 1 && there);
-        assert_eq!(judged.refusal, SceneRefusal::None);
-        let verdict = certify(&live, 0.0, Timing::from_begin(NOW), 0.0);
-        assert_eq!(verdict.is_free(), !there);
-    }
 }
 
 #[test]
@@ -243,20 +244,16 @@ fn what_is_refused_is_named_and_its_source_is_missed() {
     }
     let mut bad = wire(&scene("a", NOW, &[]));
     bad.lifetime_ns = 0;
-    assert_eq!(
-        live.take(&bad, 1, at(NOW), |_| true).refusal,
-        SceneRefusal::Malformed
-    );
+    assert_eq!(judge(&mut live, &bad, 1, NOW), SceneRefusal::Malformed);
     bad.protocol_version = 1;
-    let judged = live.take(&bad, 1, at(NOW), |_| true);
-    assert_eq!(judged.refusal, SceneRefusal::WrongVersion);
+    assert_eq!(judge(&mut live, &bad, 1, NOW), SceneRefusal::WrongVersion);
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
     let older = take(&mut live, &scene("a", NOW - 1, &[]), 1, NOW);
     assert_eq!((older, live.absence(NOW)), (SceneRefusal::Superseded, None));
 }
 
 #[test]
-fn there_are_so_many_sources_at_most_and_a_name_more_changes_nothing() {
+fn there_are_so_many_sources_at_most_and_one_more_is_missed_while_it_is_there() {
     let mut live = live();
     for index in 0..MOST_SOURCES {
         let told = scene(&format!("source {index}"), NOW, &[]);
@@ -265,7 +262,176 @@ fn there_are_so_many_sources_at_most_and_a_name_more_changes_nothing() {
             SceneRefusal::None
         );
     }
+    there(&mut live, &[99], NOW);
     let more = take(&mut live, &scene("one more", NOW, &[]), 99, NOW);
     assert_eq!(more, SceneRefusal::TooManySources);
+    let absence = live.absence_in_motion(NOW).unwrap().to_string();
+    assert!(absence.contains("too many sources"), "{absence}");
+    there(&mut live, &[], NOW);
     assert_eq!(live.absence(NOW), None);
+}
+
+#[test]
+fn a_publisher_that_was_not_heard_is_missed_and_has_some_time_to_speak_in_motion() {
+    let mut live = live();
+    there(&mut live, &[1], NOW);
+    let absence = SceneAbsence::Unheard { pid: 4711 };
+    let text = absence.to_string();
+    assert!(
+        text.contains("a publisher of scenes has not been heard"),
+        "{text}"
+    );
+    assert_eq!(live.absence(NOW), Some(absence));
+    assert_eq!(live.absence_in_motion(NOW + TIME_TO_SPEAK_NS - 1), None);
+    let late = NOW + TIME_TO_SPEAK_NS;
+    there(&mut live, &[1], late);
+    assert_eq!(live.absence_in_motion(late), Some(absence));
+    take(&mut live, &scene("a", late, &[]), 1, late);
+    assert_eq!(live.absence(late), None);
+    there(&mut live, &[1, 2], late);
+    take(&mut live, &leave("a", late), 2, late);
+    assert_eq!(live.absence(late), None, "who signs off was heard");
+    there(&mut live, &[1, 2, 3], late);
+    assert_eq!(live.absence(late), Some(absence));
+    there(&mut live, &[1, 2], late);
+    assert_eq!(live.absence(late), None, "it was never a source");
+}
+
+#[test]
+fn a_publisher_whose_scenes_are_refused_is_missed_whatever_the_reason() {
+    type Damage = fn(&mut SceneMessage);
+    let cases: [(Damage, &str); 4] = [
+        (|wire| wire.protocol_version = 1, "\"a\""),
+        (|wire| wire.ball_count = u32::MAX, "\"a\""),
+        (|wire| wire.source = [200; 32], "malformed"),
+        (
+            |wire| (wire.source, wire.protocol_version) = ([200; 32], 1),
+            "wrong version",
+        ),
+    ];
+    for (damage, named) in cases {
+        let mut live = live();
+        there(&mut live, &[1], NOW);
+        let mut bad = wire(&scene("a", NOW, &[]));
+        damage(&mut bad);
+        assert_ne!(judge(&mut live, &bad, 1, NOW), SceneRefusal::None);
+        let absence = live.absence_in_motion(NOW).unwrap().to_string();
+        assert!(absence.contains(named), "{absence}");
+        take(&mut live, &scene("a", NOW, &[]), 1, NOW);
+        assert_eq!(live.absence(NOW), None);
+    }
+}
+
+#[test]
+fn a_name_goes_to_a_publisher_that_came_after_the_one_before_was_gone() {
+    let mut live = live();
+    there(&mut live, &[1], NOW);
+    take(
+        &mut live,
+        &scene("a", NOW, &[(IN_THE_WAY, [0.0; 3])]),
+        1,
+        NOW,
+    );
+    there(&mut live, &[2], NOW + 1);
+    assert!(!is_free(&live), "its obstacles count until then");
+    let next = take(&mut live, &scene("a", NOW + 1, &[]), 2, NOW + 1);
+    assert_eq!((next, live.absence(NOW + 1)), (SceneRefusal::None, None));
+    assert!(is_free(&live));
+}
+
+#[test]
+fn a_second_live_publisher_of_a_name_is_refused_and_missed_and_does_not_inherit() {
+    let mut live = live();
+    let ball = [(IN_THE_WAY, [0.0; 3])];
+    there(&mut live, &[1, 2], NOW);
+    take(&mut live, &scene("a", NOW, &ball), 1, NOW);
+    let second = wire(&scene("a", NOW, &[]));
+    assert_eq!(
+        live.take(&second, 2, at(NOW)),
+        None,
+        "the first may be dead"
+    );
+    let later = NOW + TIME_TO_SPEAK_NS;
+    take(&mut live, &scene("a", later, &ball), 1, later);
+    let second = wire(&scene("a", later, &[]));
+    let refused = judge(&mut live, &second, 2, later);
+    assert_eq!(refused, SceneRefusal::NameTaken);
+    let absence = live.absence_in_motion(later).unwrap().to_string();
+    assert!(absence.contains("another publisher"), "{absence}");
+    // The first one dies: it was alive while the second one was there, so that this is another camera.
+    there(&mut live, &[2], later);
+    assert_eq!(judge(&mut live, &second, 2, later), SceneRefusal::NameTaken);
+    assert!(!is_free(&live));
+    // The second one's own leave takes nothing of the first one's.
+    take(&mut live, &leave("a", later), 2, later);
+    assert_eq!(live.absence(later), None);
+    assert!(!is_free(&live));
+    let end = later + SECOND / 2;
+    assert!(live.absence(end).is_some(), "the first one is missed");
+}
+
+#[test]
+fn a_killed_publisher_that_nobody_has_cleaned_up_after_yet_gives_its_name_up_once_it_is() {
+    let mut live = live();
+    there(&mut live, &[1], NOW);
+    take(&mut live, &scene("a", NOW, &[]), 1, NOW);
+    there(&mut live, &[1, 2], NOW + 1);
+    let next = wire(&scene("a", NOW + 1, &[]));
+    assert_eq!(live.take(&next, 2, at(NOW + 1)), None);
+    assert!(
+        live.absence(NOW + 1).is_some(),
+        "nothing is executed meanwhile"
+    );
+    there(&mut live, &[2], NOW + 2);
+    assert_eq!(judge(&mut live, &next, 2, NOW + 2), SceneRefusal::None);
+    assert_eq!((live.absence(NOW + 2), live.sources.len()), (None, 1));
+}
+
+#[test]
+fn a_longer_lifetime_of_moving_balls_is_certified_anew() {
+    let mut live = live();
+    for (velocity, versions) in [([0.0; 3], 1), ([0.1, 0.0, 0.0], 3)] {
+        let told = scene("a", NOW, &[([9.0, 0.0, 0.75], velocity)]);
+        let longer = ValidScene {
+            lifetime_ns: 2 * told.lifetime_ns,
+            ..told.clone()
+        };
+        take(&mut live, &told, 1, NOW);
+        take(&mut live, &longer, 1, NOW);
+        assert_eq!(live.versions, versions);
+        let end = NOW + longer.lifetime_ns;
+        assert_eq!(live.absence(end - 1), None);
+        assert!(live.absence(end).is_some());
+    }
+}
+
+#[test]
+fn a_signed_off_source_counts_until_its_lifetime_ends_and_is_not_missed_then() {
+    let ball = [(IN_THE_WAY, [0.0; 3])];
+    let end = NOW + SECOND / 2;
+    let mut live = live();
+    take(&mut live, &scene("a", NOW, &ball), 1, NOW);
+    take(&mut live, &leave("a", NOW + 1), 2, NOW + 1);
+    there(&mut live, &[], end - 1);
+    assert!(!is_free(&live));
+    assert_eq!(live.absence(end - 1), None);
+    assert_eq!(live.absence(end), None);
+    there(&mut live, &[], end);
+    assert!(is_free(&live));
+    // One that speaks again is a source again.
+    take(&mut live, &scene("a", end, &ball), 1, end);
+    take(&mut live, &leave("a", end + 1), 2, end + 1);
+    take(&mut live, &scene("a", end + 2, &ball), 1, end + 2);
+    there(&mut live, &[], end + SECOND);
+    assert!(live.absence(end + SECOND).is_some());
+}
+
+#[test]
+fn obstacles_that_make_no_scene_are_no_empty_scene() {
+    // In sections of a nanometre every ball is too far away to be one.
+    let mut live = LiveScene::new(1e-9, false);
+    let told = take(&mut live, &scene("a", NOW, &[(ASIDE, [0.0; 3])]), 1, NOW);
+    assert_eq!(told, SceneRefusal::Malformed);
+    let absence = live.absence(NOW).unwrap().to_string();
+    assert!(absence.contains("\"a\""), "{absence}");
 }

@@ -26,8 +26,6 @@ use crate::message::{
 
 /// Most cycles in one batch of the service `cycle`: 16 ms at 4 kHz.
 pub const CYCLES_PER_BATCH: usize = 64;
-/// Subscribers' places that [`visiting_subscriber`] leaves free: daemon, controller and robot get theirs however many watch.
-pub(super) const RESERVED_SUBSCRIBERS: usize = 8;
 /// Samples that a publisher may prepare at once, and that a subscriber may hold at once.
 pub(super) const LOANS: usize = 2;
 
@@ -47,7 +45,11 @@ pub type CycleTopic = Topic<[Cycle]>;
 pub(super) struct Qualities {
     pub(super) name: &'static str,
     pub(super) publishers: usize,
+    /// Of these, places that [`visiting_publisher`] leaves free.
+    pub(super) reserved_publishers: usize,
     pub(super) subscribers: usize,
+    /// Of these, places that [`visiting_subscriber`] leaves free: daemon, controller and robot get theirs however many watch.
+    pub(super) reserved_subscribers: usize,
     pub(super) history: usize,
     pub(super) buffer: usize,
     pub(super) slice: usize,
@@ -57,7 +59,9 @@ pub(super) struct Qualities {
 pub(super) const TRAJECTORY: Qualities = Qualities {
     name: "trajectory",
     publishers: 1,
+    reserved_publishers: 0,
     subscribers: 8,
+    reserved_subscribers: 2,
     history: 1,
     buffer: 4,
     slice: 1,
@@ -66,7 +70,9 @@ pub(super) const TRAJECTORY: Qualities = Qualities {
 pub(super) const SETPOINT: Qualities = Qualities {
     name: "setpoint",
     publishers: 1,
+    reserved_publishers: 0,
     subscribers: 8,
+    reserved_subscribers: 2,
     history: 0,
     buffer: 8,
     slice: 1,
@@ -75,7 +81,9 @@ pub(super) const SETPOINT: Qualities = Qualities {
 pub(super) const ROBOT_STATE: Qualities = Qualities {
     name: "robot_state",
     publishers: 1,
+    reserved_publishers: 0,
     subscribers: 32,
+    reserved_subscribers: 8,
     history: 1,
     buffer: 8,
     slice: 1,
@@ -84,7 +92,9 @@ pub(super) const ROBOT_STATE: Qualities = Qualities {
 pub(super) const CONTROLLER_STATE: Qualities = Qualities {
     name: "controller_state",
     publishers: 1,
+    reserved_publishers: 0,
     subscribers: 32,
+    reserved_subscribers: 8,
     history: 1,
     buffer: 8,
     slice: 1,
@@ -93,16 +103,21 @@ pub(super) const CONTROLLER_STATE: Qualities = Qualities {
 pub(super) const CYCLE: Qualities = Qualities {
     name: "cycle",
     publishers: 1,
+    reserved_publishers: 0,
     subscribers: 4,
+    reserved_subscribers: 0,
     history: 0,
     buffer: 64,
     slice: CYCLES_PER_BATCH,
 };
-/// `scene`: who sees the obstacles publishes them; a late daemon gets each publisher's last one.
+/// `scene`: who sees the obstacles publishes them; a late daemon gets each publisher's last one. Who signs off one of four sources
+/// that hang finds a place.
 pub(super) const SCENE: Qualities = Qualities {
     name: "scene",
-    publishers: 4,
+    publishers: 5,
+    reserved_publishers: 1,
     subscribers: 8,
+    reserved_subscribers: 2,
     history: 1,
     buffer: 2,
     slice: 1,
@@ -111,7 +126,9 @@ pub(super) const SCENE: Qualities = Qualities {
 pub(super) const SCENE_STATUS: Qualities = Qualities {
     name: "scene_status",
     publishers: 1,
+    reserved_publishers: 0,
     subscribers: 8,
+    reserved_subscribers: 2,
     history: 0,
     buffer: 32,
     slice: 1,
@@ -120,7 +137,9 @@ pub(super) const SCENE_STATUS: Qualities = Qualities {
 pub(super) const HEARTBEAT: Qualities = Qualities {
     name: "heartbeat",
     publishers: 8,
+    reserved_publishers: 0,
     subscribers: 16,
+    reserved_subscribers: 4,
     history: 0,
     buffer: 16,
     slice: 1,
@@ -133,21 +152,28 @@ pub struct Topic<T: Debug + IceoryxSend + ?Sized> {
     qualities: Qualities,
 }
 
+/// A publisher that is there: it was not dropped, and where its process was killed, nobody has cleaned up after it yet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PresentPublisher {
+    /// What its samples name as their origin ([`iceoryx2::sample::Sample::origin`]).
+    pub id: u128,
+    /// Its process; 0 where iceoryx2 does not say.
+    pub pid: u32,
+}
+
 impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
-    /// Whether the publisher with this id ([`iceoryx2::sample::Sample::origin`]) is there: it was not dropped, and where its process was
-    /// killed, nobody has cleaned up after it yet.
-    #[must_use]
-    pub fn has_publisher(&self, id: u128) -> bool {
-        let mut found = false;
+    /// Writes all publishers that are there into `present`, also those that were never heard.
+    pub fn list_publishers(&self, present: &mut Vec<PresentPublisher>) {
+        present.clear();
         self.service.dynamic_config().list_publishers(|details| {
-            found = details.publisher_id.value() == id;
-            if found {
-                CallbackProgression::Stop
-            } else {
-                CallbackProgression::Continue
-            }
+            let pid = details.node_id.pid::<ipc::Service>();
+            let pid = pid.ok().and_then(|pid| u32::try_from(pid.value()).ok());
+            present.push(PresentPublisher {
+                id: details.publisher_id.value(),
+                pid: pid.unwrap_or(0),
+            });
+            CallbackProgression::Continue
         });
-        found
     }
 }
 
@@ -210,13 +236,38 @@ pub fn publisher<T: Debug + ZeroCopySend>(
     node: &IpcNode,
     topic: &Topic<T>,
 ) -> Result<Publisher<T>, IpcError> {
+    any_publisher(node, topic, 0)
+}
+
+/// Makes a publisher for one of many programs that have something to say, like [`publisher()`]: it leaves a place free for who has to
+/// put in order what they leave behind.
+///
+/// # Errors
+/// As [`publisher()`].
+pub fn visiting_publisher<T: Debug + ZeroCopySend>(
+    node: &IpcNode,
+    topic: &Topic<T>,
+) -> Result<Publisher<T>, IpcError> {
+    any_publisher(node, topic, topic.qualities.reserved_publishers)
+}
+
+/// Makes a publisher that leaves `reserved` places free.
+fn any_publisher<T: Debug + ZeroCopySend>(
+    node: &IpcNode,
+    topic: &Topic<T>,
+    reserved: usize,
+) -> Result<Publisher<T>, IpcError> {
+    let full = PublisherCreateError::ExceedsMaxSupportedPublishers;
     let create = || {
+        let taken = topic.service.dynamic_config().number_of_publishers();
+        if taken + reserved >= topic.qualities.publishers {
+            return Err(full);
+        }
         let builder = topic.service.publisher_builder().max_loaned_samples(LOANS);
         builder
             .backpressure_strategy(BackpressureStrategy::DiscardData)
             .create()
     };
-    let full = PublisherCreateError::ExceedsMaxSupportedPublishers;
     node.make_port(&topic.service, "publisher", create, &full)
 }
 
@@ -258,7 +309,7 @@ pub fn visiting_subscriber<T: Debug + ZeroCopySend>(
     node: &IpcNode,
     topic: &Topic<T>,
 ) -> Result<Subscriber<T>, IpcError> {
-    any_subscriber(node, topic, RESERVED_SUBSCRIBERS)
+    any_subscriber(node, topic, topic.qualities.reserved_subscribers)
 }
 
 /// Makes a subscriber of cycles, like [`subscriber()`].

@@ -7,7 +7,7 @@ use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
 
 wire_message! {
     /// State of the controller (service `controller_state`, one publisher: its relay thread, about 50 Hz).
-    pub struct ControllerState: "pcc.v2.ControllerState", 616 bytes {
+    pub struct ControllerState: "pcc.v3.ControllerState", 616 bytes {
         /// Time of the cycle it describes, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// Another number for each controller that was started since the machine was: trajectories name the one they are for.
@@ -70,7 +70,7 @@ wire_message! {
 
 wire_message! {
     /// One cycle of the loop (service `cycle`: slices of them, every cycle exactly once).
-    pub struct Cycle: "pcc.v2.Cycle", 408 bytes {
+    pub struct Cycle: "pcc.v3.Cycle", 408 bytes {
         /// Counts the loop's cycles.
         pub sequence: u64,
         /// Time at which the trajectory was evaluated, nanoseconds of `CLOCK_MONOTONIC`.

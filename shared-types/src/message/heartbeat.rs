@@ -6,7 +6,7 @@ use super::wire_message;
 
 wire_message! {
     /// A process is alive and its work goes on (service `heartbeat`, at least 50 Hz).
-    pub struct Heartbeat: "pcc.v2.Heartbeat", 24 bytes {
+    pub struct Heartbeat: "pcc.v3.Heartbeat", 24 bytes {
         /// When it was sent, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// Counts the sender's heartbeats, from 1.

@@ -93,15 +93,29 @@ use wire_message;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::PROTOCOL_VERSION;
     use iceoryx2::prelude::ZeroCopySend;
     use std::fmt::Write;
 
-    /// The layout of all messages as text, one line a field: offset, bytes, name, type.
+    /// The name by which iceoryx2 tells a type from others.
+    #[allow(
+        unsafe_code,
+        reason = "iceoryx2 makes reading a type name unsafe for those who rely on its layout"
+    )]
+    fn type_name<T: ZeroCopySend>() -> &'static str {
+        // SAFETY: only the text is read; nothing is assumed of the layout.
+        unsafe { <T as ZeroCopySend>::type_name() }
+    }
+
+    /// The layout of all messages as text, one line a field: offset, bytes, name, type. Every type's name must carry the protocol's
+    /// version: services of another version cannot be joined then.
     fn layout() -> String {
         let mut text = String::new();
         macro_rules! describe {
             ($($message:ident),*) => { $(
-                writeln!(text, "pcc.v2.{} {} bytes", stringify!($message), size_of::<$message>()).unwrap();
+                let name = format!("pcc.v{PROTOCOL_VERSION}.{}", stringify!($message));
+                assert_eq!(type_name::<$message>(), name);
+                writeln!(text, "{name} {} bytes", size_of::<$message>()).unwrap();
                 for Field { name, rust_type, offset, bytes } in $message::FIELDS {
                     writeln!(text, "{offset:>6} {bytes:>6} {name}: {rust_type}").unwrap();
                 }
@@ -131,22 +145,11 @@ mod tests {
     }
 
     #[test]
-    fn the_layout_is_the_published_one() {
+    fn the_layout_is_the_published_one_and_type_names_carry_the_version() {
         let layout = layout();
         assert!(
             layout == include_str!("../../layout.txt"),
             "layout.txt is not what the messages are now:\n{layout}"
         );
-    }
-
-    #[test]
-    #[allow(
-        unsafe_code,
-        reason = "iceoryx2 makes reading a type name unsafe for those who rely on its layout"
-    )]
-    fn type_names_carry_the_version() {
-        // SAFETY: only the text is read; nothing is assumed of the layout.
-        let name = unsafe { <PlanReport as ZeroCopySend>::type_name() };
-        assert_eq!(name, "pcc.v2.PlanReport");
     }
 }

@@ -10,7 +10,7 @@ pub const NONE_SELECTED: u32 = u32::MAX;
 
 wire_message! {
     /// An obstacle at rest.
-    pub struct Ball: "pcc.v2.Ball", 32 bytes {
+    pub struct Ball: "pcc.v3.Ball", 32 bytes {
         /// Centre in the base frame, metres.
         pub centre_m: [f64; 3],
         /// Radius, metres, not negative.
@@ -20,7 +20,7 @@ wire_message! {
 
 wire_message! {
     /// What is to be planned (service `plan`).
-    pub struct PlanRequest: "pcc.v2.PlanRequest", 2360 bytes {
+    pub struct PlanRequest: "pcc.v3.PlanRequest", 2360 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Candidates wanted, 1..=64; the daemon's own limit may be lower.
@@ -75,7 +75,7 @@ wire_message! {
 
 wire_message! {
     /// One certified candidate of a plan.
-    pub struct CandidateSummary: "pcc.v2.CandidateSummary", 56 bytes {
+    pub struct CandidateSummary: "pcc.v3.CandidateSummary", 56 bytes {
         /// Where its knots begin in the answer's slice.
         pub first_knot: u32,
         /// How many they are.
@@ -99,7 +99,7 @@ wire_message! {
 
 wire_message! {
     /// The answer's user header: what happened, how long it took, and where each candidate's knots are.
-    pub struct PlanReport: "pcc.v2.PlanReport", 3872 bytes {
+    pub struct PlanReport: "pcc.v3.PlanReport", 3872 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the daemon.
         pub protocol_version: u32,
         /// [`crate::codes::Outcome`].

@@ -1,10 +1,11 @@
 //! The paper's three experiments: consecutive planning, two solutions of one target, avoiding an obstacle.
 
 use super::motion::{Execution, Order, Proposal, Report, Stage, Task};
+use super::obstacles::Obstacles;
 use super::recording::Recording;
 use crate::output_files::write_whole;
 use anyhow::{Context, bail};
-use client::{Client, ControllerView, ScenePublisher};
+use client::{Client, ControllerView};
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use serde_json::json;
@@ -13,7 +14,11 @@ use shared_types::codes::Outcome;
 use shared_types::ipc::IpcOptions;
 use shared_types::message::MovingBall;
 use shared_types::valid::{Command, Goal};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::flag;
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// Tip targets in section lengths (the paper, "Real-World Evaluation").
@@ -22,12 +27,6 @@ const MULTI_SOLUTION: [f64; 3] = [1.55, -0.07, 2.33];
 const AVOIDANCE: [[f64; 3]; 2] = [[-1.45, 0.0, 2.25], [1.35, 0.0, 2.45]];
 /// The ball that appears in the third experiment: centre and radius in section lengths.
 const BALL: ([f64; 3], f64) = ([0.0, 0.0, 1.5], 0.4);
-/// The demonstration as a source of scenes.
-const SOURCE: &str = "pcc demo";
-/// How long a scene of it counts: longer than all experiments take; should the demonstration be killed, nothing moves without it.
-const SCENE_LIFETIME: Duration = Duration::from_secs(1800);
-/// How long the daemon may take to judge one.
-const SCENE_PATIENCE: Duration = Duration::from_secs(5);
 /// Terminal shapes that count as two solutions, rad.
 const DISTINCT_RAD: f64 = 0.5;
 /// Distance of the backbone from the later ball's surface that the chosen end shape must keep, section lengths.
@@ -40,7 +39,7 @@ const ALLOWED_ERROR: [f64; 2] = [0.01, 0.03];
 /// A demonstration under way.
 pub(super) struct Mission<'a> {
     stage: Stage<'a>,
-    scene: ScenePublisher,
+    obstacles: Obstacles,
     recording: Recording,
     length: f64,
     reports: Vec<Report>,
@@ -61,9 +60,10 @@ impl<'a> Mission<'a> {
                 robot,
                 client,
                 controller: ControllerView::connect(options)?,
+                interrupted: termination_flag()?,
                 seed,
             },
-            scene: ScenePublisher::connect(options, SOURCE)?,
+            obstacles: Obstacles::connect(options)?,
             recording: Recording::begin(options),
             length,
             reports: Vec::new(),
@@ -112,9 +112,8 @@ impl<'a> Mission<'a> {
     }
 
     /// Takes the ball away; nobody need wait for another scene.
-    pub(super) fn take_leave(&mut self) -> anyhow::Result<()> {
-        self.scene.take_leave()?;
-        Ok(self.scene.confirm(SCENE_PATIENCE)?)
+    pub(super) fn take_leave(&self) -> anyhow::Result<()> {
+        Ok(self.obstacles.take_leave()?)
     }
 
     /// Half speed and full speed again on one motion, and a stop on the next.
@@ -285,8 +284,7 @@ impl<'a> Mission<'a> {
             velocity_m_s: [0.0; 3],
         };
         let balls: Vec<MovingBall> = balls.iter().map(moving).collect();
-        self.scene.publish(&balls, SCENE_LIFETIME)?;
-        self.scene.confirm(SCENE_PATIENCE)?;
+        self.obstacles.show(&balls)?;
         self.recording.note_scene(mono_now_ns(), &balls);
         Ok(())
     }
@@ -330,6 +328,16 @@ impl<'a> Mission<'a> {
             &serde_json::to_string_pretty(&summary)?,
         )
     }
+}
+
+/// A flag that SIGINT and SIGTERM set; the second of them ends the process at once.
+fn termination_flag() -> anyhow::Result<Arc<AtomicBool>> {
+    let interrupted = Arc::<AtomicBool>::default();
+    for signal in [SIGINT, SIGTERM] {
+        flag::register_conditional_shutdown(signal, 1, Arc::clone(&interrupted))?;
+        flag::register(signal, Arc::clone(&interrupted))?;
+    }
+    Ok(interrupted)
 }
 
 fn errors(report: &Report) -> [f64; 2] {

@@ -2,6 +2,7 @@
 
 mod mission;
 mod motion;
+mod obstacles;
 mod recording;
 
 use crate::number::any;

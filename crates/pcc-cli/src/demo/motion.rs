@@ -10,6 +10,8 @@ use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState, Outcome, Refusal};
 use shared_types::message;
 use shared_types::valid::{Command, ControllerState, Goal, PlanRequest, SelectionRule};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use trajectory::{Knot, Trajectory};
 
@@ -86,6 +88,8 @@ pub(super) struct Stage<'a> {
     pub(super) robot: &'a Robot,
     pub(super) client: Client,
     pub(super) controller: ControllerView,
+    /// The demonstration is to end now.
+    pub(super) interrupted: Arc<AtomicBool>,
     pub(super) seed: u64,
 }
 
@@ -281,6 +285,9 @@ impl Stage<'_> {
     ) -> anyhow::Result<ControllerState> {
         let (asked, end) = (mono_now_ns(), Instant::now() + patience);
         while Instant::now() < end {
+            if self.interrupted.load(Ordering::Relaxed) {
+                bail!("interrupted");
+            }
             if let Some(state) = self.controller.latest_state()?
                 && state.values.stamp_mono_ns >= asked
                 && until(&state)

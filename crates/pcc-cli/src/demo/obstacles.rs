@@ -1,0 +1,172 @@
+//! The demonstration as a source of live scenes: it tells of its obstacles again and again while it runs, and takes its leave in the
+//! end, however it ends.
+
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use client::{ClientError, ScenePublisher};
+use shared_types::ipc::IpcOptions;
+use shared_types::message::MovingBall;
+
+/// The name of the source.
+const SOURCE: &str = "pcc demo";
+/// How long a scene counts: should the demonstration be killed, what moves is stopped after that.
+const LIFETIME: Duration = Duration::from_secs(5);
+/// How often it is told again.
+const RENEWAL: Duration = Duration::from_secs(1);
+/// How long the daemon may take to judge one.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// What is shown, told again by a thread of its own; dropped, it takes its leave.
+pub(super) struct Obstacles {
+    shown: Arc<Mutex<Shown>>,
+    quit: Option<Sender<()>>,
+    renewal: Option<JoinHandle<()>>,
+}
+
+struct Shown {
+    publisher: ScenePublisher,
+    /// None before the first scene, and after the leave.
+    balls: Option<Vec<MovingBall>>,
+    /// Why a scene could not be told again, the first time.
+    failed: Option<ClientError>,
+}
+
+impl Obstacles {
+    /// Joins the services; nothing is shown yet.
+    pub(super) fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
+        let shown = Arc::new(Mutex::new(Shown {
+            publisher: ScenePublisher::connect(options, SOURCE)?,
+            balls: None,
+            failed: None,
+        }));
+        let (quit, ended) = channel();
+        let renewed = Arc::clone(&shown);
+        let renewal = std::thread::spawn(move || renew(&renewed, &ended));
+        Ok(Self {
+            shown,
+            quit: Some(quit),
+            renewal: Some(renewal),
+        })
+    }
+
+    /// Shows these in place of those before, from now on, and waits until the daemon has taken them in.
+    pub(super) fn show(&self, balls: &[MovingBall]) -> Result<(), ClientError> {
+        let mut shown = locked(&self.shown);
+        if let Some(failed) = shown.failed.take() {
+            return Err(failed);
+        }
+        shown.balls = Some(balls.to_vec());
+        shown.publisher.publish(balls, LIFETIME)?;
+        shown.publisher.confirm(PATIENCE)
+    }
+
+    /// Takes them away; nobody need wait for another scene. Does nothing where nothing is shown.
+    pub(super) fn take_leave(&self) -> Result<(), ClientError> {
+        let mut shown = locked(&self.shown);
+        if shown.balls.take().is_none() {
+            return Ok(());
+        }
+        shown.publisher.take_leave()?;
+        shown.publisher.confirm(PATIENCE)
+    }
+}
+
+impl Drop for Obstacles {
+    fn drop(&mut self) {
+        self.quit = None;
+        if let Some(renewal) = self.renewal.take() {
+            // A thread that panicked has said so already.
+            let _ = renewal.join();
+        }
+        // Who wants to know calls it before.
+        let _ = self.take_leave();
+    }
+}
+
+fn renew(shown: &Mutex<Shown>, ended: &Receiver<()>) {
+    while ended.recv_timeout(RENEWAL) == Err(RecvTimeoutError::Timeout) {
+        let shown = &mut *locked(shown);
+        if let Some(balls) = &shown.balls
+            && let Err(error) = shown.publisher.publish(balls, LIFETIME)
+        {
+            shown.failed.get_or_insert(error);
+        }
+    }
+}
+
+fn locked(shown: &Mutex<Shown>) -> MutexGuard<'_, Shown> {
+    shown.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use shared_types::PROTOCOL_VERSION;
+    use shared_types::ipc::{
+        IpcNode, Publisher, Subscriber, publisher, scene_service, scene_status_service, subscriber,
+    };
+    use shared_types::message::{SceneMessage, SceneStatus};
+
+    /// What a daemon does with scenes.
+    struct PlayedDaemon {
+        scenes: Subscriber<SceneMessage>,
+        statuses: Publisher<SceneStatus>,
+        _node: IpcNode,
+    }
+
+    impl PlayedDaemon {
+        fn start(options: &IpcOptions) -> Self {
+            let node = IpcNode::create(options, "daemon").unwrap();
+            Self {
+                scenes: subscriber(&node, &scene_service(&node).unwrap()).unwrap(),
+                statuses: publisher(&node, &scene_status_service(&node).unwrap()).unwrap(),
+                _node: node,
+            }
+        }
+
+        /// Takes every scene in until one is a leave; their lifetimes, ns.
+        fn serve(&self) -> Vec<i64> {
+            let mut lifetimes = Vec::new();
+            loop {
+                let Some(scene) = self.scenes.receive().unwrap() else {
+                    std::thread::sleep(Duration::from_millis(1));
+                    continue;
+                };
+                let status = SceneStatus {
+                    scene_stamp_mono_ns: scene.stamp_mono_ns,
+                    source: scene.source,
+                    sequence: scene.sequence,
+                    protocol_version: PROTOCOL_VERSION,
+                    ..SceneStatus::ZEROED
+                };
+                self.statuses.send_copy(status).unwrap();
+                if scene.takes_leave == 1 {
+                    return lifetimes;
+                }
+                lifetimes.push(scene.lifetime_ns);
+            }
+        }
+    }
+
+    #[test]
+    fn obstacles_are_told_again_with_a_short_lifetime_and_signed_off_when_dropped() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = IpcOptions {
+            prefix: "demo".to_owned(),
+            root: folder.path().join("root"),
+        };
+        let served = options.clone();
+        let daemon = std::thread::spawn(move || PlayedDaemon::start(&served).serve());
+        let obstacles = Obstacles::connect(&options).unwrap();
+        obstacles.show(&[]).unwrap();
+        std::thread::sleep(2 * RENEWAL);
+        drop(obstacles);
+        let lifetimes = daemon.join().unwrap();
+        assert!(lifetimes.len() > 1, "told once: {lifetimes:?}");
+        let wanted = LIFETIME.as_nanos() as i64;
+        assert!(lifetimes.iter().all(|lifetime| *lifetime == wanted));
+    }
+}

@@ -1,0 +1,103 @@
+//! The publishers of scenes that are there, and what was heard of each.
+
+use shared_types::codes::SceneRefusal;
+use shared_types::ipc::PresentPublisher;
+
+use super::SceneAbsence;
+
+/// How long a publisher that comes while a motion is under way may take to speak before the motion is stopped, nanoseconds. It is also
+/// the time within which who takes up the name of a publisher that was killed is not refused: the dead one is cleaned up meanwhile.
+pub(super) const TIME_TO_SPEAK_NS: i64 = 200_000_000;
+
+/// What was heard of a publisher.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Heard {
+    /// Nothing yet.
+    Nothing,
+    /// A scene that is kept under no name.
+    Refused(SceneRefusal),
+    /// Its source tells what it knows, or it is signed off.
+    Known,
+}
+
+/// A publisher that is there.
+#[derive(Debug)]
+struct Port {
+    publisher: PresentPublisher,
+    /// When it was there first, nanoseconds.
+    since_mono_ns: i64,
+    heard: Heard,
+}
+
+impl Port {
+    fn absence(&self, now_mono_ns: i64, time_to_speak_ns: i64) -> Option<SceneAbsence> {
+        let pid = self.publisher.pid;
+        match self.heard {
+            Heard::Nothing if now_mono_ns - self.since_mono_ns >= time_to_speak_ns => {
+                Some(SceneAbsence::Unheard { pid })
+            }
+            Heard::Refused(refusal) => Some(SceneAbsence::Refused { pid, refusal }),
+            Heard::Nothing | Heard::Known => None,
+        }
+    }
+}
+
+/// All publishers that are there.
+#[derive(Debug, Default)]
+pub(super) struct Ports(Vec<Port>);
+
+impl Ports {
+    /// Takes those up that have come, and forgets those that are gone.
+    pub(super) fn attend(&mut self, present: &[PresentPublisher], now_mono_ns: i64) {
+        self.0.retain(|port| present.contains(&port.publisher));
+        for &publisher in present {
+            if self.port(publisher.id).is_none() {
+                self.0.push(Port {
+                    publisher,
+                    since_mono_ns: now_mono_ns,
+                    heard: Heard::Nothing,
+                });
+            }
+        }
+    }
+
+    /// Notes what was heard of a publisher, if it is still there.
+    pub(super) fn note(&mut self, publisher: u128, heard: Heard) {
+        let mut ports = self.0.iter_mut();
+        if let Some(port) = ports.find(|port| port.publisher.id == publisher) {
+            port.heard = heard;
+        }
+    }
+
+    /// What was heard of a publisher that is there.
+    pub(super) fn heard(&self, publisher: u128) -> Option<Heard> {
+        self.port(publisher).map(|port| port.heard)
+    }
+
+    /// Since when a publisher is there, nanoseconds.
+    pub(super) fn since_mono_ns(&self, publisher: u128) -> Option<i64> {
+        self.port(publisher).map(|port| port.since_mono_ns)
+    }
+
+    /// Whether a publisher is there.
+    pub(super) fn has(&self, publisher: u128) -> bool {
+        self.port(publisher).is_some()
+    }
+
+    /// Whether a publisher is there for less than [`TIME_TO_SPEAK_NS`].
+    pub(super) fn has_just_come(&self, publisher: u128, now_mono_ns: i64) -> bool {
+        let since = self.since_mono_ns(publisher);
+        since.is_some_and(|since| now_mono_ns - since < TIME_TO_SPEAK_NS)
+    }
+
+    /// The first publisher that may know of obstacles which do not count; who has come within `time_to_speak_ns` need not have
+    /// spoken.
+    pub(super) fn absence(&self, now_mono_ns: i64, time_to_speak_ns: i64) -> Option<SceneAbsence> {
+        let mut ports = self.0.iter();
+        ports.find_map(|port| port.absence(now_mono_ns, time_to_speak_ns))
+    }
+
+    fn port(&self, publisher: u128) -> Option<&Port> {
+        self.0.iter().find(|port| port.publisher.id == publisher)
+    }
+}
