@@ -20,6 +20,11 @@ pub(crate) enum SceneAbsence {
         "no live scene: one is expected ([live_scene] expected = true), and no source has told of any"
     )]
     Missing,
+    /// The daemon has only just started, and a source has not handed on yet what it had told of before.
+    #[error(
+        "no live scene yet: a source that was there before the daemon started has not handed on its scene; it has half a second"
+    )]
+    Awaited,
     /// A source has fallen silent without taking its leave.
     #[error(
         "the live scene of source {source_name:?} has ended: it must publish again, or take its leave (`pcc scene leave NAME`)",

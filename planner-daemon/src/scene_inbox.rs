@@ -1,5 +1,7 @@
 //! Scenes as they arrive: the newest of each publisher, taken in turn, however many there are.
 
+use std::time::{Duration, Instant};
+
 use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::SceneRefusal;
@@ -18,6 +20,9 @@ const MOST_RECEIVED: usize = 16;
 const REST_FACTOR: i64 = 3;
 /// ... but no later than after this, nanoseconds.
 const MOST_REST_NS: i64 = 10_000_000;
+/// Time after the start within which publishers that were there before hand on their last scenes: they look for a new daemon every
+/// 5 ms. Who has said nothing by then has nothing to tell.
+const HANDED_ON_WITHIN: Duration = Duration::from_millis(500);
 
 /// The newest scene of a publisher.
 struct Waiting {
@@ -37,6 +42,9 @@ pub(crate) struct SceneInbox {
     scenes: Subscriber<SceneMessage>,
     statuses: Publisher<SceneStatus>,
     waiting: Vec<Waiting>,
+    /// Publishers that were there before this, and have not been heard yet: each hands its last scene on, if it has sent any.
+    unheard: Vec<u128>,
+    opened: Instant,
 }
 
 impl SceneInbox {
@@ -49,8 +57,12 @@ impl SceneInbox {
     /// [`IpcError`].
     pub(crate) fn open(node: &IpcNode) -> Result<Self, IpcError> {
         let topic = scene_service(node)?;
+        // Before the list is made: who joins later finds it.
+        let scenes = subscriber(node, &topic)?;
         Ok(Self {
-            scenes: subscriber(node, &topic)?,
+            scenes,
+            unheard: topic.publisher_ids(),
+            opened: Instant::now(),
             topic,
             statuses: publisher(node, &scene_status_service(node)?)?,
             waiting: Vec::with_capacity(Self::PUBLISHERS),
@@ -66,12 +78,21 @@ impl SceneInbox {
         smallest.map(|(index, _)| index)
     }
 
+    /// Whether a publisher that was there before this may still hand on what it has told of.
+    pub(crate) fn awaits_scenes(&mut self) -> bool {
+        let topic = &self.topic;
+        self.unheard
+            .retain(|publisher| topic.has_publisher(*publisher));
+        !self.unheard.is_empty() && self.opened.elapsed() < HANDED_ON_WITHIN
+    }
+
     fn receive(&mut self) {
         for _ in 0..MOST_RECEIVED {
             let Ok(Some(sample)) = self.scenes.receive() else {
                 return;
             };
             let publisher = sample.origin().value();
+            self.unheard.retain(|unheard| *unheard != publisher);
             match self.waiting.iter_mut().find(|w| w.publisher == publisher) {
                 Some(waiting) => {
                     *waiting.scene = *sample;

@@ -22,7 +22,7 @@ use crate::execution::{
     ExecutionRefusal, ExecutionRules, Handed, Selected, check_controller, next_id,
 };
 use crate::heartbeat::{BackgroundError, Progress};
-use crate::live_scene::{Arrival, Certificates, LiveScene, Rest};
+use crate::live_scene::{Arrival, Certificates, LiveScene, Rest, SceneAbsence};
 use crate::moving_cover::Timing;
 use crate::scene_inbox::SceneInbox;
 use crate::stop_order::StopOrder;
@@ -274,6 +274,9 @@ impl Supervisor {
         let controller = check_controller(self.state.as_ref(), &start, busy, now)?;
         if !self.stop_order.can_be_given() {
             return Err(ExecutionRefusal::CommandUnserved);
+        }
+        if self.inbox.awaits_scenes() {
+            return Err(SceneAbsence::Awaited.into());
         }
         if let Some(absence) = self.live.absence(now) {
             return Err(absence.into());

@@ -149,6 +149,17 @@ impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
         });
         found
     }
+
+    /// Ids of the publishers that are there, as [`Topic::has_publisher`] has it.
+    #[must_use]
+    pub fn publisher_ids(&self) -> Vec<u128> {
+        let mut ids = Vec::new();
+        self.service.dynamic_config().list_publishers(|details| {
+            ids.push(details.publisher_id.value());
+            CallbackProgression::Continue
+        });
+        ids
+    }
 }
 
 macro_rules! topic_functions {
