@@ -275,14 +275,19 @@ impl LiveScene {
         Judged::accepted(count)
     }
 
-    /// Why nothing may be executed now, if that is so.
-    pub(crate) fn absence(&self, now_mono_ns: i64) -> Option<SceneAbsence> {
+    /// Why nothing may be executed now, if that is so; `has_told`: whether a publisher's next scene has arrived and is still to be looked
+    /// at, as after a pause of the whole machine, at whose end the scene before it may be over.
+    pub(crate) fn absence(
+        &self,
+        now_mono_ns: i64,
+        has_told: impl Fn(u128) -> bool,
+    ) -> Option<SceneAbsence> {
         if self.sources.is_empty() {
             return self.expected.then_some(SceneAbsence::Missing);
         }
         let is_heard = |name| {
             let mut publishers = self.sources.iter().filter(|source| source.name == name);
-            publishers.any(|source| source.is_live(now_mono_ns))
+            publishers.any(|source| source.is_live(now_mono_ns) || has_told(source.publisher))
         };
         let ended = self.sources.iter().find(|source| !is_heard(source.name));
         ended.map(|source| SceneAbsence::Ended {

@@ -69,9 +69,8 @@ impl SceneInbox {
         })
     }
 
-    /// Receives what has arrived; the place of the publisher whose scene is to be looked at now, that with the fewest balls first.
-    pub(crate) fn next(&mut self, now_mono_ns: i64) -> Option<usize> {
-        self.receive();
+    /// The place of the publisher whose scene is to be looked at now, that with the fewest balls first.
+    pub(crate) fn next(&self, now_mono_ns: i64) -> Option<usize> {
         let due = |waiting: &Waiting| waiting.is_new && now_mono_ns >= waiting.not_before_mono_ns;
         let due = self.waiting.iter().enumerate().filter(|(_, w)| due(w));
         let smallest = due.min_by_key(|(_, waiting)| waiting.scene.ball_count);
@@ -86,7 +85,14 @@ impl SceneInbox {
         !self.unheard.is_empty() && self.opened.elapsed() < HANDED_ON_WITHIN
     }
 
-    fn receive(&mut self) {
+    /// Whether a scene of this publisher has arrived that was not looked at yet.
+    pub(crate) fn has_new(&self, publisher: u128) -> bool {
+        let mut waiting = self.waiting.iter();
+        waiting.any(|waiting| waiting.publisher == publisher && waiting.is_new)
+    }
+
+    /// Takes in what has arrived.
+    pub(crate) fn receive(&mut self) {
         for _ in 0..MOST_RECEIVED {
             let Ok(Some(sample)) = self.scenes.receive() else {
                 return;

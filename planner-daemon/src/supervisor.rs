@@ -128,9 +128,11 @@ impl Supervisor {
     fn round(&mut self) {
         self.connect();
         self.hear_controller();
+        self.inbox.receive();
         self.supervise();
         for _ in 0..SceneInbox::PUBLISHERS {
             let begun = mono_now_ns();
+            self.inbox.receive();
             let Some(index) = self.inbox.next(begun) else {
                 break;
             };
@@ -245,7 +247,9 @@ impl Supervisor {
         if self.silence_ns > STATE_LIFETIME_NS {
             supervised.must_stop(StopReason::ControllerSilent);
         }
-        if let Some(absence) = self.live.absence(now_mono_ns) {
+        let inbox = &self.inbox;
+        let has_told = |publisher| inbox.has_new(publisher);
+        if let Some(absence) = self.live.absence(now_mono_ns, has_told) {
             supervised.must_stop(absence.into());
         }
         let (from_s, timing) = supervised.progress(now_mono_ns);
@@ -278,7 +282,7 @@ impl Supervisor {
         if self.inbox.awaits_scenes() {
             return Err(SceneAbsence::Awaited.into());
         }
-        if let Some(absence) = self.live.absence(now) {
+        if let Some(absence) = self.live.absence(now, |_| false) {
             return Err(absence.into());
         }
         let begin_mono_ns = self.begin(selected.begin, now);

@@ -138,7 +138,7 @@ fn the_obstacles_of_all_sources_count_together_until_one_takes_its_leave() {
     };
     assert_eq!(take(&mut live, &leave, 1, NOW + 1), SceneRefusal::None);
     assert!(certify(&live, 0.0, timing, 0.0).is_free());
-    assert_eq!(live.absence(NOW + 2), None);
+    assert_eq!(live.absence(NOW + 2, |_| false), None);
 }
 
 #[test]
@@ -192,26 +192,32 @@ fn only_what_changed_is_certified_again() {
 #[test]
 fn a_source_that_falls_silent_is_missed_until_it_speaks_or_leaves() {
     let mut live = live();
-    assert_eq!(live.absence(NOW), None);
+    assert_eq!(live.absence(NOW, |_| false), None);
     assert_eq!(
-        LiveScene::new(LENGTH_M, true).absence(NOW),
+        LiveScene::new(LENGTH_M, true).absence(NOW, |_| false),
         Some(SceneAbsence::Missing)
     );
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
     let end = NOW + SECOND / 2;
-    assert_eq!(live.absence(end - 1), None);
-    let absence = live.absence(end).unwrap();
+    assert_eq!(live.absence(end - 1, |_| false), None);
+    let by_1 = |publisher| publisher == 1;
+    assert_eq!(live.absence(end, by_1), None, "its next scene has arrived");
+    let absence = live.absence(end, |_| false).unwrap();
     assert!(absence.to_string().contains("\"a\""), "{absence}");
     // Its publisher starts again.
     take(&mut live, &scene("a", end, &[]), 2, end);
-    assert_eq!(live.absence(end), None);
+    assert_eq!(live.absence(end, |_| false), None);
     assert_eq!(live.sources.len(), 1, "it has taken the dead one's place");
     let leave = ValidScene {
         takes_leave: true,
         ..scene("a", end + SECOND, &[])
     };
     take(&mut live, &leave, 3, end + SECOND);
-    assert_eq!(live.absence(end + SECOND), None, "anyone may sign it off");
+    assert_eq!(
+        live.absence(end + SECOND, |_| false),
+        None,
+        "anyone may sign it off"
+    );
 }
 
 #[test]
@@ -239,7 +245,7 @@ fn what_is_refused_is_named_and_its_source_is_missed() {
     ] {
         let told = take(&mut live, &scene("a", stamp, &[]), 1, NOW);
         assert_eq!(told, refusal);
-        assert!(live.absence(NOW).is_some(), "{refusal}");
+        assert!(live.absence(NOW, |_| false).is_some(), "{refusal}");
     }
     let mut bad = wire(&scene("a", NOW, &[]));
     bad.lifetime_ns = 0;
@@ -252,7 +258,10 @@ fn what_is_refused_is_named_and_its_source_is_missed() {
     assert_eq!(judged.refusal, SceneRefusal::WrongVersion);
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
     let older = take(&mut live, &scene("a", NOW - 1, &[]), 1, NOW);
-    assert_eq!((older, live.absence(NOW)), (SceneRefusal::Superseded, None));
+    assert_eq!(
+        (older, live.absence(NOW, |_| false)),
+        (SceneRefusal::Superseded, None)
+    );
 }
 
 #[test]
@@ -267,5 +276,5 @@ fn there_are_so_many_sources_at_most_and_a_name_more_changes_nothing() {
     }
     let more = take(&mut live, &scene("one more", NOW, &[]), 99, NOW);
     assert_eq!(more, SceneRefusal::TooManySources);
-    assert_eq!(live.absence(NOW), None);
+    assert_eq!(live.absence(NOW, |_| false), None);
 }

@@ -8,13 +8,12 @@ use std::time::Duration;
 use anyhow::Context;
 use pcc_model::Configuration;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopFault, LoopState, Outcome};
+use shared_types::codes::{LoopFault, Outcome};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::{Cycle, MovingBall};
 use shared_types::valid::PlanRequest;
 use tests::brute_force::{Ball, Body};
 use tests::listener::Listener;
-use tests::process::wait_for;
 use tests::programs::repository;
 use tests::raw_scene::RawScenes;
 use tests::stack::{MoveError, PATIENCE, Part, Stack};
@@ -43,9 +42,9 @@ const ROOMS_S: [(f64, bool); 6] = [
 ];
 /// With so much room nothing stands in the way of executing a motion, s.
 const PLENTY_S: f64 = 1.5;
-/// A ball that turns up before a pause does so when the motion has gone on for this, s: there is time to stop before the crossing.
+/// A ball that turns up does so when the motion has gone on for this, s: there is time to stop before the crossing.
 const TURNS_UP_S: f64 = 0.4;
-/// From then to the pause that makes the robot late.
+/// From then to a pause that makes the robot late.
 const ACTED_UPON: [Duration; 2] = [Duration::ZERO, Duration::from_millis(5)];
 /// A `begin_past_ms` for begins in the past that make the robot late by more than the shipped 20 ms.
 const BEGIN_PAST_MS: i64 = 200;
@@ -132,7 +131,6 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
             let stack = if beyond { &mut lenient } else { &mut stack };
             let passed = pass(stack, &body, wanted)?;
             let text = format!("{wanted:?}: {:.3} m, {}", passed.clearance_m, passed.end);
-            println!("    {text}");
             if passed.fault != LoopFault::None {
                 faults.push(format!("{text}, {}", passed.fault));
             }
@@ -288,7 +286,7 @@ impl Moment<'_> {
             }
             Err(error) => return Err(error.into()),
         };
-        self.be_late(stack)?;
+        self.be_late(stack, id)?;
         let (end, fault) = end(stack, id)?;
         let past_s = self.crossing.past_s(&stack.world.robot);
         sleep_until(self.begin_ns + (past_s * SECOND_NS as f64) as i64);
@@ -296,7 +294,7 @@ impl Moment<'_> {
         Ok((end, fault, cycles))
     }
 
-    fn be_late(&self, stack: &mut Stack) -> anyhow::Result<()> {
+    fn be_late(&self, stack: &mut Stack, id: u32) -> anyhow::Result<()> {
         let pause = Duration::from_millis(self.wanted.lag_ms.unsigned_abs());
         match self.wanted.late {
             Late::Paused => {
@@ -315,21 +313,17 @@ impl Moment<'_> {
             Late::PausedAtBegin => {
                 sleep_until(self.begin_ns - MS_NS);
                 pause_all(stack, pause + Duration::from_millis(1), || ());
-                self.turn_up_moving(stack)?;
+                self.turn_up_moving(stack, id)?;
             }
-            Late::BegunInThePast => self.turn_up_moving(stack)?,
+            Late::BegunInThePast => self.turn_up_moving(stack, id)?,
         }
         Ok(())
     }
 
-    /// The ball turns up once the robot moves.
-    fn turn_up_moving(&self, stack: &mut Stack) -> anyhow::Result<()> {
+    /// The ball turns up when the motion has gone on for a while.
+    fn turn_up_moving(&self, stack: &mut Stack, id: u32) -> anyhow::Result<()> {
         if self.wanted.turns_up {
-            let view = &mut stack.controller;
-            wait_for("the robot moves", PATIENCE, || {
-                let state = view.latest_state().ok().flatten()?;
-                (state.state == LoopState::Executing).then_some(())
-            })?;
+            stack.wait_for_progress(id, TURNS_UP_S)?;
             self.told.store(mono_now_ns(), Ordering::Relaxed);
         }
         Ok(())

@@ -84,6 +84,8 @@ fn after_a_pause(
     let mut scenes = RawScenes::connect(&stack.world.options, "camera");
     scenes.send(mono_now_ns(), LIFETIME_NS, &[]);
     let listener = Listener::start(&stack.world.options);
+    // The controller has only just met the daemon.
+    thread::sleep(Duration::from_millis(200));
     let id = execute(&mut stack)?;
     stack.wait_for_progress(id, 0.5)?;
     let on_the_body = on_the_body(&mut stack);
