@@ -347,19 +347,32 @@ impl LiveScene {
 
     /// Why nothing may be executed now, if that is so.
     pub(crate) fn absence(&self, now_mono_ns: i64) -> Option<SceneAbsence> {
-        self.missing(now_mono_ns, 0)
+        self.missing(now_mono_ns, 0, |_| false)
     }
 
-    /// Why what moves must stop now, if that is so: as [`LiveScene::absence`], but who has just come gets some time to speak.
-    pub(crate) fn absence_in_motion(&self, now_mono_ns: i64) -> Option<SceneAbsence> {
-        self.missing(now_mono_ns, TIME_TO_SPEAK_NS)
+    /// Why what moves must stop now, if that is so: as [`LiveScene::absence`], but who has just come gets some time to speak, and a
+    /// scene that has ended counts while its publisher `has_told` of the next one, which is still to be looked at: after a pause of
+    /// the whole machine.
+    pub(crate) fn absence_in_motion(
+        &self,
+        now_mono_ns: i64,
+        has_told: impl Fn(u128) -> bool,
+    ) -> Option<SceneAbsence> {
+        self.missing(now_mono_ns, TIME_TO_SPEAK_NS, has_told)
     }
 
-    fn missing(&self, now_mono_ns: i64, time_to_speak_ns: i64) -> Option<SceneAbsence> {
+    fn missing(
+        &self,
+        now_mono_ns: i64,
+        time_to_speak_ns: i64,
+        has_told: impl Fn(u128) -> bool,
+    ) -> Option<SceneAbsence> {
         if self.expected && self.sources.is_empty() {
             return Some(SceneAbsence::Missing);
         }
-        let is_missed = |source: &&Source| !source.leaves && !source.is_live(now_mono_ns);
+        let is_missed = |source: &&Source| {
+            !source.leaves && !source.is_live(now_mono_ns) && !has_told(source.publisher)
+        };
         let ended = self.sources.iter().find(is_missed);
         let ended = ended.map(|source| SceneAbsence::Ended {
             source_name: source.name,

@@ -18,7 +18,6 @@ const MOST_RECEIVED: usize = 16;
 const REST_FACTOR: i64 = 3;
 /// ... but no later than after this, nanoseconds.
 const MOST_REST_NS: i64 = 10_000_000;
-
 /// A scene of which nothing can be said yet is looked at again after this, nanoseconds.
 const LOOK_AGAIN_NS: i64 = 10_000_000;
 
@@ -70,16 +69,22 @@ impl SceneInbox {
         &self.present
     }
 
-    /// Receives what has arrived; the place of the publisher whose scene is to be looked at now, that with the fewest balls first.
-    pub(crate) fn next(&mut self, now_mono_ns: i64) -> Option<usize> {
-        self.receive();
+    /// The place of the publisher whose scene is to be looked at now, that with the fewest balls first.
+    pub(crate) fn next(&self, now_mono_ns: i64) -> Option<usize> {
         let due = |waiting: &Waiting| waiting.is_new && now_mono_ns >= waiting.not_before_mono_ns;
         let due = self.waiting.iter().enumerate().filter(|(_, w)| due(w));
         let smallest = due.min_by_key(|(_, waiting)| waiting.scene.ball_count);
         smallest.map(|(index, _)| index)
     }
 
-    fn receive(&mut self) {
+    /// Whether a scene of this publisher has arrived that was not looked at yet.
+    pub(crate) fn has_new(&self, publisher: u128) -> bool {
+        let mut waiting = self.waiting.iter();
+        waiting.any(|waiting| waiting.publisher == publisher && waiting.is_new)
+    }
+
+    /// Takes in what has arrived.
+    pub(crate) fn receive(&mut self) {
         for _ in 0..MOST_RECEIVED {
             let received = self.scenes.receive();
             if let Err(error) = &received

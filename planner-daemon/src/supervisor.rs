@@ -129,9 +129,11 @@ impl Supervisor {
         self.connect();
         self.hear_controller();
         self.live.attend(self.inbox.present(), mono_now_ns());
+        self.inbox.receive();
         self.supervise();
         for _ in 0..SceneInbox::PUBLISHERS {
             let begun = mono_now_ns();
+            self.inbox.receive();
             let Some(index) = self.inbox.next(begun) else {
                 break;
             };
@@ -247,7 +249,9 @@ impl Supervisor {
         if self.silence_ns > STATE_LIFETIME_NS {
             supervised.must_stop(StopReason::ControllerSilent);
         }
-        if let Some(absence) = self.live.absence_in_motion(now_mono_ns) {
+        let inbox = &self.inbox;
+        let has_told = |publisher| inbox.has_new(publisher);
+        if let Some(absence) = self.live.absence_in_motion(now_mono_ns, has_told) {
             supervised.must_stop(absence.into());
         }
         let (from_s, timing) = supervised.progress(now_mono_ns);

@@ -83,7 +83,8 @@ impl RawScenes {
 #[derive(Debug)]
 pub struct Flood {
     quit: Arc<AtomicBool>,
-    sent: Arc<AtomicU64>,
+    /// Of each publisher.
+    sent: Arc<[AtomicU64]>,
     threads: Vec<JoinHandle<()>>,
 }
 
@@ -91,7 +92,8 @@ impl Flood {
     /// Starts them; their balls are out of the robot's way, and every scene is another one.
     #[must_use]
     pub fn start(options: &IpcOptions, publishers: usize) -> Self {
-        let (quit, sent) = (Arc::<AtomicBool>::default(), Arc::<AtomicU64>::default());
+        let quit = Arc::<AtomicBool>::default();
+        let sent: Arc<[AtomicU64]> = (0..publishers).map(|_| AtomicU64::new(0)).collect();
         let threads = (0..publishers).map(|index| {
             let (options, quit, sent) = (options.clone(), Arc::clone(&quit), Arc::clone(&sent));
             thread::spawn(move || {
@@ -102,7 +104,7 @@ impl Flood {
                     let changed = rng.random_range(0..balls.len());
                     balls[changed].centre_m[2] += 1e-3;
                     scenes.send(mono_now_ns(), 60_000_000_000, &balls);
-                    sent.fetch_add(1, Ordering::Relaxed);
+                    sent[index].fetch_add(1, Ordering::Relaxed);
                 }
             })
         });
@@ -123,7 +125,21 @@ impl Flood {
     /// Scenes sent so far.
     #[must_use]
     pub fn sent(&self) -> u64 {
-        self.sent.load(Ordering::Relaxed)
+        self.sent_each().iter().sum()
+    }
+
+    /// Scenes that each publisher has sent so far.
+    #[must_use]
+    pub fn sent_each(&self) -> Vec<u64> {
+        let sent = self.sent.iter();
+        sent.map(|count| count.load(Ordering::Relaxed)).collect()
+    }
+
+    /// Publishers whose threads still run: one that could not send has panicked.
+    #[must_use]
+    pub fn alive(&self) -> usize {
+        let ended = |thread: &&JoinHandle<()>| !thread.is_finished();
+        self.threads.iter().filter(ended).count()
     }
 }
 

@@ -61,6 +61,9 @@ mod tests {
             sleep(Duration::from_millis(1));
         };
         assert_eq!(status.code(), Some(3));
-        assert!(usage.processor_s > 0.001 && usage.peak_mb > 0.5, "{usage:?}");
+        assert!(
+            usage.processor_s > 0.001 && usage.peak_mb > 0.5,
+            "{usage:?}"
+        );
     }
 }

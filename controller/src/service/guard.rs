@@ -38,6 +38,9 @@ const COMMAND_NS: i64 = 50_000_000;
 /// The longest stop that a shutdown waits for, ns: far above v / a of any robot.
 const SHUTDOWN_NS: i64 = 5_000_000_000;
 
+/// Longest time that one round counts for in the daemon's silence, ns: where the whole machine paused, no heart could beat.
+const MOST_A_ROUND_NS: i64 = 20_000_000;
+
 /// Commands received in one round, so that a flood of them does not keep the guard from the daemon's heart.
 const COMMANDS_A_ROUND: usize = 64;
 
@@ -282,6 +285,35 @@ pub(super) struct Guard {
     ports: Ports,
     commands: Commands<CommandRequest>,
     daemon_beat: Option<Heartbeat>,
+    silence: Silence,
+}
+
+/// How long the daemon's heart has not beaten, in rounds' time.
+#[derive(Clone, Copy, Debug)]
+struct Silence {
+    counted_ns: i64,
+    round_ns: i64,
+}
+
+impl Silence {
+    /// Nothing was heard before `now_ns`.
+    fn of_nobody(now_ns: i64) -> Self {
+        Self {
+            counted_ns: i64::MAX / 2,
+            round_ns: now_ns,
+        }
+    }
+
+    /// Counts a round at `now_ns`, in which a heartbeat with this stamp came or none did; returns the silence, ns.
+    fn count(&mut self, now_ns: i64, beat_ns: Option<i64>) -> i64 {
+        let elapsed_ns = (now_ns - self.round_ns).clamp(0, MOST_A_ROUND_NS);
+        self.round_ns = now_ns;
+        self.counted_ns = self.counted_ns.saturating_add(elapsed_ns);
+        if let Some(beat_ns) = beat_ns {
+            self.counted_ns = self.counted_ns.min(now_ns - beat_ns);
+        }
+        self.counted_ns
+    }
 }
 
 impl Guard {
@@ -299,6 +331,7 @@ impl Guard {
             ports: Ports::open(options)?,
             commands: Commands::new(link),
             daemon_beat: None,
+            silence: Silence::of_nobody(mono_now_ns()),
         })
     }
 
@@ -362,12 +395,10 @@ impl Guard {
     }
 
     fn watch_daemon(&mut self, now_ns: i64) {
-        self.hear_daemon();
-        let alive = match (self.settings.daemon_lost_ns, self.daemon_beat) {
-            (None, _) => true,
-            (Some(limit_ns), Some(beat)) => now_ns - beat.stamp_mono_ns <= limit_ns,
-            (Some(_), None) => false,
-        };
+        let beat_ns = self.hear_daemon();
+        let silence_ns = self.silence.count(now_ns, beat_ns);
+        let limit_ns = self.settings.daemon_lost_ns;
+        let alive = limit_ns.is_none_or(|limit_ns| silence_ns <= limit_ns);
         let shared = &self.commands.link.shared;
         let was_alive = shared.daemon_alive.swap(alive, Ordering::Relaxed);
         let event = match (was_alive, alive) {
@@ -379,11 +410,9 @@ impl Guard {
     }
 
     /// Takes in the daemon's heartbeats. A daemon that comes so soon after another that its heart was not missed knows
-    /// nothing of that one's motion: it is stopped, like that of a lost daemon.
-    fn hear_daemon(&mut self) {
-        let Some(beat) = self.ports.newest_daemon_heartbeat() else {
-            return;
-        };
+    /// nothing of that one's motion: it is stopped, like that of a lost daemon. Returns the newest one's stamp, ns.
+    fn hear_daemon(&mut self) -> Option<i64> {
+        let beat = self.ports.newest_daemon_heartbeat()?;
         let another = self
             .daemon_beat
             .is_some_and(|last| last.pid != beat.pid || last.sequence >= beat.sequence);
@@ -392,6 +421,7 @@ impl Guard {
             self.commands.stop();
             self.commands.tell(GuardEvent::DaemonReplaced);
         }
+        Some(beat.stamp_mono_ns)
     }
 }
 

@@ -196,3 +196,18 @@ fn a_stop_counts_when_nobody_waits_for_its_reply_and_another_order_does_not() {
     assert_eq!(bench.carried_out, []);
     assert_eq!(bench.stops_seen, 1);
 }
+
+#[test]
+fn a_daemon_is_silent_for_as_long_as_a_heart_could_have_beaten() {
+    let mut silence = Silence::of_nobody(0);
+    assert!(silence.count(MS, None) > 3_600_000 * MS, "nobody was heard");
+    assert_eq!(silence.count(5_000 * MS, Some(4_995 * MS)), 5 * MS);
+    // A pause of the whole machine, and a heartbeat from before it that arrives late.
+    assert_eq!(silence.count(5_400 * MS, None), 25 * MS);
+    assert_eq!(silence.count(5_401 * MS, Some(4_999 * MS)), 26 * MS);
+    for round in 0..200 {
+        silence.count((5_402 + round) * MS, None);
+    }
+    assert_eq!(silence.count(5_602 * MS, None), 227 * MS);
+    assert_eq!(silence.count(5_603 * MS, Some(5_603 * MS)), 0);
+}

@@ -219,6 +219,12 @@ fn a_source_that_falls_silent_is_missed_until_it_speaks_or_leaves() {
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
     let end = NOW + SECOND / 2;
     assert_eq!(live.absence(end - 1), None);
+    let by_1 = |publisher| publisher == 1;
+    assert_eq!(
+        live.absence_in_motion(end, by_1),
+        None,
+        "its next scene has arrived"
+    );
     let absence = live.absence(end).unwrap();
     assert!(absence.to_string().contains("\"a\""), "{absence}");
     // Its publisher starts again.
@@ -265,7 +271,7 @@ fn there_are_so_many_sources_at_most_and_one_more_is_missed_while_it_is_there() 
     there(&mut live, &[99], NOW);
     let more = take(&mut live, &scene("one more", NOW, &[]), 99, NOW);
     assert_eq!(more, SceneRefusal::TooManySources);
-    let absence = live.absence_in_motion(NOW).unwrap().to_string();
+    let absence = live.absence_in_motion(NOW, |_| false).unwrap().to_string();
     assert!(absence.contains("too many sources"), "{absence}");
     there(&mut live, &[], NOW);
     assert_eq!(live.absence(NOW), None);
@@ -282,10 +288,13 @@ fn a_publisher_that_was_not_heard_is_missed_and_has_some_time_to_speak_in_motion
         "{text}"
     );
     assert_eq!(live.absence(NOW), Some(absence));
-    assert_eq!(live.absence_in_motion(NOW + TIME_TO_SPEAK_NS - 1), None);
+    assert_eq!(
+        live.absence_in_motion(NOW + TIME_TO_SPEAK_NS - 1, |_| false),
+        None
+    );
     let late = NOW + TIME_TO_SPEAK_NS;
     there(&mut live, &[1], late);
-    assert_eq!(live.absence_in_motion(late), Some(absence));
+    assert_eq!(live.absence_in_motion(late, |_| false), Some(absence));
     take(&mut live, &scene("a", late, &[]), 1, late);
     assert_eq!(live.absence(late), None);
     there(&mut live, &[1, 2], late);
@@ -315,7 +324,7 @@ fn a_publisher_whose_scenes_are_refused_is_missed_whatever_the_reason() {
         let mut bad = wire(&scene("a", NOW, &[]));
         damage(&mut bad);
         assert_ne!(judge(&mut live, &bad, 1, NOW), SceneRefusal::None);
-        let absence = live.absence_in_motion(NOW).unwrap().to_string();
+        let absence = live.absence_in_motion(NOW, |_| false).unwrap().to_string();
         assert!(absence.contains(named), "{absence}");
         take(&mut live, &scene("a", NOW, &[]), 1, NOW);
         assert_eq!(live.absence(NOW), None);
@@ -356,7 +365,10 @@ fn a_second_live_publisher_of_a_name_is_refused_and_missed_and_does_not_inherit(
     let second = wire(&scene("a", later, &[]));
     let refused = judge(&mut live, &second, 2, later);
     assert_eq!(refused, SceneRefusal::NameTaken);
-    let absence = live.absence_in_motion(later).unwrap().to_string();
+    let absence = live
+        .absence_in_motion(later, |_| false)
+        .unwrap()
+        .to_string();
     assert!(absence.contains("another publisher"), "{absence}");
     // The first one dies: it was alive while the second one was there, so that this is another camera.
     there(&mut live, &[2], later);

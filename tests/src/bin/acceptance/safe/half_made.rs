@@ -40,14 +40,16 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     report.group("half-made services, maker held", COMMAND, |report| {
         let tries = Tries::of(step, held)?;
         tries.premises(report, "was held")?;
-        let name = "defect 9: services lost, or not met by the robot's processes, whose maker was held";
+        let name =
+            "defect 9: services lost, or not met by the robot's processes, whose maker was held";
         report.none_of(name, &tries.wrong);
         Ok(())
     });
     report.group("half-made services, maker killed", COMMAND, |report| {
         let tries = Tries::of(step, killed)?;
         tries.premises(report, "was killed")?;
-        let name = "defect 9: deaths of a service's maker after which the robot's processes do not plan";
+        let name =
+            "defect 9: deaths of a service's maker after which the robot's processes do not plan";
         report.none_of(name, &tries.wrong);
         report.at_most(
             "defect 9: from a maker's death until the robot plans, s",
@@ -188,7 +190,10 @@ fn held(kind: &str, calls: usize) -> anyhow::Result<Option<Try>> {
             _ => Ok(()),
         })
         .and_then(|()| maker.says("heard", PATIENCE));
-    Ok(Some((remains, outcome.map(|()| begin.elapsed().as_secs_f64()))))
+    Ok(Some((
+        remains,
+        outcome.map(|()| begin.elapsed().as_secs_f64()),
+    )))
 }
 
 /// The same, but it is killed there.
@@ -207,7 +212,10 @@ fn killed(kind: &str, calls: usize) -> anyhow::Result<Option<Try>> {
     let begin = Instant::now();
     let mut daemon = Part::Daemon.start(&world);
     let outcome = plans(&world, &mut daemon, begin);
-    Ok(Some((remains, outcome.map(|()| begin.elapsed().as_secs_f64()))))
+    Ok(Some((
+        remains,
+        outcome.map(|()| begin.elapsed().as_secs_f64()),
+    )))
 }
 
 /// A world in which the robot's processes have made the root folder and what clients in other languages take, and are gone again.

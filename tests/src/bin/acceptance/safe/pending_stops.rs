@@ -74,11 +74,7 @@ impl Held {
     }
 
     /// Gives an order half a second into a motion, to a loop that is held or one that runs; its reply, and the cycles afterwards.
-    fn order(
-        &mut self,
-        is_held: bool,
-        command: Command,
-    ) -> anyhow::Result<(CommandReply, Course)> {
+    fn order(&mut self, is_held: bool, command: Command) -> anyhow::Result<(CommandReply, Course)> {
         self.turn += 1;
         let goal = Goal::Configuration(SHAPES[self.turn % 2]);
         let id = self.stack.begin_motion(goal)?;
@@ -113,7 +109,9 @@ impl Course {
         let is = |state: LoopState| move |cycle: &&&Cycle| cycle.state == state.code();
         let executing = after.iter().take_while(is(LoopState::Executing)).count();
         let holding = after.iter().find(is(LoopState::Holding));
-        let was_stopped = after.iter().any(|cycle| cycle.state == LoopState::Stopping.code());
+        let was_stopped = after
+            .iter()
+            .any(|cycle| cycle.state == LoopState::Stopping.code());
         let rest = holding.filter(|_| was_stopped);
         let ms = |cycle: &&Cycle| (cycle.stamp_mono_ns - since_ns) as f64 * 1e-6;
         Self {
@@ -147,7 +145,8 @@ fn tried(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
             _ => wrong.push(format!("try {turn}: {course:?}")),
         }
     }
-    let name = "defect 8: stops that a held loop has not taken, not answered as ones that stay in force";
+    let name =
+        "defect 8: stops that a held loop has not taken, not answered as ones that stay in force";
     report.none_of(name, &untold);
     let name = format!(
         "defect 8: motions of {tries} that go on for more than {DRIVEN_ON} cycle once the loop is released"

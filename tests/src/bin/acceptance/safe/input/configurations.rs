@@ -210,7 +210,11 @@ fn defaults(report: &mut Report) {
 /// A binary mesh whose header begins with `solid` is a binary mesh, with and without zeros in the header.
 fn solid_header(report: &mut Report) -> anyhow::Result<()> {
     let mut refused = Vec::new();
-    for (header, filling) in [("solid part", b' '), ("solid", b'\0'), ("solid part\n", b'x')] {
+    for (header, filling) in [
+        ("solid part", b' '),
+        ("solid", b'\0'),
+        ("solid part\n", b'x'),
+    ] {
         let world = World::new(&Settings::default());
         fs::write(world.config("part.stl"), tetrahedron(header, filling))?;
         let scene = "[[meshes]]\nfile = \"part.stl\"\nposition_m = [0.0, 0.0, -9.0]\n";

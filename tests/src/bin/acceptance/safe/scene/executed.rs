@@ -8,20 +8,35 @@ use tests::brute_force::{Ball, Body, Tendons};
 use tests::listener::Listener;
 use tests::process::{TimedOut, wait_for};
 
-/// Cycles farther apart, ns, have a pause between them, in which nothing moved.
-const PAUSE_NS: i64 = 5_000_000;
+/// The controller's `step_cap_ms`, ns: after a longer time between two cycles the set-point has moved on by no more than this, and
+/// stood where it was before.
+const STEP_CAP_NS: i64 = 20_000_000;
 
-/// A lower bound of the distance between a ball and the body as the set-points have it, while these moved, m.
+/// A lower bound of the distance between a ball and the body as the set-points have it, moving or at rest, m.
 pub(super) fn clearance(body: &Body, cycles: &[Cycle], ball: &Ball) -> f64 {
-    let moving = [LoopState::Executing, LoopState::Stopping].map(LoopState::code);
-    let moving = cycles.iter().filter(|cycle| moving.contains(&cycle.state));
-    let setpoints: Vec<(i64, Tendons)> = moving
-        .map(|cycle| (cycle.stamp_mono_ns, cycle.setpoint_m))
-        .collect();
     let balls = [*ball];
-    let runs = setpoints.chunk_by(|a, b| b.0 - a.0 < PAUSE_NS);
-    let clearances = runs.map(|run| body.least_clearance(run, |_| &balls).at_least_m());
-    clearances.fold(f64::INFINITY, f64::min)
+    let setpoints = set_points(cycles);
+    body.least_clearance(&setpoints, |_| &balls).at_least_m()
+}
+
+/// The set-points with their stamps, and those at which the robot waited for a late one.
+fn set_points(cycles: &[Cycle]) -> Vec<(i64, Tendons)> {
+    let mut setpoints: Vec<(i64, Tendons)> = Vec::with_capacity(cycles.len());
+    for cycle in cycles {
+        if let Some((last_ns, waited_m)) = setpoints.last().copied()
+            && cycle.stamp_mono_ns - last_ns > STEP_CAP_NS
+        {
+            setpoints.push((cycle.stamp_mono_ns - STEP_CAP_NS, waited_m));
+        }
+        setpoints.push((cycle.stamp_mono_ns, cycle.setpoint_m));
+    }
+    setpoints
+}
+
+/// Whether the loop moves the robot in a cycle.
+pub(super) fn moves(cycle: &Cycle) -> bool {
+    let moving = [LoopState::Executing, LoopState::Stopping].map(LoopState::code);
+    moving.contains(&cycle.state)
 }
 
 /// Waits for the first cycle after a time in which the loop brakes; its stamp, nanoseconds.

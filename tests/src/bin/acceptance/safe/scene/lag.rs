@@ -1,13 +1,14 @@
-//! A ball that crosses the way behind the robot, and a robot that comes late.
+//! A robot that comes late (a pause, a begin that is late, a begin in the past) where a ball crosses its way behind it.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::fs;
+use std::sync::atomic::{AtomicI64, Ordering};
 use std::thread;
 use std::time::Duration;
 
 use anyhow::Context;
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::Configuration;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::Outcome;
+use shared_types::codes::{LoopFault, Outcome};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::{Cycle, MovingBall};
 use shared_types::valid::PlanRequest;
@@ -15,155 +16,211 @@ use tests::brute_force::{Ball, Body};
 use tests::listener::Listener;
 use tests::programs::repository;
 use tests::raw_scene::RawScenes;
-use tests::stack::{MoveError, PATIENCE, Stack};
+use tests::stack::{MoveError, PATIENCE, Part, Stack};
 use trajectory::{Knot, Trajectory};
 
-use super::executed::clearance;
-use super::{SECOND_NS, pause_all, request, resume_all, settings};
+use super::crossing::Crossing;
+use super::executed::{clearance, moves};
+use super::{SECOND_NS, pause_all, request, running_with};
 use crate::{Report, Scale};
 
 /// Lifetime of the ball's scenes, and time between two of them.
 const LIFETIME_NS: i64 = 200_000_000;
-const PERIOD: Duration = Duration::from_millis(20);
-/// The pause of all processes.
-const PAUSE: Duration = Duration::from_millis(190);
-/// It begins so long before the tip is where the ball crosses, s.
+const PERIOD_MS: u64 = 20;
+/// The robot begins to lag so long before the tip is where the ball crosses, s.
 const BEFORE_CROSSING_S: f64 = 0.15;
-/// From the request to the begin of its motion.
-const AHEAD_NS: i64 = 600_000_000;
-const RADIUS_M: f64 = 0.1;
-/// Clearance of a motion that lags as much as it is meant to be able to, m.
-const SPARE_M: f64 = 0.02;
-/// Lags that the motions are meant to be able to have, s. With the last one nothing stands in the way of executing them.
-const LAGS_S: [f64; 3] = [0.0, 0.12, 1.5];
+const SPEEDS_M_S: [f64; 3] = [0.5, 1.0, 2.0];
+/// Lags that the motions have room for, s, and whether the ball turns up only once the robot moves: those with little room are refused
+/// where it is known beforehand.
+const ROOMS_S: [(f64, bool); 6] = [
+    (0.0, true),
+    (0.12, true),
+    (0.0, false),
+    (0.12, false),
+    (0.7, false),
+    (1.5, false),
+];
+/// With so much room nothing stands in the way of executing a motion, s.
+const PLENTY_S: f64 = 1.5;
+/// A ball that turns up does so when the motion has gone on for this, s: there is time to stop before the crossing.
+const TURNS_UP_S: f64 = 0.4;
+/// From then to a pause that makes the robot late.
+const ACTED_UPON: [Duration; 2] = [Duration::ZERO, Duration::from_millis(5)];
+/// A `begin_past_ms` for begins in the past that make the robot late by more than the shipped 20 ms.
+const BEGIN_PAST_MS: i64 = 200;
+const MS_NS: i64 = 1_000_000;
+/// Until the ball's source is heard.
+const CONNECTING_NS: i64 = 60 * MS_NS;
+/// In place of a time: a ball that has not turned up.
+const NOT_YET: i64 = i64::MAX;
+/// In place of a time: nobody needs to be told of the ball any more.
+const QUIT: i64 = -1;
 
-/// A motion, and a ball that crosses its way when the tip has passed.
-struct Crossing {
-    motion: Trajectory,
-    /// When the tip is at the crossing, s of the motion.
-    tip_s: f64,
-    /// When the ball is, s of the motion if that does not lag.
-    ball_s: f64,
-    place: Point,
-    velocity: Point,
+/// What makes the robot late.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Late {
+    /// All processes stand still, shortly before the tip is where the ball crosses.
+    Paused,
+    /// They stand still when the motion is to begin.
+    PausedAtBegin,
+    /// The controller hears of the motion when its begin has passed.
+    BegunInThePast,
 }
 
-impl Crossing {
-    /// The ball comes across the plane of the tip's way, as soon after the tip as leaves room for every lag up to this.
-    fn new(
-        (robot, body): (&Robot, &Body),
-        motion: Trajectory,
-        speed_m_s: f64,
-        lag_s: f64,
-    ) -> anyhow::Result<Self> {
-        let tip_s = 0.5 * motion.duration();
-        let tip = |time| robot.tip(&motion.at(time).position);
-        let (place, onward) = (tip(tip_s), tip(tip_s + 0.05) - tip(tip_s));
-        let velocity = onward.cross(&place).normalize() * speed_m_s;
-        let mut crossing = Self {
-            motion,
-            tip_s,
-            ball_s: tip_s,
-            place,
-            velocity,
-        };
-        for step in 0..300 {
-            crossing.ball_s = tip_s + 0.02 * f64::from(step);
-            let mut lags = (0..=20).map(|i| lag_s * f64::from(i) / 20.0);
-            let clear = |lag_s| crossing.clearance(body, lag_s) > SPARE_M;
-            if lags.all(clear) {
-                return Ok(crossing);
-            }
-        }
-        anyhow::bail!("no time at which the ball could cross");
-    }
+impl Late {
+    const ALL: [Self; 3] = [Self::Paused, Self::PausedAtBegin, Self::BegunInThePast];
 
-    fn ball(&self, begin_ns: i64) -> Ball {
-        Ball {
-            centre_m: self.place.into(),
-            radius_m: RADIUS_M,
-            velocity_m_s: self.velocity.into(),
-            stamp_ns: begin_ns + (self.ball_s * SECOND_NS as f64) as i64,
+    /// How late, ms: what was seen to hurt began at 42 ms, and 190 ms is just under the age at which a state says nothing any more.
+    fn lags_ms(self) -> &'static [i64] {
+        match self {
+            Self::Paused | Self::PausedAtBegin => &[40, 90, 140, 190],
+            // The first is what the shipped controller allows; the controller is silent for as long and the way to the begin.
+            Self::BegunInThePast => &[15, 40, 70, 100],
         }
     }
 
-    /// Clearance of the motion if it lags by this much from the pause on, seen fifty times a second.
-    fn clearance(&self, body: &Body, lag_s: f64) -> f64 {
-        let ball = [self.ball(0)];
-        let clearance = |i: i32| {
-            let time_s = 0.02 * f64::from(i);
-            let is_late = time_s > self.tip_s - BEFORE_CROSSING_S;
-            let late_s = time_s + if is_late { lag_s } else { 0.0 };
-            let shape = self.motion.at(time_s).position.into();
-            body.clearance(&shape, &ball, (late_s * SECOND_NS as f64) as i64)
-        };
-        let count = (self.motion.duration() * 50.0) as i32;
-        (0..=count).map(clearance).fold(f64::INFINITY, f64::min)
+    /// From the request to the begin.
+    fn ahead_ns(self) -> i64 {
+        match self {
+            Self::Paused | Self::PausedAtBegin => 600 * MS_NS,
+            Self::BegunInThePast => 85 * MS_NS,
+        }
     }
+
+    fn lags_before_crossing_s(self) -> f64 {
+        match self {
+            Self::Paused => BEFORE_CROSSING_S,
+            Self::PausedAtBegin | Self::BegunInThePast => f64::INFINITY,
+        }
+    }
+}
+
+/// One try.
+#[derive(Clone, Copy, Debug)]
+struct Try {
+    late: Late,
+    lag_ms: i64,
+    speed_m_s: f64,
+    room_s: f64,
+    /// The ball turns up once the robot moves, so that it is not refused beforehand.
+    turns_up: bool,
+    acted_upon: Duration,
 }
 
 /// What became of a motion beside a ball.
 struct Passed {
+    /// Whether the robot moved.
     executed: bool,
-    /// Least clearance while it moved, m.
+    /// Least clearance from the begin until the ball has passed, moving or at rest, m.
     clearance_m: f64,
     end: String,
+    fault: LoopFault,
 }
 
-/// Balls of 0.5 to 2 m/s; all processes stand still for 190 ms before the place where they cross.
-pub(super) fn paused_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let mut stack = Stack::running(&settings(false))?;
-    let file = std::fs::read_to_string(repository().join("config/robots/unit.toml"))?;
+/// Balls of 0.5 to 2 m/s beside motions that are 15 to 190 ms late.
+pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let file = fs::read_to_string(repository().join("config/robots/unit.toml"))?;
     let body = Body::from_robot_file(&file);
-    let (mut touched, mut free, mut roomy) = (Vec::new(), Vec::new(), 0);
-    let speeds = [0.5, 1.0, 2.0].repeat(scale.pick(1, 8));
-    for speed_m_s in &speeds {
-        for lag_s in LAGS_S {
-            let passed = pass(&mut stack, &body, *speed_m_s, lag_s)?;
-            let text = format!(
-                "{speed_m_s} m/s, room for {lag_s} s: {:.3} m ({})",
-                passed.clearance_m, passed.end
-            );
-            if passed.executed && lag_s == LAGS_S[2] {
-                roomy += 1;
+    for late in Late::ALL {
+        let mut stack = running_with(&[])?;
+        let mut lenient = running_with(&[("begin_past_ms", BEGIN_PAST_MS)])?;
+        let (mut touched, mut unmoved, mut faults) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut least_m, mut refused) = (f64::INFINITY, Vec::new());
+        for wanted in tries(late, scale) {
+            let beyond = late == Late::BegunInThePast && wanted.lag_ms > 20;
+            let stack = if beyond { &mut lenient } else { &mut stack };
+            let passed = pass(stack, &body, wanted)?;
+            let text = format!("{wanted:?}: {:.3} m, {}", passed.clearance_m, passed.end);
+            if passed.fault != LoopFault::None {
+                faults.push(format!("{text}, {}", passed.fault));
             }
             if passed.clearance_m < 0.0 {
-                touched.push(text);
-            } else {
-                free.push(text);
+                touched.push(text.clone());
+            }
+            least_m = least_m.min(passed.clearance_m);
+            let may_be_refused = wanted.room_s < PLENTY_S && !wanted.turns_up;
+            if !passed.executed && may_be_refused {
+                refused.push(text);
+            } else if !passed.executed {
+                unmoved.push(text);
             }
         }
+        let count = tries(late, scale).len();
+        let name = format!("{late:?}, {count} motions beside a moving ball");
+        report.none_of(&format!("{name}: touched it, moving or at rest"), &touched);
+        report.none_of(&format!("{name}: faults"), &faults);
+        report.none_of(
+            &format!("{name}: should have been executed and were not"),
+            &unmoved,
+        );
+        let text = format!(
+            "{} {}",
+            refused.len(),
+            refused.first().cloned().unwrap_or_default()
+        );
+        report.shown(&format!("{name}: refused beforehand"), text);
+        report.shown(
+            &format!("{name}: least clearance, m"),
+            format!("{least_m:.4}"),
+        );
     }
-    report.none_of(
-        "pause of 190 ms beside a moving ball: motions that touched it",
-        &touched,
-    );
-    report.shown("the others", free.join("; "));
-    let name = "motions with room for 1.5 s of lag that were executed";
-    report.all_of(name, roomy, speeds.len());
     Ok(())
 }
 
-fn pass(stack: &mut Stack, body: &Body, speed_m_s: f64, lag_s: f64) -> anyhow::Result<Passed> {
+/// Every room, with speeds and lags in turn.
+fn tries(late: Late, scale: Scale) -> Vec<Try> {
+    let lags_ms = late.lags_ms();
+    let rounds = 0..scale.pick(1, 6);
+    let rooms = rounds.flat_map(|round| {
+        let rooms = ROOMS_S.into_iter().enumerate();
+        rooms.map(move |(place, room)| (round, place, room))
+    });
+    rooms
+        .map(|(round, place, (room_s, turns_up))| Try {
+            late,
+            lag_ms: lags_ms[(round + 3 - place % 4) % lags_ms.len()],
+            speed_m_s: SPEEDS_M_S[(round + place) % SPEEDS_M_S.len()],
+            room_s,
+            turns_up,
+            acted_upon: ACTED_UPON[round % ACTED_UPON.len()],
+        })
+        .collect()
+}
+
+fn pass(stack: &mut Stack, body: &Body, wanted: Try) -> anyhow::Result<Passed> {
     stack.wait_until_ready()?;
     let robot = stack.world.robot.clone();
-    let wanted = request(stack);
-    let motion = planned(stack, &wanted)?;
-    let crossing = Crossing::new((&robot, body), motion, speed_m_s, lag_s)?;
-    let begin_ns = mono_now_ns() + AHEAD_NS;
-    let ball = crossing.ball(begin_ns);
-    let quit = AtomicBool::new(false);
+    let request = request(stack);
+    let motion = planned(stack, &request)?;
+    let late = wanted.late;
+    let crossing = Crossing::new(
+        (&robot, body),
+        motion,
+        wanted.speed_m_s,
+        wanted.room_s,
+        late.lags_before_crossing_s(),
+    )?;
     let options = stack.world.options.clone();
+    let told = AtomicI64::new(if wanted.turns_up { NOT_YET } else { 0 });
+    let begin_ns = mono_now_ns() + CONNECTING_NS + late.ahead_ns();
+    let ball = crossing.ball(begin_ns);
     thread::scope(|scope| {
-        scope.spawn(|| tell(&options, &ball, &quit));
-        let passed = execute_and_pause(stack, &wanted, begin_ns, &crossing);
-        quit.store(true, Ordering::Relaxed);
+        scope.spawn(|| tell(&options, &ball, &told));
+        let moment = Moment {
+            wanted,
+            begin_ns,
+            crossing: &crossing,
+            told: &told,
+        };
+        let passed = moment.execute(stack, &request);
+        told.store(QUIT, Ordering::Relaxed);
         passed
     })
-    .map(|(executed, end, cycles)| Passed {
-        executed,
+    .map(|(end, fault, cycles)| Passed {
+        executed: cycles.iter().any(moves),
         clearance_m: clearance(body, &cycles, &ball),
         end,
+        fault,
     })
 }
 
@@ -184,55 +241,143 @@ fn planned(stack: &mut Stack, wanted: &PlanRequest) -> anyhow::Result<Trajectory
     Ok(Trajectory::new(knots.collect())?)
 }
 
-/// Whether it was executed, how it ended, and its cycles.
-fn execute_and_pause(
-    stack: &mut Stack,
-    wanted: &PlanRequest,
+/// A try with its times.
+struct Moment<'a> {
+    wanted: Try,
     begin_ns: i64,
-    crossing: &Crossing,
-) -> anyhow::Result<(bool, String, Vec<Cycle>)> {
-    thread::sleep(Duration::from_millis(50));
-    let listener = Listener::start(&stack.world.options);
-    let later = PlanRequest {
-        begin_mono_ns: Some(begin_ns),
-        ..wanted.clone()
-    };
-    let id = match stack.try_motion(&later) {
-        Ok(id) => id,
-        Err(MoveError::Refused {
-            outcome: Outcome::ExecutionRefused,
-            reason,
-        }) => {
-            return Ok((false, format!("not executed: {reason}"), Vec::new()));
-        }
-        Err(error) => return Err(error.into()),
-    };
-    let pause_s = crossing.tip_s - BEFORE_CROSSING_S;
-    let until_ns = begin_ns + (pause_s * SECOND_NS as f64) as i64 - mono_now_ns();
-    thread::sleep(Duration::from_nanos(until_ns.max(0).unsigned_abs()));
-    pause_all(stack, PAUSE);
-    resume_all(stack);
-    let end = match stack.wait_for_end(id) {
-        Ok(end) => format!("ended at {:.2} s", end.values.trajectory_time_s),
-        Err(MoveError::CutShort(text)) => text,
-        Err(error) => return Err(error.into()),
-    };
-    let cycles = listener.with(|heard| heard.cycles.clone());
-    Ok((true, end, cycles))
+    crossing: &'a Crossing,
+    /// From when on the ball is told of, ns of CLOCK_MONOTONIC, or [`NOT_YET`], or [`QUIT`].
+    told: &'a AtomicI64,
 }
 
-/// Tells of the ball 50 times a second, and in the end that it is gone.
-fn tell(options: &IpcOptions, ball: &Ball, quit: &AtomicBool) {
+impl Moment<'_> {
+    /// How it ended, its fault, and its cycles until the ball has passed.
+    fn execute(
+        &self,
+        stack: &mut Stack,
+        request: &PlanRequest,
+    ) -> anyhow::Result<(String, LoopFault, Vec<Cycle>)> {
+        let listener = Listener::start(&stack.world.options);
+        sleep_until(self.begin_ns - self.wanted.late.ahead_ns());
+        let in_the_past = self.wanted.late == Late::BegunInThePast;
+        if in_the_past {
+            hold_robot(stack, libc::SIGSTOP);
+        }
+        let later = PlanRequest {
+            begin_mono_ns: Some(self.begin_ns),
+            ..request.clone()
+        };
+        let published = stack.try_motion(&later);
+        if in_the_past {
+            sleep_until(self.begin_ns + self.wanted.lag_ms * MS_NS);
+            hold_robot(stack, libc::SIGCONT);
+        }
+        let id = match published {
+            Ok(id) => id,
+            Err(MoveError::Refused {
+                outcome: Outcome::ExecutionRefused,
+                reason,
+            }) => {
+                return Ok((
+                    format!("not executed: {reason}"),
+                    LoopFault::None,
+                    Vec::new(),
+                ));
+            }
+            Err(error) => return Err(error.into()),
+        };
+        self.be_late(stack, id)?;
+        let (end, fault) = end(stack, id)?;
+        let past_s = self.crossing.past_s(&stack.world.robot);
+        sleep_until(self.begin_ns + (past_s * SECOND_NS as f64) as i64);
+        let cycles = listener.with(|heard| heard.cycles.clone());
+        Ok((end, fault, cycles))
+    }
+
+    fn be_late(&self, stack: &mut Stack, id: u32) -> anyhow::Result<()> {
+        let pause = Duration::from_millis(self.wanted.lag_ms.unsigned_abs());
+        match self.wanted.late {
+            Late::Paused => {
+                let pause_s = if self.wanted.turns_up {
+                    TURNS_UP_S
+                } else {
+                    self.crossing.tip_s - BEFORE_CROSSING_S
+                };
+                sleep_until(self.begin_ns + (pause_s * SECOND_NS as f64) as i64);
+                if self.wanted.turns_up {
+                    self.told.store(mono_now_ns(), Ordering::Relaxed);
+                    thread::sleep(self.wanted.acted_upon);
+                }
+                pause_all(stack, pause, || ());
+            }
+            Late::PausedAtBegin => {
+                sleep_until(self.begin_ns - MS_NS);
+                pause_all(stack, pause + Duration::from_millis(1), || ());
+                self.turn_up_moving(stack, id)?;
+            }
+            Late::BegunInThePast => self.turn_up_moving(stack, id)?,
+        }
+        Ok(())
+    }
+
+    /// The ball turns up when the motion has gone on for a while.
+    fn turn_up_moving(&self, stack: &mut Stack, id: u32) -> anyhow::Result<()> {
+        if self.wanted.turns_up {
+            stack.wait_for_progress(id, TURNS_UP_S)?;
+            self.told.store(mono_now_ns(), Ordering::Relaxed);
+        }
+        Ok(())
+    }
+}
+
+fn sleep_until(mono_ns: i64) {
+    let left_ns = (mono_ns - mono_now_ns()).max(0);
+    thread::sleep(Duration::from_nanos(left_ns.unsigned_abs()));
+}
+
+/// Sends a signal to controller and robot, so that neither misses the other.
+fn hold_robot(stack: &mut Stack, signal: libc::c_int) {
+    for part in [Part::Controller, Part::Robot] {
+        stack.process(part).signal(signal);
+    }
+}
+
+/// How a motion ended, and the fault that it left.
+fn end(stack: &mut Stack, id: u32) -> anyhow::Result<(String, LoopFault)> {
+    match stack.wait_for_end(id) {
+        Ok(end) => {
+            let text = format!("ended at {:.2} s", end.values.trajectory_time_s);
+            Ok((text, end.fault))
+        }
+        Err(MoveError::CutShort(text)) => Ok((text, stack.controller_state().fault)),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Tells of an empty scene 50 times a second, or of the ball once that has turned up, and in the end that it is gone.
+fn tell(options: &IpcOptions, ball: &Ball, told: &AtomicI64) {
     let mut scenes = RawScenes::connect(options, "camera");
-    while !quit.load(Ordering::Relaxed) {
-        let now_ns = mono_now_ns();
+    loop {
+        let (from_ns, now_ns) = (told.load(Ordering::Relaxed), mono_now_ns());
+        if from_ns == QUIT {
+            break;
+        }
         let now_there = MovingBall {
             centre_m: ball.centre_at(now_ns),
             radius_m: ball.radius_m,
             velocity_m_s: ball.velocity_m_s,
         };
-        scenes.send(now_ns, LIFETIME_NS, &[now_there]);
-        thread::sleep(PERIOD);
+        let balls = if now_ns < from_ns {
+            &[][..]
+        } else {
+            &[now_there][..]
+        };
+        scenes.send(now_ns, LIFETIME_NS, balls);
+        thread::sleep(Duration::from_millis(if from_ns == NOT_YET {
+            1
+        } else {
+            PERIOD_MS
+        }));
     }
     scenes.send(mono_now_ns(), 60 * SECOND_NS, &[]);
 }

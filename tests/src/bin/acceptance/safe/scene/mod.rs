@@ -1,11 +1,13 @@
 //! The live scene's age, clock and owner, and supervision after a stall.
 
+mod crossing;
 mod executed;
 mod flood;
 mod lag;
 mod owners;
 mod stall;
 
+use std::fs;
 use std::thread;
 use std::time::Duration;
 
@@ -14,16 +16,13 @@ use shared_types::codes::{Outcome, Sampler};
 use shared_types::message::MovingBall;
 use shared_types::valid::{Goal, PlanRequest};
 use tests::stack::{MoveError, Part, Stack};
-use tests::world::Settings;
+use tests::world::{Settings, World};
 use toml::{Table, Value};
 
 use crate::{Report, Scale};
 
 /// Where the motions go to and fro, rad.
 const ENDS: [[f64; 6]; 2] = [[0.0; 6], [0.9, 0.2, 0.5, 0.6, -0.3, 0.7]];
-/// Share of the limits that the motions use: at all of them the simulated robot is farther from its set-points after a pause than its
-/// tracking tolerance allows, and the controller stops by itself.
-const SPEED: f64 = 0.4;
 /// Nanoseconds of a second.
 const SECOND_NS: i64 = 1_000_000_000;
 
@@ -35,12 +34,13 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     report.group("scene: old trajectories", command, stall::old_trajectory);
     report.group("scene: stamps", command, owners::stamps);
     report.group("scene: owners", command, |report| {
-        owners::dead_publisher(report, scale)?;
+        owners::dead_publisher(report)?;
+        owners::silent_source(report, scale)?;
         owners::restarted_daemon(report, scale)?;
         owners::nobody_serves_command(report)
     });
     report.group("scene: path time that lags", command, |report| {
-        lag::paused_beside_a_ball(report, scale)
+        lag::late_beside_a_ball(report, scale)
     });
     report.group("scene: flood", command, |report| flood::run(report, scale));
 }
@@ -59,7 +59,24 @@ fn settings(expects_a_scene: bool) -> Settings {
     }
 }
 
-/// A straight motion in configuration space to the end of [`ENDS`] that the robot is farther from.
+/// All three processes of a shipped configuration in which the controller has other values for some keys.
+fn running_with(controller: &[(&str, i64)]) -> anyhow::Result<Stack> {
+    let world = World::new(&settings(false));
+    let file = world.config("controller.toml");
+    let mut table: Table = fs::read_to_string(&file)?.parse()?;
+    for (key, value) in controller {
+        table.insert((*key).to_owned(), Value::Integer(*value));
+    }
+    fs::write(&file, table.to_string())?;
+    let mut stack = Stack::within(world);
+    for part in Part::ALL {
+        stack.start(part);
+    }
+    stack.wait_until_ready()?;
+    Ok(stack)
+}
+
+/// A straight motion, as fast as the limits allow, in configuration space to the end of [`ENDS`] that the robot is farther from.
 fn request(stack: &mut Stack) -> PlanRequest {
     let start = stack.commanded();
     let distance = |end: &[f64; 6]| (Configuration::from(*end) - start).norm();
@@ -74,7 +91,6 @@ fn request(stack: &mut Stack) -> PlanRequest {
         deadline: Some(Duration::from_secs(10)),
         execute: true,
         seed: 3,
-        limits_scale: SPEED,
         ..PlanRequest::new(start.into(), Goal::Configuration(goal))
     }
 }
@@ -97,21 +113,19 @@ fn refusal(stack: &mut Stack) -> anyhow::Result<String> {
     }
 }
 
-/// Holds everything, as when a whole machine pauses.
-fn pause_all(stack: &mut Stack, pause: Duration) {
-    for part in [Part::Controller, Part::Robot, Part::Daemon] {
-        stack.process(part).signal(libc::SIGSTOP);
+/// Sends a signal to all three processes, one right after the other.
+fn signal_all(stack: &mut Stack, signal: libc::c_int) {
+    for part in Part::ALL {
+        stack.process(part).signal(signal);
     }
-    thread::sleep(pause);
 }
 
-/// Lets everything go on, the daemon first: its heart beats again before the controller looks, which else stops by itself.
-fn resume_all(stack: &mut Stack) {
-    stack.process(Part::Daemon).signal(libc::SIGCONT);
-    thread::sleep(Duration::from_millis(25));
-    for part in [Part::Controller, Part::Robot] {
-        stack.process(part).signal(libc::SIGCONT);
-    }
+/// Holds all three processes, as when a whole machine pauses, and lets them go on at the same time.
+fn pause_all(stack: &mut Stack, pause: Duration, meanwhile: impl FnOnce()) {
+    signal_all(stack, libc::SIGSTOP);
+    thread::sleep(pause);
+    meanwhile();
+    signal_all(stack, libc::SIGCONT);
 }
 
 /// A resting ball around the middle of the body as it is commanded now.

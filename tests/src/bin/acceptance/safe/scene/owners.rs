@@ -1,18 +1,22 @@
 //! Whose scene it is, by which clock, and for how long it counts.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use client::ScenePublisher;
 use pcc_model::{Configuration, Point};
 use shared_types::clock::{mono_now_ns, wall_now_ns};
-use shared_types::codes::{LoopState, SceneRefusal};
-use shared_types::ipc::{IpcNode, IpcOptions, controller_state_service, publisher};
+use shared_types::codes::{LoopState, ProcessKind, SceneRefusal};
+use shared_types::ipc::{
+    IpcNode, IpcOptions, controller_state_service, heartbeat_service, publisher, subscriber,
+};
 use shared_types::message::{ControllerState, MovingBall};
 use tests::listener::Listener;
+use tests::process::wait_for;
 use tests::raw_scene::RawScenes;
-use tests::stack::{PATIENCE, Part, Stack};
+use tests::stack::{MoveError, PATIENCE, Part, Stack};
 
 use super::executed::wait_for_braking;
 use super::{ENDS, SECOND_NS, ball, execute, refusal, settings};
@@ -20,6 +24,12 @@ use crate::{Report, Scale};
 
 /// Lifetime of the scenes that are not about lifetimes.
 const LIFETIME_NS: i64 = SECOND_NS;
+/// How the daemon names a source whose scene has ended.
+const CAMERA: &str = "source \"camera\"";
+/// How the daemon names an obstacle.
+const IN_THE_WAY: &str = "the live scene is in the way";
+/// How long after the end of its scene's lifetime a motion may go on, ms.
+const STOPPED_MS: f64 = 100.0;
 
 /// On the way of the motions between [`ENDS`], and leaving it at 1 m/s.
 fn leaving_ball(stack: &Stack) -> MovingBall {
@@ -58,9 +68,8 @@ pub(super) fn stamps(report: &mut Report) -> anyhow::Result<()> {
         let said = scenes.verdict(sequence, PATIENCE)?;
         let told = format!("a ball stamped by {name}: its publisher is told");
         report.check(&told, said.to_string(), wanted.text(), said == wanted);
-        let (figure, refused) = outcome(&mut stack);
         let what = format!("a ball stamped by {name}: motions through where it was");
-        report.check(&what, figure, "refused, the source named", refused);
+        refused(report, &what, &mut stack, CAMERA);
     }
     let mut stack = Stack::running(&settings(false))?;
     let mut scenes = RawScenes::connect(&stack.world.options, "camera");
@@ -78,61 +87,100 @@ pub(super) fn stamps(report: &mut Report) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What became of a motion, and whether it was refused because of the source `camera` or an obstacle.
-fn outcome(stack: &mut Stack) -> (String, bool) {
-    match refusal(stack) {
-        Ok(reason) => {
-            let named = reason.contains("camera") || reason.contains("live scene is in the way");
-            (reason, named)
-        }
-        Err(error) => (error.to_string(), false),
-    }
+/// A motion that is to be refused in these words.
+fn refused(report: &mut Report, name: &str, stack: &mut Stack, words: &str) {
+    let figure = refusal(stack).unwrap_or_else(|error| error.to_string());
+    let passed = figure.contains(words);
+    report.check(name, figure, &format!("refused: {words}"), passed);
 }
 
-/// A publisher dies: 9 s before a motion is asked for, and during one.
-pub(super) fn dead_publisher(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let mut stack = Stack::running(&settings(false))?;
-    let mut scenes = RawScenes::connect(&stack.world.options, "camera");
-    let balls = [leaving_ball(&stack)];
-    let sequence = scenes.send(mono_now_ns(), 5 * SECOND_NS, &balls);
-    scenes.verdict(sequence, PATIENCE)?;
-    drop(scenes);
-    let (figure, refused) = outcome(&mut stack);
-    let name =
-        "publisher of a moving ball dead, within its lifetime: a motion through where it was";
-    report.check(name, figure, "refused", refused);
-    thread::sleep(Duration::from_secs(9));
-    let (figure, refused) = outcome(&mut stack);
-    let name = "publisher of a moving ball dead for 9 s: a motion through where it was";
-    report.check(name, figure, "refused, the source named", refused);
-
-    let mut scenes = RawScenes::connect(&stack.world.options, "camera");
-    let (mut braked_ms, mut failed) = (Vec::new(), Vec::new());
-    for _ in 0..scale.pick(2, 20) {
-        let listener = Listener::start(&stack.world.options);
-        let sequence = scenes.send(mono_now_ns(), LIFETIME_NS, &[]);
-        scenes.verdict(sequence, PATIENCE)?;
-        let id = execute(&mut stack)?;
-        let last_ns = mono_now_ns();
-        scenes.send(last_ns, LIFETIME_NS, &[]);
-        stack.wait_for_progress(id, 0.0)?;
-        match wait_for_braking(&listener, last_ns, Duration::from_secs(4)) {
-            Ok(at_ns) => braked_ms.push((at_ns - last_ns - LIFETIME_NS) as f64 * 1e-6),
-            Err(error) => failed.push(error.to_string()),
+/// A publisher of a moving ball dies: motions are asked for while its scene still counts and when it does not any more.
+pub(super) fn dead_publisher(report: &mut Report) -> anyhow::Result<()> {
+    for (lifetime_s, ages_s) in [(5, &[0, 1, 4, 9][..]), (20, &[9][..])] {
+        let mut stack = Stack::running(&settings(false))?;
+        let ball = leaving_ball(&stack);
+        let sent = send_and_die(&stack, lifetime_s, &ball)?;
+        for &age_s in ages_s {
+            sleep_until(sent, age_s);
+            let name = format!(
+                "publisher of a moving ball dead for {age_s} s, lifetime {lifetime_s} s: a motion through where it was"
+            );
+            let ended = age_s >= lifetime_s;
+            let words = if ended { CAMERA } else { IN_THE_WAY };
+            refused(report, &name, &mut stack, words);
         }
-        stack.wait_for_end(id)?;
     }
-    report.none_of(
-        "source silent during a motion: motions not stopped",
-        &failed,
-    );
-    let latest = braked_ms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    let name = "source silent during a motion: stopped, ms after the lifetime of its scene";
-    report.at_most(name, latest, 100.0);
+    for (lifetime_s, age_s) in [(5, 1), (5, 4), (20, 9)] {
+        let mut stack = Stack::running(&settings(false))?;
+        let reach_m: f64 = stack.world.robot.section_lengths.iter().sum();
+        let beside = Point::new(0.0, reach_m + 2.0, 0.5 * reach_m);
+        let ball = ball(beside, 0.3, Point::new(1.0, 0.0, 0.0));
+        let sent = send_and_die(&stack, lifetime_s, &ball)?;
+        sleep_until(sent, age_s);
+        let name = format!(
+            "publisher of a moving ball dead for {age_s} s, lifetime {lifetime_s} s: a motion that it cannot reach"
+        );
+        let outcome = execute(&mut stack);
+        let passed = outcome.is_ok();
+        let figure =
+            outcome.map_or_else(|error| error.to_string(), |id| format!("trajectory {id}"));
+        report.check(&name, figure, "executed", passed);
+    }
     Ok(())
 }
 
-/// A scene is published once; the daemon is killed and starts again.
+/// A publisher tells of a ball and is gone without taking its leave; when that was.
+fn send_and_die(stack: &Stack, lifetime_s: u64, ball: &MovingBall) -> anyhow::Result<Instant> {
+    let mut scenes = RawScenes::connect(&stack.world.options, "camera");
+    let sent = Instant::now();
+    let lifetime_ns = i64::try_from(lifetime_s)? * SECOND_NS;
+    let sequence = scenes.send(mono_now_ns(), lifetime_ns, &[*ball]);
+    scenes.verdict(sequence, PATIENCE)?;
+    Ok(sent)
+}
+
+fn sleep_until(begun: Instant, age_s: u64) {
+    thread::sleep(Duration::from_secs(age_s).saturating_sub(begun.elapsed()));
+}
+
+/// A source falls silent during a motion, where a scene is expected and where none is.
+pub(super) fn silent_source(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    for expects in [false, true] {
+        let mut stack = Stack::running(&settings(expects))?;
+        let mut scenes = RawScenes::connect(&stack.world.options, "camera");
+        let (mut braked_ms, mut failed) = (Vec::new(), Vec::new());
+        for _ in 0..scale.pick(3, 20) {
+            let listener = Listener::start(&stack.world.options);
+            let sequence = scenes.send(mono_now_ns(), LIFETIME_NS, &[]);
+            scenes.verdict(sequence, PATIENCE)?;
+            let id = execute(&mut stack)?;
+            let last_ns = mono_now_ns();
+            scenes.send(last_ns, LIFETIME_NS, &[]);
+            stack.wait_for_progress(id, 0.0)?;
+            match wait_for_braking(&listener, last_ns, Duration::from_secs(4)) {
+                Ok(at_ns) => braked_ms.push((at_ns - last_ns - LIFETIME_NS) as f64 * 1e-6),
+                Err(error) => failed.push(error.to_string()),
+            }
+            match stack.wait_for_end(id) {
+                Err(MoveError::CutShort(text)) => failed.push(text),
+                ended => drop(ended?),
+            }
+        }
+        let name = format!("source silent during a motion (expected = {expects})");
+        report.none_of(&format!("{name}: motions not stopped, and faults"), &failed);
+        let latest = braked_ms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        let what = format!("{name}: stopped, ms after the lifetime of its scene");
+        report.at_most(&what, latest, STOPPED_MS);
+        let earliest = braked_ms.iter().copied().fold(f64::INFINITY, f64::min);
+        let what = format!("{name}: the earliest, ms after it");
+        report.check(&what, format!("{earliest:.3}"), ">= 0", earliest >= 0.0);
+        let what = format!("{name}: a motion afterwards");
+        refused(report, &what, &mut stack, CAMERA);
+    }
+    Ok(())
+}
+
+/// A scene is published once; the daemon is killed and starts again. A motion is asked for as soon as the new one lives.
 pub(super) fn restarted_daemon(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     for expects in [false, true] {
         let mut stack = Stack::running(&settings(expects))?;
@@ -141,34 +189,39 @@ pub(super) fn restarted_daemon(report: &mut Report, scale: Scale) -> anyhow::Res
         let resting = ball(stack.world.robot.tip(&middle), 0.3, Point::zeros());
         scenes.publish(&[resting], Duration::from_secs(600))?;
         scenes.confirm(PATIENCE)?;
-        let mut executed = Vec::new();
-        for _ in 0..scale.pick(3, 20) {
-            stack.kill9(Part::Daemon);
-            stack.start(Part::Daemon);
-            stack.wait_until_ready()?;
-            thread::sleep(Duration::from_millis(if expects { 0 } else { 50 }));
-            let (mut figure, mut refused) = outcome(&mut stack);
-            while figure.contains("went away") {
-                // It was the killed daemon that still looked alive.
-                (figure, refused) = outcome(&mut stack);
-            }
-            if !refused && !figure.contains("one is expected") {
-                executed.push(figure);
+        let (mut otherwise, mut reasons) = (Vec::new(), BTreeMap::new());
+        for _ in 0..scale.pick(5, 30) {
+            restart_daemon(&mut stack)?;
+            match refusal(&mut stack) {
+                Ok(reason) => *reasons.entry(reason).or_insert(0) += 1,
+                Err(error) => otherwise.push(error.to_string()),
             }
         }
         let name = format!(
-            "scene published once, daemon restarted (expected = {expects}): motions into it"
+            "scene published once, daemon restarted (expected = {expects}): motions into it, not refused at the first try"
         );
-        report.none_of(&name, &executed);
+        report.none_of(&name, &otherwise);
+        let name = format!("why they were refused (expected = {expects})");
+        report.shown(&name, format!("{reasons:?}"));
     }
     let mut stack = Stack::running(&settings(true))?;
-    let figure = match refusal(&mut stack) {
-        Ok(reason) => reason,
-        Err(error) => error.to_string(),
-    };
-    let named = figure.contains("one is expected");
     let name = "a scene is expected and nobody tells of one: a motion";
-    report.check(name, figure, "refused by name", named);
+    refused(report, name, &mut stack, "one is expected");
+    Ok(())
+}
+
+/// Kills the daemon and waits for the first heartbeat of the next one, and for a controller that holds.
+fn restart_daemon(stack: &mut Stack) -> anyhow::Result<()> {
+    let node = IpcNode::create(&stack.world.options, "heart-listener")?;
+    let beats = subscriber(&node, &heartbeat_service(&node)?)?;
+    stack.kill9(Part::Daemon);
+    stack.start(Part::Daemon);
+    let pid = stack.process(Part::Daemon).pid();
+    wait_for("the new daemon's heart beats", PATIENCE, || {
+        let beat = beats.receive().ok().flatten()?;
+        (beat.kind == ProcessKind::Daemon.code() && beat.pid == pid).then_some(())
+    })?;
+    stack.wait_until_ready()?;
     Ok(())
 }
 

@@ -3,78 +3,99 @@
 use std::thread;
 use std::time::Duration;
 
+use pcc_model::Configuration;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState, Refusal};
+use shared_types::message::Cycle;
 use shared_types::valid::PlanRequest;
 use tests::listener::Listener;
 use tests::process::wait_for;
 use tests::raw_scene::RawScenes;
 use tests::stack::{PATIENCE, Part, Stack};
 
-use super::executed::wait_for_braking;
-use super::{SECOND_NS, execute, on_the_body, pause_all, request, resume_all, settings};
+use super::executed::moves;
+use super::{ENDS, SECOND_NS, execute, on_the_body, pause_all, request, running_with, settings};
 use crate::{Report, Scale};
 
 /// A scene of a few seconds.
 const LIFETIME_NS: i64 = 5 * SECOND_NS;
-/// How long a motion that nobody stops is watched: they last some 6 s.
-const MOTION: Duration = Duration::from_secs(7);
+/// Longest time from a fresh state of the controller, with the ball there, to a robot that brakes or is at rest, ms.
+const STOPPED_MS: f64 = 100.0;
+/// A `daemon_lost_ms` that no pause reaches, so that the controller waits for the daemon's order.
+const NEVER_LOST_MS: i64 = 10_000;
 
 /// What a ball did to a motion.
 struct Stopped {
-    /// Whether it was up to the daemon to stop it: the robot still moved when there was a ball and a fresh state, or was stopped before
-    /// without a fault.
-    moved: bool,
-    /// From then until the first cycle that brakes, ms; none where it did not brake.
+    /// From a fresh state and the ball until the first cycle that brakes or rests, ms; none where it went on to its end.
     after_ms: Option<f64>,
+    /// Why it was not the ball that stopped it, where that is so.
+    fault: LoopFault,
+    /// Whether the robot still moved on at full speed when there were the ball and a fresh state.
+    moved: bool,
 }
 
 /// Daemon, controller and robot stand still for 300 to 500 ms; a ball comes onto the body meanwhile, or right after.
 pub(super) fn whole_machine(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    for (name, meanwhile) in [("during", true), ("after", false)] {
-        let name = format!("all processes paused for 300 to 500 ms, a ball came {name} the pause");
-        let (mut after_ms, mut missed, mut moved) = (Vec::new(), Vec::new(), 0);
-        let pauses = [300, 400, 500].repeat(scale.pick(1, 10));
-        for pause_ms in &pauses {
-            let stopped = after_a_pause(Duration::from_millis(*pause_ms), meanwhile)?;
-            moved += usize::from(stopped.moved);
-            match stopped.after_ms {
-                Some(ms) => after_ms.push(ms),
-                None if stopped.moved => missed.push(format!("{pause_ms} ms")),
-                None => {}
+    let shipped: (&str, &[_]) = ("as shipped", &[]);
+    let patient: (&str, &[_]) = (
+        "a controller that waits for the daemon",
+        &[("daemon_lost_ms", NEVER_LOST_MS)],
+    );
+    for (settings, controller) in [shipped, patient] {
+        for (when, meanwhile) in [("during", true), ("after", false)] {
+            let name = format!("pauses of 300 to 500 ms, a ball {when} them, {settings}");
+            let (mut after_ms, mut went_on, mut faults) = (Vec::new(), Vec::new(), Vec::new());
+            let mut moved = 0;
+            for pause_ms in [300, 400, 500].repeat(scale.pick(1, 10)) {
+                let pause = Duration::from_millis(pause_ms);
+                let stopped = after_a_pause(controller, pause, meanwhile)?;
+                match stopped.after_ms {
+                    Some(ms) => after_ms.push(ms),
+                    None => went_on.push(format!("{pause_ms} ms")),
+                }
+                if stopped.fault != LoopFault::None {
+                    faults.push(format!("{pause_ms} ms: {}", stopped.fault));
+                }
+                moved += usize::from(stopped.moved);
+            }
+            report.none_of(&format!("{name}: motions that went on"), &went_on);
+            report.none_of(&format!("{name}: faults"), &faults);
+            let latest = after_ms.iter().copied().fold(0.0, f64::max);
+            let what = format!("{name}: ms from ball and fresh state to braking or rest");
+            report.at_most(&what, latest, STOPPED_MS);
+            let moving = format!("{moved} of {}", after_ms.len() + went_on.len());
+            let what = format!("{name}: the daemon had to stop the robot");
+            if controller.is_empty() {
+                report.shown(&what, moving);
+            } else {
+                report.all_of(&what, moved, after_ms.len() + went_on.len());
             }
         }
-        report.none_of(&format!("{name}: motions that went on"), &missed);
-        let latest = after_ms.iter().copied().fold(0.0, f64::max);
-        let what = format!("{name}: braked, ms after there were a fresh state and the ball");
-        report.at_most(&what, latest, 100.0);
-        let enough = 2 * moved >= pauses.len();
-        let figure = format!("{moved} of {}", pauses.len());
-        report.check(
-            &format!("{name}: it was up to the daemon to stop the robot"),
-            figure,
-            "at least half",
-            enough,
-        );
     }
     Ok(())
 }
 
-fn after_a_pause(pause: Duration, meanwhile: bool) -> anyhow::Result<Stopped> {
-    let mut stack = Stack::running(&settings(false))?;
+fn after_a_pause(
+    controller: &[(&str, i64)],
+    pause: Duration,
+    meanwhile: bool,
+) -> anyhow::Result<Stopped> {
+    let mut stack = running_with(controller)?;
     let mut scenes = RawScenes::connect(&stack.world.options, "camera");
     scenes.send(mono_now_ns(), LIFETIME_NS, &[]);
     let listener = Listener::start(&stack.world.options);
+    // The controller has only just met the daemon.
+    thread::sleep(Duration::from_millis(200));
     let id = execute(&mut stack)?;
     stack.wait_for_progress(id, 0.5)?;
     let on_the_body = on_the_body(&mut stack);
-    let paused_ns = mono_now_ns();
-    pause_all(&mut stack, pause);
-    if meanwhile {
-        scenes.send(mono_now_ns(), LIFETIME_NS, &[on_the_body]);
-    }
-    resume_all(&mut stack);
-    let resumed_ns = paused_ns + pause.as_nanos() as i64;
+    let mut resumed_ns = 0;
+    pause_all(&mut stack, pause, || {
+        if meanwhile {
+            scenes.send(mono_now_ns(), LIFETIME_NS, &[on_the_body]);
+        }
+        resumed_ns = mono_now_ns();
+    });
     let mut from_ns = wait_for("a fresh state of the controller", PATIENCE, || {
         listener.with(|heard| {
             let mut stamps = heard.controller.iter().map(|state| state.stamp_mono_ns);
@@ -85,28 +106,33 @@ fn after_a_pause(pause: Duration, meanwhile: bool) -> anyhow::Result<Stopped> {
         from_ns = mono_now_ns();
         scenes.send(from_ns, LIFETIME_NS, &[on_the_body]);
     }
-    let braked = wait_for_braking(&listener, resumed_ns, MOTION);
-    let in_fault = stack.controller_state().fault != LoopFault::None;
-    let stopped_before = meanwhile && braked.is_ok() && !in_fault;
-    Ok(Stopped {
-        moved: executes_at(&listener, from_ns) || stopped_before,
-        after_ms: braked
-            .ok()
-            .map(|at_ns| (at_ns - from_ns).max(0) as f64 * 1e-6),
-    })
-}
-
-/// Whether the loop executed in the last cycle before a time, or in the first one from then on.
-fn executes_at(listener: &Listener, mono_ns: i64) -> bool {
+    wait_for("the robot rests", PATIENCE, || {
+        let since = |cycle: &&Cycle| cycle.stamp_mono_ns > from_ns;
+        listener.with(|heard| {
+            heard
+                .cycles
+                .iter()
+                .filter(since)
+                .any(|c| !moves(c))
+                .then_some(())
+        })
+    })?;
+    let state = stack.controller_state();
+    let commanded = Configuration::from(state.values.commanded_configuration_rad);
+    let reached_its_end = (commanded - Configuration::from(ENDS[1])).norm() < 1e-6;
     let executing = LoopState::Executing.code();
-    listener.with(|heard| {
-        let next = heard
-            .cycles
-            .iter()
-            .position(|cycle| cycle.stamp_mono_ns >= mono_ns);
-        let next = next.unwrap_or(heard.cycles.len());
-        let around = &heard.cycles[next.saturating_sub(1)..(next + 1).min(heard.cycles.len())];
-        around.iter().any(|cycle| cycle.state == executing)
+    let (stopped_ns, moved) = listener.with(|heard| {
+        let resumed = |cycle: &&Cycle| cycle.stamp_mono_ns > resumed_ns;
+        let mut cycles = heard.cycles.iter().filter(resumed);
+        let stopped = cycles.find(|cycle| cycle.state != executing);
+        let moved = stopped.is_none_or(|cycle| cycle.stamp_mono_ns > from_ns);
+        (stopped.map(|cycle| cycle.stamp_mono_ns), moved)
+    });
+    let after_ms = stopped_ns.map(|at_ns| (at_ns - from_ns).max(0) as f64 * 1e-6);
+    Ok(Stopped {
+        after_ms: after_ms.filter(|_| !reached_its_end),
+        fault: state.fault,
+        moved,
     })
 }
 
