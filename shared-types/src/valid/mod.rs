@@ -322,7 +322,7 @@ mod tests {
             ),
             (
                 Reason::WrongVersion { found: 9 },
-                "x is 9; this program speaks 2",
+                "x is 9; this program speaks 3",
             ),
             (
                 Reason::NotServed { what: "that" },

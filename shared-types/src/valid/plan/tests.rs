@@ -28,7 +28,7 @@ const BAD: &[(Change, PlanField, &str)] = &[
     (
         |r| r.protocol_version = 1,
         PlanField::ProtocolVersion,
-        "speaks 2",
+        "speaks 3",
     ),
     (
         |r| r.candidate_count = 0,
