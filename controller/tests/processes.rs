@@ -156,9 +156,8 @@ fn a_motion_of_another_daemon_or_from_before_a_stop_is_refused_by_name() {
     joined.wait_for(LoopState::Holding);
     let refused = |joined: &Joined, id: u32, refusal: Refusal| {
         joined.wait_until(refusal.text(), |seen| {
-            seen.controller.is_some_and(|now| {
-                now.refused_trajectory_id == id && now.refusal == refusal.code()
-            })
+            seen.controller
+                .is_some_and(|now| now.refused_trajectory_id == id && now.refusal == refusal.code())
         });
     };
     let id = joined.send_motion_of_another_daemon(&goal(1.0));

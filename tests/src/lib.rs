@@ -17,6 +17,7 @@ pub mod listener;
 pub mod motion;
 pub mod other_user;
 pub mod outside;
+pub mod played_controller;
 pub mod priority;
 pub mod process;
 pub mod programs;

@@ -3,7 +3,8 @@
 //! No allocation, so the loop may use them.
 
 use super::{
-    Invalid, MAX_DURATION_S, Quantity, Reason, check_array, check_code, check_range, check_stamp, invalid,
+    Invalid, MAX_DURATION_S, Quantity, Reason, check_array, check_code, check_range, check_stamp,
+    invalid,
 };
 use crate::codes::{LoopFault, LoopState, MotorFault, MotorState, Refusal, Waiting};
 use crate::message;
@@ -312,10 +313,7 @@ mod tests {
                 (|s| s.slack_residual_m = f64::NAN, "slack_residual_m"),
                 (|s| s.splice_error_m = f64::INFINITY, "splice_error_m"),
                 (|s| s.trajectory_time_s = f64::NAN, "trajectory_time_s"),
-                (
-                    |s| s.trajectory_time_s = -1e300,
-                    "trajectory_time_s is -1",
-                ),
+                (|s| s.trajectory_time_s = -1e300, "trajectory_time_s is -1"),
                 (
                     |s| s.trajectory_time_s = 1.1e6,
                     "trajectory_time_s is 1100000; allowed is 0..=1e6 s",

@@ -8,6 +8,7 @@ mod pressure;
 mod relay;
 mod scene;
 mod stops;
+mod unsupervised;
 mod users;
 
 use crate::{Report, Scale};
@@ -18,6 +19,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     controller::run,
     relay::run,
     scene::run,
+    unsupervised::run,
     users::run,
     input::run,
     bad_input::run,
