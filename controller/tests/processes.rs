@@ -6,6 +6,7 @@ mod joined;
 use joined::{Joined, Seen};
 use pcc_model::{Configuration, Robot};
 use shared_types::{
+    clock::mono_now_ns,
     codes::{CommandRefusal, LoopFault, LoopState, MotorState, Refusal},
     message::{Cycle, RobotState},
     valid::Command,
@@ -145,6 +146,31 @@ fn any_start_order_kills_and_restarts_never_make_the_set_point_jump() {
         0
     );
     drop(controller);
+}
+
+#[test]
+fn a_motion_of_another_daemon_or_from_before_a_stop_is_refused_by_name() {
+    let mut joined = Joined::new();
+    let _robot = joined.start("simulated-robot");
+    let _controller = joined.start("controller");
+    joined.wait_for(LoopState::Holding);
+    let refused = |joined: &Joined, id: u32, refusal: Refusal| {
+        joined.wait_until(refusal.text(), |seen| {
+            seen.controller
+                .is_some_and(|now| now.refused_trajectory_id == id && now.refusal == refusal.code())
+        });
+    };
+    let id = joined.send_motion_of_another_daemon(&goal(1.0));
+    refused(&joined, id, Refusal::OtherDaemon);
+    let before_ns = mono_now_ns();
+    let stop = joined.command(Command::Stop);
+    assert_eq!(stop.reason, CommandRefusal::NothingToDo);
+    let id = joined.send_motion_of(before_ns, &goal(1.0));
+    refused(&joined, id, Refusal::BeforeStop);
+    let id = joined.send_motion_of(mono_now_ns() + 1_000_000_000, &goal(1.0));
+    refused(&joined, id, Refusal::Malformed);
+    assert_eq!(joined.controller().trajectory_id, 0, "nothing has moved");
+    run_into_motion(&mut joined, &goal(1.0));
 }
 
 #[test]

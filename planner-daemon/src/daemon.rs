@@ -14,10 +14,12 @@ use planning::{
     PrecisionUnavailable, Problem, Request, Sampler, Selection,
 };
 use realtime::{Pages, RealtimeError};
+use shared_types::clock::mono_now_ns;
 use shared_types::ipc::{
     IpcError, IpcNode, IpcOptions, Role, RoleLock, event_listener, event_notifier,
     plan_answered_event, plan_asked_event, plan_server, plan_service, shared_memory,
 };
+use trajectory::{BRAKING_SHARE, RateLaw};
 
 use crate::admission::Border;
 use crate::config::Config;
@@ -31,8 +33,6 @@ use crate::service::{Parts, Service};
 const LONG_TURN: Duration = Duration::from_millis(6);
 /// Name of the learned model in the manifest.
 const MODEL: &str = "fast";
-/// Time from a reason to stop until the controller brakes, s: its state is up to 20 ms old, and the order has a way to go.
-const ORDER_S: f64 = 0.05;
 
 /// Why the daemon does not start.
 #[derive(Debug, thiserror::Error)]
@@ -121,6 +121,8 @@ impl Daemon {
         lock_memory(config);
         warm_up(&planner, config)?;
         let node = IpcNode::create(options, "planner-daemon")?;
+        // No other daemon of this machine was started then.
+        let instance = mono_now_ns().unsigned_abs();
         let progress = Arc::new(Progress::default());
         let (serving, supervising) = (
             priorities.map(|priorities| priorities.serving),
@@ -129,12 +131,13 @@ impl Daemon {
         let execution = Execution::start(
             options,
             execution_rules(config, &planner, &robot),
+            instance,
             &progress,
             supervising,
         )?;
         let service = open_service(config, &node, &robot, static_scene, planner, execution)?;
         bring_in_shared_memory(config, options);
-        let background = Background::start(options, &progress, serving)?;
+        let background = Background::start(options, instance, &progress, serving)?;
         if let Some(serving) = serving {
             realtime::use_fifo_priority(serving)?;
         }
@@ -271,6 +274,8 @@ fn load_planner(
     let models = models.transpose()?.unwrap_or_default();
     let planner = Planner::new(robot, models, config.threads)?;
     planner.on_every_worker(|| {
+        // A defect of the planner is an answer like any other.
+        logging::panics_are_caught_here();
         if let Some(Priorities { planning, .. }) = priorities
             && let Err(error) = realtime::use_fifo_priority(planning)
         {
@@ -347,7 +352,7 @@ fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> Executi
         grown: unit_robot.with_tube_growth(&growth),
         section_length_m: robot.section_lengths[0],
         path_tolerance_rad: config.path_tolerance_rad,
-        stopping_s: limits.velocity / limits.acceleration + ORDER_S,
+        rate_law: RateLaw::new(&robot.tendons, limits.acceleration * BRAKING_SHARE),
         begin_lead: config.begin_lead,
         scene_expected: config.scene_expected,
     }

@@ -2,6 +2,7 @@
 
 use std::io;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::{Builder, JoinHandle};
 use std::time::Duration;
@@ -11,7 +12,7 @@ use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState};
 use shared_types::ipc::{IpcNode, IpcOptions};
 use shared_types::valid;
-use trajectory::Trajectory;
+use trajectory::{RateLaw, Trajectory};
 
 use crate::admission::Begin;
 use crate::heartbeat::{BackgroundError, Progress};
@@ -21,8 +22,10 @@ use crate::supervisor::Supervisor;
 
 /// Largest distance of a motion's start from the commanded configuration, rad.
 const START_TOLERANCE_RAD: f64 = 1e-6;
-/// Clock time that one trajectory id stands for, nanoseconds: u32 ids last 497 days of uptime.
+/// Clock time that one trajectory id stands for, nanoseconds: after 497 days of uptime they begin again.
 const ID_STEP_NS: i64 = 10_000_000;
+/// Time from a reason to stop until the controller brakes, s: its state is up to 20 ms old, and the order has a way to go.
+const ORDER_S: f64 = 0.05;
 /// Time within which supervision takes a motion up, or not at all: the heart stops sooner where it does not go on.
 const ANSWER_WITHIN: Duration = Duration::from_millis(250);
 
@@ -60,8 +63,8 @@ pub(crate) enum ExecutionRefusal {
     DaemonEnds,
     /// The thread that watches over motions did not answer.
     #[error(
-        "the supervision of motions does not answer: it is held; whether the motion was published is not known, no controller \
-         executes it"
+        "the supervision of motions does not answer: it is held; a motion that it has published all the same is taken back, or \
+         stopped along its path"
     )]
     SupervisionHeld,
     /// Shared memory did not take it.
@@ -85,12 +88,46 @@ pub(crate) struct ExecutionRules {
     pub(crate) section_length_m: f64,
     /// Tracking error that the certificate covers, rad in each bending pair.
     pub(crate) path_tolerance_rad: f64,
-    /// Longest stop, with the time until it begins, s.
-    pub(crate) stopping_s: f64,
+    /// How the controller stops a motion.
+    pub(crate) rate_law: RateLaw,
     /// Least time between publishing and begin.
     pub(crate) begin_lead: Duration,
     /// Whether nothing may be executed without a live scene.
     pub(crate) scene_expected: bool,
+}
+
+impl ExecutionRules {
+    /// Longest stop on a motion, with the time until it begins, s.
+    pub(crate) fn stopping_s(&self, motion: &Trajectory) -> f64 {
+        self.rate_law.longest_stop(motion.knots()) + ORDER_S
+    }
+}
+
+/// The id of a motion on its way to the one who waits for it: either it is told, or the one who waits has given up before.
+#[derive(Debug, Default)]
+pub(crate) struct Claim(AtomicU64);
+
+impl Claim {
+    /// Neither told (ids are u32, at least 1) nor given up.
+    const OPEN: u64 = 0;
+    const GIVEN_UP: u64 = u64::MAX;
+
+    /// Tells the id; false where nobody waits any more.
+    pub(crate) fn tell(&self, id: u32) -> bool {
+        self.settle(u64::from(id)).is_ok()
+    }
+
+    /// Gives up waiting; the id where it was told before.
+    fn give_up(&self) -> Option<u32> {
+        let told = self.settle(Self::GIVEN_UP).err()?;
+        u32::try_from(told).ok()
+    }
+
+    fn settle(&self, value: u64) -> Result<u64, u64> {
+        let order = Ordering::AcqRel;
+        self.0
+            .compare_exchange(Self::OPEN, value, order, Ordering::Acquire)
+    }
 }
 
 /// A motion on its way to supervision, which answers.
@@ -98,6 +135,7 @@ pub(crate) struct Handed {
     pub(crate) selected: Selected,
     /// After this it is not wanted any more, nanoseconds of `CLOCK_MONOTONIC`.
     pub(crate) until_mono_ns: i64,
+    pub(crate) claim: Arc<Claim>,
     pub(crate) answer: SyncSender<Result<u32, ExecutionRefusal>>,
 }
 
@@ -108,10 +146,11 @@ pub(crate) struct Execution {
 }
 
 impl Execution {
-    /// Starts the thread, with a node of its own, at a real-time priority if there is one.
+    /// Starts the thread, with a node of its own, at a real-time priority if there is one; `instance` is the daemon's in its heartbeat.
     pub(crate) fn start(
         options: &IpcOptions,
         rules: ExecutionRules,
+        instance: u64,
         progress: &Arc<Progress>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
@@ -119,15 +158,16 @@ impl Execution {
         let (to_supervision, handed) = sync_channel(1);
         let progress = Arc::clone(progress);
         let (tell, told) = sync_channel(1);
-        let supervise = move || match Supervisor::open(&node, rules, progress, realtime_priority) {
-            Ok(mut supervisor) => {
-                let _ = tell.send(Ok(()));
-                supervisor.run(&handed);
-            }
-            Err(error) => {
-                let _ = tell.send(Err(error));
-            }
-        };
+        let supervise =
+            move || match Supervisor::open(&node, rules, instance, progress, realtime_priority) {
+                Ok(mut supervisor) => {
+                    let _ = tell.send(Ok(()));
+                    supervisor.run(&handed);
+                }
+                Err(error) => {
+                    let _ = tell.send(Err(error));
+                }
+            };
         let builder = Builder::new().name("supervision".to_owned());
         let thread = builder.spawn(supervise)?;
         told.recv().map_err(io::Error::other)??;
@@ -141,9 +181,11 @@ impl Execution {
     /// returns its id.
     pub(crate) fn publish(&self, selected: Selected) -> Result<u32, ExecutionRefusal> {
         let (answer, answered) = sync_channel(1);
+        let claim = Arc::<Claim>::default();
         let handed = Handed {
             selected,
             until_mono_ns: mono_now_ns() + ANSWER_WITHIN.as_nanos() as i64,
+            claim: Arc::clone(&claim),
             answer,
         };
         let ways = self.to_supervision.as_ref();
@@ -151,7 +193,7 @@ impl Execution {
             return Err(ExecutionRefusal::SupervisionHeld);
         }
         let answered = answered.recv_timeout(2 * ANSWER_WITHIN);
-        answered.unwrap_or(Err(ExecutionRefusal::SupervisionHeld))
+        answered.unwrap_or_else(|_| claim.give_up().ok_or(ExecutionRefusal::SupervisionHeld))
     }
 }
 
@@ -193,11 +235,24 @@ pub(crate) fn check_controller(
     Ok(state.values.instance)
 }
 
-/// An id larger than the last one and than those of every daemon before on this machine since it was booted, as long as
-/// none publishes more than a hundred trajectories a second.
-pub(crate) fn next_id(last_id: u32, now_mono_ns: i64) -> u32 {
-    let by_clock = u32::try_from(now_mono_ns / ID_STEP_NS).unwrap_or(u32::MAX);
-    by_clock.max(last_id.saturating_add(1))
+/// An id after the last one of this daemon (0: none) and after those of every daemon before on this machine since it was booted, as
+/// long as none publishes more than a hundred trajectories a second. After the largest one ids begin again at 1; none of those that
+/// the controller speaks of is used.
+pub(crate) fn next_id(last_id: u32, spoken_of: [u32; 2], now_mono_ns: i64) -> u32 {
+    let after = |id: u32| id.checked_add(1).unwrap_or(1);
+    let steps = (now_mono_ns / ID_STEP_NS).rem_euclid(i64::from(u32::MAX));
+    let by_clock = u32::try_from(steps + 1).unwrap_or(1);
+    // By less than half the circle.
+    let clock_is_ahead = (1..=u32::MAX / 2).contains(&by_clock.wrapping_sub(last_id));
+    let mut id = if last_id == 0 || clock_is_ahead {
+        by_clock
+    } else {
+        after(last_id)
+    };
+    while spoken_of.contains(&id) {
+        id = after(id);
+    }
+    id
 }
 
 #[cfg(test)]
@@ -253,10 +308,43 @@ mod tests {
 
     #[test]
     fn ids_grow_within_a_daemon_and_across_restarts() {
-        let first = next_id(0, NOW);
-        assert_eq!(first, 500);
-        assert_eq!(next_id(first, NOW), 501);
-        assert!(next_id(0, NOW + 2 * ID_STEP_NS) > 501);
-        assert_eq!(next_id(u32::MAX, NOW), u32::MAX);
+        let none = [0, 0];
+        let first = next_id(0, none, NOW);
+        assert_eq!(first, 501);
+        assert_eq!(next_id(first, none, NOW), 502);
+        assert!(next_id(0, none, NOW + 2 * ID_STEP_NS) > 502);
+    }
+
+    #[test]
+    fn ids_begin_again_after_the_largest_and_never_meet_zero_or_one_in_use() {
+        let none = [0, 0];
+        let circle_ns = i64::from(u32::MAX) * ID_STEP_NS;
+        let last_ns = circle_ns - 1;
+        assert_eq!(next_id(0, none, last_ns), u32::MAX);
+        assert_eq!(next_id(u32::MAX, none, last_ns), 1);
+        assert_eq!(next_id(1, none, last_ns), 2, "the clock is behind the ids");
+        assert_eq!(next_id(u32::MAX, none, circle_ns), 1);
+        assert_eq!(next_id(2, none, circle_ns), 3);
+        assert_eq!(next_id(u32::MAX - 1, [u32::MAX, 1], last_ns), 2);
+        let mut id = next_id(0, none, last_ns - 3 * ID_STEP_NS);
+        for step in 0..100 {
+            let next = next_id(id, [id, 0], last_ns + (step - 3) * ID_STEP_NS / 2);
+            assert!(next != 0 && next != id);
+            id = next;
+        }
+        for now_ns in [i64::MAX, 40 * circle_ns] {
+            assert_ne!(next_id(0, none, now_ns), 0);
+        }
+    }
+
+    #[test]
+    fn an_id_is_told_or_given_up_and_never_both() {
+        let told = Claim::default();
+        assert!(told.tell(7));
+        assert_eq!(told.give_up(), Some(7));
+        let given_up = Claim::default();
+        assert_eq!(given_up.give_up(), None);
+        assert!(!given_up.tell(7));
+        assert_eq!(given_up.give_up(), None);
     }
 }

@@ -74,9 +74,11 @@ pub(crate) struct Background {
 }
 
 impl Background {
-    /// Starts both threads, each with a node of its own; the heart beats at a real-time priority if there is one.
+    /// Starts both threads, each with a node of its own; the heart beats for this `instance` of the daemon, at a real-time priority if
+    /// there is one.
     pub(crate) fn start(
         options: &IpcOptions,
+        instance: u64,
         progress: &Arc<Progress>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
@@ -94,7 +96,7 @@ impl Background {
         let beating = move || match heart(&node, realtime_priority) {
             Ok(publisher) => {
                 let _ = tell.send(Ok(()));
-                beat(&publisher, &progress, &ended);
+                beat(&publisher, instance, &progress, &ended);
             }
             Err(error) => {
                 let _ = tell.send(Err(error));
@@ -135,7 +137,7 @@ fn heart(
     Ok(publisher(node, &heartbeat_service(node)?)?)
 }
 
-fn beat(publisher: &Publisher<Heartbeat>, progress: &Progress, ended: &AtomicBool) {
+fn beat(publisher: &Publisher<Heartbeat>, instance: u64, progress: &Progress, ended: &AtomicBool) {
     let (mut sequence, mut failing) = (0, false);
     let mut watch = Watch::default();
     while !ended.load(Ordering::Relaxed) {
@@ -143,6 +145,7 @@ fn beat(publisher: &Publisher<Heartbeat>, progress: &Progress, ended: &AtomicBoo
             sequence += 1;
             let sent = publisher.send_copy(Heartbeat {
                 stamp_mono_ns: mono_now_ns(),
+                instance,
                 sequence,
                 kind: ProcessKind::Daemon.code(),
                 pid: std::process::id(),

@@ -10,6 +10,7 @@
 
 mod admission;
 mod answer;
+mod awake;
 mod config;
 mod daemon;
 mod execution;

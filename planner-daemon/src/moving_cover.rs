@@ -41,7 +41,7 @@ impl Timing {
     pub(crate) fn passing(time_s: f64, mono_ns: i64, rate: f64) -> Self {
         let rate = rate.clamp(LEAST_RATE, 1.0);
         Self {
-            zero_mono_ns: mono_ns - (time_s / rate * 1e9) as i64,
+            zero_mono_ns: mono_ns.saturating_sub((time_s / rate * 1e9) as i64),
             rate,
         }
     }

@@ -2,7 +2,7 @@
 
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::prelude::{PortFactory, ipc};
-use shared_types::codes::LoopState;
+use shared_types::codes::{CommandRefusal, LoopState};
 use shared_types::ipc::{
     CommandClient, CommandService, IpcError, IpcNode, command_client, command_service,
 };
@@ -13,13 +13,37 @@ use crate::supervision::StopReason;
 
 /// Time after which an order without effect is given again, nanoseconds.
 const REPEAT_NS: i64 = 50_000_000;
-/// ... after one that had nothing to stop: the trajectory may still have been on its way.
+/// ... after one that was not obeyed.
 const REPEAT_AFTER_REFUSAL_NS: i64 = 5_000_000;
-/// Rounds of supervision without a reply after which the heart stops, which the controller takes for a lost daemon and stops by
-/// itself: about 150 ms, in which the machine has not paused.
-const ESCALATION_ROUNDS: u32 = 150;
+/// Time without a reply after which the heart stops, which the controller takes for a lost daemon and stops by itself, nanoseconds
+/// of [`AwakeTime`](crate::awake::AwakeTime).
+const ESCALATION_NS: i64 = 150_000_000;
 
 type Pending = PendingResponse<ipc::Service, message::Command, (), message::CommandReply, ()>;
+
+/// How long an order has stayed without reply: since the first one for a motion, or since the last reply, while it was wanted.
+#[derive(Debug, Default)]
+struct Unanswered {
+    total_ns: i64,
+    wanted_awake_ns: Option<i64>,
+}
+
+impl Unanswered {
+    /// The order is wanted at this time of supervision's being awake, nanoseconds.
+    fn wanted(&mut self, awake_ns: i64) {
+        let last = self.wanted_awake_ns.replace(awake_ns);
+        self.total_ns += last.map_or(0, |last| awake_ns - last);
+    }
+
+    /// The order is not wanted now.
+    fn unwanted(&mut self) {
+        self.wanted_awake_ns = None;
+    }
+
+    fn is_too_long(&self) -> bool {
+        self.total_ns > ESCALATION_NS
+    }
+}
 
 /// The daemon's client of `command`, and the order under way.
 pub(crate) struct StopOrder {
@@ -30,8 +54,7 @@ pub(crate) struct StopOrder {
     again_mono_ns: i64,
     /// The motion that is being stopped; 0: none yet.
     trajectory_id: u32,
-    /// Rounds since the first order for this motion, or since the last reply.
-    unanswered_rounds: u32,
+    unanswered: Unanswered,
     count: u64,
 }
 
@@ -45,7 +68,7 @@ impl StopOrder {
             pending: None,
             again_mono_ns: i64::MIN,
             trajectory_id: 0,
-            unanswered_rounds: 0,
+            unanswered: Unanswered::default(),
             count: 0,
         })
     }
@@ -55,17 +78,23 @@ impl StopOrder {
         self.service.dynamic_config().number_of_servers() > 0
     }
 
-    /// Orders a stop, unless one was ordered a moment ago and may still be answered. Call it every round until it is obeyed.
-    pub(crate) fn give(&mut self, trajectory_id: u32, reason: StopReason, now_mono_ns: i64) {
+    /// Orders a stop, unless one was ordered a moment ago and may still be answered. To be called again and again until it is
+    /// obeyed, with the time that supervision was awake.
+    pub(crate) fn give(
+        &mut self,
+        trajectory_id: u32,
+        reason: StopReason,
+        now_mono_ns: i64,
+        awake_ns: i64,
+    ) {
         let is_first = self.trajectory_id != trajectory_id;
         if is_first {
+            self.end();
             self.trajectory_id = trajectory_id;
-            self.unanswered_rounds = 0;
-        } else {
-            self.unanswered_rounds = self.unanswered_rounds.saturating_add(1);
-            if now_mono_ns < self.again_mono_ns {
-                return;
-            }
+        }
+        self.unanswered.wanted(awake_ns);
+        if !is_first && now_mono_ns < self.again_mono_ns {
+            return;
         }
         self.again_mono_ns = now_mono_ns.saturating_add(REPEAT_NS);
         self.count += 1;
@@ -91,17 +120,23 @@ impl StopOrder {
 
     /// Whether orders have stayed without reply for so long that the controller has to find out by itself.
     pub(crate) fn is_ignored(&self) -> bool {
-        self.unanswered_rounds > ESCALATION_ROUNDS
+        self.unanswered.is_too_long()
+    }
+
+    /// No stop is wanted for now: what was ordered is being done.
+    pub(crate) fn pause(&mut self) {
+        self.unanswered.unwanted();
     }
 
     /// Forgets the motion that was to be stopped: it is over.
     pub(crate) fn end(&mut self) {
         self.pending = None;
-        self.unanswered_rounds = 0;
+        self.trajectory_id = 0;
+        self.unanswered = Unanswered::default();
     }
 
-    /// Hears the controller's reply; whether it just said that by this order nothing moves and nothing will: one that had begun
-    /// brakes first.
+    /// Hears the controller's reply; whether it just said that nothing moves, and nothing that was published before the order will:
+    /// one that had begun brakes first.
     pub(crate) fn attend(&mut self, now_mono_ns: i64) -> bool {
         let Some(pending) = &self.pending else {
             return false;
@@ -116,16 +151,58 @@ impl StopOrder {
             }
         };
         self.pending = None;
-        self.unanswered_rounds = 0;
+        self.unanswered = Unanswered::default();
         match CommandReply::try_from(&reply) {
             Ok(reply) if reply.accepted => {
                 tracing::info!("the controller obeys the order to stop");
-                return matches!(reply.state, LoopState::Holding | LoopState::Fault);
+                return is_at_rest(&reply);
+            }
+            Ok(reply) if reply.reason == CommandRefusal::NothingToDo && is_at_rest(&reply) => {
+                tracing::info!("the controller has nothing to stop");
+                self.again_mono_ns = now_mono_ns.saturating_add(REPEAT_AFTER_REFUSAL_NS);
+                return true;
             }
             Ok(reply) => tracing::debug!("the controller does not stop: {}", reply.reason),
             Err(error) => tracing::warn!("the controller's reply is refused: {error}"),
         }
         self.again_mono_ns = now_mono_ns.saturating_add(REPEAT_AFTER_REFUSAL_NS);
         false
+    }
+}
+
+/// Whether nothing moves. Nothing that was published before the stop will, either: the controller refuses it by name.
+fn is_at_rest(reply: &CommandReply) -> bool {
+    matches!(
+        reply.state,
+        LoopState::Holding | LoopState::Fault | LoopState::Starting
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: i64 = 1_000_000;
+
+    #[test]
+    fn an_order_is_ignored_after_its_time_however_often_it_is_looked_at() {
+        let mut unanswered = Unanswered::default();
+        for _ in 0..1_000 {
+            unanswered.wanted(7 * MS);
+        }
+        assert!(!unanswered.is_too_long());
+        unanswered.wanted(7 * MS + ESCALATION_NS);
+        assert!(!unanswered.is_too_long());
+        unanswered.wanted(8 * MS + ESCALATION_NS);
+        assert!(unanswered.is_too_long());
+    }
+
+    #[test]
+    fn time_in_which_no_stop_is_wanted_does_not_count() {
+        let mut unanswered = Unanswered::default();
+        unanswered.wanted(0);
+        unanswered.unwanted();
+        unanswered.wanted(900 * MS);
+        assert!(!unanswered.is_too_long());
     }
 }

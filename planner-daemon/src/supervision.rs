@@ -9,7 +9,7 @@ use crate::moving_cover::Timing;
 
 /// Age of the controller's state beyond which it says nothing of now, nanoseconds.
 pub(crate) const STATE_LIFETIME_NS: i64 = 200_000_000;
-/// Time after a motion's begin within which the controller must have taken it up, nanoseconds.
+/// Time after a motion's begin within which the controller must have taken it up, nanoseconds: then it is taken back.
 const TAKE_UP_NS: i64 = 300_000_000;
 
 /// Why a motion is stopped.
@@ -24,6 +24,15 @@ pub(crate) enum StopReason {
     /// Nobody knows where the robot is.
     #[error("the controller has not said for 200 ms what it does")]
     ControllerSilent,
+    /// The controller may still take it up, long after its begin.
+    #[error("the controller has not taken it up 300 ms after its begin")]
+    NotTakenUp,
+    /// It was published after the one who wanted it had been told that it was not.
+    #[error("nobody waits for it any more: supervision was held while it published it")]
+    NobodyWaits,
+    /// Another daemon has published it, or nobody knows who.
+    #[error("it is executed and nobody watches over it")]
+    Unsupervised,
     /// Nobody would watch over it.
     #[error("the daemon ends")]
     DaemonEnds,
@@ -39,6 +48,8 @@ pub(crate) struct Supervised {
     /// The controller that it was published for.
     controller_instance: u64,
     begin_mono_ns: i64,
+    /// Longest stop on it, with the time until that begins, s.
+    pub(crate) stopping_s: f64,
     standing: Standing,
     /// Stamp of the newest state heard of, nanoseconds.
     heard_mono_ns: i64,
@@ -67,6 +78,7 @@ impl Supervised {
         begin_mono_ns: i64,
         controller_instance: u64,
         certificates: Certificates,
+        stopping_s: f64,
     ) -> Self {
         Self {
             id,
@@ -74,6 +86,7 @@ impl Supervised {
             certificates,
             controller_instance,
             begin_mono_ns,
+            stopping_s,
             standing: Standing::Awaited,
             heard_mono_ns: i64::MIN,
             stop: None,
@@ -92,27 +105,30 @@ impl Supervised {
         if values.instance != self.controller_instance {
             return Standing::Over("another controller is there, which refuses it");
         }
-        if values.refused_trajectory_id == self.id {
-            return Standing::Over(state.refusal.text());
-        }
-        if values.trajectory_id != self.id {
-            return if values.stamp_mono_ns < self.begin_mono_ns.saturating_add(TAKE_UP_NS) {
-                Standing::Awaited
-            } else {
-                Standing::Over("the controller did not take it up")
-            };
-        }
+        let is_its_id = values.trajectory_id == self.id;
         match state.state {
-            LoopState::Executing => Standing::Executing {
+            // Before all else: whatever else is said of it, it moves.
+            LoopState::Executing if is_its_id => Standing::Executing {
                 time_s: values.trajectory_time_s,
                 rate: values.rate,
             },
-            LoopState::Stopping => Standing::Stopping,
+            LoopState::Stopping if is_its_id => Standing::Stopping,
+            _ if values.refused_trajectory_id == self.id => Standing::Over(state.refusal.text()),
+            _ if !is_its_id => Standing::Awaited,
             LoopState::Holding if values.stamp_mono_ns < self.begin_mono_ns => Standing::Awaited,
-            LoopState::Holding => Standing::Over("the controller holds"),
+            // The first two cannot be any more.
+            LoopState::Executing | LoopState::Stopping | LoopState::Holding => {
+                Standing::Over("the controller holds")
+            }
             LoopState::Starting => Standing::Over("the controller started again"),
             LoopState::Fault => Standing::Over("the controller is in fault"),
         }
+    }
+
+    /// Whether it has not been begun long after its begin. It is not over by that: the controller may still have it before it.
+    pub(crate) fn is_overdue(&self) -> bool {
+        self.standing == Standing::Awaited
+            && self.heard_mono_ns >= self.begin_mono_ns.saturating_add(TAKE_UP_NS)
     }
 
     /// Where it stands by the last state heard.
@@ -158,7 +174,14 @@ mod tests {
     const CONTROLLER: u64 = 77;
 
     fn supervised() -> Supervised {
-        Supervised::new(7, motion(), BEGIN, CONTROLLER, Certificates::default())
+        Supervised::new(
+            7,
+            motion(),
+            BEGIN,
+            CONTROLLER,
+            Certificates::default(),
+            0.25,
+        )
     }
 
     fn state(change: impl Fn(&mut message::ControllerState)) -> ControllerState {
@@ -192,16 +215,48 @@ mod tests {
             assert!(matches!(standing, Standing::Over(_)), "{standing:?}");
             standing
         };
-        let refused = over(|values| (values.refused_trajectory_id, values.refusal) = (7, 5));
+        let refused = over(|values| {
+            (values.refused_trajectory_id, values.refusal) = (7, 5);
+            (values.trajectory_id, values.state) = (6, LoopState::Holding.code());
+        });
         assert_eq!(refused, Standing::Over("begins in the past"));
         over(|values| values.instance = 78);
-        over(|values| {
-            values.trajectory_id = 6;
-            values.stamp_mono_ns = BEGIN + TAKE_UP_NS;
-        });
         over(|values| values.state = LoopState::Holding.code());
         over(|values| values.state = LoopState::Fault.code());
         over(|values| values.state = LoopState::Starting.code());
+    }
+
+    #[test]
+    fn a_motion_that_is_executed_is_not_over_whatever_was_refused() {
+        let refused = |values: &mut message::ControllerState| values.refused_trajectory_id = 7;
+        let (time_s, rate) = (0.0, 0.0);
+        assert_eq!(hear(refused), Standing::Executing { time_s, rate });
+        let stopping = hear(|values| {
+            refused(values);
+            values.state = LoopState::Stopping.code();
+        });
+        assert_eq!(stopping, Standing::Stopping);
+    }
+
+    #[test]
+    fn a_motion_that_is_not_taken_up_is_overdue_and_not_over() {
+        let mut supervised = supervised();
+        let not_taken = |after_ns: i64| {
+            state(|values| {
+                (values.trajectory_id, values.state) = (6, LoopState::Holding.code());
+                values.stamp_mono_ns = BEGIN + after_ns;
+            })
+        };
+        assert!(!supervised.is_overdue());
+        assert_eq!(
+            supervised.hear(&not_taken(TAKE_UP_NS - 1)),
+            Standing::Awaited
+        );
+        assert!(!supervised.is_overdue());
+        assert_eq!(supervised.hear(&not_taken(TAKE_UP_NS)), Standing::Awaited);
+        assert!(supervised.is_overdue());
+        supervised.hear(&state(|values| values.stamp_mono_ns = BEGIN + TAKE_UP_NS));
+        assert!(!supervised.is_overdue());
     }
 
     #[test]

@@ -10,6 +10,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use realtime::{use_fifo_priority, wake_soon};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::{mono_now_ns, wall_now_ns};
+use shared_types::codes::LoopState;
 use shared_types::ipc::{
     IpcNode, Publisher, Subscriber, controller_state_service, publisher, subscriber,
     trajectory_service,
@@ -18,6 +19,7 @@ use shared_types::message::{ControllerState, TrajectoryMessage};
 use shared_types::valid;
 
 use crate::admission::Begin;
+use crate::awake::AwakeTime;
 use crate::execution::{
     ExecutionRefusal, ExecutionRules, Handed, Selected, check_controller, next_id,
 };
@@ -31,9 +33,6 @@ use crate::wire;
 
 /// Time between two rounds.
 const ROUND: Duration = Duration::from_millis(1);
-/// Longest time that one round counts for in the controller's silence, nanoseconds: where the whole machine paused, nobody could
-/// speak.
-const MOST_A_ROUND_NS: i64 = 5_000_000;
 /// How much later than expected a motion must be able to come from its begin on without contact, s: pauses up to this neither hurt
 /// nor need a stop.
 const LAG_ALLOWANCE_S: f64 = 0.2;
@@ -43,15 +42,17 @@ const ENDING_ROUNDS: usize = 5_000;
 /// Ports and state of the thread.
 pub(crate) struct Supervisor {
     rules: ExecutionRules,
+    /// The daemon's, as in its heartbeat.
+    instance: u64,
     publisher: Publisher<TrajectoryMessage>,
     states: Subscriber<ControllerState>,
     inbox: SceneInbox,
     stop_order: StopOrder,
     progress: Arc<Progress>,
     state: Option<valid::ControllerState>,
-    /// Since the last fresh state, in rounds' time.
-    silence_ns: i64,
-    last_round_mono_ns: i64,
+    awake: AwakeTime,
+    /// When the last fresh state came, nanoseconds of supervision's being awake.
+    heard_awake_ns: i64,
     live: LiveScene,
     supervised: Option<Supervised>,
     last_id: u32,
@@ -67,6 +68,7 @@ impl Supervisor {
     pub(crate) fn open(
         node: &IpcNode,
         rules: ExecutionRules,
+        instance: u64,
         progress: Arc<Progress>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
@@ -79,14 +81,15 @@ impl Supervisor {
         let live = LiveScene::new(rules.section_length_m, rules.scene_expected);
         Ok(Self {
             rules,
+            instance,
             publisher: publisher(node, &trajectory_service(node)?)?,
             states: subscriber(node, &controller_state_service(node)?)?,
             inbox: SceneInbox::open(node)?,
             stop_order: StopOrder::open(node)?,
             progress,
             state: None,
-            silence_ns: 0,
-            last_round_mono_ns: mono_now_ns(),
+            awake: AwakeTime::from(mono_now_ns()),
+            heard_awake_ns: 0,
             live,
             supervised: None,
             last_id: 0,
@@ -100,27 +103,37 @@ impl Supervisor {
         loop {
             self.round();
             match handed.recv_timeout(ROUND) {
-                Ok(handed) => {
-                    let answer = self.take(handed.selected, handed.until_mono_ns);
-                    // Who does not wait any more finds the motion in the controller's state.
-                    let _ = handed.answer.send(answer);
-                }
+                Ok(handed) => self.answer(handed),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
         for _ in 0..ENDING_ROUNDS {
-            let Some(supervised) = &mut self.supervised else {
-                return;
-            };
-            if self.silence_ns > STATE_LIFETIME_NS {
+            let is_silent = self.silence_ns() > STATE_LIFETIME_NS;
+            let Some(supervised) = self.supervised.as_mut().filter(|_| !is_silent) else {
                 // A controller that is held finds no daemon when it goes on, and stops.
                 return;
-            }
+            };
             supervised.must_stop(StopReason::DaemonEnds);
             self.round();
             std::thread::sleep(ROUND);
         }
+    }
+
+    fn answer(&mut self, handed: Handed) {
+        let answer = self.take(handed.selected, handed.until_mono_ns);
+        if let Ok(id) = answer
+            && !handed.claim.tell(id)
+            && let Some(supervised) = &mut self.supervised
+        {
+            supervised.must_stop(StopReason::NobodyWaits);
+        }
+        let _ = handed.answer.send(answer);
+    }
+
+    /// Time without a fresh state of the controller, nanoseconds of being awake.
+    fn silence_ns(&self) -> i64 {
+        self.awake.total_ns() - self.heard_awake_ns
     }
 
     /// Hears what is new and watches over the motion under way. A scene is acted upon before the next one is taken, so that many
@@ -154,16 +167,14 @@ impl Supervisor {
         self.late_controllers_fail = connected.is_err();
     }
 
-    /// Takes in the newest state. Every round counts as silence until one says what is now.
+    /// Takes in the newest state. Time counts as silence until one says what is now.
     fn hear_controller(&mut self) {
         let mut newest: Option<ControllerState> = None;
         while let Ok(Some(sample)) = self.states.receive() {
             newest = Some(*sample);
         }
         let now = mono_now_ns();
-        let elapsed_ns = now - self.last_round_mono_ns;
-        self.last_round_mono_ns = now;
-        self.silence_ns += elapsed_ns.min(MOST_A_ROUND_NS);
+        self.awake.look(now);
         let Some(newest) = newest else {
             return;
         };
@@ -174,7 +185,7 @@ impl Supervisor {
                         || last.values.stamp_mono_ns < state.values.stamp_mono_ns
                 });
                 if is_fresh(&state, now) && is_new {
-                    self.silence_ns = 0;
+                    self.heard_awake_ns = self.awake.total_ns();
                     self.state_refused = false;
                 } else if !is_fresh(&state, now) && !self.state_refused {
                     self.state_refused = true;
@@ -214,15 +225,27 @@ impl Supervisor {
             self.stop_order.end();
         }
         self.look_for_danger(now);
-        if let Some(supervised) = &self.supervised
-            && let Some(reason) = supervised.stop_reason()
-            && supervised.standing() != Standing::Stopping
-        {
-            self.stop_order.give(supervised.id, reason, now);
+        let awake_ns = self.awake.total_ns();
+        match self.to_be_stopped(now) {
+            Some((id, reason)) => self.stop_order.give(id, reason, now, awake_ns),
+            None if self.supervised.is_some() => self.stop_order.pause(),
+            None => self.stop_order.end(),
         }
         if !self.stop_order.is_ignored() {
             self.progress.made();
         }
+    }
+
+    /// What moves, or may soon, and is to be stopped, and why.
+    fn to_be_stopped(&self, now_mono_ns: i64) -> Option<(u32, StopReason)> {
+        let own = self.supervised.as_ref();
+        let state = self.state.as_ref();
+        let state = state.filter(|state| is_fresh(state, now_mono_ns));
+        if let Some(id) = unsupervised(state, own.map(|own| own.id)) {
+            return Some((id, StopReason::Unsupervised));
+        }
+        let own = own.filter(|own| own.standing() != Standing::Stopping)?;
+        Some((own.id, own.stop_reason()?))
     }
 
     /// Why the motion under way is over, if a fresh state or the reply to an order says so.
@@ -240,14 +263,18 @@ impl Supervisor {
 
     /// Finds a reason to stop the motion under way, unless there is one already.
     fn look_for_danger(&mut self, now_mono_ns: i64) {
+        let is_silent = self.silence_ns() > STATE_LIFETIME_NS;
         let Some(supervised) = &mut self.supervised else {
             return;
         };
         if supervised.stop_reason().is_some() || supervised.standing() == Standing::Stopping {
             return;
         }
-        if self.silence_ns > STATE_LIFETIME_NS {
+        if is_silent {
             supervised.must_stop(StopReason::ControllerSilent);
+        }
+        if supervised.is_overdue() {
+            supervised.must_stop(StopReason::NotTakenUp);
         }
         let inbox = &self.inbox;
         let has_told = |publisher| inbox.has_new(publisher);
@@ -260,7 +287,7 @@ impl Supervisor {
             motion: &supervised.motion,
             from_s,
             timing,
-            stopping_s: self.rules.stopping_s,
+            stopping_s: supervised.stopping_s,
             lag_allowance_s: 0.0,
         };
         match self.live.certify(&rest, &mut supervised.certificates) {
@@ -285,11 +312,16 @@ impl Supervisor {
             return Err(absence.into());
         }
         let begin_mono_ns = self.begin(selected.begin, now);
-        let certificates = self.certify(&selected, begin_mono_ns)?;
+        let stopping_s = self.rules.stopping_s(&selected.motion);
+        let certificates = self.certify(&selected, begin_mono_ns, stopping_s)?;
         if mono_now_ns() > until_mono_ns {
             return Err(ExecutionRefusal::SupervisionHeld);
         }
-        let id = next_id(self.last_id, now);
+        let values = self.state.as_ref().map(|state| &state.values);
+        let spoken_of = values.map_or([0; 2], |values| {
+            [values.trajectory_id, values.refused_trajectory_id]
+        });
+        let id = next_id(self.last_id, spoken_of, now);
         self.send(&selected, id, begin_mono_ns, controller)?;
         self.last_id = id;
         self.supervised = Some(Supervised::new(
@@ -298,6 +330,7 @@ impl Supervisor {
             begin_mono_ns,
             controller,
             certificates,
+            stopping_s,
         ));
         Ok(id)
     }
@@ -314,6 +347,7 @@ impl Supervisor {
         &self,
         selected: &Selected,
         begin_mono_ns: i64,
+        stopping_s: f64,
     ) -> Result<Certificates, ExecutionRefusal> {
         let mut certificates = Certificates::default();
         let rest = Rest {
@@ -321,7 +355,7 @@ impl Supervisor {
             motion: &selected.motion,
             from_s: 0.0,
             timing: Timing::from_begin(begin_mono_ns),
-            stopping_s: self.rules.stopping_s,
+            stopping_s,
             lag_allowance_s: LAG_ALLOWANCE_S,
         };
         match self.live.certify(&rest, &mut certificates) {
@@ -345,6 +379,8 @@ impl Supervisor {
             trajectory_id: id,
             plan_id: selected.plan_id,
             controller_instance,
+            daemon_instance: self.instance,
+            published_mono_ns: mono_now_ns(),
             begin_mono_ns,
             knot_count: knots.len() as u32,
             candidate_index: selected.candidate_index as u32,
@@ -360,6 +396,36 @@ impl Supervisor {
                 tracing::error!("trajectory {id} could not be published: {error:?}");
                 Err(ExecutionRefusal::NotPublished)
             }
+        }
+    }
+}
+
+/// The motion that is executed by a fresh state and is not this daemon's own: nobody would stop it for an obstacle.
+fn unsupervised(fresh: Option<&valid::ControllerState>, own: Option<u32>) -> Option<u32> {
+    let state = fresh.filter(|state| state.state == LoopState::Executing)?;
+    let id = state.values.trajectory_id;
+    (own != Some(id)).then_some(id)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::controller_state;
+
+    #[test]
+    fn whatever_is_executed_and_not_its_own_is_unsupervised() {
+        let state = |state: LoopState| {
+            controller_state(|values| {
+                (values.trajectory_id, values.state) = (7, state.code());
+            })
+        };
+        let executing = state(LoopState::Executing);
+        assert_eq!(unsupervised(Some(&executing), None), Some(7));
+        assert_eq!(unsupervised(Some(&executing), Some(8)), Some(7));
+        assert_eq!(unsupervised(Some(&executing), Some(7)), None);
+        assert_eq!(unsupervised(None, None), None);
+        for other in [LoopState::Holding, LoopState::Stopping, LoopState::Fault] {
+            assert_eq!(unsupervised(Some(&state(other)), None), None);
         }
     }
 }

@@ -314,3 +314,55 @@ fn a_controller_that_comes_late_gets_the_last_trajectory() {
     let late = PlayedController::start(&world.options);
     assert_eq!(Some(until(|| late.trajectory()).id), id);
 }
+
+#[test]
+fn what_is_executed_and_was_not_published_is_ordered_to_stop() {
+    let world = World::new();
+    let mut controller = PlayedController::start(&world.options);
+    controller.state.trajectory_id = u32::MAX;
+    controller.state.state = LoopState::Executing.code();
+    // A daemon that starts into it, then one that has been there.
+    let _daemon = world.start(&world.configuration(""));
+    for _ in 0..2 {
+        controller.stops = 0;
+        until(|| {
+            controller.cycle();
+            (controller.stops > 0).then_some(())
+        });
+        assert_eq!(controller.state.state, LoopState::Stopping.code());
+        controller.state.state = LoopState::Holding.code();
+        for _ in 0..50 {
+            controller.cycle();
+            std::thread::sleep(std::time::Duration::from_millis(2));
+        }
+        controller.stops = 0;
+        controller.cycle();
+        assert_eq!(controller.stops, 0, "nothing moves");
+        controller.state.state = LoopState::Executing.code();
+    }
+}
+
+#[test]
+fn a_motion_says_who_watches_over_it_and_is_taken_back_where_it_is_not_taken_up() {
+    let world = World::new();
+    let daemon = world.start(&world.configuration(""));
+    let mut client = Client::connect(&world.options).unwrap();
+    client.wait_for_daemon(PATIENCE).unwrap();
+    let mut controller = PlayedController::start(&world.options);
+    let before = mono_now_ns();
+    let first = plan(&mut client, &mut controller, &executed());
+    assert_eq!(first.report().outcome, Outcome::Ok);
+    let trajectory = until(|| controller.trajectory());
+    assert!((before..=mono_now_ns()).contains(&trajectory.published_mono_ns));
+    let beat: Heartbeat = until(|| controller.heartbeats.receive().unwrap().map(|beat| *beat));
+    assert_eq!(trajectory.daemon_instance, beat.instance);
+    // It holds on, as if the trajectory had not arrived.
+    until(|| {
+        controller.cycle();
+        daemon.said().contains("taken back").then_some(())
+    });
+    assert!(controller.stops > 0);
+    assert!(mono_now_ns() > trajectory.begin_mono_ns + 300_000_000);
+    let second = plan(&mut client, &mut controller, &executed());
+    assert_eq!(second.report().outcome, Outcome::Ok);
+}

@@ -370,6 +370,10 @@ codes! {
         OldId = 11 "old trajectory id",
         /// It names another controller than this one: one that was killed since, or has ended.
         OtherController = 12 "meant for another controller",
+        /// Another daemon than the one whose heart beats has published it: nobody watches over it.
+        OtherDaemon = 13 "published by another daemon",
+        /// A stop was ordered after it was published.
+        BeforeStop = 14 "published before a stop",
     }
 }
 

@@ -38,7 +38,6 @@ fn main() -> ExitCode {
 fn start() -> anyhow::Result<()> {
     let arguments = Arguments::parse();
     logging::start().context("cannot start to log")?;
-    die_of_any_panic();
     let config = ControllerConfig::from_file(&arguments.config)?;
     let signals = Signals::default();
     for (signal, flag) in [
@@ -50,13 +49,4 @@ fn start() -> anyhow::Result<()> {
     }
     service::run(config, &IpcOptions::from_env(), signals)?;
     Ok(())
-}
-
-/// Half a controller is worse than none: without set-points the robot ramps to rest by itself.
-fn die_of_any_panic() {
-    let report = std::panic::take_hook();
-    std::panic::set_hook(Box::new(move |panic| {
-        report(panic);
-        std::process::abort();
-    }));
 }

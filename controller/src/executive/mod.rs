@@ -23,7 +23,8 @@ mod tests;
 mod tracking;
 
 pub use motion::{
-    BeginWindow, Motion, START_TOLERANCE_RAD, Situation, Unacceptable, can_start, check,
+    BeginWindow, Heard, Motion, START_TOLERANCE_RAD, Situation, Unacceptable, can_start, check,
+    is_wanted,
 };
 pub use pace::{Commanded, Pace, PaceLimits};
 pub use settings::ExecutiveSettings;
@@ -376,6 +377,7 @@ impl Executive {
         commanded.position += self.splice.configuration_rad;
         self.commanded = commanded;
         let ended = self.pace.time_s >= motion.duration_s();
+        self.pace.time_s = self.pace.time_s.min(motion.duration_s());
         if ended || (stopping && self.pace.rate == 0.0) {
             self.rest();
         }

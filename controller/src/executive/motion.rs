@@ -28,6 +28,10 @@ const BENDING_SAMPLES: u32 = 4;
 pub struct Motion {
     /// Its id, at least 1.
     pub id: u32,
+    /// The daemon that has published it.
+    pub daemon_instance: u64,
+    /// When it was published, ns of CLOCK_MONOTONIC.
+    pub published_ns: i64,
     /// When it begins, ns of CLOCK_MONOTONIC.
     pub begin_ns: i64,
     /// Tracking error that its certificate covers, rad.
@@ -42,6 +46,8 @@ impl Motion {
     pub fn empty() -> Self {
         Self {
             id: 0,
+            daemon_instance: 0,
+            published_ns: 0,
             begin_ns: 0,
             path_tolerance_rad: 0.0,
             knots: Vec::with_capacity(MAX_KNOTS),
@@ -70,6 +76,23 @@ pub enum Unacceptable {
     /// It was meant for a controller before this one.
     #[error("it is meant for another controller than this one, which was started since")]
     OtherController,
+    /// Another daemon than the one whose heart beats has published it.
+    #[error(
+        "it was published by another daemon than the one whose heart beats: nobody would watch over it"
+    )]
+    OtherDaemon,
+    /// A stop was ordered since it was published.
+    #[error("it was published {before_ms:.1} ms before a stop was ordered")]
+    BeforeStop {
+        /// How long before.
+        before_ms: f64,
+    },
+    /// Its stamp is of the future: no stop could be later.
+    #[error("it was published {ahead_ms:.1} ms from now: its stamp is not of CLOCK_MONOTONIC")]
+    FromTheFuture {
+        /// How far.
+        ahead_ms: f64,
+    },
     /// A field of the message is wrong.
     #[error(transparent)]
     Invalid(#[from] Invalid),
@@ -134,12 +157,14 @@ impl Unacceptable {
             Self::State(_) | Self::Waiting => Refusal::Busy,
             Self::Invalid(invalid) if invalid.field == "protocol_version" => Refusal::WrongVersion,
             Self::OtherController => Refusal::OtherController,
+            Self::OtherDaemon => Refusal::OtherDaemon,
+            Self::BeforeStop { .. } => Refusal::BeforeStop,
             Self::OldId(_) => Refusal::OldId,
             Self::Past { .. } => Refusal::BeginsInThePast,
             Self::Ahead { .. } => Refusal::BeginsTooLate,
             Self::Start { .. } | Self::InMotion("begin") => Refusal::StartsElsewhere,
             Self::InMotion(_) => Refusal::EndsInMotion,
-            Self::Invalid(_) | Self::NoMotion(_) => Refusal::Malformed,
+            Self::Invalid(_) | Self::NoMotion(_) | Self::FromTheFuture { .. } => Refusal::Malformed,
             Self::Tendons { .. } | Self::Bending { .. } => Refusal::OutOfLimits,
         }
     }
@@ -154,8 +179,19 @@ pub struct Situation {
     pub commanded_rad: Configuration,
     /// Now, ns of CLOCK_MONOTONIC.
     pub now_ns: i64,
+    /// What the guard has heard.
+    pub heard: Heard,
     /// Id and begin of the last trajectory taken: the service hands its last message out again.
     pub last_taken: Option<(u32, i64)>,
+}
+
+/// What the guard has heard that trajectories published before, or by others, are refused for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Heard {
+    /// When the last stop was ordered, ns of CLOCK_MONOTONIC; 0 for never.
+    pub last_stop_ns: i64,
+    /// The daemon whose heart beat last; `None` before the first beat.
+    pub daemon_instance: Option<u64>,
 }
 
 /// How far a trajectory's begin may be from now.
@@ -181,13 +217,40 @@ pub fn check(
         return Err(Unacceptable::OldId(motion.id));
     }
     let path = Trajectory::new(motion.knots.clone())?;
-    check_begin(motion.begin_ns - situation.now_ns, window)?;
+    is_wanted(motion, situation.now_ns, &situation.heard, window)?;
     check_ends(motion)?;
     check_limits(&path, robot)?;
     can_start(motion, situation.state, &situation.commanded_rad)
 }
 
-/// The part of the checks that the loop repeats when it takes the trajectory.
+/// Whether nothing that was heard since a trajectory was published, nor the time that has passed, forbids it. The loop asks
+/// again when it takes the trajectory: between two threads anything may have been heard, and any time may have passed.
+///
+/// # Errors
+/// [`Unacceptable::OtherDaemon`], [`Unacceptable::BeforeStop`], [`Unacceptable::FromTheFuture`], [`Unacceptable::Past`] or
+/// [`Unacceptable::Ahead`].
+pub fn is_wanted(
+    motion: &Motion,
+    now_ns: i64,
+    heard: &Heard,
+    window: &BeginWindow,
+) -> Result<(), Unacceptable> {
+    let is_others = |daemon| daemon != motion.daemon_instance;
+    if heard.daemon_instance.is_some_and(is_others) {
+        return Err(Unacceptable::OtherDaemon);
+    }
+    if motion.published_ns > now_ns {
+        let ahead_ms = milliseconds(motion.published_ns - now_ns);
+        return Err(Unacceptable::FromTheFuture { ahead_ms });
+    }
+    if motion.published_ns <= heard.last_stop_ns {
+        let before_ms = milliseconds(heard.last_stop_ns - motion.published_ns);
+        return Err(Unacceptable::BeforeStop { before_ms });
+    }
+    check_begin(motion.begin_ns - now_ns, window)
+}
+
+/// Where the loop must be to take a trajectory; it asks again when it takes it.
 ///
 /// # Errors
 /// [`Unacceptable::State`] or [`Unacceptable::Start`].
@@ -209,18 +272,22 @@ pub fn can_start(
     }
 }
 
-#[expect(clippy::cast_precision_loss, reason = "milliseconds for a message")]
+#[expect(clippy::cast_precision_loss, reason = "for a message")]
+fn milliseconds(interval_ns: i64) -> f64 {
+    interval_ns as f64 * 1e-6
+}
+
 fn check_begin(ahead_ns: i64, window: &BeginWindow) -> Result<(), Unacceptable> {
-    let ms = |ns: i64| ns as f64 * 1e-6;
     if ahead_ns < -window.past_ns {
-        let (late_ms, allowed_ms) = (-ms(ahead_ns), ms(window.past_ns));
+        let (late_ms, allowed_ms) = (-milliseconds(ahead_ns), milliseconds(window.past_ns));
         return Err(Unacceptable::Past {
             late_ms,
             allowed_ms,
         });
     }
     if ahead_ns > window.ahead_ns {
-        let (ahead_s, allowed_s) = (ms(ahead_ns) * 1e-3, ms(window.ahead_ns) * 1e-3);
+        let seconds = |ns| milliseconds(ns) * 1e-3;
+        let (ahead_s, allowed_s) = (seconds(ahead_ns), seconds(window.ahead_ns));
         return Err(Unacceptable::Ahead { ahead_s, allowed_s });
     }
     Ok(())
@@ -275,6 +342,7 @@ mod tests {
     use crate::fixtures::{MS, curved_motion, target_configuration, unit_robot};
 
     const NOW_NS: i64 = 5_000 * MS;
+    const DAEMON: u64 = 3;
     const WINDOW: BeginWindow = BeginWindow {
         past_ns: 20 * MS,
         ahead_ns: 60_000 * MS,
@@ -285,12 +353,18 @@ mod tests {
             state: LoopState::Holding,
             commanded_rad: Configuration::zeros(),
             now_ns: NOW_NS,
+            heard: Heard {
+                last_stop_ns: NOW_NS - 100 * MS,
+                daemon_instance: Some(DAEMON),
+            },
             last_taken: Some((6, NOW_NS)),
         }
     }
 
     fn motion() -> Motion {
-        curved_motion(7, NOW_NS, Configuration::zeros(), target_configuration())
+        let mut motion = curved_motion(7, NOW_NS, Configuration::zeros(), target_configuration());
+        (motion.daemon_instance, motion.published_ns) = (DAEMON, NOW_NS - 50 * MS);
+        motion
     }
 
     #[test]
@@ -305,8 +379,17 @@ mod tests {
     #[test]
     fn every_rule_is_named_by_reason_and_code() {
         type Spoil = fn(&mut Motion);
-        let cases: [(Refusal, &str, Spoil); 11] = [
+        let cases: [(Refusal, &str, Spoil); 14] = [
             (Refusal::OldId, "trajectory 6", |m| m.id = 6),
+            (Refusal::OtherDaemon, "another daemon", |m| {
+                m.daemon_instance = DAEMON + 1;
+            }),
+            (Refusal::BeforeStop, "0.0 ms before a stop", |m| {
+                m.published_ns = NOW_NS - 100 * MS;
+            }),
+            (Refusal::Malformed, "published 1.0 ms from now", |m| {
+                m.published_ns = NOW_NS + MS;
+            }),
             (Refusal::BeginsInThePast, "30.0 ms in the past, 20.0", |m| {
                 m.begin_ns -= 30 * MS;
             }),

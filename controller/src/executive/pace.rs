@@ -5,13 +5,9 @@
 //! and at the knots between them, so a longer cycle is made of several equal steps.
 
 use pcc_model::{Configuration, Robot};
-use trajectory::{Knot, Playback, RateLaw, State, evaluate};
+use trajectory::{BRAKING_SHARE, Knot, Playback, RateLaw, State, evaluate};
 
 use crate::{TENDONS, TendonVector};
-
-/// Share of the acceleration limit that a change of rate may use. The rest is for what lies between the instants that
-/// the law judges: the mean acceleration of a step h exceeds that of its ends by at most jerk × h / 8.
-const BRAKING_SHARE: f64 = 0.998;
 
 /// Bounds of the rate law's longest step, s: short enough for [`BRAKING_SHARE`], long enough for a cycle's work.
 const LONGEST_STEP_S: [f64; 2] = [0.25e-3, 1.5e-3];

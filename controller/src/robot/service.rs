@@ -75,6 +75,8 @@ struct Process<'a> {
     memory: Option<PoseMemory>,
     mode: Mode,
     sequence: u64,
+    /// When it was started, which no other robot of this machine was.
+    instance: u64,
     beats: u64,
     next_beat_ns: i64,
 }
@@ -112,6 +114,7 @@ pub fn run(
         memory,
         mode,
         sequence: 0,
+        instance: now_ns.unsigned_abs(),
         beats: 0,
         next_beat_ns: now_ns,
     };
@@ -226,6 +229,7 @@ impl Process<'_> {
         self.beats += 1;
         let beat = Heartbeat {
             stamp_mono_ns: now_ns,
+            instance: self.instance,
             sequence: self.beats,
             kind: ProcessKind::Robot.code(),
             pid: std::process::id(),

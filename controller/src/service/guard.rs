@@ -148,7 +148,8 @@ impl<R: Request> Commands<R> {
 
     /// A stop that nobody waits for the outcome of.
     fn stop(&self) -> u64 {
-        self.link.shared.stops.fetch_add(1, Ordering::AcqRel) + 1
+        // By the clock as it is now: later than whatever had the stop sent.
+        self.link.shared.order_stop(mono_now_ns())
     }
 
     fn take(&mut self, request: R, wire: &message::Command, now_ns: i64) {
@@ -413,10 +414,9 @@ impl Guard {
     /// nothing of that one's motion: it is stopped, like that of a lost daemon. Returns the newest one's stamp, ns.
     fn hear_daemon(&mut self) -> Option<i64> {
         let beat = self.ports.newest_daemon_heartbeat()?;
-        let another = self
-            .daemon_beat
-            .is_some_and(|last| last.pid != beat.pid || last.sequence >= beat.sequence);
-        self.daemon_beat = Some(beat);
+        let last = self.daemon_beat.replace(beat);
+        let another = last.is_some_and(|last| last.instance != beat.instance);
+        self.commands.link.shared.set_daemon(beat.instance);
         if another && self.settings.daemon_lost_ns.is_some() {
             self.commands.stop();
             self.commands.tell(GuardEvent::DaemonReplaced);

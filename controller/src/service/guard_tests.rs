@@ -73,7 +73,7 @@ impl Bench {
                 assert!(self.at_loop.answers.push(answer).is_ok());
             }
         }
-        let up_to = self.at_loop.shared.stops.load(Ordering::Acquire);
+        let up_to = self.at_loop.shared.stops();
         if up_to > self.stops_seen {
             self.stops_seen = up_to;
             let outcome = outcome(LoopState::Stopping);
@@ -139,6 +139,19 @@ fn what_is_answered_busy_is_never_carried_out_and_a_stop_always_is() {
 }
 
 #[test]
+fn a_stop_says_when_it_was_ordered_so_that_what_was_published_before_it_is_refused() {
+    let mut bench = Bench::new();
+    assert_eq!(bench.at_loop.shared.heard().last_stop_ns, 0);
+    let published_ns = mono_now_ns();
+    bench.ask(Command::Stop, 1, 0);
+    let stopped_ns = bench.at_loop.shared.heard().last_stop_ns;
+    assert!((published_ns..=mono_now_ns()).contains(&stopped_ns));
+    bench.ask(Command::ResetFault, 2, 0);
+    bench.ask(Command::SetSpeed(0.5), 3, 0);
+    assert_eq!(bench.at_loop.shared.heard().last_stop_ns, stopped_ns);
+}
+
+#[test]
 fn an_order_that_the_loop_has_taken_is_answered_however_late() {
     let mut bench = Bench::new();
     bench.ask(Command::ResetFault, 1, 0);
@@ -182,7 +195,7 @@ fn a_command_of_another_version_is_refused_at_once_by_its_own_number() {
         bench.replies(),
         [(5, false, CommandRefusal::WrongVersion.code())]
     );
-    assert_eq!(bench.at_loop.shared.stops.load(Ordering::Acquire), 0);
+    assert_eq!(bench.at_loop.shared.stops(), 0);
 }
 
 #[test]

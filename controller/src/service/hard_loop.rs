@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{
     arena::LoopMemory,
-    executive::{CycleInput, Executive},
+    executive::{BeginWindow, CycleInput, Executive, Motion, Unacceptable, is_wanted},
 };
 
 /// The loop's ports: only these, so that tools that come and go never touch the loop.
@@ -61,6 +61,7 @@ struct HardLoop {
     ports: Ports,
     link: LoopEnd,
     executive: Executive,
+    begin: BeginWindow,
     sequence: u64,
     setpoints_sent: u64,
     stops_seen: u64,
@@ -95,6 +96,7 @@ impl LoopThread {
             ports,
             link,
             executive: Executive::new(config.executive, &config.robot),
+            begin: config.begin,
             sequence: 0,
             setpoints_sent: 0,
             stops_seen: 0,
@@ -160,7 +162,7 @@ impl HardLoop {
 
     fn cycle(&mut self, deadline_ns: i64) {
         let now_ns = mono_now_ns();
-        self.take_motions();
+        self.take_motions(now_ns);
         self.take_orders();
         self.take_stops();
         let message = self.ports.newest_robot_state();
@@ -198,11 +200,23 @@ impl HardLoop {
         }
     }
 
-    fn take_motions(&mut self) {
+    fn take_motions(&mut self, now_ns: i64) {
         while let Ok(motion) = self.link.motions.pop() {
-            if let Err((reason, motion)) = self.executive.execute(motion) {
+            if let Err((reason, motion)) = self.take_motion(motion, now_ns) {
                 self.put_back(Return::Refused(reason, motion));
             }
+        }
+    }
+
+    /// The relay may have been held between its checks and the ring: what can have changed since is looked at again.
+    #[expect(
+        clippy::result_large_err,
+        reason = "the trajectory goes back by value: boxing it would allocate in the loop"
+    )]
+    fn take_motion(&mut self, motion: Motion, now_ns: i64) -> Result<(), (Unacceptable, Motion)> {
+        match is_wanted(&motion, now_ns, &self.link.shared.heard(), &self.begin) {
+            Ok(()) => self.executive.execute(motion),
+            Err(reason) => Err((reason, motion)),
         }
     }
 
@@ -224,7 +238,7 @@ impl HardLoop {
 
     /// Obeys a stop after all else that has come: it also ends a motion that arrived while the loop was held up.
     fn take_stops(&mut self) {
-        let up_to = self.link.shared.stops.load(Ordering::Acquire);
+        let up_to = self.link.shared.stops();
         if up_to == self.stops_seen {
             return;
         }

@@ -9,7 +9,7 @@
 
 use std::sync::{
     Arc,
-    atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering},
+    atomic::{AtomicBool, AtomicI64, AtomicU32, AtomicU64, Ordering},
 };
 
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -20,7 +20,7 @@ use shared_types::{
 
 use crate::{
     arena::MemoryCounts,
-    executive::{CycleOutput, Motion, Unacceptable},
+    executive::{CycleOutput, Heard, Motion, Unacceptable},
 };
 
 /// Cycles that fit while the relay thread is kept from running: a second at 4 kHz.
@@ -113,9 +113,13 @@ impl Offer {
 pub(super) struct Shared {
     /// The daemon's heart beats (written by the guard).
     pub(super) daemon_alive: AtomicBool,
+    /// The daemon whose heart beat last; 0: none yet (written by the guard).
+    daemon_instance: AtomicU64,
+    /// When the newest stop was ordered, ns of CLOCK_MONOTONIC; 0: none yet (written by the guard).
+    last_stop_ns: AtomicI64,
     /// Number of the newest stop (written by the guard): the loop carries out what it has not seen yet. A number cannot be
     /// lost, delayed by a full ring, or withdrawn.
-    pub(super) stops: AtomicU64,
+    stops: AtomicU64,
     /// The order that may be carried out.
     pub(super) offer: Offer,
     /// Rounds of the guard: where they do not go on, nobody could stop a motion (read by the loop).
@@ -139,6 +143,31 @@ impl Shared {
 
     pub(super) fn loop_state(&self) -> LoopState {
         LoopState::try_from(self.loop_state.load(Ordering::Relaxed)).unwrap_or(LoopState::Starting)
+    }
+
+    /// Orders a stop; returns its number.
+    pub(super) fn order_stop(&self, now_ns: i64) -> u64 {
+        // Before the number: who knows of the stop refuses what was published before it.
+        self.last_stop_ns.store(now_ns, Ordering::Release);
+        self.stops.fetch_add(1, Ordering::AcqRel) + 1
+    }
+
+    /// Number of the newest stop.
+    pub(super) fn stops(&self) -> u64 {
+        self.stops.load(Ordering::Acquire)
+    }
+
+    pub(super) fn set_daemon(&self, instance: u64) {
+        self.daemon_instance.store(instance, Ordering::Release);
+    }
+
+    /// What trajectories are refused for.
+    pub(super) fn heard(&self) -> Heard {
+        let daemon = self.daemon_instance.load(Ordering::Acquire);
+        Heard {
+            last_stop_ns: self.last_stop_ns.load(Ordering::Acquire),
+            daemon_instance: Some(daemon).filter(|daemon| *daemon != 0),
+        }
     }
 
     pub(super) fn is_quitting(&self) -> bool {

@@ -50,10 +50,11 @@ impl Ports {
         }
     }
 
-    pub(super) fn send_heartbeat(&mut self) {
+    pub(super) fn send_heartbeat(&mut self, instance: u64) {
         self.heartbeat_sequence += 1;
         let beat = Heartbeat {
             stamp_mono_ns: mono_now_ns(),
+            instance,
             sequence: self.heartbeat_sequence,
             kind: ProcessKind::Controller.code(),
             pid: std::process::id(),

@@ -71,6 +71,8 @@ pub(super) struct Relay {
     incoming: Box<TrajectoryMessage>,
     batch: Vec<Cycle>,
     last_taken: Option<(u32, i64)>,
+    /// When the last trajectory was handed to the loop, ns of CLOCK_MONOTONIC.
+    handed_over_ns: i64,
 }
 
 impl Relay {
@@ -93,6 +95,7 @@ impl Relay {
             incoming: Box::new(TrajectoryMessage::ZEROED),
             batch: Vec::with_capacity(CYCLES_PER_BATCH),
             last_taken: None,
+            handed_over_ns: i64::MIN,
         };
         relay.ports.tidy();
         thread::sleep(INHERITANCE);
@@ -110,7 +113,7 @@ impl Relay {
         // The loop says what the system refuses.
         let _ = realtime::wake_soon();
         let (mut batch, mut state) = (Due::every(BATCH_EVERY_NS), Due::every(STATE_EVERY_NS));
-        let mut tidy = Due::every(TIDY_EVERY_NS);
+        let (mut beat, mut tidy) = (Due::every(STATE_EVERY_NS), Due::every(TIDY_EVERY_NS));
         while !self.link.shared.is_quitting() {
             let now_ns = mono_now_ns();
             self.take_reports();
@@ -120,9 +123,11 @@ impl Relay {
             if batch.is_due(now_ns) {
                 self.send_batch();
             }
-            if state.is_due(now_ns) {
+            if self.knows_of_last_trajectory() && state.is_due(now_ns) {
                 self.send_state();
-                self.ports.send_heartbeat();
+            }
+            if beat.is_due(now_ns) {
+                self.ports.send_heartbeat(self.view.instance());
             }
             if tidy.is_due(now_ns) {
                 self.ports.tidy();
@@ -132,7 +137,15 @@ impl Relay {
         self.take_reports();
         self.take_events();
         self.send_batch();
-        self.send_state();
+        if self.knows_of_last_trajectory() {
+            self.send_state();
+        }
+    }
+
+    /// Whether the newest cycle known has met the trajectory that was handed over last. A state of a cycle before it would say
+    /// of a trajectory, once its begin is past, that it was not taken up.
+    fn knows_of_last_trajectory(&self) -> bool {
+        self.handed_over_ns == i64::MIN || self.view.is_later_than(self.handed_over_ns)
     }
 
     fn send_state(&mut self) {
@@ -215,7 +228,7 @@ impl Relay {
         }
         let situation = self
             .view
-            .situation(self.last_taken)
+            .situation(self.link.shared.heard(), self.last_taken)
             .ok_or(Unacceptable::State(LoopState::Starting))?;
         check(motion, &situation, &self.config.robot, &self.config.begin)
     }
@@ -229,7 +242,10 @@ impl Relay {
             "trajectory accepted"
         );
         match self.link.motions.push(motion) {
-            Ok(()) => self.last_taken = Some((id, begin_ns)),
+            Ok(()) => {
+                self.last_taken = Some((id, begin_ns));
+                self.handed_over_ns = mono_now_ns();
+            }
             Err(rtrb::PushError::Full(motion)) => {
                 self.refuse(id, &Unacceptable::Waiting);
                 self.spare.push(motion);

@@ -11,7 +11,7 @@ use tracing::{error, info, warn};
 use super::link::Report;
 use crate::{
     arena::MemoryCounts,
-    executive::{CONSISTENCY_M, CycleOutput, Situation},
+    executive::{CONSISTENCY_M, CycleOutput, Heard, Situation},
 };
 
 /// A reason to wait that has lasted for so long is told, ns: at a start each lasts for some cycles.
@@ -52,14 +52,25 @@ impl View {
     }
 
     /// What a trajectory is checked against; `None` before the first cycle.
-    pub(super) fn situation(&self, last_taken: Option<(u32, i64)>) -> Option<Situation> {
+    pub(super) fn situation(
+        &self,
+        heard: Heard,
+        last_taken: Option<(u32, i64)>,
+    ) -> Option<Situation> {
         let output = &self.latest.as_ref()?.output;
         Some(Situation {
             state: output.state,
             commanded_rad: output.commanded.position,
             now_ns: mono_now_ns(),
+            heard,
             last_taken,
         })
+    }
+
+    /// Whether the newest cycle known began after `time_ns`.
+    pub(super) fn is_later_than(&self, time_ns: i64) -> bool {
+        let latest = self.latest.as_ref();
+        latest.is_some_and(|latest| latest.output.stamp_ns > time_ns)
     }
 
     /// Takes in one cycle.

@@ -18,6 +18,8 @@ use crate::executive::{CycleOutput, Motion, RobotSample, Unacceptable};
 pub(super) fn fill(motion: &mut Motion, message: &TrajectoryMessage) -> Result<(), Unacceptable> {
     let checked = valid::Trajectory::try_from(message)?;
     motion.id = checked.id;
+    motion.daemon_instance = checked.daemon_instance;
+    motion.published_ns = checked.published_mono_ns;
     motion.begin_ns = checked.begin_mono_ns;
     motion.path_tolerance_rad = checked.path_tolerance_rad;
     motion.knots.clear();

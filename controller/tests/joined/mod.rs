@@ -7,7 +7,7 @@ use std::{
     process::{Child, Command as Program, ExitStatus, Stdio},
     sync::{
         Arc, Mutex,
-        atomic::{AtomicBool, AtomicU32, Ordering},
+        atomic::{AtomicBool, AtomicU64, Ordering},
     },
     thread::{self, JoinHandle},
     time::Duration,
@@ -46,7 +46,7 @@ pub(crate) struct Joined {
     options: IpcOptions,
     seen: Arc<Mutex<Seen>>,
     daemon_beats: Arc<AtomicBool>,
-    daemon_pid: Arc<AtomicU32>,
+    daemon_instance: Arc<AtomicU64>,
     quit: Arc<AtomicBool>,
     threads: Vec<JoinHandle<()>>,
     trajectory: Publisher<TrajectoryMessage>,
@@ -115,17 +115,17 @@ impl Joined {
         let node = IpcNode::create(&options, "test").unwrap();
         let (seen, quit) = (Arc::<Mutex<Seen>>::default(), Arc::<AtomicBool>::default());
         let daemon_beats = Arc::new(AtomicBool::new(true));
-        let daemon_pid = Arc::new(AtomicU32::new(1));
+        let daemon_instance = Arc::new(AtomicU64::new(1));
         let threads = vec![
             listen(&options, &seen, &quit),
-            beat(&options, &daemon_beats, &daemon_pid, &quit),
+            beat(&options, &daemon_beats, &daemon_instance, &quit),
         ];
         Self {
             path_tolerance_rad: 0.2,
             robot,
             seen,
             daemon_beats,
-            daemon_pid,
+            daemon_instance,
             quit,
             threads,
             trajectory: ipc::publisher(&node, &ipc::trajectory_service(&node).unwrap()).unwrap(),
@@ -162,7 +162,7 @@ impl Joined {
 
     /// Another daemon beats from now on, without a pause.
     pub(crate) fn replace_daemon(&self) {
-        self.daemon_pid.fetch_add(1, Ordering::Relaxed);
+        self.daemon_instance.fetch_add(1, Ordering::Relaxed);
     }
 
     /// Forgets what was heard so far.
@@ -202,6 +202,10 @@ impl Joined {
 
     /// Publishes a motion from the commanded configuration to `goal`; returns its id.
     pub(crate) fn send_motion(&mut self, goal: &Configuration) -> u32 {
+        self.send(goal, |_| ())
+    }
+
+    fn send(&mut self, goal: &Configuration, change: impl Fn(&mut TrajectoryMessage)) -> u32 {
         let from = Configuration::from(self.controller().commanded_configuration_rad);
         let middle = (from + goal) * 0.5 + Configuration::repeat(0.1);
         let limits = &self.robot.tendon_limits;
@@ -217,9 +221,21 @@ impl Joined {
         self.next_id += 1;
         let mut sent = message(id, &motion);
         sent.controller_instance = self.controller().instance;
+        sent.daemon_instance = self.daemon_instance.load(Ordering::Relaxed);
         sent.path_tolerance_rad = self.path_tolerance_rad;
+        change(&mut sent);
         self.trajectory.send_copy(sent).unwrap();
         id
+    }
+
+    /// Sends a motion to `goal` that another daemon has published.
+    pub(crate) fn send_motion_of_another_daemon(&mut self, goal: &Configuration) -> u32 {
+        self.send(goal, |message| message.daemon_instance += 1)
+    }
+
+    /// Sends a motion to `goal` that was published at `published_ns`.
+    pub(crate) fn send_motion_of(&mut self, published_ns: i64, goal: &Configuration) -> u32 {
+        self.send(goal, |message| message.published_mono_ns = published_ns)
     }
 
     pub(crate) fn command(&self, command: Command) -> CommandReply {
@@ -286,6 +302,7 @@ fn message(id: u32, motion: &Trajectory) -> TrajectoryMessage {
         protocol_version: PROTOCOL_VERSION,
         trajectory_id: id,
         plan_id: u64::from(id),
+        published_mono_ns: mono_now_ns(),
         begin_mono_ns: mono_now_ns() + 20_000_000,
         knot_count: u32::try_from(motion.knots().len()).unwrap(),
         path_tolerance_rad: 0.2,
@@ -330,11 +347,11 @@ fn listen(options: &IpcOptions, seen: &Arc<Mutex<Seen>>, quit: &Arc<AtomicBool>)
 fn beat(
     options: &IpcOptions,
     alive: &Arc<AtomicBool>,
-    pid: &Arc<AtomicU32>,
+    instance: &Arc<AtomicU64>,
     quit: &Arc<AtomicBool>,
 ) -> JoinHandle<()> {
     let (options, alive, quit) = (options.clone(), Arc::clone(alive), Arc::clone(quit));
-    let pid = Arc::clone(pid);
+    let instance = Arc::clone(instance);
     thread::spawn(move || {
         let node = IpcNode::create(&options, "test-heart").unwrap();
         let heart = ipc::publisher(&node, &ipc::heartbeat_service(&node).unwrap()).unwrap();
@@ -344,9 +361,10 @@ fn beat(
                 sequence += 1;
                 let beat = Heartbeat {
                     stamp_mono_ns: mono_now_ns(),
+                    instance: instance.load(Ordering::Relaxed),
                     sequence,
                     kind: ProcessKind::Daemon.code(),
-                    pid: pid.load(Ordering::Relaxed),
+                    pid: std::process::id(),
                 };
                 let _ = heart.send_copy(beat);
             }

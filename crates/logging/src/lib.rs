@@ -3,18 +3,22 @@
 //! A full pipe, a stopped terminal or a busy disk holds whoever writes to it. So only one thread writes; all others put
 //! their lines into a bounded queue, from which a line is lost where there is no room. Lost lines are counted, and
 //! told of in the log as soon as it goes on. What iceoryx2 logs, panics and the reason of an exit go the same way.
+//!
+//! A panic ends the whole process, whichever thread it is of: half of such a process is worse than none, since the others take it
+//! for alive. A service manager can start it again.
 
 mod queue;
 
 use std::backtrace::{Backtrace, BacktraceStatus};
+use std::cell::Cell;
 use std::error::Error;
-use std::fmt::Arguments;
+use std::fmt::{Arguments, Display};
 use std::fs::File;
 use std::io::{self, IsTerminal, stderr};
 use std::iter::successors;
 use std::os::fd::AsFd;
 use std::panic;
-use std::process::ExitCode;
+use std::process::{ExitCode, abort};
 use std::sync::{Arc, OnceLock};
 use std::thread;
 use std::time::Duration;
@@ -36,8 +40,19 @@ const IPC: &str = "iceoryx2";
 /// This process's queue, once [`start`] has made it.
 static QUEUE: OnceLock<Arc<Queue>> = OnceLock::new();
 
+thread_local! {
+    /// Whether the panics of this thread are caught where they can be answered.
+    static CAUGHT: Cell<bool> = const { Cell::new(false) };
+}
+
+/// From now on a panic of the calling thread does not end the process: whoever gives it work catches what comes.
+pub fn panics_are_caught_here() {
+    CAUGHT.set(true);
+}
+
 /// Begins to log to standard error: what `RUST_LOG` says, `info` without it, in colour on a terminal only; from iceoryx2
-/// all that its own level lets through. To be called once, before the first service is opened.
+/// all that its own level lets through. From then on a panic of any thread is reported and ends the process, unless
+/// [`panics_are_caught_here`]. To be called once, before the first service is opened.
 ///
 /// # Errors
 /// The system's, where it has no thread or no file descriptor left.
@@ -57,7 +72,12 @@ pub fn start() -> io::Result<()> {
         .init();
     // False where it logged before: then its lines go on as they did.
     let _ = set_logger(&IpcLog);
-    panic::set_hook(Box::new(report_panic));
+    panic::set_hook(Box::new(|panic| {
+        report_panic(panic);
+        if !CAUGHT.try_with(Cell::get).unwrap_or(false) {
+            abort();
+        }
+    }));
     let _ = QUEUE.set(queue);
     Ok(())
 }

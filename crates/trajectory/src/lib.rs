@@ -29,7 +29,7 @@ pub use allocation::{
 pub use curve::{Trajectory, TrajectoryError, evaluate};
 pub use knot::{Knot, State};
 pub use limit_use::{LimitUse, limit_use};
-pub use rate::{Playback, RateLaw, RateStep};
+pub use rate::{BRAKING_SHARE, Playback, RateLaw, RateStep};
 pub use segment::QuinticSegment;
 pub use stopping::{StoppingError, stopping_motion};
 

@@ -9,9 +9,15 @@
 //! A change of rate is judged by the motion itself where the cycle begins and ends and at every knot that it passes:
 //! jerk may step at knots, so an extrapolation from the beginning of the cycle would be wrong by the step.
 
+mod longest_stop;
+
 use crate::tendon::{TendonRows, lanes};
 use crate::{Knot, State, evaluate};
 use pcc_model::{Configuration, TendonMap};
+
+/// Share of the acceleration limit that the controller lets a change of rate use. The rest is for what lies between the instants
+/// that the law judges: the mean acceleration of a step h exceeds that of its ends by at most jerk × h / 8.
+pub const BRAKING_SHARE: f64 = 0.998;
 
 /// Bisections of a change of rate that would exceed the limit within the cycle: to 0.1 % of it.
 const BISECTIONS: usize = 10;
@@ -97,7 +103,7 @@ impl RateLaw {
             state,
             seconds: cycle,
         };
-        let [slowest, fastest] = self.rate_slopes(&cycle);
+        let [slowest, fastest] = self.rate_slopes(&cycle.state, rate);
         let strongest = (target - rate).clamp(slowest * cycle.seconds, fastest * cycle.seconds);
         let next = within_unit(rate + self.change_within(&cycle, strongest));
         RateStep {
@@ -106,13 +112,14 @@ impl RateLaw {
         }
     }
 
-    /// The interval of ṙ, 1/s, that keeps every tendon within what it may use where the cycle begins; it holds 0.
-    fn rate_slopes(&self, cycle: &Cycle<'_>) -> [f64; 2] {
-        let square = cycle.playback.rate * cycle.playback.rate;
+    /// The interval of ṙ, 1/s, that keeps every tendon within what it may use at a state of the motion (as at rate 1) that is
+    /// played at `rate`; it holds 0.
+    fn rate_slopes(&self, state: &State, rate: f64) -> [f64; 2] {
+        let square = rate * rate;
         let mut slopes = [f64::NEG_INFINITY, f64::INFINITY];
         for block in self.rows.blocks() {
-            let bends = block.times(&cycle.state.acceleration);
-            for (slope, bend) in block.times(&cycle.state.velocity).into_iter().zip(bends) {
+            let bends = block.times(&state.acceleration);
+            for (slope, bend) in block.times(&state.velocity).into_iter().zip(bends) {
                 if slope != 0.0 {
                     let unchanged = bend * square;
                     let most = self.acceleration_limit.max(unchanged.abs());

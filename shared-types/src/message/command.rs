@@ -5,7 +5,7 @@ use iceoryx2::prelude::ZeroCopySend;
 use super::wire_message;
 
 wire_message! {
-    /// An order (service `command`, server: the controller's relay thread).
+    /// An order (service `command`, server: the controller's guard thread).
     pub struct Command: "pcc.v3.Command", 24 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,

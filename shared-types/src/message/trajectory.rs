@@ -21,15 +21,20 @@ wire_message! {
 
 wire_message! {
     /// What the controller is to execute (service `trajectory`, history 1).
-    pub struct TrajectoryMessage: "pcc.v3.TrajectoryMessage", 38960 bytes {
+    pub struct TrajectoryMessage: "pcc.v3.TrajectoryMessage", 38976 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
-        /// Names this trajectory in the controller's state; at least 1, increasing.
+        /// Names this trajectory in the controller's state; at least 1, and none that was used in the 497 days before.
         pub trajectory_id: u32,
         /// The plan it was selected from.
         pub plan_id: u64,
         /// [`super::ControllerState::instance`] of the controller that is to execute it; every other one refuses it.
         pub controller_instance: u64,
+        /// [`super::Heartbeat::instance`] of the daemon that publishes it and watches over it. A controller that hears another
+        /// daemon's heart refuses it: nobody would stop it for an obstacle.
+        pub daemon_instance: u64,
+        /// When it was published, nanoseconds of `CLOCK_MONOTONIC`: what was published before the last stop is refused.
+        pub published_mono_ns: i64,
         /// When the motion begins, nanoseconds of `CLOCK_MONOTONIC`.
         pub begin_mono_ns: i64,
         /// Knots in use, 2..=256.

@@ -224,6 +224,8 @@ impl TryFrom<&message::SceneStatus> for SceneStatus {
 pub struct Heartbeat {
     /// When it was sent, nanoseconds of `CLOCK_MONOTONIC`.
     pub stamp_mono_ns: i64,
+    /// Another number for each process of this kind.
+    pub instance: u64,
     /// Counts the sender's heartbeats.
     pub sequence: u64,
     /// Who.
@@ -238,6 +240,7 @@ impl TryFrom<&message::Heartbeat> for Heartbeat {
     fn try_from(wire: &message::Heartbeat) -> Result<Self, Invalid> {
         Ok(Self {
             stamp_mono_ns: check_stamp("stamp_mono_ns", wire.stamp_mono_ns)?,
+            instance: wire.instance,
             sequence: wire.sequence,
             kind: check_code("kind", wire.kind)?,
             pid: wire.pid,

@@ -3,7 +3,8 @@
 //! No allocation, so the loop may use them.
 
 use super::{
-    Invalid, Quantity, Reason, check_array, check_code, check_range, check_stamp, invalid,
+    Invalid, MAX_DURATION_S, Quantity, Reason, check_array, check_code, check_range, check_stamp,
+    invalid,
 };
 use crate::codes::{LoopFault, LoopState, MotorFault, MotorState, Refusal, Waiting};
 use crate::message;
@@ -130,7 +131,7 @@ impl TryFrom<&message::ControllerState> for ControllerState {
         check_finite("tracking_error_rad", values.tracking_error_rad)?;
         check_finite("slack_residual_m", values.slack_residual_m)?;
         check_finite("splice_error_m", values.splice_error_m)?;
-        check_finite("trajectory_time_s", values.trajectory_time_s)?;
+        check_time("trajectory_time_s", values.trajectory_time_s)?;
         check_finite("accepted_residual_m", values.accepted_residual_m)?;
         check_range(values.rate, 0.0, 1.0, "0..=1").map_err(|reason| invalid("rate", reason))?;
         Ok(Self {
@@ -189,6 +190,13 @@ impl TryFrom<&message::Cycle> for Cycle {
             values,
         })
     }
+}
+
+/// A time on a trajectory.
+fn check_time(field: &'static str, value: f64) -> Result<(), Invalid> {
+    check_range(value, 0.0, MAX_DURATION_S, "0..=1e6 s")
+        .map(drop)
+        .map_err(|reason| invalid(field, reason))
 }
 
 fn check_finite(field: &'static str, value: f64) -> Result<(), Invalid> {
@@ -305,6 +313,11 @@ mod tests {
                 (|s| s.slack_residual_m = f64::NAN, "slack_residual_m"),
                 (|s| s.splice_error_m = f64::INFINITY, "splice_error_m"),
                 (|s| s.trajectory_time_s = f64::NAN, "trajectory_time_s"),
+                (|s| s.trajectory_time_s = -1e300, "trajectory_time_s is -1"),
+                (
+                    |s| s.trajectory_time_s = 1.1e6,
+                    "trajectory_time_s is 1100000; allowed is 0..=1e6 s",
+                ),
                 (|s| s.rate = 1.5, "rate is 1.5; allowed is 0..=1"),
             ],
         );

@@ -10,6 +10,7 @@ mod pressure;
 mod relay;
 mod scene;
 mod stops;
+mod unsupervised;
 mod users;
 
 use crate::{Report, Scale};
@@ -21,6 +22,7 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     relay::run,
     pending_stops::run,
     scene::run,
+    unsupervised::run,
     users::run,
     half_made::run,
     input::run,

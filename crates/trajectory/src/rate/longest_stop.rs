@@ -1,0 +1,155 @@
+//! How long a stop on a motion takes at most.
+//!
+//! v/a is the shortest stop from full speed, not the longest: where the motion itself brakes or turns with all of a tendon's
+//! acceleration, the rate cannot fall until that is over. So the bound is computed for each motion, by dynamic programming from its end: the
+//! time that a stop takes from each of a grid of places and rates, braked as in the middle of each piece between two places.
+
+use super::RateLaw;
+use crate::{Knot, State, evaluate};
+
+/// Rates that are looked at, besides 0.
+const RATES: usize = 12;
+/// Longest piece of a motion between two places that are looked at, s, unless there are more than [`MOST_PIECES`].
+const PIECE_S: f64 = 0.01;
+/// Pieces of a motion between its knots, beyond which they are longer.
+const MOST_PIECES: f64 = 400.0;
+/// What is added for what lies between places and rates, and for the length of the controller's steps.
+const MARGIN: f64 = 1.05;
+
+/// Times to rest, s, by rate: the last is that of rate 1, the first of rate 0.
+type Times = [f64; RATES + 1];
+
+impl RateLaw {
+    /// An upper bound of the time, s, that a stop takes from any place of a motion, at any rate from 0 to 1; 0 without a knot.
+    ///
+    /// The motion ends at rest. The bound allows for cycles up to 1.5 ms; allocates nothing.
+    pub fn longest_stop(&self, knots: &[Knot]) -> f64 {
+        let Some(last) = knots.last() else {
+            return 0.0;
+        };
+        let longest_piece = PIECE_S.max(last.time / MOST_PIECES);
+        let (mut times, mut longest) = ([0.0; RATES + 1], 0.0_f64);
+        let mut hint = knots.len() - 1;
+        for pair in knots.windows(2).rev() {
+            let duration = pair[1].time - pair[0].time;
+            let pieces = (duration / longest_piece).ceil().max(1.0);
+            let piece = duration / pieces;
+            for before in (0..pieces as usize).rev() {
+                let middle = pair[0].time + (before as f64 + 0.5) * piece;
+                let middle = evaluate(knots, &mut hint, middle);
+                times = self.times_to_rest(&middle, piece, &times);
+                longest = times.iter().copied().fold(longest, f64::max);
+            }
+        }
+        longest * MARGIN + longest_piece
+    }
+
+    /// Times to rest from the begin of a piece of the motion, `piece` seconds of its own long, by the motion's state in its middle and
+    /// the times to rest from its end.
+    fn times_to_rest(&self, middle: &State, piece: f64, ahead: &Times) -> Times {
+        std::array::from_fn(|index| {
+            let rate = index as f64 / RATES as f64;
+            if rate == 0.0 {
+                return 0.0;
+            }
+            let slope = |rate| self.rate_slopes(middle, rate)[0];
+            // dr/dt is ṙ/r along the motion's own time; 0 where it comes to rest before the end of the piece.
+            let next = |slope: f64| (rate * rate + 2.0 * slope * piece).max(0.0).sqrt();
+            let slope = slope(0.5 * (rate + next(slope(rate))));
+            match next(slope) {
+                0.0 => rate / -slope,
+                next => 2.0 * piece / (rate + next) + between(ahead, next),
+            }
+        })
+    }
+}
+
+/// The time at a rate between those of the table.
+fn between(times: &Times, rate: f64) -> f64 {
+    let place = (rate * RATES as f64).clamp(0.0, RATES as f64);
+    let below = (place as usize).min(RATES - 1);
+    let share = place - below as f64;
+    times[below] + share * (times[below + 1] - times[below])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_paths::{cornered_path, smooth_path, unit_limits, unit_tendons};
+    use crate::{AllocationOptions, BRAKING_SHARE, Playback, Trajectory, allocate};
+    use pcc_model::Configuration;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    fn law() -> RateLaw {
+        RateLaw::new(&unit_tendons(), unit_limits().acceleration * BRAKING_SHARE)
+    }
+
+    fn timed(path: &[Configuration]) -> Trajectory {
+        let options = AllocationOptions::default();
+        allocate(path, &unit_tendons(), &unit_limits(), &options).unwrap()
+    }
+
+    fn motions() -> Vec<Trajectory> {
+        let mut random = Pcg64::seed_from_u64(31);
+        let mut paths = vec![vec![Configuration::zeros(), Configuration::repeat(0.7)]];
+        paths.extend((0..12).map(|_| smooth_path(&mut random, 64)));
+        paths.extend((0..12).map(|_| cornered_path(&mut random, 4)));
+        paths.iter().map(|path| timed(path)).collect()
+    }
+
+    /// What a stop from this time of the motion and this rate takes in cycles of `cycle_s`.
+    fn stop(motion: &Trajectory, [mut time, mut rate]: [f64; 2], cycle_s: f64) -> f64 {
+        let (law, knots, mut hint, mut cycles) = (law(), motion.knots(), 0, 0);
+        while rate > 0.0 && time < motion.duration() {
+            let playback = Playback { knots, time, rate };
+            let step = law.step(&playback, &mut hint, 0.0, cycle_s);
+            (time, rate) = (time + step.advance, step.rate);
+            cycles += 1;
+        }
+        f64::from(cycles) * cycle_s
+    }
+
+    #[test]
+    fn no_stop_takes_longer_than_the_bound_and_the_bound_is_not_much_longer() {
+        let mut random = Pcg64::seed_from_u64(32);
+        for motion in motions() {
+            let bound = law().longest_stop(motion.knots());
+            let mut longest = 0.0_f64;
+            for index in 0..160 {
+                let time = motion.duration() * f64::from(index) / 160.0;
+                let rate = match index % 4 {
+                    0 => random.random_range(0.05..1.0),
+                    _ => 1.0,
+                };
+                let cycle_s = [0.25e-3, 1e-3, 1.5e-3][index as usize % 3];
+                let took = stop(&motion, [time, rate], cycle_s);
+                assert!(took <= bound, "{took} s from {time} s at {rate}: {bound}");
+                longest = longest.max(took);
+            }
+            assert!(
+                bound <= 1.4 * longest + 0.03,
+                "{bound} for stops of at most {longest} s"
+            );
+        }
+    }
+
+    #[test]
+    fn slower_motions_have_shorter_stops_and_resting_ones_none() {
+        let motion = &motions()[1];
+        let fast = law().longest_stop(motion.knots());
+        let slowed: Vec<Knot> = motion
+            .knots()
+            .iter()
+            .map(|knot| Knot {
+                time: knot.time * 4.0,
+                velocity: knot.velocity / 4.0,
+                acceleration: knot.acceleration / 16.0,
+                ..*knot
+            })
+            .collect();
+        let slow = law().longest_stop(&slowed);
+        assert!(slow < 0.6 * fast, "{slow} s, and {fast} s");
+        assert_eq!(law().longest_stop(&[]), 0.0);
+    }
+}
