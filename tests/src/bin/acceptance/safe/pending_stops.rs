@@ -53,6 +53,8 @@ struct Course {
     driven_on: usize,
     /// From the first of them to the first that holds, ms; none where it never does.
     rest_ms: Option<f64>,
+    /// Its states, each once where it follows itself.
+    _states: Vec<u32>,
 }
 
 impl Held {
@@ -116,9 +118,12 @@ impl Course {
         let was_stopped = after.iter().any(|cycle| cycle.state == LoopState::Stopping.code());
         let rest = holding.filter(|_| was_stopped);
         let ms = |cycle: &&Cycle| (cycle.stamp_mono_ns - since_ns) as f64 * 1e-6;
+        let mut states: Vec<u32> = after.iter().map(|cycle| cycle.state).collect();
+        states.dedup();
         Self {
             driven_on: executing,
             rest_ms: rest.map(ms),
+            _states: states,
         }
     }
 }
