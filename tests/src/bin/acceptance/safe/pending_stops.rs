@@ -6,7 +6,7 @@ use std::thread::sleep;
 use std::time::Duration;
 
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{CommandRefusal, LoopState};
+use shared_types::codes::{CommandRefusal, LoopFault, LoopState};
 use shared_types::message::Cycle;
 use shared_types::valid::{Command, CommandReply, Goal};
 use tests::fake_robot::{FakeRobot, Misbehaviour};
@@ -55,6 +55,8 @@ struct Course {
     rest_ms: Option<f64>,
     /// Its states, each once where it follows itself.
     _states: Vec<u32>,
+    /// How long the loop was held, ms, and the fault that it ended in.
+    _held: (f64, LoopFault),
 }
 
 impl Held {
@@ -99,7 +101,9 @@ impl Held {
         };
         sleep(LOOK);
         let cycles = self.listener.take().cycles;
-        let course = Course::of(&cycles, since_ns);
+        let mut course = Course::of(&cycles, since_ns);
+        let held_ms = (since_ns - begin_ns) as f64 * 1e-6;
+        course._held = (held_ms, self.stack.controller_state().fault);
         let _ = self.stack.controller.command(Command::Stop, PROMPT)?;
         self.stack.wait_until_ready()?;
         Ok((reply, course))
@@ -124,6 +128,7 @@ impl Course {
             driven_on: executing,
             rest_ms: rest.map(ms),
             _states: states,
+            _held: (0.0, LoopFault::None),
         }
     }
 }
