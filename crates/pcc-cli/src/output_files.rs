@@ -25,10 +25,11 @@ pub(crate) fn make_writable_for(file: &Path) -> anyhow::Result<()> {
             file.display()
         );
     }
-    match file.parent() {
+    let writable = match file.parent() {
         Some(folder) if folder != Path::new("") => make_writable(folder),
         _ => make_writable(Path::new(".")),
-    }
+    };
+    writable.with_context(|| format!("cannot write {}", file.display()))
 }
 
 /// Refuses a folder that has one of these files already.

@@ -33,6 +33,13 @@ const PLAN: &[&str] = &[
     "2.7",
     "--sampler",
     "straight",
+    "--start",
+    "0.1",
+    "0",
+    "0",
+    "0",
+    "0",
+    "0",
 ];
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {

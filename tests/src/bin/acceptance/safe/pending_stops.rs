@@ -15,6 +15,7 @@ use tests::outside::thread_named;
 use tests::stack::{Part, Stack};
 use tests::system_calls::HeldThread;
 use tests::world::Settings;
+use toml::Value;
 
 use crate::{Report, Scale};
 
@@ -23,6 +24,8 @@ const SHAPES: [[f64; 6]; 2] = [
     [-0.8, 0.7, -0.6, -0.5, 0.8, -0.7],
 ];
 const PROMPT: Duration = Duration::from_secs(5);
+/// More than the robot moves in the time for which its loop is held, rad.
+const TOLERANCE_RAD: f64 = 0.1;
 /// Enough for any stop, and less than what is left of the motions.
 const LOOK: Duration = Duration::from_millis(800);
 /// Cycles that a loop may drive on once it is released: the one under way.
@@ -61,7 +64,11 @@ struct Course {
 
 impl Held {
     fn start() -> anyhow::Result<Self> {
-        let mut stack = Stack::new(&Settings::default());
+        let mut stack = Stack::new(&Settings {
+            // The robot stands where it was last told to while the loop is held.
+            daemon: vec![("path_tolerance_rad", Value::Float(TOLERANCE_RAD))],
+            ..Settings::default()
+        });
         let (options, robot) = (&stack.world.options, &stack.world.robot);
         let robot = FakeRobot::start(options, robot, Misbehaviour::None);
         stack.start(Part::Daemon);
