@@ -86,7 +86,10 @@ impl StalledOutput {
     /// The system's: only root may.
     pub fn disk() -> io::Result<Self> {
         let disk = FreezingDisk::mount()?;
-        let log = OpenOptions::new().append(true).create(true).open(disk.place("log"))?;
+        let log = OpenOptions::new()
+            .append(true)
+            .create(true)
+            .open(disk.place("log"))?;
         Ok(Self::Disk { log, disk })
     }
 
@@ -151,7 +154,15 @@ impl FreezingDisk {
         fs::create_dir(disk.place(""))?;
         run("mkfs.ext4", &["-q".as_ref(), "-F".as_ref(), image.as_ref()])?;
         let place = disk.place("");
-        run("mount", &["-o".as_ref(), "loop".as_ref(), image.as_ref(), place.as_ref()])?;
+        run(
+            "mount",
+            &[
+                "-o".as_ref(),
+                "loop".as_ref(),
+                image.as_ref(),
+                place.as_ref(),
+            ],
+        )?;
         Ok(disk)
     }
 

@@ -362,7 +362,12 @@ mod tests {
             assert_eq!(held.is_some(), is_held);
             drop(held);
             let mut output = String::new();
-            cat.0.stdout.take().unwrap().read_to_string(&mut output).unwrap();
+            cat.0
+                .stdout
+                .take()
+                .unwrap()
+                .read_to_string(&mut output)
+                .unwrap();
             assert_eq!(output, "x");
         }
     }

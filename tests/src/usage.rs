@@ -49,6 +49,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[allow(clippy::zombie_processes, reason = "it is waited for")]
     fn a_program_that_counts_used_processor_time_and_memory() {
         let script = "i=0; while [ $i -lt 100000 ]; do i=$((i+1)); done; exit 3";
         let child = Command::new("sh").args(["-c", script]).spawn().unwrap();
@@ -61,6 +62,9 @@ mod tests {
             sleep(Duration::from_millis(1));
         };
         assert_eq!(status.code(), Some(3));
-        assert!(usage.processor_s > 0.001 && usage.peak_mb > 0.5, "{usage:?}");
+        assert!(
+            usage.processor_s > 0.001 && usage.peak_mb > 0.5,
+            "{usage:?}"
+        );
     }
 }

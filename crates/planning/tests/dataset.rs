@@ -4,8 +4,8 @@
 use pcc_model::Robot;
 use planning::FeatureFrame;
 use planning::dataset::{
-    ArchiveReader, ArchiveWriter, Counts, Dataset, DatasetError, GeneratorNotes, Meta,
-    Recipe, Split, generate_block, training_rows,
+    ArchiveReader, ArchiveWriter, Counts, Dataset, DatasetError, GeneratorNotes, Meta, Recipe,
+    Split, generate_block, training_rows,
 };
 use planning::scenes::{Setting, reference_layout};
 use std::path::{Path, PathBuf};

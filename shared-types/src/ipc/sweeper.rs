@@ -129,6 +129,9 @@ fn half_made(prefix: &str) -> Vec<OsString> {
 
 fn is_half_made(prefix: &str, name: &OsStr, data: &Metadata) -> bool {
     let own_file = data.is_file() && data.uid() == geteuid().as_raw();
-    let is_counter = || name.to_str().is_some_and(|name| is_of_one_node(prefix, name));
+    let is_counter = || {
+        name.to_str()
+            .is_some_and(|name| is_of_one_node(prefix, name))
+    };
     own_file && (data.len() == 0 || is_counter())
 }

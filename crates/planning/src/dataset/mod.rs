@@ -15,6 +15,5 @@ pub use generate::{BlockReport, Recipe, TEACHER_VERSION, generate_block};
 pub use generator_notes::GeneratorNotes;
 pub use meta::{BySplit, Counts, Meta, Units};
 pub use paper::{
-    DroppedPaths, DroppedTargets, PAPER_VERSION, PaperReport, TERMINALS,
-    generate_paper_block,
+    DroppedPaths, DroppedTargets, PAPER_VERSION, PaperReport, TERMINALS, generate_paper_block,
 };

@@ -20,9 +20,9 @@ use collision::{Scene, certify_polyline};
 use pcc_model::{Configuration, Point, Robot};
 use rand_pcg::Pcg64;
 use repair::Repairer;
+pub(super) use solver::CONTINUITY;
 use solver::PathSolver;
 use target::Place;
-pub(super) use solver::CONTINUITY;
 pub use target::TERMINALS;
 
 /// Version of [`generate_paper_block`]: another one makes other rows from the same recipe.

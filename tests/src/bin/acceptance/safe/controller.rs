@@ -134,7 +134,11 @@ fn liars(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         named,
         tried,
     );
-    report.all_of("defect 4: held again after new states and a reset", recovered, tried);
+    report.all_of(
+        "defect 4: held again after new states and a reset",
+        recovered,
+        tried,
+    );
     pauses(report, scale)
 }
 
@@ -361,11 +365,15 @@ fn raw_tolerance(report: &mut Report) -> anyhow::Result<()> {
         let log = stack.process(Part::Controller).log();
         let line = log.lines().find(|line| line.contains(&format!("id={id} ")));
         let is_named = line.is_some_and(|line| {
-            line.contains("path_tolerance_rad is") && (line.contains("0.001") || !tolerance_rad.is_finite())
+            line.contains("path_tolerance_rad is")
+                && (line.contains("0.001") || !tolerance_rad.is_finite())
         });
         if is_good == is_refused || is_good == is_named {
             let refusal = known.refusal;
-            wrong.push(format!("{tolerance_rad}: {refusal}, {}: {line:?}", known.state));
+            wrong.push(format!(
+                "{tolerance_rad}: {refusal}, {}: {line:?}",
+                known.state
+            ));
         }
         thread::sleep(Duration::from_millis(300));
         let fault = stack.controller_state().fault;

@@ -315,7 +315,8 @@ fn false_names(report: &mut Report, robot: &mut OwnersRobot, rounds: usize) -> a
     let name = "defect 9: false names made by another user";
     let bar = format!("of each kind: {}", kinds.join(", "));
     report.check(name, format!("{made:?}"), &bar, all_kinds);
-    let name = "defect 9: files made by another user below the root folder (services, nodes, events)";
+    let name =
+        "defect 9: files made by another user below the root folder (services, nodes, events)";
     report.check(name, in_root.to_string(), "0", in_root == 0);
     let name = "defect 9: rounds with them in which something stayed blocked";
     report.none_of(name, &failed);
@@ -393,7 +394,13 @@ fn open_root(report: &mut Report) -> anyhow::Result<()> {
     let configs = PARTS.map(|part| robot.world.config(&format!("{part}.toml")));
     let starts = PARTS.iter().zip(&configs);
     let starts = starts.map(|(part, config)| (*part, vec!["--config", config.to_str().unwrap()]));
-    let orders = [&["stop"][..], &["reset"], PLAN, MOTIONS[0], &["watch", "--times", "1"]];
+    let orders = [
+        &["stop"][..],
+        &["reset"],
+        PLAN,
+        MOTIONS[0],
+        &["watch", "--times", "1"],
+    ];
     let orders = orders.map(|words| ("pcc", words.to_vec()));
     let runs: Vec<(&str, Vec<&str>)> = starts.chain(orders).collect();
     for mode in modes {
@@ -449,7 +456,9 @@ fn taken(report: &mut Report) -> anyhow::Result<()> {
         works.is_ok(),
     );
     let times = Times::measure(&mut robot);
-    let works = times.as_ref().is_ok_and(|times| times.not_stopped.is_empty());
+    let works = times
+        .as_ref()
+        .is_ok_and(|times| times.not_stopped.is_empty());
     let said = times.map_or_else(|error| format!("{error:#}"), |times| format!("{times:?}"));
     let _ = fs::remove_dir_all(&usual);
     let name = "defect 9: everything works when the other user's folder is gone";

@@ -87,41 +87,62 @@ fn record(report: &mut Report) -> anyhow::Result<()> {
 #[derive(Clone, Copy, Debug)]
 enum Full {
     /// There is no place for a file.
-    OfFiles,
+    Files,
     /// There is no place for a second file.
-    OfSecondFiles,
+    SecondFile,
     /// There is no place for a byte.
-    OfBytes,
+    Bytes,
 }
 
 /// All that writes files, on a full disk: each says which one has no place.
 fn full_disk(report: &mut Report) -> anyhow::Result<()> {
     let sample = repository().join("tests/data/reference-mixed-sample");
     let mut wrong = Vec::new();
-    let evaluate = ["evaluate", "--dataset", text(&sample), "--planner", "straight"];
-    let dataset = ["dataset", "--targets", "4", "--starts", "1", "--ends", "1", "--seed", "1"];
+    let evaluate = [
+        "evaluate",
+        "--dataset",
+        text(&sample),
+        "--planner",
+        "straight",
+    ];
+    let dataset = [
+        "dataset",
+        "--targets",
+        "4",
+        "--starts",
+        "1",
+        "--ends",
+        "1",
+        "--seed",
+        "1",
+    ];
     let evaluate = [&evaluate[..], &["--cases", "2", "--out"]].concat();
-    let second = |file| (Full::OfSecondFiles, evaluate.clone(), "", file);
+    let second = |file| (Full::SecondFile, evaluate.clone(), "", file);
     let mut cases = vec![second("result.json")];
-    for full in [Full::OfFiles, Full::OfBytes] {
+    for full in [Full::Files, Full::Bytes] {
         cases.extend([
             (full, evaluate.clone(), "", ""),
             (full, evaluate.clone(), "/out", "out"),
-            (full, vec!["features", "--dataset", text(&sample), "--out"], "/rows.npz", "rows.npz"),
+            (
+                full,
+                vec!["features", "--dataset", text(&sample), "--out"],
+                "/rows.npz",
+                "rows.npz",
+            ),
             (full, [&dataset[..], &["--out"]].concat(), "/set", "set"),
             (full, vec!["demo", "--record"], "/demo", "demo"),
         ]);
         wrong.extend(starts_on_full_disk(full)?);
     }
     for (full, words, last, file) in cases {
-            let disk = tempfile::tempdir()?;
-            let out = format!("{}{last}", text(disk.path()));
-            let pcc = text(&program("pcc")).to_owned();
-            let words = words.into_iter().chain([out.as_str()]).collect::<Vec<_>>();
-            let what = format!("{full:?}: pcc {} {last}", words[0]);
-            let outcome = on_full_disk(full, disk.path(), &[], &pcc, &words);
-            let names = [text(disk.path()), file, "No space left"];
-            wrong.extend(outcome.unless_refused(&what, &names));
+        let disk = tempfile::tempdir()?;
+        let out = format!("{}{last}", text(disk.path()));
+        let pcc = text(&program("pcc")).to_owned();
+        let words = words.into_iter().chain([out.as_str()]).collect::<Vec<_>>();
+        let what = format!("{full:?}: pcc {} {last}", words[0]);
+        let outcome = on_full_disk(full, disk.path(), &[], &pcc, &words);
+        let names = [text(disk.path()), file, "No space left"];
+        wrong.extend(outcome.unless_refused(&what, &names));
     }
     let name = "defect 11: commands and starts on a full disk that do not name the file";
     report.none_of(name, &wrong);
@@ -138,7 +159,10 @@ fn starts_on_full_disk(full: Full) -> anyhow::Result<Vec<String>> {
         });
         let disk = tempfile::tempdir()?;
         let root = format!("{}/root", text(disk.path()));
-        let variables = [("PCC_ROOT", root.as_str()), ("PCC_PREFIX", &world.options.prefix)];
+        let variables = [
+            ("PCC_ROOT", root.as_str()),
+            ("PCC_PREFIX", &world.options.prefix),
+        ];
         let config = world.config(&format!("{}.toml", part.program()));
         let words = ["--config", text(&config)];
         let process = program(part.program());
@@ -158,9 +182,9 @@ fn on_full_disk(
     words: &[&str],
 ) -> Outcome {
     let (options, fill) = match full {
-        Full::OfFiles => ("nr_inodes=1", "true"),
-        Full::OfSecondFiles => ("nr_inodes=2", "true"),
-        Full::OfBytes => ("size=16k", "! cat /dev/zero > $0/ballast 2>/dev/null"),
+        Full::Files => ("nr_inodes=1", "true"),
+        Full::SecondFile => ("nr_inodes=2", "true"),
+        Full::Bytes => ("size=16k", "! cat /dev/zero > $0/ballast 2>/dev/null"),
     };
     let script = format!("mount -t tmpfs -o mode=700,{options} none $0 && {fill} && exec \"$@\"");
     let mut command = Command::new("unshare");

@@ -171,7 +171,10 @@ fn tendons(report: &mut Report) {
         });
         taken.extend(unless_refused(&world, program, &["unit.toml", message]));
     }
-    report.none_of("defect 11: ten tendons, not refused with one message", &taken);
+    report.none_of(
+        "defect 11: ten tendons, not refused with one message",
+        &taken,
+    );
 }
 
 /// A limit of 0.1 rad is one that a robot may have.
@@ -204,13 +207,20 @@ fn defaults(report: &mut Report) {
             refused.push(format!("{program}: {}", log.trim()));
         }
     }
-    report.none_of("defect 11: files of the robot alone that are refused", &refused);
+    report.none_of(
+        "defect 11: files of the robot alone that are refused",
+        &refused,
+    );
 }
 
 /// A binary mesh whose header begins with `solid` is a binary mesh, with and without zeros in the header.
 fn solid_header(report: &mut Report) -> anyhow::Result<()> {
     let mut refused = Vec::new();
-    for (header, filling) in [("solid part", b' '), ("solid", b'\0'), ("solid part\n", b'x')] {
+    for (header, filling) in [
+        ("solid part", b' '),
+        ("solid", b'\0'),
+        ("solid part\n", b'x'),
+    ] {
         let world = World::new(&Settings::default());
         fs::write(world.config("part.stl"), tetrahedron(header, filling))?;
         let scene = "[[meshes]]\nfile = \"part.stl\"\nposition_m = [0.0, 0.0, -9.0]\n";

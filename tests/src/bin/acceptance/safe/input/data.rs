@@ -60,7 +60,8 @@ fn flipped_bits(report: &mut Report, count: usize) -> anyhow::Result<()> {
         let what = format!("bit {bit} of byte {byte}");
         taken.extend(read(folder.path()).unless_refused(&what, &["dataset.npz"]));
     }
-    let name = format!("defect 11: {count} flipped bits of dataset.npz: not refused by the file's name");
+    let name =
+        format!("defect 11: {count} flipped bits of dataset.npz: not refused by the file's name");
     report.none_of(&name, &taken);
     Ok(())
 }
@@ -184,7 +185,9 @@ fn zeros(report: &mut Report, rows: usize) -> anyhow::Result<()> {
     let outcome = read(folder.path());
     let taken = outcome.unless_refused("zeros", &["dataset.npz", "target_tips", "[1, 3]"]);
     let mb = fs::metadata(&file)?.len() as f64 * 1e-6;
-    let name = format!("defect 11: {mb:.1} MB that hold {rows} rows of zeros: not refused by array and shape");
+    let name = format!(
+        "defect 11: {mb:.1} MB that hold {rows} rows of zeros: not refused by array and shape"
+    );
     report.none_of(&name, &Vec::from_iter(taken));
     let name = "defect 11: memory that their refusal takes, MB";
     report.at_most(name, outcome.peak_mb, 60.0);

@@ -35,7 +35,12 @@ fn simulated(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let name = "defect 1: motions with steps of jerk, the least of their largest ÷ jerk limit";
     let all_have = least >= LEAST_JERK_STEP;
     let figure = format!("{least:.3} of {} motions", motions.len());
-    report.check(name, figure, &format!(">= {LEAST_JERK_STEP}, all"), all_have);
+    report.check(
+        name,
+        figure,
+        &format!(">= {LEAST_JERK_STEP}, all"),
+        all_have,
+    );
     let orders = scale.pick(1_000, 25_000);
     let mut all = Run::default();
     for period_ns in PERIODS_NS {
@@ -62,7 +67,10 @@ fn judge(report: &mut Report, all: &Run, orders: usize) {
     let enough = all.stops + all.speed_changes >= orders && all.stops > orders / 2;
     let name = "defect 1: stops and speed changes ordered on motions with steps of jerk";
     report.check(name, figure, &bar, enough);
-    report.none_of("defect 1: robots let go by a stop or a speed change", &all.let_go);
+    report.none_of(
+        "defect 1: robots let go by a stop or a speed change",
+        &all.let_go,
+    );
     report.none_of("defect 1: stops that did not come to rest", &all.unrested);
     let figures = &all.figures;
     let at_most = [
