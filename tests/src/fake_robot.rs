@@ -6,6 +6,7 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use pcc_model::{Configuration, Robot};
+use realtime::use_fifo_priority;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{MotorFault, MotorState};
 use shared_types::ipc::{
@@ -13,6 +14,8 @@ use shared_types::ipc::{
 };
 use shared_types::message::{RobotState, Setpoint};
 
+/// The simulated robot's priority: hardware waits for nobody.
+const PRIORITY: u8 = 70;
 /// Time between two states.
 const PERIOD: Duration = Duration::from_millis(1);
 
@@ -105,6 +108,8 @@ impl Driver {
         let node = IpcNode::create(options, "fake-robot")?;
         let setpoints = subscriber(&node, &setpoint_service(&node)?)?;
         let states = publisher(&node, &robot_state_service(&node)?)?;
+        // On a busy machine a driver without one goes silent; a refusal changes nothing else.
+        let _ = use_fifo_priority(PRIORITY);
         self.state.state = MotorState::Idle.code();
         self.state.fault = MotorFault::None.code();
         while !self.shared.quit.load(Ordering::Relaxed) {

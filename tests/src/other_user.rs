@@ -13,6 +13,7 @@ use std::time::{Duration, Instant};
 use rustix::process::{Gid, Uid};
 use rustix::thread::{set_thread_groups, set_thread_res_gid, set_thread_res_uid};
 
+use crate::outside::PoseFile;
 use crate::process::{TimedOut, wait_for};
 use crate::programs::program;
 use crate::world::{Settings, World};
@@ -37,6 +38,17 @@ pub fn as_user<T: Send>(user: u32, act: impl FnOnce() -> T + Send) -> rustix::io
         Ok(act())
     };
     thread::scope(|scope| scope.spawn(become_and_act).join().unwrap())
+}
+
+/// What became of the one `pcc stop` that was given to a robot in motion.
+#[derive(Clone, Debug)]
+pub struct StopInMotion {
+    /// How long the program took.
+    pub took: Duration,
+    /// From its start to the robot's rest; none where it went on.
+    pub to_rest: Option<Duration>,
+    /// What the program said where it failed.
+    pub refusal: Option<String>,
 }
 
 /// A robot whose processes belong to [`OWNER`], on programs of its own that both users can read.
@@ -188,34 +200,56 @@ impl OwnersRobot {
         }
     }
 
-    /// Has motions to two places executed in turn, gives the order `stop` until it is obeyed, and says how long that one took.
+    /// Has motions to two places executed in turn until the robot moves, and stops it there: what each `pcc stop` took that was given
+    /// while it moved.
     ///
     /// # Errors
-    /// [`TimedOut`] with what was answered last, to the motion and to the order.
+    /// [`TimedOut`] with what was said to the motions, where the robot never moves, or does not come to rest.
     pub fn stop_in_motion(
         &self,
         motions: [&[&str]; 2],
-        stop: &[&str],
         limit: Duration,
-    ) -> Result<Duration, TimedOut> {
-        let mut said = String::new();
+    ) -> Result<StopInMotion, TimedOut> {
+        let pose = PoseFile::of_root(&self.root(), &self.world.options.prefix);
         let mut in_turn = motions.into_iter().cycle();
         let mut executing = self.execute(in_turn.next().unwrap());
-        let stopped = wait_for("an order to stop is obeyed", limit, || {
-            if executing.try_wait().unwrap().is_some() {
+        let moving = wait_for("the robot moves", limit, || {
+            if pose.moves() {
+                return Some(());
+            }
+            if executing.try_wait().unwrap().is_some() && !pose.moves() {
                 executing = self.execute(in_turn.next().unwrap());
             }
+            None
+        });
+        let stopped = moving.map(|()| {
             let begin = Instant::now();
-            let output = self.pcc(stop, limit);
-            said = String::from_utf8_lossy(&output.stderr).into_owned();
-            succeeded(output.status).map(|()| begin.elapsed())
+            let output = self.pcc(&["stop"], limit);
+            let took = begin.elapsed();
+            let is_obeyed = output.status.success();
+            StopInMotion {
+                took,
+                to_rest: pose.time_to_rest(begin, limit),
+                refusal: (!is_obeyed)
+                    .then(|| String::from_utf8_lossy(&output.stderr).trim().to_owned()),
+            }
         });
         let _ = executing.kill();
         executing.wait().unwrap();
         stopped.map_err(|timed_out| TimedOut {
-            log: format!("{said}{}", self.log("execute")),
+            log: self.log("execute"),
             ..timed_out
         })
+    }
+
+    /// The root folder that its programs use: without one of its own, the default one or what takes its place.
+    fn root(&self) -> PathBuf {
+        let own = self.home().join(".pcc-services");
+        match self.with_root {
+            true => self.world.options.root.clone(),
+            false if own.is_dir() => own,
+            false => PathBuf::from(format!("/dev/shm/pcc-{OWNER}")),
+        }
     }
 
     fn execute(&self, motion: &[&str]) -> Child {

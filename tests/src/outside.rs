@@ -4,7 +4,7 @@
 
 use std::fs;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use crate::disturbance::threads;
@@ -124,8 +124,13 @@ impl PoseFile {
     /// That of a world's robot.
     #[must_use]
     pub fn of(world: &World) -> Self {
-        let name = format!("{}.robot.pose", world.options.prefix);
-        Self(world.options.root.join(name))
+        Self::of_root(&world.options.root, &world.options.prefix)
+    }
+
+    /// That of the robot with these services.
+    #[must_use]
+    pub fn of_root(root: &Path, prefix: &str) -> Self {
+        Self(root.join(format!("{prefix}.robot.pose")))
     }
 
     /// Velocities of the tendons, m/s.
@@ -148,7 +153,9 @@ impl PoseFile {
         }))
     }
 
-    fn moves(&self) -> bool {
+    /// Whether it moves now.
+    #[must_use]
+    pub fn moves(&self) -> bool {
         self.velocities()
             .is_ok_and(|velocities| velocities.iter().any(|velocity| *velocity != 0.0))
     }

@@ -1,16 +1,19 @@
-//! Outputs that hold whoever writes to them: a pipe that nobody reads, a terminal that was stopped with Ctrl-S, a full disk.
+//! Outputs that hold whoever writes to them: a pipe that nobody reads, a terminal that was stopped with Ctrl-S, a disk that stands
+//! still, a full one.
 
+use std::ffi::OsStr;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, PipeReader, PipeWriter, Write, pipe};
 use std::os::fd::{AsFd, AsRawFd, OwnedFd};
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::mount::{MountFlags, UnmountFlags, mount, unmount};
 use rustix::pipe::fcntl_setpipe_size;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use tempfile::TempDir;
 
 /// The smallest pipe there is, bytes.
 const PIPE_BYTES: usize = 4096;
@@ -33,6 +36,13 @@ pub enum StalledOutput {
         person: File,
         /// Where programs write to.
         programs: File,
+    },
+    /// A file on a disk that stands still: who writes to it waits, and not even a signal ends that.
+    Disk {
+        /// Where processes write to.
+        log: File,
+        /// Goes on when dropped.
+        disk: FreezingDisk,
     },
 }
 
@@ -70,6 +80,19 @@ impl StalledOutput {
         })
     }
 
+    /// A file on a disk of its own.
+    ///
+    /// # Errors
+    /// The system's: only root may.
+    pub fn disk() -> io::Result<Self> {
+        let disk = FreezingDisk::mount()?;
+        let log = OpenOptions::new()
+            .append(true)
+            .create(true)
+            .open(disk.place("log"))?;
+        Ok(Self::Disk { log, disk })
+    }
+
     /// What a process is started with.
     ///
     /// # Errors
@@ -78,6 +101,7 @@ impl StalledOutput {
         let programs: OwnedFd = match self {
             Self::Pipe { writer, .. } => writer.try_clone()?.into(),
             Self::Terminal { programs, .. } => programs.try_clone()?.into(),
+            Self::Disk { log, .. } => log.try_clone()?.into(),
         };
         Ok(programs.into())
     }
@@ -90,6 +114,7 @@ impl StalledOutput {
         match self {
             Self::Pipe { writer, .. } => fill(writer),
             Self::Terminal { person, .. } => person.write_all(&[STOP]),
+            Self::Disk { disk, .. } => disk.freeze(),
         }
     }
 
@@ -101,10 +126,75 @@ impl StalledOutput {
         let file = match self {
             Self::Pipe { writer, .. } => writer.as_fd(),
             Self::Terminal { programs, .. } => programs.as_fd(),
+            Self::Disk { disk, .. } => return Ok(disk.is_frozen),
         };
         let mut files = [PollFd::from_borrowed_fd(file, PollFlags::OUT)];
         Ok(poll(&mut files, Some(&Timespec::default()))? == 0)
     }
+}
+
+/// A file system of its own on a file in memory, whose writers can be made to wait; gone when dropped.
+#[derive(Debug)]
+pub struct FreezingDisk {
+    folder: TempDir,
+    is_frozen: bool,
+}
+
+impl FreezingDisk {
+    const BYTES: u64 = 8 << 20;
+
+    fn mount() -> io::Result<Self> {
+        let folder = tempfile::Builder::new().tempdir_in("/dev/shm")?;
+        let image = folder.path().join("image");
+        File::create(&image)?.set_len(Self::BYTES)?;
+        let disk = Self {
+            folder,
+            is_frozen: false,
+        };
+        fs::create_dir(disk.place(""))?;
+        run("mkfs.ext4", &["-q".as_ref(), "-F".as_ref(), image.as_ref()])?;
+        let place = disk.place("");
+        run(
+            "mount",
+            &[
+                "-o".as_ref(),
+                "loop".as_ref(),
+                image.as_ref(),
+                place.as_ref(),
+            ],
+        )?;
+        Ok(disk)
+    }
+
+    fn place(&self, name: &str) -> PathBuf {
+        self.folder.path().join("mounted").join(name)
+    }
+
+    fn freeze(&mut self) -> io::Result<()> {
+        run("fsfreeze", &["--freeze".as_ref(), self.place("").as_ref()])?;
+        self.is_frozen = true;
+        Ok(())
+    }
+}
+
+impl Drop for FreezingDisk {
+    fn drop(&mut self) {
+        let place = self.place("");
+        if self.is_frozen {
+            let _ = run("fsfreeze", &["--unfreeze".as_ref(), place.as_ref()]);
+        }
+        // Processes may have files open there.
+        let _ = unmount(&place, UnmountFlags::DETACH);
+    }
+}
+
+fn run(program: &str, arguments: &[&OsStr]) -> io::Result<()> {
+    let output = Command::new(program).args(arguments).output()?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let said = String::from_utf8_lossy(&output.stderr);
+    Err(io::Error::other(format!("{program}: {}", said.trim())))
 }
 
 /// Writes until nothing more goes in, through a file of its own: the processes' must go on waiting.

@@ -31,8 +31,10 @@ use tracing_subscriber::filter::Directive;
 
 use queue::{Line, Queue};
 
-/// Longest that an end, or a panic, waits until its last lines are written.
-const FAREWELL: Duration = Duration::from_millis(100);
+/// Longest that an end waits until its last lines, the reason among them, are written: a busy machine keeps the writer from its processor.
+const FAREWELL: Duration = Duration::from_millis(500);
+/// Longest that a panic does.
+const FAREWELL_OF_A_PANIC: Duration = Duration::from_millis(100);
 
 /// Target of iceoryx2's own lines.
 const IPC: &str = "iceoryx2";
@@ -141,7 +143,7 @@ fn report_panic(panic: &panic::PanicHookInfo<'_>) {
         say(&trace.to_string());
     }
     if let Some(queue) = QUEUE.get() {
-        queue.wait_until_written(FAREWELL);
+        queue.wait_until_written(FAREWELL_OF_A_PANIC);
     }
 }
 

@@ -2,13 +2,18 @@
 
 use anyhow::{Context, bail};
 use std::fs::{self, File};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Makes a folder if need be, and finds out whether files can be written there before anything is computed for them.
+/// Makes a folder if need be, and finds out whether a file with something in it can be written there before anything is computed for it.
 pub(crate) fn make_writable(folder: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let probe = part_of(&folder.join("writable"));
-    let written = File::create_new(&probe).and_then(|_| fs::remove_file(&probe));
+    let written = File::create_new(&probe).and_then(|mut file| {
+        let written = file.write_all(b"?");
+        fs::remove_file(&probe)?;
+        written
+    });
     written.with_context(|| format!("cannot write into {}", folder.display()))
 }
 

@@ -19,6 +19,8 @@ use iceoryx2::prelude::{
 
 type Outcome = Result<(), Box<dyn Error>>;
 
+/// How long its service may take to be made, its being held included: iceoryx2 gives up by itself afterwards.
+const CREATION_TIMEOUT: Duration = Duration::from_secs(60);
 /// Pause between two looks for what may have been heard.
 const LOOK: Duration = Duration::from_millis(1);
 /// Nodes of every service, as `shared-types/layout.txt` has it for what follows.
@@ -68,6 +70,7 @@ fn main() -> Outcome {
     config.global.set_root_path(&root);
     let files = FileName::new(format!("{prefix}_").as_bytes());
     config.global.prefix = files.map_err(|error| format!("{prefix}: {error:?}"))?;
+    config.global.creation_timeout = CREATION_TIMEOUT;
     let node = NodeBuilder::new()
         .config(&config)
         .create::<ipc::Service>()?;

@@ -366,7 +366,7 @@ fn raw_tolerance(report: &mut Report) -> anyhow::Result<()> {
         let line = log.lines().find(|line| line.contains(&format!("id={id} ")));
         let is_named = line.is_some_and(|line| {
             line.contains("path_tolerance_rad is")
-                && (line.contains("0.001") || tolerance_rad.is_nan())
+                && (line.contains("0.001") || !tolerance_rad.is_finite())
         });
         if is_good == is_refused || is_good == is_named {
             let refusal = known.refusal;

@@ -23,6 +23,8 @@ const COMMAND: &str = "acceptance safe, half-made services";
 const HELD: Duration = Duration::from_millis(1800);
 /// Long enough for everything that should happen at all.
 const PATIENCE: Duration = Duration::from_secs(20);
+/// A second until what a dead one left is looked at closely, and the start of a daemon on a busy machine, s.
+const PLANS_WITHIN_S: f64 = 5.0;
 /// Tries at once: they mostly wait.
 const AT_ONCE: usize = 4;
 const PLAN: &[&str] = &[
@@ -33,6 +35,13 @@ const PLAN: &[&str] = &[
     "2.7",
     "--sampler",
     "straight",
+    "--start",
+    "0.1",
+    "0",
+    "0",
+    "0",
+    "0",
+    "0",
 ];
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
@@ -54,7 +63,7 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         report.at_most(
             "defect 9: from a maker's death until the robot plans, s",
             tries.longest_s,
-            PATIENCE.as_secs_f64(),
+            PLANS_WITHIN_S,
         );
         Ok(())
     });
@@ -184,10 +193,11 @@ fn held(kind: &str, calls: usize) -> anyhow::Result<Option<Try>> {
     let outcome = maker
         .says("made", PATIENCE)
         .and_then(|()| plans(&world, &mut daemon, begin))
-        .and_then(|()| match kind {
-            // Nobody answers it here; the maker hears it.
-            "requests" => Ok(drop(pcc(&world, &["speed", "1"], PATIENCE))),
-            _ => Ok(()),
+        .map(|()| {
+            if kind == "requests" {
+                // Nobody answers it here; the maker hears it.
+                let _ = pcc(&world, &["speed", "1"], PATIENCE);
+            }
         })
         .and_then(|()| maker.says("heard", PATIENCE));
     Ok(Some((

@@ -71,6 +71,7 @@ fn pcc_within(words: &[&str], patience: Duration) -> Outcome {
 }
 
 /// Runs a program to its end, or until it is killed.
+#[allow(clippy::zombie_processes, reason = "it is waited for")]
 fn outcome(command: &mut Command, patience: Duration) -> Outcome {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log");

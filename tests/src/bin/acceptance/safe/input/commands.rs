@@ -1,6 +1,7 @@
 //! What commands say when they end with nothing to show, and where they cannot write.
 
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
@@ -11,7 +12,7 @@ use tests::stack::{PATIENCE, Part};
 use tests::world::{Settings, World};
 use toml::{Table, Value};
 
-use super::{outcome, pcc_within, text};
+use super::{Outcome, outcome, pcc_within, text};
 use crate::Report;
 
 pub(super) fn run(report: &mut Report) -> anyhow::Result<()> {
@@ -54,7 +55,7 @@ fn no_candidates(report: &mut Report) -> anyhow::Result<()> {
         "the premise: it is truncated: {said}"
     );
     let is_failure = status.code() == Some(1) && !said.contains("panicked");
-    let name = "pcc plan, truncated to no candidate";
+    let name = "defect 11: pcc plan, truncated to no candidate";
     let figure = format!("{status}: {}", said.lines().next().unwrap_or_default());
     report.check(name, figure, "exit status: 1", is_failure);
     Ok(())
@@ -76,30 +77,119 @@ fn record(report: &mut Report) -> anyhow::Result<()> {
         wrong.extend(outcome.unless_refused(text(&place), &[text(&place)]));
     }
     report.none_of(
-        "places that nothing can be recorded in: not refused at the begin",
+        "defect 11: places that nothing can be recorded in: not refused at the begin",
         &wrong,
     );
     Ok(())
 }
 
-/// A file system on which a second file has no place.
+/// How a file system is full.
+#[derive(Clone, Copy, Debug)]
+enum Full {
+    /// There is no place for a file.
+    Files,
+    /// There is no place for a second file.
+    SecondFile,
+    /// There is no place for a byte.
+    Bytes,
+}
+
+/// All that writes files, on a full disk: each says which one has no place.
 fn full_disk(report: &mut Report) -> anyhow::Result<()> {
-    let folder = tempfile::tempdir()?;
-    let out = folder.path().join("disk");
-    fs::create_dir(&out)?;
     let sample = repository().join("tests/data/reference-mixed-sample");
-    let script = format!(
-        "mount -t tmpfs -o nr_inodes=2 none {out} && exec {pcc} evaluate --dataset {sample} --planner straight --cases 2 --out {out}",
-        out = text(&out),
-        pcc = text(&program("pcc")),
-        sample = text(&sample),
-    );
+    let mut wrong = Vec::new();
+    let evaluate = [
+        "evaluate",
+        "--dataset",
+        text(&sample),
+        "--planner",
+        "straight",
+    ];
+    let dataset = [
+        "dataset",
+        "--targets",
+        "4",
+        "--starts",
+        "1",
+        "--ends",
+        "1",
+        "--seed",
+        "1",
+    ];
+    let evaluate = [&evaluate[..], &["--cases", "2", "--out"]].concat();
+    let second = |file| (Full::SecondFile, evaluate.clone(), "", file);
+    let mut cases = vec![second("result.json")];
+    for full in [Full::Files, Full::Bytes] {
+        cases.extend([
+            (full, evaluate.clone(), "", ""),
+            (full, evaluate.clone(), "/out", "out"),
+            (
+                full,
+                vec!["features", "--dataset", text(&sample), "--out"],
+                "/rows.npz",
+                "rows.npz",
+            ),
+            (full, [&dataset[..], &["--out"]].concat(), "/set", "set"),
+            (full, vec!["demo", "--record"], "/demo", "demo"),
+        ]);
+        wrong.extend(starts_on_full_disk(full)?);
+    }
+    for (full, words, last, file) in cases {
+        let disk = tempfile::tempdir()?;
+        let out = format!("{}{last}", text(disk.path()));
+        let pcc = text(&program("pcc")).to_owned();
+        let words = words.into_iter().chain([out.as_str()]).collect::<Vec<_>>();
+        let what = format!("{full:?}: pcc {} {last}", words[0]);
+        let outcome = on_full_disk(full, disk.path(), &[], &pcc, &words);
+        let names = [text(disk.path()), file, "No space left"];
+        wrong.extend(outcome.unless_refused(&what, &names));
+    }
+    let name = "defect 11: commands and starts on a full disk that do not name the file";
+    report.none_of(name, &wrong);
+    Ok(())
+}
+
+/// The three processes, with their root folder on such a disk.
+fn starts_on_full_disk(full: Full) -> anyhow::Result<Vec<String>> {
+    let mut wrong = Vec::new();
+    for part in Part::ALL {
+        let world = World::new(&Settings {
+            without_weights: true,
+            ..Settings::default()
+        });
+        let disk = tempfile::tempdir()?;
+        let root = format!("{}/root", text(disk.path()));
+        let variables = [
+            ("PCC_ROOT", root.as_str()),
+            ("PCC_PREFIX", &world.options.prefix),
+        ];
+        let config = world.config(&format!("{}.toml", part.program()));
+        let words = ["--config", text(&config)];
+        let process = program(part.program());
+        let outcome = on_full_disk(full, disk.path(), &variables, text(&process), &words);
+        let what = format!("{full:?}: {}", part.program());
+        wrong.extend(outcome.unless_refused(&what, &[&root, "No space left"]));
+    }
+    Ok(wrong)
+}
+
+/// Runs a program in a name space of its own in which a folder is a disk that is full.
+fn on_full_disk(
+    full: Full,
+    disk: &Path,
+    variables: &[(&str, &str)],
+    program: &str,
+    words: &[&str],
+) -> Outcome {
+    let (options, fill) = match full {
+        Full::Files => ("nr_inodes=1", "true"),
+        Full::SecondFile => ("nr_inodes=2", "true"),
+        Full::Bytes => ("size=16k", "! cat /dev/zero > $0/ballast 2>/dev/null"),
+    };
+    let script = format!("mount -t tmpfs -o mode=700,{options} none $0 && {fill} && exec \"$@\"");
     let mut command = Command::new("unshare");
     command.args(["--map-root-user", "--mount", "bash", "-c", &script]);
-    let outcome = outcome(&mut command, PATIENCE);
-    let has_begun = outcome.said.contains("No space left");
-    ensure!(has_begun, "the premise, a full disk: {}", outcome.said);
-    let wrong = outcome.unless_refused("evaluate", &["result.json", "No space left"]);
-    report.none_of("a full disk: the file is not named", &Vec::from_iter(wrong));
-    Ok(())
+    command.arg(disk).arg(program).args(words);
+    command.envs(variables.iter().copied());
+    outcome(&mut command, Duration::from_secs(30))
 }

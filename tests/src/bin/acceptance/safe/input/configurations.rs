@@ -141,7 +141,7 @@ fn refusals(report: &mut Report) {
             edit(&world.config(bad.file), bad.change);
             taken.extend(unless_refused(&world, program, bad.names));
         }
-        let name = format!("{}: not refused with {:?}", bad.what, bad.names);
+        let name = format!("defect 11: {}: not refused with {:?}", bad.what, bad.names);
         report.none_of(&name, &taken);
     }
 }
@@ -171,7 +171,10 @@ fn tendons(report: &mut Report) {
         });
         taken.extend(unless_refused(&world, program, &["unit.toml", message]));
     }
-    report.none_of("ten tendons, not refused with one message", &taken);
+    report.none_of(
+        "defect 11: ten tendons, not refused with one message",
+        &taken,
+    );
 }
 
 /// A limit of 0.1 rad is one that a robot may have.
@@ -189,7 +192,7 @@ fn small_bending(report: &mut Report) {
         Start::Ended(_, log) => log.trim().to_owned(),
     };
     let is_served = served == "serves";
-    let name = "bending_limit_rad = 0.1, a daemon without weights";
+    let name = "defect 11: bending_limit_rad = 0.1, a daemon without weights";
     report.check(name, served, "serves", is_served);
 }
 
@@ -204,7 +207,10 @@ fn defaults(report: &mut Report) {
             refused.push(format!("{program}: {}", log.trim()));
         }
     }
-    report.none_of("files of the robot alone that are refused", &refused);
+    report.none_of(
+        "defect 11: files of the robot alone that are refused",
+        &refused,
+    );
 }
 
 /// A binary mesh whose header begins with `solid` is a binary mesh, with and without zeros in the header.

@@ -60,7 +60,8 @@ fn flipped_bits(report: &mut Report, count: usize) -> anyhow::Result<()> {
         let what = format!("bit {bit} of byte {byte}");
         taken.extend(read(folder.path()).unless_refused(&what, &["dataset.npz"]));
     }
-    let name = format!("{count} flipped bits of dataset.npz: not refused by the file's name");
+    let name =
+        format!("defect 11: {count} flipped bits of dataset.npz: not refused by the file's name");
     report.none_of(&name, &taken);
     Ok(())
 }
@@ -77,7 +78,7 @@ fn surplus_bytes(report: &mut Report) -> anyhow::Result<()> {
         fs::write(&file, content)?;
         taken.extend(read(folder.path()).unless_refused(what, &["dataset.npz"]));
     }
-    let name = "surplus bytes in dataset.npz: not refused by the file's name";
+    let name = "defect 11: surplus bytes in dataset.npz: not refused by the file's name";
     report.none_of(name, &taken);
     Ok(())
 }
@@ -100,7 +101,7 @@ fn metadata(report: &mut Report) -> anyhow::Result<()> {
         let what = format!("{key} {value}");
         taken.extend(read(folder.path()).unless_refused(&what, &["dataset_meta.json", key]));
     }
-    let name = "metadata that cannot be: not refused by file and key";
+    let name = "defect 11: metadata that cannot be: not refused by file and key";
     report.none_of(name, &taken);
     Ok(())
 }
@@ -121,7 +122,7 @@ fn counted_shape(report: &mut Report) -> anyhow::Result<()> {
         "the shape",
         &["dataset.npz", "paths", "6148914691236517206"],
     );
-    let name = "a shape of 2^64 + 2 values: not refused by file, array and value";
+    let name = "defect 11: a shape of 2^64 + 2 values: not refused by file, array and value";
     report.none_of(name, &Vec::from_iter(taken));
     Ok(())
 }
@@ -184,7 +185,9 @@ fn zeros(report: &mut Report, rows: usize) -> anyhow::Result<()> {
     let outcome = read(folder.path());
     let taken = outcome.unless_refused("zeros", &["dataset.npz", "target_tips", "[1, 3]"]);
     let mb = fs::metadata(&file)?.len() as f64 * 1e-6;
-    let name = format!("{mb:.1} MB that hold {rows} rows of zeros: not refused by array and shape");
+    let name = format!(
+        "defect 11: {mb:.1} MB that hold {rows} rows of zeros: not refused by array and shape"
+    );
     report.none_of(&name, &Vec::from_iter(taken));
     let name = "defect 11: memory that their refusal takes, MB";
     report.at_most(name, outcome.peak_mb, 60.0);
@@ -223,7 +226,7 @@ fn foreign_blocks(report: &mut Report) -> anyhow::Result<()> {
     fs::remove_file(folder.path().join("recipe.json"))?;
     let second = generate(folder.path(), &["--targets", "64", "--seed", "2"]);
     let taken = second.unless_refused("seed 2", &["block-000000", "seed"]);
-    let name = "a block of another seed: not refused by the block's name";
+    let name = "defect 11: a block of another seed: not refused by the block's name";
     report.none_of(name, &Vec::from_iter(taken));
     Ok(())
 }
@@ -249,7 +252,7 @@ fn nothing_kept(report: &mut Report) -> anyhow::Result<()> {
         }
     }
     ensure!(refused + taken.len() > 0, "of every seed a path was kept");
-    let name = format!("sets without a path, {refused} refused: others");
+    let name = format!("defect 10: sets without a path, {refused} refused: others");
     report.none_of(&name, &taken);
     Ok(())
 }
@@ -336,7 +339,7 @@ fn options(report: &mut Report) {
     let outcome = pcc_within(&words, Duration::from_secs(10));
     let taken = outcome.unless_refused("--targets", &["--targets", &many, "10000000"]);
     report.none_of(
-        "--targets 2^64 - 1: not refused within 10 s",
+        "defect 11: --targets 2^64 - 1: not refused within 10 s",
         &Vec::from_iter(taken),
     );
     let sample = repository().join("tests/data/reference-mixed-sample");
@@ -354,7 +357,7 @@ fn options(report: &mut Report) {
         taken.extend(pcc(&words).unless_refused(&group, &["--first-group", "4294967295"]));
     }
     report.none_of(
-        "groups that would wrap: not refused by what is allowed",
+        "defect 11: groups that would wrap: not refused by what is allowed",
         &taken,
     );
 }

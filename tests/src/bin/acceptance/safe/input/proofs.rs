@@ -72,7 +72,8 @@ pub(super) fn run(report: &mut Report) -> anyhow::Result<()> {
             }
         }
     }
-    let name = "safe code that gets at AVX-512, AVX2 or bf16 without having looked for them";
+    let name =
+        "defect 10: safe code that gets at AVX-512, AVX2 or bf16 without having looked for them";
     report.none_of(name, &compiled);
     Ok(())
 }

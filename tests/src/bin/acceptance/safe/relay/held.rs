@@ -11,8 +11,10 @@ use tests::system_calls::HeldThread;
 use super::{FAR, PATIENCE, Processes};
 use crate::{Report, Scale};
 
-/// How much longer than without a stall a stop may take.
-const ALLOWANCE_MS: f64 = 500.0;
+/// How much longer than the longest of those without a stall a stop may take.
+const ALLOWANCE_MS: f64 = 100.0;
+/// After so long without the guard the loop stops by itself (decision 0021).
+const GUARD_HELD_MS: f64 = 100.0;
 /// `daemon_lost_ms` of the shipped controller, and a heartbeat.
 const DAEMON_LOST_MS: f64 = 220.0;
 /// How long the robot is looked at: far less than what is left of the motion, and more than any stop.
@@ -28,6 +30,8 @@ enum Stall {
     Pipe,
     /// The controller's terminal was stopped with Ctrl-S.
     Terminal,
+    /// The disk that the controller's standard error is on stands still.
+    Disk,
     /// The thread that takes trajectories and publishes the state.
     Relay,
     /// The thread that hears commands.
@@ -50,6 +54,7 @@ impl Stall {
             Self::Nothing => "nothing stalls",
             Self::Pipe => "nobody reads stderr",
             Self::Terminal => "terminal stopped",
+            Self::Disk => "disk stands still",
             Self::Relay => "relay thread held",
             Self::Guard => "guard thread held",
         }
@@ -67,13 +72,16 @@ impl Event {
     }
 }
 
-const CASES: [(Stall, Event); 10] = [
+const CASES: [(Stall, Event); 13] = [
     (Stall::Pipe, Event::Stop),
     (Stall::Pipe, Event::Sigterm),
     (Stall::Pipe, Event::DaemonKilled),
     (Stall::Terminal, Event::Stop),
     (Stall::Terminal, Event::Sigterm),
     (Stall::Terminal, Event::DaemonKilled),
+    (Stall::Disk, Event::Stop),
+    (Stall::Disk, Event::Sigterm),
+    (Stall::Disk, Event::DaemonKilled),
     (Stall::Relay, Event::Stop),
     (Stall::Relay, Event::Sigterm),
     (Stall::Relay, Event::DaemonKilled),
@@ -81,33 +89,38 @@ const CASES: [(Stall, Event); 10] = [
 ];
 
 pub(super) fn run(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let reference_ms = tried(Stall::Nothing, Event::Stop)?
-        .map_err(|reason| anyhow::anyhow!("without a stall: {reason}"))?;
-    report.shown(
-        "from `pcc stop` to rest where nothing stalls, ms",
-        format!("{reference_ms:.0}"),
-    );
-    for (stall, event) in CASES {
+    let mut cases = CASES.map(|case| (case, Vec::new()));
+    let mut usual_ms = 0.0_f64;
+    for _ in 0..scale.pick(1, 5) {
+        for ((stall, event), results) in &mut cases {
+            results.push(tried(*stall, *event)?);
+        }
+        // Spread over the time that the cases take: the machine may be busier now than then.
+        for _ in 0..3 {
+            let ms = tried(Stall::Nothing, Event::Stop)?
+                .map_err(|reason| anyhow::anyhow!("without a stall: {reason}"))?;
+            usual_ms = usual_ms.max(ms);
+        }
+    }
+    let name = "defect 2: from `pcc stop` to rest where nothing stalls, the longest, ms";
+    report.shown(name, format!("{usual_ms:.0}"));
+    for ((stall, event), results) in cases {
         let waits_ms = match event {
             Event::DaemonKilled => DAEMON_LOST_MS,
-            _ => 0.0,
+            Event::Nothing => GUARD_HELD_MS,
+            Event::Stop | Event::Sigterm => 0.0,
         };
-        let bar_ms = reference_ms + waits_ms + ALLOWANCE_MS;
-        let (mut failed, mut longest_ms) = (Vec::new(), 0.0_f64);
-        for _ in 0..scale.pick(1, 5) {
-            match tried(stall, event)? {
-                Ok(ms) if ms <= bar_ms => longest_ms = longest_ms.max(ms),
-                Ok(ms) => failed.push(format!("at rest only after {ms:.0} ms")),
-                Err(reason) => failed.push(reason),
-            }
-        }
+        let bar_ms = usual_ms + waits_ms + ALLOWANCE_MS;
+        let longest_ms = results.iter().flatten().copied().fold(0.0, f64::max);
+        let failed: Vec<&String> = results.iter().filter_map(|r| r.as_ref().err()).collect();
         let name = format!("defect 2: {}, {}: at rest, ms", stall.text(), event.text());
         let figure = match failed.first() {
             None => format!("{longest_ms:.0}"),
             Some(first) => format!("{} failed: {first}", failed.len()),
         };
         let bar = format!("<= {bar_ms:.0}, all");
-        report.check(&name, figure, &bar, failed.is_empty());
+        let passed = failed.is_empty() && longest_ms <= bar_ms;
+        report.check(&name, figure, &bar, passed);
     }
     Ok(())
 }
@@ -118,13 +131,14 @@ pub(super) fn run(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
 /// Where the premises do not hold: it does not move, nothing stalls.
 fn tried(stall: Stall, event: Event) -> anyhow::Result<Result<f64, String>> {
     // The controller's, and those of the other two.
-    let mut outputs = match stall {
+    let outputs = match stall {
         Stall::Pipe => vec![
             StalledOutput::pipe()?,
             StalledOutput::pipe()?,
             StalledOutput::pipe()?,
         ],
         Stall::Terminal => vec![StalledOutput::terminal()?],
+        Stall::Disk => vec![StalledOutput::disk()?],
         Stall::Nothing | Stall::Relay | Stall::Guard => Vec::new(),
     };
     let place = |part| match part {
@@ -138,6 +152,8 @@ fn tried(stall: Stall, event: Event) -> anyhow::Result<Result<f64, String>> {
             None => part.start(world),
         })
     })?;
+    // Dropped before the processes: one that waits for its disk does not end.
+    let mut outputs = outputs;
     processes.begin_motion(&FAR)?;
     let controller = processes.of(Part::Controller).pid();
     let mut held = None;
@@ -171,7 +187,7 @@ fn thread_of(stall: Stall) -> Option<&'static str> {
     match stall {
         Stall::Relay => Some("relay"),
         Stall::Guard => Some("guard"),
-        Stall::Nothing | Stall::Pipe | Stall::Terminal => None,
+        Stall::Nothing | Stall::Pipe | Stall::Terminal | Stall::Disk => None,
     }
 }
 

@@ -123,7 +123,12 @@ fn one_stop(
     let distance = |shape: &[f64; 6]| (now - Configuration::from(*shape)).norm();
     let is_second = distance(&SHAPES[1]) > distance(&SHAPES[0]);
     let id = stack.begin_motion(Goal::Configuration(SHAPES[usize::from(is_second)]))?;
-    stack.wait_for_progress(id, 0.0)?;
+    if let Err(error) = stack.wait_for_progress(id, 0.0) {
+        let what = format!("round {round}: not under way: {}", error.what);
+        orders.wrong.push(what);
+        stack.wait_until_ready()?;
+        return Ok(());
+    }
     for _ in 0..SPEEDS {
         thread::sleep(Duration::from_millis(random.random_range(0..BETWEEN_MS)));
         let speed = match random.random_range(0..4) {
