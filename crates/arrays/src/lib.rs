@@ -10,4 +10,4 @@ mod npz;
 
 pub use npy::{NpyArray, NpyError};
 pub use npyz::{AutoSerialize, DType, Deserialize, TypeChar};
-pub use npz::{ArchiveError, ArchiveReader, ArchiveWriter};
+pub use npz::{ArchiveError, ArchiveReader, ArchiveWriter, MAX_ARCHIVE_BYTES};

@@ -15,7 +15,7 @@ use zip::{CompressionMethod, ZipArchive, ZipWriter};
 /// Bytes of the record that ends a zip file without a comment.
 const END_RECORD: u64 = 22;
 /// Longest archive that is read, bytes.
-const MAX_BYTES: u64 = 1 << 38;
+pub const MAX_ARCHIVE_BYTES: u64 = 1 << 38;
 /// How many times as many bytes as the archive its arrays may have; arrays of measured numbers have less than twice as many.
 const MAX_EXPANSION: u64 = 100;
 /// Bytes that the arrays of any archive may have.
@@ -81,7 +81,7 @@ impl ArchiveReader {
     /// # Errors
     /// [`ArchiveError`] where it is not an archive of arrays, or has bytes that belong to none.
     pub fn open(path: &Path) -> Result<Self, ArchiveError> {
-        let file = InputFile::open(path, MAX_BYTES)?;
+        let file = InputFile::open(path, MAX_ARCHIVE_BYTES)?;
         let size = file.size();
         let mut file = file.into_file();
         let end = end_record(&mut file, size).map_err(|source| InputFileError::Unreadable {

@@ -51,7 +51,8 @@ pub enum WeightsError {
     },
     /// The file is not what the manifest says of it.
     #[error(
-        "weights file {path:?} has {key} {found:?}, but `{key}` is {expected:?} in MANIFEST.toml; they must be the same: one of the two is damaged, or another's"
+        "weights file {path:?} has {key} {found:?}, but `{key}` is {:?} in MANIFEST.toml; they must be the same: one of the two is damaged, or another's",
+        shortened(.expected)
     )]
     Differs {
         /// The file.

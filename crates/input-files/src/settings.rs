@@ -19,12 +19,12 @@ pub enum SettingsError {
     #[error(transparent)]
     File(#[from] InputFileError),
     /// It is not TOML, a key is missing or unknown, or a value has the wrong type.
-    #[error("{path:?} is not understood: {}", readable(.source))]
+    #[error("{path:?} is not understood: {}", readable(.fault))]
     Syntax {
         /// The file.
         path: PathBuf,
-        /// Where and what.
-        source: Box<toml::de::Error>,
+        /// Where and what; told in the message, and so not as its source.
+        fault: Box<toml::de::Error>,
     },
     /// A value is outside its range.
     #[error("{path:?}: {key} = {value} is not allowed: {allowed}")]
@@ -61,9 +61,9 @@ impl SettingsFile<'_> {
     /// # Errors
     /// [`SettingsError::Syntax`].
     pub fn parse<T: DeserializeOwned>(&self, text: &str) -> Result<T, SettingsError> {
-        toml::from_str(text).map_err(|source| SettingsError::Syntax {
+        toml::from_str(text).map_err(|fault| SettingsError::Syntax {
             path: self.path.into(),
-            source: Box::new(source),
+            fault: Box::new(fault),
         })
     }
 

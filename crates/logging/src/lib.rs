@@ -36,6 +36,9 @@ const FAREWELL: Duration = Duration::from_millis(500);
 /// Longest that a panic does.
 const FAREWELL_OF_A_PANIC: Duration = Duration::from_millis(100);
 
+/// Longest that an end waits until its reason is written: on a busy machine the thread that writes gets its turn late.
+const LAST_WORD: Duration = Duration::from_secs(2);
+
 /// Target of iceoryx2's own lines.
 const IPC: &str = "iceoryx2";
 
@@ -112,15 +115,15 @@ pub fn with_causes(error: &(dyn Error + 'static)) -> String {
 
 /// The exit code of `program`: 0, or 1 after the reason on standard error. Waits for the log to be written, but not long.
 pub fn exit_code<E: AsRef<dyn Error>>(program: &str, result: Result<(), E>) -> ExitCode {
-    let code = match result {
-        Ok(()) => ExitCode::SUCCESS,
+    let (code, patience) = match result {
+        Ok(()) => (ExitCode::SUCCESS, FAREWELL),
         Err(error) => {
             say(&format!("{program}: {}", with_causes(error.as_ref())));
-            ExitCode::FAILURE
+            (ExitCode::FAILURE, LAST_WORD)
         }
     };
     if let Some(queue) = QUEUE.get() {
-        queue.wait_until_written(FAREWELL);
+        queue.wait_until_written(patience);
     }
     code
 }

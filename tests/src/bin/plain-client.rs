@@ -26,21 +26,22 @@ const LOOK: Duration = Duration::from_millis(1);
 /// Nodes of every service, as `shared-types/layout.txt` has it for what follows.
 const NODES: usize = 80;
 
-/// `pcc.v2.Heartbeat`.
+/// `pcc.v3.Heartbeat`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
-#[type_name("pcc.v2.Heartbeat")]
+#[type_name("pcc.v3.Heartbeat")]
 struct Heartbeat {
     stamp_mono_ns: i64,
+    instance: u64,
     sequence: u64,
     kind: u32,
     pid: u32,
 }
 
-/// `pcc.v2.Command`.
+/// `pcc.v3.Command`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
-#[type_name("pcc.v2.Command")]
+#[type_name("pcc.v3.Command")]
 struct Command {
     protocol_version: u32,
     kind: u32,
@@ -48,10 +49,10 @@ struct Command {
     command_id: u64,
 }
 
-/// `pcc.v2.CommandReply`.
+/// `pcc.v3.CommandReply`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
-#[type_name("pcc.v2.CommandReply")]
+#[type_name("pcc.v3.CommandReply")]
 struct CommandReply {
     command_id: u64,
     protocol_version: u32,

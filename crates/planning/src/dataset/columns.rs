@@ -7,7 +7,7 @@ use arrays::{ArchiveError, ArchiveReader, Deserialize};
 /// Types of real numbers that are read.
 const REALS: [&str; 2] = ["<f4", "<f8"];
 /// Types of whole numbers that are read.
-const INTEGERS: [&str; 6] = ["<i8", "<i4", "<i2", "|i1", "|u1", "|b1"];
+const INTEGERS: [&str; 5] = ["<i8", "<i4", "<i2", "|i1", "|u1"];
 
 /// Number of rows of an array; 0 for a scalar, which no array of rows is.
 pub(super) fn rows_of(archive: &ArchiveReader, array: &str) -> Result<usize, ArchiveError> {
@@ -35,7 +35,6 @@ pub(super) fn integers(archive: &mut ArchiveReader, array: &str) -> Result<Vec<i
         "<i2" => widened::<i16>(archive, array),
         "|i1" => widened::<i8>(archive, array),
         "|u1" => widened::<u8>(archive, array),
-        "|b1" => widened::<bool>(archive, array),
         _ => Ok(archive.read(array)?.0),
     }
 }

@@ -3,7 +3,7 @@
 use super::meta::{Counts, Meta};
 use super::rows::{Shapes, read_rows};
 use crate::path::WAYPOINTS;
-use arrays::{ArchiveError, ArchiveReader, ArchiveWriter};
+use arrays::{ArchiveError, ArchiveReader, ArchiveWriter, MAX_ARCHIVE_BYTES};
 use collision::{Ball, Scene, SceneError};
 use input_files::{InputFile, InputFileError};
 use pcc_model::{Configuration, DOF, Point};
@@ -140,7 +140,6 @@ impl Dataset {
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
         let meta = Meta::read(folder)?;
         let file = folder.join(ARRAYS);
-        let mut archive = ArchiveReader::open(&file)?;
         let wrong_meta = |reason: String| DatasetError::Meta {
             path: folder.join("dataset_meta.json"),
             reason,
@@ -153,6 +152,7 @@ impl Dataset {
                 )));
             }
         }
+        let mut archive = ArchiveReader::open(&file)?;
         let shapes = Shapes::check(&archive)?;
         if shapes.rows == 0 {
             let counts = meta.counts.map(Box::new);
@@ -278,7 +278,7 @@ const ARRAYS: &str = "dataset.npz";
 
 /// SHA-256 of a file, hexadecimal.
 fn sha256(path: &Path) -> Result<String, ArchiveError> {
-    let mut file = InputFile::open(path, u64::MAX)?.into_file();
+    let mut file = InputFile::open(path, MAX_ARCHIVE_BYTES)?.into_file();
     let mut hash = || {
         let mut hash = Sha256::new();
         let mut bytes = vec![0; 1 << 16];

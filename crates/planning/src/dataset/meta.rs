@@ -19,8 +19,6 @@ const FILE: &str = "dataset_meta.json";
 const VERSION: u32 = 25;
 /// Longest such file that is read.
 const MAX_BYTES: u64 = 1 << 24;
-/// Characters of a line that a message quotes before the place where it is wrong.
-const QUOTED: usize = 60;
 /// Radii of balls and of the body, section lengths.
 const RADII: RangeInclusive<f64> = 0.0..=MAX_EXTENT;
 
@@ -235,10 +233,11 @@ fn wrong_json(text: &str, error: &serde_json::Error) -> String {
     let line = text.lines().nth(error.line().saturating_sub(1));
     let line: Vec<char> = line.unwrap_or_default().chars().collect();
     let end = error.column().min(line.len());
-    let there: String = line[end.saturating_sub(QUOTED)..end].iter().collect();
+    let there: String = line[..end].iter().collect();
+    let there = shortened(there.trim_start());
     let reason = shortened(&error.to_string());
     format!(
-        "{reason}, behind {there:?}; JSON with the keys of the format, each of its type, is needed"
+        "{reason}, behind `{there}`; JSON with the keys of the format, each of its type, is needed"
     )
 }
 

@@ -63,8 +63,8 @@ fn closed(make: Make, file: &'static str) -> Variant {
         name: file.to_owned(),
         make: Box::new(move |folder| {
             let start = make(folder);
-            // The user may write results beside what it reads.
-            fs::set_permissions(folder, Permissions::from_mode(0o777)).unwrap();
+            // The user may write results beside what it reads, and nobody may replace what is another's.
+            fs::set_permissions(folder, Permissions::from_mode(0o1777)).unwrap();
             fs::set_permissions(folder.join(file), Permissions::from_mode(0)).unwrap();
             by_nobody(&start)
         }),

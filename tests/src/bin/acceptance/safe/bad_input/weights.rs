@@ -288,6 +288,7 @@ fn judge_manifest(before: &Table, after: &[u8]) -> Expected {
                 Fault::file(MANIFEST),
                 Fault::file(FILE),
                 Fault::unreadable("safetensors"),
+                Fault::unreadable(MANIFEST),
             ]);
             Expected::Refused(faults)
         }
