@@ -12,7 +12,7 @@ use super::variant::{Expected, Fault, Variant};
 /// All four programs with each of them.
 pub(super) fn variants() -> Vec<Variant> {
     let long = "x".repeat(33);
-    let prefixes = ["", "a/b", "..", "ä", "a b", "a\nb", &long].map(OsString::from);
+    let prefixes = ["", "a/b", "..", "ä", "a b", "a\nb", "-\u{fffd}", &long].map(OsString::from);
     let prefixes = prefixes
         .into_iter()
         .chain([OsString::from_vec(b"p\xff".to_vec())]);
@@ -25,6 +25,9 @@ pub(super) fn variants() -> Vec<Variant> {
         "/dev/full",
         &path,
         "/sys/kernel/none",
+        "/dev/shm/a\nb",
+        "/dev/shm/a*b",
+        "relative/root",
         "",
     ];
     let roots = roots

@@ -120,10 +120,11 @@ fn expected(file: &str, key: Key, value: &Value) -> Expected {
 /// The part of a value that a message must show.
 fn said(value: &Value) -> String {
     match value {
+        // What follows is shown escaped, or as it is.
         Value::String(text) => text
             .chars()
             .take(12)
-            .filter(char::is_ascii_graphic)
+            .take_while(char::is_ascii_graphic)
             .collect(),
         Value::Array(_) | Value::Table(_) => String::new(),
         other => other.to_string(),

@@ -11,6 +11,10 @@ pub(super) enum Wanted {
     Real([f64; 2]),
     /// Numbers whose size must not exceed the first; what else a message may call them.
     Reals(f64, &'static [&'static str]),
+    /// A centre whose coordinates must not exceed this in size, and a radius of at most as much.
+    Ball(f64),
+    /// The name of a source of live scenes.
+    Source,
     /// One of the names that the help lists, or these.
     Choice(&'static [&'static str]),
     /// The name of something; another one does not exist.
@@ -42,7 +46,7 @@ pub(super) struct Command {
 const WHOLE_64: [i128; 2] = [0, u64::MAX as i128];
 const SEED: Wanted = Wanted::Whole(WHOLE_64, i128::MAX);
 /// Bending angles, rad: beyond it no robot bends.
-const ANGLES: Wanted = Wanted::Reals(4.0, &["start", "goal", "configuration"]);
+const ANGLES: Wanted = Wanted::Reals(std::f64::consts::PI, &["start", "goal", "configuration"]);
 const ROBOT: (&str, &[&str]) = ("--robot", &["repository:config/robots/unit.toml"]);
 const SAMPLE: (&str, &[&str]) = (
     "--dataset",
@@ -66,7 +70,7 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--tip", Wanted::Reals(1e3, &["goal"])),
             ("--configuration", ANGLES),
             ("--start", ANGLES),
-            ("--ball", Wanted::Reals(1e7, &["ball"])),
+            ("--ball", Wanted::Ball(1e3)),
             // The daemon on which it is tried gives 16.
             ("--candidates", Wanted::Whole([1, 16], 16)),
             ("--seed", SEED),
@@ -75,7 +79,7 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--index", Wanted::Whole([0, 0], 0)),
             // The longest deadline of a request is a minute.
             ("--deadline-ms", Wanted::Whole([0, 60_000], 60_000)),
-            ("--limits-scale", Wanted::Real([f64::MIN_POSITIVE, 1.0])),
+            ("--limits-scale", Wanted::Real([1e-9, 1.0])),
             ("--execute", Wanted::Flag),
         ],
     },
@@ -99,14 +103,16 @@ pub(super) const COMMANDS: &[Command] = &[
         base: &[("--times", &["1"]), ("--rate-hz", &["100"])],
         options: &[
             ("--rate-hz", Wanted::Real([0.1, 100.0])),
-            ("--times", Wanted::Whole([0, u64::MAX as i128], 0)),
+            // 0 is without end.
+            ("--times", Wanted::Whole([0, u64::MAX as i128], -1)),
         ],
     },
     Command {
         name: "stop",
         family: "options of orders",
         is_live: true,
-        runs: true,
+        // A robot at rest has nothing to stop, which is said and no success.
+        runs: false,
         base: &[],
         options: &[],
     },
@@ -127,6 +133,22 @@ pub(super) const COMMANDS: &[Command] = &[
         options: &[("<RATE>", Wanted::Real([0.0, 1.0]))],
     },
     Command {
+        name: "scene",
+        family: "options of scene",
+        is_live: true,
+        runs: false,
+        base: &[],
+        options: &[],
+    },
+    Command {
+        name: "scene leave",
+        family: "options of scene",
+        is_live: true,
+        runs: true,
+        base: &[("<SOURCE>", &["nobody"])],
+        options: &[("<SOURCE>", Wanted::Source)],
+    },
+    Command {
         name: "dataset",
         family: "options of dataset",
         is_live: false,
@@ -144,8 +166,7 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--setting", Wanted::Choice(&[])),
             ("--method", Wanted::Choice(&[])),
             ("--balls", Wanted::Whole([0, 64], 4)),
-            // The format's indices of targets have 32 bits.
-            ("--targets", Wanted::Whole([1, i32::MAX as i128], 4)),
+            ("--targets", Wanted::Whole([1, 10_000_000], 4)),
             ("--starts", Wanted::Whole([1, 5], 5)),
             ("--ends", Wanted::Whole([1, 64], 2)),
             ("--trees", Wanted::Whole([1, 64], 1)),
@@ -165,10 +186,9 @@ pub(super) const COMMANDS: &[Command] = &[
         base: &[SAMPLE, ROBOT, ("--out", &["features.npz"])],
         options: &[
             ("--dataset", Wanted::ReadFolder),
-            // Added to indices of 32 bits, of which there are 58 targets, and must not wrap.
             (
                 "--first-group",
-                Wanted::Whole([i64::MIN as i128, i64::MAX as i128 - (1 << 31)], i128::MAX),
+                Wanted::Whole([0, u32::MAX as i128], i128::MAX),
             ),
             ("--frame", Wanted::Choice(&[])),
             ("--robot", Wanted::ReadFile),
@@ -228,7 +248,7 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--tip", Wanted::Reals(1e3, &["goal"])),
             ("--start", ANGLES),
             ("--random-start", Wanted::Flag),
-            ("--ball", Wanted::Reals(1e7, &["ball"])),
+            ("--ball", Wanted::Ball(1e7)),
             ("--planner", Wanted::Choice(&[])),
             ("--seed", SEED),
             ("--weights", Wanted::ReadFolder),
@@ -250,7 +270,8 @@ impl Wanted {
             Self::Flag => return Vec::new(),
             Self::Whole([least, most], _) => (*least).max(0).min((*most).max(0)).to_string(),
             Self::Real([_, most]) => most.to_string(),
-            Self::Reals(..) => "0.1".to_owned(),
+            Self::Reals(..) | Self::Ball(_) => "0.1".to_owned(),
+            Self::Source => "nobody".to_owned(),
             Self::Choice(names) => choices
                 .first()
                 .cloned()
@@ -276,12 +297,13 @@ impl Wanted {
     pub(super) fn aliases(&self) -> &'static [&'static str] {
         match self {
             Self::Reals(_, aliases) => aliases,
+            Self::Ball(_) => &["ball"],
             _ => &[],
         }
     }
 
-    /// Whether a text is a right value; nothing where it is not tried.
-    pub(super) fn opinion(&self, text: &str, choices: &[String]) -> Option<bool> {
+    /// Whether a text is a right value at a place among the option's; nothing where it is not tried.
+    pub(super) fn opinion(&self, text: &str, place: usize, choices: &[String]) -> Option<bool> {
         Some(match self {
             Self::Whole([least, most], _) => {
                 let number = text.parse::<i128>();
@@ -291,6 +313,14 @@ impl Wanted {
                 .parse::<f64>()
                 .is_ok_and(|v| (*least..=*most).contains(&v)),
             Self::Reals(most, _) => text.parse::<f64>().is_ok_and(|v| v.abs() <= *most),
+            Self::Ball(most) => {
+                let least = if place == 3 { 0.0 } else { -most };
+                let number = text.parse::<f64>();
+                number.is_ok_and(|v| (least..=*most).contains(&v))
+            }
+            Self::Source => {
+                (1..=32).contains(&text.len()) && text.bytes().all(|b| (b' '..=b'~').contains(&b))
+            }
             Self::Choice(names) => choices.iter().any(|c| c == text) || names.contains(&text),
             Self::Name(name) => *name == text,
             Self::Shard => false,

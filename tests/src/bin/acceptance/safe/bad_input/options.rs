@@ -27,7 +27,7 @@ struct Listed {
 /// All that is tried of the command line; what has no rule is named.
 pub(super) fn variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
     let (mut all, mut without_rule) = (Vec::new(), Vec::new());
-    for name in listed_commands() {
+    for name in listed_commands("") {
         let Some(command) = COMMANDS.iter().find(|command| command.name == name) else {
             without_rule.push(name);
             continue;
@@ -48,36 +48,38 @@ pub(super) fn variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
     (all, without_rule)
 }
 
-fn help(arguments: &[&str]) -> String {
+/// The short help of a command, whose name has several words where it is another one's.
+fn help(command: &str) -> String {
     let output = Process::new(program("pcc"))
-        .args(arguments)
+        .args(command.split_whitespace())
+        .arg("-h")
         .output()
         .unwrap();
     String::from_utf8(output.stdout).unwrap()
 }
 
-fn listed_commands() -> Vec<String> {
-    let help = help(&["-h"]);
-    let commands = help
-        .split("Commands:")
-        .nth(1)
-        .unwrap()
+/// The commands of a command, and theirs.
+fn listed_commands(of: &str) -> Vec<String> {
+    let help = help(of);
+    let Some((_, commands)) = help.split_once("Commands:") else {
+        return Vec::new();
+    };
+    let names = commands
         .split("Options:")
         .next()
-        .unwrap();
-    let names = commands
+        .unwrap()
         .lines()
-        .filter(|line| line.starts_with("  ") && !line.starts_with("   "));
-    names
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
         .filter_map(|line| line.split_whitespace().next())
-        .filter(|name| *name != "help")
-        .map(str::to_owned)
+        .filter(|name| *name != "help");
+    let full = names.map(|name| format!("{of} {name}").trim().to_owned());
+    full.flat_map(|name| [vec![name.clone()], listed_commands(&name)].concat())
         .collect()
 }
 
 fn listed_options(command: &str) -> Vec<Listed> {
     let mut listed: Vec<Listed> = Vec::new();
-    for line in help(&[command, "-h"]).lines() {
+    for line in help(command).lines() {
         let text = line.trim_start();
         let is_option =
             line.starts_with("      --") || (line.starts_with("  <") && !line.starts_with("   "));
@@ -199,13 +201,18 @@ impl Tried<'_> {
             Some(path) => repository.join(path).into_os_string(),
             None => OsString::from(text),
         };
-        let mut arguments = vec![OsString::from(self.command.name)];
+        let words = self.command.name.split_whitespace();
+        let mut arguments: Vec<OsString> = words.map(OsString::from).collect();
         let is_positional = option.starts_with('<');
         for (name, good) in self.command.base {
             if *name != option {
                 arguments.extend((!name.starts_with('<')).then(|| OsString::from(*name)));
                 arguments.extend(good.iter().map(|text| absolute(text)));
             }
+        }
+        if option == "--proposals" {
+            arguments = without(arguments, "--planner");
+            arguments.extend(["--planner".into(), "proposed".into()]);
         }
         // An option may leave the room to another one that excludes it.
         for (one, other) in [
@@ -332,7 +339,7 @@ fn wrong_values(option: &Listed, wanted: &Wanted) -> Vec<Given> {
         for place in places_for(option.values) {
             let mut values = wanted.good(option.values, &option.choices);
             values[place].clone_from(&text);
-            let expected = match wanted.opinion(&text, &option.choices) {
+            let expected = match wanted.opinion(&text, place, &option.choices) {
                 Some(true) if wanted.is_long(&text) => continue,
                 Some(true) => Expected::Either(vec![fault_of(wanted, option, &text)]),
                 Some(false) => Expected::Refused(vec![fault_of(wanted, option, &text)]),
@@ -388,11 +395,13 @@ fn wrong_paths(option: &Listed, wanted: &Wanted) -> Vec<Given> {
                 is_unreadable: true,
                 ..Fault::file(path)
             },
+            Fault::file(if path.is_empty() { "\0" } else { path }),
             // An empty path has no name but its option's.
             Fault {
                 is_unreadable: true,
-                ..fault(option, "")
+                ..fault(option, path)
             },
+            fault(option, path),
         ]),
         prepare,
     };
