@@ -13,7 +13,7 @@ use tests::raw_scene::{Flood, RawScenes};
 use tests::stack::{MoveError, PATIENCE, Stack};
 
 use super::executed::wait_for_braking;
-use super::{SECOND_NS, execute, on_the_body, request, settings};
+use super::{SECOND_NS, comes_to, execute, on_the_body, request, settings};
 use crate::spread::Spread;
 use crate::{Report, Scale};
 
@@ -160,7 +160,11 @@ fn stops(
             }
             Err(error) => return Err(error.into()),
         };
-        stack.wait_for_progress(id, 0.3)?;
+        if !comes_to(stack, id, 0.3)? {
+            let state = stack.controller_state();
+            failed.push(format!("not begun: {}, {}", state.fault, state.refusal));
+            continue;
+        }
         let ball = on_the_body(stack);
         let sent_ns = mono_now_ns();
         camera.send(sent_ns, 600 * SECOND_NS, &[ball]);

@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Context;
 use pcc_model::Configuration;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopFault, Outcome};
+use shared_types::codes::{LoopFault, Outcome, Refusal};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::{Cycle, MovingBall};
 use shared_types::valid::PlanRequest;
@@ -127,7 +127,7 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
         let mut stack = running_with(&[])?;
         let mut lenient = running_with(&[("begin_past_ms", BEGIN_PAST_MS)])?;
         let (mut touched, mut unmoved, mut faults) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut least_m, mut refused) = (f64::INFINITY, Vec::new());
+        let (mut least_m, mut refused, mut too_late) = (f64::INFINITY, Vec::new(), Vec::new());
         for wanted in tries(late, scale) {
             let beyond = late == Late::BegunInThePast && wanted.lag_ms > SHIPPED_PAST_MS;
             let stack = if beyond { &mut lenient } else { &mut stack };
@@ -141,13 +141,17 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
             }
             least_m = least_m.min(passed.clearance_m);
             let may_be_refused = wanted.room_s < PLENTY_S && !wanted.turns_up;
-            if !passed.executed && may_be_refused {
+            if !passed.executed && passed.end.contains(Refusal::BeginsInThePast.text()) {
+                too_late.push(text);
+            } else if !passed.executed && may_be_refused {
                 refused.push(text);
             } else if !passed.executed {
                 unmoved.push(text);
             }
         }
         let count = tries(late, scale).len();
+        // Where this machine adds to the lateness, more than it allows.
+        let few = 10 * too_late.len() <= count;
         let name = format!("{late:?}, {count} motions beside a moving ball");
         report.none_of(&format!("{name}: touched it, moving or at rest"), &touched);
         report.none_of(&format!("{name}: faults"), &faults);
@@ -155,6 +159,8 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
             &format!("{name}: should have been executed and were not"),
             &unmoved,
         );
+        let what = format!("{name}: refused by the controller as begun too long ago");
+        report.check(&what, too_late.len().to_string(), "a tenth", few);
         let text = format!(
             "{} {}",
             refused.len(),
