@@ -62,6 +62,7 @@ impl Heart {
 
 /// Publishers that have not sent anything since the last look.
 struct Flow {
+    looked: Instant,
     sent: Vec<u64>,
     dry: Vec<String>,
 }
@@ -69,13 +70,18 @@ struct Flow {
 impl Flow {
     fn of(flood: &Flood) -> Self {
         Self {
+            looked: Instant::now(),
             sent: flood.sent_each(),
             dry: Vec::new(),
         }
     }
 
-    /// To be called at intervals of 100 ms or more.
+    /// Looks once a second at most: a publisher waits for its processor like any program.
     fn look(&mut self, flood: &Flood, when: &str) {
+        if self.looked.elapsed() < Duration::from_secs(1) {
+            return;
+        }
+        self.looked = Instant::now();
         let now = flood.sent_each();
         for (index, (before, now)) in self.sent.iter().zip(&now).enumerate() {
             if now <= before {
