@@ -13,7 +13,7 @@ use tests::raw_scene::{Flood, RawScenes};
 use tests::stack::{MoveError, PATIENCE, Stack};
 
 use super::executed::wait_for_braking;
-use super::{SECOND_NS, execute, on_the_body, request, settings};
+use super::{SECOND_NS, comes_to, execute, on_the_body, request, settings};
 use crate::spread::Spread;
 use crate::{Report, Scale};
 
@@ -62,6 +62,7 @@ impl Heart {
 
 /// Publishers that have not sent anything since the last look.
 struct Flow {
+    looked: Instant,
     sent: Vec<u64>,
     dry: Vec<String>,
 }
@@ -69,13 +70,18 @@ struct Flow {
 impl Flow {
     fn of(flood: &Flood) -> Self {
         Self {
+            looked: Instant::now(),
             sent: flood.sent_each(),
             dry: Vec::new(),
         }
     }
 
-    /// To be called at intervals of 100 ms or more.
+    /// Looks once a second at most: a publisher waits for its processor like any program.
     fn look(&mut self, flood: &Flood, when: &str) {
+        if self.looked.elapsed() < Duration::from_secs(1) {
+            return;
+        }
+        self.looked = Instant::now();
         let now = flood.sent_each();
         for (index, (before, now)) in self.sent.iter().zip(&now).enumerate() {
             if now <= before {
@@ -160,7 +166,11 @@ fn stops(
             }
             Err(error) => return Err(error.into()),
         };
-        stack.wait_for_progress(id, 0.3)?;
+        if !comes_to(stack, id, 0.3)? {
+            let state = stack.controller_state();
+            failed.push(format!("not begun: {}, {}", state.fault, state.refusal));
+            continue;
+        }
         let ball = on_the_body(stack);
         let sent_ns = mono_now_ns();
         camera.send(sent_ns, 600 * SECOND_NS, &[ball]);

@@ -8,7 +8,7 @@ use std::time::Duration;
 use anyhow::Context;
 use pcc_model::Configuration;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopFault, Outcome};
+use shared_types::codes::{LoopFault, Outcome, Refusal};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::{Cycle, MovingBall};
 use shared_types::valid::PlanRequest;
@@ -21,7 +21,7 @@ use trajectory::{Knot, Trajectory};
 
 use super::crossing::Crossing;
 use super::executed::{clearance, moves};
-use super::{SECOND_NS, pause_all, request, running_with};
+use super::{SECOND_NS, comes_to, pause_all, request, running_with};
 use crate::{Report, Scale};
 
 /// Lifetime of the ball's scenes, and time between two of them.
@@ -46,6 +46,8 @@ const PLENTY_S: f64 = 1.5;
 const TURNS_UP_S: f64 = 0.4;
 /// From then to a pause that makes the robot late.
 const ACTED_UPON: [Duration; 2] = [Duration::ZERO, Duration::from_millis(5)];
+/// The shipped `begin_past_ms`.
+const SHIPPED_PAST_MS: i64 = 20;
 /// A `begin_past_ms` for begins in the past that make the robot late by more than the shipped 20 ms.
 const BEGIN_PAST_MS: i64 = 200;
 const MS_NS: i64 = 1_000_000;
@@ -74,8 +76,8 @@ impl Late {
     fn lags_ms(self) -> &'static [i64] {
         match self {
             Self::Paused | Self::PausedAtBegin => &[40, 90, 140, 190],
-            // The first is what the shipped controller allows; the controller is silent for as long and the way to the begin.
-            Self::BegunInThePast => &[15, 40, 70, 100],
+            // The first is what the shipped controller allows; it is silent for so long and for the way to the begin, 200 ms at most.
+            Self::BegunInThePast => &[5, 30, 60, 80],
         }
     }
 
@@ -83,7 +85,7 @@ impl Late {
     fn ahead_ns(self) -> i64 {
         match self {
             Self::Paused | Self::PausedAtBegin => 600 * MS_NS,
-            Self::BegunInThePast => 85 * MS_NS,
+            Self::BegunInThePast => 70 * MS_NS,
         }
     }
 
@@ -125,9 +127,9 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
         let mut stack = running_with(&[])?;
         let mut lenient = running_with(&[("begin_past_ms", BEGIN_PAST_MS)])?;
         let (mut touched, mut unmoved, mut faults) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut least_m, mut refused) = (f64::INFINITY, Vec::new());
+        let (mut least_m, mut refused, mut too_late) = (f64::INFINITY, Vec::new(), Vec::new());
         for wanted in tries(late, scale) {
-            let beyond = late == Late::BegunInThePast && wanted.lag_ms > 20;
+            let beyond = late == Late::BegunInThePast && wanted.lag_ms > SHIPPED_PAST_MS;
             let stack = if beyond { &mut lenient } else { &mut stack };
             let passed = pass(stack, &body, wanted)?;
             let text = format!("{wanted:?}: {:.3} m, {}", passed.clearance_m, passed.end);
@@ -139,13 +141,17 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
             }
             least_m = least_m.min(passed.clearance_m);
             let may_be_refused = wanted.room_s < PLENTY_S && !wanted.turns_up;
-            if !passed.executed && may_be_refused {
+            if !passed.executed && passed.end.contains(Refusal::BeginsInThePast.text()) {
+                too_late.push(text);
+            } else if !passed.executed && may_be_refused {
                 refused.push(text);
             } else if !passed.executed {
                 unmoved.push(text);
             }
         }
         let count = tries(late, scale).len();
+        // Where this machine adds to the lateness, more than it allows.
+        let few = 10 * too_late.len() <= count;
         let name = format!("{late:?}, {count} motions beside a moving ball");
         report.none_of(&format!("{name}: touched it, moving or at rest"), &touched);
         report.none_of(&format!("{name}: faults"), &faults);
@@ -153,6 +159,8 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
             &format!("{name}: should have been executed and were not"),
             &unmoved,
         );
+        let what = format!("{name}: refused by the controller as begun too long ago");
+        report.check(&what, too_late.len().to_string(), "a tenth", few);
         let text = format!(
             "{} {}",
             refused.len(),
@@ -320,10 +328,9 @@ impl Moment<'_> {
         Ok(())
     }
 
-    /// The ball turns up when the motion has gone on for a while.
+    /// The ball turns up when the motion has gone on for a while, if it does.
     fn turn_up_moving(&self, stack: &mut Stack, id: u32) -> anyhow::Result<()> {
-        if self.wanted.turns_up {
-            stack.wait_for_progress(id, TURNS_UP_S)?;
+        if self.wanted.turns_up && comes_to(stack, id, TURNS_UP_S)? {
             self.told.store(mono_now_ns(), Ordering::Relaxed);
         }
         Ok(())

@@ -12,10 +12,12 @@ use std::thread;
 use std::time::Duration;
 
 use pcc_model::{Configuration, Point};
-use shared_types::codes::{Outcome, Sampler};
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::{LoopState, Outcome, Sampler};
 use shared_types::message::MovingBall;
 use shared_types::valid::{Goal, PlanRequest};
-use tests::stack::{MoveError, Part, Stack};
+use tests::process::{TimedOut, wait_for};
+use tests::stack::{MoveError, PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
 use toml::{Table, Value};
 
@@ -99,6 +101,23 @@ fn request(stack: &mut Stack) -> PlanRequest {
 fn execute(stack: &mut Stack) -> Result<u32, MoveError> {
     let request = request(stack);
     stack.try_motion(&request)
+}
+
+/// Waits until the robot is on its way along a trajectory for `seconds`; false where it was refused or cut short before.
+fn comes_to(stack: &mut Stack, id: u32, seconds: f64) -> Result<bool, TimedOut> {
+    let (view, asked_ns) = (&mut stack.controller, mono_now_ns());
+    wait_for("the motion goes on, or is over", PATIENCE, || {
+        let state = view.latest_state().ok().flatten()?;
+        let values = &state.values;
+        let on_it = values.trajectory_id == id && values.trajectory_time_s >= seconds;
+        if on_it && state.state == LoopState::Executing {
+            return Some(true);
+        }
+        let rests = matches!(state.state, LoopState::Holding | LoopState::Fault);
+        let begun = values.stamp_mono_ns > asked_ns + 2 * SECOND_NS;
+        let over = values.refused_trajectory_id == id || (rests && begun);
+        over.then_some(false)
+    })
 }
 
 /// Why a motion was not executed; an error where it was.
