@@ -135,7 +135,7 @@ fn requests(node: &Node<ipc::Service>, name: &ServiceName) -> Outcome {
         .request_response::<Command, CommandReply>()
         .enable_safe_overflow_for_requests(true)
         .enable_safe_overflow_for_responses(true)
-        .enable_fire_and_forget_requests(false)
+        .enable_fire_and_forget_requests(true)
         .max_active_requests_per_client(2)
         .max_loaned_requests(2)
         .max_response_buffer_size(1)
