@@ -275,7 +275,7 @@ fn largest_step(before: &[f64; 9], now: &[f64; 9]) -> f64 {
 
 /// Whether a use of a limit is an offence; one that is no number is.
 fn is_beyond(used: f64) -> bool {
-    !(used <= ALLOWED_USE)
+    used.is_nan() || used > ALLOWED_USE
 }
 
 #[cfg(test)]

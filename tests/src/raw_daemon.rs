@@ -13,6 +13,8 @@ use shared_types::ipc::{
 };
 use shared_types::message::{Heartbeat, Knot, TrajectoryMessage};
 
+/// Its instance, by which trajectories and heartbeats name it.
+const INSTANCE: u64 = 4711;
 /// Time between two heartbeats.
 const BEAT: Duration = Duration::from_millis(10);
 /// From the sending of a motion to its begin, ns.
@@ -60,6 +62,8 @@ impl RawDaemon {
             trajectory_id: self.last_id,
             plan_id: u64::from(self.last_id),
             controller_instance,
+            daemon_instance: INSTANCE,
+            published_mono_ns: mono_now_ns(),
             begin_mono_ns: mono_now_ns() + AHEAD_NS,
             knot_count: 2,
             path_tolerance_rad,
@@ -97,6 +101,7 @@ fn beat(options: &IpcOptions, quit: &AtomicBool) -> Result<(), IpcError> {
         }
         let beat = Heartbeat {
             stamp_mono_ns: mono_now_ns(),
+            instance: INSTANCE,
             sequence,
             kind: ProcessKind::Daemon.code(),
             pid: std::process::id(),

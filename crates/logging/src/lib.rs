@@ -12,7 +12,7 @@ mod queue;
 use std::backtrace::{Backtrace, BacktraceStatus};
 use std::cell::Cell;
 use std::error::Error;
-use std::fmt::{Arguments, Display};
+use std::fmt::Arguments;
 use std::fs::File;
 use std::io::{self, IsTerminal, stderr};
 use std::iter::successors;

@@ -408,9 +408,9 @@ impl Scenario {
         let braking = wait_for("the loop brakes", LIMIT, || {
             self.listener.with(|heard| {
                 let state = |wanted: LoopState| move |cycle: &&Cycle| cycle.state == wanted.code();
-                let before = heard.cycles.iter().filter(|c| c.stamp_mono_ns <= sent_ns);
+                let mut before = heard.cycles.iter().filter(|c| c.stamp_mono_ns <= sent_ns);
                 let executed = before
-                    .last()
+                    .next_back()
                     .is_some_and(|last| state(LoopState::Executing)(&last));
                 let mut after = heard.cycles.iter().filter(|c| c.stamp_mono_ns > sent_ns);
                 let first = after.find(state(LoopState::Stopping))?;
