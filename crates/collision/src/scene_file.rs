@@ -36,7 +36,7 @@ pub enum SceneFileError {
         /// Which entry, as `boxes[0]`.
         entry: String,
         /// What is wrong with it.
-        source: EntryError,
+        source: Box<EntryError>,
     },
     /// Too many balls for a file.
     #[error("scene file {path:?} has {count} balls; at most {MAX_FILE_BALLS} are allowed")]
@@ -210,7 +210,7 @@ impl Reader<'_> {
             read(self, entry).map_err(|source| SceneFileError::Entry {
                 path: self.path.into(),
                 entry: format!("{list}[{i}]"),
-                source,
+                source: Box::new(source),
             })
         };
         numbered.map(read).collect()

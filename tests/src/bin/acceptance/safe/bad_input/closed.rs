@@ -65,7 +65,7 @@ fn closed(make: Make, file: &'static str) -> Variant {
             let start = make(folder);
             // The user may write results beside what it reads, and nobody may replace what is another's.
             fs::set_permissions(folder, Permissions::from_mode(0o1777)).unwrap();
-            fs::set_permissions(folder.join(file), Permissions::from_mode(0)).unwrap();
+            fs::set_permissions(folder.join(file), Permissions::from_mode(0o000)).unwrap();
             by_nobody(&start)
         }),
         expected: Expected::Refused(vec![Fault::unreadable(name)]),
