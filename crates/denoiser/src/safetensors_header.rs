@@ -11,9 +11,8 @@ const VALUE: u64 = 4;
 /// What is wrong with a file's header, and what is needed; nothing where its tensors of F32 fill the file, one right behind
 /// the other.
 pub(crate) fn header_fault(content: &[u8]) -> Option<String> {
-    tensors(content)
-        .and_then(|(tensors, bytes)| check(tensors, bytes))
-        .err()
+    let checked = tensors(content).and_then(|(tensors, bytes)| check(tensors, bytes));
+    checked.err()
 }
 
 /// The header's entries, and how many bytes lie behind it.
