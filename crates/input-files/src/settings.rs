@@ -19,12 +19,12 @@ pub enum SettingsError {
     #[error(transparent)]
     File(#[from] InputFileError),
     /// It is not TOML, a key is missing or unknown, or a value has the wrong type.
-    #[error("{path:?} is not understood: {}", readable(.source))]
+    #[error("{path:?} is not understood: {}", readable(.error))]
     Syntax {
         /// The file.
         path: PathBuf,
-        /// Where and what.
-        source: Box<toml::de::Error>,
+        /// Where and what; no cause of its own, since a cause is told as it stands, however long its line.
+        error: Box<toml::de::Error>,
     },
     /// A value is outside its range.
     #[error("{path:?}: {key} = {value} is not allowed: {allowed}")]
@@ -61,9 +61,9 @@ impl SettingsFile<'_> {
     /// # Errors
     /// [`SettingsError::Syntax`].
     pub fn parse<T: DeserializeOwned>(&self, text: &str) -> Result<T, SettingsError> {
-        toml::from_str(text).map_err(|source| SettingsError::Syntax {
+        toml::from_str(text).map_err(|error| SettingsError::Syntax {
             path: self.path.into(),
-            source: Box::new(source),
+            error: Box::new(error),
         })
     }
 
@@ -105,7 +105,8 @@ impl SettingsFile<'_> {
 }
 
 /// What a parser says, and what is allowed where it does not say so.
-fn readable(error: &toml::de::Error) -> String {
+#[must_use]
+pub fn readable(error: &toml::de::Error) -> String {
     let said = shortened(error.to_string().trim_end());
     match error.message() {
         "duplicate key" => said + "; each key is allowed once",
