@@ -65,7 +65,7 @@ pub enum StartError {
     Background(#[from] BackgroundError),
     /// The configuration takes more shared memory than it declares.
     #[error(
-        "the services would take {needed_mb:.1} MB of shared memory, shared_memory_budget_mb allows {allowed_mb:.1}: \
+        "shared_memory_budget_mb = {allowed_mb} is not allowed: the services need {needed_mb:.1} MB of shared memory at least: \
          lower clients, requests_per_client, candidates or knots_per_candidate, or declare more"
     )]
     SharedMemory {
@@ -76,7 +76,7 @@ pub enum StartError {
     },
     /// The process takes more memory than is declared.
     #[error(
-        "the daemon takes {needed_mb:.1} MB of resident memory, resident_memory_budget_mb allows {allowed_mb:.1}: \
+        "resident_memory_budget_mb = {allowed_mb} is not allowed: the daemon needs {needed_mb:.1} MB of resident memory at least: \
          lower threads or the plan service's capacity, or declare more"
     )]
     ResidentMemory {

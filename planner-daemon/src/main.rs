@@ -31,7 +31,9 @@ fn serve(arguments: &Arguments) -> anyhow::Result<()> {
     logging::start().context("cannot start to log")?;
     let terminated = termination_flag().map_err(|e| anyhow!("cannot handle signals: {e}"))?;
     let config = Config::from_file(&arguments.config)?;
-    let mut daemon = Daemon::start(&config, &IpcOptions::from_env())?;
+    let daemon = Daemon::start(&config, &IpcOptions::from_env());
+    let path = arguments.config.display();
+    let mut daemon = daemon.with_context(|| format!("configuration {path}"))?;
     daemon.run(&terminated);
     Ok(())
 }

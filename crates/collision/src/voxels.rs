@@ -37,7 +37,7 @@ pub enum VoxelError {
     },
     /// The side of a cell is not usable.
     #[error(
-        "the side of a voxel is {0}; at least {MIN_EXTENT:e} section lengths, and at most {MAX_EXTENT:e} over the whole grid, is allowed"
+        "the side of a voxel, voxel_m, is {0}; at least {MIN_EXTENT:e} section lengths, and at most {MAX_EXTENT:e} over the whole grid, is allowed"
     )]
     Side(f64),
     /// No cell is filled, or the surface is too large.

@@ -105,7 +105,8 @@ impl SettingsFile<'_> {
 }
 
 /// What a parser says, and what is allowed where it does not say so.
-fn readable(error: &toml::de::Error) -> String {
+#[must_use]
+pub fn readable(error: &toml::de::Error) -> String {
     let said = shortened(error.to_string().trim_end());
     match error.message() {
         "duplicate key" => said + "; each key is allowed once",

@@ -2,12 +2,15 @@
 
 use crate::number::{evaluations, steps};
 use anyhow::{Context, bail};
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use denoiser::{FastModel, Manifest, Precision, Solver, TemporalUnet};
 use pcc_model::Robot;
 use planning::{DiffusionModel, DiffusionSettings, Guidance, Models, Planner, Sampler};
 use serde::Serialize;
+use std::error::Error;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 /// Weights that `fast` and `default` use where none are named.
 const FAST_WEIGHTS: &str = "fast";
@@ -53,6 +56,24 @@ impl PlannerName {
     }
 }
 
+/// Longest name of weights, bytes.
+const LONGEST_NAME: usize = 64;
+
+fn model_name(text: &str) -> Result<String, String> {
+    let is_name = (1..=LONGEST_NAME).contains(&text.len());
+    is_name
+        .then(|| text.to_owned())
+        .ok_or_else(|| format!("a name of 1 to {LONGEST_NAME} bytes is needed"))
+}
+
+/// Reads one of some names.
+fn one_of<T>(names: [&'static str; 2]) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err: Error + Send + Sync + 'static> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names).try_map(|name| name.parse::<T>())
+}
+
 /// Which weights are used, and how the diffusion model is sampled.
 #[derive(Args)]
 pub(crate) struct ModelArguments {
@@ -61,7 +82,7 @@ pub(crate) struct ModelArguments {
     pub(crate) weights: PathBuf,
     /// Weights by their name in the manifest; without it `fast` for the planners `fast` and `default`, `mixed` for those by
     /// diffusion.
-    #[arg(long)]
+    #[arg(long, value_parser = model_name)]
     model: Option<String>,
     /// Evaluations of the network by `fast` and `default` (1, 2, 4 or 8); without it as many as the weights say.
     #[arg(long, value_parser = evaluations())]
@@ -70,11 +91,11 @@ pub(crate) struct ModelArguments {
     #[arg(long, value_parser = steps())]
     steps: Option<usize>,
     /// Solver of the diffusion planners: `ddim`, the paper's, which it is without this, or `dpm-solver` (DPM-Solver++(2M)).
-    #[arg(long)]
+    #[arg(long, value_parser = one_of::<Solver>(["ddim", "dpm-solver"]))]
     solver: Option<Solver>,
     /// Arithmetic of the diffusion planners' network: `f32`, which it is without this, or `bf16` where the processor has
     /// products of 16 bits.
-    #[arg(long)]
+    #[arg(long, value_parser = one_of::<Precision>(["f32", "bf16"]))]
     precision: Option<Precision>,
 }
 
@@ -106,29 +127,39 @@ impl ModelArguments {
         let options = [
             (
                 "--model",
-                self.model.is_some(),
+                self.model.clone(),
                 is_fast || is_diffusion,
                 "the learned planners",
             ),
             (
                 "--evaluations",
-                self.evaluations.is_some(),
+                self.evaluations.map(|n| n.to_string()),
                 is_fast,
                 "fast and default",
             ),
-            ("--steps", self.steps.is_some(), is_diffusion, diffusion),
-            ("--solver", self.solver.is_some(), is_diffusion, diffusion),
+            (
+                "--steps",
+                self.steps.map(|n| n.to_string()),
+                is_diffusion,
+                diffusion,
+            ),
+            (
+                "--solver",
+                self.solver.map(|s| s.to_string()),
+                is_diffusion,
+                diffusion,
+            ),
             (
                 "--precision",
-                self.precision.is_some(),
+                self.precision.map(|p| p.to_string()),
                 is_diffusion,
                 diffusion,
             ),
         ];
-        for (option, is_given, is_read, readers) in options {
-            if is_given && !is_read {
+        for (option, given, is_read, readers) in options {
+            if let Some(value) = given.filter(|_| !is_read) {
                 bail!(
-                    "{option} is not read by --planner {}: it goes with {readers}",
+                    "{option} {value} is not read by --planner {}: it goes with {readers}",
                     name_of(&planner)
                 );
             }

@@ -39,8 +39,8 @@ pub enum RobotFileError {
         source: Box<RobotFileError>,
     },
     /// Not TOML, a key missing or unknown, or a value of the wrong type.
-    #[error("it is not understood: {0}")]
-    Syntax(#[from] toml::de::Error),
+    #[error("it is not understood: {}", input_files::readable(.0))]
+    Syntax(toml::de::Error),
     /// A quantity is out of its range.
     #[error("{key} = {value} is not allowed: {allowed}")]
     Range {
@@ -108,7 +108,7 @@ impl Robot {
     /// # Errors
     /// [`RobotFileError`], naming the key and what is allowed.
     pub fn from_toml_str(text: &str) -> Result<Self, RobotFileError> {
-        let file: RobotFile = toml::from_str(text)?;
+        let file: RobotFile = toml::from_str(text).map_err(RobotFileError::Syntax)?;
         file.check()?;
         let tendon = |t: &TendonTable| Tendon {
             section: t.section,

@@ -107,7 +107,7 @@ impl IpcOptions {
         root.ok_or_else(|| IpcError::Root {
             path: self.root.clone(),
             source: io::Error::other(
-                "only text in UTF-8 without control characters and < > \" | ? * is allowed",
+                "only text in UTF-8 is allowed, without control characters and without < > \" | ? *",
             ),
         })
     }

@@ -11,7 +11,7 @@ use toml::{Table, Value};
 
 use super::damage::{self, Damaged};
 use super::keys::changes;
-use super::rules::{Key, Rule, judge_text, needed, optional, positive, real};
+use super::rules::{Key, Rule, judge_text, needed, of_table, optional, positive, real};
 use super::variant::{Expected, Fault, Variant};
 
 /// `config/robots/unit.toml`: docs/robot.md and the file's comments.
@@ -54,7 +54,7 @@ const CONTROLLER: &[Key] = &[
     optional("tracking_filter_ms", real(0.0, 1000.0)),
     optional(
         "hold_tolerance_rad",
-        real(f64::MIN_POSITIVE, 1.0 - f64::EPSILON),
+        real(f64::from_bits(1), 1.0 - f64::EPSILON),
     ),
     optional("begin_past_ms", Rule::Whole(0, 1000)),
     optional("begin_ahead_s", Rule::Whole(1, 3600)),
@@ -97,7 +97,8 @@ const DAEMON: &[Key] = &[
     optional("lock_memory", Rule::Truth),
     optional("shared_memory_budget_mb", real(1.0, 100_000.0)),
     optional("resident_memory_budget_mb", real(1.0, 100_000.0)),
-    needed("scene.file", Rule::File),
+    of_table("scene.file", Rule::File),
+    of_table("live_scene.expected", Rule::Truth),
 ];
 
 /// The daemon's model of the paper.
@@ -116,26 +117,26 @@ const RADIUS: Rule = real(f64::MIN_POSITIVE, 1e7);
 
 /// `tests/data/scenes/workshop.toml`.
 const SCENE: &[Key] = &[
-    needed("balls.0.centre_m", PLACE),
-    needed("balls.0.radius_m", real(0.0, 1e7)),
-    needed("balls.1.centre_m", PLACE),
-    needed("capsules.0.from_m", PLACE),
-    needed("capsules.0.to_m", PLACE),
-    needed("capsules.0.radius_m", RADIUS),
-    needed("boxes.0.sides_m", Rule::Reals(3, f64::MIN_POSITIVE, 1e7)),
-    needed("boxes.0.position_m", PLACE),
+    of_table("balls.0.centre_m", PLACE),
+    of_table("balls.0.radius_m", real(0.0, 1e7)),
+    of_table("balls.1.centre_m", PLACE),
+    of_table("capsules.0.from_m", PLACE),
+    of_table("capsules.0.to_m", PLACE),
+    of_table("capsules.0.radius_m", RADIUS),
+    of_table("boxes.0.sides_m", Rule::Reals(3, f64::MIN_POSITIVE, 1e7)),
+    of_table("boxes.0.position_m", PLACE),
     optional(
         "boxes.0.rotation_vector_rad",
         Rule::Reals(3, f64::MIN, f64::MAX),
     ),
-    needed("meshes.0.file", Rule::File),
+    of_table("meshes.0.file", Rule::File),
     optional("meshes.0.unit_m", RADIUS),
-    needed("meshes.0.position_m", PLACE),
+    of_table("meshes.0.position_m", PLACE),
     optional("meshes.0.quaternion_xyzw", Rule::Reals(4, -1.001, 1.001)),
-    needed("meshes.1.position_m", PLACE),
-    needed("voxels.0.file", Rule::File),
-    needed("voxels.0.voxel_m", real(1e-9, 1e6)),
-    needed("voxels.0.position_m", PLACE),
+    of_table("meshes.1.position_m", PLACE),
+    of_table("voxels.0.file", Rule::File),
+    of_table("voxels.0.voxel_m", real(1e-9, 1e6)),
+    of_table("voxels.0.position_m", PLACE),
 ];
 
 /// A program, the file of its that is damaged, and what lies beside it.

@@ -65,6 +65,8 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--start", &["0", "0", "0", "0", "0", "0"]),
             ("--candidates", &["1"]),
             ("--sampler", &["straight"]),
+            // On a busy machine the daemon's default is over before it is read.
+            ("--deadline-ms", &["10000"]),
         ],
         options: &[
             ("--tip", Wanted::Reals(1e3, &["goal"])),

@@ -50,6 +50,8 @@ pub(super) struct Key {
     pub(super) path: &'static str,
     pub(super) rule: Rule,
     pub(super) is_required: bool,
+    /// Whether the table that it is in may be left out, and the key with it.
+    pub(super) is_table_optional: bool,
 }
 
 /// A required key.
@@ -58,6 +60,15 @@ pub(super) const fn needed(path: &'static str, rule: Rule) -> Key {
         path,
         rule,
         is_required: true,
+        is_table_optional: false,
+    }
+}
+
+/// A required key of a table or an entry that may be left out.
+pub(super) const fn of_table(path: &'static str, rule: Rule) -> Key {
+    Key {
+        is_table_optional: true,
+        ..needed(path, rule)
     }
 }
 
@@ -199,7 +210,8 @@ pub(super) fn judge_text(file: &str, keys: &[Key], before: &Table, after: &[u8])
         .collect();
     faults.extend(unknown_keys(file, before, &table));
     if faults.is_empty() {
-        Expected::Either(whole)
+        // A name that was damaged is that of a file that is not there.
+        Expected::Either(vec![Fault::file(file), Fault::unreadable(file)])
     } else {
         // Which of several faults is told first is the program's choice.
         Expected::Refused(faults)
@@ -210,7 +222,9 @@ fn fault_of(file: &str, key: Key, before: &Table, after: &Table) -> Option<Fault
     let name = last_part(key.path);
     let Some(value) = look_up(after, key.path) else {
         let was_there = look_up(before, key.path).is_some();
-        return (key.is_required && was_there).then(|| Fault::key(file, name, ""));
+        let table = key.path.rsplit_once('.').map_or("", |(table, _)| table);
+        let is_left_out = key.is_table_optional && look_up(after, table).is_none();
+        return (key.is_required && was_there && !is_left_out).then(|| Fault::key(file, name, ""));
     };
     if Some(value) == look_up(before, key.path) {
         return None;

@@ -167,6 +167,7 @@ const UNREADABLE: &[&str] = &[
     "Not a directory",
     "stream did not contain valid UTF-8",
     "UTF-8",
+    "NUL byte",
     "allowed",
     "needed",
 ];
