@@ -14,7 +14,7 @@ use crate::world::{Settings, World};
 type Damage = (&'static str, fn(&mut Weights), &'static str);
 
 const DAMAGES: [Damage; 5] = [
-    ("truncated", Weights::truncate, "truncated"),
+    ("truncated", Weights::truncate, "has bytes"),
     ("wrong hash", Weights::flip_a_bit, "sha256"),
     (
         "wrong shape",
@@ -27,7 +27,7 @@ const DAMAGES: [Damage; 5] = [
         |weights| weights.replace("\"theta_max\":\"1.5", "\"theta_max\":\"1.2"),
         "another robot",
     ),
-    ("NaN", Weights::put_nan, "not finite"),
+    ("NaN", Weights::put_nan, "has the value NaN"),
 ];
 
 /// Tries every damage of the weights that a folder has under a name.

@@ -43,25 +43,34 @@ pub(crate) struct Round {
     pub(crate) has_ball: bool,
 }
 
-/// Every way with every process in every phase equally often, half of them in motion, two thirds of these with a ball; in random
-/// order.
+/// Every way with every process in turn, each in every phase equally often: half of them in motion, two thirds of these with a ball;
+/// in random order.
 pub(crate) fn rounds(kinds: &[Kind], count: usize, rng: &mut Pcg64) -> Vec<Round> {
     let moving = [false, true, true].map(|has_ball| (Phase::Moving, has_ball));
     let others = [Phase::Starting, Phase::Planning, Phase::Resting].map(|phase| (phase, false));
+    let phases: Vec<(Phase, bool)> = moving.into_iter().chain(others).collect();
+    let ways: Vec<(Part, Kind)> = Part::ALL
+        .into_iter()
+        .flat_map(|part| kinds.iter().map(move |&kind| (part, kind)))
+        .collect();
     let mut rounds: Vec<Round> = Vec::new();
-    while rounds.len() < count {
-        for (phase, has_ball) in moving.into_iter().chain(others) {
-            for part in Part::ALL {
-                rounds.extend(kinds.iter().map(|&kind| Round {
-                    phase,
-                    part,
-                    kind,
-                    has_ball,
-                }));
+    for turn in 0.. {
+        let each = ways.iter().enumerate().map(|(i, &(part, kind))| {
+            let (phase, has_ball) = phases[(turn + i) % phases.len()];
+            Round {
+                phase,
+                part,
+                kind,
+                has_ball,
             }
+        });
+        let mut each: Vec<Round> = each.collect();
+        each.shuffle(rng);
+        rounds.extend(each);
+        if rounds.len() >= count {
+            break;
         }
     }
-    rounds.shuffle(rng);
     rounds.truncate(count);
     rounds
 }

@@ -281,9 +281,9 @@ pub fn weights() -> BadStarts {
     let mut starts = BadStarts::default();
     type Damage = fn(&mut Weights);
     let damages: [(&str, Damage, &str); 7] = [
-        ("truncated", Weights::truncate, "truncated"),
+        ("truncated", Weights::truncate, "has bytes"),
         ("one bit", Weights::flip_a_bit, "sha256"),
-        ("NaN", Weights::put_nan, "not finite"),
+        ("NaN", Weights::put_nan, "has the value NaN"),
         (
             "no safetensors",
             |w| (w.content[..8].fill(0xff), w.sign()).1,

@@ -6,6 +6,7 @@ use npyz::{AutoSerialize, DType, Deserialize, WriterBuilder};
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufReader, BufWriter, Read, Seek, SeekFrom, copy, sink};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 use zip::read::ZipFile;
@@ -20,6 +21,8 @@ pub const MAX_ARCHIVE_BYTES: u64 = 1 << 38;
 const MAX_EXPANSION: u64 = 100;
 /// Bytes that the arrays of any archive may have.
 const SMALL: u64 = 1 << 25;
+/// Versions of the format that a member may ask for: stored, compressed, larger than 4 GB.
+const VERSIONS: [u16; 3] = [10, 20, 45];
 /// Most bytes of a record of sizes behind a member, where its header does not tell them.
 const LONGEST_DESCRIPTOR: u64 = 24;
 
@@ -92,10 +95,14 @@ impl ArchiveReader {
             path: path.into(),
             reason,
         };
+        let raw = file.try_clone();
         let mut zip =
             ZipArchive::new(BufReader::new(file)).map_err(|error| damaged(error.to_string()))?;
         zip.validate_header_consistency()
             .map_err(|error| damaged(error.to_string()))?;
+        raw.map_err(|error| error.to_string())
+            .and_then(|raw| check_versions(&mut zip, &raw))
+            .map_err(damaged)?;
         check_layout(&mut zip, size, &end).map_err(damaged)?;
         check_expansion(&mut zip, size).map_err(damaged)?;
         let mut archive = Self {
@@ -303,6 +310,29 @@ fn end_record(file: &mut File, size: u64) -> std::io::Result<EndRecord> {
         is_there: record.starts_with(b"PK\x05\x06") && [low, high] == [0, 0],
         directory: (directory != u32::MAX).then_some(u64::from(directory)),
     })
+}
+
+/// Refuses a member whose two headers name a version of the format that no archive of arrays needs: nothing else tells that they
+/// are damaged.
+fn check_versions(zip: &mut ZipArchive<BufReader<File>>, raw: &File) -> Result<(), String> {
+    for index in 0..zip.len() {
+        let member = zip.by_index_raw(index).map_err(|error| error.to_string())?;
+        for at in [
+            member.header_start() + 4,
+            member.central_header_start() + 6,
+        ] {
+            let mut version = [0; 2];
+            raw.read_exact_at(&mut version, at)
+                .map_err(|error| error.to_string())?;
+            let version = u16::from_le_bytes(version);
+            if !VERSIONS.contains(&version) {
+                return Err(format!(
+                    "byte {at} asks for version {version} of the format; {VERSIONS:?} are allowed"
+                ));
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Refuses bytes that belong to no member: before, between and behind them.

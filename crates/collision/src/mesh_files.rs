@@ -314,7 +314,11 @@ mod tests {
                 "endsolid a\n\0",
                 "line 10: \"\\0\" is not allowed; `solid NAME` or the end",
             ),
-            ("solid a\n", "solid a\nsolid b\n", "line 3"),
+            (
+                "solid a\n",
+                "solid a\nsolid b\n",
+                "line 2: \"solid b\" is not allowed",
+            ),
         ] {
             let text = whole.replacen(from, to, 1);
             let error = stl(text.as_bytes()).unwrap_err();

@@ -112,7 +112,7 @@ fn every_bad_value_is_refused_by_name() {
         ),
         (
             &format!("[[meshes]]\nfile = \"heap.npy\"\n{position}"),
-            "end in .stl or .obj",
+            "ends in .stl or .obj",
         ),
         (
             &format!("[[meshes]]\nfile = \"scene.toml.stl\"\n{position}"),
@@ -188,7 +188,7 @@ fn meshes_that_are_open_empty_or_inside_out_and_grids_of_other_kinds_are_refused
             mesh,
             "a.obj",
             pyramid.replace("f 4 1 5\n", "").into_bytes(),
-            "meshes[0]: the mesh is open",
+            "a.obj\": the mesh is open",
         ),
         (
             mesh,

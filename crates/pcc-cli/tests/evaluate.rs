@@ -125,7 +125,7 @@ fn paths_of_another_program_are_judged_as_those_of_the_planners() {
             0.0,
             "has shape [1, 2, 64, 6], [1, 1, 64, 6] is needed",
         ),
-        ([1, 1, 64, 6], f64::NAN, "is not finite in case 0"),
+        ([1, 1, 64, 6], f64::NAN, "has the value NaN in case 0"),
     ] {
         propose(&file, &shape, value);
         let output = evaluate(&out, "proposed", &["--proposals", &file]);
@@ -171,7 +171,7 @@ fn options_of_a_model_are_refused_where_nothing_reads_them_and_where_they_are_wr
     ] {
         for planner in planners {
             let output = evaluate(&out, planner, &[option, value]);
-            let named = format!("{option} is not read by --planner {planner}");
+            let named = format!("{option} {value} is not read by --planner {planner}");
             assert_eq!(output.status.code(), Some(1), "{}", said(&output));
             assert!(said(&output).contains(&named), "{}", said(&output));
         }

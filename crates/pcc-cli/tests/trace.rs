@@ -73,7 +73,7 @@ fn what_cannot_be_traced_is_refused_by_name() {
         (
             vec!["--tip", "nan", "0", "2"],
             2,
-            "a finite number is needed",
+            "a number from -1000 to 1000 section lengths is needed",
         ),
         (after_tip(&["--tip", "0", "1.2", "2.4"]), 2, "--tip"),
         (

@@ -92,7 +92,7 @@ fn broken_sets_are_refused_by_name() {
     let meta = folder.path().join("dataset_meta.json");
     assert!(matches!(
         Dataset::read(folder.path()),
-        Err(DatasetError::Meta { .. })
+        Err(DatasetError::File(_))
     ));
     std::fs::write(&meta, r#"{"format": "pcc_diffuser_npz", "version": 24, "sphere_radius": 0.4, "clearance_margin": 0.2}"#).unwrap();
     assert!(

@@ -115,8 +115,8 @@ mod unit {
         };
         let between = |begin, end| times.between(at(begin), at(end)).as_millis();
         assert_eq!(between(0, 2), 0);
-        assert_eq!(between(0, 10), 7);
-        assert_eq!(between(3, 5), 3);
+        assert_eq!(between(0, 10), 6);
+        assert_eq!(between(3, 5), 2);
         assert_eq!(between(8, 10), 0);
     }
 }
