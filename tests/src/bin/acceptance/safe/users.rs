@@ -233,9 +233,10 @@ fn harm(report: &mut Report, robot: &mut OwnersRobot) -> anyhow::Result<()> {
 /// Sixteen bytes into the node counter, then new processes: the product's, and one by iceoryx2's own rules.
 fn write_counter(report: &mut Report, robot: &OwnersRobot) -> anyhow::Result<()> {
     let names = robot.shared_memory();
+    let is_own = |name: &PathBuf| fs::symlink_metadata(name).is_ok_and(|it| it.uid() == OWNER);
     let counters = names
         .iter()
-        .filter(|name| name.to_string_lossy().ends_with(".global_mgmt"));
+        .filter(|name| name.to_string_lossy().ends_with(".global_mgmt") && is_own(name));
     let counters: Vec<&PathBuf> = counters.collect();
     let written = as_user(OTHER, || {
         let write = |name: &&&PathBuf| {
@@ -248,8 +249,8 @@ fn write_counter(report: &mut Report, robot: &OwnersRobot) -> anyhow::Result<()>
     report.check(
         name,
         format!("{written} of {}", counters.len()),
-        "0",
-        written == 0,
+        "0, of some",
+        written == 0 && !counters.is_empty(),
     );
     let output = robot.pcc(PLAN, PATIENCE);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
