@@ -317,10 +317,7 @@ fn end_record(file: &mut File, size: u64) -> std::io::Result<EndRecord> {
 fn check_versions(zip: &mut ZipArchive<BufReader<File>>, raw: &File) -> Result<(), String> {
     for index in 0..zip.len() {
         let member = zip.by_index_raw(index).map_err(|error| error.to_string())?;
-        for at in [
-            member.header_start() + 4,
-            member.central_header_start() + 6,
-        ] {
+        for at in [member.header_start() + 4, member.central_header_start() + 6] {
             let mut version = [0; 2];
             raw.read_exact_at(&mut version, at)
                 .map_err(|error| error.to_string())?;

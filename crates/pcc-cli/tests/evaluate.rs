@@ -177,8 +177,8 @@ fn options_of_a_model_are_refused_where_nothing_reads_them_and_where_they_are_wr
         }
     }
     for (option, value, status, named) in [
-        ("--steps", "0", 1, "--steps 0: 1 to 1000"),
-        ("--steps", "1001", 1, "--steps 1001: 1 to 1000"),
+        ("--steps", "0", 2, "a whole number from 1 to 1000"),
+        ("--steps", "1001", 2, "a whole number from 1 to 1000"),
         ("--solver", "euler", 2, "ddim and dpm-solver are allowed"),
         ("--precision", "f16", 2, "f32 and bf16 are allowed"),
         ("--model", "mixed", 1, "has no weights `mixed`"),

@@ -41,7 +41,10 @@ fn a_broken_file_an_unknown_key_and_a_missing_one_are_named() {
         ("robot = \"a\"\nthread = 2", "unknown field `thread`"),
         ("threads = 2", "missing field `robot`"),
         ("robot = \"a\"\nthreads = \"two\"", "threads"),
-        ("robot = \"a\"\nwait = \"sleep\"", "\"event\" or \"poll\" is needed"),
+        (
+            "robot = \"a\"\nwait = \"sleep\"",
+            "\"event\" or \"poll\" is needed",
+        ),
     ] {
         let error = parse(text).unwrap_err();
         assert!(
