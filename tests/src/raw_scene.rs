@@ -116,12 +116,6 @@ impl Flood {
         }
     }
 
-    /// Whether all of them still send.
-    #[must_use]
-    pub fn is_alive(&self) -> bool {
-        self.threads.iter().all(|thread| !thread.is_finished())
-    }
-
     /// Scenes sent so far.
     #[must_use]
     pub fn sent(&self) -> u64 {

@@ -179,8 +179,8 @@ fn options_of_a_model_are_refused_where_nothing_reads_them_and_where_they_are_wr
     for (option, value, status, named) in [
         ("--steps", "0", 2, "a whole number from 1 to 1000"),
         ("--steps", "1001", 2, "a whole number from 1 to 1000"),
-        ("--solver", "euler", 2, "ddim and dpm-solver are allowed"),
-        ("--precision", "f16", 2, "f32 and bf16 are allowed"),
+        ("--solver", "euler", 2, "possible values: ddim, dpm-solver"),
+        ("--precision", "f16", 2, "possible values: f32, bf16"),
         ("--model", "mixed", 1, "has no weights `mixed`"),
     ] {
         let output = evaluate(&out, "diffusion", &[option, value]);

@@ -208,7 +208,8 @@ struct Scenario {
     stack: Stack,
     outputs: Vec<StalledOutput>,
     not_begun: Vec<String>,
-    flooded: u64,
+    /// Scenes that each publisher of the flood had sent when that was looked at last.
+    flooded: Vec<u64>,
 }
 
 impl Scenario {
@@ -273,12 +274,13 @@ impl Scenario {
             stack,
             outputs,
             not_begun: Vec::new(),
-            flooded: 0,
+            flooded: vec![0; FLOODING],
         };
         scenario.scenes.publish(&[], LIFETIME)?;
         thread::sleep(Duration::from_secs(2));
         if pressure.has(Pressure::Flood) {
             scenario.flood = Some(Flood::start(&options, FLOODING));
+            thread::sleep(Duration::from_secs(1));
         }
         Ok(scenario)
     }
@@ -302,10 +304,12 @@ impl Scenario {
         let running = self.watchers.iter_mut().all(Process::is_running);
         anyhow::ensure!(running, "the premise: the watchers watch");
         if let Some(flood) = &self.flood {
-            let sent = flood.sent();
+            let sent = flood.sent_each();
+            let rises = sent.iter().zip(&self.flooded).all(|(now, last)| now > last);
             anyhow::ensure!(
-                flood.is_alive() && sent > self.flooded,
-                "the premise: {FLOODING} publishers flood"
+                flood.alive() == FLOODING && rises,
+                "the premise: {FLOODING} publishers flood: {sent:?} after {:?}",
+                self.flooded
             );
             self.flooded = sent;
         }
