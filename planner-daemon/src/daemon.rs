@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use collision::{Ball, Scene, SceneFileError, tracking_growth};
 use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
+use input_files::{shortened, shown};
 use pcc_model::{Configuration, Point, Robot, RobotFileError};
 use planning::{
     DiffusionModel, Goal, Guidance, MOST_CORRECTIONS, Models, Planner, PlannerError,
@@ -17,7 +18,7 @@ use realtime::{Pages, RealtimeError};
 use shared_types::clock::mono_now_ns;
 use shared_types::ipc::{
     IpcError, IpcNode, IpcOptions, Role, RoleLock, event_listener, event_notifier,
-    plan_answered_event, plan_asked_event, plan_server, plan_service, shared_memory,
+    PlanServiceCapacity, plan_answered_event, plan_asked_event, plan_server, plan_service, shared_memory,
 };
 use trajectory::{BRAKING_SHARE, RateLaw};
 
@@ -44,8 +45,10 @@ pub enum StartError {
     #[error("static scene: {0}")]
     Scene(#[from] Box<SceneFileError>),
     /// The learned model is refused.
-    #[error("weights in {folder:?}: {source}")]
+    #[error("{key}, in {}: {source}", shown(.folder))]
     Weights {
+        /// The key that asks for it.
+        key: String,
         /// The folder.
         folder: PathBuf,
         /// What is wrong with them.
@@ -55,8 +58,13 @@ pub enum StartError {
     #[error(transparent)]
     Precision(#[from] PrecisionUnavailable),
     /// The planner cannot serve this robot.
-    #[error(transparent)]
-    Planner(#[from] PlannerError),
+    #[error("robot file {}: {source}", shown(.robot))]
+    Planner {
+        /// The robot file.
+        robot: PathBuf,
+        /// What is wrong with the robot.
+        source: PlannerError,
+    },
     /// The services are not available, or another daemon runs.
     #[error(transparent)]
     Ipc(#[from] IpcError),
@@ -65,10 +73,13 @@ pub enum StartError {
     Background(#[from] BackgroundError),
     /// The configuration takes more shared memory than it declares.
     #[error(
-        "shared_memory_budget_mb = {allowed_mb} is not allowed: the services need {needed_mb:.1} MB of shared memory at least: \
-         lower clients, requests_per_client, candidates or knots_per_candidate, or declare more"
+        "shared_memory_budget_mb = {allowed_mb} is not allowed: {needed_mb:.1} MB at least are needed for clients = {}, \
+         requests_per_client = {}, candidates = {}, knots_per_candidate = {}: lower these, or declare more",
+        .capacity.clients, .capacity.active_requests_per_client, .capacity.candidates, .capacity.knots_per_candidate
     )]
     SharedMemory {
+        /// The plan service's.
+        capacity: PlanServiceCapacity,
         /// What the services take, 10^6 bytes.
         needed_mb: f64,
         /// What is declared.
@@ -272,7 +283,7 @@ fn load_planner(
         .as_ref()
         .map(|folder| load_models(folder, config, robot));
     let models = models.transpose()?.unwrap_or_default();
-    let planner = Planner::new(robot, models, config.threads)?;
+    let planner = Planner::new(robot, models, config.threads).map_err(|source| not_served(config, source))?;
     planner.on_every_worker(|| {
         // A defect of the planner is an answer like any other.
         logging::panics_are_caught_here();
@@ -288,17 +299,34 @@ fn load_planner(
     Ok(planner)
 }
 
+fn not_served(config: &Config, source: PlannerError) -> StartError {
+    StartError::Planner {
+        robot: config.robot.clone(),
+        source,
+    }
+}
+
 fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, StartError> {
-    let refused = |source| StartError::Weights {
-        folder: folder.into(),
-        source: Box::new(source),
+    let refused = |key: String| {
+        move |source| StartError::Weights {
+            key,
+            folder: folder.into(),
+            source: Box::new(source),
+        }
     };
-    let manifest = Manifest::open(folder).map_err(refused)?;
-    let weights = |name: &str| manifest.weights(name).map_err(refused);
+    let by_weights = || refused("weights".to_owned());
+    let manifest = Manifest::open(folder).map_err(by_weights())?;
     let limit = robot.bending_limit;
-    let fast = FastModel::from_weights(&weights(MODEL)?, limit).map_err(refused)?;
+    let fast = manifest
+        .weights(MODEL)
+        .and_then(|weights| FastModel::from_weights(&weights, limit))
+        .map_err(by_weights())?;
     let diffusion = config.diffusion.as_ref().map(|diffusion| {
-        let unet = TemporalUnet::load(&weights(&diffusion.model)?, limit).map_err(refused)?;
+        let key = format!("[diffusion] model = {:?}", shortened(&diffusion.model));
+        let unet = manifest
+            .weights(&diffusion.model)
+            .and_then(|weights| TemporalUnet::load(&weights, limit))
+            .map_err(refused(key))?;
         Ok::<_, StartError>(DiffusionModel::new(unet, diffusion.settings())?)
     });
     Ok(Models {
@@ -339,7 +367,8 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
     let diffusion = config.diffusion.as_ref();
     let diffusion = diffusion.map(|_| Sampler::Diffusion(Guidance::Guided));
     for sampler in std::iter::once(main).chain(diffusion) {
-        planner.plan(&problem, &request(sampler), &|| false)?;
+        let planned = planner.plan(&problem, &request(sampler), &|| false);
+        planned.map_err(|source| not_served(config, source))?;
     }
     Ok(())
 }
@@ -398,6 +427,7 @@ fn check_shared_memory(config: &Config) -> Result<usize, StartError> {
     }
     if needed > config.shared_memory_budget {
         return Err(StartError::SharedMemory {
+            capacity: config.capacity,
             needed_mb: megabytes(needed),
             allowed_mb: megabytes(config.shared_memory_budget),
         });

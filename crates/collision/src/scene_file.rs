@@ -4,7 +4,7 @@ use crate::scene::{Ball, MAX_EXTENT, MIN_EXTENT, Scene, SceneError};
 use crate::solid::{Solid, SolidError};
 use crate::solid_files::{read_grid, read_mesh};
 use crate::voxels::VoxelGrid;
-use input_files::{InputFileError, SettingsError, SettingsFile};
+use input_files::{InputFileError, SettingsError, SettingsFile, shown};
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use pcc_model::{Numbers, Point};
 use serde::Deserialize;
@@ -29,7 +29,7 @@ pub enum SceneFileError {
     #[error("scene file: {0}")]
     Settings(#[from] SettingsError),
     /// An entry is refused.
-    #[error("scene file {path:?}: {entry}: {source}")]
+    #[error("scene file {}: {entry}: {source}", shown(.path))]
     Entry {
         /// The scene file.
         path: PathBuf,
@@ -39,7 +39,7 @@ pub enum SceneFileError {
         source: Box<EntryError>,
     },
     /// Too many balls for a file.
-    #[error("scene file {path:?} has {count} balls; at most {MAX_FILE_BALLS} are allowed")]
+    #[error("scene file {} has {count} balls; at most {MAX_FILE_BALLS} are allowed", shown(.path))]
     Balls {
         /// The file.
         path: PathBuf,
@@ -47,7 +47,7 @@ pub enum SceneFileError {
         count: usize,
     },
     /// The obstacles do not make a scene; lengths in section lengths of the robot.
-    #[error("scene file {path:?}: {source}")]
+    #[error("scene file {}: {source}", shown(.path))]
     Scene {
         /// The file.
         path: PathBuf,
@@ -73,7 +73,7 @@ pub enum EntryError {
     #[error(transparent)]
     File(#[from] InputFileError),
     /// A file with a mesh or a grid is not understood.
-    #[error("{path:?} is not understood: {reason}")]
+    #[error("{} is not understood: {reason}", shown(.path))]
     Content {
         /// The file.
         path: PathBuf,
@@ -87,7 +87,7 @@ pub enum EntryError {
     #[error(transparent)]
     Solid(#[from] SolidError),
     /// What a file holds does not make a solid; lengths in section lengths of the robot.
-    #[error("{path:?}: {source}")]
+    #[error("{}: {source}", shown(.path))]
     SolidOfFile {
         /// The file.
         path: PathBuf,

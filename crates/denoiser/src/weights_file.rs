@@ -2,7 +2,7 @@
 
 use crate::manifest::ManifestEntry;
 use crate::safetensors_header::header_fault;
-use input_files::{InputFileError, SettingsError, shortened};
+use input_files::{InputFileError, SettingsError, shortened, shown};
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, HashMap};
@@ -16,7 +16,7 @@ pub enum WeightsError {
     #[error("manifest: {0}")]
     Manifest(#[from] SettingsError),
     /// What the manifest says of some weights is refused.
-    #[error("manifest {path:?}: `{key}` of `{name}` is {found}; {allowed} is needed")]
+    #[error("manifest {}: `{key}` of `{name}` is {found}; {allowed} is needed", shown(.path))]
     Entry {
         /// The manifest.
         path: PathBuf,
@@ -51,7 +51,7 @@ pub enum WeightsError {
     },
     /// The file is not what the manifest says of it.
     #[error(
-        "weights file {path:?} has {key} {found:?}, but `{key}` is {:?} in MANIFEST.toml; they must be the same: one of the two is damaged, or another's",
+        "weights file {} has {key} {found:?}, but `{key}` is {:?} in MANIFEST.toml; they must be the same: one of the two is damaged, or another's", shown(.path),
         shortened(.expected)
     )]
     Differs {
@@ -65,7 +65,7 @@ pub enum WeightsError {
         expected: String,
     },
     /// Not a safetensors file.
-    #[error("weights file {path:?} is not a safetensors file: {reason}")]
+    #[error("weights file {} is not a safetensors file: {reason}", shown(.path))]
     Format {
         /// The file.
         path: PathBuf,
@@ -73,7 +73,7 @@ pub enum WeightsError {
         reason: String,
     },
     /// What the file holds does not fit.
-    #[error("weights file {path:?}: {reason}")]
+    #[error("weights file {}: {reason}", shown(.path))]
     Content {
         /// The file.
         path: PathBuf,

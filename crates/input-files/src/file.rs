@@ -7,11 +7,13 @@ use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
+use crate::settings::shown;
+
 /// Why a file is not read.
 #[derive(Debug, Error)]
 pub enum InputFileError {
     /// The system refuses to open or to read it.
-    #[error("cannot read {path:?}: {source}")]
+    #[error("cannot read {}: {source}", shown(.path))]
     Unreadable {
         /// The file.
         path: PathBuf,
@@ -19,7 +21,7 @@ pub enum InputFileError {
         source: io::Error,
     },
     /// It is a folder, a pipe, a socket or a device.
-    #[error("cannot read {path:?}: it is {kind}; a regular file is needed")]
+    #[error("cannot read {}: it is {kind}; a regular file is needed", shown(.path))]
     Kind {
         /// The file.
         path: PathBuf,
@@ -27,7 +29,7 @@ pub enum InputFileError {
         kind: &'static str,
     },
     /// It is longer than what is read of such a file.
-    #[error("cannot read {path:?}: it has {size} bytes; at most {most} are allowed")]
+    #[error("cannot read {}: it has {size} bytes; at most {most} are allowed", shown(.path))]
     Size {
         /// The file.
         path: PathBuf,
@@ -37,7 +39,7 @@ pub enum InputFileError {
         most: u64,
     },
     /// It is not text.
-    #[error("cannot read {path:?}: it is not UTF-8 at byte {at}; text in UTF-8 is needed")]
+    #[error("cannot read {}: it is not UTF-8 at byte {at}; text in UTF-8 is needed", shown(.path))]
     Text {
         /// The file.
         path: PathBuf,

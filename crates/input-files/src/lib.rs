@@ -9,4 +9,4 @@ mod file;
 mod settings;
 
 pub use file::{InputFile, InputFileError, read_bytes, read_text};
-pub use settings::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, readable, shortened};
+pub use settings::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, readable, shortened, shown};

@@ -19,7 +19,7 @@ pub enum SettingsError {
     #[error(transparent)]
     File(#[from] InputFileError),
     /// It is not TOML, a key is missing or unknown, or a value has the wrong type.
-    #[error("{path:?} is not understood: {}", readable(.fault))]
+    #[error("{} is not understood: {}", shown(.path), readable(.fault))]
     Syntax {
         /// The file.
         path: PathBuf,
@@ -27,7 +27,7 @@ pub enum SettingsError {
         fault: Box<toml::de::Error>,
     },
     /// A value is outside its range.
-    #[error("{path:?}: {key} = {value} is not allowed: {allowed}")]
+    #[error("{}: {key} = {value} is not allowed: {allowed}", shown(.path))]
     Range {
         /// The file.
         path: PathBuf,
@@ -127,6 +127,12 @@ pub fn shortened(text: &str) -> String {
         format!("{begin} … {end}")
     });
     lines.collect::<Vec<_>>().join("\n")
+}
+
+/// A path as a message has it: in quotes, without the middle of a long one.
+#[must_use]
+pub fn shown(path: &Path) -> String {
+    shortened(&format!("{path:?}"))
 }
 
 #[cfg(test)]
