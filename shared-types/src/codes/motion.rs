@@ -1,0 +1,221 @@
+//! Codes of what moves the robot: loop, motors, scenes, commands, processes.
+
+use super::UnknownCode;
+
+codes! {
+    /// What the controller's loop does.
+    "loop state"
+    pub enum LoopState {
+        /// Waits for the robot's state.
+        Starting = 0 "starting",
+        /// Holds a configuration.
+        Holding = 1 "holding",
+        /// Follows a trajectory.
+        Executing = 2 "executing",
+        /// Brakes along the trajectory.
+        Stopping = 3 "stopping",
+        /// Holds, and waits for a reset.
+        Fault = 4 "fault",
+    }
+}
+
+codes! {
+    /// Why the controller is in fault.
+    "loop fault"
+    pub enum LoopFault {
+        /// It is not.
+        None = 0 "none",
+        /// No newer state of the robot for too long.
+        RobotLost = 1 "robot lost",
+        /// Too many late cycles in a row.
+        TooLate = 3 "too many late cycles",
+        /// The robot does not follow.
+        TrackingError = 4 "tracking error",
+        /// The robot reports a fault.
+        RobotFault = 5 "robot fault",
+        /// The robot ramped to rest by itself: set-points did not reach it.
+        RobotRampedToRest = 6 "robot ramped to rest",
+        /// The robot's state is not finite or not plausible.
+        InvalidRobotState = 7 "invalid robot state",
+        /// A set-point would have been beyond the limits or not finite.
+        InvalidSetpoint = 9 "invalid set-point",
+        /// The controller's guard made no round for too long: no stop would have been heard.
+        GuardHeldUp = 10 "guard held up",
+    }
+}
+
+codes! {
+    /// Why the controller's loop does not hold the robot: what it waits for while it is starting, or in fault and let go.
+    "reason to wait"
+    pub enum Waiting {
+        /// It holds the robot.
+        None = 0 "none",
+        /// No state of the robot arrives.
+        NoRobotState = 1 "no robot state",
+        /// The robot's states hold numbers that cannot be, or codes that mean nothing.
+        InvalidRobotState = 2 "invalid robot state",
+        /// The robot's states repeat the stamp of the one before, or go back behind it.
+        RepeatedRobotState = 3 "robot state repeated",
+        /// The robot's states are older than the time after which a robot is lost.
+        OldRobotState = 4 "robot state too old",
+        /// The robot's states are stamped in the future: not by `CLOCK_MONOTONIC` of this machine.
+        FutureRobotState = 5 "robot state from the future",
+        /// The robot is in fault.
+        RobotFault = 6 "robot in fault",
+        /// The robot's reference is not at rest.
+        RobotMoves = 7 "robot not at rest",
+        /// The robot follows set-points that are not this controller's.
+        RobotFollowsAnother = 8 "robot follows another controller",
+        /// The robot's accepted set-point is no configuration's.
+        OffTendonMap = 9 "accepted set-point fits no configuration",
+        /// The robot does not follow the set-points sent to it yet.
+        NotTakenUp = 10 "set-points not taken up",
+    }
+}
+
+codes! {
+    /// Why the controller refused a trajectory; the one before goes on.
+    "refusal"
+    pub enum Refusal {
+        /// It did not.
+        None = 0 "none",
+        /// Another version of the protocol.
+        WrongVersion = 1 "wrong version",
+        /// Malformed: counts, times, values that are not finite.
+        Malformed = 2 "malformed",
+        /// It exceeds a limit of the robot.
+        OutOfLimits = 3 "out of limits",
+        /// It does not start at the commanded state.
+        StartsElsewhere = 4 "starts elsewhere",
+        /// It begins in the past.
+        BeginsInThePast = 5 "begins in the past",
+        /// It begins too far in the future.
+        BeginsTooLate = 6 "begins too late",
+        /// It does not end at rest.
+        EndsInMotion = 7 "ends in motion",
+        /// The controller is in fault.
+        Faulted = 8 "in fault",
+        /// The controller has no robot yet.
+        NotReady = 9 "not ready",
+        /// The controller executes, stops, or has another one waiting.
+        Busy = 10 "busy",
+        /// It has the id and the begin of the last one taken.
+        OldId = 11 "old trajectory id",
+        /// It names another controller than this one: one that was killed since, or has ended.
+        OtherController = 12 "meant for another controller",
+        /// Another daemon than the one whose heart beats has published it: nobody watches over it.
+        OtherDaemon = 13 "published by another daemon",
+        /// A stop was ordered after it was published.
+        BeforeStop = 14 "published before a stop",
+    }
+}
+
+codes! {
+    /// Why a scene does not count; the one before of the same source stays until its lifetime ends.
+    "scene refusal"
+    pub enum SceneRefusal {
+        /// It does.
+        None = 0 "none",
+        /// Another version of the protocol.
+        WrongVersion = 1 "wrong version",
+        /// Malformed: name, counts, lifetime, values that are not finite.
+        Malformed = 2 "malformed",
+        /// The stamp is near the time of day: stamps are of `CLOCK_MONOTONIC`.
+        OtherClock = 3 "stamped by the wall clock, not by CLOCK_MONOTONIC",
+        /// The stamp is later than now.
+        InTheFuture = 4 "stamped in the future",
+        /// The stamp and the lifetime are over.
+        TooOld = 5 "too old: its lifetime is over",
+        /// The same publisher has sent a newer one before.
+        Superseded = 6 "older than the one before",
+        /// There are as many sources as the daemon keeps.
+        TooManySources = 7 "too many sources",
+        /// Another publisher that is there, or that spoke while this one was there, has the source's name.
+        NameTaken = 8 "another publisher has the source's name",
+    }
+}
+
+codes! {
+    /// What the motor end does.
+    "motor state"
+    pub enum MotorState {
+        /// It was never commanded.
+        Idle = 0 "idle",
+        /// It follows set-points.
+        Following = 1 "following",
+        /// Set-points stay away: it ramps to rest.
+        RampingToRest = 2 "ramping to rest",
+        /// It is at rest after such a loss.
+        AtRestAfterLoss = 3 "at rest after loss",
+        /// It does not move.
+        Fault = 4 "fault",
+    }
+}
+
+codes! {
+    /// What is wrong with the motor end.
+    "motor fault"
+    pub enum MotorFault {
+        /// Nothing.
+        None = 0 "none",
+        /// A motor reports an error or does not move.
+        Motor = 1 "motor",
+        /// A measurement is missing or not plausible.
+        Sensor = 2 "sensor",
+        /// The bus to the motors does not answer.
+        Bus = 3 "bus",
+        /// A fault injected by a test.
+        Injected = 4 "injected",
+        /// A set-point was refused: the motors could not have followed it.
+        Setpoint = 5 "set-point",
+    }
+}
+
+codes! {
+    /// Which process sends a heartbeat.
+    "process kind"
+    pub enum ProcessKind {
+        /// The planner daemon.
+        Daemon = 1 "daemon",
+        /// The controller.
+        Controller = 2 "controller",
+        /// The robot.
+        Robot = 3 "robot",
+    }
+}
+
+codes! {
+    /// What the controller is ordered to do.
+    "command kind"
+    pub enum CommandKind {
+        /// Brake along the path, then hold.
+        Stop = 1 "stop",
+        /// Leave the fault state.
+        ResetFault = 2 "reset fault",
+        /// Run at another rate, reached by a ramp.
+        SetSpeed = 3 "set speed",
+    }
+}
+
+codes! {
+    /// Why a command has no effect.
+    "command refusal"
+    pub enum CommandRefusal {
+        /// It has.
+        None = 0 "none",
+        /// Another version of the protocol.
+        WrongVersion = 1 "wrong version",
+        /// No known kind.
+        UnknownKind = 2 "unknown kind",
+        /// The speed is not in 0..=1.
+        InvalidSpeed = 3 "invalid speed",
+        /// The fault's cause is still there.
+        FaultPersists = 4 "fault persists",
+        /// There is nothing to stop or to reset.
+        NothingToDo = 5 "nothing to do",
+        /// The loop did not take it in time; it was withdrawn, and is not carried out later.
+        LoopBusy = 6 "loop busy",
+        /// The loop did not take a stop in time; it stays in force, and is obeyed as soon as the loop goes on.
+        StopPending = 7 "stop pending: the loop has not taken it yet, and will",
+    }
+}

@@ -1,0 +1,194 @@
+//! Codes of plan requests and answers.
+
+use super::UnknownCode;
+
+codes! {
+    /// Who is to propose paths.
+    "sampler"
+    pub enum Sampler {
+        /// The daemon's own choice.
+        Default = 0 "default",
+        /// The fast learned model.
+        Fast = 1 "fast",
+        /// Straight segments in configuration space to the goal's end shapes.
+        Straight = 2 "straight",
+        /// The classical planner alone.
+        RrtConnect = 3 "rrt-connect",
+        /// The paper's diffusion model.
+        Diffusion = 4 "diffusion",
+        /// The paper's diffusion model with post correction.
+        DiffusionPost = 5 "diffusion-post",
+        /// The paper's diffusion model with guided prediction.
+        DiffusionGuided = 6 "diffusion-guided",
+    }
+}
+
+codes! {
+    /// Which candidate is selected.
+    "selection"
+    pub enum Selection {
+        /// The one of least duration.
+        ShortestTime = 0 "shortest time",
+        /// The one whose tip travels least.
+        ShortestTipPath = 1 "shortest tip path",
+        /// The one that stays farthest from the balls.
+        LargestClearance = 2 "largest clearance",
+        /// The smoothest one.
+        Smoothest = 3 "smoothest",
+        /// The one whose end shape is nearest to the start's.
+        NearestTerminalShape = 4 "nearest terminal shape",
+        /// The one that the request names.
+        ByIndex = 5 "by index",
+    }
+}
+
+codes! {
+    /// What kind of goal a request has.
+    "goal kind"
+    pub enum GoalKind {
+        /// A position of the tip.
+        Tip = 0 "tip",
+        /// A configuration.
+        Configuration = 1 "configuration",
+    }
+}
+
+codes! {
+    /// Who proposed a candidate.
+    "source"
+    pub enum Source {
+        /// The learned sampler.
+        Learned = 1 "learned",
+        /// The classical planner.
+        Classical = 2 "classical",
+        /// A straight segment in configuration space.
+        StraightLine = 3 "straight line",
+        /// The rest of the previous plan's motion.
+        Kept = 4 "kept",
+    }
+}
+
+codes! {
+    /// What became of a plan request.
+    "outcome"
+    pub enum Outcome {
+        /// All candidates wanted are there.
+        Ok = 0 "ok",
+        /// The deadline passed: fewer candidates than wanted, all of them certified.
+        Truncated = 1 "truncated by the deadline",
+        /// The start bends more than the robot may.
+        StartOutOfLimits = 2 "start out of limits",
+        /// The body touches a ball at the start.
+        StartInCollision = 3 "start in collision",
+        /// No configuration within limits puts the tip there.
+        GoalOutOfReach = 4 "goal out of reach",
+        /// Every configuration that reaches the goal touches a ball.
+        GoalInCollision = 5 "goal in collision",
+        /// No path was found and certified.
+        NoPath = 6 "no path found",
+        /// A field of the request is wrong.
+        InvalidRequest = 7 "invalid request",
+        /// The sampler wanted is not loaded.
+        SamplerNotLoaded = 8 "sampler not loaded",
+        /// More requests than the daemon takes.
+        Overloaded = 9 "overloaded",
+        /// The client gave up.
+        Cancelled = 10 "cancelled",
+        /// The request speaks another version of the protocol.
+        WrongVersion = 11 "wrong version",
+        /// Planned, but not published for execution: the text says why.
+        ExecutionRefused = 12 "execution refused",
+        /// Some candidates, all of them certified; the whole answer follows.
+        Early = 13 "early",
+        /// The start moves faster than the robot may, or cannot brake without contact.
+        StartCannotStop = 14 "start cannot stop",
+    }
+}
+
+impl Outcome {
+    /// Whether the answer carries candidates that may be used.
+    #[must_use]
+    pub const fn has_candidates(self) -> bool {
+        matches!(
+            self,
+            Self::Ok | Self::Truncated | Self::ExecutionRefused | Self::Early
+        )
+    }
+}
+
+codes! {
+    /// A stage of planning that the answer times: the index into `stages_ns`.
+    ///
+    /// Paths go through correction, time allocation, certification and their figures one after the other, several paths at
+    /// once: the time of all is divided among these stages by what each took on the workers.
+    "stage"
+    pub enum Stage {
+        /// From reception until work began.
+        Wait = 0 "wait",
+        /// End shapes and features.
+        Condition = 1 "condition",
+        /// Drawing from the model.
+        Sample = 2 "sample",
+        /// Straightening and analytic correction.
+        Correct = 3 "correct",
+        /// Certification of paths and motions.
+        Certify = 4 "certify",
+        /// Time allocation.
+        Time = 5 "time",
+        /// Figures of merit, filling by trees, selection.
+        Select = 6 "select",
+        /// Writing the answer in place.
+        Write = 7 "write",
+    }
+}
+
+codes! {
+    /// A field of a plan request that can be wrong.
+    "plan field"
+    pub enum PlanField {
+        /// None.
+        None = 0 "none",
+        /// `protocol_version`.
+        ProtocolVersion = 1 "protocol_version",
+        /// `candidate_count`.
+        CandidateCount = 2 "candidate_count",
+        /// `deadline_ns`.
+        Deadline = 3 "deadline_ns",
+        /// `sampler`.
+        Sampler = 4 "sampler",
+        /// `selection`.
+        Selection = 5 "selection",
+        /// `selected_index`.
+        SelectedIndex = 6 "selected_index",
+        /// `execute`.
+        Execute = 7 "execute",
+        /// `goal_kind`.
+        GoalKind = 8 "goal_kind",
+        /// `ball_count`.
+        BallCount = 9 "ball_count",
+        /// `start_configuration_rad`.
+        StartConfiguration = 10 "start_configuration_rad",
+        /// `start_velocity_rad_s`.
+        StartVelocity = 11 "start_velocity_rad_s",
+        /// `start_acceleration_rad_s2`.
+        StartAcceleration = 12 "start_acceleration_rad_s2",
+        /// `goal_tip_m`.
+        GoalTip = 13 "goal_tip_m",
+        /// `goal_configuration_rad`.
+        GoalConfiguration = 14 "goal_configuration_rad",
+        /// `tip_tolerance_m`.
+        TipTolerance = 15 "tip_tolerance_m",
+        /// `limits_scale`.
+        LimitsScale = 16 "limits_scale",
+        /// `begin_mono_ns`.
+        Begin = 17 "begin_mono_ns",
+        /// `balls`.
+        Balls = 18 "balls",
+        /// `early_candidate_count`.
+        EarlyCandidateCount = 19 "early_candidate_count",
+        /// `previous_plan_id`.
+        PreviousPlan = 20 "previous_plan_id",
+        /// `previous_candidate`.
+        PreviousCandidate = 21 "previous_candidate",
+    }
+}
