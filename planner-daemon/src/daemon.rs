@@ -17,8 +17,9 @@ use planning::{
 use realtime::{Pages, RealtimeError};
 use shared_types::clock::mono_now_ns;
 use shared_types::ipc::{
-    IpcError, IpcNode, IpcOptions, Role, RoleLock, event_listener, event_notifier,
-    PlanServiceCapacity, plan_answered_event, plan_asked_event, plan_server, plan_service, shared_memory,
+    IpcError, IpcNode, IpcOptions, PlanServiceCapacity, Role, RoleLock, event_listener,
+    event_notifier, plan_answered_event, plan_asked_event, plan_server, plan_service,
+    shared_memory,
 };
 use trajectory::{BRAKING_SHARE, RateLaw};
 
@@ -283,7 +284,8 @@ fn load_planner(
         .as_ref()
         .map(|folder| load_models(folder, config, robot));
     let models = models.transpose()?.unwrap_or_default();
-    let planner = Planner::new(robot, models, config.threads).map_err(|source| not_served(config, source))?;
+    let planner =
+        Planner::new(robot, models, config.threads).map_err(|source| not_served(config, source))?;
     planner.on_every_worker(|| {
         // A defect of the planner is an answer like any other.
         logging::panics_are_caught_here();
