@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 
 use pcc_model::TendonLimits;
-use shared_types::codes::MotorState;
+use shared_types::codes::{LoopState, MotorState};
 use shared_types::message::{RobotState, Setpoint};
 
 use crate::listener::Heard;
@@ -46,8 +46,10 @@ pub struct Verdict {
     pub velocity: f64,
     /// Largest acceleration of a set-point over the limit.
     pub acceleration: f64,
-    /// Steps from set-point to set-point, from one controller to the next and over pauses, too.
+    /// Steps from set-point to set-point, over pauses, too.
     pub sent: StepUse,
+    /// Steps from the robot's reference to the first set-point of a controller that takes hold of it.
+    pub taken: StepUse,
     /// Steps of the robot's own reference where it does not follow: ramps to rest, rests, restarts, and taking hold again.
     pub unled: StepUse,
     /// Controllers and robots that began anew in between.
@@ -97,12 +99,15 @@ impl Judge {
 
     /// Looks at the next piece.
     pub fn look(&mut self, heard: &Heard) {
-        for setpoint in &heard.setpoints {
-            self.look_at_setpoint(setpoint);
-        }
+        let mut setpoints = heard.setpoints.iter().peekable();
         for state in &heard.robot {
+            let is_before = |setpoint: &&Setpoint| setpoint.stamp_mono_ns <= state.stamp_mono_ns;
+            while let Some(setpoint) = setpoints.next_if(is_before) {
+                self.look_at_setpoint(setpoint);
+            }
             self.look_at_robot(state);
         }
+        setpoints.for_each(|setpoint| self.look_at_setpoint(setpoint));
         let old = self.known.len().saturating_sub(REMEMBERED);
         self.known.drain(..old);
         for cycle in &heard.cycles {
@@ -128,14 +133,32 @@ impl Judge {
             let verdict = &mut self.verdict;
             verdict.lost[0] += gap(Some(before.sequence), now.sequence);
             verdict.restarts += usize::from(now.sequence <= before.sequence);
-            let step = self.step(&Sample::of_setpoint(&before), &Sample::of_setpoint(now));
-            self.verdict.sent.add(&step);
-            self.judge_step(&step, || {
-                let [from, to] = [&before, now].map(|sent| (sent.sequence, sent.state));
-                format!("set-points (number, state) {from:?} to {to:?}")
-            });
+            self.look_at_step(&before, now);
         }
         self.known.push_back(*now);
+    }
+
+    /// A set-point goes on from the one before, or, where the controller takes hold of a robot anew, from the robot's reference: of
+    /// the set-points before, the robot may have followed the last ones no more.
+    fn look_at_step(&mut self, before: &Setpoint, now: &Setpoint) {
+        let starting = LoopState::Starting.code();
+        let takes_hold = now.state == starting && before.state != starting;
+        let from = match self.robot.filter(|_| takes_hold) {
+            Some(robot) => Sample::of_robot(&robot),
+            None => Sample::of_setpoint(before),
+        };
+        let step = self.step(&from, &Sample::of_setpoint(now));
+        let verdict = &mut self.verdict;
+        let used = if takes_hold {
+            &mut verdict.taken
+        } else {
+            &mut verdict.sent
+        };
+        used.add(&step);
+        self.judge_step(&step, || {
+            let [from, to] = [before, now].map(|sent| (sent.sequence, sent.state));
+            format!("set-points (number, state) {from:?} to {to:?}")
+        });
     }
 
     fn look_at_robot(&mut self, now: &RobotState) {
@@ -382,6 +405,32 @@ mod tests {
             .iter_mut()
             .for_each(|sample| sample.position_m[0] += 0.05);
         assert_eq!(judged(two, Vec::new()).offence_count, 1);
+    }
+
+    #[test]
+    fn who_takes_hold_begins_at_the_robots_reference() {
+        for (reference_m, offences) in [(0.02, 0), (0.021, 1)] {
+            let executing = Setpoint {
+                state: LoopState::Executing.code(),
+                ..setpoint(1)
+            };
+            let taking_hold = Setpoint {
+                sequence: 2,
+                stamp_mono_ns: 102_000_000,
+                position_m: [0.02; 9],
+                ..Setpoint::ZEROED
+            };
+            let at_rest = RobotState {
+                sequence: 1,
+                stamp_mono_ns: 101_500_000,
+                state: MotorState::AtRestAfterLoss.code(),
+                accepted_setpoint_m: [reference_m; 9],
+                ..RobotState::ZEROED
+            };
+            let verdict = judged(vec![executing, taking_hold], vec![at_rest]);
+            assert_eq!(verdict.offence_count, offences, "{verdict:?}");
+            assert_eq!((verdict.sent.pairs, verdict.taken.pairs), (0, 1));
+        }
     }
 
     #[test]

@@ -246,7 +246,7 @@ impl Experiment<'_> {
         let anew = |state: &RobotState| state.stamp_mono_ns > since_ns;
         match part {
             Part::Robot => self.listener.with(|heard| heard.robot.iter().any(anew)),
-            Part::Daemon => self.stack.client.wait_for_daemon(Duration::ZERO).is_ok(),
+            Part::Daemon => self.stack.process(part).log().contains(" ready"),
             Part::Controller => self.listener.with(|heard| {
                 let held = |cycle: &shared_types::message::Cycle| {
                     cycle.stamp_mono_ns > since_ns && cycle.state == LoopState::Holding.code()
