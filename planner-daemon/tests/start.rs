@@ -30,7 +30,7 @@ fn every_reason_not_to_start_is_named() {
         ("shared_memory_budget_mb = 1.0", "shared_memory_budget_mb"),
         (
             "candidates = 64\nknots_per_candidate = 256",
-            "MB of shared memory",
+            "candidates = 64, knots_per_candidate = 256",
         ),
         (
             "resident_memory_budget_mb = 1.0",
