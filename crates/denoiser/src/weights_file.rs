@@ -30,7 +30,11 @@ pub enum WeightsError {
         allowed: &'static str,
     },
     /// The manifest has no such name.
-    #[error("{path} has no weights `{name}`; one of {} is needed (weights/README.md says how to train more)", .known.join(", "))]
+    #[error(
+        "{path} has no weights `{}`; one of {} is needed (weights/README.md says how to train more)",
+        shortened(.name),
+        .known.join(", ")
+    )]
     NotInManifest {
         /// The manifest.
         path: PathBuf,

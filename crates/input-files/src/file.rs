@@ -13,7 +13,7 @@ use crate::settings::shown;
 #[derive(Debug, Error)]
 pub enum InputFileError {
     /// The system refuses to open or to read it.
-    #[error("cannot read {}: {source}", shown(.path))]
+    #[error("cannot read {}, and a file that can be read is needed: {source}", shown(.path))]
     Unreadable {
         /// The file.
         path: PathBuf,
