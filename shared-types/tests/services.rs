@@ -403,54 +403,6 @@ fn a_client_beyond_the_capacity_is_refused_and_may_come_when_another_leaves() {
 }
 
 #[test]
-fn commands_are_answered() {
-    let world = world();
-    let node = IpcNode::create(&world.options, "test").unwrap();
-    let service = command_service(&node).unwrap();
-    let (server, client) = (
-        command_server(&node, &service).unwrap(),
-        command_client(&node, &service).unwrap(),
-    );
-    let pending = client
-        .send_copy(Command {
-            command_id: 7,
-            kind: 1,
-            ..Command::ZEROED
-        })
-        .unwrap();
-    let active = server.receive().unwrap().unwrap();
-    active
-        .send_copy(CommandReply {
-            command_id: active.command_id,
-            accepted: 1,
-            ..CommandReply::ZEROED
-        })
-        .unwrap();
-    let reply = pending.receive().unwrap().unwrap();
-    assert_eq!((reply.command_id, reply.accepted), (7, 1));
-}
-
-#[test]
-fn a_command_arrives_whose_sender_waits_for_no_reply() {
-    let world = world();
-    let node = IpcNode::create(&world.options, "test").unwrap();
-    let service = command_service(&node).unwrap();
-    let (server, client) = (
-        command_server(&node, &service).unwrap(),
-        command_client(&node, &service).unwrap(),
-    );
-    let stop = Command {
-        command_id: 7,
-        kind: 1,
-        ..Command::ZEROED
-    };
-    drop(client.send_copy(stop).unwrap());
-    let active = server.receive().unwrap().unwrap();
-    assert_eq!(active.command_id, 7);
-    assert!(!active.is_connected());
-}
-
-#[test]
 fn the_budget_is_what_the_segments_take() {
     let world = world();
     let node = IpcNode::create(&world.options, "test").unwrap();

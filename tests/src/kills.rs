@@ -17,6 +17,7 @@ use crate::disturbance::{Kind, Ongoing, threads};
 use crate::judge::{Judge, Verdict};
 use crate::listener::{Heard, Listener};
 use crate::process::TimedOut;
+use crate::retries::without_numbers;
 use crate::rounds::{Phase, Round, goal_of, no_way_out, rounds, somewhere_near};
 use crate::stack::{MoveError, Part, Stack, tip_error};
 use crate::supervision::{Watch, Watched};
@@ -475,12 +476,6 @@ impl Experiment<'_> {
                 .extend(names.map(|thread| thread.name));
         }
     }
-}
-
-/// Causes differ in words, not in ids and distances.
-fn without_numbers(text: &str) -> String {
-    let digit = |c: char| if c.is_ascii_digit() { '#' } else { c };
-    text.chars().map(digit).collect()
 }
 
 fn last_line(log: &str) -> String {

@@ -5,10 +5,16 @@ use std::sync::Mutex;
 
 static ASKED_AGAIN: Mutex<BTreeMap<String, usize>> = Mutex::new(BTreeMap::new());
 
-/// Notes a motion that is asked for again; causes differ in words, not in numbers.
+/// Notes a motion that is asked for again.
 pub fn note(cause: &str) {
-    let cause = cause.replace(|c: char| c.is_ascii_digit(), "#");
+    let cause = without_numbers(cause);
     *ASKED_AGAIN.lock().unwrap().entry(cause).or_default() += 1;
+}
+
+/// A cause as it is counted: causes differ in words, not in ids and distances.
+#[must_use]
+pub fn without_numbers(cause: &str) -> String {
+    cause.replace(|c: char| c.is_ascii_digit(), "#")
 }
 
 /// What was noted since the last call.

@@ -1,6 +1,7 @@
 //! What a sequence of set-points did, from the set-points alone.
 
 use pcc_model::{Configuration, TendonLimits};
+use tests::motion::{largest, raise};
 use trajectory::Knot;
 
 /// A cycle as it was sent.
@@ -106,21 +107,6 @@ impl Figures {
         raise(&mut self.off_path_rad, other.off_path_rad);
         raise(&mut self.ahead_s, other.ahead_s);
     }
-}
-
-/// NaN is larger than everything.
-fn raise(figure: &mut f64, value: f64) {
-    if value.is_nan() || value > *figure {
-        *figure = value;
-    }
-}
-
-fn largest(values: &[f64; 9]) -> f64 {
-    let mut most = 0.0;
-    values
-        .iter()
-        .for_each(|value| raise(&mut most, value.abs()));
-    most
 }
 
 fn divided(after: &[f64; 9], before: &[f64; 9], elapsed_s: f64) -> [f64; 9] {
