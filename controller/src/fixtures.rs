@@ -26,7 +26,7 @@ pub(crate) fn robot_config() -> RobotConfig {
 pub(crate) const SETTINGS: ExecutiveSettings = ExecutiveSettings {
     period_ns: MS,
     step_cap_ns: 20 * MS,
-    late_run_limit: 20,
+    late_run_ns: 100 * MS,
     robot_lost_ns: 20 * MS,
     tracking_filter_s: 0.01,
     hold_tolerance_rad: 0.02,

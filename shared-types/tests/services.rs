@@ -154,28 +154,33 @@ fn a_second_publisher_of_trajectories_is_refused() {
     publisher(&node, &topic).unwrap();
 }
 
-/// Fills all places that visitors get; how many places are left then.
-fn places_left_by_visitors<T>(open: impl Fn(&IpcNode) -> Result<Topic<T>, IpcError>) -> usize
+/// Fills all places that watchers get, and then all that visitors get; how many are left to visitors, and to the robot's processes.
+fn places_left<T>(open: impl Fn(&IpcNode) -> Result<Topic<T>, IpcError>) -> [usize; 2]
 where
     T: Copy + std::fmt::Debug + ZeroCopySend + 'static,
 {
+    type Subscribe<T> = fn(&IpcNode, &Topic<T>) -> Result<Subscriber<T>, IpcError>;
     let world = world();
     let node = IpcNode::create(&world.options, "test").unwrap();
     let topic = open(&node).unwrap();
-    let visitors: Vec<_> = std::iter::from_fn(|| visiting_subscriber(&node, &topic).ok()).collect();
-    assert!(!visitors.is_empty());
-    std::iter::from_fn(|| subscriber(&node, &topic).ok())
-        .collect::<Vec<_>>()
-        .len()
+    let fill = |subscribe: Subscribe<T>| -> Vec<_> {
+        std::iter::from_fn(|| subscribe(&node, &topic).ok()).collect()
+    };
+    let watchers = fill(watching_subscriber);
+    assert!(!watchers.is_empty());
+    let visitors = fill(visiting_subscriber);
+    [visitors.len(), fill(subscriber).len()]
 }
 
 #[test]
-fn who_only_watches_leaves_places_for_the_processes_that_the_robot_needs() {
-    assert_eq!(places_left_by_visitors(trajectory_service), 2);
-    assert_eq!(places_left_by_visitors(setpoint_service), 2);
-    assert_eq!(places_left_by_visitors(scene_service), 2);
-    assert_eq!(places_left_by_visitors(scene_status_service), 2);
-    assert_eq!(places_left_by_visitors(heartbeat_service), 4);
+fn who_watches_leaves_places_for_who_acts_and_both_for_the_processes_that_the_robot_needs() {
+    assert_eq!(places_left(trajectory_service), [0, 2]);
+    assert_eq!(places_left(setpoint_service), [0, 2]);
+    assert_eq!(places_left(robot_state_service), [6, 2]);
+    assert_eq!(places_left(controller_state_service), [6, 2]);
+    assert_eq!(places_left(scene_service), [0, 2]);
+    assert_eq!(places_left(scene_status_service), [0, 2]);
+    assert_eq!(places_left(heartbeat_service), [2, 2]);
 }
 
 #[test]

@@ -1,14 +1,17 @@
 //! The three processes of one robot, and how to make them move.
 
 use std::process::Stdio;
+use std::thread::{scope, sleep};
 use std::time::Duration;
 
 use client::{Client, ClientError, ControllerView, RobotView};
 use pcc_model::{Configuration, Point, Robot};
+use realtime::use_fifo_priority;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopState, Outcome};
 use shared_types::valid::{Command, ControllerState, Goal, PlanRequest};
 
+use crate::priority::OF_A_SENTRY;
 use crate::process::{Process, TimedOut, wait_for};
 use crate::retries;
 use crate::world::{Settings, World};
@@ -182,6 +185,28 @@ impl Stack {
         self.process(part).kill9();
     }
 
+    /// Holds all three, as when a whole machine pauses, and lets them go on at the same time.
+    pub fn pause(&mut self, pause: Duration, meanwhile: impl FnOnce()) {
+        self.signal_at_once(libc::SIGSTOP);
+        sleep(pause);
+        meanwhile();
+        self.signal_at_once(libc::SIGCONT);
+    }
+
+    /// Above their own threads, so that none goes on while another still waits for its signal.
+    fn signal_at_once(&mut self, signal: libc::c_int) {
+        let processes: &[_] = &self.processes;
+        let send = || {
+            // A refusal makes them apart in time, and nothing else.
+            let _ = use_fifo_priority(OF_A_SENTRY);
+            let running = processes.iter().flatten();
+            running.for_each(|process| process.signal(signal));
+        };
+        scope(|scope| {
+            scope.spawn(send);
+        });
+    }
+
     /// Waits until the daemon serves and the controller holds; resets a fault that a killed peer has left.
     ///
     /// # Errors
@@ -256,7 +281,7 @@ impl Stack {
                     let error = MoveError::Refused { outcome, reason };
                     retries::note(&error.to_string());
                     refused = Some(error);
-                    std::thread::sleep(PAUSE);
+                    sleep(PAUSE);
                 }
                 result => return result,
             }
@@ -343,7 +368,7 @@ impl Stack {
         let id = self.begin_motion(goal)?;
         let end = self.wait_for_end(id)?;
         // The motors have settled and the noise of one measurement is not the figure.
-        std::thread::sleep(Duration::from_millis(200));
+        sleep(Duration::from_millis(200));
         let measured = self
             .robot
             .latest()?

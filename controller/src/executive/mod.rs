@@ -164,7 +164,7 @@ pub struct Executive {
     guard_silence_ns: i64,
     slack_residual_m: f64,
     last_ns: Option<i64>,
-    late_run: u32,
+    late_run_ns: i64,
 }
 
 impl Executive {
@@ -205,7 +205,7 @@ impl Executive {
             guard_silence_ns: 0,
             slack_residual_m: 0.0,
             last_ns: None,
-            late_run: 0,
+            late_run_ns: 0,
         }
     }
 
@@ -273,7 +273,7 @@ impl Executive {
         // The trajectory is over, and so is what it allowed.
         self.path_tolerance_rad = self.settings.hold_tolerance_rad;
         self.tracking.restart();
-        self.late_run = 0;
+        self.late_run_ns = 0;
         self.state = if self.followed {
             LoopState::Holding
         } else {

@@ -7,8 +7,8 @@ pub struct ExecutiveSettings {
     pub period_ns: i64,
     /// Furthest step along a trajectory in one cycle, ns.
     pub step_cap_ns: i64,
-    /// Late cycles in a row after which a motion is stopped.
-    pub late_run_limit: u32,
+    /// For how long cycles may come late one after the other before a motion is stopped, ns; each counts as the step cap at most.
+    pub late_run_ns: i64,
     /// Cycle time without a new robot state at which the robot counts as lost, ns.
     pub robot_lost_ns: i64,
     /// Time constant of the tracking error's low pass, s.

@@ -223,8 +223,14 @@ impl Executive {
 
     fn watch_punctuality(&mut self, elapsed_ns: i64) -> bool {
         let late = elapsed_ns > self.settings.period_ns + self.settings.period_ns / 2;
-        self.late_run = if late { self.late_run + 1 } else { 0 };
-        if self.is_moving() && self.late_run > self.settings.late_run_limit {
+        // A pause of the whole machine is one cycle, however long.
+        let counted_ns = elapsed_ns.min(self.settings.step_cap_ns);
+        self.late_run_ns = if late {
+            self.late_run_ns + counted_ns
+        } else {
+            0
+        };
+        if self.is_moving() && self.late_run_ns > self.settings.late_run_ns {
             self.stop_for(LoopFault::TooLate);
         }
         late

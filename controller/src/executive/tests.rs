@@ -163,8 +163,8 @@ fn late_cycles_sample_by_absolute_time_without_a_jump() {
 }
 
 #[test]
-fn more_than_twenty_late_cycles_in_a_row_are_a_controlled_stop() {
-    for (late_cycles, fault) in [(20, LoopFault::None), (21, LoopFault::TooLate)] {
+fn late_cycles_for_more_than_100_ms_on_end_are_a_controlled_stop() {
+    for (late_cycles, fault) in [(33, LoopFault::None), (34, LoopFault::TooLate)] {
         let mut world = World::holding();
         world.begin_motion(1);
         world.run(1_000);

@@ -26,8 +26,8 @@ struct File {
     lock_memory: bool,
     #[serde(default = "defaults::step_cap_ms")]
     step_cap_ms: f64,
-    #[serde(default = "defaults::late_run_limit")]
-    late_run_limit: u32,
+    #[serde(default = "defaults::late_run_ms")]
+    late_run_ms: u32,
     #[serde(default = "defaults::robot_lost_ms")]
     robot_lost_ms: u32,
     #[serde(default = "defaults::daemon_lost_ms")]
@@ -50,12 +50,12 @@ mod defaults {
         processor: i64 = -1;
         lock_memory: bool = true;
         step_cap_ms: f64 = 20.0;
-        late_run_limit: u32 = 20;
+        late_run_ms: u32 = 100;
         robot_lost_ms: u32 = 20;
         daemon_lost_ms: u32 = 200;
         tracking_filter_ms: f64 = 10.0;
         hold_tolerance_rad: f64 = 0.05;
-        begin_past_ms: u32 = 20;
+        begin_past_ms: u32 = 100;
         begin_ahead_s: u32 = 60;
     }
 }
@@ -120,7 +120,7 @@ impl File {
     fn check_times(&self, checked: &SettingsFile<'_>) -> Result<(), SettingsError> {
         let two_periods_ms = 2e3 / f64::from(self.rate_hz);
         checked.within("step_cap_ms", self.step_cap_ms, two_periods_ms..=100.0)?;
-        checked.within("late_run_limit", self.late_run_limit, 1..=1000)?;
+        checked.within("late_run_ms", self.late_run_ms, 10..=1000)?;
         checked.within("robot_lost_ms", self.robot_lost_ms, 5..=1000)?;
         let daemon = self.daemon_lost_ms;
         let holds = daemon == 0 || (40..=10_000).contains(&daemon);
@@ -136,7 +136,7 @@ impl File {
         ExecutiveSettings {
             period_ns: 1_000_000_000 / i64::from(self.rate_hz),
             step_cap_ns,
-            late_run_limit: self.late_run_limit,
+            late_run_ns: whole_ms(self.late_run_ms),
             robot_lost_ns: whole_ms(self.robot_lost_ms),
             tracking_filter_s: self.tracking_filter_ms * 1e-3,
             hold_tolerance_rad: self.hold_tolerance_rad,
@@ -220,11 +220,7 @@ mod tests {
                 "step_cap_ms = nan",
                 "step_cap_ms = NaN",
             ),
-            (
-                "late_run_limit = 20",
-                "late_run_limit = 0",
-                "late_run_limit = 0",
-            ),
+            ("late_run_ms = 100", "late_run_ms = 0", "late_run_ms = 0"),
             (
                 "robot_lost_ms = 20",
                 "robot_lost_ms = 1",

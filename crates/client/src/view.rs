@@ -6,15 +6,18 @@ use std::time::Duration;
 
 use iceoryx2::prelude::ZeroCopySend;
 use shared_types::ipc::{
-    CommandClient, CommandService, CycleSubscriber, IpcNode, IpcOptions, Subscriber,
-    command_service, controller_state_service, cycle_service, cycle_subscriber,
-    robot_state_service, visiting_command_client, visiting_subscriber,
+    CommandClient, CommandService, CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber,
+    Topic, command_service, controller_state_service, cycle_service, cycle_subscriber,
+    robot_state_service, visiting_command_client, visiting_subscriber, watching_subscriber,
 };
 use shared_types::message;
 use shared_types::valid::{Command, CommandReply, ControllerState, Cycle, Invalid, RobotState};
 
 use crate::ClientError;
 use crate::patience::{Cleaner, PAUSE, Patience, wait};
+
+/// How a place among those who receive `T` is taken.
+type Subscribe<T> = fn(&IpcNode, &Topic<T>) -> Result<Subscriber<T>, IpcError>;
 
 const CONTROLLER: &str = "controller";
 const ROBOT: &str = "robot";
@@ -38,8 +41,23 @@ impl ControllerView {
     /// # Errors
     /// [`ClientError::Ipc`].
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
+        Self::join(options, visiting_subscriber)
+    }
+
+    /// Joins like [`connect`](Self::connect) for a program that only watches: it leaves places free for those that act.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`].
+    pub fn watch(options: &IpcOptions) -> Result<Self, ClientError> {
+        Self::join(options, watching_subscriber)
+    }
+
+    fn join(
+        options: &IpcOptions,
+        subscribe: Subscribe<message::ControllerState>,
+    ) -> Result<Self, ClientError> {
         let node = IpcNode::create(options, "pcc-controller-view")?;
-        let states = visiting_subscriber(&node, &controller_state_service(&node)?)?;
+        let states = subscribe(&node, &controller_state_service(&node)?)?;
         let command_service = command_service(&node)?;
         Ok(Self {
             states,
@@ -143,8 +161,23 @@ impl RobotView {
     /// # Errors
     /// [`ClientError::Ipc`].
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
+        Self::join(options, visiting_subscriber)
+    }
+
+    /// Joins like [`connect`](Self::connect) for a program that only watches: it leaves places free for those that act.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`].
+    pub fn watch(options: &IpcOptions) -> Result<Self, ClientError> {
+        Self::join(options, watching_subscriber)
+    }
+
+    fn join(
+        options: &IpcOptions,
+        subscribe: Subscribe<message::RobotState>,
+    ) -> Result<Self, ClientError> {
         let node = IpcNode::create(options, "pcc-robot-view")?;
-        let states = visiting_subscriber(&node, &robot_state_service(&node)?)?;
+        let states = subscribe(&node, &robot_state_service(&node)?)?;
         Ok(Self {
             states,
             latest: None,

@@ -28,6 +28,15 @@ pub enum SceneFileError {
     /// The file is not read, is not TOML, a key is missing or unknown, or a value has the wrong type.
     #[error("scene file: {0}")]
     Settings(#[from] SettingsError),
+    /// It names neither an obstacle nor that there is none.
+    #[error(
+        "scene file {} names no obstacle; where there is none, `balls = []` is needed, so that a file that was cut off is no empty scene",
+        shown(.path)
+    )]
+    Silent {
+        /// The scene file.
+        path: PathBuf,
+    },
     /// An entry is refused.
     #[error("scene file {}: {entry}: {source}", shown(.path))]
     Entry {
@@ -99,8 +108,7 @@ pub enum EntryError {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
-    #[serde(default)]
-    balls: Vec<BallEntry>,
+    balls: Option<Vec<BallEntry>>,
     #[serde(default)]
     capsules: Vec<CapsuleEntry>,
     #[serde(default)]
@@ -109,6 +117,18 @@ struct File {
     meshes: Vec<MeshEntry>,
     #[serde(default)]
     voxels: Vec<VoxelsEntry>,
+}
+
+impl File {
+    fn is_silent(&self) -> bool {
+        let solids = [
+            self.capsules.len(),
+            self.boxes.len(),
+            self.meshes.len(),
+            self.voxels.len(),
+        ];
+        self.balls.is_none() && solids == [0; 4]
+    }
 }
 
 #[derive(Deserialize)]
@@ -170,17 +190,21 @@ impl Scene {
     /// [`SceneFileError`], naming the file, the entry and what is allowed.
     pub fn from_file(path: &Path, section_length_m: f64) -> Result<Self, SceneFileError> {
         let file: File = SettingsFile { path }.read()?;
-        if file.balls.len() > MAX_FILE_BALLS {
+        if file.is_silent() {
+            return Err(SceneFileError::Silent { path: path.into() });
+        }
+        let balls = file.balls.as_deref().unwrap_or_default();
+        if balls.len() > MAX_FILE_BALLS {
             return Err(SceneFileError::Balls {
                 path: path.into(),
-                count: file.balls.len(),
+                count: balls.len(),
             });
         }
         let reader = Reader {
             path,
             unit: section_length_m,
         };
-        let balls = reader.entries("balls", &file.balls, Reader::ball)?;
+        let balls = reader.entries("balls", balls, Reader::ball)?;
         let solids = reader.solids(&file)?;
         Self::with_solids(balls, solids).map_err(|source| SceneFileError::Scene {
             path: path.into(),

@@ -55,10 +55,17 @@ fn the_shipped_scene_is_read_in_units_of_the_section_length() {
 }
 
 #[test]
-fn an_empty_file_is_an_empty_scene_and_meshes_and_grids_may_be_alone() {
-    let folder = folder("");
-    let path = folder.path().join("scene.toml");
+fn a_scene_without_obstacles_says_so() {
+    let empty = folder("balls = []");
+    let path = empty.path().join("scene.toml");
     assert!(Scene::from_file(&path, 1.0).unwrap().is_empty());
+    for silent in ["", "# all of it was cut off\n"] {
+        let said = refusal(silent);
+        assert!(
+            said.contains("names no obstacle") && said.contains("scene.toml"),
+            "{said}"
+        );
+    }
 }
 
 #[test]

@@ -28,8 +28,8 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let options = IpcOptions::from_env();
     let (mut controller, mut robot) = (
-        ControllerView::connect(&options)?,
-        RobotView::connect(&options)?,
+        ControllerView::watch(&options)?,
+        RobotView::watch(&options)?,
     );
     let pause = Duration::from_secs_f64(1.0 / arguments.rate_hz);
     let mut out = std::io::stdout();

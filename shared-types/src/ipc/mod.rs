@@ -45,4 +45,5 @@ pub use topic::{
     Subscriber, Topic, controller_state_service, cycle_publisher, cycle_service, cycle_subscriber,
     heartbeat_service, publisher, robot_state_service, scene_service, scene_status_service,
     setpoint_service, subscriber, trajectory_service, visiting_publisher, visiting_subscriber,
+    watching_subscriber,
 };

@@ -29,6 +29,9 @@ pub const CYCLES_PER_BATCH: usize = 64;
 /// Samples that a publisher may prepare at once, and that a subscriber may hold at once.
 pub(super) const LOANS: usize = 2;
 
+/// Places of a service that every visitor leaves free for daemon, controller and robot.
+const ROBOT_PLACES: usize = 2;
+
 /// Sends `T`; create it in the thread that uses it.
 pub type Publisher<T> = publisher::Publisher<ipc::Service, T, ()>;
 /// Receives `T`; create it in the thread that uses it.
@@ -48,7 +51,7 @@ pub(super) struct Qualities {
     /// Of these, places that [`visiting_publisher`] leaves free.
     pub(super) reserved_publishers: usize,
     pub(super) subscribers: usize,
-    /// Of these, places that [`visiting_subscriber`] leaves free: daemon, controller and robot get theirs however many watch.
+    /// Of these, places that [`watching_subscriber`] leaves free: who acts gets one however many watch.
     pub(super) reserved_subscribers: usize,
     pub(super) history: usize,
     pub(super) buffer: usize,
@@ -300,12 +303,24 @@ pub fn subscriber<T: Debug + ZeroCopySend>(
     any_subscriber(node, topic, 0)
 }
 
-/// Makes a subscriber for a program that only watches, like [`subscriber()`]: it leaves some places free for the processes
-/// that the robot needs.
+/// Makes a subscriber for a program that comes and goes, like [`subscriber()`]: it leaves two places free for the processes that
+/// the robot needs.
 ///
 /// # Errors
 /// As [`subscriber()`].
 pub fn visiting_subscriber<T: Debug + ZeroCopySend>(
+    node: &IpcNode,
+    topic: &Topic<T>,
+) -> Result<Subscriber<T>, IpcError> {
+    any_subscriber(node, topic, ROBOT_PLACES)
+}
+
+/// Makes a subscriber for a program that only watches, like [`visiting_subscriber()`]: it leaves some places free for programs
+/// that act as well.
+///
+/// # Errors
+/// As [`subscriber()`].
+pub fn watching_subscriber<T: Debug + ZeroCopySend>(
     node: &IpcNode,
     topic: &Topic<T>,
 ) -> Result<Subscriber<T>, IpcError> {

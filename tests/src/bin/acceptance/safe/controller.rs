@@ -183,13 +183,7 @@ fn pauses(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     {
         let id = stack.begin_motion(Goal::Configuration(SHAPES[round % 2]))?;
         stack.wait_for_progress(id, 0.5)?;
-        for part in Part::ALL {
-            stack.process(part).signal(libc::SIGSTOP);
-        }
-        thread::sleep(Duration::from_millis(pause_ms));
-        for part in Part::ALL {
-            stack.process(part).signal(libc::SIGCONT);
-        }
+        stack.pause(Duration::from_millis(pause_ms), || ());
         if stack.wait_for_end(id).is_err() {
             let state = stack.controller_state();
             faults.push(format!("{pause_ms} ms: {}, {}", state.state, state.fault));

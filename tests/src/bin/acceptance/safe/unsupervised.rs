@@ -140,7 +140,7 @@ fn of_a_dead_daemon() -> anyhow::Result<Published> {
 fn long_after_its_begin() -> anyhow::Result<Published> {
     let world = World::new(&Settings::default());
     let file = world.config("controller.toml");
-    let (shipped, patient) = ("begin_past_ms = 20", "begin_past_ms = 1000");
+    let (shipped, patient) = ("begin_past_ms = 100", "begin_past_ms = 1000");
     let text = fs::read_to_string(&file)?;
     anyhow::ensure!(text.contains(shipped), "the premise: {shipped}");
     fs::write(&file, text.replace(shipped, patient))?;

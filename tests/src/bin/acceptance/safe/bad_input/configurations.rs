@@ -49,7 +49,7 @@ const CONTROLLER: &[Key] = &[
     optional("processor", Rule::Whole(-1, 9999)),
     optional("lock_memory", Rule::Truth),
     optional("step_cap_ms", real(2.0, 100.0)),
-    optional("late_run_limit", Rule::Whole(1, 1000)),
+    optional("late_run_ms", Rule::Whole(10, 1000)),
     optional("robot_lost_ms", Rule::Whole(5, 1000)),
     optional("tracking_filter_ms", real(0.0, 1000.0)),
     optional(

@@ -78,13 +78,11 @@ pub(super) fn run(report: &mut Report) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// The crate, in a workspace of its own.
+/// The crate and those that it needs, in a workspace of their own.
 fn copy_crate(to: &Path) -> anyhow::Result<()> {
     let from = repository();
-    fs::create_dir_all(to.join("crates"))?;
-    let source = from.join("crates/denoiser");
     let copied = Command::new("cp")
-        .args(["-r", text(&source), text(&to.join("crates"))])
+        .args(["-r", text(&from.join("crates")), text(to)])
         .status()?;
     ensure!(copied.success(), "cp");
     fs::copy(from.join("Cargo.lock"), to.join("Cargo.lock"))?;

@@ -8,7 +8,6 @@ mod owners;
 mod stall;
 
 use std::fs;
-use std::thread;
 use std::time::Duration;
 
 use pcc_model::{Configuration, Point};
@@ -133,20 +132,6 @@ fn refusal(stack: &mut Stack) -> anyhow::Result<String> {
 }
 
 /// Sends a signal to all three processes, one right after the other.
-fn signal_all(stack: &mut Stack, signal: libc::c_int) {
-    for part in Part::ALL {
-        stack.process(part).signal(signal);
-    }
-}
-
-/// Holds all three processes, as when a whole machine pauses, and lets them go on at the same time.
-fn pause_all(stack: &mut Stack, pause: Duration, meanwhile: impl FnOnce()) {
-    signal_all(stack, libc::SIGSTOP);
-    thread::sleep(pause);
-    meanwhile();
-    signal_all(stack, libc::SIGCONT);
-}
-
 /// A resting ball around the middle of the body as it is commanded now.
 fn on_the_body(stack: &mut Stack) -> MovingBall {
     let shape = stack.commanded();

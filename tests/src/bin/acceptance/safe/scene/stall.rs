@@ -14,9 +14,7 @@ use tests::raw_scene::RawScenes;
 use tests::stack::{MoveError, PATIENCE, Part, Stack};
 
 use super::executed::moves;
-use super::{
-    ENDS, SECOND_NS, comes_to, execute, on_the_body, pause_all, request, running_with, settings,
-};
+use super::{ENDS, SECOND_NS, comes_to, execute, on_the_body, request, running_with, settings};
 use crate::{Report, Scale};
 
 /// A scene of a few seconds.
@@ -102,7 +100,7 @@ fn after_a_pause(
     }
     let on_the_body = on_the_body(&mut stack);
     let mut resumed_ns = 0;
-    pause_all(&mut stack, pause, || {
+    stack.pause(pause, || {
         if meanwhile {
             scenes.send(mono_now_ns(), LIFETIME_NS, &[on_the_body]);
         }

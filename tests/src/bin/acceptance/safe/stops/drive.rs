@@ -69,7 +69,7 @@ impl Driven {
         let settings = ExecutiveSettings {
             period_ns,
             step_cap_ns: STEP_CAP_NS,
-            late_run_limit: 20,
+            late_run_ns: 100_000_000,
             robot_lost_ns: 20_000_000,
             tracking_filter_s: 0.01,
             hold_tolerance_rad: 0.05,
