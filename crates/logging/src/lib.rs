@@ -31,13 +31,13 @@ use tracing_subscriber::filter::Directive;
 
 use queue::{Line, Queue};
 
-/// Longest that an end waits until its last lines, the reason among them, are written: a busy machine keeps the writer from its processor.
-const FAREWELL: Duration = Duration::from_millis(500);
-/// Longest that a panic does.
-const FAREWELL_OF_A_PANIC: Duration = Duration::from_millis(100);
-
-/// Longest that an end waits until its reason is written: on a busy machine the thread that writes gets its turn late.
-const LAST_WORD: Duration = Duration::from_secs(2);
+/// Longest time that a clean end waits for the log to be written.
+const FLUSH_TIMEOUT: Duration = Duration::from_millis(500);
+/// Longest time that an end with an error waits for the log, the reason in it, to be written: on a busy machine the thread that
+/// writes gets its turn late.
+const FLUSH_TIMEOUT_AFTER_ERROR: Duration = Duration::from_secs(2);
+/// Longest time that a panic waits for its report to be written, before it ends the process.
+const FLUSH_TIMEOUT_IN_PANIC: Duration = Duration::from_millis(100);
 
 /// Target of iceoryx2's own lines.
 const IPC: &str = "iceoryx2";
@@ -115,15 +115,15 @@ pub fn with_causes(error: &(dyn Error + 'static)) -> String {
 
 /// The exit code of `program`: 0, or 1 after the reason on standard error. Waits for the log to be written, but not long.
 pub fn exit_code<E: AsRef<dyn Error>>(program: &str, result: Result<(), E>) -> ExitCode {
-    let (code, patience) = match result {
-        Ok(()) => (ExitCode::SUCCESS, FAREWELL),
+    let (code, timeout) = match result {
+        Ok(()) => (ExitCode::SUCCESS, FLUSH_TIMEOUT),
         Err(error) => {
             say(&format!("{program}: {}", with_causes(error.as_ref())));
-            (ExitCode::FAILURE, LAST_WORD)
+            (ExitCode::FAILURE, FLUSH_TIMEOUT_AFTER_ERROR)
         }
     };
     if let Some(queue) = QUEUE.get() {
-        queue.wait_until_written(patience);
+        queue.wait_until_written(timeout);
     }
     code
 }
@@ -146,7 +146,7 @@ fn report_panic(panic: &panic::PanicHookInfo<'_>) {
         say(&trace.to_string());
     }
     if let Some(queue) = QUEUE.get() {
-        queue.wait_until_written(FAREWELL_OF_A_PANIC);
+        queue.wait_until_written(FLUSH_TIMEOUT_IN_PANIC);
     }
 }
 
