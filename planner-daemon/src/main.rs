@@ -10,11 +10,11 @@ use shared_types::ipc::IpcOptions;
 
 /// Answers plan requests over shared memory and publishes motions for execution.
 ///
-/// It serves under the prefix PCC_PREFIX (default `pcc`) and the directory PCC_ROOT (default /dev/shm/pcc-<user id>),
-/// which clients, controller and robot must share. One daemon runs under a prefix. SIGTERM and SIGINT end it after it
-/// has answered what is under way; after SIGKILL it can be started again at once. Logs go to standard error; RUST_LOG
-/// says how much (error, warn, info, debug). It exits with 0 when it is ended, and with 1 and the reason when it
-/// cannot start.
+/// It serves under the prefix PCC_PREFIX (default pcc) and the directory PCC_ROOT (default ~/.pcc-services where that
+/// exists, else /dev/shm/pcc-UID), which clients, controller and robot must share. One daemon runs under a prefix.
+/// SIGTERM and SIGINT end it after it has answered what is under way; after SIGKILL it can be started again at once.
+/// Logs go to standard error; RUST_LOG says how much (error, warn, info, debug). It exits with 0 when it is ended by a
+/// signal, and with 1 and the reason when it cannot start. A panic of a thread that does not plan aborts it (SIGABRT).
 #[derive(Parser)]
 #[command(version, verbatim_doc_comment)]
 struct Arguments {

@@ -20,9 +20,9 @@ static ALLOCATOR: LoopAllocator = LoopAllocator;
 /// publishes. It stops along the path when the daemon or the robot is lost, and latches faults until `pcc` (or any
 /// client) sends a reset. One controller runs per prefix; robot, daemon and controller start in any order.
 ///
-/// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default /dev/shm/pcc-UID) name the robot's shared memory;
-/// RUST_LOG sets the log level on stderr (default info). SIGTERM and SIGINT stop the robot along its path, then exit 0;
-/// SIGUSR1 stops it like `pcc stop`, without any service.
+/// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default ~/.pcc-services where that exists, else
+/// /dev/shm/pcc-UID) name the robot's shared memory; RUST_LOG sets the log level on stderr (default info). SIGTERM and
+/// SIGINT stop the robot along its path, then exit 0; SIGUSR1 stops it like `pcc stop`, without any service.
 #[derive(Parser)]
 #[command(version, verbatim_doc_comment)]
 struct Arguments {

@@ -26,9 +26,10 @@ use tracing::warn;
 /// kill it still stands where it stood; after a clean exit the next one stands at its start configuration. One robot
 /// runs per prefix.
 ///
-/// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default /dev/shm/pcc-UID) name the robot's shared memory;
-/// RUST_LOG sets the log level on stderr (default info). SIGTERM and SIGINT end it with exit 0. For tests, SIGUSR1 makes
-/// one motor stick (and free again), SIGUSR2 stops (and restarts) the publishing of its state.
+/// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default ~/.pcc-services where that exists, else
+/// /dev/shm/pcc-UID) name the robot's shared memory; RUST_LOG sets the log level on stderr (default info). SIGTERM and
+/// SIGINT end it with exit 0. For tests, SIGUSR1 makes one motor stick (and free again), SIGUSR2 stops (and restarts)
+/// the publishing of its state.
 #[derive(Parser)]
 #[command(version, verbatim_doc_comment)]
 struct Arguments {
