@@ -13,6 +13,6 @@ pub struct ExecutiveSettings {
     pub robot_lost_ns: i64,
     /// Time constant of the tracking error's low pass, s.
     pub tracking_filter_s: f64,
-    /// Tracking error allowed before the first trajectory brings its own, rad.
+    /// Tracking error allowed until a trajectory brings its own tolerance, and again after a reset, rad.
     pub hold_tolerance_rad: f64,
 }

@@ -35,7 +35,8 @@ const TICK: Duration = Duration::from_millis(1);
 /// The longest that the loop is waited for to take a command, ns.
 const COMMAND_NS: i64 = 50_000_000;
 
-/// The longest stop that a shutdown waits for, ns: far above v / a of any robot.
+/// Longest wait for the robot to come to rest when the process is to end, ns: many times the longest stop
+/// ([`RateLaw::longest_stop`](trajectory::RateLaw::longest_stop)) of the shipped robots, about 0.25 s.
 const SHUTDOWN_NS: i64 = 5_000_000_000;
 
 /// Longest time that one round counts for in the daemon's silence, ns: where the whole machine paused, no heart could beat.

@@ -27,7 +27,7 @@ codes! {
         None = 0 "none",
         /// No newer state of the robot for too long.
         RobotLost = 1 "robot lost",
-        /// Too many late cycles in a row.
+        /// Cycles came late one after the other for longer than the controller's `late_run_ms`.
         TooLate = 3 "too many late cycles",
         /// The robot does not follow.
         TrackingError = 4 "tracking error",

@@ -5,8 +5,9 @@
 //! after dead processes and try again before they give up. **Ports are not `Send`**: create them in the thread that
 //! uses them; the node and the open services may be moved there.
 //!
-//! Another user of the machine can neither read nor block any of it: the root path is checked ([`IpcError::OpenRoot`]), what is
-//! made is its owner's alone, and shared memory that another user made does not exist for these processes.
+//! Another user of the machine can read nothing of it: the root path is checked ([`IpcError::OpenRoot`]), what is made is its
+//! owner's alone, and shared memory that another user made does not exist for these processes. Another user can block it only by
+//! filling `/dev/shm` or by winning a race for a name (decision 0023).
 //!
 //! A process that must be the only one of its kind holds a [`RoleLock`] for as long as it lives.
 
