@@ -77,6 +77,8 @@ pub(crate) struct Selected {
     pub(crate) motion: Trajectory,
     pub(crate) candidate_index: usize,
     pub(crate) plan_id: u64,
+    /// When the request came, nanoseconds of `CLOCK_MONOTONIC`.
+    pub(crate) requested_mono_ns: i64,
     pub(crate) begin: Begin,
 }
 

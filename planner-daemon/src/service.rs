@@ -39,6 +39,8 @@ struct Queued {
     active: PlanActiveRequest,
     order: Order,
     received: Instant,
+    /// The same, nanoseconds of `CLOCK_MONOTONIC`.
+    received_mono_ns: i64,
 }
 
 impl Queued {
@@ -162,7 +164,7 @@ impl Service {
 
     /// Copies a request to private memory, checks the copy, and queues or refuses it.
     fn accept(&mut self, active: PlanActiveRequest) {
-        let received = Instant::now();
+        let (received, received_mono_ns) = (Instant::now(), mono_now_ns());
         let copy = *active.payload();
         let order = match self.border.admit(&copy, &self.plans) {
             Ok(order) => order,
@@ -173,6 +175,7 @@ impl Service {
             active,
             order,
             received,
+            received_mono_ns,
         };
         let Err(queued) = self.queue.push(client, queued) else {
             return;
@@ -280,21 +283,21 @@ impl Service {
             tracing::debug!("no plan: {fault}");
         }
         let plan_id = in_flight.plan_id;
-        let Queued { active, order, .. } = in_flight.queued;
+        let queued = in_flight.queued;
         let length = self.border.section_length_m;
-        let mut answer = Answer::of_plan(&order, planned, &self.robot, length);
+        let mut answer = Answer::of_plan(&queued.order, planned, &self.robot, length);
         answer.set_plan_id(plan_id);
         answer.set_wait(in_flight.waited);
-        if is_wanted(&active) && answer.outcome().is_some_and(Outcome::has_candidates) {
-            self.execute(&order, plan_id, &mut answer);
+        if is_wanted(&queued.active) && answer.outcome().is_some_and(Outcome::has_candidates) {
+            self.execute(&queued, plan_id, &mut answer);
         }
-        self.send(&mut answer, &active);
+        self.send(&mut answer, &queued.active);
         let selected = answer.selected().map(|(index, _)| index);
         self.plans.keep(plan_id, answer.candidates(), selected);
     }
 
-    fn execute(&mut self, order: &Order, plan_id: u64, answer: &mut Answer) {
-        let Some(begin) = order.execution else {
+    fn execute(&mut self, queued: &Queued, plan_id: u64, answer: &mut Answer) {
+        let Some(begin) = queued.order.execution else {
             return;
         };
         let published = match answer.selected() {
@@ -303,6 +306,7 @@ impl Service {
                 motion: motion.clone(),
                 candidate_index,
                 plan_id,
+                requested_mono_ns: queued.received_mono_ns,
                 begin,
             }),
             None => Err(ExecutionRefusal::NothingSelected),

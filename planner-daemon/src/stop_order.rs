@@ -135,7 +135,7 @@ impl StopOrder {
         self.unanswered = Unanswered::default();
     }
 
-    /// Hears the controller's reply; whether it just said that nothing moves, and nothing that was published before the order will:
+    /// Hears the controller's reply; whether it just said that nothing moves, and nothing that was requested before the order will:
     /// one that had begun brakes first.
     pub(crate) fn attend(&mut self, now_mono_ns: i64) -> bool {
         let Some(pending) = &self.pending else {
@@ -170,7 +170,7 @@ impl StopOrder {
     }
 }
 
-/// Whether nothing moves. Nothing that was published before the stop will, either: the controller refuses it by name.
+/// Whether nothing moves. Nothing that was requested before the stop will, either: the controller refuses it by name.
 fn is_at_rest(reply: &CommandReply) -> bool {
     matches!(
         reply.state,

@@ -380,7 +380,7 @@ impl Supervisor {
             plan_id: selected.plan_id,
             controller_instance,
             daemon_instance: self.instance,
-            published_mono_ns: mono_now_ns(),
+            requested_mono_ns: selected.requested_mono_ns,
             begin_mono_ns,
             knot_count: knots.len() as u32,
             candidate_index: selected.candidate_index as u32,

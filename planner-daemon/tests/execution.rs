@@ -353,7 +353,7 @@ fn a_motion_says_who_watches_over_it_and_is_taken_back_where_it_is_not_taken_up(
     let first = plan(&mut client, &mut controller, &executed());
     assert_eq!(first.report().outcome, Outcome::Ok);
     let trajectory = until(|| controller.trajectory());
-    assert!((before..=mono_now_ns()).contains(&trajectory.published_mono_ns));
+    assert!((before..=mono_now_ns()).contains(&trajectory.requested_mono_ns));
     let beat: Heartbeat = until(|| controller.heartbeats.receive().unwrap().map(|beat| *beat));
     assert_eq!(trajectory.daemon_instance, beat.instance);
     // It holds on, as if the trajectory had not arrived.

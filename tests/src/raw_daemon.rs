@@ -63,7 +63,7 @@ impl RawDaemon {
             plan_id: u64::from(self.last_id),
             controller_instance,
             daemon_instance: INSTANCE,
-            published_mono_ns: mono_now_ns(),
+            requested_mono_ns: mono_now_ns(),
             begin_mono_ns: mono_now_ns() + AHEAD_NS,
             knot_count: 2,
             path_tolerance_rad,

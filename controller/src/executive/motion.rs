@@ -31,7 +31,7 @@ pub struct Motion {
     /// The daemon that has published it.
     pub daemon_instance: u64,
     /// When it was published, ns of CLOCK_MONOTONIC.
-    pub published_ns: i64,
+    pub requested_ns: i64,
     /// When it begins, ns of CLOCK_MONOTONIC.
     pub begin_ns: i64,
     /// Tracking error that its certificate covers, rad.
@@ -47,7 +47,7 @@ impl Motion {
         Self {
             id: 0,
             daemon_instance: 0,
-            published_ns: 0,
+            requested_ns: 0,
             begin_ns: 0,
             path_tolerance_rad: 0.0,
             knots: Vec::with_capacity(MAX_KNOTS),
@@ -82,7 +82,7 @@ pub enum Unacceptable {
     )]
     OtherDaemon,
     /// A stop was ordered since it was published.
-    #[error("it was published {before_ms:.1} ms before a stop was ordered")]
+    #[error("it was requested {before_ms:.1} ms before a stop was ordered")]
     BeforeStop {
         /// How long before.
         before_ms: f64,
@@ -239,12 +239,12 @@ pub fn is_wanted(
     if heard.daemon_instance.is_some_and(is_others) {
         return Err(Unacceptable::OtherDaemon);
     }
-    if motion.published_ns > now_ns {
-        let ahead_ms = milliseconds(motion.published_ns - now_ns);
+    if motion.requested_ns > now_ns {
+        let ahead_ms = milliseconds(motion.requested_ns - now_ns);
         return Err(Unacceptable::FromTheFuture { ahead_ms });
     }
-    if motion.published_ns <= heard.last_stop_ns {
-        let before_ms = milliseconds(heard.last_stop_ns - motion.published_ns);
+    if motion.requested_ns <= heard.last_stop_ns {
+        let before_ms = milliseconds(heard.last_stop_ns - motion.requested_ns);
         return Err(Unacceptable::BeforeStop { before_ms });
     }
     check_begin(motion.begin_ns - now_ns, window)
@@ -363,7 +363,7 @@ mod tests {
 
     fn motion() -> Motion {
         let mut motion = curved_motion(7, NOW_NS, Configuration::zeros(), target_configuration());
-        (motion.daemon_instance, motion.published_ns) = (DAEMON, NOW_NS - 50 * MS);
+        (motion.daemon_instance, motion.requested_ns) = (DAEMON, NOW_NS - 50 * MS);
         motion
     }
 
@@ -385,10 +385,10 @@ mod tests {
                 m.daemon_instance = DAEMON + 1;
             }),
             (Refusal::BeforeStop, "0.0 ms before a stop", |m| {
-                m.published_ns = NOW_NS - 100 * MS;
+                m.requested_ns = NOW_NS - 100 * MS;
             }),
             (Refusal::Malformed, "published 1.0 ms from now", |m| {
-                m.published_ns = NOW_NS + MS;
+                m.requested_ns = NOW_NS + MS;
             }),
             (Refusal::BeginsInThePast, "30.0 ms in the past, 20.0", |m| {
                 m.begin_ns -= 30 * MS;

@@ -142,10 +142,10 @@ fn what_is_answered_busy_is_never_carried_out_and_a_stop_always_is() {
 fn a_stop_says_when_it_was_ordered_so_that_what_was_published_before_it_is_refused() {
     let mut bench = Bench::new();
     assert_eq!(bench.at_loop.shared.heard().last_stop_ns, 0);
-    let published_ns = mono_now_ns();
+    let requested_ns = mono_now_ns();
     bench.ask(Command::Stop, 1, 0);
     let stopped_ns = bench.at_loop.shared.heard().last_stop_ns;
-    assert!((published_ns..=mono_now_ns()).contains(&stopped_ns));
+    assert!((requested_ns..=mono_now_ns()).contains(&stopped_ns));
     bench.ask(Command::ResetFault, 2, 0);
     bench.ask(Command::SetSpeed(0.5), 3, 0);
     assert_eq!(bench.at_loop.shared.heard().last_stop_ns, stopped_ns);

@@ -19,7 +19,7 @@ pub(super) fn fill(motion: &mut Motion, message: &TrajectoryMessage) -> Result<(
     let checked = valid::Trajectory::try_from(message)?;
     motion.id = checked.id;
     motion.daemon_instance = checked.daemon_instance;
-    motion.published_ns = checked.published_mono_ns;
+    motion.requested_ns = checked.requested_mono_ns;
     motion.begin_ns = checked.begin_mono_ns;
     motion.path_tolerance_rad = checked.path_tolerance_rad;
     motion.knots.clear();

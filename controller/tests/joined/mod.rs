@@ -233,9 +233,9 @@ impl Joined {
         self.send(goal, |message| message.daemon_instance += 1)
     }
 
-    /// Sends a motion to `goal` that was published at `published_ns`.
-    pub(crate) fn send_motion_of(&mut self, published_ns: i64, goal: &Configuration) -> u32 {
-        self.send(goal, |message| message.published_mono_ns = published_ns)
+    /// Sends a motion to `goal` that was published at `requested_ns`.
+    pub(crate) fn send_motion_of(&mut self, requested_ns: i64, goal: &Configuration) -> u32 {
+        self.send(goal, |message| message.requested_mono_ns = requested_ns)
     }
 
     pub(crate) fn command(&self, command: Command) -> CommandReply {
@@ -302,7 +302,7 @@ fn message(id: u32, motion: &Trajectory) -> TrajectoryMessage {
         protocol_version: PROTOCOL_VERSION,
         trajectory_id: id,
         plan_id: u64::from(id),
-        published_mono_ns: mono_now_ns(),
+        requested_mono_ns: mono_now_ns(),
         begin_mono_ns: mono_now_ns() + 20_000_000,
         knot_count: u32::try_from(motion.knots().len()).unwrap(),
         path_tolerance_rad: 0.2,

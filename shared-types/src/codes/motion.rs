@@ -106,7 +106,7 @@ codes! {
         /// Another daemon than the one whose heart beats has published it: nobody watches over it.
         OtherDaemon = 13 "published by another daemon",
         /// A stop was ordered after it was published.
-        BeforeStop = 14 "published before a stop",
+        BeforeStop = 14 "requested before a stop",
     }
 }
 

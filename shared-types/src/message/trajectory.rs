@@ -33,8 +33,9 @@ wire_message! {
         /// [`super::Heartbeat::instance`] of the daemon that publishes it and watches over it. A controller that hears another
         /// daemon's heart refuses it: nobody would stop it for an obstacle.
         pub daemon_instance: u64,
-        /// When it was published, nanoseconds of `CLOCK_MONOTONIC`: what was published before the last stop is refused.
-        pub published_mono_ns: i64,
+        /// When the daemon received the request for it, nanoseconds of `CLOCK_MONOTONIC`. What was requested before the last stop is
+        /// refused.
+        pub requested_mono_ns: i64,
         /// When the motion begins, nanoseconds of `CLOCK_MONOTONIC`.
         pub begin_mono_ns: i64,
         /// Knots in use, 2..=256.

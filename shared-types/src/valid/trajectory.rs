@@ -20,8 +20,8 @@ pub struct Trajectory {
     pub controller_instance: u64,
     /// The daemon that has published it.
     pub daemon_instance: u64,
-    /// When it was published, nanoseconds of `CLOCK_MONOTONIC`.
-    pub published_mono_ns: i64,
+    /// When the daemon received the request for it, nanoseconds of `CLOCK_MONOTONIC`.
+    pub requested_mono_ns: i64,
     /// When the motion begins, nanoseconds of `CLOCK_MONOTONIC`.
     pub begin_mono_ns: i64,
     /// Tracking error that the certificate covers, radians.
@@ -56,7 +56,7 @@ impl TryFrom<&TrajectoryMessage> for Trajectory {
             )?,
             controller_instance: wire.controller_instance,
             daemon_instance: wire.daemon_instance,
-            published_mono_ns: check_stamp("published_mono_ns", wire.published_mono_ns)?,
+            requested_mono_ns: check_stamp("requested_mono_ns", wire.requested_mono_ns)?,
             begin_mono_ns: check_stamp("begin_mono_ns", wire.begin_mono_ns)?,
             path_tolerance_rad: tolerance
                 .map_err(|reason| invalid("path_tolerance_rad", reason))?,
