@@ -4,14 +4,6 @@ use std::path::{Path, PathBuf};
 
 use input_files::{SettingsError, SettingsFile};
 
-/// Functions that give the defaults of a file's keys, for serde.
-macro_rules! defaults {
-    ($($name:ident: $kind:ty = $value:expr;)*) => {
-        $(pub(super) const fn $name() -> $kind { $value })*
-    };
-}
-pub(crate) use defaults;
-
 /// Why a configuration file was refused.
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigError {

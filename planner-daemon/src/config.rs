@@ -103,12 +103,7 @@ struct File {
 mod defaults {
     use super::WaitMode;
 
-    macro_rules! defaults {
-        ($($name:ident: $kind:ty = $value:expr;)*) => {
-            $(pub(super) const fn $name() -> $kind { $value })*
-        };
-    }
-    defaults! {
+    input_files::defaults! {
         threads: usize = 2;
         candidates: usize = 16;
         knots_per_candidate: usize = 96;
@@ -133,7 +128,7 @@ struct SceneConfig {
 }
 
 #[derive(Clone, Debug, Default, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 struct LiveSceneConfig {
     expected: bool,
 }
@@ -251,20 +246,9 @@ impl Config {
 impl File {
     fn check(&self, checked: &SettingsFile) -> Result<(), ConfigError> {
         checked.within("threads", self.threads, 1..=64)?;
-        checked.within("candidates", self.candidates, 1..=MAX_CANDIDATES)?;
-        checked.within(
-            "knots_per_candidate",
-            self.knots_per_candidate,
-            16..=MAX_KNOTS,
-        )?;
-        checked.within("clients", self.clients, 1..=64)?;
-        checked.within("requests_per_client", self.requests_per_client, 1..=16)?;
-        checked.within("queued_per_client", self.queued_per_client, 1..=16)?;
-        checked.within(
-            "default_deadline_ms",
-            self.default_deadline_ms,
-            1e-3..=60_000.0,
-        )?;
+        self.check_capacity(checked)?;
+        let deadlines = 1e-3..=60_000.0;
+        checked.within("default_deadline_ms", self.default_deadline_ms, deadlines)?;
         let tolerances = LEAST_PATH_TOLERANCE_RAD..=0.1;
         checked.within("path_tolerance_rad", self.path_tolerance_rad, tolerances)?;
         checked.within("begin_lead_ms", self.begin_lead_ms, 10.0..=1000.0)?;
@@ -283,17 +267,23 @@ impl File {
         for processor in &self.processors {
             checked.within("processors", *processor, 0..=1023)?;
         }
-        let budget = 1.0..=100_000.0;
-        checked.within(
-            "shared_memory_budget_mb",
-            self.shared_memory_budget_mb,
-            budget.clone(),
-        )?;
-        checked.within(
-            "resident_memory_budget_mb",
-            self.resident_memory_budget_mb,
-            budget,
-        )?;
+        Ok(())
+    }
+
+    /// Checks what decides how much memory the daemon takes, and how much it may take.
+    fn check_capacity(&self, checked: &SettingsFile) -> Result<(), SettingsError> {
+        checked.within("candidates", self.candidates, 1..=MAX_CANDIDATES)?;
+        let knots = self.knots_per_candidate;
+        checked.within("knots_per_candidate", knots, 16..=MAX_KNOTS)?;
+        checked.within("clients", self.clients, 1..=64)?;
+        checked.within("requests_per_client", self.requests_per_client, 1..=16)?;
+        checked.within("queued_per_client", self.queued_per_client, 1..=16)?;
+        for (key, megabytes) in [
+            ("shared_memory_budget_mb", self.shared_memory_budget_mb),
+            ("resident_memory_budget_mb", self.resident_memory_budget_mb),
+        ] {
+            checked.within(key, megabytes, 1.0..=100_000.0)?;
+        }
         Ok(())
     }
 

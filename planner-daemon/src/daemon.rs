@@ -154,22 +154,7 @@ impl Daemon {
             realtime::use_fifo_priority(serving)?;
         }
         let resident_bytes = check_resident_memory(config)?;
-        tracing::info!(
-            "robot {}, {}, {} threads, up to {} candidates of {} knots for {} clients",
-            robot.name,
-            resident_models(config),
-            config.threads,
-            config.capacity.candidates,
-            config.capacity.knots_per_candidate,
-            config.capacity.clients
-        );
-        tracing::info!(
-            "shared memory {:.1} of {:.1} MB, resident memory {:.1} of {:.1} MB",
-            megabytes(shared_bytes),
-            megabytes(config.shared_memory_budget),
-            megabytes(resident_bytes),
-            megabytes(config.resident_memory_budget)
-        );
+        announce(config, &robot, [shared_bytes, resident_bytes]);
         Ok(Self {
             service,
             _background: background,
@@ -184,6 +169,26 @@ impl Daemon {
         self.service.run(terminated);
         tracing::info!("ended");
     }
+}
+
+/// Logs what was loaded, and the shared and resident memory that is taken, bytes.
+fn announce(config: &Config, robot: &Robot, [shared_bytes, resident_bytes]: [usize; 2]) {
+    tracing::info!(
+        "robot {}, {}, {} threads, up to {} candidates of {} knots for {} clients",
+        robot.name,
+        resident_models(config),
+        config.threads,
+        config.capacity.candidates,
+        config.capacity.knots_per_candidate,
+        config.capacity.clients
+    );
+    tracing::info!(
+        "shared memory {:.1} of {:.1} MB, resident memory {:.1} of {:.1} MB",
+        megabytes(shared_bytes),
+        megabytes(config.shared_memory_budget),
+        megabytes(resident_bytes),
+        megabytes(config.resident_memory_budget)
+    );
 }
 
 /// The models that requests can be answered with.

@@ -1,5 +1,6 @@
 //! What the unit tests plan with.
 
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -13,7 +14,8 @@ use crate::admission::Order;
 
 /// The shipped unit robot.
 pub(crate) fn unit_robot() -> Robot {
-    Robot::from_toml_str(include_str!("../../config/robots/unit.toml")).unwrap()
+    let text = include_str!("../../config/robots/unit.toml");
+    Robot::from_toml_str(text, Path::new("unit.toml")).unwrap()
 }
 
 /// From the straight shape to a bent one, nothing in the way.

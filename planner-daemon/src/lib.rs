@@ -1,9 +1,15 @@
 //! The planner daemon: keeps robot and model resident, and answers plan requests over shared memory.
 //!
-//! One thread receives and answers requests and never plans ([`Daemon::run`]); the planner's own workers plan, one request at a time;
-//! one publishes motions and watches over the one under way, and does nothing else; two more send heartbeats, while that one goes on,
-//! and clean up after dead processes. The plan's way through it: private copy, border check, fair queue, planning, selection, and for
-//! a motion to be executed the check against controller and live scene, in the thread that then supervises it.
+//! Its threads:
+//!
+//! - The service thread receives and answers requests, and never plans ([`Daemon::run`]).
+//! - The planner's workers plan, one request at a time.
+//! - The supervision thread publishes motions and watches over the one under way, and does nothing else.
+//! - The heartbeat thread sends heartbeats while supervision goes on.
+//! - The cleaning thread cleans up after dead processes.
+//!
+//! A request is copied to private memory, checked at the border, queued fairly and planned, and a candidate is selected. A motion that is to be
+//! executed is checked against the controller and the live scene, in the thread that then supervises it.
 //!
 //! On the wire everything is SI; inside, lengths are in units of the robot's section length.
 #![cfg_attr(test, allow(clippy::unwrap_used))]

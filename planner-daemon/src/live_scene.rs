@@ -13,7 +13,8 @@ use crate::moving_cover::{Cover, Timing};
 
 mod ports;
 
-/// Publishers of scenes that are kept at once: those that may live at once, and as many that were restarted.
+/// Most sources that are kept, and most publishers whose scenes are received, at once: those that may live at once, and as many
+/// that were restarted.
 pub(crate) const MOST_SOURCES: usize = 8;
 
 /// Why nothing may be executed.
@@ -202,11 +203,11 @@ impl LiveScene {
             .retain(|source| !source.leaves || source.is_live(now_mono_ns));
     }
 
-    /// Takes a publisher's scene in, in place of the one before, or says why not; none where that cannot be said yet.
+    /// Takes a publisher's scene in, in place of its last one, or says why not; none where it is too early to say who has the name.
     ///
-    /// A publisher whose scene is refused counts as a source all the same, under its name if that is one, else while it is there:
-    /// there are obstacles that nobody knows. A name belongs to one publisher. Another one gets it, and takes the place of the one
-    /// before, if that is gone and has said nothing since the new one is there.
+    /// A publisher whose scene is refused counts as a source all the same, because it may see obstacles that the daemon does not know:
+    /// under its name where that is valid, else for as long as the publisher is there. A name belongs to one publisher. Another
+    /// publisher gets the name once the first is gone, and only if the first has said nothing since the other came.
     pub(crate) fn take(
         &mut self,
         wire: &SceneMessage,
@@ -314,7 +315,7 @@ impl LiveScene {
         Ok(self.sources.len() - 1)
     }
 
-    /// What publishers before it have told under its name counts no longer.
+    /// Puts a scene in the place of its publisher's last one. What earlier publishers have told under the same name counts no longer.
     fn replace(&mut self, index: usize, scene: valid::Scene) -> Judged {
         let source = &mut self.sources[index];
         let count = scene.balls.len();
@@ -345,14 +346,16 @@ impl LiveScene {
         Judged::accepted(count)
     }
 
-    /// Why nothing may be executed now, if that is so.
+    /// Why nothing may be executed now; none where something may.
     pub(crate) fn absence(&self, now_mono_ns: i64) -> Option<SceneAbsence> {
         self.missing(now_mono_ns, 0, |_| false)
     }
 
-    /// Why what moves must stop now, if that is so: as [`LiveScene::absence`], but who has just come gets some time to speak, and a
-    /// scene that has ended counts while its publisher `has_told` of the next one, which is still to be looked at: after a pause of
-    /// the whole machine.
+    /// Why the motion under way must stop now; none where it may go on.
+    ///
+    /// Two things that keep a motion from being begun ([`LiveScene::absence`]) do not stop one: a publisher that came less than
+    /// [`TIME_TO_SPEAK_NS`] ago and is still silent, and a scene that has ended while its publisher `has_told` of a newer one that is still
+    /// to be looked at (as after a pause of the whole machine).
     pub(crate) fn absence_in_motion(
         &self,
         now_mono_ns: i64,

@@ -9,14 +9,13 @@ use shared_types::ipc::{
 };
 use shared_types::message::{SceneMessage, SceneStatus};
 
-use crate::live_scene::Judged;
+use crate::live_scene::{Judged, MOST_SOURCES};
 
 /// Scenes that are received before those that wait are looked at.
 const MOST_RECEIVED: usize = 16;
-/// A publisher's next scene is looked at after so many times what the last one took, so that it has a quarter of the thread's time at
-/// most,
+/// A publisher's next scene is looked at after this many times what the last one took: it has a quarter of the thread's time at most.
 const REST_FACTOR: i64 = 3;
-/// ... but no later than after this, nanoseconds.
+/// Longest time that a publisher's next scene waits because the last one took long, nanoseconds.
 const MOST_REST_NS: i64 = 10_000_000;
 /// A scene of which nothing can be said yet is looked at again after this, nanoseconds.
 const LOOK_AGAIN_NS: i64 = 10_000_000;
@@ -44,9 +43,6 @@ pub(crate) struct SceneInbox {
 }
 
 impl SceneInbox {
-    /// Publishers that are listened to at once: those that can live at once, and some that were restarted.
-    pub(crate) const PUBLISHERS: usize = 8;
-
     /// Opens the services and makes the ports.
     ///
     /// # Errors
@@ -57,7 +53,7 @@ impl SceneInbox {
             scenes: subscriber(node, &topic)?,
             topic,
             statuses: publisher(node, &scene_status_service(node)?)?,
-            waiting: Vec::with_capacity(Self::PUBLISHERS),
+            waiting: Vec::with_capacity(MOST_SOURCES),
             present: Vec::new(),
             receiving_fails: false,
         })
@@ -109,7 +105,7 @@ impl SceneInbox {
 
     /// A publisher that was not heard before; it takes the place of one that has had nothing to say, where there are too many.
     fn welcome(&mut self, publisher: u128, scene: &SceneMessage) {
-        if self.waiting.len() == Self::PUBLISHERS {
+        if self.waiting.len() == MOST_SOURCES {
             let Some(idle) = self.waiting.iter().position(|waiting| !waiting.is_new) else {
                 // It comes again, or the publishers before it are looked at first.
                 return;

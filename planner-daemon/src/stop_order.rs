@@ -11,9 +11,9 @@ use shared_types::valid::{Command, CommandReply};
 
 use crate::supervision::StopReason;
 
-/// Time after which an order without effect is given again, nanoseconds.
+/// Time after which an order is given again while a stop is still wanted, nanoseconds.
 const REPEAT_NS: i64 = 50_000_000;
-/// ... after one that was not obeyed.
+/// Time after which an order is given again where the controller has answered that it does not stop, nanoseconds.
 const REPEAT_AFTER_REFUSAL_NS: i64 = 5_000_000;
 /// Time without a reply after which the heart stops, which the controller takes for a lost daemon and stops by itself, nanoseconds
 /// of [`AwakeTime`](crate::awake::AwakeTime).
@@ -135,8 +135,8 @@ impl StopOrder {
         self.unanswered = Unanswered::default();
     }
 
-    /// Hears the controller's reply; whether it just said that nothing moves, and nothing that was requested before the order will:
-    /// one that had begun brakes first.
+    /// Hears the controller's reply to the order. Returns whether a reply has come that says that the robot is at rest; nothing
+    /// that was requested before the order moves it then. While a motion that had begun brakes, no reply says so.
     pub(crate) fn attend(&mut self, now_mono_ns: i64) -> bool {
         let Some(pending) = &self.pending else {
             return false;

@@ -116,7 +116,7 @@ impl Supervised {
             _ if values.refused_trajectory_id == self.id => Standing::Over(state.refusal.text()),
             _ if !is_its_id => Standing::Awaited,
             LoopState::Holding if values.stamp_mono_ns < self.begin_mono_ns => Standing::Awaited,
-            // The first two cannot be any more.
+            // Only `Holding` is left: the first two arms have taken the others.
             LoopState::Executing | LoopState::Stopping | LoopState::Holding => {
                 Standing::Over("the controller holds")
             }

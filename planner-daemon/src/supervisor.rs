@@ -24,7 +24,7 @@ use crate::execution::{
     ExecutionRefusal, ExecutionRules, Handed, Selected, check_controller, next_id,
 };
 use crate::heartbeat::{BackgroundError, Progress};
-use crate::live_scene::{Arrival, Certificates, LiveScene, Rest};
+use crate::live_scene::{Arrival, Certificates, LiveScene, MOST_SOURCES, Rest};
 use crate::moving_cover::Timing;
 use crate::scene_inbox::SceneInbox;
 use crate::stop_order::StopOrder;
@@ -144,7 +144,7 @@ impl Supervisor {
         self.live.attend(self.inbox.present(), mono_now_ns());
         self.inbox.receive();
         self.supervise();
-        for _ in 0..SceneInbox::PUBLISHERS {
+        for _ in 0..MOST_SOURCES {
             let begun = mono_now_ns();
             self.inbox.receive();
             let Some(index) = self.inbox.next(begun) else {
@@ -217,8 +217,8 @@ impl Supervisor {
 
     fn supervise(&mut self) {
         let now = mono_now_ns();
-        let obeyed = self.stop_order.attend(now);
-        if let Some(reason) = self.over(now, obeyed) {
+        let at_rest = self.stop_order.attend(now);
+        if let Some(reason) = self.over(now, at_rest) {
             if let Some(supervised) = self.supervised.take() {
                 tracing::info!("trajectory {} is over: {reason}", supervised.id);
             }
@@ -249,14 +249,14 @@ impl Supervisor {
     }
 
     /// Why the motion under way is over, if a fresh state or the reply to an order says so.
-    fn over(&mut self, now_mono_ns: i64, obeyed: bool) -> Option<&'static str> {
+    fn over(&mut self, now_mono_ns: i64, at_rest: bool) -> Option<&'static str> {
         let supervised = self.supervised.as_mut()?;
         let fresh = self.state.as_ref();
         let fresh = fresh.filter(|state| is_fresh(state, now_mono_ns));
         let standing = fresh.map_or(supervised.standing(), |state| supervised.hear(state));
         match standing {
             Standing::Over(reason) => Some(reason),
-            Standing::Awaited if obeyed => Some("it was taken back before its begin"),
+            Standing::Awaited if at_rest => Some("it was taken back before its begin"),
             _ => None,
         }
     }

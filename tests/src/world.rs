@@ -191,5 +191,5 @@ fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) ->
         daemon.insert((*key).to_owned(), value.clone());
     }
     fs::write(folder.join("planner-daemon.toml"), daemon.to_string()).unwrap();
-    Robot::from_toml_str(&robot.to_string()).unwrap()
+    Robot::from_toml_str(&robot.to_string(), Path::new("robot.toml")).unwrap()
 }

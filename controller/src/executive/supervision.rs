@@ -140,7 +140,7 @@ impl Executive {
 
     /// Begins to send the robot's own reference, once that is at rest; holds as soon as the robot follows.
     fn take_hold(&mut self, now_ns: i64, robot: &RobotSample) {
-        if self.obstacle(robot) != Waiting::None {
+        if self.reason_not_to_hold(robot) != Waiting::None {
             return;
         }
         self.mirror_robot();
@@ -150,8 +150,8 @@ impl Executive {
         self.tracking.restart();
     }
 
-    /// What about the robot's state keeps the loop from taking hold of it.
-    fn obstacle(&self, robot: &RobotSample) -> Waiting {
+    /// What about the robot's state keeps the loop from taking hold of it; none where nothing does.
+    fn reason_not_to_hold(&self, robot: &RobotSample) -> Waiting {
         let moves = robot
             .accepted_velocity_m_s
             .iter()
@@ -185,9 +185,9 @@ impl Executive {
         match heard {
             None => self.refused_state.unwrap_or(Waiting::NoRobotState),
             Some(_) if self.attached => Waiting::NotTakenUp,
-            Some(robot) => match self.obstacle(robot) {
+            Some(robot) => match self.reason_not_to_hold(robot) {
                 Waiting::None => Waiting::NotTakenUp,
-                obstacle => obstacle,
+                reason => reason,
             },
         }
     }

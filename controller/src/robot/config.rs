@@ -47,7 +47,7 @@ struct File {
 mod defaults {
     use pcc_model::{DOF, Numbers};
 
-    crate::config::defaults! {
+    input_files::defaults! {
         rate_hz: u32 = 1000;
         realtime_priority: u8 = 70;
         lost_setpoint_ms: u32 = 20;

@@ -44,7 +44,7 @@ struct File {
 
 /// The defaults that `config/controller.toml` states.
 mod defaults {
-    crate::config::defaults! {
+    input_files::defaults! {
         rate_hz: u32 = 1000;
         realtime_priority: u8 = 80;
         processor: i64 = -1;

@@ -1,4 +1,4 @@
-//! What passes between the loop, the guard and the relay: bounded rings and a few words that all of them see. Nobody waits
+//! What passes between the loop, the guard and the relay: bounded rings and a few atomics that all of them see. Nobody waits
 //! for another: a ring that is full loses what is told, never what is ordered.
 //!
 //! ```text
@@ -108,7 +108,7 @@ impl Offer {
     }
 }
 
-/// Words that all threads see.
+/// Atomics shared by loop, guard and relay.
 #[derive(Default)]
 pub(super) struct Shared {
     /// The daemon's heart beats (written by the guard).

@@ -17,13 +17,23 @@ use crate::{
 /// A reason to wait that has lasted for so long is told, ns: at a start each lasts for some cycles.
 const TELL_WAITING_NS: i64 = 500_000_000;
 
+/// Why the loop does not hold the robot.
+#[derive(Clone, Copy)]
+struct WaitingFor {
+    /// None where it holds the robot.
+    reason: Waiting,
+    /// Stamp of the first cycle with this reason, ns of CLOCK_MONOTONIC.
+    since_ns: i64,
+    /// Whether the log has been told of it.
+    told: bool,
+}
+
 /// The loop as seen from outside.
 pub(super) struct View {
     published: ControllerState,
     state: LoopState,
     fault: LoopFault,
-    /// Why the loop does not hold the robot, since when, and whether that was told.
-    waiting: (Waiting, i64, bool),
+    waiting: WaitingFor,
     late_run: u32,
     memory: MemoryCounts,
     latest: Option<Report>,
@@ -38,7 +48,11 @@ impl View {
             published,
             state: LoopState::Starting,
             fault: LoopFault::None,
-            waiting: (Waiting::None, 0, true),
+            waiting: WaitingFor {
+                reason: Waiting::None,
+                since_ns: 0,
+                told: true,
+            },
             late_run: 0,
             memory: MemoryCounts::default(),
             latest: None,
@@ -104,12 +118,19 @@ impl View {
     }
 
     fn tell_waiting(&mut self, output: &CycleOutput) {
-        let (reason, since_ns, told) = self.waiting;
+        let WaitingFor {
+            reason,
+            since_ns,
+            told,
+        } = self.waiting;
         if output.waiting != reason {
-            let told = output.waiting == Waiting::None;
-            self.waiting = (output.waiting, output.stamp_ns, told);
+            self.waiting = WaitingFor {
+                reason: output.waiting,
+                since_ns: output.stamp_ns,
+                told: output.waiting == Waiting::None,
+            };
         } else if !told && output.stamp_ns - since_ns > TELL_WAITING_NS {
-            self.waiting.2 = true;
+            self.waiting.told = true;
             let accepted_residual_m = output.accepted_residual_m;
             let refused_states = output.refused_robot_states;
             warn!(

@@ -294,7 +294,7 @@ fn write_configurations(folder: &Path) -> Robot {
         assert!(text.contains(&shipped), "{name} has {shipped}");
         fs::write(folder.join(name), text.replace(&shipped, &patient)).unwrap();
     }
-    Robot::from_toml_str(&fast).unwrap()
+    Robot::from_toml_str(&fast, Path::new("fast.toml")).unwrap()
 }
 
 fn message(id: u32, motion: &Trajectory) -> TrajectoryMessage {

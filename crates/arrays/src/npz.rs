@@ -143,7 +143,7 @@ impl ArchiveReader {
         });
         match header {
             Ok(header) => Ok((array, header)),
-            Err(error) => Err(self.refused(&array, &error)),
+            Err(error) => Err(self.wrong(&array, error.to_string())),
         }
     }
 
@@ -254,7 +254,7 @@ impl ArchiveReader {
             .and_then(NpyArray::into_vec);
         match values {
             Ok(values) => Ok((values, shape)),
-            Err(error) => Err(self.refused(array, &error)),
+            Err(error) => Err(self.wrong(array, error.to_string())),
         }
     }
 
@@ -269,18 +269,10 @@ impl ArchiveReader {
                 .map_err(std::io::Error::from)
                 .and_then(|mut member| copy(&mut member, &mut sink()));
             if let Err(error) = read {
-                return Err(self.refused(array, &NpyError::Values(error)));
+                return Err(self.wrong(array, NpyError::Values(error).to_string()));
             }
         }
         Ok(())
-    }
-
-    fn refused(&self, array: &str, error: &NpyError) -> ArchiveError {
-        ArchiveError::Array {
-            path: self.path.clone(),
-            array: array.into(),
-            reason: error.to_string(),
-        }
     }
 }
 

@@ -29,7 +29,7 @@ pub use clearance::Contact;
 pub use edge::certify_edge;
 pub use minimum::{certified_clearance, minimum_clearance};
 pub use moving::{MovingBall, certify_moving};
-pub use scene::{Ball, MAX_BALLS, MAX_EXTENT, MAX_SOLIDS, MIN_EXTENT, Scene, SceneError};
+pub use scene::{Ball, MAX_BALLS, MAX_EXTENT, MAX_SOLIDS, Scene, SceneError};
 pub use scene_file::{EntryError, SceneFileError};
 pub use solid::{MAX_TRIANGLES, Solid, SolidError, SurfacePoint};
 pub use voxels::{MAX_CELLS, VoxelError, VoxelGrid};

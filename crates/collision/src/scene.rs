@@ -15,7 +15,7 @@ pub const MAX_SOLIDS: usize = 256;
 /// Largest coordinate and radius of a ball, length unit: beyond it clearances lose more digits than a motion has room.
 pub const MAX_EXTENT: f64 = 1e7;
 /// Smallest side, radius of a capsule and voxel of a solid, length unit: below it products of lengths lose all digits.
-pub const MIN_EXTENT: f64 = 1e-6;
+pub(crate) const MIN_EXTENT: f64 = 1e-6;
 /// Up to this many balls are looked at all, in groups; of more a tree finds those that are near.
 const GROUPED_UP_TO: usize = 256;
 

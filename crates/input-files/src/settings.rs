@@ -2,6 +2,7 @@
 
 use crate::file::{InputFileError, read_text};
 use serde::de::DeserializeOwned;
+use std::borrow::Cow;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
@@ -32,7 +33,7 @@ pub enum SettingsError {
         /// The file.
         path: PathBuf,
         /// The key.
-        key: &'static str,
+        key: Cow<'static, str>,
         /// Its value.
         value: String,
         /// What is allowed.
@@ -74,7 +75,7 @@ impl SettingsFile<'_> {
     pub fn require(
         &self,
         holds: bool,
-        key: &'static str,
+        key: impl Into<Cow<'static, str>>,
         value: impl Display,
         allowed: impl Into<String>,
     ) -> Result<(), SettingsError> {
@@ -83,7 +84,7 @@ impl SettingsFile<'_> {
         }
         Err(SettingsError::Range {
             path: self.path.into(),
-            key,
+            key: key.into(),
             value: value.to_string(),
             allowed: allowed.into(),
         })
@@ -95,13 +96,21 @@ impl SettingsFile<'_> {
     /// [`SettingsError::Range`].
     pub fn within<T: PartialOrd + Display>(
         &self,
-        key: &'static str,
+        key: impl Into<Cow<'static, str>>,
         value: T,
         range: RangeInclusive<T>,
     ) -> Result<(), SettingsError> {
         let allowed = format!("{} to {}", range.start(), range.end());
         self.require(range.contains(&value), key, value, allowed)
     }
+}
+
+/// Constant functions that give the defaults of a file's keys, by their names: what serde's attribute `default` asks for.
+#[macro_export]
+macro_rules! defaults {
+    ($($name:ident: $kind:ty = $value:expr;)*) => {
+        $(pub(super) const fn $name() -> $kind { $value })*
+    };
 }
 
 /// What a parser says, and what is allowed where it does not say so.

@@ -26,8 +26,8 @@ pub(crate) enum Wrong {
 }
 
 impl Wrong {
-    /// What an answer of the daemon is about.
-    pub(crate) fn of(outcome: Outcome) -> Option<Self> {
+    /// What an answer of the daemon is about; none where it is about no option.
+    pub(crate) fn of_outcome(outcome: Outcome) -> Option<Self> {
         match outcome {
             Outcome::StartOutOfLimits => Some(Self::StartBent),
             Outcome::StartInCollision => Some(Self::StartInCollision),
@@ -36,17 +36,16 @@ impl Wrong {
             _ => None,
         }
     }
-}
 
-impl From<&Infeasible> for Wrong {
-    fn from(reason: &Infeasible) -> Self {
+    /// What a refusal of the planner is about; none where it is about no option.
+    pub(crate) fn of(reason: &Infeasible) -> Option<Self> {
         match reason {
-            Infeasible::StartOutOfLimits { .. } => Self::StartBent,
-            Infeasible::GoalOutOfReach { .. } => Self::GoalOutOfReach,
-            Infeasible::GoalInCollision { .. } => Self::GoalInCollision,
-            Infeasible::StartInCollision { .. }
-            | Infeasible::StartTooFast { .. }
-            | Infeasible::StartCannotStop => Self::StartInCollision,
+            Infeasible::StartOutOfLimits { .. } => Some(Self::StartBent),
+            Infeasible::StartInCollision { .. } => Some(Self::StartInCollision),
+            Infeasible::GoalOutOfReach { .. } => Some(Self::GoalOutOfReach),
+            Infeasible::GoalInCollision { .. } => Some(Self::GoalInCollision),
+            // The options say of no start that it moves.
+            Infeasible::StartTooFast { .. } | Infeasible::StartCannotStop => None,
         }
     }
 }

@@ -38,7 +38,7 @@ fn with_hyphens(command: Command) -> Command {
 }
 
 /// A value as a message shows it: cut where it is long, escaped where it is no text.
-pub(crate) fn shortened(value: &OsStr) -> String {
+pub(crate) fn shown_value(value: &OsStr) -> String {
     let text = match value.to_str() {
         Some(text) => text.to_owned(),
         None => value.as_encoded_bytes().escape_ascii().to_string(),
@@ -60,7 +60,7 @@ fn explained(mut error: Error, command: &Command, given: &[OsString]) -> Error {
         ContextKind::InvalidValue,
     ] {
         if let Some(ContextValue::String(value)) = error.get(kind) {
-            let value = shortened(value.as_ref());
+            let value = shown_value(value.as_ref());
             error.insert(kind, ContextValue::String(value));
         }
     }
@@ -97,7 +97,10 @@ fn not_utf8(command: &Command, given: &[OsString]) -> Error {
         bytes.starts_with(b"--")
     });
     let option = option.map_or_else(String::new, |option| format!(" for '{}'", option.display()));
-    let word = word.first().map(|word| shortened(word)).unwrap_or_default();
+    let word = word
+        .first()
+        .map(|word| shown_value(word))
+        .unwrap_or_default();
     let message = format!("invalid value '{word}'{option}: only text in UTF-8 is allowed");
     Error::raw(ErrorKind::InvalidUtf8, message).format(&mut named(command, given).clone())
 }

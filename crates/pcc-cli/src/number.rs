@@ -1,6 +1,6 @@
 //! Numbers of the command line: each option has its range, which a refusal tells.
 
-use crate::command_line::shortened;
+use crate::command_line::shown_value;
 use anyhow::ensure;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
@@ -56,7 +56,7 @@ pub(crate) fn refused(
     allowed: &str,
 ) -> Error {
     let option = option.map(ToString::to_string).unwrap_or_default();
-    let text = shortened(text);
+    let text = shown_value(text);
     let message = format!("invalid value '{text}' for '{option}': {allowed} is needed");
     Error::raw(ErrorKind::ValueValidation, message).format(&mut command.clone())
 }

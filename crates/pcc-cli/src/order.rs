@@ -125,7 +125,7 @@ struct Accepted {
 }
 
 impl Accepted {
-    /// ... which was sent before in another way.
+    /// Counts the time from when the order was first sent, where it was sent `before` in another way.
     fn first_sent(self, before: Option<Sent>) -> Self {
         let Some(before) = before.filter(|before| before.0 < self.sent.0) else {
             return self;

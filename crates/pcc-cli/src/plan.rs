@@ -27,9 +27,9 @@ enum SamplerName {
     RrtConnect,
     /// The paper's diffusion model; ask for a deadline of some hundred milliseconds.
     Diffusion,
-    /// The same with post correction.
+    /// The paper's diffusion model with post correction in its last steps.
     DiffusionPost,
-    /// The same with guided prediction.
+    /// The paper's diffusion model with guided prediction in its last steps.
     DiffusionGuided,
 }
 
@@ -37,11 +37,11 @@ enum SamplerName {
 enum SelectionName {
     /// Shortest duration.
     ShortestTime,
-    /// Shortest way of the tip.
+    /// Shortest path of the tip.
     ShortestTipPath,
     /// Largest clearance over the motion.
     LargestClearance,
-    /// Smallest third derivative of the tip's way.
+    /// Smallest third derivative of the tip's path.
     Smoothest,
     /// End shape nearest to the start.
     NearestTerminalShape,
@@ -173,7 +173,7 @@ impl Arguments {
             configuration: self.configuration.as_deref(),
             balls: &self.ball,
         };
-        match Wrong::of(report.outcome) {
+        match Wrong::of_outcome(report.outcome) {
             Some(wrong) => format!("{reason} ({})", asked.blamed(&wrong)),
             None => reason,
         }

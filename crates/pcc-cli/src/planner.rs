@@ -32,9 +32,9 @@ pub(crate) enum PlannerName {
     RrtConnect,
     /// The paper's diffusion model.
     Diffusion,
-    /// The same with post correction in its last steps.
+    /// The paper's diffusion model with post correction in its last steps.
     DiffusionPost,
-    /// The same with guided prediction in its last steps.
+    /// The paper's diffusion model with guided prediction in its last steps.
     DiffusionGuided,
     /// Paths that another program drew.
     Proposed,
@@ -123,40 +123,19 @@ impl ModelArguments {
         let sampler = planner.sampler();
         let is_fast = matches!(sampler, Some(Sampler::Default | Sampler::Fast));
         let is_diffusion = matches!(sampler, Some(Sampler::Diffusion(_)));
-        let diffusion = "diffusion, diffusion-post and diffusion-guided";
-        let options = [
-            (
-                "--model",
-                self.model.clone(),
-                is_fast || is_diffusion,
-                "the learned planners",
-            ),
-            (
-                "--evaluations",
-                self.evaluations.map(|n| n.to_string()),
-                is_fast,
-                "fast and default",
-            ),
-            (
-                "--steps",
-                self.steps.map(|n| n.to_string()),
-                is_diffusion,
-                diffusion,
-            ),
-            (
-                "--solver",
-                self.solver.map(|s| s.to_string()),
-                is_diffusion,
-                diffusion,
-            ),
-            (
-                "--precision",
-                self.precision.map(|p| p.to_string()),
-                is_diffusion,
-                diffusion,
-            ),
-        ];
-        for (option, given, is_read, readers) in options {
+        let learned = (is_fast || is_diffusion, "the learned planners");
+        let fast = (is_fast, "fast and default");
+        let diffusion = (
+            is_diffusion,
+            "diffusion, diffusion-post and diffusion-guided",
+        );
+        for (option, given, (is_read, readers)) in [
+            ("--model", text(self.model.as_ref()), learned),
+            ("--evaluations", text(self.evaluations), fast),
+            ("--steps", text(self.steps), diffusion),
+            ("--solver", text(self.solver), diffusion),
+            ("--precision", text(self.precision), diffusion),
+        ] {
             if let Some(value) = given.filter(|_| !is_read) {
                 bail!(
                     "{option} {value} is not read by --planner {}: it goes with {readers}",
@@ -166,6 +145,11 @@ impl ModelArguments {
         }
         Ok(())
     }
+}
+
+/// The value of an option, as it is written.
+fn text<T: ToString>(given: Option<T>) -> Option<String> {
+    given.map(|value| value.to_string())
 }
 
 /// Which weights a planner has.

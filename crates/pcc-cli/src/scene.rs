@@ -4,6 +4,7 @@ use clap::{Args, Subcommand};
 use client::ScenePublisher;
 use shared_types::capacity::SOURCE_NAME_BYTES;
 use shared_types::ipc::IpcOptions;
+use shared_types::valid::SourceName;
 use std::time::Duration;
 
 /// How long the daemon may take to judge it.
@@ -28,11 +29,9 @@ enum Action {
 }
 
 fn source_name(text: &str) -> Result<String, String> {
-    let is_name = (1..=SOURCE_NAME_BYTES).contains(&text.len())
-        && text.bytes().all(|byte| matches!(byte, b' '..=b'~'));
-    is_name
-        .then(|| text.to_owned())
-        .ok_or_else(|| format!("1 to {SOURCE_NAME_BYTES} characters of printable ASCII are needed"))
+    let needed = |_| format!("1 to {SOURCE_NAME_BYTES} characters of printable ASCII are needed");
+    let name = SourceName::new(text).map_err(needed)?;
+    Ok(name.to_string())
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {

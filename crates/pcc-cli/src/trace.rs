@@ -85,11 +85,12 @@ impl Arguments {
             configuration: None,
             balls: &self.ball,
         };
-        match error {
-            PlannerError::Infeasible(reason) => {
-                anyhow!("{reason} ({})", asked.blamed(&Wrong::from(&reason)))
-            }
-            error => error.into(),
+        let PlannerError::Infeasible(reason) = &error else {
+            return error.into();
+        };
+        match Wrong::of(reason) {
+            Some(wrong) => anyhow!("{reason} ({})", asked.blamed(&wrong)),
+            None => error.into(),
         }
     }
 

@@ -3,8 +3,9 @@
 use crate::robot::{Robot, TendonLimits};
 use crate::tendons::{Tendon, TendonMap, TendonMapError};
 use crate::{MAX_TENDONS, Numbers, SECTIONS};
-use input_files::{InputFileError, MAX_SETTINGS_BYTES, read_text};
+use input_files::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, read_text, shown};
 use serde::Deserialize;
+use std::borrow::Cow;
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
@@ -27,39 +28,25 @@ const JERKS_M_S3: [f64; 2] = [1e-7, 1e6];
 /// Why a robot file is refused.
 #[derive(Debug, Error)]
 pub enum RobotFileError {
-    /// The file cannot be read.
+    /// The file is not read or not understood, or a quantity is out of its range.
     #[error("robot file: {0}")]
-    Read(#[from] InputFileError),
-    /// What it says is refused.
-    #[error("robot file {path}: {source}")]
-    Content {
+    Settings(#[from] SettingsError),
+    /// More tendons than the messages between the processes carry.
+    #[error("robot file: {}: the robot has {count} tendons, at most {MAX_TENDONS} are allowed", shown(.path))]
+    TendonCount {
         /// The file.
         path: PathBuf,
-        /// The reason: any of the others.
-        source: Box<RobotFileError>,
-    },
-    /// Not TOML, a key missing or unknown, or a value of the wrong type.
-    #[error("it is not understood: {}", input_files::readable(.0))]
-    Syntax(toml::de::Error),
-    /// A quantity is out of its range.
-    #[error("{key} = {value} is not allowed: {allowed}")]
-    Range {
-        /// The key.
-        key: String,
-        /// Its value.
-        value: f64,
-        /// What is allowed.
-        allowed: String,
-    },
-    /// More tendons than the messages between the processes carry.
-    #[error("the robot has {count} tendons, at most {MAX_TENDONS} are allowed")]
-    TendonCount {
         /// Tendons in the file.
         count: usize,
     },
     /// The tendons do not fit.
-    #[error(transparent)]
-    Tendons(#[from] TendonMapError),
+    #[error("robot file: {}: {source}", shown(.path))]
+    Tendons {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with them.
+        source: TendonMapError,
+    },
 }
 
 #[derive(Deserialize)]
@@ -96,32 +83,35 @@ impl Robot {
     /// # Errors
     /// [`RobotFileError`], naming the file, the key and what is allowed.
     pub fn from_file(path: &Path) -> Result<Self, RobotFileError> {
-        let text = read_text(path, MAX_SETTINGS_BYTES)?;
-        Self::from_toml_str(&text).map_err(|source| RobotFileError::Content {
-            path: path.into(),
-            source: Box::new(source),
-        })
+        let text = read_text(path, MAX_SETTINGS_BYTES).map_err(SettingsError::from)?;
+        Self::from_toml_str(&text, path)
     }
 
-    /// Reads a robot from the text of a robot file; lengths are metres.
+    /// Reads a robot from the text of a robot file that lies at `path`; lengths are metres.
     ///
     /// # Errors
-    /// [`RobotFileError`], naming the key and what is allowed.
-    pub fn from_toml_str(text: &str) -> Result<Self, RobotFileError> {
-        let file: RobotFile = toml::from_str(text).map_err(RobotFileError::Syntax)?;
-        file.check()?;
+    /// [`RobotFileError`], naming the file, the key and what is allowed.
+    pub fn from_toml_str(text: &str, path: &Path) -> Result<Self, RobotFileError> {
+        let settings = SettingsFile { path };
+        let file: RobotFile = settings.parse(text)?;
+        file.check(&settings)?;
         let tendon = |t: &TendonTable| Tendon {
             section: t.section,
             radius: t.radius_m,
             angle: t.angle_deg.to_radians(),
         };
+        let tendons = TendonMap::new(file.tendons.iter().map(tendon).collect());
+        let tendons = tendons.map_err(|source| RobotFileError::Tendons {
+            path: path.into(),
+            source,
+        })?;
         Ok(Self {
             name: file.name,
             section_lengths: file.section_lengths_m.0,
             bending_limit: file.bending_limit_rad,
             tube_radii: [file.tube_radius_m; SECTIONS],
             spool_radius: file.spool_radius_m,
-            tendons: TendonMap::new(file.tendons.iter().map(tendon).collect())?,
+            tendons,
             tendon_limits: TendonLimits {
                 velocity: file.tendon_limits.velocity_m_s,
                 acceleration: file.tendon_limits.acceleration_m_s2,
@@ -132,71 +122,60 @@ impl Robot {
 }
 
 impl RobotFile {
-    fn check(&self) -> Result<(), RobotFileError> {
+    fn check(&self, file: &SettingsFile<'_>) -> Result<(), RobotFileError> {
         let lengths = self.section_lengths_m.0;
         for (i, length) in lengths.into_iter().enumerate() {
             let key = format!("section_lengths_m[{i}]");
-            within(&key, length, SECTION_LENGTHS_M, "m")?;
+            within(file, key, length, SECTION_LENGTHS_M, "m")?;
         }
-        within(
-            "bending_limit_rad",
-            self.bending_limit_rad,
-            BENDING_LIMITS_RAD,
-            "rad",
-        )?;
+        let limit = self.bending_limit_rad;
+        within(file, "bending_limit_rad", limit, BENDING_LIMITS_RAD, "rad")?;
         let shortest = lengths.into_iter().fold(f64::INFINITY, f64::min);
-        let allowed = "m, the length of the shortest section";
-        within(
-            "tube_radius_m",
-            self.tube_radius_m,
-            [0.0, shortest],
-            allowed,
-        )?;
-        within("spool_radius_m", self.spool_radius_m, SMALL_RADII_M, "m")?;
-        self.tendon_limits.check()?;
+        let (radii, unit) = ([0.0, shortest], "m, the length of the shortest section");
+        within(file, "tube_radius_m", self.tube_radius_m, radii, unit)?;
+        let radius = self.spool_radius_m;
+        within(file, "spool_radius_m", radius, SMALL_RADII_M, "m")?;
+        self.tendon_limits.check(file)?;
         let count = self.tendons.len();
         if count > MAX_TENDONS {
-            return Err(RobotFileError::TendonCount { count });
+            let path = file.path.into();
+            return Err(RobotFileError::TendonCount { path, count });
         }
         for (i, tendon) in self.tendons.iter().enumerate() {
             let key = |name: &str| format!("tendons[{i}].{name}");
-            within(&key("radius_m"), tendon.radius_m, SMALL_RADII_M, "m")?;
-            within(&key("angle_deg"), tendon.angle_deg, ANGLES_DEG, "degrees")?;
+            let TendonTable {
+                radius_m,
+                angle_deg,
+                ..
+            } = *tendon;
+            within(file, key("radius_m"), radius_m, SMALL_RADII_M, "m")?;
+            within(file, key("angle_deg"), angle_deg, ANGLES_DEG, "degrees")?;
         }
         Ok(())
     }
 }
 
 impl LimitsTable {
-    fn check(&self) -> Result<(), RobotFileError> {
+    fn check(&self, file: &SettingsFile<'_>) -> Result<(), SettingsError> {
+        let (v, a, j) = (self.velocity_m_s, self.acceleration_m_s2, self.jerk_m_s3);
         for (key, value, allowed, unit) in [
-            ("velocity_m_s", self.velocity_m_s, VELOCITIES_M_S, "m/s"),
-            (
-                "acceleration_m_s2",
-                self.acceleration_m_s2,
-                ACCELERATIONS_M_S2,
-                "m/s²",
-            ),
-            ("jerk_m_s3", self.jerk_m_s3, JERKS_M_S3, "m/s³"),
+            ("velocity_m_s", v, VELOCITIES_M_S, "m/s"),
+            ("acceleration_m_s2", a, ACCELERATIONS_M_S2, "m/s²"),
+            ("jerk_m_s3", j, JERKS_M_S3, "m/s³"),
         ] {
-            within(&format!("tendon_limits.{key}"), value, allowed, unit)?;
+            within(file, format!("tendon_limits.{key}"), value, allowed, unit)?;
         }
         Ok(())
     }
 }
 
 fn within(
-    key: &str,
+    file: &SettingsFile<'_>,
+    key: impl Into<Cow<'static, str>>,
     value: f64,
     [least, most]: [f64; 2],
     unit: &str,
-) -> Result<(), RobotFileError> {
-    if (least..=most).contains(&value) {
-        return Ok(());
-    }
-    Err(RobotFileError::Range {
-        key: key.into(),
-        value,
-        allowed: format!("{least} to {most} {unit}"),
-    })
+) -> Result<(), SettingsError> {
+    let allowed = format!("{least} to {most} {unit}");
+    file.require((least..=most).contains(&value), key, value, allowed)
 }

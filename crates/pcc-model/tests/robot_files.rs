@@ -3,6 +3,7 @@
 
 mod shapes;
 
+use input_files::SettingsError;
 use pcc_model::{Robot, RobotFileError, TendonMapError};
 use std::path::Path;
 
@@ -10,11 +11,15 @@ fn unit_text() -> String {
     std::fs::read_to_string(shapes::robot_file("unit.toml")).unwrap()
 }
 
+fn parse(text: &str) -> Result<Robot, RobotFileError> {
+    Robot::from_toml_str(text, Path::new("unit.toml"))
+}
+
 /// The error of the unit robot's file after a replacement.
 fn refused(what: &str, by: &str) -> RobotFileError {
     let text = unit_text();
     assert!(text.contains(what), "{what} is in the file");
-    Robot::from_toml_str(&text.replacen(what, by, 1)).unwrap_err()
+    parse(&text.replacen(what, by, 1)).unwrap_err()
 }
 
 #[test]
@@ -36,7 +41,10 @@ fn shipped_files_load() {
 #[test]
 fn missing_file_is_named() {
     let error = Robot::from_file(Path::new("no/such-robot.toml")).unwrap_err();
-    assert!(matches!(error, RobotFileError::Read(_)));
+    assert!(matches!(
+        error,
+        RobotFileError::Settings(SettingsError::File(_))
+    ));
     assert!(error.to_string().contains("no/such-robot.toml"));
 }
 
@@ -56,7 +64,13 @@ fn keys_must_be_known_and_complete() {
         ("name =", "name = =", "name"),
     ] {
         let error = refused(what, by);
-        assert!(matches!(error, RobotFileError::Syntax(_)), "{error}");
+        assert!(
+            matches!(
+                error,
+                RobotFileError::Settings(SettingsError::Syntax { .. })
+            ),
+            "{error}"
+        );
         assert!(error.to_string().contains(named), "{error}");
     }
 }
@@ -106,19 +120,19 @@ fn quantities_out_of_range_are_named_with_what_is_allowed() {
         ("jerk_m_s3 = 3.9", "jerk_m_s3 = nan", "jerk_m_s3"),
     ] {
         let error = refused(what, by);
-        let RobotFileError::Range { key, allowed, .. } = &error else {
+        let RobotFileError::Settings(SettingsError::Range { key, allowed, .. }) = &error else {
             panic!("{error}");
         };
         assert!(key.contains(named) && allowed.contains(" to "), "{error}");
         let text = error.to_string();
-        assert!(text.contains(key) && text.contains(allowed), "{text}");
+        assert!(text.contains(&**key) && text.contains(allowed), "{text}");
     }
 }
 
 #[test]
 fn tendons_that_do_not_fit_are_named() {
     let tendons = |error| match error {
-        RobotFileError::Tendons(error) => error,
+        RobotFileError::Tendons { source, .. } => source,
         other => panic!("{other}"),
     };
     let section = tendons(refused("section = 3", "section = 4"));
@@ -153,11 +167,14 @@ fn tendons_that_do_not_fit_are_named() {
 #[test]
 fn tendons_must_determine_the_shape() {
     let text = unit_text().replace("section = 3", "section = 2");
-    let error = Robot::from_toml_str(&text).unwrap_err();
+    let error = parse(&text).unwrap_err();
     assert!(
         matches!(
             error,
-            RobotFileError::Tendons(TendonMapError::Rank { rank: 4 })
+            RobotFileError::Tendons {
+                source: TendonMapError::Rank { rank: 4 },
+                ..
+            }
         ),
         "{error}"
     );
@@ -165,8 +182,11 @@ fn tendons_must_determine_the_shape() {
     let head = unit_text().split("[[tendons]]").next().unwrap().to_owned();
     let none = head.replacen("name =", "tendons = []\nname =", 1);
     assert!(matches!(
-        Robot::from_toml_str(&none).unwrap_err(),
-        RobotFileError::Tendons(TendonMapError::Rank { rank: 0 })
+        parse(&none).unwrap_err(),
+        RobotFileError::Tendons {
+            source: TendonMapError::Rank { rank: 0 },
+            ..
+        }
     ));
 }
 
@@ -174,10 +194,10 @@ fn tendons_must_determine_the_shape() {
 fn more_tendons_than_a_message_carries_are_refused() {
     let text = unit_text();
     let tendon = "\n[[tendons]]\nsection = 1\nradius_m = 0.1\nangle_deg = 10.0\n";
-    let error = Robot::from_toml_str(&(text + tendon)).unwrap_err();
+    let error = parse(&(text + tendon)).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "the robot has 10 tendons, at most 9 are allowed"
+        "robot file: \"unit.toml\": the robot has 10 tendons, at most 9 are allowed"
     );
 }
 

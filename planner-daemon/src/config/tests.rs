@@ -81,7 +81,7 @@ fn every_number_has_a_range() {
         let error = parse(&format!("robot = \"a\"\n{setting}")).unwrap_err();
         let name = setting.split(' ').next().unwrap();
         assert!(
-            matches!(error, ConfigError::Settings(SettingsError::Range { key, .. }) if key == name),
+            matches!(error, ConfigError::Settings(SettingsError::Range { ref key, .. }) if key == name),
             "{setting}: {error}"
         );
     }
@@ -146,6 +146,15 @@ fn a_static_scene_is_a_file_beside_the_configuration() {
         let error = scene(text).unwrap_err().to_string();
         assert!(error.contains(named), "{error}");
     }
+}
+
+#[test]
+fn a_live_scene_is_expected_only_where_the_file_says_so() {
+    let table = |text: &str| parse(&format!("robot = \"a\"\n[live_scene]\n{text}"));
+    assert!(!table("").unwrap().scene_expected);
+    assert!(table("expected = true").unwrap().scene_expected);
+    let error = table("expects = true").unwrap_err().to_string();
+    assert!(error.contains("unknown field `expects`"), "{error}");
 }
 
 #[test]

@@ -5,8 +5,9 @@ use shared_types::ipc::PresentPublisher;
 
 use super::SceneAbsence;
 
-/// How long a publisher that comes while a motion is under way may take to speak before the motion is stopped, nanoseconds. It is also
-/// the time within which who takes up the name of a publisher that was killed is not refused: the dead one is cleaned up meanwhile.
+/// How long a publisher that comes while a motion is under way may be silent before the motion is stopped, nanoseconds.
+///
+/// For as long a publisher that takes up the name of one that was killed is not refused: the dead one is cleaned up meanwhile.
 pub(super) const TIME_TO_SPEAK_NS: i64 = 200_000_000;
 
 /// What was heard of a publisher.
@@ -90,8 +91,8 @@ impl Ports {
         since.is_some_and(|since| now_mono_ns - since < TIME_TO_SPEAK_NS)
     }
 
-    /// The first publisher that may know of obstacles which do not count; who has come within `time_to_speak_ns` need not have
-    /// spoken.
+    /// What is missed of the first publisher that may see obstacles which do not count; a publisher that came less than
+    /// `time_to_speak_ns` ago may still be silent.
     pub(super) fn absence(&self, now_mono_ns: i64, time_to_speak_ns: i64) -> Option<SceneAbsence> {
         let mut ports = self.0.iter();
         ports.find_map(|port| port.absence(now_mono_ns, time_to_speak_ns))

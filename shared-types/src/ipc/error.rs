@@ -149,14 +149,14 @@ pub enum IpcError {
         reason: String,
     },
     /// All places of a service are taken by live processes.
-    #[error("service {service} has no free place for another {port}{users}")]
+    #[error("service {service} has no free place for another {port}{}", who_may_close(.users))]
     Full {
         /// The service's name.
         service: String,
         /// The kind of port.
         port: &'static str,
-        /// Who may be closed: the text after the rest of the message, empty where nobody is known.
-        users: String,
+        /// The programs that have it open, with their processes; empty where none is known.
+        users: Vec<String>,
     },
     /// Anything else.
     #[error("cannot open service {service} ({what}): {reason}")]
@@ -168,4 +168,15 @@ pub enum IpcError {
         /// What iceoryx2 said.
         reason: String,
     },
+}
+
+/// The end of the message that a service is full.
+fn who_may_close(users: &[String]) -> String {
+    match users {
+        [] => String::new(),
+        users => format!(
+            "; close one of those that have it open: {}",
+            users.join(", ")
+        ),
+    }
 }

@@ -137,7 +137,7 @@ fn translate(service: String, error: EventOpenOrCreateError) -> IpcError {
         Either::EventOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
             service,
             port: "process",
-            users: String::new(),
+            users: Vec::new(),
         },
         Either::EventOpenError(
             Open::IncompatibleMessagingPattern

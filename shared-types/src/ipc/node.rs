@@ -169,8 +169,8 @@ impl IpcNode {
     }
 }
 
-/// Who has a service open, for the message that it is full: one of them may be closed.
-fn users_of(service: &impl PortFactory<Service = ipc::Service>) -> String {
+/// The programs that have a service open, with their processes; empty where iceoryx2 does not say.
+fn users_of(service: &impl PortFactory<Service = ipc::Service>) -> Vec<String> {
     let mut users = Vec::new();
     let listed = service.nodes(|node| {
         if let NodeState::Alive(node) = node {
@@ -186,14 +186,11 @@ fn users_of(service: &impl PortFactory<Service = ipc::Service>) -> String {
         }
         CallbackProgression::Continue
     });
-    if listed.is_err() || users.is_empty() {
-        return String::new();
+    if listed.is_err() {
+        return Vec::new();
     }
     users.sort_unstable();
-    format!(
-        "; close one of those that have it open: {}",
-        users.join(", ")
-    )
+    users
 }
 
 /// Makes the memory that the node takes its number from, and tells iceoryx2 of it.

@@ -1,12 +1,17 @@
 //! Shared memory that another user made does not exist for this process.
 //!
 //! The names of all users' shared memory lie in one folder, `/dev/shm`, in which anybody may make any name that is free.
-//! iceoryx2 0.10.0 looks at names alone. A file of another user's that is called like a connection of a process of ours
-//! would be mapped, or be waited for without end where it is empty, or could never be removed, so that a dead process of
-//! ours kept its place for ever. The two functions of the C library through which iceoryx2 reaches names are therefore
-//! defined here, with one rule more: what another user made is not there, and a name that another user has taken cannot be
-//! made. And a service's memory that has no size yet is memory that may not be read yet: iceoryx2 waits for that as long as it is
-//! told to, but for a size without end. The linker takes a program's own definition before a shared library's.
+//! iceoryx2 0.10.0 looks at names alone. Another user can make a file with the name of a connection of one of our processes.
+//! iceoryx2 would map that file, or wait for it without end where it is empty. It could never remove it, so that a dead process of
+//! ours would keep its place for ever.
+//!
+//! The two functions of the C library through which iceoryx2 reaches names are therefore defined here, with two rules more:
+//!
+//! - What another user made is not there, and a name that another user has taken cannot be made.
+//! - A service's memory that has no size yet counts as memory that may not be read yet. For that iceoryx2 waits as long as it is told
+//!   to, for a size without end.
+//!
+//! The linker takes a program's own definition before a shared library's.
 
 use std::ffi::{CStr, OsStr, c_char, c_int};
 use std::os::fd::{IntoRawFd, OwnedFd};

@@ -54,7 +54,7 @@ pub(super) const HELD_REPLIES: usize = 1;
 pub(super) const REQUEST_LOANS: usize = 2;
 /// Clients of `command` at once; programs that only watch have none.
 pub(super) const COMMAND_CLIENTS: usize = 32;
-/// Of these, places that [`visiting_command_client`] leaves free: the daemon gets its own however many give orders.
+/// Places of clients of `command` that [`visiting_command_client`] leaves free: the daemon gets its own however many give orders.
 const RESERVED_COMMAND_CLIENTS: usize = 8;
 pub(super) const COMMANDS_PER_CLIENT: usize = 2;
 
@@ -264,7 +264,7 @@ fn translate(service: String, error: RequestResponseOpenOrCreateError) -> IpcErr
         Either::RequestResponseOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
             service,
             port: "process",
-            users: String::new(),
+            users: Vec::new(),
         },
         Either::RequestResponseOpenError(
             Open::IncompatibleRequestOrResponseType

@@ -13,9 +13,9 @@ use rustix::process::geteuid;
 
 use super::IpcError;
 
-/// What the owner may do with the folder, and nobody else.
+/// Mode of the root folder: its owner alone may list, enter and change it.
 const FOLDER_MODE: u32 = 0o700;
-/// The same for a file in it.
+/// Mode of a file in the root folder: its owner alone may read and write it.
 const FILE_MODE: u32 = 0o600;
 const PERMISSION_BITS: u32 = 0o777;
 const WRITABLE_BY_OTHERS: u32 = 0o022;

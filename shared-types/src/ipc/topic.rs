@@ -48,10 +48,10 @@ pub type CycleTopic = Topic<[Cycle]>;
 pub(super) struct Qualities {
     pub(super) name: &'static str,
     pub(super) publishers: usize,
-    /// Of these, places that [`visiting_publisher`] leaves free.
+    /// Places of publishers that [`visiting_publisher`] leaves free.
     pub(super) reserved_publishers: usize,
     pub(super) subscribers: usize,
-    /// Of these, places that [`watching_subscriber`] leaves free: who acts gets one however many watch.
+    /// Places of subscribers that [`watching_subscriber`] leaves free: programs that act get one however many watch.
     pub(super) reserved_subscribers: usize,
     pub(super) history: usize,
     pub(super) buffer: usize,
@@ -367,7 +367,7 @@ fn translate(service: String, error: PublishSubscribeOpenOrCreateError) -> IpcEr
         Either::PublishSubscribeOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
             service,
             port: "process",
-            users: String::new(),
+            users: Vec::new(),
         },
         Either::PublishSubscribeOpenError(
             Open::IncompatibleTypes

@@ -10,7 +10,8 @@ wire_message! {
     pub struct ControllerState: "pcc.v3.ControllerState", 616 bytes {
         /// Time of the cycle it describes, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
-        /// Another number for each controller that was started since the machine was: trajectories name the one they are for.
+        /// Identifies the process among all that had this role since the machine was booted: its start time, nanoseconds of
+        /// `CLOCK_MONOTONIC`. Trajectories name their controller by it.
         pub instance: u64,
         /// Cycles since the loop began.
         pub cycle: u64,
@@ -28,7 +29,7 @@ wire_message! {
         pub refusal: u32,
         /// Cycles that began more than one and a half periods after the one before.
         pub late_cycles: u32,
-        /// Most of them in a row.
+        /// Most late cycles that came one after the other.
         pub longest_late_run: u32,
         /// Linux thread id of the loop, so that its system calls can be counted from outside.
         pub loop_thread_id: u32,

@@ -9,8 +9,8 @@ wire_message! {
     pub struct Heartbeat: "pcc.v3.Heartbeat", 32 bytes {
         /// When it was sent, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
-        /// Another number for each process of its kind that was started since the machine was: a trajectory names the daemon that
-        /// has published it by this one.
+        /// Identifies the process among all that had this role since the machine was booted: its start time, nanoseconds of
+        /// `CLOCK_MONOTONIC`. Trajectories name their daemon by it.
         pub instance: u64,
         /// Counts the sender's heartbeats, from 1.
         pub sequence: u64,

@@ -17,10 +17,7 @@ mod trajectory;
 pub use command::{Command, CommandReply};
 pub use plan::{Goal, PlanRequest, PreviousPlan, SelectionRule};
 pub use report::PlanReport;
-pub use scene::{
-    Heartbeat, LEAST_SCENE_LIFETIME_NS, MOST_SCENE_LIFETIME_NS, Scene, SceneStatus, SourceName,
-    stamp_refusal,
-};
+pub use scene::{Heartbeat, MOST_SCENE_LIFETIME_NS, Scene, SceneStatus, SourceName, stamp_refusal};
 pub use state::{ControllerState, Cycle, RobotState, Setpoint};
 pub use trajectory::{Trajectory, check_knots};
 

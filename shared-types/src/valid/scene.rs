@@ -12,7 +12,7 @@ use crate::codes::{ProcessKind, SceneRefusal};
 use crate::message::{self, MovingBall, SceneMessage};
 
 /// Shortest lifetime of a scene, nanoseconds: 1 ms.
-pub const LEAST_SCENE_LIFETIME_NS: i64 = 1_000_000;
+const LEAST_SCENE_LIFETIME_NS: i64 = 1_000_000;
 /// Longest lifetime of a scene, nanoseconds: an hour.
 pub const MOST_SCENE_LIFETIME_NS: i64 = 3_600_000_000_000;
 /// A stamp this near to the time of day, nanoseconds, is one of that clock: a day.

@@ -117,15 +117,7 @@ impl Stage<'_> {
         }
         std::thread::sleep(HOLD);
         let cycles = recording.since(since)?;
-        let measured: Vec<Configuration> = cycles
-            .iter()
-            .filter(|c| c.stamp_mono_ns > mono_now_ns() - MEASURED_OVER_NS)
-            .map(|c| Configuration::from(c.measured_configuration_rad))
-            .collect();
-        if measured.is_empty() {
-            bail!("no cycle was recorded while holding");
-        }
-        let mean = measured.iter().sum::<Configuration>() / measured.len() as f64;
+        let mean = mean_measured(&cycles)?;
         let scene = Scene::new(task.balls.to_vec())?;
         Ok(Execution::Done(Report {
             experiment: task.experiment,
@@ -298,6 +290,18 @@ impl Stage<'_> {
         }
         bail!("waited {patience:?} in vain until {what}")
     }
+}
+
+/// Mean of the measured configurations of the last [`MEASURED_OVER_NS`], rad.
+fn mean_measured(cycles: &[message::Cycle]) -> anyhow::Result<Configuration> {
+    let since_ns = mono_now_ns() - MEASURED_OVER_NS;
+    let recent = cycles.iter().filter(|c| c.stamp_mono_ns > since_ns);
+    let measured = recent.map(|c| Configuration::from(c.measured_configuration_rad));
+    let measured: Vec<Configuration> = measured.collect();
+    if measured.is_empty() {
+        bail!("no cycle was recorded while holding");
+    }
+    Ok(measured.iter().sum::<Configuration>() / measured.len() as f64)
 }
 
 fn goal_tip(robot: &Robot, goal: &Goal) -> Point {

@@ -1,6 +1,6 @@
 //! The authors' data set format, version 25: one row a path, obstacles by offsets (docs/evaluation.md "The command").
 
-use super::meta::{Counts, Meta};
+use super::meta::{Counts, META_FILE, Meta};
 use super::rows::{Shapes, read_rows};
 use crate::path::WAYPOINTS;
 use arrays::{ArchiveError, ArchiveReader, ArchiveWriter, MAX_ARCHIVE_BYTES};
@@ -141,7 +141,7 @@ impl Dataset {
         let meta = Meta::read(folder)?;
         let file = folder.join(ARRAYS);
         let wrong_meta = |reason: String| DatasetError::Meta {
-            path: folder.join("dataset_meta.json"),
+            path: folder.join(META_FILE),
             reason,
         };
         if let Some(expected) = &meta.arrays_sha256 {

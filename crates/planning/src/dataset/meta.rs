@@ -13,8 +13,8 @@ use std::fmt;
 use std::ops::{AddAssign, RangeInclusive};
 use std::path::Path;
 
-/// Name of the file.
-const FILE: &str = "dataset_meta.json";
+/// Name of the file that says what a set is.
+pub(super) const META_FILE: &str = "dataset_meta.json";
 /// Version of the format that is read and written.
 const VERSION: u32 = 25;
 /// Longest such file that is read.
@@ -268,7 +268,7 @@ impl Meta {
     /// # Errors
     /// [`DatasetError::File`] or [`DatasetError::Meta`], naming the file, the key and what is allowed.
     pub fn read(folder: &Path) -> Result<Self, DatasetError> {
-        let path = folder.join(FILE);
+        let path = folder.join(META_FILE);
         let fail = |reason: String| DatasetError::Meta {
             path: path.clone(),
             reason,
@@ -352,7 +352,7 @@ impl Meta {
     /// # Errors
     /// [`DatasetError::Meta`].
     pub fn write(&self, folder: &Path) -> Result<(), DatasetError> {
-        let path = folder.join(FILE);
+        let path = folder.join(META_FILE);
         let write = || {
             std::fs::create_dir_all(folder)?;
             let text = serde_json::to_string_pretty(self)?;
@@ -369,6 +369,6 @@ impl Meta {
     /// Whether a folder has such a file.
     #[must_use]
     pub fn is_in(folder: &Path) -> bool {
-        folder.join(FILE).exists()
+        folder.join(META_FILE).exists()
     }
 }

@@ -98,7 +98,7 @@ const DAEMON: &[Key] = &[
     optional("shared_memory_budget_mb", real(1.0, 100_000.0)),
     optional("resident_memory_budget_mb", real(1.0, 100_000.0)),
     of_table("scene.file", Rule::File),
-    of_table("live_scene.expected", Rule::Truth),
+    optional("live_scene.expected", Rule::Truth),
 ];
 
 /// The daemon's model of the paper.
