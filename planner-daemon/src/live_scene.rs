@@ -221,8 +221,7 @@ impl LiveScene {
         let (stamp, lifetime) = (scene.stamp_mono_ns, scene.lifetime_ns);
         let refusal = stamp_refusal(stamp, lifetime, now.mono_ns, now.wall_ns);
         if refusal.is_none() && scene.takes_leave {
-            self.take_leave(scene.source, publisher, now.mono_ns);
-            return Some(Judged::accepted(0));
+            return Some(self.take_leave(scene.source, publisher, now.mono_ns));
         }
         let index = match self.place(scene.source, publisher, now.mono_ns) {
             Ok(index) => index,
@@ -267,11 +266,14 @@ impl LiveScene {
 
     /// Signs a name off. What other publishers have told under it counts until its lifetime ends. Who was refused that name signs off
     /// only itself.
-    fn take_leave(&mut self, name: SourceName, publisher: u128, now_mono_ns: i64) {
+    fn take_leave(&mut self, name: SourceName, publisher: u128, now_mono_ns: i64) -> Judged {
         let heard = self.ports.heard(publisher);
         self.ports.note(publisher, Heard::Known);
         if heard == Some(Heard::Refused(SceneRefusal::NameTaken)) {
-            return;
+            return Judged::accepted(0);
+        }
+        if !self.sources.iter().any(|source| source.name == name) {
+            return Judged::refused(SceneRefusal::NoSuchSource, None);
         }
         for source in &mut self.sources {
             source.leaves |= source.name == name;
@@ -279,6 +281,7 @@ impl LiveScene {
         self.sources.retain(|source| {
             source.name != name || (source.publisher != publisher && source.is_live(now_mono_ns))
         });
+        Judged::accepted(0)
     }
 
     /// The place of a publisher, a new one if need be, or why it gets none.

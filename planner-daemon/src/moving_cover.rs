@@ -1,7 +1,7 @@
 //! Moving balls as the certificate sees them: everywhere that they can be, however late the robot comes.
 //!
-//! A scene is believed until its lifetime is over; what moves then is stopped. Let L be the lifetime and the time of a stop. Until
-//! then a ball that was at c at the stamp s and moves at v is at the clock time t at c + v (t − s), or anywhere on its way since the
+//! A scene is believed until its lifetime is over; what moves then is stopped. Let L be the time of a stop and the lifetime, or the
+//! time that a motion goes on without supervision if that is longer. Until then a ball that was at c at the stamp s and moves at v is at the clock time t at c + v (t − s), or anywhere on its way since the
 //! stamp if it has slowed down or stopped. A motion that was expected at path time p at the clock time t(p) is there at t(p) + lag.
 //! So at path time p each ball is taken to be everywhere between t(p) − L and t(p) + L: all that can be true until the robot is at
 //! rest, whatever the lag up to L, is in there. Both ends are wider by [`TOLERANCE_S`], within which t(p) may change without a new
@@ -14,6 +14,9 @@ use pcc_model::{Point, Robot};
 const LEAST_RATE: f64 = 0.05;
 /// Change of the clock time at which a motion is at a place of its path, within which its certificate holds, s.
 pub(crate) const TOLERANCE_S: f64 = 0.01;
+/// Longest time that a motion goes on when supervision is held or dies, s: until the heart stops (0.1) and the controller misses it
+/// (`daemon_lost_ms` as shipped, 0.2), and a round of each.
+const UNSUPERVISED_S: f64 = 0.35;
 /// Most balls that cover one.
 const MOST_COVERING: usize = 8;
 /// Largest distance of two covering balls' centres where there are enough, radii: they are a quarter larger then.
@@ -86,7 +89,7 @@ impl Cover {
     fn of_one(&self, moving: &MovingBall) -> impl Iterator<Item = MovingBall> {
         let age_s = (self.timing.zero_mono_ns - self.stamp_mono_ns) as f64 * 1e-9;
         let (centre, velocity) = (moving.ball.centre, moving.velocity);
-        let either_side_s = self.lifetime_s + self.stopping_s + TOLERANCE_S;
+        let either_side_s = self.lifetime_s.max(UNSUPERVISED_S) + self.stopping_s + TOLERANCE_S;
         let first = age_s - either_side_s;
         let last = age_s + either_side_s + self.lag_allowance_s;
         let way = velocity.norm() * (last - first);

@@ -3,7 +3,7 @@
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use collision::Verdict;
 use iceoryx2::port::update_connections::UpdateConnections;
@@ -36,8 +36,8 @@ const ROUND: Duration = Duration::from_millis(1);
 /// How much later than expected a motion must be able to come from its begin on without contact, s: pauses up to this neither hurt
 /// nor need a stop.
 const LAG_ALLOWANCE_S: f64 = 0.2;
-/// Rounds that the end of what moves is waited for when the daemon ends: 5 s, far above the longest stop.
-const ENDING_ROUNDS: usize = 5_000;
+/// How much longer than the longest stop of what moves its end is waited for when the daemon ends.
+const ENDING: Duration = Duration::from_secs(5);
 
 /// Ports and state of the thread.
 pub(crate) struct Supervisor {
@@ -108,7 +108,9 @@ impl Supervisor {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
         }
-        for _ in 0..ENDING_ROUNDS {
+        let stopping_s = self.supervised.as_ref().map_or(0.0, |own| own.stopping_s);
+        let until = Instant::now() + ENDING + Duration::from_secs_f64(stopping_s);
+        while Instant::now() < until {
             let is_silent = self.silence_ns() > STATE_LIFETIME_NS;
             let Some(supervised) = self.supervised.as_mut().filter(|_| !is_silent) else {
                 // A controller that is held finds no daemon when it goes on, and stops.

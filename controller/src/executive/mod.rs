@@ -253,6 +253,7 @@ impl Executive {
     pub fn stop(&mut self) -> Result<(), CommandRefusal> {
         match self.state {
             LoopState::Executing => self.state = LoopState::Stopping,
+            LoopState::Stopping => {}
             LoopState::Holding if self.motion.is_some() => self.put_motion_aside(),
             _ => return Err(CommandRefusal::NothingToDo),
         }

@@ -82,6 +82,9 @@ pub enum Unacceptable {
     )]
     OtherDaemon,
     /// A stop was ordered since it was published.
+    #[error("it was set aside before its begin: a stop, a fault or the loss of robot or daemon came first")]
+    SetAside,
+    /// A stop was ordered after it was requested.
     #[error("it was requested {before_ms:.1} ms before a stop was ordered")]
     BeforeStop {
         /// How long before.
@@ -159,6 +162,7 @@ impl Unacceptable {
             Self::OtherController => Refusal::OtherController,
             Self::OtherDaemon => Refusal::OtherDaemon,
             Self::BeforeStop { .. } => Refusal::BeforeStop,
+            Self::SetAside => Refusal::SetAside,
             Self::OldId(_) => Refusal::OldId,
             Self::Past { .. } => Refusal::BeginsInThePast,
             Self::Ahead { .. } => Refusal::BeginsTooLate,

@@ -35,8 +35,7 @@ const TICK: Duration = Duration::from_millis(1);
 /// The longest that the loop is waited for to take a command, ns.
 const COMMAND_NS: i64 = 50_000_000;
 
-/// Longest wait for the robot to come to rest when the process is to end, ns: many times the longest stop
-/// ([`RateLaw::longest_stop`](trajectory::RateLaw::longest_stop)) of the shipped robots, about 0.25 s.
+/// Longest wait for a cycle of the loop when the process is to end, ns: without one the robot cannot be brought to rest.
 const SHUTDOWN_NS: i64 = 5_000_000_000;
 
 /// Longest time that one round counts for in the daemon's silence, ns: where the whole machine paused, no heart could beat.
@@ -44,6 +43,9 @@ const MOST_A_ROUND_NS: i64 = 20_000_000;
 
 /// Commands received in one round, so that a flood of them does not keep the guard from the daemon's heart.
 const COMMANDS_A_ROUND: usize = 64;
+
+/// Heartbeats received in one round, of which there are at most fifty a second from each process.
+const HEARTBEATS_A_ROUND: usize = 64;
 
 /// What the guard is told by the configuration and by the process.
 pub(super) struct GuardSettings {
@@ -84,7 +86,10 @@ impl Ports {
     /// The daemon's newest heartbeat that has arrived; one from the future would never grow old, and is none.
     fn newest_daemon_heartbeat(&self) -> Option<Heartbeat> {
         let mut newest: Option<Heartbeat> = None;
-        while let Ok(Some(sample)) = self.heartbeats.receive() {
+        for _ in 0..HEARTBEATS_A_ROUND {
+            let Ok(Some(sample)) = self.heartbeats.receive() else {
+                break;
+            };
             let copy = *sample;
             let Ok(beat) = Heartbeat::try_from(&copy) else {
                 continue;
@@ -286,8 +291,17 @@ pub(super) struct Guard {
     settings: GuardSettings,
     ports: Ports,
     commands: Commands<CommandRequest>,
+    /// Commands of the round under way.
+    received: Vec<CommandRequest>,
+    ending: Option<Ending>,
     daemon_beat: Option<Heartbeat>,
     silence: Silence,
+}
+
+/// The loop's last cycle known while the process ends, and since when.
+struct Ending {
+    cycles: u64,
+    since_ns: i64,
 }
 
 /// How long the daemon's heart has not beaten, in rounds' time.
@@ -332,6 +346,8 @@ impl Guard {
             settings,
             ports: Ports::open(options)?,
             commands: Commands::new(link),
+            received: Vec::with_capacity(COMMANDS_A_ROUND),
+            ending: None,
             daemon_beat: None,
             silence: Silence::of_nobody(mono_now_ns()),
         })
@@ -346,7 +362,6 @@ impl Guard {
         }
         // The loop says what the system refuses.
         let _ = realtime::wake_soon();
-        let mut give_up_ns = None;
         while !self.commands.link.shared.is_quitting() {
             let now_ns = mono_now_ns();
             self.watch_daemon(now_ns);
@@ -357,7 +372,7 @@ impl Guard {
                 self.commands.tell(GuardEvent::Signalled);
             }
             if self.settings.signals.shutdown.load(Ordering::Relaxed)
-                && self.may_quit(&mut give_up_ns, now_ns)
+                && self.may_quit(now_ns)
             {
                 self.commands
                     .link
@@ -371,29 +386,48 @@ impl Guard {
         }
     }
 
+    /// Takes up the commands of a round only once all are received: as long as two of a client's are not, iceoryx2 passes over that
+    /// client's others, so that one who floods does not keep out who comes after it.
     fn receive(&mut self, now_ns: i64) {
-        for _ in 0..COMMANDS_A_ROUND {
-            let Ok(Some(request)) = self.ports.commands.receive() else {
-                return;
-            };
+        while self.received.len() < COMMANDS_A_ROUND
+            && let Ok(Some(request)) = self.ports.commands.receive()
+        {
+            self.received.push(request);
+        }
+        for request in self.received.drain(..) {
             let command = *request;
             self.commands.take(request, &command, now_ns);
         }
     }
 
-    /// On the first call orders a stop, and again while one is to be ordered; true once the robot is at rest (or does not
-    /// come to rest).
-    fn may_quit(&mut self, give_up_ns: &mut Option<i64>, now_ns: i64) -> bool {
-        let state = self.commands.link.shared.loop_state();
-        let limit_ns = *give_up_ns.get_or_insert_with(|| {
-            self.commands.tell(GuardEvent::ShuttingDown(state));
-            now_ns + SHUTDOWN_NS
+    /// On the first call orders a stop, and again while one is to be ordered; true once the robot is at rest, or the loop has made
+    /// no cycle for [`SHUTDOWN_NS`].
+    fn may_quit(&mut self, now_ns: i64) -> bool {
+        let shared = Arc::clone(&self.commands.link.shared);
+        let (state, cycles) = (shared.loop_state(), shared.cycles.load(Ordering::Relaxed));
+        let is_first = self.ending.is_none();
+        let ending = self.ending.get_or_insert(Ending {
+            cycles,
+            since_ns: now_ns,
         });
+        if ending.cycles != cycles {
+            *ending = Ending {
+                cycles,
+                since_ns: now_ns,
+            };
+        }
+        let is_held = now_ns - ending.since_ns > SHUTDOWN_NS;
+        if is_first {
+            self.commands.tell(GuardEvent::ShuttingDown(state));
+        }
         if state == LoopState::Executing {
             self.commands.stop();
         }
         let moving = matches!(state, LoopState::Executing | LoopState::Stopping);
-        !moving || now_ns > limit_ns
+        shared
+            .is_abandoned
+            .store(moving && is_held, Ordering::Relaxed);
+        !moving || is_held
     }
 
     fn watch_daemon(&mut self, now_ns: i64) {

@@ -185,6 +185,7 @@ impl HardLoop {
         }
         self.give_back();
         self.sequence += 1;
+        self.link.shared.cycles.store(self.sequence, Ordering::Relaxed);
         let report = Report {
             sequence: self.sequence,
             output,

@@ -126,6 +126,10 @@ pub(super) struct Shared {
     pub(super) guard_rounds: AtomicU64,
     /// [`LoopState`] of the last cycle (written by the loop).
     loop_state: AtomicU32,
+    /// Cycles of the loop (written by the loop).
+    pub(super) cycles: AtomicU64,
+    /// The process ends although the robot moves: the loop makes no cycles (written by the guard).
+    pub(super) is_abandoned: AtomicBool,
     /// Linux thread id of the loop, 0 before it runs.
     pub(super) loop_thread_id: AtomicU32,
     /// All threads are to end (written by the guard, once the robot is at rest).

@@ -69,6 +69,13 @@ pub fn run(
         shared.quit.store(true, Ordering::Relaxed);
     }
     wait_for_end(&threads, &shared);
+    if shared.is_abandoned.load(Ordering::Relaxed) {
+        return Err(IpcError::Failed {
+            service: "controller".to_owned(),
+            what: "hard-loop",
+            reason: "it has made no cycle for 5 s; the robot, which was moving, is let go of and ramps to rest".to_owned(),
+        });
+    }
     if started.is_ok() {
         info!("ended");
     }

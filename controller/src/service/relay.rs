@@ -181,7 +181,12 @@ impl Relay {
     fn take_returns(&mut self) {
         while let Ok(returned) = self.link.returns.pop() {
             match returned {
-                Return::Finished(motion) => self.spare.push(motion),
+                Return::Finished(motion) => {
+                    if !self.view.has_executed(motion.id) {
+                        self.refuse(motion.id, &Unacceptable::SetAside);
+                    }
+                    self.spare.push(motion);
+                }
                 Return::Refused(reason, motion) => {
                     self.refuse(motion.id, &reason);
                     self.spare.push(motion);

@@ -151,6 +151,11 @@ impl View {
         self.published.longest_late_run = self.published.longest_late_run.max(self.late_run);
     }
 
+    /// Whether a trajectory has begun.
+    pub(super) fn has_executed(&self, trajectory_id: u32) -> bool {
+        self.published.trajectory_id == trajectory_id
+    }
+
     pub(super) fn refused(&mut self, trajectory_id: u32, refusal: Refusal) {
         self.published.refused_trajectory_id = trajectory_id;
         self.published.refusal = refusal.code();

@@ -40,7 +40,10 @@ pub enum ClientError {
         may_have_acted: bool,
     },
     /// The server is there but did not answer in time; the request was cancelled.
-    #[error("the {server} did not answer request {id} within {waited:?}")]
+    #[error(
+        "the {server} did not answer request {id} within {waited:?}{}",
+        if *.may_have_acted { "; it may have acted on it: look at the controller's state before sending it again" } else { "" }
+    )]
     TimedOut {
         /// Who did not answer.
         server: &'static str,
@@ -48,6 +51,8 @@ pub enum ClientError {
         id: u64,
         /// For how long it was waited.
         waited: Duration,
+        /// Whether the request could have moved something.
+        may_have_acted: bool,
     },
     /// This client has as many requests at work as the daemon allows.
     #[error("too many requests of this client at once; wait for an answer or drop a pending one")]

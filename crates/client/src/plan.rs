@@ -222,6 +222,7 @@ impl Client {
             server: DAEMON,
             id: pending.id,
             waited: patience.limit(),
+            may_have_acted: pending.execute,
         })
     }
 

@@ -1,5 +1,6 @@
 //! Telling everyone where the obstacles are.
 
+use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
@@ -19,6 +20,8 @@ use crate::ClientError;
 
 /// Time between two looks for daemons that have come and for what they say.
 const LOOK: Duration = Duration::from_millis(5);
+/// Scenes sent last of which verdicts are heard: more than a flood sends between two looks, the rest are lost on the way.
+const REMEMBERED: usize = 256;
 
 /// Publishes what one source knows of the obstacles; the last scene published counts for its lifetime.
 ///
@@ -270,11 +273,14 @@ impl Ports {
 
     /// Sends what comes, hands the last scene to those that come later, and hears what the daemon says, until nobody sends any more.
     fn serve(&mut self, outgoing: &Receiver<Outgoing>, heard: &Heard) {
-        let mut last_sequence = 0;
+        let mut sent_scenes = VecDeque::with_capacity(REMEMBERED);
         loop {
             match outgoing.recv_timeout(LOOK) {
                 Ok(Outgoing { scene, sent }) => {
-                    last_sequence = scene.sequence;
+                    if sent_scenes.len() == REMEMBERED {
+                        sent_scenes.pop_front();
+                    }
+                    sent_scenes.push_back((scene.sequence, scene.stamp_mono_ns));
                     let _ = sent.send(self.send(&scene));
                 }
                 Err(RecvTimeoutError::Timeout) => {
@@ -285,7 +291,7 @@ impl Ports {
                 }
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            self.hear(heard, last_sequence);
+            self.hear(heard, &sent_scenes);
         }
     }
 
@@ -297,8 +303,8 @@ impl Ports {
         self.open.insert(open).send(scene)
     }
 
-    /// Of the scenes that another publisher sends under this name something else may be said.
-    fn hear(&self, heard: &Heard, last_sequence: u32) {
+    /// Hears what is said of these scenes (sequence and stamp), and not of those that another publisher sends under this name.
+    fn hear(&self, heard: &Heard, sent_scenes: &VecDeque<(u32, i64)>) {
         let Some(open) = &self.open else {
             return;
         };
@@ -307,8 +313,8 @@ impl Ports {
             let Ok(status) = SceneStatus::try_from(&copy) else {
                 continue;
             };
-            let is_ours =
-                status.source == self.source.to_wire() && status.sequence <= last_sequence;
+            let scene = (status.sequence, status.scene_stamp_mono_ns);
+            let is_ours = status.source == self.source.to_wire() && sent_scenes.contains(&scene);
             if is_ours {
                 heard.take(&status);
             }

@@ -142,6 +142,7 @@ impl ControllerView {
             server: CONTROLLER,
             id,
             waited,
+            may_have_acted: true,
         })?;
         checked(CONTROLLER, CommandReply::try_from(&reply))
     }

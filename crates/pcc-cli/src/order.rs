@@ -49,7 +49,11 @@ pub(crate) fn stop() -> anyhow::Result<()> {
         }
         Err(error) => error,
     };
-    if !error.is::<ClientError>() {
+    let is_told = signalled.as_ref().is_some_and(Result::is_ok);
+    let may_be_stopped = error
+        .downcast_ref::<Refused>()
+        .is_some_and(|refused| refused.reason == CommandRefusal::NothingToDo && is_told);
+    if !may_be_stopped && !error.is::<ClientError>() {
         return Err(error);
     }
     let Ok(signalled) = signalled.unwrap_or_else(signal_stop) else {
@@ -104,17 +108,22 @@ fn give(command: Command) -> anyhow::Result<Accepted> {
         bail!("{}; the controller was {} last", reply.reason, reply.state);
     }
     if !reply.accepted {
-        bail!(
-            "the controller, which is {}, refuses: {}",
-            reply.state,
-            reply.reason
-        );
+        let (state, reason) = (reply.state, reply.reason);
+        bail!(Refused { state, reason });
     }
     Ok(Accepted {
         sent,
         took_ms,
         state: reply.state,
     })
+}
+
+/// An order that the controller has refused.
+#[derive(Debug, thiserror::Error)]
+#[error("the controller, which is {state}, refuses: {reason}")]
+struct Refused {
+    state: LoopState,
+    reason: CommandRefusal,
 }
 
 /// An order that the controller has accepted.

@@ -6,7 +6,8 @@ use anyhow::bail;
 use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
 use shared_types::capacity::DOF;
-use shared_types::codes::{Outcome, Sampler, Selection, Source, Stage};
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::{LoopState, Outcome, Refusal, Sampler, Selection, Source, Stage, Waiting};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
 use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
@@ -14,6 +15,8 @@ use std::time::{Duration, Instant};
 
 /// How long a running daemon and controller are looked for.
 const PATIENCE: Duration = Duration::from_secs(5);
+/// Age at which a controller's state says nothing of now, ns.
+const STATE_LIFETIME_NS: i64 = 200_000_000;
 
 #[derive(Clone, Copy, ValueEnum)]
 enum SamplerName {
@@ -100,7 +103,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let request = arguments.request(&options)?;
     let mut client = Client::connect(&options)?;
     let clock = Instant::now();
-    let answer = client.plan(&request, PATIENCE)?;
+    let mut controller = ControllerView::connect(&options)?;
+    let answer = client.plan(&request, PATIENCE + request.deadline.unwrap_or_default())?;
     let round_trip = clock.elapsed();
     let report = answer.report();
     if !report.outcome.has_candidates() || report.candidates.is_empty() {
@@ -109,8 +113,30 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     print_answer(&answer, round_trip);
     match report.outcome {
         Outcome::ExecutionRefused => bail!("not executed: {}", report.reason),
-        _ => Ok(()),
+        _ => report
+            .trajectory_id
+            .map_or(Ok(()), |id| wait_until_taken(&mut controller, id)),
     }
+}
+
+/// Waits until the controller says that it executes a trajectory.
+fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<()> {
+    let until = Instant::now() + PATIENCE;
+    while Instant::now() < until {
+        let state = controller.latest_state()?;
+        match state.map(|state| (state.values.trajectory_id, state.values.refused_trajectory_id)) {
+            Some((executed, _)) if executed == id => {
+                say!("the controller executes it");
+                return Ok(());
+            }
+            Some((_, refused)) if refused == id => {
+                let refusal = state.map_or(Refusal::None, |state| state.refusal);
+                bail!("not executed: the controller refuses trajectory {id}: {refusal}");
+            }
+            _ => std::thread::sleep(Duration::from_millis(2)),
+        }
+    }
+    bail!("not executed: the controller has not said within {PATIENCE:?} that it executes trajectory {id}")
 }
 
 impl Arguments {
@@ -213,15 +239,27 @@ fn six(values: &[f64]) -> [f64; DOF] {
 fn held_configuration(options: &IpcOptions) -> anyhow::Result<[f64; DOF]> {
     let mut controller = ControllerView::connect(options)?;
     let until = Instant::now() + PATIENCE;
+    let mut last = None;
     while Instant::now() < until {
-        if let Some(state) = controller.latest_state()? {
-            return Ok(state.values.commanded_configuration_rad);
+        let state = controller.latest_state()?;
+        let fresh = state.filter(|state| mono_now_ns() - state.values.stamp_mono_ns < STATE_LIFETIME_NS);
+        if let Some(state) = fresh {
+            let rests = matches!(state.state, LoopState::Holding | LoopState::Fault);
+            if rests && state.waiting == Waiting::None {
+                return Ok(state.values.commanded_configuration_rad);
+            }
+            last = Some((state.state, state.waiting));
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-    bail!(
-        "no controller within {PATIENCE:?}: start it, set PCC_PREFIX and PCC_ROOT to where it runs, or give --start"
-    )
+    match last {
+        None => bail!(
+            "no controller within {PATIENCE:?}: start it, set PCC_PREFIX and PCC_ROOT to where it runs, or give --start"
+        ),
+        Some((state, waiting)) => bail!(
+            "the controller holds no robot at rest: it is {state} (it waits for: {waiting}); wait until it is holding, or give --start"
+        ),
+    }
 }
 
 fn print_answer(answer: &PlanAnswer, round_trip: Duration) {

@@ -105,8 +105,10 @@ codes! {
         OtherController = 12 "meant for another controller",
         /// Another daemon than the one whose heart beats has published it: nobody watches over it.
         OtherDaemon = 13 "published by another daemon",
-        /// A stop was ordered after it was published.
+        /// A stop was ordered after it was requested.
         BeforeStop = 14 "requested before a stop",
+        /// It was taken, and a stop, a fault or the loss of robot or daemon came before its begin.
+        SetAside = 15 "set aside before its begin",
     }
 }
 
@@ -132,6 +134,8 @@ codes! {
         TooManySources = 7 "too many sources",
         /// Another publisher that is there, or that spoke while this one was there, has the source's name.
         NameTaken = 8 "another publisher has the source's name",
+        /// There is no source of that name to be signed off.
+        NoSuchSource = 9 "no source has that name",
     }
 }
 

@@ -10,7 +10,7 @@ use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use serde_json::json;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::Outcome;
+use shared_types::codes::{LoopFault, Outcome};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::MovingBall;
 use shared_types::valid::{Command, Goal};
@@ -33,6 +33,13 @@ const DISTINCT_RAD: f64 = 0.5;
 const KEPT_CLEAR: f64 = 0.3;
 /// Times a motion is asked for: a machine that stalls for more than the robot's 20 ms makes the controller stop it.
 const ATTEMPTS: usize = 4;
+/// Faults that a stalled machine leaves: they are reset, and the motion is asked for again. Every other one is the operator's to reset.
+const OF_STALLS: [LoopFault; 4] = [
+    LoopFault::RobotLost,
+    LoopFault::RobotRampedToRest,
+    LoopFault::TooLate,
+    LoopFault::GuardHeldUp,
+];
 /// Allowed tip errors, section lengths: commanded, and as measured on the noisy robot.
 const ALLOWED_ERROR: [f64; 2] = [0.01, 0.03];
 
@@ -245,6 +252,13 @@ impl<'a> Mission<'a> {
                     trajectory_id,
                     fault,
                 } => {
+                    if !OF_STALLS.contains(&fault) {
+                        bail!(
+                            "{}, {}: the controller stopped on the way ({fault}); look at the robot, then `pcc reset`",
+                            task.experiment,
+                            task.name
+                        );
+                    }
                     say!(
                         "  {}: the controller stopped on the way ({fault}); reset, and asked again",
                         task.name
@@ -259,6 +273,10 @@ impl<'a> Mission<'a> {
             task.experiment,
             task.name
         )
+    }
+
+    pub(super) fn stop(&mut self) {
+        self.stage.stop();
     }
 
     fn point(&self, section_lengths: [f64; 3]) -> Point {

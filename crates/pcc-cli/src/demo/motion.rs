@@ -260,6 +260,13 @@ impl Stage<'_> {
         })
     }
 
+    /// Stops what moves, if something does.
+    pub(super) fn stop(&mut self) {
+        if let Err(error) = self.controller.command(Command::Stop, PATIENCE) {
+            say!("the robot may move on: {error}");
+        }
+    }
+
     /// Clears the controller's fault, if there is one.
     pub(super) fn reset(&mut self) -> anyhow::Result<()> {
         let reply = self.controller.command(Command::ResetFault, PATIENCE)?;
