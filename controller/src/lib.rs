@@ -14,6 +14,7 @@ pub mod executive;
 mod fixtures;
 pub mod robot;
 pub mod service;
+mod shared_memory;
 
 /// Tendons in every message; robots with fewer leave the rest at zero.
 pub const TENDONS: usize = shared_types::capacity::TENDONS;

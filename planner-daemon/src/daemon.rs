@@ -253,7 +253,7 @@ fn bring_in_shared_memory(config: &Config, options: &IpcOptions) {
     if !config.lock_memory {
         return;
     }
-    match process::bring_in_shared_memory(&options.prefix) {
+    match realtime::bring_in_shared_memory(&options.prefix) {
         Ok(0) => {
             tracing::warn!("no shared memory to bring into RAM was found in /proc/self/maps");
         }

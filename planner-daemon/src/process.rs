@@ -1,12 +1,9 @@
-//! What the daemon asks of the operating system about itself: its resident size, its shared memory, signals.
-#![allow(unsafe_code, reason = "`madvise` of mappings that this process has")]
+//! What the daemon asks of the operating system about itself: its resident size, signals.
 
-use std::ffi::c_void;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use rustix::mm::{Advice, madvise};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 
@@ -25,40 +22,6 @@ fn resident_in(status: &str) -> Option<usize> {
         .find_map(|line| line.strip_prefix("VmRSS:"))?;
     let kilobytes: usize = line.split_whitespace().next()?.parse().ok()?;
     Some(kilobytes * 1024)
-}
-
-/// Brings shared memory of this process, whose names begin with `prefix`, into RAM; how many bytes it is.
-///
-/// # Errors
-/// If `/proc` is not there, or the system's answer (before Linux 5.14: that it cannot).
-pub(crate) fn bring_in_shared_memory(prefix: &str) -> io::Result<usize> {
-    let mut total = 0;
-    for [begin, end] in shared_ranges(&std::fs::read_to_string("/proc/self/maps")?, prefix) {
-        // SAFETY: the range is a mapping of this process that stays while its ports do; its content does not change.
-        unsafe {
-            madvise(
-                begin as *mut c_void,
-                end - begin,
-                Advice::LinuxPopulateWrite,
-            )?;
-        }
-        total += end - begin;
-    }
-    Ok(total)
-}
-
-/// Begin and end of the writable mappings of shared memory whose names begin with `prefix`.
-fn shared_ranges(maps: &str, prefix: &str) -> Vec<[usize; 2]> {
-    let range = |line: &str| {
-        let mut fields = line.split_whitespace();
-        let (range, rights) = (fields.next()?, fields.next()?);
-        let name = fields.nth(3)?.strip_prefix("/dev/shm/")?;
-        let (begin, end) = range.split_once('-')?;
-        let address = |text| usize::from_str_radix(text, 16).ok();
-        let is_wanted = rights == "rw-s" && name.starts_with(prefix);
-        is_wanted.then_some([address(begin)?, address(end)?])
-    };
-    maps.lines().filter_map(range).collect()
 }
 
 /// A flag that SIGTERM and SIGINT set.
@@ -83,18 +46,5 @@ mod tests {
         assert_eq!(resident_in(status), Some(1234 * 1024));
         assert_eq!(resident_in("Name:\tx\n"), None);
         assert!(resident_bytes().unwrap() > 100_000);
-    }
-
-    #[test]
-    fn shared_memory_is_found_by_its_name_and_rights() {
-        let maps = "7f0000001000-7f0000003000 rw-s 00000000 00:1a 5  /dev/shm/pcc_answers\n\
-            7f0000004000-7f0000005000 r--s 00000000 00:1a 6  /dev/shm/pcc_read\n\
-            7f0000006000-7f0000007000 rw-s 00000000 00:1a 7  /dev/shm/other_answers\n\
-            7f0000008000-7f0000009000 rw-p 00000000 00:00 0 \n";
-        assert_eq!(
-            shared_ranges(maps, "pcc_"),
-            [[0x7f00_0000_1000, 0x7f00_0000_3000]]
-        );
-        assert_eq!(bring_in_shared_memory("no_such_name").unwrap(), 0);
     }
 }

@@ -82,7 +82,9 @@ pub enum Unacceptable {
     )]
     OtherDaemon,
     /// A stop was ordered since it was published.
-    #[error("it was set aside before its begin: a stop, a fault or the loss of robot or daemon came first")]
+    #[error(
+        "it was set aside before its begin: a stop, a fault or the loss of robot or daemon came first"
+    )]
     SetAside,
     /// A stop was ordered after it was requested.
     #[error("it was requested {before_ms:.1} ms before a stop was ordered")]

@@ -5,6 +5,7 @@ use std::sync::{
     atomic::{AtomicBool, Ordering},
 };
 
+use crate::shared_memory;
 use shared_types::{
     clock::mono_now_ns,
     codes::{MotorFault, ProcessKind},
@@ -93,6 +94,7 @@ pub fn run(
 ) -> Result<(), IpcError> {
     let _role = RoleLock::acquire(options, Role::Robot)?;
     let ports = Ports::open(options)?;
+    shared_memory::claim(options)?;
     let memory = if config.remembers_pose {
         open_memory(options)
     } else {

@@ -371,9 +371,7 @@ impl Guard {
                 self.commands.stop();
                 self.commands.tell(GuardEvent::Signalled);
             }
-            if self.settings.signals.shutdown.load(Ordering::Relaxed)
-                && self.may_quit(now_ns)
-            {
+            if self.settings.signals.shutdown.load(Ordering::Relaxed) && self.may_quit(now_ns) {
                 self.commands
                     .link
                     .shared

@@ -185,7 +185,10 @@ impl HardLoop {
         }
         self.give_back();
         self.sequence += 1;
-        self.link.shared.cycles.store(self.sequence, Ordering::Relaxed);
+        self.link
+            .shared
+            .cycles
+            .store(self.sequence, Ordering::Relaxed);
         let report = Report {
             sequence: self.sequence,
             output,

@@ -25,6 +25,8 @@ use std::{
 use shared_types::ipc::{IpcError, IpcOptions, Role, RoleLock};
 use tracing::{info, warn};
 
+use crate::shared_memory;
+
 use guard::{Guard, GuardSettings};
 use hard_loop::LoopThread;
 use link::{GuardEnd, LoopEnd, RelayEnd, Shared};
@@ -63,7 +65,7 @@ pub fn run(
         threads.push(controller.start_relay(relay_end)?);
         threads.push(controller.start_guard(guard, guard_end)?);
         threads.push(controller.start_loop(loop_end)?);
-        Ok(())
+        shared_memory::claim(options)
     })();
     if started.is_err() {
         shared.quit.store(true, Ordering::Relaxed);

@@ -7,7 +7,9 @@ use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
 use shared_types::capacity::DOF;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopState, Outcome, Refusal, Sampler, Selection, Source, Stage, Waiting};
+use shared_types::codes::{
+    LoopState, Outcome, Refusal, Sampler, Selection, Source, Stage, Waiting,
+};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
 use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
@@ -124,7 +126,12 @@ fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<
     let until = Instant::now() + PATIENCE;
     while Instant::now() < until {
         let state = controller.latest_state()?;
-        match state.map(|state| (state.values.trajectory_id, state.values.refused_trajectory_id)) {
+        match state.map(|state| {
+            (
+                state.values.trajectory_id,
+                state.values.refused_trajectory_id,
+            )
+        }) {
             Some((executed, _)) if executed == id => {
                 say!("the controller executes it");
                 return Ok(());
@@ -136,7 +143,9 @@ fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<
             _ => std::thread::sleep(Duration::from_millis(2)),
         }
     }
-    bail!("not executed: the controller has not said within {PATIENCE:?} that it executes trajectory {id}")
+    bail!(
+        "not executed: the controller has not said within {PATIENCE:?} that it executes trajectory {id}"
+    )
 }
 
 impl Arguments {
@@ -242,7 +251,8 @@ fn held_configuration(options: &IpcOptions) -> anyhow::Result<[f64; DOF]> {
     let mut last = None;
     while Instant::now() < until {
         let state = controller.latest_state()?;
-        let fresh = state.filter(|state| mono_now_ns() - state.values.stamp_mono_ns < STATE_LIFETIME_NS);
+        let fresh =
+            state.filter(|state| mono_now_ns() - state.values.stamp_mono_ns < STATE_LIFETIME_NS);
         if let Some(state) = fresh {
             let rests = matches!(state.state, LoopState::Holding | LoopState::Fault);
             if rests && state.waiting == Waiting::None {

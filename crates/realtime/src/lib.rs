@@ -5,6 +5,10 @@
 
 #![allow(unsafe_code, reason = "system calls without a safe wrapper")]
 
+mod shared_memory;
+
+pub use shared_memory::bring_in_shared_memory;
+
 use std::ffi::c_int;
 use std::io;
 use std::num::NonZeroU64;
