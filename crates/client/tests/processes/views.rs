@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use client::{ClientError, ControllerView, CycleRecorder, RobotView, ScenePublisher};
 use shared_types::PROTOCOL_VERSION;
-use shared_types::clock::wall_now_ns;
+use shared_types::clock::{mono_now_ns, wall_now_ns};
 use shared_types::codes::{CommandRefusal, LoopState, MotorState, SceneRefusal};
 use shared_types::ipc::*;
 use shared_types::message::{self, MovingBall};
@@ -239,17 +239,27 @@ fn what_a_daemon_says_of_a_scene_is_told_to_its_publisher() {
     let error = scenes.publish_stamped(wall, &[], lifetime).unwrap_err();
     assert!(error.to_string().contains("wall clock"), "{error}");
     for (sequence, refusal) in [(1, SceneRefusal::None), (2, SceneRefusal::TooManySources)] {
-        scenes.publish(&[], lifetime).unwrap();
-        let mut status = message::SceneStatus {
-            protocol_version: PROTOCOL_VERSION,
-            source: SourceName::new("other").unwrap().to_wire(),
-            sequence,
-            ..message::SceneStatus::ZEROED
-        };
-        statuses.send_copy(status).unwrap();
-        status.source = SourceName::new("camera").unwrap().to_wire();
-        status.refusal = refusal.code();
-        statuses.send_copy(status).unwrap();
+        let stamp = mono_now_ns();
+        scenes.publish_stamped(stamp, &[], lifetime).unwrap();
+        let of_others = [("other", stamp), ("camera", stamp - 1)];
+        let ours = ("camera", stamp);
+        for (source, scene_stamp_mono_ns) in of_others.into_iter().chain([ours]) {
+            let is_ours = (source, scene_stamp_mono_ns) == ours;
+            let said = if is_ours {
+                refusal
+            } else {
+                SceneRefusal::Malformed
+            };
+            let status = message::SceneStatus {
+                protocol_version: PROTOCOL_VERSION,
+                source: SourceName::new(source).unwrap().to_wire(),
+                sequence,
+                scene_stamp_mono_ns,
+                refusal: said.code(),
+                ..message::SceneStatus::ZEROED
+            };
+            statuses.send_copy(status).unwrap();
+        }
         let confirmed = scenes.confirm(patience);
         match refusal {
             SceneRefusal::None => confirmed.unwrap(),
