@@ -1,5 +1,6 @@
 //! Sources of live scenes that send whatever they are told to, as fast as they are told to.
 
+use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{self, JoinHandle};
@@ -99,7 +100,7 @@ impl Flood {
             thread::spawn(move || {
                 let mut scenes = RawScenes::connect(&options, &format!("flood {index}"));
                 let mut rng = Pcg64::seed_from_u64(index as u64);
-                let mut balls = distant_balls(&mut rng);
+                let mut balls = harmless_balls(&mut rng);
                 while !quit.load(Ordering::Relaxed) {
                     let changed = rng.random_range(0..balls.len());
                     balls[changed].centre_m[2] += 1e-3;
@@ -146,23 +147,28 @@ impl Drop for Flood {
     }
 }
 
-/// A ring of balls around the robot, every fourth of them moving, none of which reaches it.
-fn distant_balls(rng: &mut Pcg64) -> Vec<MovingBall> {
+/// Balls that no motion of the tests meets: three of four rest in a ring beyond its reach; the fourth moves within its reach, below
+/// the plane of its base, so that it has to be certified.
+fn harmless_balls(rng: &mut Pcg64) -> Vec<MovingBall> {
     let ball = |index| {
-        let angle = rng.random_range(0.0..std::f64::consts::TAU);
-        let distance = rng.random_range(3.6..5.0);
+        let moves = index % 4 == 0;
+        let (distances, heights) = if moves {
+            (0.5..1.5, -1.5..-0.8)
+        } else {
+            (3.6..5.0, 0.0..2.0)
+        };
+        let [place, course]: [f64; 2] = rng.random();
+        let (place, course) = (place * TAU, course * TAU);
+        let distance = rng.random_range(distances);
+        let speed_m_s = if moves { 0.5 } else { 0.0 };
         MovingBall {
             centre_m: [
-                distance * angle.cos(),
-                distance * angle.sin(),
-                rng.random_range(0.0..2.0),
+                distance * place.cos(),
+                distance * place.sin(),
+                rng.random_range(heights),
             ],
             radius_m: 0.05,
-            velocity_m_s: if index % 4 == 0 {
-                [0.0, 0.0, 1e-3]
-            } else {
-                [0.0; 3]
-            },
+            velocity_m_s: [speed_m_s * course.cos(), speed_m_s * course.sin(), 0.0],
         }
     };
     (0..MAX_SCENE_BALLS).map(ball).collect()
