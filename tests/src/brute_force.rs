@@ -253,6 +253,12 @@ impl Body {
         (most / LARGEST_MOVE_M).ceil().max(1.0) as usize
     }
 
+    /// No point of the body is faster than this while the configuration changes at a rate, m/s: see [`Body::largest_move_m`].
+    #[must_use]
+    pub fn speed_at_most_m_s(&self, rate_rad_s: &Configuration) -> f64 {
+        self.largest_move_m(&[0.0; 6], rate_rad_s)
+    }
+
     /// No point of the body moves farther than this on a straight line between two configurations, m: each bending that changes
     /// turns what lies beyond it, and is a rotation by at most its own change.
     fn largest_move_m(&self, from: &Configuration, to: &Configuration) -> f64 {

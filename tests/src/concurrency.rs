@@ -13,6 +13,7 @@ use shared_types::codes::{LoopState, Sampler};
 use shared_types::message::{Ball, Knot};
 use shared_types::valid::{Goal, PlanRequest};
 
+use crate::process::wait_for;
 use crate::stack::{NO_DEADLINE, PATIENCE};
 use crate::world::World;
 
@@ -20,6 +21,9 @@ use crate::world::World;
 pub const CLIENTS: usize = 4;
 /// Every so many requests the first client also has a motion executed, if the robot rests.
 const EXECUTE_EVERY: usize = 5;
+
+/// A motion ends at its goal but for rounding, rad.
+const REACHED_RAD: f64 = 1e-9;
 
 /// What came of the requests.
 #[derive(Clone, Debug, Default)]
@@ -34,8 +38,12 @@ pub struct Answers {
     pub mixed_up: Vec<String>,
     /// Answers that differ from another one to the same request.
     pub differing: usize,
-    /// Motions executed on the side.
+    /// Motions executed on the side to their ends.
     pub executed: usize,
+    /// Motions on the side that the daemon refused, with its reason.
+    pub refused: Vec<String>,
+    /// Motions on the side that did not reach their goals.
+    pub cut_short: Vec<String>,
     /// Fingerprint of the answer to each distinct request.
     pub fingerprints: BTreeMap<u64, u64>,
 }
@@ -89,6 +97,8 @@ fn merge(mut all: Answers, part: Answers) -> Answers {
     all.mixed_up.extend(part.mixed_up);
     all.differing += part.differing;
     all.executed += part.executed;
+    all.refused.extend(part.refused);
+    all.cut_short.extend(part.cut_short);
     for (seed, fingerprint) in part.fingerprints {
         note(&mut all.fingerprints, &mut all.differing, seed, fingerprint);
     }
@@ -107,6 +117,8 @@ struct ClientRun<'a> {
     client: Client,
     controller: ControllerView,
     answers: Answers,
+    /// The motion on the side that is under way, and its goal.
+    underway: Option<(u32, [f64; 6])>,
 }
 
 impl<'a> ClientRun<'a> {
@@ -118,6 +130,7 @@ impl<'a> ClientRun<'a> {
             client: Client::connect(&world.options).unwrap(),
             controller: ControllerView::connect(&world.options).unwrap(),
             answers: Answers::default(),
+            underway: None,
         }
     }
 
@@ -134,6 +147,7 @@ impl<'a> ClientRun<'a> {
                 }
             }
         }
+        self.await_last();
         self.answers
     }
 
@@ -162,24 +176,80 @@ impl<'a> ClientRun<'a> {
         );
     }
 
-    /// Sends the robot to a configuration in the plane, if it rests.
+    /// Sends the robot to a configuration in the plane, if it has come to the end of the motion before.
     fn execute(&mut self, bend: f64) {
+        if !self.has_ended() {
+            return;
+        }
         let Ok(Some(state)) = self.controller.latest_state() else {
             return;
         };
         if state.state != LoopState::Holding {
             return;
         }
-        let goal = Goal::Configuration([bend, 0.3 * bend, bend, 0.0, -bend, 0.2]);
+        let goal = [bend, 0.3 * bend, bend, 0.0, -bend, 0.2];
         let request = PlanRequest {
             sampler: Sampler::Straight,
             execute: true,
             deadline: Some(NO_DEADLINE),
-            ..PlanRequest::new(state.values.commanded_configuration_rad, goal)
+            ..PlanRequest::new(
+                state.values.commanded_configuration_rad,
+                Goal::Configuration(goal),
+            )
         };
-        let answer = self.client.plan(&request, PATIENCE);
-        let executed = answer.is_ok_and(|answer| answer.report().trajectory_id.is_some());
-        self.answers.executed += usize::from(executed);
+        match self.client.plan(&request, PATIENCE) {
+            Ok(answer) => match answer.report().trajectory_id {
+                Some(id) => self.underway = Some((id, goal)),
+                None => self.refuse(format!(
+                    "{}: {}",
+                    answer.report().outcome,
+                    answer.report().reason
+                )),
+            },
+            Err(error) => self.refuse(error.to_string()),
+        }
+    }
+
+    /// Nobody else has anything executed, so that nothing is a reason to refuse.
+    fn refuse(&mut self, why: String) {
+        self.answers.refused.push(why);
+    }
+
+    /// Whether no motion on the side is under way any more; one that has just ended is counted by how.
+    fn has_ended(&mut self) -> bool {
+        let Some((id, goal)) = self.underway else {
+            return true;
+        };
+        let Ok(Some(state)) = self.controller.latest_state() else {
+            return false;
+        };
+        let values = &state.values;
+        let is_over = matches!(state.state, LoopState::Holding | LoopState::Fault);
+        let known = values.trajectory_id == id || values.refused_trajectory_id == id;
+        if !(is_over && known) {
+            return false;
+        }
+        self.underway = None;
+        let at = Configuration::from(values.commanded_configuration_rad);
+        let away_rad = (at - Configuration::from(goal)).norm();
+        if values.trajectory_id == id && away_rad <= REACHED_RAD {
+            self.answers.executed += 1;
+        } else {
+            self.answers.cut_short.push(format!(
+                "motion {id}: {away_rad:.4} rad from its goal, fault {}, refusal {}",
+                state.fault, state.refusal
+            ));
+        }
+        true
+    }
+
+    fn await_last(&mut self) {
+        let ended = wait_for("the last motion ends", PATIENCE, || {
+            self.has_ended().then_some(())
+        });
+        if let Err(error) = ended {
+            self.answers.cut_short.push(error.what);
+        }
     }
 }
 

@@ -8,6 +8,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use trajectory::{Knot, Trajectory};
 
+use crate::brute_force::{self, Body};
+
 /// Step of the difference quotients, rad: their truncation and their rounding are both below 1e-12.
 const STEP: f64 = 0.01;
 /// Weights of the eighth-order central difference.
@@ -189,13 +191,20 @@ fn random_scene(rng: &mut Pcg64) -> Scene {
     Scene::new((0..count).map(ball).collect()).unwrap()
 }
 
-fn touches(robot: &Robot, scene: &Scene, shape: &Configuration) -> bool {
-    scene.clearance(&robot.backbone(shape), &robot.tube_radii) < 0.0
+fn resting(scene: &Scene) -> Vec<brute_force::Ball> {
+    let balls = scene.balls().iter();
+    let resting = |ball: &Ball| brute_force::Ball::resting(ball.centre.into(), ball.radius);
+    balls.map(resting).collect()
 }
 
-/// Random straight moves in random scenes.
+/// Whether a shape touches a ball for certain, by its chords.
+fn touches(body: &Body, balls: &[brute_force::Ball], shape: &Configuration) -> bool {
+    body.clearance(&(*shape).into(), balls, 0) < -body.chord_error_m()
+}
+
+/// Random straight moves in random scenes; `body`: the same robot's.
 #[must_use]
-pub fn certified_edges(robot: &Robot, count: usize, seed: u64) -> Certified {
+pub fn certified_edges(robot: &Robot, body: &Body, count: usize, seed: u64) -> Certified {
     let (mut found, mut rng) = (Certified::default(), seeded(seed));
     for _ in 0..count {
         let scene = random_scene(&mut rng);
@@ -204,24 +213,26 @@ pub fn certified_edges(robot: &Robot, count: usize, seed: u64) -> Certified {
         let to = from.lerp(&random_configuration(robot, &mut rng), reach);
         let is_certified = certify_edge(robot, &scene, &from, &to, DEPTH).is_free();
         let at = |i: i32| from.lerp(&to, f64::from(i) / 120.0);
-        let collides = (0..=120).any(|i| touches(robot, &scene, &at(i)));
+        let balls = resting(&scene);
+        let collides = (0..=120).any(|i| touches(body, &balls, &at(i)));
         found.add(is_certified, collides);
     }
     found
 }
 
-/// Random knot curves in random scenes.
+/// Random knot curves in random scenes; `body`: the same robot's.
 #[must_use]
-pub fn certified_curves(robot: &Robot, count: usize, seed: u64) -> Certified {
+pub fn certified_curves(robot: &Robot, body: &Body, count: usize, seed: u64) -> Certified {
     let (mut found, mut rng) = (Certified::default(), seeded(seed));
     for _ in 0..count {
         let scene = random_scene(&mut rng);
         let motion = random_motion(robot, &mut rng);
         let is_certified = certify_trajectory(robot, &scene, &motion, 0.0).is_free();
+        let balls = resting(&scene);
         let collides = motion
             .sample(600)
             .iter()
-            .any(|shape| touches(robot, &scene, shape));
+            .any(|shape| touches(body, &balls, shape));
         found.add(is_certified, collides);
     }
     found
@@ -261,9 +272,11 @@ mod tests {
         assert!(jacobian_error(&robot, 300, 1) < 1e-9);
         assert!(arc_error(&robot, 300, 1) < 1e-9);
         assert!(golden_tip_error(&robot) < 1e-8);
+        let file = repository().join("config/robots/unit.toml");
+        let body = Body::from_robot_file(&std::fs::read_to_string(file).unwrap());
         for found in [
-            certified_edges(&robot, 300, 1),
-            certified_curves(&robot, 100, 1),
+            certified_edges(&robot, &body, 300, 1),
+            certified_curves(&robot, &body, 100, 1),
         ] {
             assert_eq!(found.certified_and_colliding, 0, "{found:?}");
             let share = found.tried / 10;

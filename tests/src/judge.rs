@@ -15,7 +15,9 @@ const REMEMBERED: usize = 1024;
 const EXTRAPOLATED_S: f64 = 0.02;
 /// Stamps are whole nanoseconds, and lengths are rounded; m, m/s.
 const ROUNDING: f64 = 1e-9;
-/// A use of a limit beyond this is an offence.
+/// What is sent is within its limits but for the rounding of sums.
+pub const SENT_USE: f64 = 1.0 + 1e-6;
+/// A step ÷ time beyond this is an offence: the stamps of both ends are rounded and a length is a difference of two.
 pub const ALLOWED_USE: f64 = 1.001;
 /// Offences that are kept in words.
 const KEPT_OFFENCES: usize = 50;
@@ -42,6 +44,8 @@ pub struct Verdict {
     pub robot_states: usize,
     /// Set-points, robot states and cycles that were sent and not heard, by the gaps in their numbers.
     pub lost: [u64; 3],
+    /// Each of these gaps in words.
+    pub losses: Vec<String>,
     /// Largest velocity of a set-point over the limit.
     pub velocity: f64,
     /// Largest acceleration of a set-point over the limit.
@@ -111,7 +115,7 @@ impl Judge {
         let old = self.known.len().saturating_sub(REMEMBERED);
         self.known.drain(..old);
         for cycle in &heard.cycles {
-            self.verdict.lost[2] += gap(self.cycle, cycle.sequence);
+            self.verdict.lose(2, self.cycle, cycle.sequence);
             self.cycle = Some(cycle.sequence);
         }
     }
@@ -123,15 +127,15 @@ impl Judge {
         let acceleration = largest(&now.acceleration_m_s2) / self.limits.acceleration;
         raise(&mut verdict.velocity, velocity);
         raise(&mut verdict.acceleration, acceleration);
-        if is_beyond(velocity) || is_beyond(acceleration) {
+        if is_beyond(velocity, SENT_USE) || is_beyond(acceleration, SENT_USE) {
             self.offend(format!(
-                "set-point {}: velocity {velocity:.4}, acceleration {acceleration:.4} of their limits",
+                "set-point {}: velocity {velocity:.7}, acceleration {acceleration:.7} of their limits",
                 now.sequence
             ));
         }
         if let Some(before) = self.known.back().copied() {
             let verdict = &mut self.verdict;
-            verdict.lost[0] += gap(Some(before.sequence), now.sequence);
+            verdict.lose(0, Some(before.sequence), now.sequence);
             verdict.restarts += usize::from(now.sequence <= before.sequence);
             self.look_at_step(&before, now);
         }
@@ -173,7 +177,7 @@ impl Judge {
             return;
         };
         let verdict = &mut self.verdict;
-        verdict.lost[1] += gap(Some(before.sequence), now.sequence);
+        verdict.lose(1, Some(before.sequence), now.sequence);
         verdict.restarts += usize::from(now.sequence <= before.sequence);
         let followed = is(&before, MotorState::Following);
         verdict.holds_taken += usize::from(follows && !followed);
@@ -230,7 +234,7 @@ impl Judge {
     }
 
     fn judge_step(&mut self, step: &StepUse, what: impl FnOnce() -> String) {
-        if is_beyond(step.position) || is_beyond(step.velocity) {
+        if is_beyond(step.position, ALLOWED_USE) || is_beyond(step.velocity, ALLOWED_USE) {
             let (position, velocity) = (step.position, step.velocity);
             self.offend(format!(
                 "{}: position step {position:.4}, velocity step {velocity:.4} of what the limits allow in their {:.3} ms",
@@ -245,6 +249,20 @@ impl Judge {
         if self.verdict.offences.len() < KEPT_OFFENCES {
             self.verdict.offences.push(offence);
         }
+    }
+}
+
+impl Verdict {
+    /// Notes the numbers between two messages that were heard one after the other.
+    fn lose(&mut self, what: usize, before: Option<u64>, now: u64) {
+        let lost = gap(before, now);
+        if lost == 0 {
+            return;
+        }
+        self.lost[what] += lost;
+        let messages = ["set-points", "robot states", "cycles"][what];
+        self.losses
+            .push(format!("{lost} {messages} before number {now}"));
     }
 }
 
@@ -297,8 +315,8 @@ fn largest_step(before: &[f64; 9], now: &[f64; 9]) -> f64 {
 }
 
 /// Whether a use of a limit is an offence; one that is no number is.
-fn is_beyond(used: f64) -> bool {
-    used.is_nan() || used > ALLOWED_USE
+fn is_beyond(used: f64, allowed: f64) -> bool {
+    used.is_nan() || used > allowed
 }
 
 #[cfg(test)]

@@ -1,26 +1,27 @@
 //! Processes that are killed and stopped, and threads that are held, at random instants: what the robot was sent meanwhile, whether
 //! the motion was watched over again, and whether everything goes on.
 
+mod proof;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use client::{ClientError, Pending, ScenePublisher};
-use rand::{RngExt, SeedableRng};
+use client::{Pending, ScenePublisher};
+use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopState, MotorState};
 use shared_types::message::{MovingBall, RobotState};
-use shared_types::valid::{Command, PlanRequest};
+use shared_types::valid::Command;
 
 use crate::disturbance::{Kind, Ongoing, threads};
 use crate::judge::{Judge, Verdict};
 use crate::listener::{Heard, Listener};
 use crate::process::TimedOut;
-use crate::retries::without_numbers;
-use crate::rounds::{Phase, Round, goal_of, no_way_out, rounds, somewhere_near};
-use crate::stack::{MoveError, Part, Stack, tip_error};
-use crate::supervision::{Watch, Watched};
+use crate::rounds::{Phase, Round, goal_of, no_way_out, rounds};
+use crate::stack::{Part, Stack};
+use crate::supervision::{Since, Watch, Watched};
 
 /// Of each scene that is shown: no round lasts so long, so that no motion is stopped for a scene that has grown old.
 const SCENE_LIFETIME: Duration = Duration::from_secs(600);
@@ -29,10 +30,10 @@ const SCENE_LIFETIME: Duration = Duration::from_secs(600);
 pub const READY_WITHIN: Duration = Duration::from_secs(5);
 /// A controller that holds for so long has no motion to begin any more: 50 ms of lead, and 300 ms in which it may be taken up.
 const QUIET_NS: i64 = 400_000_000;
-/// Pause before a motion that was refused is asked for again.
-const ASK_AGAIN: Duration = Duration::from_millis(200);
-/// How often a motion is asked for until its round has failed.
-const ASKED_AT_MOST: usize = 5;
+/// A process that was started is disturbed at most so long after, ms.
+const STARTING_MS: f64 = 120.0;
+/// The shipped `begin_lead_ms`: a motion begins so long after it was published.
+const BEGIN_LEAD_MS: f64 = 50.0;
 /// The longest motion asked for here takes less than 4 s.
 const MOTION_WITHIN: Duration = Duration::from_secs(8);
 
@@ -41,7 +42,7 @@ const MOTION_WITHIN: Duration = Duration::from_secs(8);
 pub struct Survival {
     /// Disturbances by process and kind.
     pub disturbances: BTreeMap<String, usize>,
-    /// Disturbances by process and by what was going on at their instant, as seen from outside.
+    /// Disturbances by kind, process and what was going on at their instant, as seen from outside.
     pub phases: BTreeMap<String, usize>,
     /// Threads that the ready processes have.
     pub threads_seen: BTreeSet<String>,
@@ -65,6 +66,8 @@ pub struct Survival {
     pub tip_error_m: f64,
     /// Balls put in the way, and what came of them.
     pub watched: Watched,
+    /// Balls put in the way of motions that were made after a daemon was killed.
+    pub watched_anew: Watched,
     /// Times that a controller was killed in motion and the robot's ramp to rest was looked for, and those that it was seen.
     pub ramps: (usize, usize),
     /// What the robot was sent, and made of it.
@@ -147,7 +150,8 @@ impl Experiment<'_> {
         for part in Part::ALL {
             self.stack.start(part);
         }
-        if let Err(error) = self.stack.wait_until_ready() {
+        // What failed has been counted.
+        if let Err(error) = self.stack.clear_fault() {
             self.survival.failures.push(format!("anew: {error}"));
         }
     }
@@ -155,7 +159,7 @@ impl Experiment<'_> {
     fn try_round(&mut self, round: Round) -> Result<(), String> {
         let mut underway = self.enter(round)?;
         let phase = self.observed_phase(&mut underway);
-        let phase = format!("{} while {phase}", round.part.program());
+        let phase = format!("{:?} of {} while {phase}", round.kind, round.part.program());
         *self.survival.phases.entry(phase).or_default() += 1;
         let begun_ns = mono_now_ns();
         let was_moving = self.moves();
@@ -164,12 +168,18 @@ impl Experiment<'_> {
         if let Some((part, _)) = underway.starting
             && !self.stack.process(part).is_running()
         {
-            self.stack.start(part);
+            return Err(format!("{} has ended by itself", part.program()));
         }
+        let is_killed_daemon = (round.part, round.kind) == (Part::Daemon, Kind::Kill);
         if let Some(shown_ns) = shown_ns {
             self.watch(&Watch {
                 part: round.part,
                 kind: round.kind,
+                since: if is_killed_daemon {
+                    Since::NextDaemon
+                } else {
+                    Since::FreshState
+                },
                 begun_ns,
                 shown_ns,
                 ended_ns,
@@ -180,13 +190,17 @@ impl Experiment<'_> {
         if was_moving {
             self.look_at_motion(round, underway.motion, begun_ns);
         }
+        if is_killed_daemon {
+            self.prove_supervision()?;
+        }
         self.prove()
     }
 
     /// Brings about what the disturbance is to fall into, and lets a random time of it pass.
     fn enter(&mut self, round: Round) -> Result<Underway, String> {
         let mut underway = Underway::default();
-        let mut pause_ms = self.rng.random_range(0..100);
+        let within = |least_ms: f64, most_ms: f64| least_ms + round.place * (most_ms - least_ms);
+        let mut pause_ms = within(0.0, 100.0);
         match round.phase {
             Phase::Resting => {}
             Phase::Starting => {
@@ -194,29 +208,29 @@ impl Experiment<'_> {
                 self.stack.kill9(part);
                 underway.starting = Some((part, mono_now_ns()));
                 self.stack.start(part);
-                pause_ms = self.rng.random_range(0..120);
+                // Every order of magnitude alike: a robot is ready sooner than a daemon.
+                pause_ms = within(0.0, STARTING_MS.ln()).exp();
             }
-            Phase::Planning if self.rng.random::<bool>() => {
+            Phase::Planning if round.visit.is_multiple_of(2) => {
                 let submitted = self.stack.client.submit(&no_way_out());
                 underway.pending = Some(submitted.map_err(|error| error.to_string())?);
-                pause_ms = self.rng.random_range(0..250);
+                pause_ms = within(0.0, 250.0);
             }
             Phase::Planning => {
                 let request = self.motion_request(0.25);
                 let submitted = self.stack.client.submit(&request);
                 underway.pending = Some(submitted.map_err(|error| error.to_string())?);
-                pause_ms = self.rng.random_range(0..50);
+                pause_ms = within(0.0, 50.0);
             }
             Phase::Moving => {
                 let request = self.motion_request(0.25);
                 underway.goal = goal_of(&request);
                 let (id, duration_s) = self.ask_until_taken(&request)?;
                 underway.motion = Some(id);
-                let until_end = 50 + (1e3 * duration_s) as u64;
-                pause_ms = self.rng.random_range(50..until_end);
+                pause_ms = within(BEGIN_LEAD_MS, BEGIN_LEAD_MS + 1e3 * duration_s);
             }
         }
-        thread::sleep(Duration::from_millis(pause_ms));
+        thread::sleep(Duration::from_secs_f64(1e-3 * pause_ms));
         Ok(underway)
     }
 
@@ -281,15 +295,20 @@ impl Experiment<'_> {
         let goal = underway.goal.filter(|_| round.has_ball);
         let shown_ns = goal.map(|_| mono_now_ns());
         if let Some(goal) = goal {
-            let tip = self.stack.world.robot.tip(&goal.into());
-            self.show(&[MovingBall {
-                centre_m: tip.into(),
-                radius_m: 0.05,
-                velocity_m_s: [0.0; 3],
-            }])?;
+            self.show_ball_at(&goal)?;
         }
         ongoing.end(self.stack, part).map_err(trace)?;
         Ok(shown_ns)
+    }
+
+    /// Where the tip comes to.
+    fn show_ball_at(&mut self, goal: &[f64; 6]) -> Result<(), String> {
+        let tip = self.stack.world.robot.tip(&(*goal).into());
+        self.show(&[MovingBall {
+            centre_m: tip.into(),
+            radius_m: 0.05,
+            velocity_m_s: [0.0; 3],
+        }])
     }
 
     fn show(&mut self, balls: &[MovingBall]) -> Result<(), String> {
@@ -409,62 +428,6 @@ impl Experiment<'_> {
             ramps.0 += 1;
             ramps.1 += usize::from(self.listener.with(seen));
         }
-    }
-
-    /// A whole motion: planned, executed, reached.
-    fn prove(&mut self) -> Result<(), String> {
-        let asked = self.survival.asked_again.values().sum::<usize>();
-        let request = self.motion_request(0.1);
-        let (id, _) = self.ask_until_taken(&request)?;
-        let end = match self.stack.wait_for_end(id) {
-            Ok(end) => end,
-            Err(MoveError::CutShort(why)) => {
-                let why = format!("cut short: {why}");
-                *self.survival.asked_again.entry(why.clone()).or_default() += 1;
-                return Err(why);
-            }
-            Err(error) => return Err(error.to_string()),
-        };
-        let goal = goal_of(&request).expect("it has one");
-        let robot = &self.stack.world.robot;
-        let tip = robot.tip(&goal.into()).into();
-        let error = tip_error(robot, &end.values.commanded_configuration_rad, &tip);
-        self.survival.tip_error_m = self.survival.tip_error_m.max(error);
-        if error > 0.01 {
-            return Err(format!("ended {error:.4} m from its goal"));
-        }
-        if self.survival.asked_again.values().sum::<usize>() > asked {
-            return Err("had to be asked for again".to_owned());
-        }
-        Ok(())
-    }
-
-    /// Has a request executed, and says its id and duration, s; every time that it has to be asked for again is counted.
-    fn ask_until_taken(&mut self, request: &PlanRequest) -> Result<(u32, f64), String> {
-        let mut last = String::new();
-        for _ in 0..ASKED_AT_MOST {
-            let answer = self.stack.client.plan(request, READY_WITHIN);
-            last = match answer {
-                Ok(answer) => match (answer.report().trajectory_id, answer.selected()) {
-                    (Some(id), Some(selected)) => return Ok((id, selected.summary.duration_s)),
-                    _ => format!("{}: {}", answer.report().outcome, answer.report().reason),
-                },
-                Err(ClientError::ServerLost { .. }) => "the daemon went away".to_owned(),
-                Err(error) => return Err(error.to_string()),
-            };
-            *self
-                .survival
-                .asked_again
-                .entry(without_numbers(&last))
-                .or_default() += 1;
-            thread::sleep(ASK_AGAIN);
-        }
-        Err(format!("asked for {ASKED_AT_MOST} times: {last}"))
-    }
-
-    fn motion_request(&mut self, bend_rad: f64) -> PlanRequest {
-        let start = self.stack.commanded().into();
-        somewhere_near(start, bend_rad, &mut self.rng)
     }
 
     fn note_threads(&mut self) {

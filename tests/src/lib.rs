@@ -13,6 +13,7 @@ pub mod fake_robot;
 pub mod geometry;
 pub mod judge;
 pub mod kills;
+pub mod knots;
 pub mod listener;
 pub mod motion;
 pub mod other_user;

@@ -6,11 +6,13 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use realtime::use_fifo_priority;
+use shared_types::codes::ProcessKind;
 use shared_types::ipc::{
     CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber, controller_state_service,
-    cycle_service, cycle_subscriber, robot_state_service, setpoint_service, subscriber,
+    cycle_service, cycle_subscriber, heartbeat_service, robot_state_service, setpoint_service,
+    subscriber,
 };
-use shared_types::message::{ControllerState, Cycle, RobotState, Setpoint};
+use shared_types::message::{ControllerState, Cycle, Heartbeat, RobotState, Setpoint};
 
 use crate::priority::OF_A_WATCH;
 
@@ -25,6 +27,8 @@ pub struct Heard {
     pub cycles: Vec<Cycle>,
     /// The controller's states, about 50 Hz.
     pub controller: Vec<ControllerState>,
+    /// The daemons' heartbeats.
+    pub daemon: Vec<Heartbeat>,
 }
 
 impl Heard {
@@ -33,6 +37,7 @@ impl Heard {
         self.robot.append(&mut fresh.robot);
         self.cycles.append(&mut fresh.cycles);
         self.controller.append(&mut fresh.controller);
+        self.daemon.append(&mut fresh.daemon);
     }
 }
 
@@ -85,6 +90,7 @@ struct Ports {
     robot: Subscriber<RobotState>,
     cycles: CycleSubscriber,
     controller: Subscriber<ControllerState>,
+    heart: Subscriber<Heartbeat>,
     _node: IpcNode,
 }
 
@@ -96,6 +102,7 @@ impl Ports {
             robot: subscriber(&node, &robot_state_service(&node)?)?,
             cycles: cycle_subscriber(&node, &cycle_service(&node)?)?,
             controller: subscriber(&node, &controller_state_service(&node)?)?,
+            heart: subscriber(&node, &heartbeat_service(&node)?)?,
             _node: node,
         })
     }
@@ -113,6 +120,11 @@ impl Ports {
         }
         while let Ok(Some(sample)) = self.controller.receive() {
             into.controller.push(*sample);
+        }
+        while let Ok(Some(beat)) = self.heart.receive() {
+            if beat.kind == ProcessKind::Daemon.code() {
+                into.daemon.push(*beat);
+            }
         }
     }
 }

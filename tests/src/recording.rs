@@ -169,14 +169,18 @@ impl Recording {
 
     /// Limits at every set-point that was sent, and continuity from each to the next, however much later that is.
     ///
-    /// A controller that the robot has let go of sends nothing: what is recorded then is the robot's own reference.
+    /// What may not have been sent is judged like what was, but for the steps while the robot ramps by itself: see
+    /// [`Recording::mirrors_a_ramp`].
     #[must_use]
     pub fn limits_kept(&self) -> LimitsKept {
         let mut kept = LimitsKept::default();
         let mut before: Option<usize> = None;
-        for index in (0..self.len()).filter(|&index| !self.is_mirrored(index)) {
+        for index in 0..self.len() {
             let now = &self.samples[index];
             kept.add(now, &self.limits);
+            if self.mirrors_a_ramp(index) {
+                continue;
+            }
             match before {
                 Some(before) if before + 1 == index => {
                     kept.add_neighbours(&self.samples[before], now, &self.limits);
@@ -189,17 +193,23 @@ impl Recording {
         kept
     }
 
-    /// Whether a sample is the robot's own reference.
-    fn is_mirrored(&self, index: usize) -> bool {
+    /// Whether nothing was sent for certain: a controller that the robot has let go of mirrors it, and takes hold only of one that
+    /// rests. The stamps are then the controller's, not those of the robot's reference, so that steps over time mean nothing.
+    fn mirrors_a_ramp(&self, index: usize) -> bool {
+        self.is_detached(index) && self.samples[index].velocity.iter().any(|v| *v != 0.0)
+    }
+
+    /// Whether the controller begins or is in fault: it may send where the robot rests, to take hold of it or to stay.
+    fn is_detached(&self, index: usize) -> bool {
         let detached = [LoopState::Starting, LoopState::Fault].map(LoopState::code);
         detached.contains(&self.state[index])
     }
 
-    /// Samples of a controller that the robot had let go of.
+    /// Samples of a controller that has no hold of the robot, or is in fault.
     #[must_use]
     pub fn mirrored(&self) -> usize {
         (0..self.len())
-            .filter(|&index| self.is_mirrored(index))
+            .filter(|&index| self.is_detached(index))
             .count()
     }
 

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 static ASKED_AGAIN: Mutex<BTreeMap<String, usize>> = Mutex::new(BTreeMap::new());
 
-/// Notes a motion that is asked for again.
+/// Notes a motion that is asked for again, or a fault that had to be reset before the next one.
 pub fn note(cause: &str) {
     let cause = without_numbers(cause);
     *ASKED_AGAIN.lock().unwrap().entry(cause).or_default() += 1;

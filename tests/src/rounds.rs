@@ -1,5 +1,6 @@
 //! Disturbances to come, and the requests that they fall into.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use rand::RngExt;
@@ -41,7 +42,15 @@ pub(crate) struct Round {
     pub(crate) kind: Kind,
     /// Whether a ball is put in the motion's way: somebody has to stop it then.
     pub(crate) has_ball: bool,
+    /// How often its process was disturbed in its way and its phase before.
+    pub(crate) visit: usize,
+    /// The place of its instant in the phase, 0 to 1.
+    pub(crate) place: f64,
 }
+
+/// Instants of the same way, process and phase are drawn from different ones of at least so many equal parts of the phase, the
+/// first from the first part: a process that starts is certainly not ready then.
+const LEAST_PARTS: usize = 4;
 
 /// Every way with every process in turn, each in every phase equally often: half of them in motion, two thirds of these with a ball;
 /// in random order.
@@ -62,6 +71,8 @@ pub(crate) fn rounds(kinds: &[Kind], count: usize, rng: &mut Pcg64) -> Vec<Round
                 part,
                 kind,
                 has_ball,
+                visit: 0,
+                place: 0.0,
             }
         });
         let mut each: Vec<Round> = each.collect();
@@ -72,7 +83,28 @@ pub(crate) fn rounds(kinds: &[Kind], count: usize, rng: &mut Pcg64) -> Vec<Round
         }
     }
     rounds.truncate(count);
+    place(&mut rounds, rng);
     rounds
+}
+
+/// Draws the instants, stratified: see [`LEAST_PARTS`].
+fn place(rounds: &mut [Round], rng: &mut Pcg64) {
+    let mut alike: BTreeMap<(Phase, usize, Kind), Vec<usize>> = BTreeMap::new();
+    for (index, round) in rounds.iter().enumerate() {
+        let key = (round.phase, round.part as usize, round.kind);
+        alike.entry(key).or_default().push(index);
+    }
+    for indices in alike.values() {
+        let count = indices.len().max(LEAST_PARTS);
+        let mut parts: Vec<usize> = (1..count).collect();
+        parts.shuffle(rng);
+        let parts = std::iter::once(0).chain(parts);
+        for (visit, (&index, part)) in indices.iter().zip(parts).enumerate() {
+            let within: f64 = rng.random();
+            rounds[index].visit = visit;
+            rounds[index].place = (part as f64 + within) / count as f64;
+        }
+    }
 }
 
 /// A motion to be executed from a configuration to one nearby: each section bends by `bend_rad`, to the inside where it is bent far.
@@ -148,6 +180,26 @@ mod tests {
         assert_eq!(moving.count(), 54);
         let with_ball = rounds.iter().filter(|round| round.has_ball);
         assert_eq!(with_ball.count(), 36);
+    }
+
+    #[test]
+    fn every_combination_is_tried_and_its_instants_are_spread_over_the_phase() {
+        for (count, least) in [(54, 1), (500, 9)] {
+            let rounds = rounds(&Kind::ALL, count, &mut Pcg64::seed_from_u64(1));
+            for (part, kind, phase) in Part::ALL.into_iter().flat_map(|part| {
+                Kind::ALL.into_iter().flat_map(move |kind| {
+                    Phase::ALL.into_iter().map(move |phase| (part, kind, phase))
+                })
+            }) {
+                let those = rounds
+                    .iter()
+                    .filter(|r| (r.part, r.kind, r.phase) == (part, kind, phase));
+                let places: Vec<f64> = those.map(|round| round.place).collect();
+                assert!(places.len() >= least, "{part:?} {kind:?} {phase:?}");
+                assert!(places[0] < 0.25 && places.iter().all(|p| (0.0..1.0).contains(p)));
+                assert!(least == 1 || places.iter().any(|place| *place > 0.8));
+            }
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use client::{Client, ClientError, ControllerView, RobotView};
 use pcc_model::{Configuration, Point, Robot};
 use realtime::use_fifo_priority;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopState, Outcome};
+use shared_types::codes::{LoopFault, LoopState, Outcome};
 use shared_types::valid::{Command, ControllerState, Goal, PlanRequest};
 
 use crate::priority::OF_A_SENTRY;
@@ -207,20 +207,36 @@ impl Stack {
         });
     }
 
-    /// Waits until the daemon serves and the controller holds; resets a fault that a killed peer has left.
+    /// Waits until the daemon serves and the controller holds. A fault is reset, and counts as a retry.
     ///
     /// # Errors
     /// [`TimedOut`] with the log of the one that is not ready.
     pub fn wait_until_ready(&mut self) -> Result<(), TimedOut> {
+        self.ready_again(|fault| retries::note(&format!("a fault was reset: {fault}")))
+    }
+
+    /// The same after something that ends in a fault by right, or in one that was counted already: resets it without a word.
+    ///
+    /// # Errors
+    /// [`TimedOut`] with the log of the one that is not ready.
+    pub fn clear_fault(&mut self) -> Result<(), TimedOut> {
+        self.ready_again(|_| ())
+    }
+
+    fn ready_again(&mut self, note: impl Fn(LoopFault)) -> Result<(), TimedOut> {
         if let Err(error) = self.client.wait_for_daemon(PATIENCE) {
             return Err(self.not_ready(Part::Daemon, &error.to_string()));
         }
-        let begin_ns = mono_now_ns();
+        let (begin_ns, mut noted) = (mono_now_ns(), None);
         let view = &mut self.controller;
         let held = wait_for("the controller holds", PATIENCE, || {
             let state = view.latest_state().ok().flatten()?;
             let is_new = state.values.stamp_mono_ns > begin_ns;
             if is_new && state.state == LoopState::Fault {
+                if noted != Some(state.fault) {
+                    note(state.fault);
+                    noted = Some(state.fault);
+                }
                 let _ = view.command(Command::ResetFault, Duration::from_secs(2));
             }
             (is_new && state.state == LoopState::Holding).then_some(())
@@ -348,7 +364,7 @@ impl Stack {
             match self.move_tip_once(tip) {
                 Err(error @ MoveError::CutShort(_)) => {
                     retries::note(&error.to_string());
-                    self.wait_until_ready()?;
+                    self.clear_fault()?;
                 }
                 result => return result,
             }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use shared_types::codes::LoopState;
-use shared_types::message::{ControllerState, Cycle, RobotState};
+use shared_types::message::{Cycle, RobotState};
 
 use crate::disturbance::Kind;
 use crate::listener::Heard;
@@ -11,10 +11,23 @@ use crate::stack::Part;
 
 /// A stop is ordered, or the robot is at rest, so long after the first fresh state of the controller, ns.
 pub const SUPERVISED_WITHIN_NS: i64 = 100_000_000;
-/// The shipped `daemon_lost_ms`, ns: a motion whose daemon was killed is stopped then, by the controller.
-const DAEMON_LOST_NS: i64 = 200_000_000;
+/// The motion of a killed daemon rests so long after the next daemon was started: the controller gives a lost one 0.2 s, and stops
+/// in less than 0.4 s.
+const RESTS_WITHIN: Duration = Duration::from_millis(700);
 /// Slower is at rest, m/s.
 const AT_REST_M_S: f64 = 1e-6;
+
+/// From when on the time counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Since {
+    /// The first state of the controller that is of an instant after the disturbance.
+    FreshState,
+    /// The first state of the controller that is of an instant after the first heartbeat of the next daemon: the one before was
+    /// killed.
+    NextDaemon,
+    /// The ball's publication: everything runs.
+    Scene,
+}
 
 /// One disturbance of a motion, at whose end there is a ball in the way.
 #[derive(Clone, Copy, Debug)]
@@ -23,6 +36,8 @@ pub struct Watch {
     pub part: Part,
     /// How.
     pub kind: Kind,
+    /// From when on the time counts.
+    pub since: Since,
     /// When it began, ns of CLOCK_MONOTONIC.
     pub begun_ns: i64,
     /// When the ball was published, shortly before its end.
@@ -38,6 +53,8 @@ pub enum Reaction {
     NothingMoved,
     /// A motion was under way, and a stop was ordered (or it was at rest) so long after the first fresh state, ns; below 0: before.
     Stopped(i64),
+    /// It came to rest, and no fresh state or no next daemon was heard before.
+    CameToRest,
     /// It went on, for as long as was looked.
     WentOn,
     /// The controller has published nothing since.
@@ -62,13 +79,14 @@ impl Watched {
     pub fn add(&mut self, watch: &Watch, reaction: &Reaction) {
         self.balls += 1;
         let held_ms = (watch.ended_ns - watch.begun_ns) as f64 * 1e-6;
-        let what = format!(
-            "{:?} of {} for {held_ms:.0} ms",
-            watch.kind,
-            watch.part.program()
-        );
+        let what = match watch.since {
+            Since::Scene => format!("a motion after a {:?}", watch.kind),
+            _ => format!("{:?}", watch.kind),
+        };
+        let what = format!("{what} of {} for {held_ms:.0} ms", watch.part.program());
         match reaction {
             Reaction::NothingMoved => {}
+            Reaction::CameToRest => self.had_to_stop += 1,
             Reaction::Stopped(after_ns) => {
                 self.had_to_stop += 1;
                 let after_ms = *after_ns as f64 * 1e-6;
@@ -94,37 +112,31 @@ impl Watch {
     #[must_use]
     pub fn patience(&self) -> Duration {
         let allowed = Duration::from_nanos(SUPERVISED_WITHIN_NS.unsigned_abs());
-        let lost = Duration::from_nanos(DAEMON_LOST_NS.unsigned_abs());
-        3 * allowed
-            + if self.killed_daemon() {
-                lost
-            } else {
-                Duration::ZERO
+        let rests = match self.since {
+            Since::NextDaemon => RESTS_WITHIN,
+            Since::FreshState | Since::Scene => Duration::ZERO,
+        };
+        3 * allowed + rests
+    }
+
+    fn counts_from(&self, heard: &Heard) -> Option<i64> {
+        let after_ns = match self.since {
+            Since::FreshState => self.ended_ns,
+            Since::NextDaemon => {
+                let mut beats = heard.daemon.iter();
+                let next = beats.find(|beat| beat.stamp_mono_ns > self.shown_ns)?;
+                next.stamp_mono_ns
             }
-    }
-
-    fn killed_daemon(&self) -> bool {
-        (self.part, self.kind) == (Part::Daemon, Kind::Kill)
-    }
-
-    /// From when on the time counts: the first state of the controller that is of an instant after the disturbance, or, where the
-    /// daemon is dead, the instant at which the controller has to know that.
-    fn counts_from(&self, states: &[ControllerState]) -> Option<i64> {
-        if self.killed_daemon() {
-            return Some(self.begun_ns + DAEMON_LOST_NS);
-        }
-        let fresh = states
-            .iter()
-            .find(|state| state.stamp_mono_ns > self.ended_ns);
+            Since::Scene => return Some(self.shown_ns),
+        };
+        let mut states = heard.controller.iter();
+        let fresh = states.find(|state| state.stamp_mono_ns > after_ns);
         fresh.map(|state| state.stamp_mono_ns)
     }
 
     /// What came of it, from what was published.
     #[must_use]
     pub fn judge(&self, heard: &Heard) -> Reaction {
-        let Some(from_ns) = self.counts_from(&heard.controller) else {
-            return Reaction::Silent;
-        };
         let executing = |cycle: &&Cycle| cycle.state == LoopState::Executing.code();
         let moved = heard.cycles.iter().filter(executing);
         let last_moved = moved
@@ -132,14 +144,22 @@ impl Watch {
             .filter(|stamp_ns| *stamp_ns >= self.shown_ns)
             .max();
         let Some(last_moved) = last_moved else {
-            return Reaction::NothingMoved;
+            return if heard.controller.is_empty() {
+                Reaction::Silent
+            } else {
+                Reaction::NothingMoved
+            };
         };
         let heard_until = heard.cycles.last().map_or(0, |cycle| cycle.stamp_mono_ns);
         let stopped_ns = (last_moved < heard_until).then_some(last_moved);
         let rested_ns = first_rest(&heard.robot, self.shown_ns);
-        match [stopped_ns, rested_ns].into_iter().flatten().min() {
-            Some(at_ns) => Reaction::Stopped(at_ns - from_ns),
-            None => Reaction::WentOn,
+        let at_ns = [stopped_ns, rested_ns].into_iter().flatten().min();
+        match (at_ns, self.counts_from(heard)) {
+            (Some(at_ns), Some(from_ns)) => Reaction::Stopped(at_ns - from_ns),
+            // Whoever has no daemon must rest: a stop that has begun is not enough.
+            (Some(_), None) if rested_ns.is_some() => Reaction::CameToRest,
+            (_, None) => Reaction::Silent,
+            (None, Some(_)) => Reaction::WentOn,
         }
     }
 }
@@ -155,12 +175,15 @@ fn first_rest(states: &[RobotState], from_ns: i64) -> Option<i64> {
 
 #[cfg(test)]
 mod tests {
+    use shared_types::message::{ControllerState, Heartbeat};
+
     use super::*;
 
     const MS: i64 = 1_000_000;
     const WATCH: Watch = Watch {
         part: Part::Controller,
         kind: Kind::Hold,
+        since: Since::FreshState,
         begun_ns: 500 * MS,
         shown_ns: 995 * MS,
         ended_ns: 1000 * MS,
@@ -191,6 +214,7 @@ mod tests {
             robot: (0..1400).map(robot).collect(),
             controller: [400, 1010, 1030].map(state).to_vec(),
             setpoints: Vec::new(),
+            daemon: Vec::new(),
         }
     }
 
@@ -225,15 +249,43 @@ mod tests {
     }
 
     #[test]
-    fn a_dead_daemons_motion_is_stopped_by_the_controller() {
+    fn a_dead_daemons_motion_is_stopped_when_the_next_one_can_know_or_rests() {
         let killed = Watch {
             part: Part::Daemon,
             kind: Kind::Kill,
+            since: Since::NextDaemon,
             shown_ns: 600 * MS,
             ended_ns: 600 * MS,
             ..WATCH
         };
         assert_eq!(killed.judge(&heard(590, 1400)), Reaction::NothingMoved);
-        assert_eq!(killed.judge(&heard(720, 1400)), Reaction::Stopped(20 * MS));
+        assert_eq!(killed.judge(&heard(720, 1000)), Reaction::CameToRest);
+        assert_eq!(killed.judge(&heard(720, 1400)), Reaction::Silent);
+        let beats = |executing_until_ms, at_ms: i64| Heard {
+            daemon: vec![Heartbeat {
+                stamp_mono_ns: at_ms * MS,
+                ..Heartbeat::ZEROED
+            }],
+            ..heard(executing_until_ms, 1400)
+        };
+        assert_eq!(
+            killed.judge(&beats(720, 1000)),
+            Reaction::Stopped(-290 * MS)
+        );
+        assert_eq!(
+            killed.judge(&beats(1130, 1000)),
+            Reaction::Stopped(120 * MS)
+        );
+        assert_eq!(killed.judge(&beats(1400, 1000)), Reaction::WentOn);
+    }
+
+    #[test]
+    fn in_a_motion_after_a_kill_the_time_counts_from_the_ball() {
+        let after = Watch {
+            since: Since::Scene,
+            ..WATCH
+        };
+        assert_eq!(after.judge(&heard(1060, 1400)), Reaction::Stopped(65 * MS));
+        assert_eq!(after.judge(&heard(1400, 1400)), Reaction::WentOn);
     }
 }

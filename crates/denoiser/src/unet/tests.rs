@@ -333,10 +333,17 @@ fn reduced_precision_stays_near() {
 }
 
 #[test]
-fn no_candidates_are_no_noise() {
+fn a_request_for_no_candidates_changes_nothing_of_the_next_one() {
     let parity = Parity::load();
-    let found = parity.together(&[], Precision::Single, &mut UnetScratch::default());
-    assert!(found.iter().all(Vec::is_empty));
+    let of = |cases: &[usize], scratch: &mut UnetScratch| {
+        parity.together(cases, Precision::Single, scratch)
+    };
+    let alone = of(&[0, 1, 2], &mut UnetScratch::default());
+    let mut scratch = UnetScratch::default();
+    for _ in 0..2 {
+        assert!(of(&[], &mut scratch).iter().all(Vec::is_empty));
+        assert_eq!(of(&[0, 1, 2], &mut scratch), alone);
+    }
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use anyhow::ensure;
 use pcc_model::Robot;
 use std::process::Command;
+use tests::brute_force::Body;
 use tests::geometry::{
     arc_error, certified_curves, certified_edges, golden_tip_error, jacobian_error,
     tendon_matrix_error,
@@ -82,8 +83,10 @@ fn kinematics(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
 
 fn certificate(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let unit = robot("unit.toml")?;
-    let edges = certified_edges(&unit, scale.pick(4_000, 20_000), 1);
-    let curves = certified_curves(&unit, scale.pick(500, 2_000), 1);
+    let file = std::fs::read_to_string(repository().join("config/robots/unit.toml"))?;
+    let body = Body::from_robot_file(&file);
+    let edges = certified_edges(&unit, &body, scale.pick(4_000, 20_000), 1);
+    let curves = certified_curves(&unit, &body, scale.pick(500, 2_000), 1);
     for (kind, found) in [("edges", edges), ("knot curves", curves)] {
         let name = format!("random {kind} certified and colliding");
         let figure = format!(

@@ -8,7 +8,7 @@ use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 use toml::Value;
 
-use crate::safe::kills::{limits, listed, phases, stuck};
+use crate::safe::kills::{limits, listed, phases, stuck, supervision};
 use crate::{Report, Scale};
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
@@ -61,6 +61,10 @@ fn clients(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         "motions, no fault",
         moved,
     );
+    let name = "motions on the side that were refused";
+    report.none_of(name, &two.refused);
+    let name = "motions on the side that did not reach their goals";
+    report.none_of(name, &two.cut_short);
     let name = "repeated requests with another answer (same seed, bit for bit)";
     report.check(name, two.differing.to_string(), "0", two.differing == 0);
     let (one, _) = ask_with_threads(1, requests, 1)?;
@@ -90,8 +94,9 @@ fn kills(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         &format!("{} each", count / 3),
         enough,
     );
-    phases(report, &survival, count);
+    phases(report, &survival, &[Kind::Kill], count);
     limits(report, &survival);
+    supervision(report, &survival);
     stuck(report, &survival);
     Ok(())
 }

@@ -33,7 +33,7 @@ fn move_for(stack: &mut Stack, cycles: u64) -> anyhow::Result<usize> {
         match stack.wait_for_end(id) {
             Err(error @ MoveError::CutShort(_)) => {
                 retries::note(&error.to_string());
-                stack.wait_until_ready()?;
+                stack.clear_fault()?;
             }
             end => drop(end?),
         }

@@ -125,7 +125,7 @@ impl Report {
     /// A retry counts against the group in which it was.
     fn retried(&mut self, name: &str) {
         let again = retries::take();
-        let name = format!("{name}: motions asked for again");
+        let name = format!("{name}: motions asked for again, and faults reset before the next");
         let line = |(cause, count): (&String, &usize)| format!("{count} × {cause}");
         let lines: Vec<String> = again.iter().map(line).collect();
         if !lines.is_empty() {

@@ -1,15 +1,16 @@
 //! A second look at motions that were delivered as certified: by their knots alone.
 
 use anyhow::ensure;
-use collision::{Ball, Scene, minimum_clearance};
+use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point, Robot, TendonLimits};
 use planning::dataset::ArchiveReader;
-use trajectory::{Knot, Trajectory, limit_use};
+use tests::brute_force::{self, Body};
+use tests::knots;
+use tests::programs::repository;
+use trajectory::{Knot, Trajectory};
 
 /// Tip error that counts as reached, section lengths.
 pub(crate) const TIP_TOLERANCE: f64 = 0.01;
-/// How far below the true one a least clearance may be found at first, section lengths.
-const COARSE_TOLERANCE: f64 = 1e-4;
 
 /// What a motion must keep; lengths in section lengths.
 pub(crate) struct Demand<'a> {
@@ -19,6 +20,19 @@ pub(crate) struct Demand<'a> {
     pub(crate) target: Point,
     pub(crate) tip_tolerance: f64,
     pub(crate) limits: TendonLimits,
+}
+
+/// The unit robot, which all of these motions are of.
+fn body() -> anyhow::Result<Body> {
+    let file = repository().join("config/robots/unit.toml");
+    Ok(Body::from_robot_file(&std::fs::read_to_string(file)?))
+}
+
+fn plain(knot: &Knot) -> knots::Knot {
+    knots::Knot {
+        time_s: knot.time,
+        values: [knot.position, knot.velocity, knot.acceleration].map(Into::into),
+    }
 }
 
 impl Demand<'_> {
@@ -31,17 +45,31 @@ impl Demand<'_> {
             .map(|q| self.robot.limit_excess(q))
             .fold(f64::MIN, f64::max);
         ensure!(excess <= 5e-3, "bends {excess} rad too far");
-        let limits = limit_use(motion, &self.robot.tendons, &self.limits).largest();
-        ensure!(limits <= 1.0 + 1e-6, "uses {limits} of its limits");
-        // Found from below: only as fine as it goes where a coarse look cannot tell.
-        let clearance = |tolerance| minimum_clearance(self.robot, self.scene, motion, tolerance);
-        let coarse = clearance(COARSE_TOLERANCE);
-        let clearance = if coarse >= 0.0 {
-            coarse
-        } else {
-            clearance(0.0)
-        };
-        ensure!(clearance >= 0.0, "clearance {clearance}");
+        let knots: Vec<knots::Knot> = motion.knots().iter().map(plain).collect();
+        let limits = &self.limits;
+        let limits = [limits.velocity, limits.acceleration, limits.jerk];
+        let used = knots::limit_use(&body()?, &knots, &limits);
+        let is_kept = used.iter().all(|used| *used <= 1.0 + 1e-6);
+        ensure!(
+            is_kept,
+            "uses {used:?} of velocity, acceleration and jerk limits"
+        );
+        self.judge_clearance(&knots)
+    }
+
+    /// Against balls: other obstacles have checks of their own.
+    fn judge_clearance(&self, knots: &[knots::Knot]) -> anyhow::Result<()> {
+        ensure!(
+            self.scene.solids().is_empty(),
+            "the premise: balls alone stand in the way"
+        );
+        let balls = self.scene.balls().iter();
+        let balls: Vec<brute_force::Ball> = balls
+            .map(|ball| brute_force::Ball::resting(ball.centre.into(), ball.radius))
+            .collect();
+        let body = body()?;
+        let clearance = knots::least_clearance_m(&body, knots, &balls);
+        ensure!(clearance >= -body.chord_error_m(), "clearance {clearance}");
         Ok(())
     }
 

@@ -108,7 +108,7 @@ fn liars(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
                 Err(error) => {
                     stray.push(format!("{misbehaviour:?}: {error}"));
                     stand.robot.misbehave(Misbehaviour::None);
-                    stand.stack.wait_until_ready()?;
+                    stand.stack.clear_fault()?;
                     continue;
                 }
             };
@@ -187,7 +187,7 @@ fn pauses(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         if stack.wait_for_end(id).is_err() {
             let state = stack.controller_state();
             faults.push(format!("{pause_ms} ms: {}, {}", state.state, state.fault));
-            stack.wait_until_ready()?;
+            stack.clear_fault()?;
         }
     }
     report.none_of(
@@ -305,7 +305,7 @@ fn tolerance(report: &mut Report) -> anyhow::Result<()> {
         let fault = stack.controller_state().fault;
         if fault != LoopFault::TrackingError {
             others.push(format!("round {round}: {fault}"));
-            stack.wait_until_ready()?;
+            stack.clear_fault()?;
             continue;
         }
         faults += 1;

@@ -108,7 +108,8 @@ impl Held {
         let held_ms = (since_ns - begin_ns) as f64 * 1e-6;
         course._held = (held_ms, self.stack.controller_state().fault);
         let _ = self.stack.controller.command(Command::Stop, PROMPT)?;
-        self.stack.wait_until_ready()?;
+        // A loop that was held may have lost its robot meanwhile.
+        self.stack.clear_fault()?;
         Ok((reply, course))
     }
 }
@@ -155,7 +156,7 @@ fn tried(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
             Ok(ordered) => ordered,
             Err(error) => {
                 wrong.push(format!("try {turn}: {error:#}"));
-                held.stack.wait_until_ready()?;
+                held.stack.clear_fault()?;
                 continue;
             }
         };

@@ -28,21 +28,21 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         let tries = scale.pick(1, 5);
         never_begun(
             report,
-            "a dead daemon's trajectory, heard with the next daemon there",
+            "defect 3: a dead daemon's trajectory, heard with the next daemon there",
             tries,
             Refusal::OtherDaemon,
             of_a_dead_daemon,
         )?;
         never_begun(
             report,
-            "a trajectory heard 400 ms after its begin (begin_past_ms = 1000)",
+            "defect 3: a trajectory heard 400 ms after its begin (begin_past_ms = 1000)",
             tries,
             Refusal::BeforeStop,
             long_after_its_begin,
         )?;
         never_begun(
             report,
-            "a trajectory heard after `stop` had nothing to do",
+            "defect 3: a trajectory heard after `stop` had nothing to do",
             tries,
             Refusal::BeforeStop,
             before_a_stop,
@@ -209,7 +209,7 @@ fn foreign_motions(report: &mut Report) -> anyhow::Result<()> {
         } else {
             "a daemon that starts"
         };
-        let name = format!("{when} orders what nobody supervises to stop, ms");
+        let name = format!("defect 3: {when} orders what nobody supervises to stop, ms");
         report.at_most(&name, took_ms, ORDER_MS);
     }
     Ok(())
@@ -261,11 +261,11 @@ fn refused_and_executed(report: &mut Report) -> anyhow::Result<()> {
     let ordered = log.lines().find(|line| line.contains("ordered to stop"));
     let stops = ordered.unwrap_or("no stop ordered").trim().to_owned();
     report.shown(
-        "meanwhile (a played controller may be late on a busy machine)",
+        "defect 3: meanwhile (a played controller may be late on a busy machine)",
         stops,
     );
     report.check(
-        "a motion that is executed, and whose id was refused as well",
+        "defect 3: a motion that is executed, and whose id was refused as well",
         reason,
         "supervised on: neither over nor unknown",
         passed,
@@ -295,7 +295,7 @@ fn forged_times(report: &mut Report) -> anyhow::Result<()> {
             (true, Err(_)) => "believed",
             (false, _) => "the daemon has ended",
         };
-        let name = format!("a state at {time_s:e} s of its trajectory");
+        let name = format!("defect 3: a state at {time_s:e} s of its trajectory");
         report.check(
             &name,
             figure.to_owned(),

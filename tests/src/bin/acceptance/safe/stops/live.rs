@@ -126,7 +126,7 @@ fn one_stop(
     if let Err(error) = stack.wait_for_progress(id, 0.0) {
         let what = format!("round {round}: not under way: {}", error.what);
         orders.wrong.push(what);
-        stack.wait_until_ready()?;
+        stack.clear_fault()?;
         return Ok(());
     }
     for _ in 0..SPEEDS {
@@ -145,7 +145,7 @@ fn one_stop(
     if ended.is_err() || state.fault != LoopFault::None {
         let what = format!("round {round}: {}, {}", state.state, state.fault);
         orders.wrong.push(what);
-        stack.wait_until_ready()?;
+        stack.clear_fault()?;
     }
     orders.give(stack, Command::SetSpeed(1.0))
 }
