@@ -23,6 +23,8 @@ pub const OWNER: u32 = 54_322;
 /// The user who tries what is possible.
 pub const OTHER: u32 = 54_321;
 
+/// Until a motion that was published moves the robot.
+const BEGINS_WITHIN: Duration = Duration::from_secs(2);
 const PROGRAMS: [&str; 4] = ["planner-daemon", "controller", "simulated-robot", "pcc"];
 
 /// Does something in a thread that acts as `user`, without any privilege.
@@ -224,7 +226,7 @@ impl OwnersRobot {
         let pose = PoseFile::of_root(&self.root(), &self.world.options.prefix);
         let mut in_turn = motions.into_iter().cycle();
         let mut executing = self.execute(in_turn.next().unwrap());
-        let mut failed_motions = 0;
+        let (mut failed_motions, mut published) = (0, None);
         let moving = wait_for("the robot moves", limit, || {
             if pose.moves() {
                 return Some(());
@@ -232,6 +234,12 @@ impl OwnersRobot {
             if let Some(status) = executing.try_wait().unwrap()
                 && !pose.moves()
             {
+                let since: &mut Instant = published.get_or_insert_with(Instant::now);
+                // One that was published begins in a moment.
+                if status.success() && since.elapsed() < BEGINS_WITHIN {
+                    return None;
+                }
+                published = None;
                 failed_motions += usize::from(!status.success());
                 executing = self.execute(in_turn.next().unwrap());
             }

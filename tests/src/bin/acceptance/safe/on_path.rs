@@ -54,11 +54,12 @@ impl<'a> Along<'a> {
             } else {
                 [inner[0], to]
             };
+            // The place itself, not the middle of what is left of the bracket.
+            self.time_s = if first < second { inner[0] } else { inner[1] };
             if first.min(second) < ON_IT_RAD {
                 break;
             }
         }
-        self.time_s = 0.5 * (bracket[0] + bracket[1]);
         Nearest {
             time_s: self.time_s,
             distance_rad: self.distance_at(cycle, self.time_s),
