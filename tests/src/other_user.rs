@@ -23,6 +23,8 @@ pub const OWNER: u32 = 54_322;
 /// The user who tries what is possible.
 pub const OTHER: u32 = 54_321;
 
+/// Until a motion that was published moves the robot.
+const BEGINS_WITHIN: Duration = Duration::from_secs(2);
 const PROGRAMS: [&str; 4] = ["planner-daemon", "controller", "simulated-robot", "pcc"];
 
 /// Does something in a thread that acts as `user`, without any privilege.
@@ -40,6 +42,15 @@ pub fn as_user<T: Send>(user: u32, act: impl FnOnce() -> T + Send) -> rustix::io
     thread::scope(|scope| scope.spawn(become_and_act).join().unwrap())
 }
 
+/// Tries until one succeeded.
+#[derive(Clone, Copy, Debug)]
+pub struct Tried {
+    /// From the first one's start to the last one's end.
+    pub took: Duration,
+    /// Those that failed.
+    pub failed: usize,
+}
+
 /// What became of the one `pcc stop` that was given to a robot in motion.
 #[derive(Clone, Debug)]
 pub struct StopInMotion {
@@ -49,6 +60,8 @@ pub struct StopInMotion {
     pub to_rest: Option<Duration>,
     /// What the program said where it failed.
     pub refusal: Option<String>,
+    /// Motions asked for before it moved whose `pcc plan --execute` failed.
+    pub failed_motions: usize,
 }
 
 /// A robot whose processes belong to [`OWNER`], on programs of its own that both users can read.
@@ -174,25 +187,25 @@ impl OwnersRobot {
         command.stdin(Stdio::null()).output().unwrap()
     }
 
-    /// How long until `pcc` with these arguments succeeds, tried again and again.
+    /// How long until `pcc` with these arguments succeeds, tried again and again, and how often it failed.
     ///
     /// # Errors
     /// [`TimedOut`] with what it said last.
-    pub fn until_it_works(
-        &self,
-        arguments: &[&str],
-        limit: Duration,
-    ) -> Result<Duration, TimedOut> {
+    pub fn until_it_works(&self, arguments: &[&str], limit: Duration) -> Result<Tried, TimedOut> {
         let begin = Instant::now();
-        let mut said = String::new();
+        let (mut said, mut tries) = (String::new(), 0);
         let works = || {
             let output = self.pcc(arguments, limit);
+            tries += 1;
             said = String::from_utf8_lossy(&output.stderr).into_owned();
             succeeded(output.status)
         };
         let name = format!("pcc {}", arguments.join(" "));
         match wait_for(&name, limit, works) {
-            Ok(()) => Ok(begin.elapsed()),
+            Ok(()) => Ok(Tried {
+                took: begin.elapsed(),
+                failed: tries - 1,
+            }),
             Err(timed_out) => Err(TimedOut {
                 log: said,
                 ..timed_out
@@ -213,11 +226,21 @@ impl OwnersRobot {
         let pose = PoseFile::of_root(&self.root(), &self.world.options.prefix);
         let mut in_turn = motions.into_iter().cycle();
         let mut executing = self.execute(in_turn.next().unwrap());
+        let (mut failed_motions, mut published) = (0, None);
         let moving = wait_for("the robot moves", limit, || {
             if pose.moves() {
                 return Some(());
             }
-            if executing.try_wait().unwrap().is_some() && !pose.moves() {
+            if let Some(status) = executing.try_wait().unwrap()
+                && !pose.moves()
+            {
+                let since: &mut Instant = published.get_or_insert_with(Instant::now);
+                // One that was published begins in a moment.
+                if status.success() && since.elapsed() < BEGINS_WITHIN {
+                    return None;
+                }
+                published = None;
+                failed_motions += usize::from(!status.success());
                 executing = self.execute(in_turn.next().unwrap());
             }
             None
@@ -230,6 +253,7 @@ impl OwnersRobot {
             StopInMotion {
                 took,
                 to_rest: pose.time_to_rest(begin, limit),
+                failed_motions,
                 refusal: (!is_obeyed)
                     .then(|| String::from_utf8_lossy(&output.stderr).trim().to_owned()),
             }
@@ -242,8 +266,30 @@ impl OwnersRobot {
         })
     }
 
+    /// Waits until `pcc watch` shows that the controller holds the robot; a fault that a killed robot has left is reset.
+    ///
+    /// # Errors
+    /// [`TimedOut`] with what was shown last.
+    pub fn until_holding(&self, limit: Duration) -> Result<(), TimedOut> {
+        let mut shown = String::new();
+        let holds = || {
+            let output = self.pcc(&["watch", "--rate-hz", "20", "--times", "1"], limit);
+            shown = String::from_utf8_lossy(&output.stdout).into_owned();
+            if shown.contains("controller     fault ") {
+                let _ = self.pcc(&["reset"], limit);
+            }
+            shown.contains("controller     holding ").then_some(())
+        };
+        let held = wait_for("the controller holds", limit, holds);
+        held.map_err(|timed_out| TimedOut {
+            log: shown,
+            ..timed_out
+        })
+    }
+
     /// The root folder that its programs use: without one of its own, the default one or what takes its place.
-    fn root(&self) -> PathBuf {
+    #[must_use]
+    pub fn root(&self) -> PathBuf {
         let own = self.home().join(".pcc-services");
         match self.with_root {
             true => self.world.options.root.clone(),
@@ -271,7 +317,7 @@ impl OwnersRobot {
     /// Everything below its root folder, and that folder.
     #[must_use]
     pub fn root_files(&self) -> Vec<PathBuf> {
-        let mut found = vec![self.world.options.root.clone()];
+        let mut found = vec![self.root()];
         let mut next = 0;
         while next < found.len() {
             let entries = fs::read_dir(&found[next]).into_iter().flatten().flatten();

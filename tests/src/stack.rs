@@ -4,12 +4,13 @@ use std::process::Stdio;
 use std::thread::{scope, sleep};
 use std::time::Duration;
 
-use client::{Client, ClientError, ControllerView, RobotView};
+use client::{Candidate, Client, ClientError, ControllerView, RobotView};
 use pcc_model::{Configuration, Point, Robot};
 use realtime::use_fifo_priority;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState, Outcome};
 use shared_types::valid::{Command, ControllerState, Goal, PlanRequest};
+use trajectory::{Knot, Trajectory};
 
 use crate::priority::OF_A_SENTRY;
 use crate::process::{Process, TimedOut, wait_for};
@@ -281,6 +282,14 @@ impl Stack {
     /// # Errors
     /// [`MoveError`].
     pub fn begin_motion(&mut self, goal: Goal) -> Result<u32, MoveError> {
+        self.begin_known_motion(goal).map(|(id, _)| id)
+    }
+
+    /// The same, with the trajectory that was planned.
+    ///
+    /// # Errors
+    /// [`MoveError`].
+    pub fn begin_known_motion(&mut self, goal: Goal) -> Result<(u32, Trajectory), MoveError> {
         let mut refused = None;
         for _ in 0..ATTEMPTS {
             let request = PlanRequest {
@@ -290,7 +299,7 @@ impl Stack {
                 seed: 3,
                 ..PlanRequest::new(self.commanded().into(), goal)
             };
-            match self.try_motion(&request) {
+            match self.try_known_motion(&request) {
                 Err(MoveError::Refused { outcome, reason })
                     if outcome == Outcome::ExecutionRefused =>
                 {
@@ -310,12 +319,31 @@ impl Stack {
     /// # Errors
     /// [`MoveError`].
     pub fn try_motion(&mut self, request: &PlanRequest) -> Result<u32, MoveError> {
+        self.try_known_motion(request).map(|(id, _)| id)
+    }
+
+    fn try_known_motion(&mut self, request: &PlanRequest) -> Result<(u32, Trajectory), MoveError> {
         let answer = self.client.plan(request, PATIENCE)?;
         let report = answer.report();
-        report.trajectory_id.ok_or_else(|| MoveError::Refused {
+        let id = report.trajectory_id.ok_or_else(|| MoveError::Refused {
             outcome: report.outcome,
             reason: report.reason.clone(),
-        })
+        })?;
+        let selected = answer.selected().expect("what is executed was selected");
+        Ok((id, trajectory_of(&selected)))
+    }
+
+    /// The motion that a request is answered with, without executing it; none where nothing was planned.
+    ///
+    /// # Errors
+    /// [`ClientError`].
+    pub fn planned(&mut self, wanted: &PlanRequest) -> Result<Option<Trajectory>, ClientError> {
+        let only_planned = PlanRequest {
+            execute: false,
+            ..wanted.clone()
+        };
+        let answer = self.client.plan(&only_planned, PATIENCE)?;
+        Ok(answer.selected().as_ref().map(trajectory_of))
     }
 
     /// Waits until the controller is on its way along a trajectory, at least for `seconds`.
@@ -403,6 +431,16 @@ impl Stack {
 #[must_use]
 pub fn tip_error(robot: &Robot, configuration: &[f64; 6], tip: &[f64; 3]) -> f64 {
     (robot.tip(&Configuration::from(*configuration)) - Point::from(*tip)).norm()
+}
+
+fn trajectory_of(candidate: &Candidate<'_>) -> Trajectory {
+    let knots = candidate.knots.iter().map(|knot| Knot {
+        time: knot.time_s,
+        position: Configuration::from(knot.configuration_rad),
+        velocity: Configuration::from(knot.velocity_rad_s),
+        acceleration: Configuration::from(knot.acceleration_rad_s2),
+    });
+    Trajectory::new(knots.collect()).expect("an answer is a trajectory")
 }
 
 /// The last lines of a log.

@@ -53,6 +53,7 @@ fn sampling_allocates_only_in_the_first_call_of_a_size() {
     let (noise, mut out) = (vec![0.3; 720], vec![0.0; 720]);
     for precision in [Precision::Single, Precision::Brain] {
         if !precision.available() {
+            eprintln!("{precision:?} is not tried: this processor has no such products");
             continue;
         }
         let model = FastModel::from_weights(&file, std::f64::consts::FRAC_PI_2).unwrap();
@@ -85,6 +86,7 @@ fn predicting_noise_and_its_gradient_allocates_only_in_the_first_call_of_a_size(
     let [mut noise, mut gradient] = [paths.clone(), paths.clone()];
     for precision in [Precision::Single, Precision::Brain] {
         if !precision.available() {
+            eprintln!("{precision:?} is not tried: this processor has no such products");
             continue;
         }
         unet.prepare_precision(precision);

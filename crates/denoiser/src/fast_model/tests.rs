@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::Manifest;
+use crate::matrix::presence::{has_brain, precisions};
 use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
 
@@ -129,7 +130,7 @@ fn a_whole_sample_agrees_with_pytorch() {
 
 #[test]
 fn reduced_precision_stays_near() {
-    if !Precision::Brain.available() {
+    if !has_brain() {
         return;
     }
     let parity = Parity::load();
@@ -151,10 +152,7 @@ fn a_candidate_does_not_notice_its_batch() {
         time: 0.7,
     });
     let noise_of = |i: usize| noise[COEFFICIENTS * i..][..COEFFICIENTS].to_vec();
-    for precision in [Precision::Single, Precision::Brain] {
-        if !precision.available() {
-            continue;
-        }
+    for precision in precisions() {
         let model = model(precision);
         let mut scratch = FastScratch::default();
         let alone = [0, 1, 2].map(|i| sample(&model, &candidates[i..=i], &noise_of(i)));

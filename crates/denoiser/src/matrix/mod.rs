@@ -8,6 +8,8 @@
 mod brain;
 #[cfg(target_arch = "x86_64")]
 mod narrow;
+#[cfg(test)]
+pub(crate) mod presence;
 mod single;
 #[cfg(test)]
 mod tests;

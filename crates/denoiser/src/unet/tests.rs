@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::Manifest;
+use crate::matrix::presence::{has_brain, precisions};
 use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
 
@@ -270,10 +271,7 @@ fn the_gradient_agrees_with_finite_differences() {
 #[test]
 fn a_candidate_does_not_notice_its_batch() {
     let parity = Parity::load();
-    for precision in [Precision::Single, Precision::Brain] {
-        if !precision.available() {
-            continue;
-        }
+    for precision in precisions() {
         let fresh = |case| parity.together(&[case], precision, &mut UnetScratch::default());
         let alone: Vec<_> = (0..CASES).map(fresh).collect();
         let mut scratch = UnetScratch::default();
@@ -319,7 +317,7 @@ fn prepared_steps_change_nothing() {
 
 #[test]
 fn reduced_precision_stays_near() {
-    if !Precision::Brain.available() {
+    if !has_brain() {
         return;
     }
     let parity = Parity::load();

@@ -52,6 +52,8 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         let name =
             "defect 9: services lost, or not met by the robot's processes, whose maker was held";
         report.none_of(name, &tries.wrong);
+        let name = "defect 9: services whose maker was held at which a daemon ended";
+        report.none_of(name, &tries.ended);
         Ok(())
     });
     report.group("half-made services, maker killed", COMMAND, |report| {
@@ -60,6 +62,8 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         let name =
             "defect 9: deaths of a service's maker after which the robot's processes do not plan";
         report.none_of(name, &tries.wrong);
+        let name = "defect 9: deaths of a service's maker after which a daemon ended";
+        report.none_of(name, &tries.ended);
         report.at_most(
             "defect 9: from a maker's death until the robot plans, s",
             tries.longest_s,
@@ -97,8 +101,8 @@ impl Remains {
     }
 }
 
-/// What became of one try: what its maker had made, how long it took, s, and what went wrong.
-type Try = (Remains, Result<f64, String>);
+/// What became of one try: what its maker had made, how often the daemon ended by itself, how long it took, s, and what went wrong.
+type Try = (Remains, usize, Result<f64, String>);
 
 #[derive(Debug, Default)]
 struct Tries {
@@ -106,6 +110,8 @@ struct Tries {
     unfinished: usize,
     unsized_memory: usize,
     longest_s: f64,
+    /// Daemons that ended by themselves: nobody here ends one.
+    ended: Vec<String>,
     wrong: Vec<String>,
 }
 
@@ -140,10 +146,14 @@ impl Tries {
         Ok(all.into_inner().unwrap())
     }
 
-    fn count(&mut self, kind: &str, calls: usize, (remains, outcome): Try) {
+    fn count(&mut self, kind: &str, calls: usize, (remains, ended, outcome): Try) {
         self.count += 1;
         self.unfinished += usize::from(remains.is_unfinished);
         self.unsized_memory += usize::from(remains.is_unsized);
+        if ended > 0 {
+            let ended = format!("{kind}, after {calls} calls ({remains:?}): {ended} times");
+            self.ended.push(ended);
+        }
         match outcome {
             Ok(seconds) => self.longest_s = self.longest_s.max(seconds),
             Err(reason) => {
@@ -186,13 +196,13 @@ fn held(kind: &str, calls: usize) -> anyhow::Result<Option<Try>> {
         return Ok(None);
     };
     let remains = Remains::of(&world);
-    let mut daemon = Part::Daemon.start(&world);
+    let (mut daemon, mut ended) = (Part::Daemon.start(&world), 0);
     thread::sleep(HELD);
     held.release()?;
     let begin = Instant::now();
     let outcome = maker
         .says("made", PATIENCE)
-        .and_then(|()| plans(&world, &mut daemon, begin))
+        .and_then(|()| plans(&world, (&mut daemon, &mut ended), begin))
         .map(|()| {
             if kind == "requests" {
                 // Nobody answers it here; the maker hears it.
@@ -202,6 +212,7 @@ fn held(kind: &str, calls: usize) -> anyhow::Result<Option<Try>> {
         .and_then(|()| maker.says("heard", PATIENCE));
     Ok(Some((
         remains,
+        ended,
         outcome.map(|()| begin.elapsed().as_secs_f64()),
     )))
 }
@@ -220,10 +231,11 @@ fn killed(kind: &str, calls: usize) -> anyhow::Result<Option<Try>> {
     let _ = held.release();
     drop(maker);
     let begin = Instant::now();
-    let mut daemon = Part::Daemon.start(&world);
-    let outcome = plans(&world, &mut daemon, begin);
+    let (mut daemon, mut ended) = (Part::Daemon.start(&world), 0);
+    let outcome = plans(&world, (&mut daemon, &mut ended), begin);
     Ok(Some((
         remains,
+        ended,
         outcome.map(|()| begin.elapsed().as_secs_f64()),
     )))
 }
@@ -236,10 +248,15 @@ fn prepared() -> anyhow::Result<World> {
     Ok(world)
 }
 
-/// Asks for plans until one comes; a daemon that could not start is started again.
-fn plans(world: &World, daemon: &mut Process, begin: Instant) -> Result<(), String> {
+/// Asks for plans until one comes; a daemon that could not start is counted and started again.
+fn plans(
+    world: &World,
+    (daemon, ended): (&mut Process, &mut usize),
+    begin: Instant,
+) -> Result<(), String> {
     loop {
         if !daemon.is_running() {
+            *ended += 1;
             *daemon = Part::Daemon.start(world);
         }
         let said = pcc(world, PLAN, PATIENCE);

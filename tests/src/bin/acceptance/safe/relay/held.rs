@@ -28,7 +28,7 @@ enum Stall {
     Nothing,
     /// Nobody reads what any of the three processes writes.
     Pipe,
-    /// The controller's terminal was stopped with Ctrl-S.
+    /// The terminals of the three processes were stopped with Ctrl-S.
     Terminal,
     /// The disk that the controller's standard error is on stands still.
     Disk,
@@ -36,6 +36,8 @@ enum Stall {
     Relay,
     /// The thread that hears commands.
     Guard,
+    /// The thread that writes the log.
+    Log,
 }
 
 /// What is to stop the robot.
@@ -57,6 +59,7 @@ impl Stall {
             Self::Disk => "disk stands still",
             Self::Relay => "relay thread held",
             Self::Guard => "guard thread held",
+            Self::Log => "log thread held",
         }
     }
 }
@@ -72,7 +75,7 @@ impl Event {
     }
 }
 
-const CASES: [(Stall, Event); 13] = [
+const CASES: [(Stall, Event); 16] = [
     (Stall::Pipe, Event::Stop),
     (Stall::Pipe, Event::Sigterm),
     (Stall::Pipe, Event::DaemonKilled),
@@ -85,6 +88,9 @@ const CASES: [(Stall, Event); 13] = [
     (Stall::Relay, Event::Stop),
     (Stall::Relay, Event::Sigterm),
     (Stall::Relay, Event::DaemonKilled),
+    (Stall::Log, Event::Stop),
+    (Stall::Log, Event::Sigterm),
+    (Stall::Log, Event::DaemonKilled),
     (Stall::Guard, Event::Nothing),
 ];
 
@@ -137,9 +143,13 @@ fn tried(stall: Stall, event: Event) -> anyhow::Result<Result<f64, String>> {
             StalledOutput::pipe()?,
             StalledOutput::pipe()?,
         ],
-        Stall::Terminal => vec![StalledOutput::terminal()?],
+        Stall::Terminal => vec![
+            StalledOutput::terminal()?,
+            StalledOutput::terminal()?,
+            StalledOutput::terminal()?,
+        ],
         Stall::Disk => vec![StalledOutput::disk()?],
-        Stall::Nothing | Stall::Relay | Stall::Guard => Vec::new(),
+        Stall::Nothing | Stall::Relay | Stall::Guard | Stall::Log => Vec::new(),
     };
     let place = |part| match part {
         Part::Controller => 0,
@@ -167,7 +177,9 @@ fn tried(stall: Stall, event: Event) -> anyhow::Result<Result<f64, String>> {
         let _ = order.wait(SETTLE);
     }
     if let Some(name) = thread_of(stall) {
-        held = Some(HeldThread::hold(thread_named(controller, name))?);
+        let thread = thread_named(controller, name);
+        anyhow::ensure!(thread != controller, "the premise: a thread named {name}");
+        held = Some(HeldThread::hold(thread)?);
     }
     let begin = Instant::now();
     let result = cause(&mut processes, event, begin);
@@ -187,6 +199,7 @@ fn thread_of(stall: Stall) -> Option<&'static str> {
     match stall {
         Stall::Relay => Some("relay"),
         Stall::Guard => Some("guard"),
+        Stall::Log => Some("log"),
         Stall::Nothing | Stall::Pipe | Stall::Terminal | Stall::Disk => None,
     }
 }

@@ -1,5 +1,6 @@
 //! A loop that is held up for a while: a reply is its own command's, and what was answered "loop busy" is not carried out.
 
+use std::fs;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
@@ -7,14 +8,24 @@ use tests::outside::{pcc, shown, thread_named, wait_for_controller};
 use tests::process::Process;
 use tests::stack::Part;
 use tests::system_calls::HeldThread;
+use toml::{Table, Value};
 
 use super::{FAR, PATIENCE, Processes};
 use crate::{Report, Scale};
 
 /// The speed that is ordered while the loop is held, and is not that of the motion.
 const SPEED: &str = "0.2";
+/// The speed of the motions in which the loop is held: what the motors go on by meanwhile is no fault.
+const SLOW: &str = "0.10";
 /// Replies of the loop come within 50 ms or never.
 const REPLY: Duration = Duration::from_millis(150);
+/// Looks at the rate of a motion after a speed that was answered "loop busy".
+const LOOKS: usize = 5;
+/// Keys with which a loop that stands still for a reply's time is no fault: as shipped, the robot lets go after 20 ms.
+const PATIENT: [(Part, &[(&str, i64)]); 2] = [
+    (Part::Robot, &[("lost_setpoint_ms", 1000)]),
+    (Part::Controller, &[("late_run_ms", 1000)]),
+];
 
 pub(super) fn run(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut processes = Processes::shipped()?;
@@ -22,7 +33,75 @@ pub(super) fn run(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let hard_loop = thread_named(controller, "hard-loop");
     others_replies(report, scale, &processes, hard_loop)?;
     withdrawn(report, scale, &processes, hard_loop)?;
-    pending_stops(report, scale, &processes, hard_loop)
+    pending_stops(report, scale, &processes, hard_loop)?;
+    withdrawn_in_motion(report, scale)
+}
+
+/// A robot and a controller that bear a loop which stands still for as long as the reply to a command takes.
+fn patient() -> anyhow::Result<Processes> {
+    Processes::start(|part, world| {
+        if let Some(keys) = PATIENT
+            .iter()
+            .find_map(|(of, keys)| (*of == part).then_some(keys))
+        {
+            let file = world.config(&format!("{}.toml", part.program()));
+            let mut table: Table = fs::read_to_string(&file)?.parse()?;
+            for (key, value) in *keys {
+                table.insert((*key).to_owned(), Value::Integer(*value));
+            }
+            fs::write(&file, table.to_string())?;
+        }
+        Ok(part.start(world))
+    })
+}
+
+/// A speed that was answered "loop busy" while the robot moves must not be that of this motion.
+fn withdrawn_in_motion(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut processes = patient()?;
+    let controller = processes.of(Part::Controller).pid();
+    let hard_loop = thread_named(controller, "hard-loop");
+    let (mut wrong, tries) = (Vec::new(), scale.pick(3, 20));
+    for turn in 0..tries {
+        let world = &processes.world;
+        let slow = pcc(world, &["speed", SLOW], PATIENCE);
+        anyhow::ensure!(slow.is_good(), "speed {SLOW}: {}", slow.summary());
+        processes.begin_motion(goal(turn))?;
+        let held = HeldThread::hold(hard_loop)?;
+        let busy = pcc(world, &["speed", SPEED], PATIENCE);
+        held.release()?;
+        let is_busy = busy.text.contains("loop busy");
+        anyhow::ensure!(is_busy, "the premise: {}", busy.summary());
+        sleep(REPLY);
+        let moves = processes.robot().moves();
+        anyhow::ensure!(moves, "the premise: it moves on: {}", shown(world));
+        for look in 0..LOOKS {
+            let shown = shown(world);
+            let rate = rate(&shown);
+            if !shown.contains("controller     executing ") || rate != SLOW {
+                wrong.push(format!(
+                    "try {turn}, look {look}: rate {rate}: {}",
+                    first_line(&shown)
+                ));
+            }
+        }
+        stop(&processes)?;
+    }
+    let name = format!(
+        "defect 8: looks at {tries} moving robots whose rate is not {SLOW} after a speed of {SPEED} that was answered \"loop busy\" in motion"
+    );
+    report.none_of(&name, &wrong);
+    Ok(())
+}
+
+/// The rate that `pcc watch` shows.
+fn rate(shown: &str) -> &str {
+    let mut rates = shown.lines().filter_map(|line| line.split_once("rate "));
+    rates.next().map_or("not shown", |(_, rate)| rate.trim())
+}
+
+fn first_line(shown: &str) -> &str {
+    let mut lines = shown.lines().filter(|line| line.contains("controller "));
+    lines.next().unwrap_or_default()
 }
 
 /// `pcc speed` while the loop is held, then `pcc reset` around its release: without a fault a reset has nothing to do, so a reset
@@ -87,8 +166,7 @@ fn withdrawn(
         wait_for_controller(world, "holding", PATIENCE)?;
         processes.begin_motion(goal(turn))?;
         let shown = shown(world);
-        let mut rates = shown.lines().filter_map(|line| line.split_once("rate "));
-        let rate = rates.next().map_or("not shown", |(_, rate)| rate.trim());
+        let rate = rate(&shown);
         if rate != "1.00" {
             wrong.push(format!("try {turn}: {rate}"));
         }

@@ -12,7 +12,7 @@ const SPARE_M: f64 = 0.02;
 
 /// A motion, and a ball that crosses its way when the tip has passed.
 pub(super) struct Crossing {
-    motion: Trajectory,
+    pub(super) motion: Trajectory,
     /// When the tip is at the crossing, s of the motion.
     pub(super) tip_s: f64,
     /// When the ball is, s of the motion if that does not lag.

@@ -1,10 +1,11 @@
 //! Three publishers that send full scenes as fast as they can.
 
+use std::collections::BTreeMap;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::ProcessKind;
+use shared_types::codes::{Outcome, ProcessKind};
 use shared_types::ipc::{IpcNode, Subscriber, heartbeat_service, subscriber};
 use shared_types::message::Heartbeat;
 use shared_types::valid::PlanRequest;
@@ -104,7 +105,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut flow = Flow::of(&flood);
     plans(report, scale, &mut stack, &flood, &mut flow)?;
     stops(report, scale, &mut stack, &mut camera, (&flood, &mut flow))?;
-    let name = "3 flooding publishers: one that did not send, or has ended";
+    let name = "defect 6: 3 flooding publishers: one that did not send, or has ended";
     report.none_of(name, &flow.dry);
     Ok(())
 }
@@ -117,7 +118,8 @@ fn plans(
     flow: &mut Flow,
 ) -> anyhow::Result<()> {
     let mut heart = Heart::listen(stack)?;
-    let mut plans_ms = Vec::new();
+    let (mut plans_ms, mut with_candidates) = (Vec::new(), 0);
+    let (mut outcomes, mut without) = (BTreeMap::<String, usize>::new(), Vec::new());
     let (begun, sent) = (Instant::now(), flood.sent());
     while begun.elapsed() < Duration::from_secs(scale.pick(5, 60)) {
         let wanted = PlanRequest {
@@ -126,22 +128,46 @@ fn plans(
             ..request(stack)
         };
         let asked = Instant::now();
-        stack.client.plan(&wanted, PATIENCE)?;
-        plans_ms.push(asked.elapsed().as_secs_f64() * 1e3);
+        let answer = stack.client.plan(&wanted, PATIENCE)?;
+        let (said, took) = (answer.report(), asked.elapsed());
+        *outcomes.entry(said.outcome.to_string()).or_default() += 1;
+        let named = is_deadline(said.outcome, &said.reason) && took >= DEADLINE;
+        if said.outcome.has_candidates() && answer.selected().is_some() {
+            with_candidates += 1;
+        } else if !named {
+            let (outcome, reason) = (said.outcome, &said.reason);
+            without.push(format!("{outcome}: {reason}, after {took:?}"));
+        }
+        plans_ms.push(took.as_secs_f64() * 1e3);
         heart.hear()?;
         thread::sleep(Duration::from_millis(100));
         flow.look(flood, "plans");
     }
+    let name =
+        "defect 6: 3 flooding publishers: plans without a candidate, and not for the deadline";
+    report.none_of(name, &without);
+    let name = "defect 6: 3 flooding publishers: plans with candidates, and all outcomes";
+    let count = plans_ms.len();
+    let figure = format!("{with_candidates} of {count}: {outcomes:?}");
+    report.check(name, figure, ">= 1", with_candidates > 0);
     let rate = (flood.sent() - sent) as f64 / begun.elapsed().as_secs_f64();
-    report.shown("scenes of 1024 balls sent, a second", format!("{rate:.0}"));
-    let name = "3 flooding publishers: longest plan after its deadline of 20 ms, ms";
+    report.shown(
+        "defect 6: scenes of 1024 balls sent, a second",
+        format!("{rate:.0}"),
+    );
+    let name = "defect 6: 3 flooding publishers: longest plan after its deadline of 20 ms, ms";
     let longest_ms = plans_ms.iter().copied().fold(0.0, f64::max);
     report.at_most(name, longest_ms - DEADLINE.as_secs_f64() * 1e3, REST_MS);
-    let name = "3 flooding publishers: time of a plan, ms";
+    let name = "defect 6: 3 flooding publishers: time of a plan, ms";
     report.shown(name, Spread::of(&plans_ms).to_string());
-    let name = "3 flooding publishers: longest gap between heartbeats, ms";
+    let name = "defect 6: 3 flooding publishers: longest gap between heartbeats, ms";
     report.at_most(name, heart.gap_ms, BEAT_MS);
     Ok(())
+}
+
+/// Whether a plan has nothing because its time was over, and says so.
+fn is_deadline(outcome: Outcome, reason: &str) -> bool {
+    outcome == Outcome::Truncated || reason.contains("deadline")
 }
 
 /// From the arrival of a ball on the body to the first cycle that brakes.
@@ -186,11 +212,12 @@ fn stops(
         }
         flow.look(flood, "stops");
     }
-    let name = "3 flooding publishers: balls on the body that stopped nothing, and faults";
+    let name =
+        "defect 6: 3 flooding publishers: balls on the body that stopped nothing, and faults";
     report.none_of(name, &failed);
     let [usual_ms, latest_ms] = BRAKED_MS;
     let soon = ms.iter().filter(|ms| **ms <= usual_ms).count();
-    let name = "3 flooding publishers: from a ball to the first cycle that brakes, ms";
+    let name = "defect 6: 3 flooding publishers: from a ball to the first cycle that brakes, ms";
     let passed = 100 * soon >= 95 * (ms.len() + failed.len());
     let bar = "<= 20 in 95 of 100";
     report.check(name, Spread::of(&ms).to_string(), bar, passed);

@@ -6,7 +6,7 @@ use std::thread;
 use std::time::Duration;
 
 use anyhow::Context;
-use pcc_model::Configuration;
+use pcc_model::Robot;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, Outcome};
 use shared_types::ipc::IpcOptions;
@@ -16,12 +16,13 @@ use tests::brute_force::{Ball, Body};
 use tests::listener::Listener;
 use tests::programs::repository;
 use tests::raw_scene::RawScenes;
-use tests::stack::{MoveError, PATIENCE, Part, Stack};
-use trajectory::{Knot, Trajectory};
+use tests::stack::{MoveError, Part, Stack};
+use trajectory::Trajectory;
 
 use super::crossing::Crossing;
 use super::executed::{clearance, moves};
 use super::{SECOND_NS, comes_to, request, running_with};
+use crate::safe::on_path::Along;
 use crate::{Report, Scale};
 
 /// Lifetime of the ball's scenes, and time between two of them.
@@ -32,9 +33,10 @@ const BEFORE_CROSSING_S: f64 = 0.15;
 const SPEEDS_M_S: [f64; 3] = [0.5, 1.0, 2.0];
 /// Lags that the motions have room for, s, and whether the ball turns up only once the robot moves: those with little room are refused
 /// where it is known beforehand.
-const ROOMS_S: [(f64, bool); 6] = [
+const ROOMS_S: [(f64, bool); 7] = [
     (0.0, true),
     (0.12, true),
+    (0.7, true),
     (0.0, false),
     (0.12, false),
     (0.7, false),
@@ -47,6 +49,8 @@ const TURNS_UP_S: f64 = 0.4;
 /// From then to a pause that makes the robot late.
 const ACTED_UPON: [Duration; 2] = [Duration::ZERO, Duration::from_millis(5)];
 const MS_NS: i64 = 1_000_000;
+/// The shipped `step_cap_ms`.
+const STEP_CAP_MS: i64 = 20;
 /// Until the ball's source is heard.
 const CONNECTING_NS: i64 = 60 * MS_NS;
 /// In place of a time: a ball that has not turned up.
@@ -105,6 +109,13 @@ struct Try {
     acted_upon: Duration,
 }
 
+impl Try {
+    /// The least by which its path time falls behind the clock, ms: a cycle after a pause goes on by as much as the step cap.
+    fn lags_at_least_ms(self) -> f64 {
+        (self.lag_ms - STEP_CAP_MS).max(0) as f64
+    }
+}
+
 /// What became of a motion beside a ball.
 struct Passed {
     /// Whether the robot moved.
@@ -113,6 +124,8 @@ struct Passed {
     clearance_m: f64,
     end: String,
     fault: LoopFault,
+    /// The most by which path time fell behind the clock from one cycle to the next, its begin included, ms.
+    lagged_ms: f64,
 }
 
 /// Balls of 0.5 to 2 m/s beside motions that are 15 to 190 ms late.
@@ -123,6 +136,7 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
         let mut stack = running_with(&[])?;
         let (mut touched, mut unmoved, mut faults) = (Vec::new(), Vec::new(), Vec::new());
         let (mut least_m, mut refused) = (f64::INFINITY, Vec::new());
+        let (mut tight, mut executed, mut in_time) = (0, 0, Vec::new());
         for wanted in tries(late, scale) {
             let passed = pass(&mut stack, &body, wanted)?;
             let text = format!("{wanted:?}: {:.3} m, {}", passed.clearance_m, passed.end);
@@ -133,7 +147,13 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
                 touched.push(text.clone());
             }
             least_m = least_m.min(passed.clearance_m);
-            let may_be_refused = wanted.room_s < PLENTY_S && !wanted.turns_up;
+            let is_tight = wanted.room_s < PLENTY_S;
+            let may_be_refused = is_tight && !wanted.turns_up;
+            tight += usize::from(is_tight);
+            executed += usize::from(is_tight && passed.executed);
+            if passed.executed && passed.lagged_ms < wanted.lags_at_least_ms() {
+                in_time.push(format!("{:.1} ms: {wanted:?}", passed.lagged_ms));
+            }
             if !passed.executed && may_be_refused {
                 refused.push(text);
             } else if !passed.executed {
@@ -141,7 +161,7 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
             }
         }
         let count = tries(late, scale).len();
-        let name = format!("{late:?}, {count} motions beside a moving ball");
+        let name = format!("defect 6: {late:?}, {count} motions beside a moving ball");
         report.none_of(&format!("{name}: touched it, moving or at rest"), &touched);
         report.none_of(&format!("{name}: faults"), &faults);
         report.none_of(
@@ -154,6 +174,16 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
             refused.first().cloned().unwrap_or_default()
         );
         report.shown(&format!("{name}: refused beforehand"), text);
+        report.none_of(
+            &format!("{name}: whose path time did not lag as it was to (the premise)"),
+            &in_time,
+        );
+        report.check(
+            &format!("{name}: executed, of those with little room"),
+            format!("{executed} of {tight}"),
+            "a third",
+            executed > 0 && 3 * executed >= tight,
+        );
         report.shown(
             &format!("{name}: least clearance, m"),
             format!("{least_m:.4}"),
@@ -186,7 +216,7 @@ fn pass(stack: &mut Stack, body: &Body, wanted: Try) -> anyhow::Result<Passed> {
     stack.wait_until_ready()?;
     let robot = stack.world.robot.clone();
     let request = request(stack);
-    let motion = planned(stack, &request)?;
+    let motion = stack.planned(&request)?.context("nothing was planned")?;
     let late = wanted.late;
     let crossing = Crossing::new(
         (&robot, body),
@@ -214,26 +244,23 @@ fn pass(stack: &mut Stack, body: &Body, wanted: Try) -> anyhow::Result<Passed> {
     .map(|(end, fault, cycles)| Passed {
         executed: cycles.iter().any(moves),
         clearance_m: clearance(body, &cycles, &ball),
+        lagged_ms: lagged_ms(&robot, &crossing.motion, begin_ns, &cycles),
         end,
         fault,
     })
 }
 
-/// The motion that a request will be answered with, without executing it.
-fn planned(stack: &mut Stack, wanted: &PlanRequest) -> anyhow::Result<Trajectory> {
-    let only_planned = PlanRequest {
-        execute: false,
-        ..wanted.clone()
-    };
-    let answer = stack.client.plan(&only_planned, PATIENCE)?;
-    let selected = answer.selected().context("nothing was planned")?;
-    let knots = selected.knots.iter().map(|knot| Knot {
-        time: knot.time_s,
-        position: Configuration::from(knot.configuration_rad),
-        velocity: Configuration::from(knot.velocity_rad_s),
-        acceleration: Configuration::from(knot.acceleration_rad_s2),
-    });
-    Ok(Trajectory::new(knots.collect())?)
+/// The most by which path time fell behind the clock from one cycle of a motion to the next, the time until its first one included, ms.
+fn lagged_ms(robot: &Robot, motion: &Trajectory, begin_ns: i64, cycles: &[Cycle]) -> f64 {
+    let mut along = Along::new(robot, motion);
+    let (mut lag_ms, mut most_ms) = (0.0, 0.0_f64);
+    for cycle in cycles.iter().filter(|cycle| moves(cycle)) {
+        let clock_ms = (cycle.stamp_mono_ns - begin_ns) as f64 * 1e-6;
+        let now_ms = clock_ms - along.nearest(cycle).time_s * 1e3;
+        most_ms = most_ms.max(now_ms - lag_ms);
+        lag_ms = now_ms;
+    }
+    most_ms
 }
 
 /// A try with its times.

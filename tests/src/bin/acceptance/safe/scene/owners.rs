@@ -28,6 +28,14 @@ const LIFETIME_NS: i64 = SECOND_NS;
 const CAMERA: &str = "source \"camera\"";
 /// How the daemon names an obstacle.
 const IN_THE_WAY: &str = "the live scene is in the way";
+/// How it names a source that it waits for.
+const UNHEARD: &str = "has not been heard";
+/// What refuses a motion right after a restart: the scene, or that it is not there yet.
+const UNHEARD_OR_IN_THE_WAY: [&str; 2] = [IN_THE_WAY, UNHEARD];
+/// How it says that a scene is expected and that there is none.
+const NONE_THERE: &str = "one is expected";
+/// Time for a restarted daemon to hear the scenes of those who live on.
+const HEARD_AGAIN: Duration = Duration::from_secs(5);
 /// How long after the end of its scene's lifetime a motion may go on, ms.
 const STOPPED_MS: f64 = 100.0;
 
@@ -36,6 +44,12 @@ fn leaving_ball(stack: &Stack) -> MovingBall {
     let middle = Configuration::from(ENDS[1]) * 0.5;
     let velocity = Point::new(1.0, 0.0, 0.0);
     ball(stack.world.robot.tip(&middle), 0.3, velocity)
+}
+
+/// On the way of the motions between [`ENDS`].
+fn resting_ball(stack: &Stack) -> MovingBall {
+    let middle = Configuration::from(ENDS[1]) * 0.5;
+    ball(stack.world.robot.tip(&middle), 0.3, Point::zeros())
 }
 
 /// Stamps of another clock, of the future, and of long ago.
@@ -66,9 +80,9 @@ pub(super) fn stamps(report: &mut Report) -> anyhow::Result<()> {
         let balls = [leaving_ball(&stack)];
         let sequence = scenes.send(stamp(), LIFETIME_NS, &balls);
         let said = scenes.verdict(sequence, PATIENCE)?;
-        let told = format!("a ball stamped by {name}: its publisher is told");
+        let told = format!("defect 6: a ball stamped by {name}: its publisher is told");
         report.check(&told, said.to_string(), wanted.text(), said == wanted);
-        let what = format!("a ball stamped by {name}: motions through where it was");
+        let what = format!("defect 6: a ball stamped by {name}: motions through where it was");
         refused(report, &what, &mut stack, CAMERA);
     }
     let mut stack = Stack::running(&settings(false))?;
@@ -79,7 +93,7 @@ pub(super) fn stamps(report: &mut Report) -> anyhow::Result<()> {
     let figure = format!("{said}, executed: {moved}");
     let passed = said == SceneRefusal::None && moved;
     report.check(
-        "a scene as it should be",
+        "defect 6: a scene as it should be",
         figure,
         "none, executed: true",
         passed,
@@ -103,7 +117,7 @@ pub(super) fn dead_publisher(report: &mut Report) -> anyhow::Result<()> {
         for &age_s in ages_s {
             sleep_until(sent, age_s);
             let name = format!(
-                "publisher of a moving ball dead for {age_s} s, lifetime {lifetime_s} s: a motion through where it was"
+                "defect 6: publisher of a moving ball dead for {age_s} s, lifetime {lifetime_s} s: a motion through where it was"
             );
             let ended = age_s >= lifetime_s;
             let words = if ended { CAMERA } else { IN_THE_WAY };
@@ -118,7 +132,7 @@ pub(super) fn dead_publisher(report: &mut Report) -> anyhow::Result<()> {
         let sent = send_and_die(&stack, lifetime_s, &ball)?;
         sleep_until(sent, age_s);
         let name = format!(
-            "publisher of a moving ball dead for {age_s} s, lifetime {lifetime_s} s: a motion that it cannot reach"
+            "defect 6: publisher of a moving ball dead for {age_s} s, lifetime {lifetime_s} s: a motion that it cannot reach"
         );
         let outcome = execute(&mut stack);
         let passed = outcome.is_ok();
@@ -166,7 +180,7 @@ pub(super) fn silent_source(report: &mut Report, scale: Scale) -> anyhow::Result
                 ended => drop(ended?),
             }
         }
-        let name = format!("source silent during a motion (expected = {expects})");
+        let name = format!("defect 6: source silent during a motion (expected = {expects})");
         report.none_of(&format!("{name}: motions not stopped, and faults"), &failed);
         let latest = braked_ms.iter().copied().fold(f64::NEG_INFINITY, f64::max);
         let what = format!("{name}: stopped, ms after the lifetime of its scene");
@@ -185,28 +199,90 @@ pub(super) fn restarted_daemon(report: &mut Report, scale: Scale) -> anyhow::Res
     for expects in [false, true] {
         let mut stack = Stack::running(&settings(expects))?;
         let mut scenes = ScenePublisher::connect(&stack.world.options, "camera")?;
-        let middle = Configuration::from(ENDS[1]) * 0.5;
-        let resting = ball(stack.world.robot.tip(&middle), 0.3, Point::zeros());
-        scenes.publish(&[resting], Duration::from_secs(600))?;
+        scenes.publish(&[resting_ball(&stack)], Duration::from_secs(600))?;
         scenes.confirm(PATIENCE)?;
         let (mut otherwise, mut reasons) = (Vec::new(), BTreeMap::new());
+        let mut once_heard = Vec::new();
         for _ in 0..scale.pick(5, 30) {
             restart_daemon(&mut stack)?;
             match refusal(&mut stack) {
-                Ok(reason) => *reasons.entry(reason).or_insert(0) += 1,
+                Ok(reason) if UNHEARD_OR_IN_THE_WAY.iter().any(|w| reason.contains(w)) => {
+                    *reasons.entry(reason).or_insert(0) += 1;
+                }
+                Ok(reason) => otherwise.push(reason),
                 Err(error) => otherwise.push(error.to_string()),
+            }
+            if let Err(reason) = in_the_way_once_heard(&mut stack)? {
+                once_heard.push(reason);
             }
         }
         let name = format!(
-            "scene published once, daemon restarted (expected = {expects}): motions into it, not refused at the first try"
+            "defect 6: scene published once, daemon restarted (expected = {expects}): motions into it, not refused at the first try"
         );
         report.none_of(&name, &otherwise);
-        let name = format!("why they were refused (expected = {expects})");
+        let name = format!(
+            "defect 6: scene published once, daemon restarted (expected = {expects}): motions into it, not refused for it once it was heard"
+        );
+        report.none_of(&name, &once_heard);
+        let name = format!("defect 6: why they were refused at first (expected = {expects})");
         report.shown(&name, format!("{reasons:?}"));
     }
     let mut stack = Stack::running(&settings(true))?;
-    let name = "a scene is expected and nobody tells of one: a motion";
-    refused(report, name, &mut stack, "one is expected");
+    let name = "defect 6: a scene is expected and nobody tells of one: a motion";
+    refused(report, name, &mut stack, NONE_THERE);
+    Ok(())
+}
+
+/// What a motion is refused with as soon as the daemon has the scene again: that an obstacle is in its way. Else what came of it.
+fn in_the_way_once_heard(stack: &mut Stack) -> anyhow::Result<Result<(), String>> {
+    let mut last = Ok(());
+    let heard = wait_for("a refusal for the scene itself", HEARD_AGAIN, || {
+        let said = refusal(stack).map_err(|error| error.to_string());
+        let waits = said
+            .as_ref()
+            .is_ok_and(|reason| reason.contains(UNHEARD) || reason.contains(NONE_THERE));
+        last = match said {
+            Ok(reason) if reason.contains(IN_THE_WAY) => Ok(()),
+            Ok(reason) | Err(reason) => Err(reason),
+        };
+        (!waits).then_some(())
+    });
+    Ok(heard.map_err(|error| error.to_string()).and(last))
+}
+
+/// A scene is published once by a program that then ends; the daemon is killed and starts again. The new one has never heard of it:
+/// where a scene is expected it executes nothing, and otherwise it waits for nobody (configuration of the daemon, `live_scene`).
+pub(super) fn forgotten_program(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    for expects in [false, true] {
+        let mut stack = Stack::running(&settings(expects))?;
+        let mut wrong = Vec::new();
+        let name = format!(
+            "defect 6: scene published once by a program that has ended (expected = {expects})"
+        );
+        send_and_die(&stack, 600, &resting_ball(&stack))?;
+        let before = format!("{name}: a motion into it before the daemon's end");
+        refused(report, &before, &mut stack, IN_THE_WAY);
+        for turn in 0..scale.pick(3, 20) {
+            restart_daemon(&mut stack)?;
+            let said = match execute(&mut stack) {
+                Ok(id) => {
+                    let _ = stack.wait_for_end(id);
+                    "executed".to_owned()
+                }
+                Err(error) => error.to_string(),
+            };
+            let as_told = if expects { NONE_THERE } else { "executed" };
+            if !said.contains(as_told) {
+                wrong.push(format!("restart {turn}: {said}"));
+            }
+        }
+        let what = if expects {
+            "motions not refused because one is expected"
+        } else {
+            "motions for which somebody is waited for"
+        };
+        report.none_of(&format!("{name}, daemon restarted: {what}"), &wrong);
+    }
     Ok(())
 }
 
@@ -239,7 +315,7 @@ pub(super) fn nobody_serves_command(report: &mut Report) -> anyhow::Result<()> {
         outcome.unwrap_or_else(|error| error.to_string())
     });
     let named = figure.contains("nobody serves `command`");
-    let name = "nobody serves `command`: a motion";
+    let name = "defect 6: nobody serves `command`: a motion";
     report.check(name, figure, "refused by name", named);
     Ok(())
 }

@@ -43,7 +43,7 @@ pub(super) fn whole_machine(report: &mut Report, scale: Scale) -> anyhow::Result
     );
     for (settings, controller) in [shipped, patient] {
         for (when, meanwhile) in [("during", true), ("after", false)] {
-            let name = format!("pauses of 300 to 500 ms, a ball {when} them, {settings}");
+            let name = format!("defect 3: pauses of 300 to 500 ms, a ball {when} them, {settings}");
             let (mut after_ms, mut went_on, mut faults) = (Vec::new(), Vec::new(), Vec::new());
             let (mut cut_short, mut moved) = (Vec::new(), 0);
             for pause_ms in [300, 400, 500].repeat(scale.pick(1, 10)) {
@@ -175,12 +175,12 @@ pub(super) fn old_trajectory(report: &mut Report) -> anyhow::Result<()> {
             .map(|cycle| cycle.trajectory_id)
     });
     let figure = format!("{moved:?} of {id}");
-    let name = "an old trajectory that a restarted controller executes";
+    let name = "defect 3: an old trajectory that a restarted controller executes";
     report.check(name, figure, "None", moved.is_none());
     let state = stack.controller_state();
     let refusal = (state.values.refused_trajectory_id, state.refusal.text());
     let named = refusal.0 == id && state.refusal.text() == OTHER_CONTROLLER;
-    let name = "the restarted controller refuses it by name";
+    let name = "defect 3: the restarted controller refuses it by name";
     report.check(name, format!("{refusal:?}"), OTHER_CONTROLLER, named);
     stack.wait_until_ready()?;
     let again = execute(&mut stack);
@@ -188,7 +188,7 @@ pub(super) fn old_trajectory(report: &mut Report) -> anyhow::Result<()> {
         .as_ref()
         .map_or_else(ToString::to_string, |id| format!("trajectory {id}"));
     report.check(
-        "a new motion afterwards",
+        "defect 3: a new motion afterwards",
         figure,
         "published",
         again.is_ok(),

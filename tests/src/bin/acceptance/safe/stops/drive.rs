@@ -29,8 +29,26 @@ pub(super) struct Run {
     pub(super) let_go: Vec<String>,
     pub(super) unrested: Vec<String>,
     pub(super) figures: Figures,
-    /// Durations of stops now, and with the law of before, s.
-    durations_s: Vec<[f64; 2]>,
+    /// Durations of stops at full rate, now and with the law of before, s, and of those after changes of speed.
+    durations_s: [Vec<[f64; 2]>; 2],
+}
+
+/// What a stop interrupts.
+#[derive(Clone, Copy)]
+pub(super) enum Before {
+    FullRate,
+    SpeedChanges,
+}
+
+impl Before {
+    pub(super) const ALL: [Self; 2] = [Self::FullRate, Self::SpeedChanges];
+
+    pub(super) fn text(self) -> &'static str {
+        match self {
+            Self::FullRate => "at full rate",
+            Self::SpeedChanges => "after speed changes",
+        }
+    }
 }
 
 impl Run {
@@ -40,14 +58,18 @@ impl Run {
         self.let_go.extend(other.let_go);
         self.unrested.extend(other.unrested);
         self.figures.merge(&other.figures);
-        self.durations_s.extend(other.durations_s);
+        for (own, others) in self.durations_s.iter_mut().zip(other.durations_s) {
+            own.extend(others);
+        }
     }
 
-    pub(super) fn median_ratio(&self) -> f64 {
+    /// The median stop ÷ that of the law of before; NaN where there is none.
+    pub(super) fn median_ratio(&self, before: Before) -> f64 {
+        let durations_s = &self.durations_s[before as usize];
         let median = |law: usize| {
-            let mut values: Vec<f64> = self.durations_s.iter().map(|pair| pair[law]).collect();
+            let mut values: Vec<f64> = durations_s.iter().map(|pair| pair[law]).collect();
             values.sort_unstable_by(f64::total_cmp);
-            values[values.len() / 2]
+            values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
         };
         median(0) / median(1)
     }
@@ -222,7 +244,9 @@ impl Trial<'_> {
     fn order(&self, mut driven: Driven, number: usize, run: &mut Run) {
         let mut judge = self.judge();
         judge.take(&sent(driven.last.as_ref().unwrap()));
+        let mut before = Before::FullRate;
         if number.is_multiple_of(2) {
+            before = Before::SpeedChanges;
             for _ in 0..driven.random.random_range(1..=4) {
                 let speed = match driven.random.random_range(0..4) {
                     0 => 0.0,
@@ -243,12 +267,12 @@ impl Trial<'_> {
         }
         if driven.executive.stop().is_ok() {
             run.stops += 1;
-            self.stop(&mut driven, &mut judge, run);
+            self.stop(&mut driven, &mut judge, before, run);
         }
         run.figures.merge(&judge.figures);
     }
 
-    fn stop(&self, driven: &mut Driven, judge: &mut Judge<'_>, run: &mut Run) {
+    fn stop(&self, driven: &mut Driven, judge: &mut Judge<'_>, before: Before, run: &mut Run) {
         let last = driven.last.unwrap();
         let (begin_ns, mut cycles_s) = (driven.now_ns, Vec::new());
         loop {
@@ -275,7 +299,7 @@ impl Trial<'_> {
         let cycles = cycles_s.iter().copied().chain(std::iter::repeat(mean_s));
         let place = [last.path_time_s, last.rate];
         let before_s = self.law.stop_s(self.motion.knots(), place, cycles);
-        run.durations_s.push([now_s, before_s]);
+        run.durations_s[before as usize].push([now_s, before_s]);
     }
 }
 

@@ -4,6 +4,8 @@ use pcc_model::{Configuration, TendonLimits};
 use tests::motion::{largest, raise};
 use trajectory::Knot;
 
+use crate::safe::on_path::on_curve;
+
 /// A cycle as it was sent.
 #[derive(Clone, Copy)]
 pub(super) struct Sent {
@@ -111,26 +113,4 @@ impl Figures {
 
 fn divided(after: &[f64; 9], before: &[f64; 9], elapsed_s: f64) -> [f64; 9] {
     std::array::from_fn(|i| (after[i] - before[i]) / elapsed_s)
-}
-
-/// The quintic through two knots by its power series (Hermite), at rest beyond the ends.
-fn on_curve(knots: &[Knot], time: f64) -> Configuration {
-    let after = knots.partition_point(|knot| knot.time <= time);
-    if after == 0 {
-        return knots[0].position;
-    }
-    if after == knots.len() {
-        return knots[after - 1].position;
-    }
-    let (from, to) = (&knots[after - 1], &knots[after]);
-    let h = to.time - from.time;
-    let u = (time - from.time) / h;
-    let (v0, v1) = (from.velocity * h, to.velocity * h);
-    let (a0, a1) = (from.acceleration * (h * h), to.acceleration * (h * h));
-    let way = to.position - from.position;
-    let cubic = way * 10.0 - v0 * 6.0 - v1 * 4.0 - a0 * 1.5 + a1 * 0.5;
-    let quartic = way * -15.0 + v0 * 8.0 + v1 * 7.0 + a0 * 1.5 - a1;
-    let quintic = way * 6.0 - (v0 + v1) * 3.0 - (a0 - a1) * 0.5;
-    let high = cubic + (quartic + quintic * u) * u;
-    from.position + (v0 + (a0 * 0.5 + high * u) * u) * u
 }

@@ -1,12 +1,13 @@
 //! Stops and speed orders at random instants on the three processes, at every rate and with late cycles, from what the controller
 //! publishes of each cycle.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
-use pcc_model::Configuration;
+use pcc_model::{Configuration, Robot};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use realtime::use_fifo_priority;
@@ -15,12 +16,14 @@ use shared_types::codes::{LoopFault, LoopState};
 use shared_types::message::Cycle;
 use shared_types::valid::{Command, Goal};
 use tests::listener::Listener;
-use tests::motion::{LimitsKept, TendonSample};
+use tests::motion::{LimitsKept, TendonSample, raise};
 use tests::priority::OF_A_WATCH;
 use tests::stack::{Part, Stack};
 use tests::world::{Settings, World};
 use toml::{Table, Value};
+use trajectory::Trajectory;
 
+use crate::safe::on_path::Along;
 use crate::{Report, Scale};
 
 /// Rates of the loop, Hz: the periods of the simulated stops.
@@ -80,9 +83,10 @@ fn at_rate(report: &mut Report, rate_hz: i64, stops: usize) -> anyhow::Result<us
     let controller = stack.process(Part::Controller).pid();
     let holder = Holder::start(controller, LONGEST_MS - period_ms, random.random());
     let mut orders = Orders::default();
-    let mut cycles = Vec::new();
+    let (mut cycles, mut paths) = (Vec::new(), BTreeMap::new());
     for round in 0..stops {
-        one_stop(&mut stack, round, &mut random, &mut orders)?;
+        let (id, path) = one_stop(&mut stack, round, &mut random, &mut orders)?;
+        paths.insert(id, path);
         cycles.extend(listener.take().cycles);
     }
     let holds = holder.end();
@@ -96,6 +100,11 @@ fn at_rate(report: &mut Report, rate_hz: i64, stops: usize) -> anyhow::Result<us
     );
     let of = format!("{name}: faults of {stops} stopped motions, and orders refused");
     report.none_of(&of, &orders.wrong);
+    let motions: Vec<Trajectory> = paths.values().cloned().collect();
+    super::have_jerk_steps(report, &name, &stack.world.robot, &motions);
+    let off_path_rad = off_path_rad(&stack.world.robot, &cycles, &paths);
+    let of = format!("{name}: distance of what was sent from the path, rad");
+    report.at_most(&of, off_path_rad, super::ON_PATH_RAD);
     Judged::of(&cycles, &stack, rate_hz).tell(report, &name, holds);
     Ok(orders.given)
 }
@@ -118,16 +127,17 @@ fn one_stop(
     round: usize,
     random: &mut Pcg64,
     orders: &mut Orders,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<(u32, Trajectory)> {
     let now = stack.commanded();
     let distance = |shape: &[f64; 6]| (now - Configuration::from(*shape)).norm();
     let is_second = distance(&SHAPES[1]) > distance(&SHAPES[0]);
-    let id = stack.begin_motion(Goal::Configuration(SHAPES[usize::from(is_second)]))?;
+    let goal = Goal::Configuration(SHAPES[usize::from(is_second)]);
+    let (id, path) = stack.begin_known_motion(goal)?;
     if let Err(error) = stack.wait_for_progress(id, 0.0) {
         let what = format!("round {round}: not under way: {}", error.what);
         orders.wrong.push(what);
         stack.clear_fault()?;
-        return Ok(());
+        return Ok((id, path));
     }
     for _ in 0..SPEEDS {
         thread::sleep(Duration::from_millis(random.random_range(0..BETWEEN_MS)));
@@ -147,7 +157,26 @@ fn one_stop(
         orders.wrong.push(what);
         stack.clear_fault()?;
     }
-    orders.give(stack, Command::SetSpeed(1.0))
+    orders.give(stack, Command::SetSpeed(1.0))?;
+    Ok((id, path))
+}
+
+/// The largest distance of any cycle in motion from its trajectory, rad; infinite where one follows a trajectory that nobody planned,
+/// or where none moves.
+fn off_path_rad(robot: &Robot, cycles: &[Cycle], paths: &BTreeMap<u32, Trajectory>) -> f64 {
+    let moving = [LoopState::Executing, LoopState::Stopping].map(LoopState::code);
+    let moving = cycles.iter().filter(|cycle| moving.contains(&cycle.state));
+    let (mut along, mut most) = (BTreeMap::new(), None);
+    for cycle in moving {
+        let Some(path) = paths.get(&cycle.trajectory_id) else {
+            return f64::INFINITY;
+        };
+        let along = along
+            .entry(cycle.trajectory_id)
+            .or_insert_with(|| Along::new(robot, path));
+        raise(most.get_or_insert(0.0), along.nearest(cycle).distance_rad);
+    }
+    most.unwrap_or(f64::INFINITY)
 }
 
 /// Stops a process now and then for so long that the loop's next cycle comes late; ends when told or dropped.

@@ -1,9 +1,11 @@
 //! Another user of the machine, who acts before, between and after the starts of a robot's processes.
 
+mod root_folder;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, OpenOptions};
 use std::io::Write;
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt, chown, symlink};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -49,6 +51,16 @@ const MOTIONS: [&[&str]; 2] = [
         "--execute",
     ],
 ];
+const WATCH: &[&str] = &["watch", "--rate-hz", "100", "--times", "3"];
+/// What a measurement tries.
+const STEPS: [&str; 6] = [
+    "pcc stop",
+    "pcc plan",
+    "a new pcc watch",
+    "restart of the daemon",
+    "restart of the controller",
+    "restart of the robot",
+];
 /// How much longer than usual `pcc` may take among false names, and how much longer a restart may.
 const PCC_MORE: Duration = Duration::from_millis(300);
 const RESTART_MORE: Duration = Duration::from_secs(1);
@@ -59,17 +71,25 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     report.group("another user, running processes", COMMAND, |report| {
         running(report, scale)
     });
-    report.group("another user, open root folder", COMMAND, open_root);
-    report.group("another user, names taken beforehand", COMMAND, taken);
+    report.group("another user, open root folder", COMMAND, root_folder::open);
+    report.group(
+        "another user, names taken beforehand",
+        COMMAND,
+        root_folder::taken,
+    );
 }
 
-/// What `pcc` and restarts take, and what was wrong with a stop.
+/// What `pcc` and restarts take, how often they were tried in vain, and what was wrong with a stop.
 #[derive(Clone, Debug, Default)]
 struct Times {
     stop: Duration,
     plan: Duration,
     watch: Duration,
     restarts: [Duration; 3],
+    /// Tries that failed before one succeeded, of each of [`STEPS`].
+    failed: [usize; 6],
+    /// Processes that had ended by themselves after a restart.
+    ended: Vec<String>,
     /// A `pcc stop` that failed while the robot moved, or after which it went on.
     not_stopped: Vec<String>,
 }
@@ -77,37 +97,58 @@ struct Times {
 impl Times {
     fn measure(robot: &mut OwnersRobot) -> anyhow::Result<Self> {
         let plan = robot.until_it_works(PLAN, PATIENCE)?;
+        let watch = robot.until_it_works(WATCH, PATIENCE)?;
         let stop = robot.stop_in_motion(MOTIONS, PATIENCE)?;
         let mut not_stopped = Vec::from_iter(stop.refusal);
         if stop.to_rest.is_none() {
             not_stopped.push("the robot goes on".to_owned());
         }
         let mut times = Self {
-            plan,
+            plan: plan.took,
             stop: stop.took,
-            watch: robot
-                .until_it_works(&["watch", "--rate-hz", "100", "--times", "3"], PATIENCE)?,
+            watch: watch.took,
             restarts: [Duration::ZERO; 3],
+            failed: [stop.failed_motions, plan.failed, watch.failed, 0, 0, 0],
+            ended: Vec::new(),
             not_stopped,
         };
-        for (part, time) in PARTS.into_iter().zip(&mut times.restarts) {
-            let begin = Instant::now();
-            robot.start(part);
-            robot.until_it_works(PLAN, PATIENCE)?;
-            *time = begin.elapsed();
+        for (index, part) in PARTS.into_iter().enumerate() {
+            times.restart(robot, index, part)?;
         }
         Ok(times)
+    }
+
+    /// Until the daemon plans and the controller holds the robot again.
+    fn restart(
+        &mut self,
+        robot: &mut OwnersRobot,
+        index: usize,
+        part: &'static str,
+    ) -> anyhow::Result<()> {
+        let begin = Instant::now();
+        robot.start(part);
+        let tried = robot.until_it_works(PLAN, PATIENCE)?;
+        robot.until_holding(PATIENCE)?;
+        self.restarts[index] = begin.elapsed();
+        self.failed[3 + index] = tried.failed;
+        let ended = robot.ended();
+        let after = |name: String| format!("{name}, after a restart of {part}");
+        self.ended.extend(ended.into_iter().map(after));
+        Ok(())
     }
 
     /// The longer of each, and all that was wrong.
     fn longest(mut self, other: Self) -> Self {
         let longer = |a: Duration, b: Duration| a.max(b);
         self.not_stopped.extend(other.not_stopped);
+        self.ended.extend(other.ended);
         Self {
             stop: longer(self.stop, other.stop),
             plan: longer(self.plan, other.plan),
             watch: longer(self.watch, other.watch),
             restarts: std::array::from_fn(|i| longer(self.restarts[i], other.restarts[i])),
+            failed: std::array::from_fn(|i| self.failed[i].max(other.failed[i])),
+            ended: self.ended,
             not_stopped: self.not_stopped,
         }
     }
@@ -115,24 +156,40 @@ impl Times {
     /// Each by its name, and how much longer than usual it may be.
     fn all(&self) -> [(&'static str, Duration, Duration); 6] {
         let [daemon, controller, robot] = self.restarts;
-        [
-            ("pcc stop", self.stop, PCC_MORE),
-            ("pcc plan", self.plan, PCC_MORE),
-            ("a new pcc watch", self.watch, PCC_MORE),
-            ("restart of the daemon", daemon, RESTART_MORE),
-            ("restart of the controller", controller, RESTART_MORE),
-            ("restart of the robot", robot, RESTART_MORE),
-        ]
+        let took = [self.stop, self.plan, self.watch, daemon, controller, robot];
+        let more = [
+            PCC_MORE,
+            PCC_MORE,
+            PCC_MORE,
+            RESTART_MORE,
+            RESTART_MORE,
+            RESTART_MORE,
+        ];
+        std::array::from_fn(|i| (STEPS[i], took[i], more[i]))
+    }
+
+    /// No step may have failed more often than without another user.
+    fn tell_failed(&self, report: &mut Report, about: &str, usual: &Self) {
+        for (index, step) in STEPS.into_iter().enumerate() {
+            let (failed, usually) = (self.failed[index], usual.failed[index]);
+            let name = format!("defect 9: {step} {about}, tries that failed (usual: {usually})");
+            report.at_most(&name, failed as f64, usually as f64);
+        }
+        let name = format!("defect 9: processes that ended by themselves, {about}");
+        report.none_of(&name, &self.ended);
     }
 }
 
 fn running(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     confirm_other_user(report)?;
-    for umask in ["000", "022"] {
+    for umask in ["000", "022", "077"] {
         let mut robot = OwnersRobot::new(umask, true);
         PARTS.into_iter().for_each(|part| robot.start(part));
         robot.until_it_works(PLAN, PATIENCE)?;
-        reach(report, &robot, umask)?;
+        reach(report, &robot, &format!("umask {umask}"))?;
+        if umask == "000" {
+            counter_is_known(report, &robot);
+        }
         harm(report, &mut robot)?;
         if umask == "000" {
             false_names(report, &mut robot, scale.pick(1, 5))?;
@@ -140,6 +197,22 @@ fn running(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         }
     }
     Ok(())
+}
+
+/// That the name which is taken beforehand elsewhere is the one that iceoryx2 gives.
+fn counter_is_known(report: &mut Report, robot: &OwnersRobot) {
+    let names = robot.shared_memory();
+    let count = names
+        .iter()
+        .filter(|name| name.to_string_lossy().ends_with(COUNTER))
+        .count();
+    let name = "defect 9: node counters of the robot's processes named as expected (the premise)";
+    report.check(
+        name,
+        format!("{count} of {} files", names.len()),
+        ">= 1",
+        count > 0,
+    );
 }
 
 /// That the tries are another user's: a file of the superuser's is closed to it.
@@ -157,15 +230,18 @@ fn confirm_other_user(report: &mut Report) -> anyhow::Result<()> {
 }
 
 /// Every name of the robot's, opened for reading, for writing, listed, locked.
-fn reach(report: &mut Report, robot: &OwnersRobot, umask: &str) -> anyhow::Result<()> {
+fn reach(report: &mut Report, robot: &OwnersRobot, about: &str) -> anyhow::Result<()> {
     let mut names = robot.root_files();
     names.extend(robot.shared_memory());
+    // What the other user has made is its own.
+    let is_others = |name: &PathBuf| fs::symlink_metadata(name).is_ok_and(|it| it.uid() == OTHER);
+    names.retain(|name| !is_others(name));
     let open = as_user(OTHER, || {
         names.iter().filter(|name| opens(name)).collect::<Vec<_>>()
     })?;
     let shown: Vec<String> = open.iter().map(|name| name.display().to_string()).collect();
     let name = format!(
-        "defect 9: of {} files and folders, opened by another user, umask {umask}",
+        "defect 9: of {} files and folders, opened by another user, {about}",
         names.len()
     );
     report.none_of(&name, &shown);
@@ -177,7 +253,7 @@ fn reach(report: &mut Report, robot: &OwnersRobot, umask: &str) -> anyhow::Resul
         locks.iter().filter(|name| is_locked(name)).count()
     })?;
     let name = format!(
-        "defect 9: lock files of {} that another user can hold, umask {umask}",
+        "defect 9: lock files of {} that another user can hold, {about}",
         locks.len()
     );
     report.check(
@@ -186,13 +262,14 @@ fn reach(report: &mut Report, robot: &OwnersRobot, umask: &str) -> anyhow::Resul
         "0, of some",
         held == 0 && locks.len() >= 4,
     );
+    let root = robot.root();
     let modes = names.iter().filter_map(|name| {
         let mode = fs::symlink_metadata(name).ok()?.mode() & 0o7777;
-        let private = name.starts_with(&robot.world.options.root) && name.is_dir();
+        let private = name.starts_with(&root) && name.is_dir();
         (!private && mode & 0o077 != 0).then(|| format!("{} {mode:04o}", name.display()))
     });
     report.none_of(
-        &format!("defect 9: files with a right for others, umask {umask}"),
+        &format!("defect 9: files with a right for others, {about}"),
         &modes.collect::<Vec<_>>(),
     );
     Ok(())
@@ -288,6 +365,8 @@ fn false_names(report: &mut Report, robot: &mut OwnersRobot, rounds: usize) -> a
     }
     let name = "defect 9: pcc stop while the robot moves, without false names: failed";
     report.none_of(name, &usual.not_stopped);
+    let name = "defect 9: processes that ended by themselves without false names";
+    report.none_of(name, &usual.ended);
     let (mut slowest, mut failed) = (Times::default(), Vec::new());
     let mut made = BTreeMap::<String, usize>::new();
     let mut in_root = 0;
@@ -328,6 +407,7 @@ fn false_names(report: &mut Report, robot: &mut OwnersRobot, rounds: usize) -> a
         let name = format!("defect 9: {name} among them, s (usual: {usual_s:.3})");
         report.at_most(&name, time.as_secs_f64(), (usual + more).as_secs_f64());
     }
+    slowest.tell_failed(report, "among them", &usual);
     let name = "defect 9: processes that ended among them";
     report.none_of(name, &robot.ended());
     Ok(())
@@ -381,88 +461,4 @@ fn fake(index: usize, path: &Path) -> bool {
         3 => symlink("/etc/passwd", path).is_ok(),
         _ => mknodat(CWD, path, FileType::Fifo, Mode::from_raw_mode(0o666), 0).is_ok(),
     }
-}
-
-/// A root folder that others can enter is refused by what is wrong and what is allowed.
-fn open_root(report: &mut Report) -> anyhow::Result<()> {
-    let robot = OwnersRobot::new("022", true);
-    let root = &robot.world.options.root;
-    fs::create_dir(root)?;
-    chown(root, Some(OWNER), Some(OWNER))?;
-    let mut wrong = Vec::new();
-    let mut named = 0;
-    let modes = [0o755, 0o711, 0o750, 0o777];
-    let configs = PARTS.map(|part| robot.world.config(&format!("{part}.toml")));
-    let starts = PARTS.iter().zip(&configs);
-    let starts = starts.map(|(part, config)| (*part, vec!["--config", config.to_str().unwrap()]));
-    let orders = [
-        &["stop"][..],
-        &["reset"],
-        PLAN,
-        MOTIONS[0],
-        &["watch", "--times", "1"],
-    ];
-    let orders = orders.map(|words| ("pcc", words.to_vec()));
-    let runs: Vec<(&str, Vec<&str>)> = starts.chain(orders).collect();
-    for mode in modes {
-        fs::set_permissions(root, fs::Permissions::from_mode(mode))?;
-        for (part, arguments) in &runs {
-            let output = robot.run(part, arguments, Duration::from_secs(5));
-            let said = String::from_utf8_lossy(&output.stderr).into_owned();
-            let mode = format!("{mode:04o}");
-            let parts = [root.to_str().unwrap(), &mode, "0700", &OWNER.to_string()];
-            if output.status.code() == Some(1) && parts.iter().all(|part| said.contains(part)) {
-                named += 1;
-            } else {
-                let (word, status) = (arguments[0], output.status.code());
-                wrong.push(format!("{part} {word}, {mode}: {status:?} {said}"));
-            }
-        }
-    }
-    let name = "defect 9: starts and orders in an open root folder, refused by path, owner, mode and what is allowed";
-    report.all_of(name, named, modes.len() * runs.len());
-    report.none_of("defect 9: starts and orders not refused so", &wrong);
-    Ok(())
-}
-
-/// The default root folder's name and the node counter's, taken by another user before the first start.
-fn taken(report: &mut Report) -> anyhow::Result<()> {
-    let mut robot = OwnersRobot::new("022", false);
-    let usual = PathBuf::from(format!("/dev/shm/pcc-{OWNER}"));
-    let counter = format!("/dev/shm/{}{COUNTER}", robot.world.options.prefix);
-    // What an earlier run left that was killed; nobody else has this number.
-    let _ = fs::remove_dir_all(&usual);
-    let made = as_user(OTHER, || {
-        let folder = fs::create_dir(&usual).is_ok();
-        folder && fs::write(&counter, [0xff; 16]).is_ok()
-    })?;
-    report.check(
-        "defect 9: root folder and node counter taken by another user",
-        made.to_string(),
-        "true",
-        made,
-    );
-    let begin = Instant::now();
-    PARTS.into_iter().for_each(|part| robot.start(part));
-    let works = robot.until_it_works(PLAN, Duration::from_secs(20));
-    let seconds = begin.elapsed().as_secs_f64();
-    fs::remove_dir_all(&usual)?;
-    let said = works
-        .as_ref()
-        .map_or_else(ToString::to_string, |_| format!("{seconds:.3} s"));
-    report.check(
-        "defect 9: the robot starts all the same",
-        said,
-        "it plans",
-        works.is_ok(),
-    );
-    let times = Times::measure(&mut robot);
-    let works = times
-        .as_ref()
-        .is_ok_and(|times| times.not_stopped.is_empty());
-    let said = times.map_or_else(|error| format!("{error:#}"), |times| format!("{times:?}"));
-    let _ = fs::remove_dir_all(&usual);
-    let name = "defect 9: everything works when the other user's folder is gone";
-    report.check(name, said, "it does", works);
-    Ok(())
 }
