@@ -136,7 +136,8 @@ fn said(value: &Value) -> String {
         // What follows is shown escaped, or as it is.
         Value::String(text) => text
             .chars()
-            .take(12)
+            // One more than a message must show of a long one.
+            .take(13)
             .take_while(char::is_ascii_graphic)
             .collect(),
         other => other.to_string(),

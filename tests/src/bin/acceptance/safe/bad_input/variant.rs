@@ -184,7 +184,8 @@ const SHOWN: usize = 12;
 
 fn says_value(text: &str, value: &str) -> bool {
     match value.replace('_', "").parse::<f64>() {
-        Ok(number) => says_number(text, number),
+        // A number of hundreds of digits may be cut as a text is.
+        Ok(number) => says_number(text, number) || value.len() > 24 && says_text(text, value),
         Err(_) => says_text(text, value),
     }
 }
