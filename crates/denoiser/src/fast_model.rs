@@ -115,6 +115,19 @@ pub struct FastModel {
     output: Linear,
 }
 
+/// The number of blocks by the metadata, if the file has no tensors of more.
+fn count_of_blocks(file: &WeightsFile) -> Result<usize, WeightsError> {
+    let count = file.count("blocks")?;
+    if !file.has_tensors(&format!("blocks.{count}.")) {
+        return Ok(count);
+    }
+    Err(file.refused(ContentError::Metadata {
+        key: "blocks",
+        found: Some(count.to_string()),
+        expected: "the count of all blocks that the file has tensors of".into(),
+    }))
+}
+
 impl FastModel {
     /// Takes the network from a weights file, for a robot with three equal sections and this bending limit (rad).
     ///
@@ -150,7 +163,7 @@ impl FastModel {
             context: Linear::load(file, "context", 2 * BALL_WIDTH + END_FEATURES, width)?,
             flow: Flow::load(file, width)?,
             input: Linear::load(file, "input", COEFFICIENTS, width)?,
-            blocks: (0..file.count("blocks")?)
+            blocks: (0..count_of_blocks(file)?)
                 .map(block)
                 .collect::<Result<_, WeightsError>>()?,
             norm: LayerNorm::load(file, "norm", width)?,

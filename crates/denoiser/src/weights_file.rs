@@ -282,6 +282,14 @@ impl WeightsFile {
         }
     }
 
+    /// Whether there is a tensor whose name begins like this.
+    pub(crate) fn has_tensors(&self, begin: &str) -> bool {
+        let mut following = self.tensors.range(begin.to_owned()..);
+        following
+            .next()
+            .is_some_and(|(name, _)| name.starts_with(begin))
+    }
+
     /// A metadata entry, if there is one.
     #[must_use]
     pub fn metadata(&self, key: &str) -> Option<&str> {

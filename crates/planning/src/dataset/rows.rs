@@ -5,7 +5,7 @@ use super::format::{Check, DatasetError, Row, Split};
 use crate::path::WAYPOINTS;
 use arrays::{ArchiveError, ArchiveReader};
 use collision::{Ball, MAX_EXTENT};
-use pcc_model::{Configuration, DOF, Point};
+use pcc_model::{Configuration, DOF, Point, SECTIONS};
 
 /// Arrays of one whole number a row.
 const INDICES: [&str; 4] = [
@@ -14,6 +14,9 @@ const INDICES: [&str; 4] = [
     "ik_indices",
     "split_indices",
 ];
+
+/// Most that a section of any robot bends, rad, and what rounding to f32 may add to it.
+const MOST_BENDING_RAD: f64 = std::f64::consts::PI + 1e-5;
 
 /// The sizes of a set's arrays, which fit each other.
 pub(super) struct Shapes {
@@ -198,11 +201,14 @@ impl Obstacles {
 }
 
 fn read_path(values: &[f32]) -> Result<Vec<Configuration>, String> {
-    if let Some(index) = values.iter().position(|v| !v.is_finite()) {
-        let (waypoint, value) = (index / DOF, values[index]);
-        return Err(format!(
-            "waypoint {waypoint} of its path has the value {value}; finite numbers are needed"
-        ));
+    for (index, section) in values.chunks_exact(2).enumerate() {
+        let bending = f64::from(section[0]).hypot(f64::from(section[1]));
+        if bending.is_nan() || bending > MOST_BENDING_RAD {
+            let (waypoint, number) = (2 * index / DOF, index % SECTIONS + 1);
+            return Err(format!(
+                "waypoint {waypoint} of its path bends section {number} by {section:?}; finite angles of together at most π rad are allowed"
+            ));
+        }
     }
     let waypoints = values.chunks_exact(DOF);
     Ok(waypoints
@@ -211,8 +217,11 @@ fn read_path(values: &[f32]) -> Result<Vec<Configuration>, String> {
 }
 
 fn read_tip(values: &[f32]) -> Result<Point, String> {
-    if values.iter().any(|v| !v.is_finite()) {
-        return Err(format!("target tip {values:?}; finite numbers are needed"));
+    let extent = -MAX_EXTENT..=MAX_EXTENT;
+    if !values.iter().all(|v| extent.contains(&f64::from(*v))) {
+        return Err(format!(
+            "target tip {values:?}; coordinates within ±{MAX_EXTENT:e} are allowed"
+        ));
     }
     Ok(Point::from_fn(|axis, _| f64::from(values[axis])))
 }

@@ -36,64 +36,43 @@ impl Set {
 
     /// Numbers that no row may have.
     fn wrong_values(&self) -> Vec<Variant> {
-        let (wrong, bent) = (
-            [f32::NAN, f32::INFINITY, f32::NEG_INFINITY],
-            [1e30_f32, -1e30],
-        );
+        let wrong = [
+            f32::NAN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            1e30,
+            -1e30,
+            // Beyond what a section bends, and beyond the extent of a scene.
+            1.1e7,
+            -1.1e7,
+        ];
         let mut all = Vec::new();
-        let mut add = |array: &str, index: usize, bytes: &[u8], text: String, is_refused: bool| {
+        let mut add = |array: &str, index: usize, bytes: &[u8], text: String| {
             let mut fresh = members();
             let member = fresh.iter_mut().find(|m| m.name == array).unwrap();
             let begin = 128 + index * bytes.len();
             member.npy[begin..begin + bytes.len()].copy_from_slice(bytes);
-            let fault = vec![Fault::key(ARCHIVE, "row", &text)];
-            let expected = if is_refused {
-                Expected::Refused(fault)
-            } else {
-                Expected::Either(fault)
-            };
             all.push(self.with(
                 format!("{array}[{index}] = {text}"),
                 archive(&fresh),
                 self.meta.clone(),
-                expected,
+                Expected::Refused(vec![Fault::key(ARCHIVE, "row", &text)]),
             ));
         };
-        for value in wrong.into_iter().chain(bent) {
+        for value in wrong.into_iter().chain([3.2, -3.2]) {
             for index in [0, 5, ROWS * 64 * 6 - 1] {
-                add(
-                    "paths",
-                    index,
-                    &value.to_le_bytes(),
-                    value.to_string(),
-                    !value.is_finite(),
-                );
+                add("paths", index, &value.to_le_bytes(), value.to_string());
             }
-            for index in [0, 2, ROWS * 3 - 1] {
-                add(
-                    "target_tips",
-                    index,
-                    &value.to_le_bytes(),
-                    value.to_string(),
-                    !value.is_finite(),
-                );
-                add(
-                    "obstacle_centres",
-                    index,
-                    &value.to_le_bytes(),
-                    value.to_string(),
-                    !value.is_finite(),
-                );
+        }
+        for value in wrong {
+            for array in ["target_tips", "obstacle_centres"] {
+                for index in [0, 2, ROWS * 3 - 1] {
+                    add(array, index, &value.to_le_bytes(), value.to_string());
+                }
             }
         }
         for code in [-1_i8, 3, i8::MIN, i8::MAX] {
-            add(
-                "split_indices",
-                1,
-                &code.to_le_bytes(),
-                code.to_string(),
-                true,
-            );
+            add("split_indices", 1, &code.to_le_bytes(), code.to_string());
         }
         for offset in [-1_i64, 3, i64::MAX, i64::MIN, 1 << 62] {
             for index in [0, 1, ROWS] {
@@ -102,7 +81,6 @@ impl Set {
                     index,
                     &offset.to_le_bytes(),
                     offset.to_string(),
-                    true,
                 );
             }
         }

@@ -20,9 +20,17 @@ const NOBODY: &str = "65534";
 /// Writes undamaged files and says what is started with them.
 type Make = fn(&Path) -> Start;
 
-/// One file of each kind, closed to the user that reads it; nothing where this process may not become another user.
+/// Why none of this can be tried here, if so.
+pub(super) fn obstacle() -> Option<&'static str> {
+    if !rustix::process::geteuid().is_root() {
+        return Some("none: only root becomes another user");
+    }
+    (!Path::new(AS_USER).exists()).then_some("none: there is no /usr/bin/setpriv")
+}
+
+/// One file of each kind, closed to the user that reads it, and with none closed; nothing where there is an [`obstacle`].
 pub(super) fn variants() -> Vec<Variant> {
-    if !rustix::process::geteuid().is_root() || !Path::new(AS_USER).exists() {
+    if obstacle().is_some() {
         return Vec::new();
     }
     let files: [(Make, &'static [&'static str]); 3] = [
@@ -51,9 +59,24 @@ pub(super) fn variants() -> Vec<Variant> {
         ),
     ];
     let of = |(make, names): (Make, &'static [&'static str])| {
-        names.iter().map(move |name| closed(make, name))
+        let closed = names.iter().map(move |name| closed(make, name));
+        closed.chain([open(make, names[0])])
     };
     files.into_iter().flat_map(of).collect()
+}
+
+/// The premise of the others: what is closed to nobody is taken.
+fn open(make: Make, file: &str) -> Variant {
+    Variant {
+        family: "closed to the user",
+        name: format!("{file} and the others, all open"),
+        make: Box::new(move |folder| {
+            let start = make(folder);
+            fs::set_permissions(folder, Permissions::from_mode(0o1777)).unwrap();
+            by_nobody(&start)
+        }),
+        expected: Expected::Taken,
+    }
 }
 
 fn closed(make: Make, file: &'static str) -> Variant {

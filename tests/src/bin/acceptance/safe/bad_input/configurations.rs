@@ -11,34 +11,52 @@ use toml::{Table, Value};
 
 use super::damage::{self, Damaged};
 use super::keys::changes;
-use super::rules::{Key, Rule, judge_text, needed, of_table, optional, positive, real};
+use super::rules::{Key, Rule, gaps, judge_text, needed, of_table, optional, real};
 use super::variant::{Expected, Fault, Variant};
 
-/// `config/robots/unit.toml`: docs/robot.md and the file's comments.
+/// Distances of a tendon from the backbone.
+const TENDON_RADIUS: Rule = real(1e-6, 1e3);
+/// Angles of a tendon around the backbone.
+const TENDON_ANGLE: Rule = real(-360.0, 360.0);
+
+/// `config/robots/unit.toml`: the ranges that the file's comments document.
 const ROBOT: &[Key] = &[
     needed("name", Rule::Text),
     needed("section_lengths_m", Rule::Reals(3, 1e-4, 1e3)),
-    needed(
-        "bending_limit_rad",
-        real(f64::MIN_POSITIVE, std::f64::consts::PI),
-    ),
-    needed(
-        "tube_radius_m",
-        Rule::Real {
-            allowed: [0.0, 0.5],
-            refused_beyond: [0.0, 1e6],
-        },
-    ),
-    needed("spool_radius_m", positive()),
-    needed("tendon_limits.velocity_m_s", positive()),
-    needed("tendon_limits.acceleration_m_s2", positive()),
-    needed("tendon_limits.jerk_m_s3", positive()),
+    needed("bending_limit_rad", real(0.01, std::f64::consts::PI)),
+    // The length of the shortest section.
+    needed("tube_radius_m", real(0.0, 1.0)),
+    needed("spool_radius_m", real(1e-6, 1e3)),
+    needed("tendon_limits.velocity_m_s", real(1e-7, 1e4)),
+    needed("tendon_limits.acceleration_m_s2", real(1e-7, 1e5)),
+    needed("tendon_limits.jerk_m_s3", real(1e-7, 1e6)),
     needed("tendons.0.section", Rule::Whole(1, 3)),
-    needed("tendons.0.radius_m", real(1e-6, 1e3)),
-    needed("tendons.0.angle_deg", real(f64::MIN, f64::MAX)),
+    needed("tendons.0.radius_m", TENDON_RADIUS),
+    needed("tendons.0.angle_deg", TENDON_ANGLE),
+    needed("tendons.1.section", Rule::Whole(1, 3)),
+    needed("tendons.1.radius_m", TENDON_RADIUS),
+    needed("tendons.1.angle_deg", TENDON_ANGLE),
+    needed("tendons.2.section", Rule::Whole(1, 3)),
+    needed("tendons.2.radius_m", TENDON_RADIUS),
+    needed("tendons.2.angle_deg", TENDON_ANGLE),
+    needed("tendons.3.section", Rule::Whole(1, 3)),
+    needed("tendons.3.radius_m", TENDON_RADIUS),
+    needed("tendons.3.angle_deg", TENDON_ANGLE),
+    needed("tendons.4.section", Rule::Whole(1, 3)),
+    needed("tendons.4.radius_m", TENDON_RADIUS),
+    needed("tendons.4.angle_deg", TENDON_ANGLE),
+    needed("tendons.5.section", Rule::Whole(1, 3)),
+    needed("tendons.5.radius_m", TENDON_RADIUS),
+    needed("tendons.5.angle_deg", TENDON_ANGLE),
+    needed("tendons.6.section", Rule::Whole(1, 3)),
+    needed("tendons.6.radius_m", TENDON_RADIUS),
+    needed("tendons.6.angle_deg", TENDON_ANGLE),
+    needed("tendons.7.section", Rule::Whole(1, 3)),
+    needed("tendons.7.radius_m", TENDON_RADIUS),
+    needed("tendons.7.angle_deg", TENDON_ANGLE),
     needed("tendons.8.section", Rule::Whole(1, 3)),
-    needed("tendons.8.radius_m", real(1e-6, 1e3)),
-    needed("tendons.8.angle_deg", real(f64::MIN, f64::MAX)),
+    needed("tendons.8.radius_m", TENDON_RADIUS),
+    needed("tendons.8.angle_deg", TENDON_ANGLE),
 ];
 
 /// `config/controller.toml`.
@@ -120,6 +138,7 @@ const SCENE: &[Key] = &[
     of_table("balls.0.centre_m", PLACE),
     of_table("balls.0.radius_m", real(0.0, 1e7)),
     of_table("balls.1.centre_m", PLACE),
+    of_table("balls.1.radius_m", real(0.0, 1e7)),
     of_table("capsules.0.from_m", PLACE),
     of_table("capsules.0.to_m", PLACE),
     of_table("capsules.0.radius_m", RADIUS),
@@ -133,6 +152,7 @@ const SCENE: &[Key] = &[
     optional("meshes.0.unit_m", RADIUS),
     of_table("meshes.0.position_m", PLACE),
     optional("meshes.0.quaternion_xyzw", Rule::Reals(4, -1.001, 1.001)),
+    of_table("meshes.1.file", Rule::File),
     of_table("meshes.1.position_m", PLACE),
     of_table("voxels.0.file", Rule::File),
     of_table("voxels.0.voxel_m", real(1e-9, 1e6)),
@@ -164,6 +184,24 @@ pub(super) fn variants() -> Vec<Variant> {
     all.extend(diffusion().key_variants());
     all.extend(scene().variants(13));
     all.extend(numbers_of_tendons());
+    all
+}
+
+/// Rules of which a file has no key, and keys of a file that no rule is for.
+pub(super) fn all_gaps() -> Vec<String> {
+    let mut subjects = vec![robot_file("pcc"), scene()];
+    subjects.push(configuration("controller", CONTROLLER));
+    subjects.push(configuration("simulated-robot", SIMULATED));
+    subjects.push(configuration("planner-daemon", DAEMON));
+    let of = |subject: &Subject| gaps(subject.file, subject.keys, &[], &subject.table());
+    let mut all: Vec<String> = subjects.iter().flat_map(of).collect();
+    let diffusion = diffusion();
+    all.extend(gaps(
+        diffusion.family,
+        DIFFUSION,
+        DAEMON,
+        &diffusion.table(),
+    ));
     all
 }
 

@@ -191,7 +191,8 @@ impl Set {
             add(format!("without {key}"), text_of(&fresh), refused(""));
             for value in meta_values() {
                 let is_radius = matches!(key, "sphere_radius" | "clearance_margin");
-                let is_taken = is_radius && value.as_f64().is_some_and(|v| v >= 0.0);
+                let is_taken =
+                    is_radius && value.as_f64().is_some_and(|v| (0.0..=1e7).contains(&v));
                 let mut fresh = good.clone();
                 fresh.insert(key.to_owned(), value.clone());
                 let said = if value.is_number() {

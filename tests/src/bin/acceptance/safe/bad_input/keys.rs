@@ -99,7 +99,20 @@ fn renamed(file: &str, path: &str, tail: &str, table: &Table) -> Changed {
 }
 
 fn expected(file: &str, key: Key, value: &Value) -> Expected {
-    let fault = Fault::key(file, last_part(key.path), &said(value));
+    let mut told = match value {
+        Value::Array(values) => key.rule.wrong_in(values),
+        Value::Table(_) => ["map", "table"].map(str::to_owned).into(),
+        other => vec![said(other)],
+    };
+    let first = if told.is_empty() {
+        String::new()
+    } else {
+        told.remove(0)
+    };
+    let fault = Fault {
+        other_values: told,
+        ..Fault::key(file, last_part(key.path), &first)
+    };
     let faults = match (key.rule, value) {
         // The file that is named does not exist: the message may speak of that file.
         (Rule::File, Value::String(_)) => vec![
@@ -123,10 +136,10 @@ fn said(value: &Value) -> String {
         // What follows is shown escaped, or as it is.
         Value::String(text) => text
             .chars()
-            .take(12)
+            // One more than a message must show of a long one.
+            .take(13)
             .take_while(char::is_ascii_graphic)
             .collect(),
-        Value::Array(_) | Value::Table(_) => String::new(),
         other => other.to_string(),
     }
 }

@@ -32,11 +32,11 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use tests::programs::{program, repository};
-use tests::stack::Stack;
+use tests::stack::{Part, Stack};
 use tests::trial::{Ending, Outcome, remove_shared_memory};
 use tests::world::Settings;
 
-use self::variant::{Kind, Variant, judge};
+use self::variant::{Kind, Variant, is_not_started, judge};
 use crate::{Report, Scale};
 
 /// Seed of the choice of the quick form's variants.
@@ -65,30 +65,54 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command =
         "the four programs with damaged robot, scene, process, weights and data files and options";
     report.group("bad input", command, |report| {
-        let stack = Stack::running(&Settings::default())?;
+        let mut stack = Stack::running(&Settings::default())?;
         let (mut variants, without_rule) = all_variants(&stack);
         report.none_of(
             "commands and options of pcc that the harness has no rule for",
             &without_rule,
         );
-        let total = variants.len();
+        let mut gaps = configurations::all_gaps();
+        gaps.extend(weights::manifest_gaps());
+        report.none_of(
+            "rules without a key in their file, keys without a rule",
+            &gaps,
+        );
+        let there_are = variants.len();
         if let Ok(only) = std::env::var("BAD_INPUT_ONLY") {
             variants.retain(|variant| variant.family.contains(&only));
         } else if !scale.full {
             variants.shuffle(&mut Pcg64::seed_from_u64(SEED));
             variants.truncate(QUICK);
         }
-        let (violations, longest) = try_all(&variants);
-        write_all(&violations, &variants);
-        let name = format!(
-            "variants of files and options that there are (tried: {})",
-            variants.len()
+        let Tried {
+            violations,
+            longest,
+            not_started,
+        } = try_all(&variants);
+        report.none_of(
+            "parts of the running stack that ended or panicked meanwhile",
+            &ended(&mut stack),
         );
+        write_all(&violations, &variants);
+        let tried = variants.len() - not_started;
+        let least = if scale.full {
+            LEAST
+        } else {
+            QUICK - QUICK / 10
+        };
         report.check(
-            &name,
-            total.to_string(),
-            &format!(">= {LEAST}"),
-            total >= LEAST,
+            &format!("variants of files and options tried, of {there_are} that there are"),
+            tried.to_string(),
+            &format!(">= {least}"),
+            tried >= least,
+        );
+        report.shown(
+            "variants that the system does not start (not counted)",
+            not_started.to_string(),
+        );
+        report.shown(
+            "files closed to the user",
+            closed::obstacle().unwrap_or("tried").to_owned(),
         );
         report.shown(
             "variants tried, by what must come of them",
@@ -128,11 +152,34 @@ impl Violation {
     }
 }
 
-/// Tries every variant, several at once; what is wrong, and how long the longest refusal is, bytes.
-fn try_all(variants: &[Variant]) -> (Vec<Violation>, usize) {
+/// Parts of the stack, which the options of `pcc` speak to, that did not outlive them.
+fn ended(stack: &mut Stack) -> Vec<String> {
+    let mut all = Vec::new();
+    for part in Part::ALL {
+        let process = stack.process(part);
+        if !process.is_running() {
+            all.push(format!("{part:?} ended: {}", process.log()));
+        } else if process.log().contains("panicked") {
+            all.push(format!("{part:?} panicked: {}", process.log()));
+        }
+    }
+    all
+}
+
+/// What came of all variants.
+struct Tried {
+    violations: Vec<Violation>,
+    /// Length of the longest refusal, bytes.
+    longest: usize,
+    /// Variants that the system did not start.
+    not_started: usize,
+}
+
+/// Tries every variant, several at once.
+fn try_all(variants: &[Variant]) -> Tried {
     // Built before the clock of the first one runs.
     let _ = program("pcc");
-    let (next, longest) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    let [next, longest, not_started] = [0; 3].map(AtomicUsize::new);
     let violations = Mutex::new(Vec::new());
     let work = || {
         loop {
@@ -141,6 +188,9 @@ fn try_all(variants: &[Variant]) -> (Vec<Violation>, usize) {
                 return;
             };
             let (outcome, found) = try_one(variant);
+            if is_not_started(&outcome) {
+                not_started.fetch_add(1, Ordering::Relaxed);
+            }
             if !matches!(outcome.ending, Ending::Exited(0) | Ending::Served) {
                 longest.fetch_max(outcome.text.len(), Ordering::Relaxed);
             }
@@ -157,7 +207,11 @@ fn try_all(variants: &[Variant]) -> (Vec<Violation>, usize) {
             scope.spawn(work);
         }
     });
-    (violations.into_inner().unwrap(), longest.into_inner())
+    Tried {
+        violations: violations.into_inner().unwrap(),
+        longest: longest.into_inner(),
+        not_started: not_started.into_inner(),
+    }
 }
 
 fn try_one(variant: &Variant) -> (Outcome, Vec<Violation>) {

@@ -7,11 +7,8 @@ use super::variant::{Expected, Fault};
 /// What a key may hold.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Rule {
-    /// A number from the first to the second; refused beyond the outer two, in between nothing is documented.
-    Real {
-        allowed: [f64; 2],
-        refused_beyond: [f64; 2],
-    },
+    /// A number from the first to the second.
+    Real(f64, f64),
     /// A whole number in the range.
     Whole(i64, i64),
     /// So many numbers in the range.
@@ -30,18 +27,7 @@ pub(super) enum Rule {
 
 /// A number that must be in a closed range.
 pub(super) const fn real(least: f64, most: f64) -> Rule {
-    Rule::Real {
-        allowed: [least, most],
-        refused_beyond: [least, most],
-    }
-}
-
-/// A number above 0 without a documented upper end.
-pub(super) const fn positive() -> Rule {
-    Rule::Real {
-        allowed: [1e-3, 1e3],
-        refused_beyond: [f64::MIN_POSITIVE * f64::EPSILON, f64::MAX],
-    }
+    Rule::Real(least, most)
 }
 
 /// A key of a file, by its path (`tendon_limits.jerk_m_s3`, `tendons.0.radius_m`).
@@ -91,21 +77,8 @@ pub(super) enum Opinion {
 impl Rule {
     pub(super) fn opinion(self, value: &Value) -> Opinion {
         match (self, value) {
-            (
-                Self::Real {
-                    allowed,
-                    refused_beyond,
-                },
-                Value::Float(_) | Value::Integer(_),
-            ) => {
-                let number = number_of(value);
-                if within(number, allowed) {
-                    Opinion::Allowed
-                } else if within(number, refused_beyond) && number.is_finite() {
-                    Opinion::Undocumented
-                } else {
-                    Opinion::Refused
-                }
+            (Self::Real(least, most), Value::Float(_) | Value::Integer(_)) => {
+                yes(within(number_of(value), [least, most]))
             }
             (Self::Whole(least, most), Value::Integer(value)) => {
                 yes((least..=most).contains(value))
@@ -125,6 +98,33 @@ impl Rule {
             (Self::File, Value::String(_)) => Opinion::Refused,
             _ => Opinion::Refused,
         }
+    }
+
+    /// What a message must show of an array: its length where that is wrong, an element that is not allowed, or what an array is called.
+    pub(super) fn wrong_in(self, values: &[Value]) -> Vec<String> {
+        let of_type = ["sequence", "array", "list"].map(str::to_owned);
+        let is_wrong: Box<dyn Fn(&Value) -> bool> = match self {
+            Self::Reals(count, ..) if values.len() != count => {
+                return vec![values.len().to_string(), (values.len() + 1).to_string()];
+            }
+            Self::Reals(_, least, most) => {
+                Box::new(move |v| Self::Real(least, most).opinion(v) == Opinion::Refused)
+            }
+            Self::Wholes(least, most) => {
+                Box::new(move |v| Self::Whole(least, most).opinion(v) == Opinion::Refused)
+            }
+            _ => return of_type.into(),
+        };
+        let said = |value: &Value| match value {
+            Value::String(text) => vec![text.clone()],
+            Value::Array(_) => of_type.to_vec(),
+            other => vec![other.to_string()],
+        };
+        values
+            .iter()
+            .filter(|v| is_wrong(v))
+            .flat_map(said)
+            .collect()
     }
 }
 
@@ -208,7 +208,7 @@ pub(super) fn judge_text(file: &str, keys: &[Key], before: &Table, after: &[u8])
         .iter()
         .filter_map(|key| fault_of(file, *key, before, &table))
         .collect();
-    faults.extend(unknown_keys(file, before, &table));
+    faults.extend(unknown_keys(file, keys, before, &table));
     if faults.is_empty() {
         // A name that was damaged is that of a file that is not there.
         Expected::Either(vec![Fault::file(file), Fault::unreadable(file)])
@@ -232,10 +232,66 @@ fn fault_of(file: &str, key: Key, before: &Table, after: &Table) -> Option<Fault
     (key.rule.opinion(value) == Opinion::Refused).then(|| Fault::key(file, name, ""))
 }
 
-/// Keys that no undamaged file has: every file refuses them.
-fn unknown_keys(file: &str, before: &Table, after: &Table) -> Vec<Fault> {
-    let added = after.keys().filter(|key| !before.contains_key(*key));
-    added.map(|key| Fault::key(file, key, "")).collect()
+/// Keys that no undamaged file has, in whatever table: every file refuses them.
+fn unknown_keys(file: &str, keys: &[Key], before: &Table, after: &Table) -> Vec<Fault> {
+    let known = paths(keys, before);
+    let unknown = paths(keys, after);
+    let unknown = unknown.iter().filter(|path| {
+        let path = any_entry(path);
+        !known.iter().any(|known| any_entry(known) == path)
+    });
+    unknown
+        .map(|path| Fault::key(file, last_part(path), ""))
+        .collect()
+}
+
+/// A path with every place in an array left open: an entry more is not an unknown key.
+fn any_entry(path: &str) -> String {
+    let parts = path.split('.').map(|part| match part.parse::<usize>() {
+        Ok(_) => "*",
+        Err(_) => part,
+    });
+    parts.collect::<Vec<_>>().join(".")
+}
+
+/// The paths of all values of a table; a value that has a rule, or that is neither a table nor a list of tables, is one.
+fn paths(keys: &[Key], table: &Table) -> Vec<String> {
+    let mut all = Vec::new();
+    for (key, value) in table {
+        collect(keys, key.clone(), value, &mut all);
+    }
+    all
+}
+
+fn collect(keys: &[Key], path: String, value: &Value, all: &mut Vec<String>) {
+    let has_rule = keys.iter().any(|key| key.path == path);
+    match value {
+        Value::Table(table) if !has_rule && !table.is_empty() => {
+            for (key, value) in table {
+                collect(keys, format!("{path}.{key}"), value, all);
+            }
+        }
+        Value::Array(values) if !has_rule && values.iter().any(Value::is_table) => {
+            for (i, value) in values.iter().enumerate() {
+                collect(keys, format!("{path}.{i}"), value, all);
+            }
+        }
+        _ => all.push(path),
+    }
+}
+
+/// Rules of which the file has no key, and keys of the file that no rule is for.
+pub(super) fn gaps(file: &str, keys: &[Key], others: &[Key], table: &Table) -> Vec<String> {
+    let without_key = keys
+        .iter()
+        .filter(|key| look_up(table, key.path).is_none())
+        .map(|key| format!("{file}: the rule for {} has no key", key.path));
+    let has_rule = |path: &String| keys.iter().chain(others).any(|key| key.path == *path);
+    let without_rule = paths(keys, table)
+        .into_iter()
+        .filter(|path| !has_rule(path))
+        .map(|path| format!("{file}: the key {path} has no rule"));
+    without_key.chain(without_rule).collect()
 }
 
 #[cfg(test)]
@@ -248,11 +304,6 @@ mod unit {
         assert_eq!(
             real(0.0, 1.0).opinion(&Value::Float(f64::NAN)),
             Opinion::Refused
-        );
-        assert_eq!(positive().opinion(&Value::Float(0.0)), Opinion::Refused);
-        assert_eq!(
-            positive().opinion(&Value::Float(1e300)),
-            Opinion::Undocumented
         );
         assert_eq!(
             Rule::Whole(0, 9).opinion(&Value::Float(1.0)),
@@ -273,5 +324,10 @@ mod unit {
         assert_eq!(class("c = 0.5\nb = \"x\""), "must be refused");
         assert_eq!(class("a = 0.5"), "must be refused");
         assert_eq!(class("a = "), "must be refused");
+        let nested: Table = "a = 0.5\nb = \"x\"\n[[c]]\nd = 1".parse().unwrap();
+        let class = |text: &str| judge_text("f", &keys, &nested, text.as_bytes()).class();
+        let begin = "a = 0.5\nb = \"x\"\n[[c]]\n";
+        assert_eq!(class(&format!("{begin}e = 1")), "must be refused");
+        assert_eq!(class(&format!("{begin}d = 2")), "either");
     }
 }

@@ -64,6 +64,8 @@ pub(super) struct Fault {
     pub(super) keys: Vec<String>,
     /// The value as it was written.
     pub(super) value: String,
+    /// Other things that may be told in the value's place.
+    pub(super) other_values: Vec<String>,
     /// Whether the file could not be read at all: the system's reason then stands for what is allowed.
     pub(super) is_unreadable: bool,
 }
@@ -115,7 +117,8 @@ impl Fault {
         if !self.keys.is_empty() && !self.keys.iter().any(|key| text.contains(key.as_str())) {
             missing.push("the key");
         }
-        if !says_value(text, &self.value) {
+        let others = &self.other_values;
+        if !says_value(text, &self.value) && !others.iter().any(|value| says_value(text, value)) {
             missing.push("the value");
         }
         let words = if self.is_unreadable {
@@ -124,7 +127,10 @@ impl Fault {
             ALLOWED
         };
         // That something was not expected does not say what is.
-        let text = text.replace("unexpected", "");
+        let text = text
+            .replace("unexpected", "")
+            .replace("not allowed:", "allowed:")
+            .replace("not allowed", "");
         if !words.iter().any(|word| text.contains(word)) {
             missing.push("what is allowed");
         }
@@ -135,20 +141,22 @@ impl Fault {
 /// Words of a clause that says what is allowed.
 const ALLOWED: &[&str] = &[
     "allowed",
-    "expected",
+    "expected ",
     "needed",
-    "needs",
-    "must ",
-    "at most",
-    "at least",
+    "needs ",
+    "must be ",
+    "must have ",
+    "must rise ",
+    "must not ",
+    "at most ",
+    "at least ",
     "missing field",
-    "required",
+    "required arguments",
+    "is required",
     "possible values",
     "goes with",
-    "finite",
     "ends in",
     "end in",
-    "only",
     "cannot be used",
 ];
 /// Words by which a file that cannot be read is told.
@@ -175,29 +183,75 @@ const UNREADABLE: &[&str] = &[
 const SHOWN: usize = 12;
 
 fn says_value(text: &str, value: &str) -> bool {
+    match value.replace('_', "").parse::<f64>() {
+        // A number of hundreds of digits may be cut as a text is.
+        Ok(number) => says_number(text, number) || value.len() > 24 && says_text(text, value),
+        Err(_) => says_text(text, value),
+    }
+}
+
+/// Whether a text is shown: as a word of its own, or, of a long one, its beginning.
+fn says_text(text: &str, value: &str) -> bool {
     let begin: String = value.chars().take(SHOWN).collect();
-    // A message may write a NUL as text does.
-    let plain = text.replace("\\u0000", "").replace("\\0", "");
-    if text.contains(&begin) || plain.contains(&begin) {
+    if begin.is_empty() {
         return true;
     }
-    let Ok(number) = value.replace('_', "").parse::<f64>() else {
-        return false;
-    };
-    let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '+');
-    let mut tokens = text.split(|c: char| !is_part(c));
-    tokens.any(|token| {
-        let token = token.trim_end_matches('.');
-        let said = token.parse::<f64>();
-        said.is_ok_and(|said| {
-            said == number || (said.is_nan() && number.is_nan()) || is_close(said, number)
+    let is_whole = begin.len() == value.len();
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    // A message may write a NUL as text does.
+    let plain = text.replace("\\u0000", "").replace("\\0", "");
+    [text, plain.as_str()].iter().any(|text| {
+        text.match_indices(&begin).any(|(at, _)| {
+            let before = text[..at].chars().next_back();
+            let after = text[at + begin.len()..].chars().next();
+            let is_begin = !begin.starts_with(is_part) || !before.is_some_and(is_part);
+            let is_end = !begin.ends_with(is_part) || !after.is_some_and(is_part);
+            is_begin && (is_end || !is_whole)
         })
     })
 }
 
+/// Whether a number is told, as a whole token outside of what says which are allowed.
+fn says_number(text: &str, number: f64) -> bool {
+    let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '+');
+    let mut begin = 0;
+    let tokens = text.split(|c: char| !is_part(c)).map(|token| {
+        let at = token.as_ptr() as usize - text.as_ptr() as usize;
+        begin = at + token.len();
+        (&text[..at], token, &text[begin..])
+    });
+    tokens.into_iter().any(|(before, token, after)| {
+        let is_said = token
+            .trim_end_matches('.')
+            .parse::<f64>()
+            .is_ok_and(|said| (said.is_nan() && number.is_nan()) || is_close(said, number));
+        is_said && !is_bound(before, token, after)
+    })
+}
+
+/// Whether a number is an end of a range: `0 to 5`, `0..=5`, `at most 5`, `±5`.
+fn is_bound(before: &str, token: &str, after: &str) -> bool {
+    const BEFORE: [&str; 10] = [
+        " to",
+        "at most",
+        "at least",
+        "..=",
+        "..",
+        "±",
+        "above",
+        "below",
+        "up to",
+        "larger than",
+    ];
+    let before = before.trim_end();
+    token.ends_with("..")
+        || after.starts_with(" to ")
+        || BEFORE.iter().any(|word| before.ends_with(word))
+}
+
 /// Whether a message's rounding explains the difference.
 fn is_close(a: f64, b: f64) -> bool {
-    a.is_finite() && b.is_finite() && (a - b).abs() <= 1e-5 * b.abs()
+    a == b || a.is_finite() && b.is_finite() && (a - b).abs() <= 1e-5 * b.abs()
 }
 
 /// What can be wrong with how a program takes a variant.
@@ -239,8 +293,7 @@ pub(super) fn judge(expected: &Expected, outcome: &Outcome, folder: &Path) -> Ve
             return vec![(Kind::Killed, "out of memory".to_owned())];
         }
         Ending::Served | Ending::Exited(0) => return judge_taken(expected, folder),
-        // The system did not start it: nothing of the program was tried.
-        Ending::Exited(126) => return Vec::new(),
+        _ if is_not_started(outcome) => return Vec::new(),
         Ending::Exited(_) => {}
     }
     let mut wrong = Vec::new();
@@ -255,6 +308,12 @@ pub(super) fn judge(expected: &Expected, outcome: &Outcome, folder: &Path) -> Ve
         _ => {}
     }
     wrong
+}
+
+/// Whether the system did not start it (an argument too long, a NUL): nothing of the program was tried.
+pub(super) fn is_not_started(outcome: &Outcome) -> bool {
+    outcome.ending == Ending::Exited(126)
+        && outcome.text.starts_with("the system refuses to start it")
 }
 
 fn judge_taken(expected: &Expected, folder: &Path) -> Vec<(Kind, String)> {
@@ -296,5 +355,10 @@ mod unit {
         assert!(says_value("rate_hz = NaN is", "nan"));
         assert!(says_value("radius -0.1, allowed", "-1e-1"));
         assert!(!says_value("radius 0.1, allowed", "-1e-1"));
+        assert!(!says_value("rate_hz is wrong: 0 to 100 is allowed", "0"));
+        assert!(!says_value("rate_hz is wrong: 0 to 100 is allowed", "100"));
+        assert!(!says_value("the planner, allowed", "plan"));
+        assert!(says_value("rate_hz = 0 is not allowed: 1 to 100", "0"));
+        assert!(says_value("rate_hz is 1e300; 1 to 100 is allowed", "1e300"));
     }
 }

@@ -13,7 +13,7 @@ use toml::Table;
 
 use super::damage::{self, Damaged};
 use super::keys::changes;
-use super::rules::{Key, Rule, judge_text, needed, optional};
+use super::rules::{Key, Rule, gaps, judge_text, needed, optional};
 use super::variant::{Expected, Fault, Variant};
 
 const MANIFEST: &str = "MANIFEST.toml";
@@ -31,6 +31,31 @@ const KEYS: &[Key] = &[
     needed("fast.updates", Rule::Whole(0, i64::MAX)),
     needed("fast.training_seconds", Rule::Whole(0, i64::MAX)),
     optional("fast.measured", Rule::OneOf(&[])),
+];
+
+/// The metadata that is read.
+const READ: [&str; 11] = [
+    "architecture",
+    "end_features",
+    "ball_features",
+    "coefficients",
+    "estimates",
+    "sections",
+    "theta_max",
+    "width",
+    "blocks",
+    "evaluations",
+    "frame",
+];
+/// Values that no metadata which is read may have.
+const VALUES: &[&str] = &[
+    "",
+    "nan",
+    "-1",
+    "0",
+    "1e308",
+    "18446744073709551616",
+    "another",
 ];
 
 /// A manifest with one file.
@@ -157,8 +182,7 @@ impl Weights {
         let data = &self.content[8 + length..];
         let mut all = Vec::new();
         let mut add = |name: String, header: &Map<String, Value>, key: &str, is_refused: bool| {
-            let text = serde_json::to_vec(header).unwrap();
-            let content = [&(text.len() as u64).to_le_bytes()[..], &text, data].concat();
+            let content = with_header(header, data);
             let fault = vec![Fault::key(FILE, key, "")];
             let expected = if is_refused {
                 Expected::Refused(fault)
@@ -203,18 +227,50 @@ impl Weights {
                 is_another,
             );
         }
+        all.extend(self.metadata(&header, data));
+        all.extend(self.wrong_content());
+        all
+    }
+
+    /// Metadata with a key missing or of another value: what is read must be refused.
+    fn metadata(&self, header: &Map<String, Value>, data: &[u8]) -> Vec<Variant> {
+        let mut all = Vec::new();
+        let mut add = |name: String, fresh: &Map<String, Value>, expected: Expected| {
+            let weights = self.signed(with_header(fresh, data));
+            all.push(weights.variant(&name, expected));
+        };
+        let expected = |key: &str, value: &str, is_refused: bool| {
+            let fault = vec![Fault::key(FILE, key, value)];
+            match is_refused {
+                true => Expected::Refused(fault),
+                false => Expected::Either(fault),
+            }
+        };
         let metadata = header["__metadata__"].as_object().unwrap();
         for key in metadata.keys() {
+            let is_read = READ.contains(&key.as_str());
             let mut fresh = header.clone();
             fresh["__metadata__"].as_object_mut().unwrap().remove(key);
-            add(format!("metadata without {key}"), &fresh, key, false);
-            for value in ["", "nan", "-1", "1e308", "18446744073709551616", "another"] {
+            // Without a frame, it is the canonical one.
+            let is_refused = is_read && key != "frame";
+            add(
+                format!("metadata without {key}"),
+                &fresh,
+                expected(key, "", is_refused),
+            );
+            for value in VALUES {
                 let mut fresh = header.clone();
-                fresh["__metadata__"][key] = value.into();
-                add(format!("metadata {key} = {value:?}"), &fresh, key, false);
+                fresh["__metadata__"][key] = (*value).into();
+                let name = format!("metadata {key} = {value:?}");
+                add(name, &fresh, expected(key, value, is_read));
             }
         }
-        all.extend(self.wrong_content());
+        for (key, value) in [("frame", "tool"), ("frame", "Canonical"), ("blocks", "3")] {
+            let mut fresh = header.clone();
+            fresh["__metadata__"][key] = value.into();
+            let name = format!("metadata {key} = {value:?}");
+            add(name, &fresh, expected(key, value, true));
+        }
         all
     }
 
@@ -277,6 +333,17 @@ impl Weights {
         all.push(other_robot());
         all
     }
+}
+
+/// The bytes of a safetensors file.
+fn with_header(header: &Map<String, Value>, data: &[u8]) -> Vec<u8> {
+    let text = serde_json::to_vec(header).unwrap();
+    [&(text.len() as u64).to_le_bytes()[..], &text, data].concat()
+}
+
+/// Rules of which the manifest has no key, and keys of it that no rule is for.
+pub(super) fn manifest_gaps() -> Vec<String> {
+    gaps(MANIFEST, KEYS, &[], &Weights::shipped().manifest())
 }
 
 /// Of the manifest only what it says of the file in use is read; what it tells people about it may change.

@@ -27,34 +27,47 @@ pub(super) fn run(report: &mut Report) -> anyhow::Result<()> {
 enum Start {
     /// It ended: whether with status 1, and what it said.
     Ended(bool, String),
-    /// It went on for a while.
-    GoesOn,
+    /// It got ready.
+    Serves,
+    /// It neither ended nor got ready.
+    Hung(String),
 }
 
-fn start(world: &World, name: &str, is_ready: fn(&str) -> bool, limit: Duration) -> Start {
+fn start(world: &World, name: &str, limit: Duration) -> Start {
     let config = world.config(&format!("{name}.toml"));
     let mut process = Process::start(world, name, &["--config", text(&config)]);
     let ended = wait_for("the program ends or is ready", limit, || {
         if !process.is_running() {
             return Some(true);
         }
-        is_ready(&process.log()).then_some(false)
+        serves(&process.log()).then_some(false)
     });
     match ended {
         Ok(true) => {
             let status = process.wait(PATIENCE);
             Start::Ended(status.is_ok_and(|s| s.code() == Some(1)), process.log())
         }
-        Ok(false) | Err(_) => Start::GoesOn,
+        Ok(false) => Start::Serves,
+        Err(_) => Start::Hung(process.log()),
     }
 }
 
-fn never(_: &str) -> bool {
-    false
+/// Whether a program says that it serves; each says it in its own words.
+fn serves(log: &str) -> bool {
+    ["ready", "loop begins", "robot begins"]
+        .iter()
+        .any(|text| log.contains(text))
 }
 
-fn daemon_is_ready(log: &str) -> bool {
-    log.contains("ready")
+impl Start {
+    /// What it said, unless it serves.
+    fn unless_served(self) -> Option<String> {
+        match self {
+            Self::Serves => None,
+            Self::Hung(log) => Some(format!("hangs: {}", log.trim())),
+            Self::Ended(_, log) => Some(log.trim().to_owned()),
+        }
+    }
 }
 
 /// One file changed, who reads it, and what the refusal must name.
@@ -147,8 +160,9 @@ fn refusals(report: &mut Report) {
 }
 
 fn unless_refused(world: &World, program: &str, names: &[&str]) -> Option<String> {
-    match start(world, program, daemon_is_ready, Duration::from_secs(20)) {
-        Start::GoesOn => Some(format!("{program} goes on")),
+    match start(world, program, Duration::from_secs(20)) {
+        Start::Serves => Some(format!("{program} serves")),
+        Start::Hung(log) => Some(format!("{program} neither ends nor serves: {}", log.trim())),
         Start::Ended(is_refusal, log) => {
             let missing: Vec<_> = names.iter().filter(|n| !log.contains(**n)).collect();
             let is_good = is_refusal && missing.is_empty() && !log.contains("panicked");
@@ -187,10 +201,9 @@ fn small_bending(report: &mut Report) {
     edit(&world.config(ROBOT), |robot| {
         set(robot, "bending_limit_rad", 0.1);
     });
-    let served = match start(&world, "planner-daemon", daemon_is_ready, PATIENCE) {
-        Start::GoesOn => "serves".to_owned(),
-        Start::Ended(_, log) => log.trim().to_owned(),
-    };
+    let served = start(&world, "planner-daemon", PATIENCE)
+        .unless_served()
+        .unwrap_or_else(|| "serves".to_owned());
     let is_served = served == "serves";
     let name = "defect 11: bending_limit_rad = 0.1, a daemon without weights";
     report.check(name, served, "serves", is_served);
@@ -203,8 +216,8 @@ fn defaults(report: &mut Report) {
         let world = World::new(&Settings::default());
         let config = world.config(&format!("{program}.toml"));
         fs::write(config, "robot = \"robots/unit.toml\"\n").unwrap();
-        if let Start::Ended(_, log) = start(&world, program, never, Duration::from_secs(2)) {
-            refused.push(format!("{program}: {}", log.trim()));
+        if let Some(said) = start(&world, program, PATIENCE).unless_served() {
+            refused.push(format!("{program}: {said}"));
         }
     }
     report.none_of(
@@ -230,8 +243,8 @@ fn solid_header(report: &mut Report) -> anyhow::Result<()> {
             set(&mut table, "file", "scene.toml");
             set(daemon, "scene", table);
         });
-        if let Start::Ended(_, log) = start(&world, "planner-daemon", daemon_is_ready, PATIENCE) {
-            refused.push(format!("{header:?}: {}", log.trim()));
+        if let Some(said) = start(&world, "planner-daemon", PATIENCE).unless_served() {
+            refused.push(format!("{header:?}: {said}"));
         }
     }
     let name = "defect 10: binary STL files whose header begins with `solid`, refused";

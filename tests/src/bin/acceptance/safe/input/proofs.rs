@@ -12,38 +12,73 @@ use tests::programs::repository;
 use super::text;
 use crate::Report;
 
-/// Safe code that comes by a level or a unit without detection: each in every spelling that might compile.
-const ATTEMPTS: [(&str, &[&str]); 4] = [
+/// Safe code that comes by a level or a unit without detection: each in every spelling that might compile, with what the compiler
+/// must say of it: that a value of the level is missing, that its maker is private, or that there is no default.
+const ATTEMPTS: [(&str, &[(&str, &str)]); 4] = [
     (
         "sums of AVX-512 without a value of the level",
-        &[
+        &[(
             "use crate::lanes::Lanes; pub fn f(a: &[f32; 16]) { let v = <crate::simd::Avx512 as Lanes>::get(a); let _ = v; }",
-        ],
+            "error[E0061]",
+        )],
     ),
     (
         "a value of AVX-512",
         &[
-            "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512 }",
-            "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512(()) }",
-            "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512 {} }",
-            "pub fn f() -> crate::simd::Avx512 { Default::default() }",
+            (
+                "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512 }",
+                "error[E0603]",
+            ),
+            (
+                "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512(()) }",
+                "error[E0603]",
+            ),
+            (
+                "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512 {} }",
+                "due to private fields",
+            ),
+            (
+                "pub fn f() -> crate::simd::Avx512 { Default::default() }",
+                "error[E0277]",
+            ),
         ],
     ),
     (
         "a value of AVX2",
         &[
-            "pub fn f() -> crate::simd::Avx2 { crate::simd::Avx2 }",
-            "pub fn f() -> crate::simd::Avx2 { crate::simd::Avx2(()) }",
-            "pub fn f() -> crate::simd::Avx2 { Default::default() }",
+            (
+                "pub fn f() -> crate::simd::Avx2 { crate::simd::Avx2 }",
+                "error[E0603]",
+            ),
+            (
+                "pub fn f() -> crate::simd::Avx2 { crate::simd::Avx2(()) }",
+                "error[E0603]",
+            ),
+            (
+                "pub fn f() -> crate::simd::Avx2 { Default::default() }",
+                "error[E0277]",
+            ),
         ],
     ),
     (
         "a unit for bf16",
         &[
-            "use crate::matrix::Unit; pub fn f() -> Unit { Unit::Vectors }",
-            "use crate::matrix::Unit; pub fn f() -> Unit { Unit::Tiles }",
-            "use crate::matrix::{Bf16Vectors, Unit}; pub fn f() -> Unit { Unit::Vectors(Bf16Vectors(())) }",
-            "use crate::matrix::{Bf16Tiles, Unit}; pub fn f() -> Unit { Unit::Tiles(Bf16Tiles(())) }",
+            (
+                "use crate::matrix::Unit; pub fn f() -> Unit { Unit::Vectors }",
+                "error[E0308]",
+            ),
+            (
+                "use crate::matrix::Unit; pub fn f() -> Unit { Unit::Tiles }",
+                "error[E0308]",
+            ),
+            (
+                "use crate::matrix::{Bf16Vectors, Unit}; pub fn f() -> Unit { Unit::Vectors(Bf16Vectors(())) }",
+                "error[E0423]",
+            ),
+            (
+                "use crate::matrix::{Bf16Tiles, Unit}; pub fn f() -> Unit { Unit::Tiles(Bf16Tiles(())) }",
+                "error[E0423]",
+            ),
         ],
     ),
 ];
@@ -56,25 +91,34 @@ pub(super) fn run(report: &mut Report) -> anyhow::Result<()> {
     copy_crate(folder.path())?;
     let library = folder.path().join("crates/denoiser/src/lib.rs");
     let source = fs::read_to_string(&library)?;
-    let compiles = |module: &str| -> anyhow::Result<bool> {
+    let refusal = |module: &str| -> anyhow::Result<Option<String>> {
         let module = format!(
             "{source}\n#[allow(dead_code, unreachable_pub, missing_docs)]\nmod tried {{ {module} }}\n"
         );
         fs::write(&library, module)?;
-        Ok(check(folder.path())?.status.success())
+        let output = check(folder.path())?;
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        Ok((!output.status.success()).then_some(said))
     };
-    ensure!(compiles(GOOD)?, "the copy of the crate does not compile");
-    let mut compiled = Vec::new();
+    let said = refusal(GOOD)?;
+    ensure!(
+        said.is_none(),
+        "the copy of the crate does not compile: {said:?}"
+    );
+    let mut wrong = Vec::new();
     for (what, spellings) in ATTEMPTS {
-        for spelling in spellings {
-            if compiles(spelling)? {
-                compiled.push(format!("{what}: {spelling}"));
+        for (spelling, reason) in spellings {
+            match refusal(spelling)? {
+                None => wrong.push(format!("{what}: {spelling} compiles")),
+                Some(said) if !said.contains(reason) => {
+                    wrong.push(format!("{what}: {spelling}: not {reason}, but {said}"));
+                }
+                Some(_) => {}
             }
         }
     }
-    let name =
-        "defect 10: safe code that gets at AVX-512, AVX2 or bf16 without having looked for them";
-    report.none_of(name, &compiled);
+    let name = "defect 10: safe code that gets at AVX-512, AVX2 or bf16 without having looked for them, or is refused for another reason";
+    report.none_of(name, &wrong);
     Ok(())
 }
 
