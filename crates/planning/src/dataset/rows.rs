@@ -163,7 +163,7 @@ impl Obstacles {
         let [begin, end] = [obstacles.offsets[0], obstacles.offsets[shapes.rows]];
         if [begin, end] != [0, shapes.balls as i64] {
             let reason = format!(
-                "from row 0 to the last it goes from {begin} to {end}; from 0 to {}, the number of obstacles, is needed",
+                "its first value is {begin}, its last {end}; 0 and {}, the number of obstacles, are needed",
                 shapes.balls
             );
             return Err(archive.wrong("obstacle_offsets", reason));
