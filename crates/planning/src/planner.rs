@@ -78,6 +78,7 @@ impl Planner {
             .ok_or(PlannerError::UnequalSections(robot.section_lengths))?;
         let workers = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
+            .thread_name(|_| "planning".to_owned())
             .build()
             .map_err(|e| PlannerError::Threads(e.to_string()))?;
         if let Some(diffusion) = &mut models.diffusion {

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopState, Outcome, Refusal};
 use shared_types::valid::{Command, Goal, PlanRequest};
+use tests::disturbance::threads;
 use tests::outside::thread_named;
 use tests::played_controller::PlayedController;
 use tests::process::wait_for;
@@ -46,6 +47,13 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
             tries,
             Refusal::BeforeStop,
             before_a_stop,
+        )?;
+        never_begun(
+            report,
+            "defect 3: a motion that was still being planned when `stop` had nothing to do",
+            tries,
+            Refusal::BeforeStop,
+            planned_during_a_stop,
         )
     });
     report.group("unsupervised: states", command, |report| {
@@ -98,18 +106,23 @@ fn never_begun(
     Ok(())
 }
 
-/// Has a motion published that begins `ahead` from now; its id.
-fn publish(stack: &mut Stack, ahead: Option<Duration>) -> anyhow::Result<u32> {
+/// A request for a motion that begins `ahead` from now.
+fn request(stack: &mut Stack, ahead: Option<Duration>) -> PlanRequest {
     let start = stack.commanded();
     let begin = |ahead: Duration| mono_now_ns() + i64::try_from(ahead.as_nanos()).unwrap_or(0);
-    let request = PlanRequest {
+    PlanRequest {
         sampler: shared_types::codes::Sampler::Straight,
         candidate_count: 1,
         deadline: Some(Duration::from_secs(10)),
         execute: true,
         begin_mono_ns: ahead.map(begin),
         ..PlanRequest::new(start.into(), Goal::Configuration(FAR))
-    };
+    }
+}
+
+/// Has a motion published that begins `ahead` from now; its id.
+fn publish(stack: &mut Stack, ahead: Option<Duration>) -> anyhow::Result<u32> {
+    let request = request(stack, ahead);
     Ok(stack.try_motion(&request)?)
 }
 
@@ -177,6 +190,38 @@ fn before_a_stop() -> anyhow::Result<Published> {
         stack,
         id,
         look: AHEAD + Duration::from_secs(2),
+    })
+}
+
+fn planned_during_a_stop() -> anyhow::Result<Published> {
+    let mut stack = Stack::running(&Settings::default())?;
+    stack.controller.prepare_to_command()?;
+    let request = request(&mut stack, None);
+    let daemon = stack.process(Part::Daemon).pid();
+    let workers = threads("", daemon);
+    let workers = workers
+        .iter()
+        .filter(|thread| thread.name.starts_with("/planning "));
+    let held = workers.map(|thread| HeldThread::hold(thread.id));
+    let held = held.collect::<Result<Vec<_>, _>>()?;
+    anyhow::ensure!(!held.is_empty(), "the premise: threads that plan");
+    let mut pending = stack.client.submit(&request)?;
+    sleep(Duration::from_millis(100));
+    let reply = stack.controller.command(Command::Stop, PATIENCE)?;
+    let is_planned = stack.client.poll(&mut pending)?.is_some();
+    anyhow::ensure!(
+        !reply.accepted && !is_planned,
+        "the premise: nothing to stop, and no plan yet"
+    );
+    for worker in held {
+        worker.release()?;
+    }
+    let answer = stack.client.wait(pending, PATIENCE)?;
+    let id = answer.report().trajectory_id;
+    Ok(Published {
+        id: id.ok_or_else(|| anyhow::anyhow!("not published: {}", answer.report().reason))?,
+        stack,
+        look: Duration::from_secs(2),
     })
 }
 
