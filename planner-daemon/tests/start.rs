@@ -135,11 +135,18 @@ fn planning_and_serving_have_the_priorities_that_are_asked_for_or_none() {
     let is_refused = daemon.said().contains("no real-time priorities 10 to 12");
     let wanted = match is_refused {
         true => [0; 6].map(|priority| (priority, libc::SCHED_OTHER)),
-        false => [11, 10, 10, 10, 11, 12].map(|priority| (priority, libc::SCHED_FIFO)),
+        false => [11, 11, 10, 10, 10, 12].map(|priority| (priority, libc::SCHED_FIFO)),
     };
-    let names = ["heartbeat"].into_iter().chain(["planner-daemon"; 4]);
-    let names = names.chain(["supervision"]);
+    let names = [
+        "heartbeat",
+        "planner-daemon",
+        "planning",
+        "planning",
+        "planning",
+        "supervision",
+    ];
     let wanted = names
+        .into_iter()
         .zip(wanted)
         .map(|(name, (priority, policy))| (name.to_owned(), priority, policy));
     assert_eq!(threads, wanted.collect::<Vec<_>>(), "{}", daemon.said());

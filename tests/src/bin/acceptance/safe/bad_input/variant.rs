@@ -342,7 +342,7 @@ mod unit {
         assert!(fault.missing(all).is_empty());
         assert_eq!(
             fault.missing("unit.toml: tube_radius_m is not allowed"),
-            ["the value"]
+            ["the value", "what is allowed"]
         );
         assert_eq!(
             fault.missing("tube_radius_m = 1e308: wrong"),
