@@ -288,7 +288,8 @@ impl Service {
         let mut answer = Answer::of_plan(&queued.order, planned, &self.robot, length);
         answer.set_plan_id(plan_id);
         answer.set_wait(in_flight.waited);
-        if is_wanted(&queued.active) && answer.outcome().is_some_and(Outcome::has_candidates) {
+        let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
+        if is_wanted(&queued.active) && has_candidates && answer.candidate_count() > 0 {
             self.execute(&queued, plan_id, &mut answer);
         }
         self.send(&mut answer, &queued.active);

@@ -62,12 +62,13 @@ pub fn pcc(world: &World, arguments: &[&str], limit: Duration) -> Said {
     }
 }
 
-/// Starts a motion by `pcc plan --execute`, straight in configuration space, from where the controller holds.
+/// Starts a motion by `pcc plan --execute`, straight in configuration space, from where the controller holds; a busy machine has a
+/// second to plan it.
 #[must_use]
 pub fn execute(world: &World, goal: &[f64; 6], limit: Duration) -> Said {
     let goal: Vec<String> = goal.iter().map(f64::to_string).collect();
     let mut arguments = vec!["plan", "--sampler", "straight", "--candidates", "1"];
-    arguments.extend(["--execute", "--configuration"]);
+    arguments.extend(["--execute", "--deadline-ms", "1000", "--configuration"]);
     arguments.extend(goal.iter().map(String::as_str));
     pcc(world, &arguments, limit)
 }

@@ -2,6 +2,8 @@
 
 use std::time::{Duration, Instant};
 
+use client::ControllerView;
+use shared_types::codes::LoopState;
 use tests::outside::{execute, pcc};
 use tests::process::{Process, wait_for};
 use tests::stack::Part;
@@ -83,7 +85,12 @@ fn restarted(
     let last = log.lines().last().unwrap_or_default().to_owned();
     report.check(&name, last, "runs", runs);
     if runs {
-        tests::outside::wait_for_controller(&processes.world, "holding", PATIENCE)?;
+        // Not by another `pcc watch`: it would need a watcher's place.
+        let mut controller = ControllerView::connect(&processes.world.options)?;
+        wait_for("the controller is holding", PATIENCE, || {
+            let state = controller.latest_state().ok().flatten()?;
+            (state.state == LoopState::Holding).then_some(())
+        })?;
         served(report, processes, &format!("{name}, then"))?;
     }
     Ok(())
