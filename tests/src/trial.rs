@@ -16,6 +16,8 @@ const LOOK_PERIOD: Duration = Duration::from_millis(2);
 const MEMORY_KB: u64 = 1_500_000;
 /// Time that a program which serves has to end after SIGTERM.
 const TERMINATION: Duration = Duration::from_secs(20);
+/// Runs a program as another user (util-linux).
+pub const AS_USER: &str = "/usr/bin/setpriv";
 /// Most of what a program says that is looked at, bytes.
 const MOST_TEXT: u64 = 1 << 20;
 
@@ -28,6 +30,8 @@ pub struct Start {
     pub arguments: Vec<OsString>,
     /// Environment variables on top of those that every start has.
     pub environment: Vec<(&'static str, OsString)>,
+    /// The user that it runs as, by number; nothing for the one that starts it. Only root starts it as another.
+    pub user: Option<u32>,
 }
 
 /// How a start came to its end.
@@ -64,6 +68,7 @@ impl Start {
             program,
             arguments: arguments.iter().map(OsString::from).collect(),
             environment: Vec::new(),
+            user: None,
         }
     }
 
@@ -114,6 +119,7 @@ impl Start {
         command
             .arg("-c")
             .arg(limited)
+            .args(self.user.into_iter().flat_map(as_user))
             .arg(program(self.program))
             .args(&self.arguments)
             .current_dir(folder)
@@ -145,6 +151,12 @@ impl Start {
             thread::sleep(LOOK_PERIOD);
         }
     }
+}
+
+/// What runs the program behind it as a user, in the same process.
+fn as_user(user: u32) -> [String; 6] {
+    let id = user.to_string();
+    [AS_USER, "--reuid", &id, "--regid", &id, "--clear-groups"].map(str::to_owned)
 }
 
 fn ending_of(status: ExitStatus) -> Ending {

@@ -142,15 +142,19 @@ impl File {
 
     fn check_robot(&self, checked: &SettingsFile<'_>, robot: &Robot) -> Result<(), SettingsError> {
         let start = self.start_configuration_rad.0;
-        if let Some(angle) = start.iter().find(|angle| !angle.is_finite()) {
-            let allowed = "finite angles within the robot's bending limit";
+        let limit = robot.bending_limit;
+        if let Some(angle) = start
+            .iter()
+            .find(|angle| !(-limit..=limit).contains(*angle))
+        {
+            let allowed = format!("within ±{limit}, the robot's bending limit");
             checked.require(false, "start_configuration_rad", angle, allowed)?;
         }
         let start = Configuration::from(start);
         let excess = robot.limit_excess(&start);
         let name = "largest bending angle of start_configuration_rad";
-        let allowed = "within the robot's bending limit";
-        checked.require(excess <= 0.0, name, robot.bending_limit + excess, allowed)?;
+        let allowed = format!("at most {limit}, the robot's bending limit");
+        checked.require(excess <= 0.0, name, limit + excess, allowed)?;
         let stuck = self.stuck_tendon;
         let allowed = "a tendon of the robot, counted from 0";
         checked.require(
@@ -217,6 +221,14 @@ mod tests {
             (
                 "[0.0, 2.0, 0.0, 0.0, 0.0, 0.0]",
                 "start_configuration_rad = 2 is not allowed",
+            ),
+            (
+                "[0.0, 0.0, 0.0, 0.0, 0.0, -1e300]",
+                "start_configuration_rad = -1000000",
+            ),
+            (
+                "[1.5, 1.5, 0.0, 0.0, 0.0, 0.0]",
+                "largest bending angle of start_configuration_rad = 2.12",
             ),
         ] {
             let text = format!("robot = {robot:?}\nstart_configuration_rad = {start}\n");

@@ -364,13 +364,14 @@ fn rotation(
                 "rotation_vector_rad is {vector:?}; an angle of at most {MAX_ROTATION_RAD} rad is allowed"
             )))
         }
-        (Some(Numbers([x, y, z, w])), None) => {
+        (Some(Numbers(values)), None) => {
+            let [x, y, z, w] = values;
             let quaternion = Quaternion::new(w, x, y, z);
             let norm = quaternion.norm();
             let is_unit = (norm - 1.0).abs() <= UNIT_TOLERANCE;
             if !is_unit {
                 return Err(EntryError::Rotation(format!(
-                    "quaternion_xyzw has norm {norm}; 1 to within {UNIT_TOLERANCE} is allowed"
+                    "quaternion_xyzw is {values:?}, of norm {norm}; a norm of 1 to within {UNIT_TOLERANCE} is allowed"
                 )));
             }
             Ok(UnitQuaternion::from_quaternion(quaternion))

@@ -99,7 +99,7 @@ fn every_bad_value_is_refused_by_name() {
             &format!(
                 "[[boxes]]\nsides_m = [1.0, 1.0, 1.0]\n{position}\nquaternion_xyzw = [1.0, 1.0, 0.0, 0.0]"
             ),
-            "boxes[0]: quaternion_xyzw has norm 1.41",
+            "boxes[0]: quaternion_xyzw is [1.0, 1.0, 0.0, 0.0], of norm 1.41",
         ),
         (
             &format!(

@@ -210,6 +210,9 @@ impl Arguments {
         };
         match Wrong::of_outcome(report.outcome) {
             Some(wrong) => format!("{reason} ({})", asked.blamed(&wrong)),
+            None if report.outcome == Outcome::Truncated => {
+                format!("{reason} (a longer --deadline-ms is needed)")
+            }
             None => reason,
         }
     }

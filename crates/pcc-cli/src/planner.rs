@@ -108,6 +108,11 @@ impl ModelArguments {
         }
     }
 
+    /// What there is in the folder of weights.
+    fn manifest(&self) -> anyhow::Result<Manifest> {
+        Manifest::open(&self.weights).context("--weights")
+    }
+
     /// Names the option that an error about missing weights is about.
     fn named(&self, name: &str) -> String {
         format!("--weights {} --model {name}", self.weights.display())
@@ -236,7 +241,7 @@ pub(crate) fn load(
 }
 
 fn load_fast(robot: &Robot, arguments: &ModelArguments) -> anyhow::Result<(FastModel, FastRecord)> {
-    let manifest = Manifest::open(&arguments.weights)?;
+    let manifest = arguments.manifest()?;
     let name = arguments.model.as_deref().unwrap_or(FAST_WEIGHTS);
     let file = manifest
         .weights(name)
@@ -258,7 +263,7 @@ fn load_diffusion(
     arguments: &ModelArguments,
 ) -> anyhow::Result<(DiffusionModel, DiffusionRecord)> {
     let settings = arguments.settings();
-    let manifest = Manifest::open(&arguments.weights)?;
+    let manifest = arguments.manifest()?;
     let name = arguments.model.as_deref().unwrap_or(DIFFUSION_WEIGHTS);
     let file = manifest
         .weights(name)

@@ -1,8 +1,10 @@
 //! `pcc scene leave`: signs off a source of live scenes whose program will not come back.
 
+use anyhow::anyhow;
 use clap::{Args, Subcommand};
-use client::ScenePublisher;
+use client::{ClientError, ScenePublisher};
 use shared_types::capacity::SOURCE_NAME_BYTES;
+use shared_types::codes::SceneRefusal;
 use shared_types::ipc::IpcOptions;
 use shared_types::valid::SourceName;
 use std::time::Duration;
@@ -34,11 +36,24 @@ fn source_name(text: &str) -> Result<String, String> {
     Ok(name.to_string())
 }
 
+/// The daemon's refusal, with what it would take.
+fn explained(error: ClientError) -> anyhow::Error {
+    match error {
+        ClientError::SceneRefused {
+            refusal: SceneRefusal::NoSuchSource,
+            ..
+        } => anyhow!(
+            "{error}; one that this daemon has heard and that has not taken its leave is needed"
+        ),
+        other => other.into(),
+    }
+}
+
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let Action::Leave { source } = &arguments.action;
     let mut publisher = ScenePublisher::connect(&IpcOptions::from_env(), source)?;
     publisher.take_leave()?;
-    publisher.confirm(PATIENCE)?;
+    publisher.confirm(PATIENCE).map_err(explained)?;
     say!("source {source:?} is signed off");
     Ok(())
 }

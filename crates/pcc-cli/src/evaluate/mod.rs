@@ -126,7 +126,9 @@ impl Arguments {
     /// The paths to judge, case by case, if the planner is `proposed`.
     fn proposals(&self) -> anyhow::Result<Option<Vec<Vec<Waypoints>>>> {
         match (self.planner, &self.proposals) {
-            (PlannerName::Proposed, Some(file)) => proposals::read(file, self.candidates).map(Some),
+            (PlannerName::Proposed, Some(file)) => proposals::read(file, self.candidates)
+                .map(Some)
+                .context("--proposals"),
             (PlannerName::Proposed, None) => bail!("--planner proposed needs --proposals FILE"),
             (_, Some(file)) => bail!(
                 "--proposals {} goes with --planner proposed",

@@ -161,10 +161,14 @@ impl Obstacles {
             offsets: integers(archive, "obstacle_offsets")?,
         };
         let [begin, end] = [obstacles.offsets[0], obstacles.offsets[shapes.rows]];
-        if [begin, end] != [0, shapes.balls as i64] {
+        if begin != 0 {
+            let reason = format!("row 0 begins with obstacle {begin}; obstacle 0 is needed");
+            return Err(archive.wrong("obstacle_offsets", reason));
+        }
+        if end != shapes.balls as i64 {
+            let balls = shapes.balls;
             let reason = format!(
-                "its first value is {begin}, its last {end}; 0 and {}, the number of obstacles, are needed",
-                shapes.balls
+                "the last row ends before obstacle {end}; {balls}, the number of obstacles, is needed"
             );
             return Err(archive.wrong("obstacle_offsets", reason));
         }

@@ -4,18 +4,15 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
-use tests::programs::program;
-use tests::trial::Start;
+use tests::trial::{AS_USER, Start};
 
 use super::configurations::daemon_with_scene;
 use super::datasets;
 use super::variant::{Expected, Fault, Variant};
 use super::weights;
 
-/// Runs a program as another user (util-linux).
-const AS_USER: &str = "/usr/bin/setpriv";
 /// A user whom nothing belongs to.
-const NOBODY: &str = "65534";
+const NOBODY: u32 = 65534;
 
 /// Writes undamaged files and says what is started with them.
 type Make = fn(&Path) -> Start;
@@ -73,7 +70,7 @@ fn open(make: Make, file: &str) -> Variant {
         make: Box::new(move |folder| {
             let start = make(folder);
             fs::set_permissions(folder, Permissions::from_mode(0o1777)).unwrap();
-            by_nobody(&start)
+            by_nobody(start)
         }),
         expected: Expected::Taken,
     }
@@ -89,19 +86,16 @@ fn closed(make: Make, file: &'static str) -> Variant {
             // The user may write results beside what it reads, and nobody may replace what is another's.
             fs::set_permissions(folder, Permissions::from_mode(0o1777)).unwrap();
             fs::set_permissions(folder.join(file), Permissions::from_mode(0o000)).unwrap();
-            by_nobody(&start)
+            by_nobody(start)
         }),
         expected: Expected::Refused(vec![Fault::unreadable(name)]),
     }
 }
 
 /// The same start, as a user whom nothing belongs to.
-fn by_nobody(start: &Start) -> Start {
-    let mut fresh = Start::new(
-        AS_USER,
-        &["--reuid", NOBODY, "--regid", NOBODY, "--clear-groups"],
-    );
-    fresh.arguments.push(program(start.program).into());
-    fresh.arguments.extend(start.arguments.iter().cloned());
-    fresh
+fn by_nobody(start: Start) -> Start {
+    Start {
+        user: Some(NOBODY),
+        ..start
+    }
 }

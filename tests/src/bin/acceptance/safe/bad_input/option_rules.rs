@@ -146,7 +146,8 @@ pub(super) const COMMANDS: &[Command] = &[
         name: "scene leave",
         family: "options of scene",
         is_live: true,
-        runs: true,
+        // Only a source that is there can be signed off.
+        runs: false,
         base: &[("<SOURCE>", &["nobody"])],
         options: &[("<SOURCE>", Wanted::Source)],
     },

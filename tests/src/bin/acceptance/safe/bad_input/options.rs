@@ -6,9 +6,12 @@ use std::fs;
 use std::os::unix::ffi::OsStringExt;
 use std::path::Path;
 use std::process::Command as Process;
+use std::time::Duration;
 
+use client::ScenePublisher;
+use shared_types::ipc::IpcOptions;
 use tests::programs::{program, repository};
-use tests::stack::Stack;
+use tests::stack::{PATIENCE, Stack};
 use tests::trial::Start;
 
 use super::damage;
@@ -45,7 +48,36 @@ pub(super) fn variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
             }
         }
     }
+    all.push(signed_off(stack));
     (all, without_rule)
+}
+
+/// A source that is there, whose program has ended, and that is signed off.
+fn signed_off(stack: &Stack) -> Variant {
+    const SOURCE: &str = "gone";
+    let options = stack.world.options.clone();
+    Variant {
+        family: "options of scene",
+        name: "pcc scene leave of a source that is there".to_owned(),
+        make: Box::new(move |_| {
+            let mut source = ScenePublisher::connect(&options, SOURCE).unwrap();
+            source.publish(&[], Duration::from_secs(60)).unwrap();
+            source.confirm(PATIENCE).unwrap();
+            Start {
+                environment: environment_of(&options),
+                ..Start::new("pcc", &["scene", "leave", SOURCE])
+            }
+        }),
+        expected: Expected::Taken,
+    }
+}
+
+/// What lets a program find the running processes.
+fn environment_of(options: &IpcOptions) -> Vec<(&'static str, OsString)> {
+    vec![
+        ("PCC_PREFIX", OsString::from(&options.prefix)),
+        ("PCC_ROOT", options.root.clone().into_os_string()),
+    ]
 }
 
 /// The short help of a command, whose name has several words where it is another one's.
@@ -172,12 +204,10 @@ impl Tried<'_> {
             .iter()
             .map(|v| v.to_string_lossy().chars().take(40).collect())
             .collect();
-        let mut environment = Vec::new();
-        if self.command.is_live {
-            let options = &self.stack.world.options;
-            environment.push(("PCC_PREFIX", OsString::from(&options.prefix)));
-            environment.push(("PCC_ROOT", options.root.clone().into_os_string()));
-        }
+        let environment = match self.command.is_live {
+            true => environment_of(&self.stack.world.options),
+            false => Vec::new(),
+        };
         let prepare = given.prepare;
         Variant {
             family: self.command.family,
@@ -188,6 +218,7 @@ impl Tried<'_> {
                     program: "pcc",
                     arguments: arguments.clone(),
                     environment: environment.clone(),
+                    user: None,
                 }
             }),
             expected: given.expected,

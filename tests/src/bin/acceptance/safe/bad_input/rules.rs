@@ -100,19 +100,17 @@ impl Rule {
         }
     }
 
-    /// What a message must show of an array: its length where that is wrong, an element that is not allowed, or what an array is called.
+    /// What a message must show one of, of an array: its length where that is wrong, an element that is not allowed, or what an
+    /// array is called.
     pub(super) fn wrong_in(self, values: &[Value]) -> Vec<String> {
         let of_type = ["sequence", "array", "list"].map(str::to_owned);
-        let is_wrong: Box<dyn Fn(&Value) -> bool> = match self {
-            Self::Reals(count, ..) if values.len() != count => {
-                return vec![values.len().to_string(), (values.len() + 1).to_string()];
+        let (element, mut told) = match self {
+            Self::Reals(count, least, most) if values.len() != count => {
+                let lengths = [values.len(), values.len() + 1].map(|n| n.to_string());
+                (Self::Real(least, most), Vec::from(lengths))
             }
-            Self::Reals(_, least, most) => {
-                Box::new(move |v| Self::Real(least, most).opinion(v) == Opinion::Refused)
-            }
-            Self::Wholes(least, most) => {
-                Box::new(move |v| Self::Whole(least, most).opinion(v) == Opinion::Refused)
-            }
+            Self::Reals(_, least, most) => (Self::Real(least, most), Vec::new()),
+            Self::Wholes(least, most) => (Self::Whole(least, most), Vec::new()),
             _ => return of_type.into(),
         };
         let said = |value: &Value| match value {
@@ -120,11 +118,11 @@ impl Rule {
             Value::Array(_) => of_type.to_vec(),
             other => vec![other.to_string()],
         };
-        values
+        let wrong = values
             .iter()
-            .filter(|v| is_wrong(v))
-            .flat_map(said)
-            .collect()
+            .filter(|value| element.opinion(value) == Opinion::Refused);
+        told.extend(wrong.flat_map(said));
+        told
     }
 }
 
@@ -241,8 +239,25 @@ fn unknown_keys(file: &str, keys: &[Key], before: &Table, after: &Table) -> Vec<
         !known.iter().any(|known| any_entry(known) == path)
     });
     unknown
-        .map(|path| Fault::key(file, last_part(path), ""))
+        .map(|path| Fault::key(file, first_unknown_part(&known, path), ""))
         .collect()
+}
+
+/// The part of a path at which it leaves all known ones: an unknown table is refused before what is in it.
+fn first_unknown_part<'a>(known: &[String], path: &'a str) -> &'a str {
+    let is_known = |begin: &str| {
+        let begin = any_entry(begin);
+        let mut known = known.iter().map(|path| any_entry(path));
+        known.any(|path| path == begin || path.starts_with(&format!("{begin}.")))
+    };
+    let ends = path.match_indices('.').map(|(at, _)| at);
+    let begins = ends.map(|end| &path[..end]);
+    last_part(
+        begins
+            .into_iter()
+            .find(|begin| !is_known(begin))
+            .unwrap_or(path),
+    )
 }
 
 /// A path with every place in an array left open: an entry more is not an unknown key.
@@ -311,6 +326,30 @@ mod unit {
         );
         let four = Value::Array(vec![Value::Float(1.0); 4]);
         assert_eq!(Rule::Reals(3, 0.0, 2.0).opinion(&four), Opinion::Refused);
+    }
+
+    #[test]
+    fn of_an_array_its_length_or_a_wrong_element_is_told() {
+        let rule = Rule::Reals(3, 0.0, 2.0);
+        let three = [0.5, 1.0, 1.5].map(Value::Float);
+        assert!(rule.wrong_in(&three).is_empty());
+        assert_eq!(rule.wrong_in(&three[..2]), ["2", "3"]);
+        let nested = [Value::Array(three.to_vec())];
+        let told = rule.wrong_in(&nested);
+        assert_eq!(told, ["1", "2", "sequence", "array", "list"]);
+        assert_eq!(
+            rule.wrong_in(&[1.0, 9.5].map(Value::Float)),
+            ["2", "3", "9.5"]
+        );
+    }
+
+    #[test]
+    fn an_unknown_key_is_that_at_which_a_path_leaves_the_known_ones() {
+        let known = ["balls.0.radius_m", "robot"].map(str::to_owned);
+        assert_eq!(first_unknown_part(&known, "Balls.0.radius_m"), "Balls");
+        assert_eq!(first_unknown_part(&known, "balls.7.Radius_m"), "Radius_m");
+        assert_eq!(first_unknown_part(&known, "ball.0.radius_m"), "ball");
+        assert_eq!(first_unknown_part(&known, "robots"), "robots");
     }
 
     #[test]

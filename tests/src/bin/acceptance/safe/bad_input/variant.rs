@@ -152,6 +152,7 @@ const ALLOWED: &[&str] = &[
     "at least ",
     "missing field",
     "required arguments",
+    "values required for ",
     "is required",
     "possible values",
     "goes with",
@@ -184,8 +185,11 @@ const SHOWN: usize = 12;
 
 fn says_value(text: &str, value: &str) -> bool {
     match value.replace('_', "").parse::<f64>() {
-        // A number of hundreds of digits may be cut as a text is.
-        Ok(number) => says_number(text, number) || value.len() > 24 && says_text(text, value),
+        // A number of hundreds of digits may be cut as a text is, and one with underscores be told as it was written.
+        Ok(number) => {
+            let is_as_written = value.len() > 24 || value.contains('_');
+            says_number(text, number) || is_as_written && says_text(text, value)
+        }
         Err(_) => says_text(text, value),
     }
 }
@@ -348,6 +352,11 @@ mod unit {
             fault.missing("tube_radius_m = 1e308: wrong"),
             ["the file", "what is allowed"]
         );
+        let count = "error: 3 values required for '--tip <X> <Y> <Z>' but 2 were provided";
+        assert!(Fault::option("--tip", "").missing(count).is_empty());
+        let needs_none = "error: 2 values for '--tip <X> <Y> <Z>' were provided";
+        let missing = Fault::option("--tip", "").missing(needs_none);
+        assert_eq!(missing, ["what is allowed"]);
     }
 
     #[test]
@@ -360,5 +369,11 @@ mod unit {
         assert!(!says_value("the planner, allowed", "plan"));
         assert!(says_value("rate_hz = 0 is not allowed: 1 to 100", "0"));
         assert!(says_value("rate_hz is 1e300; 1 to 100 is allowed", "1e300"));
+        let quoted = "invalid value '1_000' for '--seed': a whole number is needed";
+        assert!(says_value(quoted, "1_000"));
+        assert!(says_value("seed is 1000, allowed", "1_000"));
+        assert!(!says_value("1 to 1000 is allowed", "1_000"));
+        assert!(!says_value("seed is 11_000, allowed", "1_000"));
+        assert!(!says_value("1 and 000 are allowed", "1_000"));
     }
 }
