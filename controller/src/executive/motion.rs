@@ -81,7 +81,7 @@ pub enum Unacceptable {
         "it was published by another daemon than the one whose heart beats: nobody would watch over it"
     )]
     OtherDaemon,
-    /// A stop was ordered since it was published.
+    /// It was taken, and something came before its begin that it was given up for.
     #[error(
         "it was set aside before its begin: a stop, a fault or the loss of robot or daemon came first"
     )]
@@ -93,7 +93,7 @@ pub enum Unacceptable {
         before_ms: f64,
     },
     /// Its stamp is of the future: no stop could be later.
-    #[error("it was published {ahead_ms:.1} ms from now: its stamp is not of CLOCK_MONOTONIC")]
+    #[error("it was requested {ahead_ms:.1} ms from now: its stamp is not of CLOCK_MONOTONIC")]
     FromTheFuture {
         /// How far.
         ahead_ms: f64,

@@ -299,6 +299,7 @@ pub(super) struct Guard {
 }
 
 /// The loop's last cycle known while the process ends, and since when.
+#[derive(Clone, Copy)]
 struct Ending {
     cycles: u64,
     since_ns: i64,
@@ -402,22 +403,15 @@ impl Guard {
     /// no cycle for [`SHUTDOWN_NS`].
     fn may_quit(&mut self, now_ns: i64) -> bool {
         let shared = Arc::clone(&self.commands.link.shared);
-        let (state, cycles) = (shared.loop_state(), shared.cycles.load(Ordering::Relaxed));
-        let is_first = self.ending.is_none();
-        let ending = self.ending.get_or_insert(Ending {
-            cycles,
-            since_ns: now_ns,
-        });
-        if ending.cycles != cycles {
-            *ending = Ending {
-                cycles,
-                since_ns: now_ns,
-            };
-        }
-        let is_held = now_ns - ending.since_ns > SHUTDOWN_NS;
-        if is_first {
+        let state = shared.loop_state();
+        let cycles = shared.cycles.load(Ordering::Relaxed);
+        if self.ending.is_none() {
             self.commands.tell(GuardEvent::ShuttingDown(state));
         }
+        let known = self.ending.filter(|known| known.cycles == cycles);
+        let since_ns = known.map_or(now_ns, |known| known.since_ns);
+        self.ending = Some(Ending { cycles, since_ns });
+        let is_held = now_ns - since_ns > SHUTDOWN_NS;
         if state == LoopState::Executing {
             self.commands.stop();
         }

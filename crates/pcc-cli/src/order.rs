@@ -49,10 +49,10 @@ pub(crate) fn stop() -> anyhow::Result<()> {
         }
         Err(error) => error,
     };
-    let is_told = signalled.as_ref().is_some_and(Result::is_ok);
+    let was_signalled = signalled.as_ref().is_some_and(Result::is_ok);
     let may_be_stopped = error
         .downcast_ref::<Refused>()
-        .is_some_and(|refused| refused.reason == CommandRefusal::NothingToDo && is_told);
+        .is_some_and(|refused| refused.reason == CommandRefusal::NothingToDo && was_signalled);
     if !may_be_stopped && !error.is::<ClientError>() {
         return Err(error);
     }

@@ -7,9 +7,7 @@ use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
 use shared_types::capacity::DOF;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{
-    LoopState, Outcome, Refusal, Sampler, Selection, Source, Stage, Waiting,
-};
+use shared_types::codes::{LoopState, Outcome, Sampler, Selection, Source, Stage, Waiting};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
 use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
@@ -104,8 +102,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let options = IpcOptions::from_env();
     let request = arguments.request(&options)?;
     let mut client = Client::connect(&options)?;
+    let controller = arguments.execute.then(|| ControllerView::connect(&options));
+    let mut controller = controller.transpose()?;
     let clock = Instant::now();
-    let mut controller = ControllerView::connect(&options)?;
     let answer = client.plan(&request, PATIENCE + request.deadline.unwrap_or_default())?;
     let round_trip = clock.elapsed();
     let report = answer.report();
@@ -113,11 +112,12 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         bail!("{}", arguments.explain(report));
     }
     print_answer(&answer, round_trip);
-    match report.outcome {
-        Outcome::ExecutionRefused => bail!("not executed: {}", report.reason),
-        _ => report
-            .trajectory_id
-            .map_or(Ok(()), |id| wait_until_taken(&mut controller, id)),
+    if report.outcome == Outcome::ExecutionRefused {
+        bail!("not executed: {}", report.reason);
+    }
+    match (&mut controller, report.trajectory_id) {
+        (Some(controller), Some(id)) => wait_until_taken(controller, id),
+        _ => Ok(()),
     }
 }
 
@@ -126,18 +126,13 @@ fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<
     let until = Instant::now() + PATIENCE;
     while Instant::now() < until {
         let state = controller.latest_state()?;
-        match state.map(|state| {
-            (
-                state.values.trajectory_id,
-                state.values.refused_trajectory_id,
-            )
-        }) {
-            Some((executed, _)) if executed == id => {
+        match state {
+            Some(state) if state.values.trajectory_id == id => {
                 say!("the controller executes it");
                 return Ok(());
             }
-            Some((_, refused)) if refused == id => {
-                let refusal = state.map_or(Refusal::None, |state| state.refusal);
+            Some(state) if state.values.refused_trajectory_id == id => {
+                let refusal = state.refusal;
                 bail!("not executed: the controller refuses trajectory {id}: {refusal}");
             }
             _ => std::thread::sleep(Duration::from_millis(2)),
