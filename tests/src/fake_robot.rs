@@ -36,6 +36,8 @@ pub enum Misbehaviour {
     OffTendonMap(f64),
     /// Its reference moves at this velocity, m/s, by its own account, while it has not been commanded.
     NeverRests(f64),
+    /// Its body bends by this more than its reference, rad, while it has not been commanded.
+    OffReference(f64),
     /// It takes up no set-point.
     Deaf,
 }
@@ -174,7 +176,12 @@ impl Driver {
             Misbehaviour::NeverRests(velocity_m_s) if idle => {
                 told.accepted_velocity_m_s[0] = velocity_m_s;
             }
-            Misbehaviour::OffTendonMap(_) | Misbehaviour::NeverRests(_) => {}
+            Misbehaviour::OffReference(bending_rad) if idle => {
+                told.measured_configuration_rad[0] = bending_rad;
+            }
+            Misbehaviour::OffTendonMap(_)
+            | Misbehaviour::NeverRests(_)
+            | Misbehaviour::OffReference(_) => {}
         }
         told
     }

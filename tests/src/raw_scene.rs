@@ -160,7 +160,8 @@ fn harmless_balls(rng: &mut Pcg64) -> Vec<MovingBall> {
         let [place, course]: [f64; 2] = rng.random();
         let (place, course) = (place * TAU, course * TAU);
         let distance = rng.random_range(distances);
-        let speed_m_s = if moves { 0.5 } else { 0.0 };
+        // Over the scenes' minute it stays below the base.
+        let speed_m_s = if moves { 0.005 } else { 0.0 };
         MovingBall {
             centre_m: [
                 distance * place.cos(),

@@ -393,7 +393,7 @@ mod tests {
             (Refusal::BeforeStop, "0.0 ms before a stop", |m| {
                 m.requested_ns = NOW_NS - 100 * MS;
             }),
-            (Refusal::Malformed, "published 1.0 ms from now", |m| {
+            (Refusal::Malformed, "requested 1.0 ms from now", |m| {
                 m.requested_ns = NOW_NS + MS;
             }),
             (Refusal::BeginsInThePast, "30.0 ms in the past, 20.0", |m| {

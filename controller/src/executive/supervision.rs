@@ -166,8 +166,19 @@ impl Executive {
             {
                 Waiting::OffTendonMap
             }
+            MotorState::Idle | MotorState::AtRestAfterLoss if self.is_off_reference(robot) => {
+                Waiting::OffReference
+            }
             MotorState::Idle | MotorState::AtRestAfterLoss => Waiting::None,
         }
+    }
+
+    /// Whether the tracking error would soon latch a fault if the robot were held.
+    fn is_off_reference(&self, robot: &RobotSample) -> bool {
+        let reference = self
+            .map
+            .configuration(&robot.accepted_m[..self.map.count()]);
+        (robot.measured_rad - reference).norm() > 0.5 * self.settings.hold_tolerance_rad
     }
 
     /// Part of the robot's accepted set-point that no configuration explains, m.

@@ -70,6 +70,8 @@ codes! {
         OffTendonMap = 9 "accepted set-point fits no configuration",
         /// The robot does not follow the set-points sent to it yet.
         NotTakenUp = 10 "set-points not taken up",
+        /// The robot's body is farther from its reference than half of `hold_tolerance_rad`: its motors still come, or cannot.
+        OffReference = 11 "robot away from its reference",
     }
 }
 

@@ -12,7 +12,7 @@ use crate::disturbance::Kind;
 use crate::retries::without_numbers;
 use crate::rounds::{goal_of, somewhere_near};
 use crate::stack::{MoveError, Part, tip_error};
-use crate::supervision::{Since, Watch};
+use crate::supervision::{Reaction, Since, Watch};
 
 /// Pause before a motion that was refused is asked for again.
 const ASK_AGAIN: Duration = Duration::from_millis(200);
@@ -40,6 +40,15 @@ impl Experiment<'_> {
         thread::sleep(watch.patience());
         let reaction = self.listener.with(|heard| watch.judge(heard));
         self.survival.watched_anew.add(&watch, &reaction);
+        if matches!(reaction, Reaction::NothingMoved) {
+            let log = self.stack.process(Part::Daemon).log();
+            let last: Vec<&str> = log.lines().rev().take(4).collect();
+            let state = self.stack.controller_state();
+            return Err(format!(
+                "a motion after a killed daemon had stopped before its ball came: {}, {}, {last:?}",
+                state.state, state.fault
+            ));
+        }
         self.recover(mono_now_ns())
     }
 

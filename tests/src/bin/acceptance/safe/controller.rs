@@ -206,6 +206,7 @@ fn waiting(report: &mut Report) -> anyhow::Result<()> {
         ),
         (Misbehaviour::NeverRests(1e-6), Waiting::RobotMoves),
         (Misbehaviour::Deaf, Waiting::NotTakenUp),
+        (Misbehaviour::OffReference(0.03), Waiting::OffReference),
         (
             Misbehaviour::StampOffset(-60_000_000),
             Waiting::OldRobotState,
