@@ -153,7 +153,7 @@ fn harmless_balls(rng: &mut Pcg64) -> Vec<MovingBall> {
     let ball = |index| {
         let moves = index % 4 == 0;
         let (distances, heights) = if moves {
-            (0.5..1.5, -1.5..-0.8)
+            (0.2..1.0, -3.0..-2.4)
         } else {
             (3.6..5.0, 0.0..2.0)
         };
