@@ -103,7 +103,7 @@ impl Flood {
                 let mut balls = harmless_balls(&mut rng);
                 while !quit.load(Ordering::Relaxed) {
                     let changed = rng.random_range(0..balls.len());
-                    balls[changed].centre_m[2] += 1e-3;
+                    balls[changed].radius_m = rng.random_range(0.04..0.05);
                     scenes.send(mono_now_ns(), 60_000_000_000, &balls);
                     sent[index].fetch_add(1, Ordering::Relaxed);
                 }
