@@ -253,7 +253,7 @@ impl Body {
         (most / LARGEST_MOVE_M).ceil().max(1.0) as usize
     }
 
-    /// No point of the body is faster than this while the configuration changes at a rate, m/s: see [`Body::largest_move_m`].
+    /// No point of the body is faster than this while the configuration changes at a rate, m/s: see `Body::largest_move_m`.
     #[must_use]
     pub fn speed_at_most_m_s(&self, rate_rad_s: &Configuration) -> f64 {
         self.largest_move_m(&[0.0; 6], rate_rad_s)

@@ -170,7 +170,7 @@ impl Recording {
     /// Limits at every set-point that was sent, and continuity from each to the next, however much later that is.
     ///
     /// What may not have been sent is judged like what was, but for the steps while the robot ramps by itself: see
-    /// [`Recording::mirrors_a_ramp`].
+    /// `Recording::mirrors_a_ramp`.
     #[must_use]
     pub fn limits_kept(&self) -> LimitsKept {
         let mut kept = LimitsKept::default();

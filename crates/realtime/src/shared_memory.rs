@@ -3,6 +3,7 @@
 use std::ffi::c_void;
 use std::io;
 
+use rustix::io::Errno;
 use rustix::mm::{Advice, madvise};
 
 /// Brings shared memory of this process, whose names begin with `prefix`, into RAM; how many bytes it is.
@@ -12,13 +13,18 @@ use rustix::mm::{Advice, madvise};
 pub fn bring_in_shared_memory(prefix: &str) -> io::Result<usize> {
     let mut total = 0;
     for [begin, end] in shared_ranges(&std::fs::read_to_string("/proc/self/maps")?, prefix) {
-        // SAFETY: the range is a mapping of this process that stays while its ports do; its content does not change.
-        unsafe {
+        // SAFETY: populating changes no content, and of a range that is not mapped any more it is refused.
+        let populated = unsafe {
             madvise(
                 begin as *mut c_void,
                 end - begin,
                 Advice::LinuxPopulateWrite,
-            )?;
+            )
+        };
+        match populated {
+            // Another thread has given the mapping back since: where there is no room the answer is EFAULT.
+            Err(Errno::NOMEM) => continue,
+            populated => populated?,
         }
         total += end - begin;
     }
