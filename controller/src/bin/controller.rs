@@ -22,7 +22,8 @@ static ALLOCATOR: LoopAllocator = LoopAllocator;
 ///
 /// Environment: PCC_PREFIX (default pcc) and PCC_ROOT (default ~/.pcc-services where that exists, else
 /// /dev/shm/pcc-UID) name the robot's shared memory; RUST_LOG sets the log level on stderr (default info). SIGTERM and
-/// SIGINT stop the robot along its path, then exit 0; SIGUSR1 stops it like `pcc stop`, without any service.
+/// SIGINT stop the robot along its path, then exit 0 (1 where the loop is held and the robot is let go of);
+/// SIGUSR1 stops it like `pcc stop`, without any service.
 #[derive(Parser)]
 #[command(version, verbatim_doc_comment)]
 struct Arguments {

@@ -30,7 +30,7 @@ pub struct Motion {
     pub id: u32,
     /// The daemon that has published it.
     pub daemon_instance: u64,
-    /// When it was published, ns of CLOCK_MONOTONIC.
+    /// When the daemon received the request for it, ns of CLOCK_MONOTONIC.
     pub requested_ns: i64,
     /// When it begins, ns of CLOCK_MONOTONIC.
     pub begin_ns: i64,
@@ -191,7 +191,7 @@ pub struct Situation {
     pub last_taken: Option<(u32, i64)>,
 }
 
-/// What the guard has heard that trajectories published before, or by others, are refused for.
+/// What the guard has heard that trajectories requested before, or published by others, are refused for.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Heard {
     /// When the last stop was ordered, ns of CLOCK_MONOTONIC; 0 for never.
@@ -229,7 +229,7 @@ pub fn check(
     can_start(motion, situation.state, &situation.commanded_rad)
 }
 
-/// Whether nothing that was heard since a trajectory was published, nor the time that has passed, forbids it. The loop asks
+/// Whether nothing that was heard since a trajectory was requested, nor the time that has passed, forbids it. The loop asks
 /// again when it takes the trajectory: between two threads anything may have been heard, and any time may have passed.
 ///
 /// # Errors

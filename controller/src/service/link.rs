@@ -151,7 +151,7 @@ impl Shared {
 
     /// Orders a stop; returns its number.
     pub(super) fn order_stop(&self, now_ns: i64) -> u64 {
-        // Before the number: who knows of the stop refuses what was published before it.
+        // Before the number: who knows of the stop refuses what was requested before it.
         self.last_stop_ns.store(now_ns, Ordering::Release);
         self.stops.fetch_add(1, Ordering::AcqRel) + 1
     }
