@@ -151,7 +151,8 @@ impl Experiment<'_> {
             self.stack.start(part);
         }
         // What failed has been counted.
-        if let Err(error) = self.stack.clear_fault() {
+        let cleared = self.stack.clear_fault().map_err(|error| error.to_string());
+        if let Err(error) = cleared.and_then(|_| self.show(&[])) {
             self.survival.failures.push(format!("anew: {error}"));
         }
     }

@@ -14,6 +14,8 @@ pub const SUPERVISED_WITHIN_NS: i64 = 100_000_000;
 /// The motion of a killed daemon rests so long after the next daemon was started: the controller gives a lost one 0.2 s, and stops
 /// in less than 0.4 s.
 const RESTS_WITHIN: Duration = Duration::from_millis(700);
+/// A motion that is stopped in the very next cycle has its last one so long before the ball at most: two cycles, ns.
+const LAST_CYCLE_NS: i64 = 2_000_000;
 /// Slower is at rest, m/s.
 const AT_REST_M_S: f64 = 1e-6;
 
@@ -141,7 +143,7 @@ impl Watch {
         let moved = heard.cycles.iter().filter(executing);
         let last_moved = moved
             .map(|cycle| cycle.stamp_mono_ns)
-            .filter(|stamp_ns| *stamp_ns >= self.shown_ns)
+            .filter(|stamp_ns| *stamp_ns >= self.shown_ns - LAST_CYCLE_NS)
             .max();
         let Some(last_moved) = last_moved else {
             return if heard.controller.is_empty() {
@@ -221,6 +223,7 @@ mod tests {
     #[test]
     fn the_time_counts_from_the_first_fresh_state_to_the_stop_or_to_rest() {
         assert_eq!(WATCH.judge(&heard(990, 1400)), Reaction::NothingMoved);
+        assert_eq!(WATCH.judge(&heard(994, 1400)), Reaction::Stopped(-16 * MS));
         assert_eq!(WATCH.judge(&heard(1000, 1400)), Reaction::Stopped(-10 * MS));
         assert_eq!(WATCH.judge(&heard(1060, 1400)), Reaction::Stopped(50 * MS));
         assert_eq!(WATCH.judge(&heard(1400, 1090)), Reaction::Stopped(80 * MS));
