@@ -190,5 +190,7 @@ codes! {
         PreviousPlan = 20 "previous_plan_id",
         /// `previous_candidate`.
         PreviousCandidate = 21 "previous_candidate",
+        /// `requested_mono_ns`.
+        Requested = 22 "requested_mono_ns",
     }
 }

@@ -7,7 +7,7 @@ use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
 
 wire_message! {
     /// State of the controller (service `controller_state`, one publisher: its relay thread, about 50 Hz).
-    pub struct ControllerState: "pcc.v3.ControllerState", 616 bytes {
+    pub struct ControllerState: "pcc.v3.ControllerState", 632 bytes {
         /// Time of the cycle it describes, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// Identifies the process among all that had this role since the machine was booted: its start time, nanoseconds of
@@ -51,6 +51,11 @@ wire_message! {
         pub trajectory_time_s: f64,
         /// Rate at which that time runs, 0..=1.
         pub rate: f64,
+        /// Share of their own rate at which trajectories are followed, 0..=1, as last ordered; 1 when the process starts.
+        pub speed: f64,
+        /// What was requested before this is not executed: the newest of the process's start, the newest stop and the newest reset,
+        /// nanoseconds of `CLOCK_MONOTONIC`.
+        pub wanted_from_mono_ns: i64,
         /// Set-points sent.
         pub setpoints_sent: u64,
         /// Allocations of the loop thread that its own arena served.

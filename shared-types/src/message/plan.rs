@@ -20,7 +20,7 @@ wire_message! {
 
 wire_message! {
     /// What is to be planned (service `plan`).
-    pub struct PlanRequest: "pcc.v3.PlanRequest", 2360 bytes {
+    pub struct PlanRequest: "pcc.v3.PlanRequest", 2368 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Candidates wanted, 1..=64; the daemon's own limit may be lower.
@@ -68,6 +68,9 @@ wire_message! {
         pub limits_scale: f64,
         /// When the motion is to begin if executed, nanoseconds of `CLOCK_MONOTONIC`; 0: as soon as possible.
         pub begin_mono_ns: i64,
+        /// When its sender was asked for it, nanoseconds of `CLOCK_MONOTONIC`; only a request to execute needs one. The motion is not
+        /// executed where a stop or a reset was ordered, or the controller was started, after it.
+        pub requested_mono_ns: i64,
         /// The first `ball_count` are obstacles; the others are not read.
         pub balls: [Ball; MAX_BALLS],
     }

@@ -134,6 +134,8 @@ impl TryFrom<&message::ControllerState> for ControllerState {
         check_time("trajectory_time_s", values.trajectory_time_s)?;
         check_finite("accepted_residual_m", values.accepted_residual_m)?;
         check_range(values.rate, 0.0, 1.0, "0..=1").map_err(|reason| invalid("rate", reason))?;
+        check_range(values.speed, 0.0, 1.0, "0..=1").map_err(|reason| invalid("speed", reason))?;
+        check_stamp("wanted_from_mono_ns", values.wanted_from_mono_ns)?;
         Ok(Self {
             state: check_code("state", values.state)?,
             fault: check_code("fault", values.fault)?,
@@ -319,6 +321,8 @@ mod tests {
                     "trajectory_time_s is 1100000; allowed is 0..=1e6 s",
                 ),
                 (|s| s.rate = 1.5, "rate is 1.5; allowed is 0..=1"),
+                (|s| s.speed = -0.5, "speed is -0.5; allowed is 0..=1"),
+                (|s| s.wanted_from_mono_ns = -1, "wanted_from_mono_ns"),
             ],
         );
     }
