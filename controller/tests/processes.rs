@@ -182,7 +182,7 @@ fn a_motion_of_another_daemon_or_from_before_a_stop_is_refused_by_name() {
     let stop = joined.command(Command::Stop);
     assert_eq!(stop.reason, CommandRefusal::NothingToDo);
     let id = joined.send_motion_of(before_ns, &goal(1.0));
-    refused(&joined, id, Refusal::BeforeStop);
+    refused(&joined, id, Refusal::RequestedBefore);
     let id = joined.send_motion_of(mono_now_ns() + 1_000_000_000, &goal(1.0));
     refused(&joined, id, Refusal::Malformed);
     assert_eq!(joined.controller().trajectory_id, 0, "nothing has moved");

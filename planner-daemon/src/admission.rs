@@ -9,6 +9,7 @@ use planning::{
     Goal, Guidance, MOST_CORRECTIONS, PreviousPlan, Problem, Request, Sampler, Selection,
     StartMotion,
 };
+use shared_types::clock::mono_now_ns;
 use shared_types::codes::{self, Outcome, PlanField};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::message;
@@ -48,9 +49,18 @@ pub(crate) struct Order {
     /// Distance from the goal that counts as reached, section lengths.
     pub(crate) tip_tolerance: f64,
     /// Whether the selected motion is to be executed, and from when.
-    pub(crate) execution: Option<Begin>,
+    pub(crate) execution: Option<ToExecute>,
     /// Certified candidates that are answered before the whole answer.
     pub(crate) early: Option<usize>,
+}
+
+/// A motion that is to be executed once it is planned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ToExecute {
+    /// When it was asked for, nanoseconds of `CLOCK_MONOTONIC`.
+    pub(crate) requested_mono_ns: i64,
+    /// When it is to begin.
+    pub(crate) begin: Begin,
 }
 
 /// When a motion is to begin.
@@ -122,9 +132,7 @@ impl Border {
             request: self.request(&asked, previous),
             deadline: asked.deadline.unwrap_or(self.default_deadline),
             tip_tolerance: self.tip_tolerance(&asked.goal),
-            execution: asked
-                .execute
-                .then(|| asked.begin_mono_ns.map_or(Begin::Soon, Begin::NotBefore)),
+            execution: execution(&asked, mono_now_ns())?,
             early: asked.early_candidate_count,
         })
     }
@@ -174,6 +182,23 @@ impl Border {
             _ => DEFAULT_TIP_TOLERANCE,
         }
     }
+}
+
+fn execution(asked: &PlanRequest, now_mono_ns: i64) -> Result<Option<ToExecute>, Refusal> {
+    let Some(requested_mono_ns) = asked.requested_mono_ns.filter(|_| asked.execute) else {
+        return Ok(None);
+    };
+    if requested_mono_ns > now_mono_ns {
+        let reason = format!(
+            "requested_mono_ns is {requested_mono_ns}, now is {now_mono_ns}: it is of another clock than this machine's \
+             CLOCK_MONOTONIC; now or earlier is allowed"
+        );
+        return Err(Refusal::field(PlanField::Requested, reason));
+    }
+    Ok(Some(ToExecute {
+        requested_mono_ns,
+        begin: asked.begin_mono_ns.map_or(Begin::Soon, Begin::NotBefore),
+    }))
 }
 
 fn sampler(sampler: codes::Sampler) -> Sampler {
@@ -267,13 +292,30 @@ mod tests {
         let order = order.unwrap();
         assert_eq!(order.tip_tolerance, 0.02);
         assert_eq!(order.deadline, Duration::from_secs(1));
-        assert_eq!(order.execution, Some(Begin::NotBefore(77)));
+        let begin = |order: &Order| order.execution.map(|to_execute| to_execute.begin);
+        assert_eq!(begin(&order), Some(Begin::NotBefore(77)));
         assert_eq!((order.request.limits_scale, order.request.seed), (0.5, 9));
         let soon = PlanRequest {
             execute: true,
             ..asked()
         };
-        assert_eq!(admit(&soon).unwrap().execution, Some(Begin::Soon));
+        assert_eq!(begin(&admit(&soon).unwrap()), Some(Begin::Soon));
+    }
+
+    #[test]
+    fn a_motion_that_was_asked_for_in_the_future_is_of_another_clock() {
+        let now_mono_ns = mono_now_ns();
+        let asked_for = |requested_mono_ns| PlanRequest {
+            execute: true,
+            requested_mono_ns: Some(requested_mono_ns),
+            ..asked()
+        };
+        let earlier = admit(&asked_for(now_mono_ns - 5_000_000_000)).unwrap();
+        let requested_mono_ns = earlier.execution.map(|asked| asked.requested_mono_ns);
+        assert_eq!(requested_mono_ns, Some(now_mono_ns - 5_000_000_000));
+        let refusal = admit(&asked_for(now_mono_ns + 60_000_000_000)).unwrap_err();
+        assert_eq!(refusal.field, PlanField::Requested);
+        assert!(refusal.reason.contains("another clock"), "{refusal:?}");
     }
 
     #[test]

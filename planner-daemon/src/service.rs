@@ -39,8 +39,6 @@ struct Queued {
     active: PlanActiveRequest,
     order: Order,
     received: Instant,
-    /// The same, nanoseconds of `CLOCK_MONOTONIC`.
-    received_mono_ns: i64,
 }
 
 impl Queued {
@@ -164,7 +162,7 @@ impl Service {
 
     /// Copies a request to private memory, checks the copy, and queues or refuses it.
     fn accept(&mut self, active: PlanActiveRequest) {
-        let (received, received_mono_ns) = (Instant::now(), mono_now_ns());
+        let received = Instant::now();
         let copy = *active.payload();
         let order = match self.border.admit(&copy, &self.plans) {
             Ok(order) => order,
@@ -175,7 +173,6 @@ impl Service {
             active,
             order,
             received,
-            received_mono_ns,
         };
         let Err(queued) = self.queue.push(client, queued) else {
             return;
@@ -298,7 +295,7 @@ impl Service {
     }
 
     fn execute(&mut self, queued: &Queued, plan_id: u64, answer: &mut Answer) {
-        let Some(begin) = queued.order.execution else {
+        let Some(to_execute) = queued.order.execution else {
             return;
         };
         let published = match answer.selected() {
@@ -307,8 +304,8 @@ impl Service {
                 motion: motion.clone(),
                 candidate_index,
                 plan_id,
-                requested_mono_ns: queued.received_mono_ns,
-                begin,
+                requested_mono_ns: to_execute.requested_mono_ns,
+                begin: to_execute.begin,
             }),
             None => Err(ExecutionRefusal::NothingSelected),
         };

@@ -16,6 +16,13 @@ pub fn wall_now_ns() -> i64 {
     now.tv_sec * 1_000_000_000 + now.tv_nsec
 }
 
+/// Time for which the machine was suspended since it was booted, ns: CLOCK_MONOTONIC stood still meanwhile.
+#[must_use]
+pub fn suspended_ns() -> i64 {
+    let since_boot = clock_gettime(ClockId::Boottime);
+    since_boot.tv_sec * 1_000_000_000 + since_boot.tv_nsec - mono_now_ns()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

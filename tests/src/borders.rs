@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use shared_types::clock::wall_now_ns;
 use shared_types::codes::{Outcome, PlanField, Sampler};
 use shared_types::message::{Ball, PlanRequest};
 
@@ -61,6 +62,9 @@ const INVALID: &[BadRequest] = invalid! {
     LimitsScale "limits times 2" |r| r.limits_scale = 2.0;
     LimitsScale "limits NaN" |r| r.limits_scale = f64::NAN;
     Begin "begins before the machine" |r| r.begin_mono_ns = -1;
+    Requested "executed, and nobody knows when it was asked for" |r| (r.execute, r.requested_mono_ns) = (1, 0);
+    Requested "executed, and asked for by the wall clock" |r| (r.execute, r.requested_mono_ns) = (1, wall_now_ns());
+    Requested "asked for before the machine" |r| r.requested_mono_ns = -1;
     Balls "negative radius" |r| (r.ball_count, r.balls[1].radius_m) = (2, -0.1);
     Balls "radius infinite" |r| (r.ball_count, r.balls[0].radius_m) = (1, f64::INFINITY);
     Balls "centre NaN" |r| (r.ball_count, r.balls[63].centre_m[2]) = (64, f64::NAN);

@@ -109,6 +109,8 @@ pub struct CycleOutput {
     pub path_time_s: f64,
     /// Path time per time.
     pub rate: f64,
+    /// The rate that was ordered.
+    pub speed: f64,
     /// Whether this cycle came late.
     pub late: bool,
 }
@@ -447,6 +449,7 @@ impl Executive {
                 .sqrt(),
             path_time_s: self.pace.time_s,
             rate: self.pace.rate,
+            speed: self.speed,
             late,
         }
     }

@@ -86,9 +86,11 @@ pub enum Unacceptable {
         "it was set aside before its begin: a stop, a fault or the loss of robot or daemon came first"
     )]
     SetAside,
-    /// A stop was ordered after it was requested.
-    #[error("it was requested {before_ms:.1} ms before a stop was ordered")]
-    BeforeStop {
+    /// A stop or a reset was ordered, or the controller was started, after it was requested.
+    #[error(
+        "it was requested {before_ms:.1} ms before a stop or a reset was ordered or the controller was started"
+    )]
+    RequestedBefore {
         /// How long before.
         before_ms: f64,
     },
@@ -163,7 +165,7 @@ impl Unacceptable {
             Self::Invalid(invalid) if invalid.field == "protocol_version" => Refusal::WrongVersion,
             Self::OtherController => Refusal::OtherController,
             Self::OtherDaemon => Refusal::OtherDaemon,
-            Self::BeforeStop { .. } => Refusal::BeforeStop,
+            Self::RequestedBefore { .. } => Refusal::RequestedBefore,
             Self::SetAside => Refusal::SetAside,
             Self::OldId(_) => Refusal::OldId,
             Self::Past { .. } => Refusal::BeginsInThePast,
@@ -194,8 +196,9 @@ pub struct Situation {
 /// What the guard has heard that trajectories requested before, or published by others, are refused for.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Heard {
-    /// When the last stop was ordered, ns of CLOCK_MONOTONIC; 0 for never.
-    pub last_stop_ns: i64,
+    /// What was requested before this is not wanted any more, ns of CLOCK_MONOTONIC: the newest of the process's start, the newest
+    /// stop and the newest reset.
+    pub wanted_from_ns: i64,
     /// The daemon whose heart beat last; `None` before the first beat.
     pub daemon_instance: Option<u64>,
 }
@@ -233,7 +236,7 @@ pub fn check(
 /// again when it takes the trajectory: between two threads anything may have been heard, and any time may have passed.
 ///
 /// # Errors
-/// [`Unacceptable::OtherDaemon`], [`Unacceptable::BeforeStop`], [`Unacceptable::FromTheFuture`], [`Unacceptable::Past`] or
+/// [`Unacceptable::OtherDaemon`], [`Unacceptable::RequestedBefore`], [`Unacceptable::FromTheFuture`], [`Unacceptable::Past`] or
 /// [`Unacceptable::Ahead`].
 pub fn is_wanted(
     motion: &Motion,
@@ -249,9 +252,9 @@ pub fn is_wanted(
         let ahead_ms = milliseconds(motion.requested_ns - now_ns);
         return Err(Unacceptable::FromTheFuture { ahead_ms });
     }
-    if motion.requested_ns <= heard.last_stop_ns {
-        let before_ms = milliseconds(heard.last_stop_ns - motion.requested_ns);
-        return Err(Unacceptable::BeforeStop { before_ms });
+    if motion.requested_ns <= heard.wanted_from_ns {
+        let before_ms = milliseconds(heard.wanted_from_ns - motion.requested_ns);
+        return Err(Unacceptable::RequestedBefore { before_ms });
     }
     check_begin(motion.begin_ns - now_ns, window)
 }
@@ -360,7 +363,7 @@ mod tests {
             commanded_rad: Configuration::zeros(),
             now_ns: NOW_NS,
             heard: Heard {
-                last_stop_ns: NOW_NS - 100 * MS,
+                wanted_from_ns: NOW_NS - 100 * MS,
                 daemon_instance: Some(DAEMON),
             },
             last_taken: Some((6, NOW_NS)),
@@ -390,9 +393,13 @@ mod tests {
             (Refusal::OtherDaemon, "another daemon", |m| {
                 m.daemon_instance = DAEMON + 1;
             }),
-            (Refusal::BeforeStop, "0.0 ms before a stop", |m| {
-                m.requested_ns = NOW_NS - 100 * MS;
-            }),
+            (
+                Refusal::RequestedBefore,
+                "0.0 ms before a stop or a reset",
+                |m| {
+                    m.requested_ns = NOW_NS - 100 * MS;
+                },
+            ),
             (Refusal::Malformed, "requested 1.0 ms from now", |m| {
                 m.requested_ns = NOW_NS + MS;
             }),

@@ -21,7 +21,7 @@ use std::{
 
 use shared_types::{
     PROTOCOL_VERSION,
-    clock::mono_now_ns,
+    clock::{mono_now_ns, suspended_ns},
     codes::{CommandRefusal, LoopState, ProcessKind},
     ipc::{self, CommandRequest, CommandServer, IpcError, IpcNode, IpcOptions, Subscriber},
     message,
@@ -40,6 +40,9 @@ const SHUTDOWN_NS: i64 = 5_000_000_000;
 
 /// Longest time that one round counts for in the daemon's silence, ns: where the whole machine paused, no heart could beat.
 const MOST_A_ROUND_NS: i64 = 20_000_000;
+
+/// A machine that was suspended for so long is not the one that the motion was planned on, ns.
+const SUSPENDED_NS: i64 = 100_000_000;
 
 /// Commands received in one round, so that a flood of them does not keep the guard from the daemon's heart.
 const COMMANDS_A_ROUND: usize = 64;
@@ -185,7 +188,11 @@ impl<R: Request> Commands<R> {
                 let number = self.stop();
                 self.stops.push_back((number, asked));
             }
-            Command::ResetFault => self.orders.push_back((Order::Reset, asked)),
+            Command::ResetFault => {
+                // Who resets looks at the robot as it is now: what was wanted before the fault waits for nobody's reset.
+                self.link.shared.forget_requests(mono_now_ns());
+                self.orders.push_back((Order::Reset, asked));
+            }
             Command::SetSpeed(speed) => self.orders.push_back((Order::Speed(speed), asked)),
         }
     }
@@ -296,6 +303,7 @@ pub(super) struct Guard {
     ending: Option<Ending>,
     daemon_beat: Option<Heartbeat>,
     silence: Silence,
+    suspension: Suspension,
 }
 
 /// The loop's last cycle known while the process ends, and since when.
@@ -303,6 +311,21 @@ pub(super) struct Guard {
 struct Ending {
     cycles: u64,
     since_ns: i64,
+}
+
+/// Time for which the machine has been suspended since it was booted, as far as that was noticed, ns.
+#[derive(Clone, Copy, Debug)]
+struct Suspension(i64);
+
+impl Suspension {
+    /// Whether the machine has been suspended for [`SUSPENDED_NS`] more; true once.
+    fn is_longer(&mut self, suspended_ns: i64) -> bool {
+        let is_longer = suspended_ns - self.0 > SUSPENDED_NS;
+        if is_longer {
+            self.0 = suspended_ns;
+        }
+        is_longer
+    }
 }
 
 /// How long the daemon's heart has not beaten, in rounds' time.
@@ -351,6 +374,7 @@ impl Guard {
             ending: None,
             daemon_beat: None,
             silence: Silence::of_nobody(mono_now_ns()),
+            suspension: Suspension(suspended_ns()),
         })
     }
 
@@ -366,6 +390,7 @@ impl Guard {
         while !self.commands.link.shared.is_quitting() {
             let now_ns = mono_now_ns();
             self.watch_daemon(now_ns);
+            self.watch_suspension(suspended_ns());
             self.receive(now_ns);
             self.commands.attend(now_ns);
             if self.settings.signals.stop.swap(false, Ordering::Relaxed) {
@@ -435,6 +460,14 @@ impl Guard {
             _ => return,
         };
         self.commands.tell(event);
+    }
+
+    /// Stops after a suspension of the machine: no clock of the chain saw it, and nobody knows what stands in the way now.
+    fn watch_suspension(&mut self, suspended_ns: i64) {
+        if self.suspension.is_longer(suspended_ns) {
+            self.commands.stop();
+            self.commands.tell(GuardEvent::Suspended);
+        }
     }
 
     /// Takes in the daemon's heartbeats. A daemon that comes so soon after another that its heart was not missed knows

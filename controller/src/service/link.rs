@@ -14,6 +14,7 @@ use std::sync::{
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use shared_types::{
+    clock::mono_now_ns,
     codes::{CommandRefusal, LoopState},
     valid::Command,
 };
@@ -85,6 +86,7 @@ pub(super) enum GuardEvent {
     DaemonFound,
     DaemonReplaced,
     Signalled,
+    Suspended,
     ShuttingDown(LoopState),
     PriorityRefused(u8),
 }
@@ -115,8 +117,8 @@ pub(super) struct Shared {
     pub(super) daemon_alive: AtomicBool,
     /// The daemon whose heart beat last; 0: none yet (written by the guard).
     daemon_instance: AtomicU64,
-    /// When the newest stop was ordered, ns of CLOCK_MONOTONIC; 0: none yet (written by the guard).
-    last_stop_ns: AtomicI64,
+    /// What was requested before this is not wanted any more, ns of CLOCK_MONOTONIC (written by the guard).
+    wanted_from_ns: AtomicI64,
     /// Number of the newest stop (written by the guard): the loop carries out what it has not seen yet. A number cannot be
     /// lost, delayed by a full ring, or withdrawn.
     stops: AtomicU64,
@@ -152,8 +154,13 @@ impl Shared {
     /// Orders a stop; returns its number.
     pub(super) fn order_stop(&self, now_ns: i64) -> u64 {
         // Before the number: who knows of the stop refuses what was requested before it.
-        self.last_stop_ns.store(now_ns, Ordering::Release);
+        self.forget_requests(now_ns);
         self.stops.fetch_add(1, Ordering::AcqRel) + 1
+    }
+
+    /// What was requested until now is not executed any more.
+    pub(super) fn forget_requests(&self, now_ns: i64) {
+        self.wanted_from_ns.store(now_ns, Ordering::Release);
     }
 
     /// Number of the newest stop.
@@ -169,7 +176,7 @@ impl Shared {
     pub(super) fn heard(&self) -> Heard {
         let daemon = self.daemon_instance.load(Ordering::Acquire);
         Heard {
-            last_stop_ns: self.last_stop_ns.load(Ordering::Acquire),
+            wanted_from_ns: self.wanted_from_ns.load(Ordering::Acquire),
             daemon_instance: Some(daemon).filter(|daemon| *daemon != 0),
         }
     }
@@ -215,6 +222,7 @@ pub(super) fn link() -> (LoopEnd, GuardEnd, RelayEnd) {
     let (reports, take_report) = RingBuffer::new(REPORTS);
     let (events, take_event) = RingBuffer::new(EVENTS);
     let shared = Arc::<Shared>::default();
+    shared.forget_requests(mono_now_ns());
     let for_loop = LoopEnd {
         orders,
         answers,

@@ -149,8 +149,7 @@ impl Relay {
     }
 
     fn send_state(&mut self) {
-        let thread_id = &self.link.shared.loop_thread_id;
-        let message = self.view.message(thread_id.load(Ordering::Relaxed));
+        let message = self.view.message(&self.link.shared);
         self.ports.send_state(&message);
     }
 
@@ -280,6 +279,7 @@ fn log(event: GuardEvent) {
             );
         }
         GuardEvent::Signalled => info!("a signal orders a stop"),
+        GuardEvent::Suspended => warn!("the machine was suspended: stopping along the path"),
         GuardEvent::ShuttingDown(LoopState::Executing | LoopState::Stopping) => {
             info!("shutting down: stopping the robot along its path");
         }

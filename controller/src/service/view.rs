@@ -1,5 +1,7 @@
 //! What the relay knows of the loop, from its reports: the published state, its statistics, its log.
 
+use std::sync::atomic::Ordering;
+
 use shared_types::{
     clock::mono_now_ns,
     codes::{LoopFault, LoopState, Refusal, Waiting},
@@ -8,7 +10,7 @@ use shared_types::{
 };
 use tracing::{error, info, warn};
 
-use super::link::Report;
+use super::link::{Report, Shared};
 use crate::{
     arena::MemoryCounts,
     executive::{CONSISTENCY_M, CycleOutput, Heard, Situation},
@@ -162,9 +164,10 @@ impl View {
     }
 
     /// The message for everyone.
-    pub(super) fn message(&self, loop_thread_id: u32) -> ControllerState {
+    pub(super) fn message(&self, shared: &Shared) -> ControllerState {
         let mut message = self.published;
-        message.loop_thread_id = loop_thread_id;
+        message.loop_thread_id = shared.loop_thread_id.load(Ordering::Relaxed);
+        message.wanted_from_mono_ns = shared.heard().wanted_from_ns;
         let Some(report) = &self.latest else {
             message.stamp_mono_ns = mono_now_ns();
             return message;
@@ -183,6 +186,7 @@ impl View {
         message.splice_error_m = output.splice_error_m;
         message.trajectory_time_s = output.path_time_s;
         message.rate = output.rate;
+        message.speed = output.speed;
         message.setpoints_sent = report.setpoints_sent;
         message.loop_arena_allocations = report.memory.arena_allocations;
         message.loop_system_allocations = report.memory.system_operations;

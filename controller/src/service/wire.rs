@@ -2,6 +2,7 @@
 
 use pcc_model::Configuration;
 use shared_types::{
+    codes::{MotorFault, MotorState},
     message::{Cycle, RobotState, Setpoint, TrajectoryMessage},
     valid,
 };
@@ -32,9 +33,20 @@ pub(super) fn fill(motion: &mut Motion, message: &TrajectoryMessage) -> Result<(
     Ok(())
 }
 
-/// The robot's state, or `None` where it cannot be one.
+/// The robot's state, or `None` where it cannot be one. Whatever it says that it does, a robot with a fault is in fault; one that a test
+/// has injected shows in what it measures.
 pub(super) fn robot_sample(message: &RobotState) -> Option<RobotSample> {
-    let valid::RobotState { state, values, .. } = valid::RobotState::try_from(message).ok()?;
+    let valid::RobotState {
+        state,
+        fault,
+        values,
+    } = valid::RobotState::try_from(message).ok()?;
+    let state = match fault {
+        MotorFault::None | MotorFault::Injected => state,
+        MotorFault::Motor | MotorFault::Sensor | MotorFault::Bus | MotorFault::Setpoint => {
+            MotorState::Fault
+        }
+    };
     Some(RobotSample {
         stamp_ns: values.stamp_mono_ns,
         state,

@@ -107,8 +107,8 @@ codes! {
         OtherController = 12 "meant for another controller",
         /// Another daemon than the one whose heart beats has published it: nobody watches over it.
         OtherDaemon = 13 "published by another daemon",
-        /// A stop was ordered after it was requested.
-        BeforeStop = 14 "requested before a stop",
+        /// A stop or a reset was ordered, or the controller was started, after it was requested.
+        RequestedBefore = 14 "requested before a stop, a reset or the controller's start",
         /// It was taken, and a stop, a fault or the loss of robot or daemon came before its begin.
         SetAside = 15 "set aside before its begin",
     }

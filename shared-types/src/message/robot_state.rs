@@ -16,7 +16,7 @@ wire_message! {
         pub accepted_sequence: u64,
         /// [`crate::codes::MotorState`].
         pub state: u32,
-        /// [`crate::codes::MotorFault`].
+        /// [`crate::codes::MotorFault`]: with another one than none and injected the robot is in fault, whatever its state.
         pub fault: u32,
         /// The robot's own reference, metres: the last accepted set-point, or where its ramp to rest has led since.
         pub accepted_setpoint_m: [f64; TENDONS],

@@ -75,6 +75,9 @@ pub struct PlanRequest {
     pub limits_scale: f64,
     /// When the motion begins if executed, nanoseconds of `CLOCK_MONOTONIC`; none: as soon as possible.
     pub begin_mono_ns: Option<i64>,
+    /// When it was asked for, nanoseconds of `CLOCK_MONOTONIC`: what is asked for before a stop is not executed; none: when it is
+    /// written for the wire.
+    pub requested_mono_ns: Option<i64>,
     /// Obstacles, at most 64.
     pub balls: Vec<Ball>,
     /// Certified candidates that are answered before the whole answer, at most `candidate_count`; none: no early answer.
@@ -101,6 +104,7 @@ impl PlanRequest {
             goal,
             limits_scale: 1.0,
             begin_mono_ns: None,
+            requested_mono_ns: None,
             balls: Vec::new(),
             early_candidate_count: None,
             previous: None,
@@ -138,13 +142,27 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
             limits_scale: limits_scale(wire.limits_scale)?,
             begin_mono_ns: Some(check_stamp("begin_mono_ns", wire.begin_mono_ns)?)
                 .filter(|&begin| begin != 0),
+            requested_mono_ns: Some(check_stamp("requested_mono_ns", wire.requested_mono_ns)?)
+                .filter(|&requested| requested != 0),
             balls: balls(wire)?,
             early_candidate_count: early(wire.early_candidate_count, candidate_count)?,
             previous: previous(wire, sampler)?,
         };
         check_start(&request)?;
+        check_requested(&request)?;
         Ok(request)
     }
+}
+
+fn check_requested(request: &PlanRequest) -> Result<(), Invalid> {
+    if request.execute && request.requested_mono_ns.is_none() {
+        let reason = Reason::OutOfRange {
+            value: 0.0,
+            allowed: "the time of CLOCK_MONOTONIC at which the motion was asked for",
+        };
+        return Err(invalid("requested_mono_ns", reason));
+    }
+    Ok(())
 }
 
 fn deadline(deadline_ns: u64) -> Result<Option<Duration>, Invalid> {

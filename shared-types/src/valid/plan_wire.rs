@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::{Goal, Invalid, PlanRequest, SelectionRule};
 use crate::PROTOCOL_VERSION;
+use crate::clock::mono_now_ns;
 use crate::codes::{GoalKind, Selection};
 use crate::message::{self, NONE_SELECTED};
 
@@ -27,6 +28,7 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
             early_candidate_count: request.early_candidate_count.map_or(0, wire_count),
             limits_scale: request.limits_scale,
             begin_mono_ns: request.begin_mono_ns.unwrap_or(0),
+            requested_mono_ns: request.requested_mono_ns.unwrap_or_else(mono_now_ns),
             ..Self::ZEROED
         };
         match request.selection {

@@ -139,16 +139,19 @@ fn what_is_answered_busy_is_never_carried_out_and_a_stop_always_is() {
 }
 
 #[test]
-fn a_stop_says_when_it_was_ordered_so_that_what_was_published_before_it_is_refused() {
+fn what_was_requested_before_the_start_a_stop_or_a_reset_is_not_wanted() {
+    let started_ns = mono_now_ns();
     let mut bench = Bench::new();
-    assert_eq!(bench.at_loop.shared.heard().last_stop_ns, 0);
-    let requested_ns = mono_now_ns();
-    bench.ask(Command::Stop, 1, 0);
-    let stopped_ns = bench.at_loop.shared.heard().last_stop_ns;
-    assert!((requested_ns..=mono_now_ns()).contains(&stopped_ns));
-    bench.ask(Command::ResetFault, 2, 0);
+    let wanted_from_ns = |bench: &Bench| bench.at_loop.shared.heard().wanted_from_ns;
+    assert!((started_ns..=mono_now_ns()).contains(&wanted_from_ns(&bench)));
+    for (id, command) in [(1, Command::Stop), (2, Command::ResetFault)] {
+        let ordered_ns = mono_now_ns();
+        bench.ask(command, id, 0);
+        assert!((ordered_ns..=mono_now_ns()).contains(&wanted_from_ns(&bench)));
+    }
+    let reset_ns = wanted_from_ns(&bench);
     bench.ask(Command::SetSpeed(0.5), 3, 0);
-    assert_eq!(bench.at_loop.shared.heard().last_stop_ns, stopped_ns);
+    assert_eq!(wanted_from_ns(&bench), reset_ns);
 }
 
 #[test]
@@ -223,4 +226,12 @@ fn a_daemon_is_silent_for_as_long_as_a_heart_could_have_beaten() {
     }
     assert_eq!(silence.count(5_602 * MS, None), 227 * MS);
     assert_eq!(silence.count(5_603 * MS, Some(5_603 * MS)), 0);
+}
+
+#[test]
+fn a_suspension_is_noticed_once() {
+    let mut suspension = Suspension(7);
+    assert!(!suspension.is_longer(7 + SUSPENDED_NS));
+    assert!(suspension.is_longer(8 + SUSPENDED_NS));
+    assert!(!suspension.is_longer(9 + SUSPENDED_NS));
 }

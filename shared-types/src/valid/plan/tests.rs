@@ -13,6 +13,7 @@ fn request() -> PlanRequest {
     PlanRequest {
         candidate_count: 16,
         balls: vec![ball; 2],
+        requested_mono_ns: Some(7),
         ..PlanRequest::new([0.1; DOF], goal)
     }
 }
@@ -131,6 +132,16 @@ const BAD: &[(Change, PlanField, &str)] = &[
     ),
     (|r| r.limits_scale = f64::NAN, PlanField::LimitsScale, "NaN"),
     (|r| r.begin_mono_ns = -1, PlanField::Begin, "0 or later"),
+    (
+        |r| r.requested_mono_ns = -1,
+        PlanField::Requested,
+        "0 or later",
+    ),
+    (
+        |r| (r.execute, r.requested_mono_ns) = (1, 0),
+        PlanField::Requested,
+        "the time of CLOCK_MONOTONIC",
+    ),
     (
         |r| r.balls[1].radius_m = -0.1,
         PlanField::Balls,

@@ -38,23 +38,47 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
             report,
             "defect 3: a trajectory heard 400 ms after its begin (begin_past_ms = 1000)",
             tries,
-            Refusal::BeforeStop,
+            Refusal::RequestedBefore,
             long_after_its_begin,
         )?;
         never_begun(
             report,
             "defect 3: a trajectory heard after `stop` had nothing to do",
             tries,
-            Refusal::BeforeStop,
+            Refusal::RequestedBefore,
             before_a_stop,
         )?;
-        never_begun(
-            report,
-            "defect 3: a motion that was still being planned when `stop` had nothing to do",
-            tries,
-            Refusal::BeforeStop,
-            planned_during_a_stop,
-        )
+        for (name, thread, forbid) in [
+            (
+                "a motion that was still being planned when `stop` had nothing to do",
+                "/planning ",
+                stop as Forbid,
+            ),
+            (
+                "a request that the daemon had not read when `stop` had nothing to do",
+                "/planner-daemon ",
+                stop,
+            ),
+            (
+                "a motion that was still being planned when a reset was ordered",
+                "/planning ",
+                reset,
+            ),
+            (
+                "a motion that was still being planned when the controller was started again",
+                "/planning ",
+                restart_controller,
+            ),
+        ] {
+            never_begun(
+                report,
+                &format!("defect 3: {name}"),
+                tries,
+                Refusal::RequestedBefore,
+                || requested_before(thread, forbid),
+            )?;
+        }
+        Ok(())
     });
     report.group("unsupervised: states", command, |report| {
         foreign_motions(report)?;
@@ -193,7 +217,29 @@ fn before_a_stop() -> anyhow::Result<Published> {
     })
 }
 
-fn planned_during_a_stop() -> anyhow::Result<Published> {
+/// What forbids the execution of all that was requested before it.
+type Forbid = fn(&mut Stack) -> anyhow::Result<()>;
+
+fn stop(stack: &mut Stack) -> anyhow::Result<()> {
+    let reply = stack.controller.command(Command::Stop, PATIENCE)?;
+    anyhow::ensure!(!reply.accepted, "the premise: nothing to stop");
+    Ok(())
+}
+
+fn reset(stack: &mut Stack) -> anyhow::Result<()> {
+    let reply = stack.controller.command(Command::ResetFault, PATIENCE)?;
+    anyhow::ensure!(!reply.accepted, "the premise: nothing to reset");
+    Ok(())
+}
+
+fn restart_controller(stack: &mut Stack) -> anyhow::Result<()> {
+    stack.kill9(Part::Controller);
+    stack.start(Part::Controller);
+    Ok(stack.wait_until_ready()?)
+}
+
+/// A motion that is asked for while threads of the daemon are held that begin with this name, and published when they go on.
+fn requested_before(thread: &str, forbid: Forbid) -> anyhow::Result<Published> {
     let mut stack = Stack::running(&Settings::default())?;
     stack.controller.prepare_to_command()?;
     let request = request(&mut stack, None);
@@ -201,18 +247,15 @@ fn planned_during_a_stop() -> anyhow::Result<Published> {
     let workers = threads("", daemon);
     let workers = workers
         .iter()
-        .filter(|thread| thread.name.starts_with("/planning "));
-    let held = workers.map(|thread| HeldThread::hold(thread.id));
+        .filter(|worker| worker.name.starts_with(thread));
+    let held = workers.map(|worker| HeldThread::hold(worker.id));
     let held = held.collect::<Result<Vec<_>, _>>()?;
-    anyhow::ensure!(!held.is_empty(), "the premise: threads that plan");
+    anyhow::ensure!(!held.is_empty(), "the premise: threads named {thread}");
     let mut pending = stack.client.submit(&request)?;
     sleep(Duration::from_millis(100));
-    let reply = stack.controller.command(Command::Stop, PATIENCE)?;
+    forbid(&mut stack)?;
     let is_planned = stack.client.poll(&mut pending)?.is_some();
-    anyhow::ensure!(
-        !reply.accepted && !is_planned,
-        "the premise: nothing to stop, and no plan yet"
-    );
+    anyhow::ensure!(!is_planned, "the premise: no plan yet");
     for worker in held {
         worker.release()?;
     }
