@@ -43,7 +43,7 @@ enum Command {
     Stop,
     /// Clear the controller's latched fault; it then holds where the robot is.
     Reset,
-    /// Set the rate at which motions run.
+    /// Set the speed at which motions are followed; a controller that is restarted begins at 1.
     Speed(order::SpeedArguments),
     /// Sign off sources of live scenes.
     Scene(scene::Arguments),

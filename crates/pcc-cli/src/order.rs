@@ -21,10 +21,14 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// How long `pcc stop` waits for a reply before it tells the controller by a signal, too.
 const SIGNAL_AFTER: Duration = Duration::from_millis(50);
 
+/// What an ordered speed of 0 means.
+pub(crate) const STANDS_STILL: &str =
+    "the controller's speed is 0: it does not move until `pcc speed` is ordered";
+
 /// Arguments of `pcc speed`.
 #[derive(Args)]
 pub(crate) struct SpeedArguments {
-    /// Rate at which the path time runs, 0 (stand still on the path) to 1.
+    /// Share of a motion's own rate, 0 (stand still on the path) to 1.
     #[arg(value_parser = rate())]
     rate: f64,
 }

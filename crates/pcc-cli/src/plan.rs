@@ -2,6 +2,7 @@
 
 use crate::asked::{Asked, Wrong};
 use crate::number::{self, balls_of};
+use crate::order::STANDS_STILL;
 use anyhow::bail;
 use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
@@ -129,6 +130,9 @@ fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<
         match state {
             Some(state) if state.values.trajectory_id == id => {
                 say!("the controller executes it");
+                if let Some(note) = speed_note(state.values.speed) {
+                    say!("{note}");
+                }
                 return Ok(());
             }
             Some(state) if state.values.refused_trajectory_id == id => {
@@ -141,6 +145,14 @@ fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<
     bail!(
         "not executed: the controller has not said within {PATIENCE:?} that it executes trajectory {id}"
     )
+}
+
+/// What an ordered speed below 1 means for a motion; none where the motion is followed at its own rate.
+fn speed_note(speed: f64) -> Option<String> {
+    if speed <= 0.0 {
+        return Some(STANDS_STILL.into());
+    }
+    (speed < 1.0).then(|| format!("the controller follows it at speed {speed} of its own rate"))
 }
 
 impl Arguments {
@@ -309,4 +321,17 @@ fn stage_times(stages_ns: &[u64]) -> String {
     let stage = |(stage, ns): (&Stage, &u64)| format!("{stage} {:.2}", *ns as f64 * 1e-6);
     let parts: Vec<String> = Stage::ALL.iter().zip(stages_ns).map(stage).collect();
     format!("stages, ms: {}", parts.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_speed_below_one_is_said() {
+        assert_eq!(speed_note(1.0), None);
+        let half = "the controller follows it at speed 0.5 of its own rate";
+        assert_eq!(speed_note(0.5).as_deref(), Some(half));
+        assert_eq!(speed_note(0.0).as_deref(), Some(STANDS_STILL));
+    }
 }

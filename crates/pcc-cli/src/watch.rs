@@ -86,8 +86,8 @@ fn describe_controller(state: Option<ControllerState>) -> String {
             v.cycle
         ),
         format!(
-            "trajectory     {}   at {:.2} s, rate {:.2}",
-            v.trajectory_id, v.trajectory_time_s, v.rate
+            "trajectory     {}   at {:.2} s, rate {:.2}, ordered speed {}",
+            v.trajectory_id, v.trajectory_time_s, v.rate, v.speed
         ),
         format!("commanded rad  {}", list(&v.commanded_configuration_rad)),
         format!("measured rad   {}", list(&v.measured_configuration_rad)),

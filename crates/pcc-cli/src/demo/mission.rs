@@ -1,6 +1,6 @@
 //! The paper's three experiments: consecutive planning, two solutions of one target, avoiding an obstacle.
 
-use super::motion::{Execution, Order, Proposal, Report, Stage, Task};
+use super::motion::{Execution, OnTheWay, Order, Proposal, Report, Stage, Task};
 use super::obstacles::Obstacles;
 use super::recording::Recording;
 use crate::output_files::write_whole;
@@ -13,7 +13,7 @@ use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, Outcome};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::MovingBall;
-use shared_types::valid::{Command, Goal};
+use shared_types::valid::Goal;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag;
 use std::path::Path;
@@ -69,6 +69,8 @@ impl<'a> Mission<'a> {
                 controller: ControllerView::connect(options)?,
                 interrupted: termination_flag()?,
                 seed,
+                known_orders: None,
+                slowed: None,
             },
             obstacles: Obstacles::connect(options)?,
             recording: Recording::begin(options),
@@ -79,7 +81,7 @@ impl<'a> Mission<'a> {
             impossible: None,
         };
         mission.show(&[])?;
-        mission.stage.hold()?;
+        mission.stage.begin()?;
         Ok(mission)
     }
 
@@ -123,23 +125,23 @@ impl<'a> Mission<'a> {
         Ok(self.obstacles.take_leave()?)
     }
 
-    /// Half speed and full speed again on one motion, and a stop on the next.
+    /// Half of the speed found and that again on one motion, and a stop on the next.
     fn give_orders(&mut self) -> anyhow::Result<()> {
-        let slower = [(0.3, Command::SetSpeed(0.5)), (0.6, Command::SetSpeed(1.0))];
+        let slower = [(0.3, OnTheWay::Slower), (0.6, OnTheWay::AsFound)];
         self.order_about(
             "slower, and faster again",
             self.tip(CONSECUTIVE[0]),
             &slower,
         )?;
         let home = Goal::Configuration([0.0; 6]);
-        self.order_about("stopped half-way", home, &[(0.5, Command::Stop)])
+        self.order_about("stopped half-way", home, &[(0.5, OnTheWay::Stop)])
     }
 
     fn order_about(
         &mut self,
         name: &str,
         goal: Goal,
-        orders: &[(f64, Command)],
+        orders: &[(f64, OnTheWay)],
     ) -> anyhow::Result<()> {
         let task = Task {
             experiment: 2,
@@ -275,8 +277,12 @@ impl<'a> Mission<'a> {
         )
     }
 
-    pub(super) fn stop(&mut self) {
-        self.stage.stop();
+    /// Stops what moves where the demonstration has failed, and gives the speed back that it found.
+    pub(super) fn end(&mut self, failed: bool) {
+        if failed {
+            self.stage.stop();
+        }
+        self.stage.restore_speed();
     }
 
     fn point(&self, section_lengths: [f64; 3]) -> Point {

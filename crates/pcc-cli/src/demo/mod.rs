@@ -4,6 +4,7 @@ mod mission;
 mod motion;
 mod obstacles;
 mod recording;
+mod standing;
 
 use crate::number::any;
 use crate::output_files::{make_writable, refuse_existing};
@@ -35,9 +36,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let options = IpcOptions::from_env();
     let mut mission = mission::Mission::begin(&robot, &options, arguments.seed)?;
     let outcome = mission.carry_out();
-    if outcome.is_err() {
-        mission.stop();
-    }
+    mission.end(outcome.is_err());
     let outcome = outcome.and(mission.take_leave());
     if let Some(folder) = &arguments.record {
         mission.save(folder)?;

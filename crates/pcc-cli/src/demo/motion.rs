@@ -1,13 +1,15 @@
 //! One motion of the demonstration: ask, choose, execute, wait, measure.
 
 use super::recording::Recording;
+use super::standing::{KnownOrders, Slowed};
+use crate::order::STANDS_STILL;
 use anyhow::{Context, bail};
 use client::{Client, ControllerView, PlanAnswer};
 use collision::{Ball, Scene, minimum_clearance};
 use pcc_model::{Configuration, Point, Robot};
 use serde::Serialize;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopFault, LoopState, Outcome, Refusal};
+use shared_types::codes::{CommandRefusal, LoopFault, LoopState, Outcome, Refusal};
 use shared_types::message;
 use shared_types::valid::{Command, ControllerState, Goal, PlanRequest, SelectionRule};
 use std::sync::Arc;
@@ -23,6 +25,8 @@ const DEADLINE: Duration = Duration::from_millis(500);
 const SAME_CONFIGURATION_RAD: f64 = 1e-5;
 /// Longest wait for a process.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// Longest time that a motion at a low speed is waited for, seconds.
+const LONGEST_MOTION_S: f64 = 86_400.0;
 /// How long the robot holds after a motion; its last part is averaged for the measured tip.
 const HOLD: Duration = Duration::from_millis(1000);
 const MEASURED_OVER_NS: i64 = 300_000_000;
@@ -68,6 +72,16 @@ pub(super) struct Order {
     pub(super) planned_s: f64,
 }
 
+/// What the demonstration has the controller do on the way of a motion.
+#[derive(Clone, Copy)]
+pub(super) enum OnTheWay {
+    /// Half of the speed found.
+    Slower,
+    /// The speed found.
+    AsFound,
+    Stop,
+}
+
 /// One candidate, in the robot's own units.
 pub(super) struct Proposal {
     pub(super) index: usize,
@@ -91,9 +105,24 @@ pub(super) struct Stage<'a> {
     /// The demonstration is to end now.
     pub(super) interrupted: Arc<AtomicBool>,
     pub(super) seed: u64,
+    /// None until the demonstration begins.
+    pub(super) known_orders: Option<KnownOrders>,
+    /// Where the demonstration has ordered a speed that it has not given back yet.
+    pub(super) slowed: Option<Slowed>,
 }
 
 impl Stage<'_> {
+    /// Waits until the controller holds. From then on a stop or a reset that somebody else orders ends the demonstration.
+    pub(super) fn begin(&mut self) -> anyhow::Result<()> {
+        let held = self.hold()?.values;
+        self.known_orders = Some(KnownOrders::of(&held));
+        if held.speed < 1.0 {
+            let speed = held.speed;
+            say!("the controller follows motions at speed {speed} of their own rate");
+        }
+        Ok(())
+    }
+
     /// Plans from where the controller holds, lets `choose` pick among the candidates, and executes that one.
     pub(super) fn perform(
         &mut self,
@@ -107,7 +136,7 @@ impl Stage<'_> {
         let chosen = &proposals[choose(&proposals)?];
         let since = mono_now_ns();
         let id = self.execute(&request, chosen, hash)?;
-        let ended = self.follow(id, chosen.motion.duration())?;
+        let ended = self.follow(id, patience(chosen.motion.duration(), begun.values.speed))?;
         let end = Configuration::from(ended.values.commanded_configuration_rad);
         if ended.state == LoopState::Fault || (end - chosen.end).norm() > SAME_CONFIGURATION_RAD {
             return Ok(Execution::Stopped {
@@ -142,39 +171,83 @@ impl Stage<'_> {
     pub(super) fn order_about(
         &mut self,
         task: &Task,
-        orders: &[(f64, Command)],
+        orders: &[(f64, OnTheWay)],
     ) -> anyhow::Result<Vec<Order>> {
         let begun = self.hold()?;
         let request = self.request(begun.values.commanded_configuration_rad, task);
         let (proposals, hash) = self.propose(&request)?;
         let id = self.execute(&request, &proposals[0], hash)?;
         let planned_s = proposals[0].motion.duration();
+        // Half of it at half speed.
+        let patience = patience(2.0 * planned_s, begun.values.speed);
         let mut obeyed = Vec::new();
-        for (share, command) in orders {
-            let patience = PATIENCE + Duration::from_secs_f64(planned_s);
-            self.wait(patience, "that part of the motion is done", |s| {
+        for (share, wish) in orders {
+            let state = self.wait(patience, "that part of the motion is done", |s| {
                 s.values.trajectory_id == id && s.values.trajectory_time_s >= share * planned_s
             })?;
-            let reply = self.controller.command(*command, PATIENCE)?;
-            if !reply.accepted {
-                bail!("the controller does not obey: {}", reply.reason);
-            }
+            let Some(order) = self.order(*wish, &state)? else {
+                continue;
+            };
             obeyed.push(Order {
                 trajectory_id: id,
                 stamp_ns: mono_now_ns(),
-                order: match command {
-                    Command::SetSpeed(_) => "speed",
-                    Command::Stop => "stop",
-                    Command::ResetFault => "reset",
-                },
+                order,
                 planned_s,
             });
         }
-        let ended = self.follow(id, 2.0 * planned_s)?;
+        let ended = self.follow(id, patience)?;
         if ended.state == LoopState::Fault {
             bail!("the controller is in fault: {}", ended.fault);
         }
         Ok(obeyed)
+    }
+
+    /// Gives an order, and returns its name; none where the speed is somebody else's by now, which stays.
+    fn order(
+        &mut self,
+        wish: OnTheWay,
+        state: &ControllerState,
+    ) -> anyhow::Result<Option<&'static str>> {
+        match wish {
+            OnTheWay::Slower => {
+                // Noted before it is ordered: an order without a reply may be obeyed.
+                let slowed = *self.slowed.insert(Slowed::from(&state.values));
+                self.obeyed(Command::SetSpeed(slowed.ordered))?;
+                Ok(Some("speed"))
+            }
+            OnTheWay::AsFound => {
+                let Some(slowed) = self.slowed.filter(|slowed| slowed.stands(&state.values)) else {
+                    let speed = state.values.speed;
+                    say!("  somebody else has ordered speed {speed} meanwhile; it stays");
+                    self.slowed = None;
+                    return Ok(None);
+                };
+                self.obeyed(Command::SetSpeed(slowed.found))?;
+                self.slowed = None;
+                Ok(Some("speed"))
+            }
+            OnTheWay::Stop => {
+                self.obeyed(Command::Stop)?;
+                self.note_own_order();
+                Ok(Some("stop"))
+            }
+        }
+    }
+
+    /// Gives an order that must be obeyed.
+    fn obeyed(&mut self, command: Command) -> anyhow::Result<()> {
+        let reply = self.controller.command(command, PATIENCE)?;
+        if !reply.accepted {
+            bail!("the controller does not obey: {}", reply.reason);
+        }
+        Ok(())
+    }
+
+    /// The controller has just answered a stop or a reset of the demonstration's own.
+    fn note_own_order(&mut self) {
+        if let Some(known) = &mut self.known_orders {
+            known.add_own(mono_now_ns());
+        }
     }
 
     /// What the daemon answers to a request that is only planned.
@@ -217,7 +290,8 @@ impl Stage<'_> {
         Ok((proposals.collect::<anyhow::Result<_>>()?, report.plan_hash))
     }
 
-    /// Repeats the request, which gives the same plan, and has the chosen candidate executed.
+    /// Repeats the request, which gives the same plan, and has the chosen candidate executed. What was stopped while it was planned is
+    /// not asked for.
     fn execute(
         &mut self,
         request: &PlanRequest,
@@ -229,6 +303,7 @@ impl Stage<'_> {
             selection: SelectionRule::Index(chosen.index),
             ..request.clone()
         };
+        self.look()?;
         let answer = self.client.plan(&request, PATIENCE)?;
         let report = answer.report();
         if report.plan_hash != hash {
@@ -239,22 +314,25 @@ impl Stage<'_> {
             .with_context(|| format!("{}: {}", report.outcome, report.reason))
     }
 
-    /// Waits until the controller holds.
+    /// Waits until the controller holds, and would follow a motion.
     pub(super) fn hold(&mut self) -> anyhow::Result<ControllerState> {
-        self.wait(PATIENCE, "the controller holds", |s| {
+        let held = self.wait(PATIENCE, "the controller holds", |s| {
             s.state == LoopState::Holding
-        })
+        })?;
+        if held.values.speed <= 0.0 {
+            bail!("{STANDS_STILL}");
+        }
+        Ok(held)
     }
 
-    /// Waits until a trajectory is taken, and until the robot rests again.
-    fn follow(&mut self, id: u32, duration_s: f64) -> anyhow::Result<ControllerState> {
+    /// Waits until a trajectory is taken, and so long until the robot rests again.
+    fn follow(&mut self, id: u32, patience: Duration) -> anyhow::Result<ControllerState> {
         let taken = self.wait(PATIENCE, "the trajectory is taken", |s| {
             s.values.trajectory_id == id || s.values.refused_trajectory_id == id
         })?;
         if taken.values.refused_trajectory_id == id && taken.refusal != Refusal::None {
             bail!("the controller refused the trajectory: {}", taken.refusal);
         }
-        let patience = PATIENCE + Duration::from_secs_f64(duration_s);
         self.wait(patience, "the motion ends", |s| {
             matches!(s.state, LoopState::Holding | LoopState::Fault)
         })
@@ -262,20 +340,41 @@ impl Stage<'_> {
 
     /// Stops what moves, if something does.
     pub(super) fn stop(&mut self) {
-        if let Err(error) = self.controller.command(Command::Stop, PATIENCE) {
-            say!("the robot may move on: {error}");
+        match self.controller.command(Command::Stop, PATIENCE) {
+            Ok(reply) if reply.accepted || reply.reason == CommandRefusal::NothingToDo => {}
+            Ok(reply) => say!(
+                "the robot may move on: the stop was answered with `{}`",
+                reply.reason
+            ),
+            Err(error) => say!("the robot may move on: {error}"),
         }
     }
 
-    /// Clears the controller's fault, if there is one.
+    /// Gives the speed back that the demonstration found, where it has not yet.
+    pub(super) fn restore_speed(&mut self) {
+        if let Some(slowed) = self.slowed.take() {
+            slowed.give_back(&mut self.controller);
+        }
+    }
+
+    /// Clears the controller's fault, unless somebody else has ordered something meanwhile.
     pub(super) fn reset(&mut self) -> anyhow::Result<()> {
+        self.look()?;
         let reply = self.controller.command(Command::ResetFault, PATIENCE)?;
         if !reply.accepted {
             bail!("the controller does not reset: {}", reply.reason);
         }
+        self.note_own_order();
         Ok(())
     }
 
+    /// Waits for a fresh state, and so for the orders of others that it tells of.
+    fn look(&mut self) -> anyhow::Result<()> {
+        self.wait(PATIENCE, "the controller says what it does", |_| true)
+            .map(drop)
+    }
+
+    /// Waits for a fresh state of that kind; a stop or a reset of somebody else ends the wait.
     fn wait(
         &mut self,
         patience: Duration,
@@ -289,14 +388,23 @@ impl Stage<'_> {
             }
             if let Some(state) = self.controller.latest_state()?
                 && state.values.stamp_mono_ns >= asked
-                && until(&state)
             {
-                return Ok(state);
+                if let Some(known) = &self.known_orders {
+                    known.check(&state.values)?;
+                }
+                if until(&state) {
+                    return Ok(state);
+                }
             }
             std::thread::sleep(Duration::from_millis(5));
         }
         bail!("waited {patience:?} in vain until {what}")
     }
+}
+
+/// How long the end of a motion is waited for that lasts so long at its own rate.
+fn patience(duration_s: f64, speed: f64) -> Duration {
+    PATIENCE + Duration::from_secs_f64((duration_s / speed).min(LONGEST_MOTION_S))
 }
 
 /// Mean of the measured configurations of the last [`MEASURED_OVER_NS`], rad.
@@ -336,4 +444,18 @@ fn largest_step(cycles: &[message::Cycle]) -> f64 {
             .fold(0.0, f64::max)
     };
     cycles.windows(2).map(step).fold(0.0, f64::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slow_motion_is_waited_for_longer() {
+        assert_eq!(patience(4.0, 1.0), PATIENCE + Duration::from_secs(4));
+        assert_eq!(patience(4.0, 0.5), PATIENCE + Duration::from_secs(8));
+        for speed in [1e-300, f64::MIN_POSITIVE] {
+            assert!(patience(4.0, speed) <= PATIENCE + Duration::from_secs(86_400));
+        }
+    }
 }
