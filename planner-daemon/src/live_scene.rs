@@ -63,7 +63,7 @@ pub(crate) struct Judged {
 }
 
 impl Judged {
-    fn refused(refusal: SceneRefusal, invalid: Option<Invalid>) -> Self {
+    pub(crate) fn refused(refusal: SceneRefusal, invalid: Option<Invalid>) -> Self {
         Self {
             refusal,
             invalid,
@@ -181,17 +181,20 @@ pub(crate) struct LiveScene {
     ports: Ports,
     section_length_m: f64,
     expected: bool,
+    /// What was sent before may have been meant for another daemon, nanoseconds.
+    begun_mono_ns: i64,
     versions: u64,
 }
 
 impl LiveScene {
     /// No scene yet; `expected`: nothing may be executed without one.
-    pub(crate) fn new(section_length_m: f64, expected: bool) -> Self {
+    pub(crate) fn new(section_length_m: f64, expected: bool, begun_mono_ns: i64) -> Self {
         Self {
             sources: Vec::new(),
             ports: Ports::default(),
             section_length_m,
             expected,
+            begun_mono_ns,
             versions: 0,
         }
     }
@@ -201,6 +204,19 @@ impl LiveScene {
         self.ports.attend(present, now_mono_ns);
         self.sources
             .retain(|source| !source.leaves || source.is_live(now_mono_ns));
+    }
+
+    /// Counts a publisher's scenes no more until it is gone: it has sent some under another name than that of its first one.
+    pub(crate) fn refuse_names_of(&mut self, publisher: u128) {
+        let heard = Heard::Refused(SceneRefusal::SeveralNames);
+        self.ports.note(publisher, heard);
+    }
+
+    /// Whether a publisher may not use this name because it has used another one.
+    fn has_another_name(&mut self, publisher: u128, name: SourceName) -> bool {
+        let mut own = self.sources.iter();
+        let tells_more = own.any(|own| own.publisher == publisher && own.name != name);
+        !self.ports.is_its_name(publisher, name) || tells_more
     }
 
     /// Takes a publisher's scene in, in place of its last one, or says why not; none where it is too early to say who has the name.
@@ -218,10 +234,15 @@ impl LiveScene {
             Ok(scene) => scene,
             Err(invalid) => return Some(self.miss(wire, publisher, now.mono_ns, invalid)),
         };
+        if self.has_another_name(publisher, scene.source) {
+            self.refuse_names_of(publisher);
+            return Some(Judged::refused(SceneRefusal::SeveralNames, None));
+        }
         let (stamp, lifetime) = (scene.stamp_mono_ns, scene.lifetime_ns);
         let refusal = stamp_refusal(stamp, lifetime, now.mono_ns, now.wall_ns);
-        if refusal.is_none() && scene.takes_leave {
-            return Some(self.take_leave(scene.source, publisher, now.mono_ns));
+        // A daemon that starts again hears leaves of any age.
+        if scene.takes_leave && matches!(refusal, None | Some(SceneRefusal::TooOld)) {
+            return Some(self.take_leave(&scene, publisher, now.mono_ns));
         }
         let index = match self.place(scene.source, publisher, now.mono_ns) {
             Ok(index) => index,
@@ -254,6 +275,9 @@ impl LiveScene {
             SceneRefusal::Malformed
         };
         let name = SourceName::try_from(&wire.source);
+        if name.is_ok_and(|name| self.has_another_name(publisher, name)) {
+            self.refuse_names_of(publisher);
+        }
         let has_place = name.is_ok_and(|name| self.place(name, publisher, now_mono_ns).is_ok());
         let heard = if has_place {
             Heard::Known
@@ -264,23 +288,29 @@ impl LiveScene {
         Judged::refused(refusal, Some(invalid))
     }
 
-    /// Signs a name off. What other publishers have told under it counts until its lifetime ends. Who was refused that name signs off
-    /// only itself.
-    fn take_leave(&mut self, name: SourceName, publisher: u128, now_mono_ns: i64) -> Judged {
+    /// Signs a name off, by whoever has told nothing under it since. What other publishers have told under it counts until its lifetime
+    /// ends. Who was refused that name signs off only itself, and so does who signed off before this daemon began.
+    fn take_leave(&mut self, leave: &valid::Scene, publisher: u128, now_mono_ns: i64) -> Judged {
+        let (name, stamp) = (leave.source, leave.stamp_mono_ns);
         let heard = self.ports.heard(publisher);
         self.ports.note(publisher, Heard::Known);
         if heard == Some(Heard::Refused(SceneRefusal::NameTaken)) {
             return Judged::accepted(0);
         }
-        if !self.sources.iter().any(|source| source.name == name) {
+        let is_of_before =
+            matches!(heard, None | Some(Heard::Nothing)) && stamp < self.begun_mono_ns;
+        if !is_of_before && !self.sources.iter().any(|source| source.name == name) {
             return Judged::refused(SceneRefusal::NoSuchSource, None);
         }
+        let is_own = |source: &Source| source.publisher == publisher;
+        let leaves = |source: &Source| {
+            source.name == name && (is_own(source) || !source.has_spoken_since(stamp + 1))
+        };
         for source in &mut self.sources {
-            source.leaves |= source.name == name;
+            source.leaves |= leaves(source);
         }
-        self.sources.retain(|source| {
-            source.name != name || (source.publisher != publisher && source.is_live(now_mono_ns))
-        });
+        self.sources
+            .retain(|source| !leaves(source) || (!is_own(source) && source.is_live(now_mono_ns)));
         Judged::accepted(0)
     }
 

@@ -8,6 +8,8 @@ use crate::fixtures::{motion, unit_robot};
 const LENGTH_M: f64 = 0.5;
 const SECOND: i64 = 1_000_000_000;
 const NOW: i64 = 100 * SECOND;
+/// When this daemon began.
+const BEGUN: i64 = 90 * SECOND;
 const WALL: i64 = 1_790_000_000 * SECOND;
 /// In the way of the motion from straight on.
 const IN_THE_WAY: [f64; 3] = [0.0, 0.0, 0.75];
@@ -43,7 +45,7 @@ fn wire(scene: &ValidScene) -> Box<SceneMessage> {
 }
 
 fn live() -> LiveScene {
-    LiveScene::new(LENGTH_M, false)
+    LiveScene::new(LENGTH_M, false, BEGUN)
 }
 
 /// These publishers are there from now on.
@@ -213,7 +215,7 @@ fn a_source_that_falls_silent_is_missed_until_it_speaks_or_leaves() {
     let mut live = live();
     assert_eq!(live.absence(NOW), None);
     assert_eq!(
-        LiveScene::new(LENGTH_M, true).absence(NOW),
+        LiveScene::new(LENGTH_M, true, BEGUN).absence(NOW),
         Some(SceneAbsence::Missing)
     );
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
@@ -441,9 +443,50 @@ fn a_signed_off_source_counts_until_its_lifetime_ends_and_is_not_missed_then() {
 #[test]
 fn obstacles_that_make_no_scene_are_no_empty_scene() {
     // In sections of a nanometre every ball is too far away to be one.
-    let mut live = LiveScene::new(1e-9, false);
+    let mut live = LiveScene::new(1e-9, false, BEGUN);
     let told = take(&mut live, &scene("a", NOW, &[(ASIDE, [0.0; 3])]), 1, NOW);
     assert_eq!(told, SceneRefusal::Malformed);
     let absence = live.absence(NOW).unwrap().to_string();
     assert!(absence.contains("\"a\""), "{absence}");
+}
+
+#[test]
+fn a_publisher_that_sends_under_two_names_stops_everything_until_it_is_gone() {
+    let ball = [(IN_THE_WAY, [0.0; 3])];
+    let mut live = live();
+    there(&mut live, &[1], NOW);
+    let future = take(&mut live, &scene("a", NOW + 1, &ball), 1, NOW);
+    assert_eq!(future, SceneRefusal::InTheFuture);
+    let other = take(&mut live, &scene("b", NOW, &[]), 1, NOW);
+    assert_eq!(other, SceneRefusal::SeveralNames);
+    take(&mut live, &scene("a", NOW + 1, &ball), 1, NOW + 1);
+    let absence = live.absence_in_motion(NOW + 1, |_| false).unwrap();
+    assert!(absence.to_string().contains("one source name"), "{absence}");
+    there(&mut live, &[], NOW + 2);
+    assert!(!is_free(&live), "what it told under its first name counts");
+    let missed = live.absence(NOW + SECOND).unwrap().to_string();
+    assert!(missed.contains("\"a\""), "{missed}");
+    assert_eq!(live.sources.len(), 1);
+}
+
+#[test]
+fn a_leave_of_any_age_is_one_and_takes_nothing_of_what_was_told_since() {
+    let mut live = live();
+    there(&mut live, &[1], NOW);
+    let old = take(&mut live, &leave("a", BEGUN - SECOND), 1, NOW);
+    assert_eq!((old, live.absence(NOW)), (SceneRefusal::None, None));
+    let late = take(&mut live, &leave("a", BEGUN - SECOND), 1, NOW);
+    assert_eq!(
+        (late, live.absence(NOW)),
+        (SceneRefusal::NoSuchSource, None)
+    );
+    there(&mut live, &[1, 2, 3], NOW);
+    let unknown = take(&mut live, &leave("c", NOW), 3, NOW);
+    assert_eq!(unknown, SceneRefusal::NoSuchSource);
+    take(&mut live, &scene("b", NOW, &[]), 2, NOW);
+    there(&mut live, &[1, 2, 3, 4], NOW);
+    let before = take(&mut live, &leave("b", NOW - 1), 4, NOW);
+    assert_eq!(before, SceneRefusal::None);
+    let end = NOW + SECOND / 2;
+    assert!(live.absence(end).is_some(), "it was told since");
 }
