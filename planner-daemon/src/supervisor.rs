@@ -293,6 +293,7 @@ impl Supervisor {
             motion: &supervised.motion,
             from_s,
             timing,
+            hurried: supervised.hurried(),
             stopping_s: supervised.stopping_s,
             lag_allowance_s: 0.0,
         };
@@ -361,6 +362,7 @@ impl Supervisor {
             motion: &selected.motion,
             from_s: 0.0,
             timing: Timing::from_begin(begin_mono_ns),
+            hurried: None,
             stopping_s,
             lag_allowance_s: LAG_ALLOWANCE_S,
         };

@@ -90,6 +90,7 @@ fn certify(live: &LiveScene, from_s: f64, timing: Timing, lag_allowance_s: f64) 
         motion: &motion,
         from_s,
         timing,
+        hurried: None,
         stopping_s: 0.0,
         lag_allowance_s,
     };
@@ -123,8 +124,8 @@ fn a_ball_that_has_hardly_left_may_still_be_there() {
 
 #[test]
 fn room_for_a_lag_is_asked_for_where_it_is_wanted() {
-    // 1.4 s from the body: with a lifetime of 0.5 s behind the end of the motion, but not with one second and a half more.
-    let coming = [([8.0, 0.0, 0.75], [-2.0, 0.0, 0.0])];
+    // 1.75 s from the body: with a lifetime of 0.5 s and 0.35 s without supervision behind the end of the motion, but not with 0.5 s more.
+    let coming = [([8.7, 0.0, 0.75], [-2.0, 0.0, 0.0])];
     let mut live = live();
     take(&mut live, &scene("a", NOW, &coming), 1, NOW);
     let end = motion().duration();
@@ -142,6 +143,40 @@ fn a_slow_motion_meets_a_ball_that_a_fast_one_leaves_behind() {
     let half = 0.5 * motion().duration();
     assert!(!certify(&live, half, Timing::passing(half, NOW, 0.1), 0.0).is_free());
     assert!(certify(&live, half, Timing::passing(half, NOW, 1.0), 0.0).is_free());
+}
+
+#[test]
+fn a_slow_motion_that_may_speed_up_before_its_controller_says_so_is_certified_at_full_rate_too() {
+    let (grown, motion) = (unit_robot(), motion());
+    let half = 0.5 * motion.duration();
+    let full = Stretch {
+        timing: Timing::passing(half, NOW, 1.0),
+        until_s: half + 0.45,
+    };
+    let tip = |ahead_s: f64| grown.tip(&motion.at(half + ahead_s).position);
+    let onward = (tip(0.45) - tip(0.0)).normalize();
+    let across = onward.cross(&tip(0.45)).normalize();
+    let is_free = |hurried, before: f64| {
+        // It crosses the way before the robot now, and is gone when the slow motion comes there.
+        let centre: Point = (tip(0.45) + onward * before) * LENGTH_M;
+        let mut live = live();
+        let crossing = scene("a", NOW, &[(centre.into(), across.into())]);
+        take(&mut live, &crossing, 1, NOW);
+        let rest = Rest {
+            grown: &grown,
+            motion: &motion,
+            from_s: half,
+            timing: Timing::passing(half, NOW, 0.05),
+            hurried,
+            stopping_s: 0.0,
+            lag_allowance_s: 0.0,
+        };
+        live.certify(&rest, &mut Certificates::default()).is_free()
+    };
+    let before = (0..100).map(|i| 0.01 * f64::from(i));
+    let only_if_slow =
+        before.filter(|&before| is_free(None, before) && !is_free(Some(full), before));
+    assert!(only_if_slow.count() > 0);
 }
 
 #[test]
@@ -175,6 +210,7 @@ fn only_what_changed_is_certified_again() {
             motion: &motion,
             from_s: 0.0,
             timing: Timing::from_begin(begin_mono_ns),
+            hurried: None,
             stopping_s: 0.0,
             lag_allowance_s: 0.0,
         };
@@ -186,7 +222,10 @@ fn only_what_changed_is_certified_again() {
             .filter_map(|source| source.told.as_ref());
         let later = Timing::from_begin(begin_mono_ns + SECOND);
         let held: Vec<[bool; 2]> = held
-            .map(|told| [rest.timing, later].map(|timing| certificates.hold(told, timing, &rest)))
+            .map(|told| {
+                [rest.timing, later]
+                    .map(|timing| certificates.hold(told, Kind::Expected, rest.whole(timing), 0.0))
+            })
             .collect();
         (live.versions, held)
     };
