@@ -1,7 +1,7 @@
 //! Time in which a thread was awake: where the whole machine pauses, nobody could speak, and nobody is to blame.
 
-/// Longest time between two looks that counts, nanoseconds.
-const MOST_A_LOOK_NS: i64 = 5_000_000;
+/// Longest time between two looks that counts, nanoseconds: longer than a thread certifies a scene for between them.
+const MOST_A_LOOK_NS: i64 = 20_000_000;
 
 /// Counts the time between looks at the clock, of each at most [`MOST_A_LOOK_NS`].
 #[derive(Clone, Copy, Debug)]
@@ -44,6 +44,7 @@ mod tests {
             awake.look(1_000_100);
         }
         assert_eq!(awake.total_ns(), 1_000_000, "looks that take no time");
-        assert_eq!(awake.look(60_000_000_000), 6_000_000);
+        assert_eq!(awake.look(19_000_100), 19_000_000, "a long certificate");
+        assert_eq!(awake.look(60_000_000_000), 39_000_000);
     }
 }

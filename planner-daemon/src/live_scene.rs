@@ -1,6 +1,8 @@
 //! The obstacles that there are now, told by several sources, and whether a motion keeps clear of them.
 
-use collision::{Ball, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory};
+use collision::{
+    Ball, MovingBall, Scene, SceneError, Verdict, certify_moving_until, certify_trajectory,
+};
 use pcc_model::{Point, Robot};
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::PresentPublisher;
@@ -9,7 +11,7 @@ use shared_types::valid::{self, Invalid, SourceName, stamp_refusal};
 use trajectory::Trajectory;
 
 use self::ports::{Heard, Ports, TIME_TO_SPEAK_NS};
-use crate::moving_cover::{Cover, Timing};
+use crate::moving_cover::{Cover, Stretch, Timing};
 
 mod ports;
 
@@ -63,7 +65,7 @@ pub(crate) struct Judged {
 }
 
 impl Judged {
-    fn refused(refusal: SceneRefusal, invalid: Option<Invalid>) -> Self {
+    pub(crate) fn refused(refusal: SceneRefusal, invalid: Option<Invalid>) -> Self {
         Self {
             refusal,
             invalid,
@@ -87,11 +89,24 @@ pub(crate) struct Arrival {
     pub(crate) wall_ns: i64,
 }
 
+/// Path time by which the certificate of a motion that may hurry reaches farther than it must, s, so that it holds for some states.
+const AHEAD_S: f64 = 0.1;
+
+/// How fast a motion is taken to go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    /// As it has gone.
+    Expected,
+    /// At full rate, where it has gone more slowly.
+    Hurried,
+}
+
 /// For which version of a source's scene, and for which times on its path, what is left of a motion was certified.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Certificate {
     version: u64,
-    timing: Timing,
+    kind: Kind,
+    stretch: Stretch,
 }
 
 /// The scenes for which a motion was certified.
@@ -99,21 +114,26 @@ struct Certificate {
 pub(crate) struct Certificates(Vec<Certificate>);
 
 impl Certificates {
-    fn hold(&self, told: &Told, timing: Timing, rest: &Rest) -> bool {
-        self.0.iter().any(|certificate| {
-            certificate.version == told.version
-                && (told.moving.is_empty()
-                    || certificate
-                        .timing
-                        .is_near(timing, [rest.from_s, rest.end_s()]))
+    fn hold(&self, told: &Told, kind: Kind, stretch: Stretch, from_s: f64) -> bool {
+        let times = [from_s, stretch.until_s];
+        let is_near = |timing: Timing| timing.is_near(stretch.timing, times);
+        let mut kept = self.0.iter();
+        kept.any(|kept| {
+            let is_long = kept.stretch.until_s >= stretch.until_s;
+            kept.version == told.version
+                && kept.kind == kind
+                && (told.moving.is_empty() || (is_long && is_near(kept.stretch.timing)))
         })
     }
 
-    fn renew(&mut self, told: &Told, timing: Timing) {
-        self.0.retain(|kept| kept.version != told.version);
+    fn renew(&mut self, told: &Told, kind: Kind, stretch: Stretch) {
+        let version = told.version;
+        self.0
+            .retain(|kept| kept.version != version || kept.kind != kind);
         self.0.push(Certificate {
-            version: told.version,
-            timing,
+            version,
+            kind,
+            stretch,
         });
     }
 }
@@ -128,6 +148,8 @@ pub(crate) struct Rest<'a> {
     pub(crate) from_s: f64,
     /// When it will be where, as far as can be told.
     pub(crate) timing: Timing,
+    /// Where it may be sooner.
+    pub(crate) hurried: Option<Stretch>,
     /// Longest stop, with the time until it begins, s.
     pub(crate) stopping_s: f64,
     /// How much later than that it must be able to come, s.
@@ -135,8 +157,19 @@ pub(crate) struct Rest<'a> {
 }
 
 impl Rest<'_> {
-    fn end_s(&self) -> f64 {
-        self.motion.duration()
+    /// All of it, at this timing.
+    fn whole(&self, timing: Timing) -> Stretch {
+        Stretch {
+            timing,
+            until_s: self.motion.duration(),
+        }
+    }
+
+    /// What is to be certified.
+    fn stretches(&self) -> impl Iterator<Item = (Kind, Stretch)> {
+        let expected = (Kind::Expected, self.whole(self.timing));
+        let hurried = self.hurried.map(|hurried| (Kind::Hurried, hurried));
+        std::iter::once(expected).chain(hurried)
     }
 }
 
@@ -181,17 +214,20 @@ pub(crate) struct LiveScene {
     ports: Ports,
     section_length_m: f64,
     expected: bool,
+    /// What was sent before may have been meant for another daemon, nanoseconds.
+    begun_mono_ns: i64,
     versions: u64,
 }
 
 impl LiveScene {
     /// No scene yet; `expected`: nothing may be executed without one.
-    pub(crate) fn new(section_length_m: f64, expected: bool) -> Self {
+    pub(crate) fn new(section_length_m: f64, expected: bool, begun_mono_ns: i64) -> Self {
         Self {
             sources: Vec::new(),
             ports: Ports::default(),
             section_length_m,
             expected,
+            begun_mono_ns,
             versions: 0,
         }
     }
@@ -201,6 +237,19 @@ impl LiveScene {
         self.ports.attend(present, now_mono_ns);
         self.sources
             .retain(|source| !source.leaves || source.is_live(now_mono_ns));
+    }
+
+    /// Counts a publisher's scenes no more until it is gone: it has sent some under another name than that of its first one.
+    pub(crate) fn refuse_names_of(&mut self, publisher: u128) {
+        let heard = Heard::Refused(SceneRefusal::SeveralNames);
+        self.ports.note(publisher, heard);
+    }
+
+    /// Whether a publisher may not use this name because it has used another one.
+    fn has_another_name(&mut self, publisher: u128, name: SourceName) -> bool {
+        let mut own = self.sources.iter();
+        let tells_more = own.any(|own| own.publisher == publisher && own.name != name);
+        !self.ports.is_its_name(publisher, name) || tells_more
     }
 
     /// Takes a publisher's scene in, in place of its last one, or says why not; none where it is too early to say who has the name.
@@ -218,10 +267,15 @@ impl LiveScene {
             Ok(scene) => scene,
             Err(invalid) => return Some(self.miss(wire, publisher, now.mono_ns, invalid)),
         };
+        if self.has_another_name(publisher, scene.source) {
+            self.refuse_names_of(publisher);
+            return Some(Judged::refused(SceneRefusal::SeveralNames, None));
+        }
         let (stamp, lifetime) = (scene.stamp_mono_ns, scene.lifetime_ns);
         let refusal = stamp_refusal(stamp, lifetime, now.mono_ns, now.wall_ns);
-        if refusal.is_none() && scene.takes_leave {
-            return Some(self.take_leave(scene.source, publisher, now.mono_ns));
+        // A daemon that starts again hears leaves of any age.
+        if scene.takes_leave && matches!(refusal, None | Some(SceneRefusal::TooOld)) {
+            return Some(self.take_leave(&scene, publisher, now.mono_ns));
         }
         let index = match self.place(scene.source, publisher, now.mono_ns) {
             Ok(index) => index,
@@ -254,6 +308,9 @@ impl LiveScene {
             SceneRefusal::Malformed
         };
         let name = SourceName::try_from(&wire.source);
+        if name.is_ok_and(|name| self.has_another_name(publisher, name)) {
+            self.refuse_names_of(publisher);
+        }
         let has_place = name.is_ok_and(|name| self.place(name, publisher, now_mono_ns).is_ok());
         let heard = if has_place {
             Heard::Known
@@ -264,23 +321,29 @@ impl LiveScene {
         Judged::refused(refusal, Some(invalid))
     }
 
-    /// Signs a name off. What other publishers have told under it counts until its lifetime ends. Who was refused that name signs off
-    /// only itself.
-    fn take_leave(&mut self, name: SourceName, publisher: u128, now_mono_ns: i64) -> Judged {
+    /// Signs a name off, by whoever has told nothing under it since. What other publishers have told under it counts until its lifetime
+    /// ends. Who was refused that name signs off only itself, and so does who signed off before this daemon began.
+    fn take_leave(&mut self, leave: &valid::Scene, publisher: u128, now_mono_ns: i64) -> Judged {
+        let (name, stamp) = (leave.source, leave.stamp_mono_ns);
         let heard = self.ports.heard(publisher);
         self.ports.note(publisher, Heard::Known);
         if heard == Some(Heard::Refused(SceneRefusal::NameTaken)) {
             return Judged::accepted(0);
         }
-        if !self.sources.iter().any(|source| source.name == name) {
+        let is_of_before =
+            matches!(heard, None | Some(Heard::Nothing)) && stamp < self.begun_mono_ns;
+        if !is_of_before && !self.sources.iter().any(|source| source.name == name) {
             return Judged::refused(SceneRefusal::NoSuchSource, None);
         }
+        let is_own = |source: &Source| source.publisher == publisher;
+        let leaves = |source: &Source| {
+            source.name == name && (is_own(source) || !source.has_spoken_since(stamp + 1))
+        };
         for source in &mut self.sources {
-            source.leaves |= source.name == name;
+            source.leaves |= leaves(source);
         }
-        self.sources.retain(|source| {
-            source.name != name || (source.publisher != publisher && source.is_live(now_mono_ns))
-        });
+        self.sources
+            .retain(|source| !leaves(source) || (!is_own(source) && source.is_live(now_mono_ns)));
         Judged::accepted(0)
     }
 
@@ -397,16 +460,17 @@ impl LiveScene {
         certificates
             .0
             .retain(|kept| told().any(|told| told.version == kept.version));
-        let mut open: Vec<&Told> = told()
-            .filter(|told| !certificates.hold(told, rest.timing, rest))
-            .collect();
-        open.sort_by_key(|told| told.scene.balls.len());
-        for told in open {
-            let verdict = told.certify(rest);
-            if !verdict.is_free() {
-                return verdict;
+        for (kind, stretch) in rest.stretches() {
+            let is_open = |told: &&Told| !certificates.hold(told, kind, stretch, rest.from_s);
+            let mut open: Vec<&Told> = told().filter(is_open).collect();
+            open.sort_by_key(|told| told.scene.balls.len());
+            for told in open {
+                let (verdict, stretch) = told.certify(rest, kind, stretch);
+                if !verdict.is_free() {
+                    return verdict;
+                }
+                certificates.renew(told, kind, stretch);
             }
-            certificates.renew(told, rest.timing);
         }
         Verdict::Free
     }
@@ -439,20 +503,30 @@ impl Told {
         self.scene.balls == scene.balls && (self.moving.is_empty() || has_same_times)
     }
 
-    fn certify(&self, rest: &Rest) -> Verdict {
-        let resting = certify_trajectory(rest.grown, &self.resting, rest.motion, rest.from_s);
-        if !resting.is_free() || self.moving.is_empty() {
-            return resting;
+    /// The verdict, and for which stretch it holds.
+    fn certify(&self, rest: &Rest, kind: Kind, mut stretch: Stretch) -> (Verdict, Stretch) {
+        if kind == Kind::Expected {
+            let resting = certify_trajectory(rest.grown, &self.resting, rest.motion, rest.from_s);
+            if !resting.is_free() {
+                return (resting, stretch);
+            }
+        } else {
+            stretch.until_s = (stretch.until_s + AHEAD_S).min(rest.motion.duration());
+        }
+        if self.moving.is_empty() {
+            return (Verdict::Free, stretch);
         }
         let cover = Cover {
-            timing: rest.timing,
+            timing: stretch.timing,
             stamp_mono_ns: self.scene.stamp_mono_ns,
             lifetime_s: self.scene.lifetime_ns as f64 * 1e-9,
             stopping_s: rest.stopping_s,
             lag_allowance_s: rest.lag_allowance_s,
         };
-        let balls = cover.of_all(&self.moving, rest.grown, [rest.from_s, rest.end_s()]);
-        certify_moving(rest.grown, &balls, rest.motion, rest.from_s)
+        let times = [rest.from_s, stretch.until_s];
+        let balls = cover.of_all(&self.moving, rest.grown, times);
+        let verdict = certify_moving_until(rest.grown, &balls, rest.motion, times);
+        (verdict, stretch)
     }
 }
 

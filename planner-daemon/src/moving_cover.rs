@@ -1,8 +1,8 @@
 //! Moving balls as the certificate sees them: everywhere that they can be, however late the robot comes.
 //!
-//! A scene is believed until its lifetime is over; what moves then is stopped. Let L be the time of a stop and the lifetime, or the
-//! time that a motion goes on without supervision if that is longer. Until then a ball that was at c at the stamp s and moves at v is at the clock time t at c + v (t − s), or anywhere on its way since the
-//! stamp if it has slowed down or stopped. A motion that was expected at path time p at the clock time t(p) is there at t(p) + lag.
+//! A scene is believed until its lifetime is over; what moves then is stopped, unless supervision dies just before: then it goes on for
+//! some time more. Let L be the lifetime, that time and the time of a stop together. Until then a ball that was at c at the stamp s and
+//! moves at v is at the clock time t at c + v (t − s), or anywhere on its way since the stamp if it has slowed down or stopped. A motion that was expected at path time p at the clock time t(p) is there at t(p) + lag.
 //! So at path time p each ball is taken to be everywhere between t(p) − L and t(p) + L: all that can be true until the robot is at
 //! rest, whatever the lag up to L, is in there. Both ends are wider by [`TOLERANCE_S`], within which t(p) may change without a new
 //! certificate. That piece of its way is covered by balls that move along with it.
@@ -59,6 +59,14 @@ impl Timing {
     }
 }
 
+/// A stretch of a path from where the motion is, and when it is passed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stretch {
+    pub(crate) timing: Timing,
+    /// Path time at its end, s.
+    pub(crate) until_s: f64,
+}
+
 /// How the moving balls of a scene are covered.
 pub(crate) struct Cover {
     pub(crate) timing: Timing,
@@ -89,7 +97,7 @@ impl Cover {
     fn of_one(&self, moving: &MovingBall) -> impl Iterator<Item = MovingBall> {
         let age_s = (self.timing.zero_mono_ns - self.stamp_mono_ns) as f64 * 1e-9;
         let (centre, velocity) = (moving.ball.centre, moving.velocity);
-        let either_side_s = self.lifetime_s.max(UNSUPERVISED_S) + self.stopping_s + TOLERANCE_S;
+        let either_side_s = self.lifetime_s + UNSUPERVISED_S + self.stopping_s + TOLERANCE_S;
         let first = age_s - either_side_s;
         let last = age_s + either_side_s + self.lag_allowance_s;
         let way = velocity.norm() * (last - first);
@@ -163,8 +171,9 @@ mod tests {
             assert!(covering.len() <= MOST_COVERING);
             for path_s in [0.0, 0.7] {
                 for step in 0..=100 {
-                    // From a lifetime before to a lifetime and the allowance after the time at which the motion is there.
-                    let off_s = -0.3 + 0.8 * f64::from(step) / 100.0;
+                    // From a lifetime, an unsupervised time and a stop before to as much and the allowance after the time at which the
+                    // motion is there.
+                    let off_s = -0.65 + 1.5 * f64::from(step) / 100.0;
                     let true_ball = ball.at(1.0 + path_s + off_s);
                     for tilt in 0..8 {
                         let angle = f64::from(tilt) * std::f64::consts::FRAC_PI_4;

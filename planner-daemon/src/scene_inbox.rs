@@ -1,7 +1,13 @@
 //! Scenes as they arrive: the newest of each publisher, taken in turn, however many there are.
 
+use std::mem;
+
+use iceoryx2::port::ReceiveError;
 use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::prelude::ipc;
+use iceoryx2::sample::Sample;
 use shared_types::PROTOCOL_VERSION;
+use shared_types::capacity::SOURCE_NAME_BYTES;
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::{
     IpcError, IpcNode, PresentPublisher, Publisher, Subscriber, Topic, publisher, scene_service,
@@ -11,8 +17,6 @@ use shared_types::message::{SceneMessage, SceneStatus};
 
 use crate::live_scene::{Judged, MOST_SOURCES};
 
-/// Scenes that are received before those that wait are looked at.
-const MOST_RECEIVED: usize = 16;
 /// A publisher's next scene is looked at after this many times what the last one took: it has a quarter of the thread's time at most.
 const REST_FACTOR: i64 = 3;
 /// Longest time that a publisher's next scene waits because the last one took long, nanoseconds.
@@ -28,14 +32,36 @@ struct Waiting {
     is_new: bool,
     /// When it may be looked at, nanoseconds.
     not_before_mono_ns: i64,
+    /// One under another source's name than the scene, which does not take its place.
+    other: Option<Head>,
     /// What was said of the last one, and logged.
     said: SceneRefusal,
+}
+
+/// By which a publisher knows its scene again.
+#[derive(Clone, Copy)]
+struct Head {
+    source: [u8; SOURCE_NAME_BYTES],
+    sequence: u32,
+    stamp_mono_ns: i64,
+}
+
+impl Head {
+    fn of(scene: &SceneMessage) -> Self {
+        Self {
+            source: scene.source,
+            sequence: scene.sequence,
+            stamp_mono_ns: scene.stamp_mono_ns,
+        }
+    }
 }
 
 /// The port to `scene`, what has arrived, and the port that says what became of it.
 pub(crate) struct SceneInbox {
     topic: Topic<SceneMessage>,
     scenes: Subscriber<SceneMessage>,
+    /// Of the call under way.
+    received: Vec<Sample<ipc::Service, SceneMessage, ()>>,
     statuses: Publisher<SceneStatus>,
     waiting: Vec<Waiting>,
     present: Vec<PresentPublisher>,
@@ -52,6 +78,7 @@ impl SceneInbox {
         Ok(Self {
             scenes: subscriber(node, &topic)?,
             topic,
+            received: Vec::new(),
             statuses: publisher(node, &scene_status_service(node)?)?,
             waiting: Vec::with_capacity(MOST_SOURCES),
             present: Vec::new(),
@@ -79,27 +106,40 @@ impl SceneInbox {
         waiting.any(|waiting| waiting.publisher == publisher && waiting.is_new)
     }
 
-    /// Takes in what has arrived.
+    /// Takes in what has arrived, only once all is received: as long as two of a publisher's scenes are held, iceoryx2 passes over that
+    /// publisher's others, so that one who floods does not keep out who connected after it, and the call comes to an end.
     pub(crate) fn receive(&mut self) {
-        for _ in 0..MOST_RECEIVED {
-            let received = self.scenes.receive();
-            if let Err(error) = &received
-                && !self.receiving_fails
-            {
-                tracing::warn!("a publisher of scenes cannot be heard: {error:?}");
+        let error = loop {
+            match self.scenes.receive() {
+                Ok(Some(sample)) => self.received.push(sample),
+                Ok(None) | Err(ReceiveError::ExceedsMaxBorrows) => break None,
+                Err(error) => break Some(error),
             }
-            self.receiving_fails = received.is_err();
-            let Ok(Some(sample)) = received else {
-                return;
-            };
-            let publisher = sample.origin().value();
-            match self.waiting.iter_mut().find(|w| w.publisher == publisher) {
-                Some(waiting) => {
-                    *waiting.scene = *sample;
-                    waiting.is_new = true;
-                }
-                None => self.welcome(publisher, &sample),
+        };
+        if let Some(error) = &error
+            && !self.receiving_fails
+        {
+            tracing::warn!("a publisher of scenes cannot be heard: {error:?}");
+        }
+        self.receiving_fails = error.is_some();
+        let mut received = mem::take(&mut self.received);
+        for sample in received.drain(..) {
+            self.keep(sample.origin().value(), &sample);
+        }
+        self.received = received;
+    }
+
+    /// Puts a scene in the place of its publisher's last one; not of one that was not looked at yet and is another source's.
+    fn keep(&mut self, publisher: u128, scene: &SceneMessage) {
+        match self.waiting.iter_mut().find(|w| w.publisher == publisher) {
+            Some(waiting) if waiting.is_new && waiting.scene.source != scene.source => {
+                waiting.other = Some(Head::of(scene));
             }
+            Some(waiting) => {
+                *waiting.scene = *scene;
+                waiting.is_new = true;
+            }
+            None => self.welcome(publisher, scene),
         }
     }
 
@@ -117,8 +157,15 @@ impl SceneInbox {
             scene: Box::new(*scene),
             is_new: true,
             not_before_mono_ns: i64::MIN,
+            other: None,
             said: SceneRefusal::None,
         });
+    }
+
+    /// The publisher whose scene waits at a place, and whether it has sent one under another name meanwhile.
+    pub(crate) fn is_of_two_sources(&self, index: usize) -> (u128, bool) {
+        let waiting = &self.waiting[index];
+        (waiting.publisher, waiting.other.is_some())
     }
 
     /// Has a publisher's scene judged, and says what became of it, to the publisher too. Where nothing can be said yet (none), it is
@@ -130,13 +177,22 @@ impl SceneInbox {
         judge: impl FnOnce(&SceneMessage, u128) -> Option<Judged>,
     ) {
         let waiting = &mut self.waiting[index];
-        let scene = &waiting.scene;
-        let judged = judge(scene, waiting.publisher);
+        let judged = judge(&waiting.scene, waiting.publisher);
         waiting.is_new = judged.is_none();
         let Some(judged) = judged else {
             waiting.not_before_mono_ns = now_mono_ns + LOOK_AGAIN_NS;
             return;
         };
+        let (head, other) = (Head::of(&waiting.scene), waiting.other.take());
+        self.say(index, &head, &judged, now_mono_ns);
+        if let Some(other) = other {
+            let refused = Judged::refused(SceneRefusal::SeveralNames, None);
+            self.say(index, &other, &refused, now_mono_ns);
+        }
+    }
+
+    /// Says what became of a scene, and logs a refusal where it is another one than before.
+    fn say(&mut self, index: usize, scene: &Head, judged: &Judged, now_mono_ns: i64) {
         let status = SceneStatus {
             stamp_mono_ns: now_mono_ns,
             scene_stamp_mono_ns: scene.stamp_mono_ns,
@@ -151,6 +207,7 @@ impl SceneInbox {
         if let Err(error) = self.statuses.send_copy(status) {
             tracing::debug!("what became of a scene could not be said: {error:?}");
         }
+        let waiting = &mut self.waiting[index];
         if judged.refusal != SceneRefusal::None && waiting.said != judged.refusal {
             let name = String::from_utf8_lossy(&scene.source);
             let name = name.trim_end_matches('\0');
@@ -169,3 +226,6 @@ impl SceneInbox {
         waiting.not_before_mono_ns = waiting.not_before_mono_ns.max(ended_mono_ns + rest_ns);
     }
 }
+
+#[cfg(test)]
+mod tests;

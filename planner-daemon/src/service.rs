@@ -1,5 +1,6 @@
 //! The loop that serves plan requests: receives, refuses, hands over to planning, answers, hands over for execution.
 
+use std::mem;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
@@ -31,9 +32,6 @@ const WAY_BACK_OF_A_CANDIDATE: Duration = Duration::from_micros(20);
 /// Time that a plan under way gets when the daemon ends, before it is truncated.
 const GRACE: Duration = Duration::from_millis(500);
 
-/// Requests received in one round.
-const MOST_RECEIVED: usize = 64;
-
 /// A request that waits for its turn.
 struct Queued {
     active: PlanActiveRequest,
@@ -60,6 +58,8 @@ struct InFlight {
 /// Everything that the loop works with.
 pub(crate) struct Service {
     server: PlanServer,
+    /// Of the round under way.
+    received: Vec<PlanActiveRequest>,
     asked: EventListener,
     answered: EventNotifier,
     execution: Execution,
@@ -94,6 +94,7 @@ impl Service {
     pub(crate) fn new(parts: Parts) -> Self {
         Self {
             server: parts.server,
+            received: Vec::new(),
             asked: parts.asked,
             answered: parts.answered,
             execution: parts.execution,
@@ -135,22 +136,29 @@ impl Service {
         received || planned || begun
     }
 
-    /// Takes the requests that have arrived; a bounded number, so that a flood does not keep it from the rest.
+    /// Takes the requests that have arrived up only once all are received: as long as so many of a client's are held as it may have at
+    /// work, iceoryx2 passes over that client's others, so that one who floods does not keep out who connected after it.
     fn receive(&mut self) -> bool {
-        for count in 0..MOST_RECEIVED {
+        loop {
             match self.server.receive() {
-                Ok(Some(active)) => self.accept(active),
-                Ok(None) => {
+                Ok(Some(active)) => self.received.push(active),
+                Ok(None) | Err(ReceiveError::ExceedsMaxBorrows) => {
                     self.receiving_fails = false;
-                    return count > 0;
+                    break;
                 }
                 Err(error) => {
                     self.report_receiving(error);
-                    return count > 0;
+                    break;
                 }
             }
         }
-        true
+        let mut received = mem::take(&mut self.received);
+        let is_any = !received.is_empty();
+        for active in received.drain(..) {
+            self.accept(active);
+        }
+        self.received = received;
+        is_any
     }
 
     fn report_receiving(&mut self, error: ReceiveError) {

@@ -5,7 +5,7 @@ use shared_types::valid::ControllerState;
 use trajectory::Trajectory;
 
 use crate::live_scene::{Certificates, SceneAbsence};
-use crate::moving_cover::Timing;
+use crate::moving_cover::{Stretch, Timing};
 
 /// Age of the controller's state beyond which it says nothing of now, nanoseconds.
 pub(crate) const STATE_LIFETIME_NS: i64 = 200_000_000;
@@ -147,6 +147,19 @@ impl Supervised {
         }
     }
 
+    /// The path that may be behind it before a state says that it has sped up, and a stop is over: there it may be as early as at full
+    /// rate from the last state on. None where it cannot come earlier than [`Supervised::progress`] says.
+    pub(crate) fn hurried(&self) -> Option<Stretch> {
+        let Standing::Executing { time_s, rate } = self.standing else {
+            return None;
+        };
+        let ahead_s = STATE_LIFETIME_NS as f64 * 1e-9 + self.stopping_s;
+        (rate < 1.0).then(|| Stretch {
+            timing: Timing::passing(time_s, self.heard_mono_ns, 1.0),
+            until_s: (time_s + ahead_s).min(self.motion.duration()),
+        })
+    }
+
     /// Has it stopped; the first reason stays.
     pub(crate) fn must_stop(&mut self, reason: StopReason) {
         self.stop.get_or_insert(reason);
@@ -206,6 +219,20 @@ mod tests {
         let (from_s, timing) = supervised.progress(BEGIN + 900_000_000);
         assert_eq!(from_s, 1.5);
         assert_eq!(timing, Timing::passing(1.5, BEGIN, 0.5));
+    }
+
+    #[test]
+    fn a_slow_motion_may_hurry_until_a_state_is_missed_and_a_stop_is_over() {
+        let mut supervised = supervised();
+        assert_eq!(supervised.hurried(), None);
+        supervised.hear(&state(|values| {
+            (values.trajectory_time_s, values.rate) = (0.5, 0.05);
+        }));
+        let hurried = supervised.hurried().unwrap();
+        assert_eq!(hurried.timing, Timing::passing(0.5, BEGIN, 1.0));
+        assert!((hurried.until_s - 0.95).abs() < 1e-12, "{hurried:?}");
+        supervised.hear(&state(|values| values.rate = 1.0));
+        assert_eq!(supervised.hurried(), None);
     }
 
     #[test]

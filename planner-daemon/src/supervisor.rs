@@ -78,7 +78,7 @@ impl Supervisor {
         if let Some(priority) = realtime_priority {
             use_fifo_priority(priority)?;
         }
-        let live = LiveScene::new(rules.section_length_m, rules.scene_expected);
+        let live = LiveScene::new(rules.section_length_m, rules.scene_expected, mono_now_ns());
         Ok(Self {
             rules,
             instance,
@@ -212,6 +212,10 @@ impl Supervisor {
         let live = &mut self.live;
         // Who sent it was there before: where it is not there now, it is gone.
         live.attend(self.inbox.present(), now.mono_ns);
+        let (publisher, is_of_two) = self.inbox.is_of_two_sources(index);
+        if is_of_two {
+            live.refuse_names_of(publisher);
+        }
         self.inbox.judge(index, now.mono_ns, |wire, publisher| {
             live.take(wire, publisher, now)
         });
@@ -289,6 +293,7 @@ impl Supervisor {
             motion: &supervised.motion,
             from_s,
             timing,
+            hurried: supervised.hurried(),
             stopping_s: supervised.stopping_s,
             lag_allowance_s: 0.0,
         };
@@ -357,6 +362,7 @@ impl Supervisor {
             motion: &selected.motion,
             from_s: 0.0,
             timing: Timing::from_begin(begin_mono_ns),
+            hurried: None,
             stopping_s,
             lag_allowance_s: LAG_ALLOWANCE_S,
         };

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::clock::{mono_now_ns, wall_now_ns};
@@ -20,13 +20,19 @@ use crate::ClientError;
 
 /// Time between two looks for daemons that have come and for what they say.
 const LOOK: Duration = Duration::from_millis(5);
+/// Time between two looks for the verdict on the last scene of a dropped publisher.
+const FAREWELL_LOOK: Duration = Duration::from_millis(1);
+/// How long the ports of a dropped publisher stay for a daemon that is there to hear and judge its last scene.
+const FAREWELL: Duration = Duration::from_millis(500);
 /// Scenes sent last of which verdicts are heard: more than a flood sends between two looks, the rest are lost on the way.
 const REMEMBERED: usize = 256;
 
 /// Publishes what one source knows of the obstacles; the last scene published counts for its lifetime.
 ///
 /// A thread of its own hands the last scene to a daemon that starts later. Once its lifetime is over, the daemon executes nothing
-/// more and stops what moves, until the source publishes again or takes its leave: dropping this value is no leave.
+/// more and stops what moves, until the source publishes again or takes its leave: dropping this value is no leave. Dropping it waits, where a daemon is there, until
+/// the last scene or leave is judged, 500 ms at most: an earlier end could take it back unheard. Who must know calls
+/// [`ScenePublisher::confirm`] before.
 #[derive(Debug)]
 pub struct ScenePublisher {
     source: SourceName,
@@ -289,7 +295,9 @@ impl Ports {
                         let _ = open.scenes.update_connections();
                     }
                 }
-                Err(RecvTimeoutError::Disconnected) => return,
+                Err(RecvTimeoutError::Disconnected) => {
+                    return self.bid_farewell(heard, &sent_scenes);
+                }
             }
             self.hear(heard, &sent_scenes);
         }
@@ -301,6 +309,30 @@ impl Ports {
             None => OpenPorts::open(self, scene.takes_leave != 0)?,
         };
         self.open.insert(open).send(scene)
+    }
+
+    /// Keeps the ports until the last scene is judged, if somebody is there to do so: without them it would never have been sent.
+    fn bid_farewell(&self, heard: &Heard, sent_scenes: &VecDeque<(u32, i64)>) {
+        let Some(&(last, _)) = sent_scenes.back() else {
+            return;
+        };
+        let until = Instant::now() + FAREWELL;
+        while self.has_listeners() && Instant::now() < until {
+            self.hear(heard, sent_scenes);
+            if heard.judged() == last {
+                return;
+            }
+            thread::sleep(FAREWELL_LOOK);
+        }
+    }
+
+    /// Whether somebody hears scenes.
+    fn has_listeners(&self) -> bool {
+        let Some(open) = &self.open else {
+            return false;
+        };
+        let _ = open.scenes.update_connections();
+        self.scenes.number_of_subscribers() > 0
     }
 
     /// Hears what is said of these scenes (sequence and stamp), and not of those that another publisher sends under this name.
@@ -323,6 +355,12 @@ impl Ports {
 }
 
 impl Heard {
+    /// Sequence of the last scene judged; 0: none yet.
+    fn judged(&self) -> u32 {
+        let verdicts = self.latest.lock();
+        verdicts.unwrap_or_else(PoisonError::into_inner).judged
+    }
+
     fn take(&self, status: &SceneStatus) {
         let mut verdicts = self.latest.lock().unwrap_or_else(PoisonError::into_inner);
         verdicts.judged = status.sequence;

@@ -147,6 +147,12 @@ impl<'a> RestOfMotion<'a> {
         self.knots.len() - 1
     }
 
+    /// Pieces that begin before a time, at least one.
+    pub(crate) fn count_until(&self, time: f64) -> usize {
+        let begun = self.knots.partition_point(|knot| knot.time < time);
+        begun.clamp(1, self.count())
+    }
+
     pub(crate) fn piece(&self, index: usize) -> Piece {
         let piece = Piece::between(&self.knots[index], &self.knots[index + 1]);
         if index == 0 {

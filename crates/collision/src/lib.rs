@@ -28,7 +28,7 @@ pub use chain::Verdict;
 pub use clearance::Contact;
 pub use edge::certify_edge;
 pub use minimum::{certified_clearance, minimum_clearance};
-pub use moving::{MovingBall, certify_moving};
+pub use moving::{MovingBall, certify_moving, certify_moving_until};
 pub use scene::{Ball, MAX_BALLS, MAX_EXTENT, MAX_SOLIDS, Scene, SceneError};
 pub use scene_file::{EntryError, SceneFileError};
 pub use solid::{MAX_TRIANGLES, Solid, SolidError, SurfacePoint};

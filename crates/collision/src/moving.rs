@@ -101,7 +101,19 @@ pub fn certify_moving(
     trajectory: &Trajectory,
     from_time: f64,
 ) -> Verdict {
+    certify_moving_until(robot, balls, trajectory, [from_time, f64::INFINITY])
+}
+
+/// Like [`certify_moving`], but only up to the first knot at or after the second time (s).
+#[must_use]
+pub fn certify_moving_until(
+    robot: &Robot,
+    balls: &[MovingBall],
+    trajectory: &Trajectory,
+    [from_time, until_time]: [f64; 2],
+) -> Verdict {
     let rest = RestOfMotion::new(trajectory.knots(), from_time);
+    let count = rest.count_until(until_time);
     let certify = |balls| {
         let certifier = Certifier {
             robot,
@@ -111,7 +123,7 @@ pub fn certify_moving(
             },
             has_corners: false,
         };
-        certifier.chain(rest.count(), &|i| rest.piece(i))
+        certifier.chain(count, &|i| rest.piece(i))
     };
     balls
         .chunks(GROUP)

@@ -3,7 +3,9 @@
 
 mod motions;
 
-use collision::{Ball, MovingBall, Scene, Verdict, certify_moving, certify_trajectory};
+use collision::{
+    Ball, MovingBall, Scene, Verdict, certify_moving, certify_moving_until, certify_trajectory,
+};
 use motions::{ball, motion, random, uneven_robot};
 use pcc_model::{Configuration, Point, Robot};
 use rand::RngExt;
@@ -25,7 +27,7 @@ fn clearance_at(robot: &Robot, balls: &[MovingBall], motion: &Trajectory, time: 
 }
 
 fn resting(duration: f64) -> Trajectory {
-    let knots = [0.0, duration].map(|time| Knot {
+    let knots = [0.0, duration / 3.0, duration].map(|time| Knot {
         time,
         position: Configuration::zeros(),
         velocity: Configuration::zeros(),
@@ -119,6 +121,10 @@ fn a_ball_that_flies_through_the_resting_robot_is_found() {
     );
     assert!(certify_moving(&robot, &[through], &motion, 1.66).is_free());
     assert!(!certify_moving(&robot, &[through], &motion, 1.64).is_free());
+    let until = |time| certify_moving_until(&robot, &[through], &motion, [0.0, time]);
+    assert!(!until(motion.duration()).is_free());
+    assert!(until(1.0).is_free());
+    assert!(!until(1.01).is_free());
 }
 
 #[test]

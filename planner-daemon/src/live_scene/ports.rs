@@ -2,6 +2,7 @@
 
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::PresentPublisher;
+use shared_types::valid::SourceName;
 
 use super::SceneAbsence;
 
@@ -27,6 +28,8 @@ struct Port {
     publisher: PresentPublisher,
     /// When it was there first, nanoseconds.
     since_mono_ns: i64,
+    /// The first readable one under which it has sent.
+    name: Option<SourceName>,
     heard: Heard,
 }
 
@@ -56,18 +59,27 @@ impl Ports {
                 self.0.push(Port {
                     publisher,
                     since_mono_ns: now_mono_ns,
+                    name: None,
                     heard: Heard::Nothing,
                 });
             }
         }
     }
 
-    /// Notes what was heard of a publisher, if it is still there.
+    /// Notes what was heard of a publisher, if it is still there. What it sends under one of several names never makes up for what
+    /// it knows under another.
     pub(super) fn note(&mut self, publisher: u128, heard: Heard) {
-        let mut ports = self.0.iter_mut();
-        if let Some(port) = ports.find(|port| port.publisher.id == publisher) {
+        if let Some(port) = self.port_mut(publisher)
+            && port.heard != Heard::Refused(SceneRefusal::SeveralNames)
+        {
             port.heard = heard;
         }
+    }
+
+    /// Whether a publisher has sent under this name only; its first one is its own from then on.
+    pub(super) fn is_its_name(&mut self, publisher: u128, name: SourceName) -> bool {
+        let port = self.port_mut(publisher);
+        port.is_none_or(|port| *port.name.get_or_insert(name) == name)
     }
 
     /// What was heard of a publisher that is there.
@@ -96,6 +108,11 @@ impl Ports {
     pub(super) fn absence(&self, now_mono_ns: i64, time_to_speak_ns: i64) -> Option<SceneAbsence> {
         let mut ports = self.0.iter();
         ports.find_map(|port| port.absence(now_mono_ns, time_to_speak_ns))
+    }
+
+    fn port_mut(&mut self, publisher: u128) -> Option<&mut Port> {
+        let mut ports = self.0.iter_mut();
+        ports.find(|port| port.publisher.id == publisher)
     }
 
     fn port(&self, publisher: u128) -> Option<&Port> {

@@ -8,6 +8,8 @@ use crate::fixtures::{motion, unit_robot};
 const LENGTH_M: f64 = 0.5;
 const SECOND: i64 = 1_000_000_000;
 const NOW: i64 = 100 * SECOND;
+/// When this daemon began.
+const BEGUN: i64 = 90 * SECOND;
 const WALL: i64 = 1_790_000_000 * SECOND;
 /// In the way of the motion from straight on.
 const IN_THE_WAY: [f64; 3] = [0.0, 0.0, 0.75];
@@ -43,7 +45,7 @@ fn wire(scene: &ValidScene) -> Box<SceneMessage> {
 }
 
 fn live() -> LiveScene {
-    LiveScene::new(LENGTH_M, false)
+    LiveScene::new(LENGTH_M, false, BEGUN)
 }
 
 /// These publishers are there from now on.
@@ -88,6 +90,7 @@ fn certify(live: &LiveScene, from_s: f64, timing: Timing, lag_allowance_s: f64) 
         motion: &motion,
         from_s,
         timing,
+        hurried: None,
         stopping_s: 0.0,
         lag_allowance_s,
     };
@@ -121,8 +124,8 @@ fn a_ball_that_has_hardly_left_may_still_be_there() {
 
 #[test]
 fn room_for_a_lag_is_asked_for_where_it_is_wanted() {
-    // 1.4 s from the body: with a lifetime of 0.5 s behind the end of the motion, but not with one second and a half more.
-    let coming = [([8.0, 0.0, 0.75], [-2.0, 0.0, 0.0])];
+    // 1.75 s from the body: with a lifetime of 0.5 s and 0.35 s without supervision behind the end of the motion, but not with 0.5 s more.
+    let coming = [([8.7, 0.0, 0.75], [-2.0, 0.0, 0.0])];
     let mut live = live();
     take(&mut live, &scene("a", NOW, &coming), 1, NOW);
     let end = motion().duration();
@@ -140,6 +143,40 @@ fn a_slow_motion_meets_a_ball_that_a_fast_one_leaves_behind() {
     let half = 0.5 * motion().duration();
     assert!(!certify(&live, half, Timing::passing(half, NOW, 0.1), 0.0).is_free());
     assert!(certify(&live, half, Timing::passing(half, NOW, 1.0), 0.0).is_free());
+}
+
+#[test]
+fn a_slow_motion_that_may_speed_up_before_its_controller_says_so_is_certified_at_full_rate_too() {
+    let (grown, motion) = (unit_robot(), motion());
+    let half = 0.5 * motion.duration();
+    let full = Stretch {
+        timing: Timing::passing(half, NOW, 1.0),
+        until_s: half + 0.45,
+    };
+    let tip = |ahead_s: f64| grown.tip(&motion.at(half + ahead_s).position);
+    let onward = (tip(0.45) - tip(0.0)).normalize();
+    let across = onward.cross(&tip(0.45)).normalize();
+    let is_free = |hurried, before: f64| {
+        // It crosses the way before the robot now, and is gone when the slow motion comes there.
+        let centre: Point = (tip(0.45) + onward * before) * LENGTH_M;
+        let mut live = live();
+        let crossing = scene("a", NOW, &[(centre.into(), across.into())]);
+        take(&mut live, &crossing, 1, NOW);
+        let rest = Rest {
+            grown: &grown,
+            motion: &motion,
+            from_s: half,
+            timing: Timing::passing(half, NOW, 0.05),
+            hurried,
+            stopping_s: 0.0,
+            lag_allowance_s: 0.0,
+        };
+        live.certify(&rest, &mut Certificates::default()).is_free()
+    };
+    let before = (0..100).map(|i| 0.01 * f64::from(i));
+    let only_if_slow =
+        before.filter(|&before| is_free(None, before) && !is_free(Some(full), before));
+    assert!(only_if_slow.count() > 0);
 }
 
 #[test]
@@ -173,6 +210,7 @@ fn only_what_changed_is_certified_again() {
             motion: &motion,
             from_s: 0.0,
             timing: Timing::from_begin(begin_mono_ns),
+            hurried: None,
             stopping_s: 0.0,
             lag_allowance_s: 0.0,
         };
@@ -184,7 +222,10 @@ fn only_what_changed_is_certified_again() {
             .filter_map(|source| source.told.as_ref());
         let later = Timing::from_begin(begin_mono_ns + SECOND);
         let held: Vec<[bool; 2]> = held
-            .map(|told| [rest.timing, later].map(|timing| certificates.hold(told, timing, &rest)))
+            .map(|told| {
+                [rest.timing, later]
+                    .map(|timing| certificates.hold(told, Kind::Expected, rest.whole(timing), 0.0))
+            })
             .collect();
         (live.versions, held)
     };
@@ -213,7 +254,7 @@ fn a_source_that_falls_silent_is_missed_until_it_speaks_or_leaves() {
     let mut live = live();
     assert_eq!(live.absence(NOW), None);
     assert_eq!(
-        LiveScene::new(LENGTH_M, true).absence(NOW),
+        LiveScene::new(LENGTH_M, true, BEGUN).absence(NOW),
         Some(SceneAbsence::Missing)
     );
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
@@ -441,9 +482,50 @@ fn a_signed_off_source_counts_until_its_lifetime_ends_and_is_not_missed_then() {
 #[test]
 fn obstacles_that_make_no_scene_are_no_empty_scene() {
     // In sections of a nanometre every ball is too far away to be one.
-    let mut live = LiveScene::new(1e-9, false);
+    let mut live = LiveScene::new(1e-9, false, BEGUN);
     let told = take(&mut live, &scene("a", NOW, &[(ASIDE, [0.0; 3])]), 1, NOW);
     assert_eq!(told, SceneRefusal::Malformed);
     let absence = live.absence(NOW).unwrap().to_string();
     assert!(absence.contains("\"a\""), "{absence}");
+}
+
+#[test]
+fn a_publisher_that_sends_under_two_names_stops_everything_until_it_is_gone() {
+    let ball = [(IN_THE_WAY, [0.0; 3])];
+    let mut live = live();
+    there(&mut live, &[1], NOW);
+    let future = take(&mut live, &scene("a", NOW + 1, &ball), 1, NOW);
+    assert_eq!(future, SceneRefusal::InTheFuture);
+    let other = take(&mut live, &scene("b", NOW, &[]), 1, NOW);
+    assert_eq!(other, SceneRefusal::SeveralNames);
+    take(&mut live, &scene("a", NOW + 1, &ball), 1, NOW + 1);
+    let absence = live.absence_in_motion(NOW + 1, |_| false).unwrap();
+    assert!(absence.to_string().contains("one source name"), "{absence}");
+    there(&mut live, &[], NOW + 2);
+    assert!(!is_free(&live), "what it told under its first name counts");
+    let missed = live.absence(NOW + SECOND).unwrap().to_string();
+    assert!(missed.contains("\"a\""), "{missed}");
+    assert_eq!(live.sources.len(), 1);
+}
+
+#[test]
+fn a_leave_of_any_age_is_one_and_takes_nothing_of_what_was_told_since() {
+    let mut live = live();
+    there(&mut live, &[1], NOW);
+    let old = take(&mut live, &leave("a", BEGUN - SECOND), 1, NOW);
+    assert_eq!((old, live.absence(NOW)), (SceneRefusal::None, None));
+    let late = take(&mut live, &leave("a", BEGUN - SECOND), 1, NOW);
+    assert_eq!(
+        (late, live.absence(NOW)),
+        (SceneRefusal::NoSuchSource, None)
+    );
+    there(&mut live, &[1, 2, 3], NOW);
+    let unknown = take(&mut live, &leave("c", NOW), 3, NOW);
+    assert_eq!(unknown, SceneRefusal::NoSuchSource);
+    take(&mut live, &scene("b", NOW, &[]), 2, NOW);
+    there(&mut live, &[1, 2, 3, 4], NOW);
+    let before = take(&mut live, &leave("b", NOW - 1), 4, NOW);
+    assert_eq!(before, SceneRefusal::None);
+    let end = NOW + SECOND / 2;
+    assert!(live.absence(end).is_some(), "it was told since");
 }

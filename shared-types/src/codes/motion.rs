@@ -138,6 +138,8 @@ codes! {
         NameTaken = 8 "another publisher has the source's name",
         /// There is no source of that name to be signed off.
         NoSuchSource = 9 "no source has that name",
+        /// The publisher has sent scenes under another name before: its port is one source's, and counts no more until it is gone.
+        SeveralNames = 10 "a publisher has one source name, and this one has sent scenes under another",
     }
 }
 

@@ -180,6 +180,14 @@ impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
     }
 }
 
+impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
+    /// Subscribers that are there.
+    #[must_use]
+    pub fn number_of_subscribers(&self) -> usize {
+        self.service.dynamic_config().number_of_subscribers()
+    }
+}
+
 macro_rules! topic_functions {
     ($($(#[$attribute:meta])* $function:ident: $message:ty = $qualities:ident;)*) => { $(
         $(#[$attribute])*

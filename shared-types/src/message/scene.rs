@@ -27,8 +27,9 @@ wire_message! {
         /// For how long from the stamp on the scene counts, nanoseconds, 1 ms to an hour. Once it is over and no newer one is there,
         /// nothing is executed and what moves is stopped.
         pub lifetime_ns: i64,
-        /// Name of the source, 1 to 32 characters of printable ASCII, the rest zero. A publisher that starts again takes its name up again;
-        /// of two that are there the second is refused.
+        /// Name of the source, 1 to 32 characters of printable ASCII, the rest zero. A publisher has one: once it has sent under two
+        /// names nothing is executed until it is gone; two sources want two publishers. One that starts again takes its name up
+        /// again; of two that are there the second is refused.
         pub source: [u8; SOURCE_NAME_BYTES],
         /// Counts the publisher's scenes; the daemon's verdict returns it.
         pub sequence: u32,

@@ -229,6 +229,38 @@ fn latecomers_get_the_scene_and_a_bad_one_changes_nothing() {
 }
 
 #[test]
+fn a_publisher_that_is_dropped_at_once_has_published_where_somebody_hears() {
+    let world = World::new();
+    let node = node(&world);
+    let scenes = subscriber(&node, &scene_service(&node).unwrap()).unwrap();
+    let statuses = publisher(&node, &scene_status_service(&node).unwrap()).unwrap();
+    let options = world.options.clone();
+    let dropped = thread::spawn(move || {
+        let mut camera = ScenePublisher::connect(&options, "camera").unwrap();
+        camera.publish(&[], Duration::from_secs(1)).unwrap();
+        camera.take_leave().unwrap();
+    });
+    // The daemon looks only now and then.
+    thread::sleep(Duration::from_millis(100));
+    let mut last = None;
+    while let Some(sample) = scenes.receive().unwrap() {
+        last = Some((sample.source, sample.sequence, sample.stamp_mono_ns));
+    }
+    let (source, sequence, scene_stamp_mono_ns) = last.unwrap();
+    assert_eq!(sequence, 2);
+    assert!(!dropped.is_finished(), "it waits for the verdict");
+    let status = message::SceneStatus {
+        protocol_version: PROTOCOL_VERSION,
+        source,
+        sequence,
+        scene_stamp_mono_ns,
+        ..message::SceneStatus::ZEROED
+    };
+    statuses.send_copy(status).unwrap();
+    dropped.join().unwrap();
+}
+
+#[test]
 fn what_a_daemon_says_of_a_scene_is_told_to_its_publisher() {
     let world = World::new();
     let node = node(&world);

@@ -263,8 +263,14 @@ impl Scenario {
         let watchers = (0..watchers).map(watch).collect();
         let mut command = ControllerView::connect(&options)?;
         command.prepare_to_command()?;
+        // iceoryx2 hears who came first first: the camera comes last.
+        let flood = pressure.has(Pressure::Flood);
+        let flood = flood.then(|| Flood::start(&options, FLOODING));
+        if flood.is_some() {
+            thread::sleep(Duration::from_secs(1));
+        }
         let mut scenario = Self {
-            flood: None,
+            flood,
             watchers,
             scenes: ScenePublisher::connect(&options, "camera")?,
             command,
@@ -278,10 +284,6 @@ impl Scenario {
         };
         scenario.scenes.publish(&[], LIFETIME)?;
         thread::sleep(Duration::from_secs(2));
-        if pressure.has(Pressure::Flood) {
-            scenario.flood = Some(Flood::start(&options, FLOODING));
-            thread::sleep(Duration::from_secs(1));
-        }
         Ok(scenario)
     }
 

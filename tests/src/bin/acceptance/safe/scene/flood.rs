@@ -98,10 +98,11 @@ impl Flow {
 
 pub(super) fn run(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut stack = Stack::running(&settings(false))?;
-    let mut camera = RawScenes::connect(&stack.world.options, "camera");
-    camera.send(mono_now_ns(), 600 * SECOND_NS, &[]);
     let flood = Flood::start(&stack.world.options, PUBLISHERS);
     thread::sleep(Duration::from_millis(300));
+    // iceoryx2 hears who came first first: who comes last is heard all the same.
+    let mut camera = RawScenes::connect(&stack.world.options, "camera");
+    camera.send(mono_now_ns(), 600 * SECOND_NS, &[]);
     let mut flow = Flow::of(&flood);
     plans(report, scale, &mut stack, &flood, &mut flow)?;
     stops(report, scale, &mut stack, &mut camera, (&flood, &mut flow))?;

@@ -1,0 +1,98 @@
+//! What is heard of several publishers that send at once.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
+
+use shared_types::ipc::IpcOptions;
+use shared_types::valid::SourceName;
+
+use super::*;
+
+struct World {
+    options: IpcOptions,
+    _directory: tempfile::TempDir,
+}
+
+fn world() -> World {
+    let directory = tempfile::tempdir_in("/dev/shm").unwrap();
+    let name = directory.path().file_name().unwrap().to_str().unwrap();
+    World {
+        options: IpcOptions {
+            prefix: name.replace('.', "t"),
+            root: directory.path().join("root"),
+        },
+        _directory: directory,
+    }
+}
+
+fn send(scenes: &Publisher<SceneMessage>, source: &str, sequence: u32) {
+    let mut sample = scenes.loan().unwrap();
+    sample.payload_mut().source = SourceName::new(source).unwrap().to_wire();
+    sample.payload_mut().sequence = sequence;
+    sample.send().unwrap();
+}
+
+#[test]
+fn who_connects_after_a_flood_is_heard_at_every_call() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "scene-inbox").unwrap();
+    let mut inbox = SceneInbox::open(&node).unwrap();
+    let quit = Arc::<AtomicBool>::default();
+    let flood = {
+        let (options, quit) = (world.options.clone(), Arc::clone(&quit));
+        thread::spawn(move || {
+            let node = IpcNode::create(&options, "flood").unwrap();
+            let scenes = publisher(&node, &scene_service(&node).unwrap()).unwrap();
+            while !quit.load(Ordering::Relaxed) {
+                send(&scenes, "flood", 1);
+            }
+        })
+    };
+    while inbox.waiting.is_empty() {
+        inbox.receive();
+    }
+    let camera = publisher(&node, &scene_service(&node).unwrap()).unwrap();
+    let source = SourceName::new("camera").unwrap().to_wire();
+    let is_camera = |waiting: &&Waiting| waiting.scene.source == source;
+    let mut unheard = Vec::new();
+    for sequence in 1..=2000 {
+        send(&camera, "camera", sequence);
+        inbox.receive();
+        let heard = inbox.waiting.iter().find(is_camera);
+        if heard.is_none_or(|camera| camera.scene.sequence != sequence) {
+            unheard.push(sequence);
+        }
+    }
+    quit.store(true, Ordering::Relaxed);
+    flood.join().unwrap();
+    assert!(unheard.is_empty(), "{} of 2000", unheard.len());
+}
+
+#[test]
+fn a_scene_that_was_not_looked_at_gives_no_way_to_one_of_another_source() {
+    let world = world();
+    let node = IpcNode::create(&world.options, "scene-inbox").unwrap();
+    let mut inbox = SceneInbox::open(&node).unwrap();
+    let topic = scene_status_service(&node).unwrap();
+    let statuses = subscriber(&node, &topic).unwrap();
+    let port = publisher(&node, &scene_service(&node).unwrap()).unwrap();
+    for (source, sequence) in [("a", 1), ("a", 2), ("b", 3)] {
+        send(&port, source, sequence);
+        inbox.receive();
+    }
+    assert_eq!(inbox.waiting.len(), 1);
+    assert_eq!(inbox.waiting[0].scene.sequence, 2);
+    assert!(inbox.is_of_two_sources(0).1);
+    let accepted = Judged {
+        refusal: SceneRefusal::None,
+        invalid: None,
+        balls: 0,
+    };
+    inbox.judge(0, 1, |_, _| Some(accepted));
+    let said = std::iter::from_fn(|| statuses.receive().unwrap());
+    let said: Vec<[u32; 2]> = said.map(|said| [said.sequence, said.refusal]).collect();
+    let refused = SceneRefusal::SeveralNames.code();
+    assert_eq!(said, [[2, 0], [3, refused]]);
+    assert!(!inbox.is_of_two_sources(0).1);
+}
