@@ -1,18 +1,19 @@
 //! The obstacles that there are now, told by several sources, and whether a motion keeps clear of them.
 
-use collision::{
-    Ball, MovingBall, Scene, SceneError, Verdict, certify_moving_until, certify_trajectory,
-};
-use pcc_model::{Point, Robot};
+use collision::Verdict;
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::PresentPublisher;
-use shared_types::message::{self, SceneMessage};
+use shared_types::message::SceneMessage;
 use shared_types::valid::{self, Invalid, SourceName, stamp_refusal};
-use trajectory::Trajectory;
 
+use self::certificates::Certificate;
+use self::kept_scene::KeptScene;
 use self::ports::{Heard, Ports, TIME_TO_SPEAK_NS};
-use crate::moving_cover::{Cover, Stretch, Timing};
 
+pub(crate) use self::certificates::{Certificates, RemainingMotion};
+
+mod certificates;
+mod kept_scene;
 mod ports;
 
 /// Most sources that are kept, and most publishers whose scenes are received, at once: those that may live at once, and as many
@@ -56,7 +57,7 @@ pub(crate) enum SceneAbsence {
 
 /// What became of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Judged {
+pub(crate) struct SceneVerdict {
     pub(crate) refusal: SceneRefusal,
     /// What is wrong with a malformed one.
     pub(crate) invalid: Option<Invalid>,
@@ -64,7 +65,7 @@ pub(crate) struct Judged {
     pub(crate) balls: usize,
 }
 
-impl Judged {
+impl SceneVerdict {
     pub(crate) fn refused(refusal: SceneRefusal, invalid: Option<Invalid>) -> Self {
         Self {
             refusal,
@@ -89,108 +90,13 @@ pub(crate) struct Arrival {
     pub(crate) wall_ns: i64,
 }
 
-/// Path time by which the certificate of a motion that may hurry reaches farther than it must, s, so that it holds for some states.
-const AHEAD_S: f64 = 0.1;
-
-/// How fast a motion is taken to go.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
-    /// As it has gone.
-    Expected,
-    /// At full rate, where it has gone more slowly.
-    Hurried,
-}
-
-/// For which version of a source's scene, and for which times on its path, what is left of a motion was certified.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Certificate {
-    version: u64,
-    kind: Kind,
-    stretch: Stretch,
-}
-
-/// The scenes for which a motion was certified.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Certificates(Vec<Certificate>);
-
-impl Certificates {
-    fn hold(&self, told: &Told, kind: Kind, stretch: Stretch, from_s: f64) -> bool {
-        let times = [from_s, stretch.until_s];
-        let is_near = |timing: Timing| timing.is_near(stretch.timing, times);
-        let mut kept = self.0.iter();
-        kept.any(|kept| {
-            let is_long = kept.stretch.until_s >= stretch.until_s;
-            kept.version == told.version
-                && kept.kind == kind
-                && (told.moving.is_empty() || (is_long && is_near(kept.stretch.timing)))
-        })
-    }
-
-    fn renew(&mut self, told: &Told, kind: Kind, stretch: Stretch) {
-        let version = told.version;
-        self.0
-            .retain(|kept| kept.version != version || kept.kind != kind);
-        self.0.push(Certificate {
-            version,
-            kind,
-            stretch,
-        });
-    }
-}
-
-/// What is left of a motion.
-#[derive(Clone, Copy)]
-pub(crate) struct Rest<'a> {
-    /// In units of the section length, its tubes grown by what covers the path tolerance.
-    pub(crate) grown: &'a Robot,
-    pub(crate) motion: &'a Trajectory,
-    /// Path time that has passed for certain, s.
-    pub(crate) from_s: f64,
-    /// When it will be where, as far as can be told.
-    pub(crate) timing: Timing,
-    /// Where it may be sooner.
-    pub(crate) hurried: Option<Stretch>,
-    /// Longest stop, with the time until it begins, s.
-    pub(crate) stopping_s: f64,
-    /// How much later than that it must be able to come, s.
-    pub(crate) lag_allowance_s: f64,
-}
-
-impl Rest<'_> {
-    /// All of it, at this timing.
-    fn whole(&self, timing: Timing) -> Stretch {
-        Stretch {
-            timing,
-            until_s: self.motion.duration(),
-        }
-    }
-
-    /// What is to be certified.
-    fn stretches(&self) -> impl Iterator<Item = (Kind, Stretch)> {
-        let expected = (Kind::Expected, self.whole(self.timing));
-        let hurried = self.hurried.map(|hurried| (Kind::Hurried, hurried));
-        std::iter::once(expected).chain(hurried)
-    }
-}
-
-/// The newest scene of a source, in the planner's units (lengths in sections).
-#[derive(Debug)]
-struct Told {
-    scene: valid::Scene,
-    resting: Scene,
-    /// At the stamp of the message.
-    moving: Vec<MovingBall>,
-    /// Another number for each content.
-    version: u64,
-}
-
 /// A publisher of scenes under a name, which may have died.
 #[derive(Debug)]
 struct Source {
     name: SourceName,
     publisher: u128,
     /// None where all that it has sent was refused.
-    told: Option<Told>,
+    told: Option<KeptScene>,
     /// It is signed off: it is forgotten once its lifetime is over.
     leaves: bool,
 }
@@ -262,14 +168,14 @@ impl LiveScene {
         wire: &SceneMessage,
         publisher: u128,
         now: Arrival,
-    ) -> Option<Judged> {
+    ) -> Option<SceneVerdict> {
         let scene = match valid::Scene::try_from(wire) {
             Ok(scene) => scene,
             Err(invalid) => return Some(self.miss(wire, publisher, now.mono_ns, invalid)),
         };
         if self.has_another_name(publisher, scene.source) {
             self.refuse_names_of(publisher);
-            return Some(Judged::refused(SceneRefusal::SeveralNames, None));
+            return Some(SceneVerdict::refused(SceneRefusal::SeveralNames, None));
         }
         let (stamp, lifetime) = (scene.stamp_mono_ns, scene.lifetime_ns);
         let refusal = stamp_refusal(stamp, lifetime, now.mono_ns, now.wall_ns);
@@ -284,12 +190,12 @@ impl LiveScene {
             }
             Err(refusal) => {
                 self.ports.note(publisher, Heard::Refused(refusal));
-                return Some(Judged::refused(refusal, None));
+                return Some(SceneVerdict::refused(refusal, None));
             }
         };
         self.ports.note(publisher, Heard::Known);
         Some(match refusal {
-            Some(refusal) => Judged::refused(refusal, None),
+            Some(refusal) => SceneVerdict::refused(refusal, None),
             None => self.replace(index, scene),
         })
     }
@@ -301,7 +207,7 @@ impl LiveScene {
         publisher: u128,
         now_mono_ns: i64,
         invalid: Invalid,
-    ) -> Judged {
+    ) -> SceneVerdict {
         let refusal = if invalid.field == "protocol_version" {
             SceneRefusal::WrongVersion
         } else {
@@ -318,22 +224,22 @@ impl LiveScene {
             Heard::Refused(refusal)
         };
         self.ports.note(publisher, heard);
-        Judged::refused(refusal, Some(invalid))
+        SceneVerdict::refused(refusal, Some(invalid))
     }
 
     /// Signs a name off, by whoever has told nothing under it since. What other publishers have told under it counts until its lifetime
     /// ends. Who was refused that name signs off only itself, and so does who signed off before this daemon began.
-    fn take_leave(&mut self, leave: &valid::Scene, publisher: u128, now_mono_ns: i64) -> Judged {
+    fn take_leave(&mut self, leave: &valid::Scene, publisher: u128, now_mono_ns: i64) -> SceneVerdict {
         let (name, stamp) = (leave.source, leave.stamp_mono_ns);
         let heard = self.ports.heard(publisher);
         self.ports.note(publisher, Heard::Known);
         if heard == Some(Heard::Refused(SceneRefusal::NameTaken)) {
-            return Judged::accepted(0);
+            return SceneVerdict::accepted(0);
         }
         let is_of_before =
             matches!(heard, None | Some(Heard::Nothing)) && stamp < self.begun_mono_ns;
         if !is_of_before && !self.sources.iter().any(|source| source.name == name) {
-            return Judged::refused(SceneRefusal::NoSuchSource, None);
+            return SceneVerdict::refused(SceneRefusal::NoSuchSource, None);
         }
         let is_own = |source: &Source| source.publisher == publisher;
         let leaves = |source: &Source| {
@@ -344,7 +250,7 @@ impl LiveScene {
         }
         self.sources
             .retain(|source| !leaves(source) || (!is_own(source) && source.is_live(now_mono_ns)));
-        Judged::accepted(0)
+        SceneVerdict::accepted(0)
     }
 
     /// The place of a publisher, a new one if need be, or why it gets none.
@@ -382,34 +288,34 @@ impl LiveScene {
     }
 
     /// Puts a scene in the place of its publisher's last one. What earlier publishers have told under the same name counts no longer.
-    fn replace(&mut self, index: usize, scene: valid::Scene) -> Judged {
+    fn replace(&mut self, index: usize, scene: valid::Scene) -> SceneVerdict {
         let source = &mut self.sources[index];
         let count = scene.balls.len();
         if let Some(told) = &mut source.told {
             if scene.stamp_mono_ns < told.scene.stamp_mono_ns {
-                return Judged::refused(SceneRefusal::Superseded, None);
+                return SceneVerdict::refused(SceneRefusal::Superseded, None);
             }
             if told.means_the_same_as(&scene) {
                 told.scene = scene;
                 source.leaves = false;
-                return Judged::accepted(count);
+                return SceneVerdict::accepted(count);
             }
         }
         self.versions += 1;
-        match Told::new(scene, self.section_length_m, self.versions) {
+        match KeptScene::new(scene, self.section_length_m, self.versions) {
             Ok(told) => source.told = Some(told),
             Err(error) => {
                 // Nobody knows its obstacles: it has no living scene.
                 source.told = None;
                 tracing::error!("a scene of source {:?}: {error}", source.name.to_string());
-                return Judged::refused(SceneRefusal::Malformed, None);
+                return SceneVerdict::refused(SceneRefusal::Malformed, None);
             }
         }
         source.leaves = false;
         let (name, publisher) = (source.name, source.publisher);
         self.sources
             .retain(|other| other.name != name || other.publisher == publisher);
-        Judged::accepted(count)
+        SceneVerdict::accepted(count)
     }
 
     /// Why nothing may be executed now; none where something may.
@@ -451,92 +357,33 @@ impl LiveScene {
 
     /// Certifies what is left of a motion against every source's scene, those that it was not certified for yet; small scenes
     /// first, so that a large one does not delay what they have to say.
-    pub(crate) fn certify(&self, rest: &Rest, certificates: &mut Certificates) -> Verdict {
+    pub(crate) fn certify(&self, rest: &RemainingMotion, certificates: &mut Certificates) -> Verdict {
         let told = || {
             self.sources
                 .iter()
                 .filter_map(|source| source.told.as_ref())
         };
-        certificates
-            .0
-            .retain(|kept| told().any(|told| told.version == kept.version));
+        certificates.keep_only(|version| told().any(|told| told.version == version));
         for (kind, stretch) in rest.stretches() {
-            let is_open = |told: &&Told| !certificates.hold(told, kind, stretch, rest.from_s);
-            let mut open: Vec<&Told> = told().filter(is_open).collect();
+            let certificate = |told: &KeptScene, stretch| Certificate {
+                version: told.version,
+                kind,
+                stretch,
+            };
+            let is_open = |told: &&KeptScene| {
+                !certificates.hold(&certificate(told, stretch), told.moves(), rest.from_s)
+            };
+            let mut open: Vec<&KeptScene> = told().filter(is_open).collect();
             open.sort_by_key(|told| told.scene.balls.len());
             for told in open {
                 let (verdict, stretch) = told.certify(rest, kind, stretch);
                 if !verdict.is_free() {
                     return verdict;
                 }
-                certificates.renew(told, kind, stretch);
+                certificates.renew(certificate(told, stretch));
             }
         }
         Verdict::Free
-    }
-}
-
-impl Told {
-    fn new(scene: valid::Scene, section_length_m: f64, version: u64) -> Result<Self, SceneError> {
-        let (mut resting, mut moving) = (Vec::new(), Vec::new());
-        for ball in &scene.balls {
-            let ball = moving_ball(ball, section_length_m);
-            if ball.velocity == Point::zeros() {
-                resting.push(ball.ball);
-            } else {
-                moving.push(ball);
-            }
-        }
-        Ok(Self {
-            scene,
-            resting: Scene::new(resting)?,
-            moving,
-            version,
-        })
-    }
-
-    /// Whether what was certified for this one is certified for another one: moving balls count where they may be within the lifetime
-    /// from the stamp on.
-    fn means_the_same_as(&self, scene: &valid::Scene) -> bool {
-        let has_same_times = self.scene.stamp_mono_ns == scene.stamp_mono_ns
-            && self.scene.lifetime_ns == scene.lifetime_ns;
-        self.scene.balls == scene.balls && (self.moving.is_empty() || has_same_times)
-    }
-
-    /// The verdict, and for which stretch it holds.
-    fn certify(&self, rest: &Rest, kind: Kind, mut stretch: Stretch) -> (Verdict, Stretch) {
-        if kind == Kind::Expected {
-            let resting = certify_trajectory(rest.grown, &self.resting, rest.motion, rest.from_s);
-            if !resting.is_free() {
-                return (resting, stretch);
-            }
-        } else {
-            stretch.until_s = (stretch.until_s + AHEAD_S).min(rest.motion.duration());
-        }
-        if self.moving.is_empty() {
-            return (Verdict::Free, stretch);
-        }
-        let cover = Cover {
-            timing: stretch.timing,
-            stamp_mono_ns: self.scene.stamp_mono_ns,
-            lifetime_s: self.scene.lifetime_ns as f64 * 1e-9,
-            stopping_s: rest.stopping_s,
-            lag_allowance_s: rest.lag_allowance_s,
-        };
-        let times = [rest.from_s, stretch.until_s];
-        let balls = cover.of_all(&self.moving, rest.grown, times);
-        let verdict = certify_moving_until(rest.grown, &balls, rest.motion, times);
-        (verdict, stretch)
-    }
-}
-
-fn moving_ball(ball: &message::MovingBall, section_length_m: f64) -> MovingBall {
-    MovingBall {
-        ball: Ball {
-            centre: Point::from(ball.centre_m) / section_length_m,
-            radius: ball.radius_m / section_length_m,
-        },
-        velocity: Point::from(ball.velocity_m_s) / section_length_m,
     }
 }
 

@@ -15,7 +15,7 @@ use shared_types::ipc::{
 };
 use shared_types::message::{SceneMessage, SceneStatus};
 
-use crate::live_scene::{Judged, MOST_SOURCES};
+use crate::live_scene::{SceneVerdict, MOST_SOURCES};
 
 /// A publisher's next scene is looked at after this many times what the last one took: it has a quarter of the thread's time at most.
 const REST_FACTOR: i64 = 3;
@@ -174,7 +174,7 @@ impl SceneInbox {
         &mut self,
         index: usize,
         now_mono_ns: i64,
-        judge: impl FnOnce(&SceneMessage, u128) -> Option<Judged>,
+        judge: impl FnOnce(&SceneMessage, u128) -> Option<SceneVerdict>,
     ) {
         let waiting = &mut self.waiting[index];
         let judged = judge(&waiting.scene, waiting.publisher);
@@ -186,13 +186,13 @@ impl SceneInbox {
         let (head, other) = (Head::of(&waiting.scene), waiting.other.take());
         self.say(index, &head, &judged, now_mono_ns);
         if let Some(other) = other {
-            let refused = Judged::refused(SceneRefusal::SeveralNames, None);
+            let refused = SceneVerdict::refused(SceneRefusal::SeveralNames, None);
             self.say(index, &other, &refused, now_mono_ns);
         }
     }
 
     /// Says what became of a scene, and logs a refusal where it is another one than before.
-    fn say(&mut self, index: usize, scene: &Head, judged: &Judged, now_mono_ns: i64) {
+    fn say(&mut self, index: usize, scene: &Head, judged: &SceneVerdict, now_mono_ns: i64) {
         let status = SceneStatus {
             stamp_mono_ns: now_mono_ns,
             scene_stamp_mono_ns: scene.stamp_mono_ns,

@@ -24,7 +24,7 @@ use crate::execution::{
     ExecutionRefusal, ExecutionRules, Handed, Selected, check_controller, next_id,
 };
 use crate::heartbeat::{BackgroundError, Progress};
-use crate::live_scene::{Arrival, Certificates, LiveScene, MOST_SOURCES, Rest};
+use crate::live_scene::{Arrival, Certificates, LiveScene, MOST_SOURCES, RemainingMotion};
 use crate::moving_cover::Timing;
 use crate::scene_inbox::SceneInbox;
 use crate::stop_order::StopOrder;
@@ -288,7 +288,7 @@ impl Supervisor {
             supervised.must_stop(absence.into());
         }
         let (from_s, timing) = supervised.progress(now_mono_ns);
-        let rest = Rest {
+        let rest = RemainingMotion {
             grown: &self.rules.grown,
             motion: &supervised.motion,
             from_s,
@@ -357,7 +357,7 @@ impl Supervisor {
         stopping_s: f64,
     ) -> Result<Certificates, ExecutionRefusal> {
         let mut certificates = Certificates::default();
-        let rest = Rest {
+        let rest = RemainingMotion {
             grown: &self.rules.grown,
             motion: &selected.motion,
             from_s: 0.0,

@@ -85,7 +85,7 @@ fn verdict(balls: &[([f64; 3], [f64; 3])], begin_mono_ns: i64) -> Verdict {
 
 fn certify(live: &LiveScene, from_s: f64, timing: Timing, lag_allowance_s: f64) -> Verdict {
     let (grown, motion) = (unit_robot(), motion());
-    let rest = Rest {
+    let rest = RemainingMotion {
         grown: &grown,
         motion: &motion,
         from_s,
@@ -162,7 +162,7 @@ fn a_slow_motion_that_may_speed_up_before_its_controller_says_so_is_certified_at
         let mut live = live();
         let crossing = scene("a", NOW, &[(centre.into(), across.into())]);
         take(&mut live, &crossing, 1, NOW);
-        let rest = Rest {
+        let rest = RemainingMotion {
             grown: &grown,
             motion: &motion,
             from_s: half,
@@ -205,7 +205,7 @@ fn only_what_changed_is_certified_again() {
     let moving = [([9.0, 0.0, 0.75], [0.1, 0.0, 0.0])];
     let versions = |live: &mut LiveScene, told: &ValidScene, begin_mono_ns| {
         assert_eq!(take(live, told, 1, told.stamp_mono_ns), SceneRefusal::None);
-        let rest = Rest {
+        let rest = RemainingMotion {
             grown: &grown,
             motion: &motion,
             from_s: 0.0,

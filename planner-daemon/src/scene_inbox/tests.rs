@@ -84,7 +84,7 @@ fn a_scene_that_was_not_looked_at_gives_no_way_to_one_of_another_source() {
     assert_eq!(inbox.waiting.len(), 1);
     assert_eq!(inbox.waiting[0].scene.sequence, 2);
     assert!(inbox.is_of_two_sources(0).1);
-    let accepted = Judged {
+    let accepted = SceneVerdict {
         refusal: SceneRefusal::None,
         invalid: None,
         balls: 0,
