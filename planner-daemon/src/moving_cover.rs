@@ -1,8 +1,9 @@
 //! Moving balls as the certificate sees them: everywhere that they can be, however late the robot comes.
 //!
-//! A scene is believed until its lifetime is over; what moves then is stopped, unless supervision dies just before: then it goes on for
-//! some time more. Let L be the lifetime, that time and the time of a stop together. Until then a ball that was at c at the stamp s and
-//! moves at v is at the clock time t at c + v (t − s), or anywhere on its way since the stamp if it has slowed down or stopped. A motion that was expected at path time p at the clock time t(p) is there at t(p) + lag.
+//! A scene is believed until its lifetime is over; what moves then is stopped, unless supervision dies just before: then it goes on
+//! for some time more. Let L be the lifetime, that time and the time of a stop together. Until then a ball that was at c at the stamp s
+//! and moves at v is at the clock time t at c + v (t − s), or anywhere on its way since the stamp if it has slowed down or stopped. A
+//! motion that was expected at path time p at the clock time t(p) is there at t(p) + lag.
 //! So at path time p each ball is taken to be everywhere between t(p) − L and t(p) + L: all that can be true until the robot is at
 //! rest, whatever the lag up to L, is in there. Both ends are wider by [`TOLERANCE_S`], within which t(p) may change without a new
 //! certificate. That piece of its way is covered by balls that move along with it.

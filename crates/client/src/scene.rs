@@ -30,9 +30,10 @@ const REMEMBERED: usize = 256;
 /// Publishes what one source knows of the obstacles; the last scene published counts for its lifetime.
 ///
 /// A thread of its own hands the last scene to a daemon that starts later. Once its lifetime is over, the daemon executes nothing
-/// more and stops what moves, until the source publishes again or takes its leave: dropping this value is no leave. Dropping it waits, where a daemon is there, until
-/// the last scene or leave is judged, 500 ms at most: an earlier end could take it back unheard. Who must know calls
-/// [`ScenePublisher::confirm`] before.
+/// more and stops what moves, until the source publishes again or takes its leave: dropping this value is no leave.
+///
+/// Dropping it waits, where a daemon is there, until the last scene or leave is judged, 500 ms at most: an earlier end could take it
+/// back unheard. Who must know calls [`ScenePublisher::confirm`] before.
 #[derive(Debug)]
 pub struct ScenePublisher {
     source: SourceName,
