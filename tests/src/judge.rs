@@ -78,6 +78,8 @@ pub struct Judge {
     limits: TendonLimits,
     verdict: Verdict,
     known: VecDeque<Setpoint>,
+    /// Number of the newest set-point that the robot has said to follow and that was not heard; 0: none of this controller's.
+    unheard: u64,
     robot: Option<RobotState>,
     cycle: Option<u64>,
 }
@@ -90,6 +92,7 @@ impl Judge {
             limits,
             verdict: Verdict::default(),
             known: VecDeque::new(),
+            unheard: 0,
             robot: None,
             cycle: None,
         }
@@ -136,7 +139,10 @@ impl Judge {
         if let Some(before) = self.known.back().copied() {
             let verdict = &mut self.verdict;
             verdict.lose(0, Some(before.sequence), now.sequence);
-            verdict.restarts += usize::from(now.sequence <= before.sequence);
+            if now.sequence <= before.sequence {
+                verdict.restarts += 1;
+                self.unheard = 0;
+            }
             self.look_at_step(&before, now);
         }
         self.known.push_back(*now);
@@ -201,6 +207,7 @@ impl Judge {
         };
         let Some(setpoint) = self.known.iter().rev().find(followed) else {
             self.verdict.unmatched += 1;
+            self.lose_last(state.accepted_sequence);
             return;
         };
         let age_s = seconds(state.stamp_mono_ns - setpoint.stamp_mono_ns).min(EXTRAPOLATED_S);
@@ -211,6 +218,16 @@ impl Judge {
         };
         let errors = std::array::from_fn(error);
         raise(&mut self.verdict.reference_error_m, largest(&errors));
+    }
+
+    /// Notes the last set-points of a controller that was killed before the listener came to them.
+    fn lose_last(&mut self, followed: u64) {
+        let heard = self.known.back().map_or(0, |last| last.sequence);
+        let before = heard.max(self.unheard);
+        if followed > before {
+            self.unheard = followed;
+            self.verdict.lose(0, Some(before), followed + 1);
+        }
     }
 
     fn step(&self, before: &Sample, now: &Sample) -> StepUse {
@@ -383,6 +400,20 @@ mod tests {
         }
         assert!(verdict.reference_error_m < 1e-15, "{verdict:?}");
         assert_eq!((verdict.lost, verdict.unmatched), ([0; 3], 0));
+    }
+
+    #[test]
+    fn what_a_killed_controller_sent_last_is_lost_once() {
+        let setpoints: Vec<Setpoint> = (1..50).map(setpoint).collect();
+        let mut states: Vec<RobotState> = (1..53).map(robot).collect();
+        let mut last = states[51];
+        for _ in 0..10 {
+            last.sequence += 1;
+            last.stamp_mono_ns += 1_000_000;
+            states.push(last);
+        }
+        let verdict = judged(setpoints, states);
+        assert_eq!((verdict.lost, verdict.unmatched), ([3, 0, 0], 13));
     }
 
     #[test]
