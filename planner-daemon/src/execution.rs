@@ -77,7 +77,7 @@ pub(crate) struct Selected {
     pub(crate) motion: Trajectory,
     pub(crate) candidate_index: usize,
     pub(crate) plan_id: u64,
-    /// When the request came, nanoseconds of `CLOCK_MONOTONIC`.
+    /// When the sender of the request was asked for it, nanoseconds of `CLOCK_MONOTONIC`.
     pub(crate) requested_mono_ns: i64,
     pub(crate) begin: Begin,
 }

@@ -45,7 +45,8 @@ pub(crate) enum SceneAbsence {
     },
     /// A publisher is there whose scenes count under no name.
     #[error(
-        "a publisher's scenes do not count (process {pid}): {refusal}; it must publish one that does, or end"
+        "a publisher's scenes do not count (process {pid}): {refusal}; it must {}",
+        what_helps(*.refusal)
     )]
     Refused {
         /// Its process.
@@ -53,6 +54,14 @@ pub(crate) enum SceneAbsence {
         /// Why.
         refusal: SceneRefusal,
     },
+}
+
+/// What a publisher must do whose scenes do not count.
+fn what_helps(refusal: SceneRefusal) -> &'static str {
+    match refusal {
+        SceneRefusal::SeveralNames => "end",
+        _ => "publish one that does, or end",
+    }
 }
 
 /// What became of a scene.
@@ -216,6 +225,7 @@ impl LiveScene {
         let name = SourceName::try_from(&wire.source);
         if name.is_ok_and(|name| self.has_another_name(publisher, name)) {
             self.refuse_names_of(publisher);
+            return SceneVerdict::refused(SceneRefusal::SeveralNames, Some(invalid));
         }
         let has_place = name.is_ok_and(|name| self.place(name, publisher, now_mono_ns).is_ok());
         let heard = if has_place {
@@ -227,8 +237,9 @@ impl LiveScene {
         SceneVerdict::refused(refusal, Some(invalid))
     }
 
-    /// Signs a name off, by whoever has told nothing under it since. What other publishers have told under it counts until its lifetime
-    /// ends. Who was refused that name signs off only itself, and so does who signed off before this daemon began.
+    /// Signs a name off: its publishers that have told nothing since the leave. What another publisher than the one that leaves has told
+    /// counts until its lifetime ends. Who was refused the name signs off only itself. A leave from before this daemon began is one even
+    /// where nobody has the name.
     fn take_leave(&mut self, leave: &valid::Scene, publisher: u128, now_mono_ns: i64) -> SceneVerdict {
         let (name, stamp) = (leave.source, leave.stamp_mono_ns);
         let heard = self.ports.heard(publisher);

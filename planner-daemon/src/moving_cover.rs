@@ -17,7 +17,7 @@ const LEAST_RATE: f64 = 0.05;
 pub(crate) const TOLERANCE_S: f64 = 0.01;
 /// Longest time that a motion goes on when supervision is held or dies, s: until the heart stops (0.1) and the controller misses it
 /// (`daemon_lost_ms` as shipped, 0.2), and a round of each.
-const UNSUPERVISED_S: f64 = 0.35;
+pub(crate) const UNSUPERVISED_S: f64 = 0.35;
 /// Most balls that cover one.
 const MOST_COVERING: usize = 8;
 /// Largest distance of two covering balls' centres where there are enough, radii: they are a quarter larger then.

@@ -14,8 +14,9 @@ use shared_types::ipc::{
     scene_status_service, subscriber,
 };
 use shared_types::message::{SceneMessage, SceneStatus};
+use shared_types::valid::SourceName;
 
-use crate::live_scene::{SceneVerdict, MOST_SOURCES};
+use crate::live_scene::{MOST_SOURCES, SceneVerdict};
 
 /// A publisher's next scene is looked at after this many times what the last one took: it has a quarter of the thread's time at most.
 const REST_FACTOR: i64 = 3;
@@ -32,7 +33,7 @@ struct Waiting {
     is_new: bool,
     /// When it may be looked at, nanoseconds.
     not_before_mono_ns: i64,
-    /// One under another source's name than the scene, which does not take its place.
+    /// A scene that came under another name while this one waited: both names are of one publisher, which is refused for it.
     other: Option<Head>,
     /// What was said of the last one, and logged.
     said: SceneRefusal,
@@ -132,7 +133,11 @@ impl SceneInbox {
     /// Puts a scene in the place of its publisher's last one; not of one that was not looked at yet and is another source's.
     fn keep(&mut self, publisher: u128, scene: &SceneMessage) {
         match self.waiting.iter_mut().find(|w| w.publisher == publisher) {
-            Some(waiting) if waiting.is_new && waiting.scene.source != scene.source => {
+            Some(waiting)
+                if waiting.is_new
+                    && waiting.scene.source != scene.source
+                    && SourceName::try_from(&scene.source).is_ok() =>
+            {
                 waiting.other = Some(Head::of(scene));
             }
             Some(waiting) => {
@@ -216,7 +221,10 @@ impl SceneInbox {
             let refusal = judged.refusal;
             tracing::warn!("a scene of source {name:?} is refused: {refusal}{detail}");
         }
-        waiting.said = judged.refusal;
+        // Who sends under two names would be told of again and again.
+        if waiting.said != SceneRefusal::SeveralNames {
+            waiting.said = judged.refusal;
+        }
     }
 
     /// Says how long the work on a publisher's scene took: its next one waits in proportion.

@@ -5,7 +5,7 @@ use shared_types::valid::ControllerState;
 use trajectory::Trajectory;
 
 use crate::live_scene::{Certificates, SceneAbsence};
-use crate::moving_cover::{Stretch, Timing};
+use crate::moving_cover::{Stretch, Timing, UNSUPERVISED_S};
 
 /// Age of the controller's state beyond which it says nothing of now, nanoseconds.
 pub(crate) const STATE_LIFETIME_NS: i64 = 200_000_000;
@@ -147,13 +147,13 @@ impl Supervised {
         }
     }
 
-    /// The path that may be behind it before a state says that it has sped up, and a stop is over: there it may be as early as at full
-    /// rate from the last state on. None where it cannot come earlier than [`Supervised::progress`] says.
+    /// The path that may be behind it before a state says that it has sped up, or supervision has died and that was missed, and a stop
+    /// is over: there it may be as early as at full rate from the last state on. None where it cannot come earlier than [`Supervised::progress`] says.
     pub(crate) fn hurried(&self) -> Option<Stretch> {
         let Standing::Executing { time_s, rate } = self.standing else {
             return None;
         };
-        let ahead_s = STATE_LIFETIME_NS as f64 * 1e-9 + self.stopping_s;
+        let ahead_s = STATE_LIFETIME_NS as f64 * 1e-9 + UNSUPERVISED_S + self.stopping_s;
         (rate < 1.0).then(|| Stretch {
             timing: Timing::passing(time_s, self.heard_mono_ns, 1.0),
             until_s: (time_s + ahead_s).min(self.motion.duration()),
@@ -230,7 +230,7 @@ mod tests {
         }));
         let hurried = supervised.hurried().unwrap();
         assert_eq!(hurried.timing, Timing::passing(0.5, BEGIN, 1.0));
-        assert!((hurried.until_s - 0.95).abs() < 1e-12, "{hurried:?}");
+        assert!((hurried.until_s - 1.3).abs() < 1e-12, "{hurried:?}");
         supervised.hear(&state(|values| values.rate = 1.0));
         assert_eq!(supervised.hurried(), None);
     }

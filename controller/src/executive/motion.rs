@@ -30,7 +30,7 @@ pub struct Motion {
     pub id: u32,
     /// The daemon that has published it.
     pub daemon_instance: u64,
-    /// When the daemon received the request for it, ns of CLOCK_MONOTONIC.
+    /// When the sender of the request was asked for it, ns of CLOCK_MONOTONIC.
     pub requested_ns: i64,
     /// When it begins, ns of CLOCK_MONOTONIC.
     pub begin_ns: i64,

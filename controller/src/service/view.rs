@@ -44,6 +44,7 @@ pub(super) struct View {
 impl View {
     pub(super) fn new(period_ns: i64) -> Self {
         let mut published = ControllerState::ZEROED;
+        published.speed = 1.0;
         published.period_ns = period_ns.unsigned_abs();
         published.instance = mono_now_ns().unsigned_abs();
         Self {

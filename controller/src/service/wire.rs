@@ -86,3 +86,28 @@ pub(super) fn cycle(report: &Report) -> Cycle {
         trajectory_id: output.trajectory_id,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_driver_that_tells_of_a_fault_is_in_fault_whatever_it_does() {
+        for (fault, state) in [
+            (MotorFault::None, MotorState::Following),
+            (MotorFault::Injected, MotorState::Following),
+            (MotorFault::Motor, MotorState::Fault),
+            (MotorFault::Sensor, MotorState::Fault),
+            (MotorFault::Bus, MotorState::Fault),
+            (MotorFault::Setpoint, MotorState::Fault),
+        ] {
+            let message = RobotState {
+                state: MotorState::Following.code(),
+                fault: fault.code(),
+                ..RobotState::ZEROED
+            };
+            let sample = robot_sample(&message);
+            assert_eq!(sample.map(|sample| sample.state), Some(state), "{fault}");
+        }
+    }
+}

@@ -11,7 +11,7 @@ use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopState, Outcome, Sampler, Selection, Source, Stage, Waiting};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
-use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
+use shared_types::valid::{ControllerState, Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
 use std::time::{Duration, Instant};
 
 /// How long a running daemon and controller are looked for.
@@ -168,9 +168,12 @@ impl Arguments {
             centre_m: [x, y, z],
             radius_m,
         });
-        let start = match &self.start {
-            Some(values) => six(values),
-            None => held_configuration(options)?,
+        let (start, requested_mono_ns) = match &self.start {
+            Some(values) => (six(values), None),
+            None => {
+                let held = held_state(options)?.values;
+                (held.commanded_configuration_rad, Some(held.stamp_mono_ns))
+            }
         };
         Ok(PlanRequest {
             seed: self.seed,
@@ -182,6 +185,7 @@ impl Arguments {
                 SelectionRule::Index,
             ),
             execute: self.execute,
+            requested_mono_ns: requested_mono_ns.filter(|_| self.execute),
             limits_scale: self.limits_scale,
             balls: balls.collect(),
             ..PlanRequest::new(start, self.goal()?)
@@ -255,18 +259,27 @@ fn six(values: &[f64]) -> [f64; DOF] {
     std::array::from_fn(|i| values[i])
 }
 
-fn held_configuration(options: &IpcOptions) -> anyhow::Result<[f64; DOF]> {
+/// The state of a controller that holds the robot at rest, waited for. Who orders a stop meanwhile wants it to stay there.
+fn held_state(options: &IpcOptions) -> anyhow::Result<ControllerState> {
     let mut controller = ControllerView::connect(options)?;
-    let until = Instant::now() + PATIENCE;
-    let mut last = None;
+    let (asked_ns, until) = (mono_now_ns(), Instant::now() + PATIENCE);
+    let (mut last, mut first) = (None, None);
     while Instant::now() < until {
         let state = controller.latest_state()?;
         let fresh =
             state.filter(|state| mono_now_ns() - state.values.stamp_mono_ns < STATE_LIFETIME_NS);
         if let Some(state) = fresh {
+            let values = &state.values;
+            let known = *first.get_or_insert((values.instance, values.wanted_from_mono_ns));
+            let is_ordered = values.wanted_from_mono_ns > known.1.max(asked_ns);
+            if is_ordered && values.instance == known.0 {
+                bail!(
+                    "a stop or a reset was ordered while the controller was waited for: ask again if the robot is to move"
+                );
+            }
             let rests = matches!(state.state, LoopState::Holding | LoopState::Fault);
             if rests && state.waiting == Waiting::None {
-                return Ok(state.values.commanded_configuration_rad);
+                return Ok(state);
             }
             last = Some((state.state, state.waiting));
         }

@@ -39,7 +39,8 @@ impl Certificates {
         self.0.retain(|certificate| is_kept(certificate.version));
     }
 
-    /// Whether one of them is as good as this one from this time of the path on; the scene's balls move or not.
+    /// Whether one of them is as good as this one from this time of the path on. Times do not matter
+    /// where no ball of the scene moves.
     pub(super) fn hold(&self, wanted: &Certificate, balls_move: bool, from_s: f64) -> bool {
         let until_s = wanted.stretch.until_s;
         let is_near = |timing: Timing| timing.is_near(wanted.stretch.timing, [from_s, until_s]);

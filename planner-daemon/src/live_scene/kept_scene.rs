@@ -10,7 +10,8 @@ use shared_types::valid;
 use super::certificates::{Kind, RemainingMotion};
 use crate::moving_cover::{Cover, Stretch};
 
-/// Path time by which the certificate of a motion that may hurry reaches farther than it must, s, so that it holds for some states.
+/// Path time by which the certificate of a motion that may hurry reaches farther than it must, s, so that above half
+/// the rate it holds for some states; below, the times have shifted too far with each state, and it is made anew.
 const AHEAD_S: f64 = 0.1;
 
 /// The newest scene of a source, in the planner's units (lengths in sections).
@@ -25,7 +26,7 @@ pub(super) struct KeptScene {
 }
 
 impl KeptScene {
-    /// In metres, with the next number of a content.
+    /// Of a message in metres; the version is the next number of a content.
     pub(super) fn new(
         scene: valid::Scene,
         section_length_m: f64,

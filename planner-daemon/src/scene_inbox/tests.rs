@@ -50,6 +50,7 @@ fn who_connects_after_a_flood_is_heard_at_every_call() {
         })
     };
     while inbox.waiting.is_empty() {
+        assert!(!flood.is_finished(), "the flood has ended");
         inbox.receive();
     }
     let camera = publisher(&node, &scene_service(&node).unwrap()).unwrap();

@@ -33,8 +33,8 @@ wire_message! {
         /// [`super::Heartbeat::instance`] of the daemon that publishes it and watches over it. A controller that hears another
         /// daemon's heart refuses it: nobody would stop it for an obstacle.
         pub daemon_instance: u64,
-        /// When the daemon received the request for it, nanoseconds of `CLOCK_MONOTONIC`. What was requested before the last stop is
-        /// refused.
+        /// When the sender of the request was asked for it, nanoseconds of `CLOCK_MONOTONIC`. What was requested before the last stop,
+        /// the last reset or the controller's start is refused.
         pub requested_mono_ns: i64,
         /// When the motion begins, nanoseconds of `CLOCK_MONOTONIC`.
         pub begin_mono_ns: i64,

@@ -76,7 +76,7 @@ pub struct PlanRequest {
     /// When the motion begins if executed, nanoseconds of `CLOCK_MONOTONIC`; none: as soon as possible.
     pub begin_mono_ns: Option<i64>,
     /// When it was asked for, nanoseconds of `CLOCK_MONOTONIC`: what is asked for before a stop is not executed; none: when it is
-    /// written for the wire.
+    /// written for the wire, if it is to be executed.
     pub requested_mono_ns: Option<i64>,
     /// Obstacles, at most 64.
     pub balls: Vec<Ball>,

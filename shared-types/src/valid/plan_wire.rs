@@ -28,7 +28,7 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
             early_candidate_count: request.early_candidate_count.map_or(0, wire_count),
             limits_scale: request.limits_scale,
             begin_mono_ns: request.begin_mono_ns.unwrap_or(0),
-            requested_mono_ns: request.requested_mono_ns.unwrap_or_else(mono_now_ns),
+            requested_mono_ns: requested_mono_ns(request),
             ..Self::ZEROED
         };
         match request.selection {
@@ -61,6 +61,12 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
         PlanRequest::try_from(&wire)?;
         Ok(wire)
     }
+}
+
+/// Only what is executed needs it: a request that is only planned is the same whenever it is sent.
+fn requested_mono_ns(request: &PlanRequest) -> i64 {
+    let now = || if request.execute { mono_now_ns() } else { 0 };
+    request.requested_mono_ns.unwrap_or_else(now)
 }
 
 /// A count that does not fit is too large for every field.

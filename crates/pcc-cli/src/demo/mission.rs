@@ -3,6 +3,7 @@
 use super::motion::{Execution, OnTheWay, Order, Proposal, Report, Stage, Task};
 use super::obstacles::Obstacles;
 use super::recording::Recording;
+use super::standing::Overruled;
 use crate::output_files::write_whole;
 use anyhow::{Context, bail};
 use client::{Client, ControllerView};
@@ -70,6 +71,7 @@ impl<'a> Mission<'a> {
                 interrupted: termination_flag()?,
                 seed,
                 known_orders: None,
+                last_id: None,
                 slowed: None,
             },
             obstacles: Obstacles::connect(options)?,
@@ -277,10 +279,13 @@ impl<'a> Mission<'a> {
         )
     }
 
-    /// Stops what moves where the demonstration has failed, and gives the speed back that it found.
-    pub(super) fn end(&mut self, failed: bool) {
-        if failed {
-            self.stage.stop();
+    /// Stops what moves where the demonstration has failed, and gives the speed back that it found. Where somebody else has ordered
+    /// something, the robot is theirs by now.
+    pub(super) fn end(&mut self, outcome: &anyhow::Result<()>) {
+        match outcome {
+            Err(error) if error.is::<Overruled>() => self.stage.stop_own(),
+            Err(_) => self.stage.stop(),
+            Ok(()) => {}
         }
         self.stage.restore_speed();
     }

@@ -36,7 +36,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let options = IpcOptions::from_env();
     let mut mission = mission::Mission::begin(&robot, &options, arguments.seed)?;
     let outcome = mission.carry_out();
-    mission.end(outcome.is_err());
+    mission.end(&outcome);
     let outcome = outcome.and(mission.take_leave());
     if let Some(folder) = &arguments.record {
         mission.save(folder)?;

@@ -1,7 +1,7 @@
 //! One motion of the demonstration: ask, choose, execute, wait, measure.
 
 use super::recording::Recording;
-use super::standing::{KnownOrders, Slowed};
+use super::standing::{KnownOrders, Slowed, fresh_state};
 use crate::order::STANDS_STILL;
 use anyhow::{Context, bail};
 use client::{Client, ControllerView, PlanAnswer};
@@ -107,6 +107,8 @@ pub(super) struct Stage<'a> {
     pub(super) seed: u64,
     /// None until the demonstration begins.
     pub(super) known_orders: Option<KnownOrders>,
+    /// The motion that was executed last.
+    pub(super) last_id: Option<u32>,
     /// Where the demonstration has ordered a speed that it has not given back yet.
     pub(super) slowed: Option<Slowed>,
 }
@@ -301,14 +303,15 @@ impl Stage<'_> {
         let request = PlanRequest {
             execute: true,
             selection: SelectionRule::Index(chosen.index),
+            requested_mono_ns: Some(self.look()?.values.stamp_mono_ns),
             ..request.clone()
         };
-        self.look()?;
         let answer = self.client.plan(&request, PATIENCE)?;
         let report = answer.report();
         if report.plan_hash != hash {
             bail!("the same request gave another plan");
         }
+        self.last_id = report.trajectory_id.or(self.last_id);
         report
             .trajectory_id
             .with_context(|| format!("{}: {}", report.outcome, report.reason))
@@ -350,6 +353,17 @@ impl Stage<'_> {
         }
     }
 
+    /// Stops the demonstration's own last motion, if that is under way: another one is somebody else's.
+    pub(super) fn stop_own(&mut self) {
+        let state = fresh_state(&mut self.controller);
+        let is_own = state.is_none_or(|state| {
+            state.state == LoopState::Executing && Some(state.values.trajectory_id) == self.last_id
+        });
+        if is_own {
+            self.stop();
+        }
+    }
+
     /// Gives the speed back that the demonstration found, where it has not yet.
     pub(super) fn restore_speed(&mut self) {
         if let Some(slowed) = self.slowed.take() {
@@ -369,9 +383,8 @@ impl Stage<'_> {
     }
 
     /// Waits for a fresh state, and so for the orders of others that it tells of.
-    fn look(&mut self) -> anyhow::Result<()> {
+    fn look(&mut self) -> anyhow::Result<ControllerState> {
         self.wait(PATIENCE, "the controller says what it does", |_| true)
-            .map(drop)
     }
 
     /// Waits for a fresh state of that kind; a stop or a reset of somebody else ends the wait.

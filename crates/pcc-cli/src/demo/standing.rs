@@ -94,16 +94,20 @@ impl Slowed {
 
     /// Orders the speed found again, and says what came of it; what somebody else has ordered meanwhile stays.
     pub(super) fn give_back(self, controller: &mut ControllerView) {
-        if let Some(state) = fresh_state(controller)
-            && !self.stands(&state.values)
-        {
+        let Self { found, ordered, .. } = self;
+        let Some(state) = fresh_state(controller) else {
+            say!(
+                "the controller's speed may stay {ordered} (it was {found}): the controller is silent; order `pcc speed {found}`"
+            );
+            return;
+        };
+        if !self.stands(&state.values) {
             let speed = state.values.speed;
-            if speed.to_bits() != self.found.to_bits() {
+            if speed.to_bits() != found.to_bits() {
                 say!("the controller's speed is {speed}, as ordered by somebody else; it stays");
             }
             return;
         }
-        let Self { found, ordered, .. } = self;
         match controller.command(Command::SetSpeed(found), PATIENCE) {
             Ok(reply) if reply.accepted => say!("the controller's speed is {found} again"),
             Ok(reply) => say!(
@@ -118,7 +122,7 @@ impl Slowed {
 }
 
 /// A state of after the call, also for a demonstration that was interrupted; none where the controller is silent.
-fn fresh_state(controller: &mut ControllerView) -> Option<ControllerState> {
+pub(super) fn fresh_state(controller: &mut ControllerView) -> Option<ControllerState> {
     let (asked_ns, end) = (mono_now_ns(), Instant::now() + STATE_WITHIN);
     while Instant::now() < end {
         let state = controller.latest_state().ok()?;

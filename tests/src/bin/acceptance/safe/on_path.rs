@@ -43,7 +43,10 @@ impl<'a> Along<'a> {
         let stamp_ns = cycle.stamp_mono_ns;
         let passed_s = (stamp_ns - self.stamp_ns.unwrap_or(stamp_ns)) as f64 * 1e-9;
         self.stamp_ns = Some(stamp_ns);
-        let mut bracket = [self.time_s - AROUND_S, self.time_s + passed_s + AROUND_S];
+        // Beyond its ends the path rests: a search there cannot tell which way to go.
+        let within = |time_s: f64| time_s.clamp(0.0, self.path.duration());
+        let around = [self.time_s - AROUND_S, self.time_s + passed_s + AROUND_S];
+        let mut bracket = around.map(within);
         let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
         for _ in 0..STEPS {
             let [from, to] = bracket;

@@ -16,7 +16,7 @@ use shared_types::codes::{LoopFault, LoopState};
 use shared_types::message::Cycle;
 use shared_types::valid::{Command, Goal};
 use tests::listener::Listener;
-use tests::motion::{LimitsKept, TendonSample, raise};
+use tests::motion::{LimitsKept, TendonSample};
 use tests::priority::OF_A_WATCH;
 use tests::stack::{Part, Stack};
 use tests::world::{Settings, World};
@@ -102,9 +102,10 @@ fn at_rate(report: &mut Report, rate_hz: i64, stops: usize) -> anyhow::Result<us
     report.none_of(&of, &orders.wrong);
     let motions: Vec<Trajectory> = paths.values().cloned().collect();
     super::have_jerk_steps(report, &name, &stack.world.robot, &motions);
-    let off_path_rad = off_path_rad(&stack.world.robot, &cycles, &paths);
+    let (off_path_rad, place) = farthest_off_path(&stack.world.robot, &cycles, &paths);
     let of = format!("{name}: distance of what was sent from the path, rad");
     report.at_most(&of, off_path_rad, super::ON_PATH_RAD);
+    report.shown(&format!("{name}: the farthest"), place);
     Judged::of(&cycles, &stack, rate_hz).tell(report, &name, holds);
     Ok(orders.given)
 }
@@ -161,22 +162,34 @@ fn one_stop(
     Ok((id, path))
 }
 
-/// The largest distance of any cycle in motion from its trajectory, rad; infinite where one follows a trajectory that nobody planned,
-/// or where none moves.
-fn off_path_rad(robot: &Robot, cycles: &[Cycle], paths: &BTreeMap<u32, Trajectory>) -> f64 {
+/// The largest distance of any cycle in motion from its trajectory, rad, and where that is; infinite where one follows a trajectory that
+/// nobody planned, or where none moves.
+fn farthest_off_path(
+    robot: &Robot,
+    cycles: &[Cycle],
+    paths: &BTreeMap<u32, Trajectory>,
+) -> (f64, String) {
     let moving = [LoopState::Executing, LoopState::Stopping].map(LoopState::code);
     let moving = cycles.iter().filter(|cycle| moving.contains(&cycle.state));
-    let (mut along, mut most) = (BTreeMap::new(), None);
+    let mut along = BTreeMap::new();
+    let mut farthest = (-1.0, String::new());
     for cycle in moving {
-        let Some(path) = paths.get(&cycle.trajectory_id) else {
-            return f64::INFINITY;
+        let id = cycle.trajectory_id;
+        let Some(path) = paths.get(&id) else {
+            return (f64::INFINITY, format!("trajectory {id} was not planned"));
         };
-        let along = along
-            .entry(cycle.trajectory_id)
-            .or_insert_with(|| Along::new(robot, path));
-        raise(most.get_or_insert(0.0), along.nearest(cycle).distance_rad);
+        let along = along.entry(id).or_insert_with(|| Along::new(robot, path));
+        let nearest = along.nearest(cycle);
+        if nearest.distance_rad.is_nan() || nearest.distance_rad > farthest.0 {
+            let (at_s, of_s, state) = (nearest.time_s, path.duration(), cycle.state);
+            let place = format!("trajectory {id} at {at_s:.4} of {of_s:.4} s, state {state}");
+            farthest = (nearest.distance_rad, place);
+        }
     }
-    most.unwrap_or(f64::INFINITY)
+    if farthest.0 < 0.0 {
+        farthest = (f64::INFINITY, "nothing moved".to_owned());
+    }
+    farthest
 }
 
 /// Stops a process now and then for so long that the loop's next cycle comes late; ends when told or dropped.
