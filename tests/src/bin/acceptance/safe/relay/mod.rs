@@ -8,7 +8,8 @@ mod watchers;
 
 use std::time::Duration;
 
-use tests::outside::{PoseFile, Said, execute, wait_for_controller};
+use anyhow::Context;
+use tests::outside::{PoseFile, Said, execute, shown, wait_for_controller};
 use tests::process::Process;
 use tests::stack::Part;
 use tests::world::{Settings, World};
@@ -78,7 +79,8 @@ impl Processes {
         for _ in 0..20 {
             said = execute(&self.world, goal, PATIENCE);
             if said.is_good() {
-                return Ok(self.robot().wait_for_motion(IN_MOTION, PATIENCE)?);
+                let moves = self.robot().wait_for_motion(IN_MOTION, PATIENCE);
+                return moves.with_context(|| shown(&self.world));
             }
             std::thread::sleep(Duration::from_millis(250));
         }

@@ -96,7 +96,8 @@ fn withdrawn_in_motion(report: &mut Report, scale: Scale) -> anyhow::Result<()> 
 /// The rate that `pcc watch` shows.
 fn rate(shown: &str) -> &str {
     let mut rates = shown.lines().filter_map(|line| line.split_once("rate "));
-    rates.next().map_or("not shown", |(_, rate)| rate.trim())
+    let rate = rates.next().and_then(|(_, rate)| rate.split(',').next());
+    rate.map_or("not shown", str::trim)
 }
 
 fn first_line(shown: &str) -> &str {
