@@ -138,11 +138,16 @@ fn any_start_order_kills_and_restarts_never_make_the_set_point_jump() {
     {
         assert!((held_m - rest_m).abs() < 1e-12, "{held_m} against {rest_m}");
     }
+    // Cycles come in batches, after the state that tells of them.
+    let first_held = |seen: &Seen| {
+        let starting = LoopState::Starting.code();
+        seen.cycles.iter().position(|cycle| cycle.state != starting)
+    };
+    joined.wait_until("a cycle that holds", |seen| first_held(seen).is_some());
     joined.with_seen(|seen| {
         assert_smooth_reference(&joined.robot, &seen.robot);
-        let starting = LoopState::Starting.code();
-        let held = seen.cycles.iter().position(|cycle| cycle.state != starting);
-        assert_within_limits(&joined.robot, &seen.cycles[held.unwrap()..]);
+        let held = first_held(seen).unwrap();
+        assert_within_limits(&joined.robot, &seen.cycles[held..]);
     });
 
     // The robot is killed in motion: the controller stops, and goes on after a reset.

@@ -240,7 +240,12 @@ impl LiveScene {
     /// Signs a name off: its publishers that have told nothing since the leave. What another publisher than the one that leaves has told
     /// counts until its lifetime ends. Who was refused the name signs off only itself. A leave from before this daemon began is one even
     /// where nobody has the name.
-    fn take_leave(&mut self, leave: &valid::Scene, publisher: u128, now_mono_ns: i64) -> SceneVerdict {
+    fn take_leave(
+        &mut self,
+        leave: &valid::Scene,
+        publisher: u128,
+        now_mono_ns: i64,
+    ) -> SceneVerdict {
         let (name, stamp) = (leave.source, leave.stamp_mono_ns);
         let heard = self.ports.heard(publisher);
         self.ports.note(publisher, Heard::Known);
@@ -368,7 +373,11 @@ impl LiveScene {
 
     /// Certifies what is left of a motion against every source's scene, those that it was not certified for yet; small scenes
     /// first, so that a large one does not delay what they have to say.
-    pub(crate) fn certify(&self, rest: &RemainingMotion, certificates: &mut Certificates) -> Verdict {
+    pub(crate) fn certify(
+        &self,
+        rest: &RemainingMotion,
+        certificates: &mut Certificates,
+    ) -> Verdict {
         let told = || {
             self.sources
                 .iter()

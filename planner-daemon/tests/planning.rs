@@ -13,6 +13,7 @@ use std::time::Duration;
 use client::{Client, PlanAnswer};
 use common::{PATIENCE, World, request, until};
 use shared_types::PROTOCOL_VERSION;
+use shared_types::clock::mono_now_ns;
 use shared_types::codes::{Outcome, PlanField, Sampler, Source, Stage};
 use shared_types::ipc::{
     IpcNode, event_listener, open_plan_service, plan_answered_event, plan_asked_event, plan_client,
@@ -264,6 +265,11 @@ const MALFORMED: &[Case] = &[
     ),
     (
         |r| r.execute = 1,
+        Outcome::InvalidRequest,
+        PlanField::Requested,
+    ),
+    (
+        |r| (r.execute, r.requested_mono_ns) = (1, mono_now_ns()),
         Outcome::ExecutionRefused,
         PlanField::None,
     ),

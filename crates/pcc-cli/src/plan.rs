@@ -11,7 +11,9 @@ use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopState, Outcome, Sampler, Selection, Source, Stage, Waiting};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
-use shared_types::valid::{ControllerState, Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
+use shared_types::valid::{
+    ControllerState, Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule,
+};
 use std::time::{Duration, Instant};
 
 /// How long a running daemon and controller are looked for.

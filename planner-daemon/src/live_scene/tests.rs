@@ -1,9 +1,13 @@
 //! Which scenes count for how long, and what they mean for a motion.
 
+use pcc_model::Point;
+use shared_types::message;
 use shared_types::valid::Scene as ValidScene;
 
+use super::certificates::Kind;
 use super::*;
 use crate::fixtures::{motion, unit_robot};
+use crate::moving_cover::{Stretch, Timing};
 
 const LENGTH_M: f64 = 0.5;
 const SECOND: i64 = 1_000_000_000;
@@ -221,10 +225,18 @@ fn only_what_changed_is_certified_again() {
             .iter()
             .filter_map(|source| source.told.as_ref());
         let later = Timing::from_begin(begin_mono_ns + SECOND);
+        let certificate = |version, timing| Certificate {
+            version,
+            kind: Kind::Expected,
+            stretch: Stretch {
+                timing,
+                until_s: motion.duration(),
+            },
+        };
         let held: Vec<[bool; 2]> = held
             .map(|told| {
-                [rest.timing, later]
-                    .map(|timing| certificates.hold(told, Kind::Expected, rest.whole(timing), 0.0))
+                let wanted = [rest.timing, later].map(|timing| certificate(told.version, timing));
+                wanted.map(|wanted| certificates.hold(&wanted, told.moves(), 0.0))
             })
             .collect();
         (live.versions, held)
