@@ -147,7 +147,7 @@ impl File {
             .iter()
             .find(|angle| !(-limit..=limit).contains(*angle))
         {
-            let allowed = format!("within ±{limit}, the robot's bending limit");
+            let allowed = format!("finite angles within ±{limit}, the robot's bending limit");
             checked.require(false, "start_configuration_rad", angle, allowed)?;
         }
         let start = Configuration::from(start);
