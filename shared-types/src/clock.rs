@@ -5,22 +5,24 @@ use rustix::time::{ClockId, clock_gettime};
 /// Now, nanoseconds of `CLOCK_MONOTONIC`: the same in every process of this machine, no allocation, no lock.
 #[must_use]
 pub fn mono_now_ns() -> i64 {
-    let now = clock_gettime(ClockId::Monotonic);
-    now.tv_sec * 1_000_000_000 + now.tv_nsec
+    now_ns(ClockId::Monotonic)
 }
 
 /// The time of day now, nanoseconds since 1970: only to tell a stamp of that clock from one of ours.
 #[must_use]
 pub fn wall_now_ns() -> i64 {
-    let now = clock_gettime(ClockId::Realtime);
-    now.tv_sec * 1_000_000_000 + now.tv_nsec
+    now_ns(ClockId::Realtime)
 }
 
 /// Time for which the machine was suspended since it was booted, ns: CLOCK_MONOTONIC stood still meanwhile.
 #[must_use]
 pub fn suspended_ns() -> i64 {
-    let since_boot = clock_gettime(ClockId::Boottime);
-    since_boot.tv_sec * 1_000_000_000 + since_boot.tv_nsec - mono_now_ns()
+    now_ns(ClockId::Boottime) - mono_now_ns()
+}
+
+fn now_ns(clock: ClockId) -> i64 {
+    let now = clock_gettime(clock);
+    now.tv_sec * 1_000_000_000 + now.tv_nsec
 }
 
 #[cfg(test)]

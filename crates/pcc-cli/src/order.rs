@@ -180,7 +180,11 @@ impl Sent {
 
 impl Display for Sent {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let (seconds, rest) = (self.0 / 1_000_000_000, self.0 % 1_000_000_000);
-        write!(f, "sent at {seconds}.{rest:09} s")
+        write!(f, "sent at {}", seconds(self.0))
     }
+}
+
+/// A time of `CLOCK_MONOTONIC` as it is shown: nanoseconds in, seconds out, every digit kept.
+pub(crate) fn seconds(ns: i64) -> String {
+    format!("{}.{:09} s", ns / 1_000_000_000, ns % 1_000_000_000)
 }

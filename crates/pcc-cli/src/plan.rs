@@ -187,7 +187,7 @@ impl Arguments {
                 SelectionRule::Index,
             ),
             execute: self.execute,
-            requested_mono_ns: requested_mono_ns.filter(|_| self.execute),
+            requested_mono_ns,
             limits_scale: self.limits_scale,
             balls: balls.collect(),
             ..PlanRequest::new(start, self.goal()?)

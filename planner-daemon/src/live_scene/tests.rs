@@ -1,13 +1,13 @@
 //! Which scenes count for how long, and what they mean for a motion.
 
-use pcc_model::Point;
 use shared_types::message;
 use shared_types::valid::Scene as ValidScene;
 
-use super::certificates::Kind;
 use super::*;
 use crate::fixtures::{motion, unit_robot};
-use crate::moving_cover::{Stretch, Timing};
+use crate::moving_cover::Timing;
+
+mod certified;
 
 const LENGTH_M: f64 = 0.5;
 const SECOND: i64 = 1_000_000_000;
@@ -102,88 +102,6 @@ fn certify(live: &LiveScene, from_s: f64, timing: Timing, lag_allowance_s: f64) 
 }
 
 #[test]
-fn a_ball_in_the_way_is_seen_and_one_aside_is_not() {
-    assert!(verdict(&[], NOW).is_free());
-    assert!(!verdict(&[(IN_THE_WAY, [0.0; 3])], NOW).is_free());
-    assert!(verdict(&[(ASIDE, [0.0; 3])], NOW).is_free());
-}
-
-#[test]
-fn a_moving_ball_counts_where_it_will_be() {
-    // 5 m away and coming at 1 m/s: far away for a motion of some seconds that begins now, through the body for one that begins
-    // when it arrives.
-    assert!(motion().duration() < 3.0);
-    let coming = [([5.0, 0.0, 0.75], [-1.0, 0.0, 0.0])];
-    assert!(verdict(&coming, NOW).is_free());
-    assert!(!verdict(&coming, NOW + 5 * SECOND).is_free());
-}
-
-#[test]
-fn a_ball_that_has_hardly_left_may_still_be_there() {
-    // By its velocity it is well clear of the body when the motion begins; it was told to live for 0.5 s.
-    let leaving = [([0.15, 0.0, 0.75], [1.0, 0.0, 0.0])];
-    assert!(!verdict(&leaving, NOW + 3 * SECOND / 10).is_free());
-    assert!(verdict(&leaving, NOW + 2 * SECOND).is_free());
-}
-
-#[test]
-fn room_for_a_lag_is_asked_for_where_it_is_wanted() {
-    // 1.75 s from the body: with a lifetime of 0.5 s and 0.35 s without supervision behind the end of the motion, but not with 0.5 s more.
-    let coming = [([8.7, 0.0, 0.75], [-2.0, 0.0, 0.0])];
-    let mut live = live();
-    take(&mut live, &scene("a", NOW, &coming), 1, NOW);
-    let end = motion().duration();
-    let timing = Timing::passing(end, NOW + 3 * SECOND, 1.0);
-    let late = |allowance| certify(&live, end, timing, allowance);
-    assert!(late(0.0).is_free());
-    assert!(!late(0.5).is_free());
-}
-
-#[test]
-fn a_slow_motion_meets_a_ball_that_a_fast_one_leaves_behind() {
-    let mut live = live();
-    let coming = [([5.0, 0.0, 0.75], [-1.0, 0.0, 0.0])];
-    take(&mut live, &scene("a", NOW, &coming), 1, NOW);
-    let half = 0.5 * motion().duration();
-    assert!(!certify(&live, half, Timing::passing(half, NOW, 0.1), 0.0).is_free());
-    assert!(certify(&live, half, Timing::passing(half, NOW, 1.0), 0.0).is_free());
-}
-
-#[test]
-fn a_slow_motion_that_may_speed_up_before_its_controller_says_so_is_certified_at_full_rate_too() {
-    let (grown, motion) = (unit_robot(), motion());
-    let half = 0.5 * motion.duration();
-    let full = Stretch {
-        timing: Timing::passing(half, NOW, 1.0),
-        until_s: half + 0.45,
-    };
-    let tip = |ahead_s: f64| grown.tip(&motion.at(half + ahead_s).position);
-    let onward = (tip(0.45) - tip(0.0)).normalize();
-    let across = onward.cross(&tip(0.45)).normalize();
-    let is_free = |hurried, before: f64| {
-        // It crosses the way before the robot now, and is gone when the slow motion comes there.
-        let centre: Point = (tip(0.45) + onward * before) * LENGTH_M;
-        let mut live = live();
-        let crossing = scene("a", NOW, &[(centre.into(), across.into())]);
-        take(&mut live, &crossing, 1, NOW);
-        let rest = RemainingMotion {
-            grown: &grown,
-            motion: &motion,
-            from_s: half,
-            timing: Timing::passing(half, NOW, 0.05),
-            hurried,
-            stopping_s: 0.0,
-            lag_allowance_s: 0.0,
-        };
-        live.certify(&rest, &mut Certificates::default()).is_free()
-    };
-    let before = (0..100).map(|i| 0.01 * f64::from(i));
-    let only_if_slow =
-        before.filter(|&before| is_free(None, before) && !is_free(Some(full), before));
-    assert!(only_if_slow.count() > 0);
-}
-
-#[test]
 fn the_obstacles_of_all_sources_count_together_until_one_takes_its_leave() {
     let mut live = live();
     take(
@@ -199,66 +117,6 @@ fn the_obstacles_of_all_sources_count_together_until_one_takes_its_leave() {
     assert_eq!(left, SceneRefusal::None);
     assert!(certify(&live, 0.0, timing, 0.0).is_free());
     assert_eq!(live.absence(NOW + 2), None);
-}
-
-#[test]
-fn only_what_changed_is_certified_again() {
-    let mut live = live();
-    let (grown, motion) = (unit_robot(), motion());
-    let resting = [(ASIDE, [0.0; 3])];
-    let moving = [([9.0, 0.0, 0.75], [0.1, 0.0, 0.0])];
-    let versions = |live: &mut LiveScene, told: &ValidScene, begin_mono_ns| {
-        assert_eq!(take(live, told, 1, told.stamp_mono_ns), SceneRefusal::None);
-        let rest = RemainingMotion {
-            grown: &grown,
-            motion: &motion,
-            from_s: 0.0,
-            timing: Timing::from_begin(begin_mono_ns),
-            hurried: None,
-            stopping_s: 0.0,
-            lag_allowance_s: 0.0,
-        };
-        let mut certificates = Certificates::default();
-        assert!(live.certify(&rest, &mut certificates).is_free());
-        let held = live
-            .sources
-            .iter()
-            .filter_map(|source| source.told.as_ref());
-        let later = Timing::from_begin(begin_mono_ns + SECOND);
-        let certificate = |version, timing| Certificate {
-            version,
-            kind: Kind::Expected,
-            stretch: Stretch {
-                timing,
-                until_s: motion.duration(),
-            },
-        };
-        let held: Vec<[bool; 2]> = held
-            .map(|told| {
-                let wanted = [rest.timing, later].map(|timing| certificate(told.version, timing));
-                wanted.map(|wanted| certificates.hold(&wanted, told.moves(), 0.0))
-            })
-            .collect();
-        (live.versions, held)
-    };
-    let resting_held = vec![[true, true]];
-    assert_eq!(
-        versions(&mut live, &scene("a", NOW, &resting), NOW),
-        (1, resting_held.clone())
-    );
-    assert_eq!(
-        versions(&mut live, &scene("a", NOW + 1, &resting), NOW),
-        (1, resting_held)
-    );
-    let moving_held = vec![[true, false]];
-    assert_eq!(
-        versions(&mut live, &scene("a", NOW + 2, &moving), NOW),
-        (2, moving_held.clone())
-    );
-    assert_eq!(
-        versions(&mut live, &scene("a", NOW + 3, &moving), NOW),
-        (3, moving_held)
-    );
 }
 
 #[test]
@@ -450,24 +308,6 @@ fn a_killed_publisher_that_nobody_has_cleaned_up_after_yet_gives_its_name_up_onc
     there(&mut live, &[2], NOW + 2);
     assert_eq!(judge(&mut live, &next, 2, NOW + 2), SceneRefusal::None);
     assert_eq!((live.absence(NOW + 2), live.sources.len()), (None, 1));
-}
-
-#[test]
-fn a_longer_lifetime_of_moving_balls_is_certified_anew() {
-    let mut live = live();
-    for (velocity, versions) in [([0.0; 3], 1), ([0.1, 0.0, 0.0], 3)] {
-        let told = scene("a", NOW, &[([9.0, 0.0, 0.75], velocity)]);
-        let longer = ValidScene {
-            lifetime_ns: 2 * told.lifetime_ns,
-            ..told.clone()
-        };
-        take(&mut live, &told, 1, NOW);
-        take(&mut live, &longer, 1, NOW);
-        assert_eq!(live.versions, versions);
-        let end = NOW + longer.lifetime_ns;
-        assert_eq!(live.absence(end - 1), None);
-        assert!(live.absence(end).is_some());
-    }
 }
 
 #[test]

@@ -178,9 +178,7 @@ impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
             CallbackProgression::Continue
         });
     }
-}
 
-impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
     /// Subscribers that are there.
     #[must_use]
     pub fn number_of_subscribers(&self) -> usize {

@@ -1,7 +1,7 @@
 //! One motion of the demonstration: ask, choose, execute, wait, measure.
 
 use super::recording::Recording;
-use super::standing::{KnownOrders, Slowed, fresh_state};
+use super::standing::{KnownOrders, PATIENCE, Slowed, fresh_state};
 use crate::order::STANDS_STILL;
 use anyhow::{Context, bail};
 use client::{Client, ControllerView, PlanAnswer};
@@ -23,8 +23,6 @@ const CANDIDATES: usize = 10;
 const DEADLINE: Duration = Duration::from_millis(500);
 /// A motion that ends farther from its end shape was stopped on the way, rad.
 const SAME_CONFIGURATION_RAD: f64 = 1e-5;
-/// Longest wait for a process.
-const PATIENCE: Duration = Duration::from_secs(10);
 /// Longest time that a motion at a low speed is waited for, seconds.
 const LONGEST_MOTION_S: f64 = 86_400.0;
 /// How long the robot holds after a motion; its last part is averaged for the measured tip.

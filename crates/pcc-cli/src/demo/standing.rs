@@ -1,5 +1,6 @@
 //! What stands at the controller while the demonstration runs: stops and resets that others order, and the speed.
 
+use crate::order::seconds;
 use client::ControllerView;
 use shared_types::clock::mono_now_ns;
 use shared_types::message;
@@ -9,8 +10,8 @@ use std::time::{Duration, Instant};
 
 /// How long the controller's state is waited for before the speed is given back.
 const STATE_WITHIN: Duration = Duration::from_secs(1);
-/// How long an order to give the speed back may take.
-const PATIENCE: Duration = Duration::from_secs(10);
+/// Longest wait for a process.
+pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 /// Share of the speed found at which the demonstration slows a motion down.
 const SLOWER: f64 = 0.5;
 
@@ -36,10 +37,6 @@ pub(super) enum Overruled {
         seconds(*.at_ns)
     )]
     Restarted { at_ns: i64 },
-}
-
-fn seconds(ns: i64) -> String {
-    format!("{}.{:09} s", ns / 1_000_000_000, ns % 1_000_000_000)
 }
 
 impl KnownOrders {

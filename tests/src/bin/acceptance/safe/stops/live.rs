@@ -23,7 +23,7 @@ use tests::world::{Settings, World};
 use toml::{Table, Value};
 use trajectory::Trajectory;
 
-use crate::safe::on_path::Along;
+use crate::safe::on_path::{Along, Nearest};
 use crate::{Report, Scale};
 
 /// Rates of the loop, Hz: the periods of the simulated stops.
@@ -172,24 +172,25 @@ fn farthest_off_path(
     let moving = [LoopState::Executing, LoopState::Stopping].map(LoopState::code);
     let moving = cycles.iter().filter(|cycle| moving.contains(&cycle.state));
     let mut along = BTreeMap::new();
-    let mut farthest = (-1.0, String::new());
+    let mut farthest: Option<(f64, String)> = None;
     for cycle in moving {
         let id = cycle.trajectory_id;
         let Some(path) = paths.get(&id) else {
             return (f64::INFINITY, format!("trajectory {id} was not planned"));
         };
         let along = along.entry(id).or_insert_with(|| Along::new(robot, path));
-        let nearest = along.nearest(cycle);
-        if nearest.distance_rad.is_nan() || nearest.distance_rad > farthest.0 {
-            let (at_s, of_s, state) = (nearest.time_s, path.duration(), cycle.state);
-            let place = format!("trajectory {id} at {at_s:.4} of {of_s:.4} s, state {state}");
-            farthest = (nearest.distance_rad, place);
+        let Nearest {
+            time_s,
+            distance_rad,
+        } = along.nearest(cycle);
+        let is_farther = |(most_rad, _): &(f64, String)| distance_rad > *most_rad;
+        if distance_rad.is_nan() || farthest.as_ref().is_none_or(is_farther) {
+            let (of_s, state) = (path.duration(), cycle.state);
+            let place = format!("trajectory {id} at {time_s:.4} of {of_s:.4} s, state {state}");
+            farthest = Some((distance_rad, place));
         }
     }
-    if farthest.0 < 0.0 {
-        farthest = (f64::INFINITY, "nothing moved".to_owned());
-    }
-    farthest
+    farthest.unwrap_or_else(|| (f64::INFINITY, "nothing moved".to_owned()))
 }
 
 /// Stops a process now and then for so long that the loop's next cycle comes late; ends when told or dropped.
