@@ -16,7 +16,7 @@ use trajectory::{RateLaw, Trajectory};
 
 use crate::admission::Begin;
 use crate::heartbeat::{BackgroundError, Progress};
-use crate::live_scene::SceneAbsence;
+use crate::live_scene::{SceneAbsence, SceneMemory};
 use crate::supervision::is_fresh;
 use crate::supervisor::Supervisor;
 
@@ -160,8 +160,11 @@ impl Execution {
         let (to_supervision, handed) = sync_channel(1);
         let progress = Arc::clone(progress);
         let (tell, told) = sync_channel(1);
-        let supervise =
-            move || match Supervisor::open(&node, rules, instance, progress, realtime_priority) {
+        let memory = SceneMemory::open(options)?;
+        let supervise = move || {
+            let opened =
+                Supervisor::open(&node, memory, rules, instance, progress, realtime_priority);
+            match opened {
                 Ok(mut supervisor) => {
                     let _ = tell.send(Ok(()));
                     supervisor.run(&handed);
@@ -169,7 +172,8 @@ impl Execution {
                 Err(error) => {
                     let _ = tell.send(Err(error));
                 }
-            };
+            }
+        };
         let builder = Builder::new().name("supervision".to_owned());
         let thread = builder.spawn(supervise)?;
         told.recv().map_err(io::Error::other)??;

@@ -13,6 +13,8 @@ use shared_types::codes::ProcessKind;
 use shared_types::ipc::{IpcError, IpcNode, IpcOptions, Publisher, heartbeat_service, publisher};
 use shared_types::message::Heartbeat;
 
+use crate::live_scene::SceneMemoryError;
+
 /// Time between two heartbeats.
 const BEAT: Duration = Duration::from_millis(10);
 /// Time between two looks for dead processes.
@@ -32,6 +34,9 @@ pub enum BackgroundError {
     /// The system takes a priority back that it granted.
     #[error(transparent)]
     Priority(#[from] RealtimeError),
+    /// The live scene cannot be kept.
+    #[error(transparent)]
+    SceneMemory(#[from] SceneMemoryError),
 }
 
 /// Rounds of supervision; heartbeats stop where there are no more.

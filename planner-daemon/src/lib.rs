@@ -40,4 +40,5 @@ mod fixtures;
 pub use config::{Config, ConfigError, WaitMode};
 pub use daemon::{Daemon, StartError};
 pub use heartbeat::BackgroundError;
+pub use live_scene::SceneMemoryError;
 pub use process::termination_flag;

@@ -8,12 +8,16 @@ use shared_types::valid::{self, Invalid, SourceName, stamp_refusal};
 
 use self::certificates::Certificate;
 use self::kept_scene::KeptScene;
+use self::memory::{KeptSource, Mark};
 use self::ports::{Heard, Ports, TIME_TO_SPEAK_NS};
 
 pub(crate) use self::certificates::{Certificates, RemainingMotion};
+pub(crate) use self::memory::SceneMemory;
+pub use self::memory::SceneMemoryError;
 
 mod certificates;
 mod kept_scene;
+mod memory;
 mod ports;
 
 /// Most sources that are kept, and most publishers whose scenes are received, at once: those that may live at once, and as many
@@ -116,16 +120,27 @@ impl Source {
         told.is_some_and(|told| now_mono_ns < told.scene.end_mono_ns())
     }
 
+    fn for_memory(&self) -> (Mark, Option<&valid::Scene>) {
+        let told = self.told.as_ref();
+        let mark = Mark {
+            name: self.name,
+            publisher: self.publisher,
+            leaves: self.leaves,
+            scene: told.map(|told| (told.scene.stamp_mono_ns, told.version)),
+        };
+        (mark, told.map(|told| &told.scene))
+    }
+
     fn has_spoken_since(&self, mono_ns: i64) -> bool {
         let told = self.told.as_ref();
         told.is_some_and(|told| told.scene.stamp_mono_ns >= mono_ns)
     }
 }
 
-/// The newest scenes of all sources.
-#[derive(Debug)]
+/// The newest scenes of all sources. A daemon that was killed hands them on to the next one.
 pub(crate) struct LiveScene {
     sources: Vec<Source>,
+    memory: SceneMemory,
     ports: Ports,
     section_length_m: f64,
     expected: bool,
@@ -135,16 +150,50 @@ pub(crate) struct LiveScene {
 }
 
 impl LiveScene {
-    /// No scene yet; `expected`: nothing may be executed without one.
-    pub(crate) fn new(section_length_m: f64, expected: bool, begun_mono_ns: i64) -> Self {
-        Self {
-            sources: Vec::new(),
+    /// What the daemon before this one knew; `expected`: nothing may be executed without a scene.
+    pub(crate) fn recall(
+        mut memory: SceneMemory,
+        section_length_m: f64,
+        expected: bool,
+        begun_mono_ns: i64,
+    ) -> Self {
+        let recalled = memory.recall();
+        let mut live = Self {
+            sources: Vec::with_capacity(MOST_SOURCES),
+            memory,
             ports: Ports::default(),
             section_length_m,
             expected,
             begun_mono_ns,
             versions: 0,
+        };
+        for source in recalled {
+            live.take_up(source);
         }
+        live
+    }
+
+    fn take_up(&mut self, source: KeptSource) {
+        let name = source.name.to_string();
+        tracing::info!("source {name:?} of the live scene was heard by the daemon before this one");
+        self.versions += 1;
+        let told = source.scene.and_then(|scene| {
+            KeptScene::new(scene, self.section_length_m, self.versions)
+                .inspect_err(|error| tracing::error!("a scene of source {name:?}: {error}"))
+                .ok()
+        });
+        self.sources.push(Source {
+            name: source.name,
+            publisher: source.publisher,
+            told,
+            leaves: source.leaves,
+        });
+    }
+
+    /// Hands what is known now on to a daemon that comes after this one.
+    fn remember(&mut self) {
+        self.memory
+            .keep(self.sources.iter().map(Source::for_memory));
     }
 
     /// Notes which publishers are there, and forgets signed-off sources whose lifetime is over.
@@ -152,6 +201,7 @@ impl LiveScene {
         self.ports.attend(present, now_mono_ns);
         self.sources
             .retain(|source| !source.leaves || source.is_live(now_mono_ns));
+        self.remember();
     }
 
     /// Counts a publisher's scenes no more until it is gone: it has sent some under another name than that of its first one.
@@ -173,6 +223,17 @@ impl LiveScene {
     /// under its name where that is valid, else for as long as the publisher is there. A name belongs to one publisher. Another
     /// publisher gets the name once the first is gone, and only if the first has said nothing since the other came.
     pub(crate) fn take(
+        &mut self,
+        wire: &SceneMessage,
+        publisher: u128,
+        now: Arrival,
+    ) -> Option<SceneVerdict> {
+        let verdict = self.judge(wire, publisher, now);
+        self.remember();
+        verdict
+    }
+
+    fn judge(
         &mut self,
         wire: &SceneMessage,
         publisher: u128,

@@ -8,6 +8,7 @@ use iceoryx2::prelude::ipc;
 use iceoryx2::sample::Sample;
 use shared_types::PROTOCOL_VERSION;
 use shared_types::capacity::SOURCE_NAME_BYTES;
+use shared_types::clock::mono_now_ns;
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::{
     IpcError, IpcNode, PresentPublisher, Publisher, Subscriber, Topic, publisher, scene_service,
@@ -25,12 +26,17 @@ const MOST_REST_NS: i64 = 10_000_000;
 /// A scene of which nothing can be said yet is looked at again after this, nanoseconds.
 const LOOK_AGAIN_NS: i64 = 10_000_000;
 
+/// A scene that has waited for this long goes before smaller ones, nanoseconds.
+const PATIENCE_NS: i64 = 20_000_000;
+/// For how long a publisher that has sent a scene counts as one that tells something, nanoseconds, until the scene is looked at.
+const TELLING_NS: i64 = 100_000_000;
+
 /// The newest scene of a publisher.
 struct Waiting {
     publisher: u128,
     scene: Box<SceneMessage>,
-    /// It was not looked at yet.
-    is_new: bool,
+    /// Since when there is one that was not looked at yet, nanoseconds; a newer one in its place waits no less.
+    new_since_mono_ns: Option<i64>,
     /// When it may be looked at, nanoseconds.
     not_before_mono_ns: i64,
     /// A scene that came under another name while this one waited: both names are of one publisher, which is refused for it.
@@ -93,18 +99,16 @@ impl SceneInbox {
         &self.present
     }
 
-    /// The place of the publisher whose scene is to be looked at now, that with the fewest balls first.
+    /// The place of the publisher whose scene is to be looked at now: that which has waited too long, else that with the fewest balls.
     pub(crate) fn next(&self, now_mono_ns: i64) -> Option<usize> {
-        let due = |waiting: &Waiting| waiting.is_new && now_mono_ns >= waiting.not_before_mono_ns;
-        let due = self.waiting.iter().enumerate().filter(|(_, w)| due(w));
-        let smallest = due.min_by_key(|(_, waiting)| waiting.scene.ball_count);
-        smallest.map(|(index, _)| index)
+        next(&self.waiting, now_mono_ns)
     }
 
-    /// Whether a scene of this publisher has arrived that was not looked at yet.
-    pub(crate) fn has_new(&self, publisher: u128) -> bool {
-        let mut waiting = self.waiting.iter();
-        waiting.any(|waiting| waiting.publisher == publisher && waiting.is_new)
+    /// Whether a scene of this publisher has arrived lately that was not looked at yet.
+    pub(crate) fn has_just_told(&self, publisher: u128, now_mono_ns: i64) -> bool {
+        let mut waiting = self.waiting.iter().filter(|w| w.publisher == publisher);
+        let since = waiting.find_map(|waiting| waiting.new_since_mono_ns);
+        since.is_some_and(|since| now_mono_ns - since < TELLING_NS)
     }
 
     /// Takes in what has arrived, only once all is received: as long as two of a publisher's scenes are held, iceoryx2 passes over that
@@ -123,18 +127,19 @@ impl SceneInbox {
             tracing::warn!("a publisher of scenes cannot be heard: {error:?}");
         }
         self.receiving_fails = error.is_some();
+        let now = mono_now_ns();
         let mut received = mem::take(&mut self.received);
         for sample in received.drain(..) {
-            self.keep(sample.origin().value(), &sample);
+            self.keep(sample.origin().value(), &sample, now);
         }
         self.received = received;
     }
 
     /// Puts a scene in the place of its publisher's last one; not of one that was not looked at yet and is another source's.
-    fn keep(&mut self, publisher: u128, scene: &SceneMessage) {
+    fn keep(&mut self, publisher: u128, scene: &SceneMessage, now_mono_ns: i64) {
         match self.waiting.iter_mut().find(|w| w.publisher == publisher) {
             Some(waiting)
-                if waiting.is_new
+                if waiting.new_since_mono_ns.is_some()
                     && waiting.scene.source != scene.source
                     && SourceName::try_from(&scene.source).is_ok() =>
             {
@@ -142,16 +147,17 @@ impl SceneInbox {
             }
             Some(waiting) => {
                 *waiting.scene = *scene;
-                waiting.is_new = true;
+                waiting.new_since_mono_ns.get_or_insert(now_mono_ns);
             }
-            None => self.welcome(publisher, scene),
+            None => self.welcome(publisher, scene, now_mono_ns),
         }
     }
 
     /// A publisher that was not heard before; it takes the place of one that has had nothing to say, where there are too many.
-    fn welcome(&mut self, publisher: u128, scene: &SceneMessage) {
+    fn welcome(&mut self, publisher: u128, scene: &SceneMessage, now_mono_ns: i64) {
         if self.waiting.len() == MOST_SOURCES {
-            let Some(idle) = self.waiting.iter().position(|waiting| !waiting.is_new) else {
+            let is_idle = |waiting: &Waiting| waiting.new_since_mono_ns.is_none();
+            let Some(idle) = self.waiting.iter().position(is_idle) else {
                 // It comes again, or the publishers before it are looked at first.
                 return;
             };
@@ -160,7 +166,7 @@ impl SceneInbox {
         self.waiting.push(Waiting {
             publisher,
             scene: Box::new(*scene),
-            is_new: true,
+            new_since_mono_ns: Some(now_mono_ns),
             not_before_mono_ns: i64::MIN,
             other: None,
             said: SceneRefusal::None,
@@ -183,11 +189,11 @@ impl SceneInbox {
     ) {
         let waiting = &mut self.waiting[index];
         let judged = judge(&waiting.scene, waiting.publisher);
-        waiting.is_new = judged.is_none();
         let Some(judged) = judged else {
             waiting.not_before_mono_ns = now_mono_ns + LOOK_AGAIN_NS;
             return;
         };
+        waiting.new_since_mono_ns = None;
         let (head, other) = (Head::of(&waiting.scene), waiting.other.take());
         self.say(index, &head, &judged, now_mono_ns);
         if let Some(other) = other {
@@ -233,6 +239,22 @@ impl SceneInbox {
         let waiting = &mut self.waiting[index];
         waiting.not_before_mono_ns = waiting.not_before_mono_ns.max(ended_mono_ns + rest_ns);
     }
+}
+
+fn next(waiting: &[Waiting], now_mono_ns: i64) -> Option<usize> {
+    let rank = |waiting: &Waiting| {
+        let since = waiting.new_since_mono_ns?;
+        let is_late = now_mono_ns - since >= PATIENCE_NS;
+        let rank = if is_late {
+            since
+        } else {
+            i64::from(waiting.scene.ball_count)
+        };
+        (now_mono_ns >= waiting.not_before_mono_ns).then_some((!is_late, rank))
+    };
+    let ranks = waiting.iter().enumerate();
+    let ranks = ranks.filter_map(|(index, waiting)| Some((rank(waiting)?, index)));
+    ranks.min().map(|(_, index)| index)
 }
 
 #[cfg(test)]

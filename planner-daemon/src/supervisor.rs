@@ -24,7 +24,9 @@ use crate::execution::{
     ExecutionRefusal, ExecutionRules, Handed, Selected, check_controller, next_id,
 };
 use crate::heartbeat::{BackgroundError, Progress};
-use crate::live_scene::{Arrival, Certificates, LiveScene, MOST_SOURCES, RemainingMotion};
+use crate::live_scene::{
+    Arrival, Certificates, LiveScene, MOST_SOURCES, RemainingMotion, SceneMemory,
+};
 use crate::moving_cover::Timing;
 use crate::scene_inbox::SceneInbox;
 use crate::stop_order::StopOrder;
@@ -67,6 +69,7 @@ impl Supervisor {
     /// [`BackgroundError`]: a port, or a priority that was granted before.
     pub(crate) fn open(
         node: &IpcNode,
+        memory: SceneMemory,
         rules: ExecutionRules,
         instance: u64,
         progress: Arc<Progress>,
@@ -78,7 +81,8 @@ impl Supervisor {
         if let Some(priority) = realtime_priority {
             use_fifo_priority(priority)?;
         }
-        let live = LiveScene::new(rules.section_length_m, rules.scene_expected, mono_now_ns());
+        let (length_m, expected) = (rules.section_length_m, rules.scene_expected);
+        let live = LiveScene::recall(memory, length_m, expected, mono_now_ns());
         Ok(Self {
             rules,
             instance,
@@ -283,7 +287,7 @@ impl Supervisor {
             supervised.must_stop(StopReason::NotTakenUp);
         }
         let inbox = &self.inbox;
-        let has_told = |publisher| inbox.has_new(publisher);
+        let has_told = |publisher| inbox.has_just_told(publisher, now_mono_ns);
         if let Some(absence) = self.live.absence_in_motion(now_mono_ns, has_told) {
             supervised.must_stop(absence.into());
         }

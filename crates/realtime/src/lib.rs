@@ -5,8 +5,10 @@
 
 #![allow(unsafe_code, reason = "system calls without a safe wrapper")]
 
+mod kept_memory;
 mod shared_memory;
 
+pub use kept_memory::KeptMemory;
 pub use shared_memory::bring_in_shared_memory;
 
 use std::ffi::c_int;

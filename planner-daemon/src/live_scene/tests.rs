@@ -1,5 +1,6 @@
 //! Which scenes count for how long, and what they mean for a motion.
 
+use shared_types::ipc::IpcOptions;
 use shared_types::message;
 use shared_types::valid::Scene as ValidScene;
 
@@ -48,8 +49,24 @@ fn wire(scene: &ValidScene) -> Box<SceneMessage> {
     wire
 }
 
+/// Of a daemon before which there was none.
+fn live_of(section_length_m: f64, expected: bool) -> LiveScene {
+    let folder = tempfile::tempdir().unwrap();
+    after_another(&folder, section_length_m, expected)
+}
+
+/// Of a daemon that finds in this folder what another one has left.
+fn after_another(folder: &tempfile::TempDir, section_length_m: f64, expected: bool) -> LiveScene {
+    let options = IpcOptions {
+        prefix: "test".to_owned(),
+        root: folder.path().to_owned(),
+    };
+    let memory = SceneMemory::open(&options).unwrap();
+    LiveScene::recall(memory, section_length_m, expected, BEGUN)
+}
+
 fn live() -> LiveScene {
-    LiveScene::new(LENGTH_M, false, BEGUN)
+    live_of(LENGTH_M, false)
 }
 
 /// These publishers are there from now on.
@@ -124,7 +141,7 @@ fn a_source_that_falls_silent_is_missed_until_it_speaks_or_leaves() {
     let mut live = live();
     assert_eq!(live.absence(NOW), None);
     assert_eq!(
-        LiveScene::new(LENGTH_M, true, BEGUN).absence(NOW),
+        live_of(LENGTH_M, true).absence(NOW),
         Some(SceneAbsence::Missing)
     );
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
@@ -334,7 +351,7 @@ fn a_signed_off_source_counts_until_its_lifetime_ends_and_is_not_missed_then() {
 #[test]
 fn obstacles_that_make_no_scene_are_no_empty_scene() {
     // In sections of a nanometre every ball is too far away to be one.
-    let mut live = LiveScene::new(1e-9, false, BEGUN);
+    let mut live = live_of(1e-9, false);
     let told = take(&mut live, &scene("a", NOW, &[(ASIDE, [0.0; 3])]), 1, NOW);
     assert_eq!(told, SceneRefusal::Malformed);
     let absence = live.absence(NOW).unwrap().to_string();
@@ -380,4 +397,37 @@ fn a_leave_of_any_age_is_one_and_takes_nothing_of_what_was_told_since() {
     assert_eq!(before, SceneRefusal::None);
     let end = NOW + SECOND / 2;
     assert!(live.absence(end).is_some(), "it was told since");
+}
+
+#[test]
+fn the_next_daemon_knows_what_this_one_was_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut live = after_another(&folder, LENGTH_M, false);
+    there(&mut live, &[7, 8], NOW);
+    let resting = scene("camera", NOW, &[([0.5, 0.0, 1.0], [0.0; 3])]);
+    assert_eq!(take(&mut live, &resting, 7, NOW), SceneRefusal::None);
+    let too_old = scene("lidar", NOW - 2 * SECOND, &[]);
+    assert_eq!(take(&mut live, &too_old, 8, NOW), SceneRefusal::TooOld);
+    drop(live);
+    let mut next = after_another(&folder, LENGTH_M, false);
+    there(&mut next, &[], NOW);
+    let ended = |name: &str| {
+        Some(SceneAbsence::Ended {
+            source_name: SourceName::new(name).unwrap(),
+        })
+    };
+    assert_eq!(next.absence(NOW), ended("lidar"));
+    assert_eq!(
+        take(&mut next, &leave("lidar", NOW + 1), 9, NOW + 1),
+        SceneRefusal::None
+    );
+    assert_eq!(next.absence(NOW + 1), None);
+    assert_eq!(
+        next.sources[0].told.as_ref().unwrap().scene.balls,
+        resting.balls
+    );
+    assert_eq!(next.absence(NOW + SECOND / 2), ended("camera"));
+    drop(next);
+    let third = after_another(&folder, LENGTH_M, false);
+    assert_eq!(third.sources.len(), 1);
 }

@@ -97,3 +97,41 @@ fn a_scene_that_was_not_looked_at_gives_no_way_to_one_of_another_source() {
     assert_eq!(said, [[2, 0], [3, refused]]);
     assert!(!inbox.is_of_two_sources(0).1);
 }
+
+/// Four publishers whose scenes of 1024 balls each take 8 ms, and send a new one each millisecond.
+#[test]
+fn each_of_several_costly_publishers_has_its_turn() {
+    const MILLISECOND: i64 = 1_000_000;
+    let mut waiting: Vec<Waiting> = (0..4)
+        .map(|publisher| Waiting {
+            publisher,
+            scene: Box::new(SceneMessage {
+                ball_count: 1024,
+                ..SceneMessage::ZEROED
+            }),
+            new_since_mono_ns: Some(0),
+            not_before_mono_ns: 0,
+            other: None,
+            said: SceneRefusal::None,
+        })
+        .collect();
+    let (mut now, mut seen, mut longest) = (0, [0; 4], 0);
+    while now < 2000 * MILLISECOND {
+        for waiting in &mut waiting {
+            waiting.new_since_mono_ns.get_or_insert(now);
+        }
+        let Some(index) = next(&waiting, now) else {
+            now += MILLISECOND;
+            continue;
+        };
+        longest = longest.max(now - seen[index]);
+        seen[index] = now;
+        now += 8 * MILLISECOND;
+        waiting[index].new_since_mono_ns = None;
+        waiting[index].not_before_mono_ns = now + MOST_REST_NS;
+    }
+    longest = seen
+        .iter()
+        .fold(longest, |longest, seen| longest.max(now - seen));
+    assert!(longest < TELLING_NS / 2, "{} ms", longest / MILLISECOND);
+}

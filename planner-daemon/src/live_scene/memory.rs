@@ -1,0 +1,363 @@
+//! What the daemon knows of every source of obstacles, kept for the daemon that is started after it was killed.
+
+use std::fs;
+use std::io;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use realtime::KeptMemory;
+use shared_types::PROTOCOL_VERSION;
+use shared_types::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
+use shared_types::ipc::IpcOptions;
+use shared_types::message::{MovingBall, SceneMessage};
+use shared_types::valid::{self, SourceName};
+
+use super::MOST_SOURCES;
+
+/// The form of the file; another number for each form.
+const FORM: u64 = u64::from_le_bytes(*b"scenes\x01\x00") + PROTOCOL_VERSION as u64;
+/// Form, and the start of the machine in which the stamps count.
+const HEAD_WORDS: usize = 3;
+/// Centre, radius and velocity.
+const BALL_WORDS: usize = 7;
+const STATE: usize = 0;
+const LEAVES: usize = 1;
+const PUBLISHER: Range<usize> = 2..4;
+const NAME: Range<usize> = 4..4 + SOURCE_NAME_BYTES / 8;
+/// Stamp, lifetime, number of balls.
+const SCENE: Range<usize> = NAME.end..NAME.end + 3;
+const BALLS: usize = SCENE.end;
+const PLACE_WORDS: usize = BALLS + MAX_SCENE_BALLS * BALL_WORDS;
+
+/// No source.
+const FREE: u64 = 0;
+/// A source without a scene that counts.
+const UNKNOWN: u64 = 1;
+/// A source and its scene.
+const WHOLE: u64 = 2;
+
+/// What is known of the sources cannot be kept.
+#[derive(Debug, thiserror::Error)]
+#[error("the live scene cannot be kept for the next daemon in {path:?}: {source}")]
+pub struct SceneMemoryError {
+    /// The file.
+    path: PathBuf,
+    /// The system's answer.
+    #[source]
+    source: io::Error,
+}
+
+/// A source as it is kept.
+#[derive(Debug, PartialEq)]
+pub(super) struct KeptSource {
+    pub(super) name: SourceName,
+    pub(super) publisher: u128,
+    pub(super) leaves: bool,
+    /// None where none counted, or the daemon died while it kept one.
+    pub(super) scene: Option<valid::Scene>,
+}
+
+/// By which it is seen that what is kept of a source is still so.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Mark {
+    pub(super) name: SourceName,
+    pub(super) publisher: u128,
+    pub(super) leaves: bool,
+    /// Stamp, nanoseconds, and version of its scene.
+    pub(super) scene: Option<(i64, u64)>,
+}
+
+/// A place in the file for each source.
+pub(crate) struct SceneMemory {
+    memory: KeptMemory,
+    marks: [Option<Mark>; MOST_SOURCES],
+}
+
+impl SceneMemory {
+    /// Opens the file in the directory of service files, or makes it. What was kept by another form of the daemon, or before the machine was started, is forgotten.
+    ///
+    /// # Errors
+    /// [`SceneMemoryError`]: the system's refusal.
+    pub(crate) fn open(options: &IpcOptions) -> Result<Self, SceneMemoryError> {
+        let name = format!("{}.daemon.scenes", options.prefix);
+        let path = options.root.join(name);
+        Self::map(&path).map_err(|source| SceneMemoryError { path, source })
+    }
+
+    fn map(path: &Path) -> io::Result<Self> {
+        let words = HEAD_WORDS + MOST_SOURCES * PLACE_WORDS;
+        let memory = Self {
+            memory: KeptMemory::open(path, words)?,
+            marks: [None; MOST_SOURCES],
+        };
+        let head = &memory.memory.words()[..HEAD_WORDS];
+        let [low, high] = halves(machine_start()?);
+        let own = [FORM, low, high];
+        if !head.iter().map(load).eq(own) {
+            for index in 0..MOST_SOURCES {
+                memory.place(index).set_state(FREE);
+            }
+            store(head, own);
+        }
+        Ok(memory)
+    }
+
+    /// The sources that are kept.
+    pub(super) fn recall(&mut self) -> Vec<KeptSource> {
+        let mut sources = Vec::new();
+        for index in 0..MOST_SOURCES {
+            let source = self.place(index).recall();
+            self.marks[index] = source.as_ref().map(|source| Mark {
+                name: source.name,
+                publisher: source.publisher,
+                leaves: source.leaves,
+                scene: None,
+            });
+            sources.extend(source);
+        }
+        sources
+    }
+
+    /// Keeps these sources, each with its scene, and no others.
+    pub(super) fn keep<'scene>(
+        &mut self,
+        sources: impl Iterator<Item = (Mark, Option<&'scene valid::Scene>)> + Clone,
+    ) {
+        let is_of = |kept: &Option<Mark>, mark: &Mark| {
+            kept.is_some_and(|kept| kept.name == mark.name && kept.publisher == mark.publisher)
+        };
+        for index in 0..MOST_SOURCES {
+            let kept = self.marks[index];
+            if kept.is_some() && !sources.clone().any(|(mark, _)| is_of(&kept, &mark)) {
+                self.place(index).set_state(FREE);
+                self.marks[index] = None;
+            }
+        }
+        for (mark, scene) in sources {
+            let own = self.marks.iter().position(|kept| is_of(kept, &mark));
+            let place = own.or_else(|| self.marks.iter().position(Option::is_none));
+            if let Some(place) = place.filter(|&place| self.marks[place] != Some(mark)) {
+                self.place(place).keep(&mark, scene);
+                self.marks[place] = Some(mark);
+            }
+        }
+    }
+
+    fn place(&self, index: usize) -> Place<'_> {
+        let begin = HEAD_WORDS + index * PLACE_WORDS;
+        Place(&self.memory.words()[begin..begin + PLACE_WORDS])
+    }
+}
+
+/// The words of one source: state, whether it leaves, publisher, name, and its scene.
+struct Place<'memory>(&'memory [AtomicU64]);
+
+impl Place<'_> {
+    fn set_state(&self, state: u64) {
+        self.0[STATE].store(state, Ordering::Release);
+    }
+
+    /// Keeps a source. If the daemon is killed meanwhile its name is there and its scene is not: its obstacles are unknown then.
+    fn keep(&self, mark: &Mark, scene: Option<&valid::Scene>) {
+        if load(&self.0[STATE]) == FREE {
+            store(&self.0[PUBLISHER], halves(mark.publisher));
+            let name = mark.name.to_wire();
+            let words = name
+                .chunks_exact(8)
+                .map(|bytes| u64::from_le_bytes(bytes.try_into().unwrap_or_default()));
+            store(&self.0[NAME], words);
+        }
+        self.0[LEAVES].store(u64::from(mark.leaves), Ordering::Release);
+        self.set_state(UNKNOWN);
+        let Some(scene) = scene else {
+            return;
+        };
+        let times = [scene.stamp_mono_ns, scene.lifetime_ns].map(i64::cast_unsigned);
+        let count = scene.balls.len() as u64;
+        store(&self.0[SCENE], times.into_iter().chain([count]));
+        let places = self.0[BALLS..].chunks_exact(BALL_WORDS);
+        for (words, ball) in places.zip(&scene.balls) {
+            let [x, y, z] = ball.centre_m;
+            let [u, v, w] = ball.velocity_m_s;
+            store(words, [x, y, z, ball.radius_m, u, v, w].map(f64::to_bits));
+        }
+        self.set_state(WHOLE);
+    }
+
+    fn recall(&self) -> Option<KeptSource> {
+        let state = load(&self.0[STATE]);
+        let mut name = [0; SOURCE_NAME_BYTES];
+        for (bytes, word) in name.chunks_exact_mut(8).zip(&self.0[NAME]) {
+            bytes.copy_from_slice(&load(word).to_le_bytes());
+        }
+        let name = SourceName::try_from(&name).ok().filter(|_| state != FREE)?;
+        let [low, high] = [0, 1].map(|half| u128::from(load(&self.0[PUBLISHER][half])));
+        Some(KeptSource {
+            name,
+            publisher: low | high << 64,
+            leaves: load(&self.0[LEAVES]) != 0,
+            scene: (state == WHOLE).then(|| self.scene(name)).flatten(),
+        })
+    }
+
+    /// The scene, if it is one that may be published.
+    fn scene(&self, source: SourceName) -> Option<valid::Scene> {
+        let [stamp, lifetime, count] = [0, 1, 2].map(|index| load(&self.0[SCENE][index]));
+        let ball = |words: &[AtomicU64]| {
+            let number = |index: usize| f64::from_bits(load(&words[index]));
+            MovingBall {
+                centre_m: [0, 1, 2].map(number),
+                radius_m: number(3),
+                velocity_m_s: [4, 5, 6].map(number),
+            }
+        };
+        let count = usize::try_from(count)
+            .ok()
+            .filter(|&count| count <= MAX_SCENE_BALLS)?;
+        let balls = self.0[BALLS..].chunks_exact(BALL_WORDS).take(count);
+        let scene = valid::Scene {
+            source,
+            sequence: 0,
+            stamp_mono_ns: stamp.cast_signed(),
+            lifetime_ns: lifetime.cast_signed(),
+            takes_leave: false,
+            balls: balls.map(ball).collect(),
+        };
+        let mut wire = Box::new(SceneMessage::ZEROED);
+        scene.write(&mut wire).ok().map(|()| scene)
+    }
+}
+
+fn load(word: &AtomicU64) -> u64 {
+    word.load(Ordering::Acquire)
+}
+
+fn store(words: &[AtomicU64], values: impl IntoIterator<Item = u64>) {
+    for (word, value) in words.iter().zip(values) {
+        word.store(value, Ordering::Release);
+    }
+}
+
+fn halves(value: u128) -> [u64; 2] {
+    [value as u64, (value >> 64) as u64]
+}
+
+/// A number that Linux draws anew at each start of the machine: clocks that count from there begin again.
+fn machine_start() -> io::Result<u128> {
+    let path = "/proc/sys/kernel/random/boot_id";
+    let digits = fs::read_to_string(path)?.trim().replace('-', "");
+    u128::from_str_radix(&digits, 16).map_err(|error| io::Error::other(format!("{path}: {error}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn source(name: &str, publisher: u128, balls: usize) -> KeptSource {
+        let name = SourceName::new(name).unwrap();
+        let ball = |index: usize| MovingBall {
+            centre_m: [index as f64 * 1e-3, 2.0, 3.0],
+            radius_m: 0.1,
+            velocity_m_s: [0.0, -1.0, 0.5],
+        };
+        let scene = valid::Scene {
+            source: name,
+            sequence: 0,
+            stamp_mono_ns: 17,
+            lifetime_ns: 1_000_000,
+            takes_leave: false,
+            balls: (0..balls).map(ball).collect(),
+        };
+        KeptSource {
+            name,
+            publisher,
+            leaves: balls == 0,
+            scene: Some(scene),
+        }
+    }
+
+    fn keep(memory: &mut SceneMemory, sources: &[KeptSource], version: u64) {
+        let kept = sources.iter().map(|source| {
+            let mark = Mark {
+                name: source.name,
+                publisher: source.publisher,
+                leaves: source.leaves,
+                scene: source
+                    .scene
+                    .as_ref()
+                    .map(|scene| (scene.stamp_mono_ns, version)),
+            };
+            (mark, source.scene.as_ref())
+        });
+        memory.keep(kept);
+    }
+
+    fn options(folder: &tempfile::TempDir) -> IpcOptions {
+        IpcOptions {
+            prefix: "test".to_owned(),
+            root: folder.path().to_owned(),
+        }
+    }
+
+    #[test]
+    fn the_next_daemon_knows_the_sources_that_were_kept_last() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = options(&folder);
+        let mut memory = SceneMemory::open(&options).unwrap();
+        assert_eq!(memory.recall(), []);
+        let all: Vec<KeptSource> = (0..MOST_SOURCES)
+            .map(|index| {
+                source(
+                    &format!("camera {index}"),
+                    u128::MAX - index as u128,
+                    index * 100,
+                )
+            })
+            .collect();
+        keep(&mut memory, &all, 1);
+        let mut memory = SceneMemory::open(&options).unwrap();
+        assert_eq!(memory.recall(), all);
+        let fewer = [
+            source("camera 3", u128::MAX - 3, 2),
+            source("new", 5, MAX_SCENE_BALLS),
+        ];
+        keep(&mut memory, &fewer, 2);
+        let mut recalled = SceneMemory::open(&options).unwrap().recall();
+        recalled.sort_by_key(|source| source.publisher != u128::MAX - 3);
+        assert_eq!(recalled, fewer);
+        keep(&mut memory, &[], 3);
+        assert_eq!(SceneMemory::open(&options).unwrap().recall(), []);
+    }
+
+    #[test]
+    fn a_scene_that_was_half_kept_is_a_source_whose_obstacles_are_unknown() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        keep(&mut memory, &[source("camera", 7, 3)], 1);
+        let spoil: [fn(&Place<'_>); 3] = [
+            |place| place.set_state(UNKNOWN),
+            |place| place.0[BALLS].store(f64::NAN.to_bits(), Ordering::Release),
+            |place| place.0[SCENE][2].store(u64::MAX, Ordering::Release),
+        ];
+        for spoil in spoil {
+            spoil(&memory.place(0));
+            let recalled = SceneMemory::open(&options(&folder)).unwrap().recall();
+            let [recalled] = &recalled[..] else {
+                panic!("{recalled:?}");
+            };
+            assert_eq!((recalled.publisher, &recalled.scene), (7, &None));
+            keep(&mut memory, &[], 2);
+            keep(&mut memory, &[source("camera", 7, 3)], 3);
+        }
+    }
+
+    #[test]
+    fn what_was_kept_before_the_machine_was_started_is_forgotten() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        keep(&mut memory, &[source("camera", 7, 3)], 1);
+        memory.memory.words()[1].fetch_add(1, Ordering::Release);
+        assert_eq!(SceneMemory::open(&options(&folder)).unwrap().recall(), []);
+    }
+}
