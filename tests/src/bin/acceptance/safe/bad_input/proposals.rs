@@ -163,7 +163,7 @@ fn other_arrays(good: &Member) -> Vec<Variant> {
     }
     // More cases than the sample has.
     let many = archive(&[paths(&[1000, 1, 64, 6])]);
-    let told = Fault::key("", "cases", "1000");
+    let told = Fault::key(FILE, "paths", "1000");
     all.push(with("of 1000 cases", many, Expected::Refused(vec![told])));
     all
 }
