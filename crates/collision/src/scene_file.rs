@@ -79,10 +79,10 @@ pub enum EntryError {
         allowed: String,
     },
     /// A file that it names is not read.
-    #[error(transparent)]
+    #[error("`file`: {0}")]
     File(#[from] InputFileError),
     /// A file with a mesh or a grid is not understood.
-    #[error("{} is not understood: {reason}", shown(.path))]
+    #[error("`file` {} is not understood: {reason}", shown(.path))]
     Content {
         /// The file.
         path: PathBuf,

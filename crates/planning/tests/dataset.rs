@@ -99,7 +99,7 @@ fn broken_sets_are_refused_by_name() {
         Dataset::read(folder.path())
             .unwrap_err()
             .to_string()
-            .contains("version 25, is needed")
+            .contains("and 25 are needed")
     );
     std::fs::copy(
         project("tests/data/reference-mixed-sample/dataset_meta.json"),

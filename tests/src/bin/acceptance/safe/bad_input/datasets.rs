@@ -281,10 +281,16 @@ fn faults_of_text(content: &[u8]) -> Vec<Fault> {
             let missing = READ.into_iter().filter(|key| value.get(key).is_none());
             missing.map(|key| Fault::key(META, key, "")).collect()
         }
-        Err(error) => vec![Fault {
-            value: format!("column {}", error.column()),
-            ..Fault::file(META).and(&format!("line {}", error.line()))
-        }],
+        Err(error) => {
+            let told = Fault::file(META).and(&format!("line {}", error.line()));
+            // Of two values, the first is refused before the second is seen.
+            let column = |at: usize| format!("column {at}");
+            vec![Fault {
+                value: column(error.column()),
+                other_values: vec![column(error.column().saturating_sub(1))],
+                ..told
+            }]
+        }
     }
 }
 

@@ -1,6 +1,7 @@
 //! Both models where `pcc evaluate` does not load them: the diffusion model by `pcc trace`, and each by the daemon.
 
 use std::fs;
+use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -35,7 +36,7 @@ struct Model {
     /// Its name in the manifest.
     name: &'static str,
     file: &'static str,
-    entry: Table,
+    manifest: Table,
     content: Arc<Vec<u8>>,
     start: fn(&Path) -> Start,
 }
@@ -83,22 +84,27 @@ impl Model {
             family,
             name,
             file,
-            entry: manifest[name].as_table().unwrap().clone(),
+            manifest,
             content: Arc::new(fs::read(folder.join(file)).unwrap()),
             start,
         }
     }
 
-    /// Writes the folder of weights with a file of this content, which the manifest fits if it is signed.
+    /// Writes the folder of weights with a file of this content, which the manifest fits if it is signed; the others are as
+    /// they are shipped, since the daemon with the diffusion model loads the fast one, too.
     fn write(&self, folder: &Path, content: &[u8], is_signed: bool) -> Start {
-        let mut entry = self.entry.clone();
+        let weights = folder.join("weights");
+        fs::create_dir(&weights).unwrap();
+        let mut manifest = self.manifest.clone();
+        for entry in manifest.iter().filter(|(name, _)| *name != self.name) {
+            let file = entry.1["file"].as_str().unwrap();
+            symlink(repository().join("weights").join(file), weights.join(file)).unwrap();
+        }
         if is_signed {
+            let entry = manifest[self.name].as_table_mut().unwrap();
             entry.insert("sha256".into(), hash_of(content).into());
             entry.insert("bytes".into(), i64::try_from(content.len()).unwrap().into());
         }
-        let manifest = Table::from_iter([(self.name.to_owned(), entry.into())]);
-        let weights = folder.join("weights");
-        fs::create_dir(&weights).unwrap();
         fs::write(weights.join(MANIFEST), manifest.to_string()).unwrap();
         fs::write(weights.join(self.file), content).unwrap();
         (self.start)(folder)

@@ -299,7 +299,7 @@ fn faults_of(file: &str, key: Key, before: &Table, after: &Table) -> Vec<Fault> 
         let table = key.path.rsplit_once('.').map_or("", |(table, _)| table);
         let is_left_out = key.is_table_optional && look_up(after, table).is_none();
         let is_missing = key.is_required && was_there && !is_left_out;
-        let fault = is_missing.then(|| Fault::key(file, last_part(key.path), ""));
+        let fault = is_missing.then(|| Fault::key(file, first_missing_part(after, key.path), ""));
         return fault.into_iter().collect();
     };
     let is_wrong =
@@ -308,6 +308,16 @@ fn faults_of(file: &str, key: Key, before: &Table, after: &Table) -> Vec<Fault> 
         true => key.faults(file, value),
         false => Vec::new(),
     }
+}
+
+/// The name in a path at which a table has nothing: where a list is too short, that of the list.
+fn first_missing_part<'a>(table: &Table, path: &'a str) -> &'a str {
+    let ends = path.match_indices('.').map(|(at, _)| at);
+    let mut begins = ends.chain([path.len()]).map(|end| &path[..end]);
+    let missing = begins.find(|begin| look_up(table, begin).is_none());
+    let mut parts = missing.unwrap_or(path).rsplit('.');
+    let is_name = |part: &&str| part.parse::<usize>().is_err();
+    parts.find(is_name).unwrap_or(path)
 }
 
 /// Keys that no undamaged file has, in whatever table: every file refuses them.
