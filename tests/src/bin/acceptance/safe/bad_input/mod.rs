@@ -96,50 +96,17 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
                 is_kept
             });
         }
-        let Tried {
-            violations,
-            longest,
-            not_started,
-        } = try_all(&variants);
+        let tried = try_all(&variants);
         report.none_of(
             "parts of the running stack that ended or panicked meanwhile",
             &ended(&mut stack),
         );
-        write_all(&violations, &variants);
-        let refusals = variants.iter().filter(|v| v.expected.is_refusal());
-        // Whatever the system does not start counts as one of them.
-        let tried = refusals.count().saturating_sub(not_started);
-        let least = if scale.full {
-            LEAST
-        } else {
-            QUICK - QUICK / 10
-        };
-        report.check(
-            &format!(
-                "variants that must be refused or change nothing tried, of {there_are} of all kinds"
-            ),
-            tried.to_string(),
-            &format!(">= {least}"),
-            tried >= least,
-        );
-        report.shown(
-            "variants that the system does not start (not counted)",
-            not_started.to_string(),
-        );
-        let obstacle = closed::obstacle();
-        report.check(
-            "files closed to the user",
-            obstacle.unwrap_or("tried").to_owned(),
-            "tried",
-            obstacle.is_none(),
-        );
-        report.shown(
-            "variants tried, by what must come of them",
-            classes(&variants),
-        );
-        report.shown("longest message, bytes", longest.to_string());
+        write_all(&tried.violations, &variants);
+        count(report, scale, &variants, tried.not_started, there_are);
+        report.shown("longest message, bytes", tried.longest.to_string());
         for (kind, text) in Kind::ALL {
-            let offenders: Vec<String> = violations
+            let offenders: Vec<String> = tried
+                .violations
                 .iter()
                 .filter(|violation| violation.kind == kind)
                 .map(Violation::line)
@@ -148,6 +115,47 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         }
         Ok(())
     });
+}
+
+/// Whether enough was tried of what must be refused, and of every kind.
+fn count(
+    report: &mut Report,
+    scale: Scale,
+    variants: &[Variant],
+    not_started: usize,
+    there_are: usize,
+) {
+    let refusals = variants.iter().filter(|v| v.expected.is_refusal());
+    // Whatever the system does not start counts as one of them.
+    let tried = refusals.count().saturating_sub(not_started);
+    let least = if scale.full {
+        LEAST
+    } else {
+        QUICK - QUICK / 10
+    };
+    report.check(
+        &format!(
+            "variants that must be refused or change nothing tried, of {there_are} of all kinds"
+        ),
+        tried.to_string(),
+        &format!(">= {least}"),
+        tried >= least,
+    );
+    report.shown(
+        "variants that the system does not start (not counted)",
+        not_started.to_string(),
+    );
+    let obstacle = closed::obstacle();
+    report.check(
+        "files closed to the user",
+        obstacle.unwrap_or("tried").to_owned(),
+        "tried",
+        obstacle.is_none(),
+    );
+    report.shown(
+        "variants tried, by what must come of them",
+        classes(variants),
+    );
 }
 
 fn all_variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
