@@ -11,7 +11,7 @@ pub enum ConfigError {
     #[error("configuration: {0}")]
     Settings(#[from] SettingsError),
     /// The robot file that it names was refused.
-    #[error("configuration {path:?}: {error}")]
+    #[error("configuration {path:?}: `robot`: {error}")]
     Robot {
         /// The configuration file.
         path: PathBuf,

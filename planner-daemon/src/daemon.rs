@@ -40,7 +40,7 @@ const MODEL: &str = "fast";
 #[derive(Debug, thiserror::Error)]
 pub enum StartError {
     /// The robot file is refused.
-    #[error(transparent)]
+    #[error("`robot`: {0}")]
     Robot(#[from] Box<RobotFileError>),
     /// The static scene is refused.
     #[error("static scene: {0}")]
@@ -321,7 +321,7 @@ fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, 
             source: Box::new(source),
         }
     };
-    let by_weights = || refused("weights".to_owned());
+    let by_weights = || refused("`weights`".to_owned());
     let manifest = Manifest::open(folder).map_err(by_weights())?;
     let limit = robot.bending_limit;
     let fast = manifest

@@ -26,7 +26,7 @@ fn every_reason_not_to_start_is_named() {
         ("threads = ", "is not understood"),
         ("colour = \"red\"", "unknown field `colour`"),
         ("threads = 0", "threads = 0 is not allowed: 1 to 64"),
-        ("weights = \"nowhere\"", "weights, in"),
+        ("weights = \"nowhere\"", "`weights`, in"),
         ("shared_memory_budget_mb = 1.0", "shared_memory_budget_mb"),
         (
             "candidates = 64\nknots_per_candidate = 256",

@@ -1,5 +1,6 @@
 //! One array: its header is checked before anything is made of it, its values are read when its shape is known to fit.
 
+use input_files::shortened;
 use npyz::{DType, Deserialize, NpyFile, Order};
 use py_literal::Value;
 use std::io::{Chain, Cursor, Read};
@@ -32,21 +33,19 @@ pub enum NpyError {
         shape: Vec<u64>,
     },
     /// There are fewer or more bytes than the shape needs.
-    #[error(
-        "shape {shape:?} of {item} bytes each needs {needed} bytes behind the header, there are {found}"
-    )]
+    #[error("shape {shape:?} of {descr} needs {needed} bytes behind the header, there are {found}")]
     Size {
         /// The shape.
         shape: Vec<u64>,
-        /// Bytes of a value.
-        item: usize,
+        /// Type of the values, as NumPy writes it.
+        descr: String,
         /// Bytes that the shape needs.
         needed: u64,
         /// Bytes behind the header.
         found: u64,
     },
     /// The first index runs fastest.
-    #[error("column-major order; row-major (C) order is needed")]
+    #[error("fortran_order is True, column-major; False, row-major (C) order, is needed")]
     ColumnMajor,
     /// The values are of another type, or cannot be read; a checksum that does not hold shows here.
     #[error("{0}; undamaged values, as many as the shape says, are needed")]
@@ -74,15 +73,15 @@ impl<R: Read> NpyArray<R> {
     pub fn open(mut reader: R, size: u64) -> Result<Self, NpyError> {
         let header = read_header(&mut reader)?;
         let found = size.saturating_sub(header.len() as u64);
-        let shape = shape_of(&header[PREAMBLE..])?;
+        let HeaderText { descr, shape } = HeaderText::read(&header[PREAMBLE..])?;
         // npyz multiplies the shape without looking.
         let values = product(&shape)?;
         let file = NpyFile::new(Cursor::new(header).chain(reader))
-            .map_err(|error| NpyError::Header(error.to_string()))?;
+            .map_err(|error| NpyError::Header(format!("its descr is {descr}: {error}")))?;
         let item = file.dtype().num_bytes().unwrap_or(0);
         let is_number = matches!(file.dtype(), DType::Plain(_)) && item > 0;
         if !is_number {
-            let reason = format!("it holds {}, not numbers", file.dtype().descr());
+            let reason = format!("its descr is {descr}, no type of numbers");
             return Err(NpyError::Header(reason));
         }
         let needed = values.checked_mul(item as u64).ok_or(NpyError::Overflow {
@@ -91,7 +90,7 @@ impl<R: Read> NpyArray<R> {
         if needed != found {
             return Err(NpyError::Size {
                 shape,
-                item,
+                descr,
                 needed,
                 found,
             });
@@ -159,43 +158,64 @@ fn read_header(reader: &mut impl Read) -> Result<Vec<u8>, NpyError> {
     Ok(header)
 }
 
-/// The shape that the text of a header tells.
-fn shape_of(text: &[u8]) -> Result<Vec<u64>, NpyError> {
-    let refused = |reason: &str| NpyError::Header(reason.into());
-    let text = std::str::from_utf8(text).map_err(|_| refused("its header is not text"))?;
-    if nesting(text) > MAX_NESTING {
-        return Err(refused("its header has too many brackets"));
+/// What the text of a header tells.
+struct HeaderText {
+    /// Type of the values, as it is written there.
+    descr: String,
+    shape: Vec<u64>,
+}
+
+impl HeaderText {
+    fn read(text: &[u8]) -> Result<Self, NpyError> {
+        let text = std::str::from_utf8(text)
+            .map_err(|_| NpyError::Header("its header is not text".into()))?;
+        let refused = |reason: &str| {
+            let shown = shortened(&format!("{:?}", text.trim()));
+            NpyError::Header(format!("its header {shown} {reason}"))
+        };
+        if nesting(text) > MAX_NESTING {
+            return Err(refused("has too many brackets"));
+        }
+        let no_dictionary = || refused("is not a Python dictionary");
+        let header: Value = text.trim().parse().map_err(|_| no_dictionary())?;
+        let Value::Dict(entries) = &header else {
+            return Err(no_dictionary());
+        };
+        let entry = |name: &str| {
+            let found = entries
+                .iter()
+                .find(|(key, _)| key.as_string().map(String::as_str) == Some(name));
+            found.map(|(_, value)| value)
+        };
+        let [Some(descr), Some(_), Some(shape)] = ["descr", "fortran_order", "shape"].map(entry)
+        else {
+            return Err(refused("lacks one of its keys"));
+        };
+        if entries.len() != 3 {
+            return Err(refused("has other keys"));
+        }
+        Ok(Self {
+            descr: shortened(&descr.to_string()),
+            shape: shape_of(shape)?,
+        })
     }
-    let header: Value = text
-        .trim()
-        .parse()
-        .map_err(|_| refused("its header is not a Python dictionary"))?;
-    let Value::Dict(entries) = &header else {
-        return Err(refused("its header is not a Python dictionary"));
+}
+
+/// The shape that a header tells.
+fn shape_of(shape: &Value) -> Result<Vec<u64>, NpyError> {
+    let refused = |reason: &str| {
+        let shown = shortened(&shape.to_string());
+        NpyError::Header(format!("its shape is {shown}, {reason}"))
     };
-    let mut keys: Vec<&str> = entries
-        .iter()
-        .filter_map(|(key, _)| key.as_string().map(String::as_str))
-        .collect();
-    keys.sort_unstable();
-    if keys != ["descr", "fortran_order", "shape"] || entries.len() != keys.len() {
-        return Err(NpyError::Header(format!(
-            "its header has the keys {keys:?}"
-        )));
-    }
-    let shape = entries.iter().find(|(key, _)| {
-        let key = key.as_string().map(String::as_str);
-        key == Some("shape")
-    });
-    let Some((_, Value::Tuple(numbers))) = shape else {
-        return Err(refused("its shape is not a tuple"));
+    let Value::Tuple(numbers) = shape else {
+        return Err(refused("which is not a tuple"));
     };
     let number = |number: &Value| match number {
         Value::Integer(n) => n.to_string().parse().ok(),
         _ => None,
     };
-    let shape: Option<Vec<u64>> = numbers.iter().map(number).collect();
-    shape.ok_or_else(|| NpyError::Header(format!("its shape is {numbers:?}")))
+    let counts: Option<Vec<u64>> = numbers.iter().map(number).collect();
+    counts.ok_or_else(|| refused("which are not counts"))
 }
 
 /// How many brackets are open at most.
@@ -262,9 +282,9 @@ mod tests {
             (npy("(1, 2)", &[]), "not a Python dictionary"),
             (npy(&of_shape(&deep), &[]), "too many brackets"),
             (npy(&of_shape("(-1,)"), &[]), "its shape is"),
-            (npy(&of_shape("(1.5,)"), &[]), "its shape is"),
+            (npy(&of_shape("(1.5,)"), &[]), "not counts"),
             (npy(&of_shape("2"), &[]), "not a tuple"),
-            (npy("{'descr': '<i2', 'shape': (1,)}", &[0, 0]), "keys"),
+            (npy("{'descr': '<i2', 'shape': (1,)}", &[0, 0]), "lacks one"),
             (
                 npy(&of_shape("(6148914691236517206, 3)"), &[0; 12]),
                 "counted",

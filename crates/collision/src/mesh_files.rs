@@ -27,19 +27,19 @@ pub(crate) type Mesh = (Vec<Point>, Vec<[u32; 3]>);
 /// Reads an STL file. A binary file is told from text by its size, since its own text may begin with `solid`, too.
 pub(crate) fn stl(bytes: &[u8]) -> Result<Mesh, String> {
     let count = bytes.get(STL_TEXT..STL_HEADER);
-    let count = count.and_then(|count| count.try_into().ok());
-    let binary_size = count.map(|count| {
-        let triangles = u64::from(u32::from_le_bytes(count));
-        STL_HEADER as u64 + STL_TRIANGLE as u64 * triangles
-    });
-    if binary_size == Some(bytes.len() as u64) {
+    let triangles = count.and_then(|count| Some(u32::from_le_bytes(count.try_into().ok()?)));
+    let size_for = |triangles| STL_HEADER as u64 + STL_TRIANGLE as u64 * u64::from(triangles);
+    if triangles.map(size_for) == Some(bytes.len() as u64) {
         return Ok(binary_stl(&bytes[STL_HEADER..]));
     }
-    let needed = binary_size.map_or("at least 84".into(), |size| size.to_string());
-    let size = format!(
-        "it has {} bytes; {needed} are needed by a binary STL file of as many triangles as it says",
-        bytes.len()
+    let needed = triangles.map_or(
+        "at least 84 are needed by a binary STL file".into(),
+        |triangles| {
+            let size = size_for(triangles);
+            format!("{size} are needed by a binary STL file of `triangles` {triangles}, as it says")
+        },
     );
+    let size = format!("it has {} bytes; {needed}", bytes.len());
     if !bytes.trim_ascii_start().starts_with(b"solid") {
         return Err(format!("{size}, and one of text begins with `solid`"));
     }

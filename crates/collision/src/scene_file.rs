@@ -1,7 +1,7 @@
 //! Static scenes from files: balls, capsules, boxes, meshes, voxel grids, lengths in metres in the base frame.
 
 use crate::scene::{Ball, MAX_EXTENT, MIN_EXTENT, Scene, SceneError};
-use crate::solid::{Solid, SolidError};
+use crate::solid::{Solid, SolidError, check_edges};
 use crate::solid_files::{read_grid, read_mesh};
 use crate::voxels::VoxelGrid;
 use input_files::{InputFileError, SettingsError, SettingsFile, shown};
@@ -79,10 +79,10 @@ pub enum EntryError {
         allowed: String,
     },
     /// A file that it names is not read.
-    #[error(transparent)]
+    #[error("`file`: {0}")]
     File(#[from] InputFileError),
     /// A file with a mesh or a grid is not understood.
-    #[error("{} is not understood: {reason}", shown(.path))]
+    #[error("`file` {} is not understood: {reason}", shown(.path))]
     Content {
         /// The file.
         path: PathBuf,
@@ -95,7 +95,7 @@ pub enum EntryError {
     /// The numbers do not make a solid; lengths in section lengths of the robot.
     #[error(transparent)]
     Solid(#[from] SolidError),
-    /// What a file holds does not make a solid; lengths in section lengths of the robot.
+    /// What a file holds does not make a solid; an open edge in the unit of the file, other lengths in section lengths of the robot.
     #[error("{}: {source}", shown(.path))]
     SolidOfFile {
         /// The file.
@@ -287,6 +287,7 @@ impl Reader<'_> {
         let path = self.beside(&entry.file);
         let (mut vertices, triangles) = read_mesh(&path)?;
         let scale = entry.unit_m / self.unit;
+        check_in_its_unit(&path, &vertices, &triangles, MAX_EXTENT / scale)?;
         vertices.iter_mut().for_each(|vertex| *vertex *= scale);
         Solid::mesh(&vertices, &triangles, &pose)
             .map_err(|source| EntryError::SolidOfFile { path, source })
@@ -346,6 +347,26 @@ impl Reader<'_> {
         let translation = Translation3::from(self.point("position_m", position_m)?);
         Ok(Isometry3::from_parts(translation, rotation))
     }
+}
+
+/// Refuses a coordinate and an open edge of a mesh as its file has them, before they are turned into units.
+fn check_in_its_unit(
+    path: &Path,
+    vertices: &[Point],
+    triangles: &[[u32; 3]],
+    most: f64,
+) -> Result<(), EntryError> {
+    let mut coordinates = vertices.iter().flat_map(|vertex| vertex.iter());
+    if let Some(value) = coordinates.find(|value| !(-most..=most).contains(*value)) {
+        return Err(EntryError::Content {
+            path: path.into(),
+            reason: format!("a `vertex` has the coordinate {value:e}; within ±{most:e} is allowed"),
+        });
+    }
+    check_edges(vertices, triangles).map_err(|source| EntryError::SolidOfFile {
+        path: path.into(),
+        source,
+    })
 }
 
 /// The rotation of an entry that gives it in at most one of two ways.

@@ -51,7 +51,7 @@ pub enum SolidError {
     },
     /// An edge does not have exactly one triangle on each side, each seeing it the other way round.
     #[error(
-        "the mesh is open, or its triangles do not all face the same side: the edge from {from:?} to {to:?} needs exactly one triangle on each side"
+        "the mesh is open, or its triangles do not all face the same side: the `edge` from {from:?} to {to:?} needs exactly one triangle on each side"
     )]
     Open {
         /// Where the edge begins.
@@ -282,6 +282,12 @@ fn merged(
         .map(renamed)
         .collect::<Result<_, _>>()?;
     Ok((different, triangles))
+}
+
+/// Refuses triangles of which an edge is open, or whose vertices are not all there; in any unit.
+pub(crate) fn check_edges(vertices: &[Point], triangles: &[[u32; 3]]) -> Result<(), SolidError> {
+    let (vertices, triangles) = merged(vertices, triangles)?;
+    check_closed(&vertices, &triangles)
 }
 
 fn edges(triangles: &[[u32; 3]]) -> impl Iterator<Item = (u32, u32)> {

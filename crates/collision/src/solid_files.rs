@@ -45,7 +45,7 @@ pub(crate) fn read_grid(path: &Path) -> Result<([usize; 3], Vec<bool>), EntryErr
         if matches!(t.type_char(), TypeChar::Uint | TypeChar::Bool) && t.size_field() == 1);
     if !is_bytes {
         return Err(content(format!(
-            "it holds {}; u1 or b1 is needed",
+            "its descr is {}; '|u1' or '|b1' is needed",
             dtype.descr()
         )));
     }

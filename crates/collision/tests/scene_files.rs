@@ -216,12 +216,12 @@ fn meshes_that_are_open_empty_or_inside_out_and_grids_of_other_kinds_are_refused
             "meshes[0]",
         ),
         (mesh, "a.obj", Vec::new(), "0 triangles"),
-        (grid, "a.npy", replaced("|u1", "|i1"), "u1 or b1 is needed"),
+        (grid, "a.npy", replaced("|u1", "|i1"), "its descr is '|i1'"),
         (
             grid,
             "a.npy",
             replaced("False", "True "),
-            "row-major (C) order is needed",
+            "row-major (C) order, is needed",
         ),
         (
             grid,

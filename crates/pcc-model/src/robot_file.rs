@@ -32,7 +32,7 @@ pub enum RobotFileError {
     #[error("robot file: {0}")]
     Settings(#[from] SettingsError),
     /// More tendons than the messages between the processes carry.
-    #[error("robot file: {}: the robot has {count} tendons, at most {MAX_TENDONS} are allowed", shown(.path))]
+    #[error("robot file: {}: `tendons` are {count}, at most {MAX_TENDONS} are allowed", shown(.path))]
     TendonCount {
         /// The file.
         path: PathBuf,

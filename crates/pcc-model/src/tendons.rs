@@ -19,7 +19,7 @@ pub struct Tendon {
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum TendonMapError {
     /// A tendon's section does not exist.
-    #[error("tendon {tendon} ends in section {section}; 1 to {SECTIONS} are allowed")]
+    #[error("`section` of tendon {tendon} is {section}; 1 to {SECTIONS} are allowed")]
     Section {
         /// Index of the tendon, from 1.
         tendon: usize,
@@ -40,7 +40,7 @@ pub enum TendonMapError {
     },
     /// The tendons do not determine the configuration.
     #[error(
-        "the tendons determine only {rank} of the {DOF} bending components; at least two tendons a section, not opposite each other, are needed"
+        "the `tendons` determine only {rank} of the {DOF} bending components; at least two tendons a section, not opposite each other, are needed"
     )]
     Rank {
         /// Rank of the map.

@@ -197,7 +197,7 @@ fn more_tendons_than_a_message_carries_are_refused() {
     let error = parse(&(text + tendon)).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "robot file: \"unit.toml\": the robot has 10 tendons, at most 9 are allowed"
+        "robot file: \"unit.toml\": `tendons` are 10, at most 9 are allowed"
     );
 }
 

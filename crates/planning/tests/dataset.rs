@@ -99,7 +99,7 @@ fn broken_sets_are_refused_by_name() {
         Dataset::read(folder.path())
             .unwrap_err()
             .to_string()
-            .contains("version 25, is needed")
+            .contains("and 25 are needed")
     );
     std::fs::copy(
         project("tests/data/reference-mixed-sample/dataset_meta.json"),
@@ -277,7 +277,7 @@ fn arrays_of_any_width_are_read_and_shapes_and_values_are_checked() {
         (&[][..], 2.4, "paths"),
         (&[1, 64], 2.4, "paths"),
         (&[2, 64, 6], 2.4, "target_tips"),
-        (&[1, 64, 6], f64::NAN, "target tip"),
+        (&[1, 64, 6], f64::NAN, "target_tips"),
     ] {
         write_wide(&file, path_shape, tip);
         let error = Dataset::read(folder.path()).unwrap_err().to_string();

@@ -112,15 +112,21 @@ impl Arguments {
             .and_then(|dataset| dataset.cases(split, limit))
             .with_context(|| format!("data set {}", self.dataset.display()))?;
         let needed = given.and(limit).unwrap_or(1);
-        if cases.len() < needed {
-            bail!(
-                "{} has {} cases in split {}, at least {needed} are needed",
-                self.dataset.display(),
+        let split = name_of(&self.split);
+        match (&self.proposals, given) {
+            (Some(file), Some(given)) if cases.len() < needed => bail!(
+                "array `paths` of {} is for {given} cases; at most {}, as many as {} has in split {split}, are allowed",
+                file.display(),
                 cases.len(),
-                name_of(&self.split)
-            );
+                self.dataset.display()
+            ),
+            _ if cases.len() < needed => bail!(
+                "{} has {} cases in split {split}, at least {needed} are needed",
+                self.dataset.display(),
+                cases.len()
+            ),
+            _ => Ok(cases),
         }
-        Ok(cases)
     }
 
     /// The paths to judge, case by case, if the planner is `proposed`.

@@ -282,7 +282,7 @@ impl Meta {
     fn check(&self) -> Result<(), String> {
         if self.format != "pcc_diffuser_npz" || self.version != VERSION {
             return Err(format!(
-                "format {}, version {}; `pcc_diffuser_npz`, version {VERSION}, is needed",
+                "`format` is {}, `version` is {}; `pcc_diffuser_npz` and {VERSION} are needed",
                 shortened(&format!("{:?}", self.format)),
                 self.version
             ));

@@ -114,9 +114,9 @@ impl Columns {
         Ok(Row {
             path: read_path(&self.paths[i * WAYPOINTS * DOF..][..WAYPOINTS * DOF])?,
             target_tip: read_tip(&self.tips[3 * i..][..3])?,
-            target_index: index("target", targets[i])?,
-            start_index: index("start", starts[i])?,
-            ik_index: index("end shape", ends[i])?,
+            target_index: index(INDICES[0], targets[i])?,
+            start_index: index(INDICES[1], starts[i])?,
+            ik_index: index(INDICES[2], ends[i])?,
             split: split_of(splits[i])?,
             balls: self.obstacles.of(i)?,
             check: self.check(i)?,
@@ -180,7 +180,7 @@ impl Obstacles {
         let (first, end) = (self.offsets[row], self.offsets[row + 1]);
         if first < 0 || end < first || end as usize > self.radii.len() {
             return Err(format!(
-                "obstacle_offsets are {first} and {end}; they must rise and stay within 0..={}",
+                "`obstacle_offsets` are {first} and {end}; they must rise and stay within 0..={}",
                 self.radii.len()
             ));
         }
@@ -197,7 +197,7 @@ impl Obstacles {
         match balls.iter().find(|ball| !is_allowed(ball)) {
             None => Ok(balls),
             Some(Ball { centre, radius }) => Err(format!(
-                "an obstacle has centre {:?} and radius {radius}; coordinates within ±{MAX_EXTENT:e} and a radius of 0 to {MAX_EXTENT:e} are allowed",
+                "an obstacle of `obstacle_centres` is at {:?}, its radius is {radius}; coordinates within ±{MAX_EXTENT:e} and a radius of 0 to {MAX_EXTENT:e} are allowed",
                 <[f64; 3]>::from(*centre)
             )),
         }
@@ -210,7 +210,7 @@ fn read_path(values: &[f32]) -> Result<Vec<Configuration>, String> {
         if bending.is_nan() || bending > MOST_BENDING_RAD {
             let (waypoint, number) = (2 * index / DOF, index % SECTIONS + 1);
             return Err(format!(
-                "waypoint {waypoint} of its path bends section {number} by {section:?}; finite angles of together at most π rad are allowed"
+                "waypoint {waypoint} of its `paths` bends section {number} by {section:?}; finite angles of together at most π rad are allowed"
             ));
         }
     }
@@ -224,18 +224,18 @@ fn read_tip(values: &[f32]) -> Result<Point, String> {
     let extent = -MAX_EXTENT..=MAX_EXTENT;
     if !values.iter().all(|v| extent.contains(&f64::from(*v))) {
         return Err(format!(
-            "target tip {values:?}; coordinates within ±{MAX_EXTENT:e} are allowed"
+            "its `target_tips` are {values:?}; coordinates within ±{MAX_EXTENT:e} are allowed"
         ));
     }
     Ok(Point::from_fn(|axis, _| f64::from(values[axis])))
 }
 
-fn index<T: TryFrom<i64>>(what: &str, value: i64) -> Result<T, String> {
+fn index<T: TryFrom<i64>>(array: &str, value: i64) -> Result<T, String> {
     let index = Some(value).filter(|value| *value >= 0);
     let index = index.and_then(|value| T::try_from(value).ok());
     index.ok_or_else(|| {
         format!(
-            "{what} index {value} is out of range; 0 to {} is allowed",
+            "`{array}` is {value}; 0 to {} is allowed",
             (1_u64 << (8 * size_of::<T>() - 1)) - 1
         )
     })
@@ -245,5 +245,5 @@ fn split_of(code: i64) -> Result<Split, String> {
     [Split::Train, Split::Validation, Split::Test]
         .into_iter()
         .find(|s| i64::from(s.code()) == code)
-        .ok_or_else(|| format!("split code {code}; 0, 1 or 2 is needed"))
+        .ok_or_else(|| format!("`split_indices` is {code}; 0, 1 or 2 is needed"))
 }

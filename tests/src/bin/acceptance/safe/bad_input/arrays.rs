@@ -1,7 +1,7 @@
 //! The arrays of a data set: headers that lie, values that no row may have, arrays that are missing or in another's place.
 
 use super::datasets::{ARCHIVE, ROWS, Set};
-use super::npz::{Member, archive, npy, reals, shape};
+use super::npz::{Member, archive, npy, reals, shape, told_shapes};
 use super::variant::{Expected, Fault, Variant};
 
 /// Arrays of one whole number a row.
@@ -18,15 +18,15 @@ impl Set {
         let members = members();
         let mut all = Vec::new();
         for (index, member) in members.iter().enumerate() {
-            for (name, npy, is_refused) in lies(&member.npy) {
+            for lie in lies(&member.npy) {
                 let mut fresh = members.clone();
-                fresh[index].npy = npy;
-                let expected = if is_refused {
-                    Expected::Refused(vec![Fault::key(ARCHIVE, &member.name, "")])
+                fresh[index].npy.clone_from(&lie.npy);
+                let expected = if lie.is_refused {
+                    Expected::Refused(vec![lie.fault(ARCHIVE, &member.name)])
                 } else {
                     self.refused_or_same(ARCHIVE)
                 };
-                let name = format!("array {} {name}", member.name);
+                let name = format!("array {} {}", member.name, lie.name);
                 all.push(self.with(name, archive(&fresh), self.meta.clone(), expected));
             }
         }
@@ -56,7 +56,7 @@ impl Set {
                 format!("{array}[{index}] = {text}"),
                 archive(&fresh),
                 self.meta.clone(),
-                Expected::Refused(vec![Fault::key(ARCHIVE, "row", &text)]),
+                Expected::Refused(vec![Fault::key(ARCHIVE, array, &text).and("row")]),
             ));
         };
         for value in wrong.into_iter().chain([3.2, -3.2]) {
@@ -107,23 +107,32 @@ impl Set {
             ] {
                 let mut fresh = members.clone();
                 fresh[index].name.clone_from(&name);
-                add(&format!("is called {name:?}"), &fresh, refused());
+                let told = Fault::key(ARCHIVE, &member.name, &name);
+                add(
+                    &format!("is called {name:?}"),
+                    &fresh,
+                    Expected::Refused(vec![told]),
+                );
             }
             let mut fresh = members.clone();
             fresh.push(member.clone());
             add("is there twice", &fresh, self.refused_or_same(ARCHIVE));
             let mut fresh = members.clone();
             fresh[index].npy = b"not an array".to_vec();
-            add("is none", &fresh, refused());
+            let told = Fault::key(ARCHIVE, &member.name, "not an a");
+            add("is none", &fresh, Expected::Refused(vec![told]));
             let mut fresh = members.clone();
             let other = &members[(index + 1) % members.len()];
             fresh[index].npy = other.npy.clone();
             // Whole numbers of any width are read: what has as many of them is another set, which nothing tells from a good one.
             let is_alike = [member, other].map(|m| INDICES.contains(&m.name.as_str())) == [true; 2];
+            let shape = told_shapes(&format!("({})", field(&other.npy, "shape"))).remove(0);
+            let told =
+                Fault::key(ARCHIVE, &member.name, &shape).or_value(field(&other.npy, "descr"));
             let expected = if is_alike {
-                Expected::Either(vec![Fault::file(ARCHIVE)])
+                Expected::Either(vec![told])
             } else {
-                refused()
+                Expected::Refused(vec![told])
             };
             add("is another", &fresh, expected);
         }
@@ -131,17 +140,52 @@ impl Set {
     }
 }
 
-/// Headers that lie about an array; whether each must be refused.
-fn lies(good: &[u8]) -> Vec<(String, Vec<u8>, bool)> {
-    let header = String::from_utf8_lossy(&good[10..128]).into_owned();
-    let field = |name: &str, end: char| {
-        let begin = header.find(name).unwrap() + name.len();
-        header[begin..].split(end).next().unwrap().to_owned()
+/// An array whose header lies.
+pub(super) struct Lie {
+    pub(super) name: String,
+    pub(super) npy: Vec<u8>,
+    /// Whether it must be refused.
+    pub(super) is_refused: bool,
+    /// What is wrong in it; a message must show one of these.
+    pub(super) told: Vec<String>,
+}
+
+impl Lie {
+    fn new(name: impl Into<String>, npy: Vec<u8>, told: &[&str]) -> Self {
+        Self {
+            name: name.into(),
+            npy,
+            is_refused: true,
+            told: told.iter().map(|text| (*text).to_owned()).collect(),
+        }
+    }
+
+    /// What a message must say of it.
+    pub(super) fn fault(&self, file: &str, array: &str) -> Fault {
+        let (first, others) = self.told.split_first().unwrap();
+        Fault {
+            other_values: others.to_vec(),
+            ..Fault::key(file, array, first)
+        }
+    }
+}
+
+/// A field of the header of an array: `descr` or `shape`.
+fn field<'a>(npy: &'a [u8], name: &str) -> &'a str {
+    let header = std::str::from_utf8(&npy[10..128]).unwrap();
+    let (begin, end) = match name {
+        "descr" => ("'descr': '", '\''),
+        _ => ("'shape': (", ')'),
     };
-    let (descr, counts) = (field("'descr': '", '\''), field("'shape': (", ')'));
+    let (_, rest) = header.split_once(begin).unwrap();
+    rest.split(end).next().unwrap()
+}
+
+/// Headers that lie about an array.
+pub(super) fn lies(good: &[u8]) -> Vec<Lie> {
+    let (descr, counts) = (field(good, "descr"), field(good, "shape"));
     let (shape_text, content) = (format!("({counts})"), &good[128..]);
-    let with_shape = |text: &str| npy(&descr, false, text, content);
-    let mut all: Vec<(String, Vec<u8>, bool)> = [
+    let mut all: Vec<Lie> = [
         "()",
         "(0, )",
         "(0, 3)",
@@ -159,57 +203,73 @@ fn lies(good: &[u8]) -> Vec<(String, Vec<u8>, bool)> {
         "(3",
     ]
     .iter()
-    .map(|text| (format!("has shape {text}"), with_shape(text), true))
+    .map(|text| {
+        let told = told_shapes(text);
+        let told: Vec<&str> = told.iter().map(String::as_str).collect();
+        let npy = npy(descr, false, text, content);
+        Lie::new(format!("has shape {text}"), npy, &told)
+    })
     .collect();
     for other in [
         "<f8", ">f4", "<f2", "<c8", "|O", "<i8", "|b1", "<U4", "|S1", "nonsense", "",
     ] {
         if other != descr {
-            all.push((
-                format!("has type {other}"),
-                npy(other, false, &shape_text, content),
-                true,
-            ));
+            let npy = npy(other, false, &shape_text, content);
+            let quoted = "''";
+            let told = if other.is_empty() { quoted } else { other };
+            all.push(Lie::new(format!("has type {other}"), npy, &[told]));
         }
     }
     let is_vector = counts.trim_end_matches([',', ' ']).find(',').is_none();
-    all.push((
-        "is column-major".to_owned(),
-        npy(&descr, true, &shape_text, content),
-        !is_vector,
-    ));
-    all.push((
-        "lacks its last byte".to_owned(),
-        good[..good.len() - 1].to_vec(),
-        true,
-    ));
-    all.push(("lacks its content".to_owned(), good[..128].to_vec(), true));
-    all.push((
-        "has a byte too many".to_owned(),
-        [good, &[0]].concat(),
-        true,
-    ));
-    all.push((
-        "is there twice over".to_owned(),
-        [good, content].concat(),
-        true,
-    ));
-    all.push((
-        "has an endless header".to_owned(),
-        [&good[..8], &[0xff, 0xff], &good[10..]].concat(),
-        true,
-    ));
-    all.push((
-        "has another magic".to_owned(),
-        [b"\x93NUMPX", &good[6..]].concat(),
-        true,
-    ));
-    all.push((
-        "is of version 9".to_owned(),
-        [&good[..6], &[9], &good[7..]].concat(),
-        true,
-    ));
+    all.push(Lie {
+        is_refused: !is_vector,
+        ..Lie::new(
+            "is column-major",
+            npy(descr, true, &shape_text, content),
+            &["True"],
+        )
+    });
+    all.extend(wrong_sizes(good, content));
     all
+}
+
+/// An array with too little or too much behind its header, or with another beginning.
+fn wrong_sizes(good: &[u8], content: &[u8]) -> Vec<Lie> {
+    let bytes = |count: usize| count.to_string();
+    let length = content.len();
+    vec![
+        Lie::new(
+            "lacks its last byte",
+            good[..good.len() - 1].to_vec(),
+            &[&bytes(length - 1)],
+        ),
+        Lie::new("lacks its content", good[..128].to_vec(), &["0"]),
+        Lie::new(
+            "has a byte too many",
+            [good, &[0]].concat(),
+            &[&bytes(length + 1)],
+        ),
+        Lie::new(
+            "is there twice over",
+            [good, content].concat(),
+            &[&bytes(2 * length)],
+        ),
+        Lie::new(
+            "has an endless header",
+            [&good[..8], &[0xff, 0xff], &good[10..]].concat(),
+            &["65535"],
+        ),
+        Lie::new(
+            "has another magic",
+            [b"\x93NUMPX", &good[6..]].concat(),
+            &["\\x93NUMPX"],
+        ),
+        Lie::new(
+            "is of version 9",
+            [&good[..6], &[9], &good[7..]].concat(),
+            &["\\x93NUMPY\\t"],
+        ),
+    ]
 }
 
 /// The arrays of a set of two rows, each path straight up to a bend, one ball a row.

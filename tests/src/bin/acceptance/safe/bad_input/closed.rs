@@ -25,7 +25,8 @@ pub(super) fn obstacle() -> Option<&'static str> {
     (!Path::new(AS_USER).exists()).then_some("none: there is no /usr/bin/setpriv")
 }
 
-/// One file of each kind, closed to the user that reads it, and with none closed; nothing where there is an [`obstacle`].
+/// One file of each kind, closed to the user that reads it, and with none closed; nothing where there is an [`obstacle`],
+/// which is a failed check.
 pub(super) fn variants() -> Vec<Variant> {
     if obstacle().is_some() {
         return Vec::new();

@@ -417,7 +417,7 @@ fn numbers_of_tendons() -> Vec<Variant> {
             };
             let expected = match count {
                 9 => Expected::Taken,
-                _ => Expected::Refused(vec![Fault::key("robot.toml", "tendon", &value)]),
+                _ => Expected::Refused(vec![Fault::key("robot.toml", "tendons", &value)]),
             };
             all.push(subject.with(
                 format!("{count} tendons"),

@@ -1,4 +1,4 @@
-//! Data sets: the archive, its arrays, its meta data; and the archive of paths that another program proposes.
+//! Data sets: the archive, its arrays, its meta data.
 
 use std::fs;
 use std::path::Path;
@@ -11,6 +11,7 @@ use tests::trial::Start;
 use super::arrays::members;
 use super::damage::{self, Damaged};
 use super::npz::{archive, contents};
+use super::rules::no_text;
 use super::variant::{Expected, Fault, Variant};
 
 pub(super) const ARCHIVE: &str = "dataset.npz";
@@ -130,7 +131,9 @@ impl Set {
             };
             damaged.into_iter().map(whole).collect::<Vec<_>>()
         };
-        for (index, (_, place)) in contents.iter().enumerate() {
+        for (index, (name, place)) in contents.iter().enumerate() {
+            let array = name.trim_end_matches(".npy");
+            let refused = || Expected::Refused(vec![Fault::key(ARCHIVE, array, "")]);
             let flipped = damage::flipped(&self.archive[place.clone()], 12, seed + index as u64);
             add(within(flipped, place), &refused);
         }
@@ -195,12 +198,7 @@ impl Set {
                     is_radius && value.as_f64().is_some_and(|v| (0.0..=1e7).contains(&v));
                 let mut fresh = good.clone();
                 fresh.insert(key.to_owned(), value.clone());
-                let said = if value.is_number() {
-                    value.to_string()
-                } else {
-                    String::new()
-                };
-                let fault = vec![Fault::key(META, key, &said)];
+                let fault = vec![fault_of(key, &value)];
                 let expected = if is_taken {
                     Expected::Either(fault)
                 } else {
@@ -220,13 +218,14 @@ impl Set {
                 );
             }
         }
-        let refused = || Expected::Refused(vec![Fault::file(META), Fault::unreadable(META)]);
+        let refused = |content: &[u8]| Expected::Refused(faults_of_text(content));
         let end = self.meta.trim_ascii_end().len();
         for d in damage::truncated(&self.meta[..end], 40)
             .into_iter()
             .chain(damage::foreign())
         {
-            add(d.name, d.content, refused());
+            let expected = refused(&d.content);
+            add(d.name, d.content, expected);
         }
         for d in damage::flipped(&self.meta, 60, 5) {
             let expected = self.judge_meta(&good, &d.content);
@@ -238,16 +237,59 @@ impl Set {
     /// What must come of meta data of which a bit is turned: a key that is read may then have another value that is allowed,
     /// which nothing tells.
     fn judge_meta(&self, good: &Map<String, Value>, content: &[u8]) -> Expected {
-        let faults = vec![Fault::file(META), Fault::unreadable(META)];
         let Ok(fresh) = serde_json::from_slice::<Map<String, Value>>(content) else {
-            return Expected::Refused(faults);
+            return Expected::Refused(faults_of_text(content));
         };
-        if READ.iter().all(|key| fresh.get(*key) == good.get(*key)) {
+        let changed = READ
+            .into_iter()
+            .filter(|key| fresh.get(*key) != good.get(*key));
+        let fault = |key: &str| match fresh.get(key) {
+            Some(value) => fault_of(key, value),
+            None => Fault::key(META, key, ""),
+        };
+        let faults: Vec<Fault> = changed.map(fault).collect();
+        if faults.is_empty() {
             return self.refused_or_same(META);
         }
         match READ.iter().all(|key| fresh.contains_key(*key)) {
             true => Expected::Either(faults),
             false => Expected::Refused(faults),
+        }
+    }
+}
+
+/// The key of the meta data, and its value or what a value of its type is called.
+fn fault_of(key: &str, value: &Value) -> Fault {
+    let told = match value {
+        Value::String(text) if text.is_empty() => "\"\"".to_owned(),
+        Value::String(text) => text.clone(),
+        Value::Array(_) => "sequence".to_owned(),
+        Value::Object(_) => "map".to_owned(),
+        other => other.to_string(),
+    };
+    Fault::key(META, key, &told)
+}
+
+/// What a message must say of meta data that is no text, no JSON, or lacks keys: where, and which.
+fn faults_of_text(content: &[u8]) -> Vec<Fault> {
+    let text = match std::str::from_utf8(content) {
+        Ok(text) => text,
+        Err(error) => return vec![no_text(META, error)],
+    };
+    match serde_json::from_str::<Value>(text) {
+        Ok(value) => {
+            let missing = READ.into_iter().filter(|key| value.get(key).is_none());
+            missing.map(|key| Fault::key(META, key, "")).collect()
+        }
+        Err(error) => {
+            let told = Fault::file(META).and(&format!("line {}", error.line()));
+            // Of two values, the first is refused before the second is seen.
+            let column = |at: usize| format!("column {at}");
+            vec![Fault {
+                value: column(error.column()),
+                other_values: vec![column(error.column().saturating_sub(1))],
+                ..told
+            }]
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use toml::{Table, Value};
 
-use super::rules::{Key, Opinion, Rule, holder, last_part, look_up};
+use super::rules::{Key, Opinion, Rule, holder, last_part, look_up, said};
 use super::variant::{Expected, Fault};
 
 /// A file's text after a change to one key, and what must come of it.
@@ -62,6 +62,7 @@ fn doubled(file: &str, name: &str, path: &str, table: &Table) -> Changed {
     let begin = format!("{name} = ");
     let mut lines: Vec<&str> = text.lines().collect();
     let at = lines.iter().position(|line| line.starts_with(&begin));
+    let value = at.map_or(String::new(), |at| lines[at][begin.len()..].to_owned());
     // A table is doubled as a whole by its header.
     let header = format!("[{path}]");
     match at {
@@ -71,7 +72,7 @@ fn doubled(file: &str, name: &str, path: &str, table: &Table) -> Changed {
     Changed {
         name: format!("{path} twice"),
         text: lines.join("\n"),
-        expected: Expected::Refused(vec![Fault::key(file, name, "").or_key("duplicate")]),
+        expected: Expected::Refused(vec![Fault::key(file, name, &value).and("duplicate")]),
     }
 }
 
@@ -84,63 +85,34 @@ fn renamed(file: &str, path: &str, tail: &str, table: &Table) -> Changed {
         "X" => last.to_uppercase(),
         tail => format!("{last}{tail}"),
     };
+    let mut faults = Vec::new();
     if tail.is_empty() {
-        place.insert(fresh.clone(), Value::Integer(1));
+        let value = Value::Integer(1);
+        faults.push(Fault::key(file, &fresh, &said(&value)));
+        place.insert(fresh.clone(), value);
     } else {
         let value = place.remove(&last).unwrap();
+        let shown = if value.is_array() || value.is_table() {
+            String::new()
+        } else {
+            said(&value)
+        };
+        faults.push(Fault::key(file, &fresh, &shown));
+        faults.push(Fault::key(file, &last, ""));
         place.insert(fresh.clone(), value);
     }
-    let fault = Fault::key(file, &fresh, "").or_key(&last);
     Changed {
         name: format!("{path}: {fresh}"),
         text: changed.to_string(),
-        expected: Expected::Refused(vec![fault]),
+        expected: Expected::Refused(faults),
     }
 }
 
 fn expected(file: &str, key: Key, value: &Value) -> Expected {
-    let mut told = match value {
-        Value::Array(values) => key.rule.wrong_in(values),
-        Value::Table(_) => ["map", "table"].map(str::to_owned).into(),
-        other => vec![said(other)],
-    };
-    let first = if told.is_empty() {
-        String::new()
-    } else {
-        told.remove(0)
-    };
-    let fault = Fault {
-        other_values: told,
-        ..Fault::key(file, last_part(key.path), &first)
-    };
-    let faults = match (key.rule, value) {
-        // The file that is named does not exist: the message may speak of that file.
-        (Rule::File, Value::String(_)) => vec![
-            Fault {
-                is_unreadable: true,
-                ..fault.clone()
-            },
-            fault,
-        ],
-        _ => vec![fault],
-    };
+    let faults = key.faults(file, value);
     match key.rule.opinion(value) {
         Opinion::Refused => Expected::Refused(faults),
         _ => Expected::Either(faults),
-    }
-}
-
-/// The part of a value that a message must show.
-fn said(value: &Value) -> String {
-    match value {
-        // What follows is shown escaped, or as it is.
-        Value::String(text) => text
-            .chars()
-            // One more than a message must show of a long one.
-            .take(13)
-            .take_while(char::is_ascii_graphic)
-            .collect(),
-        other => other.to_string(),
     }
 }
 

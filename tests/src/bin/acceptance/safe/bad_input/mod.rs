@@ -12,9 +12,11 @@ mod damage;
 mod datasets;
 mod environment;
 mod keys;
+mod models;
 mod npz;
 mod option_rules;
 mod options;
+mod proposals;
 mod rules;
 mod shapes;
 mod variant;
@@ -41,9 +43,9 @@ use crate::{Report, Scale};
 
 /// Seed of the choice of the quick form's variants.
 const SEED: u64 = 18;
-/// Variants of the quick form.
+/// Variants of the quick form that must be refused.
 const QUICK: usize = 300;
-/// Least number of variants of the full form.
+/// Least number of variants of the full form that must be refused, or change nothing.
 const LEAST: usize = 3000;
 /// A program that neither ends nor serves by then hangs.
 const LIMIT: Duration = Duration::from_secs(30);
@@ -87,45 +89,24 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
             variants.retain(|variant| variant.family.contains(only));
         } else if !scale.full {
             variants.shuffle(&mut Pcg64::seed_from_u64(SEED));
-            variants.truncate(QUICK);
+            let mut refusals = 0;
+            variants.retain(|variant| {
+                let is_kept = refusals < QUICK;
+                refusals += usize::from(is_kept && variant.expected.is_refusal());
+                is_kept
+            });
         }
-        let Tried {
-            violations,
-            longest,
-            not_started,
-        } = try_all(&variants);
+        let tried = try_all(&variants);
         report.none_of(
             "parts of the running stack that ended or panicked meanwhile",
             &ended(&mut stack),
         );
-        write_all(&violations, &variants);
-        let tried = variants.len() - not_started;
-        let least = if scale.full {
-            LEAST
-        } else {
-            QUICK - QUICK / 10
-        };
-        report.check(
-            &format!("variants of files and options tried, of {there_are} that there are"),
-            tried.to_string(),
-            &format!(">= {least}"),
-            tried >= least,
-        );
-        report.shown(
-            "variants that the system does not start (not counted)",
-            not_started.to_string(),
-        );
-        report.shown(
-            "files closed to the user",
-            closed::obstacle().unwrap_or("tried").to_owned(),
-        );
-        report.shown(
-            "variants tried, by what must come of them",
-            classes(&variants),
-        );
-        report.shown("longest message, bytes", longest.to_string());
+        write_all(&tried.violations, &variants);
+        count(report, scale, &variants, tried.not_started, there_are);
+        report.shown("longest message, bytes", tried.longest.to_string());
         for (kind, text) in Kind::ALL {
-            let offenders: Vec<String> = violations
+            let offenders: Vec<String> = tried
+                .violations
                 .iter()
                 .filter(|violation| violation.kind == kind)
                 .map(Violation::line)
@@ -136,12 +117,55 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
+/// Whether enough was tried of what must be refused, and of every kind.
+fn count(
+    report: &mut Report,
+    scale: Scale,
+    variants: &[Variant],
+    not_started: usize,
+    there_are: usize,
+) {
+    let refusals = variants.iter().filter(|v| v.expected.is_refusal());
+    // Whatever the system does not start counts as one of them.
+    let tried = refusals.count().saturating_sub(not_started);
+    let least = if scale.full {
+        LEAST
+    } else {
+        QUICK - QUICK / 10
+    };
+    report.check(
+        &format!(
+            "variants that must be refused or change nothing tried, of {there_are} of all kinds"
+        ),
+        tried.to_string(),
+        &format!(">= {least}"),
+        tried >= least,
+    );
+    report.shown(
+        "variants that the system does not start (not counted)",
+        not_started.to_string(),
+    );
+    let obstacle = closed::obstacle();
+    report.check(
+        "files closed to the user",
+        obstacle.unwrap_or("tried").to_owned(),
+        "tried",
+        obstacle.is_none(),
+    );
+    report.shown(
+        "variants tried, by what must come of them",
+        classes(variants),
+    );
+}
+
 fn all_variants(stack: &Stack) -> (Vec<Variant>, Vec<String>) {
     let (mut all, without_rule) = options::variants(stack);
     all.extend(configurations::variants());
     all.extend(shapes::variants());
     all.extend(weights::variants());
+    all.extend(models::variants());
     all.extend(datasets::variants());
+    all.extend(proposals::variants());
     all.extend(blocks::variants());
     all.extend(bombs::variants());
     all.extend(closed::variants());

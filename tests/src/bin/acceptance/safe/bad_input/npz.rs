@@ -38,6 +38,20 @@ pub(super) fn shape(counts: &[usize]) -> String {
     text + ")"
 }
 
+/// How a message may tell a shape that stands in a header: as a list of counts, as it stands there, or by what is no count.
+pub(super) fn told_shapes(text: &str) -> Vec<String> {
+    let counts = text.trim_matches(['(', ')', ' ', ',']);
+    let words: Vec<&str> = counts.split(',').map(str::trim).collect();
+    let mut told = vec![format!("[{}]", words.join(", "))];
+    let wrong = words.iter().find(|word| word.parse::<u128>().is_err());
+    match wrong {
+        Some(word) if !word.is_empty() => told.push((*word).to_owned()),
+        _ if !text.ends_with(')') => told.push(text.to_owned()),
+        _ => {}
+    }
+    told
+}
+
 /// The bytes of numbers.
 pub(super) fn reals(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()

@@ -1,5 +1,7 @@
 //! What the documentation of each file allows, key by key: the judge of damaged configurations, apart from the programs' own checks.
 
+use std::str::Utf8Error;
+
 use toml::{Table, Value};
 
 use super::variant::{Expected, Fault};
@@ -126,6 +128,51 @@ impl Rule {
     }
 }
 
+impl Key {
+    /// What a message must say of a value that is refused: the key and, of an array or a table, what is wrong in it.
+    pub(super) fn faults(self, file: &str, value: &Value) -> Vec<Fault> {
+        let mut told = match value {
+            Value::Array(values) => self.rule.wrong_in(values),
+            Value::Table(_) => ["map", "table"].map(str::to_owned).into(),
+            other => vec![said(other)],
+        };
+        let first = if told.is_empty() {
+            String::new()
+        } else {
+            told.remove(0)
+        };
+        let fault = Fault {
+            other_values: told,
+            ..Fault::key(file, last_part(self.path), &first)
+        };
+        match (self.rule, value) {
+            // The file that is named does not exist: the message may speak of that file.
+            (Rule::File, Value::String(_)) => {
+                let unreadable = Fault {
+                    is_unreadable: true,
+                    ..fault.clone()
+                };
+                vec![unreadable, fault]
+            }
+            _ => vec![fault],
+        }
+    }
+}
+
+/// The part of a value that a message must show.
+pub(super) fn said(value: &Value) -> String {
+    match value {
+        // What follows is shown escaped, or as it is.
+        Value::String(text) => text
+            .chars()
+            // One more than a message must show of a long one.
+            .take(13)
+            .take_while(char::is_ascii_graphic)
+            .collect(),
+        other => other.to_string(),
+    }
+}
+
 fn yes(is_allowed: bool) -> Opinion {
     if is_allowed {
         Opinion::Allowed
@@ -192,19 +239,23 @@ pub(super) fn last_part(path: &str) -> &str {
 
 /// What must become of a file whose text was damaged in some place: judged by what it holds afterwards.
 pub(super) fn judge_text(file: &str, keys: &[Key], before: &Table, after: &[u8]) -> Expected {
-    let whole = vec![Fault::file(file)];
-    let Ok(text) = std::str::from_utf8(after) else {
-        return Expected::Refused(vec![Fault::unreadable(file)]);
+    let text = match std::str::from_utf8(after) {
+        Ok(text) => text,
+        Err(error) => return Expected::Refused(vec![no_text(file, error)]),
     };
-    let Ok(table) = text.parse::<Table>() else {
-        return Expected::Refused(whole);
+    let table = match text.parse::<Table>() {
+        Ok(table) => table,
+        Err(error) => {
+            let at = error.span().map_or(text.len(), |span| span.start);
+            return Expected::Refused(vec![no_table(file, text, at)]);
+        }
     };
     if table == *before {
         return Expected::Taken;
     }
     let mut faults: Vec<Fault> = keys
         .iter()
-        .filter_map(|key| fault_of(file, *key, before, &table))
+        .flat_map(|key| faults_of(file, *key, before, &table))
         .collect();
     faults.extend(unknown_keys(file, keys, before, &table));
     if faults.is_empty() {
@@ -216,18 +267,57 @@ pub(super) fn judge_text(file: &str, keys: &[Key], before: &Table, after: &[u8])
     }
 }
 
-fn fault_of(file: &str, key: Key, before: &Table, after: &Table) -> Option<Fault> {
-    let name = last_part(key.path);
+/// A file that is not UTF-8 from some byte on, which must be told.
+pub(super) fn no_text(file: &str, error: Utf8Error) -> Fault {
+    Fault {
+        value: error.valid_up_to().to_string(),
+        ..Fault::unreadable(file)
+    }
+}
+
+/// A file that is not TOML from some byte on: the line must be told by its number, and by what it holds up to there.
+fn no_table(file: &str, text: &str, at: usize) -> Fault {
+    let before = text.get(..at).unwrap_or(text);
+    let number = before.matches('\n').count() + 1;
+    let begin = before.rfind('\n').map_or(0, |end| end + 1);
+    let line = text[begin..].lines().next().unwrap_or_default();
+    let shown = line.trim_start().split(|c: char| c.is_control());
+    Fault {
+        value: shown
+            .into_iter()
+            .next()
+            .unwrap_or_default()
+            .trim_end()
+            .to_owned(),
+        ..Fault::file(file).and(&format!("line {number}"))
+    }
+}
+
+fn faults_of(file: &str, key: Key, before: &Table, after: &Table) -> Vec<Fault> {
     let Some(value) = look_up(after, key.path) else {
         let was_there = look_up(before, key.path).is_some();
         let table = key.path.rsplit_once('.').map_or("", |(table, _)| table);
         let is_left_out = key.is_table_optional && look_up(after, table).is_none();
-        return (key.is_required && was_there && !is_left_out).then(|| Fault::key(file, name, ""));
+        let is_missing = key.is_required && was_there && !is_left_out;
+        let fault = is_missing.then(|| Fault::key(file, first_missing_part(after, key.path), ""));
+        return fault.into_iter().collect();
     };
-    if Some(value) == look_up(before, key.path) {
-        return None;
+    let is_wrong =
+        Some(value) != look_up(before, key.path) && key.rule.opinion(value) == Opinion::Refused;
+    match is_wrong {
+        true => key.faults(file, value),
+        false => Vec::new(),
     }
-    (key.rule.opinion(value) == Opinion::Refused).then(|| Fault::key(file, name, ""))
+}
+
+/// The name in a path at which a table has nothing: where a list is too short, that of the list.
+fn first_missing_part<'a>(table: &Table, path: &'a str) -> &'a str {
+    let ends = path.match_indices('.').map(|(at, _)| at);
+    let mut begins = ends.chain([path.len()]).map(|end| &path[..end]);
+    let missing = begins.find(|begin| look_up(table, begin).is_none());
+    let mut parts = missing.unwrap_or(path).rsplit('.');
+    let is_name = |part: &&str| part.parse::<usize>().is_err();
+    parts.find(is_name).unwrap_or(path)
 }
 
 /// Keys that no undamaged file has, in whatever table: every file refuses them.
@@ -238,9 +328,14 @@ fn unknown_keys(file: &str, keys: &[Key], before: &Table, after: &Table) -> Vec<
         let path = any_entry(path);
         !known.iter().any(|known| any_entry(known) == path)
     });
-    unknown
-        .map(|path| Fault::key(file, first_unknown_part(&known, path), ""))
-        .collect()
+    let fault = |path: &String| {
+        let part = first_unknown_part(&known, path);
+        // What an array or a table holds is not told, nor what lies deeper than the first unknown name.
+        let value = look_up(after, path).filter(|value| !value.is_array() && !value.is_table());
+        let value = value.filter(|_| path.ends_with(part)).map(said);
+        Fault::key(file, part, &value.unwrap_or_default())
+    };
+    unknown.map(fault).collect()
 }
 
 /// The part of a path at which it leaves all known ones: an unknown table is refused before what is in it.

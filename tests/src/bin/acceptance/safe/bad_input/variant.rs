@@ -36,6 +36,11 @@ pub(super) enum Expected {
 }
 
 impl Expected {
+    /// Whether it must be refused, or at least change nothing.
+    pub(super) fn is_refusal(&self) -> bool {
+        matches!(self, Self::Refused(_) | Self::RefusedOrSame { .. })
+    }
+
     /// The class under which it is counted.
     pub(super) fn class(&self) -> &'static str {
         match self {
@@ -62,6 +67,8 @@ pub(super) struct Fault {
     pub(super) file: String,
     /// Names of the key, one of which must be there.
     pub(super) keys: Vec<String>,
+    /// Words that must all be there besides.
+    pub(super) besides: Vec<String>,
     /// The value as it was written.
     pub(super) value: String,
     /// Other things that may be told in the value's place.
@@ -108,13 +115,33 @@ impl Fault {
         self
     }
 
+    /// A word that must be told besides the key.
+    pub(super) fn and(mut self, word: &str) -> Self {
+        self.besides.push(word.to_owned());
+        self
+    }
+
+    /// Another thing that may be told in the value's place.
+    pub(super) fn or_value(mut self, value: impl Into<String>) -> Self {
+        self.other_values.push(value.into());
+        self
+    }
+
+    fn names_key(&self, text: &str) -> bool {
+        let is_of_file = !self.file.is_empty();
+        let mut keys = self.keys.iter();
+        let mut besides = self.besides.iter();
+        (self.keys.is_empty() || keys.any(|key| says_key(text, key, is_of_file)))
+            && besides.all(|word| says_text(text, word))
+    }
+
     /// What of this the text does not say.
     fn missing(&self, text: &str) -> Vec<&'static str> {
         let mut missing = Vec::new();
         if !text.contains(&self.file) {
             missing.push("the file");
         }
-        if !self.keys.is_empty() && !self.keys.iter().any(|key| text.contains(key.as_str())) {
+        if !self.names_key(text) {
             missing.push("the key");
         }
         let others = &self.other_values;
@@ -201,18 +228,48 @@ fn says_text(text: &str, value: &str) -> bool {
         return true;
     }
     let is_whole = begin.len() == value.len();
-    let is_part = |c: char| c.is_alphanumeric() || c == '_';
     // A message may write a NUL as text does.
     let plain = text.replace("\\u0000", "").replace("\\0", "");
-    [text, plain.as_str()].iter().any(|text| {
-        text.match_indices(&begin).any(|(at, _)| {
-            let before = text[..at].chars().next_back();
-            let after = text[at + begin.len()..].chars().next();
-            let is_begin = !begin.starts_with(is_part) || !before.is_some_and(is_part);
-            let is_end = !begin.ends_with(is_part) || !after.is_some_and(is_part);
-            is_begin && (is_end || !is_whole)
-        })
+    [text, plain.as_str()]
+        .iter()
+        .any(|text| words(text, &begin, is_whole).next().is_some())
+}
+
+/// What stands before and behind each place where a word stands for itself, or where a longer one begins like it.
+fn words<'a>(
+    text: &'a str,
+    word: &'a str,
+    is_whole: bool,
+) -> impl Iterator<Item = (&'a str, &'a str)> {
+    let is_part = |c: char| c.is_alphanumeric() || c == '_';
+    let places = text
+        .match_indices(word)
+        .map(|(at, _)| (&text[..at], &text[at + word.len()..]));
+    places.filter(move |(before, after)| {
+        let is_begin = !word.starts_with(is_part) || !before.ends_with(is_part);
+        let is_end = !word.ends_with(is_part) || !after.starts_with(is_part);
+        is_begin && (is_end || !is_whole)
     })
+}
+
+/// Whether a key is named, as a word of its own. That of a file may be a word of any sentence (`file`, `robot`): only where
+/// it is quoted, or something is said of it, is it the key, and never where it begins a file's name.
+fn says_key(text: &str, key: &str, is_of_file: bool) -> bool {
+    /// What quotes the word, or lets it stand in a list or at the end of a path of keys.
+    const BEFORE: [char; 6] = ['`', '\'', '"', '[', '.', '<'];
+    const BEHIND: [&str; 13] = [
+        "`", "'", "\"", "]", ">", "=", ":", "[", " =", " [", " is ", " are ", " ha",
+    ];
+    let is_name = key.contains(['_', '-']);
+    key.is_empty()
+        || words(text, key, true).any(|(before, after)| {
+            let mut behind = after.chars();
+            let begins_name =
+                behind.next() == Some('.') && behind.next().is_some_and(char::is_alphanumeric);
+            let is_marked =
+                before.ends_with(BEFORE) || BEHIND.iter().any(|mark| after.starts_with(mark));
+            !is_of_file || !begins_name && (is_name || is_marked)
+        })
 }
 
 /// Whether a number is told, as a whole token outside of what says which are allowed.
@@ -357,6 +414,25 @@ mod unit {
         let needs_none = "error: 2 values for '--tip <X> <Y> <Z>' were provided";
         let missing = Fault::option("--tip", "").missing(needs_none);
         assert_eq!(missing, ["what is allowed"]);
+    }
+
+    #[test]
+    fn a_key_is_known_as_a_word_that_something_is_said_of() {
+        let fault = Fault::key("controller.toml", "robot", "1.5");
+        let said = "controller.toml: robot = 1.5 is not allowed: a file is needed";
+        assert!(fault.missing(said).is_empty());
+        let other = "controller.toml: 1.5 for robot.toml is not allowed, nor for the robot";
+        assert_eq!(fault.missing(other), ["the key", "what is allowed"]);
+        assert!(!says_key("a.toml: No such file or directory", "file", true));
+        assert!(says_key("missing field `file`", "file", true));
+        assert!(says_key("balls[0].radius_m is", "radius_m", true));
+        assert!(!says_key("it ends without an end", "out", false));
+        assert!(says_key("--out is needed", "--out", false));
+        let row = Fault::key("a.npz", "paths", "7").and("row");
+        let allowed = "a.npz: row 3: `paths` has 7; less is allowed";
+        assert!(row.missing(allowed).is_empty());
+        let elsewhere = "a.npz: array `paths` has 7; less is allowed";
+        assert_eq!(row.missing(elsewhere), ["the key"]);
     }
 
     #[test]

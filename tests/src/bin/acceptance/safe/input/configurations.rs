@@ -173,7 +173,7 @@ fn unless_refused(world: &World, program: &str, names: &[&str]) -> Option<String
 
 /// Ten tendons: none serves them, and all say the same.
 fn tendons(report: &mut Report) {
-    let message = "the robot has 10 tendons, at most 9 are allowed";
+    let message = "`tendons` are 10, at most 9 are allowed";
     let mut taken = Vec::new();
     for program in PROGRAMS {
         let world = World::new(&Settings::default());
