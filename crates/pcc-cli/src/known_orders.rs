@@ -16,7 +16,7 @@ pub(crate) struct KnownOrders {
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum Overruled {
     #[error(
-        "a stop or a reset that was not ordered here was given at {} (by somebody else, or by the daemon: see its log)",
+        "a stop or a reset that was not ordered here was given at {} (by somebody else, by the daemon, or because that was started anew: see the logs)",
         seconds(*.at_ns)
     )]
     Ordered { at_ns: i64 },
