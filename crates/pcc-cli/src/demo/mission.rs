@@ -412,3 +412,6 @@ fn clearest(robot: &Robot, later: &Scene, kept: f64, all: &[Proposal]) -> anyhow
     }
     Ok(best.index)
 }
+
+#[cfg(test)]
+mod tests;
