@@ -175,21 +175,17 @@ fn a_motion_of_another_daemon_or_from_before_a_stop_is_refused_by_name() {
     let _robot = joined.start("simulated-robot");
     let _controller = joined.start("controller");
     joined.wait_for(LoopState::Holding);
-    let refused = |joined: &Joined, id: u32, refusal: Refusal| {
-        joined.wait_until(refusal.text(), |seen| {
-            seen.controller
-                .is_some_and(|now| now.refused_trajectory_id == id && now.refusal == refusal.code())
-        });
-    };
     let id = joined.send_motion_of_another_daemon(&goal(1.0));
-    refused(&joined, id, Refusal::OtherDaemon);
+    joined.wait_for_refusal(id, Refusal::OtherDaemon);
     let before_ns = mono_now_ns();
     let stop = joined.command(Command::Stop);
     assert_eq!(stop.reason, CommandRefusal::NothingToDo);
     let id = joined.send_motion_of(before_ns, &goal(1.0));
-    refused(&joined, id, Refusal::RequestedBefore);
+    joined.wait_for_refusal(id, Refusal::RequestedBefore);
     let id = joined.send_motion_of(mono_now_ns() + 1_000_000_000, &goal(1.0));
-    refused(&joined, id, Refusal::Malformed);
+    joined.wait_for_refusal(id, Refusal::Malformed);
+    let told = joined.controller();
+    assert!(told.wanted_from_mono_ns > told.instance.cast_signed());
     assert_eq!(joined.controller().trajectory_id, 0, "nothing has moved");
     run_into_motion(&mut joined, &goal(1.0));
 }
@@ -205,11 +201,7 @@ fn a_lost_daemon_a_stop_and_a_shutdown_brake_along_the_path() {
     assert_eq!(joined.controller().fault, LoopFault::None.code());
     // Without a daemon no trajectory is taken, and the reason is published.
     let id = joined.send_motion(&goal(-1.0));
-    joined.wait_until("refused", |seen| {
-        seen.controller.is_some_and(|now| {
-            now.refused_trajectory_id == id && now.refusal == Refusal::NotReady.code()
-        })
-    });
+    joined.wait_for_refusal(id, Refusal::NotReady);
     joined.set_daemon_alive(true);
     std::thread::sleep(std::time::Duration::from_millis(50));
     // Another daemon, so soon that no heartbeat is missed, does not know the motion of the one before.
@@ -273,11 +265,7 @@ fn a_stuck_motor_is_a_latched_fault_and_a_second_process_is_refused_by_name() {
     joined.wait_for(LoopState::Fault);
     assert_eq!(joined.controller().fault, LoopFault::TrackingError.code());
     let id = joined.send_motion(&goal(0.0));
-    joined.wait_until("refused", |seen| {
-        seen.controller.is_some_and(|now| {
-            now.refused_trajectory_id == id && now.refusal == Refusal::Faulted.code()
-        })
-    });
+    joined.wait_for_refusal(id, Refusal::Faulted);
     robot.signal("USR1");
     joined.wait_until("back in place", |seen| {
         seen.controller
@@ -317,4 +305,52 @@ fn ten_thousand_cycles_with_trajectories_arriving_touch_no_system_memory() {
     );
     // iceoryx2 0.10 makes one small block a send.
     assert_eq!(allocations, sent);
+}
+
+/// Sends a motion that begins so long after now, ns, and returns its id once it waits in the loop.
+fn let_motion_wait(joined: &mut Joined, ahead_ns: i64) -> u32 {
+    joined.wait_for(LoopState::Holding);
+    let waiting = joined.send_motion_in(ahead_ns, &goal(1.0));
+    let another = joined.send_motion_in(ahead_ns, &goal(1.0));
+    joined.wait_for_refusal(another, Refusal::Busy);
+    waiting
+}
+
+#[test]
+fn a_reset_sets_a_motion_aside_that_waits_and_a_controllers_start_is_no_later_than_its_instance() {
+    let mut joined = Joined::new();
+    let _robot = joined.start("simulated-robot");
+    let _controller = joined.start("controller");
+    joined.wait_for(LoopState::Holding);
+    let told = joined.controller();
+    assert!(told.wanted_from_mono_ns <= told.instance.cast_signed());
+    let id = let_motion_wait(&mut joined, 10_000_000_000);
+    let reset = joined.command(Command::ResetFault);
+    assert_eq!((reset.accepted, reset.state), (true, LoopState::Holding));
+    joined.wait_for_refusal(id, Refusal::SetAside);
+    assert_eq!(
+        joined.command(Command::ResetFault).reason,
+        CommandRefusal::NothingToDo
+    );
+    assert_eq!(joined.controller().trajectory_id, 0, "nothing has moved");
+    run_into_motion(&mut joined, &goal(1.0));
+}
+
+#[test]
+fn a_motion_that_waits_does_not_begin_after_a_long_pause_and_that_is_no_fault() {
+    let mut joined = Joined::new();
+    let robot = joined.start("simulated-robot");
+    let controller = joined.start("controller");
+    let id = let_motion_wait(&mut joined, 300_000_000);
+    for process in [&controller, &robot] {
+        process.signal("STOP");
+    }
+    std::thread::sleep(std::time::Duration::from_millis(1_000));
+    for process in [&robot, &controller] {
+        process.signal("CONT");
+    }
+    joined.wait_for_refusal(id, Refusal::BeginsInThePast);
+    let now = joined.controller();
+    assert_eq!((now.trajectory_id, now.fault), (0, LoopFault::None.code()));
+    run_into_motion(&mut joined, &goal(1.0));
 }

@@ -21,6 +21,8 @@ const BEAT: Duration = Duration::from_millis(10);
 const CLEANING: Duration = Duration::from_millis(100);
 /// Beats without progress of supervision after which the heart stops: 100 ms.
 const STUCK_BEATS: u32 = 10;
+/// From the last progress of supervision to the last heartbeat, at most, nanoseconds.
+pub(crate) const STUCK_NS: i64 = STUCK_BEATS as i64 * BEAT.as_nanos() as i64;
 
 /// Why the background threads did not start.
 #[derive(Debug, thiserror::Error)]

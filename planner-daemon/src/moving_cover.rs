@@ -15,8 +15,10 @@ use pcc_model::{Point, Robot};
 const LEAST_RATE: f64 = 0.05;
 /// Change of the clock time at which a motion is at a place of its path, within which its certificate holds, s.
 pub(crate) const TOLERANCE_S: f64 = 0.01;
-/// Longest time that a motion goes on when supervision is held or dies, s: until the heart stops (0.1) and the controller misses it
-/// (`daemon_lost_ms` as shipped, 0.2), and a round of each.
+/// From the last heartbeat until the controller misses it, nanoseconds: `daemon_lost_ms` as shipped.
+pub(crate) const HEART_MISSED_NS: i64 = 200_000_000;
+/// Longest time that a motion goes on when supervision is held or dies, or nobody answers its order to stop, s: until the order counts
+/// as ignored (0.04), the heart stops (0.1) and the controller misses it (0.2), and some rounds of each (0.01).
 pub(crate) const UNSUPERVISED_S: f64 = 0.35;
 /// Most balls that cover one.
 const MOST_COVERING: usize = 8;

@@ -9,15 +9,24 @@ use shared_types::ipc::{
 use shared_types::message;
 use shared_types::valid::{Command, CommandReply};
 
+use crate::heartbeat::STUCK_NS;
+use crate::moving_cover::{HEART_MISSED_NS, UNSUPERVISED_S};
 use crate::supervision::StopReason;
 
 /// Time after which an order is given again while a stop is still wanted, nanoseconds.
 const REPEAT_NS: i64 = 50_000_000;
 /// Time after which an order is given again where the controller has answered that it does not stop, nanoseconds.
 const REPEAT_AFTER_REFUSAL_NS: i64 = 5_000_000;
-/// Time without a reply after which the heart stops, which the controller takes for a lost daemon and stops by itself, nanoseconds
-/// of [`AwakeTime`](crate::awake::AwakeTime).
-const ESCALATION_NS: i64 = 150_000_000;
+/// Time without a reply after which supervision makes no progress, so that the heart stops, which the controller takes for a lost
+/// daemon and stops by itself; nanoseconds of [`AwakeTime`](crate::awake::AwakeTime). A controller whose loop is held answers after
+/// 51 ms, before the heart stops.
+const ESCALATION_NS: i64 = 40_000_000;
+/// What the rounds of supervision, of the heart and of the controller add to such times, nanoseconds.
+const ROUNDS_NS: i64 = 10_000_000;
+// Moving balls are avoided for so long: 40 + 100 + 200 + 10 ms of 350.
+const _: () = assert!(
+    ESCALATION_NS + STUCK_NS + HEART_MISSED_NS + ROUNDS_NS <= (UNSUPERVISED_S * 1e9) as i64
+);
 
 type Pending = PendingResponse<ipc::Service, message::Command, (), message::CommandReply, ()>;
 
@@ -183,6 +192,13 @@ mod tests {
     use super::*;
 
     const MS: i64 = 1_000_000;
+
+    #[test]
+    fn the_controller_misses_the_heart_as_shipped() {
+        let shipped = include_str!("../../config/controller.toml");
+        let line = format!("\ndaemon_lost_ms = {}\n", HEART_MISSED_NS / MS);
+        assert!(shipped.contains(&line), "{line}");
+    }
 
     #[test]
     fn an_order_is_ignored_after_its_time_however_often_it_is_looked_at() {

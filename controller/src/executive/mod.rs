@@ -243,6 +243,19 @@ impl Executive {
         Ok(())
     }
 
+    /// Gives back the trajectory that would begin now, and why it may not by `check`.
+    pub fn refuse_due(
+        &mut self,
+        now_ns: i64,
+        check: impl FnOnce(&Motion) -> Result<(), Unacceptable>,
+    ) -> Option<(Unacceptable, Motion)> {
+        let waiting = self.motion.as_ref();
+        let waiting = waiting.filter(|_| self.state == LoopState::Holding);
+        let due = waiting.filter(|motion| motion.begin_ns <= now_ns)?;
+        let reason = check(due).err()?;
+        Some((reason, self.motion.take()?))
+    }
+
     /// Gives back a trajectory that is done with.
     pub fn take_finished(&mut self) -> Option<Motion> {
         self.finished.take()
@@ -262,12 +275,17 @@ impl Executive {
         Ok(())
     }
 
-    /// Clears the latched fault and holds with the tolerance of the settings, or waits for the robot where it has let go.
+    /// Clears the latched fault and holds with the tolerance of the settings, or waits for the robot where it has let go. Forgets a
+    /// trajectory that waits for its begin: it was requested before.
     ///
     /// # Errors
-    /// [`CommandRefusal::NothingToDo`] without a fault, [`CommandRefusal::FaultPersists`] while it still brakes.
+    /// [`CommandRefusal::NothingToDo`] without a fault or such a trajectory, [`CommandRefusal::FaultPersists`] while it still brakes.
     pub fn reset(&mut self) -> Result<(), CommandRefusal> {
         match (self.state, self.fault) {
+            (LoopState::Holding, LoopFault::None) if self.motion.is_some() => {
+                self.put_motion_aside();
+                return Ok(());
+            }
             (_, LoopFault::None) => return Err(CommandRefusal::NothingToDo),
             (LoopState::Fault, _) => {}
             _ => return Err(CommandRefusal::FaultPersists),

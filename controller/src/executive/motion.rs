@@ -20,6 +20,9 @@ const LIMIT_TOLERANCE: f64 = 1e-6;
 /// Excess over the bending limit that certified motions may have, rad.
 const BENDING_TOLERANCE_RAD: f64 = 5e-3;
 
+/// How late a trajectory that waits in the loop may begin, ns: what is not taken up so long after its begin, the daemon takes back.
+const LATEST_BEGIN_NS: i64 = 300_000_000;
+
 /// Points of each segment at which bending is checked, besides its ends.
 const BENDING_SAMPLES: u32 = 4;
 
@@ -83,7 +86,7 @@ pub enum Unacceptable {
     OtherDaemon,
     /// It was taken, and something came before its begin that it was given up for.
     #[error(
-        "it was set aside before its begin: a stop, a fault or the loss of robot or daemon came first"
+        "it was set aside before its begin: a stop, a reset, a fault or the loss of robot or daemon came first"
     )]
     SetAside,
     /// A stop or a reset was ordered, or the controller was started, after it was requested.
@@ -212,6 +215,16 @@ pub struct BeginWindow {
     pub ahead_ns: i64,
 }
 
+impl BeginWindow {
+    /// How far the begin of a trajectory may be that was taken within this window, and has waited for it since.
+    pub(crate) fn of_waiting(self) -> Self {
+        Self {
+            past_ns: self.past_ns.max(LATEST_BEGIN_NS),
+            ..self
+        }
+    }
+}
+
 /// Checks a trajectory completely; not for the loop (it allocates and solves polynomials).
 ///
 /// # Errors
@@ -233,7 +246,8 @@ pub fn check(
 }
 
 /// Whether nothing that was heard since a trajectory was requested, nor the time that has passed, forbids it. The loop asks
-/// again when it takes the trajectory: between two threads anything may have been heard, and any time may have passed.
+/// again when it takes the trajectory, and when that is to begin: anything may have been heard meanwhile, and any time may have
+/// passed.
 ///
 /// # Errors
 /// [`Unacceptable::OtherDaemon`], [`Unacceptable::RequestedBefore`], [`Unacceptable::FromTheFuture`], [`Unacceptable::Past`] or

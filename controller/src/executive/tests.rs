@@ -1,5 +1,6 @@
 mod robot_states;
 mod stops;
+mod waiting;
 
 use pcc_model::Configuration;
 use rand_pcg::{

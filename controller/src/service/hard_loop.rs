@@ -165,6 +165,7 @@ impl HardLoop {
         self.take_motions(now_ns);
         self.take_orders();
         self.take_stops();
+        self.refuse_due_motion(now_ns);
         let message = self.ports.newest_robot_state();
         let robot = message.as_ref().and_then(wire::robot_sample);
         let output = self.executive.step(&CycleInput {
@@ -251,6 +252,16 @@ impl HardLoop {
         let outcome = self.outcome(result);
         self.answer(Answer::Stops { up_to, outcome });
         self.give_back();
+    }
+
+    /// What was taken in time may have come to be unwanted, or late, when it is to begin: after a pause, or after a reset that this loop
+    /// has not heard of.
+    fn refuse_due_motion(&mut self, now_ns: i64) {
+        let (heard, window) = (self.link.shared.heard(), self.begin.of_waiting());
+        let check = |motion: &Motion| is_wanted(motion, now_ns, &heard, &window);
+        if let Some((reason, motion)) = self.executive.refuse_due(now_ns, check) {
+            self.put_back(Return::Refused(reason, motion));
+        }
     }
 
     fn outcome(&self, result: Result<(), CommandRefusal>) -> Outcome {

@@ -17,7 +17,7 @@ use pcc_model::{Configuration, Robot};
 use shared_types::{
     PROTOCOL_VERSION,
     clock::mono_now_ns,
-    codes::{LoopState, ProcessKind},
+    codes::{LoopState, ProcessKind, Refusal},
     ipc::{self, CommandClient, IpcNode, IpcOptions, Publisher},
     message::{ControllerState, Cycle, Heartbeat, Knot, RobotState, TrajectoryMessage},
     valid::{Command, CommandReply},
@@ -236,6 +236,20 @@ impl Joined {
     /// Sends a motion to `goal` that was published at `requested_ns`.
     pub(crate) fn send_motion_of(&mut self, requested_ns: i64, goal: &Configuration) -> u32 {
         self.send(goal, |message| message.requested_mono_ns = requested_ns)
+    }
+
+    /// Sends a motion to `goal` that begins so long after now, ns.
+    pub(crate) fn send_motion_in(&mut self, ahead_ns: i64, goal: &Configuration) -> u32 {
+        let begin_ns = mono_now_ns() + ahead_ns;
+        self.send(goal, |message| message.begin_mono_ns = begin_ns)
+    }
+
+    /// Waits until the controller says that it refuses a motion, and why.
+    pub(crate) fn wait_for_refusal(&self, id: u32, refusal: Refusal) {
+        self.wait_until(refusal.text(), |seen| {
+            seen.controller
+                .is_some_and(|now| now.refused_trajectory_id == id && now.refusal == refusal.code())
+        });
     }
 
     pub(crate) fn command(&self, command: Command) -> CommandReply {

@@ -9,6 +9,7 @@ mod dataset;
 mod demo;
 mod evaluate;
 mod features;
+mod known_orders;
 mod number;
 mod order;
 mod output_files;

@@ -1,9 +1,10 @@
 //! `pcc plan`: asks the daemon for candidates, shows them, and can have one executed.
 
 use crate::asked::{Asked, Wrong};
+use crate::known_orders::KnownOrders;
 use crate::number::{self, balls_of};
 use crate::order::STANDS_STILL;
-use anyhow::bail;
+use anyhow::{Context, bail};
 use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
 use shared_types::capacity::DOF;
@@ -263,27 +264,20 @@ fn six(values: &[f64]) -> [f64; DOF] {
 
 /// The state of a controller that holds the robot at rest, waited for. Who orders a stop meanwhile wants it to stay there.
 fn held_state(options: &IpcOptions) -> anyhow::Result<ControllerState> {
+    let mut known = KnownOrders::until(mono_now_ns());
     let mut controller = ControllerView::connect(options)?;
-    let (asked_ns, until) = (mono_now_ns(), Instant::now() + PATIENCE);
-    let (mut last, mut first) = (None, None);
+    let until = Instant::now() + PATIENCE;
+    let mut last = None;
     while Instant::now() < until {
-        let state = controller.latest_state()?;
-        let fresh =
-            state.filter(|state| mono_now_ns() - state.values.stamp_mono_ns < STATE_LIFETIME_NS);
-        if let Some(state) = fresh {
-            let values = &state.values;
-            let known = *first.get_or_insert((values.instance, values.wanted_from_mono_ns));
-            let is_ordered = values.wanted_from_mono_ns > known.1.max(asked_ns);
-            if is_ordered && values.instance == known.0 {
-                bail!(
-                    "a stop or a reset was ordered while the controller was waited for: ask again if the robot is to move"
-                );
-            }
-            let rests = matches!(state.state, LoopState::Holding | LoopState::Fault);
-            if rests && state.waiting == Waiting::None {
+        if let Some(state) = controller.latest_state()? {
+            // A state whose stamp is old tells of new orders all the same.
+            let checked = known.check(&state.values);
+            checked.context("ask again if the robot is to move")?;
+            let is_fresh = mono_now_ns() - state.values.stamp_mono_ns < STATE_LIFETIME_NS;
+            if is_fresh && is_held(&state) {
                 return Ok(state);
             }
-            last = Some((state.state, state.waiting));
+            last = is_fresh.then_some((state.state, state.waiting)).or(last);
         }
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -295,6 +289,15 @@ fn held_state(options: &IpcOptions) -> anyhow::Result<ControllerState> {
             "the controller holds no robot at rest: it is {state} (it waits for: {waiting}); wait until it is holding, or give --start"
         ),
     }
+}
+
+/// Whether a motion may be asked for from where this state says that the robot is, at the time of its stamp: the robot is held at rest
+/// there, and all orders are of before.
+fn is_held(state: &ControllerState) -> bool {
+    let values = &state.values;
+    matches!(state.state, LoopState::Holding | LoopState::Fault)
+        && state.waiting == Waiting::None
+        && values.stamp_mono_ns > values.wanted_from_mono_ns
 }
 
 fn print_answer(answer: &PlanAnswer, round_trip: Duration) {
@@ -341,6 +344,13 @@ fn stage_times(stages_ns: &[u64]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shared_types::ipc::{IpcNode, controller_state_service, publisher};
+    use shared_types::message;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::thread::{sleep, spawn};
+
+    const MS: i64 = 1_000_000;
 
     #[test]
     fn a_speed_below_one_is_said() {
@@ -348,5 +358,78 @@ mod tests {
         let half = "the controller follows it at speed 0.5 of its own rate";
         assert_eq!(speed_note(0.5).as_deref(), Some(half));
         assert_eq!(speed_note(0.0).as_deref(), Some(STANDS_STILL));
+    }
+
+    fn holding(stamp_mono_ns: i64, wanted_from_mono_ns: i64) -> message::ControllerState {
+        message::ControllerState {
+            stamp_mono_ns,
+            wanted_from_mono_ns,
+            instance: 1,
+            state: LoopState::Holding.code(),
+            ..message::ControllerState::ZEROED
+        }
+    }
+
+    #[test]
+    fn a_state_of_before_the_last_order_is_not_asked_from() {
+        let is_held = |values| is_held(&ControllerState::try_from(&values).unwrap());
+        assert!(is_held(holding(8, 7)));
+        assert!(!is_held(holding(7, 7)));
+        assert!(!is_held(holding(6, 7)));
+        let state = LoopState::Executing.code();
+        let executing = message::ControllerState {
+            state,
+            ..holding(8, 7)
+        };
+        assert!(!is_held(executing));
+    }
+
+    /// What is found where a controller says `told` again and again, which is given the time of its begin and the time now, ns.
+    fn found_where(
+        name: &str,
+        told: impl Fn(i64, i64) -> message::ControllerState + Send + 'static,
+    ) -> anyhow::Result<ControllerState> {
+        let folder = tempfile::tempdir().unwrap();
+        let options = IpcOptions {
+            prefix: format!("plan-{name}"),
+            root: folder.path().join("root"),
+        };
+        let (here, quit) = (options.clone(), Arc::<AtomicBool>::default());
+        let quits = Arc::clone(&quit);
+        let controller = spawn(move || {
+            let node = IpcNode::create(&here, "controller").unwrap();
+            let states = publisher(&node, &controller_state_service(&node).unwrap()).unwrap();
+            let begin_ns = mono_now_ns();
+            while !quits.load(Ordering::Relaxed) {
+                states.send_copy(told(begin_ns, mono_now_ns())).unwrap();
+                sleep(Duration::from_millis(5));
+            }
+        });
+        let found = held_state(&options);
+        quit.store(true, Ordering::Relaxed);
+        controller.join().unwrap();
+        found
+    }
+
+    #[test]
+    fn a_stop_that_is_ordered_while_states_are_old_is_not_overruled() {
+        let found = found_where("stop", |begin_ns, now_ns| {
+            if now_ns < begin_ns + 600 * MS {
+                holding(begin_ns - 1_000 * MS, 1)
+            } else {
+                holding(now_ns, begin_ns + 500 * MS)
+            }
+        });
+        let error = format!("{:#}", found.unwrap_err());
+        assert!(error.starts_with("ask again if the robot"), "{error}");
+        assert!(error.contains("a stop or a reset"), "{error}");
+    }
+
+    #[test]
+    fn orders_of_before_keep_nobody_from_asking() {
+        let found = found_where("before", |begin_ns, now_ns| {
+            holding(now_ns, begin_ns - 2_000 * MS)
+        });
+        assert_eq!(found.unwrap().state, LoopState::Holding);
     }
 }

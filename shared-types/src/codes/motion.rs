@@ -109,7 +109,7 @@ codes! {
         OtherDaemon = 13 "published by another daemon",
         /// A stop or a reset was ordered, or the controller was started, after it was requested.
         RequestedBefore = 14 "requested before a stop, a reset or the controller's start",
-        /// It was taken, and a stop, a fault or the loss of robot or daemon came before its begin.
+        /// It was taken, and a stop, a reset, a fault or the loss of robot or daemon came before its begin.
         SetAside = 15 "set aside before its begin",
     }
 }

@@ -53,8 +53,8 @@ wire_message! {
         pub rate: f64,
         /// Share of their own rate at which trajectories are followed, 0..=1, as last ordered; 1 when the process starts.
         pub speed: f64,
-        /// What was requested before this is not executed: the newest of the process's start, the newest stop and the newest reset,
-        /// nanoseconds of `CLOCK_MONOTONIC`.
+        /// What was requested before this does not begin: the newest of the process's start (not later than `instance`), the newest stop and
+        /// the newest reset, nanoseconds of `CLOCK_MONOTONIC`. It may be later than `stamp_mono_ns`.
         pub wanted_from_mono_ns: i64,
         /// Set-points sent.
         pub setpoints_sent: u64,

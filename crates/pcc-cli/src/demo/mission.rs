@@ -3,7 +3,7 @@
 use super::motion::{Execution, OnTheWay, Order, Proposal, Report, Stage, Task};
 use super::obstacles::Obstacles;
 use super::recording::Recording;
-use super::standing::Overruled;
+use crate::known_orders::{KnownOrders, Overruled};
 use crate::output_files::write_whole;
 use anyhow::{Context, bail};
 use client::{Client, ControllerView};
@@ -58,6 +58,7 @@ pub(super) struct Mission<'a> {
 
 impl<'a> Mission<'a> {
     pub(super) fn begin(robot: &'a Robot, options: &IpcOptions, seed: u64) -> anyhow::Result<Self> {
+        let known_orders = KnownOrders::until(mono_now_ns());
         let length = robot
             .equal_section_length()
             .context("the three sections must be equally long")?;
@@ -70,7 +71,7 @@ impl<'a> Mission<'a> {
                 controller: ControllerView::connect(options)?,
                 interrupted: termination_flag()?,
                 seed,
-                known_orders: None,
+                known_orders,
                 last_id: None,
                 slowed: None,
             },
@@ -411,3 +412,6 @@ fn clearest(robot: &Robot, later: &Scene, kept: f64, all: &[Proposal]) -> anyhow
     }
     Ok(best.index)
 }
+
+#[cfg(test)]
+mod tests;

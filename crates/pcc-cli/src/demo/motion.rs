@@ -1,7 +1,8 @@
 //! One motion of the demonstration: ask, choose, execute, wait, measure.
 
 use super::recording::Recording;
-use super::standing::{KnownOrders, PATIENCE, Slowed, fresh_state};
+use super::standing::{PATIENCE, Slowed, fresh_state, is_under_way};
+use crate::known_orders::KnownOrders;
 use crate::order::STANDS_STILL;
 use anyhow::{Context, bail};
 use client::{Client, ControllerView, PlanAnswer};
@@ -103,8 +104,8 @@ pub(super) struct Stage<'a> {
     /// The demonstration is to end now.
     pub(super) interrupted: Arc<AtomicBool>,
     pub(super) seed: u64,
-    /// None until the demonstration begins.
-    pub(super) known_orders: Option<KnownOrders>,
+    /// Noted before the demonstration waits for anything.
+    pub(super) known_orders: KnownOrders,
     /// The motion that was executed last.
     pub(super) last_id: Option<u32>,
     /// Where the demonstration has ordered a speed that it has not given back yet.
@@ -112,10 +113,9 @@ pub(super) struct Stage<'a> {
 }
 
 impl Stage<'_> {
-    /// Waits until the controller holds. From then on a stop or a reset that somebody else orders ends the demonstration.
+    /// Waits until the controller holds.
     pub(super) fn begin(&mut self) -> anyhow::Result<()> {
         let held = self.hold()?.values;
-        self.known_orders = Some(KnownOrders::of(&held));
         if held.speed < 1.0 {
             let speed = held.speed;
             say!("the controller follows motions at speed {speed} of their own rate");
@@ -245,9 +245,7 @@ impl Stage<'_> {
 
     /// The controller has just answered a stop or a reset of the demonstration's own.
     fn note_own_order(&mut self) {
-        if let Some(known) = &mut self.known_orders {
-            known.add_own(mono_now_ns());
-        }
+        self.known_orders.add_own(mono_now_ns());
     }
 
     /// What the daemon answers to a request that is only planned.
@@ -351,11 +349,14 @@ impl Stage<'_> {
         }
     }
 
-    /// Stops the demonstration's own last motion, if that is under way: another one is somebody else's.
+    /// Stops the demonstration's own last motion, if that is under way, or may still begin: another one is somebody else's.
     pub(super) fn stop_own(&mut self) {
-        let state = fresh_state(&mut self.controller);
-        let is_own = state.is_none_or(|state| {
-            state.state == LoopState::Executing && Some(state.values.trajectory_id) == self.last_id
+        let Some(id) = self.last_id else {
+            return;
+        };
+        let known = &self.known_orders;
+        let is_own = fresh_state(&mut self.controller).is_none_or(|state| {
+            known.is_same_controller(&state.values) && is_under_way(&state, id)
         });
         if is_own {
             self.stop();
@@ -400,9 +401,8 @@ impl Stage<'_> {
             if let Some(state) = self.controller.latest_state()?
                 && state.values.stamp_mono_ns >= asked
             {
-                if let Some(known) = &self.known_orders {
-                    known.check(&state.values)?;
-                }
+                let checked = self.known_orders.check(&state.values);
+                checked.context("the demonstration ends here, and resets nothing")?;
                 if until(&state) {
                     return Ok(state);
                 }

@@ -1,8 +1,8 @@
-//! What stands at the controller while the demonstration runs: stops and resets that others order, and the speed.
+//! The speed that the demonstration finds at the controller, and its own motion there.
 
-use crate::order::seconds;
 use client::ControllerView;
 use shared_types::clock::mono_now_ns;
+use shared_types::codes::LoopState;
 use shared_types::message;
 use shared_types::valid::{Command, ControllerState};
 use std::thread::sleep;
@@ -15,55 +15,15 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 /// Share of the speed found at which the demonstration slows a motion down.
 const SLOWER: f64 = 0.5;
 
-/// Stops and resets that the demonstration knows of: those of before it, and its own.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct KnownOrders {
-    instance: u64,
-    /// Nanoseconds of `CLOCK_MONOTONIC`.
-    until_ns: i64,
-}
-
-/// Why the demonstration does not go on.
-#[derive(Debug, PartialEq, Eq, thiserror::Error)]
-pub(super) enum Overruled {
-    #[error(
-        "a stop or a reset that this demonstration did not order was given at {} (by somebody else, or by the daemon: see its log); \
-         the demonstration ends here, and resets nothing",
-        seconds(*.at_ns)
-    )]
-    Ordered { at_ns: i64 },
-    #[error(
-        "the controller was started anew at {}; the demonstration ends here",
-        seconds(*.at_ns)
-    )]
-    Restarted { at_ns: i64 },
-}
-
-impl KnownOrders {
-    /// All that this state tells of.
-    pub(super) fn of(values: &message::ControllerState) -> Self {
-        Self {
-            instance: values.instance,
-            until_ns: values.wanted_from_mono_ns,
-        }
-    }
-
-    /// The demonstration's own stop or reset was answered just now: the controller dates it before.
-    pub(super) fn add_own(&mut self, answered_ns: i64) {
-        self.until_ns = self.until_ns.max(answered_ns);
-    }
-
-    /// # Errors
-    /// [`Overruled`] where a state tells of a stop, a reset or a start of the controller that is not known.
-    pub(super) fn check(&self, values: &message::ControllerState) -> Result<(), Overruled> {
-        let at_ns = values.wanted_from_mono_ns;
-        if values.instance != self.instance {
-            return Err(Overruled::Restarted { at_ns });
-        }
-        if at_ns > self.until_ns {
-            return Err(Overruled::Ordered { at_ns });
-        }
-        Ok(())
+/// Whether a motion is executed, or may still be: a controller that holds and tells of neither its begin nor its refusal has it before
+/// it.
+pub(super) fn is_under_way(state: &ControllerState, trajectory_id: u32) -> bool {
+    let values = &state.values;
+    let is_known = values.trajectory_id == trajectory_id;
+    match state.state {
+        LoopState::Executing => is_known,
+        LoopState::Holding => !is_known && values.refused_trajectory_id != trajectory_id,
+        LoopState::Starting | LoopState::Stopping | LoopState::Fault => false,
     }
 }
 
@@ -89,7 +49,23 @@ impl Slowed {
         values.instance == self.instance && values.speed.to_bits() == self.ordered.to_bits()
     }
 
-    /// Orders the speed found again, and says what came of it; what somebody else has ordered meanwhile stays.
+    /// Where the speed is not the demonstration's any more, whose it is; none where it is the one found.
+    fn left_as_it_is(&self, values: &message::ControllerState) -> Option<String> {
+        let (speed, found) = (values.speed, self.found);
+        if speed.to_bits() == found.to_bits() {
+            return None;
+        }
+        Some(if values.instance == self.instance {
+            format!("the controller's speed is {speed}, as ordered by somebody else; it stays")
+        } else {
+            format!(
+                "the controller was started anew, and its speed is {speed}; `pcc speed {found}` gives back what was found"
+            )
+        })
+    }
+
+    /// Orders the speed found again, and says what came of it; what somebody else has ordered meanwhile, or another controller has,
+    /// stays.
     pub(super) fn give_back(self, controller: &mut ControllerView) {
         let Self { found, ordered, .. } = self;
         let Some(state) = fresh_state(controller) else {
@@ -99,9 +75,8 @@ impl Slowed {
             return;
         };
         if !self.stands(&state.values) {
-            let speed = state.values.speed;
-            if speed.to_bits() != found.to_bits() {
-                say!("the controller's speed is {speed}, as ordered by somebody else; it stays");
+            if let Some(text) = self.left_as_it_is(&state.values) {
+                say!("{text}");
             }
             return;
         }
@@ -135,45 +110,60 @@ pub(super) fn fresh_state(controller: &mut ControllerView) -> Option<ControllerS
 mod tests {
     use super::*;
 
-    fn values(instance: u64, wanted_from_mono_ns: i64, speed: f64) -> message::ControllerState {
+    fn values(instance: u64, speed: f64) -> message::ControllerState {
         message::ControllerState {
             instance,
-            wanted_from_mono_ns,
             speed,
             ..message::ControllerState::ZEROED
         }
     }
 
     #[test]
-    fn orders_of_others_end_the_demonstration_and_its_own_do_not() {
-        let mut known = KnownOrders::of(&values(7, 100, 1.0));
-        assert_eq!(known.check(&values(7, 100, 1.0)), Ok(()));
-        let ordered = |at_ns| Err(Overruled::Ordered { at_ns });
-        assert_eq!(known.check(&values(7, 150, 1.0)), ordered(150));
-        known.add_own(200);
-        assert_eq!(known.check(&values(7, 150, 1.0)), Ok(()));
-        assert_eq!(known.check(&values(7, 201, 1.0)), ordered(201));
-        known.add_own(190);
-        assert_eq!(known.check(&values(7, 201, 1.0)), ordered(201));
-        assert_eq!(known.check(&values(7, 200, 1.0)), Ok(()));
-    }
-
-    #[test]
-    fn another_controller_is_told_from_an_order() {
-        let known = KnownOrders::of(&values(7, 100, 1.0));
-        let error = known.check(&values(8, 1_500_000_000, 1.0)).unwrap_err();
-        assert!(error.to_string().contains("anew at 1.500000000 s"));
-        let error = known.check(&values(7, 1_500_000_000, 1.0)).unwrap_err();
-        assert!(error.to_string().contains("given at 1.500000000 s"));
-    }
-
-    #[test]
     fn half_of_the_speed_found_is_ordered_and_another_ones_speed_is_known() {
-        let slowed = Slowed::from(&values(7, 0, 0.5));
+        let slowed = Slowed::from(&values(7, 0.5));
         assert_eq!((slowed.found, slowed.ordered), (0.5, 0.25));
-        assert!(slowed.stands(&values(7, 9, 0.25)));
-        assert!(!slowed.stands(&values(7, 0, 0.5)));
-        assert!(!slowed.stands(&values(7, 0, 0.3)));
-        assert!(!slowed.stands(&values(8, 0, 0.25)));
+        assert!(slowed.stands(&values(7, 0.25)));
+        assert!(!slowed.stands(&values(7, 0.5)));
+        assert!(!slowed.stands(&values(7, 0.3)));
+        assert!(!slowed.stands(&values(8, 0.25)));
+    }
+
+    #[test]
+    fn the_speed_of_a_controller_started_anew_is_nobodys_order() {
+        let slowed = Slowed::from(&values(7, 0.5));
+        let ordered = slowed.left_as_it_is(&values(7, 0.3)).unwrap();
+        assert!(ordered.contains("speed is 0.3, as ordered by somebody else"));
+        let anew = slowed.left_as_it_is(&values(8, 1.0)).unwrap();
+        assert!(anew.contains("started anew") && anew.contains("speed is 1"));
+        assert!(anew.contains("`pcc speed 0.5`"), "{anew}");
+        for instance in [7, 8] {
+            assert_eq!(slowed.left_as_it_is(&values(instance, 0.5)), None);
+        }
+    }
+
+    #[test]
+    fn a_motion_that_waits_for_its_begin_is_under_way_and_one_that_is_over_is_not() {
+        let state = |state: LoopState, trajectory_id: u32, refused_trajectory_id: u32| {
+            let values = message::ControllerState {
+                state: state.code(),
+                trajectory_id,
+                refused_trajectory_id,
+                ..message::ControllerState::ZEROED
+            };
+            ControllerState::try_from(&values).unwrap()
+        };
+        for (loop_state, executed, refused, expected) in [
+            (LoopState::Holding, 4, 3, true),
+            (LoopState::Holding, 5, 3, false),
+            (LoopState::Holding, 4, 5, false),
+            (LoopState::Executing, 5, 3, true),
+            (LoopState::Executing, 4, 3, false),
+            (LoopState::Stopping, 5, 3, false),
+            (LoopState::Fault, 4, 3, false),
+            (LoopState::Starting, 4, 3, false),
+        ] {
+            let state = state(loop_state, executed, refused);
+            assert_eq!(is_under_way(&state, 5), expected, "{state:?}");
+        }
     }
 }
