@@ -211,7 +211,12 @@ impl Judge {
     }
 
     /// The robot's reference is its last set-point, gone on with at constant velocity.
+    ///
+    /// Before the first set-point that was heard there is nothing to compare with: those were sent before anybody listened.
     fn compare_with_setpoint(&mut self, state: &RobotState) {
+        if self.known.is_empty() {
+            return;
+        }
         let followed = |setpoint: &&Setpoint| {
             setpoint.sequence == state.accepted_sequence
                 && setpoint.stamp_mono_ns <= state.stamp_mono_ns

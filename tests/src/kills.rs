@@ -19,7 +19,7 @@ use shared_types::valid::Command;
 use crate::disturbance::{Kind, Ongoing, threads};
 use crate::judge::{Judge, Verdict};
 use crate::listener::{Heard, Listener};
-use crate::process::TimedOut;
+use crate::process::{TimedOut, wait_for};
 use crate::rounds::{Phase, Round, goal_of, no_way_out, rounds};
 use crate::stack::{Part, Stack};
 use crate::supervision::{Since, Watch, Watched};
@@ -107,6 +107,7 @@ pub fn disturb(
         survival: Survival::default(),
         stack,
     };
+    experiment.wait_until_heard()?;
     experiment.note_threads();
     for round in rounds(kinds, count, &mut experiment.rng) {
         experiment.carry_out(round);
@@ -139,6 +140,17 @@ struct Experiment<'a> {
 }
 
 impl Experiment<'_> {
+    /// The first disturbance must not come before anybody listens: what was sent until then would not be judged.
+    fn wait_until_heard(&self) -> Result<(), TimedOut> {
+        wait_for("everything is heard", READY_WITHIN, || {
+            let is_heard = self.listener.with(|heard| {
+                let robot_and_cycles = !heard.robot.is_empty() && !heard.cycles.is_empty();
+                robot_and_cycles && !heard.setpoints.is_empty() && !heard.controller.is_empty()
+            });
+            is_heard.then_some(())
+        })
+    }
+
     fn carry_out(&mut self, round: Round) {
         let number = self.survival.rounds;
         self.survival.rounds += 1;

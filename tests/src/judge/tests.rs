@@ -78,6 +78,16 @@ fn what_a_killed_controller_sent_last_is_lost_once() {
 }
 
 #[test]
+fn what_was_sent_before_anybody_listened_is_not_unheard() {
+    let verdict = judged(
+        (40..60).map(setpoint).collect(),
+        (30..60).map(robot).collect(),
+    );
+    assert_eq!((verdict.lost, verdict.unmatched), ([0; 3], 0));
+    assert_eq!(verdict.last_unheard, 0);
+}
+
+#[test]
 fn what_is_followed_unheard_and_goes_on_is_a_gap() {
     let mut setpoints: Vec<Setpoint> = (1..60).map(setpoint).collect();
     setpoints.drain(49..52);
