@@ -36,8 +36,6 @@ pub(super) struct Run {
     pub(super) stops: usize,
     /// Those given while the motion went on.
     pub(super) speed_changes: usize,
-    /// Motions that came to their ends at ordered speeds before they were to be stopped.
-    pub(super) ended: usize,
     pub(super) let_go: Vec<String>,
     pub(super) unrested: Vec<String>,
     pub(super) figures: Figures,
@@ -67,7 +65,6 @@ impl Run {
     pub(super) fn merge(&mut self, other: Self) {
         self.stops += other.stops;
         self.speed_changes += other.speed_changes;
-        self.ended += other.ended;
         self.let_go.extend(other.let_go);
         self.unrested.extend(other.unrested);
         self.figures.merge(&other.figures);
@@ -292,7 +289,8 @@ impl Trial<'_> {
                 let at_s = driven.last.unwrap().path_time_s;
                 run.unrested.push(format!("at {at_s:.4} s: {refusal}"));
             }
-            (false, _) => run.ended += 1,
+            // Its motion has come to its end at the ordered speeds.
+            (false, _) => {}
         }
         run.figures.merge(&judge.figures);
     }
