@@ -1,6 +1,7 @@
 //! Whether what was sent to the robot, and what the robot made of it, keeps the limits of its file: from the messages alone.
 
 use std::collections::VecDeque;
+use std::sync::LazyLock;
 
 use pcc_model::TendonLimits;
 use shared_types::codes::{LoopState, MotorState};
@@ -8,11 +9,13 @@ use shared_types::message::{RobotState, Setpoint};
 
 use crate::listener::Heard;
 use crate::motion::{largest, raise};
+use crate::world::shipped_number;
 
 /// Set-points of one piece that the robot's states of the next one may still follow.
 const REMEMBERED: usize = 1024;
-/// The robot goes on from a set-point at constant velocity for at most so long, s: `lost_setpoint_ms`.
-const EXTRAPOLATED_S: f64 = 0.02;
+/// The robot goes on from a set-point at constant velocity for at most so long, s: the shipped `lost_setpoint_ms`.
+static EXTRAPOLATED_S: LazyLock<f64> =
+    LazyLock::new(|| 1e-3 * shipped_number("simulated-robot.toml", "lost_setpoint_ms"));
 /// Stamps are whole nanoseconds, and lengths are rounded; m, m/s.
 const ROUNDING: f64 = 1e-9;
 /// What is sent is within its limits but for the rounding of sums.
@@ -42,8 +45,13 @@ pub struct Verdict {
     pub setpoints: usize,
     /// Robot states looked at.
     pub robot_states: usize,
-    /// Set-points, robot states and cycles that were sent and not heard, by the gaps in their numbers.
+    /// Set-points, robot states and cycles that were not heard between two of one process that were, by the gaps in their numbers.
     pub lost: [u64; 3],
+    /// Those before the first one that was heard of a process that had begun anew.
+    pub first_unheard: [u64; 3],
+    /// Set-points that the robot followed and that were not heard, the last ones of a controller: a killed one's memory may be gone
+    /// before the listener comes to it.
+    pub last_unheard: u64,
     /// Each of these gaps in words.
     pub losses: Vec<String>,
     /// Largest velocity of a set-point over the limit.
@@ -141,8 +149,11 @@ impl Judge {
             verdict.lose(0, Some(before.sequence), now.sequence);
             if now.sequence <= before.sequence {
                 verdict.restarts += 1;
-                self.unheard = 0;
+            } else {
+                // They were not the last ones: they are in the gap.
+                verdict.last_unheard -= self.unheard.saturating_sub(before.sequence);
             }
+            self.unheard = 0;
             self.look_at_step(&before, now);
         }
         self.known.push_back(*now);
@@ -200,7 +211,12 @@ impl Judge {
     }
 
     /// The robot's reference is its last set-point, gone on with at constant velocity.
+    ///
+    /// Before the first set-point that was heard there is nothing to compare with: those were sent before anybody listened.
     fn compare_with_setpoint(&mut self, state: &RobotState) {
+        if self.known.is_empty() {
+            return;
+        }
         let followed = |setpoint: &&Setpoint| {
             setpoint.sequence == state.accepted_sequence
                 && setpoint.stamp_mono_ns <= state.stamp_mono_ns
@@ -210,7 +226,7 @@ impl Judge {
             self.lose_last(state.accepted_sequence);
             return;
         };
-        let age_s = seconds(state.stamp_mono_ns - setpoint.stamp_mono_ns).min(EXTRAPOLATED_S);
+        let age_s = seconds(state.stamp_mono_ns - setpoint.stamp_mono_ns).min(*EXTRAPOLATED_S);
         let error = |tendon: usize| {
             let ahead = setpoint.velocity_m_s[tendon] * age_s;
             let expected = setpoint.position_m[tendon] + ahead;
@@ -226,7 +242,11 @@ impl Judge {
         let before = heard.max(self.unheard);
         if followed > before {
             self.unheard = followed;
-            self.verdict.lose(0, Some(before), followed + 1);
+            let lost = followed - before;
+            self.verdict.last_unheard += lost;
+            let last =
+                format!("{lost} set-points up to number {followed}, which the robot followed");
+            self.verdict.losses.push(last);
         }
     }
 
@@ -272,14 +292,26 @@ impl Judge {
 impl Verdict {
     /// Notes the numbers between two messages that were heard one after the other.
     fn lose(&mut self, what: usize, before: Option<u64>, now: u64) {
-        let lost = gap(before, now);
+        let Some(before) = before else { return };
+        // A number that does not rise is a new process's, which counts from 1.
+        let is_new = now <= before;
+        let lost = now.saturating_sub(if is_new { 0 } else { before });
+        let lost = lost.saturating_sub(1);
         if lost == 0 {
             return;
         }
-        self.lost[what] += lost;
+        let (kind, whose) = if is_new {
+            (
+                &mut self.first_unheard,
+                ", the first heard of a new process",
+            )
+        } else {
+            (&mut self.lost, "")
+        };
+        kind[what] += lost;
         let messages = ["set-points", "robot states", "cycles"][what];
         self.losses
-            .push(format!("{lost} {messages} before number {now}"));
+            .push(format!("{lost} {messages} before number {now}{whose}"));
     }
 }
 
@@ -315,12 +347,6 @@ impl Sample {
             velocity_m_s: state.accepted_velocity_m_s,
         }
     }
-}
-
-/// Numbers between two that were heard; a number that does not rise is a new process's, which counts from 1.
-fn gap(before: Option<u64>, now: u64) -> u64 {
-    let before = before.map(|before| if now > before { before } else { 0 });
-    before.map_or(0, |before| now.saturating_sub(before).saturating_sub(1))
 }
 
 fn seconds(interval_ns: i64) -> f64 {

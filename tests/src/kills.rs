@@ -4,6 +4,7 @@
 mod proof;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::LazyLock;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -18,10 +19,11 @@ use shared_types::valid::Command;
 use crate::disturbance::{Kind, Ongoing, threads};
 use crate::judge::{Judge, Verdict};
 use crate::listener::{Heard, Listener};
-use crate::process::TimedOut;
+use crate::process::{TimedOut, wait_for};
 use crate::rounds::{Phase, Round, goal_of, no_way_out, rounds};
 use crate::stack::{Part, Stack};
 use crate::supervision::{Since, Watch, Watched};
+use crate::world::shipped_number;
 
 /// Of each scene that is shown: no round lasts so long, so that no motion is stopped for a scene that has grown old.
 const SCENE_LIFETIME: Duration = Duration::from_secs(600);
@@ -33,7 +35,8 @@ const QUIET_NS: i64 = 400_000_000;
 /// A process that was started is disturbed at most so long after, ms.
 const STARTING_MS: f64 = 120.0;
 /// The shipped `begin_lead_ms`: a motion begins so long after it was published.
-const BEGIN_LEAD_MS: f64 = 50.0;
+static BEGIN_LEAD_MS: LazyLock<f64> =
+    LazyLock::new(|| shipped_number("planner-daemon.toml", "begin_lead_ms"));
 /// The longest motion asked for here takes less than 4 s.
 const MOTION_WITHIN: Duration = Duration::from_secs(8);
 
@@ -66,12 +69,22 @@ pub struct Survival {
     pub tip_error_m: f64,
     /// Balls put in the way, and what came of them.
     pub watched: Watched,
-    /// Balls put in the way of motions that were made after a daemon was killed.
+    /// Balls put in the way of motions that were made after a daemon was killed, stopped or held.
     pub watched_anew: Watched,
     /// Times that a controller was killed in motion and the robot's ramp to rest was looked for, and those that it was seen.
     pub ramps: (usize, usize),
     /// What the robot was sent, and made of it.
     pub verdict: Verdict,
+}
+
+impl Survival {
+    /// Disturbances of the daemon.
+    #[must_use]
+    pub fn daemons_disturbed(&self) -> usize {
+        let each = self.disturbances.iter();
+        let daemons = each.filter(|(name, _)| name.ends_with(Part::Daemon.program()));
+        daemons.map(|(_, count)| count).sum()
+    }
 }
 
 /// Disturbs each process in each way, `count` times in all.
@@ -94,6 +107,7 @@ pub fn disturb(
         survival: Survival::default(),
         stack,
     };
+    experiment.wait_until_heard()?;
     experiment.note_threads();
     for round in rounds(kinds, count, &mut experiment.rng) {
         experiment.carry_out(round);
@@ -126,6 +140,17 @@ struct Experiment<'a> {
 }
 
 impl Experiment<'_> {
+    /// The first disturbance must not come before anybody listens: what was sent until then would not be judged.
+    fn wait_until_heard(&self) -> Result<(), TimedOut> {
+        wait_for("everything is heard", READY_WITHIN, || {
+            let is_heard = self.listener.with(|heard| {
+                let robot_and_cycles = !heard.robot.is_empty() && !heard.cycles.is_empty();
+                robot_and_cycles && !heard.setpoints.is_empty() && !heard.controller.is_empty()
+            });
+            is_heard.then_some(())
+        })
+    }
+
     fn carry_out(&mut self, round: Round) {
         let number = self.survival.rounds;
         self.survival.rounds += 1;
@@ -191,8 +216,8 @@ impl Experiment<'_> {
         if was_moving {
             self.look_at_motion(round, underway.motion, begun_ns);
         }
-        if is_killed_daemon {
-            self.prove_supervision()?;
+        if round.part == Part::Daemon {
+            self.prove_supervision(round.kind)?;
         }
         self.prove()
     }
@@ -228,7 +253,7 @@ impl Experiment<'_> {
                 underway.goal = goal_of(&request);
                 let (id, duration_s) = self.ask_until_taken(&request)?;
                 underway.motion = Some(id);
-                pause_ms = within(BEGIN_LEAD_MS, BEGIN_LEAD_MS + 1e3 * duration_s);
+                pause_ms = within(*BEGIN_LEAD_MS, *BEGIN_LEAD_MS + 1e3 * duration_s);
             }
         }
         thread::sleep(Duration::from_secs_f64(1e-3 * pause_ms));

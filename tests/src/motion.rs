@@ -1,6 +1,10 @@
 //! What a sequence of tendon set-points must keep, measured from the sequence alone.
 
+use std::sync::LazyLock;
+
 use pcc_model::TendonLimits;
+
+use crate::world::shipped_number;
 
 /// The tendons at one instant: m, m/s, and m/s² where that is known.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +31,7 @@ pub struct LimitsKept {
     /// Velocity differences over time, over the acceleration limit.
     pub difference_acceleration: f64,
     /// |Δp − (v₀ + v₁)Δt/2| over a Δt²: what the velocities at both ends do not explain of a step. Motions within the
-    /// acceleration limit a have at most 1/4. (Δt: at most the 20 ms by which a cycle may go on.)
+    /// acceleration limit a have at most 1/4. (Δt: at most the `step_cap_ms` by which a cycle may go on.)
     pub unexplained_step: f64,
     /// Largest step of one tendon between two samples, m.
     pub largest_step_m: f64,
@@ -83,7 +87,7 @@ impl LimitsKept {
     ) {
         self.add_step(before, after, limits);
         // A later cycle goes on by no more than the cap: the path time lags then, and the robot falls short.
-        let moved_s = ((after.stamp_ns - before.stamp_ns) as f64 * 1e-9).min(STEP_CAP_S);
+        let moved_s = ((after.stamp_ns - before.stamp_ns) as f64 * 1e-9).min(*STEP_CAP_S);
         for tendon in 0..9 {
             let step = after.position[tendon] - before.position[tendon];
             let mean = 0.5 * (before.velocity[tendon] + after.velocity[tendon]);
@@ -102,7 +106,8 @@ pub fn raise(figure: &mut f64, value: f64) {
 }
 
 /// The shipped controller's `step_cap_ms`, s.
-const STEP_CAP_S: f64 = 0.02;
+static STEP_CAP_S: LazyLock<f64> =
+    LazyLock::new(|| 1e-3 * shipped_number("controller.toml", "step_cap_ms"));
 
 /// Positions and times are rounded: stamps to a nanosecond.
 const ROUNDING_M: f64 = 1e-10;

@@ -12,10 +12,12 @@ use std::time::{Duration, Instant};
 
 use rustix::process::{Gid, Uid};
 use rustix::thread::{set_thread_groups, set_thread_res_gid, set_thread_res_uid};
+use shared_types::codes::LoopFault;
 
 use crate::outside::PoseFile;
 use crate::process::{TimedOut, wait_for};
 use crate::programs::program;
+use crate::retries;
 use crate::world::{Settings, World};
 
 /// The user whose robot it is.
@@ -266,16 +268,22 @@ impl OwnersRobot {
         })
     }
 
-    /// Waits until `pcc watch` shows that the controller holds the robot; a fault that a killed robot has left is reset.
+    /// Waits until `pcc watch` shows that the controller holds the robot. A fault is reset, and counts as a retry unless it is one of
+    /// those by right.
     ///
     /// # Errors
     /// [`TimedOut`] with what was shown last.
-    pub fn until_holding(&self, limit: Duration) -> Result<(), TimedOut> {
-        let mut shown = String::new();
+    pub fn until_holding(&self, limit: Duration, by_right: &[LoopFault]) -> Result<(), TimedOut> {
+        let (mut shown, mut noted) = (String::new(), None);
         let holds = || {
             let output = self.pcc(&["watch", "--rate-hz", "20", "--times", "1"], limit);
             shown = String::from_utf8_lossy(&output.stdout).into_owned();
             if shown.contains("controller     fault ") {
+                let fault = latched(&shown);
+                if noted.as_ref() != Some(&fault) && !by_right.iter().any(|it| it.text() == fault) {
+                    retries::note(&format!("a fault was reset: {fault}"));
+                }
+                noted = Some(fault);
                 let _ = self.pcc(&["reset"], limit);
             }
             shown.contains("controller     holding ").then_some(())
@@ -327,6 +335,13 @@ impl OwnersRobot {
         }
         found
     }
+}
+
+/// The fault that `pcc watch` shows.
+fn latched(shown: &str) -> String {
+    let mut lines = shown.lines();
+    let fault = lines.find_map(|line| line.strip_prefix("FAULT "));
+    fault.unwrap_or_default().trim().to_owned()
 }
 
 fn succeeded(status: ExitStatus) -> Option<()> {

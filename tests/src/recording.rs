@@ -170,15 +170,16 @@ impl Recording {
     /// Limits at every set-point that was sent, and continuity from each to the next, however much later that is.
     ///
     /// What may not have been sent is judged like what was, but for the steps while the robot ramps by itself: see
-    /// `Recording::mirrors_a_ramp`.
+    /// `Recording::mirrors_a_ramp`. Once the first motion has begun, nothing is left out.
     #[must_use]
     pub fn limits_kept(&self) -> LimitsKept {
         let mut kept = LimitsKept::default();
         let mut before: Option<usize> = None;
+        let begun = self.first_motion();
         for index in 0..self.len() {
             let now = &self.samples[index];
             kept.add(now, &self.limits);
-            if self.mirrors_a_ramp(index) {
+            if index < begun && self.mirrors_a_ramp(index) {
                 continue;
             }
             match before {
@@ -205,12 +206,19 @@ impl Recording {
         detached.contains(&self.state[index])
     }
 
-    /// Samples of a controller that has no hold of the robot, or is in fault.
+    /// Samples, from the first motion on, of a controller that has no hold of the robot, or is in fault.
     #[must_use]
     pub fn mirrored(&self) -> usize {
-        (0..self.len())
+        (self.first_motion()..self.len())
             .filter(|&index| self.is_detached(index))
             .count()
+    }
+
+    /// The first sample of the first motion; the number of samples where nothing moves.
+    fn first_motion(&self) -> usize {
+        (0..self.len())
+            .find(|&index| self.is_moving(index))
+            .unwrap_or(self.len())
     }
 
     /// Largest difference of the set-points from the tendon lengths that the commanded configurations mean, m.

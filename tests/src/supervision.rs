@@ -1,5 +1,6 @@
 //! Whether a motion is stopped for a ball that came into its way while a process was disturbed.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use shared_types::codes::LoopState;
@@ -70,6 +71,8 @@ pub struct Watched {
     pub balls: usize,
     /// Those in whose cases a motion was still under way, so that somebody had to stop it.
     pub had_to_stop: usize,
+    /// Both numbers for each way in which a process was disturbed.
+    pub ways: BTreeMap<String, [usize; 2]>,
     /// Times until a stop was ordered, ms.
     pub reactions_ms: Vec<f64>,
     /// Those that took too long.
@@ -80,6 +83,12 @@ impl Watched {
     /// Adds one.
     pub fn add(&mut self, watch: &Watch, reaction: &Reaction) {
         self.balls += 1;
+        let had_to_stop = !matches!(reaction, Reaction::NothingMoved | Reaction::Silent);
+        self.had_to_stop += usize::from(had_to_stop);
+        let way = format!("{:?} {}", watch.kind, watch.part.program());
+        let [balls, stops] = self.ways.entry(way).or_default();
+        *balls += 1;
+        *stops += usize::from(had_to_stop);
         let held_ms = (watch.ended_ns - watch.begun_ns) as f64 * 1e-6;
         let what = match watch.since {
             Since::Scene => format!("a motion after a {:?}", watch.kind),
@@ -87,10 +96,8 @@ impl Watched {
         };
         let what = format!("{what} of {} for {held_ms:.0} ms", watch.part.program());
         match reaction {
-            Reaction::NothingMoved => {}
-            Reaction::CameToRest => self.had_to_stop += 1,
+            Reaction::NothingMoved | Reaction::CameToRest => {}
             Reaction::Stopped(after_ns) => {
-                self.had_to_stop += 1;
                 let after_ms = *after_ns as f64 * 1e-6;
                 self.reactions_ms.push(after_ms);
                 if *after_ns > SUPERVISED_WITHIN_NS {
@@ -99,7 +106,6 @@ impl Watched {
                 }
             }
             Reaction::WentOn => {
-                self.had_to_stop += 1;
                 self.late.push(format!("{what}: went on through the ball"));
             }
             Reaction::Silent => self
@@ -248,6 +254,7 @@ mod tests {
             watched.add(&WATCH, &reaction);
         }
         assert_eq!((watched.balls, watched.had_to_stop), (5, 3));
+        assert_eq!(watched.ways["Hold controller"], [5, 3]);
         assert_eq!(watched.late.len(), 3, "{watched:?}");
     }
 

@@ -158,6 +158,20 @@ pub fn shipped(name: &str) -> Table {
         .unwrap()
 }
 
+/// A number of a shipped configuration file.
+///
+/// # Panics
+/// Where the file has no such key, or its value is no number.
+#[must_use]
+pub fn shipped_number(name: &str, key: &str) -> f64 {
+    let table = shipped(name);
+    let value = &table[key];
+    let number = value.as_float();
+    #[expect(clippy::cast_precision_loss, reason = "settings are small")]
+    let number = number.or_else(|| value.as_integer().map(|whole| whole as f64));
+    number.unwrap_or_else(|| panic!("config/{name}: {key} = {value} is no number"))
+}
+
 fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) -> Robot {
     fs::create_dir_all(folder.join("robots")).unwrap();
     let mut robot = shipped("robots/unit.toml");

@@ -73,7 +73,27 @@ fn what_a_killed_controller_sent_last_is_lost_once() {
         states.push(last);
     }
     let verdict = judged(setpoints, states);
-    assert_eq!((verdict.lost, verdict.unmatched), ([3, 0, 0], 13));
+    assert_eq!((verdict.lost, verdict.unmatched), ([0; 3], 13));
+    assert_eq!(verdict.last_unheard, 3);
+}
+
+#[test]
+fn what_was_sent_before_anybody_listened_is_not_unheard() {
+    let verdict = judged(
+        (40..60).map(setpoint).collect(),
+        (30..60).map(robot).collect(),
+    );
+    assert_eq!((verdict.lost, verdict.unmatched), ([0; 3], 0));
+    assert_eq!(verdict.last_unheard, 0);
+}
+
+#[test]
+fn what_is_followed_unheard_and_goes_on_is_a_gap() {
+    let mut setpoints: Vec<Setpoint> = (1..60).map(setpoint).collect();
+    setpoints.drain(49..52);
+    let verdict = judged(setpoints, (1..60).map(robot).collect());
+    assert_eq!((verdict.lost, verdict.unmatched), ([3, 0, 0], 3));
+    assert_eq!(verdict.last_unheard, 0);
 }
 
 #[test]
@@ -108,7 +128,8 @@ fn steps_from_one_controller_to_the_next_count_and_what_was_not_heard_is_known()
         sample.stamp_mono_ns += 40_000_000;
     }
     let verdict = judged(two.clone(), Vec::new());
-    assert_eq!((verdict.lost[0], verdict.restarts), (3 + 1, 1));
+    assert_eq!((verdict.lost[0], verdict.restarts), (3, 1));
+    assert_eq!(verdict.first_unheard, [1, 0, 0]);
     assert_eq!(verdict.offence_count, 0, "{verdict:?}");
     two[50..]
         .iter_mut()

@@ -20,18 +20,18 @@ const ASK_AGAIN: Duration = Duration::from_millis(200);
 const ASKED_AT_MOST: usize = 5;
 
 impl Experiment<'_> {
-    /// A motion of the daemon that has come after the killed one, which has to stop it for a ball.
-    pub(super) fn prove_supervision(&mut self) -> Result<(), String> {
+    /// A motion of the daemon that was stopped or held, or has come after a killed one: it has to stop the motion for a ball.
+    pub(super) fn prove_supervision(&mut self, kind: Kind) -> Result<(), String> {
         let request = self.motion_request(0.25);
         let goal = goal_of(&request).expect("it has one");
         let (id, _) = self.ask_until_taken(&request)?;
         let progress = self.stack.wait_for_progress(id, 0.1);
-        progress.map_err(|error| format!("after a killed daemon: {}", error.what))?;
+        progress.map_err(|error| format!("after {kind:?} of the daemon: {}", error.what))?;
         let shown_ns = mono_now_ns();
         self.show_ball_at(&goal)?;
         let watch = Watch {
             part: Part::Daemon,
-            kind: Kind::Kill,
+            kind,
             since: Since::Scene,
             begun_ns: shown_ns,
             shown_ns,
@@ -45,7 +45,7 @@ impl Experiment<'_> {
             let last: Vec<&str> = log.lines().rev().take(4).collect();
             let state = self.stack.controller_state();
             return Err(format!(
-                "a motion after a killed daemon had stopped before its ball came: {}, {}, {last:?}",
+                "a motion after {kind:?} of the daemon had stopped before its ball came: {}, {}, {last:?}",
                 state.state, state.fault
             ));
         }

@@ -11,6 +11,10 @@ use tests::world::Settings;
 
 use crate::{Report, Scale};
 
+/// In a way with so many balls some find a motion that goes on, wherever their instants fall: a process that is held up for less than
+/// the 20 ms after which it is lost, one time in five, changes nothing. The quick form puts two in each way.
+const ENOUGH_BALLS: usize = 6;
+
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "acceptance safe, kills";
     report.group("kills and stops", command, |report| {
@@ -50,7 +54,13 @@ fn premises(report: &mut Report, survival: &Survival, count: usize) {
     let seen = &survival.threads_seen;
     let name = format!("threads held at least once ({})", listed(held));
     let hit = seen.iter().filter(|name| held.contains_key(*name)).count();
-    let wanted = seen.len().min(count / 3);
+    // Threads are held in turn, but one that starts has not all of them yet.
+    let holds = count / 9;
+    let wanted = if holds >= 2 * seen.len() {
+        seen.len()
+    } else {
+        holds
+    };
     report.check(
         &name,
         format!("{hit} of {}", seen.len()),
@@ -89,25 +99,42 @@ pub(crate) fn phases(report: &mut Report, survival: &Survival, kinds: &[Kind], c
     report.check(name, moving.to_string(), ">= a fifth", moving * 5 >= count);
 }
 
-/// What the robot was sent and made of it; also for a suite that only kills.
-pub(crate) fn limits(report: &mut Report, survival: &Survival) {
+/// What the listener did not hear, and nobody could judge.
+fn unheard(report: &mut Report, survival: &Survival) {
     let verdict = &survival.verdict;
     let heard = verdict.setpoints + verdict.robot_states;
-    let lost: u64 = verdict.lost.iter().sum();
     report.check(
-        "set-points, robot states and cycles that the listener has lost",
+        "set-points, robot states and cycles that were not heard between two that were",
         format!("{:?} of {heard}", verdict.lost),
-        "<= 1 of 10000",
-        lost * 10_000 <= heard as u64 && heard > 0,
+        "0",
+        verdict.lost == [0; 3] && heard > 0,
+    );
+    report.check(
+        "set-points, robot states and cycles that were not heard before the first one of a process that had begun anew",
+        format!("{:?}", verdict.first_unheard),
+        "0",
+        verdict.first_unheard == [0; 3],
+    );
+    let last = verdict.last_unheard.to_string();
+    report.shown(
+        "last set-points of killed controllers that were not heard",
+        last,
     );
     let each = verdict.losses.join("; ");
     report.shown("each of these losses; steps are judged across them", each);
+    let unheard = verdict.lost[0] + verdict.first_unheard[0] + verdict.last_unheard;
     report.check(
         "states of a following robot whose set-point was not heard",
         verdict.unmatched.to_string(),
-        "0, or the 20 ms of states that may follow each one lost",
-        verdict.unmatched as u64 <= 20 * verdict.lost[0],
+        "0, or the 20 ms of states that may follow each one not heard",
+        verdict.unmatched as u64 <= 20 * unheard,
     );
+}
+
+/// What the robot was sent and made of it; also for a suite that only kills.
+pub(crate) fn limits(report: &mut Report, survival: &Survival) {
+    let verdict = &survival.verdict;
+    unheard(report, survival);
     report.at_most(
         "set-points: velocity over the shipped limit",
         verdict.velocity,
@@ -139,15 +166,16 @@ pub(crate) fn limits(report: &mut Report, survival: &Survival) {
     report.at_most(name, verdict.reference_error_m, 1e-9);
     let name = "what went beyond a limit";
     report.none_of(name, &verdict.offences);
+    let pairs = [verdict.sent, verdict.taken, verdict.unled].map(|used| used.pairs);
     let figure = format!(
-        "{} of processes, {} of set-points",
+        "{} of processes, {} of set-points; {pairs:?} pairs",
         verdict.restarts, verdict.holds_taken
     );
     report.check(
-        "restarts over which that was looked at",
+        "restarts over which that was looked at, and pairs of each kind",
         figure,
-        "some",
-        verdict.restarts > 0 && verdict.holds_taken > 0,
+        "some of each",
+        verdict.restarts > 0 && verdict.holds_taken > 0 && !pairs.contains(&0),
     );
     let faults = verdict.faults;
     let name = "robot's states in fault (a set-point broke a rule)";
@@ -169,25 +197,46 @@ pub(crate) fn supervision(report: &mut Report, survival: &Survival) {
         "at least a quarter had to be stopped",
         watched.had_to_stop * 4 >= watched.balls && watched.had_to_stop > 0,
     );
+    each_way(report, watched);
     report.none_of(
         "not stopped or at rest 100 ms after the first fresh state (of a killed daemon's motion: after the first state that the next \
          daemon can hear, or at rest before)",
         &watched.late,
     );
-    anew(report, &survival.watched_anew);
+    anew(report, survival);
 }
 
-/// Balls in motions that were made after a daemon was killed, and that its successor has to stop.
-fn anew(report: &mut Report, watched: &Watched) {
+/// That somebody had to stop in each way in which a motion can go on: a killed controller executes nothing any more.
+fn each_way(report: &mut Report, watched: &Watched) {
+    let dead = format!("{:?} {}", Kind::Kill, Part::Controller.program());
+    let tried = watched.ways.iter();
+    let tried = tried.filter(|(way, [balls, _])| **way != dead && *balls >= ENOUGH_BALLS);
+    let idle: Vec<String> = tried
+        .filter(|(_, [_, had_to_stop])| *had_to_stop == 0)
+        .map(|(way, [balls, _])| format!("{way}: 0 of {balls}"))
+        .collect();
+    let each = watched.ways.iter();
+    let each = each.map(|(way, [balls, stopped])| format!("{way}: {stopped} of {balls}"));
+    let each: Vec<String> = each.collect();
+    let name = format!(
+        "ways with {ENOUGH_BALLS} balls or more of which none found somebody who had to stop ({})",
+        each.join(", ")
+    );
+    report.none_of(&name, &idle);
+}
+
+/// Balls in motions that were made after a daemon was killed, stopped or held, and that it or its successor has to stop.
+fn anew(report: &mut Report, survival: &Survival) {
+    let watched = &survival.watched_anew;
     let mut times = watched.reactions_ms.clone();
     times.sort_by(f64::total_cmp);
     let worst = times.last().copied().unwrap_or_default();
     let (stopped, balls) = (watched.had_to_stop, watched.balls);
     report.check(
-        "balls put in the way of motions made after a daemon was killed",
+        "balls put in the way of motions made after a daemon was killed, stopped or held, in whatever it did",
         format!("{balls}, in {stopped} of them a motion was under way; worst {worst:.1} ms"),
-        "a motion was under way in each, and one at least",
-        stopped == balls && balls > 0,
+        "one after each, a motion under way in each",
+        stopped == balls && balls > 0 && balls == survival.daemons_disturbed(),
     );
     report.none_of(
         "not stopped or at rest 100 ms after the ball was published",

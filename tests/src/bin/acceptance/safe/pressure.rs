@@ -33,6 +33,8 @@ use crate::{Report, Scale};
 const ENDS: [[f64; 6]; 2] = [[0.0; 6], [1.1, 0.4, -0.9, 0.7, 0.8, -1.0]];
 const WATCHERS: usize = 10;
 const FLOODING: usize = 3;
+/// Scenes a second that each of them sends at least.
+const FLOOD_HZ: f64 = 100.0;
 /// Bytes of the disk that is filled, on which the services' files, the robot's pose and the logs are.
 const DISK_BYTES: usize = 4 << 20;
 /// How long a motion has been under way when it is to be stopped; it takes longer than a second.
@@ -208,8 +210,8 @@ struct Scenario {
     stack: Stack,
     outputs: Vec<StalledOutput>,
     not_begun: Vec<String>,
-    /// Scenes that each publisher of the flood had sent when that was looked at last.
-    flooded: Vec<u64>,
+    /// Scenes that each publisher of the flood had sent when that was looked at last, and when that was.
+    flooded: (Vec<u64>, Instant),
 }
 
 impl Scenario {
@@ -265,6 +267,7 @@ impl Scenario {
         command.prepare_to_command()?;
         // iceoryx2 hears who came first first: the camera comes last.
         let flood = pressure.has(Pressure::Flood);
+        let flooding_since = Instant::now();
         let flood = flood.then(|| Flood::start(&options, FLOODING));
         if flood.is_some() {
             thread::sleep(Duration::from_secs(1));
@@ -280,7 +283,7 @@ impl Scenario {
             stack,
             outputs,
             not_begun: Vec::new(),
-            flooded: vec![0; FLOODING],
+            flooded: (vec![0; FLOODING], flooding_since),
         };
         scenario.scenes.publish(&[], LIFETIME)?;
         thread::sleep(Duration::from_secs(2));
@@ -307,13 +310,14 @@ impl Scenario {
         anyhow::ensure!(running, "the premise: the watchers watch");
         if let Some(flood) = &self.flood {
             let sent = flood.sent_each();
-            let rises = sent.iter().zip(&self.flooded).all(|(now, last)| now > last);
+            let (last, since) = (&self.flooded.0, self.flooded.1.elapsed());
+            let least = FLOOD_HZ * since.as_secs_f64();
+            let floods = |(now, last): (&u64, &u64)| (now - last) as f64 >= least;
             anyhow::ensure!(
-                flood.alive() == FLOODING && rises,
-                "the premise: {FLOODING} publishers flood: {sent:?} after {:?}",
-                self.flooded
+                flood.alive() == FLOODING && sent.iter().zip(last).all(floods),
+                "the premise: {FLOODING} publishers send {FLOOD_HZ} scenes a second each: {sent:?} after {last:?} {since:?} ago"
             );
-            self.flooded = sent;
+            self.flooded = (sent, Instant::now());
         }
         Ok(())
     }

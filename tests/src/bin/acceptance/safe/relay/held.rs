@@ -7,6 +7,7 @@ use tests::process::{Process, wait_for};
 use tests::stack::Part;
 use tests::stalled_output::StalledOutput;
 use tests::system_calls::HeldThread;
+use tests::world::shipped_number;
 
 use super::{FAR, PATIENCE, Processes};
 use crate::{Report, Scale};
@@ -15,8 +16,8 @@ use crate::{Report, Scale};
 const ALLOWANCE_MS: f64 = 100.0;
 /// After so long without the guard the loop stops by itself (decision 0021).
 const GUARD_HELD_MS: f64 = 100.0;
-/// `daemon_lost_ms` of the shipped controller, and a heartbeat.
-const DAEMON_LOST_MS: f64 = 220.0;
+/// Time between two heartbeats of the daemon, ms.
+const HEARTBEAT_MS: f64 = 20.0;
 /// How long the robot is looked at: far less than what is left of the motion, and more than any stop.
 const LOOK: Duration = Duration::from_secs(4);
 /// Time in which a process that is to stall meets its stall.
@@ -112,7 +113,9 @@ pub(super) fn run(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     report.shown(name, format!("{usual_ms:.0}"));
     for ((stall, event), results) in cases {
         let waits_ms = match event {
-            Event::DaemonKilled => DAEMON_LOST_MS,
+            Event::DaemonKilled => {
+                shipped_number("controller.toml", "daemon_lost_ms") + HEARTBEAT_MS
+            }
             Event::Nothing => GUARD_HELD_MS,
             Event::Stop | Event::Sigterm => 0.0,
         };

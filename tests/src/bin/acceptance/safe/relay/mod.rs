@@ -11,6 +11,7 @@ use std::time::Duration;
 use anyhow::Context;
 use tests::outside::{PoseFile, Said, execute, shown, wait_for_controller};
 use tests::process::Process;
+use tests::retries;
 use tests::stack::Part;
 use tests::world::{Settings, World};
 
@@ -69,7 +70,7 @@ impl Processes {
         PoseFile::of(&self.world)
     }
 
-    /// Has a motion executed, asked again where the daemon is not ready yet, and waits until the robot moves.
+    /// Has a motion executed, asked again (which counts as a retry) where that is refused, and waits until the robot moves.
     fn begin_motion(&self, goal: &[f64; 6]) -> anyhow::Result<()> {
         let mut said = Said {
             status: None,
@@ -82,6 +83,7 @@ impl Processes {
                 let moves = self.robot().wait_for_motion(IN_MOTION, PATIENCE);
                 return moves.with_context(|| shown(&self.world));
             }
+            retries::note(&said.summary());
             std::thread::sleep(Duration::from_millis(250));
         }
         anyhow::bail!("no motion: {}", said.summary())

@@ -17,20 +17,22 @@ const WATCHERS: usize = 10;
 const CROWD: usize = 34;
 /// As far from straight as [`FAR`], the other way: three motions have come near to that when the crowd is there.
 const BACK: [f64; 6] = [-1.1, -0.4, 0.9, -0.7, -0.8, 1.0];
+/// Time in which one that watches shows something.
+const SHOWN_WITHIN: Duration = Duration::from_secs(2);
 /// Time in which a process that is refused its place has ended.
 const REFUSED_WITHIN: Duration = Duration::from_secs(3);
 
 pub(super) fn run(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut processes = Processes::shipped()?;
     let mut watchers = watch(&processes, WATCHERS);
-    let watching = watchers
-        .iter_mut()
-        .filter_map(|watcher| watcher.is_running().then_some(()));
-    report.all_of("defect 5: watchers that watch", watching.count(), WATCHERS);
+    let name = "defect 5: watchers that watch";
+    report.all_of(name, watching(&mut watchers), WATCHERS);
     let about = format!("defect 5: {WATCHERS} watchers");
     served(report, &mut processes, &about, &FAR)?;
     restarted(report, &mut processes, &about, Part::Daemon, &FAR)?;
     restarted(report, &mut processes, &about, Part::Controller, &FAR)?;
+    let name = "defect 5: watchers that watch after the restarts";
+    report.all_of(name, watching(&mut watchers), WATCHERS);
     if scale.full {
         crowd(report, &mut processes, watchers)?;
     }
@@ -47,6 +49,18 @@ fn watch(processes: &Processes, count: usize) -> Vec<Process> {
     let watchers = (0..count).map(start).collect();
     std::thread::sleep(REFUSED_WITHIN);
     watchers
+}
+
+/// Watchers that run, and show more than they did a moment ago.
+fn watching(watchers: &mut [Process]) -> usize {
+    let shown: Vec<usize> = watchers.iter().map(|watcher| watcher.log().len()).collect();
+    std::thread::sleep(SHOWN_WITHIN);
+    let watchers = watchers.iter_mut().zip(shown);
+    let watch = watchers.filter_map(|(watcher, before)| {
+        let watches = watcher.is_running() && watcher.log().len() > before;
+        watches.then_some(())
+    });
+    watch.count()
 }
 
 /// `plan --execute`, and `stop` of what it began.

@@ -76,7 +76,7 @@ impl Crossing {
     }
 
     /// Clearance of the motion if it lags by this much, seen fifty times a second.
-    fn clearance(&self, body: &Body, lag_s: f64) -> f64 {
+    pub(super) fn clearance(&self, body: &Body, lag_s: f64) -> f64 {
         let ball = [self.ball(0)];
         let clearance = |i: i32| {
             let time_s = 0.02 * f64::from(i);

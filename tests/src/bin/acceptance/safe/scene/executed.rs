@@ -1,5 +1,6 @@
 //! What was executed, from the controller's cycles.
 
+use std::sync::LazyLock;
 use std::time::Duration;
 
 use shared_types::codes::LoopState;
@@ -7,10 +8,12 @@ use shared_types::message::Cycle;
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::listener::Listener;
 use tests::process::{TimedOut, wait_for};
+use tests::world::shipped_number;
 
-/// The controller's `step_cap_ms`, ns: after a longer time between two cycles the set-point has moved on by no more than this, and
+/// The shipped controller's `step_cap_ms`, ns: after a longer time between two cycles the set-point has moved on by no more than this, and
 /// stood where it was before.
-const STEP_CAP_NS: i64 = 20_000_000;
+static STEP_CAP_NS: LazyLock<i64> =
+    LazyLock::new(|| (1e6 * shipped_number("controller.toml", "step_cap_ms")) as i64);
 
 /// A lower bound of the distance between a ball and the body as the set-points have it, moving or at rest, m.
 pub(super) fn clearance(body: &Body, cycles: &[Cycle], ball: &Ball) -> f64 {
@@ -24,9 +27,9 @@ fn set_points(cycles: &[Cycle]) -> Vec<(i64, Tendons)> {
     let mut setpoints: Vec<(i64, Tendons)> = Vec::with_capacity(cycles.len());
     for cycle in cycles {
         if let Some((last_ns, waited_m)) = setpoints.last().copied()
-            && cycle.stamp_mono_ns - last_ns > STEP_CAP_NS
+            && cycle.stamp_mono_ns - last_ns > *STEP_CAP_NS
         {
-            setpoints.push((cycle.stamp_mono_ns - STEP_CAP_NS, waited_m));
+            setpoints.push((cycle.stamp_mono_ns - *STEP_CAP_NS, waited_m));
         }
         setpoints.push((cycle.stamp_mono_ns, cycle.setpoint_m));
     }

@@ -17,6 +17,7 @@ use tests::listener::Listener;
 use tests::programs::repository;
 use tests::raw_scene::RawScenes;
 use tests::stack::{MoveError, Part, Stack};
+use tests::world::shipped_number;
 use trajectory::Trajectory;
 
 use super::crossing::Crossing;
@@ -49,8 +50,6 @@ const TURNS_UP_S: f64 = 0.4;
 /// From then to a pause that makes the robot late.
 const ACTED_UPON: [Duration; 2] = [Duration::ZERO, Duration::from_millis(5)];
 const MS_NS: i64 = 1_000_000;
-/// The shipped `step_cap_ms`.
-const STEP_CAP_MS: i64 = 20;
 /// Until the ball's source is heard.
 const CONNECTING_NS: i64 = 60 * MS_NS;
 /// In place of a time: a ball that has not turned up.
@@ -112,7 +111,7 @@ struct Try {
 impl Try {
     /// The least by which its path time falls behind the clock, ms: a cycle after a pause goes on by as much as the step cap.
     fn lags_at_least_ms(self) -> f64 {
-        (self.lag_ms - STEP_CAP_MS).max(0) as f64
+        (self.lag_ms as f64 - shipped_number("controller.toml", "step_cap_ms")).max(0.0)
     }
 }
 
@@ -126,6 +125,8 @@ struct Passed {
     fault: LoopFault,
     /// The most by which path time fell behind the clock from one cycle to the next, its begin included, ms.
     lagged_ms: f64,
+    /// Whether the motion that was executed would have touched the ball if it had gone on to its end, as late as it was.
+    would_touch: bool,
 }
 
 /// Balls of 0.5 to 2 m/s beside motions that are 15 to 190 ms late.
@@ -137,6 +138,7 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
         let (mut touched, mut unmoved, mut faults) = (Vec::new(), Vec::new(), Vec::new());
         let (mut least_m, mut refused) = (f64::INFINITY, Vec::new());
         let (mut tight, mut executed, mut in_time) = (0, 0, Vec::new());
+        let mut would_touch = 0;
         for wanted in tries(late, scale) {
             let passed = pass(&mut stack, &body, wanted)?;
             let text = format!("{wanted:?}: {:.3} m, {}", passed.clearance_m, passed.end);
@@ -150,6 +152,7 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
             let is_tight = wanted.room_s < PLENTY_S;
             let may_be_refused = is_tight && !wanted.turns_up;
             tight += usize::from(is_tight);
+            would_touch += usize::from(passed.would_touch);
             executed += usize::from(is_tight && passed.executed);
             if passed.executed && passed.lagged_ms < wanted.lags_at_least_ms() {
                 in_time.push(format!("{:.1} ms: {wanted:?}", passed.lagged_ms));
@@ -183,6 +186,12 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
             format!("{executed} of {tight}"),
             "a third",
             executed > 0 && 3 * executed >= tight,
+        );
+        report.check(
+            &format!("{name}: which would have touched it, late as they were, had nobody acted"),
+            would_touch.to_string(),
+            ">= 1",
+            would_touch > 0,
         );
         report.shown(
             &format!("{name}: least clearance, m"),
@@ -241,12 +250,17 @@ fn pass(stack: &mut Stack, body: &Body, wanted: Try) -> anyhow::Result<Passed> {
         told.store(QUIT, Ordering::Relaxed);
         passed
     })
-    .map(|(end, fault, cycles)| Passed {
-        executed: cycles.iter().any(moves),
-        clearance_m: clearance(body, &cycles, &ball),
-        lagged_ms: lagged_ms(&robot, &crossing.motion, begin_ns, &cycles),
-        end,
-        fault,
+    .map(|(end, fault, cycles)| {
+        let executed = cycles.iter().any(moves);
+        let lagged_ms = lagged_ms(&robot, &crossing.motion, begin_ns, &cycles);
+        Passed {
+            executed,
+            clearance_m: clearance(body, &cycles, &ball),
+            lagged_ms,
+            would_touch: executed && crossing.clearance(body, 1e-3 * lagged_ms) < 0.0,
+            end,
+            fault,
+        }
     })
 }
 

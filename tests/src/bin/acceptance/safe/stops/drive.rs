@@ -1,19 +1,28 @@
 //! The shipped state machine with a clock and a robot of the test's own.
 
+use std::sync::LazyLock;
+
 use controller::executive::{
     CycleInput, CycleOutput, Executive, ExecutiveSettings, Motion, RobotSample,
 };
+use controller::service::ControllerConfig;
 use pcc_model::{Configuration, Robot};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use shared_types::codes::{LoopFault, LoopState, MotorState};
+use tests::programs::repository;
+use tests::world::shipped_number;
 use trajectory::Trajectory;
 
 use super::extrapolating_law::ExtrapolatingLaw;
 use super::judge::{Figures, Judge, Sent};
 
-/// The shipped `step_cap_ms`, ns.
-const STEP_CAP_NS: i64 = 20_000_000;
+/// The settings of the shipped controller.
+static SHIPPED: LazyLock<ExecutiveSettings> = LazyLock::new(|| {
+    let file = repository().join("config/controller.toml");
+    let config = ControllerConfig::from_file(&file).expect("the shipped configuration is good");
+    config.executive
+});
 /// One cycle in so many is late, by up to [`LATEST_NS`].
 const LATE_ONE_IN: u32 = 60;
 const LATEST_NS: i64 = 30_000_000;
@@ -25,6 +34,7 @@ const START_NS: i64 = 1_000_000_000;
 #[derive(Default)]
 pub(super) struct Run {
     pub(super) stops: usize,
+    /// Those given while the motion went on.
     pub(super) speed_changes: usize,
     pub(super) let_go: Vec<String>,
     pub(super) unrested: Vec<String>,
@@ -90,11 +100,7 @@ impl Driven {
     fn new(robot: &Robot, start: &Configuration, period_ns: i64, seed: u64) -> Self {
         let settings = ExecutiveSettings {
             period_ns,
-            step_cap_ns: STEP_CAP_NS,
-            late_run_ns: 100_000_000,
-            robot_lost_ns: 20_000_000,
-            tracking_filter_s: 0.01,
-            hold_tolerance_rad: 0.05,
+            ..*SHIPPED
         };
         let mut position_m = [0.0; 9];
         robot.tendons.lengths(start, &mut position_m);
@@ -180,11 +186,16 @@ pub(super) fn stop_everywhere(
 }
 
 impl Driven {
+    fn is_executing(&self) -> bool {
+        let state = self.last.as_ref().map(|last| last.state);
+        state == Some(LoopState::Executing)
+    }
+
     fn execute(&mut self, motion: &Trajectory) -> anyhow::Result<()> {
         let mut filled = Motion::empty();
         filled.id = 1;
         filled.begin_ns = self.now_ns + self.period_ns;
-        filled.path_tolerance_rad = 0.01;
+        filled.path_tolerance_rad = shipped_number("planner-daemon.toml", "path_tolerance_rad");
         filled.knots.extend_from_slice(motion.knots());
         let taken = self.executive.execute(filled);
         taken.map_err(|(reason, _)| anyhow::anyhow!("{reason}"))
@@ -201,7 +212,11 @@ struct Trial<'a> {
 impl Trial<'_> {
     fn judge(&self) -> Judge<'_> {
         let limits = self.robot.tendon_limits;
-        Judge::new(limits, self.motion.knots(), STEP_CAP_NS as f64 * 1e-9)
+        Judge::new(
+            limits,
+            self.motion.knots(),
+            SHIPPED.step_cap_ns as f64 * 1e-9,
+        )
     }
 
     /// Follows the motion to its end; `orders` times, at equal distances, a copy of everything is stopped.
@@ -254,7 +269,7 @@ impl Trial<'_> {
                     _ => driven.random.random_range(0.0..1.0),
                 };
                 driven.executive.set_speed(speed).unwrap();
-                run.speed_changes += 1;
+                run.speed_changes += usize::from(driven.is_executing());
                 let for_ns = driven.now_ns + driven.random.random_range(0..300_000_000);
                 while driven.now_ns < for_ns {
                     let output = driven.cycle();
@@ -265,9 +280,17 @@ impl Trial<'_> {
                 }
             }
         }
-        if driven.executive.stop().is_ok() {
-            run.stops += 1;
-            self.stop(&mut driven, &mut judge, before, run);
+        match (driven.is_executing(), driven.executive.stop()) {
+            (true, Ok(())) => {
+                run.stops += 1;
+                self.stop(&mut driven, &mut judge, before, run);
+            }
+            (true, Err(refusal)) => {
+                let at_s = driven.last.unwrap().path_time_s;
+                run.unrested.push(format!("at {at_s:.4} s: {refusal}"));
+            }
+            // Its motion has come to its end at the ordered speeds.
+            (false, _) => {}
         }
         run.figures.merge(&judge.figures);
     }
@@ -279,7 +302,7 @@ impl Trial<'_> {
             let before_ns = driven.now_ns;
             let output = driven.cycle();
             judge.take(&sent(&output));
-            cycles_s.push((driven.now_ns - before_ns).min(STEP_CAP_NS) as f64 * 1e-9);
+            cycles_s.push((driven.now_ns - before_ns).min(SHIPPED.step_cap_ns) as f64 * 1e-9);
             if self.note_loss(&output, "stop", run) {
                 break;
             }

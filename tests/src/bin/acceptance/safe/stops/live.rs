@@ -62,15 +62,22 @@ struct Orders {
 }
 
 impl Orders {
+    /// In motion.
     fn give(&mut self, stack: &mut Stack, command: Command) -> anyhow::Result<()> {
-        let reply = stack.controller.command(command, PROMPT)?;
+        let is_obeyed = self.at_rest(stack, command)?;
         self.given += 1;
-        self.obeyed += usize::from(reply.accepted);
+        self.obeyed += usize::from(is_obeyed);
+        Ok(())
+    }
+
+    /// One that does not count, unless it is refused.
+    fn at_rest(&mut self, stack: &mut Stack, command: Command) -> anyhow::Result<bool> {
+        let reply = stack.controller.command(command, PROMPT)?;
         if !reply.accepted {
             let (reason, state) = (reply.reason, reply.state);
             self.wrong.push(format!("{command:?}: {reason}, {state}"));
         }
-        Ok(())
+        Ok(reply.accepted)
     }
 }
 
@@ -158,7 +165,7 @@ fn one_stop(
         orders.wrong.push(what);
         stack.clear_fault()?;
     }
-    orders.give(stack, Command::SetSpeed(1.0))?;
+    orders.at_rest(stack, Command::SetSpeed(1.0))?;
     Ok((id, path))
 }
 

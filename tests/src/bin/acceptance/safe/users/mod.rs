@@ -13,6 +13,7 @@ use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, NodeBuilder, Path as IoxPath, SemanticString, ipc};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::process::{Pid, Signal, kill_process};
+use shared_types::codes::LoopFault;
 use tests::other_user::{OTHER, OWNER, OwnersRobot, as_user};
 
 use crate::{Report, Scale};
@@ -52,6 +53,8 @@ const MOTIONS: [&[&str]; 2] = [
     ],
 ];
 const WATCH: &[&str] = &["watch", "--rate-hz", "100", "--times", "3"];
+/// What a controller makes of a robot that was killed.
+const ROBOT_GONE: [LoopFault; 2] = [LoopFault::RobotLost, LoopFault::RobotRampedToRest];
 /// What a measurement tries.
 const STEPS: [&str; 6] = [
     "pcc stop",
@@ -128,7 +131,11 @@ impl Times {
         let begin = Instant::now();
         robot.start(part);
         let tried = robot.until_it_works(PLAN, PATIENCE)?;
-        robot.until_holding(PATIENCE)?;
+        let by_right: &[LoopFault] = match part {
+            "simulated-robot" => &ROBOT_GONE,
+            _ => &[],
+        };
+        robot.until_holding(PATIENCE, by_right)?;
         self.restarts[index] = begin.elapsed();
         self.failed[3 + index] = tried.failed;
         let ended = robot.ended();

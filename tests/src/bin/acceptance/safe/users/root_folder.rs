@@ -65,7 +65,7 @@ fn undisturbed(report: &mut Report) -> anyhow::Result<(usize, Times)> {
     let _ = fs::remove_dir_all(&usual);
     PARTS.into_iter().for_each(|part| robot.start(part));
     let first = robot.until_it_works(PLAN, PATIENCE)?;
-    robot.until_holding(PATIENCE)?;
+    robot.until_holding(PATIENCE, &[])?;
     let is_default = robot.root() == usual && usual.is_dir();
     let name = "defect 9: the default root folder is used where nobody has taken it (the premise)";
     report.check(
