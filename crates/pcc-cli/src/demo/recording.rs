@@ -87,6 +87,13 @@ impl Recording {
     }
 }
 
+impl Drop for Recording {
+    fn drop(&mut self) {
+        // Who wants to know calls it before.
+        let _ = self.end();
+    }
+}
+
 fn record(
     options: &IpcOptions,
     into: &Mutex<Vec<Cycle>>,
