@@ -139,7 +139,7 @@ fn paths_of_another_program_are_judged_as_those_of_the_planners() {
         (
             "proposed",
             &["--proposals", &many],
-            "at least 1000 are needed",
+            "is for 1000 cases; at most 60",
         ),
         (
             "straight",
