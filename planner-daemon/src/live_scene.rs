@@ -126,7 +126,9 @@ impl Source {
             name: self.name,
             publisher: self.publisher,
             leaves: self.leaves,
-            scene: told.map(|told| (told.scene.stamp_mono_ns, told.version)),
+            scene: told.map(|KeptScene { scene, version, .. }| {
+                (scene.stamp_mono_ns, scene.lifetime_ns, *version)
+            }),
         };
         (mark, told.map(|told| &told.scene))
     }
@@ -146,6 +148,8 @@ pub(crate) struct LiveScene {
     expected: bool,
     /// What was sent before may have been meant for another daemon, nanoseconds.
     begun_mono_ns: i64,
+    /// Scenes that tell of a time before the machine was last suspended do not count, nanoseconds.
+    resumed_mono_ns: i64,
     versions: u64,
 }
 
@@ -165,6 +169,7 @@ impl LiveScene {
             section_length_m,
             expected,
             begun_mono_ns,
+            resumed_mono_ns: i64::MIN,
             versions: 0,
         };
         for source in recalled {
@@ -194,6 +199,17 @@ impl LiveScene {
     fn remember(&mut self) {
         self.memory
             .keep(self.sources.iter().map(Source::for_memory));
+    }
+
+    /// Forgets what every source has told: the machine was suspended until now, for `suspended_ns` in all since its start, and nobody
+    /// knows what stands in the way. The sources stay until they speak again or take their leave.
+    pub(crate) fn resume(&mut self, suspended_ns: i64, now_mono_ns: i64) {
+        self.resumed_mono_ns = now_mono_ns;
+        for source in &mut self.sources {
+            source.told = None;
+        }
+        self.memory.suspended(suspended_ns);
+        self.remember();
     }
 
     /// Notes which publishers are there, and forgets signed-off sources whose lifetime is over.
@@ -248,7 +264,8 @@ impl LiveScene {
             return Some(SceneVerdict::refused(SceneRefusal::SeveralNames, None));
         }
         let (stamp, lifetime) = (scene.stamp_mono_ns, scene.lifetime_ns);
-        let refusal = stamp_refusal(stamp, lifetime, now.mono_ns, now.wall_ns);
+        let refusal = stamp_refusal(stamp, lifetime, now.mono_ns, now.wall_ns)
+            .or_else(|| (stamp < self.resumed_mono_ns).then_some(SceneRefusal::TooOld));
         // A daemon that starts again hears leaves of any age.
         if scene.takes_leave && matches!(refusal, None | Some(SceneRefusal::TooOld)) {
             return Some(self.take_leave(&scene, publisher, now.mono_ns));

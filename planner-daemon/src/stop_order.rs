@@ -13,13 +13,13 @@ use crate::heartbeat::STUCK_NS;
 use crate::moving_cover::{HEART_MISSED_NS, UNSUPERVISED_S};
 use crate::supervision::StopReason;
 
-/// Time after which an order is given again while a stop is still wanted, nanoseconds.
-const REPEAT_NS: i64 = 50_000_000;
+/// Time after which an order is given again while a stop is still wanted, nanoseconds: a controller whose loop is held answers after
+/// 51 ms, and a later order takes the place of one that is not answered.
+const REPEAT_NS: i64 = 60_000_000;
 /// Time after which an order is given again where the controller has answered that it does not stop, nanoseconds.
 const REPEAT_AFTER_REFUSAL_NS: i64 = 5_000_000;
 /// Time without a reply after which supervision makes no progress, so that the heart stops, which the controller takes for a lost
-/// daemon and stops by itself; nanoseconds of [`AwakeTime`](crate::awake::AwakeTime). A controller whose loop is held answers after
-/// 51 ms, before the heart stops.
+/// daemon and stops by itself; nanoseconds of [`AwakeTime`](crate::awake::AwakeTime).
 const ESCALATION_NS: i64 = 40_000_000;
 /// What the rounds of supervision, of the heart and of the controller add to such times, nanoseconds.
 const ROUNDS_NS: i64 = 10_000_000;

@@ -9,7 +9,7 @@ use collision::Verdict;
 use iceoryx2::port::update_connections::UpdateConnections;
 use realtime::{use_fifo_priority, wake_soon};
 use shared_types::PROTOCOL_VERSION;
-use shared_types::clock::{mono_now_ns, wall_now_ns};
+use shared_types::clock::{Suspension, mono_now_ns, suspended_ns, wall_now_ns};
 use shared_types::codes::LoopState;
 use shared_types::ipc::{
     IpcNode, Publisher, Subscriber, controller_state_service, publisher, subscriber,
@@ -53,6 +53,7 @@ pub(crate) struct Supervisor {
     progress: Arc<Progress>,
     state: Option<valid::ControllerState>,
     awake: AwakeTime,
+    suspension: Suspension,
     /// When the last fresh state came, nanoseconds of supervision's being awake.
     heard_awake_ns: i64,
     live: LiveScene,
@@ -93,6 +94,7 @@ impl Supervisor {
             progress,
             state: None,
             awake: AwakeTime::from(mono_now_ns()),
+            suspension: Suspension::noticed(suspended_ns()),
             heard_awake_ns: 0,
             live,
             supervised: None,
@@ -147,6 +149,7 @@ impl Supervisor {
     fn round(&mut self) {
         self.connect();
         self.hear_controller();
+        self.watch_suspension(suspended_ns());
         self.live.attend(self.inbox.present(), mono_now_ns());
         self.inbox.receive();
         self.supervise();
@@ -163,6 +166,13 @@ impl Supervisor {
         }
     }
 
+    fn watch_suspension(&mut self, suspended_ns: i64) {
+        if self.suspension.is_longer(suspended_ns) {
+            tracing::warn!("the machine was suspended: no scene from before counts");
+            self.live.resume(suspended_ns, mono_now_ns());
+        }
+    }
+
     fn connect(&mut self) {
         let connected = self.publisher.update_connections();
         if let Err(error) = &connected
@@ -175,10 +185,7 @@ impl Supervisor {
 
     /// Takes in the newest state. Time counts as silence until one says what is now.
     fn hear_controller(&mut self) {
-        let mut newest: Option<ControllerState> = None;
-        while let Ok(Some(sample)) = self.states.receive() {
-            newest = Some(*sample);
-        }
+        let newest = newest(&self.states);
         let now = mono_now_ns();
         self.awake.look(now);
         let Some(newest) = newest else {

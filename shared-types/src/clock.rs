@@ -20,6 +20,30 @@ pub fn suspended_ns() -> i64 {
     now_ns(ClockId::Boottime) - mono_now_ns()
 }
 
+/// Suspensions of the machine in all that count as one, ns: the two clocks are not read at the same instant.
+const SUSPENDED_NS: i64 = 100_000_000;
+
+/// Time for which the machine has been suspended since it was booted, as far as that was noticed, ns.
+#[derive(Clone, Copy, Debug)]
+pub struct Suspension(i64);
+
+impl Suspension {
+    /// With `suspended_ns` noticed already.
+    #[must_use]
+    pub const fn noticed(suspended_ns: i64) -> Self {
+        Self(suspended_ns)
+    }
+
+    /// Whether the machine has been suspended for 0.1 s more than was noticed; true once.
+    pub fn is_longer(&mut self, suspended_ns: i64) -> bool {
+        let is_longer = suspended_ns - self.0 > SUSPENDED_NS;
+        if is_longer {
+            self.0 = suspended_ns;
+        }
+        is_longer
+    }
+}
+
 fn now_ns(clock: ClockId) -> i64 {
     let now = clock_gettime(clock);
     now.tv_sec * 1_000_000_000 + now.tv_nsec
@@ -28,6 +52,14 @@ fn now_ns(clock: ClockId) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_suspension_is_noticed_once() {
+        let mut suspension = Suspension::noticed(7);
+        assert!(!suspension.is_longer(7 + SUSPENDED_NS));
+        assert!(suspension.is_longer(8 + SUSPENDED_NS));
+        assert!(!suspension.is_longer(9 + SUSPENDED_NS));
+    }
 
     #[test]
     fn never_runs_backwards_and_moves() {

@@ -238,7 +238,6 @@ impl Executive {
             configuration_rad: self.commanded.position - first,
             tendon_m: std::array::from_fn(|i| self.tendons.position_m[i] - on_path_m[i]),
         };
-        self.path_tolerance_rad = motion.path_tolerance_rad;
         self.motion = Some(motion);
         Ok(())
     }
@@ -284,6 +283,7 @@ impl Executive {
         match (self.state, self.fault) {
             (LoopState::Holding, LoopFault::None) if self.motion.is_some() => {
                 self.put_motion_aside();
+                self.path_tolerance_rad = self.settings.hold_tolerance_rad;
                 return Ok(());
             }
             (_, LoopFault::None) => return Err(CommandRefusal::NothingToDo),
@@ -333,12 +333,14 @@ impl Executive {
         // A late cycle samples by absolute time, but never further on than `step_cap`: the path time then lags.
         let mut step_ns = elapsed_ns.min(self.settings.step_cap_ns);
         if self.state == LoopState::Holding {
-            let Some(begun_ns) = self.motion.as_ref().map(|motion| now_ns - motion.begin_ns) else {
+            let Some(motion) = &self.motion else {
                 return;
             };
+            let begun_ns = now_ns - motion.begin_ns;
             if begun_ns < 0 {
                 return;
             }
+            self.path_tolerance_rad = motion.path_tolerance_rad;
             self.state = LoopState::Executing;
             self.pace = Pace::beginning(self.speed);
             step_ns = step_ns.min(begun_ns);

@@ -53,11 +53,7 @@ impl Ports {
     }
 
     fn newest_setpoint(&self) -> Option<Target> {
-        let mut newest = None;
-        while let Ok(Some(sample)) = self.setpoint.receive() {
-            newest = Some(*sample);
-        }
-        newest.map(|setpoint: Setpoint| Target {
+        ipc::newest(&self.setpoint).map(|setpoint: Setpoint| Target {
             sequence: setpoint.sequence,
             stamp_ns: setpoint.stamp_mono_ns,
             position_m: setpoint.position_m,

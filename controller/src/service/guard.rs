@@ -21,7 +21,7 @@ use std::{
 
 use shared_types::{
     PROTOCOL_VERSION,
-    clock::{mono_now_ns, suspended_ns},
+    clock::{Suspension, mono_now_ns, suspended_ns},
     codes::{CommandRefusal, LoopState, ProcessKind},
     ipc::{self, CommandRequest, CommandServer, IpcError, IpcNode, IpcOptions, Subscriber},
     message,
@@ -40,9 +40,6 @@ const SHUTDOWN_NS: i64 = 5_000_000_000;
 
 /// Longest time that one round counts for in the daemon's silence, ns: where the whole machine paused, no heart could beat.
 const MOST_A_ROUND_NS: i64 = 20_000_000;
-
-/// A machine that was suspended for so long is not the one that the motion was planned on, ns.
-const SUSPENDED_NS: i64 = 100_000_000;
 
 /// Commands received in one round, so that a flood of them does not keep the guard from the daemon's heart.
 const COMMANDS_A_ROUND: usize = 64;
@@ -313,21 +310,6 @@ struct Ending {
     since_ns: i64,
 }
 
-/// Time for which the machine has been suspended since it was booted, as far as that was noticed, ns.
-#[derive(Clone, Copy, Debug)]
-struct Suspension(i64);
-
-impl Suspension {
-    /// Whether the machine has been suspended for [`SUSPENDED_NS`] more; true once.
-    fn is_longer(&mut self, suspended_ns: i64) -> bool {
-        let is_longer = suspended_ns - self.0 > SUSPENDED_NS;
-        if is_longer {
-            self.0 = suspended_ns;
-        }
-        is_longer
-    }
-}
-
 /// How long the daemon's heart has not beaten, in rounds' time.
 #[derive(Clone, Copy, Debug)]
 struct Silence {
@@ -374,7 +356,7 @@ impl Guard {
             ending: None,
             daemon_beat: None,
             silence: Silence::of_nobody(mono_now_ns()),
-            suspension: Suspension(suspended_ns()),
+            suspension: Suspension::noticed(suspended_ns()),
         })
     }
 

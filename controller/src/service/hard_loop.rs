@@ -48,11 +48,7 @@ impl Ports {
 
     /// The newest robot state that has arrived, if any.
     fn newest_robot_state(&self) -> Option<RobotState> {
-        let mut newest = None;
-        while let Ok(Some(sample)) = self.robot_state.receive() {
-            newest = Some(*sample);
-        }
-        newest
+        ipc::newest(&self.robot_state)
     }
 }
 

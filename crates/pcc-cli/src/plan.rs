@@ -103,8 +103,9 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let begun_ns = mono_now_ns();
     let options = IpcOptions::from_env();
-    let request = arguments.request(&options)?;
+    let request = arguments.request(&options, begun_ns)?;
     let mut client = Client::connect(&options)?;
     let controller = arguments.execute.then(|| ControllerView::connect(&options));
     let mut controller = controller.transpose()?;
@@ -146,7 +147,7 @@ fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<
         }
     }
     bail!(
-        "not executed: the controller has not said within {PATIENCE:?} that it executes trajectory {id}"
+        "the controller has not said within {PATIENCE:?} whether it executes trajectory {id}: it may have begun it (`pcc watch` shows what it does)"
     )
 }
 
@@ -159,7 +160,8 @@ fn speed_note(speed: f64) -> Option<String> {
 }
 
 impl Arguments {
-    fn request(&self, options: &IpcOptions) -> anyhow::Result<PlanRequest> {
+    /// `begun_ns`: a stop that is ordered later is meant for this request, too; ns of CLOCK_MONOTONIC.
+    fn request(&self, options: &IpcOptions, begun_ns: i64) -> anyhow::Result<PlanRequest> {
         if let Some(index) = self.index.filter(|index| *index >= self.candidates) {
             bail!(
                 "--index {index}: 0 to {}, below --candidates, are allowed",
@@ -172,10 +174,10 @@ impl Arguments {
             radius_m,
         });
         let (start, requested_mono_ns) = match &self.start {
-            Some(values) => (six(values), None),
+            Some(values) => (six(values), begun_ns),
             None => {
-                let held = held_state(options)?.values;
-                (held.commanded_configuration_rad, Some(held.stamp_mono_ns))
+                let held = held_state(options, begun_ns)?.values;
+                (held.commanded_configuration_rad, held.stamp_mono_ns)
             }
         };
         Ok(PlanRequest {
@@ -188,7 +190,7 @@ impl Arguments {
                 SelectionRule::Index,
             ),
             execute: self.execute,
-            requested_mono_ns,
+            requested_mono_ns: self.execute.then_some(requested_mono_ns),
             limits_scale: self.limits_scale,
             balls: balls.collect(),
             ..PlanRequest::new(start, self.goal()?)
@@ -263,8 +265,8 @@ fn six(values: &[f64]) -> [f64; DOF] {
 }
 
 /// The state of a controller that holds the robot at rest, waited for. Who orders a stop meanwhile wants it to stay there.
-fn held_state(options: &IpcOptions) -> anyhow::Result<ControllerState> {
-    let mut known = KnownOrders::until(mono_now_ns());
+fn held_state(options: &IpcOptions, begun_ns: i64) -> anyhow::Result<ControllerState> {
+    let mut known = KnownOrders::until(begun_ns);
     let mut controller = ControllerView::connect(options)?;
     let until = Instant::now() + PATIENCE;
     let mut last = None;
@@ -405,7 +407,7 @@ mod tests {
                 sleep(Duration::from_millis(5));
             }
         });
-        let found = held_state(&options);
+        let found = held_state(&options, mono_now_ns());
         quit.store(true, Ordering::Relaxed);
         controller.join().unwrap();
         found

@@ -1,15 +1,17 @@
 //! Memory that outlives the process.
 
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
 use std::io;
-use std::os::unix::fs::OpenOptionsExt;
+use std::os::unix::fs::{FileExt, MetadataExt, OpenOptionsExt};
 use std::path::Path;
 use std::ptr::{self, NonNull};
 use std::slice;
 use std::sync::atomic::AtomicU64;
 
-use rustix::fs::{FallocateFlags, fallocate};
+use rustix::fs::{FallocateFlags, OFlags, fallocate, statfs};
+use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
+use rustix::process::geteuid;
 
 /// A mapped file of 64-bit words. What is stored in them is there for the next process that opens the file, however this one ends;
 /// storing takes no system call.
@@ -28,7 +30,7 @@ impl KeptMemory {
     /// Opens the file at `path`, or creates it for this user alone, and maps its first `count` words; new ones are zero.
     ///
     /// # Errors
-    /// The system's, where the file cannot be created, sized or mapped.
+    /// The system's, where the file cannot be created, sized or mapped, and where it is another user's, or a link.
     pub fn open(path: &Path, count: usize) -> io::Result<Self> {
         let file = OpenOptions::new()
             .read(true)
@@ -36,10 +38,13 @@ impl KeptMemory {
             .create(true)
             .truncate(false)
             .mode(0o600)
+            .custom_flags(OFlags::NOFOLLOW.bits().cast_signed())
             .open(path)?;
+        if file.metadata()?.uid() != geteuid().as_raw() {
+            return Err(io::Error::other("it is another user's"));
+        }
         let bytes = count * size_of::<AtomicU64>();
-        // Its memory is taken now: a page that a full disk has none left for would end the process when it is written.
-        fallocate(&file, FallocateFlags::empty(), 0, bytes as u64)?;
+        take(&file, bytes as u64)?;
         let rights = ProtFlags::READ | ProtFlags::WRITE;
         // SAFETY: a new shared mapping, at an address of the system's choice, of a file that is `bytes` long.
         let address = unsafe { mmap(ptr::null_mut(), bytes, rights, MapFlags::SHARED, &file, 0) }?;
@@ -61,6 +66,29 @@ impl Drop for KeptMemory {
         // SAFETY: the mapping made in `open`, given back once. It cannot fail for a range that is mapped.
         let _ = unsafe { munmap(self.words.as_ptr().cast(), bytes) };
     }
+}
+
+/// Takes a file's memory now: a page that a full disk has none left for would end the process when it is written.
+fn take(file: &File, bytes: u64) -> io::Result<()> {
+    match fallocate(file, FallocateFlags::empty(), 0, bytes) {
+        Err(Errno::OPNOTSUPP) => {
+            let length = file.metadata()?.len();
+            let missing = usize::try_from(bytes.saturating_sub(length)).unwrap_or(usize::MAX);
+            file.write_all_at(&vec![0; missing], length)
+        }
+        taken => Ok(taken?),
+    }
+}
+
+/// Whether files in a folder are memory alone (tmpfs, ramfs), so that storing in one never waits for a disk.
+///
+/// # Errors
+/// The system's, where it does not tell.
+pub fn is_in_memory(folder: &Path) -> io::Result<bool> {
+    const TMPFS: u64 = 0x0102_1994;
+    const RAMFS: u64 = 0x8584_58f6;
+    let kind = statfs(folder)?.f_type as u64;
+    Ok([TMPFS, RAMFS].contains(&kind))
 }
 
 #[cfg(test)]
@@ -87,6 +115,23 @@ mod tests {
         assert_eq!(memory.words()[999].load(Ordering::Acquire), 7);
         let mode = std::fs::metadata(&path).unwrap().permissions().mode();
         assert_eq!(mode & 0o777, 0o600);
+    }
+
+    #[test]
+    fn a_folder_says_whether_it_is_in_memory() {
+        assert!(is_in_memory(Path::new("/dev/shm")).unwrap());
+        assert!(!is_in_memory(Path::new("/proc")).unwrap());
+        assert!(is_in_memory(Path::new("/no such folder")).is_err());
+    }
+
+    #[test]
+    fn a_link_is_not_followed() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (folder.path().join("file"), folder.path().join("link"));
+        std::fs::write(&file, "left alone").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        assert!(KeptMemory::open(&link, 1).is_err());
+        assert_eq!(std::fs::read(&file).unwrap(), b"left alone");
     }
 
     #[test]

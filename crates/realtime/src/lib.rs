@@ -8,7 +8,7 @@
 mod kept_memory;
 mod shared_memory;
 
-pub use kept_memory::KeptMemory;
+pub use kept_memory::{KeptMemory, is_in_memory};
 pub use shared_memory::bring_in_shared_memory;
 
 use std::ffi::c_int;

@@ -1,14 +1,16 @@
 //! What the daemon knows of every source of obstacles, kept for the daemon that is started after it was killed.
 
+use std::fmt::Display;
 use std::fs;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use realtime::KeptMemory;
+use realtime::{KeptMemory, is_in_memory};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
+use shared_types::clock::{Suspension, suspended_ns};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::{MovingBall, SceneMessage};
 use shared_types::valid::{self, SourceName};
@@ -16,9 +18,12 @@ use shared_types::valid::{self, SourceName};
 use super::MOST_SOURCES;
 
 /// The form of the file; another number for each form.
-const FORM: u64 = u64::from_le_bytes(*b"scenes\x01\x00") + PROTOCOL_VERSION as u64;
-/// Form, and the start of the machine in which the stamps count.
-const HEAD_WORDS: usize = 3;
+const FORM: u64 = u64::from_le_bytes(*b"scenes\x02\x00") + PROTOCOL_VERSION as u64;
+/// Where files are memory alone.
+const SHARED_MEMORY: &str = "/dev/shm";
+/// Form, the start of the machine in which the stamps count, and for how long it had been suspended since.
+const HEAD_WORDS: usize = 4;
+const SUSPENDED: usize = 3;
 /// Centre, radius and velocity.
 const BALL_WORDS: usize = 7;
 const STATE: usize = 0;
@@ -64,8 +69,8 @@ pub(super) struct Mark {
     pub(super) name: SourceName,
     pub(super) publisher: u128,
     pub(super) leaves: bool,
-    /// Stamp, nanoseconds, and version of its scene.
-    pub(super) scene: Option<(i64, u64)>,
+    /// Stamp and lifetime, nanoseconds, and version of its scene.
+    pub(super) scene: Option<(i64, i64, u64)>,
 }
 
 /// A place in the file for each source.
@@ -75,13 +80,24 @@ pub(crate) struct SceneMemory {
 }
 
 impl SceneMemory {
-    /// Opens the file in the directory of service files, or makes it. What was kept by another form of the daemon, or before the machine was started, is forgotten.
+    /// Opens the file, or makes it: in the directory of service files, or, where a disk would have to be waited for there, in shared
+    /// memory. What was kept by another form of the daemon, or before the machine was started, is forgotten; what was kept before the
+    /// machine was suspended is unknown.
     ///
     /// # Errors
     /// [`SceneMemoryError`]: the system's refusal.
     pub(crate) fn open(options: &IpcOptions) -> Result<Self, SceneMemoryError> {
         let name = format!("{}.daemon.scenes", options.prefix);
-        let path = options.root.join(name);
+        let path = options.root.join(&name);
+        if !is_in_memory(&options.root).unwrap_or(false) {
+            let beside = Path::new(SHARED_MEMORY).join(&name);
+            match Self::map(&beside) {
+                Ok(memory) => return Ok(memory),
+                Err(error) => tracing::warn!(
+                    "the live scene is kept for the next daemon in {path:?}, where a disk can delay orders to stop: {beside:?} cannot be used: {error}"
+                ),
+            }
+        }
         Self::map(&path).map_err(|source| SceneMemoryError { path, source })
     }
 
@@ -94,20 +110,36 @@ impl SceneMemory {
         let head = &memory.memory.words()[..HEAD_WORDS];
         let [low, high] = halves(machine_start()?);
         let own = [FORM, low, high];
-        if !head.iter().map(load).eq(own) {
+        if !head[..SUSPENDED].iter().map(load).eq(own) {
             for index in 0..MOST_SOURCES {
                 memory.place(index).set_state(FREE);
             }
             store(head, own);
         }
+        memory.suspended(suspended_ns());
         Ok(memory)
+    }
+
+    /// Scenes that were kept before the machine was suspended are unknown: `suspended_ns` in all since its start.
+    pub(super) fn suspended(&self, suspended_ns: i64) {
+        let noticed = &self.memory.words()[SUSPENDED];
+        if Suspension::noticed(load(noticed).cast_signed()).is_longer(suspended_ns) {
+            for index in 0..MOST_SOURCES {
+                self.place(index).forget_scene();
+            }
+            noticed.store(suspended_ns.cast_unsigned(), Ordering::Release);
+        }
     }
 
     /// The sources that are kept.
     pub(super) fn recall(&mut self) -> Vec<KeptSource> {
         let mut sources = Vec::new();
         for index in 0..MOST_SOURCES {
-            let source = self.place(index).recall();
+            let place = self.place(index);
+            let source = place.recall();
+            if source.is_none() {
+                place.set_state(FREE);
+            }
             self.marks[index] = source.as_ref().map(|source| Mark {
                 name: source.name,
                 publisher: source.publisher,
@@ -156,6 +188,12 @@ struct Place<'memory>(&'memory [AtomicU64]);
 impl Place<'_> {
     fn set_state(&self, state: u64) {
         self.0[STATE].store(state, Ordering::Release);
+    }
+
+    fn forget_scene(&self) {
+        if load(&self.0[STATE]) != FREE {
+            self.set_state(UNKNOWN);
+        }
     }
 
     /// Keeps a source. If the daemon is killed meanwhile its name is there and its scene is not: its obstacles are unknown then.
@@ -246,8 +284,9 @@ fn halves(value: u128) -> [u64; 2] {
 /// A number that Linux draws anew at each start of the machine: clocks that count from there begin again.
 fn machine_start() -> io::Result<u128> {
     let path = "/proc/sys/kernel/random/boot_id";
-    let digits = fs::read_to_string(path)?.trim().replace('-', "");
-    u128::from_str_radix(&digits, 16).map_err(|error| io::Error::other(format!("{path}: {error}")))
+    let other = |error: &dyn Display| io::Error::other(format!("{path}: {error}"));
+    let digits = fs::read_to_string(path).map_err(|error| other(&error))?;
+    u128::from_str_radix(&digits.trim().replace('-', ""), 16).map_err(|error| other(&error))
 }
 
 #[cfg(test)]
@@ -286,7 +325,7 @@ mod tests {
                 scene: source
                     .scene
                     .as_ref()
-                    .map(|scene| (scene.stamp_mono_ns, version)),
+                    .map(|scene| (scene.stamp_mono_ns, scene.lifetime_ns, version)),
             };
             (mark, source.scene.as_ref())
         });
@@ -302,7 +341,7 @@ mod tests {
 
     #[test]
     fn the_next_daemon_knows_the_sources_that_were_kept_last() {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
         let options = options(&folder);
         let mut memory = SceneMemory::open(&options).unwrap();
         assert_eq!(memory.recall(), []);
@@ -332,7 +371,7 @@ mod tests {
 
     #[test]
     fn a_scene_that_was_half_kept_is_a_source_whose_obstacles_are_unknown() {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
         let mut memory = SceneMemory::open(&options(&folder)).unwrap();
         keep(&mut memory, &[source("camera", 7, 3)], 1);
         let spoil: [fn(&Place<'_>); 3] = [
@@ -353,8 +392,37 @@ mod tests {
     }
 
     #[test]
+    fn what_was_kept_before_the_machine_was_suspended_is_unknown() {
+        let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
+        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        keep(&mut memory, &[source("camera", 7, 3)], 1);
+        memory.suspended(suspended_ns() + 99_000_000);
+        let known = |folder| SceneMemory::open(&options(folder)).unwrap().recall();
+        assert_eq!(known(&folder), [source("camera", 7, 3)]);
+        memory.suspended(suspended_ns() + 1_000_000_000);
+        let [recalled] = &known(&folder)[..] else {
+            panic!("the source is known");
+        };
+        assert_eq!((recalled.publisher, &recalled.scene), (7, &None));
+    }
+
+    #[test]
+    fn a_place_without_a_readable_name_is_free() {
+        let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
+        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        keep(&mut memory, &[source("camera", 7, 3)], 1);
+        memory.place(0).0[NAME.start].store(u64::MAX, Ordering::Release);
+        let mut memory = SceneMemory::open(&options(&folder)).unwrap();
+        assert_eq!(memory.recall(), []);
+        let other = [source("another", 8, 1)];
+        keep(&mut memory, &other, 2);
+        let recalled = SceneMemory::open(&options(&folder)).unwrap().recall();
+        assert_eq!(recalled, other);
+    }
+
+    #[test]
     fn what_was_kept_before_the_machine_was_started_is_forgotten() {
-        let folder = tempfile::tempdir().unwrap();
+        let folder = tempfile::tempdir_in(SHARED_MEMORY).unwrap();
         let mut memory = SceneMemory::open(&options(&folder)).unwrap();
         keep(&mut memory, &[source("camera", 7, 3)], 1);
         memory.memory.words()[1].fetch_add(1, Ordering::Release);

@@ -51,7 +51,7 @@ fn wire(scene: &ValidScene) -> Box<SceneMessage> {
 
 /// Of a daemon before which there was none.
 fn live_of(section_length_m: f64, expected: bool) -> LiveScene {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir_in("/dev/shm").unwrap();
     after_another(&folder, section_length_m, expected)
 }
 
@@ -184,6 +184,21 @@ fn what_is_refused_is_named_and_its_source_is_missed() {
     take(&mut live, &scene("a", NOW, &[]), 1, NOW);
     let older = take(&mut live, &scene("a", NOW - 1, &[]), 1, NOW);
     assert_eq!((older, live.absence(NOW)), (SceneRefusal::Superseded, None));
+}
+
+#[test]
+fn what_was_told_before_the_machine_was_suspended_counts_no_more() {
+    let mut live = live();
+    take(&mut live, &scene("a", NOW, &[]), 1, NOW);
+    assert_eq!(live.absence(NOW), None);
+    live.resume(SECOND, NOW + 2);
+    let absence = live.absence(NOW + 2).unwrap();
+    assert!(absence.to_string().contains("\"a\""), "{absence}");
+    let told_before = take(&mut live, &scene("a", NOW + 1, &[]), 1, NOW + 3);
+    assert_eq!(told_before, SceneRefusal::TooOld);
+    assert!(live.absence(NOW + 3).is_some());
+    take(&mut live, &scene("a", NOW + 2, &[]), 1, NOW + 3);
+    assert_eq!(live.absence(NOW + 3), None);
 }
 
 #[test]
@@ -401,7 +416,7 @@ fn a_leave_of_any_age_is_one_and_takes_nothing_of_what_was_told_since() {
 
 #[test]
 fn the_next_daemon_knows_what_this_one_was_told() {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir_in("/dev/shm").unwrap();
     let mut live = after_another(&folder, LENGTH_M, false);
     there(&mut live, &[7, 8], NOW);
     let resting = scene("camera", NOW, &[([0.5, 0.0, 1.0], [0.0; 3])]);

@@ -36,6 +36,22 @@ const ROBOT_PLACES: usize = 2;
 pub type Publisher<T> = publisher::Publisher<ipc::Service, T, ()>;
 /// Receives `T`; create it in the thread that uses it.
 pub type Subscriber<T> = subscriber::Subscriber<ipc::Service, T, ()>;
+/// Most samples that [`newest`] takes: more than can wait, so that who sends without end holds nobody who receives.
+const TAKEN_AT_ONCE: usize = 64;
+
+/// A copy of the newest sample that waits, if any; the older ones are passed over.
+#[must_use]
+pub fn newest<T: Debug + ZeroCopySend + Copy>(subscriber: &Subscriber<T>) -> Option<T> {
+    let mut newest = None;
+    for _ in 0..TAKEN_AT_ONCE {
+        let Ok(Some(sample)) = subscriber.receive() else {
+            break;
+        };
+        newest = Some(*sample);
+    }
+    newest
+}
+
 /// Sends batches of cycles.
 pub type CyclePublisher = Publisher<[Cycle]>;
 /// Receives batches of cycles.

@@ -227,11 +227,3 @@ fn a_daemon_is_silent_for_as_long_as_a_heart_could_have_beaten() {
     assert_eq!(silence.count(5_602 * MS, None), 227 * MS);
     assert_eq!(silence.count(5_603 * MS, Some(5_603 * MS)), 0);
 }
-
-#[test]
-fn a_suspension_is_noticed_once() {
-    let mut suspension = Suspension(7);
-    assert!(!suspension.is_longer(7 + SUSPENDED_NS));
-    assert!(suspension.is_longer(8 + SUSPENDED_NS));
-    assert!(!suspension.is_longer(9 + SUSPENDED_NS));
-}

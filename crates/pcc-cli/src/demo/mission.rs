@@ -258,11 +258,8 @@ impl<'a> Mission<'a> {
                     fault,
                 } => {
                     if !OF_STALLS.contains(&fault) {
-                        bail!(
-                            "{}, {}: the controller stopped on the way ({fault}); look at the robot, then `pcc reset`",
-                            task.experiment,
-                            task.name
-                        );
+                        let (experiment, name) = (task.experiment, &task.name);
+                        bail!("{experiment}, {name}: {}", end_of_demonstration(fault));
                     }
                     say!(
                         "  {}: the controller stopped on the way ({fault}); reset, and asked again",
@@ -368,6 +365,14 @@ fn termination_flag() -> anyhow::Result<Arc<AtomicBool>> {
         flag::register(signal, Arc::clone(&interrupted))?;
     }
     Ok(interrupted)
+}
+
+/// Why nothing more is asked for after a stop that no stall of the machine explains.
+fn end_of_demonstration(fault: LoopFault) -> String {
+    match fault {
+        LoopFault::None => "the controller stopped on the way without a fault: the daemon ordered it, or was not heard for a while (both logs say so)".into(),
+        fault => format!("the controller stopped on the way ({fault}); look at the robot, then `pcc reset`"),
+    }
 }
 
 fn errors(report: &Report) -> [f64; 2] {

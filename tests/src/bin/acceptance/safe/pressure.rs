@@ -355,9 +355,40 @@ impl Scenario {
                 && state.state == LoopState::Executing;
             (on_it || state.values.refused_trajectory_id == id).then_some((on_it, state.refusal))
         });
-        match under_way? {
-            (true, _) => Ok(id),
-            (false, refusal) => anyhow::bail!("the controller refuses: {refusal}"),
+        match under_way {
+            Ok((true, _)) => Ok(id),
+            Ok((false, refusal)) => anyhow::bail!("the controller refuses: {refusal}"),
+            Err(error) => anyhow::bail!("{error}: {}", self.what_the_loop_does(id)),
+        }
+    }
+
+    /// What the controller says, and where the cycles that were heard lie farthest apart.
+    fn what_the_loop_does(&mut self, id: u32) -> String {
+        let gap = self.listener.with(|heard| {
+            let pairs = heard.cycles.iter().zip(heard.cycles.iter().skip(1));
+            pairs
+                .map(|(a, b)| (b.stamp_mono_ns - a.stamp_mono_ns, a.state, b.state))
+                .max()
+        });
+        let now = mono_now_ns();
+        let stolen = self.stolen.between(Instant::now() - LIMIT, Instant::now());
+        match self.stack.controller.latest_state() {
+            Ok(Some(s)) => format!(
+                "{}, fault {}, waiting {}, refusal {} of {}, trajectory {} at {:.3} s of {id}, rate {:.2}, speed {:.2}, state {:.1} ms old, late run {}, longest gap (ns, codes) {gap:?}, stolen {:.1} ms",
+                s.state,
+                s.fault,
+                s.waiting,
+                s.refusal,
+                s.values.refused_trajectory_id,
+                s.values.trajectory_id,
+                s.values.trajectory_time_s,
+                s.values.rate,
+                s.values.speed,
+                (now - s.values.stamp_mono_ns) as f64 * 1e-6,
+                s.values.longest_late_run,
+                stolen.as_secs_f64() * 1e3,
+            ),
+            other => format!("{other:?}"),
         }
     }
 
