@@ -12,7 +12,7 @@ use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::{Suspension, mono_now_ns, suspended_ns, wall_now_ns};
 use shared_types::codes::LoopState;
 use shared_types::ipc::{
-    IpcNode, Publisher, Subscriber, controller_state_service, publisher, subscriber,
+    IpcNode, Publisher, Subscriber, controller_state_service, newest, publisher, subscriber,
     trajectory_service,
 };
 use shared_types::message::{ControllerState, TrajectoryMessage};

@@ -44,7 +44,7 @@ pub use role::{Role, RoleLock};
 pub use topic::{
     CYCLES_PER_BATCH, CyclePublisher, CycleSubscriber, CycleTopic, PresentPublisher, Publisher,
     Subscriber, Topic, controller_state_service, cycle_publisher, cycle_service, cycle_subscriber,
-    heartbeat_service, publisher, robot_state_service, scene_service, scene_status_service,
+    heartbeat_service, newest, publisher, robot_state_service, scene_service, scene_status_service,
     setpoint_service, subscriber, trajectory_service, visiting_publisher, visiting_subscriber,
     watching_subscriber,
 };
