@@ -373,6 +373,23 @@ mod tests {
     }
 
     #[test]
+    fn a_motion_from_a_named_start_is_wanted_since_the_program_began() {
+        #[derive(clap::Parser)]
+        struct Line {
+            #[command(flatten)]
+            arguments: Arguments,
+        }
+        let words = "pcc --start 0 0 0 0 0 0 --tip 0 0 1 --execute".split(' ');
+        let line = <Line as clap::Parser>::parse_from(words);
+        let options = IpcOptions {
+            prefix: "plan-start".into(),
+            root: "/nowhere".into(),
+        };
+        let request = line.arguments.request(&options, 17).unwrap();
+        assert_eq!(request.requested_mono_ns, Some(17));
+    }
+
+    #[test]
     fn a_state_of_before_the_last_order_is_not_asked_from() {
         let is_held = |values| is_held(&ControllerState::try_from(&values).unwrap());
         assert!(is_held(holding(8, 7)));

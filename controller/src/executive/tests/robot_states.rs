@@ -181,6 +181,23 @@ fn a_reset_brings_back_the_tolerance_of_the_settings() {
 }
 
 #[test]
+fn a_motion_that_waits_for_its_begin_allows_and_forbids_nothing_yet() {
+    let mut world = World::holding();
+    let mut motion = crate::fixtures::curved_motion(
+        1,
+        world.now_ns + 300 * MS,
+        world.commanded(),
+        crate::fixtures::target_configuration(),
+    );
+    motion.path_tolerance_rad = 1e-12;
+    assert!(world.executive.execute(motion).is_ok());
+    world.run(250);
+    assert_eq!(state(&world), LoopState::Holding);
+    run_until(&mut world, 1_000, |world| state(world) == LoopState::Fault);
+    assert_eq!(world.last.as_ref().unwrap().fault, LoopFault::TrackingError);
+}
+
+#[test]
 fn a_killed_robot_that_comes_back_is_found_where_it_stands() {
     for kill_at in [3, 700, 1_500] {
         let mut world = World::holding();
