@@ -4,6 +4,7 @@ use std::fmt::Display;
 use std::fs;
 use std::io;
 use std::ops::Range;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -87,18 +88,26 @@ impl SceneMemory {
     /// # Errors
     /// [`SceneMemoryError`]: the system's refusal.
     pub(crate) fn open(options: &IpcOptions) -> Result<Self, SceneMemoryError> {
-        let name = format!("{}.daemon.scenes", options.prefix);
-        let path = options.root.join(&name);
+        let path = options
+            .root
+            .join(format!("{}.daemon.scenes", options.prefix));
         if !is_in_memory(&options.root).unwrap_or(false) {
-            let beside = Path::new(SHARED_MEMORY).join(&name);
-            match Self::map(&beside) {
+            match Self::in_shared_memory(options) {
                 Ok(memory) => return Ok(memory),
                 Err(error) => tracing::warn!(
-                    "the live scene is kept for the next daemon in {path:?}, where a disk can delay orders to stop: {beside:?} cannot be used: {error}"
+                    "the live scene is kept for the next daemon in {path:?}, where a disk can delay orders to stop: {SHARED_MEMORY} cannot be used: {error}"
                 ),
             }
         }
         Self::map(&path).map_err(|source| SceneMemoryError { path, source })
+    }
+
+    /// In a file of this root directory's own.
+    fn in_shared_memory(options: &IpcOptions) -> io::Result<Self> {
+        let root = fs::metadata(&options.root)?;
+        let (prefix, device, inode) = (&options.prefix, root.dev(), root.ino());
+        let name = format!("{prefix}.{device:x}-{inode:x}.daemon.scenes");
+        Self::map(&Path::new(SHARED_MEMORY).join(name))
     }
 
     fn map(path: &Path) -> io::Result<Self> {
@@ -404,6 +413,24 @@ mod tests {
             panic!("the source is known");
         };
         assert_eq!((recalled.publisher, &recalled.scene), (7, &None));
+    }
+
+    #[test]
+    fn two_root_directories_have_two_memories_in_shared_memory() {
+        let folders = [(); 2].map(|()| tempfile::tempdir_in(SHARED_MEMORY).unwrap());
+        let open = |folder| SceneMemory::in_shared_memory(&options(folder)).unwrap();
+        keep(&mut open(&folders[0]), &[source("camera", 7, 3)], 1);
+        assert_eq!(open(&folders[0]).recall(), [source("camera", 7, 3)]);
+        assert_eq!(open(&folders[1]).recall(), []);
+        for folder in &folders {
+            let inode = fs::metadata(folder.path()).unwrap().ino();
+            for file in fs::read_dir(SHARED_MEMORY).unwrap().map(Result::unwrap) {
+                let name = file.file_name().into_string().unwrap();
+                if name.ends_with(&format!("-{inode:x}.daemon.scenes")) {
+                    fs::remove_file(file.path()).unwrap();
+                }
+            }
+        }
     }
 
     #[test]
