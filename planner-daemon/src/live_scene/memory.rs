@@ -1,5 +1,6 @@
-//! What the daemon knows of every source of obstacles, kept for the daemon that is started after it was killed.
+//! What the daemon knows of every source of obstacles, kept in a file for the next daemon, however this one ends.
 
+use std::fmt::Display;
 use std::fs;
 use std::io;
 use std::ops::Range;
@@ -15,29 +16,31 @@ use shared_types::valid::{self, SourceName};
 
 use super::MOST_SOURCES;
 
-/// The form of the file; another number for each form.
+/// First word of the file: a number that is another one whenever the layout of the file or of a scene is.
 const FORM: u64 = u64::from_le_bytes(*b"scenes\x01\x00") + PROTOCOL_VERSION as u64;
-/// Form, and the start of the machine in which the stamps count.
+/// Words before the first place: [`FORM`], and the [`machine_start`] since which the stamps count.
 const HEAD_WORDS: usize = 3;
-/// Centre, radius and velocity.
+/// Words of a ball: centre, radius and velocity.
 const BALL_WORDS: usize = 7;
+/// Where the words of a place lie: its state ([`FREE`], [`UNKNOWN`] or [`WHOLE`]), whether its source takes its leave, the publisher,
+/// the name of the source.
 const STATE: usize = 0;
 const LEAVES: usize = 1;
 const PUBLISHER: Range<usize> = 2..4;
 const NAME: Range<usize> = 4..4 + SOURCE_NAME_BYTES / 8;
-/// Stamp, lifetime, number of balls.
+/// Stamp, nanoseconds; lifetime, nanoseconds; number of balls.
 const SCENE: Range<usize> = NAME.end..NAME.end + 3;
 const BALLS: usize = SCENE.end;
 const PLACE_WORDS: usize = BALLS + MAX_SCENE_BALLS * BALL_WORDS;
 
-/// No source.
+/// State of a place without a source.
 const FREE: u64 = 0;
-/// A source without a scene that counts.
+/// State of a place with a source, but no scene of it: its obstacles are unknown.
 const UNKNOWN: u64 = 1;
-/// A source and its scene.
+/// State of a place with a source and its scene.
 const WHOLE: u64 = 2;
 
-/// What is known of the sources cannot be kept.
+/// The file in which the daemon keeps the sources of obstacles cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("the live scene cannot be kept for the next daemon in {path:?}: {source}")]
 pub struct SceneMemoryError {
@@ -48,34 +51,35 @@ pub struct SceneMemoryError {
     source: io::Error,
 }
 
-/// A source as it is kept.
+/// A source of obstacles as the file has it.
 #[derive(Debug, PartialEq)]
 pub(super) struct KeptSource {
     pub(super) name: SourceName,
     pub(super) publisher: u128,
     pub(super) leaves: bool,
-    /// None where none counted, or the daemon died while it kept one.
+    /// None where no scene of it counted, or the daemon was killed while it wrote one.
     pub(super) scene: Option<valid::Scene>,
 }
 
-/// By which it is seen that what is kept of a source is still so.
+/// What of a source is compared to see whether the file still has it as it is now; its scene is known by stamp and version.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mark {
     pub(super) name: SourceName,
     pub(super) publisher: u128,
     pub(super) leaves: bool,
-    /// Stamp, nanoseconds, and version of its scene.
+    /// Stamp, nanoseconds, and version.
     pub(super) scene: Option<(i64, u64)>,
 }
 
-/// A place in the file for each source.
+/// The file, which has a place for each source, and what each place has now.
 pub(crate) struct SceneMemory {
     memory: KeptMemory,
     marks: [Option<Mark>; MOST_SOURCES],
 }
 
 impl SceneMemory {
-    /// Opens the file in the directory of service files, or makes it. What was kept by another form of the daemon, or before the machine was started, is forgotten.
+    /// Opens the file in the root folder, or makes it. What a daemon with another [`FORM`] has written, or one that ran before the
+    /// machine was started, is forgotten.
     ///
     /// # Errors
     /// [`SceneMemoryError`]: the system's refusal.
@@ -103,7 +107,7 @@ impl SceneMemory {
         Ok(memory)
     }
 
-    /// The sources that are kept.
+    /// The sources that the file has.
     pub(super) fn recall(&mut self) -> Vec<KeptSource> {
         let mut sources = Vec::new();
         for index in 0..MOST_SOURCES {
@@ -150,7 +154,7 @@ impl SceneMemory {
     }
 }
 
-/// The words of one source: state, whether it leaves, publisher, name, and its scene.
+/// The words of one source.
 struct Place<'memory>(&'memory [AtomicU64]);
 
 impl Place<'_> {
@@ -158,7 +162,7 @@ impl Place<'_> {
         self.0[STATE].store(state, Ordering::Release);
     }
 
-    /// Keeps a source. If the daemon is killed meanwhile its name is there and its scene is not: its obstacles are unknown then.
+    /// Writes a source. Until its scene is whole its state is [`UNKNOWN`], also where the daemon is killed meanwhile.
     fn keep(&self, mark: &Mark, scene: Option<&valid::Scene>) {
         if load(&self.0[STATE]) == FREE {
             store(&self.0[PUBLISHER], halves(mark.publisher));
@@ -201,7 +205,7 @@ impl Place<'_> {
         })
     }
 
-    /// The scene, if it is one that may be published.
+    /// The scene, if a source may publish such a one.
     fn scene(&self, source: SourceName) -> Option<valid::Scene> {
         let [stamp, lifetime, count] = [0, 1, 2].map(|index| load(&self.0[SCENE][index]));
         let ball = |words: &[AtomicU64]| {
@@ -246,8 +250,10 @@ fn halves(value: u128) -> [u64; 2] {
 /// A number that Linux draws anew at each start of the machine: clocks that count from there begin again.
 fn machine_start() -> io::Result<u128> {
     let path = "/proc/sys/kernel/random/boot_id";
-    let digits = fs::read_to_string(path)?.trim().replace('-', "");
-    u128::from_str_radix(&digits, 16).map_err(|error| io::Error::other(format!("{path}: {error}")))
+    let named = |error: &dyn Display| io::Error::other(format!("{path}: {error}"));
+    let text = fs::read_to_string(path).map_err(|error| named(&error))?;
+    let digits = text.trim().replace('-', "");
+    u128::from_str_radix(&digits, 16).map_err(|error| named(&error))
 }
 
 #[cfg(test)]
