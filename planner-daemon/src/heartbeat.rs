@@ -36,7 +36,7 @@ pub enum BackgroundError {
     /// The system takes a priority back that it granted.
     #[error(transparent)]
     Priority(#[from] RealtimeError),
-    /// The live scene cannot be kept.
+    /// The file that keeps the live scene for the next daemon cannot be used.
     #[error(transparent)]
     SceneMemory(#[from] SceneMemoryError),
 }

@@ -120,6 +120,7 @@ impl Source {
         told.is_some_and(|told| now_mono_ns < told.scene.end_mono_ns())
     }
 
+    /// Itself as [`SceneMemory::keep`] takes it.
     fn for_memory(&self) -> (Mark, Option<&valid::Scene>) {
         let told = self.told.as_ref();
         let mark = Mark {
@@ -139,7 +140,7 @@ impl Source {
     }
 }
 
-/// The newest scenes of all sources. A daemon that was killed hands them on to the next one.
+/// The newest scenes of all sources, also those that the daemon before this one was told.
 pub(crate) struct LiveScene {
     sources: Vec<Source>,
     memory: SceneMemory,
@@ -154,7 +155,7 @@ pub(crate) struct LiveScene {
 }
 
 impl LiveScene {
-    /// What the daemon before this one knew; `expected`: nothing may be executed without a scene.
+    /// The scenes that the daemon before this one has left in `memory`; `expected`: nothing may be executed without a scene.
     pub(crate) fn recall(
         mut memory: SceneMemory,
         section_length_m: f64,
@@ -178,6 +179,7 @@ impl LiveScene {
         live
     }
 
+    /// Counts a source that the daemon before this one has heard.
     fn take_up(&mut self, source: KeptSource) {
         let name = source.name.to_string();
         tracing::info!("source {name:?} of the live scene was heard by the daemon before this one");
@@ -195,7 +197,7 @@ impl LiveScene {
         });
     }
 
-    /// Hands what is known now on to a daemon that comes after this one.
+    /// Writes what is known now for the daemon after this one.
     fn remember(&mut self) {
         self.memory
             .keep(self.sources.iter().map(Source::for_memory));
@@ -249,6 +251,7 @@ impl LiveScene {
         verdict
     }
 
+    /// Takes a publisher's scene in, or says why not; none where it is too early to say who has the name.
     fn judge(
         &mut self,
         wire: &SceneMessage,

@@ -28,14 +28,14 @@ const LOOK_AGAIN_NS: i64 = 10_000_000;
 
 /// A scene that has waited for this long goes before smaller ones, nanoseconds.
 const PATIENCE_NS: i64 = 20_000_000;
-/// For how long a publisher that has sent a scene counts as one that tells something, nanoseconds, until the scene is looked at.
+/// For how long a scene that waits to be looked at keeps its source from being missed when the last scene's lifetime ends, nanoseconds.
 const TELLING_NS: i64 = 100_000_000;
 
 /// The newest scene of a publisher.
 struct Waiting {
     publisher: u128,
     scene: Box<SceneMessage>,
-    /// Since when there is one that was not looked at yet, nanoseconds; a newer one in its place waits no less.
+    /// Since when a scene waits to be looked at, nanoseconds; a newer one in its place has waited as long. None: it was looked at.
     new_since_mono_ns: Option<i64>,
     /// When it may be looked at, nanoseconds.
     not_before_mono_ns: i64,
@@ -99,12 +99,13 @@ impl SceneInbox {
         &self.present
     }
 
-    /// The place of the publisher whose scene is to be looked at now: that which has waited too long, else that with the fewest balls.
+    /// Index of the publisher whose scene is to be looked at now: of those that have waited too long the first, else that with the
+    /// fewest balls.
     pub(crate) fn next(&self, now_mono_ns: i64) -> Option<usize> {
         next(&self.waiting, now_mono_ns)
     }
 
-    /// Whether a scene of this publisher has arrived lately that was not looked at yet.
+    /// Whether a scene of this publisher has waited to be looked at for less than 100 ms.
     pub(crate) fn has_just_told(&self, publisher: u128, now_mono_ns: i64) -> bool {
         let mut waiting = self.waiting.iter().filter(|w| w.publisher == publisher);
         let since = waiting.find_map(|waiting| waiting.new_since_mono_ns);
@@ -241,6 +242,7 @@ impl SceneInbox {
     }
 }
 
+/// Index of the scene to be looked at now: of those that have waited too long the first, else that with the fewest balls.
 fn next(waiting: &[Waiting], now_mono_ns: i64) -> Option<usize> {
     let rank = |waiting: &Waiting| {
         let since = waiting.new_since_mono_ns?;

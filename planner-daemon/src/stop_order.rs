@@ -21,9 +21,9 @@ const REPEAT_AFTER_REFUSAL_NS: i64 = 5_000_000;
 /// Time without a reply after which supervision makes no progress, so that the heart stops, which the controller takes for a lost
 /// daemon and stops by itself; nanoseconds of [`AwakeTime`](crate::awake::AwakeTime).
 const ESCALATION_NS: i64 = 40_000_000;
-/// What the rounds of supervision, of the heart and of the controller add to such times, nanoseconds.
+/// What the rounds of supervision, heart and controller add to the time from an order that nobody answers to the stop, nanoseconds.
 const ROUNDS_NS: i64 = 10_000_000;
-// Moving balls are avoided for so long: 40 + 100 + 200 + 10 ms of 350.
+// A motion goes on for 40 + 100 + 200 + 10 ms then; moving balls are avoided for 350.
 const _: () = assert!(
     ESCALATION_NS + STUCK_NS + HEART_MISSED_NS + ROUNDS_NS <= (UNSUPERVISED_S * 1e9) as i64
 );

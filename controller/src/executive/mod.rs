@@ -242,7 +242,7 @@ impl Executive {
         Ok(())
     }
 
-    /// Gives back the trajectory that would begin now, and why it may not by `check`.
+    /// Gives back the trajectory that is to begin now, with the reason, if `check` refuses it.
     pub fn refuse_due(
         &mut self,
         now_ns: i64,
@@ -274,8 +274,8 @@ impl Executive {
         Ok(())
     }
 
-    /// Clears the latched fault and holds with the tolerance of the settings, or waits for the robot where it has let go. Forgets a
-    /// trajectory that waits for its begin: it was requested before.
+    /// Clears the latched fault and holds with the tolerance of the settings, or waits for the robot where it has let go. Without a fault,
+    /// gives up a trajectory that waits for its begin: it was requested before.
     ///
     /// # Errors
     /// [`CommandRefusal::NothingToDo`] without a fault or such a trajectory, [`CommandRefusal::FaultPersists`] while it still brakes.

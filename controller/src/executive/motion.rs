@@ -20,7 +20,7 @@ const LIMIT_TOLERANCE: f64 = 1e-6;
 /// Excess over the bending limit that certified motions may have, rad.
 const BENDING_TOLERANCE_RAD: f64 = 5e-3;
 
-/// How late a trajectory that waits in the loop may begin, ns: what is not taken up so long after its begin, the daemon takes back.
+/// How late a trajectory that waits in the loop may begin, ns; the daemon takes back what has not begun by then.
 const LATEST_BEGIN_NS: i64 = 300_000_000;
 
 /// Points of each segment at which bending is checked, besides its ends.
@@ -216,7 +216,8 @@ pub struct BeginWindow {
 }
 
 impl BeginWindow {
-    /// How far the begin of a trajectory may be that was taken within this window, and has waited for it since.
+    /// The window for a trajectory that was taken within this one and has waited in the loop since: it may begin as late as that, or
+    /// 300 ms late where that is more.
     pub(crate) fn of_waiting(self) -> Self {
         Self {
             past_ns: self.past_ns.max(LATEST_BEGIN_NS),

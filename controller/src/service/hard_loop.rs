@@ -250,7 +250,7 @@ impl HardLoop {
         self.give_back();
     }
 
-    /// What was taken in time may have come to be unwanted, or late, when it is to begin: after a pause, or after a reset that this loop
+    /// Refuses a trajectory that is to begin now and is too late, or no longer wanted: after a pause, or after a reset that this loop
     /// has not heard of.
     fn refuse_due_motion(&mut self, now_ns: i64) {
         let (heard, window) = (self.link.shared.heard(), self.begin.of_waiting());

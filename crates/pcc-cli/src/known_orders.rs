@@ -3,12 +3,12 @@
 use crate::order::seconds;
 use shared_types::message::ControllerState;
 
-/// The orders of before the program's begin, those of before the controller's start, and the program's own.
+/// The orders from before the program began, those from before the controller was started, and the program's own.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct KnownOrders {
     /// The controller of the first state that was looked at.
     instance: Option<u64>,
-    /// Nanoseconds of `CLOCK_MONOTONIC`.
+    /// Orders are known until then, nanoseconds of `CLOCK_MONOTONIC`.
     until_ns: i64,
 }
 
@@ -16,7 +16,7 @@ pub(crate) struct KnownOrders {
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum Overruled {
     #[error(
-        "a stop or a reset that was not ordered here was given at {} (by somebody else, by the daemon, or because that was started anew: see the logs)",
+        "a stop or a reset that was not ordered here was given at {} (by somebody else, or by the daemon, which also stops what a daemon before it has published: see the logs)",
         seconds(*.at_ns)
     )]
     Ordered { at_ns: i64 },
@@ -33,7 +33,7 @@ impl KnownOrders {
         }
     }
 
-    /// The program's own stop or reset was answered just now: the controller dates it before.
+    /// Knows the program's own stop or reset, which was answered at `answered_ns`: the controller dates it before.
     pub(crate) fn add_own(&mut self, answered_ns: i64) {
         self.until_ns = self.until_ns.max(answered_ns);
     }

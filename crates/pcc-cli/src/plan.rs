@@ -264,7 +264,11 @@ fn six(values: &[f64]) -> [f64; DOF] {
     std::array::from_fn(|i| values[i])
 }
 
-/// The state of a controller that holds the robot at rest, waited for. Who orders a stop meanwhile wants it to stay there.
+/// Waits for the state of a controller that holds the robot at rest.
+///
+/// # Errors
+/// A stop or a reset that was ordered after `begun_ns` (CLOCK_MONOTONIC): who orders it wants the robot to stay where it is. And a
+/// controller that does not hold.
 fn held_state(options: &IpcOptions, begun_ns: i64) -> anyhow::Result<ControllerState> {
     let mut known = KnownOrders::until(begun_ns);
     let mut controller = ControllerView::connect(options)?;
@@ -293,8 +297,8 @@ fn held_state(options: &IpcOptions, begun_ns: i64) -> anyhow::Result<ControllerS
     }
 }
 
-/// Whether a motion may be asked for from where this state says that the robot is, at the time of its stamp: the robot is held at rest
-/// there, and all orders are of before.
+/// Whether a motion may be planned from where this state has the robot: it is held at rest, and no stop, reset or start of the controller
+/// is newer than the state.
 fn is_held(state: &ControllerState) -> bool {
     let values = &state.values;
     matches!(state.state, LoopState::Holding | LoopState::Fault)
@@ -403,7 +407,7 @@ mod tests {
         assert!(!is_held(executing));
     }
 
-    /// What is found where a controller says `told` again and again, which is given the time of its begin and the time now, ns.
+    /// What [`held_state`] returns where a controller publishes `told(begin_ns, now_ns)` again and again.
     fn found_where(
         name: &str,
         told: impl Fn(i64, i64) -> message::ControllerState + Send + 'static,

@@ -1,4 +1,4 @@
-//! Memory that outlives the process.
+//! Memory that outlives the process: a file that is mapped.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -13,11 +13,11 @@ use rustix::io::Errno;
 use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use rustix::process::geteuid;
 
-/// A mapped file of 64-bit words. What is stored in them is there for the next process that opens the file, however this one ends;
-/// storing takes no system call.
+/// A mapped file of 64-bit words: what is stored in them is there for the next process that opens the file, however this one ends, and
+/// storing takes no system call. When the machine ends, what is stored last may be lost.
 ///
-/// One process at a time writes. A process that is killed leaves each word as it was before or after a store, and stores with
-/// [`std::sync::atomic::Ordering::Release`] in their order.
+/// At most one process may write at a time. One that is killed leaves each word as it was before or after a store, and its stores with
+/// [`std::sync::atomic::Ordering::Release`] in the order in which they were made.
 pub struct KeptMemory {
     words: NonNull<AtomicU64>,
     count: usize,

@@ -1,7 +1,7 @@
-//! What a real-time thread asks of Linux: priority, processors, turns, punctual sleep, locked memory.
+//! What a real-time thread asks of Linux: priority, processors, turns, punctual sleep, locked memory, and memory that outlives the process.
 //!
-//! The system may refuse each of these to an ordinary user or in a container. A refusal is a [`RealtimeError`], which says what may
-//! happen without it and how to allow it.
+//! The system may refuse what concerns priority, processors, turns, sleep and locked memory to an ordinary user or in a container. A
+//! refusal is a [`RealtimeError`], which says what may happen without it and how to allow it.
 
 #![allow(unsafe_code, reason = "system calls without a safe wrapper")]
 

@@ -1,4 +1,4 @@
-//! What the daemon knows of every source of obstacles, kept for the daemon that is started after it was killed.
+//! What the daemon knows of every source of obstacles, kept in a file for the next daemon, however this one ends.
 
 use std::fmt::Display;
 use std::fs;
@@ -18,32 +18,35 @@ use shared_types::valid::{self, SourceName};
 
 use super::MOST_SOURCES;
 
-/// The form of the file; another number for each form.
+/// First word of the file: a number that is another one whenever the layout of the file or of a scene is.
 const FORM: u64 = u64::from_le_bytes(*b"scenes\x02\x00") + PROTOCOL_VERSION as u64;
 /// Where files are memory alone.
 const SHARED_MEMORY: &str = "/dev/shm";
-/// Form, the start of the machine in which the stamps count, and for how long it had been suspended since.
+/// Words before the first place: [`FORM`], the [`machine_start`] since which the stamps count, and for how long the machine had been
+/// suspended since.
 const HEAD_WORDS: usize = 4;
 const SUSPENDED: usize = 3;
-/// Centre, radius and velocity.
+/// Words of a ball: centre, radius and velocity.
 const BALL_WORDS: usize = 7;
+/// Where the words of a place lie: its state ([`FREE`], [`UNKNOWN`] or [`WHOLE`]), whether its source takes its leave, the publisher,
+/// the name of the source.
 const STATE: usize = 0;
 const LEAVES: usize = 1;
 const PUBLISHER: Range<usize> = 2..4;
 const NAME: Range<usize> = 4..4 + SOURCE_NAME_BYTES / 8;
-/// Stamp, lifetime, number of balls.
+/// Stamp, nanoseconds; lifetime, nanoseconds; number of balls.
 const SCENE: Range<usize> = NAME.end..NAME.end + 3;
 const BALLS: usize = SCENE.end;
 const PLACE_WORDS: usize = BALLS + MAX_SCENE_BALLS * BALL_WORDS;
 
-/// No source.
+/// State of a place without a source.
 const FREE: u64 = 0;
-/// A source without a scene that counts.
+/// State of a place with a source, but no scene of it: its obstacles are unknown.
 const UNKNOWN: u64 = 1;
-/// A source and its scene.
+/// State of a place with a source and its scene.
 const WHOLE: u64 = 2;
 
-/// What is known of the sources cannot be kept.
+/// The file in which the daemon keeps the sources of obstacles cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[error("the live scene cannot be kept for the next daemon in {path:?}: {source}")]
 pub struct SceneMemoryError {
@@ -54,17 +57,17 @@ pub struct SceneMemoryError {
     source: io::Error,
 }
 
-/// A source as it is kept.
+/// A source of obstacles as the file has it.
 #[derive(Debug, PartialEq)]
 pub(super) struct KeptSource {
     pub(super) name: SourceName,
     pub(super) publisher: u128,
     pub(super) leaves: bool,
-    /// None where none counted, or the daemon died while it kept one.
+    /// None where no scene of it counted, or the daemon was killed while it wrote one.
     pub(super) scene: Option<valid::Scene>,
 }
 
-/// By which it is seen that what is kept of a source is still so.
+/// What of a source is compared to see whether the file still has it as it is now; its scene is known by stamp and version.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Mark {
     pub(super) name: SourceName,
@@ -74,16 +77,16 @@ pub(super) struct Mark {
     pub(super) scene: Option<(i64, i64, u64)>,
 }
 
-/// A place in the file for each source.
+/// The file, which has a place for each source, and what each place has now.
 pub(crate) struct SceneMemory {
     memory: KeptMemory,
     marks: [Option<Mark>; MOST_SOURCES],
 }
 
 impl SceneMemory {
-    /// Opens the file, or makes it: in the directory of service files, or, where a disk would have to be waited for there, in shared
-    /// memory. What was kept by another form of the daemon, or before the machine was started, is forgotten; what was kept before the
-    /// machine was suspended is unknown.
+    /// Opens the file, or makes it: in the root folder, or, where a disk would have to be waited for there, in shared memory. What a
+    /// daemon with another [`FORM`] has written, or one that ran before the machine was started, is forgotten; what was written before
+    /// the machine was suspended is unknown.
     ///
     /// # Errors
     /// [`SceneMemoryError`]: the system's refusal.
@@ -129,7 +132,7 @@ impl SceneMemory {
         Ok(memory)
     }
 
-    /// Scenes that were kept before the machine was suspended are unknown: `suspended_ns` in all since its start.
+    /// Makes what was written before the machine was suspended unknown: `suspended_ns` in all since its start.
     pub(super) fn suspended(&self, suspended_ns: i64) {
         let noticed = &self.memory.words()[SUSPENDED];
         if Suspension::noticed(load(noticed).cast_signed()).is_longer(suspended_ns) {
@@ -140,7 +143,7 @@ impl SceneMemory {
         }
     }
 
-    /// The sources that are kept.
+    /// The sources that the file has.
     pub(super) fn recall(&mut self) -> Vec<KeptSource> {
         let mut sources = Vec::new();
         for index in 0..MOST_SOURCES {
@@ -191,7 +194,7 @@ impl SceneMemory {
     }
 }
 
-/// The words of one source: state, whether it leaves, publisher, name, and its scene.
+/// The words of one source.
 struct Place<'memory>(&'memory [AtomicU64]);
 
 impl Place<'_> {
@@ -205,7 +208,7 @@ impl Place<'_> {
         }
     }
 
-    /// Keeps a source. If the daemon is killed meanwhile its name is there and its scene is not: its obstacles are unknown then.
+    /// Writes a source. Until its scene is whole its state is [`UNKNOWN`], also where the daemon is killed meanwhile.
     fn keep(&self, mark: &Mark, scene: Option<&valid::Scene>) {
         if load(&self.0[STATE]) == FREE {
             store(&self.0[PUBLISHER], halves(mark.publisher));
@@ -248,7 +251,7 @@ impl Place<'_> {
         })
     }
 
-    /// The scene, if it is one that may be published.
+    /// The scene, if a source may publish such a one.
     fn scene(&self, source: SourceName) -> Option<valid::Scene> {
         let [stamp, lifetime, count] = [0, 1, 2].map(|index| load(&self.0[SCENE][index]));
         let ball = |words: &[AtomicU64]| {
@@ -293,9 +296,10 @@ fn halves(value: u128) -> [u64; 2] {
 /// A number that Linux draws anew at each start of the machine: clocks that count from there begin again.
 fn machine_start() -> io::Result<u128> {
     let path = "/proc/sys/kernel/random/boot_id";
-    let other = |error: &dyn Display| io::Error::other(format!("{path}: {error}"));
-    let digits = fs::read_to_string(path).map_err(|error| other(&error))?;
-    u128::from_str_radix(&digits.trim().replace('-', ""), 16).map_err(|error| other(&error))
+    let named = |error: &dyn Display| io::Error::other(format!("{path}: {error}"));
+    let text = fs::read_to_string(path).map_err(|error| named(&error))?;
+    let digits = text.trim().replace('-', "");
+    u128::from_str_radix(&digits, 16).map_err(|error| named(&error))
 }
 
 #[cfg(test)]

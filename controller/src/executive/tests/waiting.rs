@@ -24,7 +24,7 @@ fn waiting() -> World {
     world
 }
 
-/// A cycle as the loop makes it, so long after the one before; why a trajectory was refused in it, if one was.
+/// Makes a cycle as the loop does, `elapsed_ns` after the one before. Returns why a trajectory was refused in it, if one was.
 fn cycle(world: &mut World, elapsed_ns: i64, heard: &Heard) -> Option<Refusal> {
     let now_ns = world.now_ns + elapsed_ns;
     let window = WINDOW.of_waiting();

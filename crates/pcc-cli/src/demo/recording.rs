@@ -89,7 +89,7 @@ impl Recording {
 
 impl Drop for Recording {
     fn drop(&mut self) {
-        // Who wants to know calls it before.
+        // Who wants to know how the recording has ended calls `end` before.
         let _ = self.end();
     }
 }

@@ -1,4 +1,4 @@
-//! The speed that the demonstration finds at the controller, and its own motion there.
+//! What the demonstration looks for in the controller's states: the speed, and whether a motion is under way.
 
 use client::ControllerView;
 use shared_types::clock::mono_now_ns;
@@ -15,8 +15,8 @@ pub(super) const PATIENCE: Duration = Duration::from_secs(10);
 /// Share of the speed found at which the demonstration slows a motion down.
 const SLOWER: f64 = 0.5;
 
-/// Whether a motion is executed, or may still be: a controller that holds and tells of neither its begin nor its refusal has it before
-/// it.
+/// Whether a motion is executed, or may still begin: while a controller holds, a motion of which it has told neither begin nor refusal
+/// may wait there.
 pub(super) fn is_under_way(state: &ControllerState, trajectory_id: u32) -> bool {
     let values = &state.values;
     let is_known = values.trajectory_id == trajectory_id;
@@ -49,7 +49,7 @@ impl Slowed {
         values.instance == self.instance && values.speed.to_bits() == self.ordered.to_bits()
     }
 
-    /// Where the speed is not the demonstration's any more, whose it is; none where it is the one found.
+    /// What to say of a speed that the demonstration has not ordered; none where it is the one that the demonstration found.
     fn left_as_it_is(&self, values: &message::ControllerState) -> Option<String> {
         let (speed, found) = (values.speed, self.found);
         if speed.to_bits() == found.to_bits() {
@@ -64,8 +64,8 @@ impl Slowed {
         })
     }
 
-    /// Orders the speed found again, and says what came of it; what somebody else has ordered meanwhile, or another controller has,
-    /// stays.
+    /// Orders the speed found again, and says what came of it. A speed that somebody else has ordered meanwhile stays, and so does that of
+    /// a controller that was started anew.
     pub(super) fn give_back(self, controller: &mut ControllerView) {
         let Self { found, ordered, .. } = self;
         let Some(state) = fresh_state(controller) else {

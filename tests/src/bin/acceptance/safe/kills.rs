@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use tests::disturbance::Kind;
-use tests::judge::{ALLOWED_USE, SENT_USE};
+use tests::judge::{ALLOWED_USE, SENT_USE, Verdict};
 use tests::kills::{READY_WITHIN, Survival, disturb};
 use tests::stack::{Part, Stack};
 use tests::supervision::Watched;
@@ -131,20 +131,8 @@ fn unheard(report: &mut Report, survival: &Survival) {
     );
 }
 
-/// What the robot was sent and made of it; also for a suite that only kills.
-pub(crate) fn limits(report: &mut Report, survival: &Survival) {
-    let verdict = &survival.verdict;
-    unheard(report, survival);
-    report.at_most(
-        "set-points: velocity over the shipped limit",
-        verdict.velocity,
-        SENT_USE,
-    );
-    report.at_most(
-        "set-points: acceleration over the shipped limit",
-        verdict.acceleration,
-        SENT_USE,
-    );
+/// Steps from each set-point or reference to the next, beside the limits.
+fn steps(report: &mut Report, verdict: &Verdict) {
     for (name, used) in [
         ("from set-point to set-point", &verdict.sent),
         (
@@ -162,6 +150,23 @@ pub(crate) fn limits(report: &mut Report, survival: &Survival) {
         let velocity = name_of("velocity step ÷ (acceleration limit × time between them)");
         report.at_most(&velocity, used.velocity, ALLOWED_USE);
     }
+}
+
+/// What the robot was sent and made of it; also for a suite that only kills.
+pub(crate) fn limits(report: &mut Report, survival: &Survival) {
+    let verdict = &survival.verdict;
+    unheard(report, survival);
+    report.at_most(
+        "set-points: velocity over the shipped limit",
+        verdict.velocity,
+        SENT_USE,
+    );
+    report.at_most(
+        "set-points: acceleration over the shipped limit",
+        verdict.acceleration,
+        SENT_USE,
+    );
+    steps(report, verdict);
     let name = "robot's reference from the set-point that it follows, m";
     report.at_most(name, verdict.reference_error_m, 1e-9);
     let name = "what went beyond a limit";

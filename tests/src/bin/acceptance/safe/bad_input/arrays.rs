@@ -129,11 +129,7 @@ impl Set {
             let shape = told_shapes(&format!("({})", field(&other.npy, "shape"))).remove(0);
             let told =
                 Fault::key(ARCHIVE, &member.name, &shape).or_value(field(&other.npy, "descr"));
-            let expected = if is_alike {
-                Expected::Either(vec![told])
-            } else {
-                Expected::Refused(vec![told])
-            };
+            let expected = Expected::refused_if(!is_alike, vec![told]);
             add("is another", &fresh, expected);
         }
         all
@@ -162,11 +158,7 @@ impl Lie {
 
     /// What a message must say of it.
     pub(super) fn fault(&self, file: &str, array: &str) -> Fault {
-        let (first, others) = self.told.split_first().unwrap();
-        Fault {
-            other_values: others.to_vec(),
-            ..Fault::key(file, array, first)
-        }
+        Fault::key_one_of(file, array, &self.told)
     }
 }
 
@@ -185,31 +177,7 @@ fn field<'a>(npy: &'a [u8], name: &str) -> &'a str {
 pub(super) fn lies(good: &[u8]) -> Vec<Lie> {
     let (descr, counts) = (field(good, "descr"), field(good, "shape"));
     let (shape_text, content) = (format!("({counts})"), &good[128..]);
-    let mut all: Vec<Lie> = [
-        "()",
-        "(0, )",
-        "(0, 3)",
-        "(1, )",
-        "(2, 64)",
-        "(2, 64, 6, 1)",
-        "(6148914691236517206, 3)",
-        "(18446744073709551615, )",
-        "(4294967296, 4294967296)",
-        "(9223372036854775807, 2)",
-        "(-1, 3)",
-        "(1000000000, 64, 6)",
-        "(1.5, )",
-        "('a', )",
-        "(3",
-    ]
-    .iter()
-    .map(|text| {
-        let told = told_shapes(text);
-        let told: Vec<&str> = told.iter().map(String::as_str).collect();
-        let npy = npy(descr, false, text, content);
-        Lie::new(format!("has shape {text}"), npy, &told)
-    })
-    .collect();
+    let mut all = wrong_shapes(descr, content);
     for other in [
         "<f8", ">f4", "<f2", "<c8", "|O", "<i8", "|b1", "<U4", "|S1", "nonsense", "",
     ] {
@@ -231,6 +199,34 @@ pub(super) fn lies(good: &[u8]) -> Vec<Lie> {
     });
     all.extend(wrong_sizes(good, content));
     all
+}
+
+/// Shapes that this content does not have, or none has.
+fn wrong_shapes(descr: &str, content: &[u8]) -> Vec<Lie> {
+    let shapes = [
+        "()",
+        "(0, )",
+        "(0, 3)",
+        "(1, )",
+        "(2, 64)",
+        "(2, 64, 6, 1)",
+        "(6148914691236517206, 3)",
+        "(18446744073709551615, )",
+        "(4294967296, 4294967296)",
+        "(9223372036854775807, 2)",
+        "(-1, 3)",
+        "(1000000000, 64, 6)",
+        "(1.5, )",
+        "('a', )",
+        "(3",
+    ];
+    let lie = |text: &str| {
+        let told = told_shapes(text);
+        let told: Vec<&str> = told.iter().map(String::as_str).collect();
+        let npy = npy(descr, false, text, content);
+        Lie::new(format!("has shape {text}"), npy, &told)
+    };
+    shapes.into_iter().map(lie).collect()
 }
 
 /// An array with too little or too much behind its header, or with another beginning.

@@ -180,12 +180,7 @@ impl Set {
         let good: Map<String, Value> = serde_json::from_slice(&self.meta).unwrap();
         let mut all = Vec::new();
         let mut add = |name: String, meta: Vec<u8>, expected: Expected| {
-            all.push(self.with(
-                format!("{META} {name}"),
-                self.archive.clone(),
-                meta,
-                expected,
-            ));
+            all.push(self.with_meta(&name, meta, expected));
         };
         for key in READ {
             let mut fresh = good.clone();
@@ -199,11 +194,7 @@ impl Set {
                 let mut fresh = good.clone();
                 fresh.insert(key.to_owned(), value.clone());
                 let fault = vec![fault_of(key, &value)];
-                let expected = if is_taken {
-                    Expected::Either(fault)
-                } else {
-                    Expected::Refused(fault)
-                };
+                let expected = Expected::refused_if(!is_taken, fault);
                 add(format!("{key} = {value}"), text_of(&fresh), expected);
             }
         }
@@ -218,18 +209,36 @@ impl Set {
                 );
             }
         }
-        let refused = |content: &[u8]| Expected::Refused(faults_of_text(content));
+        all.extend(self.damaged_metas(&good));
+        all
+    }
+
+    fn with_meta(&self, name: &str, meta: Vec<u8>, expected: Expected) -> Variant {
+        self.with(
+            format!("{META} {name}"),
+            self.archive.clone(),
+            meta,
+            expected,
+        )
+    }
+
+    /// Meta data cut, foreign, and with bits turned.
+    fn damaged_metas(&self, good: &Map<String, Value>) -> Vec<Variant> {
+        let mut all = Vec::new();
+        let mut add = |d: Damaged, expected: Expected| {
+            all.push(self.with_meta(&d.name, d.content, expected));
+        };
         let end = self.meta.trim_ascii_end().len();
         for d in damage::truncated(&self.meta[..end], 40)
             .into_iter()
             .chain(damage::foreign())
         {
-            let expected = refused(&d.content);
-            add(d.name, d.content, expected);
+            let expected = Expected::Refused(faults_of_text(&d.content));
+            add(d, expected);
         }
         for d in damage::flipped(&self.meta, 60, 5) {
-            let expected = self.judge_meta(&good, &d.content);
-            add(d.name, d.content, expected);
+            let expected = self.judge_meta(good, &d.content);
+            add(d, expected);
         }
         all
     }
@@ -251,10 +260,8 @@ impl Set {
         if faults.is_empty() {
             return self.refused_or_same(META);
         }
-        match READ.iter().all(|key| fresh.contains_key(*key)) {
-            true => Expected::Either(faults),
-            false => Expected::Refused(faults),
-        }
+        let is_whole = READ.iter().all(|key| fresh.contains_key(*key));
+        Expected::refused_if(!is_whole, faults)
     }
 }
 
@@ -285,11 +292,8 @@ fn faults_of_text(content: &[u8]) -> Vec<Fault> {
             let told = Fault::file(META).and(&format!("line {}", error.line()));
             // Of two values, the first is refused before the second is seen.
             let column = |at: usize| format!("column {at}");
-            vec![Fault {
-                value: column(error.column()),
-                other_values: vec![column(error.column().saturating_sub(1))],
-                ..told
-            }]
+            let before = column(error.column().saturating_sub(1));
+            vec![told.with_value(column(error.column())).or_value(before)]
         }
     }
 }

@@ -48,11 +48,7 @@ fn removed(file: &str, key: Key, table: &Table) -> Changed {
     Changed {
         name: format!("without {}", key.path),
         text: changed.to_string(),
-        expected: if key.is_required {
-            Expected::Refused(faults)
-        } else {
-            Expected::Either(faults)
-        },
+        expected: Expected::refused_if(key.is_required, faults),
     }
 }
 
@@ -109,11 +105,8 @@ fn renamed(file: &str, path: &str, tail: &str, table: &Table) -> Changed {
 }
 
 fn expected(file: &str, key: Key, value: &Value) -> Expected {
-    let faults = key.faults(file, value);
-    match key.rule.opinion(value) {
-        Opinion::Refused => Expected::Refused(faults),
-        _ => Expected::Either(faults),
-    }
+    let must_be = key.rule.opinion(value) == Opinion::Refused;
+    Expected::refused_if(must_be, key.faults(file, value))
 }
 
 fn shortened(value: &Value) -> String {

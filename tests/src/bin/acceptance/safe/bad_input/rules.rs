@@ -131,20 +131,12 @@ impl Rule {
 impl Key {
     /// What a message must say of a value that is refused: the key and, of an array or a table, what is wrong in it.
     pub(super) fn faults(self, file: &str, value: &Value) -> Vec<Fault> {
-        let mut told = match value {
+        let told = match value {
             Value::Array(values) => self.rule.wrong_in(values),
             Value::Table(_) => ["map", "table"].map(str::to_owned).into(),
             other => vec![said(other)],
         };
-        let first = if told.is_empty() {
-            String::new()
-        } else {
-            told.remove(0)
-        };
-        let fault = Fault {
-            other_values: told,
-            ..Fault::key(file, last_part(self.path), &first)
-        };
+        let fault = Fault::key_one_of(file, last_part(self.path), &told);
         match (self.rule, value) {
             // The file that is named does not exist: the message may speak of that file.
             (Rule::File, Value::String(_)) => {
@@ -269,10 +261,7 @@ pub(super) fn judge_text(file: &str, keys: &[Key], before: &Table, after: &[u8])
 
 /// A file that is not UTF-8 from some byte on, which must be told.
 pub(super) fn no_text(file: &str, error: Utf8Error) -> Fault {
-    Fault {
-        value: error.valid_up_to().to_string(),
-        ..Fault::unreadable(file)
-    }
+    Fault::unreadable(file).with_value(error.valid_up_to().to_string())
 }
 
 /// A file that is not TOML from some byte on: the line must be told by its number, and by what it holds up to there.
@@ -281,16 +270,10 @@ fn no_table(file: &str, text: &str, at: usize) -> Fault {
     let number = before.matches('\n').count() + 1;
     let begin = before.rfind('\n').map_or(0, |end| end + 1);
     let line = text[begin..].lines().next().unwrap_or_default();
-    let shown = line.trim_start().split(|c: char| c.is_control());
-    Fault {
-        value: shown
-            .into_iter()
-            .next()
-            .unwrap_or_default()
-            .trim_end()
-            .to_owned(),
-        ..Fault::file(file).and(&format!("line {number}"))
-    }
+    let mut shown = line.trim_start().split(|c: char| c.is_control());
+    let shown = shown.next().unwrap_or_default().trim_end();
+    let told = Fault::file(file).and(&format!("line {number}"));
+    told.with_value(shown)
 }
 
 fn faults_of(file: &str, key: Key, before: &Table, after: &Table) -> Vec<Fault> {

@@ -166,10 +166,7 @@ fn binary_meshes() -> Vec<Variant> {
         refused(name, tetrahedron("solid", says), told());
     }
     for d in damage::truncated(&good, 30) {
-        let told = Fault {
-            value: d.content.len().to_string(),
-            ..Fault::file(file)
-        };
+        let told = Fault::file(file).with_value(d.content.len().to_string());
         refused(format!("binary, {}", d.name), d.content, vec![told]);
     }
     for triangle in 0..4 {
@@ -219,11 +216,7 @@ fn grids() -> Vec<Variant> {
         "(a, b, c)",
         "(10, 10",
     ] {
-        let told = told_shapes(text);
-        let fault = Fault {
-            other_values: told[1..].to_vec(),
-            ..Fault::key(file, "shape", &told[0])
-        };
+        let fault = Fault::key_one_of(file, "shape", &told_shapes(text));
         let npy = npy("|u1", false, text, &cells);
         refused(format!("has shape {text}"), npy, fault);
     }

@@ -36,6 +36,15 @@ pub(super) enum Expected {
 }
 
 impl Expected {
+    /// One of these faults must be told; where it need not be refused, it may be taken as well.
+    pub(super) fn refused_if(must_be: bool, faults: Vec<Fault>) -> Self {
+        if must_be {
+            Self::Refused(faults)
+        } else {
+            Self::Either(faults)
+        }
+    }
+
     /// Whether it must be refused, or at least change nothing.
     pub(super) fn is_refusal(&self) -> bool {
         matches!(self, Self::Refused(_) | Self::RefusedOrSame { .. })
@@ -104,9 +113,25 @@ impl Fault {
         }
     }
 
+    /// The value of a key of a file, of which one of these must be shown; no value where there is none.
+    pub(super) fn key_one_of(file: &str, key: &str, values: &[String]) -> Self {
+        let mut values = values.iter().cloned();
+        Self {
+            value: values.next().unwrap_or_default(),
+            other_values: values.collect(),
+            ..Self::key(file, key, "")
+        }
+    }
+
     /// An option of a command line, which stands for file and key.
     pub(super) fn option(option: &str, value: &str) -> Self {
         Self::key("", option, value)
+    }
+
+    /// The same with a value that must be shown.
+    pub(super) fn with_value(mut self, value: impl Into<String>) -> Self {
+        self.value = value.into();
+        self
     }
 
     /// Another name by which the key may be told.

@@ -194,11 +194,7 @@ impl Weights {
             all.push(weights.variant(&name, expected));
         };
         let expected = |key: &str, value: &str, is_refused: bool| {
-            let fault = vec![Fault::key(FILE, key, value)];
-            match is_refused {
-                true => Expected::Refused(fault),
-                false => Expected::Either(fault),
-            }
+            Expected::refused_if(is_refused, vec![Fault::key(FILE, key, value)])
         };
         let metadata = header["__metadata__"].as_object().unwrap();
         for key in metadata.keys() {
@@ -238,10 +234,7 @@ impl Weights {
             all.push(self.signed(content).variant(&name, expected));
         };
         for length in [0_u64, 1, 2, 100_000_000, 1 << 40, u64::MAX, u64::MAX / 2] {
-            let told = Fault {
-                value: length.to_string(),
-                ..Fault::file(FILE)
-            };
+            let told = Fault::file(FILE).with_value(length.to_string());
             let name = format!("header of {length} bytes");
             add(name, 0, &length.to_le_bytes(), told);
         }
@@ -332,25 +325,9 @@ pub(super) struct TensorLie {
     pub(super) expected: Expected,
 }
 
-/// All that is tried of one tensor's entry.
-pub(super) fn tensor_lies(header: &Map<String, Value>, name: &str) -> Vec<TensorLie> {
-    let mut all = Vec::new();
-    let mut add = |what: String, header: Map<String, Value>, told: &str, is_refused: bool| {
-        let fault = vec![Fault::key("safetensors", name, told)];
-        all.push(TensorLie {
-            name: format!("tensor {name} {what}"),
-            header,
-            expected: match is_refused {
-                true => Expected::Refused(fault),
-                false => Expected::Either(fault),
-            },
-        });
-    };
-    let mut fresh = header.clone();
-    let tensor = fresh.remove(name).unwrap();
-    fresh.insert(format!("{name}x"), tensor);
-    add(format!("is called {name}x"), fresh, "", true);
-    for (what, key, value, told) in [
+/// What may be wrong in the entry of a tensor: in words, the key, its value, and how a message must show that.
+fn wrong_entries() -> [(&'static str, &'static str, Value, &'static str); 6] {
+    [
         ("is of type F16", "dtype", json!("F16"), "F16"),
         ("is of type I32", "dtype", json!("I32"), "I32"),
         ("has shape [1]", "shape", json!([1]), "[1]"),
@@ -367,7 +344,25 @@ pub(super) fn tensor_lies(header: &Map<String, Value>, name: &str) -> Vec<Tensor
             json!([0, 1_u64 << 60]),
             "[0,1152921504606846976]",
         ),
-    ] {
+    ]
+}
+
+/// All that is tried of one tensor's entry.
+pub(super) fn tensor_lies(header: &Map<String, Value>, name: &str) -> Vec<TensorLie> {
+    let mut all = Vec::new();
+    let mut add = |what: String, header: Map<String, Value>, told: &str, is_refused: bool| {
+        let fault = vec![Fault::key("safetensors", name, told)];
+        all.push(TensorLie {
+            name: format!("tensor {name} {what}"),
+            header,
+            expected: Expected::refused_if(is_refused, fault),
+        });
+    };
+    let mut fresh = header.clone();
+    let tensor = fresh.remove(name).unwrap();
+    fresh.insert(format!("{name}x"), tensor);
+    add(format!("is called {name}x"), fresh, "", true);
+    for (what, key, value, told) in wrong_entries() {
         let mut fresh = header.clone();
         fresh[name][key] = value;
         add(what.to_owned(), fresh, told, true);

@@ -16,8 +16,8 @@ use crate::{Report, Scale};
 const ALLOWANCE_MS: f64 = 100.0;
 /// After so long without the guard the loop stops by itself (decision 0021).
 const GUARD_HELD_MS: f64 = 100.0;
-/// Time between two heartbeats of the daemon, ms.
-const HEARTBEAT_MS: f64 = 20.0;
+/// Two heartbeats of the daemon, ms.
+const TWO_HEARTBEATS_MS: f64 = 20.0;
 /// How long the robot is looked at: far less than what is left of the motion, and more than any stop.
 const LOOK: Duration = Duration::from_secs(4);
 /// Time in which a process that is to stall meets its stall.
@@ -114,7 +114,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     for ((stall, event), results) in cases {
         let waits_ms = match event {
             Event::DaemonKilled => {
-                shipped_number("controller.toml", "daemon_lost_ms") + HEARTBEAT_MS
+                shipped_number("controller.toml", "daemon_lost_ms") + TWO_HEARTBEATS_MS
             }
             Event::Nothing => GUARD_HELD_MS,
             Event::Stop | Event::Sigterm => 0.0,

@@ -129,58 +129,81 @@ struct Passed {
     would_touch: bool,
 }
 
-/// Balls of 0.5 to 2 m/s beside motions that are 15 to 190 ms late.
-pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let file = fs::read_to_string(repository().join("config/robots/unit.toml"))?;
-    let body = Body::from_robot_file(&file);
-    for late in Late::ALL {
-        let mut stack = running_with(&[])?;
-        let (mut touched, mut unmoved, mut faults) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut least_m, mut refused) = (f64::INFINITY, Vec::new());
-        let (mut tight, mut executed, mut in_time) = (0, 0, Vec::new());
-        let mut would_touch = 0;
-        for wanted in tries(late, scale) {
-            let passed = pass(&mut stack, &body, wanted)?;
-            let text = format!("{wanted:?}: {:.3} m, {}", passed.clearance_m, passed.end);
-            if passed.fault != LoopFault::None {
-                faults.push(format!("{text}, {}", passed.fault));
-            }
-            if passed.clearance_m < 0.0 {
-                touched.push(text.clone());
-            }
-            least_m = least_m.min(passed.clearance_m);
-            let is_tight = wanted.room_s < PLENTY_S;
-            let may_be_refused = is_tight && !wanted.turns_up;
-            tight += usize::from(is_tight);
-            would_touch += usize::from(passed.would_touch);
-            executed += usize::from(is_tight && passed.executed);
-            if passed.executed && passed.lagged_ms < wanted.lags_at_least_ms() {
-                in_time.push(format!("{:.1} ms: {wanted:?}", passed.lagged_ms));
-            }
-            if !passed.executed && may_be_refused {
-                refused.push(text);
-            } else if !passed.executed {
-                unmoved.push(text);
-            }
+/// What became of all motions that are late in one way.
+struct Tally {
+    touched: Vec<String>,
+    faults: Vec<String>,
+    /// Not executed, though nothing stood in their way.
+    unmoved: Vec<String>,
+    /// Not executed, which those with little room need not be.
+    refused: Vec<String>,
+    /// Executed without the lag that they were to have.
+    in_time: Vec<String>,
+    least_m: f64,
+    /// Those with little room, and the executed ones among them.
+    tight: usize,
+    tight_executed: usize,
+    would_touch: usize,
+}
+
+impl Tally {
+    fn new() -> Self {
+        Self {
+            touched: Vec::new(),
+            faults: Vec::new(),
+            unmoved: Vec::new(),
+            refused: Vec::new(),
+            in_time: Vec::new(),
+            least_m: f64::INFINITY,
+            tight: 0,
+            tight_executed: 0,
+            would_touch: 0,
         }
-        let count = tries(late, scale).len();
-        let name = format!("defect 6: {late:?}, {count} motions beside a moving ball");
-        report.none_of(&format!("{name}: touched it, moving or at rest"), &touched);
-        report.none_of(&format!("{name}: faults"), &faults);
+    }
+
+    fn add(&mut self, wanted: Try, passed: &Passed) {
+        let text = format!("{wanted:?}: {:.3} m, {}", passed.clearance_m, passed.end);
+        if passed.fault != LoopFault::None {
+            self.faults.push(format!("{text}, {}", passed.fault));
+        }
+        if passed.clearance_m < 0.0 {
+            self.touched.push(text.clone());
+        }
+        self.least_m = self.least_m.min(passed.clearance_m);
+        let is_tight = wanted.room_s < PLENTY_S;
+        let may_be_refused = is_tight && !wanted.turns_up;
+        self.tight += usize::from(is_tight);
+        self.would_touch += usize::from(passed.would_touch);
+        self.tight_executed += usize::from(is_tight && passed.executed);
+        if passed.executed && passed.lagged_ms < wanted.lags_at_least_ms() {
+            let lag = format!("{:.1} ms: {wanted:?}", passed.lagged_ms);
+            self.in_time.push(lag);
+        }
+        if !passed.executed && may_be_refused {
+            self.refused.push(text);
+        } else if !passed.executed {
+            self.unmoved.push(text);
+        }
+    }
+
+    fn report(&self, report: &mut Report, name: &str) {
+        report.none_of(
+            &format!("{name}: touched it, moving or at rest"),
+            &self.touched,
+        );
+        report.none_of(&format!("{name}: faults"), &self.faults);
         report.none_of(
             &format!("{name}: should have been executed and were not"),
-            &unmoved,
+            &self.unmoved,
         );
-        let text = format!(
-            "{} {}",
-            refused.len(),
-            refused.first().cloned().unwrap_or_default()
-        );
-        report.shown(&format!("{name}: refused beforehand"), text);
+        let first = self.refused.first().cloned().unwrap_or_default();
+        let refused = format!("{} {first}", self.refused.len());
+        report.shown(&format!("{name}: refused beforehand"), refused);
         report.none_of(
             &format!("{name}: whose path time did not lag as it was to (the premise)"),
-            &in_time,
+            &self.in_time,
         );
+        let (executed, tight) = (self.tight_executed, self.tight);
         report.check(
             &format!("{name}: executed, of those with little room"),
             format!("{executed} of {tight}"),
@@ -189,14 +212,30 @@ pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::R
         );
         report.check(
             &format!("{name}: which would have touched it, late as they were, had nobody acted"),
-            would_touch.to_string(),
+            self.would_touch.to_string(),
             ">= 1",
-            would_touch > 0,
+            self.would_touch > 0,
         );
-        report.shown(
-            &format!("{name}: least clearance, m"),
-            format!("{least_m:.4}"),
-        );
+        let name = format!("{name}: least clearance, m");
+        report.shown(&name, format!("{:.4}", self.least_m));
+    }
+}
+
+/// Balls of 0.5 to 2 m/s beside motions that are 15 to 190 ms late.
+pub(super) fn late_beside_a_ball(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let file = fs::read_to_string(repository().join("config/robots/unit.toml"))?;
+    let body = Body::from_robot_file(&file);
+    for late in Late::ALL {
+        let mut stack = running_with(&[])?;
+        let mut tally = Tally::new();
+        let tries = tries(late, scale);
+        for wanted in &tries {
+            let passed = pass(&mut stack, &body, *wanted)?;
+            tally.add(*wanted, &passed);
+        }
+        let count = tries.len();
+        let name = format!("defect 6: {late:?}, {count} motions beside a moving ball");
+        tally.report(report, &name);
     }
     Ok(())
 }

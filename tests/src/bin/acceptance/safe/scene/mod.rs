@@ -38,7 +38,7 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         owners::dead_publisher(report)?;
         owners::silent_source(report, scale)?;
         owners::restarted_daemon(report, scale)?;
-        owners::forgotten_program(report, scale)?;
+        owners::ended_program(report, scale)?;
         owners::nobody_serves_command(report)
     });
     report.group("scene: path time that lags", command, |report| {

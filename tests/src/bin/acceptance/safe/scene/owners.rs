@@ -251,7 +251,7 @@ fn in_the_way_once_heard(stack: &mut Stack) -> anyhow::Result<Result<(), String>
 }
 
 /// A scene is published once by a program that then ends; the daemon is killed and starts again. The ball counts for its lifetime.
-pub(super) fn forgotten_program(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+pub(super) fn ended_program(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     for expects in [false, true] {
         let mut stack = Stack::running(&settings(expects))?;
         let mut otherwise = Vec::new();
