@@ -268,8 +268,8 @@ impl OwnersRobot {
         })
     }
 
-    /// Waits until `pcc watch` shows that the controller holds the robot. A fault is reset, and counts as a retry unless it is one of
-    /// those by right.
+    /// Waits until `pcc watch` shows that the controller holds the robot. A latched fault is reset; it counts as a retry unless it is one
+    /// of `by_right`, those that had to come.
     ///
     /// # Errors
     /// [`TimedOut`] with what was shown last.

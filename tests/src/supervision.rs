@@ -71,7 +71,7 @@ pub struct Watched {
     pub balls: usize,
     /// Those in whose cases a motion was still under way, so that somebody had to stop it.
     pub had_to_stop: usize,
-    /// Both numbers for each way in which a process was disturbed.
+    /// For each way of disturbing a process: balls put in the way, and those for which somebody had to stop.
     pub ways: BTreeMap<String, [usize; 2]>,
     /// Times until a stop was ordered, ms.
     pub reactions_ms: Vec<f64>,

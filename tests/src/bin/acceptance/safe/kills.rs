@@ -11,8 +11,8 @@ use tests::world::Settings;
 
 use crate::{Report, Scale};
 
-/// In a way with so many balls some find a motion that goes on, wherever their instants fall: a process that is held up for less than
-/// the 20 ms after which it is lost, one time in five, changes nothing. The quick form puts two in each way.
+/// So many balls in one way of disturbing one process find at least one motion that goes on. (One disturbance in five is a hold shorter
+/// than the 20 ms after which a process counts as lost, and changes nothing.) The quick form puts two balls in each way.
 const ENOUGH_BALLS: usize = 6;
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {

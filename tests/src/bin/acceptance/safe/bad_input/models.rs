@@ -41,7 +41,7 @@ struct Model {
     start: fn(&Path) -> Start,
 }
 
-/// Makes damaged content of the shipped one; as late as it is needed, since a model has 16 MB.
+/// Makes damaged content of the shipped one, only when it is tried: a model has 16 MB.
 type Edit = Box<dyn Fn(&[u8]) -> Vec<u8> + Send + Sync>;
 
 /// One thing that is done to a file of weights.

@@ -277,8 +277,8 @@ fn words<'a>(
     })
 }
 
-/// Whether a key is named, as a word of its own. That of a file may be a word of any sentence (`file`, `robot`): only where
-/// it is quoted, or something is said of it, is it the key, and never where it begins a file's name.
+/// Whether a key is named, as a word of its own. A key of a file may be a word of any sentence, too (`file`, `robot`): it counts only
+/// where it is quoted or something is said of it, and never where it begins a file's name.
 fn says_key(text: &str, key: &str, is_of_file: bool) -> bool {
     /// What quotes the word, or lets it stand in a list or at the end of a path of keys.
     const BEFORE: [char; 6] = ['`', '\'', '"', '[', '.', '<'];
@@ -351,7 +351,7 @@ pub(super) enum Kind {
     Misnamed,
 }
 
-/// Of the kinds, those that the issue's line counts as panics, hangs and so on.
+/// The kinds, and what the report calls each of them.
 impl Kind {
     pub(super) const ALL: [(Self, &'static str); 6] = [
         (Self::Panicked, "panics"),

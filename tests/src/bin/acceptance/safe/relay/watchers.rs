@@ -11,7 +11,7 @@ use tests::stack::Part;
 use super::{FAR, PATIENCE, Processes};
 use crate::{Report, Scale};
 
-/// Watchers of the line.
+/// Watchers that must leave room for those who plan and stop.
 const WATCHERS: usize = 10;
 /// More than there are places for.
 const CROWD: usize = 34;

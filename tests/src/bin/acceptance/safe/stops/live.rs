@@ -62,7 +62,7 @@ struct Orders {
 }
 
 impl Orders {
-    /// In motion.
+    /// Gives an order to a robot in motion, and counts whether it is obeyed.
     fn give(&mut self, stack: &mut Stack, command: Command) -> anyhow::Result<()> {
         let is_obeyed = self.at_rest(stack, command)?;
         self.given += 1;
@@ -70,7 +70,7 @@ impl Orders {
         Ok(())
     }
 
-    /// One that does not count, unless it is refused.
+    /// Gives an order to a robot at rest, which counts only where it is refused. Returns whether it is obeyed.
     fn at_rest(&mut self, stack: &mut Stack, command: Command) -> anyhow::Result<bool> {
         let reply = stack.controller.command(command, PROMPT)?;
         if !reply.accepted {

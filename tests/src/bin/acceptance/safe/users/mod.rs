@@ -53,7 +53,7 @@ const MOTIONS: [&[&str]; 2] = [
     ],
 ];
 const WATCH: &[&str] = &["watch", "--rate-hz", "100", "--times", "3"];
-/// What a controller makes of a robot that was killed.
+/// Faults that a controller latches when its robot is killed.
 const ROBOT_GONE: [LoopFault; 2] = [LoopFault::RobotLost, LoopFault::RobotRampedToRest];
 /// What a measurement tries.
 const STEPS: [&str; 6] = [
