@@ -60,10 +60,19 @@ impl Process {
     /// Runs `name` with arguments in the world's environment; its output goes to a log file.
     #[must_use]
     pub fn start(world: &World, name: &str, arguments: &[&str]) -> Self {
-        let log = world.new_log(name);
+        Self::start_program(world, &program(name), arguments)
+    }
+
+    /// Runs the program that a file is, as [`Process::start`] runs those of this build.
+    ///
+    /// # Panics
+    /// Where the path does not end in a name, or the program cannot be run.
+    #[must_use]
+    pub fn start_program(world: &World, program: &Path, arguments: &[&str]) -> Self {
+        let log = world.new_log(&program.file_name().unwrap().to_string_lossy());
         let file = File::create(&log).unwrap();
         let (out, errors) = (file.try_clone().unwrap().into(), file.into());
-        Self::spawn(world, name, arguments, log, [out, errors])
+        Self::spawn(world, program, arguments, log, [out, errors])
     }
 
     /// The same, but what it writes to standard error goes elsewhere.
@@ -71,17 +80,17 @@ impl Process {
     pub fn start_onto(world: &World, name: &str, arguments: &[&str], errors: Stdio) -> Self {
         let log = world.new_log(name);
         let out = File::create(&log).unwrap().into();
-        Self::spawn(world, name, arguments, log, [out, errors])
+        Self::spawn(world, &program(name), arguments, log, [out, errors])
     }
 
     fn spawn(
         world: &World,
-        name: &str,
+        program: &Path,
         arguments: &[&str],
         log: PathBuf,
         [out, errors]: [Stdio; 2],
     ) -> Self {
-        let child = Command::new(program(name))
+        let child = Command::new(program)
             .args(arguments)
             .env("PCC_PREFIX", &world.options.prefix)
             .env("PCC_ROOT", &world.options.root)
