@@ -210,6 +210,8 @@ fn sampler(sampler: codes::Sampler) -> Sampler {
         codes::Sampler::Diffusion => Sampler::Diffusion(Guidance::Pure),
         codes::Sampler::DiffusionPost => Sampler::Diffusion(Guidance::Post),
         codes::Sampler::DiffusionGuided => Sampler::Diffusion(Guidance::Guided),
+        codes::Sampler::StraightDrawn => Sampler::StraightDrawn,
+        codes::Sampler::RrtSmooth => Sampler::RrtSmooth,
     }
 }
 
@@ -328,6 +330,8 @@ mod tests {
             Sampler::Diffusion(Guidance::Pure),
             Sampler::Diffusion(Guidance::Post),
             Sampler::Diffusion(Guidance::Guided),
+            Sampler::StraightDrawn,
+            Sampler::RrtSmooth,
         ]) {
             assert_eq!(sampler(*code), expected);
         }

@@ -30,8 +30,12 @@ enum SamplerName {
     Fast,
     /// Straight segments in configuration space.
     Straight,
+    /// Straight segments with everything that a learned path gets after sampling.
+    StraightDrawn,
     /// A tree of certified edges.
     RrtConnect,
+    /// The tree, whose paths get everything that a learned path gets after sampling.
+    RrtSmooth,
     /// The paper's diffusion model; ask for a deadline of some hundred milliseconds.
     Diffusion,
     /// The paper's diffusion model with post correction in its last steps.
@@ -240,7 +244,9 @@ impl SamplerName {
             Self::Default => Sampler::Default,
             Self::Fast => Sampler::Fast,
             Self::Straight => Sampler::Straight,
+            Self::StraightDrawn => Sampler::StraightDrawn,
             Self::RrtConnect => Sampler::RrtConnect,
+            Self::RrtSmooth => Sampler::RrtSmooth,
             Self::Diffusion => Sampler::Diffusion,
             Self::DiffusionPost => Sampler::DiffusionPost,
             Self::DiffusionGuided => Sampler::DiffusionGuided,

@@ -28,8 +28,12 @@ pub(crate) enum PlannerName {
     Fast,
     /// The null arm: straight segments, the same correction and certificate.
     Straight,
+    /// The null arm with everything that a learned path gets after sampling.
+    StraightDrawn,
     /// RRT-Connect on certified edges.
     RrtConnect,
+    /// RRT-Connect, whose paths get everything that a learned path gets after sampling.
+    RrtSmooth,
     /// The paper's diffusion model.
     Diffusion,
     /// The paper's diffusion model with post correction in its last steps.
@@ -47,7 +51,9 @@ impl PlannerName {
             Self::Default => Sampler::Default,
             Self::Fast => Sampler::Fast,
             Self::Straight => Sampler::Straight,
+            Self::StraightDrawn => Sampler::StraightDrawn,
             Self::RrtConnect => Sampler::RrtConnect,
+            Self::RrtSmooth => Sampler::RrtSmooth,
             Self::Diffusion => Sampler::Diffusion(Guidance::Pure),
             Self::DiffusionPost => Sampler::Diffusion(Guidance::Post),
             Self::DiffusionGuided => Sampler::Diffusion(Guidance::Guided),
@@ -232,7 +238,10 @@ pub(crate) fn load(
             let (model, record) = load_diffusion(robot, arguments)?;
             (models.diffusion, records.diffusion) = (Some(model), Some(record));
         }
-        Some(Sampler::Straight | Sampler::RrtConnect) | None => {}
+        Some(
+            Sampler::Straight | Sampler::StraightDrawn | Sampler::RrtConnect | Sampler::RrtSmooth,
+        )
+        | None => {}
     }
     let planner = Planner::new(robot, models, threads).with_context(|| {
         format!("the planner could not be made (--threads {threads}: fewer are needed where no more can be started)")

@@ -155,16 +155,12 @@ fn paths_of_another_program_are_judged_as_those_of_the_planners() {
 #[test]
 fn options_of_a_model_are_refused_where_nothing_reads_them_and_where_they_are_wrong() {
     let out = empty_folder("evaluate-refused");
-    let classical = ["straight", "rrt-connect"];
-    let fast = ["fast", "default"];
+    let classical = &["straight", "straight-drawn", "rrt-connect", "rrt-smooth"][..];
+    let fast = &["fast", "default"][..];
     let by_steps = ["diffusion", "diffusion-post", "diffusion-guided"];
     for (option, value, planners) in [
-        (
-            "--model",
-            "sampled",
-            [&classical[..], &["proposed"]].concat(),
-        ),
-        ("--evaluations", "2", [&classical[..], &by_steps].concat()),
+        ("--model", "sampled", [classical, &["proposed"]].concat()),
+        ("--evaluations", "2", [classical, &by_steps].concat()),
         ("--steps", "50", [classical, fast].concat()),
         ("--solver", "ddim", [classical, fast].concat()),
         ("--precision", "f32", [classical, fast].concat()),

@@ -193,23 +193,26 @@ impl Run<'_> {
 
     /// Makes a motion of a polyline that a search certified, if that can be timed and certified.
     ///
-    /// The sampler `rrt-connect` keeps to the polyline and rounds its corners as is usual; others do where no smooth path beside it
-    /// serves. The search's interrupt holds for all of it.
+    /// The sampler `rrt-connect` keeps to the polyline and rounds its corners as is usual; `rrt-smooth` finishes this rounded path as
+    /// a sampled one first, and others seek a smooth path beside the polyline. The search's interrupt holds for all of it.
     pub(crate) fn follow(
         &self,
         search: &Search,
         polyline: &[Configuration],
         draw: &mut Draw,
     ) -> bool {
-        let keeps_to_it = self.request.sampler == Sampler::RrtConnect;
         let demands = Demands {
             interrupt: search.interrupt,
             ..self.demands
         };
-        let beside = (!keeps_to_it).then(|| demands.beside(polyline));
-        let followed = beside.flatten().or_else(|| {
-            let rounded = once_with(|| resample(&search.round(polyline)));
-            let ways = rounded.chain(once_with(|| resample(polyline)));
+        let rounded = || resample(&search.round(polyline));
+        let smooth = match self.request.sampler {
+            Sampler::RrtConnect => None,
+            Sampler::RrtSmooth => demands.smoothed(rounded()),
+            _ => demands.beside(polyline),
+        };
+        let followed = smooth.or_else(|| {
+            let ways = once_with(rounded).chain(once_with(|| resample(polyline)));
             demands.along(polyline, ways)
         });
         let Some((path, certified)) = followed else {

@@ -323,6 +323,13 @@ impl Demands<'_> {
         finished.find_map(|finished| Some((finished.path, finished.outcome.ok()?)))
     }
 
+    /// A motion along a path that gets what a sampled one gets: its tip drawn onto a smooth curve, corrected, smoothed after that, and
+    /// delivered as corrected where the smoothed one is refused.
+    pub(crate) fn smoothed(&self, path: Waypoints) -> Option<(Waypoints, Certified)> {
+        let finished = self.finish(path, true, None);
+        Some((finished.path, finished.outcome.ok()?))
+    }
+
     /// Turns the first of these ways along a certified polyline that certifies into a motion; where there is none, the motion
     /// rests at each corner.
     pub(crate) fn along(

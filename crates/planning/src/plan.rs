@@ -20,8 +20,13 @@ pub enum Sampler {
     Fast,
     /// Straight segments in configuration space: the null arm.
     Straight,
+    /// Straight segments with everything that a learned path gets after sampling: the tip drawn onto a smooth curve, smoothing after
+    /// correction, a second delivery where the smoothed path is refused.
+    StraightDrawn,
     /// RRT-Connect on certified edges.
     RrtConnect,
+    /// RRT-Connect, whose rounded paths get everything that a learned path gets after sampling.
+    RrtSmooth,
     /// The paper's diffusion model alone; the goal's end shape is the network's choice.
     Diffusion(Guidance),
 }

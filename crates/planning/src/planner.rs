@@ -235,7 +235,10 @@ impl Planner {
         let (name, loaded) = match sampler {
             Sampler::Default | Sampler::Fast => ("fast", self.models.fast.is_some()),
             Sampler::Diffusion(_) => ("diffusion", self.models.diffusion.is_some()),
-            Sampler::Straight | Sampler::RrtConnect => return Ok(()),
+            Sampler::Straight
+            | Sampler::StraightDrawn
+            | Sampler::RrtConnect
+            | Sampler::RrtSmooth => return Ok(()),
         };
         loaded
             .then_some(())

@@ -129,11 +129,16 @@ impl<'a> Run<'a> {
         let draws = match self.request.sampler {
             Sampler::Default => return Ok(self.default(&aim)),
             Sampler::Fast => return Ok(self.fast(&aim)),
-            Sampler::Straight => {
+            Sampler::Straight | Sampler::StraightDrawn => {
+                let is_rough = self.request.sampler == Sampler::StraightDrawn;
                 let paths = self.straight_paths(&aim.ends);
-                self.finish(draws_of(paths, Source::Straight))
+                let segments = draws_of(paths, Source::Straight).into_iter();
+                let segments = segments.map(|path| Proposal { is_rough, ..path });
+                self.finish(segments.collect())
             }
-            Sampler::RrtConnect | Sampler::Diffusion(_) => self.trees(&aim.goals),
+            Sampler::RrtConnect | Sampler::RrtSmooth | Sampler::Diffusion(_) => {
+                self.trees(&aim.goals)
+            }
         };
         let learned = count_learned(&draws);
         Ok(self.answer(draws, learned))
@@ -142,8 +147,8 @@ impl<'a> Run<'a> {
     /// The answer where there was no time for anything.
     fn truncated(self) -> Plan {
         let source = match self.request.sampler {
-            Sampler::Straight => Source::Straight,
-            Sampler::RrtConnect => Source::Tree,
+            Sampler::Straight | Sampler::StraightDrawn => Source::Straight,
+            Sampler::RrtConnect | Sampler::RrtSmooth => Source::Tree,
             Sampler::Default | Sampler::Fast | Sampler::Diffusion(_) => Source::Learned,
         };
         let draws = vec![unfinished(source, Failure::Truncated); self.request.candidates];

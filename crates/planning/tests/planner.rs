@@ -6,7 +6,7 @@ mod requests;
 use collision::{Ball, Scene};
 use denoiser::{Manifest, Precision, Solver, TemporalUnet};
 use pcc_model::{Configuration, Point, Robot};
-use planning::scenes::{Setting, draw_target, reference_layout};
+use planning::scenes::{Setting, Target, draw_target, reference_layout};
 use planning::{
     Candidate, DiffusionModel, DiffusionSettings, Failure, Goal, Guidance, Infeasible, Models,
     Plan, Planner, PlannerError, Problem, Request, Sampler,
@@ -49,6 +49,24 @@ fn diffusion() -> Models {
 }
 
 const POST: Sampler = Sampler::Diffusion(Guidance::Post);
+/// Those that need no model.
+const CLASSICAL: [Sampler; 4] = [
+    Sampler::Straight,
+    Sampler::StraightDrawn,
+    Sampler::RrtConnect,
+    Sampler::RrtSmooth,
+];
+
+/// The first problems of a setting, from starts that are bent: the tip of a straight robot can set out sideways only.
+fn problems(robot: &Robot, setting: Setting, count: usize) -> Vec<Problem> {
+    let targets = (0..).filter_map(|index| draw_target(robot, setting, 5, index));
+    let problem = |target: Target| Problem {
+        start: target.starts[target.starts.len() - 1],
+        goal: Goal::Tip(target.tip),
+        scene: target.scene,
+    };
+    targets.map(problem).take(count).collect()
+}
 
 #[test]
 fn infeasible_problems_are_named() {
@@ -153,7 +171,7 @@ fn the_same_seed_gives_the_same_bits_with_one_thread_and_with_two() {
         goal: Goal::Tip(target.tip),
         scene: target.scene,
     };
-    for sampler in [Sampler::Straight, Sampler::RrtConnect] {
+    for sampler in CLASSICAL {
         let [one, two] = planners
             .each_ref()
             .map(|p| plan(p, &problem, &request(sampler, 7)).unwrap());
@@ -172,13 +190,60 @@ fn the_same_seed_gives_the_same_bits_with_one_thread_and_with_two() {
 }
 
 #[test]
+fn straight_drawn_gives_the_same_segments_smoother_tips() {
+    let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
+    let (mut both, mut smoother) = (0, 0);
+    for problem in problems(planner.robot(), Setting::General(None), 20) {
+        let of = |sampler| plan(&planner, &problem, &request(sampler, 1)).unwrap();
+        let (straight, drawn) = (of(Sampler::Straight), of(Sampler::StraightDrawn));
+        assert_eq!(straight.draws.len(), drawn.draws.len());
+        for (plain, drawn) in straight.draws.iter().zip(&drawn.draws) {
+            assert_eq!(plain.sampled, drawn.sampled);
+            assert_eq!(plain.source, drawn.source);
+            assert_ne!(drawn.path, drawn.sampled, "its tip is drawn onto a curve");
+            if let (Ok(plain), Ok(drawn)) = (&plain.outcome, &drawn.outcome) {
+                assert!((plain.end() - drawn.end()).norm() < 1e-9);
+                both += 1;
+                let smoothness = [plain, drawn].map(|motion| motion.metrics.tip_smoothness);
+                smoother += usize::from(smoothness[1] < smoothness[0]);
+            }
+        }
+    }
+    assert!(
+        both > 100 && 5 * smoother > 4 * both,
+        "{smoother} of {both}"
+    );
+}
+
+#[test]
+fn rrt_smooth_certifies_what_rrt_connect_does_and_is_mostly_smoother() {
+    let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
+    let (mut both, mut smoother) = (0, 0);
+    for problem in problems(planner.robot(), Setting::Hard, 6) {
+        let of = |sampler| plan(&planner, &problem, &request(sampler, 1)).unwrap();
+        let (tree, smooth) = (of(Sampler::RrtConnect), of(Sampler::RrtSmooth));
+        for (tree, smooth) in tree.draws.iter().zip(&smooth.draws) {
+            assert_eq!(tree.outcome.is_ok(), smooth.outcome.is_ok());
+            if let (Ok(tree), Ok(smooth)) = (&tree.outcome, &smooth.outcome) {
+                assert!((tree.end() - smooth.end()).norm() < 1e-9);
+                both += 1;
+                let smoothness = [tree, smooth].map(|motion| motion.metrics.tip_smoothness);
+                smoother += usize::from(smoothness[1] < smoothness[0]);
+            }
+        }
+    }
+    assert!(both > 40 && 2 * smoother > both, "{smoother} of {both}");
+}
+
+#[test]
 fn an_interrupt_truncates_and_nothing_uncertified_is_delivered() {
     let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
     let problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
-    let answer = planner
-        .plan(&problem, &request(Sampler::Straight, 1), &|| true)
-        .unwrap();
-    assert!(answer.truncated && answer.candidates.is_empty() && answer.selected.is_none());
+    for sampler in CLASSICAL {
+        let answer = planner.plan(&problem, &request(sampler, 1), &|| true);
+        let answer = answer.unwrap();
+        assert!(answer.truncated && answer.candidates.is_empty() && answer.selected.is_none());
+    }
 }
 
 #[test]
@@ -217,7 +282,7 @@ fn a_start_a_little_beyond_the_bending_limit_is_left_from_exactly_there() {
     let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
     let mut problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
     problem.start[2] = planner.robot().bending_limit + 4e-3;
-    for sampler in [Sampler::Straight, Sampler::RrtConnect] {
+    for sampler in CLASSICAL {
         let answer = plan(&planner, &problem, &request(sampler, 1)).unwrap();
         assert!(!answer.candidates.is_empty());
         for candidate in &answer.candidates {
@@ -248,7 +313,7 @@ fn start_and_goal_may_be_the_same_and_scenes_of_any_size_are_answered() {
             goal,
             scene: Scene::new(far_points.clone().collect()).unwrap(),
         };
-        for sampler in [Sampler::Straight, Sampler::RrtConnect] {
+        for sampler in CLASSICAL {
             let answer = plan(
                 &planner,
                 &problem,

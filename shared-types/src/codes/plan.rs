@@ -20,6 +20,10 @@ codes! {
         DiffusionPost = 5 "diffusion-post",
         /// The paper's diffusion model with guided prediction.
         DiffusionGuided = 6 "diffusion-guided",
+        /// Straight segments with everything that a learned path gets after sampling.
+        StraightDrawn = 7 "straight-drawn",
+        /// The classical planner, whose paths get everything that a learned path gets after sampling.
+        RrtSmooth = 8 "rrt-smooth",
     }
 }
 

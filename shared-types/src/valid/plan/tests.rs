@@ -47,9 +47,9 @@ const BAD: &[(Change, PlanField, &str)] = &[
         "0..=60000000000",
     ),
     (
-        |r| r.sampler = 7,
+        |r| r.sampler = 9,
         PlanField::Sampler,
-        "6 (diffusion-guided)",
+        "8 (rrt-smooth)",
     ),
     (|r| r.selection = 6, PlanField::Selection, "5 (by index)"),
     (

@@ -24,11 +24,13 @@ const SCENES: [(Setting, usize); 4] = [
     (Setting::Hard, 20),
 ];
 /// Samplers and their weights.
-const SAMPLERS: [(Sampler, u32); 4] = [
+const SAMPLERS: [(Sampler, u32); 6] = [
     (Sampler::Default, 4),
     (Sampler::Fast, 2),
-    (Sampler::Straight, 2),
-    (Sampler::RrtConnect, 2),
+    (Sampler::Straight, 1),
+    (Sampler::StraightDrawn, 1),
+    (Sampler::RrtConnect, 1),
+    (Sampler::RrtSmooth, 1),
 ];
 /// Ranges of the number of candidates and their weights: most ask for few.
 const CANDIDATES: [([usize; 2], u32); 4] =
@@ -185,7 +187,7 @@ pub(crate) fn spoil(wire: &mut message::PlanRequest, rng: &mut Pcg64) {
         }
         6 => wire.candidate_count = *[0, 65, u32::MAX].choose(rng).expect("there are some"),
         7 => wire.ball_count = rng.random_range(65..=u32::MAX),
-        8 => wire.sampler = rng.random_range(7..=u32::MAX),
+        8 => wire.sampler = rng.random_range(9..=u32::MAX),
         11 => wire.early_candidate_count = rng.random_range(wire.candidate_count + 1..=u32::MAX),
         12 => wire.start_velocity_rad_s[component] = bad,
         13 => (wire.sampler, wire.previous_plan_id) = (2, rng.random_range(1..=u64::MAX)),
