@@ -1,4 +1,4 @@
-//! `pcc evaluate` with four planners on the reference sample and on unseen general scenes.
+//! `pcc evaluate` with six planners on the reference sample and on unseen general scenes.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,14 @@ use crate::runs::{folder, make_dataset, number, run_pcc};
 use crate::second_look::Motions;
 use crate::{Report, Scale};
 
-const PLANNERS: [&str; 4] = ["default", "fast", "straight", "rrt-connect"];
+const PLANNERS: [&str; 6] = [
+    "default",
+    "fast",
+    "straight",
+    "straight-drawn",
+    "rrt-connect",
+    "rrt-smooth",
+];
 /// Seed of the unseen scenes: no data set was made with it.
 const UNSEEN_SEED: u64 = 9001;
 

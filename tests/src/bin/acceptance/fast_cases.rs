@@ -12,7 +12,14 @@ use crate::second_look::Motions;
 use crate::{Report, Scale};
 
 /// What the daemon serves, and what it is compared with.
-pub(crate) const PLANNERS: [&str; 4] = ["default", "fast", "straight", "rrt-connect"];
+pub(crate) const PLANNERS: [&str; 6] = [
+    "default",
+    "fast",
+    "straight",
+    "straight-drawn",
+    "rrt-connect",
+    "rrt-smooth",
+];
 
 const fn by_the_teacher(name: &'static str, seed: u64, targets_for_ten_cases: usize) -> Unseen {
     Unseen {

@@ -86,6 +86,7 @@ fn certified(report: &mut Report, scale: Scale, cases: &Cases, bars: &Bars) -> a
     }
     shares(report, name, bars, &all["fast"], &all["straight"])?;
     tip_ratios(report, name, bars, &all["fast"].0, &all["straight"].0)?;
+    share_of_the_network(report, name, &all["fast"].0, &all["straight-drawn"].0)?;
     let motions: Vec<&Motions> = all.values().map(|(_, motions)| motions).collect();
     feasible(report, name, &all["default"].1, &motions);
     Ok(())
@@ -93,11 +94,12 @@ fn certified(report: &mut Report, scale: Scale, cases: &Cases, bars: &Bars) -> a
 
 fn row(result: &Value) -> anyhow::Result<String> {
     Ok(format!(
-        "certified before fallback {:.2} %, delivered {:.2} %, answered {:.2} %, tip length ÷ distance {:.3}, duration {:.2} s, modes {:.2}, {:.2} ms (p99 {:.2})",
+        "certified before fallback {:.2} %, delivered {:.2} %, answered {:.2} %, tip length ÷ distance {:.3}, tip smoothness {:.3e}, duration {:.2} s, modes {:.2}, {:.2} ms (p99 {:.2})",
         100.0 * number(result, "/share_before_fallback")?,
         100.0 * number(result, "/share_delivered")?,
         100.0 * number(result, "/success_any")?,
         number(result, "/tip_length_ratio/median")?,
+        number(result, "/tip_smoothness/median")?,
         number(result, "/duration_s/median")?,
         number(result, "/modes/mean")?,
         1e3 * number(result, "/seconds/median")?,
@@ -148,6 +150,31 @@ fn tip_ratios(
         Some(bar) => report.check(&line, figure, &format!("<= {bar}"), fast <= bar),
         None => report.check(&line, figure, "< straight's", fast < straight),
     }
+    Ok(())
+}
+
+/// What is the network's, and not that of what its paths go through after sampling.
+fn share_of_the_network(
+    report: &mut Report,
+    name: &str,
+    fast: &Value,
+    drawn: &Value,
+) -> anyhow::Result<()> {
+    let both = |path: &str| {
+        let [fast, drawn] = [fast, drawn].map(|result| number(result, path));
+        Ok::<_, anyhow::Error>((fast?, drawn?))
+    };
+    let (certified, drawn_certified) = both("/share_before_fallback")?;
+    let (ratio, drawn_ratio) = both("/tip_length_ratio/median")?;
+    let (smoothness, drawn_smoothness) = both("/tip_smoothness/median")?;
+    let line = format!("{name}: the network's share, fast beside straight-drawn");
+    let figure = format!(
+        "certified {:+.2} points, tip length ÷ distance {:+.3} ({ratio:.3} and {drawn_ratio:.3}), tip smoothness × {:.3} ({smoothness:.3e} and {drawn_smoothness:.3e})",
+        100.0 * (certified - drawn_certified),
+        ratio - drawn_ratio,
+        smoothness / drawn_smoothness,
+    );
+    report.shown(&line, figure);
     Ok(())
 }
 

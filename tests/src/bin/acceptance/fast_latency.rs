@@ -21,11 +21,13 @@ use crate::spread::{Spread, median};
 use crate::{Report, Scale};
 
 /// Asked in turns, each with every request.
-const SAMPLERS: [Sampler; 4] = [
+const SAMPLERS: [Sampler; 6] = [
     Sampler::Default,
     Sampler::Fast,
     Sampler::RrtConnect,
+    Sampler::RrtSmooth,
     Sampler::Straight,
+    Sampler::StraightDrawn,
 ];
 /// The temporal U-Net, asked afterwards: its requests take some hundred times as long.
 const NETWORK: Sampler = Sampler::DiffusionPost;
@@ -210,8 +212,8 @@ fn without_a_known_way(
 fn ratios(report: &mut Report, scenes: &Scenes, turns: &Turns) -> anyhow::Result<()> {
     let default = turns.times(Sampler::Default).median();
     let line = |other: &str| format!("latency, {}: {other} ÷ default, medians", scenes.name);
-    for sampler in [Sampler::RrtConnect, Sampler::Straight] {
-        let ratio = turns.times(sampler).median() / default;
+    for sampler in &SAMPLERS[2..] {
+        let ratio = turns.times(*sampler).median() / default;
         report.shown(&line(sampler.text()), format!("{ratio:.2}"));
     }
     let python = authors_ms(scenes.authors)?;

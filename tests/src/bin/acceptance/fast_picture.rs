@@ -6,7 +6,14 @@ use anyhow::Context;
 use plotters::prelude::*;
 
 const SIZE: (u32, u32) = (900, 600);
-const COLOURS: [RGBColor; 4] = [BLACK, RED, BLUE, RGBColor(0, 130, 0)];
+const COLOURS: [RGBColor; 6] = [
+    BLACK,
+    RED,
+    BLUE,
+    RGBColor(90, 170, 255),
+    RGBColor(0, 130, 0),
+    RGBColor(150, 200, 90),
+];
 /// Room around the points, as a factor.
 const ROOM: f64 = 1.1;
 
@@ -16,7 +23,7 @@ pub(crate) struct Curve {
     pub(crate) points: Vec<(f64, f64)>,
 }
 
-/// Draws up to four curves into an SVG file.
+/// Draws up to six curves into an SVG file.
 pub(crate) fn draw(file: &Path, caption: &str, curves: &[Curve]) -> anyhow::Result<()> {
     let points = || curves.iter().flat_map(|curve| curve.points.iter().copied());
     let range = |of: fn((f64, f64)) -> f64| {

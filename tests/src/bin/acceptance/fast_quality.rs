@@ -157,7 +157,8 @@ fn quality(report: &mut Report, scale: Scale, unseen: &Unseen) -> anyhow::Result
     let cases = Cases::unseen(unseen, count(scale))?;
     let name = cases.name;
     let of = |planner, candidates| Candidates::of(report, scale, &cases, planner, candidates);
-    let [default, fast, straight, tree] = PLANNERS.map(|planner| of(planner, CANDIDATES));
+    let [default, fast, straight, tree] =
+        ["default", "fast", "straight", TREE].map(|planner| of(planner, CANDIDATES));
     let (default, fast, straight, tree) = (default?, fast?, straight?, tree?);
     let affordable = CANDIDATES as f64 * fast.median_ms()? / tree.median_ms()?;
     let affordable = (affordable as usize).clamp(1, 64);

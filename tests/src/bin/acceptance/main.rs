@@ -113,13 +113,14 @@ fn main() -> ExitCode {
     let (name, full, only) = match words[..] {
         [name] => (name, false, ""),
         [name, "--full"] => (name, true, ""),
+        [name, "--only", only] => (name, false, only),
         [name, "--full", "--only", only] => (name, true, only),
         _ => ("", false, ""),
     };
     let Some(suite) = SUITES.iter().find(|suite| suite.name == name) else {
         let names: Vec<&str> = SUITES.iter().map(|suite| suite.name).collect();
         eprintln!(
-            "usage: acceptance {} [--full [--only PART_OF_A_GROUP_S_NAME]]",
+            "usage: acceptance {} [--full] [--only PART_OF_A_GROUP_S_NAME]",
             names.join("|")
         );
         return ExitCode::from(2);

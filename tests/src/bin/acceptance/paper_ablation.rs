@@ -14,16 +14,18 @@ use crate::runs::{Model, Unseen, figure, number};
 use crate::spread::median;
 use crate::{Report, Scale};
 
-const PLANNERS: [&str; 4] = [
+const PLANNERS: [&str; 5] = [
     "diffusion",
     "diffusion-post",
     "diffusion-guided",
     "straight",
+    "straight-drawn",
 ];
 const PURE: &str = PLANNERS[0];
 const POST: &str = PLANNERS[1];
 const GUIDED: &str = PLANNERS[2];
-const NULL_ARM: &str = PLANNERS[3];
+/// Those that sample nothing, the null arms.
+const NULL_ARMS: [&str; 2] = [PLANNERS[3], PLANNERS[4]];
 const STEPS: [usize; 8] = [1, 2, 4, 8, 10, 15, 25, 50];
 const SOLVERS: [&str; 2] = ["ddim", "dpm-solver"];
 /// Times of the pure sampler that the guided one may take.
@@ -101,7 +103,7 @@ fn ablation(
     for planner in PLANNERS {
         let evaluation = evaluation(name, &dataset, &model, planner, wanted);
         let result = evaluation.run(report, scale)?;
-        let row = if planner == NULL_ARM {
+        let row = if NULL_ARMS.contains(&planner) {
             corrected_row(&result)?
         } else {
             sampled_row(&result)?
