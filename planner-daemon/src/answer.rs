@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::port::{LoanError, SendError};
 use pcc_model::Robot;
-use planning::{Candidate, Failure, Goal, Plan, PlannerError, select};
+use planning::{Candidate, Failure, Goal, Plan, PlannerError, Source, select};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::{Outcome, Stage};
 use shared_types::ipc::PlanActiveRequest;
@@ -128,7 +128,9 @@ impl Answer {
             *summary = wire::summary(candidate, first, tip_error, section_length_m);
             first += candidate.trajectory.knots().len();
         }
-        let learned = |candidate: &&Candidate| candidate.source == planning::Source::Learned;
+        let learned = |candidate: &&Candidate| {
+            matches!(candidate.source, Source::Learned | Source::Explored)
+        };
         let learned = self.candidates.iter().filter(learned).count();
         self.report.classical_certified = (self.candidates.len() - learned) as u32;
     }

@@ -84,6 +84,7 @@ pub(crate) fn infeasible(infeasible: &Infeasible, goal: &Goal, section_length_m:
 pub(crate) fn source(source: Source) -> codes::Source {
     match source {
         Source::Learned => codes::Source::Learned,
+        Source::Explored => codes::Source::Explored,
         Source::Straight => codes::Source::StraightLine,
         Source::Tree => codes::Source::Classical,
         Source::Kept => codes::Source::Kept,
@@ -228,6 +229,7 @@ mod tests {
     #[test]
     fn every_source_has_its_code() {
         assert_eq!(source(Source::Learned), codes::Source::Learned);
+        assert_eq!(source(Source::Explored), codes::Source::Explored);
         assert_eq!(source(Source::Straight), codes::Source::StraightLine);
         assert_eq!(source(Source::Tree), codes::Source::Classical);
         assert_eq!(source(Source::Kept), codes::Source::Kept);

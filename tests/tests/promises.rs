@@ -121,7 +121,9 @@ fn delivered_candidates_keep_every_promise() {
             Sampler::Default,
             Sampler::Fast,
             Sampler::Straight,
+            Sampler::StraightDrawn,
             Sampler::RrtConnect,
+            Sampler::RrtSmooth,
         ] {
             let request = Request {
                 candidates: 10,
@@ -145,7 +147,7 @@ fn delivered_candidates_keep_every_promise() {
                 assert!((target.tip - pcc_model::Point::from(tip)).norm() < 1e-6);
                 judge.judge(knots, &balls);
                 match candidate.source {
-                    Source::Learned => learned += 1,
+                    Source::Learned | Source::Explored => learned += 1,
                     Source::Straight => straight += 1,
                     Source::Tree => trees += 1,
                     Source::Kept => panic!("there was no plan before"),

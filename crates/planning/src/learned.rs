@@ -156,7 +156,7 @@ impl<'a> Drawing<'a> {
         let paths = paths.map(|(residual, goal)| self.bend(goal, residual));
         let proposal = |(draw, path)| Proposal {
             draw: Some(draw),
-            ..rough(path)
+            ..rough(path, Source::Learned)
         };
         (first..).zip(paths).map(proposal).collect()
     }
@@ -178,7 +178,8 @@ impl<'a> Drawing<'a> {
             let (places, paths): (Vec<usize>, Vec<Waypoints>) =
                 self.promising(aim, &features, round).into_iter().unzip();
             laps.sample += lap(&mut clock);
-            let finished = self.run.finish_each(paths.into_iter().map(rough).collect());
+            let proposals = paths.into_iter().map(|path| rough(path, Source::Explored));
+            let finished = self.run.finish_each(proposals.collect());
             lap(&mut clock);
             let is_found = finished.iter().any(|(draw, _)| draw.outcome.is_ok());
             explored.drawn += DRAWN;
@@ -261,10 +262,10 @@ impl<'a> Drawing<'a> {
 }
 
 /// A path of the model, whose tip is to be drawn onto a smooth curve.
-fn rough(path: Waypoints) -> Proposal {
+fn rough(path: Waypoints, source: Source) -> Proposal {
     Proposal {
         is_rough: true,
-        ..Proposal::of(path, Source::Learned)
+        ..Proposal::of(path, source)
     }
 }
 

@@ -34,8 +34,10 @@ pub enum Sampler {
 /// Who proposed a path.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Source {
-    /// The learned sampler.
+    /// The learned sampler, in one of the draws that were asked for.
     Learned,
+    /// The learned sampler, from wider noise, where none of these draws was certified.
+    Explored,
     /// A straight segment in configuration space.
     Straight,
     /// The tree, RRT-Connect.

@@ -5,7 +5,7 @@ mod requests;
 mod shipped;
 
 use planning::scenes::{Setting, draw_target};
-use planning::{Candidate, Failure, Goal, Plan, Planner, Problem, Request, Sampler};
+use planning::{Candidate, Failure, Goal, Plan, Planner, Problem, Request, Sampler, Source};
 use shipped::planner;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -42,6 +42,8 @@ fn exploring_gives_the_same_bits_with_one_thread_and_with_two() {
     let [one, two] = [1, 2].map(planner);
     let (problem, seed, plan) = explored(&one);
     assert_eq!(plan.learned_certified, 0, "it is not counted as a draw");
+    let is_explored = |candidate: &Candidate| candidate.source == Source::Explored;
+    assert!(plan.candidates.iter().all(is_explored));
     let other = two.plan(&problem, &request(seed), &|| false).unwrap();
     assert_eq!(plan.explored, other.explored);
     let knots = |plan: &Plan| -> Vec<_> {

@@ -69,6 +69,8 @@ codes! {
         StraightLine = 3 "straight line",
         /// The rest of the previous plan's motion.
         Kept = 4 "kept",
+        /// The learned sampler, from wider noise, where none of the draws asked for was certified.
+        Explored = 5 "explored",
     }
 }
 

@@ -26,16 +26,7 @@ pub(super) fn write(file: &Path, answers: &[Answer], slots: usize) -> Result<(),
             .iter()
             .flat_map(|d| values_of(d.and_then(|d| d.sampled.as_ref()))),
     )?;
-    archive.write(
-        "certified",
-        &[cases, slots],
-        draws.iter().map(|d| u8::from(motion(*d).is_some())),
-    )?;
-    archive.write(
-        "source",
-        &[cases, slots],
-        draws.iter().map(|d| source_code(*d)),
-    )?;
+    write_verdicts(&mut archive, &draws, &[cases, slots])?;
     archive.write(
         "drawn",
         &[cases],
@@ -61,6 +52,18 @@ pub(super) fn write(file: &Path, answers: &[Answer], slots: usize) -> Result<(),
         draws.iter().flat_map(|d| knot_values(*d, knots)),
     )?;
     archive.finish()
+}
+
+fn write_verdicts(
+    archive: &mut ArchiveWriter,
+    draws: &[Option<&Draw>],
+    shape: &[usize],
+) -> Result<(), ArchiveError> {
+    let certified = draws.iter().map(|d| u8::from(d.is_some_and(is_certified)));
+    archive.write("certified", shape, certified)?;
+    let delivered = draws.iter().map(|d| u8::from(motion(*d).is_some()));
+    archive.write("delivered", shape, delivered)?;
+    archive.write("source", shape, draws.iter().map(|d| source_code(*d)))
 }
 
 fn write_cases(archive: &mut ArchiveWriter, answers: &[Answer]) -> Result<(), ArchiveError> {
@@ -109,7 +112,7 @@ fn motion(draw: Option<&Draw>) -> Option<&Trajectory> {
         .map(|motion| &*motion.trajectory)
 }
 
-/// The executed curve's samples where it is certified, else the path that was drawn.
+/// The executed curve's samples where there is one, else the path that was drawn.
 fn path_values(draw: Option<&Draw>) -> Vec<f64> {
     let sampled = motion(draw).map(|t| t.sample(WAYPOINTS));
     values_of(
@@ -130,6 +133,11 @@ fn values_of(path: Option<&Waypoints>) -> Vec<f64> {
     )
 }
 
+/// Whether it was one of the draws asked for, or filled in: what exploring found came in addition.
+fn is_certified(draw: &Draw) -> bool {
+    draw.outcome.is_ok() && draw.source != Source::Explored
+}
+
 fn source_code(draw: Option<&Draw>) -> u8 {
     match draw {
         Some(Draw {
@@ -142,6 +150,11 @@ fn source_code(draw: Option<&Draw>) -> u8 {
             source: Source::Straight | Source::Tree,
             ..
         }) => 2,
+        Some(Draw {
+            path: Some(_),
+            source: Source::Explored,
+            ..
+        }) => 3,
         _ => 0,
     }
 }
@@ -163,4 +176,53 @@ fn knot_values(draw: Option<&Draw>, count: usize) -> Vec<f64> {
         .flat_map(|i| triple(known.get(i)))
         .flat_map(|v| v.iter().copied().collect::<Vec<_>>())
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use planning::{Certified, Failure, PathMetrics};
+
+    fn motion_at_rest() -> Certified {
+        let knot = |time| Knot {
+            time,
+            position: Configuration::zeros(),
+            velocity: Configuration::zeros(),
+            acceleration: Configuration::zeros(),
+        };
+        Certified {
+            trajectory: Trajectory::new(vec![knot(0.0), knot(1.0)]).unwrap().into(),
+            metrics: PathMetrics {
+                duration_s: 1.0,
+                tip_length: 0.0,
+                tip_distance: 0.0,
+                tip_smoothness: 0.0,
+                clearance: 1.0,
+                configuration_length: 0.0,
+            },
+        }
+    }
+
+    #[test]
+    fn what_exploring_found_is_delivered_and_not_certified() {
+        let draw = |source, outcome| Draw {
+            sampled: None,
+            path: Some(vec![Configuration::zeros(); WAYPOINTS]),
+            source,
+            outcome,
+        };
+        for (source, code, counts) in [
+            (Source::Learned, 1, true),
+            (Source::Straight, 2, true),
+            (Source::Tree, 2, true),
+            (Source::Explored, 3, false),
+        ] {
+            let found = draw(source, Ok(motion_at_rest()));
+            assert_eq!(is_certified(&found), counts);
+            assert!(motion(Some(&found)).is_some());
+            assert_eq!(source_code(Some(&found)), code);
+            let failed = draw(source, Err(Failure::Collision));
+            assert!(!is_certified(&failed) && motion(Some(&failed)).is_none());
+        }
+    }
 }

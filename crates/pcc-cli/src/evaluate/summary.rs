@@ -4,7 +4,7 @@ use super::{Answer, Arguments};
 use crate::planner::{ModelRecords, name_of};
 use pcc_model::{Configuration, Robot};
 use planning::{
-    Candidate, Draw, Failure, Plan, SampledVerdict, SetMetrics, Waypoints, set_metrics,
+    Candidate, Draw, Failure, Plan, SampledVerdict, SetMetrics, Source, Waypoints, set_metrics,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -25,32 +25,15 @@ pub(super) struct Summary {
     machine: String,
     /// Requests refused as infeasible, by reason.
     infeasible: BTreeMap<String, usize>,
-    /// Share of the requests with at least one certified candidate.
-    success_any: f64,
-    /// Share of the requests whose first draw is certified.
-    success_first: f64,
-    /// Share of all draws certified (for the learned sampler: before anything is filled).
-    share_before_fallback: f64,
+    #[serde(flatten)]
+    shares: Shares,
     /// What was sampled, by the paper's criterion.
     sampled: Sampled,
-    /// Share of all candidates asked for that were delivered certified.
-    share_delivered: f64,
-    /// Share of the requests with at least one certified learned candidate.
-    learned_any: f64,
     failures: BTreeMap<String, usize>,
-    /// Distance of the tip's end from the target over the certified, section lengths.
-    tip_error: Spread,
-    /// The same ÷ 3 L, the robot's length.
-    tip_error_of_robot_length: Spread,
-    clearance: Spread,
-    tip_length_ratio: Spread,
-    tip_smoothness: Spread,
-    configuration_length_rad: Spread,
-    duration_s: Spread,
-    modes: Spread,
-    mean_distance_rad: Spread,
-    min_distance_rad: Spread,
-    vendi: Spread,
+    #[serde(flatten)]
+    paths: PathFigures,
+    #[serde(flatten)]
+    sets: SetFigures,
     seconds: Spread,
     stage_seconds: BTreeMap<&'static str, Spread>,
 }
@@ -135,32 +118,107 @@ impl Spread {
     }
 }
 
+/// How many requests and candidates are certified, and how many were delivered.
+#[derive(Serialize)]
+struct Shares {
+    /// Share of the requests with at least one certified candidate.
+    success_any: f64,
+    /// Share of the requests with at least one candidate, what exploring found included.
+    answered_any: f64,
+    /// Share of the requests whose first draw is certified.
+    success_first: f64,
+    /// Share of all draws certified (for the learned sampler: before anything is filled).
+    share_before_fallback: f64,
+    /// Share of all candidates asked for that were delivered, what exploring found included.
+    share_delivered: f64,
+    /// Share of the requests with at least one certified learned candidate.
+    learned_any: f64,
+}
+
+impl Shares {
+    fn of(plans: &[&Plan], cases: usize, candidates: usize) -> Self {
+        let requests = |holds: fn(&Plan) -> bool| {
+            plans.iter().filter(|plan| holds(plan)).count() as f64 / cases as f64
+        };
+        let asked = (cases * candidates) as f64;
+        let delivered: usize = plans.iter().map(|plan| plan.candidates.len()).sum();
+        Self {
+            success_any: requests(|plan| certified(plan).next().is_some()),
+            answered_any: requests(|plan| !plan.candidates.is_empty()),
+            success_first: requests(|plan| certified(plan).any(|c| c.draw == 0)),
+            share_before_fallback: before_fallback(plans) as f64 / asked,
+            share_delivered: delivered as f64 / asked,
+            learned_any: requests(|plan| plan.learned_certified > 0),
+        }
+    }
+}
+
+/// Figures of merit over all certified candidates.
+#[derive(Serialize)]
+struct PathFigures {
+    /// Distance of the tip's end from the target, section lengths.
+    tip_error: Spread,
+    /// The same ÷ 3 L, the robot's length.
+    tip_error_of_robot_length: Spread,
+    clearance: Spread,
+    tip_length_ratio: Spread,
+    tip_smoothness: Spread,
+    configuration_length_rad: Spread,
+    duration_s: Spread,
+}
+
+impl PathFigures {
+    fn of(robot: &Robot, answers: &[Answer]) -> Self {
+        let all: Vec<(&Answer, &Candidate)> = answers.iter().flat_map(certified_of).collect();
+        let path =
+            |figure: fn(&Candidate) -> f64| Spread::of(all.iter().map(move |(_, c)| figure(c)));
+        let tip_error =
+            |(a, c): &(&Answer, &Candidate)| (robot.tip(&c.end()) - a.case.target_tip).norm();
+        let robot_length: f64 = robot.section_lengths.iter().sum();
+        Self {
+            tip_error: Spread::of(all.iter().map(tip_error)),
+            tip_error_of_robot_length: Spread::of(all.iter().map(|c| tip_error(c) / robot_length)),
+            clearance: path(|c| c.metrics.clearance),
+            tip_length_ratio: path(|c| c.metrics.tip_length / c.metrics.tip_distance),
+            tip_smoothness: path(|c| c.metrics.tip_smoothness),
+            configuration_length_rad: path(|c| c.metrics.configuration_length),
+            duration_s: path(|c| c.metrics.duration_s),
+        }
+    }
+}
+
+/// Figures of the end shapes of a request's certified candidates, over all requests.
+#[derive(Serialize)]
+struct SetFigures {
+    modes: Spread,
+    mean_distance_rad: Spread,
+    min_distance_rad: Spread,
+    vendi: Spread,
+}
+
+impl SetFigures {
+    fn of(plans: &[&Plan]) -> Self {
+        let sets: Vec<SetMetrics> = plans.iter().map(|plan| end_shapes(plan)).collect();
+        Self {
+            modes: Spread::of(sets.iter().map(|s| s.modes as f64)),
+            mean_distance_rad: Spread::of(sets.iter().map(|s| s.mean_distance_rad)),
+            min_distance_rad: Spread::of(sets.iter().map(|s| s.min_distance_rad)),
+            vendi: Spread::of(sets.iter().map(|s| s.vendi)),
+        }
+    }
+}
+
 pub(super) fn summarise(
     robot: &Robot,
     arguments: &Arguments,
     models: ModelRecords,
     answers: &[Answer],
 ) -> Summary {
-    let plans: Vec<&Plan> = answers
-        .iter()
-        .filter_map(|a| a.plan.as_ref().ok())
-        .collect();
-    let certified: Vec<(&Answer, &Candidate)> = answers
-        .iter()
-        .flat_map(|a| {
-            a.plan
-                .iter()
-                .flat_map(move |p| p.candidates.iter().map(move |c| (a, c)))
-        })
-        .collect();
-    let asked = (answers.len() * arguments.candidates) as f64;
-    let share = |count: usize| count as f64 / answers.len() as f64;
-    let path =
-        |figure: fn(&Candidate) -> f64| Spread::of(certified.iter().map(move |(_, c)| figure(c)));
-    let sets: Vec<SetMetrics> = plans.iter().map(|p| end_shapes(p)).collect();
-    let tip_error =
-        |(a, c): &(&Answer, &Candidate)| (robot.tip(&c.end()) - a.case.target_tip).norm();
-    let robot_length: f64 = robot.section_lengths.iter().sum();
+    let plans = answers.iter().filter_map(|a| a.plan.as_ref().ok());
+    let plans: Vec<&Plan> = plans.collect();
+    let refused = answers.iter().filter_map(|a| a.plan.as_ref().err());
+    let draws = plans.iter().flat_map(|p| &p.draws);
+    let failed = draws.filter_map(|d| d.outcome.as_ref().err());
     Summary {
         planner: name_of(&arguments.planner),
         models,
@@ -172,49 +230,30 @@ pub(super) fn summarise(
         seed: arguments.seed,
         threads: arguments.threads,
         machine: machine(),
-        infeasible: count(
-            answers
-                .iter()
-                .filter_map(|a| a.plan.as_ref().err())
-                .map(|reason| first_words(&reason.to_string())),
-        ),
-        success_any: share(plans.iter().filter(|p| !p.candidates.is_empty()).count()),
-        success_first: share(
-            plans
-                .iter()
-                .filter(|p| p.draws.first().is_some_and(|d| d.outcome.is_ok()))
-                .count(),
-        ),
-        share_before_fallback: before_fallback(&plans) as f64 / asked,
+        infeasible: count(refused.map(|reason| first_words(&reason.to_string()))),
+        shares: Shares::of(&plans, answers.len(), arguments.candidates),
         sampled: Sampled::of(robot, arguments, answers),
-        share_delivered: certified.len() as f64 / asked,
-        learned_any: share(plans.iter().filter(|p| p.learned_certified > 0).count()),
-        failures: count(
-            plans
-                .iter()
-                .flat_map(|p| &p.draws)
-                .filter_map(|d| d.outcome.as_ref().err())
-                .map(Failure::to_string),
-        ),
-        tip_error: Spread::of(certified.iter().map(tip_error)),
-        tip_error_of_robot_length: Spread::of(
-            certified.iter().map(|c| tip_error(c) / robot_length),
-        ),
-        clearance: path(|c| c.metrics.clearance),
-        tip_length_ratio: path(|c| c.metrics.tip_length / c.metrics.tip_distance),
-        tip_smoothness: path(|c| c.metrics.tip_smoothness),
-        configuration_length_rad: path(|c| c.metrics.configuration_length),
-        duration_s: path(|c| c.metrics.duration_s),
-        modes: Spread::of(sets.iter().map(|s| s.modes as f64)),
-        mean_distance_rad: Spread::of(sets.iter().map(|s| s.mean_distance_rad)),
-        min_distance_rad: Spread::of(sets.iter().map(|s| s.min_distance_rad)),
-        vendi: Spread::of(sets.iter().map(|s| s.vendi)),
+        failures: count(failed.map(Failure::to_string)),
+        paths: PathFigures::of(robot, answers),
+        sets: SetFigures::of(&plans),
         seconds: Spread::of(answers.iter().map(|a| a.seconds)),
         stage_seconds: stages(&plans),
     }
 }
 
-/// The paper's criterion on one path of every draw that has it, case by case.
+/// The certified candidates of a plan: those that were drawn or filled in, not those that exploring found in addition.
+fn certified(plan: &Plan) -> impl Iterator<Item = &Candidate> {
+    let candidates = plan.candidates.iter();
+    candidates.filter(|candidate| candidate.source != Source::Explored)
+}
+
+/// The certified candidates of an answer, each with it.
+fn certified_of(answer: &Answer) -> impl Iterator<Item = (&Answer, &Candidate)> {
+    let candidates = answer.plan.iter().flat_map(certified);
+    candidates.map(move |candidate| (answer, candidate))
+}
+
+/// The paper's criterion on one path of every draw asked for that has it, case by case.
 fn verdicts(
     robot: &Robot,
     answers: &[Answer],
@@ -225,6 +264,7 @@ fn verdicts(
             .plan
             .iter()
             .flat_map(|plan| &plan.draws)
+            .filter(|draw| draw.source != Source::Explored)
             .filter_map(&path);
         let judge = |path: &Waypoints| {
             SampledVerdict::of(robot, &answer.case.scene, &answer.case.target_tip, path)
@@ -236,7 +276,7 @@ fn verdicts(
 
 /// Figures of the end shapes of a plan's certified candidates.
 fn end_shapes(plan: &Plan) -> SetMetrics {
-    let ends: Vec<Configuration> = plan.candidates.iter().map(Candidate::end).collect();
+    let ends: Vec<Configuration> = certified(plan).map(Candidate::end).collect();
     set_metrics(&ends)
 }
 
@@ -298,8 +338,8 @@ pub(super) fn print(s: &Summary) {
     );
     say!(
         "  certified before fallback {:6.2} %   delivered {:6.2} %",
-        100.0 * s.share_before_fallback,
-        100.0 * s.share_delivered
+        100.0 * s.shares.share_before_fallback,
+        100.0 * s.shares.share_delivered
     );
     let corrected = 100.0 * s.sampled.success_corrected;
     if s.sampled.paths > 0 {
@@ -313,18 +353,18 @@ pub(super) fn print(s: &Summary) {
     }
     say!(
         "  requests answered         {:6.2} %   with a learned candidate {:6.2} %",
-        100.0 * s.success_any,
-        100.0 * s.learned_any
+        100.0 * s.shares.answered_any,
+        100.0 * s.shares.learned_any
     );
     say!(
         "  tip length / distance     {:6.3} median   duration {:.2} s median",
-        s.tip_length_ratio.median,
-        s.duration_s.median
+        s.paths.tip_length_ratio.median,
+        s.paths.duration_s.median
     );
     say!(
         "  terminal modes            {:6.1} mean     Vendi {:.2} mean",
-        s.modes.mean,
-        s.vendi.mean
+        s.sets.modes.mean,
+        s.sets.vendi.mean
     );
     say!(
         "  time per request          {:6.2} ms median, {:.2} ms p99",

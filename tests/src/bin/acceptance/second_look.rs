@@ -9,6 +9,9 @@ use tests::knots;
 use tests::programs::repository;
 use trajectory::{Knot, Trajectory};
 
+/// Who proposed a path, in the array `source` of `paths.npz`.
+const LEARNED: u8 = 1;
+const EXPLORED: u8 = 3;
 /// Tip error that counts as reached, section lengths.
 pub(crate) const TIP_TOLERANCE: f64 = 0.01;
 
@@ -87,7 +90,11 @@ impl Demand<'_> {
 /// The arrays of `paths.npz` that say what was asked and what would be executed.
 pub(crate) struct Motions {
     certified: Vec<u8>,
+    /// Those that were certified in addition by exploring, too.
+    delivered: Vec<u8>,
     source: Vec<u8>,
+    /// Draws of each case, those of exploring included.
+    drawn: Vec<i64>,
     slots: usize,
     starts: Vec<f64>,
     targets: Vec<f64>,
@@ -115,7 +122,9 @@ impl Motions {
         let (times, shape_of_times) = archive.read("knot_time")?;
         Ok(Self {
             certified,
+            delivered: archive.read("delivered")?.0,
             source: archive.read("source")?.0,
+            drawn: archive.read("drawn")?.0,
             slots: usize::try_from(shape[1])?,
             starts: archive.read("starts")?.0,
             targets: archive.read("target_tips")?.0,
@@ -133,29 +142,50 @@ impl Motions {
         self.certified.len() / self.slots
     }
 
-    /// Share of all candidates asked for that are certified.
+    /// Share of all candidates asked for that are certified, without what exploring adds.
     pub(crate) fn share(&self) -> f64 {
         let certified = self.certified.iter().filter(|c| **c == 1).count();
         certified as f64 / self.certified.len() as f64
     }
 
-    /// The certified slots of a case.
+    /// The certified slots of a case, without those that exploring filled.
     pub(crate) fn certified(&self, case: usize) -> impl Iterator<Item = usize> {
         let slots = case * self.slots..(case + 1) * self.slots;
         slots.filter(|&slot| self.certified[slot] == 1)
     }
 
-    /// Whether a case has a certified candidate.
+    /// The slots of a case with a motion, those that exploring filled included.
+    pub(crate) fn delivered(&self, case: usize) -> impl Iterator<Item = usize> {
+        let slots = case * self.slots..(case + 1) * self.slots;
+        slots.filter(|&slot| self.delivered[slot] == 1)
+    }
+
+    /// Cases in which exploring drew more than was asked for, the motions that it found there, and what counts as certified there all
+    /// the same: it begins only where no draw is certified.
+    pub(crate) fn explored(&self) -> (usize, usize, Vec<String>) {
+        let has_explored = |case: &usize| self.drawn[*case] > self.slots as i64;
+        let cases: Vec<usize> = (0..self.cases()).filter(has_explored).collect();
+        let found = cases.iter().flat_map(|&case| self.delivered(case));
+        let found = found.filter(|&slot| self.source[slot] == EXPLORED).count();
+        let certified = cases
+            .iter()
+            .flat_map(|&case| self.certified(case).map(move |slot| (case, slot)));
+        let name = |(case, slot): (usize, usize)| format!("case {case}, slot {slot}");
+        (cases.len(), found, certified.map(name).collect())
+    }
+
+    /// Whether a case has a candidate, be it one that exploring found.
     pub(crate) fn is_answered(&self, case: usize) -> bool {
-        self.certified(case).next().is_some()
+        self.delivered(case).next().is_some()
     }
 
     /// Whether a case has a certified candidate of the learned sampler.
     pub(crate) fn has_learned(&self, case: usize) -> bool {
-        self.certified(case).any(|slot| self.source[slot] == 1)
+        self.certified(case)
+            .any(|slot| self.source[slot] == LEARNED)
     }
 
-    /// The motion of a certified slot.
+    /// The motion of a delivered slot.
     pub(crate) fn motion(&self, slot: usize) -> anyhow::Result<Trajectory> {
         let times = &self.times[slot * self.width..(slot + 1) * self.width];
         let knot = |(i, time): (usize, &f64)| {
@@ -177,9 +207,9 @@ impl Motions {
         Ok(Trajectory::new(known.map(knot).collect())?)
     }
 
-    /// Looks at every so many-th certified motion: how many, and those that are contradicted.
+    /// Looks at every so many-th delivered motion: how many, and those that are contradicted.
     pub(crate) fn contradicted(&self, robot: &Robot, every: usize) -> (usize, Vec<String>) {
-        let slots = (0..self.cases()).flat_map(|case| self.certified(case).map(move |s| (case, s)));
+        let slots = (0..self.cases()).flat_map(|case| self.delivered(case).map(move |s| (case, s)));
         let (mut looked_at, mut contradicted) = (0, Vec::new());
         for (case, slot) in slots.step_by(every) {
             looked_at += 1;
