@@ -15,6 +15,7 @@ use tests::programs::repository;
 use toml::Value;
 
 use crate::fast_scenes::{Served, demand, motion, requests, scene};
+use crate::second_look::Judged;
 use crate::spread::median;
 use crate::{Report, Scale};
 
@@ -71,7 +72,7 @@ fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let all = requests(&robot, Setting::General(Some(8)));
     let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();
     let mut curve = BALLS.map(|count| (count, Vec::new()));
-    let (mut answered, mut motions, mut contradicted) = (0, 0, Vec::new());
+    let (mut answered, mut judged) = (0, Judged::default());
     let folder = tempfile::tempdir()?;
     for request in &all {
         for (count, times) in &mut curve {
@@ -89,17 +90,15 @@ fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
             let scene = scene(&cloud)?;
             let demand = demand(&robot, &scene, &asked);
             for candidate in answer.candidates() {
-                motions += 1;
-                let verdict = motion(candidate.knots).and_then(|motion| demand.judge(&motion));
-                contradicted.extend(verdict.err().map(|error| format!("{count} balls: {error}")));
+                let name = || format!("seed {}, {count} balls", request.seed);
+                judged.add(&demand, motion(candidate.knots), true, name);
             }
         }
     }
     show(report, "growth: balls, ten candidates", &curve);
     let line = "growth: requests answered, whatever the number of balls";
     report.all_of(line, answered, all.len() * BALLS.len());
-    let line = format!("growth: of {motions} motions, those that all the balls contradict");
-    report.none_of(&line, &contradicted);
+    judged.check(report, "growth, against all the balls");
     Ok(())
 }
 

@@ -28,6 +28,7 @@ use crate::fast_growth::most_candidates;
 use crate::fast_random::{Pool, Treatment, spoil, treatment};
 use crate::fast_scenes::{Served, demand, motion, scene};
 use crate::machine::{Disturbance, memory_mb};
+use crate::second_look::Judged;
 use crate::stolen::StolenTimes;
 use crate::{Report, Scale};
 
@@ -62,12 +63,10 @@ struct Findings {
     refused_as_spoiled: usize,
     spoiled: usize,
     motions: usize,
-    judged: usize,
+    judged: Judged,
     outcomes: BTreeMap<&'static str, usize>,
     /// Answers that came late: when the request was sent, when the answer was there, by how much too late.
     late: Vec<Late>,
-    /// Motions that their knots contradict.
-    contradicted: Vec<String>,
     /// Requests without an answer, spoiled ones that were not refused, internal errors.
     unexpected: Vec<String>,
     /// To be judged when nobody waits.
@@ -118,12 +117,11 @@ impl Findings {
         self.refused_as_spoiled += other.refused_as_spoiled;
         self.spoiled += other.spoiled;
         self.motions += other.motions;
-        self.judged += other.judged;
+        self.judged.merge(other.judged);
         for (outcome, count) in other.outcomes {
             *self.outcomes.entry(outcome).or_default() += count;
         }
         self.late.extend(other.late);
-        self.contradicted.extend(other.contradicted);
         self.unexpected.extend(other.unexpected);
         self.kept.extend(other.kept);
     }
@@ -339,25 +337,22 @@ impl<'a> Asker<'a> {
 /// Judges the motions that were kept, and lets go of them.
 fn judge(robot: &Robot, findings: &mut Findings) {
     for kept in std::mem::take(&mut findings.kept) {
-        findings.judged += if kept.wholly { kept.motions.len() } else { 0 };
-        if let Err(error) = kept.judge(robot) {
+        if let Err(error) = kept.judge(robot, &mut findings.judged) {
             let text = format!("seed {}: {error:#}", kept.request.seed);
-            findings.contradicted.push(text);
+            findings.unexpected.push(text);
         }
     }
 }
 
 impl Kept {
-    fn judge(&self, robot: &Robot) -> anyhow::Result<()> {
+    fn judge(&self, robot: &Robot, judged: &mut Judged) -> anyhow::Result<()> {
         let scene = scene(&self.request.balls)?;
         let demand = demand(robot, &scene, &self.request);
-        self.motions.iter().try_for_each(|knots| {
-            let motion = motion(knots)?;
-            match self.wholly {
-                true => demand.judge(&motion),
-                false => demand.judge_ends(&motion),
-            }
-        })
+        for (index, knots) in self.motions.iter().enumerate() {
+            let name = || format!("seed {}, candidate {index}", self.request.seed);
+            judged.add(&demand, motion(knots), self.wholly, name);
+        }
+        Ok(())
     }
 }
 
@@ -378,19 +373,7 @@ fn show(report: &mut Report, findings: &Findings) {
         findings.refused_as_spoiled,
         findings.spoiled,
     );
-    let line = format!(
-        "random requests: of {} motions, {} judged as a whole and all at both ends, those that their knots contradict",
-        findings.motions, findings.judged
-    );
-    report.none_of(&line, &findings.contradicted);
-    let enough = findings.judged > 0;
-    let judged = findings.judged.to_string();
-    report.check(
-        "random requests: motions judged as a whole",
-        judged,
-        ">= 1",
-        enough,
-    );
+    findings.judged.check(report, "random requests");
 }
 
 /// Later than the deadline by more than a millisecond and what was stolen meanwhile.

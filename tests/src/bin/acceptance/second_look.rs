@@ -9,6 +9,8 @@ use tests::knots;
 use tests::programs::repository;
 use trajectory::{Knot, Trajectory};
 
+use crate::Report;
+
 /// Who proposed a path, in the array `source` of `paths.npz`.
 const LEARNED: u8 = 1;
 const EXPLORED: u8 = 3;
@@ -207,26 +209,88 @@ impl Motions {
         Ok(Trajectory::new(known.map(knot).collect())?)
     }
 
-    /// Looks at every so many-th delivered motion: how many, and those that are contradicted.
-    pub(crate) fn contradicted(&self, robot: &Robot, every: usize) -> (usize, Vec<String>) {
+    /// Judges every so many-th delivered motion over its whole duration, the others where they start and end.
+    pub(crate) fn judge(&self, robot: &Robot, every: usize) -> Judged {
+        let mut judged = Judged::default();
         let slots = (0..self.cases()).flat_map(|case| self.delivered(case).map(move |s| (case, s)));
-        let (mut looked_at, mut contradicted) = (0, Vec::new());
-        for (case, slot) in slots.step_by(every) {
-            looked_at += 1;
+        for (index, (case, slot)) in slots.enumerate() {
             let demand = Demand {
                 robot,
-                scene: &self.scenes[case],
-                start: Configuration::from_column_slice(&self.starts[6 * case..6 * case + 6]),
+                scene: self.scene(case),
+                start: self.start(case),
                 target: Point::from_column_slice(&self.targets[3 * case..3 * case + 3]),
                 tip_tolerance: TIP_TOLERANCE,
                 limits: robot.tendon_limits,
             };
-            let verdict = self.motion(slot).and_then(|motion| demand.judge(&motion));
-            if let Err(error) = verdict {
-                let candidate = slot % self.slots;
-                contradicted.push(format!("case {case}, candidate {candidate}: {error}"));
-            }
+            let wholly = index.is_multiple_of(every);
+            let name = || format!("case {case}, candidate {}", slot % self.slots);
+            judged.add(&demand, self.motion(slot), wholly, name);
         }
-        (looked_at, contradicted)
+        judged
+    }
+
+    /// The obstacles of a case.
+    pub(crate) fn scene(&self, case: usize) -> &Scene {
+        &self.scenes[case]
+    }
+
+    /// Where the motions of a case start.
+    pub(crate) fn start(&self, case: usize) -> Configuration {
+        Configuration::from_column_slice(&self.starts[6 * case..6 * case + 6])
+    }
+}
+
+/// Motions that were looked at again.
+#[derive(Default)]
+pub(crate) struct Judged {
+    /// Over their whole duration.
+    whole: usize,
+    /// Where they start and end alone.
+    at_ends: usize,
+    /// What their knots contradict.
+    contradicted: Vec<String>,
+}
+
+impl Judged {
+    /// Judges a motion over its whole duration, or where it starts and ends.
+    pub(crate) fn add(
+        &mut self,
+        demand: &Demand,
+        motion: anyhow::Result<Trajectory>,
+        wholly: bool,
+        name: impl FnOnce() -> String,
+    ) {
+        self.whole += usize::from(wholly);
+        self.at_ends += usize::from(!wholly);
+        let verdict = motion.and_then(|motion| match wholly {
+            true => demand.judge(&motion),
+            false => demand.judge_ends(&motion),
+        });
+        if let Err(error) = verdict {
+            self.contradicted.push(format!("{}: {error:#}", name()));
+        }
+    }
+
+    pub(crate) fn merge(&mut self, other: Self) {
+        self.whole += other.whole;
+        self.at_ends += other.at_ends;
+        self.contradicted.extend(other.contradicted);
+    }
+
+    /// The check that no motion is contradicted; it needs one that was judged over its whole duration.
+    pub(crate) fn check(&self, report: &mut Report, of: &str) {
+        let Self {
+            whole,
+            at_ends,
+            contradicted,
+        } = self;
+        let line = format!(
+            "{of}: {whole} motions judged over their whole duration, {at_ends} where they start and end alone; contradicted by their knots"
+        );
+        let first: Vec<&str> = contradicted.iter().take(3).map(String::as_str).collect();
+        let figure = format!("{} {}", contradicted.len(), first.join("; "));
+        let passed = contradicted.is_empty() && *whole > 0;
+        let bar = "0, of at least one over its whole duration";
+        report.check(&line, figure.trim().to_owned(), bar, passed);
     }
 }
