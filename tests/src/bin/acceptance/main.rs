@@ -7,6 +7,7 @@
 mod demo;
 mod evaluation;
 mod fast_ablation;
+mod fast_candidates;
 mod fast_cases;
 mod fast_certified;
 mod fast_growth;
