@@ -21,11 +21,19 @@ use crate::second_look::{Demand, TIP_TOLERANCE};
 /// Seed of the scenes that the daemon is asked about: no data set was made with it.
 const SEED: u64 = 9010;
 
-/// Feasible-looking requests of a setting for the unit robot, whose lengths are metres as they are section lengths.
+/// Requests of a setting, as [`requests_of`] draws them.
+pub(crate) fn requests(robot: &Robot, setting: Setting) -> impl Iterator<Item = PlanRequest> {
+    requests_of(robot, move |_| setting)
+}
+
+/// Requests for the unit robot, whose lengths are metres as they are section lengths, in scenes of a setting for each index.
 ///
 /// Ten candidates, no deadline; the seed of each is its index.
-pub(crate) fn requests(robot: &Robot, setting: Setting) -> impl Iterator<Item = PlanRequest> {
-    let targets = (0..).filter_map(move |index| draw_target(robot, setting, SEED, index));
+pub(crate) fn requests_of(
+    robot: &Robot,
+    setting: impl Fn(u64) -> Setting,
+) -> impl Iterator<Item = PlanRequest> {
+    let targets = (0..).filter_map(move |index| draw_target(robot, setting(index), SEED, index));
     let requests = targets.flat_map(|target| {
         let goal = Goal::Tip {
             position_m: target.tip.into(),
