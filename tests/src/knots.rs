@@ -98,6 +98,21 @@ pub fn limit_use(body: &Body, knots: &[Knot], limits: &Limits) -> Limits {
     used
 }
 
+/// The largest bending of a section that is found, rad.
+#[must_use]
+pub fn largest_bending_rad(knots: &[Knot]) -> f64 {
+    let mut largest_rad = 0.0;
+    for segment in segments(knots) {
+        for look in 0..=LOOKS_AT_LIMITS {
+            let configuration = segment.at(look as f64 / LOOKS_AT_LIMITS as f64);
+            for pair in configuration.chunks(2) {
+                raise(&mut largest_rad, pair[0].hypot(pair[1]));
+            }
+        }
+    }
+    largest_rad
+}
+
 /// Least clearance that is found, m: after each look the body moves by no more than the clearance before the next one, or by 0.1 mm;
 /// infinite without balls. Below minus [`Body::chord_error_m`], the body is in a ball for certain.
 #[must_use]
@@ -156,6 +171,17 @@ mod tests {
         for (used, rate) in used.iter().zip([3.0 * 0.81, 6.0 * 0.9, 6.0]) {
             assert!((used - most * rate).abs() < 1e-10, "{used}");
         }
+    }
+
+    #[test]
+    fn bending_between_two_knots_is_seen() {
+        assert!((largest_bending_rad(&cubic()) - (0.9_f64.powi(3) - 0.3)).abs() < 1e-10);
+        let mut swung = cubic();
+        // It sets out fast and comes back.
+        for (knot, speed) in swung.iter_mut().zip([20.0, -20.0]) {
+            knot.values = [[0.0; 6], [speed, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; 6]];
+        }
+        assert!((largest_bending_rad(&swung) - 5.625).abs() < 1e-10);
     }
 
     #[test]

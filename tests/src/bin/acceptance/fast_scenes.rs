@@ -71,7 +71,7 @@ pub(crate) fn scene(balls: &[Ball]) -> anyhow::Result<Scene> {
 }
 
 /// What every motion of an answer must keep.
-pub(crate) fn demand<'a>(robot: &'a Robot, scene: &'a Scene, request: &PlanRequest) -> Demand<'a> {
+pub(crate) fn demand<'a>(robot: &Robot, scene: &'a Scene, request: &PlanRequest) -> Demand<'a> {
     let (target, tip_tolerance) = match request.goal {
         Goal::Tip {
             position_m,
@@ -88,7 +88,6 @@ pub(crate) fn demand<'a>(robot: &'a Robot, scene: &'a Scene, request: &PlanReque
         1.0
     };
     Demand {
-        robot,
         scene,
         start: request.start_configuration_rad.into(),
         target,
