@@ -7,7 +7,7 @@ use std::os::unix::fs::{FileTypeExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-use crate::settings::shown;
+use crate::text::shown;
 
 /// Why a file is not read.
 #[derive(Debug, Error)]

@@ -7,6 +7,8 @@
 
 mod file;
 mod settings;
+mod text;
 
 pub use file::{InputFile, InputFileError, read_bytes, read_text};
-pub use settings::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, readable, shortened, shown};
+pub use settings::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, readable};
+pub use text::{shortened, shown};

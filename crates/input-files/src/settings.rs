@@ -1,6 +1,7 @@
 //! Files of settings: TOML, read as a type, and checked key by key.
 
 use crate::file::{InputFileError, read_text};
+use crate::text::{shortened, shown};
 use serde::de::DeserializeOwned;
 use std::borrow::Cow;
 use std::fmt::Display;
@@ -10,8 +11,6 @@ use thiserror::Error;
 
 /// Longest file of settings that is read, bytes.
 pub const MAX_SETTINGS_BYTES: u64 = 1 << 20;
-/// Most characters of either end of a line that a message quotes.
-const QUOTED: usize = 120;
 
 /// Why a file of settings is refused.
 #[derive(Debug, Error)]
@@ -121,27 +120,6 @@ pub fn readable(error: &toml::de::Error) -> String {
         "duplicate key" => said + "; each key is allowed once",
         _ => said,
     }
-}
-
-/// A text whose lines may be as long as a file: without the middles of its long lines.
-#[must_use]
-pub fn shortened(text: &str) -> String {
-    let lines = text.lines().map(|line| {
-        let length = line.chars().count();
-        if length <= 2 * QUOTED {
-            return line.to_owned();
-        }
-        let begin: String = line.chars().take(QUOTED).collect();
-        let end: String = line.chars().skip(length - QUOTED).collect();
-        format!("{begin} … {end}")
-    });
-    lines.collect::<Vec<_>>().join("\n")
-}
-
-/// A path as a message has it: in quotes, without the middle of a long one.
-#[must_use]
-pub fn shown(path: &Path) -> String {
-    shortened(&format!("{path:?}"))
 }
 
 #[cfg(test)]
