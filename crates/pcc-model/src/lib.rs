@@ -7,6 +7,7 @@
 
 mod arc;
 mod backbone;
+mod dimensions;
 mod lanes;
 mod limits;
 mod numbers;
@@ -18,21 +19,10 @@ mod tips;
 
 pub use arc::Nearest;
 pub use backbone::{Backbone, Pose};
+pub use dimensions::{Configuration, DOF, MAX_TENDONS, Point, SECTIONS};
 pub use lanes::{LANES, norms_squared, one_by_one, side_by_side};
 pub use numbers::Numbers;
 pub use robot::{Robot, TendonLimits};
 pub use robot_file::RobotFileError;
 pub use tendons::{Tendon, TendonMap, TendonMapError};
 pub use tips::MovingTips;
-
-/// Number of sections.
-pub const SECTIONS: usize = 3;
-/// Tendons that a robot may have: as many as the messages between the processes carry.
-pub const MAX_TENDONS: usize = 9;
-/// Number of configuration components: two a section.
-pub const DOF: usize = 2 * SECTIONS;
-
-/// A configuration `[ξ11, ξ12, ξ21, ξ22, ξ31, ξ32]`, radians.
-pub type Configuration = nalgebra::SVector<f64, DOF>;
-/// A position or a direction in the base frame.
-pub type Point = nalgebra::Vector3<f64>;
