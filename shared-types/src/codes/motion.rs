@@ -1,6 +1,6 @@
 //! Codes of what moves the robot: loop, motors, scenes, commands, processes.
 
-use super::UnknownCode;
+use super::declaration::{UnknownCode, codes};
 
 codes! {
     /// What the controller's loop does.

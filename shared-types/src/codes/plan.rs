@@ -1,6 +1,6 @@
 //! Codes of plan requests and answers.
 
-use super::UnknownCode;
+use super::declaration::{UnknownCode, codes};
 
 codes! {
     /// Who is to propose paths.

@@ -2,7 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::wire_message;
+use super::wire::wire_message;
 
 wire_message! {
     /// An order (service `command`, server: the controller's guard thread).

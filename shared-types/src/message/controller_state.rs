@@ -2,7 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::wire_message;
+use super::wire::wire_message;
 use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
 
 wire_message! {

@@ -2,7 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::wire_message;
+use super::wire::wire_message;
 
 wire_message! {
     /// A process is alive and its work goes on (service `heartbeat`, at least 50 Hz).

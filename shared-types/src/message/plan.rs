@@ -2,7 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::wire_message;
+use super::wire::wire_message;
 use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES, REASON_BYTES, STAGES};
 
 /// [`PlanReport::selected`] when no candidate is.

@@ -2,7 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
-use super::wire_message;
+use super::wire::wire_message;
 use crate::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
 
 wire_message! {

@@ -1,6 +1,7 @@
 //! Orders to the controller.
 
-use super::{Invalid, check_code, check_flag, check_range, check_version, invalid};
+use super::check::{check_code, check_flag, check_range, check_version};
+use super::invalid::{Invalid, invalid};
 use crate::PROTOCOL_VERSION;
 use crate::codes::{CommandKind, CommandRefusal, LoopState};
 use crate::message;

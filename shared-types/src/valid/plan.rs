@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use super::{
-    Invalid, LEAST_LIMITS_SCALE, Quantity, Reason, check_array, check_code, check_count,
-    check_distance, check_flag, check_radius, check_range, check_stamp, check_version, invalid,
-    invalid_at,
+use super::check::{
+    LEAST_LIMITS_SCALE, Quantity, check_array, check_code, check_count, check_distance, check_flag,
+    check_radius, check_range, check_stamp, check_version,
 };
+use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES};
 use crate::codes::{GoalKind, Sampler, Selection};
 use crate::message::{self, Ball, NONE_SELECTED};

@@ -2,7 +2,8 @@
 
 use std::time::Duration;
 
-use super::{Goal, Invalid, PlanRequest, SelectionRule};
+use super::invalid::Invalid;
+use super::plan::{Goal, PlanRequest, SelectionRule};
 use crate::PROTOCOL_VERSION;
 use crate::clock::mono_now_ns;
 use crate::codes::{GoalKind, Selection};

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use super::{Invalid, Reason, check_code, check_count, check_version, invalid, invalid_at};
+use super::check::{check_code, check_count, check_version};
+use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::capacity::{MAX_CANDIDATES, MAX_KNOTS, STAGES};
 use crate::codes::{Outcome, PlanField, Source, Stage};
 use crate::message::{self, CandidateSummary, NONE_SELECTED};

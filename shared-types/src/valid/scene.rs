@@ -2,10 +2,10 @@
 
 use std::fmt;
 
-use super::{
-    Invalid, Quantity, Reason, check_code, check_count, check_flag, check_radius, check_stamp,
-    check_version, invalid, invalid_at,
+use super::check::{
+    Quantity, check_code, check_count, check_flag, check_radius, check_stamp, check_version,
 };
+use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::PROTOCOL_VERSION;
 use crate::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
 use crate::codes::{ProcessKind, SceneRefusal};

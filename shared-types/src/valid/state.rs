@@ -2,10 +2,8 @@
 //!
 //! No allocation, so the loop may use them.
 
-use super::{
-    Invalid, MAX_DURATION_S, Quantity, Reason, check_array, check_code, check_range, check_stamp,
-    invalid,
-};
+use super::check::{MAX_DURATION_S, Quantity, check_array, check_code, check_range, check_stamp};
+use super::invalid::{Invalid, Reason, invalid};
 use crate::codes::{LoopFault, LoopState, MotorFault, MotorState, Refusal, Waiting};
 use crate::message;
 

@@ -1,9 +1,7 @@
 //! What a controller may consider to execute.
 
-use super::{
-    Invalid, Quantity, Reason, check_count, check_range, check_stamp, check_version, invalid,
-    invalid_at,
-};
+use super::check::{Quantity, check_count, check_range, check_stamp, check_version};
+use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::capacity::{MAX_CANDIDATES, MAX_KNOTS};
 use crate::message::{Knot, TrajectoryMessage};
 
