@@ -44,6 +44,12 @@ impl Suspension {
     }
 }
 
+/// An interval in seconds; exact to a nanosecond below 104 days.
+#[must_use]
+pub fn seconds(interval_ns: i64) -> f64 {
+    interval_ns as f64 * 1e-9
+}
+
 fn now_ns(clock: ClockId) -> i64 {
     let now = clock_gettime(clock);
     now.tv_sec * 1_000_000_000 + now.tv_nsec

@@ -8,7 +8,7 @@ use std::{
     sync::atomic::{AtomicBool, AtomicU64, Ordering},
 };
 
-use super::Arena;
+use super::pool::Arena;
 
 /// Bytes of the loop's arena: a send takes one block of under 200 B, a new peer about 70 blocks.
 const ARENA_BYTES: usize = 1 << 20;

@@ -27,11 +27,11 @@ pub use motion::{
     is_wanted,
 };
 pub use pace::{Commanded, Pace, PaceLimits};
-pub use settings::ExecutiveSettings;
-pub use supervision::CONSISTENCY_M;
+pub use settings::{CONSISTENCY_M, ExecutiveSettings};
 pub use tracking::Tracking;
 
 use pcc_model::{Configuration, Robot, TendonMap};
+use shared_types::clock::seconds;
 use shared_types::codes::{CommandRefusal, LoopFault, LoopState, MotorState, Waiting};
 
 use crate::{TENDONS, TendonVector};
@@ -473,12 +473,4 @@ impl Executive {
             late,
         }
     }
-}
-
-#[expect(
-    clippy::cast_precision_loss,
-    reason = "intervals are far below 2^53 ns"
-)]
-fn seconds(interval_ns: i64) -> f64 {
-    interval_ns as f64 * 1e-9
 }

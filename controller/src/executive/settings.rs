@@ -1,5 +1,8 @@
 //! Thresholds of the state machine.
 
+/// The robot is taken hold of where its accepted reference is this near to a configuration's tendons, m.
+pub const CONSISTENCY_M: f64 = 1e-6;
+
 /// When the machine calls a cycle late, a peer lost, a robot astray.
 #[derive(Clone, Copy, Debug)]
 pub struct ExecutiveSettings {

@@ -1,11 +1,9 @@
 //! What each cycle watches: the robot, the daemon, the loop's own punctuality.
 
+use shared_types::clock::seconds;
 use shared_types::codes::{LoopFault, LoopState, MotorState, Waiting};
 
-use super::{CycleInput, Executive, RobotSample, seconds};
-
-/// The robot is taken hold of where its accepted reference is this near to a configuration's tendons, m.
-pub const CONSISTENCY_M: f64 = 1e-6;
+use super::{CONSISTENCY_M, CycleInput, Executive, RobotSample};
 
 /// A robot state may be stamped this far in the future, ns: robot and loop read the same clock.
 const STAMP_ALLOWANCE_NS: i64 = 1_000_000;

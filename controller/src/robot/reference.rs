@@ -9,8 +9,9 @@
 //! rest. The fault lasts until the line has been silent for [`FAULT_SILENCE_NS`]: a controller goes silent only when
 //! it starts or is reset.
 
-use super::{Mode, ReferenceLimits, Refusal, Target, seconds};
+use super::{Mode, ReferenceLimits, Refusal, Target};
 use crate::{TENDONS, TendonVector};
+use shared_types::clock::seconds;
 
 /// Silence after which a latched fault is forgiven, ns.
 pub const FAULT_SILENCE_NS: i64 = 100_000_000;
