@@ -10,12 +10,13 @@ use planning::{
     StartMotion,
 };
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{self, Outcome, PlanField};
+use shared_types::codes::{self, PlanField};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::message;
 use shared_types::valid::{self, PlanRequest, SelectionRule};
 
 use crate::kept_plans::KeptPlans;
+use crate::refusal::Refusal;
 
 /// Distance from the goal that counts as reached where the request does not say, section lengths.
 const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
@@ -70,43 +71,6 @@ pub(crate) enum Begin {
     Soon,
     /// Not before this time, nanoseconds of `CLOCK_MONOTONIC`.
     NotBefore(i64),
-}
-
-/// A request that is answered without planning.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Refusal {
-    pub(crate) outcome: Outcome,
-    pub(crate) field: PlanField,
-    pub(crate) reason: String,
-}
-
-impl Refusal {
-    /// A refusal that is not about one field.
-    pub(crate) fn new(outcome: Outcome, reason: impl Into<String>) -> Self {
-        Self {
-            outcome,
-            field: PlanField::None,
-            reason: reason.into(),
-        }
-    }
-
-    pub(crate) fn field(field: PlanField, reason: impl Into<String>) -> Self {
-        Self {
-            outcome: Outcome::InvalidRequest,
-            field,
-            reason: reason.into(),
-        }
-    }
-}
-
-impl From<valid::Invalid> for Refusal {
-    fn from(invalid: valid::Invalid) -> Self {
-        Self {
-            outcome: invalid.outcome(),
-            field: invalid.plan_field(),
-            reason: invalid.to_string(),
-        }
-    }
 }
 
 impl Border {
@@ -230,6 +194,7 @@ fn selection(rule: SelectionRule) -> Selection {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shared_types::codes::Outcome;
     use collision::Solid;
     use nalgebra::Isometry3;
 

@@ -12,8 +12,9 @@ use shared_types::message::{Knot, NONE_SELECTED, PlanReport};
 use shared_types::valid::MAX_DURATION_S;
 use trajectory::Trajectory;
 
-use crate::admission::{Order, Refusal};
+use crate::admission::Order;
 use crate::planning_at_work::{PlanFault, Planned};
+use crate::refusal::Refusal;
 use crate::wire::{self, KnotHash};
 
 /// One answer, complete but for its time of writing and the hash.

@@ -7,7 +7,7 @@ use shared_types::capacity::KEPT_PLANS;
 use shared_types::codes::PlanField;
 use shared_types::valid;
 
-use crate::admission::Refusal;
+use crate::refusal::Refusal;
 
 /// The last [`KEPT_PLANS`] plans that had candidates, by their ids.
 #[derive(Debug, Default)]

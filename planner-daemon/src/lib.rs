@@ -27,6 +27,7 @@ mod moving_cover;
 mod planning_at_work;
 mod process;
 mod queue;
+mod refusal;
 mod scene_inbox;
 mod service;
 mod stop_order;

@@ -15,13 +15,14 @@ use shared_types::clock::mono_now_ns;
 use shared_types::codes::Outcome;
 use shared_types::ipc::{EventListener, EventNotifier, PlanActiveRequest, PlanServer};
 
-use crate::admission::{Border, Order, Refusal};
+use crate::admission::{Border, Order};
 use crate::answer::{Answer, is_deliverable};
 use crate::config::WaitMode;
 use crate::execution::{Execution, ExecutionRefusal, Selected};
 use crate::kept_plans::KeptPlans;
 use crate::planning_at_work::{Early, Job, Planned, Planning, Product};
 use crate::queue::FairQueue;
+use crate::refusal::Refusal;
 
 /// Time between two looks at requests that nobody told of, and at clients that gave up.
 const ATTENTION: Duration = Duration::from_millis(1);

@@ -5,7 +5,7 @@ use planning::{Candidate, Goal, Infeasible, Source};
 use shared_types::codes::{self, Outcome};
 use shared_types::message::{CandidateSummary, Knot};
 
-use crate::admission::Refusal;
+use crate::refusal::Refusal;
 
 /// A knot as it travels; knots hold seconds and radians, so nothing is scaled.
 pub(crate) fn knot(knot: &trajectory::Knot) -> Knot {

@@ -16,7 +16,9 @@ use shared_types::ipc::IpcOptions;
 use shared_types::message::{MovingBall, SceneMessage};
 use shared_types::valid::{self, SourceName};
 
-use super::MOST_SOURCES;
+/// Most sources that are kept, and most publishers whose scenes are received, at once: those that may live at once, and as many
+/// that were restarted.
+pub(crate) const MOST_SOURCES: usize = 8;
 
 /// First word of the file: a number that is another one whenever the layout of the file or of a scene is.
 const FORM: u64 = u64::from_le_bytes(*b"scenes\x02\x00") + PROTOCOL_VERSION as u64;

@@ -4,7 +4,7 @@ use shared_types::codes::SceneRefusal;
 use shared_types::ipc::PresentPublisher;
 use shared_types::valid::SourceName;
 
-use super::SceneAbsence;
+use super::absence::SceneAbsence;
 
 /// How long a publisher that comes while a motion is under way may be silent before the motion is stopped, nanoseconds.
 ///

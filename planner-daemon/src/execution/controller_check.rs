@@ -1,0 +1,90 @@
+//! Whether a controller takes a motion.
+
+use pcc_model::Configuration;
+use shared_types::codes::{LoopFault, LoopState};
+use shared_types::valid;
+
+use super::refusal::ExecutionRefusal;
+use crate::supervision::is_fresh;
+
+/// Largest distance of a motion's start from the commanded configuration, rad.
+const START_TOLERANCE_RAD: f64 = 1e-6;
+
+/// Whether a controller is there, idle, and where the motion starts; its instance.
+pub(crate) fn check_controller(
+    state: Option<&valid::ControllerState>,
+    start: &Configuration,
+    busy: Option<u32>,
+    now_mono_ns: i64,
+) -> Result<u64, ExecutionRefusal> {
+    let state = state
+        .filter(|state| is_fresh(state, now_mono_ns))
+        .ok_or(ExecutionRefusal::ControllerAbsent)?;
+    if let Some(id) = busy {
+        return Err(ExecutionRefusal::Busy { id });
+    }
+    if state.state != LoopState::Holding || state.fault != LoopFault::None {
+        return Err(ExecutionRefusal::NotHolding {
+            state: state.state,
+            fault: state.fault,
+        });
+    }
+    let commanded = Configuration::from(state.values.commanded_configuration_rad);
+    let distance_rad = (start - commanded).norm();
+    if distance_rad > START_TOLERANCE_RAD {
+        return Err(ExecutionRefusal::StartsElsewhere { distance_rad });
+    }
+    Ok(state.values.instance)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::controller_state;
+
+    const NOW: i64 = 5_000_000_000;
+
+    fn holding() -> valid::ControllerState {
+        controller_state(|values| {
+            values.stamp_mono_ns = NOW - 20_000_000;
+            values.state = LoopState::Holding.code();
+            values.instance = 8;
+            values.commanded_configuration_rad = [0.1; 6];
+        })
+    }
+
+    fn check(state: Option<&valid::ControllerState>) -> Result<u64, ExecutionRefusal> {
+        check_controller(state, &Configuration::repeat(0.1), None, NOW)
+    }
+
+    #[test]
+    fn a_holding_controller_at_the_start_takes_a_motion() {
+        assert_eq!(check(Some(&holding())), Ok(8));
+    }
+
+    #[test]
+    fn every_other_controller_is_refused_with_its_reason() {
+        use ExecutionRefusal as Refusal;
+        assert_eq!(check(None), Err(Refusal::ControllerAbsent));
+        let mut old = holding();
+        old.values.stamp_mono_ns = NOW - 200_000_001;
+        assert_eq!(check(Some(&old)), Err(Refusal::ControllerAbsent));
+        let mut future = holding();
+        future.values.stamp_mono_ns = NOW + 1;
+        assert_eq!(check(Some(&future)), Err(Refusal::ControllerAbsent));
+        let mut busy = holding();
+        busy.state = LoopState::Executing;
+        let refusal = check(Some(&busy)).unwrap_err();
+        assert!(refusal.to_string().contains("executing"), "{refusal}");
+        let mut faulty = holding();
+        (faulty.state, faulty.fault) = (LoopState::Fault, LoopFault::RobotLost);
+        let refusal = check(Some(&faulty)).unwrap_err();
+        assert!(refusal.to_string().contains("robot lost"), "{refusal}");
+        let elsewhere = Configuration::repeat(0.1 + 1e-6);
+        let refusal = check_controller(Some(&holding()), &elsewhere, None, NOW).unwrap_err();
+        assert!(refusal.to_string().contains("1e-6 rad"), "{refusal}");
+        let start = Configuration::repeat(0.1);
+        let refusal = check_controller(Some(&holding()), &start, Some(4), NOW).unwrap_err();
+        assert_eq!(refusal, Refusal::Busy { id: 4 });
+    }
+}

@@ -1,0 +1,48 @@
+//! Why a motion is not executed.
+
+use shared_types::codes::{LoopFault, LoopState};
+
+use crate::live_scene::SceneAbsence;
+
+/// Why a motion is planned but not published.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum ExecutionRefusal {
+    /// There is no candidate to execute.
+    #[error("no candidate is selected")]
+    NothingSelected,
+    /// Nobody would execute it.
+    #[error("no controller: its state is missing or older than 200 ms")]
+    ControllerAbsent,
+    /// Nobody would stop it.
+    #[error("nobody serves `command`: an order to stop would be lost")]
+    CommandUnserved,
+    /// The controller is not at rest.
+    #[error("the controller is {state} (fault: {fault}); only a holding one takes a motion")]
+    NotHolding { state: LoopState, fault: LoopFault },
+    /// The motion published before is not over.
+    #[error("trajectory {id} is still to be executed")]
+    Busy { id: u32 },
+    /// The motion would begin with a jump.
+    #[error(
+        "the start is {distance_rad:.3e} rad away from the commanded configuration; at most 1e-6 rad is allowed"
+    )]
+    StartsElsewhere { distance_rad: f64 },
+    /// Nobody knows where the obstacles are.
+    #[error(transparent)]
+    NoScene(#[from] SceneAbsence),
+    /// An obstacle of the live scene is in the way.
+    #[error("the live scene is in the way: not certified free at {at_s:.3} s of the motion")]
+    SceneInTheWay { at_s: f64 },
+    /// Nobody would watch over the motion.
+    #[error("the daemon ends")]
+    DaemonEnds,
+    /// The thread that watches over motions did not answer.
+    #[error(
+        "the supervision of motions does not answer: it is held; a motion that it has published all the same is taken back, or \
+         stopped along its path"
+    )]
+    SupervisionHeld,
+    /// Shared memory did not take it.
+    #[error("the trajectory could not be published")]
+    NotPublished,
+}

@@ -1,0 +1,72 @@
+//! A motion on its way to the thread that supervises it, and the id on its way back.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::SyncSender;
+
+use trajectory::Trajectory;
+
+use super::refusal::ExecutionRefusal;
+use crate::admission::Begin;
+
+/// Which motion is to be executed.
+pub(crate) struct Selected {
+    pub(crate) motion: Trajectory,
+    pub(crate) candidate_index: usize,
+    pub(crate) plan_id: u64,
+    /// When the sender of the request was asked for it, nanoseconds of `CLOCK_MONOTONIC`.
+    pub(crate) requested_mono_ns: i64,
+    pub(crate) begin: Begin,
+}
+
+/// The id of a motion on its way to the one who waits for it: either it is told, or the one who waits has given up before.
+#[derive(Debug, Default)]
+pub(crate) struct Claim(AtomicU64);
+
+impl Claim {
+    /// Neither told (ids are u32, at least 1) nor given up.
+    const OPEN: u64 = 0;
+    const GIVEN_UP: u64 = u64::MAX;
+
+    /// Tells the id; false where nobody waits any more.
+    pub(crate) fn tell(&self, id: u32) -> bool {
+        self.settle(u64::from(id)).is_ok()
+    }
+
+    /// Gives up waiting; the id where it was told before.
+    pub(super) fn give_up(&self) -> Option<u32> {
+        let told = self.settle(Self::GIVEN_UP).err()?;
+        u32::try_from(told).ok()
+    }
+
+    fn settle(&self, value: u64) -> Result<u64, u64> {
+        let order = Ordering::AcqRel;
+        self.0
+            .compare_exchange(Self::OPEN, value, order, Ordering::Acquire)
+    }
+}
+
+/// A motion on its way to supervision, which answers.
+pub(crate) struct Handed {
+    pub(crate) selected: Selected,
+    /// After this it is not wanted any more, nanoseconds of `CLOCK_MONOTONIC`.
+    pub(crate) until_mono_ns: i64,
+    pub(crate) claim: Arc<Claim>,
+    pub(crate) answer: SyncSender<Result<u32, ExecutionRefusal>>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_id_is_told_or_given_up_and_never_both() {
+        let told = Claim::default();
+        assert!(told.tell(7));
+        assert_eq!(told.give_up(), Some(7));
+        let given_up = Claim::default();
+        assert_eq!(given_up.give_up(), None);
+        assert!(!given_up.tell(7));
+        assert_eq!(given_up.give_up(), None);
+    }
+}

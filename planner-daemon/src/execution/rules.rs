@@ -1,0 +1,32 @@
+//! What every motion for execution must keep.
+
+use std::time::Duration;
+
+use pcc_model::Robot;
+use trajectory::{RateLaw, Trajectory};
+
+/// Time from a reason to stop until the controller brakes, s: its state is up to 20 ms old, and the order has a way to go.
+const ORDER_S: f64 = 0.05;
+
+/// What every motion for execution must keep.
+#[derive(Clone, Debug)]
+pub(crate) struct ExecutionRules {
+    /// The robot in units of its section length, its tubes grown by what covers the path tolerance.
+    pub(crate) grown: Robot,
+    pub(crate) section_length_m: f64,
+    /// Tracking error that the certificate covers, rad in each bending pair.
+    pub(crate) path_tolerance_rad: f64,
+    /// How the controller stops a motion.
+    pub(crate) rate_law: RateLaw,
+    /// Least time between publishing and begin.
+    pub(crate) begin_lead: Duration,
+    /// Whether nothing may be executed without a live scene.
+    pub(crate) scene_expected: bool,
+}
+
+impl ExecutionRules {
+    /// Longest stop on a motion, with the time until it begins, s.
+    pub(crate) fn stopping_s(&self, motion: &Trajectory) -> f64 {
+        self.rate_law.longest_stop(motion.knots()) + ORDER_S
+    }
+}

@@ -1,0 +1,48 @@
+//! Why nothing may be executed for want of a live scene.
+
+use shared_types::codes::SceneRefusal;
+use shared_types::valid::SourceName;
+
+/// Why nothing may be executed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub(crate) enum SceneAbsence {
+    /// A scene is expected and nobody has told of one.
+    #[error(
+        "no live scene: one is expected ([live_scene] expected = true), and no source has told of any"
+    )]
+    Missing,
+    /// A source has fallen silent without taking its leave.
+    #[error(
+        "the live scene of source {source_name:?} has ended: it must publish again, or take its leave (`pcc scene leave NAME`)",
+        source_name = .source_name.to_string()
+    )]
+    Ended {
+        /// Which.
+        source_name: SourceName,
+    },
+    /// A publisher is there that may know of obstacles and was not heard.
+    #[error("a publisher of scenes has not been heard (process {pid}): it must publish, or end")]
+    Unheard {
+        /// Its process.
+        pid: u32,
+    },
+    /// A publisher is there whose scenes count under no name.
+    #[error(
+        "a publisher's scenes do not count (process {pid}): {refusal}; it must {}",
+        what_helps(*.refusal)
+    )]
+    Refused {
+        /// Its process.
+        pid: u32,
+        /// Why.
+        refusal: SceneRefusal,
+    },
+}
+
+/// What a publisher must do whose scenes do not count.
+fn what_helps(refusal: SceneRefusal) -> &'static str {
+    match refusal {
+        SceneRefusal::SeveralNames => "end",
+        _ => "publish one that does, or end",
+    }
+}
