@@ -1,6 +1,6 @@
 //! `paths.npz`: what was drawn, what was certified, and the executed curves (docs/evaluation.md "The command").
 
-use super::Answer;
+use super::answer::Answer;
 use collision::Ball;
 use pcc_model::{Configuration, DOF};
 use planning::dataset::{ArchiveError, ArchiveWriter};

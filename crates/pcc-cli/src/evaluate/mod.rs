@@ -1,79 +1,22 @@
 //! `pcc evaluate`: one planner over the cases of a data set; `result.json` and `paths.npz`.
 
+mod answer;
+mod arguments;
 mod arrays;
 mod proposals;
 mod summary;
 
-use crate::number;
+pub(crate) use arguments::Arguments;
+
+use self::answer::Answer;
 use crate::output_files::{make_writable, write_whole};
-use crate::planner::{Loaded, ModelArguments, PlannerName, load, name_of};
+use crate::planner::{Loaded, load};
 use crate::robot::unit_robot;
-use anyhow::{Context, bail};
-use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::SECTIONS;
-use planning::dataset::{Case, Dataset, Split};
-use planning::{
-    Goal, Infeasible, MOST_CORRECTIONS, Plan, Planner, PlannerError, Problem, Request, Sampler,
-    Selection, Waypoints,
-};
-use std::path::PathBuf;
+use planning::dataset::Case;
+use planning::{Goal, Planner, PlannerError, Problem, Request, Sampler, Selection, Waypoints};
 use std::time::Instant;
-
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum SplitName {
-    Train,
-    Validation,
-    Test,
-}
-
-/// Arguments of `pcc evaluate`.
-#[derive(Args)]
-pub(crate) struct Arguments {
-    /// Folder with dataset.npz and dataset_meta.json (authors' format, version 25).
-    #[arg(long)]
-    dataset: PathBuf,
-    /// Split whose cases are used.
-    #[arg(long, value_enum, default_value = "test")]
-    split: SplitName,
-    /// Planner to evaluate.
-    #[arg(long, value_enum)]
-    planner: PlannerName,
-    /// Archive for `--planner proposed`: `paths [C,S,64,6]`, radians, base frame, S paths for each of the first C cases; S is
-    /// `--candidates`. Their ends need not be exact.
-    #[arg(long)]
-    proposals: Option<PathBuf>,
-    /// Candidates a case (1 to 64).
-    #[arg(long, default_value_t = 10, value_parser = number::candidates())]
-    candidates: usize,
-    /// Seed (0 to 2^64 - 1); case i is planned with seed + i (modulo 2^64).
-    #[arg(long, default_value_t = 0, value_parser = number::any())]
-    seed: u64,
-    /// Only the first N cases, at least 1.
-    #[arg(long, value_parser = number::cases())]
-    cases: Option<usize>,
-    /// Worker threads of the planner, at most 256 (0: one a core).
-    #[arg(long, default_value_t = 0, value_parser = number::threads())]
-    threads: usize,
-    /// Corrections that a drawn path gets before it is given up (0 to 2).
-    #[arg(long, default_value_t = MOST_CORRECTIONS, value_parser = number::corrections())]
-    corrections: usize,
-    /// Robot file.
-    #[arg(long, default_value = "config/robots/unit.toml")]
-    robot: PathBuf,
-    #[command(flatten)]
-    models: ModelArguments,
-    /// Folder for result.json and paths.npz.
-    #[arg(long)]
-    out: PathBuf,
-}
-
-/// A case and what the planner answered.
-pub(crate) struct Answer {
-    pub(crate) case: Case,
-    pub(crate) plan: Result<Plan, Infeasible>,
-    pub(crate) seconds: f64,
-}
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let robot = unit_robot(&arguments.robot)?;
@@ -97,52 +40,6 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     write_whole(&arguments.out.join("result.json"), &text)?;
     summary::print(&result);
     Ok(())
-}
-
-impl Arguments {
-    /// The cases asked for, no more than paths are given for.
-    fn cases(&self, given: Option<usize>) -> anyhow::Result<Vec<Case>> {
-        let split = match self.split {
-            SplitName::Train => Split::Train,
-            SplitName::Validation => Split::Validation,
-            SplitName::Test => Split::Test,
-        };
-        let limit = self.cases.into_iter().chain(given).min();
-        let cases = Dataset::read(&self.dataset)
-            .and_then(|dataset| dataset.cases(split, limit))
-            .with_context(|| format!("data set {}", self.dataset.display()))?;
-        let needed = given.and(limit).unwrap_or(1);
-        let split = name_of(&self.split);
-        match (&self.proposals, given) {
-            (Some(file), Some(given)) if cases.len() < needed => bail!(
-                "array `paths` of {} is for {given} cases; at most {}, as many as {} has in split {split}, are allowed",
-                file.display(),
-                cases.len(),
-                self.dataset.display()
-            ),
-            _ if cases.len() < needed => bail!(
-                "{} has {} cases in split {split}, at least {needed} are needed",
-                self.dataset.display(),
-                cases.len()
-            ),
-            _ => Ok(cases),
-        }
-    }
-
-    /// The paths to judge, case by case, if the planner is `proposed`.
-    fn proposals(&self) -> anyhow::Result<Option<Vec<Vec<Waypoints>>>> {
-        match (self.planner, &self.proposals) {
-            (PlannerName::Proposed, Some(file)) => proposals::read(file, self.candidates)
-                .map(Some)
-                .context("--proposals"),
-            (PlannerName::Proposed, None) => bail!("--planner proposed needs --proposals FILE"),
-            (_, Some(file)) => bail!(
-                "--proposals {} goes with --planner proposed",
-                file.display()
-            ),
-            (_, None) => Ok(None),
-        }
-    }
 }
 
 fn answer_all(

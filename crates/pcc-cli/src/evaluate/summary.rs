@@ -1,6 +1,7 @@
 //! `result.json`: every figure of merit, the settings, the machine.
 
-use super::{Answer, Arguments};
+use super::answer::Answer;
+use super::arguments::Arguments;
 use crate::planner::{ModelRecords, name_of};
 use pcc_model::{Configuration, Robot};
 use planning::{
