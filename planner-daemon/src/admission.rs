@@ -194,9 +194,9 @@ fn selection(rule: SelectionRule) -> Selection {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shared_types::codes::Outcome;
     use collision::Solid;
     use nalgebra::Isometry3;
+    use shared_types::codes::Outcome;
 
     fn border() -> Border {
         Border {

@@ -13,8 +13,8 @@ use self::ports::{Heard, Ports, TIME_TO_SPEAK_NS};
 
 pub(crate) use self::absence::SceneAbsence;
 pub(crate) use self::certificates::{Certificates, RemainingMotion};
-pub(crate) use self::memory::{MOST_SOURCES, SceneMemory};
 pub use self::memory::SceneMemoryError;
+pub(crate) use self::memory::{MOST_SOURCES, SceneMemory};
 
 mod absence;
 mod certificates;

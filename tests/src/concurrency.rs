@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::thread;
 
 use client::{Client, ControllerView, PlanAnswer};
+use datasets::scenes::{Setting, draw_target};
 use pcc_model::{Configuration, Point, Robot};
-use planning::scenes::{Setting, draw_target};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;

@@ -3,7 +3,7 @@
 use collision::{Ball, Scene, certify_edge, certify_trajectory};
 use nalgebra::Vector3;
 use pcc_model::{Backbone, Configuration, DOF, Point, Robot, SECTIONS};
-use planning::scenes::random_configuration;
+use planning::random_configuration;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use trajectory::{Knot, Trajectory};

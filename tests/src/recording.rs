@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use datasets::{ArchiveError, ArchiveReader};
 use pcc_model::{Configuration, TendonLimits};
-use planning::dataset::{ArchiveError, ArchiveReader};
 use serde::Deserialize;
 use shared_types::codes::LoopState;
 

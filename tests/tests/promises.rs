@@ -3,9 +3,9 @@
 
 use std::fs;
 
+use datasets::scenes::{Setting, draw_target};
 use denoiser::{FastModel, Manifest};
 use pcc_model::Robot;
-use planning::scenes::{Setting, draw_target};
 use planning::{
     Goal, MOST_CORRECTIONS, Models, Planner, Problem, Request, Sampler, Selection, Source,
 };

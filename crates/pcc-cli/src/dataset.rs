@@ -5,14 +5,14 @@ use crate::output_files::{make_writable, write_whole};
 use crate::robot::unit_robot;
 use anyhow::{Context, bail, ensure};
 use clap::{Args, ValueEnum};
-use indicatif::{ProgressBar, ProgressStyle};
-use input_files::{read_text, shortened};
-use pcc_model::Robot;
-use planning::dataset::{
+use datasets::scenes::Setting;
+use datasets::{
     Counts, Dataset, GeneratorNotes, Meta, PAPER_VERSION, Recipe, Row, TEACHER_VERSION, TERMINALS,
     generate_block, generate_paper_block,
 };
-use planning::scenes::Setting;
+use indicatif::{ProgressBar, ProgressStyle};
+use input_files::{read_text, shortened};
+use pcc_model::Robot;
 use serde_json::json;
 use std::path::PathBuf;
 use std::sync::Mutex;

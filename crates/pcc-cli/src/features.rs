@@ -5,8 +5,8 @@ use crate::output_files::make_writable_for;
 use crate::robot::unit_robot;
 use anyhow::Context;
 use clap::{Args, ValueEnum};
+use datasets::{Dataset, training_rows};
 use planning::FeatureFrame;
-use planning::dataset::{Dataset, training_rows};
 use std::path::PathBuf;
 
 #[derive(Clone, Copy, ValueEnum)]

@@ -8,9 +8,9 @@ use crate::robot::unit_robot;
 use anyhow::{Context, anyhow, bail};
 use clap::{ArgAction, Args};
 use collision::{Ball, MAX_EXTENT, Scene};
+use datasets::ArchiveWriter;
 use pcc_model::{Configuration, DOF, Point, Robot};
-use planning::dataset::ArchiveWriter;
-use planning::scenes::random_configuration;
+use planning::random_configuration;
 use planning::{Goal, PlannerError, Problem, Sampler, WAYPOINTS, Waypoints};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -125,7 +125,7 @@ fn write(
     file: &std::path::Path,
     robot: &Robot,
     trace: &[Waypoints],
-) -> Result<(), planning::dataset::ArchiveError> {
+) -> Result<(), datasets::ArchiveError> {
     let mut archive = ArchiveWriter::create(file)?;
     let shapes = trace.iter().flatten();
     let values = shapes.clone().flat_map(|q| <[f64; DOF]>::from(*q));

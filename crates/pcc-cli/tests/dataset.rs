@@ -3,8 +3,8 @@
 
 mod pcc;
 
+use datasets::Dataset;
 use pcc::{empty_folder, pcc, repository, said};
-use planning::dataset::Dataset;
 use std::fs;
 use std::path::Path;
 

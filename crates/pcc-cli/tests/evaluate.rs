@@ -3,9 +3,9 @@
 
 mod pcc;
 
+use datasets::{ArchiveReader, ArchiveWriter};
 use denoiser::Manifest;
 use pcc::{empty_folder, fixture, pcc, repository, said};
-use planning::dataset::{ArchiveReader, ArchiveWriter};
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;

@@ -3,8 +3,8 @@
 
 mod pcc;
 
+use datasets::ArchiveReader;
 use pcc::{empty_folder, fixture, pcc, repository, said};
-use planning::dataset::ArchiveReader;
 use std::path::Path;
 
 /// A complete call with the small model of the parity test, writing into a folder of this name.

@@ -13,12 +13,20 @@ pub(crate) const TERMS: usize = 12;
 pub(crate) const UNKNOWNS: usize = TERMS * DOF;
 
 /// sin((k+1) π u_h) for every waypoint h and term k.
-pub(crate) struct SineBasis {
+pub struct SineBasis {
     values: [[f64; TERMS]; WAYPOINTS],
 }
 
+impl Default for SineBasis {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl SineBasis {
-    pub(crate) fn new() -> Self {
+    /// The sines of all terms at all waypoints.
+    #[must_use]
+    pub fn new() -> Self {
         let value = |h: usize, k: usize| ((k + 1) as f64 * PI * parameter(h)).sin();
         Self {
             values: std::array::from_fn(|h| std::array::from_fn(|k| value(h, k))),
@@ -31,7 +39,8 @@ impl SineBasis {
     }
 
     /// The change of waypoint h that the coefficients (term-major) make.
-    pub(crate) fn change(&self, h: usize, coefficients: &[f64]) -> Configuration {
+    #[must_use]
+    pub fn change(&self, h: usize, coefficients: &[f64]) -> Configuration {
         let mut change = Configuration::zeros();
         for (value, block) in self.values[h].iter().zip(coefficients.chunks_exact(DOF)) {
             change += *value * Configuration::from_column_slice(block);
@@ -41,7 +50,8 @@ impl SineBasis {
 
     /// Coefficients (term-major) of the residual of a path to the straight segment between its ends.
     /// The discrete sines are orthogonal, so this is the least-squares fit.
-    pub(crate) fn analyse(&self, path: &[Configuration]) -> [f64; UNKNOWNS] {
+    #[must_use]
+    pub fn analyse(&self, path: &[Configuration]) -> [f64; UNKNOWNS] {
         let (first, last) = (path[0], path[WAYPOINTS - 1]);
         let mut coefficients = [0.0; UNKNOWNS];
         for (h, waypoint) in path.iter().enumerate() {
@@ -65,7 +75,7 @@ type Block = SMatrix<f64, DOF, DOF>;
 ///
 /// A row that concerns waypoint h is s_h ⊗ g, with the sines of that waypoint and a gradient g. The normal matrix is
 /// therefore Σ_h s_h s_hᵀ ⊗ Σ g gᵀ: it takes as long with many rows as with few.
-pub(crate) struct SmoothLeastSquares {
+pub struct SmoothLeastSquares {
     /// Σ g gᵀ of each waypoint.
     own: [Block; WAYPOINTS],
     /// Σ a bᵀ of the rows that concern a waypoint with gradient a and the next one with gradient b.
@@ -75,8 +85,16 @@ pub(crate) struct SmoothLeastSquares {
     concerned: [bool; WAYPOINTS],
 }
 
+impl Default for SmoothLeastSquares {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl SmoothLeastSquares {
-    pub(crate) fn new() -> Self {
+    /// A sum without rows.
+    #[must_use]
+    pub fn new() -> Self {
         Self {
             own: [Block::zeros(); WAYPOINTS],
             next: [Block::zeros(); WAYPOINTS],
@@ -86,27 +104,23 @@ impl SmoothLeastSquares {
     }
 
     /// Adds `weight · (gradientᵀ change_h − target)²`.
-    pub(crate) fn push(&mut self, h: usize, gradient: &Configuration, target: f64, weight: f64) {
+    pub fn push(&mut self, h: usize, gradient: &Configuration, target: f64, weight: f64) {
         self.own[h] += gradient * gradient.transpose() * weight;
         self.right[h] += gradient * (weight * target);
         self.concerned[h] = true;
     }
 
     /// Adds `weight · (aᵀ change_h + bᵀ change_{h+1} − target)²`.
-    pub(crate) fn push_pair(
-        &mut self,
-        h: usize,
-        [a, b]: [&Configuration; 2],
-        target: f64,
-        weight: f64,
-    ) {
+    pub fn push_pair(&mut self, h: usize, [a, b]: [&Configuration; 2], target: f64, weight: f64) {
         self.push(h, a, target, weight);
         self.push(h + 1, b, target, weight);
         self.next[h] += a * b.transpose() * weight;
     }
 
     /// Minimises the sum plus `Σ damping_k |c_k − c̄_k|²`, where `pull_k = damping_k c̄_k` is given.
-    pub(crate) fn solve(
+    /// `None` where the normal matrix is not positive definite.
+    #[must_use]
+    pub fn solve(
         &self,
         basis: &SineBasis,
         damping: &[f64; UNKNOWNS],

@@ -5,7 +5,7 @@
 //! that restores it. A round looks at every fourth waypoint, and the next one at others, since neighbours want nearly the same.
 //! Both ends stay exactly where they are.
 
-use crate::path::{WAYPOINTS, project};
+use crate::path::{WAYPOINTS, project_to_limits};
 use crate::pushes::{PushKernel, Pushes};
 use collision::{Contact, Scene};
 use pcc_model::{Configuration, Robot, SECTIONS};
@@ -60,7 +60,7 @@ impl Corrector<'_> {
         memory: &mut CorrectionMemory,
         is_given_up: impl Fn(&[Configuration]) -> bool,
     ) -> Correction {
-        project(self.robot, path);
+        project_to_limits(self.robot, path);
         let (mut pushed, mut clear_rounds) = (0, 0);
         let mut progress = Progress::default();
         for round in 0.. {
@@ -84,7 +84,7 @@ impl Corrector<'_> {
                 break;
             };
             apply(&changes, path);
-            project(self.robot, path);
+            project_to_limits(self.robot, path);
             if is_given_up(path) {
                 return Correction::GivenUp;
             }
@@ -137,7 +137,7 @@ impl Corrector<'_> {
 
 /// For every section of a waypoint that is bent to within the limit margin: the gradient of its angle, and the change
 /// wanted, rad.
-pub(crate) fn limit_pushes(
+pub fn limit_pushes(
     robot: &Robot,
     waypoint: &Configuration,
 ) -> impl Iterator<Item = (Configuration, f64)> {
@@ -184,8 +184,8 @@ fn apply(changes: &[Configuration; WAYPOINTS], path: &mut [Configuration]) {
 mod tests {
     use super::*;
     use crate::basis::SineBasis;
+    use crate::fixtures::unit_robot;
     use crate::path::straight_path;
-    use crate::scenes::unit_robot;
     use collision::Ball;
     use pcc_model::Point;
 

@@ -4,7 +4,7 @@
 
 use crate::path::{WAYPOINTS, Waypoints};
 use crate::problem::Problem;
-use crate::reference::{REPULSION, deepest, way_out};
+use crate::sampled_collision::{REPULSION, deepest, way_out};
 use crate::sampling::noise;
 use collision::Scene;
 use denoiser::{

@@ -3,7 +3,7 @@
 use crate::inverse_kinematics::{is_solved, solve_tips};
 use crate::planner::Interrupt;
 use crate::problem::{Goal, Infeasible, Problem};
-use crate::scenes::random_configuration;
+use crate::random_configuration::random_configuration;
 use pcc_model::{Configuration, Robot};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;

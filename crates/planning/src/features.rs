@@ -195,8 +195,8 @@ pub fn residual_coefficients(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::unit_robot;
     use crate::path::straight_path;
-    use crate::scenes::unit_robot;
 
     fn close(a: &[f32], b: &[f32]) -> bool {
         a.len() == b.len() && a.iter().zip(b).all(|(x, y)| (x - y).abs() < 2e-5)

@@ -371,7 +371,7 @@ impl Demands<'_> {
 mod tests {
     use super::*;
     use crate::basis::SineBasis;
-    use crate::scenes::unit_robot;
+    use crate::fixtures::unit_robot;
     use collision::Ball;
     use nalgebra::{Rotation3, Vector3};
     use std::sync::atomic::{AtomicUsize, Ordering};

@@ -66,8 +66,9 @@ fn grow_within(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::unit_robot;
     use crate::planner::Interrupt;
-    use crate::scenes::{Setting, Target, draw_target, unit_robot};
+    use datasets::scenes::{Setting, Target, draw_target};
     use pcc_model::Robot;
     use rand::SeedableRng;
     use rayon::ThreadPoolBuilder;

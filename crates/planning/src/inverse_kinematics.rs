@@ -156,7 +156,8 @@ pub(crate) fn is_solved(distance: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::{random_configuration, unit_robot};
+    use crate::fixtures::unit_robot;
+    use crate::random_configuration::random_configuration;
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
     use std::f64::consts::FRAC_PI_2;

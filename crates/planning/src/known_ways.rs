@@ -66,9 +66,9 @@ impl<'a> KnownWays<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::unit_robot;
     use crate::path::straight_path;
     use crate::rrt_connect::RrtSettings;
-    use crate::scenes::unit_robot;
     use collision::{Ball, Scene};
     use pcc_model::Point;
     use rand::SeedableRng;

@@ -55,9 +55,10 @@ fn least_with_any_jerk_s(limits: &TendonLimits, way: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::unit_robot;
     use crate::path::{resample, straight_path};
     use crate::race::SURELY_SLOWER;
-    use crate::scenes::{random_configuration, unit_robot};
+    use crate::random_configuration::random_configuration;
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
     use trajectory::{AllocationOptions, allocate};

@@ -11,7 +11,6 @@ mod braking;
 mod canonical;
 mod cholesky;
 mod correction;
-pub mod dataset;
 mod diffusion;
 mod end_shapes;
 mod features;
@@ -19,6 +18,8 @@ mod fill;
 mod finish;
 mod first_success;
 mod first_way;
+#[cfg(test)]
+mod fixtures;
 mod inverse_kinematics;
 mod known_ways;
 mod learned;
@@ -34,19 +35,20 @@ mod previous;
 mod problem;
 mod pushes;
 mod race;
+mod random_configuration;
 mod reach;
-mod reference;
 mod rrt_connect;
 mod run;
+pub mod sampled_collision;
 mod sampling;
-pub mod scenes;
 mod select;
 mod sharpen;
 mod smoothing;
 mod straighten;
-pub mod teacher;
 mod terminal;
 
+pub use basis::{SineBasis, SmoothLeastSquares};
+pub use correction::limit_pushes;
 pub use denoiser::FeatureFrame;
 pub use diffusion::{DiffusionModel, DiffusionSettings, Guidance, PrecisionUnavailable};
 pub use end_shapes::{EndShapes, end_shapes};
@@ -54,13 +56,14 @@ pub use features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, features, residual
 pub use finish::MOST_CORRECTIONS;
 pub use inverse_kinematics::solve_tip;
 pub use metrics::{PathMetrics, SetMetrics, modes, path_metrics, set_metrics};
-pub use path::{WAYPOINTS, Waypoints, straight_path};
+pub use path::{WAYPOINTS, Waypoints, parameter, project_to_limits, resample, straight_path};
 pub use plan::{
     Candidate, Certified, Draw, Failure, Plan, Request, Sampler, Source, StageTimes, StartMotion,
 };
 pub use planner::{Models, Planner, PlannerError, Supervision};
 pub use previous::PreviousPlan;
 pub use problem::{Goal, Infeasible, Problem};
-pub use reference::SampledVerdict;
+pub use random_configuration::random_configuration;
 pub use rrt_connect::{RrtSettings, rrt_connect};
+pub use sampled_collision::SampledVerdict;
 pub use select::{Selection, select};

@@ -88,7 +88,8 @@ pub(crate) fn within_limits<S: Simd>(robot: &Robot, shapes: &Shapes<S>) -> Shape
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::{random_configuration, unit_robot};
+    use crate::fixtures::unit_robot;
+    use crate::random_configuration::random_configuration;
     use fearless_simd::{Level, dispatch};
     use nalgebra::{Matrix3, Matrix3x6, Vector3};
     use pcc_model::{Configuration, LANES, one_by_one, side_by_side};

@@ -17,12 +17,14 @@ pub fn straight_path(start: &Configuration, end: &Configuration) -> Waypoints {
 }
 
 /// u of waypoint h.
-pub(crate) fn parameter(h: usize) -> f64 {
+#[must_use]
+pub fn parameter(h: usize) -> f64 {
     h as f64 / (WAYPOINTS - 1) as f64
 }
 
 /// Resamples a polyline to `WAYPOINTS` points equally spaced in its configuration-space length.
-pub(crate) fn resample(polyline: &[Configuration]) -> Waypoints {
+#[must_use]
+pub fn resample(polyline: &[Configuration]) -> Waypoints {
     let lengths: Vec<f64> = polyline.windows(2).map(|w| (w[1] - w[0]).norm()).collect();
     let total: f64 = lengths.iter().sum();
     let (mut edge, mut passed) = (0, 0.0);
@@ -41,7 +43,7 @@ pub(crate) fn resample(polyline: &[Configuration]) -> Waypoints {
 }
 
 /// Brings every waypoint between the ends inside the bending limit, section by section; the ends stay as they are.
-pub(crate) fn project(robot: &Robot, path: &mut [Configuration]) {
+pub fn project_to_limits(robot: &Robot, path: &mut [Configuration]) {
     let last = path.len().saturating_sub(1);
     for waypoint in path.iter_mut().take(last).skip(1) {
         *waypoint = robot.project_to_limits(waypoint);

@@ -216,7 +216,8 @@ fn interpolated(drawn: &Drawn, h: usize) -> Configuration {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::{random_configuration, unit_robot};
+    use crate::fixtures::unit_robot;
+    use crate::random_configuration::random_configuration;
     use rand::SeedableRng;
 
     #[test]

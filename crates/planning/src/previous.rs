@@ -96,8 +96,8 @@ fn rest(path: &[Configuration], start: &Configuration, end: &Configuration) -> W
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::unit_robot;
     use crate::path::straight_path;
-    use crate::scenes::unit_robot;
     use collision::{Ball, Scene};
     use pcc_model::Point;
 

@@ -6,7 +6,7 @@
 
 use crate::neighbours::Neighbours;
 use crate::planner::Interrupt;
-use crate::scenes::random_configuration;
+use crate::random_configuration::random_configuration;
 use collision::{Scene, certify_edge};
 use pcc_model::{Configuration, Robot, SECTIONS};
 use rand::RngExt;
@@ -342,7 +342,7 @@ pub fn rrt_connect(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::unit_robot;
+    use crate::fixtures::unit_robot;
     use collision::Ball;
     use rand::SeedableRng;
     use std::sync::atomic::{AtomicUsize, Ordering};

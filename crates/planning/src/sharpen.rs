@@ -44,8 +44,8 @@ fn fastest_tendon(robot: &Robot, change: &Configuration) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::unit_robot;
     use crate::path::parameter;
-    use crate::scenes::unit_robot;
 
     #[test]
     fn sharpening_moves_bends_outwards_and_leaves_segments() {

@@ -234,8 +234,8 @@ fn compressed(robot: &Robot, shape: &Configuration) -> Configuration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::unit_robot;
     use crate::path::straight_path;
-    use crate::scenes::unit_robot;
     use collision::Ball;
 
     fn straighten(robot: &Robot, path: &mut [Configuration]) -> bool {

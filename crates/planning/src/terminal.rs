@@ -28,8 +28,8 @@ pub(crate) fn attach(robot: &Robot, problem: &Problem, path: &mut [Configuration
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::unit_robot;
     use crate::path::straight_path;
-    use crate::scenes::unit_robot;
     use collision::Scene;
     use pcc_model::Point;
 

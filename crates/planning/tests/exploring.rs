@@ -4,7 +4,7 @@
 mod requests;
 mod shipped;
 
-use planning::scenes::{Setting, draw_target};
+use datasets::scenes::{Setting, draw_target};
 use planning::{Candidate, Failure, Goal, Plan, Planner, Problem, Request, Sampler, Source};
 use shipped::planner;
 use std::sync::Mutex;

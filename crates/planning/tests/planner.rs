@@ -4,9 +4,9 @@
 mod requests;
 
 use collision::{Ball, Scene};
+use datasets::scenes::{Setting, Target, draw_target, reference_layout};
 use denoiser::{Manifest, Precision, Solver, TemporalUnet};
 use pcc_model::{Configuration, Point, Robot};
-use planning::scenes::{Setting, Target, draw_target, reference_layout};
 use planning::{
     Candidate, DiffusionModel, DiffusionSettings, Failure, Goal, Guidance, Infeasible, Models,
     Plan, Planner, PlannerError, Problem, Request, Sampler,

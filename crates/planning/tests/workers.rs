@@ -4,7 +4,7 @@
 mod requests;
 mod shipped;
 
-use planning::scenes::{Setting, draw_target};
+use datasets::scenes::{Setting, draw_target};
 use planning::{Goal, Plan, Problem, Sampler, Source};
 use requests::request;
 use shipped::planner;

@@ -3,8 +3,8 @@
 use crate::output_files::write_whole;
 use anyhow::anyhow;
 use client::CycleRecorder;
+use datasets::ArchiveWriter;
 use pcc_model::Robot;
-use planning::dataset::ArchiveWriter;
 use serde_json::json;
 use shared_types::ipc::IpcOptions;
 use shared_types::message::{Cycle, MovingBall};

@@ -1,6 +1,6 @@
 //! What a planner answered to one case.
 
-use planning::dataset::Case;
+use datasets::Case;
 use planning::{Infeasible, Plan};
 
 /// A case and what the planner answered.

@@ -5,7 +5,7 @@ use crate::number;
 use crate::planner::{ModelArguments, PlannerName, name_of};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
-use planning::dataset::{Case, Dataset, Split};
+use datasets::{Case, Dataset, Split};
 use planning::{MOST_CORRECTIONS, Waypoints};
 use std::path::PathBuf;
 

@@ -2,8 +2,8 @@
 
 use super::answer::Answer;
 use collision::Ball;
+use datasets::{ArchiveError, ArchiveWriter};
 use pcc_model::{Configuration, DOF};
-use planning::dataset::{ArchiveError, ArchiveWriter};
 use planning::{Draw, Source, WAYPOINTS, Waypoints};
 use std::path::Path;
 use trajectory::{Knot, Trajectory};

@@ -12,9 +12,9 @@ use self::answer::Answer;
 use crate::output_files::{make_writable, write_whole};
 use crate::planner::{Loaded, load};
 use crate::robot::unit_robot;
+use datasets::Case;
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::SECTIONS;
-use planning::dataset::Case;
 use planning::{Goal, Planner, PlannerError, Problem, Request, Sampler, Selection, Waypoints};
 use std::time::Instant;
 

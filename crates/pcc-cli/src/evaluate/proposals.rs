@@ -1,8 +1,8 @@
 //! Paths that another program drew, to be judged as the planners' own.
 
 use anyhow::bail;
+use datasets::ArchiveReader;
 use pcc_model::{Configuration, DOF};
-use planning::dataset::ArchiveReader;
 use planning::{WAYPOINTS, Waypoints};
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 use super::*;
+use crate::fixtures::unit_robot;
 use crate::problem::Goal;
-use crate::scenes::unit_robot;
 use collision::Ball;
 use denoiser::Manifest;
 use safetensors::SafeTensors;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
+use datasets::ArchiveReader;
 use pcc_model::Robot;
-use planning::dataset::ArchiveReader;
 use serde_json::Value;
 use tests::programs::repository;
 

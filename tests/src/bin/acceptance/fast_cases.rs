@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::ensure;
-use planning::dataset::ArchiveReader;
+use datasets::ArchiveReader;
 use serde_json::Value;
 use tests::programs::repository;
 

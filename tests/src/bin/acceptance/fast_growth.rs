@@ -5,8 +5,8 @@ use std::path::Path;
 
 use anyhow::Context;
 use client::PlanAnswer;
+use datasets::scenes::Setting;
 use pcc_model::Robot;
-use planning::scenes::Setting;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use shared_types::message::Ball;

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use client::PlanAnswer;
+use datasets::scenes::Setting;
 use denoiser::Manifest;
-use planning::scenes::Setting;
 use serde_json::Value as Json;
 use shared_types::codes::{Sampler, Stage};
 use shared_types::valid::PlanRequest;

@@ -3,8 +3,8 @@
 use std::f64::consts::TAU;
 use std::time::Duration;
 
+use datasets::scenes::{Setting, Target, draw_target};
 use pcc_model::{Configuration, Robot};
-use planning::scenes::{Setting, Target, draw_target};
 use rand::RngExt;
 use rand::seq::IndexedRandom;
 use rand_pcg::Pcg64;

@@ -5,9 +5,9 @@ use std::process::Command;
 use std::time::Instant;
 
 use anyhow::{Context, ensure};
+use datasets::scenes::{Setting, draw_target};
 use denoiser::{FastModel, Manifest};
 use pcc_model::{Configuration, Robot, SECTIONS};
-use planning::scenes::{Setting, draw_target};
 use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
 use serde_json::json;
 use tests::programs::repository;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::ensure;
+use datasets::{ArchiveReader, Dataset, Row, Split};
 use pcc_model::Configuration;
-use planning::dataset::{ArchiveReader, Dataset, Row, Split};
 use planning::modes;
 use serde_json::Value;
 

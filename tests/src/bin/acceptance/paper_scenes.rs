@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use collision::{Ball, Scene};
+use datasets::{Dataset, Meta, Row, Split};
 use pcc_model::{Configuration, Point, Robot};
 use planning::WAYPOINTS;
-use planning::dataset::{Dataset, Meta, Row, Split};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use serde_json::json;

@@ -5,8 +5,8 @@ use std::sync::LazyLock;
 
 use anyhow::{Context, ensure};
 use collision::{Ball, Scene};
+use datasets::ArchiveReader;
 use pcc_model::{Configuration, Point, Robot, TendonLimits};
-use planning::dataset::ArchiveReader;
 use tests::brute_force::{self, Body};
 use tests::knots;
 use tests::programs::repository;

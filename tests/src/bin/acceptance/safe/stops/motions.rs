@@ -1,7 +1,7 @@
 //! Motions of the planner: straight ones, and curved ones round the balls of hard scenes.
 
+use datasets::scenes::{Setting, draw_target};
 use pcc_model::{Configuration, Robot};
-use planning::scenes::{Setting, draw_target};
 use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
 use trajectory::{AllocationOptions, Knot, Trajectory};
 

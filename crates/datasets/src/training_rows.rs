@@ -1,11 +1,12 @@
 //! Training arrays of the few-step model, made from a data set.
 
-use super::format::Row;
-use crate::features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, residual_coefficients};
-use arrays::{ArchiveError, ArchiveWriter};
+use crate::archive::error::ArchiveError;
+use crate::archive::writer::ArchiveWriter;
+use crate::row::Row;
 use collision::{Scene, SceneError};
 use denoiser::FeatureFrame;
 use pcc_model::{Configuration, Robot};
+use planning::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, residual_coefficients};
 use std::path::Path;
 
 /// Rows of training arrays, all in one kind of frame, four a path in this order: the path, its mirror image, the path backwards,

@@ -4,11 +4,11 @@ use super::kinematics::DAMPING;
 use super::sampled::Samples;
 use super::solver::PathSolver;
 use super::spline::LineSmoother;
-use crate::path::WAYPOINTS;
-use crate::reference::{REPULSION, way_out};
 use collision::Ball;
 use nalgebra::{Cholesky, Matrix3};
 use pcc_model::{Configuration, Point, Robot};
+use planning::WAYPOINTS;
+use planning::sampled_collision::{REPULSION, way_out};
 
 /// Rounds at most.
 const ROUNDS: usize = 10;

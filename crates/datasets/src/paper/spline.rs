@@ -1,7 +1,7 @@
 //! A smooth tip line through a path that was pushed: Douglas–Peucker, clamped cubic B-spline, even arc length.
 
-use crate::path::WAYPOINTS;
 use pcc_model::Point;
+use planning::WAYPOINTS;
 
 /// Distance that a left-out tip may have from the simplified line, section lengths.
 const SIMPLIFY: f64 = 0.1;

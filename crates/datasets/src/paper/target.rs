@@ -4,10 +4,11 @@ use super::dispatch::{Kernel, dispatch};
 use super::kinematics::{Vector, project_section, tip_step};
 use super::sampled::Samples;
 use super::solver::{ITERATIONS, TOLERANCE};
-use crate::reference::REPULSION;
-use crate::scenes::{STARTS, in_workspace, random_configuration};
+use crate::scenes::{STARTS, in_workspace};
 use collision::Ball;
 use pcc_model::{Configuration, DOF, Point, Robot, SECTIONS};
+use planning::random_configuration;
+use planning::sampled_collision::REPULSION;
 use rand_pcg::Pcg64;
 
 /// Terminal solutions of a target.
@@ -200,7 +201,8 @@ fn step_seeds(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::{reference_layout, unit_robot};
+    use crate::fixtures::unit_robot;
+    use crate::scenes::reference_layout;
     use collision::Scene;
 
     /// Clearance of the reference's nine points beyond the ball.

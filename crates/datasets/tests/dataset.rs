@@ -1,13 +1,13 @@
 //! The authors' format: a set of theirs, a set of ours, and broken ones.
 #![allow(clippy::unwrap_used)] // tests
 
-use pcc_model::Robot;
-use planning::FeatureFrame;
-use planning::dataset::{
+use datasets::scenes::{Setting, reference_layout};
+use datasets::{
     ArchiveReader, ArchiveWriter, Counts, Dataset, DatasetError, GeneratorNotes, Meta, Recipe,
     Split, generate_block, training_rows,
 };
-use planning::scenes::{Setting, reference_layout};
+use pcc_model::Robot;
+use planning::FeatureFrame;
 use std::path::{Path, PathBuf};
 
 fn project(path: &str) -> PathBuf {

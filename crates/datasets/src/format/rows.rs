@@ -1,11 +1,13 @@
 //! The rows of a data set from its arrays, each checked.
 
 use super::columns::{integers, reals, rows_of};
-use super::format::{Check, DatasetError, Row, Split};
-use crate::path::WAYPOINTS;
-use arrays::{ArchiveError, ArchiveReader};
+use super::error::DatasetError;
+use crate::archive::error::ArchiveError;
+use crate::archive::reader::ArchiveReader;
+use crate::row::{Check, Row, Split};
 use collision::{Ball, MAX_EXTENT};
 use pcc_model::{Configuration, DOF, Point, SECTIONS};
+use planning::WAYPOINTS;
 
 /// Arrays of one whole number a row.
 const INDICES: [&str; 4] = [

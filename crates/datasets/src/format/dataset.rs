@@ -1,69 +1,21 @@
-//! The authors' data set format, version 25: one row a path, obstacles by offsets (docs/evaluation.md "The command").
+//! A data set in memory, its two files, and the cases of its rows.
 
-use super::meta::{Counts, META_FILE, Meta};
+use super::error::DatasetError;
+use super::meta::{META_FILE, Meta};
 use super::rows::{Shapes, read_rows};
-use crate::path::WAYPOINTS;
-use arrays::{ArchiveError, ArchiveReader, ArchiveWriter, MAX_ARCHIVE_BYTES};
-use collision::{Ball, Scene, SceneError};
+use crate::archive::error::ArchiveError;
+use crate::archive::reader::{ArchiveReader, MAX_ARCHIVE_BYTES};
+use crate::archive::writer::ArchiveWriter;
+use crate::row::{Check, Row, Split};
+use collision::{Ball, Scene};
 use input_files::{InputFile, InputFileError};
 use pcc_model::{Configuration, DOF, Point};
+use planning::WAYPOINTS;
 use sha2::digest::Output;
 use sha2::{Digest, Sha256};
 use std::collections::HashSet;
 use std::io::Read;
-use std::path::{Path, PathBuf};
-use thiserror::Error;
-
-/// The part of a data set that a row belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Split {
-    /// Code 0.
-    Train,
-    /// Code 1.
-    Validation,
-    /// Code 2.
-    Test,
-}
-
-impl Split {
-    pub(super) fn code(self) -> i8 {
-        match self {
-            Self::Train => 0,
-            Self::Validation => 1,
-            Self::Test => 2,
-        }
-    }
-}
-
-/// One path with its target and scene.
-#[derive(Clone, Debug)]
-pub struct Row {
-    /// Waypoints, radians.
-    pub path: Vec<Configuration>,
-    /// Tip position asked for, section lengths.
-    pub target_tip: Point,
-    /// Index of the target in its generator.
-    pub target_index: i32,
-    /// Index of the start at its target.
-    pub start_index: i16,
-    /// Index of the end shape at its target.
-    pub ik_index: i16,
-    /// The part it belongs to.
-    pub split: Split,
-    /// Obstacles, section lengths.
-    pub balls: Vec<Ball>,
-    /// How its collision was judged exactly, where it was.
-    pub check: Option<Check>,
-}
-
-/// An exact judgement of a path, whose maker may have looked at samples only.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Check {
-    /// Smallest clearance of the tube over the waypoints, section lengths; +∞ without obstacles.
-    pub clearance: f32,
-    /// Whether the polyline through the waypoints is certified free.
-    pub is_certified: bool,
-}
+use std::path::Path;
 
 /// A case: what a planner is asked (the first row of a target and start).
 #[derive(Clone, Debug)]
@@ -87,49 +39,6 @@ pub struct Dataset {
     pub rows: Vec<Row>,
     /// Its meta data.
     pub meta: Meta,
-}
-
-/// Why a data set could not be read or written.
-#[derive(Debug, Error)]
-pub enum DatasetError {
-    /// The archive itself.
-    #[error(transparent)]
-    Archive(#[from] ArchiveError),
-    /// A file is not read.
-    #[error(transparent)]
-    File(#[from] InputFileError),
-    /// `dataset_meta.json` is not understood, or does not fit the archive.
-    #[error("{path}: {reason}")]
-    Meta {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong and what is allowed.
-        reason: String,
-    },
-    /// No path was kept, so there is no set.
-    #[error("there is no path to make a data set of{}", .counts.as_ref().map(|c| format!(": {c}")).unwrap_or_default())]
-    Empty {
-        /// What was dropped and why, where it is known.
-        counts: Option<Box<Counts>>,
-    },
-    /// A value is out of range.
-    #[error("{path}: row {row}: {reason}")]
-    Row {
-        /// The archive.
-        path: PathBuf,
-        /// Index of the row.
-        row: usize,
-        /// What is wrong and what is allowed.
-        reason: String,
-    },
-    /// The obstacles of a row do not make a scene.
-    #[error("obstacles of row {row}: {source}")]
-    Scene {
-        /// Index of the row.
-        row: usize,
-        /// The reason.
-        source: SceneError,
-    },
 }
 
 impl Dataset {

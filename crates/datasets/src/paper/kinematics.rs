@@ -270,7 +270,7 @@ fn rotate_back(rows: &Rotation, v: &Vector) -> Vector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::unit_robot;
+    use crate::fixtures::unit_robot;
     use nalgebra::Matrix3;
     use pcc_model::{Configuration, Point};
 

@@ -2,7 +2,9 @@
 //!
 //! Every shape is compared before any value is read: a small archive may hold gigabytes of zeros.
 
-use arrays::{ArchiveError, ArchiveReader, Deserialize};
+use crate::archive::error::ArchiveError;
+use crate::archive::reader::ArchiveReader;
+use arrays::Deserialize;
 
 /// Types of real numbers that are read.
 const REALS: [&str; 2] = ["<f4", "<f8"];

@@ -2,15 +2,14 @@
 
 use super::dispatch::{Kernel, dispatch};
 use super::kinematics::{project_section, tip_step};
-use crate::path::{WAYPOINTS, parameter};
+use super::settings::CONTINUITY;
 use pcc_model::{Configuration, DOF, Point, Robot, SECTIONS};
+use planning::{WAYPOINTS, parameter};
 
 /// Iterations at most (docs/evaluation.md "The reference setting").
 pub(super) const ITERATIONS: usize = 200;
 /// Tip distance that counts as reached, section lengths.
 pub(super) const TOLERANCE: f64 = 1e-3;
-/// Gain of the descent of Σ‖ζ_{h+1} − ζ_h‖² in the null space of the tip.
-pub(in crate::dataset) const CONTINUITY: f64 = 0.1;
 /// Frame h has the place h + 1, so that the ends have neighbours to load, too.
 const PADDED: usize = WAYPOINTS + 2;
 
@@ -169,7 +168,7 @@ fn step_frames(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::unit_robot;
+    use crate::fixtures::unit_robot;
 
     fn solver() -> (Robot, PathSolver, Point) {
         let robot = unit_robot();

@@ -1,93 +1,20 @@
-//! The paper's own generator of paths (docs/evaluation.md "The reference setting"; the paper, section IV "Training Data").
-//!
-//! The straight way of the tip is followed from a start to each of ten terminal solutions; a path that collides is
-//! repaired; what reaches, moves in small enough steps and is clear by the sampled criterion is kept. Checked against
-//! the paths of the authors' program: from the same ends it makes the same paths.
+//! From a recipe to the rows of its targets.
 
-mod dispatch;
-mod kinematics;
-mod repair;
-mod sampled;
-mod solver;
-mod spline;
-mod target;
-
-use super::format::{Check, Row};
-use super::generate::{Recipe, split_of};
-use crate::path::{WAYPOINTS, Waypoints};
+use super::repair::Repairer;
+use super::report::PaperReport;
+use super::settings::LARGEST_STEP;
+use super::solver::PathSolver;
+use super::target::{Place, TERMINALS};
+use crate::recipe::Recipe;
+use crate::row::{Check, Row};
 use crate::scenes::{STARTS, draw_balls};
-use collision::{Scene, certify_polyline};
+use collision::Scene;
 use pcc_model::{Configuration, Point, Robot};
+use planning::{WAYPOINTS, Waypoints};
 use rand_pcg::Pcg64;
-use repair::Repairer;
-pub(super) use solver::CONTINUITY;
-use solver::PathSolver;
-use target::Place;
-pub use target::TERMINALS;
 
 /// Version of [`generate_paper_block`]: another one makes other rows from the same recipe.
 pub const PAPER_VERSION: u32 = 1;
-/// Largest step between neighbouring waypoints of a path that [`generate_paper_block`] keeps, rad.
-pub(super) const LARGEST_STEP: f64 = 0.4;
-
-/// Why targets were dropped.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DroppedTargets {
-    /// No ten clear and distinct terminal solutions.
-    pub terminal_ik: usize,
-    /// Too few starts.
-    pub start_sampling: usize,
-    /// None of its paths was kept.
-    pub zero_retained_paths: usize,
-}
-
-/// Why paths were dropped.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct DroppedPaths {
-    /// The straight way of the tip could not be followed.
-    pub workspace_ik: usize,
-    /// A step between neighbouring waypoints is too large, without a repair.
-    pub path_constraints: usize,
-    /// It collides, and the repair failed or left too large steps.
-    pub collision_repair: usize,
-}
-
-/// What became of the paths asked for; as the authors' `dataset_meta.json` names it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PaperReport {
-    /// Targets drawn.
-    pub requested_targets: usize,
-    /// Targets with a path.
-    pub actual_targets: usize,
-    /// Paths asked for, those of dropped targets too.
-    pub requested_paths: usize,
-    /// Paths kept.
-    pub actual_paths: usize,
-    /// Targets dropped.
-    pub target_discarded_counts: DroppedTargets,
-    /// Paths dropped of targets that were not.
-    pub path_failure_counts: DroppedPaths,
-}
-
-impl std::ops::AddAssign for PaperReport {
-    fn add_assign(&mut self, other: Self) {
-        self.requested_targets += other.requested_targets;
-        self.actual_targets += other.actual_targets;
-        self.requested_paths += other.requested_paths;
-        self.actual_paths += other.actual_paths;
-        let (sum, more) = (
-            &mut self.target_discarded_counts,
-            other.target_discarded_counts,
-        );
-        sum.terminal_ik += more.terminal_ik;
-        sum.start_sampling += more.start_sampling;
-        sum.zero_retained_paths += more.zero_retained_paths;
-        let (sum, more) = (&mut self.path_failure_counts, other.path_failure_counts);
-        sum.workspace_ik += more.workspace_ik;
-        sum.path_constraints += more.path_constraints;
-        sum.collision_repair += more.collision_repair;
-    }
-}
 
 /// Generates the rows of the targets with the given indices; the result depends on the recipe and the indices alone.
 #[must_use]
@@ -210,33 +137,26 @@ impl Generator<'_> {
         for shape in &mut path {
             *shape = shape.map(|angle| f64::from(angle as f32));
         }
-        let check = exact_check(self.robot, &case.scene, &path);
+        let check = Check::of(self.robot, &case.scene, &path);
         self.rows.push(Row {
             path,
             target_tip: case.tip,
             target_index: case.index as i32,
             start_index: start_index as i16,
             ik_index: ik_index as i16,
-            split: split_of(self.recipe, case.index),
+            split: self.recipe.split_of(case.index),
             balls: case.scene.balls().to_vec(),
             check: Some(check),
         });
     }
 }
 
-fn exact_check(robot: &Robot, scene: &Scene, path: &[Configuration]) -> Check {
-    let clearance = |shape| scene.clearance(&robot.backbone(shape), &robot.tube_radii);
-    Check {
-        clearance: path.iter().map(clearance).fold(f64::INFINITY, f64::min) as f32,
-        is_certified: certify_polyline(robot, scene, path).is_free(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::Dataset;
-    use crate::scenes::{Setting, unit_robot};
+    use crate::fixtures::unit_robot;
+    use crate::format::dataset::Dataset;
+    use crate::scenes::Setting;
     use std::path::Path;
 
     fn recipe(setting: Setting, starts: usize, ends: usize) -> Recipe {

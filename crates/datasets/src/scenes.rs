@@ -1,11 +1,10 @@
 //! Random cases: the reference's fixed layouts, general scenes, hard scenes (docs/evaluation.md "Cases").
 
-use crate::end_shapes::end_shapes;
-use crate::path::straight_path;
-use crate::problem::{Goal, Problem};
-use crate::rrt_connect::{RrtSettings, rrt_connect};
 use collision::{Ball, Scene, certify_polyline};
-use pcc_model::{Configuration, Point, Robot, SECTIONS};
+use pcc_model::{Configuration, Point, Robot};
+use planning::{
+    Goal, Problem, RrtSettings, end_shapes, random_configuration, rrt_connect, straight_path,
+};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::f64::consts::{SQRT_2, TAU};
@@ -41,19 +40,6 @@ pub struct Target {
     pub generator: Configuration,
     /// Start shapes, each clear, distinct, and away from the target.
     pub starts: Vec<Configuration>,
-}
-
-/// A configuration uniform in each section's disc of allowed bending.
-#[must_use]
-pub fn random_configuration(robot: &Robot, rng: &mut Pcg64) -> Configuration {
-    let mut shape = Configuration::zeros();
-    for section in 0..SECTIONS {
-        let angle = robot.bending_limit * rng.random::<f64>().sqrt();
-        let (sine, cosine) = (TAU * rng.random::<f64>()).sin_cos();
-        shape[2 * section] = angle * cosine;
-        shape[2 * section + 1] = angle * sine;
-    }
-    shape
 }
 
 /// Draws target `index` of a setting; the same seed and index give the same target whatever the order.
@@ -203,16 +189,10 @@ fn is_hard(
         .is_some()
 }
 
-/// The paper's unit robot, for tests.
-#[cfg(test)]
-pub(crate) fn unit_robot() -> Robot {
-    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
-    Robot::from_file(std::path::Path::new(file)).unwrap()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::unit_robot;
 
     #[test]
     fn targets_repeat_by_seed_and_index_alone() {

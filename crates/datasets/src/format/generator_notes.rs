@@ -3,9 +3,9 @@
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::paper::{CONTINUITY, LARGEST_STEP};
-use crate::reference::REPULSION;
+use crate::paper::settings::{CONTINUITY, LARGEST_STEP};
 use crate::scenes::{LAYOUT_RADIUS, Setting};
+use planning::sampled_collision::REPULSION;
 
 /// Keys that the authors' files have and nothing here reads: written for other programs, null where the generator has no such thing.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -27,7 +27,7 @@ pub struct GeneratorNotes {
 }
 
 impl GeneratorNotes {
-    /// Of the generator of [`super::generate_block`].
+    /// Of the generator of [`crate::generate_block`].
     #[must_use]
     pub fn of_expert(setting: Setting) -> Self {
         Self {
@@ -38,7 +38,7 @@ impl GeneratorNotes {
         }
     }
 
-    /// Of the generator of [`super::generate_paper_block`].
+    /// Of the generator of [`crate::generate_paper_block`].
     #[must_use]
     pub fn of_paper(setting: Setting) -> Self {
         let region = format!("sphere_radius + {REPULSION} * clearance_margin");

@@ -3,11 +3,12 @@
 //! Minimises ∫‖p′‖² (tip energy: straight and even) + a little ∫‖ζ′‖² and ∫‖ζ″‖² + hinges on clearance and
 //! bending, over the sine coefficients of the residual to the straight segment between two given ends.
 
-use crate::basis::{SineBasis, SmoothLeastSquares, UNKNOWNS};
-use crate::correction::limit_pushes;
-use crate::path::{WAYPOINTS, Waypoints, project, straight_path};
 use collision::{Contact, Scene};
 use pcc_model::{Backbone, Configuration, DOF, Robot};
+use planning::{
+    COEFFICIENTS, SineBasis, SmoothLeastSquares, WAYPOINTS, Waypoints, limit_pushes,
+    project_to_limits, straight_path,
+};
 use std::f64::consts::PI;
 
 /// Gauss–Newton rounds at most.
@@ -26,7 +27,7 @@ const ENOUGH: f64 = 1e-3;
 ///
 /// `guess` has 64 waypoints, radians, in the robot's own frame.
 #[must_use]
-pub fn teach(robot: &Robot, scene: &Scene, guess: &[Configuration]) -> Waypoints {
+pub(super) fn teach(robot: &Robot, scene: &Scene, guess: &[Configuration]) -> Waypoints {
     let basis = SineBasis::new();
     let line = straight_path(&guess[0], &guess[WAYPOINTS - 1]);
     let mut search = Search {
@@ -38,7 +39,7 @@ pub fn teach(robot: &Robot, scene: &Scene, guess: &[Configuration]) -> Waypoints
     };
     let coefficients = search.descend(basis.analyse(guess));
     let mut path = search.path(&coefficients);
-    project(robot, &mut path);
+    project_to_limits(robot, &mut path);
     path
 }
 
@@ -51,7 +52,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn path(&self, coefficients: &[f64; UNKNOWNS]) -> Waypoints {
+    fn path(&self, coefficients: &[f64; COEFFICIENTS]) -> Waypoints {
         self.line
             .iter()
             .enumerate()
@@ -60,7 +61,7 @@ impl Search<'_> {
     }
 
     /// Levenberg–Marquardt with the damping raised after a step that did not help.
-    fn descend(&mut self, mut coefficients: [f64; UNKNOWNS]) -> [f64; UNKNOWNS] {
+    fn descend(&mut self, mut coefficients: [f64; COEFFICIENTS]) -> [f64; COEFFICIENTS] {
         let mut damping = 1e-3;
         let mut best = self.linearise(&coefficients);
         for _ in 0..ROUNDS {
@@ -85,7 +86,7 @@ impl Search<'_> {
         coefficients
     }
 
-    fn linearise(&mut self, coefficients: &[f64; UNKNOWNS]) -> Linear {
+    fn linearise(&mut self, coefficients: &[f64; COEFFICIENTS]) -> Linear {
         let path = self.path(coefficients);
         let backbones: Vec<Backbone> = path.iter().map(|q| self.robot.backbone(q)).collect();
         let mut linear = Linear {
@@ -149,9 +150,9 @@ impl Linear {
     fn step(
         &self,
         basis: &SineBasis,
-        at: &[f64; UNKNOWNS],
+        at: &[f64; COEFFICIENTS],
         damping: f64,
-    ) -> Option<[f64; UNKNOWNS]> {
+    ) -> Option<[f64; COEFFICIENTS]> {
         let diagonal = std::array::from_fn(|i| regular_weight(i) + damping);
         let pull = std::array::from_fn(|i| -regular_weight(i) * at[i]);
         let change = self.problem.solve(basis, &diagonal, &pull)?;
@@ -164,7 +165,7 @@ fn regular_weight(index: usize) -> f64 {
     0.5 * (SPEED_COST * frequency.powi(2) + BEND_COST * frequency.powi(4))
 }
 
-fn regular_cost(coefficients: &[f64; UNKNOWNS]) -> f64 {
+fn regular_cost(coefficients: &[f64; COEFFICIENTS]) -> f64 {
     coefficients
         .iter()
         .enumerate()
@@ -175,7 +176,7 @@ fn regular_cost(coefficients: &[f64; UNKNOWNS]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::unit_robot;
+    use crate::fixtures::unit_robot;
 
     fn tip_length(robot: &Robot, path: &[Configuration]) -> f64 {
         path.windows(2)

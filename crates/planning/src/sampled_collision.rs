@@ -6,9 +6,9 @@ use collision::{Ball, Scene};
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 
 /// Fractions of each section that are looked at.
-pub(crate) const FRACTIONS: [f64; 3] = [1.0 / 3.0, 2.0 / 3.0, 1.0];
+pub const FRACTIONS: [f64; 3] = [1.0 / 3.0, 2.0 / 3.0, 1.0];
 /// Margin of repulsion over the tube radius.
-pub(crate) const REPULSION: f64 = 1.5;
+pub const REPULSION: f64 = 1.5;
 /// Tip error that counts as reached, section lengths.
 const TIP_TOLERANCE: f64 = 0.1;
 /// Nearer to the axis of a ball than this, a point is pushed along it, section lengths.
@@ -87,7 +87,8 @@ pub(crate) fn deepest<'a>(backbone: &Backbone, balls: &'a [Ball]) -> Option<Deep
 }
 
 /// The way of a point out of a sphere around the origin: horizontally at its height, vertically only on the axis.
-pub(crate) fn way_out(from_centre: &Point, radius: f64) -> Point {
+#[must_use]
+pub fn way_out(from_centre: &Point, radius: f64) -> Point {
     let (out, height) = (from_centre.x.hypot(from_centre.y), from_centre.z);
     if out < AXIS {
         return Point::new(0.0, 0.0, (radius - height.abs()).copysign(height));
@@ -100,7 +101,8 @@ pub(crate) fn way_out(from_centre: &Point, radius: f64) -> Point {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::{reference_layout, unit_robot};
+    use crate::fixtures::unit_robot;
+    use datasets::scenes::reference_layout;
     use nalgebra::Vector3;
 
     #[test]

@@ -2,9 +2,9 @@
 
 use super::dispatch::{Kernel, dispatch};
 use super::kinematics::{Arc, Shape, Vector, add, rotate};
-use crate::reference::FRACTIONS;
 use collision::Ball;
 use pcc_model::{DOF, SECTIONS};
+use planning::sampled_collision::FRACTIONS;
 
 /// Points looked at.
 const POINTS: usize = SECTIONS * FRACTIONS.len();
@@ -147,8 +147,10 @@ fn nine_points(lengths: &[f64; SECTIONS], shape: &Shape) -> [Vector; POINTS] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scenes::{random_configuration, reference_layout, unit_robot};
+    use crate::fixtures::unit_robot;
+    use crate::scenes::reference_layout;
     use pcc_model::Configuration;
+    use planning::random_configuration;
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
 

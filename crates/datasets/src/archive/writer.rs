@@ -1,0 +1,96 @@
+//! Writing archives.
+
+use super::error::ArchiveError;
+use npyz::{AutoSerialize, WriterBuilder};
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipWriter};
+
+/// Writes named arrays; the file appears whole, or not at all.
+pub struct ArchiveWriter {
+    path: PathBuf,
+    part: PartFile,
+    zip: ZipWriter<BufWriter<File>>,
+}
+
+/// Where an archive is written before it is whole; of this process alone. Removed when dropped.
+struct PartFile(PathBuf);
+
+impl Drop for PartFile {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+impl ArchiveWriter {
+    /// Starts an archive beside `path`; [`finish`](Self::finish) puts it there, in place of a file of that name.
+    ///
+    /// # Errors
+    /// [`ArchiveError::Write`].
+    pub fn create(path: &Path) -> Result<Self, ArchiveError> {
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".{}.part", std::process::id()));
+        let part = path.with_file_name(name);
+        let file = File::create(&part).map_err(|source| ArchiveError::Write {
+            path: path.into(),
+            source,
+        })?;
+        Ok(Self {
+            path: path.into(),
+            part: PartFile(part),
+            zip: ZipWriter::new(BufWriter::new(file)),
+        })
+    }
+
+    /// Adds one array given in row-major order.
+    ///
+    /// # Errors
+    /// [`ArchiveError::Array`] if the values do not fill the shape or cannot be written.
+    pub fn write<T: AutoSerialize>(
+        &mut self,
+        array: &str,
+        shape: &[usize],
+        values: impl IntoIterator<Item = T>,
+    ) -> Result<(), ArchiveError> {
+        let fail = |e: std::io::Error| ArchiveError::Array {
+            path: self.path.clone(),
+            array: array.into(),
+            reason: e.to_string(),
+        };
+        let options = SimpleFileOptions::default()
+            .compression_method(CompressionMethod::Deflated)
+            .compression_level(Some(1))
+            .large_file(true);
+        self.zip
+            .start_file(format!("{array}.npy"), options)
+            .map_err(|e| fail(e.into()))?;
+        let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
+        let mut writer = npyz::WriteOptions::new()
+            .default_dtype()
+            .shape(&shape)
+            .writer(&mut self.zip)
+            .begin_nd()
+            .map_err(fail)?;
+        writer.extend(values).map_err(fail)?;
+        writer.finish().map_err(fail)
+    }
+
+    /// Ends the archive and gives it its name.
+    ///
+    /// # Errors
+    /// [`ArchiveError::Write`].
+    pub fn finish(self) -> Result<(), ArchiveError> {
+        let Self { path, part, zip } = self;
+        let written = zip
+            .finish()
+            .map_err(std::io::Error::from)
+            .and_then(|buffered| {
+                buffered.into_inner()?;
+                Ok(())
+            })
+            .and_then(|()| std::fs::rename(&part.0, &path));
+        written.map_err(|source| ArchiveError::Write { path, source })
+    }
+}

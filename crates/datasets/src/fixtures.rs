@@ -1,0 +1,10 @@
+//! What several unit tests need.
+
+use pcc_model::Robot;
+use std::path::Path;
+
+/// The paper's unit robot.
+pub(crate) fn unit_robot() -> Robot {
+    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
+    Robot::from_file(Path::new(file)).unwrap()
+}

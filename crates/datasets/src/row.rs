@@ -1,0 +1,66 @@
+//! One path of a data set, with the case that it answers.
+
+use collision::{Ball, Scene, certify_polyline};
+use pcc_model::{Configuration, Point, Robot};
+
+/// The part of a data set that a row belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Split {
+    /// Code 0.
+    Train,
+    /// Code 1.
+    Validation,
+    /// Code 2.
+    Test,
+}
+
+impl Split {
+    pub(crate) fn code(self) -> i8 {
+        match self {
+            Self::Train => 0,
+            Self::Validation => 1,
+            Self::Test => 2,
+        }
+    }
+}
+
+/// One path with its target and scene.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Waypoints, radians.
+    pub path: Vec<Configuration>,
+    /// Tip position asked for, section lengths.
+    pub target_tip: Point,
+    /// Index of the target in its generator.
+    pub target_index: i32,
+    /// Index of the start at its target.
+    pub start_index: i16,
+    /// Index of the end shape at its target.
+    pub ik_index: i16,
+    /// The part it belongs to.
+    pub split: Split,
+    /// Obstacles, section lengths.
+    pub balls: Vec<Ball>,
+    /// How its collision was judged exactly, where it was.
+    pub check: Option<Check>,
+}
+
+/// An exact judgement of a path, whose maker may have looked at samples only.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Check {
+    /// Smallest clearance of the tube over the waypoints, section lengths; +∞ without obstacles.
+    pub clearance: f32,
+    /// Whether the polyline through the waypoints is certified free.
+    pub is_certified: bool,
+}
+
+impl Check {
+    /// Judges a path of waypoints.
+    pub(crate) fn of(robot: &Robot, scene: &Scene, path: &[Configuration]) -> Self {
+        let clearance = |shape| scene.clearance(&robot.backbone(shape), &robot.tube_radii);
+        Self {
+            clearance: path.iter().map(clearance).fold(f64::INFINITY, f64::min) as f32,
+            is_certified: certify_polyline(robot, scene, path).is_free(),
+        }
+    }
+}
