@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use client::Client;
 use pcc_model::Robot;
-use planning::scenes::{Setting, Target, draw_target};
+use datasets::scenes::{Setting, Target, draw_target};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use shared_types::codes::{Sampler, Selection};
