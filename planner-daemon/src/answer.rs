@@ -129,9 +129,8 @@ impl Answer {
             *summary = wire::summary(candidate, first, tip_error, section_length_m);
             first += candidate.trajectory.knots().len();
         }
-        let learned = |candidate: &&Candidate| {
-            matches!(candidate.source, Source::Learned | Source::Explored)
-        };
+        let learned =
+            |candidate: &&Candidate| matches!(candidate.source, Source::Learned | Source::Explored);
         let learned = self.candidates.iter().filter(learned).count();
         self.report.classical_certified = (self.candidates.len() - learned) as u32;
     }

@@ -16,8 +16,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, bail};
 use client::Client;
-use pcc_model::Robot;
 use datasets::scenes::{Setting, Target, draw_target};
+use pcc_model::Robot;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use shared_types::codes::{Sampler, Selection};

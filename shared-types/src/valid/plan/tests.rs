@@ -46,11 +46,7 @@ const BAD: &[(Change, PlanField, &str)] = &[
         PlanField::Deadline,
         "0..=60000000000",
     ),
-    (
-        |r| r.sampler = 9,
-        PlanField::Sampler,
-        "8 (rrt-smooth)",
-    ),
+    (|r| r.sampler = 9, PlanField::Sampler, "8 (rrt-smooth)"),
     (|r| r.selection = 6, PlanField::Selection, "5 (by index)"),
     (
         |r| (r.selection, r.selected_index) = (5, 16),
