@@ -1,6 +1,6 @@
 //! The distance between a section's arc and a solid, by branch and bound along the arc.
 
-use crate::bound::Passage;
+use crate::passage::Passage;
 use crate::solid::Solid;
 use pcc_model::Backbone;
 

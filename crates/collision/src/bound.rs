@@ -1,5 +1,6 @@
 //! How far body points can move when the configuration changes, and how far from a straight way (docs/robot.md "A certificate for whole motions").
 
+use crate::passage::Passage;
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 use trajectory::QuinticSegment;
 
@@ -213,40 +214,6 @@ impl Sweep {
     }
 }
 
-/// How points pass an obstacle.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Passage {
-    /// Bound on the length of their way.
-    pub(crate) way: f64,
-    /// Bound on the distance between its ends.
-    pub(crate) chord: f64,
-    /// Bound on how far they stray from the chord.
-    pub(crate) stray: f64,
-    /// Distance, from the obstacle's centre or surface, at which the clearance is zero.
-    pub(crate) reach: f64,
-}
-
-impl Passage {
-    /// A lower bound of the clearance on the way, from those at its two ends: the larger of two.
-    ///
-    /// By the length of the way alone it is (a + b − way)/2. And a point that passes an obstacle's centre from distance
-    /// a to distance b along the chord keeps at least the height of that triangle. That bound grows with the
-    /// obstacle's radius, so the least one stands for all.
-    pub(crate) fn lowest(&self, from: f64, to: f64) -> f64 {
-        let linear = 0.5 * (from + to - self.way);
-        let (a, b) = (from + self.reach, to + self.reach);
-        let (aa, bb, side) = (a * a, b * b, self.chord * self.chord);
-        let place = (aa - bb + side) / (2.0 * side).max(f64::MIN_POSITIVE);
-        let place = place.clamp(0.0, 1.0);
-        let height = aa + place * (bb - aa - side * (1.0 - place));
-        if a > 0.0 && b > 0.0 && height > 0.0 {
-            linear.max(height.sqrt() - self.stray - self.reach)
-        } else {
-            linear
-        }
-    }
-}
-
 fn squared_turns(change: &Configuration) -> [f64; SECTIONS] {
     std::array::from_fn(|i| {
         let (x, y) = (change[2 * i], change[2 * i + 1]);
@@ -352,19 +319,5 @@ mod tests {
         assert_eq!(lowest(0.0, 0.0, 0.1, 0.1), 0.1);
         assert!((lowest(0.2, 0.0, -0.5, -0.5) + 0.6).abs() < 1e-15);
         assert!(lowest(f64::NAN, 0.0, 0.1, 0.1).is_nan());
-    }
-
-    #[test]
-    fn what_was_not_looked_at_stays_clear() {
-        let passage = Passage {
-            way: 0.2,
-            chord: 0.2,
-            stray: 0.01,
-            reach: 0.4,
-        };
-        let far = f64::INFINITY;
-        for (from, to) in [(far, 0.1), (0.1, far), (far, far)] {
-            assert_eq!(passage.lowest(from, to), far);
-        }
     }
 }

@@ -5,40 +5,13 @@
 //! undecided counts as colliding. Nothing here allocates.
 
 use crate::bound::Turning;
-use crate::clearance::{Chosen, EVERY_SECTION, NO_SECTION};
+use crate::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
+use crate::verdict::{DEPTH, Verdict};
 use pcc_model::{Backbone, Configuration, Robot};
 use trajectory::{Knot, QuinticSegment};
 
-/// Bisections of one piece; where there may still be contact then, nobody can tell.
-pub(crate) const DEPTH: u32 = 10;
 /// Pieces whose bounds are kept at once, on the stack.
 const BLOCK: usize = 48;
-
-/// What is known of a motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Verdict {
-    /// No contact is possible.
-    Free,
-    /// There is contact.
-    Colliding {
-        /// Where, not necessarily first: the time of a trajectory (s), the index and fraction of a polyline's edge, the fraction
-        /// of an edge.
-        at: f64,
-    },
-    /// Too close to decide.
-    Undecided {
-        /// Where, as above.
-        at: f64,
-    },
-}
-
-impl Verdict {
-    /// Whether the motion is certified.
-    #[must_use]
-    pub fn is_free(self) -> bool {
-        self == Self::Free
-    }
-}
 
 /// What a motion is certified against.
 pub(crate) trait Obstacles {

@@ -1,6 +1,7 @@
 //! Clearances of one configuration, and where it is nearest to the obstacles.
 
 use crate::arc_search::{ArcDistance, arc_distance};
+use crate::chosen_sections::{Chosen, EVERY_SECTION};
 use crate::scene::Scene;
 use pcc_model::{Backbone, Point, SECTIONS};
 
@@ -19,13 +20,6 @@ pub struct Contact {
     /// base frame; any where the two coincide.
     pub normal: Point,
 }
-
-/// Which sections are looked at.
-pub(crate) type Chosen = [bool; SECTIONS];
-/// All of them.
-pub(crate) const EVERY_SECTION: Chosen = [true; SECTIONS];
-/// None of them.
-pub(crate) const NO_SECTION: Chosen = [false; SECTIONS];
 
 impl Scene {
     /// Smallest clearance between the whole tube and all obstacles; +∞ in an empty scene.

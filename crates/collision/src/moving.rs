@@ -1,10 +1,11 @@
 //! The certificate against balls that move at constant velocity.
 
+use crate::ball::Ball;
 use crate::bound::{Stance, Turning};
-use crate::certificate::RestOfMotion;
-use crate::chain::{Certifier, Obstacles, Verdict};
-use crate::clearance::Chosen;
-use crate::scene::Ball;
+use crate::chain::{Certifier, Obstacles};
+use crate::chosen_sections::Chosen;
+use crate::remaining_pieces::RestOfMotion;
+use crate::verdict::Verdict;
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 use trajectory::Trajectory;
 

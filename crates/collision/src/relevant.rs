@@ -1,7 +1,8 @@
 //! The few balls that say most about a scene, for what cannot look at all of it.
 
 use crate::arc_search::arc_distance;
-use crate::scene::{Ball, Scene};
+use crate::ball::Ball;
+use crate::scene::Scene;
 use crate::solid::Solid;
 use pcc_model::{Backbone, Point, SECTIONS};
 

@@ -1,10 +1,12 @@
 //! The obstacles: balls, behind a bounding-volume tree where there are many, and solids.
 
+use crate::ball::Ball;
 use crate::ball_groups::BallGroups;
 use crate::ball_tree::BallTree;
-use crate::clearance::Chosen;
+use crate::chosen_sections::Chosen;
+use crate::limits::MAX_EXTENT;
 use crate::solid::Solid;
-use pcc_model::{Backbone, Point, SECTIONS};
+use pcc_model::{Backbone, SECTIONS};
 use std::sync::Arc;
 use thiserror::Error;
 
@@ -12,21 +14,8 @@ use thiserror::Error;
 pub const MAX_BALLS: usize = 2048;
 /// Solids a scene may hold.
 pub const MAX_SOLIDS: usize = 256;
-/// Largest coordinate and radius of a ball, length unit: beyond it clearances lose more digits than a motion has room.
-pub const MAX_EXTENT: f64 = 1e7;
-/// Smallest side, radius of a capsule and voxel of a solid, length unit: below it products of lengths lose all digits.
-pub(crate) const MIN_EXTENT: f64 = 1e-6;
 /// Up to this many balls are looked at all, in groups; of more a tree finds those that are near.
 const GROUPED_UP_TO: usize = 256;
-
-/// A ball.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Ball {
-    /// Centre, base frame.
-    pub centre: Point,
-    /// Radius.
-    pub radius: f64,
-}
 
 /// Why obstacles do not make a scene.
 #[derive(Clone, Debug, Error, PartialEq)]
@@ -104,7 +93,7 @@ impl Scene {
         if balls.len() > MAX_BALLS {
             return Err(SceneError::Count { count: balls.len() });
         }
-        if let Some(index) = balls.iter().position(|ball| !is_allowed(ball)) {
+        if let Some(index) = balls.iter().position(|ball| !ball.is_allowed()) {
             return Err(SceneError::Ball {
                 index,
                 centre: balls[index].centre.into(),
@@ -182,8 +171,4 @@ impl Scene {
             Finder::Tree(tree) => tree.for_each_within(&self.balls, backbone, reaches, visit),
         }
     }
-}
-
-fn is_allowed(ball: &Ball) -> bool {
-    ball.centre.iter().all(|v| v.abs() <= MAX_EXTENT) && (0.0..=MAX_EXTENT).contains(&ball.radius)
 }

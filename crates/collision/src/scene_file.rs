@@ -1,109 +1,27 @@
 //! Static scenes from files: balls, capsules, boxes, meshes, voxel grids, lengths in metres in the base frame.
 
-use crate::scene::{Ball, MAX_EXTENT, MIN_EXTENT, Scene, SceneError};
-use crate::solid::{Solid, SolidError, check_edges};
+use crate::ball::Ball;
+use crate::closed_mesh::check_edges;
+use crate::file_error::{EntryError, MAX_FILE_BALLS, SceneFileError};
+use crate::limits::{MAX_EXTENT, MIN_EXTENT};
+use crate::scene::Scene;
+use crate::solid::Solid;
 use crate::solid_files::{read_grid, read_mesh};
 use crate::voxels::VoxelGrid;
-use input_files::{InputFileError, SettingsError, SettingsFile, shown};
+use input_files::SettingsFile;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use pcc_model::{Numbers, Point};
 use serde::Deserialize;
 use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use thiserror::Error;
 
-/// Balls that a scene file may hold, so that a request's own have room beside them.
-const MAX_FILE_BALLS: usize = 1024;
 /// How far a quaternion's norm may be from 1.
 const UNIT_TOLERANCE: f64 = 1e-3;
 /// Largest angle of a rotation vector, rad: two turns and some rounding.
 const MAX_ROTATION_RAD: f64 = 13.0;
 /// Units of length that a mesh may be in, m.
 const UNITS_M: RangeInclusive<f64> = 1e-6..=1e3;
-
-/// Why a scene file is refused.
-#[derive(Debug, Error)]
-pub enum SceneFileError {
-    /// The file is not read, is not TOML, a key is missing or unknown, or a value has the wrong type.
-    #[error("scene file: {0}")]
-    Settings(#[from] SettingsError),
-    /// It names neither an obstacle nor that there is none.
-    #[error(
-        "scene file {} names no obstacle; where there is none, `balls = []` is needed, so that a file that was cut off is no empty scene",
-        shown(.path)
-    )]
-    Silent {
-        /// The scene file.
-        path: PathBuf,
-    },
-    /// An entry is refused.
-    #[error("scene file {}: {entry}: {source}", shown(.path))]
-    Entry {
-        /// The scene file.
-        path: PathBuf,
-        /// Which entry, as `boxes[0]`.
-        entry: String,
-        /// What is wrong with it.
-        source: Box<EntryError>,
-    },
-    /// Too many balls for a file.
-    #[error("scene file {} has {count} balls; at most {MAX_FILE_BALLS} are allowed", shown(.path))]
-    Balls {
-        /// The file.
-        path: PathBuf,
-        /// How many.
-        count: usize,
-    },
-    /// The obstacles do not make a scene; lengths in section lengths of the robot.
-    #[error("scene file {}: {source}", shown(.path))]
-    Scene {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        source: SceneError,
-    },
-}
-
-/// Why an entry of a scene file is refused.
-#[derive(Debug, Error)]
-pub enum EntryError {
-    /// A number is out of its range.
-    #[error("{key} is {value}; {allowed} is allowed")]
-    Value {
-        /// The key.
-        key: &'static str,
-        /// Its value as the file has it.
-        value: f64,
-        /// What is allowed.
-        allowed: String,
-    },
-    /// A file that it names is not read.
-    #[error("`file`: {0}")]
-    File(#[from] InputFileError),
-    /// A file with a mesh or a grid is not understood.
-    #[error("`file` {} is not understood: {reason}", shown(.path))]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong and what is allowed.
-        reason: String,
-    },
-    /// A rotation is none.
-    #[error("{0}")]
-    Rotation(String),
-    /// The numbers do not make a solid; lengths in section lengths of the robot.
-    #[error(transparent)]
-    Solid(#[from] SolidError),
-    /// What a file holds does not make a solid; an open edge in the unit of the file, other lengths in section lengths of the robot.
-    #[error("{}: {source}", shown(.path))]
-    SolidOfFile {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: SolidError,
-    },
-}
 
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]

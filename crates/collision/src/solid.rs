@@ -1,76 +1,15 @@
 //! Solid obstacles through parry: capsules, boxes, closed meshes, voxel grids.
 
-use crate::scene::{MAX_EXTENT, MIN_EXTENT};
-use crate::voxels::{VoxelError, VoxelGrid, Voxels};
+use crate::closed_mesh::{check_closed, merged, volume};
+use crate::limits::{MAX_EXTENT, MAX_TRIANGLES, MIN_EXTENT};
+use crate::solid_error::SolidError;
+use crate::voxels::{VoxelGrid, Voxels};
 use glam::{DQuat, DVec3};
 use nalgebra::Isometry3;
 use parry3d_f64::math::Pose3;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::{Capsule, Cuboid, TriMesh, TriMeshFlags};
 use pcc_model::Point;
-use std::collections::{HashMap, HashSet};
-use thiserror::Error;
-
-/// Triangles that a mesh, or the surface of a voxel grid, may have.
-pub const MAX_TRIANGLES: usize = 500_000;
-
-/// Why numbers do not make a solid.
-#[derive(Clone, Debug, Error, PartialEq)]
-pub enum SolidError {
-    /// A length is not usable.
-    #[error("{what} is {value}; {MIN_EXTENT:e} to {MAX_EXTENT:e} section lengths are allowed")]
-    Length {
-        /// Which one.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// A coordinate is not usable.
-    #[error("{what} is {value}; within ±{MAX_EXTENT:e} section lengths is allowed")]
-    Coordinate {
-        /// Of what.
-        what: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// There is no triangle, or there are too many.
-    #[error("the mesh has {count} triangles; 1 to {MAX_TRIANGLES} are allowed")]
-    Triangles {
-        /// How many.
-        count: usize,
-    },
-    /// A triangle names a vertex that is not there.
-    #[error("triangle {triangle} has a vertex {vertex} of {vertices}")]
-    Vertex {
-        /// Index of the triangle.
-        triangle: usize,
-        /// Index of the vertex.
-        vertex: u32,
-        /// How many there are.
-        vertices: usize,
-    },
-    /// An edge does not have exactly one triangle on each side, each seeing it the other way round.
-    #[error(
-        "the mesh is open, or its triangles do not all face the same side: the `edge` from {from:?} to {to:?} needs exactly one triangle on each side"
-    )]
-    Open {
-        /// Where the edge begins.
-        from: [f64; 3],
-        /// Where it ends.
-        to: [f64; 3],
-    },
-    /// The triangles face inwards.
-    #[error(
-        "the mesh is inside out: its triangles enclose a volume of {volume}, counter-clockwise as seen from outside is needed"
-    )]
-    InsideOut {
-        /// Signed volume.
-        volume: f64,
-    },
-    /// The voxels.
-    #[error(transparent)]
-    Voxels(#[from] VoxelError),
-}
 
 #[derive(Clone, Debug)]
 enum Shape {
@@ -244,81 +183,4 @@ fn coordinates(what: &'static str, point: &Point) -> Result<(), SolidError> {
 fn placement(pose: &Isometry3<f64>) -> Result<(), SolidError> {
     coordinates("the position", &pose.translation.vector)?;
     coordinates("the rotation", &pose.rotation.imag())
-}
-
-/// The triangles over vertices that are all different.
-fn merged(
-    vertices: &[Point],
-    triangles: &[[u32; 3]],
-) -> Result<(Vec<Point>, Vec<[u32; 3]>), SolidError> {
-    let mut known = HashMap::new();
-    let mut different: Vec<Point> = Vec::new();
-    let new_index: Vec<u32> = vertices
-        .iter()
-        .map(|vertex| {
-            // Adding zero makes −0 and 0 the same bits.
-            *known
-                .entry([0, 1, 2].map(|i| (vertex[i] + 0.0).to_bits()))
-                .or_insert_with(|| {
-                    different.push(*vertex);
-                    different.len() as u32 - 1
-                })
-        })
-        .collect();
-    let renamed = |(triangle, corners): (usize, &[u32; 3])| {
-        let missing = corners.iter().find(|&&v| v as usize >= vertices.len());
-        match missing {
-            None => Ok(corners.map(|v| new_index[v as usize])),
-            Some(&vertex) => Err(SolidError::Vertex {
-                triangle,
-                vertex,
-                vertices: vertices.len(),
-            }),
-        }
-    };
-    let triangles = triangles
-        .iter()
-        .enumerate()
-        .map(renamed)
-        .collect::<Result<_, _>>()?;
-    Ok((different, triangles))
-}
-
-/// Refuses triangles of which an edge is open, or whose vertices are not all there; in any unit.
-pub(crate) fn check_edges(vertices: &[Point], triangles: &[[u32; 3]]) -> Result<(), SolidError> {
-    let (vertices, triangles) = merged(vertices, triangles)?;
-    check_closed(&vertices, &triangles)
-}
-
-fn edges(triangles: &[[u32; 3]]) -> impl Iterator<Item = (u32, u32)> {
-    triangles
-        .iter()
-        .flat_map(|[a, b, c]| [(*a, *b), (*b, *c), (*c, *a)])
-}
-
-fn check_closed(vertices: &[Point], triangles: &[[u32; 3]]) -> Result<(), SolidError> {
-    let open = |(a, b): (u32, u32)| SolidError::Open {
-        from: vertices[a as usize].into(),
-        to: vertices[b as usize].into(),
-    };
-    let mut seen = HashSet::new();
-    for edge in edges(triangles) {
-        if edge.0 == edge.1 || !seen.insert(edge) {
-            return Err(open(edge));
-        }
-    }
-    match edges(triangles).find(|&(a, b)| !seen.contains(&(b, a))) {
-        None => Ok(()),
-        Some(edge) => Err(open(edge)),
-    }
-}
-
-/// Signed volume, by the divergence theorem.
-fn volume(vertices: &[Point], triangles: &[[u32; 3]]) -> f64 {
-    let origin = vertices[0];
-    let six = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|v| vertices[v as usize] - origin);
-        a.dot(&b.cross(&c))
-    };
-    triangles.iter().map(six).sum::<f64>() / 6.0
 }

@@ -1,15 +1,11 @@
 //! Voxel grids: which cells are filled, and the surface between filled and empty ones.
 
-use crate::scene::{MAX_EXTENT, MIN_EXTENT};
-use crate::solid::MAX_TRIANGLES;
+use crate::limits::{MAX_CELLS, MAX_EXTENT, MAX_TRIANGLES, MIN_EXTENT};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::TriMesh;
 use thiserror::Error;
-
-/// Cells that a grid may have.
-pub const MAX_CELLS: usize = 1 << 24;
 
 /// A grid of cells, filled or empty.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,0 +1,54 @@
+//! Where the body is at one instant, and how clear it can be between two.
+
+use crate::bound::{Stance, Turning};
+use crate::chosen_sections::Chosen;
+use crate::scene::Scene;
+use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
+
+/// Where the body is at one instant, and how clear each section of it that was looked at; +∞ for the others.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Instant {
+    pub(crate) clearances: [f64; SECTIONS],
+    stance: Stance,
+}
+
+impl Instant {
+    pub(crate) fn new(
+        scene: &Scene,
+        shape: &Configuration,
+        backbone: &Backbone,
+        tube_radii: &[f64; SECTIONS],
+        chosen: &Chosen,
+    ) -> Self {
+        Self {
+            clearances: scene.clearances_of(backbone, tube_radii, chosen),
+            stance: Stance::new(shape, backbone),
+        }
+    }
+
+    pub(crate) fn touches(&self) -> bool {
+        self.clearances.iter().any(|c| *c < 0.0)
+    }
+}
+
+/// What a tube's radius and the least radius of all obstacles make together, by section.
+pub(crate) fn reach(robot: &Robot, scene: &Scene) -> [f64; SECTIONS] {
+    robot.tube_radii.map(|tube| tube + scene.smallest_radius())
+}
+
+/// Lower bound of each section's clearance between two instants; `reach` as for [`Sweep::lowest`](crate::bound::Sweep).
+pub(crate) fn lowest(
+    robot: &Robot,
+    turning: &Turning,
+    from: &Instant,
+    to: &Instant,
+    reach: &[f64; SECTIONS],
+) -> [f64; SECTIONS] {
+    let sweep = turning.sweep(robot, &from.stance, &to.stance);
+    std::array::from_fn(|k| sweep.lowest(k, from.clearances[k], to.clearances[k], reach[k], 0.0))
+}
+
+/// The sections for which these lower bounds leave room for contact.
+pub(crate) fn may_touch(lowest: [f64; SECTIONS]) -> Chosen {
+    lowest.map(|clearance| clearance <= 0.0 || clearance.is_nan())
+}
