@@ -1,8 +1,8 @@
 //! Where the body is at one instant, and how clear it can be between two.
 
-use crate::bound::{Stance, Turning};
-use crate::chosen_sections::Chosen;
-use crate::scene::Scene;
+use crate::certify::motion_bound::{Stance, Turning};
+use crate::distance::chosen_sections::Chosen;
+use crate::scene::static_scene::Scene;
 use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
 
 /// Where the body is at one instant, and how clear each section of it that was looked at; +∞ for the others.
@@ -36,7 +36,7 @@ pub(crate) fn reach(robot: &Robot, scene: &Scene) -> [f64; SECTIONS] {
     robot.tube_radii.map(|tube| tube + scene.smallest_radius())
 }
 
-/// Lower bound of each section's clearance between two instants; `reach` as for [`Sweep::lowest`](crate::bound::Sweep).
+/// Lower bound of each section's clearance between two instants; `reach` as for [`Sweep::lowest`](crate::certify::motion_bound::Sweep).
 pub(crate) fn lowest(
     robot: &Robot,
     turning: &Turning,

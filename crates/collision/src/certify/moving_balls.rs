@@ -1,11 +1,11 @@
 //! The certificate against balls that move at constant velocity.
 
-use crate::ball::Ball;
-use crate::bound::{Stance, Turning};
-use crate::chain::{Certifier, Obstacles};
-use crate::chosen_sections::Chosen;
-use crate::remaining_pieces::RestOfMotion;
-use crate::verdict::Verdict;
+use crate::certify::bisection::{Certifier, Obstacles};
+use crate::certify::motion_bound::{Stance, Turning};
+use crate::certify::remaining_pieces::RestOfMotion;
+use crate::certify::verdict::Verdict;
+use crate::distance::chosen_sections::Chosen;
+use crate::obstacle::ball::Ball;
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 use trajectory::Trajectory;
 

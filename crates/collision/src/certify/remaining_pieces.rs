@@ -1,6 +1,6 @@
 //! The pieces of a motion that are left from a time on.
 
-use crate::chain::Piece;
+use crate::certify::bisection::Piece;
 use trajectory::Knot;
 
 /// The pieces of a motion that are left from a time on; at least one, be it of no duration.

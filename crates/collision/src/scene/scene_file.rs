@@ -1,13 +1,13 @@
 //! Static scenes from files: balls, capsules, boxes, meshes, voxel grids, lengths in metres in the base frame.
 
-use crate::ball::Ball;
-use crate::closed_mesh::check_edges;
-use crate::file_error::{EntryError, MAX_FILE_BALLS, SceneFileError};
-use crate::limits::{MAX_EXTENT, MIN_EXTENT};
-use crate::scene::Scene;
-use crate::solid::Solid;
-use crate::solid_files::{read_grid, read_mesh};
-use crate::voxels::VoxelGrid;
+use crate::obstacle::ball::Ball;
+use crate::obstacle::closed_mesh::check_edges;
+use crate::obstacle::limits::{MAX_EXTENT, MIN_EXTENT};
+use crate::obstacle::solid::Solid;
+use crate::obstacle::voxel_grid::VoxelGrid;
+use crate::scene::file_error::{EntryError, MAX_FILE_BALLS, SceneFileError};
+use crate::scene::solid_files::{read_grid, read_mesh};
+use crate::scene::static_scene::Scene;
 use input_files::SettingsFile;
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use pcc_model::{Numbers, Point};

@@ -1,7 +1,7 @@
 //! Many balls, behind a bounding-volume tree.
 
-use crate::ball::Ball;
-use crate::chosen_sections::Chosen;
+use crate::distance::chosen_sections::Chosen;
+use crate::obstacle::ball::Ball;
 use glam::DVec3;
 use parry3d_f64::bounding_volume::{Aabb, BoundingVolume};
 use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};

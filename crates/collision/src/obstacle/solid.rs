@@ -1,9 +1,9 @@
 //! Solid obstacles through parry: capsules, boxes, closed meshes, voxel grids.
 
-use crate::closed_mesh::{check_closed, merged, volume};
-use crate::limits::{MAX_EXTENT, MAX_TRIANGLES, MIN_EXTENT};
-use crate::solid_error::SolidError;
-use crate::voxels::{VoxelGrid, Voxels};
+use crate::obstacle::closed_mesh::{check_closed, merged, volume};
+use crate::obstacle::limits::{MAX_EXTENT, MAX_TRIANGLES, MIN_EXTENT};
+use crate::obstacle::solid_error::SolidError;
+use crate::obstacle::voxel_grid::{VoxelGrid, Voxels};
 use glam::{DQuat, DVec3};
 use nalgebra::Isometry3;
 use parry3d_f64::math::Pose3;

@@ -1,12 +1,12 @@
 //! Certificates for motions in a scene at rest: polylines and executed curves.
 
-use crate::body_state::{Instant, lowest, may_touch, reach};
-use crate::bound::Turning;
-use crate::chain::{Certifier, Obstacles, Piece};
-use crate::chosen_sections::Chosen;
-use crate::remaining_pieces::RestOfMotion;
-use crate::scene::Scene;
-use crate::verdict::Verdict;
+use crate::certify::bisection::{Certifier, Obstacles, Piece};
+use crate::certify::body_state::{Instant, lowest, may_touch, reach};
+use crate::certify::motion_bound::Turning;
+use crate::certify::remaining_pieces::RestOfMotion;
+use crate::certify::verdict::Verdict;
+use crate::distance::chosen_sections::Chosen;
+use crate::scene::static_scene::Scene;
 use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
 use trajectory::Trajectory;
 

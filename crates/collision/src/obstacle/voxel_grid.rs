@@ -1,6 +1,6 @@
 //! Voxel grids: which cells are filled, and the surface between filled and empty ones.
 
-use crate::limits::{MAX_CELLS, MAX_EXTENT, MAX_TRIANGLES, MIN_EXTENT};
+use crate::obstacle::limits::{MAX_CELLS, MAX_EXTENT, MAX_TRIANGLES, MIN_EXTENT};
 use glam::DVec3;
 use parry3d_f64::bounding_volume::Aabb;
 use parry3d_f64::query::PointQuery;

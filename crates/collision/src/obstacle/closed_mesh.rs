@@ -1,6 +1,6 @@
 //! Whether triangles are the closed surface of a solid.
 
-use crate::solid_error::SolidError;
+use crate::obstacle::solid_error::SolidError;
 use pcc_model::Point;
 use std::collections::{HashMap, HashSet};
 

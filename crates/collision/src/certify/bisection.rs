@@ -4,9 +4,9 @@
 //! for contact, the interval is halved, to a depth, and only the sections that may touch are looked at further; what stays
 //! undecided counts as colliding. Nothing here allocates.
 
-use crate::bound::Turning;
-use crate::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
-use crate::verdict::{DEPTH, Verdict};
+use crate::certify::motion_bound::Turning;
+use crate::certify::verdict::{DEPTH, Verdict};
+use crate::distance::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
 use pcc_model::{Backbone, Configuration, Robot};
 use trajectory::{Knot, QuinticSegment};
 

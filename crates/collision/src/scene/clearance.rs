@@ -1,8 +1,8 @@
 //! Clearances of one configuration, and where it is nearest to the obstacles.
 
-use crate::arc_search::{ArcDistance, arc_distance};
-use crate::chosen_sections::{Chosen, EVERY_SECTION};
-use crate::scene::Scene;
+use crate::distance::arc_solid::{ArcDistance, arc_distance};
+use crate::distance::chosen_sections::{Chosen, EVERY_SECTION};
+use crate::scene::static_scene::Scene;
 use pcc_model::{Backbone, Point, SECTIONS};
 
 /// The body point nearest to one obstacle; of a solid, one in each section.

@@ -1,6 +1,6 @@
 //! Balls.
 
-use crate::limits::MAX_EXTENT;
+use crate::obstacle::limits::MAX_EXTENT;
 use pcc_model::Point;
 
 /// A ball.

@@ -1,7 +1,7 @@
 //! Why numbers do not make a solid.
 
-use crate::limits::{MAX_EXTENT, MAX_TRIANGLES, MIN_EXTENT};
-use crate::voxels::VoxelError;
+use crate::obstacle::limits::{MAX_EXTENT, MAX_TRIANGLES, MIN_EXTENT};
+use crate::obstacle::voxel_grid::VoxelError;
 use thiserror::Error;
 
 /// Why numbers do not make a solid.

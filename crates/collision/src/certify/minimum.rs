@@ -1,10 +1,10 @@
 //! The smallest clearance of a whole motion, by branch and bound, alone or together with its certificate.
 
-use crate::body_state::{Instant, lowest, may_touch, reach};
-use crate::bound::Turning;
-use crate::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
-use crate::scene::Scene;
-use crate::verdict::DEPTH;
+use crate::certify::body_state::{Instant, lowest, may_touch, reach};
+use crate::certify::motion_bound::Turning;
+use crate::certify::verdict::DEPTH;
+use crate::distance::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
+use crate::scene::static_scene::Scene;
 use pcc_model::{Configuration, Robot, SECTIONS};
 use trajectory::{QuinticSegment, Trajectory};
 

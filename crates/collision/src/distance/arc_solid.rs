@@ -1,7 +1,7 @@
 //! The distance between a section's arc and a solid, by branch and bound along the arc.
 
-use crate::passage::Passage;
-use crate::solid::Solid;
+use crate::distance::passage::Passage;
+use crate::obstacle::solid::Solid;
 use pcc_model::Backbone;
 
 /// What a distance may be below the true one: this part of the section's length ...

@@ -1,10 +1,10 @@
 //! The certificate of a straight move in configuration space, for searches: most of their edges collide.
 
-use crate::body_state::{Instant, lowest, may_touch, reach};
-use crate::bound::Turning;
-use crate::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
-use crate::scene::Scene;
-use crate::verdict::Verdict;
+use crate::certify::body_state::{Instant, lowest, may_touch, reach};
+use crate::certify::motion_bound::Turning;
+use crate::certify::verdict::Verdict;
+use crate::distance::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
+use crate::scene::static_scene::Scene;
 use arrayvec::ArrayVec;
 use pcc_model::{Configuration, Robot, SECTIONS};
 

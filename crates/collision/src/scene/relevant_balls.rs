@@ -1,9 +1,9 @@
 //! The few balls that say most about a scene, for what cannot look at all of it.
 
-use crate::arc_search::arc_distance;
-use crate::ball::Ball;
-use crate::scene::Scene;
-use crate::solid::Solid;
+use crate::distance::arc_solid::arc_distance;
+use crate::obstacle::ball::Ball;
+use crate::obstacle::solid::Solid;
+use crate::scene::static_scene::Scene;
 use pcc_model::{Backbone, Point, SECTIONS};
 
 /// Clearance within which solids are looked for, section lengths.

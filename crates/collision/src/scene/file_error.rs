@@ -1,7 +1,7 @@
 //! Why a scene file is refused.
 
-use crate::scene::SceneError;
-use crate::solid_error::SolidError;
+use crate::obstacle::solid_error::SolidError;
+use crate::scene::static_scene::SceneError;
 use input_files::{InputFileError, SettingsError, shown};
 use std::path::PathBuf;
 use thiserror::Error;

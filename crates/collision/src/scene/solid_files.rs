@@ -1,8 +1,8 @@
 //! Files of solids: meshes (STL, OBJ) and voxel grids (npy).
 
-use crate::file_error::EntryError;
-use crate::limits::{MAX_CELLS, MAX_TRIANGLES};
-use crate::mesh_files::{Mesh, obj, stl};
+use crate::obstacle::limits::{MAX_CELLS, MAX_TRIANGLES};
+use crate::scene::file_error::EntryError;
+use crate::scene::mesh_files::{Mesh, obj, stl};
 use arrays::{DType, NpyArray, TypeChar};
 use input_files::read_bytes;
 use std::path::Path;

@@ -1,6 +1,6 @@
 //! How far body points can move when the configuration changes, and how far from a straight way (docs/robot.md "A certificate for whole motions").
 
-use crate::passage::Passage;
+use crate::distance::passage::Passage;
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 use trajectory::QuinticSegment;
 

@@ -1,7 +1,7 @@
 //! Balls side by side, so that the distances to several are found together.
 
-use crate::ball::Ball;
-use crate::chosen_sections::Chosen;
+use crate::distance::chosen_sections::Chosen;
+use crate::obstacle::ball::Ball;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f64x4};
 use pcc_model::{Backbone, SECTIONS};

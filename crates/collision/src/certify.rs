@@ -1,0 +1,11 @@
+//! Certificates: that whole motions touch nothing, and how clear they are.
+
+pub(crate) mod bisection;
+pub(crate) mod body_state;
+pub(crate) mod edge;
+pub(crate) mod minimum;
+pub(crate) mod motion_bound;
+pub(crate) mod moving_balls;
+pub(crate) mod remaining_pieces;
+pub(crate) mod trajectory;
+pub(crate) mod verdict;
