@@ -8,30 +8,21 @@
 //! Units: radians for positions, seconds for times; tendon quantities in the length unit of the tendon map.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-mod allocation;
 mod curve;
-mod jerk;
-mod knot;
-mod limit_use;
-mod placement;
-mod rate;
-mod segment;
-mod spline;
-mod stopping;
-mod tendon;
-mod tendon_path;
-mod topp;
-mod width;
+mod limits;
+mod parameterize;
+mod scaling;
 
-pub use allocation::{
-    AllocationError, AllocationOptions, Allocator, End, EndMotion, EndMotions, MAX_KNOTS, allocate,
-};
-pub use curve::{Trajectory, TrajectoryError, evaluate};
-pub use knot::{Knot, State};
-pub use limit_use::{LimitUse, limit_use};
-pub use rate::{BRAKING_SHARE, Playback, RateLaw, RateStep};
-pub use segment::QuinticSegment;
-pub use stopping::{StoppingError, stopping_motion};
+pub use curve::knot::{Knot, State};
+pub use curve::segment::QuinticSegment;
+pub use curve::trajectory::{Trajectory, TrajectoryError, evaluate};
+pub use limits::limit_use::{LimitUse, limit_use};
+pub use parameterize::end_motion::{EndMotion, EndMotions};
+pub use parameterize::error::{AllocationError, End};
+pub use parameterize::options::{AllocationOptions, MAX_KNOTS};
+pub use parameterize::time_parameterizer::{Allocator, allocate};
+pub use scaling::rate_law::{BRAKING_SHARE, Playback, RateLaw, RateStep};
+pub use scaling::stopping::{StoppingError, stopping_motion};
 
 #[cfg(test)]
 mod test_paths;

@@ -1,8 +1,10 @@
 //! The spline in tendon space: lengths are linear in ζ, so its nodes are projected once for all that lies between.
 
-use crate::spline::Spline;
-use crate::tendon::{LANES, Lanes, TendonRows, combined, lanes, largest_lane, raise_to_magnitude};
-use crate::topp::GridPoint;
+use crate::curve::spline::Spline;
+use crate::limits::tendon_rows::{
+    LANES, Lanes, TendonRows, combined, lanes, largest_lane, raise_to_magnitude,
+};
+use crate::parameterize::grid_point::GridPoint;
 
 /// l′ of each piece's chord and l″ at each node, both ÷ the acceleration limit, block by block.
 #[derive(Clone, Debug, Default)]

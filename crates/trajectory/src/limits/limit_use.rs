@@ -6,15 +6,12 @@
 //! result is skipped without looking for roots.
 
 use crate::Trajectory;
-use crate::tendon::{LANES, TendonRows};
-use control::ControlLanes;
-use extremes::{extreme_of_cubic, extreme_of_quadratic, extreme_of_quartic, largest_control};
+use crate::limits::control::{ControlLanes, TendonKnot};
+use crate::limits::extremes::{
+    extreme_of_cubic, extreme_of_quadratic, extreme_of_quartic, largest_control,
+};
+use crate::limits::tendon_rows::{LANES, TendonRows};
 use pcc_model::{TendonLimits, TendonMap};
-
-mod control;
-mod extremes;
-
-pub(crate) use control::TendonKnot;
 
 /// Largest |value| ÷ limit over all tendons and the whole motion, one ratio for each derivative of tendon length.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -4,7 +4,7 @@
 //! acceleration, so that the average begins with the given state exactly; then constant deceleration straight ahead;
 //! then rest. Such an average is cubic in time between a few instants, so four knots are the whole of it.
 
-use crate::tendon::{TendonRows, limits_are_valid};
+use crate::limits::tendon_rows::{TendonRows, limits_are_valid};
 use crate::{Knot, Trajectory};
 use pcc_model::{Configuration, TendonLimits, TendonMap};
 

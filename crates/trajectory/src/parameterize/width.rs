@@ -4,9 +4,9 @@
 //! with all its strength within τ of having accelerated so needs less. The differences are looked at where q̈ steps
 //! (between, q̈ is taken as linear in time); what that misses the fit to the limits makes up for.
 
-use crate::jerk::TimedPath;
-use crate::tendon::{LANES, Lanes, combined, lanes, largest_lane};
-use crate::topp::SpeedProfile;
+use crate::limits::tendon_rows::{LANES, Lanes, combined, lanes, largest_lane};
+use crate::parameterize::jerk::TimedPath;
+use crate::parameterize::topp::SpeedProfile;
 use pcc_model::TendonLimits;
 
 /// How many widths are tried.

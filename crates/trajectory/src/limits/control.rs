@@ -1,7 +1,9 @@
 //! Bernstein control values of tendons along quintic segments, four tendons at a time: bounds and samples.
 
 use crate::Knot;
-use crate::tendon::{LANES, Lanes, TendonBlock, combined, lanes, largest_lane, raise_to_magnitude};
+use crate::limits::tendon_rows::{
+    LANES, Lanes, TendonBlock, combined, lanes, largest_lane, raise_to_magnitude,
+};
 use pcc_model::Configuration;
 
 /// Bernstein control values of the first three time derivatives of four tendons' lengths along a segment.

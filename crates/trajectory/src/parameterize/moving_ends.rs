@@ -4,29 +4,14 @@
 //! acceleration a for one width τ before its path begins at p + v τ/2 + a τ²/12 with velocity v + a τ/2; the same
 //! backwards at the end. Nothing can be scaled in time then: a margin on the limits takes up what knots add.
 
-use super::{AllocationError, AllocationOptions, Allocator, End, ROUNDING, check};
-use crate::placement::Target;
-use crate::topp::{EndSpeeds, Unmet};
-use crate::{Knot, LimitUse, Trajectory};
+use crate::parameterize::end_motion::{EndMotion, EndMotions};
+use crate::parameterize::error::{AllocationError, End};
+use crate::parameterize::options::AllocationOptions;
+use crate::parameterize::placement::Target;
+use crate::parameterize::time_parameterizer::{Allocator, ROUNDING, check};
+use crate::parameterize::topp::{EndSpeeds, Unmet};
+use crate::{LimitUse, Trajectory};
 use pcc_model::{Configuration, TendonLimits, TendonMap};
-
-/// Velocity and acceleration at an end of a motion.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct EndMotion {
-    /// dζ/dt, rad/s.
-    pub velocity: Configuration,
-    /// d²ζ/dt², rad/s².
-    pub acceleration: Configuration,
-}
-
-/// How a motion begins and ends; at rest by default.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct EndMotions {
-    /// Where it begins.
-    pub start: EndMotion,
-    /// Where it ends.
-    pub finish: EndMotion,
-}
 
 /// Parts of the velocity limit that are left unused, tried one after the other; of acceleration twice as much.
 const MARGINS: [f64; 3] = [0.01, 0.03, 0.08];
@@ -52,33 +37,6 @@ impl Lead {
 
     fn direction(&self) -> Option<Configuration> {
         self.velocity.try_normalize(0.0)
-    }
-}
-
-impl EndMotion {
-    fn is_resting(&self) -> bool {
-        self.velocity == Configuration::zeros() && self.acceleration == Configuration::zeros()
-    }
-
-    fn is_finite(&self) -> bool {
-        self.velocity.norm_squared().is_finite() && self.acceleration.norm_squared().is_finite()
-    }
-
-    fn knot(&self, position: Configuration) -> Knot {
-        Knot {
-            time: 0.0,
-            position,
-            velocity: self.velocity,
-            acceleration: self.acceleration,
-        }
-    }
-
-    /// The same motion seen backwards in time.
-    fn reversed(&self) -> Self {
-        Self {
-            velocity: -self.velocity,
-            acceleration: self.acceleration,
-        }
     }
 }
 

@@ -6,8 +6,8 @@
 //! the jerk by 2a/τ, takes τ longer, and leaves the path by about q̈ τ²/24.
 
 use crate::Knot;
-use crate::spline::{PathPoint, Spline};
-use crate::topp::SpeedProfile;
+use crate::curve::spline::{PathPoint, Spline};
+use crate::parameterize::topp::SpeedProfile;
 use pcc_model::Configuration;
 
 /// TOPP-RA's motion in time, with the width of its average: constant acceleration for one width before its start (a
@@ -275,9 +275,9 @@ impl TimedPath {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tendon::TendonRows;
+    use crate::limits::tendon_rows::TendonRows;
+    use crate::parameterize::topp::EndSpeeds;
     use crate::test_paths::{smooth_path, unit_limits, unit_tendons};
-    use crate::topp::EndSpeeds;
     use rand::SeedableRng;
 
     const WIDTH: f64 = 0.2;

@@ -3,8 +3,8 @@
 //! Each limit is a strip |α x_i + β x_{i+1}| ≤ 1. The range of x_i over all strips is a linear program in two
 //! variables: a polygon is cut only by the strip that its extreme corner leaves most, until that corner leaves none.
 
-use crate::tendon::{LANES, Lanes, combined, lanes, largest_lane, raise_to_magnitude};
-use crate::tendon_path::Derivatives;
+use crate::limits::tendon_rows::{LANES, Lanes, combined, lanes, largest_lane, raise_to_magnitude};
+use crate::parameterize::tendon_path::Derivatives;
 
 /// The limits of one interval, from the derivatives at both of its ends.
 #[derive(Clone, Copy)]

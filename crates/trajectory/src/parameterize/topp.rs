@@ -6,13 +6,16 @@
 //! The backward pass finds the x from which the end can be reached, the forward pass is as fast as they allow.
 //! Every acceleration limit is imposed at both ends of each interval (their "first-order interpolation scheme").
 
-use crate::spline::Spline;
-use crate::tendon::{LANES, TendonRows, combined, lanes, largest_lane, raise_to_magnitude};
-use crate::tendon_path::{Derivatives, PieceWeights, TendonPath, largest_slope};
-use interval::{FULL_USE, Interval, Polygon, ROUNDING, largest_second, use_of};
+use crate::curve::spline::Spline;
+use crate::limits::tendon_rows::{
+    LANES, TendonRows, combined, lanes, largest_lane, raise_to_magnitude,
+};
+use crate::parameterize::grid_point::GridPoint;
+use crate::parameterize::interval::{
+    FULL_USE, Interval, Polygon, ROUNDING, largest_second, use_of,
+};
+use crate::parameterize::tendon_path::{Derivatives, PieceWeights, TendonPath, largest_slope};
 use pcc_model::TendonLimits;
-
-mod interval;
 
 /// The path speed ṡ ≥ 0 that a motion must have at its ends, in path parameter per second, and a margin between.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -28,15 +31,6 @@ pub(crate) struct EndSpeeds {
 pub(crate) enum Unmet {
     Start(f64),
     End(f64),
-}
-
-/// A point of the grid.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct GridPoint {
-    /// Spline piece that the interval after this point lies in.
-    pub(crate) piece: usize,
-    /// Path parameter s.
-    pub(crate) parameter: f64,
 }
 
 /// The solver's memory, and after [`SpeedProfile::solve`] its result: x = ṡ² at each grid point.
@@ -465,7 +459,7 @@ mod tests {
             assert_eq!(path[0][0], first);
             for (intervals, tolerance) in [(252, 1e-3), (1008, 1e-4)] {
                 let (spline, profile, is_solved) = solved(&path, EndSpeeds::default(), intervals);
-                let mut timed = crate::jerk::TimedPath::default();
+                let mut timed = crate::parameterize::jerk::TimedPath::default();
                 assert!(is_solved && timed.rebuild(&spline, &profile));
                 let error = timed.duration() / reference - 1.0;
                 assert!(

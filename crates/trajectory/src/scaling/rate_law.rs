@@ -9,9 +9,7 @@
 //! A change of rate is judged by the motion itself where the cycle begins and ends and at every knot that it passes:
 //! jerk may step at knots, so an extrapolation from the beginning of the cycle would be wrong by the step.
 
-mod longest_stop;
-
-use crate::tendon::{TendonRows, lanes};
+use crate::limits::tendon_rows::{TendonRows, lanes};
 use crate::{Knot, State, evaluate};
 use pcc_model::{Configuration, TendonMap};
 
@@ -114,7 +112,7 @@ impl RateLaw {
 
     /// The interval of ṙ, 1/s, that keeps every tendon within what it may use at a state of the motion (as at rate 1) that is
     /// played at `rate`; it holds 0.
-    fn rate_slopes(&self, state: &State, rate: f64) -> [f64; 2] {
+    pub(super) fn rate_slopes(&self, state: &State, rate: f64) -> [f64; 2] {
         let square = rate * rate;
         let mut slopes = [f64::NEG_INFINITY, f64::INFINITY];
         for block in self.rows.blocks() {

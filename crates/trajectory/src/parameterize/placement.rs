@@ -5,10 +5,11 @@
 //! cannot follow a step of jerk within a segment without exceeding it, wherever the segment's ends are, but
 //! follows the motion closely between steps.
 
-use crate::jerk::TimedPath;
-use crate::limit_use::{TendonKnot, exact_time_scale, time_scale_bounds};
-use crate::tendon::TendonRows;
-use crate::topp::SpeedProfile;
+use crate::limits::control::TendonKnot;
+use crate::limits::limit_use::{exact_time_scale, time_scale_bounds};
+use crate::limits::tendon_rows::TendonRows;
+use crate::parameterize::jerk::TimedPath;
+use crate::parameterize::topp::SpeedProfile;
 use crate::{Knot, QuinticSegment};
 use pcc_model::TendonLimits;
 

@@ -4,7 +4,7 @@
 //! acceleration, the rate cannot fall until that is over. So the bound is computed for each motion, by dynamic programming from its end: the
 //! time that a stop takes from each of a grid of places and rates, braked as in the middle of each piece between two places.
 
-use super::RateLaw;
+use crate::scaling::rate_law::RateLaw;
 use crate::{Knot, State, evaluate};
 
 /// Rates that are looked at, besides 0.

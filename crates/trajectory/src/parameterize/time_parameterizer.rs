@@ -1,125 +1,34 @@
 //! From waypoints to a motion: spline, fastest speeds, bounded jerk, knots, exact verification.
 
-use crate::jerk::TimedPath;
-use crate::placement::{Placement, Target};
-use crate::spline::Spline;
-use crate::tendon::{TendonRows, limits_are_valid};
-use crate::topp::{EndSpeeds, SpeedProfile};
-use crate::width::WidthSearch;
+use crate::curve::spline::Spline;
+use crate::limits::tendon_rows::{TendonRows, limits_are_valid};
+use crate::parameterize::error::AllocationError;
+use crate::parameterize::jerk::TimedPath;
+use crate::parameterize::options::{AllocationOptions, MAX_KNOTS};
+use crate::parameterize::placement::{Placement, Target};
+use crate::parameterize::topp::{EndSpeeds, SpeedProfile};
+use crate::parameterize::width::WidthSearch;
 use crate::{Knot, LimitUse, Trajectory};
 use pcc_model::{Configuration, TendonLimits, TendonMap};
 
-/// The most knots that a motion may have.
-pub const MAX_KNOTS: usize = 256;
 /// Duration of a motion that goes nowhere, s.
 const REST_DURATION: f64 = 1e-3;
 /// Knots whose times must grow by more than this are compared with those of the widest average.
 const POOR_FIT: f64 = 1.03;
 /// A path shorter than this part of its largest position is within rounding of a straight line.
-const ROUNDING: f64 = 1e-11;
-
-/// How finely [`allocate`] works.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AllocationOptions {
-    /// The most knots of the result, 4 to [`MAX_KNOTS`]. A quarter of them is laid evenly in time, the others where
-    /// limits would be exceeded, so fewer may be used.
-    pub knots: usize,
-    /// About how many intervals the speed is planned on, at least 1 (more where limits would be exceeded).
-    pub grid_intervals: usize,
-    /// Polyline chords longer than this are divided, rad: the spline then stays closer to them (about 0.08 × this
-    /// × the change of direction, as a vector difference, at a lone corner).
-    pub spacing: f64,
-}
-
-impl Default for AllocationOptions {
-    fn default() -> Self {
-        Self {
-            knots: 96,
-            grid_intervals: 96,
-            spacing: 0.1,
-        }
-    }
-}
-
-/// Why waypoints cannot become a motion.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum AllocationError {
-    /// No waypoint at all.
-    #[error("a motion needs at least one waypoint")]
-    NoWaypoints,
-    /// A waypoint with NaN or an infinity, or so large that its norm overflows.
-    #[error("waypoint {0} is not finite")]
-    WaypointNotFinite(usize),
-    /// A limit that is zero, negative or not finite.
-    #[error("tendon limits must be finite and above zero, got {0:?}")]
-    Limits(TendonLimits),
-    /// A setting out of range.
-    #[error(
-        "allocation options out of range (knots 4..={MAX_KNOTS}, grid_intervals ≥ 1, spacing > 0): {0:?}"
-    )]
-    Options(AllocationOptions),
-    /// A velocity or acceleration at an end with NaN or an infinity, or so large that its norm overflows.
-    #[error("the velocity or acceleration at the {0} is not finite")]
-    EndNotFinite(End),
-    /// An end that is faster, or accelerates more, than the limits allow.
-    #[error(
-        "the {end} uses {use_of_limit} of a tendon's velocity or acceleration limit; 1 is the most"
-    )]
-    EndExceeds {
-        /// Which end.
-        end: End,
-        /// The larger of both uses.
-        use_of_limit: f64,
-    },
-    /// The path cannot be begun or ended with this velocity: it turns too soon, or is too short to brake.
-    #[error(
-        "the path cannot be followed at {speed} rad/s at its {end}; {largest} rad/s is the most"
-    )]
-    NotControllable {
-        /// Which end.
-        end: End,
-        /// The speed asked for, rad/s.
-        speed: f64,
-        /// The largest speed, rad/s; 0 if no speed is possible.
-        largest: f64,
-    },
-    /// The limits leave no room for the state at an end: with its acceleration it must exceed one within its path.
-    #[error("the motion would use {0} of a limit; 1 is the most")]
-    NoRoom(f64),
-    /// Times or their powers leave the range of f64.
-    #[error("the path cannot be timed within f64's range under {0:?}")]
-    NotTimeable(TendonLimits),
-}
-
-/// An end of a motion.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
-    /// Where it begins.
-    Start,
-    /// Where it ends.
-    Finish,
-}
-
-impl std::fmt::Display for End {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(match self {
-            Self::Start => "start",
-            Self::Finish => "end",
-        })
-    }
-}
+pub(super) const ROUNDING: f64 = 1e-11;
 
 /// The memory of an allocation, kept between calls: after the first ones only the result is allocated.
 #[derive(Clone, Debug, Default)]
 pub struct Allocator {
-    rows: TendonRows,
-    spline: Spline,
-    profile: SpeedProfile,
-    timed: TimedPath,
+    pub(super) rows: TendonRows,
+    pub(super) spline: Spline,
+    pub(super) profile: SpeedProfile,
+    pub(super) timed: TimedPath,
     search: WidthSearch,
-    placement: Placement,
+    pub(super) placement: Placement,
     wider: Placement,
-    inner_waypoints: Vec<Configuration>,
+    pub(super) inner_waypoints: Vec<Configuration>,
 }
 
 /// The fastest motion along `waypoints` within the tendons' limits, from rest to rest; see [`Allocator::allocate`].
@@ -249,7 +158,7 @@ impl Allocator {
     }
 }
 
-fn check(
+pub(super) fn check(
     waypoints: &[Configuration],
     limits: &TendonLimits,
     options: &AllocationOptions,
@@ -309,10 +218,6 @@ fn slower(knot: &Knot, scale: f64) -> Knot {
         acceleration: knot.acceleration / (scale * scale),
     }
 }
-
-mod moving;
-
-pub use moving::{EndMotion, EndMotions};
 
 #[cfg(test)]
 mod tests;

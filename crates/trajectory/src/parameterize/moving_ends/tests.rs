@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::test_paths::{smooth_path, unit_limits, unit_tendons};
-use crate::{allocate, limit_use};
+use crate::{Knot, allocate, limit_use};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -114,7 +114,7 @@ fn slow_states_along_the_path_begin_and_end_motions() {
 #[test]
 fn random_states_are_answered_within_limits_or_by_name() {
     let mut random = Pcg64::seed_from_u64(73);
-    let rows = crate::tendon::TendonRows::of(&unit_tendons());
+    let rows = crate::limits::tendon_rows::TendonRows::of(&unit_tendons());
     let limits = unit_limits();
     let (mut answered, mut refused) = (0, 0);
     for _ in 0..300 {

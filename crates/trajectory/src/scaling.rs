@@ -1,0 +1,5 @@
+//! Motions slowed down or stopped along their own path.
+
+pub(crate) mod longest_stop;
+pub(crate) mod rate_law;
+pub(crate) mod stopping;
