@@ -1,10 +1,10 @@
 //! The certificate for a chain of curves: bisection in time.
 //!
-//! Where the clearances at the ends of an interval and the bounds on the body's way between them ([`Turning`]) leave room
+//! Where the clearances at the ends of an interval and the bounds on the body's way between them ([`MotionBound`]) leave room
 //! for contact, the interval is halved, to a depth, and only the sections that may touch are looked at further; what stays
 //! undecided counts as colliding. Nothing here allocates.
 
-use crate::certify::motion_bound::Turning;
+use crate::certify::motion_bound::MotionBound;
 use crate::certify::verdict::{DEPTH, Verdict};
 use crate::distance::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
 use pcc_model::{Backbone, Configuration, Robot};
@@ -36,7 +36,7 @@ pub(crate) trait Obstacles {
         from: &Self::Clearances,
         to: &Self::Clearances,
         robot: &Robot,
-        turning: &Turning,
+        bound: &MotionBound,
     ) -> Chosen;
 }
 
@@ -124,20 +124,20 @@ pub(crate) struct Certifier<'a, O> {
 /// Some pieces of a chain, from index `first` on.
 struct Run<'a> {
     first: usize,
-    turnings: &'a [Turning],
+    bounds: &'a [MotionBound],
 }
 
 impl Run<'_> {
     fn halves(&self) -> (Self, Self) {
-        let (turnings, later_turnings) = self.turnings.split_at(self.turnings.len() / 2);
+        let (bounds, later_bounds) = self.bounds.split_at(self.bounds.len() / 2);
         (
             Self {
                 first: self.first,
-                turnings,
+                bounds,
             },
             Self {
-                first: self.first + turnings.len(),
-                turnings: later_turnings,
+                first: self.first + bounds.len(),
+                bounds: later_bounds,
             },
         )
     }
@@ -152,10 +152,10 @@ impl<O: Obstacles> Certifier<'_, O> {
             return Verdict::Colliding { at: start.begin };
         }
         for first in (0..count).step_by(BLOCK) {
-            let mut turnings = [Turning::REST; BLOCK];
+            let mut bounds = [MotionBound::REST; BLOCK];
             let length = BLOCK.min(count - first);
-            for (i, turning) in turnings[..length].iter_mut().enumerate() {
-                *turning = Turning::of_curve(&piece(first + i).curve);
+            for (i, bound) in bounds[..length].iter_mut().enumerate() {
+                *bound = MotionBound::of_curve(&piece(first + i).curve);
             }
             let last = piece(first + length - 1);
             let to = self.clearances(&last.curve.control[5], last.end(), &EVERY_SECTION);
@@ -164,7 +164,7 @@ impl<O: Obstacles> Certifier<'_, O> {
             }
             let run = Run {
                 first,
-                turnings: &turnings[..length],
+                bounds: &bounds[..length],
             };
             let verdict = self.run(piece, &run, &from, &to);
             if !verdict.is_free() {
@@ -187,14 +187,14 @@ impl<O: Obstacles> Certifier<'_, O> {
         from: &O::Clearances,
         to: &O::Clearances,
     ) -> Verdict {
-        if let [turning] = run.turnings {
-            return self.piece(&piece(run.first), turning, from, to, DEPTH);
+        if let [bound] = run.bounds {
+            return self.piece(&piece(run.first), bound, from, to, DEPTH);
         }
-        let mut turning = run.turnings.iter().fold(Turning::REST, Turning::then);
+        let mut bound = run.bounds.iter().fold(MotionBound::REST, MotionBound::then);
         if self.has_corners {
-            turning = turning.with_corner();
+            bound = bound.with_corner();
         }
-        let open = self.obstacles.may_touch(from, to, self.robot, &turning);
+        let open = self.obstacles.may_touch(from, to, self.robot, &bound);
         if open == NO_SECTION {
             return Verdict::Free;
         }
@@ -213,12 +213,12 @@ impl<O: Obstacles> Certifier<'_, O> {
     fn piece(
         &self,
         piece: &Piece,
-        turning: &Turning,
+        bound: &MotionBound,
         from: &O::Clearances,
         to: &O::Clearances,
         depth: u32,
     ) -> Verdict {
-        let open = self.obstacles.may_touch(from, to, self.robot, turning);
+        let open = self.obstacles.may_touch(from, to, self.robot, bound);
         if open == NO_SECTION {
             return Verdict::Free;
         }
@@ -231,7 +231,7 @@ impl<O: Obstacles> Certifier<'_, O> {
         if O::touch(&between) {
             return Verdict::Colliding { at };
         }
-        let [earlier, later] = [&first, &second].map(|half| Turning::of_curve(&half.curve));
+        let [earlier, later] = [&first, &second].map(|half| MotionBound::of_curve(&half.curve));
         match self.piece(&first, &earlier, from, &between, depth - 1) {
             Verdict::Free => self.piece(&second, &later, &between, to, depth - 1),
             found => found,

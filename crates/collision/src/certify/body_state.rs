@@ -1,18 +1,18 @@
 //! Where the body is at one instant, and how clear it can be between two.
 
-use crate::certify::motion_bound::{Stance, Turning};
+use crate::certify::motion_bound::{BackbonePose, MotionBound};
 use crate::distance::chosen_sections::Chosen;
 use crate::scene::static_scene::Scene;
 use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
 
 /// Where the body is at one instant, and how clear each section of it that was looked at; +∞ for the others.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Instant {
+pub(crate) struct BodyState {
     pub(crate) clearances: [f64; SECTIONS],
-    stance: Stance,
+    pose: BackbonePose,
 }
 
-impl Instant {
+impl BodyState {
     pub(crate) fn new(
         scene: &Scene,
         shape: &Configuration,
@@ -22,7 +22,7 @@ impl Instant {
     ) -> Self {
         Self {
             clearances: scene.clearances_of(backbone, tube_radii, chosen),
-            stance: Stance::new(shape, backbone),
+            pose: BackbonePose::new(shape, backbone),
         }
     }
 
@@ -39,12 +39,12 @@ pub(crate) fn reach(robot: &Robot, scene: &Scene) -> [f64; SECTIONS] {
 /// Lower bound of each section's clearance between two instants; `reach` as for [`Sweep::lowest`](crate::certify::motion_bound::Sweep).
 pub(crate) fn lowest(
     robot: &Robot,
-    turning: &Turning,
-    from: &Instant,
-    to: &Instant,
+    bound: &MotionBound,
+    from: &BodyState,
+    to: &BodyState,
     reach: &[f64; SECTIONS],
 ) -> [f64; SECTIONS] {
-    let sweep = turning.sweep(robot, &from.stance, &to.stance);
+    let sweep = bound.sweep(robot, &from.pose, &to.pose);
     std::array::from_fn(|k| sweep.lowest(k, from.clearances[k], to.clearances[k], reach[k], 0.0))
 }
 

@@ -1,7 +1,7 @@
 //! The certificate of a straight move in configuration space, for searches: most of their edges collide.
 
-use crate::certify::body_state::{Instant, lowest, may_touch, reach};
-use crate::certify::motion_bound::Turning;
+use crate::certify::body_state::{BodyState, lowest, may_touch, reach};
+use crate::certify::motion_bound::MotionBound;
 use crate::certify::verdict::Verdict;
 use crate::distance::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
 use crate::scene::static_scene::Scene;
@@ -33,7 +33,7 @@ pub fn certify_edge(
         a,
         b,
         reach: reach(robot, scene),
-        turning: Turning::of_edge(a, b),
+        bound: MotionBound::of_edge(a, b),
     };
     match edge.verdict(depth) {
         Ok(()) => Verdict::Free,
@@ -48,14 +48,14 @@ struct Edge<'a> {
     b: &'a Configuration,
     reach: [f64; SECTIONS],
     /// Of the whole edge, passed in unit time.
-    turning: Turning,
+    bound: MotionBound,
 }
 
 /// Where the body is at a fraction of the edge.
 #[derive(Clone, Copy)]
 struct Place {
     at: f64,
-    instant: Instant,
+    body: BodyState,
 }
 
 /// An interval of the edge, and the sections to which contact is not excluded in it.
@@ -82,19 +82,19 @@ impl Edge<'_> {
             return Ok(());
         }
         let (mut first, mut second) = (ArrayVec::<_, COARSE>::new(), ArrayVec::new());
-        let (mut wide, mut narrow) = (&mut first, &mut second);
-        wide.push(whole);
+        let (mut current_level, mut next_level) = (&mut first, &mut second);
+        current_level.push(whole);
         let (mut level, mut width) = (0, 1.0);
         while level < depth.min(COARSE_LEVELS) {
             width *= 0.5;
-            for interval in wide.drain(..) {
+            for interval in current_level.drain(..) {
                 let halves = self.halves(&interval, width)?.into_iter();
-                narrow.extend(halves.filter(Interval::is_open));
+                next_level.extend(halves.filter(Interval::is_open));
             }
-            std::mem::swap(&mut wide, &mut narrow);
+            std::mem::swap(&mut current_level, &mut next_level);
             level += 1;
         }
-        let mut open = wide.iter();
+        let mut open = current_level.iter();
         open.try_for_each(|interval| self.refine(interval, width, depth - level))
     }
 
@@ -126,22 +126,16 @@ impl Edge<'_> {
         let shape = self.a.lerp(self.b, at);
         let backbone = self.robot.backbone(&shape);
         let tube_radii = &self.robot.tube_radii;
-        let instant = Instant::new(self.scene, &shape, &backbone, tube_radii, chosen);
-        if instant.touches() {
+        let body = BodyState::new(self.scene, &shape, &backbone, tube_radii, chosen);
+        if body.touches() {
             return Err(Verdict::Colliding { at });
         }
-        Ok(Place { at, instant })
+        Ok(Place { at, body })
     }
 
     fn interval(&self, from: Place, to: Place, width: f64) -> Interval {
-        let turning = self.turning.part(width);
-        let bounds = lowest(
-            self.robot,
-            &turning,
-            &from.instant,
-            &to.instant,
-            &self.reach,
-        );
+        let bound = self.bound.part(width);
+        let bounds = lowest(self.robot, &bound, &from.body, &to.body, &self.reach);
         Interval {
             from,
             to,

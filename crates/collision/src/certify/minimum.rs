@@ -1,7 +1,7 @@
 //! The smallest clearance of a whole motion, by branch and bound, alone or together with its certificate.
 
-use crate::certify::body_state::{Instant, lowest, may_touch, reach};
-use crate::certify::motion_bound::Turning;
+use crate::certify::body_state::{BodyState, lowest, may_touch, reach};
+use crate::certify::motion_bound::MotionBound;
 use crate::certify::verdict::DEPTH;
 use crate::distance::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
 use crate::scene::static_scene::Scene;
@@ -28,22 +28,22 @@ pub fn minimum_clearance(
     search.least()
 }
 
-/// Certifies the executed curve for `grown`, the same robot with thicker tubes, and finds the [`minimum_clearance`] of the robot
-/// itself, in one search. None where the grown robot touches something, or there is too little room to tell; +∞ in an empty scene.
+/// Certifies the executed curve for `padded`, the same robot with thicker tubes, and finds the [`minimum_clearance`] of the robot
+/// itself, in one search. None where the padded robot touches something, or there is too little room to tell; +∞ in an empty scene.
 ///
-/// The distances to solids are told as accurately as the clearance of the grown robot needs.
+/// The distances to solids are told as accurately as the clearance of the padded robot needs.
 #[must_use]
 pub fn certified_clearance(
     robot: &Robot,
-    grown: &Robot,
+    padded: &Robot,
     scene: &Scene,
     trajectory: &Trajectory,
     tolerance: f64,
 ) -> Option<f64> {
-    debug_assert_eq!(robot.section_lengths, grown.section_lengths);
+    debug_assert_eq!(robot.section_lengths, padded.section_lengths);
     let mut search = Search {
         must_be_free: true,
-        ..Search::new(robot, grown, scene, tolerance)
+        ..Search::new(robot, padded, scene, tolerance)
     };
     search.whole(trajectory);
     search.is_free.then(|| search.least())
@@ -62,26 +62,26 @@ fn number(lowest: f64) -> f64 {
 #[derive(Clone, Copy)]
 struct Run<'a> {
     segments: &'a [QuinticSegment],
-    turnings: &'a [Turning],
+    bounds: &'a [MotionBound],
 }
 
 impl Run<'_> {
     fn split_at(&self, count: usize) -> (Self, Self) {
         let (segments, later_segments) = self.segments.split_at(count);
-        let (turnings, later_turnings) = self.turnings.split_at(count);
+        let (bounds, later_bounds) = self.bounds.split_at(count);
         let later = Self {
             segments: later_segments,
-            turnings: later_turnings,
+            bounds: later_bounds,
         };
-        (Self { segments, turnings }, later)
+        (Self { segments, bounds }, later)
     }
 }
 
 /// An interval of the motion.
 struct Interval<'a> {
     run: Run<'a>,
-    from: Instant,
-    to: Instant,
+    from: BodyState,
+    to: BodyState,
     /// Lower bounds of the clearance of each section during it; +∞ for a section that is not refined further.
     lowest: [f64; SECTIONS],
 }
@@ -94,30 +94,30 @@ impl Interval<'_> {
 
 struct Search<'a> {
     /// With the tubes that bounds are told for.
-    grown: &'a Robot,
+    padded: &'a Robot,
     scene: &'a Scene,
     reach: [f64; SECTIONS],
     /// How much thicker these are than those whose clearance is sought.
-    growth: [f64; SECTIONS],
+    padding: [f64; SECTIONS],
     tolerance: f64,
     /// Smallest clearance that was seen.
     attained: f64,
     /// Of the clearances in all intervals and of all sections that were not refined further.
     lower_bound: f64,
-    /// Whether the grown robot is to be certified: the search ends where it touches something, or may after all bisections.
+    /// Whether the padded robot is to be certified: the search ends where it touches something, or may after all bisections.
     must_be_free: bool,
     /// False once it cannot be certified.
     is_free: bool,
 }
 
 impl<'a> Search<'a> {
-    fn new(robot: &Robot, grown: &'a Robot, scene: &'a Scene, tolerance: f64) -> Self {
+    fn new(robot: &Robot, padded: &'a Robot, scene: &'a Scene, tolerance: f64) -> Self {
         let robot_length: f64 = robot.section_lengths.iter().sum();
         Self {
-            grown,
+            padded,
             scene,
-            reach: reach(grown, scene),
-            growth: std::array::from_fn(|k| grown.tube_radii[k] - robot.tube_radii[k]),
+            reach: reach(padded, scene),
+            padding: std::array::from_fn(|k| padded.tube_radii[k] - robot.tube_radii[k]),
             tolerance: tolerance.max(FINEST_TOLERANCE * robot_length),
             attained: f64::INFINITY,
             lower_bound: f64::INFINITY,
@@ -136,10 +136,10 @@ impl<'a> Search<'a> {
             return;
         }
         let segments: Vec<QuinticSegment> = trajectory.segments().collect();
-        let turnings: Vec<Turning> = segments.iter().map(Turning::of_curve).collect();
+        let bounds: Vec<MotionBound> = segments.iter().map(MotionBound::of_curve).collect();
         let run = Run {
             segments: &segments,
-            turnings: &turnings,
+            bounds: &bounds,
         };
         let from = self.look(&segments[0].control[0], &EVERY_SECTION);
         let to = self.look(&segments[segments.len() - 1].control[5], &EVERY_SECTION);
@@ -147,20 +147,20 @@ impl<'a> Search<'a> {
         self.refine(&whole, DEPTH);
     }
 
-    fn look(&mut self, shape: &Configuration, chosen: &Chosen) -> Instant {
-        let backbone = self.grown.backbone(shape);
-        let tubes = &self.grown.tube_radii;
-        let at = Instant::new(self.scene, shape, &backbone, tubes, chosen);
-        for (clearance, growth) in at.clearances.iter().zip(&self.growth) {
-            self.attained = self.attained.min(clearance + growth);
+    fn look(&mut self, shape: &Configuration, chosen: &Chosen) -> BodyState {
+        let backbone = self.padded.backbone(shape);
+        let tubes = &self.padded.tube_radii;
+        let at = BodyState::new(self.scene, shape, &backbone, tubes, chosen);
+        for (clearance, padding) in at.clearances.iter().zip(&self.padding) {
+            self.attained = self.attained.min(clearance + padding);
         }
         self.is_free &= !(self.must_be_free && at.touches());
         at
     }
 
-    fn interval<'b>(&self, run: Run<'b>, from: Instant, to: Instant) -> Interval<'b> {
-        let turning = run.turnings.iter().fold(Turning::REST, Turning::then);
-        let lowest = lowest(self.grown, &turning, &from, &to, &self.reach);
+    fn interval<'b>(&self, run: Run<'b>, from: BodyState, to: BodyState) -> Interval<'b> {
+        let bound = run.bounds.iter().fold(MotionBound::REST, MotionBound::then);
+        let lowest = lowest(self.padded, &bound, &from, &to, &self.reach);
         Interval {
             run,
             from,
@@ -173,7 +173,7 @@ impl<'a> Search<'a> {
     /// lower half first, which attains more.
     fn refine(&mut self, interval: &Interval<'_>, depth: u32) {
         let touching = may_touch(interval.lowest).map(|may| may && self.must_be_free);
-        let lowest: [f64; SECTIONS] = std::array::from_fn(|k| interval.lowest[k] + self.growth[k]);
+        let lowest: [f64; SECTIONS] = std::array::from_fn(|k| interval.lowest[k] + self.padding[k]);
         let enough = self.attained - self.tolerance;
         let open = std::array::from_fn(|k| touching[k] || lowest[k] < enough);
         let closed = (0..SECTIONS).filter(|k| !open[*k]);
@@ -193,7 +193,7 @@ impl<'a> Search<'a> {
         let halves: [QuinticSegment; 2] = segment.halves().into();
         let run = Run {
             segments: &halves,
-            turnings: &[&halves[0], &halves[1]].map(Turning::of_curve),
+            bounds: &[&halves[0], &halves[1]].map(MotionBound::of_curve),
         };
         self.divide(&run, interval, &open, depth.saturating_sub(1));
     }

@@ -38,7 +38,7 @@ impl Displacement {
 
 /// Bounds on how the three bending pairs turn during an interval of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Turning {
+pub(crate) struct MotionBound {
     /// Lengths of their ways, rad.
     turns: [f64; SECTIONS],
     /// Largest rates, rad/s.
@@ -49,7 +49,7 @@ pub(crate) struct Turning {
     pub(crate) duration: f64,
 }
 
-impl Turning {
+impl MotionBound {
     /// No motion, in no time.
     pub(crate) const REST: Self = Self {
         turns: [0.0; SECTIONS],
@@ -144,7 +144,7 @@ impl Turning {
     ///
     /// Along a section a point's place has the second derivative L R (ξ × e₃), R the rotation up to it, so the difference
     /// of two places is at most that of the section's ends plus L/8 (|Δξ_k| + |ξ_k| T), T the turns up to the section's end.
-    fn chords(&self, robot: &Robot, from: &Stance, to: &Stance) -> [f64; SECTIONS] {
+    fn chords(&self, robot: &Robot, from: &BackbonePose, to: &BackbonePose) -> [f64; SECTIONS] {
         let (mut before, mut turned) = (0.0_f64, 0.0);
         std::array::from_fn(|k| {
             turned += self.turns[k];
@@ -157,7 +157,7 @@ impl Turning {
     }
 
     /// What the body's points do while the bending pairs turn like this.
-    pub(crate) fn sweep(&self, robot: &Robot, from: &Stance, to: &Stance) -> Sweep {
+    pub(crate) fn sweep(&self, robot: &Robot, from: &BackbonePose, to: &BackbonePose) -> Sweep {
         let displacement = Displacement::of_turns(robot, self.turns);
         let chords = self.chords(robot, from, to);
         Sweep {
@@ -181,14 +181,14 @@ pub(crate) struct Sweep {
 
 /// Where the backbone is at an end of an interval.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Stance {
+pub(crate) struct BackbonePose {
     /// Ends of the sections.
     joints: [Point; SECTIONS],
     /// Bending angles, rad.
     bends: [f64; SECTIONS],
 }
 
-impl Stance {
+impl BackbonePose {
     pub(crate) fn new(shape: &Configuration, backbone: &Backbone) -> Self {
         let frames = backbone.frames();
         Self {
@@ -274,14 +274,15 @@ mod tests {
             });
             let curve = QuinticSegment::between(&from, &to);
             let (first, second) = curve.halves();
-            let whole = Turning::of_curve(&curve);
-            let joined = Turning::of_curve(&first).then(&Turning::of_curve(&second));
+            let whole = MotionBound::of_curve(&curve);
+            let joined = MotionBound::of_curve(&first).then(&MotionBound::of_curve(&second));
             let (deviation, of_whole) = (joined.deviation(&robot), whole.deviation(&robot));
             assert!(deviation[2] <= of_whole[2] * (1.0 + 1e-9));
             let shape = |u: f64| robot.backbone(&curve.evaluate(u * duration).position);
             let (a, b) = (shape(0.0), shape(1.0));
-            let stance = |u: f64| Stance::new(&curve.evaluate(u * duration).position, &shape(u));
-            let chords = joined.chords(&robot, &stance(0.0), &stance(1.0));
+            let pose =
+                |u: f64| BackbonePose::new(&curve.evaluate(u * duration).position, &shape(u));
+            let chords = joined.chords(&robot, &pose(0.0), &pose(1.0));
             for k in 0..SECTIONS {
                 let fraction = [1.0, random.random()][i % 2];
                 let point = |u: f64| shape(u).point(k, fraction);

@@ -1,8 +1,8 @@
 //! The certificate against balls that move at constant velocity.
 
 use crate::certify::bisection::{Certifier, Obstacles};
-use crate::certify::motion_bound::{Stance, Turning};
-use crate::certify::remaining_pieces::RestOfMotion;
+use crate::certify::motion_bound::{BackbonePose, MotionBound};
+use crate::certify::remaining_pieces::RemainingPieces;
 use crate::certify::verdict::Verdict;
 use crate::distance::chosen_sections::Chosen;
 use crate::obstacle::ball::Ball;
@@ -41,7 +41,7 @@ struct Moving<'a> {
 /// Where the body is at one instant, and how clear each section of it of each ball; +∞ where there is no ball, and for sections
 /// that were not looked at.
 struct Passing {
-    stance: Stance,
+    pose: BackbonePose,
     clearances: [[f64; SECTIONS]; GROUP],
 }
 
@@ -69,7 +69,7 @@ impl Obstacles for Moving<'_> {
         }
         Passing {
             clearances,
-            stance: Stance::new(shape, backbone),
+            pose: BackbonePose::new(shape, backbone),
         }
     }
 
@@ -78,12 +78,18 @@ impl Obstacles for Moving<'_> {
     }
 
     /// The balls' centres are taken at each end; in the ball's own frame its way between is added to the body's.
-    fn may_touch(&self, from: &Passing, to: &Passing, robot: &Robot, turning: &Turning) -> Chosen {
-        let sweep = turning.sweep(robot, &from.stance, &to.stance);
+    fn may_touch(
+        &self,
+        from: &Passing,
+        to: &Passing,
+        robot: &Robot,
+        bound: &MotionBound,
+    ) -> Chosen {
+        let sweep = bound.sweep(robot, &from.pose, &to.pose);
         let (from, to) = (&from.clearances, &to.clearances);
         let is_clear = |k: usize| {
             self.balls.iter().enumerate().all(|(i, moving)| {
-                let way = moving.velocity.norm() * turning.duration;
+                let way = moving.velocity.norm() * bound.duration;
                 let reach = self.tube_radii[k] + moving.ball.radius;
                 sweep.lowest(k, from[i][k], to[i][k], reach, way) > 0.0
             })
@@ -113,8 +119,8 @@ pub fn certify_moving_until(
     trajectory: &Trajectory,
     [from_time, until_time]: [f64; 2],
 ) -> Verdict {
-    let rest = RestOfMotion::new(trajectory.knots(), from_time);
-    let count = rest.count_until(until_time);
+    let pieces = RemainingPieces::new(trajectory.knots(), from_time);
+    let count = pieces.count_until(until_time);
     let certify = |balls| {
         let certifier = Certifier {
             robot,
@@ -124,7 +130,7 @@ pub fn certify_moving_until(
             },
             has_corners: false,
         };
-        certifier.chain(count, &|i| rest.piece(i))
+        certifier.chain(count, &|i| pieces.piece(i))
     };
     balls
         .chunks(GROUP)

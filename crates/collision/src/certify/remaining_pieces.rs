@@ -4,12 +4,12 @@ use crate::certify::bisection::Piece;
 use trajectory::Knot;
 
 /// The pieces of a motion that are left from a time on; at least one, be it of no duration.
-pub(crate) struct RestOfMotion<'a> {
+pub(crate) struct RemainingPieces<'a> {
     knots: &'a [Knot],
     from_time: f64,
 }
 
-impl<'a> RestOfMotion<'a> {
+impl<'a> RemainingPieces<'a> {
     pub(crate) fn new(knots: &'a [Knot], from_time: f64) -> Self {
         let passed = knots.partition_point(|k| k.time <= from_time);
         let first = passed.saturating_sub(1).min(knots.len() - 2);

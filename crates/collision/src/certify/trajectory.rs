@@ -1,9 +1,9 @@
 //! Certificates for motions in a scene at rest: polylines and executed curves.
 
 use crate::certify::bisection::{Certifier, Obstacles, Piece};
-use crate::certify::body_state::{Instant, lowest, may_touch, reach};
-use crate::certify::motion_bound::Turning;
-use crate::certify::remaining_pieces::RestOfMotion;
+use crate::certify::body_state::{BodyState, lowest, may_touch, reach};
+use crate::certify::motion_bound::MotionBound;
+use crate::certify::remaining_pieces::RemainingPieces;
 use crate::certify::verdict::Verdict;
 use crate::distance::chosen_sections::Chosen;
 use crate::scene::static_scene::Scene;
@@ -19,7 +19,7 @@ struct AtRest<'a> {
 }
 
 impl Obstacles for AtRest<'_> {
-    type Clearances = Instant;
+    type Clearances = BodyState;
 
     fn clearances(
         &self,
@@ -27,16 +27,22 @@ impl Obstacles for AtRest<'_> {
         backbone: &Backbone,
         _: f64,
         chosen: &Chosen,
-    ) -> Instant {
-        Instant::new(self.scene, shape, backbone, self.tube_radii, chosen)
+    ) -> BodyState {
+        BodyState::new(self.scene, shape, backbone, self.tube_radii, chosen)
     }
 
-    fn touch(at: &Instant) -> bool {
+    fn touch(at: &BodyState) -> bool {
         at.touches()
     }
 
-    fn may_touch(&self, from: &Instant, to: &Instant, robot: &Robot, turning: &Turning) -> Chosen {
-        may_touch(lowest(robot, turning, from, to, &self.reach))
+    fn may_touch(
+        &self,
+        from: &BodyState,
+        to: &BodyState,
+        robot: &Robot,
+        bound: &MotionBound,
+    ) -> Chosen {
+        may_touch(lowest(robot, bound, from, to, &self.reach))
     }
 }
 
@@ -78,6 +84,6 @@ pub fn certify_trajectory(
     if scene.is_empty() {
         return Verdict::Free;
     }
-    let rest = RestOfMotion::new(trajectory.knots(), from_time);
-    certifier(robot, scene, false).chain(rest.count(), &|i| rest.piece(i))
+    let pieces = RemainingPieces::new(trajectory.knots(), from_time);
+    certifier(robot, scene, false).chain(pieces.count(), &|i| pieces.piece(i))
 }
