@@ -4,7 +4,7 @@ use std::path::Path;
 
 use pcc_model::{Configuration, Robot};
 use shared_types::codes::MotorState;
-use trajectory::{AllocationOptions, Knot, Trajectory, allocate, limit_use};
+use trajectory::{Knot, ParameterizationOptions, Trajectory, limit_use, parameterize};
 
 use crate::{
     TENDONS, TendonVector,
@@ -76,8 +76,8 @@ pub(crate) fn curved_motion(
 /// A motion of the time parameterization through `path`: its jerk steps, as that of every planned motion.
 pub(crate) fn timed_motion(id: u32, begin_ns: i64, path: &[Configuration]) -> Motion {
     let robot = unit_robot();
-    let options = AllocationOptions::default();
-    let timed = allocate(path, &robot.tendons, &robot.tendon_limits, &options).unwrap();
+    let options = ParameterizationOptions::default();
+    let timed = parameterize(path, &robot.tendons, &robot.tendon_limits, &options).unwrap();
     let mut motion = Motion::empty();
     motion.id = id;
     motion.begin_ns = begin_ns;

@@ -22,7 +22,7 @@ use shared_types::{
     message::{ControllerState, Cycle, Heartbeat, Knot, RobotState, TrajectoryMessage},
     valid::{Command, CommandReply},
 };
-use trajectory::{AllocationOptions, Trajectory, allocate};
+use trajectory::{ParameterizationOptions, Trajectory, parameterize};
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -209,8 +209,8 @@ impl Joined {
         let from = Configuration::from(self.controller().commanded_configuration_rad);
         let middle = (from + goal) * 0.5 + Configuration::repeat(0.1);
         let limits = &self.robot.tendon_limits;
-        let options = AllocationOptions::default();
-        let motion = allocate(
+        let options = ParameterizationOptions::default();
+        let motion = parameterize(
             &[from, middle, *goal],
             &self.robot.tendons,
             limits,

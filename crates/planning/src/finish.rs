@@ -14,7 +14,7 @@ use collision::{Scene, certified_clearance, certify_polyline};
 use pcc_model::{Configuration, Robot, SECTIONS, TendonLimits};
 use std::cell::RefCell;
 use std::time::Instant;
-use trajectory::{AllocationOptions, Allocator, Knot, Trajectory};
+use trajectory::{Knot, ParameterizationOptions, TimeParameterizer, Trajectory};
 
 /// Clearance that corrections aim for beyond the tube, in the first and the second attempt, section lengths.
 const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
@@ -35,7 +35,7 @@ thread_local! {
 #[derive(Default)]
 struct Memory {
     correction: CorrectionMemory,
-    allocator: Allocator,
+    parameterizer: TimeParameterizer,
 }
 
 /// What a motion must keep, and how far it may be corrected to that end.
@@ -278,20 +278,20 @@ impl Demands<'_> {
 
     /// Times a path of 64 waypoints from rest to rest.
     fn time(&self, path: &[Configuration]) -> Result<Trajectory, Failure> {
-        self.allocate(path, self.knots)
+        self.parameterize(path, self.knots)
     }
 
-    fn allocate(&self, path: &[Configuration], knots: usize) -> Result<Trajectory, Failure> {
-        let options = AllocationOptions {
+    fn parameterize(&self, path: &[Configuration], knots: usize) -> Result<Trajectory, Failure> {
+        let options = ParameterizationOptions {
             knots,
-            ..AllocationOptions::default()
+            ..ParameterizationOptions::default()
         };
         let tendons = &self.robot.tendons;
         MEMORY
             .with_borrow_mut(|memory| {
                 memory
-                    .allocator
-                    .allocate(path, tendons, &self.limits, &options)
+                    .parameterizer
+                    .parameterize(path, tendons, &self.limits, &options)
             })
             .map_err(|_| Failure::Time)
     }
@@ -358,7 +358,7 @@ impl Demands<'_> {
         let knots_of_a_leg = (self.knots / edges).max(LEAST_KNOTS_OF_A_LEG);
         let mut knots: Vec<Knot> = Vec::new();
         for edge in polyline.windows(2) {
-            append(&mut knots, &self.allocate(edge, knots_of_a_leg)?);
+            append(&mut knots, &self.parameterize(edge, knots_of_a_leg)?);
         }
         if knots.len() > self.knots {
             return Err(Failure::Time);

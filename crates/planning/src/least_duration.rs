@@ -61,7 +61,7 @@ mod tests {
     use crate::random_configuration::random_configuration;
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
-    use trajectory::{AllocationOptions, allocate};
+    use trajectory::{ParameterizationOptions, parameterize};
 
     #[test]
     fn a_straight_motion_takes_hardly_longer() {
@@ -71,8 +71,8 @@ mod tests {
         for _ in 0..100 {
             let [a, b] = [(); 2].map(|()| random_configuration(&robot, &mut random));
             let path = straight_path(&a, &b);
-            let options = AllocationOptions::default();
-            let motion = allocate(&path, &robot.tendons, limits, &options).unwrap();
+            let options = ParameterizationOptions::default();
+            let motion = parameterize(&path, &robot.tendons, limits, &options).unwrap();
             let least_s = least_duration_s(&robot, limits, &[a, b]);
             let ratio = motion.duration() / least_s;
             assert!((1.0 - 1e-9..1.03).contains(&ratio), "{ratio}");
@@ -105,8 +105,8 @@ mod tests {
                 let mut corner = || random_configuration(&robot, &mut random) * size;
                 let corners: Vec<Configuration> = (0..turns).map(|_| corner()).collect();
                 let path = resample(&corners);
-                let options = AllocationOptions::default();
-                let motion = allocate(&path, &robot.tendons, limits, &options).unwrap();
+                let options = ParameterizationOptions::default();
+                let motion = parameterize(&path, &robot.tendons, limits, &options).unwrap();
                 let ratio = least_duration_s(&robot, limits, &path) / motion.duration();
                 assert!(ratio <= SURELY_SLOWER, "{turns} of {size}: {ratio}");
             }

@@ -1,4 +1,4 @@
-//! Measures time allocation on seeded paths of the unit robot: `cargo run --release --example allocation_figures`.
+//! Measures time parameterization on seeded paths of the unit robot: `cargo run --release --example allocation_figures`.
 //!
 //! Prints, for 200 smooth paths of 64 waypoints and 200 polylines of 6: duration ÷ (TOPP-RA's + 2a/j) and ÷ TOPP-RA's
 //! on a fine grid, limit use, knots, deviation from the waypoints' polyline, and the time a call takes.
@@ -7,7 +7,7 @@ use pcc_model::Configuration;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use std::time::Instant;
-use trajectory::{AllocationError, AllocationOptions, Allocator, limit_use};
+use trajectory::{ParameterizationError, ParameterizationOptions, TimeParameterizer, limit_use};
 
 #[path = "../src/test_paths.rs"]
 mod test_paths;
@@ -48,21 +48,22 @@ const NAMES: [&str; 7] = [
     "time of a call, µs",
 ];
 
-fn report(title: &str, paths: &[Vec<Configuration>]) -> Result<(), AllocationError> {
+fn report(title: &str, paths: &[Vec<Configuration>]) -> Result<(), ParameterizationError> {
     let (tendons, limits) = (unit_tendons(), unit_limits());
-    let options = AllocationOptions::default();
-    let fine = AllocationOptions {
+    let options = ParameterizationOptions::default();
+    let fine = ParameterizationOptions {
         grid_intervals: 2000,
         ..options
     };
-    let (mut allocator, mut reference) = (Allocator::default(), Allocator::default());
-    allocator.allocate(&paths[0], &tendons, &limits, &options)?;
+    let (mut parameterizer, mut reference) =
+        (TimeParameterizer::default(), TimeParameterizer::default());
+    parameterizer.parameterize(&paths[0], &tendons, &limits, &options)?;
     let mut figures: [Vec<f64>; 7] = Default::default();
     for path in paths {
         let started = Instant::now();
-        let motion = allocator.allocate(path, &tendons, &limits, &options)?;
+        let motion = parameterizer.parameterize(path, &tendons, &limits, &options)?;
         let seconds = started.elapsed().as_secs_f64();
-        let unbounded = allocator.fastest_duration(path, &tendons, &limits, &options)?;
+        let unbounded = parameterizer.fastest_duration(path, &tendons, &limits, &options)?;
         let finest = reference.fastest_duration(path, &tendons, &limits, &fine)?;
         let width = 2.0 * limits.acceleration / limits.jerk;
         let row = [
@@ -87,7 +88,7 @@ fn report(title: &str, paths: &[Vec<Configuration>]) -> Result<(), AllocationErr
     Ok(())
 }
 
-fn main() -> Result<(), AllocationError> {
+fn main() -> Result<(), ParameterizationError> {
     let mut random = Pcg64::seed_from_u64(5);
     let smooth: Vec<_> = (0..200).map(|_| smooth_path(&mut random, 64)).collect();
     let cornered: Vec<_> = (0..200).map(|_| cornered_path(&mut random, 6)).collect();

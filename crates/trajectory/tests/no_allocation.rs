@@ -1,4 +1,4 @@
-//! An allocator that is kept allocates only its results, once its buffers have grown.
+//! A time parameterizer that is kept allocates only its results, once its buffers have grown.
 #![allow(clippy::unwrap_used)]
 #![allow(unsafe_code)] // a global allocator that counts
 
@@ -6,7 +6,7 @@ use pcc_model::{Configuration, Robot};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
-use trajectory::{AllocationOptions, Allocator, EndMotion, EndMotions};
+use trajectory::{EndMotion, EndMotions, ParameterizationOptions, TimeParameterizer};
 
 thread_local! {
     /// Of this thread, whose test counts them.
@@ -44,14 +44,14 @@ fn a_warm_allocator_allocates_its_results_alone() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
     let robot = Robot::from_file(Path::new(file)).unwrap();
     let paths: Vec<_> = (0..20).map(path).collect();
-    let options = AllocationOptions::default();
-    let mut allocator = Allocator::default();
+    let options = ParameterizationOptions::default();
+    let mut parameterizer = TimeParameterizer::default();
     let mut results = Vec::with_capacity(2 * paths.len());
     let mut count = |paths: &[Vec<Configuration>]| {
         let before = ALLOCATIONS.get();
         for path in paths {
             let limits = &robot.tendon_limits;
-            let motion = allocator.allocate(path, &robot.tendons, limits, &options);
+            let motion = parameterizer.parameterize(path, &robot.tendons, limits, &options);
             results.push(motion.unwrap());
         }
         ALLOCATIONS.get() - before
@@ -73,11 +73,12 @@ fn so_does_one_whose_motions_begin_moving() {
         start,
         ..EndMotions::default()
     };
-    let mut allocator = Allocator::default();
+    let mut parameterizer = TimeParameterizer::default();
     let mut count = || {
         let before = ALLOCATIONS.get();
-        let (limits, options) = (&robot.tendon_limits, AllocationOptions::default());
-        let motion = allocator.allocate_between(&path, &ends, &robot.tendons, limits, &options);
+        let (limits, options) = (&robot.tendon_limits, ParameterizationOptions::default());
+        let motion =
+            parameterizer.parameterize_between(&path, &ends, &robot.tendons, limits, &options);
         assert_eq!(motion.unwrap().knots()[0].velocity, start.velocity);
         ALLOCATIONS.get() - before
     };

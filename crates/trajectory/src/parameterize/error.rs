@@ -1,11 +1,11 @@
 //! Why waypoints cannot become a motion.
 
-use crate::parameterize::options::{AllocationOptions, MAX_KNOTS};
+use crate::parameterize::options::{MAX_KNOTS, ParameterizationOptions};
 use pcc_model::TendonLimits;
 
 /// Why waypoints cannot become a motion.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum AllocationError {
+pub enum ParameterizationError {
     /// No waypoint at all.
     #[error("a motion needs at least one waypoint")]
     NoWaypoints,
@@ -17,9 +17,9 @@ pub enum AllocationError {
     Limits(TendonLimits),
     /// A setting out of range.
     #[error(
-        "allocation options out of range (knots 4..={MAX_KNOTS}, grid_intervals ≥ 1, spacing > 0): {0:?}"
+        "parameterization options out of range (knots 4..={MAX_KNOTS}, grid_intervals ≥ 1, spacing > 0): {0:?}"
     )]
-    Options(AllocationOptions),
+    Options(ParameterizationOptions),
     /// A velocity or acceleration at an end with NaN or an infinity, or so large that its norm overflows.
     #[error("the velocity or acceleration at the {0} is not finite")]
     EndNotFinite(End),

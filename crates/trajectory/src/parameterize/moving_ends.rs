@@ -5,10 +5,10 @@
 //! backwards at the end. Nothing can be scaled in time then: a margin on the limits takes up what knots add.
 
 use crate::parameterize::end_motion::{EndMotion, EndMotions};
-use crate::parameterize::error::{AllocationError, End};
-use crate::parameterize::options::AllocationOptions;
+use crate::parameterize::error::{End, ParameterizationError};
+use crate::parameterize::options::ParameterizationOptions;
 use crate::parameterize::placement::Target;
-use crate::parameterize::time_parameterizer::{Allocator, ROUNDING, check};
+use crate::parameterize::time_parameterizer::{ROUNDING, TimeParameterizer, check};
 use crate::parameterize::topp::{EndSpeeds, Unmet};
 use crate::{LimitUse, Trajectory};
 use pcc_model::{Configuration, TendonLimits, TendonMap};
@@ -40,32 +40,32 @@ impl Lead {
     }
 }
 
-impl Allocator {
+impl TimeParameterizer {
     /// A fast motion along `waypoints` (rad) within the tendons' limits that begins and ends moving.
     ///
     /// It begins and ends with exactly these velocities and accelerations, which need not point along the waypoints:
     /// the path leaves the first point ahead and joins them. All limits × (1 + 1e-9) are kept, verified as in
-    /// [`Allocator::allocate`], with a margin of 1 % or more between: a motion at rest at both ends is
-    /// [`Allocator::allocate`]'s.
+    /// [`TimeParameterizer::parameterize`], with a margin of 1 % or more between: a motion at rest at both ends is
+    /// [`TimeParameterizer::parameterize`]'s.
     ///
     /// # Errors
-    /// See [`AllocationError`].
-    pub fn allocate_between(
+    /// See [`ParameterizationError`].
+    pub fn parameterize_between(
         &mut self,
         waypoints: &[Configuration],
         ends: &EndMotions,
         tendons: &TendonMap,
         limits: &TendonLimits,
-        options: &AllocationOptions,
-    ) -> Result<Trajectory, AllocationError> {
+        options: &ParameterizationOptions,
+    ) -> Result<Trajectory, ParameterizationError> {
         if ends.start.is_resting() && ends.finish.is_resting() {
-            return self.allocate(waypoints, tendons, limits, options);
+            return self.parameterize(waypoints, tendons, limits, options);
         }
         check(waypoints, limits, options)?;
         self.rows.rebuild(tendons);
         self.check_end(End::Start, &ends.start, limits)?;
         self.check_end(End::Finish, &ends.finish, limits)?;
-        let mut failure = AllocationError::NotTimeable(*limits);
+        let mut failure = ParameterizationError::NotTimeable(*limits);
         for margin in MARGINS {
             match self.try_between(waypoints, ends, limits, options, margin) {
                 Ok(motion) => return Ok(motion),
@@ -82,15 +82,15 @@ impl Allocator {
         end: End,
         motion: &EndMotion,
         limits: &TendonLimits,
-    ) -> Result<(), AllocationError> {
+    ) -> Result<(), ParameterizationError> {
         if !motion.is_finite() {
-            return Err(AllocationError::EndNotFinite(end));
+            return Err(ParameterizationError::EndNotFinite(end));
         }
         let velocity = self.rows.largest(&motion.velocity) / limits.velocity;
         let acceleration = self.rows.largest(&motion.acceleration) / limits.acceleration;
         let use_of_limit = velocity.max(acceleration);
         if use_of_limit > 1.0 + TOLERANCE {
-            return Err(AllocationError::EndExceeds { end, use_of_limit });
+            return Err(ParameterizationError::EndExceeds { end, use_of_limit });
         }
         Ok(())
     }
@@ -100,9 +100,9 @@ impl Allocator {
         waypoints: &[Configuration],
         ends: &EndMotions,
         limits: &TendonLimits,
-        options: &AllocationOptions,
+        options: &ParameterizationOptions,
         margin: f64,
-    ) -> Result<Trajectory, AllocationError> {
+    ) -> Result<Trajectory, ParameterizationError> {
         let kept = 1.0 - margin;
         let inner = TendonLimits {
             acceleration: limits.acceleration * kept * kept,
@@ -135,7 +135,7 @@ impl Allocator {
             .solve(&self.spline, &self.rows, &inner, speeds, intervals)
             .map_err(|unmet| not_controllable(unmet, speeds))?;
         if !self.timed.rebuild(&self.spline, &self.profile) {
-            return Err(AllocationError::NotTimeable(*limits));
+            return Err(ParameterizationError::NotTimeable(*limits));
         }
         self.timed.set_average_between(
             width,
@@ -152,10 +152,10 @@ impl Allocator {
         };
         self.placement.place(&target);
         let motion = Trajectory::new(self.placement.knots())
-            .map_err(|_| AllocationError::NotTimeable(*limits))?;
+            .map_err(|_| ParameterizationError::NotTimeable(*limits))?;
         let most = LimitUse::at_time_scale(1.0).raised_by_motion(&motion, &self.rows, limits);
         if most.largest() > 1.0 + TOLERANCE {
-            return Err(AllocationError::NoRoom(most.largest()));
+            return Err(ParameterizationError::NoRoom(most.largest()));
         }
         Ok(motion)
     }
@@ -179,12 +179,12 @@ impl Allocator {
     }
 }
 
-fn not_controllable(unmet: Unmet, speeds: EndSpeeds) -> AllocationError {
+fn not_controllable(unmet: Unmet, speeds: EndSpeeds) -> ParameterizationError {
     let (end, speed, largest) = match unmet {
         Unmet::Start(largest) => (End::Start, speeds.start, largest),
         Unmet::End(largest) => (End::Finish, speeds.end, largest),
     };
-    AllocationError::NotControllable {
+    ParameterizationError::NotControllable {
         end,
         speed,
         largest,

@@ -3,9 +3,9 @@
 /// The most knots that a motion may have.
 pub const MAX_KNOTS: usize = 256;
 
-/// How finely [`allocate`](crate::allocate) works.
+/// How finely [`parameterize`](crate::parameterize) works.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AllocationOptions {
+pub struct ParameterizationOptions {
     /// The most knots of the result, 4 to [`MAX_KNOTS`]. A quarter of them is laid evenly in time, the others where
     /// limits would be exceeded, so fewer may be used.
     pub knots: usize,
@@ -16,7 +16,7 @@ pub struct AllocationOptions {
     pub spacing: f64,
 }
 
-impl Default for AllocationOptions {
+impl Default for ParameterizationOptions {
     fn default() -> Self {
         Self {
             knots: 96,

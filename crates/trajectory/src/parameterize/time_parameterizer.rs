@@ -2,9 +2,9 @@
 
 use crate::curve::spline::Spline;
 use crate::limits::tendon_rows::{TendonRows, limits_are_valid};
-use crate::parameterize::error::AllocationError;
+use crate::parameterize::error::ParameterizationError;
 use crate::parameterize::jerk::TimedPath;
-use crate::parameterize::options::{AllocationOptions, MAX_KNOTS};
+use crate::parameterize::options::{MAX_KNOTS, ParameterizationOptions};
 use crate::parameterize::placement::{Placement, Target};
 use crate::parameterize::topp::{EndSpeeds, SpeedProfile};
 use crate::parameterize::width::WidthSearch;
@@ -18,9 +18,9 @@ const POOR_FIT: f64 = 1.03;
 /// A path shorter than this part of its largest position is within rounding of a straight line.
 pub(super) const ROUNDING: f64 = 1e-11;
 
-/// The memory of an allocation, kept between calls: after the first ones only the result is allocated.
+/// The memory of a time parameterization, kept between calls: after the first ones only the result is allocated.
 #[derive(Clone, Debug, Default)]
-pub struct Allocator {
+pub struct TimeParameterizer {
     pub(super) rows: TendonRows,
     pub(super) spline: Spline,
     pub(super) profile: SpeedProfile,
@@ -31,20 +31,20 @@ pub struct Allocator {
     pub(super) inner_waypoints: Vec<Configuration>,
 }
 
-/// The fastest motion along `waypoints` within the tendons' limits, from rest to rest; see [`Allocator::allocate`].
+/// The fastest motion along `waypoints` within the tendons' limits, from rest to rest; see [`TimeParameterizer::parameterize`].
 ///
 /// # Errors
-/// See [`AllocationError`].
-pub fn allocate(
+/// See [`ParameterizationError`].
+pub fn parameterize(
     waypoints: &[Configuration],
     tendons: &TendonMap,
     limits: &TendonLimits,
-    options: &AllocationOptions,
-) -> Result<Trajectory, AllocationError> {
-    Allocator::default().allocate(waypoints, tendons, limits, options)
+    options: &ParameterizationOptions,
+) -> Result<Trajectory, ParameterizationError> {
+    TimeParameterizer::default().parameterize(waypoints, tendons, limits, options)
 }
 
-impl Allocator {
+impl TimeParameterizer {
     /// The fastest motion along `waypoints` (rad) within the tendons' limits, from rest to rest.
     ///
     /// It starts exactly at the first and ends exactly at the last waypoint; every tendon's velocity, acceleration
@@ -53,14 +53,14 @@ impl Allocator {
     /// `jerk`); waypoints that do not move give a resting motion of 1 ms.
     ///
     /// # Errors
-    /// See [`AllocationError`].
-    pub fn allocate(
+    /// See [`ParameterizationError`].
+    pub fn parameterize(
         &mut self,
         waypoints: &[Configuration],
         tendons: &TendonMap,
         limits: &TendonLimits,
-        options: &AllocationOptions,
-    ) -> Result<Trajectory, AllocationError> {
+        options: &ParameterizationOptions,
+    ) -> Result<Trajectory, ParameterizationError> {
         check(waypoints, limits, options)?;
         self.rows.rebuild(tendons);
         let (knots, scale) = if self.spline.rebuild(waypoints, options.spacing, ROUNDING) {
@@ -78,14 +78,14 @@ impl Allocator {
     /// No motion along this path within the velocity and acceleration limits is faster; 0 if the waypoints do not move.
     ///
     /// # Errors
-    /// See [`AllocationError`].
+    /// See [`ParameterizationError`].
     pub fn fastest_duration(
         &mut self,
         waypoints: &[Configuration],
         tendons: &TendonMap,
         limits: &TendonLimits,
-        options: &AllocationOptions,
-    ) -> Result<f64, AllocationError> {
+        options: &ParameterizationOptions,
+    ) -> Result<f64, ParameterizationError> {
         check(waypoints, limits, options)?;
         self.rows.rebuild(tendons);
         if !self.spline.rebuild(waypoints, options.spacing, ROUNDING) {
@@ -107,14 +107,14 @@ impl Allocator {
     fn time_spline(
         &mut self,
         limits: &TendonLimits,
-        options: &AllocationOptions,
-    ) -> Result<(), AllocationError> {
+        options: &ParameterizationOptions,
+    ) -> Result<(), ParameterizationError> {
         let (spline, rows, rest) = (&self.spline, &self.rows, EndSpeeds::default());
         let solved = self
             .profile
             .solve(spline, rows, limits, rest, options.grid_intervals);
         if solved.is_err() || !self.timed.rebuild(spline, &self.profile) {
-            return Err(AllocationError::NotTimeable(*limits));
+            return Err(ParameterizationError::NotTimeable(*limits));
         }
         Ok(())
     }
@@ -123,8 +123,8 @@ impl Allocator {
         &mut self,
         waypoints: &[Configuration],
         limits: &TendonLimits,
-        options: &AllocationOptions,
-    ) -> Result<(Vec<Knot>, f64), AllocationError> {
+        options: &ParameterizationOptions,
+    ) -> Result<(Vec<Knot>, f64), ParameterizationError> {
         self.time_spline(limits, options)?;
         let duration = self.timed.duration();
         // Narrower than half a segment, knots would not show the average.
@@ -161,24 +161,24 @@ impl Allocator {
 pub(super) fn check(
     waypoints: &[Configuration],
     limits: &TendonLimits,
-    options: &AllocationOptions,
-) -> Result<(), AllocationError> {
+    options: &ParameterizationOptions,
+) -> Result<(), ParameterizationError> {
     if waypoints.is_empty() {
-        return Err(AllocationError::NoWaypoints);
+        return Err(ParameterizationError::NoWaypoints);
     }
     if let Some(index) = waypoints
         .iter()
         .position(|point| !point.norm_squared().is_finite())
     {
-        return Err(AllocationError::WaypointNotFinite(index));
+        return Err(ParameterizationError::WaypointNotFinite(index));
     }
     if !limits_are_valid(limits) {
-        return Err(AllocationError::Limits(*limits));
+        return Err(ParameterizationError::Limits(*limits));
     }
     let spacing_is_valid = options.spacing > 0.0;
     if !(4..=MAX_KNOTS).contains(&options.knots) || options.grid_intervals < 1 || !spacing_is_valid
     {
-        return Err(AllocationError::Options(*options));
+        return Err(ParameterizationError::Options(*options));
     }
     Ok(())
 }
@@ -189,14 +189,15 @@ fn fit_to_limits(
     mut scale: f64,
     rows: &TendonRows,
     limits: &TendonLimits,
-) -> Result<Trajectory, AllocationError> {
+) -> Result<Trajectory, ParameterizationError> {
     const TOLERANCE: f64 = 5e-10;
     let mut margin = 0.0;
     for _ in 0..8 {
         for knot in &mut knots {
             *knot = slower(knot, scale * (1.0 + margin));
         }
-        let motion = Trajectory::new(knots).map_err(|_| AllocationError::NotTimeable(*limits))?;
+        let motion =
+            Trajectory::new(knots).map_err(|_| ParameterizationError::NotTimeable(*limits))?;
         let most = LimitUse::at_time_scale(1.0).raised_by_motion(&motion, rows, limits);
         if most.largest() <= 1.0 + TOLERANCE {
             return Ok(motion);
@@ -206,7 +207,7 @@ fn fit_to_limits(
         // Jerk carries the rounding of positions, which scaling alone does not reduce.
         margin = f64::max(TOLERANCE, 10.0 * margin);
     }
-    Err(AllocationError::NotTimeable(*limits))
+    Err(ParameterizationError::NotTimeable(*limits))
 }
 
 /// The knot when all times are multiplied by `scale`.

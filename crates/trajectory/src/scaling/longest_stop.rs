@@ -76,7 +76,7 @@ fn between(times: &Times, rate: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::test_paths::{cornered_path, smooth_path, unit_limits, unit_tendons};
-    use crate::{AllocationOptions, BRAKING_SHARE, Playback, Trajectory, allocate};
+    use crate::{BRAKING_SHARE, ParameterizationOptions, Playback, Trajectory, parameterize};
     use pcc_model::Configuration;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
@@ -86,8 +86,8 @@ mod tests {
     }
 
     fn timed(path: &[Configuration]) -> Trajectory {
-        let options = AllocationOptions::default();
-        allocate(path, &unit_tendons(), &unit_limits(), &options).unwrap()
+        let options = ParameterizationOptions::default();
+        parameterize(path, &unit_tendons(), &unit_limits(), &options).unwrap()
     }
 
     fn motions() -> Vec<Trajectory> {

@@ -213,15 +213,15 @@ fn within_unit(rate: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::test_paths::{cornered_path, smooth_path, unit_limits, unit_tendons};
-    use crate::{AllocationOptions, Trajectory, allocate};
+    use crate::{ParameterizationOptions, Trajectory, parameterize};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
     const CYCLE: f64 = 1e-3;
 
     fn timed(path: &[Configuration]) -> Trajectory {
-        let options = AllocationOptions::default();
-        allocate(path, &unit_tendons(), &unit_limits(), &options).unwrap()
+        let options = ParameterizationOptions::default();
+        parameterize(path, &unit_tendons(), &unit_limits(), &options).unwrap()
     }
 
     fn motion(random: &mut Pcg64) -> Trajectory {

@@ -11,7 +11,7 @@ use pcc_model::{Configuration, Robot, SECTIONS};
 use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
 use serde_json::json;
 use tests::programs::repository;
-use trajectory::{AllocationOptions, Allocator, Trajectory, evaluate};
+use trajectory::{ParameterizationOptions, TimeParameterizer, Trajectory, evaluate};
 
 use crate::paper_python::python_with;
 use crate::runs::weights_folder;
@@ -111,7 +111,7 @@ impl Cases {
             selection: Selection::ShortestTime,
             limits_scale: 1.0,
             growth: [0.0; SECTIONS],
-            knots: AllocationOptions::default().knots,
+            knots: ParameterizationOptions::default().knots,
             corrections: planning::MOST_CORRECTIONS,
             start_motion: None,
             previous: None,
@@ -123,7 +123,7 @@ impl Cases {
             let (Ok(certified), Some(waypoints)) = (draw.outcome, draw.path) else {
                 continue;
             };
-            let case = self.allocate(waypoints)?;
+            let case = self.parameterize(waypoints)?;
             // Some certify only with rests at their corners: another motion, of several paths.
             if case.motion == *certified.trajectory && self.cases.len() < total {
                 self.cases.push(case);
@@ -132,13 +132,13 @@ impl Cases {
         Ok(())
     }
 
-    fn allocate(&self, waypoints: Vec<Configuration>) -> anyhow::Result<Case> {
+    fn parameterize(&self, waypoints: Vec<Configuration>) -> anyhow::Result<Case> {
         let (tendons, limits) = (&self.robot.tendons, &self.robot.tendon_limits);
-        let options = AllocationOptions::default();
-        let mut allocator = Allocator::default();
-        let motion = allocator.allocate(&waypoints, tendons, limits, &options)?;
-        let unbounded = allocator.fastest_duration(&waypoints, tendons, limits, &options)?;
-        let speeds = allocator.path_speeds().collect();
+        let options = ParameterizationOptions::default();
+        let mut parameterizer = TimeParameterizer::default();
+        let motion = parameterizer.parameterize(&waypoints, tendons, limits, &options)?;
+        let unbounded = parameterizer.fastest_duration(&waypoints, tendons, limits, &options)?;
+        let speeds = parameterizer.path_speeds().collect();
         Ok(Case {
             waypoints,
             motion,
@@ -173,7 +173,7 @@ impl Cases {
             "velocity": self.robot.tendon_limits.velocity,
             "acceleration": self.robot.tendon_limits.acceleration,
             "tendons": tendons,
-            "spacing": AllocationOptions::default().spacing,
+            "spacing": ParameterizationOptions::default().spacing,
             "paths": paths.collect::<Vec<_>>(),
         }))?;
         let folder = file.parent().unwrap_or(Path::new("."));
@@ -286,10 +286,10 @@ fn full_speed_steps(robot: &Robot, waypoints: &[Configuration]) -> Vec<f64> {
 
 /// TOPP-RA beside TOPP-RA, in turns, on the same paths; then the whole allocation.
 fn speed(report: &mut Report, cases: &Cases, reference: &mut Timer) -> anyhow::Result<()> {
-    let mut allocator = Allocator::default();
+    let mut parameterizer = TimeParameterizer::default();
     let (tendons, limits) = (&cases.robot.tendons, &cases.robot.tendon_limits);
-    let default = AllocationOptions::default();
-    let as_many = AllocationOptions {
+    let default = ParameterizationOptions::default();
+    let as_many = ParameterizationOptions {
         grid_intervals: OUR_INTERVALS,
         ..default
     };
@@ -299,11 +299,12 @@ fn speed(report: &mut Report, cases: &Cases, reference: &mut Timer) -> anyhow::R
         theirs.push(reference.ask(&format!("seconds {i} {INTERVALS}"))?);
         let mut duration = 0.0;
         ours.push(seconds(|| {
-            duration = allocator.fastest_duration(&case.waypoints, tendons, limits, &as_many)?;
+            duration =
+                parameterizer.fastest_duration(&case.waypoints, tendons, limits, &as_many)?;
             Ok(())
         })?);
         whole.push(seconds(|| {
-            allocator.allocate(&case.waypoints, tendons, limits, &default)?;
+            parameterizer.parameterize(&case.waypoints, tendons, limits, &default)?;
             Ok(())
         })?);
         let truth = reference.ask(&format!("duration {i} {FINE_INTERVALS}"))?;

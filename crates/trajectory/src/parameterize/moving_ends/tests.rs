@@ -2,13 +2,16 @@
 
 use super::*;
 use crate::test_paths::{smooth_path, unit_limits, unit_tendons};
-use crate::{Knot, allocate, limit_use};
+use crate::{Knot, limit_use, parameterize};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-fn between(waypoints: &[Configuration], ends: &EndMotions) -> Result<Trajectory, AllocationError> {
-    let options = AllocationOptions::default();
-    Allocator::default().allocate_between(
+fn between(
+    waypoints: &[Configuration],
+    ends: &EndMotions,
+) -> Result<Trajectory, ParameterizationError> {
+    let options = ParameterizationOptions::default();
+    TimeParameterizer::default().parameterize_between(
         waypoints,
         ends,
         &unit_tendons(),
@@ -52,8 +55,8 @@ fn a_motion_is_continued_from_any_state_on_it() {
     let (mut continued, mut added) = (0, 0.0);
     for _ in 0..200 {
         let path = smooth_path(&mut random, 64);
-        let options = AllocationOptions::default();
-        let motion = allocate(&path, &unit_tendons(), &unit_limits(), &options).unwrap();
+        let options = ParameterizationOptions::default();
+        let motion = parameterize(&path, &unit_tendons(), &unit_limits(), &options).unwrap();
         let time = motion.duration() * random.random_range(0.02..0.7);
         let (knot, waypoints) = rest_of(&motion, time);
         let start = EndMotion {
@@ -71,8 +74,8 @@ fn a_motion_is_continued_from_any_state_on_it() {
                 continued += 1;
                 added += (time + rest.duration()) / motion.duration() - 1.0;
             }
-            Err(AllocationError::NotControllable { end, .. }) => assert_eq!(end, End::Start),
-            Err(AllocationError::NoRoom(most)) => assert!(most > 1.0),
+            Err(ParameterizationError::NotControllable { end, .. }) => assert_eq!(end, End::Start),
+            Err(ParameterizationError::NoRoom(most)) => assert!(most > 1.0),
             Err(error) => panic!("{error}"),
         }
     }
@@ -137,7 +140,9 @@ fn random_states_are_answered_within_limits_or_by_name() {
                 assert_begins_and_keeps(&motion, &knots.0, &knots.1);
                 answered += 1;
             }
-            Err(AllocationError::NotControllable { .. } | AllocationError::NoRoom(_)) => {
+            Err(
+                ParameterizationError::NotControllable { .. } | ParameterizationError::NoRoom(_),
+            ) => {
                 refused += 1;
             }
             Err(error) => panic!("{error}"),
@@ -149,8 +154,8 @@ fn random_states_are_answered_within_limits_or_by_name() {
 #[test]
 fn resting_ends_are_the_plain_motion() {
     let path = smooth_path(&mut Pcg64::seed_from_u64(74), 64);
-    let options = AllocationOptions::default();
-    let plain = allocate(&path, &unit_tendons(), &unit_limits(), &options);
+    let options = ParameterizationOptions::default();
+    let plain = parameterize(&path, &unit_tendons(), &unit_limits(), &options);
     assert_eq!(between(&path, &EndMotions::default()), plain);
 }
 
@@ -184,14 +189,14 @@ fn bad_ends_are_named() {
     for bad in [f64::NAN, f64::INFINITY, 1e200] {
         assert_eq!(
             start(with(bad, 0.0)),
-            AllocationError::EndNotFinite(End::Start)
+            ParameterizationError::EndNotFinite(End::Start)
         );
         assert_eq!(
             finish(with(0.0, bad)),
-            AllocationError::EndNotFinite(End::Finish)
+            ParameterizationError::EndNotFinite(End::Finish)
         );
     }
-    let named = |error, named| matches!(error, AllocationError::EndExceeds { end, use_of_limit } if end == named && use_of_limit > 1.0);
+    let named = |error, named| matches!(error, ParameterizationError::EndExceeds { end, use_of_limit } if end == named && use_of_limit > 1.0);
     assert!(named(start(with(100.0, 0.0)), End::Start));
     assert!(named(finish(with(0.0, 100.0)), End::Finish));
     // A path too short to brake on, and none at all.
@@ -205,11 +210,11 @@ fn bad_ends_are_named() {
     };
     assert!(matches!(
         between(&short, &moving),
-        Err(AllocationError::NotControllable { .. })
+        Err(ParameterizationError::NotControllable { .. })
     ));
     let one = between(&path[..1], &moving);
     assert!(
-        matches!(one, Err(AllocationError::NotControllable { .. })),
+        matches!(one, Err(ParameterizationError::NotControllable { .. })),
         "{one:?}"
     );
 }

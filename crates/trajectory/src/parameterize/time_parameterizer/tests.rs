@@ -11,11 +11,11 @@ fn point(x: f64, y: f64) -> Configuration {
 }
 
 fn allocated(waypoints: &[Configuration], limits: &TendonLimits) -> Trajectory {
-    let motion = allocate(
+    let motion = parameterize(
         waypoints,
         &unit_tendons(),
         limits,
-        &AllocationOptions::default(),
+        &ParameterizationOptions::default(),
     )
     .unwrap();
     assert_contract(&motion, waypoints, limits);
@@ -57,16 +57,26 @@ fn assert_contract(motion: &Trajectory, waypoints: &[Configuration], limits: &Te
 fn smooth_paths_are_fast_and_use_a_limit_fully() {
     let mut random = Pcg64::seed_from_u64(1);
     let (tendons, limits) = (unit_tendons(), unit_limits());
-    let mut allocator = Allocator::default();
+    let mut parameterizer = TimeParameterizer::default();
     for _ in 0..200 {
         let path = smooth_path(&mut random, 64);
-        let motion = allocator
-            .allocate(&path, &tendons, &limits, &AllocationOptions::default())
+        let motion = parameterizer
+            .parameterize(
+                &path,
+                &tendons,
+                &limits,
+                &ParameterizationOptions::default(),
+            )
             .unwrap();
         assert_contract(&motion, &path, &limits);
         let width = 2.0 * limits.acceleration / limits.jerk;
-        let bound = allocator
-            .fastest_duration(&path, &tendons, &limits, &AllocationOptions::default())
+        let bound = parameterizer
+            .fastest_duration(
+                &path,
+                &tendons,
+                &limits,
+                &ParameterizationOptions::default(),
+            )
             .unwrap()
             + width;
         assert!(
@@ -81,12 +91,12 @@ fn smooth_paths_are_fast_and_use_a_limit_fully() {
 #[test]
 fn memory_does_not_change_the_result() {
     let mut random = Pcg64::seed_from_u64(2);
-    let mut allocator = Allocator::default();
-    let options = AllocationOptions::default();
+    let mut parameterizer = TimeParameterizer::default();
+    let options = ParameterizationOptions::default();
     for count in [64, 2, 5, 200, 3] {
         let path = smooth_path(&mut random, count);
-        let again = allocator
-            .allocate(&path, &unit_tendons(), &unit_limits(), &options)
+        let again = parameterizer
+            .parameterize(&path, &unit_tendons(), &unit_limits(), &options)
             .unwrap();
         assert_eq!(again, allocated(&path, &unit_limits()));
     }
@@ -96,13 +106,13 @@ fn memory_does_not_change_the_result() {
 fn cornered_paths_keep_limits_and_stay_near_their_polyline() {
     let mut random = Pcg64::seed_from_u64(3);
     for (count, knots) in [(2, 96), (3, 96), (4, 96), (6, 96), (10, 96), (30, 256)] {
-        let options = AllocationOptions {
+        let options = ParameterizationOptions {
             knots,
-            ..AllocationOptions::default()
+            ..ParameterizationOptions::default()
         };
         for _ in 0..15 {
             let path = cornered_path(&mut random, count);
-            let motion = allocate(&path, &unit_tendons(), &unit_limits(), &options).unwrap();
+            let motion = parameterize(&path, &unit_tendons(), &unit_limits(), &options).unwrap();
             assert_contract(&motion, &path, &unit_limits());
             let deviation = motion
                 .sample(2000)
@@ -235,17 +245,17 @@ fn tiny_motions_are_timed_by_their_size() {
 #[test]
 fn bad_problems_are_named() {
     let (a, b) = (point(0.0, 0.0), point(1.0, 0.0));
-    let options = AllocationOptions::default();
+    let options = ParameterizationOptions::default();
     let answer = |waypoints: &[Configuration], limits: TendonLimits, options| {
-        allocate(waypoints, &unit_tendons(), &limits, &options).unwrap_err()
+        parameterize(waypoints, &unit_tendons(), &limits, &options).unwrap_err()
     };
     assert_eq!(
         answer(&[], unit_limits(), options),
-        AllocationError::NoWaypoints
+        ParameterizationError::NoWaypoints
     );
     for bad in [f64::NAN, f64::INFINITY, 1e200] {
         let error = answer(&[a, b, b * bad], unit_limits(), options);
-        assert_eq!(error, AllocationError::WaypointNotFinite(2));
+        assert_eq!(error, ParameterizationError::WaypointNotFinite(2));
     }
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
         let fields = [
@@ -265,24 +275,24 @@ fn bad_problems_are_named() {
         for limits in fields {
             assert!(matches!(
                 answer(&[a, b], limits, options),
-                AllocationError::Limits(_)
+                ParameterizationError::Limits(_)
             ));
         }
     }
     let wrong = [
-        AllocationOptions {
+        ParameterizationOptions {
             knots: 3,
             ..options
         },
-        AllocationOptions {
+        ParameterizationOptions {
             knots: 257,
             ..options
         },
-        AllocationOptions {
+        ParameterizationOptions {
             grid_intervals: 0,
             ..options
         },
-        AllocationOptions {
+        ParameterizationOptions {
             spacing: f64::NAN,
             ..options
         },
@@ -290,7 +300,7 @@ fn bad_problems_are_named() {
     for options in wrong {
         assert!(matches!(
             answer(&[a, b], unit_limits(), options),
-            AllocationError::Options(_)
+            ParameterizationError::Options(_)
         ));
     }
 }

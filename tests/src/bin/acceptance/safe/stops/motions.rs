@@ -3,7 +3,7 @@
 use datasets::scenes::{Setting, draw_target};
 use pcc_model::{Configuration, Robot};
 use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
-use trajectory::{AllocationOptions, Knot, Trajectory};
+use trajectory::{Knot, ParameterizationOptions, Trajectory};
 
 const SEED: u64 = 1801;
 
@@ -76,7 +76,7 @@ fn plan(
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
         growth: [0.0; 3],
-        knots: AllocationOptions::default().knots,
+        knots: ParameterizationOptions::default().knots,
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,
         previous: None,
