@@ -27,7 +27,7 @@ pub(crate) struct PathPoint {
     pub(crate) position: Configuration,
     pub(crate) slope: Configuration,
     pub(crate) bend: Configuration,
-    pub(crate) twist: Configuration,
+    pub(crate) third_derivative: Configuration,
 }
 
 impl Spline {
@@ -185,7 +185,7 @@ impl Spline {
                 + m0 * (h / 6.0 * (1.0 - 3.0 * a * a))
                 + m1 * (h / 6.0 * (3.0 * b * b - 1.0)),
             bend: m0 * a + m1 * b,
-            twist: (m1 - m0) / h,
+            third_derivative: (m1 - m0) / h,
         }
     }
 }

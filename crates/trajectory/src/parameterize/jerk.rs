@@ -19,7 +19,7 @@ pub(crate) struct TimedPath {
     time: Vec<f64>,
     piece: Vec<TimedPiece>,
     /// How much s̈ changes at each of these times on the path.
-    pull_step: Vec<f64>,
+    path_acceleration_step: Vec<f64>,
 }
 
 /// A piece of the path on which ζ is cubic in s and s is quadratic in time.
@@ -28,7 +28,7 @@ struct TimedPiece {
     /// ṡ at its start.
     speed: f64,
     /// s̈.
-    pull: f64,
+    path_acceleration: f64,
     start: PathPoint,
     /// ∫ (ζ − ζ at the start) dt over the piece.
     area: Configuration,
@@ -43,12 +43,12 @@ impl TimedPiece {
     ) -> Self {
         Self {
             speed: 1.0,
-            pull: 0.0,
+            path_acceleration: 0.0,
             start: PathPoint {
                 position,
                 slope: velocity,
                 bend: acceleration,
-                twist: Configuration::zeros(),
+                third_derivative: Configuration::zeros(),
             },
             area: Configuration::zeros(),
         }
@@ -59,36 +59,45 @@ impl TimedPiece {
     }
 
     fn advance(&self, elapsed: f64) -> f64 {
-        elapsed * (self.speed + 0.5 * self.pull * elapsed)
+        elapsed * (self.speed + 0.5 * self.path_acceleration * elapsed)
     }
 
     fn displacement(&self, s: f64) -> Configuration {
         let PathPoint {
-            slope, bend, twist, ..
+            slope,
+            bend,
+            third_derivative,
+            ..
         } = &self.start;
-        slope * s + bend * (s * s / 2.0) + twist * (s * s * s / 6.0)
+        slope * s + bend * (s * s / 2.0) + third_derivative * (s * s * s / 6.0)
     }
 
     fn velocity(&self, elapsed: f64) -> Configuration {
         let s = self.advance(elapsed);
-        let speed = self.speed + self.pull * elapsed;
+        let speed = self.speed + self.path_acceleration * elapsed;
         let PathPoint {
-            slope, bend, twist, ..
+            slope,
+            bend,
+            third_derivative,
+            ..
         } = &self.start;
-        slope * speed + bend * (s * speed) + twist * (s * s * speed / 2.0)
+        slope * speed + bend * (s * speed) + third_derivative * (s * s * speed / 2.0)
     }
 
     /// ∫ (ζ − ζ at the start) dt over the first `elapsed` seconds: the powers of s, integrated over time.
     fn area_until(&self, elapsed: f64) -> Configuration {
         let t = elapsed;
-        let (v, w) = (self.speed * t, 0.5 * self.pull * t * t);
+        let (v, w) = (self.speed * t, 0.5 * self.path_acceleration * t * t);
         let first = v / 2.0 + w / 3.0;
         let second = v * v / 3.0 + v * w / 2.0 + w * w / 5.0;
         let third = v * v * v / 4.0 + v * v * w * 0.6 + v * w * w / 2.0 + w * w * w / 7.0;
         let PathPoint {
-            slope, bend, twist, ..
+            slope,
+            bend,
+            third_derivative,
+            ..
         } = &self.start;
-        slope * (t * first) + bend * (t * second / 2.0) + twist * (t * third / 6.0)
+        slope * (t * first) + bend * (t * second / 2.0) + third_derivative * (t * third / 6.0)
     }
 }
 
@@ -104,30 +113,32 @@ impl TimedPath {
             |at| TimedPiece::beside_the_path(at, Configuration::zeros(), Configuration::zeros());
         self.time.clear();
         self.piece.clear();
-        self.pull_step.clear();
+        self.path_acceleration_step.clear();
         self.time.push(0.0);
         self.piece.push(rest(first));
-        let (mut time, mut speed, mut pull_before) = (0.0, square[0].sqrt(), 0.0);
+        let (mut time, mut speed, mut path_acceleration_before) = (0.0, square[0].sqrt(), 0.0);
         for (pair, squares) in grid.windows(2).zip(square.windows(2)) {
             let step = pair[1].parameter - pair[0].parameter;
             let next_speed = squares[1].sqrt();
             let elapsed = 2.0 * step / (speed + next_speed);
-            let pull = (next_speed - speed) / elapsed;
+            let path_acceleration = (next_speed - speed) / elapsed;
             let mut piece = TimedPiece {
                 speed,
-                pull,
+                path_acceleration,
                 start: spline.at(pair[0].piece, pair[0].parameter),
                 area: Configuration::zeros(),
             };
             piece.area = piece.area_until(elapsed);
             self.piece.push(piece);
             self.time.push(time);
-            self.pull_step.push(pull - pull_before);
-            (time, speed, pull_before) = (time + elapsed, next_speed, pull);
+            self.path_acceleration_step
+                .push(path_acceleration - path_acceleration_before);
+            (time, speed, path_acceleration_before) =
+                (time + elapsed, next_speed, path_acceleration);
         }
         self.time.extend([time, time]);
         self.piece.push(rest(last));
-        self.pull_step.push(-pull_before);
+        self.path_acceleration_step.push(-path_acceleration_before);
         time.is_finite()
     }
 
@@ -187,16 +198,16 @@ impl TimedPath {
     }
 
     /// s̈ of each piece of the path.
-    pub(crate) fn pulls(&self) -> impl Iterator<Item = f64> + '_ {
+    pub(crate) fn path_accelerations(&self) -> impl Iterator<Item = f64> + '_ {
         self.piece[1..self.piece.len() - 1]
             .iter()
-            .map(|piece| piece.pull)
+            .map(|piece| piece.path_acceleration)
     }
 
     /// The times at which s̈ changes, before averaging, s, with the changes.
-    pub(crate) fn pull_steps(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
+    pub(crate) fn path_acceleration_steps(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let times = self.times().iter().copied();
-        times.zip(self.pull_step.iter().copied())
+        times.zip(self.path_acceleration_step.iter().copied())
     }
 
     /// The largest norm of a position, rad.

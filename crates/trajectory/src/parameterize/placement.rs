@@ -145,9 +145,12 @@ impl Placement {
 
     fn find_steps(&mut self, target: &Target) {
         self.steps.clear();
-        let changes = target.motion.pull_steps().zip(target.profile.steepness());
-        for ((time, pull), steepness) in changes {
-            let size = pull.abs() * steepness;
+        let changes = target
+            .motion
+            .path_acceleration_steps()
+            .zip(target.profile.steepness());
+        for ((time, path_acceleration), steepness) in changes {
+            let size = path_acceleration.abs() * steepness;
             if size > NOTABLE_STEP {
                 self.steps.extend([
                     JerkStep { time, size },

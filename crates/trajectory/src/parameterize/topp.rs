@@ -348,12 +348,12 @@ mod tests {
                 parameter: 0.5 * (grid[0].parameter + grid[1].parameter),
             };
             let weights = PieceWeights::at(&spline, middle);
-            let (mean, pull) = (
+            let (mean, path_acceleration) = (
                 0.5 * (x[0] + x[1]),
                 (x[1] - x[0]) * profile.interval(i).half,
             );
             let uses = profile.path.derivatives(&weights).flat_map(|here| {
-                let force = combined(&here.slope, pull, &here.bend, mean);
+                let force = combined(&here.slope, path_acceleration, &here.bend, mean);
                 let speed = here.slope.map(|slope| slope * mean.sqrt() / largest_speed);
                 force.into_iter().chain(speed)
             });

@@ -61,12 +61,12 @@ impl WidthSearch {
         let rest = std::iter::repeat_n([[0.0; LANES]; 2], self.blocks);
         self.force.extend(rest.clone());
         let squares = profile.square_speeds();
-        for (i, pull) in motion.pulls().enumerate() {
+        for (i, path_acceleration) in motion.path_accelerations().enumerate() {
             let (from, to) = (profile.derivatives(i), profile.derivatives(i + 1));
             for (from, to) in from.iter().zip(to) {
                 self.force.push([
-                    combined(&from.slope, pull, &from.bend, squares[i]),
-                    combined(&to.slope, pull, &to.bend, squares[i + 1]),
+                    combined(&from.slope, path_acceleration, &from.bend, squares[i]),
+                    combined(&to.slope, path_acceleration, &to.bend, squares[i + 1]),
                 ]);
             }
         }
