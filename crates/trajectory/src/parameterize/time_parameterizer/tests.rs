@@ -1,4 +1,4 @@
-//! Random and adversarial problems for time allocation.
+//! Random and adversarial problems for time parameterization.
 
 use super::*;
 use crate::test_paths::{cornered_path, smooth_path, unit_limits, unit_tendons};
