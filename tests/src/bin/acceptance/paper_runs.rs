@@ -52,7 +52,7 @@ pub(crate) fn evaluation<'a>(
 ) -> Evaluation<'a> {
     let evaluation = Evaluation::of(setting, dataset, planner, cases);
     if planner.starts_with("diffusion") {
-        evaluation.with("--model", &model.name)
+        evaluation.model(model)
     } else {
         evaluation
     }
