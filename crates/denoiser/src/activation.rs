@@ -1,7 +1,7 @@
 //! SiLU with a vectorised exponential.
 
-use crate::lanes::{LANES, Lanes, ROUND};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::dispatch::{Kernel, dispatch};
+use crate::simd::lanes::{LANES, Lanes, ROUND};
 
 /// Replaces every value x by x / (1 + e^−x).
 pub(crate) fn silu(values: &mut [f32]) {
@@ -68,7 +68,8 @@ fn exponential<L: Lanes>(lanes: L, x: L::Values) -> L::Values {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::{Plain, detected_levels, run_at};
+    use crate::simd::dispatch::{detected_levels, run_at};
+    use crate::simd::token::Plain;
 
     #[test]
     fn the_exponential_is_accurate_over_its_range() {

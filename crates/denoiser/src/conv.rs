@@ -7,7 +7,8 @@
 use crate::factors::Factors;
 use crate::matrix::{Batch, Packed, Precision, Store, Strides};
 use crate::paged::Paged;
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::weights_error::WeightsError;
+use crate::weights_file::WeightsFile;
 
 /// Values of candidates, time-major, with a row of zeros before and after each: candidates × (height + 2) × channels.
 #[derive(Default)]

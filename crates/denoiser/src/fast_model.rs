@@ -13,8 +13,9 @@ use crate::factors::Factors;
 use crate::linear::Linear;
 use crate::matrix::{Precision, Store};
 use crate::norm::LayerNorm;
-use crate::simd::{Level, detected};
-use crate::weights_file::{ContentError, WeightsError, WeightsFile};
+use crate::simd::dispatch::{Level, detected};
+use crate::weights_error::{ContentError, WeightsError};
+use crate::weights_file::WeightsFile;
 pub use flow::EvaluationsRefused;
 use flow::Flow;
 

@@ -4,9 +4,11 @@
 
 use crate::activation::sigmoid;
 use crate::conv::Rows;
-use crate::lanes::{LANES, Lanes};
-use crate::simd::{Kernel, ask_for, dispatch};
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::simd::dispatch::{Kernel, dispatch};
+use crate::simd::lanes::{LANES, Lanes};
+use crate::simd::prefetch::ask_for;
+use crate::weights_error::WeightsError;
+use crate::weights_file::WeightsFile;
 
 /// Groups of channels that are normalised together.
 pub(crate) const GROUPS: usize = 8;
@@ -359,7 +361,7 @@ fn part_mut(values: &mut [f32], first: usize) -> &mut [f32; LANES] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::{detected_levels, run_at};
+    use crate::simd::dispatch::{detected_levels, run_at};
 
     const HEIGHT: usize = 8;
     const CHANNELS: usize = 32;

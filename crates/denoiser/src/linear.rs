@@ -2,7 +2,8 @@
 
 use crate::factors::Factors;
 use crate::matrix::{Batch, Input, Packed, Precision, Store, padded};
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::weights_error::WeightsError;
+use crate::weights_file::WeightsFile;
 
 /// A layer with its weights.
 pub(crate) struct Linear {

@@ -1,8 +1,9 @@
 //! Layer normalisation.
 
-use crate::lanes::Lanes;
-use crate::simd::{Kernel, dispatch};
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::simd::dispatch::{Kernel, dispatch};
+use crate::simd::lanes::Lanes;
+use crate::weights_error::WeightsError;
+use crate::weights_file::WeightsFile;
 
 /// PyTorch's default.
 const EPSILON: f32 = 1e-5;

@@ -5,13 +5,11 @@
 //! cache while the rows go through it. Blocks of rows cross from one candidate to the next.
 #![allow(unsafe_code)] // loads from slices into vector registers
 
-use super::single::Weights;
-use super::{Bias, Job, PANEL, Store};
-use crate::simd::ask_for;
+use super::f32_panels::{HALF, Weights};
+use super::job::{Bias, Job, PANEL, Store};
+use crate::simd::prefetch::ask_for;
 use std::arch::x86_64::*;
 
-/// Outputs whose weights for an input lie together.
-pub(super) const HALF: usize = PANEL / 2;
 /// Values of a register.
 const LANES: usize = 8;
 /// Rows whose sums for half a panel fit the registers.

@@ -1,6 +1,6 @@
 //! What tests have to try here, and why they try nothing else.
 
-use super::Precision;
+use super::precision::Precision;
 
 /// The processor's flags that products in bf16 need, as Linux names them.
 const NEEDED: [&str; 4] = ["avx512f", "avx512bw", "avx512vl", "avx512_bf16"];

@@ -7,12 +7,12 @@
 //!
 //! Every output starts from its bias and adds, for 32 inputs at a time in order, the sums of the products with the
 //! even and with the odd inputs. The instruction takes subnormal numbers for zero.
-#![allow(unsafe_code)] // tile instructions, asking the kernel and the processor for them
+#![allow(unsafe_code)] // tile instructions
 
-use super::brain::{Brain, BrainPanels, PairWeights, STEP_PAIRS};
-use super::{Batch, Block, Job, PANEL, Store};
+use super::bf16::{Brain, STEP_PAIRS};
+use super::bf16_panels::{BrainPanels, PairWeights};
+use super::job::{Batch, Block, Job, PANEL, Store};
 use std::arch::asm;
-use std::arch::x86_64::{__cpuid, __cpuid_count, _xgetbv};
 
 /// Rows of a tile.
 const ROWS: usize = 16;
@@ -20,50 +20,6 @@ const ROWS: usize = 16;
 const STEP: usize = 2 * STEP_PAIRS;
 
 /// Whether the processor and the system let this process use tiles with bf16; asks the system for it.
-#[cfg(target_os = "linux")]
-pub(super) fn available() -> bool {
-    const TILE_AND_BF16: u32 = 1 << 24 | 1 << 22;
-    const OSXSAVE: u32 = 1 << 27;
-    if __cpuid(0).eax < 7 || __cpuid(1).ecx & OSXSAVE == 0 {
-        return false;
-    }
-    __cpuid_count(7, 0).edx & TILE_AND_BF16 == TILE_AND_BF16
-        // SAFETY: the system has enabled XGETBV, as OSXSAVE tells.
-        && unsafe { tile_state_enabled() }
-        && permitted()
-}
-
-#[cfg(not(target_os = "linux"))]
-pub(super) fn available() -> bool {
-    false
-}
-
-/// Whether the system saves the tiles of a thread.
-#[cfg(target_os = "linux")]
-#[target_feature(enable = "xsave")]
-fn tile_state_enabled() -> bool {
-    const CONFIGURATION_AND_DATA: u64 = 1 << 17 | 1 << 18;
-    // SAFETY: register 0 exists where XGETBV does.
-    unsafe { _xgetbv(0) & CONFIGURATION_AND_DATA == CONFIGURATION_AND_DATA }
-}
-
-/// Asks Linux to let this process use tiles: `arch_prctl(ARCH_REQ_XCOMP_PERM, XFEATURE_XTILEDATA)`, see the kernel's
-/// documentation, "Using XSTATE features in user space applications".
-#[cfg(target_os = "linux")]
-fn permitted() -> bool {
-    const ARCH_REQ_XCOMP_PERM: libc::c_ulong = 0x1023;
-    const XFEATURE_XTILEDATA: libc::c_ulong = 18;
-    // SAFETY: the call takes two numbers and touches no memory of ours.
-    let result = unsafe {
-        libc::syscall(
-            libc::SYS_arch_prctl,
-            ARCH_REQ_XCOMP_PERM,
-            XFEATURE_XTILEDATA,
-        )
-    };
-    result == 0
-}
-
 /// The shapes of the tile registers, as LDTILECFG reads them.
 #[repr(C, align(64))]
 struct Configuration {
@@ -117,7 +73,7 @@ struct Sums<const N: usize> {
 ///
 /// # Safety
 ///
-/// [`available`] must have said that there are any, and AVX-512 F, BW and VL must have been detected.
+/// [`available`](super::amx_available::available) must have said that there are any, and AVX-512 F, BW and VL must have been detected.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
 pub(super) unsafe fn multiply(panels: &BrainPanels, job: Job<'_, Brain>) {
     let Batch {

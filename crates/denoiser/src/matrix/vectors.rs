@@ -4,8 +4,9 @@
 //! takes subnormal numbers for zero.
 #![allow(unsafe_code)] // loads from slices into vector registers
 
-use super::brain::{Brain, BrainPanels, PairWeights};
-use super::{Block, Job, PANEL};
+use super::bf16::Brain;
+use super::bf16_panels::{BrainPanels, PairWeights};
+use super::job::{Block, Job, PANEL};
 use std::arch::x86_64::*;
 
 /// Rows that fit the registers together with their weights.

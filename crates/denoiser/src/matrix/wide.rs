@@ -5,8 +5,8 @@
 //! through this one's.
 #![allow(unsafe_code)] // loads from slices into vector registers
 
-use super::single::Weights;
-use super::{Bias, Job, PANEL, Store};
+use super::f32_panels::Weights;
+use super::job::{Bias, Job, PANEL, Store};
 use std::arch::x86_64::*;
 
 /// Rows that fit the registers together with their weights.

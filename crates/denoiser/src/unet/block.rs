@@ -5,7 +5,8 @@ use crate::factors::Factors;
 use crate::group_norm::{self, Affine, Statistics};
 use crate::linear::Linear;
 use crate::matrix::Precision;
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::weights_error::WeightsError;
+use crate::weights_file::WeightsFile;
 
 /// Two convolutions, each behind a normalisation and SiLU, beside a straight way; the context scales and shifts the
 /// second normalisation (FiLM: Perez et al., AAAI 2018).

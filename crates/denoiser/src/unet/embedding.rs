@@ -2,7 +2,8 @@
 
 use crate::activation::silu;
 use crate::linear::Linear;
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::weights_error::WeightsError;
+use crate::weights_file::WeightsFile;
 
 /// Two layers with SiLU between them.
 pub(super) struct Perceptron {

@@ -1,21 +1,11 @@
 //! The vector–Jacobian product of the network with respect to its input paths.
 
-use super::block::{Entrance, GradientWork};
-use super::{FRAME, PATH, STAGES, TemporalUnet, UnetScratch};
+use super::block::Entrance;
+use super::dimensions::{FRAME, PATH, STAGES};
+use super::network::{TemporalUnet, UnetScratch};
 use crate::conv::Rows;
 use crate::factors::Factors;
 use crate::group_norm;
-
-/// Buffers of [`TemporalUnet::pull_back`].
-#[derive(Default)]
-pub(super) struct GradientScratch {
-    cotangent: Rows,
-    /// With respect to the output of each stage, then to its entry.
-    stages: [Rows; STAGES],
-    grown: Rows,
-    input: Rows,
-    work: GradientWork,
-}
 
 impl TemporalUnet {
     /// The gradient of Σ cotangent · noise with respect to the paths of the last [`Self::predict`] with this scratch.

@@ -7,7 +7,8 @@ use super::embedding::Perceptron;
 use crate::activation::silu;
 use crate::linear::Linear;
 use crate::norm::LayerNorm;
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::weights_error::WeightsError;
+use crate::weights_file::WeightsFile;
 
 /// Normalised centre and radius of a ball.
 pub(super) type Node = [f32; 4];

@@ -1,9 +1,9 @@
 //! Sixteen values at a time, for element-wise work.
 #![allow(unsafe_code)] // vector instructions
 
-use crate::simd::Plain;
+use super::token::Plain;
 #[cfg(target_arch = "x86_64")]
-use crate::simd::{Avx2, Avx512};
+use super::token::{Avx2, Avx512};
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
 
@@ -12,8 +12,8 @@ pub(crate) const LANES: usize = 16;
 
 /// Element-wise arithmetic of a level.
 ///
-/// A value of the level is the proof that the processor has its features: only [`simd`](crate::simd) makes one, after it
-/// detected them, and every method asks for one. That is what makes the methods sound.
+/// A value of the level is the proof that the processor has its features: only [`token`](super::token) makes one,
+/// after it detected them, and every method asks for one. That is what makes the methods sound.
 pub(crate) trait Lanes: Copy {
     /// [`LANES`] values in registers.
     type Values: Copy;

@@ -1,13 +1,10 @@
-//! bf16 products: factors of 8 significant bits, sums in f32.
-#![allow(unsafe_code)] // vector instructions, and calling what is compiled for features that were just detected
+//! Numbers in bf16, and how numbers in f32 are rounded to it.
+#![allow(unsafe_code)] // vector instructions, and calling what is compiled for features that were detected
 
-use super::{Job, PANEL};
-#[cfg(target_arch = "x86_64")]
-use super::{tiles, vectors};
+use super::bf16_unit::Unit;
 use crate::paged::Paged;
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
-use std::sync::LazyLock;
 
 /// Pairs of inputs that one tile of weights holds.
 pub(super) const STEP_PAIRS: usize = 16;
@@ -136,119 +133,5 @@ fn round_line(values: &[f32], Line(line): &mut Line) {
         let high = _mm512_maskz_loadu_ps((all >> 16) as u16, from.wrapping_add(16));
         let rounded = std::mem::transmute::<__m512bh, __m512i>(_mm512_cvtne2ps_pbh(high, low));
         _mm512_store_si512(line.as_mut_ptr().cast(), rounded);
-    }
-}
-
-/// Proof that this processor has AVX-512 F, BW, VL and BF16: only [`Unit::detected`] makes one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bf16Vectors(());
-
-/// Proof that this processor has AMX BF16 beside AVX-512 BF16, and that its tiles may be used: only [`Unit::detected`]
-/// makes one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Bf16Tiles(());
-
-/// What computes bf16 products; there is a value only of what this processor has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unit {
-    /// AVX-512 BF16: pairs of products in vector registers.
-    Vectors(Bf16Vectors),
-    /// AMX BF16: tiles of products.
-    Tiles(Bf16Tiles),
-}
-
-static UNITS: LazyLock<Vec<Unit>> = LazyLock::new(|| {
-    let mut units = vec![];
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx512f")
-        && is_x86_feature_detected!("avx512bw")
-        && is_x86_feature_detected!("avx512vl")
-        && is_x86_feature_detected!("avx512bf16")
-    {
-        units.push(Unit::Vectors(Bf16Vectors(())));
-        if tiles::available() {
-            units.push(Unit::Tiles(Bf16Tiles(())));
-        }
-    }
-    units
-});
-
-impl Unit {
-    /// The units of this processor, the fastest last.
-    #[must_use]
-    pub fn detected() -> &'static [Self] {
-        &UNITS
-    }
-
-    pub(super) fn best() -> Option<Self> {
-        UNITS.last().copied()
-    }
-
-    /// Whether its products take less time than those in f32: AVX-512 BF16 was measured to have twice their rate on AMD's Zen 4, and
-    /// half of it on an Intel Xeon.
-    pub(super) fn is_faster_than_single(self) -> bool {
-        match self {
-            Self::Tiles(_) => true,
-            #[cfg(target_arch = "x86_64")]
-            Self::Vectors(_) => {
-                let CpuidResult { ebx, ecx, edx, .. } = __cpuid(0);
-                [ebx, edx, ecx].map(u32::to_le_bytes).as_flattened() == b"AuthenticAMD"
-            }
-            #[cfg(not(target_arch = "x86_64"))]
-            Self::Vectors(_) => false,
-        }
-    }
-
-    /// The fastest unit, where products in bf16 are known to be available.
-    pub(super) fn expected() -> Self {
-        Self::best().expect("bf16 is available on this processor")
-    }
-}
-
-/// The weights of a pair of inputs for the outputs of a panel: `[output in panel][input of the pair]`.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-pub(super) struct PairWeights(pub(super) [[Brain; 2]; PANEL]);
-
-/// A matrix packed as `[panel][pair of inputs][output in panel][2]`, with zeros up to whole tiles.
-pub(super) struct BrainPanels {
-    pairs: usize,
-    weights: Paged<PairWeights>,
-}
-
-impl BrainPanels {
-    /// Packs the matrix whose weight for (output, input) `weight` tells.
-    pub(super) fn new(inputs: usize, outputs: usize, weight: impl Fn(usize, usize) -> f32) -> Self {
-        let pairs = padded(inputs) / 2;
-        let mut weights = Paged::filled(
-            PairWeights([[Brain(0); 2]; PANEL]),
-            outputs.div_ceil(PANEL) * pairs,
-        );
-        for output in 0..outputs {
-            for input in 0..inputs {
-                let pair = output / PANEL * pairs + input / 2;
-                weights[pair].0[output % PANEL][input % 2] = Brain::round(weight(output, input));
-            }
-        }
-        Self { pairs, weights }
-    }
-
-    /// Computes with a unit.
-    pub(super) fn multiply(&self, unit: Unit, job: Job<'_, Brain>) {
-        match unit {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: the unit proves that AVX-512 F, BW, VL and BF16 were detected.
-            Unit::Vectors(_) => unsafe { vectors::multiply(self, job) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: the unit proves that tiles are available.
-            Unit::Tiles(_) => unsafe { tiles::multiply(self, job) },
-            #[cfg(not(target_arch = "x86_64"))]
-            unit => unreachable!("{unit:?} is of x86-64, not for {} rows", job.batch.rows),
-        }
-    }
-
-    /// The weights for the outputs of a panel.
-    pub(super) fn panel(&self, panel: usize) -> &[PairWeights] {
-        &self.weights[panel * self.pairs..][..self.pairs]
     }
 }

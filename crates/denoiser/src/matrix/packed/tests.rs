@@ -1,8 +1,10 @@
 //! Every kernel that this machine has, against the definition in f64.
 
-use super::presence::has_brain;
 use super::*;
-use crate::simd::detected_levels;
+use crate::matrix::bf16::BrainBuffer;
+use crate::matrix::job::Strides;
+use crate::matrix::presence::has_brain;
+use crate::simd::dispatch::detected_levels;
 
 /// Numbers in [−0.5, 0.5) that look random: a wrong index does not hide in them.
 fn scattered(count: usize, seed: u32) -> Vec<f32> {
@@ -86,7 +88,8 @@ impl Case {
             let mut out = before.clone();
             let packed = &self.packed;
             let job = packed.job(&self.x, packed.inputs, &mut out, self.batch, store);
-            SinglePanels::new(level, &self.weight, packed.outputs).multiply(job);
+            let panels = SinglePanels::new(level, &self.weight, packed.outputs);
+            f32_product::multiply(&panels, job);
             ("single", out)
         });
         let brain = Unit::detected().iter().map(|unit| {
@@ -230,7 +233,7 @@ fn zeros_behind_the_rows_change_nothing() {
             for store in [Store::Replace, Store::Add] {
                 packed.multiply_on(*unit, tight.values(), &mut expected, few, store);
                 let job = packed.job(wide.values(), padded(inputs), &mut found, many, store);
-                packed.brain_panels().multiply(*unit, job);
+                bf16_product::multiply(packed.brain_panels(), *unit, job);
                 assert_eq!(found, expected, "{unit:?}, {store:?}, {rows} rows");
             }
         }

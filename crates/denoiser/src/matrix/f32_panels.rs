@@ -1,11 +1,12 @@
-//! f32 products.
-#![allow(unsafe_code)] // calling what is compiled for features that were detected
+//! A matrix packed for f32 products.
 
-use super::{Job, PANEL};
-#[cfg(target_arch = "x86_64")]
-use super::{narrow, wide};
+use super::job::PANEL;
 use crate::paged::Paged;
-use crate::simd::Level;
+use crate::simd::dispatch::Level;
+
+/// Outputs whose weights for an input lie together where products are computed with AVX2.
+#[cfg(target_arch = "x86_64")]
+pub(super) const HALF: usize = PANEL / 2;
 
 /// The weights of one input for as many outputs as a panel has, on cache lines of its own.
 #[derive(Clone, Copy)]
@@ -14,9 +15,9 @@ pub(super) struct Weights(pub(super) [f32; PANEL]);
 
 /// A matrix packed as `[part of a panel][input][output in part]`, for the products of one level.
 pub(super) struct SinglePanels {
-    level: Level,
-    inputs: usize,
-    weights: Paged<Weights>,
+    pub(super) level: Level,
+    pub(super) inputs: usize,
+    pub(super) weights: Paged<Weights>,
 }
 
 impl SinglePanels {
@@ -48,34 +49,9 @@ impl SinglePanels {
     fn place(&self, output: usize, input: usize) -> usize {
         let part = match self.level {
             #[cfg(target_arch = "x86_64")]
-            Level::Avx2(_) => narrow::HALF,
+            Level::Avx2(_) => HALF,
             _ => PANEL,
         };
         (output / part * self.inputs + input) * part + output % part
-    }
-
-    pub(super) fn multiply(&self, job: Job<'_, f32>) {
-        match self.level {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: the level proves that its features were detected.
-            Level::Avx512(_) => unsafe { wide::multiply(&self.weights, self.inputs, job) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: the level proves that its features were detected.
-            Level::Avx2(_) => unsafe { narrow::multiply(&self.weights, self.inputs, job) },
-            Level::Plain => self.multiply_plainly(job),
-        }
-    }
-
-    /// Computes without vector extensions.
-    fn multiply_plainly(&self, mut job: Job<'_, f32>) {
-        for block in job.blocks(1) {
-            let weights = &self.weights[block.panel * self.inputs..][..self.inputs];
-            let mut sums = [0.0; PANEL];
-            for (Weights(weights), x) in weights.iter().zip(job.input(block, 0)) {
-                let sums = sums.iter_mut().zip(weights);
-                sums.for_each(|(sum, weight)| *sum += x * weight);
-            }
-            job.finish(block, 0, &sums);
-        }
     }
 }

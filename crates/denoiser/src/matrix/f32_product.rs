@@ -1,0 +1,34 @@
+//! f32 products.
+#![allow(unsafe_code)] // calling what is compiled for features that were detected
+
+use super::f32_panels::{SinglePanels, Weights};
+use super::job::{Job, PANEL};
+#[cfg(target_arch = "x86_64")]
+use super::{narrow, wide};
+use crate::simd::dispatch::Level;
+
+/// Computes with the vectors that the matrix is packed for.
+pub(super) fn multiply(panels: &SinglePanels, job: Job<'_, f32>) {
+    match panels.level {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the level proves that its features were detected.
+        Level::Avx512(_) => unsafe { wide::multiply(&panels.weights, panels.inputs, job) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the level proves that its features were detected.
+        Level::Avx2(_) => unsafe { narrow::multiply(&panels.weights, panels.inputs, job) },
+        Level::Plain => multiply_plainly(panels, job),
+    }
+}
+
+/// Computes without vector extensions.
+fn multiply_plainly(panels: &SinglePanels, mut job: Job<'_, f32>) {
+    for block in job.blocks(1) {
+        let weights = &panels.weights[block.panel * panels.inputs..][..panels.inputs];
+        let mut sums = [0.0; PANEL];
+        for (Weights(weights), x) in weights.iter().zip(job.input(block, 0)) {
+            let sums = sums.iter_mut().zip(weights);
+            sums.for_each(|(sum, weight)| *sum += x * weight);
+        }
+        job.finish(block, 0, &sums);
+    }
+}
