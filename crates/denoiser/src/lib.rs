@@ -3,31 +3,21 @@
 //! This crate knows no robot and no processes: what the numbers mean is its caller's business.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-mod activation;
-mod conv;
 mod diffusion;
-mod factors;
-mod fast_model;
-mod group_norm;
-mod linear;
-mod manifest;
-mod manifest_entry;
-pub mod matrix;
-mod norm;
-mod paged;
-mod safetensors_header;
+mod flow_model;
+pub mod gemm;
+mod layers;
 mod simd;
 mod unet;
-mod weights_error;
-mod weights_file;
+mod weights;
 
 pub use diffusion::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver, UnknownSolver};
-pub use fast_model::{
+pub use flow_model::{
     CandidateInput, EvaluationsRefused, FastModel, FastScratch, FeatureFrame, WarmStart,
 };
-pub use manifest::Manifest;
-pub use manifest_entry::ManifestEntry;
-pub use matrix::Precision;
+pub use gemm::Precision;
 pub use unet::{FRAME, HORIZON, Normalisation, TemporalUnet, UnetCondition, UnetScratch};
-pub use weights_error::{ContentError, WeightsError};
-pub use weights_file::WeightsFile;
+pub use weights::error::{ContentError, WeightsError};
+pub use weights::file::WeightsFile;
+pub use weights::manifest::Manifest;
+pub use weights::manifest_entry::ManifestEntry;

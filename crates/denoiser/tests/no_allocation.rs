@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 #![allow(unsafe_code)] // a global allocator that counts
 
-use denoiser::matrix::Precision;
+use denoiser::gemm::Precision;
 use denoiser::{
     CandidateInput, FastModel, FastScratch, Manifest, TemporalUnet, UnetScratch, WarmStart,
 };

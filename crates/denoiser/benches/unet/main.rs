@@ -5,7 +5,7 @@
 //! Prints the shortest time of a prediction and of its gradient, and the share of what the product kernel of the same
 //! precision reaches with all its data in the first cache.
 
-use denoiser::matrix::{Batch, BrainBuffer, Input, Packed, Precision, Store};
+use denoiser::gemm::{Batch, BrainBuffer, Input, Packed, Precision, Store};
 use denoiser::{FRAME, HORIZON, Manifest, TemporalUnet, UnetScratch, WeightsFile};
 use std::path::Path;
 use std::time::Instant;

@@ -1,9 +1,9 @@
 //! What the network is conditioned on besides the balls: diffusion step, start and goal.
 
-use crate::activation::silu;
-use crate::linear::Linear;
-use crate::weights_error::WeightsError;
-use crate::weights_file::WeightsFile;
+use crate::layers::activation::silu;
+use crate::layers::linear::Linear;
+use crate::weights::error::WeightsError;
+use crate::weights::file::WeightsFile;
 
 /// Two layers with SiLU between them.
 pub(super) struct Perceptron {

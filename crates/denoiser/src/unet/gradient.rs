@@ -3,9 +3,9 @@
 use super::block::Entrance;
 use super::dimensions::{FRAME, PATH, STAGES};
 use super::network::{TemporalUnet, UnetScratch};
-use crate::conv::Rows;
-use crate::factors::Factors;
-use crate::group_norm;
+use crate::layers::convolution::Rows;
+use crate::layers::factors::Factors;
+use crate::layers::group_norm;
 
 impl TemporalUnet {
     /// The gradient of Σ cotangent · noise with respect to the paths of the last [`Self::predict`] with this scratch.

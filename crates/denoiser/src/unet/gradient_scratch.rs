@@ -2,7 +2,7 @@
 
 use super::block::GradientWork;
 use super::dimensions::STAGES;
-use crate::conv::Rows;
+use crate::layers::convolution::Rows;
 
 /// Buffers of [`TemporalUnet::pull_back`](super::network::TemporalUnet::pull_back).
 #[derive(Default)]

@@ -6,13 +6,13 @@ use super::embedding::{Embedding, EmbeddingWork};
 use super::gradient_scratch::GradientScratch;
 use super::graph::{Node, ObstacleGraph};
 use super::normalisation::Normalisation;
-use crate::conv::{Convolution, Kind, Rows};
 use crate::diffusion::STEPS;
-use crate::group_norm::{self, Affine, Statistics};
-use crate::matrix::Precision;
+use crate::gemm::Precision;
+use crate::layers::convolution::{Convolution, Kind, Rows};
+use crate::layers::group_norm::{self, Affine, Statistics};
 use crate::simd::lanes::LANES;
-use crate::weights_error::{ContentError, WeightsError};
-use crate::weights_file::WeightsFile;
+use crate::weights::error::{ContentError, WeightsError};
+use crate::weights::file::WeightsFile;
 
 /// What stays the same over the steps of a request.
 pub struct UnetCondition {

@@ -2,8 +2,8 @@
 
 use super::dimensions::FRAME;
 use super::graph::Node;
-use crate::weights_error::{ContentError, WeightsError};
-use crate::weights_file::WeightsFile;
+use crate::weights::error::{ContentError, WeightsError};
+use crate::weights::file::WeightsFile;
 
 /// How physical quantities become the network's.
 #[derive(Clone, Debug, PartialEq)]

@@ -64,19 +64,19 @@ const ATTEMPTS: [(&str, &[(&str, &str)]); 4] = [
         "a unit for bf16",
         &[
             (
-                "use crate::matrix::Unit; pub fn f() -> Unit { Unit::Vectors }",
+                "use crate::gemm::Unit; pub fn f() -> Unit { Unit::Vectors }",
                 "error[E0308]",
             ),
             (
-                "use crate::matrix::Unit; pub fn f() -> Unit { Unit::Tiles }",
+                "use crate::gemm::Unit; pub fn f() -> Unit { Unit::Tiles }",
                 "error[E0308]",
             ),
             (
-                "use crate::matrix::{Bf16Vectors, Unit}; pub fn f() -> Unit { Unit::Vectors(Bf16Vectors(())) }",
+                "use crate::gemm::{Bf16Vectors, Unit}; pub fn f() -> Unit { Unit::Vectors(Bf16Vectors(())) }",
                 "error[E0423]",
             ),
             (
-                "use crate::matrix::{Bf16Tiles, Unit}; pub fn f() -> Unit { Unit::Tiles(Bf16Tiles(())) }",
+                "use crate::gemm::{Bf16Tiles, Unit}; pub fn f() -> Unit { Unit::Tiles(Bf16Tiles(())) }",
                 "error[E0423]",
             ),
         ],
@@ -84,7 +84,7 @@ const ATTEMPTS: [(&str, &[(&str, &str)]); 4] = [
 ];
 
 /// Safe code that is as it should be.
-const GOOD: &str = "pub fn f(a: &mut [f32]) { crate::activation::silu(a); }";
+const GOOD: &str = "pub fn f(a: &mut [f32]) { crate::layers::activation::silu(a); }";
 
 pub(super) fn run(report: &mut Report) -> anyhow::Result<()> {
     let folder = tempfile::tempdir()?;

@@ -1,6 +1,6 @@
 //! The factors of products, rounded where the precision asks for it.
 
-use crate::matrix::{BrainBuffer, Input, Precision};
+use crate::gemm::{BrainBuffer, Input, Precision};
 
 /// In which precision products are computed, and the buffer of their rounded factors.
 pub(crate) struct Factors {

@@ -247,7 +247,7 @@ impl SamplerScratch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::matrix::Precision;
+    use crate::gemm::Precision;
 
     const MEAN: f32 = 0.3;
     const DEVIATION: f64 = 0.05;

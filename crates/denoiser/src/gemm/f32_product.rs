@@ -4,7 +4,7 @@
 use super::f32_panels::{SinglePanels, Weights};
 use super::job::{Job, PANEL};
 #[cfg(target_arch = "x86_64")]
-use super::{narrow, wide};
+use super::{f32_avx2, f32_avx512};
 use crate::simd::dispatch::Level;
 
 /// Computes with the vectors that the matrix is packed for.
@@ -12,10 +12,10 @@ pub(super) fn multiply(panels: &SinglePanels, job: Job<'_, f32>) {
     match panels.level {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: the level proves that its features were detected.
-        Level::Avx512(_) => unsafe { wide::multiply(&panels.weights, panels.inputs, job) },
+        Level::Avx512(_) => unsafe { f32_avx512::multiply(&panels.weights, panels.inputs, job) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: the level proves that its features were detected.
-        Level::Avx2(_) => unsafe { narrow::multiply(&panels.weights, panels.inputs, job) },
+        Level::Avx2(_) => unsafe { f32_avx2::multiply(&panels.weights, panels.inputs, job) },
         Level::Plain => multiply_plainly(panels, job),
     }
 }

@@ -6,18 +6,15 @@
 //! Matching for Generative Modeling", ICLR 2023; estimating the data instead of the velocity spares the network
 //! carrying the noise through to its output. Trained by `scripts/train_fast.py`, whose layers have the same names.
 
-mod flow;
-
-use crate::activation::silu;
-use crate::factors::Factors;
-use crate::linear::Linear;
-use crate::matrix::{Precision, Store};
-use crate::norm::LayerNorm;
+use super::flow::{EvaluationsRefused, Flow};
+use crate::gemm::{Precision, Store};
+use crate::layers::activation::silu;
+use crate::layers::factors::Factors;
+use crate::layers::layer_norm::LayerNorm;
+use crate::layers::linear::Linear;
 use crate::simd::dispatch::{Level, detected};
-use crate::weights_error::{ContentError, WeightsError};
-use crate::weights_file::WeightsFile;
-pub use flow::EvaluationsRefused;
-use flow::Flow;
+use crate::weights::error::{ContentError, WeightsError};
+use crate::weights::file::WeightsFile;
 
 const ARCHITECTURE: &str = "both-ends-flow-v1";
 const END_FEATURES: usize = 36;

@@ -1,7 +1,7 @@
 //! A matrix packed for f32 products.
 
 use super::job::PANEL;
-use crate::paged::Paged;
+use super::paged::Paged;
 use crate::simd::dispatch::Level;
 
 /// Outputs whose weights for an input lie together where products are computed with AVX2.

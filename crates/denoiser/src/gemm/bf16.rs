@@ -2,7 +2,7 @@
 #![allow(unsafe_code)] // vector instructions, and calling what is compiled for features that were detected
 
 use super::bf16_unit::Unit;
-use crate::paged::Paged;
+use super::paged::Paged;
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
 

@@ -8,25 +8,26 @@
 #[cfg(target_arch = "x86_64")]
 mod amx_available;
 mod bf16;
+#[cfg(target_arch = "x86_64")]
+mod bf16_amx;
+#[cfg(target_arch = "x86_64")]
+mod bf16_avx512;
 mod bf16_panels;
 mod bf16_product;
 mod bf16_unit;
+#[cfg(target_arch = "x86_64")]
+mod f32_avx2;
+#[cfg(target_arch = "x86_64")]
+mod f32_avx512;
 mod f32_panels;
 mod f32_product;
 mod input;
 mod job;
-#[cfg(target_arch = "x86_64")]
-mod narrow;
 mod packed;
+pub(crate) mod paged;
 mod precision;
 #[cfg(test)]
 pub(crate) mod presence;
-#[cfg(target_arch = "x86_64")]
-mod tiles;
-#[cfg(target_arch = "x86_64")]
-mod vectors;
-#[cfg(target_arch = "x86_64")]
-mod wide;
 
 pub use bf16::{Brain, BrainBuffer, padded};
 pub use bf16_unit::{Bf16Tiles, Bf16Vectors, Unit};

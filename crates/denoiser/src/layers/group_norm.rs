@@ -2,13 +2,13 @@
 //!
 //! Each of [`GROUPS`] groups of channels is normalised over its channels and all frames of one candidate.
 
-use crate::activation::sigmoid;
-use crate::conv::Rows;
+use crate::layers::activation::sigmoid;
+use crate::layers::convolution::Rows;
 use crate::simd::dispatch::{Kernel, dispatch};
 use crate::simd::lanes::{LANES, Lanes};
 use crate::simd::prefetch::ask_for;
-use crate::weights_error::WeightsError;
-use crate::weights_file::WeightsFile;
+use crate::weights::error::WeightsError;
+use crate::weights::file::WeightsFile;
 
 /// Groups of channels that are normalised together.
 pub(crate) const GROUPS: usize = 8;

@@ -1,4 +1,4 @@
-//! How fast the packed products are, and how much of the processor they use: `cargo bench -p denoiser --bench matrix`.
+//! How fast the packed products are, and how much of the processor they use: `cargo bench -p denoiser --bench gemm`.
 //!
 //! For the products of a temporal U-Net on the candidates of one core, in 10⁹ multiply-adds a second and as a share of
 //! what the same instructions reach without memory. "warm": one matrix again and again. "cold": many matrices in turn,
@@ -7,7 +7,7 @@
 
 mod peak;
 
-use denoiser::matrix::{Batch, BrainBuffer, Input, Packed, Precision, Store, Strides, Unit};
+use denoiser::gemm::{Batch, BrainBuffer, Input, Packed, Precision, Store, Strides, Unit};
 use std::time::Instant;
 
 const CANDIDATES: usize = 5;

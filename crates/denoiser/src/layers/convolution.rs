@@ -4,11 +4,11 @@
 //! taps is a product with k·C inputs whose rows overlap. The gradient of each kind with respect to its input is again
 //! one of the kinds, with the weights transposed.
 
-use crate::factors::Factors;
-use crate::matrix::{Batch, Packed, Precision, Store, Strides};
-use crate::paged::Paged;
-use crate::weights_error::WeightsError;
-use crate::weights_file::WeightsFile;
+use crate::gemm::paged::Paged;
+use crate::gemm::{Batch, Packed, Precision, Store, Strides};
+use crate::layers::factors::Factors;
+use crate::weights::error::WeightsError;
+use crate::weights::file::WeightsFile;
 
 /// Values of candidates, time-major, with a row of zeros before and after each: candidates × (height + 2) × channels.
 #[derive(Default)]

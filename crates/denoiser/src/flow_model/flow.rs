@@ -1,8 +1,8 @@
 //! The Euler steps of the flow: their times, and what the network is told of them.
 
-use crate::linear::Linear;
-use crate::weights_error::{ContentError, WeightsError};
-use crate::weights_file::WeightsFile;
+use crate::layers::linear::Linear;
+use crate::weights::error::{ContentError, WeightsError};
+use crate::weights::file::WeightsFile;
 use std::f32::consts::TAU;
 use thiserror::Error;
 

@@ -2,8 +2,8 @@
 
 use crate::simd::dispatch::{Kernel, dispatch};
 use crate::simd::lanes::Lanes;
-use crate::weights_error::WeightsError;
-use crate::weights_file::WeightsFile;
+use crate::weights::error::WeightsError;
+use crate::weights::file::WeightsFile;
 
 /// PyTorch's default.
 const EPSILON: f32 = 1e-5;

@@ -1,8 +1,8 @@
 //! `MANIFEST.toml`: which weights there are, how large, and their hashes.
 
-use crate::manifest_entry::ManifestEntry;
-use crate::weights_error::WeightsError;
-use crate::weights_file::WeightsFile;
+use crate::weights::error::WeightsError;
+use crate::weights::file::WeightsFile;
+use crate::weights::manifest_entry::ManifestEntry;
 use input_files::{SettingsFile, read_bytes};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
 //! What `MANIFEST.toml` says of one weights file.
 
-use crate::weights_error::WeightsError;
+use crate::weights::error::WeightsError;
 use input_files::shortened;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};

@@ -1,9 +1,9 @@
 //! Every kernel that this machine has, against the definition in f64.
 
 use super::*;
-use crate::matrix::bf16::BrainBuffer;
-use crate::matrix::job::Strides;
-use crate::matrix::presence::has_brain;
+use crate::gemm::bf16::BrainBuffer;
+use crate::gemm::job::Strides;
+use crate::gemm::presence::has_brain;
 use crate::simd::dispatch::detected_levels;
 
 /// Numbers in [−0.5, 0.5) that look random: a wrong index does not hide in them.

@@ -2,7 +2,7 @@
 
 use super::bf16::{Brain, padded};
 use super::job::PANEL;
-use crate::paged::Paged;
+use super::paged::Paged;
 
 /// The weights of a pair of inputs for the outputs of a panel: `[output in panel][input of the pair]`.
 #[derive(Clone, Copy)]

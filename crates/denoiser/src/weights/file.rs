@@ -1,8 +1,8 @@
 //! Weights files: safetensors with metadata, checked before anything is computed with them.
 
-use crate::manifest_entry::ManifestEntry;
-use crate::safetensors_header::header_fault;
-use crate::weights_error::{ContentError, WeightsError};
+use crate::weights::error::{ContentError, WeightsError};
+use crate::weights::manifest_entry::ManifestEntry;
+use crate::weights::safetensors_header::header_fault;
 use safetensors::{Dtype, SafeTensors, tensor::TensorView};
 use sha2::{Digest, Sha256};
 use std::collections::{BTreeMap, HashMap};

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::Manifest;
-use crate::matrix::presence::{has_brain, precisions};
+use crate::gemm::presence::{has_brain, precisions};
 use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
 

@@ -6,17 +6,17 @@ use super::bf16_panels::BrainPanels;
 use super::bf16_unit::Unit;
 use super::job::Job;
 #[cfg(target_arch = "x86_64")]
-use super::{tiles, vectors};
+use super::{bf16_amx, bf16_avx512};
 
 /// Computes with a unit.
 pub(super) fn multiply(panels: &BrainPanels, unit: Unit, job: Job<'_, Brain>) {
     match unit {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: the unit proves that AVX-512 F, BW, VL and BF16 were detected.
-        Unit::Vectors(_) => unsafe { vectors::multiply(panels, job) },
+        Unit::Vectors(_) => unsafe { bf16_avx512::multiply(panels, job) },
         #[cfg(target_arch = "x86_64")]
         // SAFETY: the unit proves that tiles are available.
-        Unit::Tiles(_) => unsafe { tiles::multiply(panels, job) },
+        Unit::Tiles(_) => unsafe { bf16_amx::multiply(panels, job) },
         #[cfg(not(target_arch = "x86_64"))]
         unit => unreachable!("{unit:?} is of x86-64, not for {} rows", job.batch.rows),
     }

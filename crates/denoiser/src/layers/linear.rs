@@ -1,9 +1,9 @@
 //! Fully connected layers: y = W x + b for rows that lie one behind the other.
 
-use crate::factors::Factors;
-use crate::matrix::{Batch, Input, Packed, Precision, Store, padded};
-use crate::weights_error::WeightsError;
-use crate::weights_file::WeightsFile;
+use crate::gemm::{Batch, Input, Packed, Precision, Store, padded};
+use crate::layers::factors::Factors;
+use crate::weights::error::WeightsError;
+use crate::weights::file::WeightsFile;
 
 /// A layer with its weights.
 pub(crate) struct Linear {
