@@ -4,6 +4,6 @@ mod reverse_process;
 mod schedule;
 
 pub use reverse_process::{
-    Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver, UnknownSolver,
+    Denoiser, Held, Refinement, ReverseProcess, ReverseProcessScratch, Solver, UnknownSolver,
 };
 pub(crate) use schedule::STEPS;

@@ -29,8 +29,8 @@ mod precision;
 #[cfg(test)]
 pub(crate) mod presence;
 
-pub use bf16::{Brain, BrainBuffer, padded};
-pub use bf16_unit::{Bf16Tiles, Bf16Vectors, Unit};
+pub use bf16::{Bf16, Bf16Buffer, padded};
+pub use bf16_unit::{AmxBf16, Avx512Bf16, Bf16Unit};
 pub use input::Input;
 pub use job::{Batch, Store, Strides};
 pub use packed::Packed;

@@ -1,4 +1,7 @@
-//! Learned samplers: weights files and their manifest, and the few-step path sampler. f32 slices in and out.
+//! Learned samplers of paths, f32 slices in and out: a few-step flow model, and the temporal U-Net with its reverse diffusion.
+//!
+//! [`Manifest`] names the weights of a folder and checks them, [`FastModel`] and [`TemporalUnet`] are the networks,
+//! [`ReverseProcess`] runs the U-Net from noise to paths, and [`gemm`] multiplies their matrices in f32 or bf16.
 //!
 //! This crate knows no robot and no processes: what the numbers mean is its caller's business.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -11,7 +14,9 @@ mod simd;
 mod unet;
 mod weights;
 
-pub use diffusion::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver, UnknownSolver};
+pub use diffusion::{
+    Denoiser, Held, Refinement, ReverseProcess, ReverseProcessScratch, Solver, UnknownSolver,
+};
 pub use flow_model::{
     CandidateInput, EvaluationsRefused, FastModel, FastScratch, FeatureFrame, WarmStart,
 };

@@ -7,7 +7,7 @@
 
 mod peak;
 
-use denoiser::gemm::{Batch, BrainBuffer, Input, Packed, Precision, Store, Strides, Unit};
+use denoiser::gemm::{Batch, Bf16Buffer, Bf16Unit, Input, Packed, Precision, Store, Strides};
 use std::time::Instant;
 
 const CANDIDATES: usize = 5;
@@ -32,8 +32,8 @@ fn main() {
         print!("{:4} {inputs:6} {outputs:7}", CANDIDATES * rows);
         let batch = batch(rows, inputs, outputs, stride);
         let x = vec![0.3; CANDIDATES * batch.from.candidate];
-        let mut rounded = BrainBuffer::default();
-        if Precision::Brain.available() {
+        let mut rounded = Bf16Buffer::default();
+        if Precision::Bf16.available() {
             rounded.fill(&x);
         }
         let mut memory = vec![0.0; CANDIDATES * batch.to.candidate + LINE];
@@ -49,10 +49,10 @@ fn main() {
                 print!(" {rate:7.1} ({share:2.0} %)");
             }
         };
-        report(peaks.single, &|matrix, out| {
-            matrix.multiply(Input::Single(&x), out, batch, Store::Replace);
+        report(peaks.f32_fma, &|matrix, out| {
+            matrix.multiply(Input::F32(&x), out, batch, Store::Replace);
         });
-        for unit in Unit::detected() {
+        for unit in Bf16Unit::detected() {
             print!("  {unit:?}");
             report(peaks.of(*unit), &|matrix, out| {
                 matrix.multiply_on(*unit, rounded.values(), out, batch, Store::Replace);
@@ -65,28 +65,28 @@ fn main() {
 /// The most that each kind of multiply-add reaches, in 10⁹ a second.
 #[derive(Debug)]
 struct Peaks {
-    single: Option<f64>,
-    vectors: Option<f64>,
-    tiles: Option<f64>,
+    f32_fma: Option<f64>,
+    bf16_avx512: Option<f64>,
+    bf16_amx: Option<f64>,
 }
 
 impl Peaks {
     fn measure() -> Self {
-        let has_tiles = Unit::detected()
+        let has_tiles = Bf16Unit::detected()
             .iter()
-            .any(|unit| matches!(unit, Unit::Tiles(_)));
+            .any(|unit| matches!(unit, Bf16Unit::Amx(_)));
         Self {
-            single: peak::single(),
-            vectors: peak::brain_vectors(),
+            f32_fma: peak::f32_fma(),
+            bf16_avx512: peak::bf16_avx512(),
             // SAFETY: the unit exists only where this process may use tiles.
-            tiles: has_tiles.then(|| unsafe { peak::brain_tiles() }),
+            bf16_amx: has_tiles.then(|| unsafe { peak::bf16_amx() }),
         }
     }
 
-    fn of(&self, unit: Unit) -> Option<f64> {
+    fn of(&self, unit: Bf16Unit) -> Option<f64> {
         match unit {
-            Unit::Vectors(_) => self.vectors,
-            Unit::Tiles(_) => self.tiles,
+            Bf16Unit::Avx512(_) => self.bf16_avx512,
+            Bf16Unit::Amx(_) => self.bf16_amx,
         }
     }
 }
@@ -114,8 +114,8 @@ fn matrix(inputs: usize, outputs: usize) -> Packed {
         .map(|i| (i * 7919 % 1000) as f32 * 1e-3 - 0.5)
         .collect();
     let packed = Packed::new(&weight, &vec![0.1; outputs]);
-    if Precision::Brain.available() {
-        packed.prepare(Precision::Brain);
+    if Precision::Bf16.available() {
+        packed.prepare(Precision::Bf16);
     }
     packed
 }

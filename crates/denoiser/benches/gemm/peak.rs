@@ -21,7 +21,7 @@ fn best(products_per_loop: usize, run: impl Fn()) -> f64 {
 }
 
 /// f32 multiply-adds of AVX-512; nothing without it.
-pub(crate) fn single() -> Option<f64> {
+pub(crate) fn f32_fma() -> Option<f64> {
     is_x86_feature_detected!("avx512f").then(|| {
         // SAFETY: AVX-512 F was just detected.
         best(CHAINS * 16, || unsafe { single_chains() })
@@ -41,16 +41,16 @@ fn single_chains() {
 }
 
 /// bf16 multiply-adds of AVX-512 BF16; nothing without it.
-pub(crate) fn brain_vectors() -> Option<f64> {
+pub(crate) fn bf16_avx512() -> Option<f64> {
     let detected = is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512bf16");
     detected.then(|| {
         // SAFETY: AVX-512 F and BF16 were just detected.
-        best(CHAINS * 32, || unsafe { brain_chains() })
+        best(CHAINS * 32, || unsafe { bf16_chains() })
     })
 }
 
 #[target_feature(enable = "avx512f,avx512bf16")]
-fn brain_chains() {
+fn bf16_chains() {
     let pairs = std::hint::black_box(_mm512_set1_epi32(0x3f00_3f00));
     // SAFETY: both are 512 bits without invalid patterns.
     let pairs = unsafe { std::mem::transmute::<__m512i, __m512bh>(pairs) };
@@ -68,7 +68,7 @@ fn brain_chains() {
 /// # Safety
 ///
 /// The processor must have AMX BF16 and this process the permission to use it.
-pub(crate) unsafe fn brain_tiles() -> f64 {
+pub(crate) unsafe fn bf16_amx() -> f64 {
     // SAFETY: as the caller promises.
     best(4 * 16 * 16 * 32, || unsafe { tile_chains() })
 }
@@ -78,7 +78,7 @@ struct Configuration([u8; 64]);
 
 /// # Safety
 ///
-/// As for [`brain_tiles`].
+/// As for [`bf16_amx`].
 unsafe fn tile_chains() {
     let mut configuration = Configuration([0; 64]);
     configuration.0[0] = 1;

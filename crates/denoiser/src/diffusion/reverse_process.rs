@@ -64,17 +64,17 @@ pub enum Refinement<'a> {
     Guide(&'a mut dyn FnMut(&[f32], &mut [f32])),
 }
 
-/// A sampler: which solver, how many evaluations of the network.
+/// The reverse diffusion process from noise to paths: its solver, and the steps at which it evaluates the network.
 #[derive(Clone, Debug)]
-pub struct Sampler {
+pub struct ReverseProcess {
     schedule: Schedule,
     solver: Solver,
     visited: Vec<usize>,
 }
 
-/// Working memory of a sampler, reused from request to request.
+/// Working memory of a [`ReverseProcess`], reused from request to request.
 #[derive(Default)]
-pub struct SamplerScratch {
+pub struct ReverseProcessScratch {
     noise: Vec<f32>,
     estimate: Vec<f32>,
     previous: Vec<f32>,
@@ -82,8 +82,8 @@ pub struct SamplerScratch {
     pulled: Vec<f32>,
 }
 
-impl Sampler {
-    /// A sampler of `steps` evaluations (1 to 1000; more are 1000): evenly over the steps for DDIM, evenly over the
+impl ReverseProcess {
+    /// A process of `steps` evaluations of the network (1 to 1000; more are 1000): evenly over the steps for DDIM, evenly over the
     /// logarithm of the ratio of signal to noise for DPM-Solver++.
     #[must_use]
     pub fn new(solver: Solver, steps: usize) -> Self {
@@ -114,7 +114,7 @@ impl Sampler {
         denoiser: &mut impl Denoiser,
         held: Held,
         mut refinement: Refinement,
-        scratch: &mut SamplerScratch,
+        scratch: &mut ReverseProcessScratch,
         paths: &mut [f32],
         observe: &mut dyn FnMut(&[f32]) -> ControlFlow<()>,
     ) -> ControlFlow<()> {
@@ -163,7 +163,7 @@ impl Held<'_> {
     }
 }
 
-impl SamplerScratch {
+impl ReverseProcessScratch {
     fn fit(&mut self, length: usize) {
         for buffer in [
             &mut self.noise,
@@ -294,9 +294,9 @@ mod tests {
 
     fn run(solver: Solver, steps: usize, refinement: Refinement, noise: &[f32]) -> Vec<f32> {
         let mut paths = noise.to_vec();
-        let sampler = Sampler::new(solver, steps);
-        let mut scratch = SamplerScratch::default();
-        let finished = sampler.sample(
+        let process = ReverseProcess::new(solver, steps);
+        let mut scratch = ReverseProcessScratch::default();
+        let finished = process.sample(
             &mut Gaussian::new(),
             Held {
                 start: &[0.7],
@@ -330,7 +330,7 @@ mod tests {
         for solver in [Solver::Ddim, Solver::DpmSolver] {
             assert_eq!(solver.to_string().parse(), Ok(solver));
         }
-        for precision in [Precision::Single, Precision::Brain] {
+        for precision in [Precision::F32, Precision::Bf16] {
             assert_eq!(precision.to_string().parse(), Ok(precision));
         }
         let solver = "DDIM".parse::<Solver>().unwrap_err().to_string();
@@ -385,17 +385,17 @@ mod tests {
     }
 
     #[test]
-    fn whoever_observes_sees_every_step_and_the_result() {
+    fn an_observer_sees_every_step_and_the_result() {
         let mut paths = NOISE.to_vec();
         let mut seen = Vec::new();
-        let _ = Sampler::new(Solver::DpmSolver, 7).sample(
+        let _ = ReverseProcess::new(Solver::DpmSolver, 7).sample(
             &mut Gaussian::new(),
             Held {
                 start: &[0.7],
                 frames: NOISE.len(),
             },
             Refinement::None,
-            &mut SamplerScratch::default(),
+            &mut ReverseProcessScratch::default(),
             &mut paths,
             &mut |x| {
                 seen.push(x.to_vec());

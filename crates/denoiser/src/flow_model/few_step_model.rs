@@ -150,7 +150,7 @@ impl FastModel {
             })
         };
         let model = Self {
-            precision: Precision::Single,
+            precision: Precision::F32,
             width,
             frame: FeatureFrame::load(file)?,
             end_scale: Scale::load(file, "end", END_FEATURES)?,
@@ -272,8 +272,8 @@ impl FastModel {
         x: &mut [f32],
     ) {
         let begins = |c: &CandidateInput| c.warm_start.map_or(0.0, |w| w.time);
-        let way = |c: &CandidateInput| self.flow.way(step, begins(c));
-        if candidates.iter().all(|c| way(c).is_none()) {
+        let share_of = |c: &CandidateInput| self.flow.share(step, begins(c));
+        if candidates.iter().all(|c| share_of(c).is_none()) {
             return;
         }
         resize(&mut s.trunk, candidates.len() * self.width);
@@ -285,7 +285,7 @@ impl FastModel {
         let estimates = s.estimate.chunks_exact(COEFFICIENTS);
         let rows = x.chunks_exact_mut(COEFFICIENTS).zip(estimates);
         for ((x, estimate), candidate) in rows.zip(candidates) {
-            if let Some(share) = way(candidate) {
+            if let Some(share) = share_of(candidate) {
                 let values = x.iter_mut().zip(estimate);
                 values.for_each(|(x, e)| *x += (e - *x) * share);
             }

@@ -1,4 +1,4 @@
-//! The Euler steps of the flow: their times, and what the network is told of them.
+//! The Euler steps of the flow: their times, and what the network is given of them.
 
 use crate::layers::linear::Linear;
 use crate::weights::error::{ContentError, WeightsError};
@@ -64,14 +64,15 @@ impl Flow {
         step as f32 / self.evaluations as f32
     }
 
-    /// Which share of the way to the estimate a step goes, in a flow that begins at a time; none if that is later.
-    pub(super) fn way(&self, step: usize, begins: f32) -> Option<f32> {
+    /// The share (0..=1) of the distance from the state to the estimate that a step goes, in a flow that begins at time
+    /// `begins`; none if that is after the step.
+    pub(super) fn share(&self, step: usize, begins: f32) -> Option<f32> {
         let (from, to) = (self.boundary(step).max(begins), self.boundary(step + 1));
         // velocity · (to − from), with velocity = (estimate − x) / (1 − from)
         (from < to).then(|| (to - from) / (1.0 - from))
     }
 
-    /// Writes what the network is told of a step in a flow that begins at a time (width).
+    /// Writes what the network is given of a step's time (`width` values), in a flow that begins at time `begins`.
     pub(super) fn write_time(&self, step: usize, begins: f32, out: &mut [f32]) {
         if begins <= self.boundary(step) {
             out.copy_from_slice(&self.times[step * self.width..][..self.width]);

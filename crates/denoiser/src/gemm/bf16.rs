@@ -1,7 +1,7 @@
 //! Numbers in bf16, and how numbers in f32 are rounded to it.
 #![allow(unsafe_code)] // vector instructions, and calling what is compiled for features that were detected
 
-use super::bf16_unit::Unit;
+use super::bf16_unit::Bf16Unit;
 use super::paged::Paged;
 #[cfg(target_arch = "x86_64")]
 use std::arch::x86_64::*;
@@ -14,9 +14,9 @@ pub(super) const LINE: usize = 2 * STEP_PAIRS;
 /// A number in bf16: the upper half of the f32 of the same value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(transparent)]
-pub struct Brain(pub(super) u16);
+pub struct Bf16(pub(super) u16);
 
-impl Brain {
+impl Bf16 {
     /// The nearest bf16, to even when two are equally near; subnormal numbers become zero, as the processor has it.
     #[must_use]
     pub fn round(value: f32) -> Self {
@@ -32,7 +32,7 @@ impl Brain {
         Self(((bits + to_even) >> 16) as u16)
     }
 
-    /// The same number in f32.
+    /// The f32 of equal value.
     #[must_use]
     pub fn widen(self) -> f32 {
         f32::from_bits(u32::from(self.0) << 16)
@@ -41,21 +41,21 @@ impl Brain {
 
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-struct Line([Brain; LINE]);
+struct Line([Bf16; LINE]);
 
 /// Numbers in bf16 that start on a cache line, which products read fastest when a stride is whole lines too.
 #[derive(Default)]
-pub struct BrainBuffer {
+pub struct Bf16Buffer {
     lines: Paged<Line>,
     len: usize,
 }
 
-impl BrainBuffer {
+impl Bf16Buffer {
     /// Becomes `values`, rounded to bf16; allocates only when it grows beyond what it held before.
     ///
     /// # Panics
     ///
-    /// When [`Precision::Brain`](super::Precision::Brain) is not available.
+    /// When [`Precision::Bf16`](super::Precision::Bf16) is not available.
     pub fn fill(&mut self, values: &[f32]) {
         self.round(values, values.len());
         self.len = values.len();
@@ -78,9 +78,9 @@ impl BrainBuffer {
         let per_row = width.div_ceil(LINE);
         let needed = values.len().div_ceil(width.max(1)) * per_row;
         if self.lines.len() < needed {
-            self.lines = Paged::filled(Line([Brain(0); LINE]), needed);
+            self.lines = Paged::filled(Line([Bf16(0); LINE]), needed);
         }
-        Unit::expected();
+        Bf16Unit::expected();
         #[cfg(target_arch = "x86_64")]
         for (row, lines) in values
             .chunks(width.max(1))
@@ -91,9 +91,9 @@ impl BrainBuffer {
         }
     }
 
-    /// The numbers.
+    /// The numbers of the last call that filled this buffer, in order.
     #[must_use]
-    pub fn values(&self) -> &[Brain] {
+    pub fn values(&self) -> &[Bf16] {
         // SAFETY: a line is `LINE` numbers without padding, and `len` is at most the numbers of all lines.
         unsafe { std::slice::from_raw_parts(self.lines.as_ptr().cast(), self.len) }
     }

@@ -9,8 +9,8 @@
 //! even and with the odd inputs. The instruction takes subnormal numbers for zero.
 #![allow(unsafe_code)] // tile instructions
 
-use super::bf16::{Brain, STEP_PAIRS};
-use super::bf16_panels::{BrainPanels, PairWeights};
+use super::bf16::{Bf16, STEP_PAIRS};
+use super::bf16_panels::{Bf16Panels, PairWeights};
 use super::job::{Batch, Block, Job, PANEL, Store};
 use std::arch::asm;
 
@@ -52,12 +52,12 @@ struct SumValues([[[f32; PANEL]; ROWS]; 2]);
 
 /// The inputs of some tiles of rows in one step, with zeros for what is beyond the rows.
 #[repr(C, align(64))]
-struct StepValues<const N: usize>([[[Brain; STEP]; ROWS]; N]);
+struct StepValues<const N: usize>([[[Bf16; STEP]; ROWS]; N]);
 
 /// Where some tiles of rows of x start, and the bytes from a row to the next.
 #[derive(Clone, Copy)]
 struct Rows<const N: usize> {
-    tiles: [*const Brain; N],
+    tiles: [*const Bf16; N],
     stride: usize,
 }
 
@@ -73,9 +73,9 @@ struct Sums<const N: usize> {
 ///
 /// # Safety
 ///
-/// [`available`](super::amx_available::available) must have said that there are any, and AVX-512 F, BW and VL must have been detected.
+/// [`available`](super::amx_available::available) must have been true, and AVX-512 F, BW and VL must have been detected.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-pub(super) unsafe fn multiply(panels: &BrainPanels, job: Job<'_, Brain>) {
+pub(super) unsafe fn multiply(panels: &Bf16Panels, job: Job<'_, Bf16>) {
     let Batch {
         candidates, rows, ..
     } = job.batch;
@@ -103,8 +103,8 @@ pub(super) unsafe fn multiply(panels: &BrainPanels, job: Job<'_, Brain>) {
 }
 
 struct Product<'a> {
-    panels: &'a BrainPanels,
-    job: Job<'a, Brain>,
+    panels: &'a Bf16Panels,
+    job: Job<'a, Bf16>,
     /// Rows of a tile.
     height: usize,
     /// Tiles of rows of each candidate; the last one may begin within the one before.
@@ -213,15 +213,15 @@ impl Product<'_> {
         let x = self.job.x.as_ptr();
         Rows {
             tiles: blocks.map(|block| x.wrapping_add(from.start(block))),
-            stride: from.row * size_of::<Brain>(),
+            stride: from.row * size_of::<Bf16>(),
         }
     }
 }
 
 impl<const N: usize> StepValues<N> {
     /// The inputs from `first` on.
-    fn gather(job: &Job<'_, Brain>, blocks: [Block; N], first: usize) -> Self {
-        let mut step = Self([[[Brain::default(); STEP]; ROWS]; N]);
+    fn gather(job: &Job<'_, Bf16>, blocks: [Block; N], first: usize) -> Self {
+        let mut step = Self([[[Bf16::default(); STEP]; ROWS]; N]);
         let count = STEP.min(job.inputs - first);
         for (block, tile) in blocks.into_iter().zip(&mut step.0) {
             for (row, values) in tile.iter_mut().enumerate().take(block.rows) {
@@ -235,7 +235,7 @@ impl<const N: usize> StepValues<N> {
     fn rows(&self) -> Rows<N> {
         Rows {
             tiles: self.0.each_ref().map(|tile| tile.as_ptr().cast()),
-            stride: size_of::<[Brain; STEP]>(),
+            stride: size_of::<[Bf16; STEP]>(),
         }
     }
 }

@@ -4,8 +4,8 @@
 //! takes subnormal numbers for zero.
 #![allow(unsafe_code)] // loads from slices into vector registers
 
-use super::bf16::Brain;
-use super::bf16_panels::{BrainPanels, PairWeights};
+use super::bf16::Bf16;
+use super::bf16_panels::{Bf16Panels, PairWeights};
 use super::job::{Block, Job, PANEL};
 use std::arch::x86_64::*;
 
@@ -13,7 +13,7 @@ use std::arch::x86_64::*;
 const ROWS: usize = 12;
 
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512bf16")]
-pub(super) fn multiply(panels: &BrainPanels, mut job: Job<'_, Brain>) {
+pub(super) fn multiply(panels: &Bf16Panels, mut job: Job<'_, Bf16>) {
     for block in job.blocks(ROWS) {
         let weights = panels.panel(block.panel);
         match block.rows {
@@ -36,9 +36,9 @@ pub(super) fn multiply(panels: &BrainPanels, mut job: Job<'_, Brain>) {
 
 /// `N` rows times one panel.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512bf16")]
-fn rows<const N: usize>(weights: &[PairWeights], job: &mut Job<'_, Brain>, block: Block) {
+fn rows<const N: usize>(weights: &[PairWeights], job: &mut Job<'_, Bf16>, block: Block) {
     let inputs = job.inputs;
-    let rows: [&[Brain]; N] = std::array::from_fn(|r| job.input(block, r));
+    let rows: [&[Bf16]; N] = std::array::from_fn(|r| job.input(block, r));
     let pairs = rows.map(|row| &row.as_chunks::<2>().0[..inputs / 2]);
     let mut sums = [[_mm512_setzero_ps(); 2]; N];
     for (k, weights) in weights[..inputs / 2].iter().enumerate() {
@@ -46,7 +46,7 @@ fn rows<const N: usize>(weights: &[PairWeights], job: &mut Job<'_, Brain>, block
     }
     if inputs % 2 == 1 {
         let last = &weights[inputs / 2];
-        add_products(&mut sums, last, |r| [rows[r][inputs - 1], Brain(0)]);
+        add_products(&mut sums, last, |r| [rows[r][inputs - 1], Bf16(0)]);
     }
     for (r, sums) in sums.iter().enumerate() {
         let mut values = [0.0; PANEL];
@@ -65,7 +65,7 @@ fn rows<const N: usize>(weights: &[PairWeights], job: &mut Job<'_, Brain>, block
 fn add_products<const N: usize>(
     sums: &mut [[__m512; 2]; N],
     weights: &PairWeights,
-    pair: impl Fn(usize) -> [Brain; 2],
+    pair: impl Fn(usize) -> [Bf16; 2],
 ) {
     let first = weights.0.as_ptr();
     // SAFETY: the weights are 32 pairs of 32 bits, read as two registers of 16; any bits are valid in both types.

@@ -7,14 +7,14 @@
 
 use super::f32_panels::{HALF, Weights};
 use super::job::{Bias, Job, PANEL, Store};
-use crate::simd::prefetch::ask_for;
+use crate::simd::prefetch::prefetch;
 use std::arch::x86_64::*;
 
 /// Values of a register.
 const LANES: usize = 8;
 /// Rows whose sums for half a panel fit the registers.
 const ROWS: usize = 6;
-/// Inputs whose weights are asked for before they are multiplied.
+/// How many inputs ahead of the multiplied one weights are prefetched.
 const AHEAD: usize = 16;
 
 /// Computes W x + b, given the panels of W, each of `inputs` weights for one [half](HALF) and as many for the other.
@@ -94,7 +94,7 @@ unsafe fn add_products<const N: usize, const H: usize>(
         let mut weights = [[_mm256_setzero_ps(); HALF / LANES]; H];
         for (weights, half) in weights.iter_mut().zip(halves) {
             let first = half.wrapping_add(k * HALF);
-            ask_for(first.wrapping_add(AHEAD * HALF));
+            prefetch(first.wrapping_add(AHEAD * HALF));
             // SAFETY: the caller says that there are `HALF` weights of this input.
             *weights = unsafe { [_mm256_loadu_ps(first), _mm256_loadu_ps(first.add(LANES))] };
         }

@@ -1,7 +1,7 @@
 //! f32 products with AVX-512.
 //!
 //! All sums of a block of rows stay in registers, and blocks cross from one candidate to the next. Eight inputs are
-//! multiplied between two computations of addresses, and the next panel's weights are asked for while the rows go
+//! multiplied between two computations of addresses, and the next panel's weights are prefetched while the rows go
 //! through this one's.
 #![allow(unsafe_code)] // loads from slices into vector registers
 
@@ -13,7 +13,7 @@ use std::arch::x86_64::*;
 const ROWS: usize = 12;
 /// Inputs between two computations of addresses.
 const UNROLLED: usize = 8;
-/// Blocks of rows from which on a panel takes long enough to ask for the next one without being held up.
+/// Blocks of rows from which on a panel takes long enough to prefetch the next one without being held up.
 const WORTH_PREFETCHING: usize = 4;
 
 /// Computes W x + b, given the panels of W, each of `inputs` weights.
@@ -98,7 +98,7 @@ unsafe fn add_products<const N: usize>(
     // SAFETY: every row has a value for each of the weights, and k counts these.
     unsafe {
         for weights in chunks {
-            ask_for(ahead.next().unwrap_or(&[]));
+            prefetch(ahead.next().unwrap_or(&[]));
             let [a, b, c, d, e, f, g, h] = weights;
             add_input(&mut sums, &x, k, a);
             add_input(&mut sums, &x, k + 1, b);
@@ -118,10 +118,10 @@ unsafe fn add_products<const N: usize>(
     sums
 }
 
-/// Asks the second cache for weights.
+/// Prefetches weights into the second cache.
 #[inline]
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512dq,avx2,fma")]
-fn ask_for(weights: &[Weights]) {
+fn prefetch(weights: &[Weights]) {
     for Weights(weights) in weights {
         for line in weights.as_chunks::<16>().0 {
             _mm_prefetch::<_MM_HINT_T1>(line.as_ptr().cast());

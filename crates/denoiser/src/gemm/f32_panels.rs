@@ -14,13 +14,13 @@ pub(super) const HALF: usize = PANEL / 2;
 pub(super) struct Weights(pub(super) [f32; PANEL]);
 
 /// A matrix packed as `[part of a panel][input][output in part]`, for the products of one level.
-pub(super) struct SinglePanels {
+pub(super) struct F32Panels {
     pub(super) level: Level,
     pub(super) inputs: usize,
     pub(super) weights: Paged<Weights>,
 }
 
-impl SinglePanels {
+impl F32Panels {
     /// Packs a row-major matrix (outputs × inputs).
     pub(super) fn new(level: Level, weight: &[f32], outputs: usize) -> Self {
         let inputs = weight.len() / outputs;

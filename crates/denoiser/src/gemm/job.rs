@@ -53,7 +53,7 @@ impl Batch {
         }
     }
 
-    /// Where rows start; those of a candidate follow those of the candidate before.
+    /// Where `N` rows start, from row `first` on when the rows of all candidates are counted in order.
     #[cfg(target_arch = "x86_64")]
     #[inline]
     pub(super) fn starts<const N: usize>(self, first: usize) -> [Start; N] {

@@ -1,9 +1,9 @@
 //! A constant matrix and its bias, packed for products.
 
-use super::bf16::{Brain, padded};
-use super::bf16_panels::BrainPanels;
-use super::bf16_unit::Unit;
-use super::f32_panels::SinglePanels;
+use super::bf16::{Bf16, padded};
+use super::bf16_panels::Bf16Panels;
+use super::bf16_unit::Bf16Unit;
+use super::f32_panels::F32Panels;
 use super::input::Input;
 use super::job::{Batch, Bias, Job, PANEL, Store};
 use super::precision::Precision;
@@ -16,8 +16,8 @@ pub struct Packed {
     inputs: usize,
     outputs: usize,
     bias: Vec<Bias>,
-    single: SinglePanels,
-    brain: OnceLock<BrainPanels>,
+    f32_panels: F32Panels,
+    bf16_panels: OnceLock<Bf16Panels>,
 }
 
 impl Packed {
@@ -46,8 +46,8 @@ impl Packed {
             inputs,
             outputs,
             bias: bias.collect(),
-            single: SinglePanels::new(detected(), weight, outputs),
-            brain: OnceLock::new(),
+            f32_panels: F32Panels::new(detected(), weight, outputs),
+            bf16_panels: OnceLock::new(),
         }
     }
 
@@ -65,8 +65,8 @@ impl Packed {
 
     /// Packs for a precision now, not in the first product that needs it.
     pub fn prepare(&self, precision: Precision) {
-        if precision == Precision::Brain {
-            self.brain_panels();
+        if precision == Precision::Bf16 {
+            self.bf16_panels();
         }
     }
 
@@ -77,17 +77,17 @@ impl Packed {
     /// When a row lies outside of `x` or `out`, or the precision is not [available](Precision::available).
     pub fn multiply(&self, x: Input<'_>, out: &mut [f32], batch: Batch, store: Store) {
         match x {
-            Input::Single(x) => {
+            Input::F32(x) => {
                 let job = self.job(x, self.inputs, out, batch, store);
-                f32_product::multiply(&self.single, job);
+                f32_product::multiply(&self.f32_panels, job);
             }
-            Input::Brain(x) => {
+            Input::Bf16(x) => {
                 let job = self.job(x, self.inputs, out, batch, store);
-                bf16_product::multiply(self.brain_panels(), Unit::expected(), job);
+                bf16_product::multiply(self.bf16_panels(), Bf16Unit::expected(), job);
             }
-            Input::PaddedBrain(x) => {
+            Input::PaddedBf16(x) => {
                 let job = self.job(x, padded(self.inputs), out, batch, store);
-                bf16_product::multiply(self.brain_panels(), Unit::expected(), job);
+                bf16_product::multiply(self.bf16_panels(), Bf16Unit::expected(), job);
             }
         }
     }
@@ -99,19 +99,21 @@ impl Packed {
     /// When a row lies outside of `x` or `out`.
     pub fn multiply_on(
         &self,
-        unit: Unit,
-        x: &[Brain],
+        unit: Bf16Unit,
+        x: &[Bf16],
         out: &mut [f32],
         batch: Batch,
         store: Store,
     ) {
         let job = self.job(x, self.inputs, out, batch, store);
-        bf16_product::multiply(self.brain_panels(), unit, job);
+        bf16_product::multiply(self.bf16_panels(), unit, job);
     }
 
-    fn brain_panels(&self) -> &BrainPanels {
-        self.brain.get_or_init(|| {
-            BrainPanels::new(self.inputs, self.outputs, |o, i| self.single.weight(o, i))
+    fn bf16_panels(&self) -> &Bf16Panels {
+        self.bf16_panels.get_or_init(|| {
+            Bf16Panels::new(self.inputs, self.outputs, |o, i| {
+                self.f32_panels.weight(o, i)
+            })
         })
     }
 

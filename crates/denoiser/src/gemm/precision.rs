@@ -1,6 +1,6 @@
 //! The number format of the factors of a product.
 
-use super::bf16_unit::Unit;
+use super::bf16_unit::Bf16Unit;
 use std::fmt;
 use std::str::FromStr;
 use thiserror::Error;
@@ -9,9 +9,9 @@ use thiserror::Error;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Precision {
     /// f32: 24 significant bits.
-    Single,
-    /// bf16, "brain floating point": the range of f32 with 8 significant bits.
-    Brain,
+    F32,
+    /// bf16: the range of f32 with 8 significant bits.
+    Bf16,
 }
 
 /// There is no precision of this name.
@@ -24,8 +24,8 @@ impl FromStr for Precision {
 
     fn from_str(name: &str) -> Result<Self, UnknownPrecision> {
         match name {
-            "f32" => Ok(Self::Single),
-            "bf16" => Ok(Self::Brain),
+            "f32" => Ok(Self::F32),
+            "bf16" => Ok(Self::Bf16),
             _ => Err(UnknownPrecision(name.to_owned())),
         }
     }
@@ -34,27 +34,27 @@ impl FromStr for Precision {
 impl fmt::Display for Precision {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.pad(match self {
-            Self::Single => "f32",
-            Self::Brain => "bf16",
+            Self::F32 => "f32",
+            Self::Bf16 => "bf16",
         })
     }
 }
 
 impl Precision {
-    /// Whether this processor computes in this precision: [`Precision::Brain`] needs AVX-512 BF16.
+    /// Whether this processor computes in this precision: [`Precision::Bf16`] needs AVX-512 BF16.
     #[must_use]
     pub fn available(self) -> bool {
         match self {
-            Self::Single => true,
-            Self::Brain => Unit::best().is_some(),
+            Self::F32 => true,
+            Self::Bf16 => Bf16Unit::best().is_some(),
         }
     }
 
     /// The precision with the fastest products here (decision 0009).
     pub(crate) fn fastest() -> Self {
-        match Unit::best() {
-            Some(unit) if unit.is_faster_than_single() => Self::Brain,
-            Some(_) | None => Self::Single,
+        match Bf16Unit::best() {
+            Some(unit) if unit.is_faster_than_f32() => Self::Bf16,
+            Some(_) | None => Self::F32,
         }
     }
 }

@@ -1,19 +1,19 @@
-//! What tests have to try here, and why they try nothing else.
+//! The precisions that tests try on this processor.
 
 use super::precision::Precision;
 
 /// The processor's flags that products in bf16 need, as Linux names them.
 const NEEDED: [&str; 4] = ["avx512f", "avx512bw", "avx512vl", "avx512_bf16"];
 
-/// All precisions that this processor has: one that is left out is told of, and the system must say that it is not there.
+/// All precisions that this processor has. For one that is left out it prints which processor flags are missing.
 ///
 /// # Panics
-/// If the detection denies what the system has, or claims what it has not.
+/// When the detection and the flags that Linux lists do not agree.
 pub(crate) fn precisions() -> Vec<Precision> {
     let missing = missing_flags();
-    let is_there = Precision::Brain.available();
+    let is_there = Precision::Bf16.available();
     if let Some(missing) = &missing {
-        let name = Precision::Brain;
+        let name = Precision::Bf16;
         assert_eq!(
             is_there,
             missing.is_empty(),
@@ -21,16 +21,16 @@ pub(crate) fn precisions() -> Vec<Precision> {
         );
     }
     if is_there {
-        return vec![Precision::Single, Precision::Brain];
+        return vec![Precision::F32, Precision::Bf16];
     }
     let missing = missing.unwrap_or_default();
     eprintln!("products in bf16 are not tried: this processor has no {missing:?}");
-    vec![Precision::Single]
+    vec![Precision::F32]
 }
 
-/// Whether products in bf16 can be tried; see [`precisions`].
-pub(crate) fn has_brain() -> bool {
-    precisions().contains(&Precision::Brain)
+/// Whether this processor multiplies in bf16; panics when the detection and the flags that Linux lists do not agree.
+pub(crate) fn has_bf16() -> bool {
+    precisions().contains(&Precision::Bf16)
 }
 
 /// Those of [`NEEDED`] that /proc/cpuinfo does not list; none where there is no such list.

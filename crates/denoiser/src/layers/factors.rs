@@ -1,18 +1,18 @@
 //! The factors of products, rounded where the precision asks for it.
 
-use crate::gemm::{BrainBuffer, Input, Precision};
+use crate::gemm::{Bf16Buffer, Input, Precision};
 
 /// In which precision products are computed, and the buffer of their rounded factors.
 pub(crate) struct Factors {
     precision: Precision,
-    rounded: BrainBuffer,
+    rounded: Bf16Buffer,
 }
 
 impl Default for Factors {
     fn default() -> Self {
         Self {
-            precision: Precision::Single,
-            rounded: BrainBuffer::default(),
+            precision: Precision::F32,
+            rounded: Bf16Buffer::default(),
         }
     }
 }
@@ -25,10 +25,10 @@ impl Factors {
     /// Values whose rows may overlap.
     pub(crate) fn of<'a>(&'a mut self, x: &'a [f32]) -> Input<'a> {
         match self.precision {
-            Precision::Single => Input::Single(x),
-            Precision::Brain => {
+            Precision::F32 => Input::F32(x),
+            Precision::Bf16 => {
                 self.rounded.fill(x);
-                Input::Brain(self.rounded.values())
+                Input::Bf16(self.rounded.values())
             }
         }
     }
@@ -36,10 +36,10 @@ impl Factors {
     /// Rows of `width` values that lie one behind the other.
     pub(crate) fn of_rows<'a>(&'a mut self, x: &'a [f32], width: usize) -> Input<'a> {
         match self.precision {
-            Precision::Single => Input::Single(x),
-            Precision::Brain => {
+            Precision::F32 => Input::F32(x),
+            Precision::Bf16 => {
                 self.rounded.fill_rows(x, width);
-                Input::PaddedBrain(self.rounded.values())
+                Input::PaddedBf16(self.rounded.values())
             }
         }
     }

@@ -6,7 +6,7 @@ use crate::layers::activation::sigmoid;
 use crate::layers::convolution::Rows;
 use crate::simd::dispatch::{Kernel, dispatch};
 use crate::simd::lanes::{LANES, Lanes};
-use crate::simd::prefetch::ask_for;
+use crate::simd::prefetch::prefetch;
 use crate::weights::error::WeightsError;
 use crate::weights::file::WeightsFile;
 
@@ -258,7 +258,7 @@ impl Normalised<'_> {
             let rows = x.chunks_exact(channels);
             for (x, g) in rows.zip(gradient.chunks_exact_mut(channels)) {
                 let x = part(x, first);
-                ask_for(x.as_ptr().wrapping_add(self.pitch));
+                prefetch(x.as_ptr().wrapping_add(self.pitch));
                 let x = lanes.get(x);
                 let y = lanes.fma(x, factor, summand);
                 let s = sigmoid(lanes, y);

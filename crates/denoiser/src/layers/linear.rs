@@ -52,7 +52,7 @@ impl Linear {
         assert_eq!(rows * outputs, out.len(), "a row out for each row in");
         let x = factors.of_rows(x, inputs);
         let stride = match x {
-            Input::PaddedBrain(_) => padded(inputs),
+            Input::PaddedBf16(_) => padded(inputs),
             _ => inputs,
         };
         let batch = Batch::contiguous(rows, stride, outputs);
@@ -82,7 +82,7 @@ mod tests {
                 let expected: Vec<f32> = rows
                     .flat_map(|row| (0..outputs).map(move |o| dot(row, o)))
                     .collect();
-                for precision in [Precision::Single, Precision::Brain] {
+                for precision in [Precision::F32, Precision::Bf16] {
                     if !precision.available() {
                         continue;
                     }

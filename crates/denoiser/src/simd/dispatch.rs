@@ -1,4 +1,4 @@
-//! One way to run a loop with the widest vectors that the processor has.
+//! Runs a loop with the widest vectors that the processor has.
 //!
 //! A kernel is written once; [`dispatch`] compiles it for AVX-512, for AVX2 with FMA, and without either, and picks at
 //! run time. The choice is the same for the whole life of the process.

@@ -1,11 +1,11 @@
-//! Asking a cache for memory before it is read.
+//! Prefetching memory before it is read.
 #![allow(unsafe_code)] // an instruction
 
-/// Asks the first cache for the line of an address, which need not be valid.
+/// Prefetches the cache line of an address into the first cache; the address need not be valid.
 #[inline(always)]
-pub(crate) fn ask_for(address: *const f32) {
+pub(crate) fn prefetch(address: *const f32) {
     #[cfg(target_arch = "x86_64")]
-    // SAFETY: asking has no effect but on time, whatever the address, and every x86-64 processor can.
+    // SAFETY: prefetching has no effect but on time, whatever the address, and every x86-64 processor can.
     unsafe {
         std::arch::x86_64::_mm_prefetch::<{ std::arch::x86_64::_MM_HINT_T0 }>(address.cast());
     }

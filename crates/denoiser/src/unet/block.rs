@@ -8,7 +8,7 @@ use crate::layers::linear::Linear;
 use crate::weights::error::WeightsError;
 use crate::weights::file::WeightsFile;
 
-/// Two convolutions, each behind a normalisation and SiLU, beside a straight way; the context scales and shifts the
+/// Two convolutions, each behind a normalisation and SiLU, beside a skip connection; the context scales and shifts the
 /// second normalisation (FiLM: Perez et al., AAAI 2018).
 pub(super) struct ResidualBlock {
     norm1: Affine,

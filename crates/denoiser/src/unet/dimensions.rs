@@ -1,7 +1,7 @@
 //! The sizes of the network, and what the metadata of its weights says of it.
 
 pub(super) const ARCHITECTURE: &str = "temporal-unet-v1";
-/// What the metadata says of the schedule that [`crate::Sampler`] follows.
+/// What the metadata says of the schedule that [`crate::ReverseProcess`] follows.
 pub(super) const SCHEDULE: &str =
     "cosine, offset 0.008, betas within [1e-8, 0.999]; the network predicts the noise";
 /// Frames of a path.

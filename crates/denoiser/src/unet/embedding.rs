@@ -94,7 +94,7 @@ impl Embedding {
         self.time.apply(features, steps.len(), hidden, sum);
     }
 
-    /// Writes the context of each diffusion step, given what stays the same over a request.
+    /// Writes the context of each diffusion step, given the embedded request.
     pub(super) fn contexts(
         &self,
         request: &[f32],

@@ -13,7 +13,7 @@ impl TemporalUnet {
     /// Both are candidates × 64 × 6.
     ///
     /// # Panics
-    /// If the lengths are not those of that call.
+    /// If the lengths are not those of the last [`Self::predict`].
     pub fn pull_back(&self, scratch: &mut UnetScratch, cotangent: &[f32], gradient: &mut [f32]) {
         let length = scratch.noise.candidates() * PATH;
         assert_eq!(cotangent.len(), length, "a cotangent for each noise value");

@@ -14,7 +14,7 @@ use crate::simd::lanes::LANES;
 use crate::weights::error::{ContentError, WeightsError};
 use crate::weights::file::WeightsFile;
 
-/// What stays the same over the steps of a request.
+/// Start, goal and balls of a request, embedded once for all its diffusion steps.
 pub struct UnetCondition {
     /// Sum of the embeddings of start, goal and balls.
     request: Vec<f32>,
@@ -105,8 +105,8 @@ impl TemporalUnet {
         }
     }
 
-    /// Embeds what stays the same over a request: the start configuration, the target position, and the balls
-    /// (x, y, z, radius), all physical.
+    /// Embeds a request: the start configuration, the target position and the balls (x, y, z, radius), all in the units
+    /// of the data that the weights were trained on.
     #[must_use]
     pub fn condition(
         &self,

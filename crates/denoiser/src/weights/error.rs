@@ -81,7 +81,7 @@ pub enum WeightsError {
     },
 }
 
-/// What of a weights file's content does not fit.
+/// Why the content of a weights file is refused.
 #[derive(Debug, Error)]
 pub enum ContentError {
     /// A tensor is missing.

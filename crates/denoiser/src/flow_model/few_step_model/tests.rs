@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::Manifest;
-use crate::gemm::presence::{has_brain, precisions};
+use crate::gemm::presence::{has_bf16, precisions};
 use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
 
@@ -30,7 +30,7 @@ impl Parity {
     fn load() -> Self {
         let path = folder().join("tiny_layers.safetensors");
         Self {
-            model: model(Precision::Single),
+            model: model(Precision::F32),
             recorded: WeightsFile::parse(&path, &std::fs::read(&path).unwrap()).unwrap(),
         }
     }
@@ -70,7 +70,7 @@ impl Parity {
 }
 
 /// Puts a time, which no step has, into the trunk of three rows.
-fn tell_time(model: &FastModel, s: &mut FastScratch) {
+fn write_time(model: &FastModel, s: &mut FastScratch) {
     s.trunk.resize(3 * WIDTH, 0.0);
     for row in s.trunk.chunks_exact_mut(WIDTH) {
         model.flow.write_time(0, 0.3, row);
@@ -88,7 +88,7 @@ fn every_layer_agrees_with_pytorch() {
         .collect();
     parity.assert_close(&pooled, "pooled", 2 * BALL_WIDTH);
     parity.assert_close(&s.context, "context", WIDTH);
-    tell_time(model, &mut s);
+    write_time(model, &mut s);
     parity.assert_close(&s.trunk, "time", WIDTH);
     model.enter_trunk(parity.noise(), &mut s);
     parity.assert_close(&s.trunk, "input", WIDTH);
@@ -97,7 +97,7 @@ fn every_layer_agrees_with_pytorch() {
         parity.assert_close(&s.trunk, &format!("block_{index}"), WIDTH);
     }
     assert_eq!(model.blocks.len(), 2);
-    tell_time(model, &mut s);
+    write_time(model, &mut s);
     model.estimate(parity.noise(), &mut s);
     parity.assert_close(&s.estimate, "estimate", COEFFICIENTS);
 }
@@ -130,13 +130,13 @@ fn a_whole_sample_agrees_with_pytorch() {
 
 #[test]
 fn reduced_precision_stays_near() {
-    if !has_brain() {
+    if !has_bf16() {
         return;
     }
     let parity = Parity::load();
     let exact = sample(&parity.model, &parity.candidates(), parity.noise());
-    let brain = model(Precision::Brain);
-    let found = sample(&brain, &parity.candidates(), parity.noise());
+    let reduced = model(Precision::Bf16);
+    let found = sample(&reduced, &parity.candidates(), parity.noise());
     let error = relative_error(&found, &exact);
     assert!(error > 1e-6, "other products, not {error}");
     assert!(error < 1e-2, "{error}");
@@ -176,15 +176,13 @@ fn other_numbers_of_evaluations_are_other_samples_and_some_are_refused() {
     let as_trained = sample(&parity.model, &parity.candidates(), parity.noise());
     assert_eq!(parity.model.evaluations(), 2);
     for evaluations in [1, 2, 4, 8] {
-        let other = model(Precision::Single)
-            .with_evaluations(evaluations)
-            .unwrap();
+        let other = model(Precision::F32).with_evaluations(evaluations).unwrap();
         assert_eq!(other.evaluations(), evaluations);
         let found = sample(&other, &parity.candidates(), parity.noise());
         assert_eq!(found == as_trained, evaluations == 2, "{evaluations}");
     }
     for evaluations in [0, 3, 16] {
-        let refused = model(Precision::Single).with_evaluations(evaluations).err();
+        let refused = model(Precision::F32).with_evaluations(evaluations).err();
         assert_eq!(refused, Some(EvaluationsRefused(evaluations)));
     }
     let text = EvaluationsRefused(3).to_string();
@@ -221,11 +219,7 @@ fn a_warm_start_at_the_end_of_the_flow_is_the_result_and_at_its_beginning_does_n
 #[test]
 fn a_warm_start_takes_the_steps_that_remain() {
     let parity = Parity::load();
-    let with = |evaluations| {
-        model(Precision::Single)
-            .with_evaluations(evaluations)
-            .unwrap()
-    };
+    let with = |evaluations| model(Precision::F32).with_evaluations(evaluations).unwrap();
     let first = sample(&with(1), &parity.candidates(), parity.noise());
     for (evaluations, time) in [(2, 0.5), (4, 0.25), (8, 0.125)] {
         let model = with(evaluations);
@@ -241,7 +235,7 @@ fn a_warm_start_takes_the_steps_that_remain() {
 fn a_perfect_estimate_is_kept_from_any_time_on() {
     let parity = Parity::load();
     // the last step ends at the network's estimate: the output layer alone, with weights of zero, is a known one
-    let mut constant = model(Precision::Single);
+    let mut constant = model(Precision::F32);
     let bias: Vec<f32> = (0..COEFFICIENTS).map(|i| (i as f32).cos()).collect();
     constant.output = Linear::pack(&vec![0.0; COEFFICIENTS * WIDTH], &bias);
     let known = bias.iter().zip(&constant.coefficient_deviation);

@@ -1,9 +1,9 @@
 //! Every kernel that this machine has, against the definition in f64.
 
 use super::*;
-use crate::gemm::bf16::BrainBuffer;
+use crate::gemm::bf16::Bf16Buffer;
 use crate::gemm::job::Strides;
-use crate::gemm::presence::has_brain;
+use crate::gemm::presence::has_bf16;
 use crate::simd::dispatch::detected_levels;
 
 /// Numbers in [−0.5, 0.5) that look random: a wrong index does not hide in them.
@@ -84,24 +84,24 @@ impl Case {
     /// The results of every level and unit, each with whether its factors are bf16.
     fn found(&self, store: Store) -> Vec<(&'static str, Vec<f32>)> {
         let before = vec![BEFORE; self.batch.end(self.batch.to, self.packed.outputs())];
-        let single = detected_levels().into_iter().map(|level| {
+        let in_f32 = detected_levels().into_iter().map(|level| {
             let mut out = before.clone();
             let packed = &self.packed;
             let job = packed.job(&self.x, packed.inputs, &mut out, self.batch, store);
-            let panels = SinglePanels::new(level, &self.weight, packed.outputs);
+            let panels = F32Panels::new(level, &self.weight, packed.outputs);
             f32_product::multiply(&panels, job);
-            ("single", out)
+            ("f32", out)
         });
-        let brain = Unit::detected().iter().map(|unit| {
+        let in_bf16 = Bf16Unit::detected().iter().map(|unit| {
             let mut out = before.clone();
-            let mut x = BrainBuffer::default();
+            let mut x = Bf16Buffer::default();
             x.fill(&self.x);
             let x = x.values();
             self.packed
                 .multiply_on(*unit, x, &mut out, self.batch, store);
-            ("brain", out)
+            ("bf16", out)
         });
-        single.chain(brain).collect()
+        in_f32.chain(in_bf16).collect()
     }
 }
 
@@ -138,10 +138,10 @@ fn cases() -> impl Iterator<Item = Case> {
 fn every_kernel_agrees_with_the_definition_for_its_own_factors() {
     for case in cases() {
         for store in [Store::Replace, Store::Add] {
-            let single = case.expected(store, f64::from);
-            let brain = case.expected(store, |v| f64::from(Brain::round(v).widen()));
+            let in_f32 = case.expected(store, f64::from);
+            let in_bf16 = case.expected(store, |v| f64::from(Bf16::round(v).widen()));
             for (kernel, found) in case.found(store) {
-                let expected = if kernel == "single" { &single } else { &brain };
+                let expected = if kernel == "f32" { &in_f32 } else { &in_bf16 };
                 assert_eq!(found.len(), expected.len());
                 for (found, (sum, size)) in found.iter().zip(expected) {
                     let error = (f64::from(*found) - sum).abs();
@@ -169,7 +169,7 @@ fn rounding_the_factors_to_bf16_loses_less_than_half_a_percent() {
         let errors: Vec<_> = errors.map(|(f, (sum, _))| f64::from(*f) - sum).collect();
         let relative = norm(&errors) / size;
         println!("{kernel}: relative error {relative:.1e}");
-        let bound = if kernel == "single" { 2e-6 } else { 5e-3 };
+        let bound = if kernel == "f32" { 2e-6 } else { 5e-3 };
         assert!(relative < bound, "{kernel}: {relative}");
     }
 }
@@ -221,19 +221,19 @@ fn zeros_behind_the_rows_change_nothing() {
         let (weight, bias) = (scattered(inputs * outputs, 1), scattered(outputs, 2));
         let packed = Packed::new(&weight, &bias);
         let x = scattered(rows * inputs, 3);
-        for unit in Unit::detected() {
-            let [mut tight, mut wide] = [BrainBuffer::default(), BrainBuffer::default()];
+        for unit in Bf16Unit::detected() {
+            let [mut tight, mut spaced] = [Bf16Buffer::default(), Bf16Buffer::default()];
             tight.fill(&x);
-            wide.fill_rows(&x, inputs);
-            assert_eq!(wide.values().len(), rows * padded(inputs));
+            spaced.fill_rows(&x, inputs);
+            assert_eq!(spaced.values().len(), rows * padded(inputs));
             let mut expected = vec![BEFORE; rows * outputs];
             let mut found = expected.clone();
             let batch = |stride| Batch::contiguous(rows, stride, outputs);
             let (few, many) = (batch(inputs), batch(padded(inputs)));
             for store in [Store::Replace, Store::Add] {
                 packed.multiply_on(*unit, tight.values(), &mut expected, few, store);
-                let job = packed.job(wide.values(), padded(inputs), &mut found, many, store);
-                bf16_product::multiply(packed.brain_panels(), *unit, job);
+                let job = packed.job(spaced.values(), padded(inputs), &mut found, many, store);
+                bf16_product::multiply(packed.bf16_panels(), *unit, job);
                 assert_eq!(found, expected, "{unit:?}, {store:?}, {rows} rows");
             }
         }
@@ -242,7 +242,7 @@ fn zeros_behind_the_rows_change_nothing() {
 
 #[test]
 fn the_processor_rounds_to_bf16_as_the_definition_does() {
-    if !has_brain() {
+    if !has_bf16() {
         return;
     }
     let special = [
@@ -257,13 +257,13 @@ fn the_processor_rounds_to_bf16_as_the_definition_does() {
     ];
     let halfway = [0x3f80_8000, 0x3f81_8000, 0x3f80_8001, 0x3f80_7fff].map(f32::from_bits);
     let values = [&special[..], &halfway, &scattered(1000, 4)].concat();
-    let mut buffer = BrainBuffer::default();
+    let mut buffer = Bf16Buffer::default();
     buffer.fill(&values);
-    let expected: Vec<_> = values.iter().map(|v| Brain::round(*v)).collect();
+    let expected: Vec<_> = values.iter().map(|v| Bf16::round(*v)).collect();
     assert_eq!(buffer.values(), expected);
-    let halfway: Vec<_> = halfway.map(|v| Brain::round(v).0).into();
+    let halfway: Vec<_> = halfway.map(|v| Bf16::round(v).0).into();
     assert_eq!(halfway, [0x3f80, 0x3f82, 0x3f81, 0x3f80]);
-    assert!(Brain::round(f32::NAN).widen().is_nan());
+    assert!(Bf16::round(f32::NAN).widen().is_nan());
 }
 
 #[test]
@@ -271,12 +271,7 @@ fn the_processor_rounds_to_bf16_as_the_definition_does() {
 fn a_row_beyond_the_input_is_refused() {
     let packed = Packed::new(&scattered(12, 1), &scattered(4, 2));
     let batch = Batch::contiguous(2, 3, 4);
-    packed.multiply(
-        Input::Single(&[0.0; 5]),
-        &mut [0.0; 8],
-        batch,
-        Store::Replace,
-    );
+    packed.multiply(Input::F32(&[0.0; 5]), &mut [0.0; 8], batch, Store::Replace);
 }
 
 #[test]
@@ -284,10 +279,5 @@ fn a_row_beyond_the_input_is_refused() {
 fn a_row_beyond_the_output_is_refused() {
     let packed = Packed::new(&scattered(12, 1), &scattered(4, 2));
     let batch = Batch::contiguous(2, 3, 4);
-    packed.multiply(
-        Input::Single(&[0.0; 6]),
-        &mut [0.0; 7],
-        batch,
-        Store::Replace,
-    );
+    packed.multiply(Input::F32(&[0.0; 6]), &mut [0.0; 7], batch, Store::Replace);
 }

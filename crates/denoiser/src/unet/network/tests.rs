@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::Manifest;
-use crate::gemm::presence::{has_brain, precisions};
+use crate::gemm::presence::{has_bf16, precisions};
 use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
 
@@ -74,7 +74,7 @@ impl Parity {
             &self.condition(case),
             self.step(case),
             self.paths("input.paths", case),
-            Precision::Single,
+            Precision::F32,
             &mut scratch,
             &mut noise,
         );
@@ -244,7 +244,7 @@ fn the_gradient_agrees_with_finite_differences() {
                 &condition,
                 40.0,
                 &moved,
-                Precision::Single,
+                Precision::F32,
                 &mut scratch,
                 &mut noise,
             );
@@ -303,7 +303,7 @@ fn prepared_steps_change_nothing() {
             condition,
             step,
             paths,
-            Precision::Single,
+            Precision::F32,
             &mut scratch,
             &mut noise,
         );
@@ -317,15 +317,19 @@ fn prepared_steps_change_nothing() {
 
 #[test]
 fn reduced_precision_stays_near() {
-    if !has_brain() {
+    if !has_bf16() {
         return;
     }
     let parity = Parity::load();
     let of = |precision| parity.together(&[0, 1, 2], precision, &mut UnetScratch::default());
-    let (single, brain) = (of(Precision::Single), of(Precision::Brain));
-    for (single, brain) in single.iter().zip(&brain) {
-        let error: f32 = single.iter().zip(brain).map(|(a, b)| (a - b).powi(2)).sum();
-        let share = (error / single.iter().map(|v| v.powi(2)).sum::<f32>()).sqrt();
+    let (in_f32, in_bf16) = (of(Precision::F32), of(Precision::Bf16));
+    for (in_f32, in_bf16) in in_f32.iter().zip(&in_bf16) {
+        let error: f32 = in_f32
+            .iter()
+            .zip(in_bf16)
+            .map(|(a, b)| (a - b).powi(2))
+            .sum();
+        let share = (error / in_f32.iter().map(|v| v.powi(2)).sum::<f32>()).sqrt();
         assert!(share > 1e-4 && share < 0.03, "off by {share}");
     }
 }
@@ -334,7 +338,7 @@ fn reduced_precision_stays_near() {
 fn a_request_for_no_candidates_changes_nothing_of_the_next_one() {
     let parity = Parity::load();
     let of = |cases: &[usize], scratch: &mut UnetScratch| {
-        parity.together(cases, Precision::Single, scratch)
+        parity.together(cases, Precision::F32, scratch)
     };
     let alone = of(&[0, 1, 2], &mut UnetScratch::default());
     let mut scratch = UnetScratch::default();
@@ -354,7 +358,7 @@ fn a_path_of_another_length_is_refused() {
         &parity.condition(0),
         0.0,
         &[0.0; 383],
-        Precision::Single,
+        Precision::F32,
         &mut scratch,
         &mut [0.0; 383],
     );

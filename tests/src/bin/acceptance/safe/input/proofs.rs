@@ -64,19 +64,19 @@ const ATTEMPTS: [(&str, &[(&str, &str)]); 4] = [
         "a unit for bf16",
         &[
             (
-                "use crate::gemm::Unit; pub fn f() -> Unit { Unit::Vectors }",
+                "use crate::gemm::Bf16Unit; pub fn f() -> Bf16Unit { Bf16Unit::Avx512 }",
                 "error[E0308]",
             ),
             (
-                "use crate::gemm::Unit; pub fn f() -> Unit { Unit::Tiles }",
+                "use crate::gemm::Bf16Unit; pub fn f() -> Bf16Unit { Bf16Unit::Amx }",
                 "error[E0308]",
             ),
             (
-                "use crate::gemm::{Bf16Vectors, Unit}; pub fn f() -> Unit { Unit::Vectors(Bf16Vectors(())) }",
+                "use crate::gemm::{Avx512Bf16, Bf16Unit}; pub fn f() -> Bf16Unit { Bf16Unit::Avx512(Avx512Bf16(())) }",
                 "error[E0423]",
             ),
             (
-                "use crate::gemm::{Bf16Tiles, Unit}; pub fn f() -> Unit { Unit::Tiles(Bf16Tiles(())) }",
+                "use crate::gemm::{AmxBf16, Bf16Unit}; pub fn f() -> Bf16Unit { Bf16Unit::Amx(AmxBf16(())) }",
                 "error[E0423]",
             ),
         ],
