@@ -1,8 +1,9 @@
 //! Success against the network's evaluations, and what the canonical frame, correction, data and size are worth.
 
 use crate::fast_cases::{Cases, GENERAL, HARD, REFERENCE, count};
+use crate::report::Report;
 use crate::runs::{Evaluation, Model, ablation_folder, number, weights_folder};
-use crate::{Report, Scale};
+use crate::scale::Scale;
 
 const EVALUATIONS: [usize; 4] = [1, 2, 4, 8];
 /// Attempts to correct a path: none, one, and one more with a larger margin.

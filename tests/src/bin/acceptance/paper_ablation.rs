@@ -10,9 +10,10 @@ use planning::modes;
 use serde_json::Value;
 
 use crate::paper_runs::{FREE, GENERAL, HARD, MIXED, ablation_cases, evaluation};
+use crate::report::Report;
 use crate::runs::{Model, Unseen, figure, number, weights_folder};
+use crate::scale::Scale;
 use crate::spread::median;
-use crate::{Report, Scale};
 
 const PLANNERS: [&str; 5] = [
     "diffusion",

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use crate::Scale;
 use crate::runs::{Evaluation, Model, Unseen};
+use crate::scale::Scale;
 
 /// Cases of every ablation; those with and without lower precision are the same.
 pub(crate) fn ablation_cases(scale: Scale) -> usize {

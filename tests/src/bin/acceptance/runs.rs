@@ -12,7 +12,8 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tests::programs::{program, repository};
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// Candidates of every case where nothing else is said, as the paper draws.
 pub(crate) const CANDIDATES: usize = 10;

@@ -9,8 +9,8 @@ use std::process::Command;
 use anyhow::{Context, ensure};
 use tests::programs::repository;
 
-use super::text;
-use crate::Report;
+use super::outcome::text;
+use crate::report::Report;
 
 /// Safe code that comes by a level or a unit without detection: each in every spelling that might compile, with what the compiler
 /// must say of it: that a value of the level is missing, that its maker is private, or that there is no default.
