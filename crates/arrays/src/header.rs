@@ -48,7 +48,7 @@ impl Header {
     }
 
     /// The bytes that the values need.
-    pub(crate) fn values_bytes(&self) -> Result<u64, NpyError> {
+    pub(crate) fn bytes_needed(&self) -> Result<u64, NpyError> {
         let needed = product(&self.shape)?.checked_mul(self.value_bytes);
         needed.ok_or_else(|| NpyError::Overflow {
             shape: self.shape.clone(),

@@ -21,7 +21,7 @@ impl<R: Read> NpyArray<R> {
     /// [`NpyError`], where the header is not understood, or does not describe as many bytes as there are.
     pub fn open(mut reader: R, size: u64) -> Result<Self, NpyError> {
         let header = Header::read(&mut reader)?;
-        let (needed, found) = (header.values_bytes()?, size.saturating_sub(header.length));
+        let (needed, found) = (header.bytes_needed()?, size.saturating_sub(header.length));
         if needed != found {
             return Err(NpyError::Size {
                 descr: format!("'{}'", header.descr),
@@ -59,7 +59,7 @@ impl<R: Read> NpyArray<R> {
             let reason = format!("it holds '{descr}', '{needed}' is needed");
             return Err(Error::other(reason).into());
         }
-        let bytes = header.values_bytes()?;
+        let bytes = header.bytes_needed()?;
         let count = usize::try_from(bytes / header.value_bytes).unwrap_or(usize::MAX);
         let mut values = Vec::new();
         if values.try_reserve_exact(count).is_err() {
