@@ -1,7 +1,7 @@
 //! Runs a loop with the widest vectors that the processor has.
 //!
 //! A kernel is written once; [`dispatch`] compiles it for AVX-512, for AVX2 with FMA, and without either, and picks at
-//! run time. The choice is the same for the whole life of the process. Why not by `fearless_simd`: decision 0025.
+//! run time. The choice is the same for the whole life of the process. Why not by `fearless_simd`: decision 0026.
 #![allow(unsafe_code)] // calling what is compiled for features that were detected
 
 use super::lanes::Lanes;
