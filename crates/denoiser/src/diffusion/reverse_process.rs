@@ -18,7 +18,7 @@ pub trait Denoiser {
     fn pull_back(&mut self, cotangent: &[f32], gradient: &mut [f32]);
 }
 
-/// How the noise is removed.
+/// The solver that takes the reverse diffusion from one step to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solver {
     /// Deterministic DDIM.
@@ -27,7 +27,7 @@ pub enum Solver {
     DpmSolver,
 }
 
-/// There is no solver of this name.
+/// A solver's name that is neither `ddim` nor `dpm-solver`.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("solver {0:?} is unknown: ddim and dpm-solver are allowed")]
 pub struct UnknownSolver(String);
@@ -83,8 +83,8 @@ pub struct ReverseProcessScratch {
 }
 
 impl ReverseProcess {
-    /// A process of `steps` evaluations of the network (1 to 1000; more are 1000): evenly over the steps for DDIM, evenly over the
-    /// logarithm of the ratio of signal to noise for DPM-Solver++.
+    /// A process of `steps` evaluations of the network (1 to 1000; more are 1000): evenly over the steps for DDIM, evenly
+    /// over the logarithm of the ratio of signal to noise for DPM-Solver++.
     #[must_use]
     pub fn new(solver: Solver, steps: usize) -> Self {
         let (schedule, steps) = (Schedule::new(), steps.clamp(1, STEPS));
@@ -145,12 +145,12 @@ impl ReverseProcess {
     }
 }
 
-/// What every path begins with.
+/// The first frame that every path keeps throughout the reverse diffusion.
 #[derive(Clone, Copy)]
 pub struct Held<'a> {
     /// The first frame, normalised.
     pub start: &'a [f32],
-    /// Frames of a path.
+    /// How many frames a path has.
     pub frames: usize,
 }
 

@@ -95,7 +95,7 @@ struct Scale {
     deviation: Vec<f32>,
 }
 
-/// The network with its weights.
+/// The few-step flow model with its weights.
 pub struct FastModel {
     precision: Precision,
     width: usize,
@@ -170,7 +170,7 @@ impl FastModel {
         Ok(model.with_precision(Precision::fastest()))
     }
 
-    /// The same network with its products in another precision.
+    /// This network, with its products computed in a certain precision.
     ///
     /// # Panics
     /// If the precision is not [available](Precision::available).
@@ -187,7 +187,7 @@ impl FastModel {
         self
     }
 
-    /// The same network with another number of evaluations a sample: 1, 2, 4 or 8 Euler steps of the flow.
+    /// This network, with a certain number of evaluations a sample: 1, 2, 4 or 8 Euler steps of the flow.
     ///
     /// # Errors
     /// [`EvaluationsRefused`] for any other number.
@@ -202,7 +202,7 @@ impl FastModel {
         self.flow.evaluations()
     }
 
-    /// The frame of its features and coefficients.
+    /// The frame in which features and coefficients of this model are given.
     #[must_use]
     pub fn frame(&self) -> FeatureFrame {
         self.frame

@@ -20,7 +20,7 @@ pub(super) struct Flow {
     layer: Linear,
     width: usize,
     evaluations: usize,
-    /// What the layer makes of the time at which each step begins.
+    /// The layer's output for the time at which each step begins (steps × width).
     times: Vec<f32>,
 }
 

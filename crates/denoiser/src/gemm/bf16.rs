@@ -61,12 +61,12 @@ impl Bf16Buffer {
         self.len = values.len();
     }
 
-    /// Becomes rows of `width` values, rounded to bf16, each with zeros behind it up to [`padded`]; allocates as
-    /// [`fill`](Self::fill) does.
+    /// Becomes rows of `width` values, rounded to bf16, each with zeros behind it up to [`padded`]; allocates
+    /// only when it grows beyond what it held before.
     ///
     /// # Panics
     ///
-    /// As [`fill`](Self::fill), and when the values are not whole rows.
+    /// When [`Precision::Bf16`](super::Precision::Bf16) is not available, or the values are not whole rows.
     pub fn fill_rows(&mut self, values: &[f32], width: usize) {
         assert!(values.len().is_multiple_of(width), "rows of {width} values");
         self.round(values, width);
@@ -99,7 +99,8 @@ impl Bf16Buffer {
     }
 }
 
-/// The distance between rows of this width with zeros behind them: whole cache lines, and whole steps of a product.
+/// The values from a row of `width` values to the next when zeros fill it up to whole cache lines, which are also whole
+/// steps of a bf16 product.
 #[must_use]
 pub fn padded(width: usize) -> usize {
     width.next_multiple_of(LINE)

@@ -69,7 +69,7 @@ struct Sums<const N: usize> {
     stride: usize,
 }
 
-/// Computes with tiles.
+/// Computes W x + b with AMX tiles.
 ///
 /// # Safety
 ///

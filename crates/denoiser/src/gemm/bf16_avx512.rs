@@ -12,6 +12,7 @@ use std::arch::x86_64::*;
 /// Rows that fit the registers together with their weights.
 const ROWS: usize = 12;
 
+/// Computes W x + b with AVX-512 BF16.
 #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512bf16")]
 pub(super) fn multiply(panels: &Bf16Panels, mut job: Job<'_, Bf16>) {
     for block in job.blocks(ROWS) {

@@ -8,7 +8,7 @@ use super::job::Job;
 #[cfg(target_arch = "x86_64")]
 use super::{bf16_amx, bf16_avx512};
 
-/// Computes with a unit.
+/// Computes W x + b with a unit of this processor.
 pub(super) fn multiply(panels: &Bf16Panels, unit: Bf16Unit, job: Job<'_, Bf16>) {
     match unit {
         #[cfg(target_arch = "x86_64")]

@@ -7,7 +7,7 @@ use super::job::{Job, PANEL};
 use super::{f32_avx2, f32_avx512};
 use crate::simd::dispatch::Level;
 
-/// Computes with the vectors that the matrix is packed for.
+/// Computes W x + b with the vectors that the matrix is packed for.
 pub(super) fn multiply(panels: &F32Panels, job: Job<'_, f32>) {
     match panels.level {
         #[cfg(target_arch = "x86_64")]
@@ -20,7 +20,7 @@ pub(super) fn multiply(panels: &F32Panels, job: Job<'_, f32>) {
     }
 }
 
-/// Computes without vector extensions.
+/// Computes W x + b without vector extensions.
 fn multiply_plainly(panels: &F32Panels, mut job: Job<'_, f32>) {
     for block in job.blocks(1) {
         let weights = &panels.weights[block.panel * panels.inputs..][..panels.inputs];

@@ -15,7 +15,7 @@ pub enum Input<'a> {
 }
 
 impl Input<'_> {
-    /// Without its first values.
+    /// These factors without the first `count` values.
     pub(crate) fn skip(self, count: usize) -> Self {
         match self {
             Self::F32(values) => Self::F32(&values[count..]),

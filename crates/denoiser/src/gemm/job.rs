@@ -90,7 +90,7 @@ pub(super) struct Start {
     pub(super) to: usize,
 }
 
-/// What becomes of the values that stood in the output.
+/// Whether a product replaces the values of its output or is added to them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Store {
     /// y = W x + b.

@@ -51,19 +51,19 @@ impl Packed {
         }
     }
 
-    /// Values of a row of x.
+    /// How many values a row of x has.
     #[must_use]
     pub fn inputs(&self) -> usize {
         self.inputs
     }
 
-    /// Values of a row of y.
+    /// How many values a row of y has.
     #[must_use]
     pub fn outputs(&self) -> usize {
         self.outputs
     }
 
-    /// Packs for a precision now, not in the first product that needs it.
+    /// Packs the matrix for a precision, which the first product in that precision would do otherwise.
     pub fn prepare(&self, precision: Precision) {
         if precision == Precision::Bf16 {
             self.bf16_panels();
@@ -92,7 +92,7 @@ impl Packed {
         }
     }
 
-    /// Computes W x + b in bf16 on a certain unit, to compare them.
+    /// Computes W x + b in bf16 on the given unit, so that units can be compared.
     ///
     /// # Panics
     ///

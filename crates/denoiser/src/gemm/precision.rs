@@ -14,7 +14,7 @@ pub enum Precision {
     Bf16,
 }
 
-/// There is no precision of this name.
+/// A precision's name that is neither `f32` nor `bf16`.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[error("precision {0:?} is unknown: f32 and bf16 are allowed")]
 pub struct UnknownPrecision(String);
@@ -50,7 +50,7 @@ impl Precision {
         }
     }
 
-    /// The precision with the fastest products here (decision 0009).
+    /// The precision with the fastest products on this processor (decision 0009).
     pub(crate) fn fastest() -> Self {
         match Bf16Unit::best() {
             Some(unit) if unit.is_faster_than_f32() => Self::Bf16,

@@ -22,7 +22,7 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Takes a shape with rows of zeros; what lies between is to be overwritten.
+    /// Takes a shape and writes its rows of zeros; the values between them are undefined until they are overwritten.
     pub(crate) fn shape(&mut self, candidates: usize, height: usize, channels: usize) {
         if (self.height, self.channels) != (height, channels) {
             self.padded = 0;
@@ -76,7 +76,7 @@ impl Rows {
         all.map(move |candidate| &mut candidate[margin..pitch - margin])
     }
 
-    /// Takes the shape and the values of another.
+    /// Becomes a copy of `source`, shape and values.
     pub(crate) fn copy(&mut self, source: &Self) {
         self.shape(source.candidates, source.height, source.channels);
         for (target, source) in self.each_mut().zip(source.each()) {
@@ -84,7 +84,7 @@ impl Rows {
         }
     }
 
-    /// Copies channels of another, from `from` on, to the channels from `to` on.
+    /// Copies `count` channels of `source`, from channel `from` on, to the channels from `to` on.
     pub(crate) fn copy_channels(&mut self, to: usize, source: &Self, from: usize, count: usize) {
         let (wide, narrow) = (self.channels, source.channels);
         for (target, source) in self.each_mut().zip(source.each()) {
@@ -197,7 +197,7 @@ impl Convolution {
         })
     }
 
-    /// Packs for a precision now, so that no product needs to.
+    /// Packs the weights for a precision, which the first product in that precision would do otherwise.
     pub(crate) fn prepare(&self, precision: Precision) {
         for product in self.forward.products.iter().chain(&self.backward.products) {
             product.prepare(precision);
@@ -226,7 +226,7 @@ impl Convolution {
         self.backward.run(output, factors, input, Store::Replace);
     }
 
-    /// Adds that gradient to `input`.
+    /// Adds the gradient with respect to the input to `input`, given that with respect to the output.
     pub(crate) fn pull_back_onto(&self, output: &Rows, factors: &mut Factors, input: &mut Rows) {
         self.backward.run(output, factors, input, Store::Add);
     }

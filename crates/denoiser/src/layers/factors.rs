@@ -22,7 +22,7 @@ impl Factors {
         self.precision = precision;
     }
 
-    /// Values whose rows may overlap.
+    /// The factors of values whose rows may overlap.
     pub(crate) fn of<'a>(&'a mut self, x: &'a [f32]) -> Input<'a> {
         match self.precision {
             Precision::F32 => Input::F32(x),
@@ -33,7 +33,7 @@ impl Factors {
         }
     }
 
-    /// Rows of `width` values that lie one behind the other.
+    /// The factors of rows of `width` values that lie one behind the other.
     pub(crate) fn of_rows<'a>(&'a mut self, x: &'a [f32], width: usize) -> Input<'a> {
         match self.precision {
             Precision::F32 => Input::F32(x),

@@ -12,7 +12,7 @@ use crate::weights::file::WeightsFile;
 
 /// Groups of channels that are normalised together.
 pub(crate) const GROUPS: usize = 8;
-/// PyTorch's default.
+/// The ε that keeps the divisor from zero: PyTorch's default.
 const EPSILON: f32 = 1e-5;
 
 /// Factor and summand of each channel, applied after the normalisation.
@@ -40,7 +40,7 @@ impl Affine {
     }
 }
 
-/// What normalisation found: candidates × channels, where the channels of a group share their values.
+/// Means and scales of a normalisation, for its gradient: candidates × channels, where the channels of a group share their values.
 #[derive(Default)]
 pub(crate) struct Statistics {
     mean: Vec<f32>,
@@ -228,7 +228,7 @@ impl Kernel for Backward<'_> {
     }
 }
 
-/// One candidate's input of a normalisation, and what it found there.
+/// One candidate's input of a normalisation, with its means and scales.
 struct Normalised<'a> {
     x: &'a [f32],
     /// From here to the next candidate's, which has long left the near caches when it is needed.
@@ -238,7 +238,7 @@ struct Normalised<'a> {
 }
 
 impl Normalised<'_> {
-    /// Through SiLU and the affine map; leaves the averages of the gradient, and of gradient · normalised x.
+    /// Carries the gradient back through SiLU and the affine map; leaves the averages of the gradient, and of gradient · normalised x.
     #[inline(always)]
     fn through_activation<L: Lanes>(
         &self,
@@ -279,7 +279,7 @@ impl Normalised<'_> {
         }
     }
 
-    /// Through the normalisation: scale · (g − average g − normalised x · average (g · normalised x)), and adds the
+    /// Carries the gradient back through the normalisation: scale · (g − average g − normalised x · average (g · normalised x)), and adds the
     /// gradient of the copy unless that is empty.
     #[inline(always)]
     fn through_norm<L: Lanes>(

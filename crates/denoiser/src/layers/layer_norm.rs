@@ -5,7 +5,7 @@ use crate::simd::lanes::Lanes;
 use crate::weights::error::WeightsError;
 use crate::weights::file::WeightsFile;
 
-/// PyTorch's default.
+/// The ε that keeps the divisor from zero: PyTorch's default.
 const EPSILON: f32 = 1e-5;
 const LANES: usize = 16;
 

@@ -5,7 +5,7 @@ use crate::layers::factors::Factors;
 use crate::weights::error::WeightsError;
 use crate::weights::file::WeightsFile;
 
-/// A layer with its weights.
+/// A fully connected layer with its weights.
 pub(crate) struct Linear {
     product: Packed,
 }
@@ -29,7 +29,7 @@ impl Linear {
         }
     }
 
-    /// Packs for a precision now, so that no product needs to.
+    /// Packs the weights for a precision, which the first product in that precision would do otherwise.
     pub(crate) fn prepare(&self, precision: Precision) {
         self.product.prepare(precision);
     }

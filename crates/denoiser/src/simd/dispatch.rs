@@ -10,7 +10,7 @@ use super::token::Plain;
 use super::token::{Avx2, Avx512};
 use std::sync::LazyLock;
 
-/// What may be used of this processor.
+/// The vectors that a kernel is compiled for, with the proof that this processor has them.
 #[derive(Clone, Copy)]
 pub(crate) enum Level {
     /// AVX-512 F, VL, DQ, BW, AVX2 and FMA.
@@ -51,7 +51,7 @@ pub(crate) fn dispatch(kernel: impl Kernel) {
     run_at(detected(), kernel);
 }
 
-/// Runs a kernel at a level.
+/// Runs a kernel with the vectors of a level.
 pub(crate) fn run_at(level: Level, kernel: impl Kernel) {
     match level {
         #[cfg(target_arch = "x86_64")]

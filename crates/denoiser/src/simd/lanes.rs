@@ -10,7 +10,7 @@ use std::arch::x86_64::*;
 /// Values handled together.
 pub(crate) const LANES: usize = 16;
 
-/// Element-wise arithmetic of a level.
+/// Element-wise arithmetic on [`LANES`] values, with the vectors of one level.
 ///
 /// A value of the level is the proof that the processor has its features: only [`token`](super::token) makes one,
 /// after it detected them, and every method asks for one. That is what makes the methods sound.

@@ -1,7 +1,7 @@
 //! Which vectors this processor has, and the proof of it.
 //!
 //! A value of [`Avx2`] or [`Avx512`] exists only where its features were detected, as its one field is private to this
-//! file. Whatever asks for such a value can therefore use the features without looking for them again.
+//! file. A function that takes such a value can therefore use the features without detecting them again.
 
 /// No vector extension: exists on every processor.
 #[derive(Clone, Copy)]

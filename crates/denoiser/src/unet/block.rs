@@ -20,7 +20,7 @@ pub(super) struct ResidualBlock {
     skip: Option<Convolution>,
 }
 
-/// What a block's last pass left behind.
+/// What a block's last forward pass stored for its gradient.
 #[derive(Default)]
 pub(super) struct BlockTape {
     statistics: [Statistics; 2],
@@ -144,7 +144,7 @@ pub(super) struct Stage {
     pub(super) blocks: [ResidualBlock; 2],
 }
 
-/// What a stage's last pass left behind.
+/// What a stage's last forward pass stored for its gradient.
 #[derive(Default)]
 pub(super) struct StageTape {
     pub(super) entry: Rows,

@@ -45,7 +45,7 @@ impl TemporalUnet {
         }
     }
 
-    /// From the noise to the output of the last stage.
+    /// Carries the gradient from the noise back to the output of the last stage.
     fn leave(&self, s: &mut UnetScratch, cotangent: &[f32]) {
         let g = &mut s.gradient;
         g.cotangent
@@ -68,7 +68,7 @@ impl TemporalUnet {
     }
 }
 
-/// From a stage's entry to the outputs of the stages that it comes from.
+/// Carries the gradient from a stage's entry back to the outputs of the stages that it comes from.
 fn pull_back_entrance(
     entrance: &Entrance,
     entry: &Rows,

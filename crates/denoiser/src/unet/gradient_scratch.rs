@@ -8,7 +8,7 @@ use crate::layers::convolution::Rows;
 #[derive(Default)]
 pub(super) struct GradientScratch {
     pub(super) cotangent: Rows,
-    /// With respect to the output of each stage, then to its entry.
+    /// For each stage, the gradient with respect to its output, then the one with respect to its entry.
     pub(super) stages: [Rows; STAGES],
     pub(super) grown: Rows,
     pub(super) input: Rows,

@@ -21,7 +21,7 @@ pub struct UnetCondition {
     prepared: Vec<Films>,
 }
 
-/// What a diffusion step makes of the second normalisation of every block.
+/// The factors and summands (FiLM) by which a diffusion step changes the second normalisation of every block.
 pub(super) struct Films {
     step: f32,
     pub(super) films: [[Affine; 2]; STAGES],
@@ -51,7 +51,7 @@ pub struct UnetScratch {
     pub(super) gradient: GradientScratch,
 }
 
-/// The network with its weights.
+/// The temporal U-Net with its weights.
 pub struct TemporalUnet {
     normalisation: Normalisation,
     embedding: Embedding,
@@ -91,7 +91,7 @@ impl TemporalUnet {
         })
     }
 
-    /// How physical quantities become the network's.
+    /// The map between physical quantities and the network's.
     #[must_use]
     pub fn normalisation(&self) -> &Normalisation {
         &self.normalisation
@@ -126,8 +126,8 @@ impl TemporalUnet {
         }
     }
 
-    /// Computes what the condition means at some diffusion steps (0..=999) at once, which [`Self::predict`] otherwise
-    /// does at each of its calls; the results are the same bit for bit.
+    /// Computes the condition's factors and summands for some diffusion steps (0..=999) at once, which [`Self::predict`]
+    /// otherwise does in each call; its results do not depend on it, bit for bit.
     pub fn prepare(&self, condition: &mut UnetCondition, steps: &[f32]) {
         condition.prepared.clear();
         condition.prepared.resize_with(steps.len(), Films::default);
@@ -181,7 +181,7 @@ impl TemporalUnet {
         }
     }
 
-    /// Writes the films of each step.
+    /// Writes the factors and summands of each step.
     fn modulate(&self, request: &[f32], steps: &[f32], s: &mut UnetScratch, films: &mut [Films]) {
         let (work, contexts) = (&mut s.embedding, &mut s.contexts);
         self.embedding.contexts(request, steps, work, contexts);

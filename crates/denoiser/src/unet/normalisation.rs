@@ -1,11 +1,11 @@
-//! Between physical quantities and the network's.
+//! The map between physical quantities and the network's.
 
 use super::dimensions::FRAME;
 use super::graph::Node;
 use crate::weights::error::{ContentError, WeightsError};
 use crate::weights::file::WeightsFile;
 
-/// How physical quantities become the network's.
+/// The map between physical quantities and the network's: configurations to −1..=1, positions to centre and scale.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Normalisation {
     /// Configuration that becomes −1.
@@ -69,7 +69,7 @@ impl Normalisation {
         Ok(())
     }
 
-    /// A configuration between −1 and 1.
+    /// A configuration in the network's numbers, between −1 and 1, given one in its physical unit.
     #[must_use]
     pub fn configuration(&self, physical: &[f32; FRAME]) -> [f32; FRAME] {
         std::array::from_fn(|i| {

@@ -139,7 +139,7 @@ impl WeightsFile {
         }
     }
 
-    /// Whether there is a tensor whose name begins like this.
+    /// Whether the name of some tensor begins with `begin`.
     pub(crate) fn has_tensors(&self, begin: &str) -> bool {
         let mut following = self.tensors.range(begin.to_owned()..);
         following

@@ -11,7 +11,7 @@ const FILE: &str = "MANIFEST.toml";
 /// Longest weights file that is read.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// The weights of a folder.
+/// The manifest of a folder of weights.
 #[derive(Clone, Debug)]
 pub struct Manifest {
     folder: PathBuf,
@@ -35,7 +35,7 @@ impl Manifest {
         })
     }
 
-    /// Loads and checks the weights of a name.
+    /// Loads the weights that the manifest has under a name, and checks them against their entry.
     ///
     /// # Errors
     /// [`WeightsError`]: the name is not in the manifest, or the file does not fit it.
@@ -55,7 +55,7 @@ impl Manifest {
         self.entries.keys().map(String::as_str)
     }
 
-    /// What it says of the weights of a name.
+    /// The entry that the manifest has under a name.
     ///
     /// # Errors
     /// [`WeightsError::NotInManifest`].

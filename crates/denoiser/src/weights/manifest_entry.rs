@@ -18,7 +18,7 @@ pub struct ManifestEntry {
     pub file: String,
     /// SHA-256 of its content, in hexadecimal.
     pub sha256: String,
-    /// Its size.
+    /// The size of the file, bytes.
     pub bytes: u64,
     /// Which network it holds.
     pub architecture: String,
@@ -33,7 +33,7 @@ pub struct ManifestEntry {
     pub measured: toml::Table,
 }
 
-/// A table, which a date is not, though it reads like one.
+/// Reads a table of TOML, and refuses a date, which serde would take for one.
 fn table<'de, D: Deserializer<'de>>(deserializer: D) -> Result<toml::Table, D::Error> {
     match toml::Value::deserialize(deserializer)? {
         toml::Value::Table(table) => Ok(table),
