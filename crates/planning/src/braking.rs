@@ -1,10 +1,11 @@
 //! Starts in motion: the robot brakes straight ahead, and every motion begins with that.
 
+use crate::error::Infeasible;
 use crate::finish::{Demands, append};
 use crate::metrics::PathMetrics;
-use crate::plan::{Candidate, Certified, Plan, StartMotion};
-use crate::problem::Infeasible;
-use crate::select::{Selection, select};
+use crate::plan::{Candidate, Certified, Plan};
+use crate::request::{Selection, StartMotion};
+use crate::select::select;
 use pcc_model::{Configuration, Robot, TendonLimits};
 use rayon::prelude::*;
 use std::sync::Arc;

@@ -4,6 +4,7 @@
 
 use crate::path::{WAYPOINTS, Waypoints};
 use crate::problem::Problem;
+use crate::request::Guidance;
 use crate::sampled_collision::{REPULSION, deepest, way_out};
 use crate::sampling::noise;
 use collision::Scene;
@@ -19,17 +20,6 @@ use thiserror::Error;
 
 /// Values of a path.
 const PATH: usize = WAYPOINTS * DOF;
-
-/// How the differential kinematics takes part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Guidance {
-    /// Not at all.
-    Pure,
-    /// Post correction: it moves the clean estimate.
-    Post,
-    /// Guided prediction: its energy's gradient goes through the network.
-    Guided,
-}
 
 /// How a model is sampled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

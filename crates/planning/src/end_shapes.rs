@@ -1,9 +1,10 @@
 //! Diverse end shapes of a goal: multi-start inverse kinematics, clear and distinct, near ones and far ones in turn.
 
+use crate::error::Infeasible;
 use crate::inverse_kinematics::{is_solved, solve_tips};
-use crate::planner::Interrupt;
-use crate::problem::{Goal, Infeasible, Problem};
+use crate::problem::{Goal, Problem};
 use crate::random_configuration::random_configuration;
+use crate::request::Interrupt;
 use pcc_model::{Configuration, Robot};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;

@@ -1,19 +1,19 @@
 //! From a path to a motion: correction, time allocation, the certificate of the curve that is executed, its figures.
 
 use crate::correction::{Correction, CorrectionMemory, Corrector};
+use crate::incumbent::Rival;
 use crate::least_duration::least_duration_s;
 use crate::metrics::{CLEARANCE_TOLERANCE, PathMetrics};
 use crate::path::{Waypoints, resample};
 use crate::plan::{Certified, Failure};
-use crate::planner::Interrupt;
 use crate::problem::BENDING_SLACK_RAD;
 use crate::pushes::PushKernel;
-use crate::race::Rival;
+use crate::request::Interrupt;
+use crate::stage_times::{StageTimes, Stopwatch};
 use crate::straighten::TipCurves;
 use collision::{Scene, certified_clearance, certify_polyline};
 use pcc_model::{Configuration, Robot, SECTIONS, TendonLimits};
 use std::cell::RefCell;
-use std::time::Instant;
 use trajectory::{Knot, ParameterizationOptions, TimeParameterizer, Trajectory};
 
 /// Clearance that corrections aim for beyond the tube, in the first and the second attempt, section lengths.
@@ -52,38 +52,11 @@ pub(crate) struct Demands<'a> {
     pub(crate) interrupt: Interrupt<'a>,
 }
 
-/// Time on its worker that one path took in each stage, seconds.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Laps {
-    pub(crate) condition: f64,
-    pub(crate) sample: f64,
-    pub(crate) correct: f64,
-    pub(crate) time: f64,
-    pub(crate) certify: f64,
-    pub(crate) select: f64,
-}
-
-impl Laps {
-    pub(crate) fn add(&mut self, other: &Self) {
-        self.condition += other.condition;
-        self.sample += other.sample;
-        self.correct += other.correct;
-        self.time += other.time;
-        self.certify += other.certify;
-        self.select += other.select;
-    }
-
-    pub(crate) fn total(&self) -> f64 {
-        let finishing = self.correct + self.time + self.certify + self.select;
-        self.condition + self.sample + finishing
-    }
-}
-
 /// A path on its way to a motion.
 pub(crate) struct Finished {
     pub(crate) path: Waypoints,
     pub(crate) outcome: Result<Certified, Failure>,
-    pub(crate) laps: Laps,
+    pub(crate) laps: StageTimes,
 }
 
 impl Finished {
@@ -95,12 +68,6 @@ impl Finished {
         );
         is_refused && self.path != other
     }
-}
-
-/// Seconds since `clock`, which is set to now.
-pub(crate) fn lap(clock: &mut Instant) -> f64 {
-    let now = Instant::now();
-    (now - std::mem::replace(clock, now)).as_secs_f64()
 }
 
 /// Adds a motion that begins where the one before comes to rest.
@@ -127,7 +94,7 @@ impl Demands<'_> {
         let mut finished = Finished {
             path,
             outcome: Err(Failure::Truncated),
-            laps: Laps::default(),
+            laps: StageTimes::default(),
         };
         let is_clear = is_rough && !(self.interrupt)() && self.straighten(&mut finished);
         for attempt in 0..self.corrections.clamp(1, MOST_CORRECTIONS) {
@@ -161,14 +128,14 @@ impl Demands<'_> {
 
     /// Draws a sampled path's tip onto a smooth curve, if that leaves nothing to correct; whether it does.
     fn straighten(&self, finished: &mut Finished) -> bool {
-        let mut clock = Instant::now();
+        let mut clock = Stopwatch::start();
         let margin = 0.5 * CORRECTION_MARGINS[0];
         let (scene, limits) = (self.scene, &self.limits);
         let path = &mut finished.path;
         let is_clear = self
             .curves
             .straighten(self.grown, scene, margin, limits, path);
-        finished.laps.correct += lap(&mut clock);
+        finished.laps.correct += clock.lap();
         is_clear
     }
 
@@ -185,7 +152,7 @@ impl Demands<'_> {
         finished: &mut Finished,
         rival: Option<&Rival>,
     ) -> Result<(), Failure> {
-        let mut clock = Instant::now();
+        let mut clock = Stopwatch::start();
         let corrector = Corrector {
             robot: self.grown,
             scene: self.scene,
@@ -199,7 +166,7 @@ impl Demands<'_> {
                 |path| rival.is_some_and(|rival| rival.stops_pushing(self.least_s(path))),
             )
         });
-        finished.laps.correct += lap(&mut clock);
+        finished.laps.correct += clock.lap();
         match corrected {
             Correction::Clear => Ok(()),
             Correction::Touching => Err(Failure::Collision),
@@ -210,9 +177,9 @@ impl Demands<'_> {
     /// Delivers a corrected path on a smooth curve beside its way, or as it is where that is refused.
     fn deliver_smooth(&self, finished: &mut Finished, rival: Option<&Rival>) {
         let corrected = finished.path.clone();
-        let mut clock = Instant::now();
+        let mut clock = Stopwatch::start();
         self.smooth(&mut finished.path);
-        finished.laps.correct += lap(&mut clock);
+        finished.laps.correct += clock.lap();
         self.deliver(finished, rival);
         if finished.is_refused_beside(&corrected) {
             finished.path = corrected;
@@ -226,18 +193,18 @@ impl Demands<'_> {
             finished.outcome = Err(Failure::Truncated);
             return;
         }
-        let mut clock = Instant::now();
+        let mut clock = Stopwatch::start();
         let timed = self.time_winner(&finished.path, rival);
-        finished.laps.time += lap(&mut clock);
+        finished.laps.time += clock.lap();
         let certified = timed.and_then(|motion| Ok((self.certify(&motion)?, motion)));
-        finished.laps.certify += lap(&mut clock);
+        finished.laps.certify += clock.lap();
         let loses = |motion: &Trajectory| rival.is_some_and(|rival| rival.stops(motion.duration()));
         finished.outcome = match certified {
             Ok((_, motion)) if loses(&motion) => Err(Failure::Slower),
             Ok((clearance, motion)) => Ok(self.describe(motion, clearance)),
             Err(failure) => Err(failure),
         };
-        finished.laps.select += lap(&mut clock);
+        finished.laps.select += clock.lap();
     }
 
     /// Times a path, if the motion may beat its rival.

@@ -1,6 +1,6 @@
 //! Attempts of which the first one to succeed counts, made by all workers.
 
-use crate::planner::Interrupt;
+use crate::request::Interrupt;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};

@@ -67,7 +67,7 @@ fn grow_within(
 mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
-    use crate::planner::Interrupt;
+    use crate::request::Interrupt;
     use datasets::scenes::{Setting, Target, draw_target};
     use pcc_model::Robot;
     use rand::SeedableRng;

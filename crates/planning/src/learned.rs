@@ -2,12 +2,12 @@
 
 use crate::canonical::CanonicalFrame;
 use crate::features::{COEFFICIENTS, CanonicalProblem, Features};
-use crate::finish::{Laps, lap};
 use crate::path::{Waypoints, straight_path};
 use crate::plan::{Draw, Failure, Source};
 use crate::race::Race;
 use crate::run::{Aim, Finishes, Proposal, Run, unfinished};
 use crate::sampling::{sample_paths, share};
+use crate::stage_times::{StageTimes, Stopwatch};
 use denoiser::{CandidateInput, FastModel, WarmStart};
 use pcc_model::Configuration;
 use rayon::prelude::*;
@@ -64,7 +64,8 @@ impl Run<'_> {
         if (self.supervision.interrupt)() {
             draws[0].outcome = Err(Failure::Truncated);
         }
-        let (places, finished): (Vec<usize>, Vec<(Draw, Laps)>) = finished.into_iter().unzip();
+        let (places, finished): (Vec<usize>, Vec<(Draw, StageTimes)>) =
+            finished.into_iter().unzip();
         let [finished] = self.share(wall_s, [finished]);
         // Those that were nearest to clear come first.
         for (place, draw) in places.into_iter().zip(finished) {
@@ -82,7 +83,7 @@ struct Explored {
     /// Paths that were drawn.
     drawn: usize,
     /// Those that were finished in the last round, and the places of the goal shapes to which they lead.
-    finished: Vec<(usize, (Draw, Laps))>,
+    finished: Vec<(usize, (Draw, StageTimes))>,
 }
 
 /// What the few-step model draws from.
@@ -96,8 +97,8 @@ struct Drawing<'a> {
 impl<'a> Drawing<'a> {
     /// None without the model.
     fn of(run: &'a Run<'a>) -> Option<Self> {
-        let model = run.planner.models.fast.as_ref()?;
-        let robot = &run.planner.robot;
+        let model = run.resources.models.fast.as_ref()?;
+        let robot = &run.resources.robot;
         let goal_tip = run.problem.goal_tip(robot);
         let frame = CanonicalFrame::wanted(model.frame(), robot, &run.problem.start, &goal_tip);
         Some(Self {
@@ -110,17 +111,17 @@ impl<'a> Drawing<'a> {
 
     /// Draws and finishes the paths to some goal shapes, from the draw `first` on.
     fn part(&self, aim: &Aim, first: usize, goals: &[Configuration], race: &Race) -> Finishes {
-        let mut clock = Instant::now();
+        let mut clock = Stopwatch::start();
         let Some(features) = self.features(goals) else {
             let draw = unfinished(Source::Learned, Failure::Truncated);
-            return vec![(draw, Laps::default()); goals.len()];
+            return vec![(draw, StageTimes::default()); goals.len()];
         };
-        let mut laps = Laps {
-            condition: lap(&mut clock),
-            ..Laps::default()
+        let mut laps = StageTimes {
+            condition: clock.lap(),
+            ..StageTimes::default()
         };
         let proposals = self.draw(aim, first, goals, &features);
-        laps.sample = lap(&mut clock);
+        laps.sample = clock.lap();
         let proposals = proposals.into_par_iter().with_max_len(1);
         let finished = proposals.map(|proposal| race.finish(proposal));
         let mut finished: Finishes = finished.collect();
@@ -130,7 +131,7 @@ impl<'a> Drawing<'a> {
 
     /// None if interrupted.
     fn features(&self, goals: &[Configuration]) -> Option<Vec<Features>> {
-        let (robot, start) = (&self.run.planner.robot, &self.run.problem.start);
+        let (robot, start) = (&self.run.resources.robot, &self.run.problem.start);
         let interrupt = self.run.supervision.interrupt;
         let features = |goal| (!interrupt()).then(|| self.canonical.features(robot, start, goal));
         goals.par_iter().map(features).collect()
@@ -143,7 +144,7 @@ impl<'a> Drawing<'a> {
         goals: &[Configuration],
         features: &[Features],
     ) -> Vec<Proposal> {
-        let rests = aim.rests.iter().skip(first);
+        let rests = aim.remaining.iter().skip(first);
         let known: Vec<_> = rests.map(|rest| self.residual(&rest.path)).collect();
         let starts = known.iter().map(|known| Some(known.as_slice()));
         let inputs: Vec<CandidateInput> = features
@@ -162,14 +163,14 @@ impl<'a> Drawing<'a> {
     }
 
     fn explore(&self, aim: &Aim) -> Explored {
-        let mut clock = Instant::now();
+        let mut clock = Stopwatch::start();
         let mut explored = Explored::default();
         let Some(features) = self.features(&aim.goals) else {
             return explored;
         };
-        let mut laps = Laps {
-            condition: lap(&mut clock),
-            ..Laps::default()
+        let mut laps = StageTimes {
+            condition: clock.lap(),
+            ..StageTimes::default()
         };
         for round in 0..ROUNDS {
             if (self.run.supervision.interrupt)() {
@@ -177,10 +178,10 @@ impl<'a> Drawing<'a> {
             }
             let (places, paths): (Vec<usize>, Vec<Waypoints>) =
                 self.promising(aim, &features, round).into_iter().unzip();
-            laps.sample += lap(&mut clock);
+            laps.sample += clock.lap();
             let proposals = paths.into_iter().map(|path| rough(path, Source::Explored));
             let finished = self.run.finish_each(proposals.collect());
-            lap(&mut clock);
+            clock.lap();
             let is_found = finished.iter().any(|(draw, _)| draw.outcome.is_ok());
             explored.drawn += DRAWN;
             explored.finished = places.into_iter().zip(finished).collect();
@@ -245,7 +246,7 @@ impl<'a> Drawing<'a> {
 
     /// The straight segment to a goal shape plus a sampled residual given in the canonical frame.
     fn bend(&self, goal: &Configuration, residual: &[f64]) -> Waypoints {
-        let basis = &self.run.planner.basis;
+        let basis = &self.run.resources.basis;
         let line = straight_path(&self.run.problem.start, goal);
         line.iter()
             .enumerate()
@@ -256,7 +257,7 @@ impl<'a> Drawing<'a> {
     /// What of a path is not the straight segment between its ends, in the canonical frame.
     fn residual(&self, path: &[Configuration]) -> [f32; COEFFICIENTS] {
         let turned: Vec<Configuration> = path.iter().map(|q| self.frame.shape(q)).collect();
-        let basis = &self.run.planner.basis;
+        let basis = &self.run.resources.basis;
         basis.analyse(&turned).map(|c| c as f32)
     }
 }

@@ -56,8 +56,8 @@ fn least_with_any_jerk_s(limits: &TendonLimits, way: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
+    use crate::incumbent::SURELY_SLOWER;
     use crate::path::{resample, straight_path};
-    use crate::race::SURELY_SLOWER;
     use crate::random_configuration::random_configuration;
     use rand::SeedableRng;
     use rand_pcg::Pcg64;

@@ -6,6 +6,7 @@
 use crate::inverse_kinematics::{is_solved, solve_tip};
 use crate::path::{Waypoints, parameter, resample};
 use crate::problem::{Goal, Problem};
+use crate::request::PreviousPlan;
 use pcc_model::{Configuration, Robot};
 
 /// A shape that moved farther than this to reach the new goal is another one, rad.
@@ -13,53 +14,47 @@ const SAME_SHAPE_RAD: f64 = 0.5;
 /// Shapes nearer than this to one taken before are not taken, rad.
 const SEPARATION_RAD: f64 = 0.1;
 
-/// A plan to go on from.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PreviousPlan {
-    /// The motions, each as waypoints equally spaced in time, radians.
-    pub paths: Vec<Waypoints>,
-    /// Index of the one that is followed, if any.
-    pub followed: Option<usize>,
-}
-
 /// What is left of a path: it begins at the new start and ends in a clear shape that reaches the new goal.
 #[derive(Clone, Debug)]
-pub(crate) struct Rest {
+pub(crate) struct RemainingPath {
     pub(crate) path: Waypoints,
     /// Whether the robot follows it.
     pub(crate) followed: bool,
 }
 
-impl Rest {
+impl RemainingPath {
     pub(crate) fn end(&self) -> Configuration {
         self.path[self.path.len() - 1]
     }
 }
 
-impl PreviousPlan {
-    /// The rests of at most `count` paths, the followed one first.
-    pub(crate) fn rests(&self, robot: &Robot, problem: &Problem, count: usize) -> Vec<Rest> {
-        let others = (0..self.paths.len()).filter(|&i| Some(i) != self.followed);
-        let order = self.followed.into_iter().chain(others);
-        let mut rests: Vec<Rest> = Vec::new();
-        for index in order.filter(|&i| i < self.paths.len()) {
-            let is_new = |end: &Configuration| {
-                let far = |rest: &Rest| (rest.end() - end).norm() >= SEPARATION_RAD;
-                rests.iter().all(far)
-            };
-            let end = moved_end(robot, problem, &self.paths[index]).filter(is_new);
-            if let Some(end) = end {
-                rests.push(Rest {
-                    path: rest(&self.paths[index], &problem.start, &end),
-                    followed: Some(index) == self.followed,
-                });
-            }
-            if rests.len() == count {
-                break;
-            }
+/// What is left of at most `count` paths of a previous plan, the followed one first.
+pub(crate) fn remaining_paths(
+    previous: &PreviousPlan,
+    robot: &Robot,
+    problem: &Problem,
+    count: usize,
+) -> Vec<RemainingPath> {
+    let others = (0..previous.paths.len()).filter(|&i| Some(i) != previous.followed);
+    let order = previous.followed.into_iter().chain(others);
+    let mut remaining: Vec<RemainingPath> = Vec::new();
+    for index in order.filter(|&i| i < previous.paths.len()) {
+        let is_new = |end: &Configuration| {
+            let far = |rest: &RemainingPath| (rest.end() - end).norm() >= SEPARATION_RAD;
+            remaining.iter().all(far)
+        };
+        let end = moved_end(robot, problem, &previous.paths[index]).filter(is_new);
+        if let Some(end) = end {
+            remaining.push(RemainingPath {
+                path: remaining_path(&previous.paths[index], &problem.start, &end),
+                followed: Some(index) == previous.followed,
+            });
         }
-        rests
+        if remaining.len() == count {
+            break;
+        }
     }
+    remaining
 }
 
 /// The shape nearest to a path's end that reaches the problem's goal and is clear.
@@ -78,7 +73,7 @@ fn moved_end(robot: &Robot, problem: &Problem, path: &[Configuration]) -> Option
 }
 
 /// The path from the waypoint nearest to `start`, its two ends moved onto `start` and `end`, what lies between with them.
-fn rest(path: &[Configuration], start: &Configuration, end: &Configuration) -> Waypoints {
+fn remaining_path(path: &[Configuration], start: &Configuration, end: &Configuration) -> Waypoints {
     let distance = |q: &Configuration| (q - start).norm_squared();
     let order = |a: &usize, b: &usize| distance(&path[*a]).total_cmp(&distance(&path[*b]));
     let nearest = (0..path.len() - 1).min_by(order).unwrap_or(0);
@@ -123,22 +118,22 @@ mod tests {
     fn the_followed_path_goes_on_to_a_moved_goal() {
         let robot = unit_robot();
         let (previous, problem) = plan(&robot);
-        let rests = previous.rests(&robot, &problem, 10);
-        assert_eq!(rests.len(), 2);
-        assert!(rests[0].followed && !rests[1].followed);
-        for rest in &rests {
+        let remaining = remaining_paths(&previous, &robot, &problem, 10);
+        assert_eq!(remaining.len(), 2);
+        assert!(remaining[0].followed && !remaining[1].followed);
+        for rest in &remaining {
             assert_eq!(rest.path[0], problem.start);
             let miss = (robot.tip(&rest.end()) - problem.goal_tip(&robot)).norm();
             assert!(miss < 1e-7, "{miss}");
         }
         let old = &previous.paths[1];
-        let halfway = rests[0].path[32];
+        let halfway = remaining[0].path[32];
         let away = old
             .iter()
             .map(|q| (q - halfway).norm())
             .fold(f64::INFINITY, f64::min);
         assert!(away < 0.1, "it stays on the old path: {away}");
-        assert_eq!(previous.rests(&robot, &problem, 1).len(), 1);
+        assert_eq!(remaining_paths(&previous, &robot, &problem, 1).len(), 1);
     }
 
     #[test]
@@ -151,7 +146,7 @@ mod tests {
             radius: 0.1,
         }])
         .unwrap();
-        let rests = previous.rests(&robot, &problem, 10);
-        assert!(rests.iter().all(|rest| !rest.followed));
+        let remaining = remaining_paths(&previous, &robot, &problem, 10);
+        assert!(remaining.iter().all(|rest| !rest.followed));
     }
 }

@@ -5,74 +5,16 @@
 //! longest bound that it met on its way; a motion of its own that was not certified is one. The one that counts least is never
 //! stopped, since nothing that there is ever counts less, so who wins does not depend on which worker was when where.
 
-use crate::finish::{Demands, Laps};
+use crate::finish::Demands;
+use crate::incumbent::{Rival, Shortest};
 use crate::least_duration::least_duration_s;
 use crate::path::straight_path;
 use crate::plan::{Draw, Source};
 use crate::run::{Finishes, Proposal, Run};
+use crate::stage_times::StageTimes;
 use pcc_model::Configuration;
-use std::cell::Cell;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
-
-/// A corrected path whose least duration is this much above what it must beat is not timed, and one whose motion is, not certified: the
-/// curve that is executed, which bounding jerk rounds at turns, and another correction may be a little faster.
-pub(crate) const SURELY_SLOWER: f64 = 1.02;
-/// So much above it, a path is given up between two pushes: the next ones may make it a little faster again.
-const GIVEN_UP: f64 = 1.3;
-
-/// The shortest duration of any motion so far.
-struct Shortest(AtomicU64);
-
-impl Shortest {
-    fn none() -> Self {
-        Self(AtomicU64::new(f64::INFINITY.to_bits()))
-    }
-
-    /// Infinite where there is no motion, s.
-    fn duration_s(&self) -> f64 {
-        f64::from_bits(self.0.load(Ordering::Relaxed))
-    }
-
-    /// Takes note of a duration, not negative: such numbers are ordered as their bits are.
-    fn note(&self, duration_s: f64) {
-        self.0.fetch_min(duration_s.to_bits(), Ordering::Relaxed);
-    }
-}
-
-/// What a segment must beat, and from where on it would have lost on its way.
-pub(crate) struct Rival<'a> {
-    shortest: &'a Shortest,
-    /// The longest duration of a rival that would have stopped it so far, s.
-    stopped_by_s: Cell<f64>,
-}
-
-impl<'a> Rival<'a> {
-    fn new(shortest: &'a Shortest) -> Self {
-        Self {
-            shortest,
-            stopped_by_s: Cell::new(0.0),
-        }
-    }
-
-    /// Keeps in mind a bound on the duration of a path that is still pushed; whether it is given up for that.
-    pub(crate) fn stops_pushing(&self, least_s: f64) -> bool {
-        self.stops(least_s / GIVEN_UP)
-    }
-
-    /// Keeps in mind the duration of a path that is to be certified, or a bound on it before it is timed; whether going on is not
-    /// worth it.
-    pub(crate) fn stops_uncertified(&self, duration_s: f64) -> bool {
-        self.stops(duration_s / SURELY_SLOWER)
-    }
-
-    /// Keeps in mind a certified motion's duration, s; whether it loses.
-    pub(crate) fn stops(&self, duration_s: f64) -> bool {
-        let longest_s = self.stopped_by_s.get().max(duration_s);
-        self.stopped_by_s.set(longest_s);
-        longest_s > self.shortest.duration_s()
-    }
-}
 
 /// A segment that has run.
 struct Runner {
@@ -80,7 +22,7 @@ struct Runner {
     place: usize,
     /// The shortest duration of a rival that does not stop it, s; infinite where it makes no motion.
     counted_s: f64,
-    finish: (Draw, Laps),
+    finish: (Draw, StageTimes),
 }
 
 /// The segments from the start to the ends of a request.
@@ -129,7 +71,7 @@ impl<'a> Race<'a> {
     }
 
     /// Finishes a drawn path that was waited for, and runs segments after that if no other one is.
-    pub(crate) fn finish(&self, proposal: Proposal) -> (Draw, Laps) {
+    pub(crate) fn finish(&self, proposal: Proposal) -> (Draw, StageTimes) {
         self.waiting.fetch_sub(1, Ordering::Relaxed);
         let finished = self.run.finish_one(proposal);
         self.shortest.note(finished.0.duration_s());
@@ -150,7 +92,7 @@ impl<'a> Race<'a> {
         let rival = Rival::new(&self.shortest);
         let proposal = Proposal::of(path, Source::Straight);
         let finish = self.run.finish_against(proposal, Some(&rival));
-        let counted_s = finish.0.duration_s().max(rival.stopped_by_s.get());
+        let counted_s = finish.0.duration_s().max(rival.stopped_by_s());
         self.shortest.note(counted_s);
         let runner = Runner {
             place,
@@ -163,7 +105,7 @@ impl<'a> Race<'a> {
     }
 
     /// Who is faster than all these motions and all other segments.
-    pub(crate) fn decide(self, drawn: &[(Draw, Laps)]) -> Decided {
+    pub(crate) fn decide(self, drawn: &[(Draw, StageTimes)]) -> Decided {
         let runners = self.runners.into_inner();
         let mut runners = runners.unwrap_or_else(PoisonError::into_inner);
         runners.sort_by_key(|runner| runner.place);
@@ -200,20 +142,5 @@ mod tests {
         assert_eq!(of(8.0, &[9.5, 8.0]), None);
         assert_eq!(of(f64::INFINITY, &[f64::INFINITY, 7.0]), Some(1));
         assert_eq!(of(f64::INFINITY, &[f64::INFINITY]), None);
-    }
-
-    #[test]
-    fn what_has_once_been_too_slow_for_a_rival_stays_so() {
-        let shortest = Shortest::none();
-        let rival = Rival::new(&shortest);
-        assert!(!rival.stops_pushing(10.0 * GIVEN_UP), "nobody is faster");
-        assert!(!rival.stops_uncertified(9.0));
-        assert!(!rival.stops(9.5));
-        assert!((rival.stopped_by_s.get() - 10.0).abs() < 1e-12);
-        shortest.note(9.8);
-        assert!(rival.stops(9.5), "it would have been stopped before");
-        shortest.note(11.0);
-        assert_eq!(shortest.duration_s(), 9.8);
-        assert!(!Rival::new(&shortest).stops(9.8), "as fast as the fastest");
     }
 }

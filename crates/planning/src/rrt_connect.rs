@@ -5,8 +5,8 @@
 //! by how much of the body it moves (decision 0012).
 
 use crate::neighbours::Neighbours;
-use crate::planner::Interrupt;
 use crate::random_configuration::random_configuration;
+use crate::request::Interrupt;
 use collision::{Scene, certify_edge};
 use pcc_model::{Configuration, Robot, SECTIONS};
 use rand::RngExt;

@@ -3,18 +3,20 @@
 //! Everything is budgeted in counts, so the same request and seed give the same bits whatever the number of
 //! threads; an interrupt only truncates.
 
-use crate::diffusion::{Guidance, Task};
+use crate::diffusion::Task;
 use crate::end_shapes::{check_goal, end_shapes_until};
-use crate::finish::{Demands, Laps};
+use crate::error::PlannerError;
+use crate::finish::Demands;
+use crate::incumbent::Rival;
 use crate::path::{Waypoints, straight_path};
-use crate::plan::{
-    Candidate, Certified, Draw, Failure, Plan, Request, Sampler, Source, StageTimes,
-};
-use crate::planner::{Planner, PlannerError, Supervision};
-use crate::previous::Rest;
+use crate::plan::{Candidate, Certified, Draw, Failure, Plan, Source};
+use crate::previous::{RemainingPath, remaining_paths};
 use crate::problem::Problem;
-use crate::race::{Race, Rival};
+use crate::race::Race;
+use crate::request::{Guidance, Request, Sampler, Supervision};
+use crate::resources::Resources;
 use crate::select::{is_worth_a_change, select};
+use crate::stage_times::StageTimes;
 use crate::terminal::attach;
 use pcc_model::{Configuration, Robot, TendonLimits};
 use rand::SeedableRng;
@@ -25,7 +27,7 @@ use std::time::Instant;
 
 /// One request on its way through the stages.
 pub(crate) struct Run<'a> {
-    pub(crate) planner: &'a Planner,
+    pub(crate) resources: &'a Resources,
     pub(crate) problem: &'a Problem,
     pub(crate) request: &'a Request,
     pub(crate) supervision: Supervision<'a>,
@@ -42,7 +44,7 @@ pub(crate) struct Aim {
     /// The different shapes among them.
     pub(crate) ends: Vec<Configuration>,
     /// What is left of a previous plan's paths to the first of these shapes.
-    pub(crate) rests: Vec<Rest>,
+    pub(crate) remaining: Vec<RemainingPath>,
 }
 
 /// A path to be finished.
@@ -68,7 +70,7 @@ impl Proposal {
 }
 
 /// Finished paths, and the time that each took.
-pub(crate) type Finishes = Vec<(Draw, Laps)>;
+pub(crate) type Finishes = Vec<(Draw, StageTimes)>;
 
 /// Paths as the draws 0, 1, 2, …
 pub(crate) fn draws_of(paths: Vec<Waypoints>, source: Source) -> Vec<Proposal> {
@@ -82,31 +84,31 @@ pub(crate) fn draws_of(paths: Vec<Waypoints>, source: Source) -> Vec<Proposal> {
 impl<'a> Run<'a> {
     /// For a robot whose tubes are `grown` by what the request demands.
     pub(crate) fn new(
-        planner: &'a Planner,
+        resources: &'a Resources,
         grown: &'a Robot,
         problem: &'a Problem,
         request: &'a Request,
         supervision: Supervision<'a>,
     ) -> Self {
-        let full = &planner.robot.tendon_limits;
+        let full = &resources.robot.tendon_limits;
         let limits = TendonLimits {
             velocity: full.velocity * request.limits_scale,
             acceleration: full.acceleration * request.limits_scale,
             jerk: full.jerk * request.limits_scale,
         };
         let demands = Demands {
-            robot: &planner.robot,
+            robot: &resources.robot,
             grown,
             scene: &problem.scene,
-            kernel: &planner.kernel,
-            curves: &planner.tip_curves,
+            kernel: &resources.kernel,
+            curves: &resources.tip_curves,
             limits,
             knots: request.knots,
             corrections: request.corrections,
             interrupt: supervision.interrupt,
         };
         Self {
-            planner,
+            resources,
             problem,
             request,
             supervision,
@@ -161,8 +163,9 @@ impl<'a> Run<'a> {
         let (robot, problem) = (self.demands.grown, self.problem);
         let count = self.request.candidates;
         let previous = self.request.previous.as_deref();
-        let rests = previous.map_or_else(Vec::new, |p| p.rests(robot, problem, count));
-        let mut ends: Vec<Configuration> = rests.iter().map(Rest::end).collect();
+        let remaining =
+            previous.map_or_else(Vec::new, |p| remaining_paths(p, robot, problem, count));
+        let mut ends: Vec<Configuration> = remaining.iter().map(RemainingPath::end).collect();
         let mut rng = Pcg64::seed_from_u64(self.request.seed);
         let interrupt = self.supervision.interrupt;
         match end_shapes_until(robot, problem, count, &mut rng, interrupt) {
@@ -171,7 +174,11 @@ impl<'a> Run<'a> {
             Err(_) => {}
         }
         let goals = ends.iter().cycle().take(count).copied().collect();
-        Ok(Aim { goals, ends, rests })
+        Ok(Aim {
+            goals,
+            ends,
+            remaining,
+        })
     }
 
     /// The learned sampler alone, beside what is left of the motion that is followed.
@@ -197,7 +204,7 @@ impl<'a> Run<'a> {
     /// The paper's sampler; the end shapes are the network's, and correction brings their tips to the goal.
     fn diffusion(mut self, guidance: Guidance) -> Result<Plan, PlannerError> {
         let clock = Instant::now();
-        let (robot, problem, request) = (&self.planner.robot, self.problem, self.request);
+        let (robot, problem, request) = (&self.resources.robot, self.problem, self.request);
         check_goal(self.demands.grown, problem, request.seed)?;
         self.stages.condition = clock.elapsed().as_secs_f64();
         let clock = Instant::now();
@@ -207,7 +214,7 @@ impl<'a> Run<'a> {
             guidance,
             seed: request.seed,
         };
-        let model = self.planner.models.diffusion.as_ref();
+        let model = self.resources.models.diffusion.as_ref();
         let sampled = model.map_or_else(Vec::new, |model| {
             model.sample(&task, request.candidates, self.supervision.interrupt)
         });
@@ -249,7 +256,7 @@ impl<'a> Run<'a> {
 
     /// Brings the ends of paths onto start and goal; where that fails, the path is none to deliver.
     fn attach(&mut self, sampled: &[Option<Waypoints>]) -> Vec<Result<Waypoints, Failure>> {
-        let (robot, problem) = (&self.planner.robot, self.problem);
+        let (robot, problem) = (&self.resources.robot, self.problem);
         let interrupt = self.supervision.interrupt;
         let clock = Instant::now();
         let bring = |sampled: &Option<Waypoints>| match sampled {
@@ -297,12 +304,16 @@ impl<'a> Run<'a> {
             .collect()
     }
 
-    pub(crate) fn finish_one(&self, proposal: Proposal) -> (Draw, Laps) {
+    pub(crate) fn finish_one(&self, proposal: Proposal) -> (Draw, StageTimes) {
         self.finish_against(proposal, None)
     }
 
     /// Finishes a path that counts only if it beats its rival.
-    pub(crate) fn finish_against(&self, proposal: Proposal, rival: Option<&Rival>) -> (Draw, Laps) {
+    pub(crate) fn finish_against(
+        &self,
+        proposal: Proposal,
+        rival: Option<&Rival>,
+    ) -> (Draw, StageTimes) {
         let sampled = proposal.path.clone();
         let finished = self.demands.finish(proposal.path, proposal.is_rough, rival);
         let draw = Draw {
@@ -403,7 +414,7 @@ fn add_distinct(ends: &mut Vec<Configuration>, shapes: &[Configuration], count: 
 impl Aim {
     /// What is left of the motion that is followed, as it is.
     pub(crate) fn kept(&self) -> Option<Proposal> {
-        let followed = self.rests.first().filter(|rest| rest.followed)?;
+        let followed = self.remaining.first().filter(|rest| rest.followed)?;
         Some(Proposal::of(followed.path.clone(), Source::Kept))
     }
 }

@@ -2,24 +2,8 @@
 
 use crate::metrics::PathMetrics;
 use crate::plan::{Candidate, Source};
+use crate::request::Selection;
 use pcc_model::Configuration;
-
-/// What the best candidate is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Selection {
-    /// Shortest duration.
-    ShortestTime,
-    /// Shortest way of the tip.
-    ShortestTipPath,
-    /// Largest clearance over the motion.
-    LargestClearance,
-    /// Smallest ∫‖p‴‖² of the tip's way.
-    Smoothest,
-    /// End shape nearest to the start shape.
-    NearestTerminalShape,
-    /// The candidate with this index.
-    Index(usize),
-}
 
 /// Whether a motion that is followed is to be left for another one.
 pub(crate) fn is_worth_a_change(followed: f64, other: f64) -> bool {

@@ -1,0 +1,88 @@
+//! The fastest motion so far, and when a path that must beat it has lost.
+
+use std::cell::Cell;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A corrected path whose least duration is this much above what it must beat is not timed, and one whose motion is, not certified: the
+/// curve that is executed, which bounding jerk rounds at turns, and another correction may be a little faster.
+pub(crate) const SURELY_SLOWER: f64 = 1.02;
+/// So much above it, a path is given up between two pushes: the next ones may make it a little faster again.
+const GIVEN_UP: f64 = 1.3;
+
+/// The shortest duration of any motion so far.
+pub(crate) struct Shortest(AtomicU64);
+
+impl Shortest {
+    pub(crate) fn none() -> Self {
+        Self(AtomicU64::new(f64::INFINITY.to_bits()))
+    }
+
+    /// Infinite where there is no motion, s.
+    pub(crate) fn duration_s(&self) -> f64 {
+        f64::from_bits(self.0.load(Ordering::Relaxed))
+    }
+
+    /// Takes note of a duration, not negative: such numbers are ordered as their bits are.
+    pub(crate) fn note(&self, duration_s: f64) {
+        self.0.fetch_min(duration_s.to_bits(), Ordering::Relaxed);
+    }
+}
+
+/// What a segment must beat, and from where on it would have lost on its way.
+pub(crate) struct Rival<'a> {
+    shortest: &'a Shortest,
+    /// The longest duration of a rival that would have stopped it so far, s.
+    stopped_by_s: Cell<f64>,
+}
+
+impl<'a> Rival<'a> {
+    pub(crate) fn new(shortest: &'a Shortest) -> Self {
+        Self {
+            shortest,
+            stopped_by_s: Cell::new(0.0),
+        }
+    }
+
+    /// The longest duration of a rival that would have stopped it so far, s.
+    pub(crate) fn stopped_by_s(&self) -> f64 {
+        self.stopped_by_s.get()
+    }
+
+    /// Keeps in mind a bound on the duration of a path that is still pushed; whether it is given up for that.
+    pub(crate) fn stops_pushing(&self, least_s: f64) -> bool {
+        self.stops(least_s / GIVEN_UP)
+    }
+
+    /// Keeps in mind the duration of a path that is to be certified, or a bound on it before it is timed; whether going on is not
+    /// worth it.
+    pub(crate) fn stops_uncertified(&self, duration_s: f64) -> bool {
+        self.stops(duration_s / SURELY_SLOWER)
+    }
+
+    /// Keeps in mind a certified motion's duration, s; whether it loses.
+    pub(crate) fn stops(&self, duration_s: f64) -> bool {
+        let longest_s = self.stopped_by_s.get().max(duration_s);
+        self.stopped_by_s.set(longest_s);
+        longest_s > self.shortest.duration_s()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_once_been_too_slow_for_a_rival_stays_so() {
+        let shortest = Shortest::none();
+        let rival = Rival::new(&shortest);
+        assert!(!rival.stops_pushing(10.0 * GIVEN_UP), "nobody is faster");
+        assert!(!rival.stops_uncertified(9.0));
+        assert!(!rival.stops(9.5));
+        assert!((rival.stopped_by_s() - 10.0).abs() < 1e-12);
+        shortest.note(9.8);
+        assert!(rival.stops(9.5), "it would have been stopped before");
+        shortest.note(11.0);
+        assert_eq!(shortest.duration_s(), 9.8);
+        assert!(!Rival::new(&shortest).stops(9.8), "as fast as the fastest");
+    }
+}

@@ -1,0 +1,40 @@
+//! What a planner keeps from request to request.
+
+use crate::basis::SineBasis;
+use crate::diffusion::DiffusionModel;
+use crate::pushes::PushKernel;
+use crate::straighten::TipCurves;
+use denoiser::FastModel;
+use pcc_model::Robot;
+
+/// The learned models of a planner; what is not there cannot be asked for.
+#[derive(Default)]
+pub struct Models {
+    /// The few-step model.
+    pub fast: Option<FastModel>,
+    /// The paper's.
+    pub diffusion: Option<DiffusionModel>,
+}
+
+/// The unit robot, the models and tables, shared by all requests.
+pub(crate) struct Resources {
+    pub(crate) robot: Robot,
+    pub(crate) models: Models,
+    pub(crate) basis: SineBasis,
+    pub(crate) kernel: PushKernel,
+    pub(crate) tip_curves: TipCurves,
+}
+
+impl Resources {
+    /// For a robot whose sections have length 1.
+    pub(crate) fn new(robot: Robot, models: Models) -> Self {
+        let basis = SineBasis::new();
+        Self {
+            robot,
+            models,
+            kernel: PushKernel::new(&basis),
+            tip_curves: TipCurves::new(),
+            basis,
+        }
+    }
+}
