@@ -1,7 +1,8 @@
 //! Starts in motion: the robot brakes straight ahead, and every motion begins with that.
 
+use crate::along_polyline::append;
+use crate::constraints::MotionConstraints;
 use crate::error::Infeasible;
-use crate::finish::{Demands, append};
 use crate::metrics::PathMetrics;
 use crate::plan::{Candidate, Certified, Plan};
 use crate::request::{Selection, StartMotion};
@@ -26,11 +27,11 @@ pub(crate) struct Braking<'a> {
 impl<'a> Braking<'a> {
     /// Brakes from a state, within the robot's whole limits.
     pub(crate) fn new(
-        demands: &Demands<'a>,
+        constraints: &MotionConstraints<'a>,
         start: &Configuration,
         motion: &StartMotion,
     ) -> Result<Self, Infeasible> {
-        let robot = demands.robot;
+        let robot = constraints.robot;
         let state = Knot {
             time: 0.0,
             position: *start,
@@ -47,7 +48,7 @@ impl<'a> Braking<'a> {
         if share > 1.0 + ROUNDING {
             return Err(Infeasible::StartTooFast { share });
         }
-        match demands.certify(&motion) {
+        match constraints.certify(&motion) {
             Ok(clearance) => Ok(Self {
                 robot,
                 motion,

@@ -10,9 +10,9 @@ pub(crate) const SURELY_SLOWER: f64 = 1.02;
 const GIVEN_UP: f64 = 1.3;
 
 /// The shortest duration of any motion so far.
-pub(crate) struct Shortest(AtomicU64);
+pub(crate) struct ShortestDuration(AtomicU64);
 
-impl Shortest {
+impl ShortestDuration {
     pub(crate) fn none() -> Self {
         Self(AtomicU64::new(f64::INFINITY.to_bits()))
     }
@@ -29,40 +29,40 @@ impl Shortest {
 }
 
 /// What a segment must beat, and from where on it would have lost on its way.
-pub(crate) struct Rival<'a> {
-    shortest: &'a Shortest,
-    /// The longest duration of a rival that would have stopped it so far, s.
-    stopped_by_s: Cell<f64>,
+pub(crate) struct Incumbent<'a> {
+    shortest: &'a ShortestDuration,
+    /// The longest duration of a incumbent that would have stopped it so far, s.
+    longest_bound_s: Cell<f64>,
 }
 
-impl<'a> Rival<'a> {
-    pub(crate) fn new(shortest: &'a Shortest) -> Self {
+impl<'a> Incumbent<'a> {
+    pub(crate) fn new(shortest: &'a ShortestDuration) -> Self {
         Self {
             shortest,
-            stopped_by_s: Cell::new(0.0),
+            longest_bound_s: Cell::new(0.0),
         }
     }
 
-    /// The longest duration of a rival that would have stopped it so far, s.
-    pub(crate) fn stopped_by_s(&self) -> f64 {
-        self.stopped_by_s.get()
+    /// The longest duration of a incumbent that would have stopped it so far, s.
+    pub(crate) fn longest_bound_s(&self) -> f64 {
+        self.longest_bound_s.get()
     }
 
     /// Keeps in mind a bound on the duration of a path that is still pushed; whether it is given up for that.
-    pub(crate) fn stops_pushing(&self, least_s: f64) -> bool {
-        self.stops(least_s / GIVEN_UP)
+    pub(crate) fn beats_while_pushed(&self, least_s: f64) -> bool {
+        self.beats(least_s / GIVEN_UP)
     }
 
     /// Keeps in mind the duration of a path that is to be certified, or a bound on it before it is timed; whether going on is not
     /// worth it.
-    pub(crate) fn stops_uncertified(&self, duration_s: f64) -> bool {
-        self.stops(duration_s / SURELY_SLOWER)
+    pub(crate) fn beats_uncertified(&self, duration_s: f64) -> bool {
+        self.beats(duration_s / SURELY_SLOWER)
     }
 
     /// Keeps in mind a certified motion's duration, s; whether it loses.
-    pub(crate) fn stops(&self, duration_s: f64) -> bool {
-        let longest_s = self.stopped_by_s.get().max(duration_s);
-        self.stopped_by_s.set(longest_s);
+    pub(crate) fn beats(&self, duration_s: f64) -> bool {
+        let longest_s = self.longest_bound_s.get().max(duration_s);
+        self.longest_bound_s.set(longest_s);
         longest_s > self.shortest.duration_s()
     }
 }
@@ -73,16 +73,22 @@ mod tests {
 
     #[test]
     fn what_has_once_been_too_slow_for_a_rival_stays_so() {
-        let shortest = Shortest::none();
-        let rival = Rival::new(&shortest);
-        assert!(!rival.stops_pushing(10.0 * GIVEN_UP), "nobody is faster");
-        assert!(!rival.stops_uncertified(9.0));
-        assert!(!rival.stops(9.5));
-        assert!((rival.stopped_by_s() - 10.0).abs() < 1e-12);
+        let shortest = ShortestDuration::none();
+        let incumbent = Incumbent::new(&shortest);
+        assert!(
+            !incumbent.beats_while_pushed(10.0 * GIVEN_UP),
+            "nobody is faster"
+        );
+        assert!(!incumbent.beats_uncertified(9.0));
+        assert!(!incumbent.beats(9.5));
+        assert!((incumbent.longest_bound_s() - 10.0).abs() < 1e-12);
         shortest.note(9.8);
-        assert!(rival.stops(9.5), "it would have been stopped before");
+        assert!(incumbent.beats(9.5), "it would have been stopped before");
         shortest.note(11.0);
         assert_eq!(shortest.duration_s(), 9.8);
-        assert!(!Rival::new(&shortest).stops(9.8), "as fast as the fastest");
+        assert!(
+            !Incumbent::new(&shortest).beats(9.8),
+            "as fast as the fastest"
+        );
     }
 }

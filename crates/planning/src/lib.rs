@@ -6,21 +6,27 @@
 //! executed curve, selection.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod along_polyline;
+mod answer;
 mod basis;
 mod braking;
 mod canonical;
 mod cholesky;
+mod constraints;
+mod context;
 mod correction;
+mod default;
 mod diffusion;
 mod end_shapes;
 mod error;
+mod exploring;
+mod fast;
 mod features;
-mod fill;
-mod finish;
 mod first_success;
 mod first_way;
 #[cfg(test)]
 mod fixtures;
+mod goal_set;
 mod incumbent;
 mod inverse_kinematics;
 mod known_ways;
@@ -30,6 +36,7 @@ mod metrics;
 mod neighbours;
 mod newton;
 mod path;
+mod path_to_trajectory;
 mod pen;
 mod plan;
 mod planner;
@@ -42,7 +49,6 @@ mod reach;
 mod request;
 mod resources;
 mod rrt_connect;
-mod run;
 pub mod sampled_collision;
 mod sampling;
 mod select;
@@ -51,6 +57,8 @@ mod smoothing;
 mod stage_times;
 mod straighten;
 mod terminal;
+mod trees;
+mod whole_paths;
 
 pub use basis::{SineBasis, SmoothLeastSquares};
 pub use correction::limit_pushes;
@@ -59,10 +67,10 @@ pub use diffusion::{DiffusionModel, DiffusionSettings, PrecisionUnavailable};
 pub use end_shapes::{EndShapes, end_shapes};
 pub use error::{Infeasible, PlannerError};
 pub use features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, features, residual_coefficients};
-pub use finish::MOST_CORRECTIONS;
 pub use inverse_kinematics::solve_tip;
 pub use metrics::{PathMetrics, SetMetrics, modes, path_metrics, set_metrics};
 pub use path::{WAYPOINTS, Waypoints, parameter, project_to_limits, resample, straight_path};
+pub use path_to_trajectory::MOST_CORRECTIONS;
 pub use plan::{Candidate, Certified, Draw, Failure, Plan, Source};
 pub use planner::Planner;
 pub use problem::{Goal, Problem};

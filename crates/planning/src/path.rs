@@ -8,6 +8,9 @@ pub const WAYPOINTS: usize = 64;
 /// A path: `WAYPOINTS` configurations, radians, equally spaced in its own parameter u = h / 63.
 pub type Waypoints = Vec<Configuration>;
 
+/// The waypoints of a path in place, where no more memory is to be taken.
+pub(crate) type WaypointArray = [Configuration; WAYPOINTS];
+
 /// The straight segment between two shapes: the fastest motion, since tendons are linear in ζ (docs/robot.md "Tendons").
 #[must_use]
 pub fn straight_path(start: &Configuration, end: &Configuration) -> Waypoints {

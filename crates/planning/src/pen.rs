@@ -3,7 +3,7 @@
 use crate::newton::{
     Jacobians, Points, Shapes, bending_squares, beyond_limits, damped_steps, within_limits,
 };
-use crate::path::WAYPOINTS;
+use crate::path::{WAYPOINTS, WaypointArray};
 use collision::Scene;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, mask64x4};
@@ -30,8 +30,6 @@ const LEAST_WEIGHT: f64 = 0.02;
 
 /// Waypoints that are drawn together.
 type Four = [Configuration; LANES];
-/// All waypoints of a path.
-pub(crate) type Drawn = [Configuration; WAYPOINTS];
 
 /// What a curve is drawn for.
 pub(crate) struct Demand {
@@ -58,7 +56,7 @@ impl Pen<'_> {
         demand: &Demand,
         guess: impl Fn(usize) -> Configuration,
         curve: impl Fn(usize) -> Point,
-    ) -> Option<Drawn> {
+    ) -> Option<WaypointArray> {
         let mut drawn = [Configuration::zeros(); WAYPOINTS];
         (drawn[0], drawn[WAYPOINTS - 1]) = (self.ends[0], self.ends[1]);
         // 1, 9, …, 57, 3, 11, …
@@ -192,14 +190,14 @@ fn four<T>(some: &[usize], of: impl Fn(usize) -> T) -> [T; LANES] {
     array::from_fn(|lane| of(some[lane.min(some.len() - 1)]))
 }
 
-fn put(drawn: &mut Drawn, some: &[usize], shapes: &Four) {
+fn put(drawn: &mut WaypointArray, some: &[usize], shapes: &Four) {
     for (h, shape) in some.iter().zip(shapes) {
         drawn[*h] = *shape;
     }
 }
 
 /// The cubic through the nearest shapes with odd numbers, and the ends, at an even one.
-fn interpolated(drawn: &Drawn, h: usize) -> Configuration {
+fn interpolated(drawn: &WaypointArray, h: usize) -> Configuration {
     let nodes = match h {
         2 => [0, 1, 3, 5],
         _ if h == WAYPOINTS - 2 => [7, 5, 3, 1].map(|before| WAYPOINTS - before),

@@ -80,6 +80,16 @@ impl Certified {
 }
 
 impl Candidate {
+    /// The certified motion of a draw with this number.
+    pub(crate) fn of(draw: usize, source: Source, motion: &Certified) -> Self {
+        Self {
+            trajectory: Arc::clone(&motion.trajectory),
+            metrics: motion.metrics,
+            source,
+            draw,
+        }
+    }
+
     /// The end shape, radians.
     #[must_use]
     pub fn end(&self) -> Configuration {
@@ -106,11 +116,28 @@ pub struct Draw {
 }
 
 impl Draw {
+    /// A draw without a path.
+    pub(crate) fn unfinished(source: Source, failure: Failure) -> Self {
+        Self {
+            sampled: None,
+            path: None,
+            source,
+            outcome: Err(failure),
+        }
+    }
+
     /// Duration of its motion, s; infinite if there is none.
     pub(crate) fn duration_s(&self) -> f64 {
         let motion = self.outcome.as_ref();
         motion.map_or(f64::INFINITY, |motion| motion.metrics.duration_s)
     }
+}
+
+/// Learned draws, and how many of them are certified.
+pub(crate) fn count_learned(draws: &[Draw]) -> [usize; 2] {
+    let learned = draws.iter().filter(|d| d.source == Source::Learned);
+    let certified = learned.clone().filter(|d| d.outcome.is_ok());
+    [learned.count(), certified.count()]
 }
 
 /// The answer to a request.

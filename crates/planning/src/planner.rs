@@ -1,19 +1,16 @@
 //! The planner, resident: robot, models and workers.
 
-use crate::braking::Braking;
+use crate::answer::{answer, answer_with_paths};
+use crate::context::RequestContext;
 use crate::diffusion::Task;
 use crate::end_shapes::check_goal;
 use crate::error::PlannerError;
 use crate::path::Waypoints;
-use crate::plan::{Candidate, Plan};
+use crate::plan::Plan;
 use crate::problem::Problem;
-use crate::request::{Guidance, Interrupt, Request, Sampler, StartMotion, Supervision};
+use crate::request::{Guidance, Interrupt, Request, Supervision};
 use crate::resources::{Models, Resources};
-use crate::run::Run;
 use pcc_model::Robot;
-
-/// Knots that a motion has at least.
-const LEAST_KNOTS: usize = 4;
 
 /// The planner, resident: the unit robot, the models, and worker threads.
 pub struct Planner {
@@ -88,49 +85,14 @@ impl Planner {
         request: &Request,
         supervision: Supervision,
     ) -> Result<Plan, PlannerError> {
-        self.check_loaded(request.sampler)?;
+        self.resources.models.check_loaded(request.sampler)?;
         problem.check_start(&self.resources.robot)?;
-        let grown = self.resources.robot.with_tube_growth(&request.growth);
-        let run = || match &request.start_motion {
-            Some(motion) => self.plan_in_motion(&grown, problem, request, supervision, motion),
-            None => Run::new(&self.resources, &grown, problem, request, supervision).plan(),
-        };
-        self.workers.install(run)
-    }
-
-    /// Plans from where the robot can rest soonest, and lets every motion begin with coming there.
-    fn plan_in_motion(
-        &self,
-        grown: &Robot,
-        problem: &Problem,
-        request: &Request,
-        supervision: Supervision,
-        motion: &StartMotion,
-    ) -> Result<Plan, PlannerError> {
-        let demands = Run::new(&self.resources, grown, problem, request, supervision).demands;
-        let braking = Braking::new(&demands, &problem.start, motion)?;
-        let after = Problem {
-            start: braking.end(),
-            ..problem.clone()
-        };
-        let shorter = Request {
-            knots: request
-                .knots
-                .saturating_sub(braking.knots())
-                .max(LEAST_KNOTS),
-            ..request.clone()
-        };
-        let tell = |candidate: Candidate| {
-            if let Some(tell) = supervision.certified {
-                tell(braking.candidate(&candidate));
-            }
-        };
-        let told = Supervision {
-            certified: supervision.certified.is_some().then_some(&tell),
-            ..supervision
-        };
-        let plan = Run::new(&self.resources, grown, &after, &shorter, told).plan()?;
-        Ok(braking.plan(plan, request.selection))
+        let padded = self.padded(request);
+        let resources = &self.resources;
+        self.workers.install(|| {
+            let context = RequestContext::new(resources, &padded, problem, request, supervision);
+            answer(&context)
+        })
     }
 
     /// Answers a request with given paths (64 waypoints each, radians), as if a learned model of whole paths had drawn them: the
@@ -138,7 +100,7 @@ impl Planner {
     ///
     /// # Errors
     /// [`PlannerError::Infeasible`].
-    pub fn judge(
+    pub fn evaluate_paths(
         &self,
         problem: &Problem,
         request: &Request,
@@ -146,15 +108,17 @@ impl Planner {
         interrupt: Interrupt,
     ) -> Result<Plan, PlannerError> {
         problem.check_start(&self.resources.robot)?;
-        let grown = self.resources.robot.with_tube_growth(&request.growth);
-        check_goal(&grown, problem, request.seed)?;
-        let given = paths.into_iter().map(Some).collect();
+        let padded = self.padded(request);
+        check_goal(&padded, problem, request.seed)?;
         let supervision = Supervision {
             interrupt,
             certified: None,
         };
-        let run = || Run::new(&self.resources, &grown, problem, request, supervision).judge(given);
-        Ok(self.workers.install(run))
+        let resources = &self.resources;
+        Ok(self.workers.install(|| {
+            let context = RequestContext::new(resources, &padded, problem, request, supervision);
+            answer_with_paths(&context, paths)
+        }))
     }
 
     /// Draws one path by diffusion and returns it before every evaluation of the network and at the end, 64 waypoints each.
@@ -180,17 +144,8 @@ impl Planner {
         Ok(self.workers.install(|| diffusion.trace(&task)))
     }
 
-    fn check_loaded(&self, sampler: Sampler) -> Result<(), PlannerError> {
-        let (name, loaded) = match sampler {
-            Sampler::Default | Sampler::Fast => ("fast", self.resources.models.fast.is_some()),
-            Sampler::Diffusion(_) => ("diffusion", self.resources.models.diffusion.is_some()),
-            Sampler::Straight
-            | Sampler::StraightDrawn
-            | Sampler::RrtConnect
-            | Sampler::RrtSmooth => return Ok(()),
-        };
-        loaded
-            .then_some(())
-            .ok_or(PlannerError::ModelNotLoaded(name))
+    /// The robot whose tubes are padded as a request demands.
+    fn padded(&self, request: &Request) -> Robot {
+        self.resources.robot.with_tube_growth(&request.growth)
     }
 }

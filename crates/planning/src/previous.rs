@@ -3,10 +3,13 @@
 //! The shapes that the previous plan ended in stay where they are or move with the goal, so that a robot that replans
 //! while it moves does not change its mind about the way; its paths are what the sampler starts from.
 
+use crate::context::Proposal;
 use crate::inverse_kinematics::{is_solved, solve_tip};
 use crate::path::{Waypoints, parameter, resample};
+use crate::plan::{Draw, Source};
 use crate::problem::{Goal, Problem};
 use crate::request::PreviousPlan;
+use crate::select::is_worth_a_change;
 use pcc_model::{Configuration, Robot};
 
 /// A shape that moved farther than this to reach the new goal is another one, rad.
@@ -86,6 +89,22 @@ fn remaining_path(path: &[Configuration], start: &Configuration, end: &Configura
     let final_index = rest.len() - 1;
     (rest[0], rest[final_index]) = (*start, *end);
     rest
+}
+
+/// What remains of the path that is followed, as a proposal that is not drawn anew.
+pub(crate) fn kept_path(remaining: &[RemainingPath]) -> Option<Proposal> {
+    let followed = remaining.first().filter(|path| path.followed)?;
+    Some(Proposal::of(followed.path.clone(), Source::Kept))
+}
+
+/// Puts what remains of the followed motion in the place of the draw to the same goal configuration, unless that draw is so much shorter
+/// that it is worth a change.
+pub(crate) fn keep(kept: Vec<Draw>, draws: &mut [Draw]) {
+    for kept in kept.into_iter().filter(|draw| draw.outcome.is_ok()) {
+        if !is_worth_a_change(kept.duration_s(), draws[0].duration_s()) {
+            draws[0] = kept;
+        }
+    }
 }
 
 #[cfg(test)]

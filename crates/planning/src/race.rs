@@ -1,121 +1,135 @@
-//! Straight segments beside the drawn paths: the one that is the fastest motion of all takes the place of the path to its shape.
+//! Straight segments: as the null arm's paths, and beside learned paths, where the segment that is the fastest motion of all takes the
+//! place of the path to its goal configuration.
 //!
-//! Workers run segments once all paths are drawn and taken, in the order of the least time that each can take, and stop one as
-//! soon as it is surely slower than what there is by then. A segment counts with its duration or, if that is longer, with the
-//! longest bound that it met on its way; a motion of its own that was not certified is one. The one that counts least is never
-//! stopped, since nothing that there is ever counts less, so who wins does not depend on which worker was when where.
+//! Beside learned paths, workers try segments once all paths are drawn and taken, in the order of the least time that each can take, and
+//! stop one as soon as it is surely slower than the fastest motion so far. A segment counts with its duration or, if that is longer,
+//! with the longest bound on it that was met on its way; a motion of its own that was not certified is one. The one that counts least is
+//! never stopped, since no motion ever counts less, so which one wins does not depend on the order in which workers finish.
 
-use crate::finish::Demands;
-use crate::incumbent::{Rival, Shortest};
-use crate::least_duration::least_duration_s;
+use crate::context::{Deliveries, Drawn, Proposal, RequestContext};
+use crate::goal_set::GoalSet;
+use crate::incumbent::{Incumbent, ShortestDuration};
 use crate::path::straight_path;
 use crate::plan::{Draw, Source};
-use crate::run::{Finishes, Proposal, Run};
+use crate::request::Sampler;
 use crate::stage_times::StageTimes;
 use pcc_model::Configuration;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// A segment that has run.
-struct Runner {
-    /// In the order of least durations.
-    place: usize,
-    /// The shortest duration of a rival that does not stop it, s; infinite where it makes no motion.
-    counted_s: f64,
-    finish: (Draw, StageTimes),
+/// A straight segment to each goal configuration, with its tip smoothed for [`Sampler::StraightDrawn`].
+pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageTimes) -> Drawn {
+    let start = &context.problem.start;
+    let smooths_tip = context.request.sampler == Sampler::StraightDrawn;
+    let segment = |(draw, goal)| Proposal {
+        draw: Some(draw),
+        smooths_tip,
+        ..Proposal::of(straight_path(start, goal), Source::Straight)
+    };
+    let segments = goals.distinct.iter().enumerate().map(segment);
+    context.deliver_timed(segments.collect(), times).into()
 }
 
-/// The segments from the start to the ends of a request.
-pub(crate) struct Race<'a> {
-    run: &'a Run<'a>,
-    ends: &'a [Configuration],
-    /// Ends, and the least duration of the segment to each, s.
+/// A segment that was tried.
+struct StraightLineCandidate {
+    /// Its place in the order of least durations.
+    place: usize,
+    /// The shortest duration of an incumbent that does not stop it, s; infinite where it makes no motion.
+    counted_s: f64,
+    delivered: (Draw, StageTimes),
+}
+
+/// The segments from the start to the goal configurations of a request.
+pub(crate) struct StraightLineCandidates<'a> {
+    context: &'a RequestContext<'a>,
+    goals: &'a [Configuration],
+    /// Goals, and the least duration of the segment to each, s.
     order: Vec<(usize, f64)>,
-    /// Paths that are to be drawn, or drawn, and not yet taken by a worker to finish.
+    /// Paths that are to be drawn, or drawn, and not yet taken by a worker.
     waiting: AtomicUsize,
     begun: AtomicUsize,
-    shortest: Shortest,
-    runners: Mutex<Vec<Runner>>,
+    shortest: ShortestDuration,
+    tried: Mutex<Vec<StraightLineCandidate>>,
 }
 
-/// What came of a race.
-pub(crate) struct Decided {
-    /// The end whose segment is faster than all else, and which of the segments that is.
+/// Which segment is faster than all other motions of a request.
+pub(crate) struct Decision {
+    /// Its goal, and its index in `segments`; none where a drawn path is as fast.
     pub(crate) winner: Option<(usize, usize)>,
-    /// The segments that ran.
-    pub(crate) segments: Finishes,
+    /// The segments that were tried.
+    pub(crate) segments: Deliveries,
 }
 
-impl<'a> Race<'a> {
-    /// Segments to `ends`.
-    pub(crate) fn new(run: &'a Run<'a>, ends: &'a [Configuration]) -> Self {
-        let Demands { robot, limits, .. } = &run.demands;
-        let least_s =
-            |end: &Configuration| least_duration_s(robot, limits, &[run.problem.start, *end]);
-        let mut order: Vec<(usize, f64)> = ends.iter().map(least_s).enumerate().collect();
+impl<'a> StraightLineCandidates<'a> {
+    /// Segments to `goals`.
+    pub(crate) fn new(context: &'a RequestContext<'a>, goals: &'a [Configuration]) -> Self {
+        let start = context.problem.start;
+        let least_s = |goal: &Configuration| context.constraints.least_duration_s(&[start, *goal]);
+        let mut order: Vec<(usize, f64)> = goals.iter().map(least_s).enumerate().collect();
         order.sort_by(|a, b| a.1.total_cmp(&b.1));
         Self {
-            run,
-            ends,
+            context,
+            goals,
             order,
             waiting: AtomicUsize::new(0),
             begun: AtomicUsize::new(0),
-            shortest: Shortest::none(),
-            runners: Mutex::default(),
+            shortest: ShortestDuration::none(),
+            tried: Mutex::default(),
         }
     }
 
-    /// Tells of so many paths that are to be drawn.
+    /// Announces so many paths that are to be drawn: no segment is tried before all of them are taken.
     pub(crate) fn wait_for(&self, paths: usize) {
         self.waiting.fetch_add(paths, Ordering::Relaxed);
     }
 
-    /// Finishes a drawn path that was waited for, and runs segments after that if no other one is.
-    pub(crate) fn finish(&self, proposal: Proposal) -> (Draw, StageTimes) {
+    /// Makes a motion of a drawn path that was announced, and tries segments after that if no other path waits.
+    pub(crate) fn deliver(&self, proposal: Proposal) -> (Draw, StageTimes) {
         self.waiting.fetch_sub(1, Ordering::Relaxed);
-        let finished = self.run.finish_one(proposal);
-        self.shortest.note(finished.0.duration_s());
-        while self.waiting.load(Ordering::Relaxed) == 0 && self.run_next() {}
-        finished
+        let delivered = self.context.deliver(proposal);
+        self.shortest.note(delivered.0.duration_s());
+        while self.waiting.load(Ordering::Relaxed) == 0 && self.try_next() {}
+        delivered
     }
 
-    /// Runs the next segment that may be the fastest; whether there was one.
-    fn run_next(&self) -> bool {
+    /// Tries the next segment that may be the fastest; whether there was one.
+    fn try_next(&self) -> bool {
         let place = self.begun.fetch_add(1, Ordering::Relaxed);
-        let Some(&(end, least_s)) = self.order.get(place) else {
+        let Some(&(goal, least_s)) = self.order.get(place) else {
             return false;
         };
         if least_s > self.shortest.duration_s() {
             return false;
         }
-        let path = straight_path(&self.run.problem.start, &self.ends[end]);
-        let rival = Rival::new(&self.shortest);
+        let path = straight_path(&self.context.problem.start, &self.goals[goal]);
+        let incumbent = Incumbent::new(&self.shortest);
         let proposal = Proposal::of(path, Source::Straight);
-        let finish = self.run.finish_against(proposal, Some(&rival));
-        let counted_s = finish.0.duration_s().max(rival.stopped_by_s());
+        let delivered = self.context.deliver_against(proposal, Some(&incumbent));
+        let counted_s = delivered.0.duration_s().max(incumbent.longest_bound_s());
         self.shortest.note(counted_s);
-        let runner = Runner {
+        let candidate = StraightLineCandidate {
             place,
             counted_s,
-            finish,
+            delivered,
         };
-        let mut runners = self.runners.lock().unwrap_or_else(PoisonError::into_inner);
-        runners.push(runner);
+        let mut tried = self.tried.lock().unwrap_or_else(PoisonError::into_inner);
+        tried.push(candidate);
         true
     }
 
-    /// Who is faster than all these motions and all other segments.
-    pub(crate) fn decide(self, drawn: &[(Draw, StageTimes)]) -> Decided {
-        let runners = self.runners.into_inner();
-        let mut runners = runners.unwrap_or_else(PoisonError::into_inner);
-        runners.sort_by_key(|runner| runner.place);
+    /// Decides which segment is faster than all of these motions and all other segments.
+    pub(crate) fn decide(self, drawn: &[(Draw, StageTimes)]) -> Decision {
+        let tried = self.tried.into_inner();
+        let mut tried = tried.unwrap_or_else(PoisonError::into_inner);
+        tried.sort_by_key(|candidate| candidate.place);
         let drawn_s = drawn.iter().map(|(draw, _)| draw.duration_s());
-        let counted_s = runners.iter().map(|runner| runner.counted_s);
+        let counted_s = tried.iter().map(|candidate| candidate.counted_s);
         let winner = fastest(drawn_s.fold(f64::INFINITY, f64::min), counted_s);
-        let winner = winner.map(|index| (self.order[runners[index].place].0, index));
-        Decided {
+        let winner = winner.map(|index| (self.order[tried[index].place].0, index));
+        let segments = tried.into_iter().map(|candidate| candidate.delivered);
+        Decision {
             winner,
-            segments: runners.into_iter().map(|runner| runner.finish).collect(),
+            segments: segments.collect(),
         }
     }
 }

@@ -2,7 +2,9 @@
 
 use crate::basis::SineBasis;
 use crate::diffusion::DiffusionModel;
+use crate::error::PlannerError;
 use crate::pushes::PushKernel;
+use crate::request::Sampler;
 use crate::straighten::TipCurves;
 use denoiser::FastModel;
 use pcc_model::Robot;
@@ -14,6 +16,23 @@ pub struct Models {
     pub fast: Option<FastModel>,
     /// The paper's.
     pub diffusion: Option<DiffusionModel>,
+}
+
+impl Models {
+    /// Checks that the model which a sampler needs is loaded.
+    pub(crate) fn check_loaded(&self, sampler: Sampler) -> Result<(), PlannerError> {
+        let (name, loaded) = match sampler {
+            Sampler::Default | Sampler::Fast => ("fast", self.fast.is_some()),
+            Sampler::Diffusion(_) => ("diffusion", self.diffusion.is_some()),
+            Sampler::Straight
+            | Sampler::StraightDrawn
+            | Sampler::RrtConnect
+            | Sampler::RrtSmooth => return Ok(()),
+        };
+        loaded
+            .then_some(())
+            .ok_or(PlannerError::ModelNotLoaded(name))
+    }
 }
 
 /// The unit robot, the models and tables, shared by all requests.

@@ -14,7 +14,7 @@ thread_local! {
 
 /// How many of so many candidates are sampled together: equal parts for as many workers as pay, each small enough that it is
 /// often asked whether to go on.
-pub(crate) fn share(model: &FastModel, candidates: usize) -> usize {
+pub(crate) fn sampled_together(model: &FastModel, candidates: usize) -> usize {
     let few = model.worth_a_worker();
     let workers = rayon::current_num_threads().min(candidates / few);
     candidates.div_ceil(workers.max(1)).clamp(1, 2 * few)

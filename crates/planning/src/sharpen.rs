@@ -1,7 +1,6 @@
 //! Making up for what bounding jerk does to a path.
 
-use crate::path::WAYPOINTS;
-use crate::pen::Drawn;
+use crate::path::{WAYPOINTS, WaypointArray};
 use pcc_model::{Configuration, Robot, TendonLimits};
 
 /// A waypoint is moved away from the middle of its neighbours by this times its distance from there at most.
@@ -12,7 +11,11 @@ const SHARPEST: f64 = 4.0;
 /// Bounding jerk averages a motion over about w = a/j, which moves a place of the path by q̈ w²/24 to the inner side of its
 /// bends; here the waypoints move as much to the outer side. With x the way of the fastest tendon, at the speed v that its
 /// limits allow there, q̈ across the path is v² d²q/dx².
-pub(crate) fn sharpened(robot: &Robot, limits: &TendonLimits, drawn: &Drawn) -> Drawn {
+pub(crate) fn sharpened(
+    robot: &Robot,
+    limits: &TendonLimits,
+    drawn: &WaypointArray,
+) -> WaypointArray {
     let ways: [f64; WAYPOINTS - 1] =
         std::array::from_fn(|h| fastest_tendon(robot, &(drawn[h + 1] - drawn[h])));
     let whole: f64 = ways.iter().sum();
@@ -52,11 +55,11 @@ mod tests {
         let robot = unit_robot();
         let start = Configuration::from_column_slice(&[0.9, -0.4, -0.6, 0.6, 0.4, 0.8]);
         let end = Configuration::from_column_slice(&[0.7, 0.1, -0.3, 0.9, 0.5, 0.6]);
-        let segment: Drawn = std::array::from_fn(|h| start.lerp(&end, parameter(h)));
+        let segment: WaypointArray = std::array::from_fn(|h| start.lerp(&end, parameter(h)));
         let bow = Configuration::from_column_slice(&[0.0, 0.3, 0.0, -0.2, 0.0, 0.1]);
-        let bent: Drawn =
+        let bent: WaypointArray =
             std::array::from_fn(|h| segment[h] + bow * parameter(h) * (1.0 - parameter(h)));
-        let moved = |drawn: &Drawn| {
+        let moved = |drawn: &WaypointArray| {
             let sharp = sharpened(&robot, &robot.tendon_limits, drawn);
             sharp
                 .iter()

@@ -7,8 +7,8 @@
 //! too near to an obstacle on all such curves, the path is first corrected, and its tip then drawn onto the smoothest curve
 //! beside its own way that leaves room.
 
-use crate::path::{WAYPOINTS, Waypoints, parameter};
-use crate::pen::{Demand, Drawn, Pen};
+use crate::path::{WAYPOINTS, WaypointArray, Waypoints, parameter};
+use crate::pen::{Demand, Pen};
 use crate::sharpen::sharpened;
 use crate::smoothing::Smoother;
 use collision::Scene;
@@ -109,7 +109,12 @@ impl TipCurves {
     }
 
     /// On the line between the tip's two ends; how far the tip has come there is left to the path without its waves.
-    fn at_its_own_pace(&self, way: &Way, pen: &Pen, path: &[Configuration]) -> Option<Drawn> {
+    fn at_its_own_pace(
+        &self,
+        way: &Way,
+        pen: &Pen,
+        path: &[Configuration],
+    ) -> Option<WaypointArray> {
         let line = way.line.try_normalize(0.0)?;
         let calm = calm(&self.smoothers[0], path);
         let demand = Demand {
@@ -122,12 +127,12 @@ impl TipCurves {
 }
 
 /// The shapes of a path without their waves.
-fn calm(smoother: &Smoother, path: &[Configuration]) -> Drawn {
+fn calm(smoother: &Smoother, path: &[Configuration]) -> WaypointArray {
     smoother.smooth(&std::array::from_fn(|h| path[h]))
 }
 
 /// On the straightest curve that keeps the bending limits.
-fn straight(way: &Way, pen: &Pen, path: &[Configuration]) -> Option<Drawn> {
+fn straight(way: &Way, pen: &Pen, path: &[Configuration]) -> Option<WaypointArray> {
     let demand = Demand {
         loose: None,
         keeps_limits: true,

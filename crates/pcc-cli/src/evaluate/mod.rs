@@ -88,7 +88,7 @@ fn answer(
     };
     let clock = Instant::now();
     let answered = match given {
-        Some(paths) => planner.judge(&problem, &request, paths, &|| false),
+        Some(paths) => planner.evaluate_paths(&problem, &request, paths, &|| false),
         None => planner.plan(&problem, &request, &|| false),
     };
     let plan = match answered {
