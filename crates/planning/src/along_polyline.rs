@@ -78,10 +78,10 @@ impl MotionConstraints<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::basis::SineBasis;
     use crate::fixtures::unit_robot;
     use crate::path_to_trajectory::MOST_CORRECTIONS;
     use crate::pushes::PushKernel;
+    use crate::sine_basis::SineBasis;
     use crate::straighten::TipCurves;
     use collision::{Ball, Scene};
     use nalgebra::{Rotation3, Vector3};

@@ -1,13 +1,13 @@
 //! One request with all that answering it needs, and how its paths become draws.
 
 use crate::constraints::MotionConstraints;
+use crate::edges::{RrtSettings, Search};
 use crate::incumbent::Incumbent;
 use crate::path::Waypoints;
 use crate::plan::{Candidate, Draw, Failure, Source, count_learned};
 use crate::problem::Problem;
 use crate::request::{Interrupt, Request, Supervision};
 use crate::resources::Resources;
-use crate::rrt_connect::{RrtSettings, Search};
 use crate::stage_times::StageTimes;
 use pcc_model::{Robot, SECTIONS, TendonLimits};
 use rand_pcg::Pcg64;

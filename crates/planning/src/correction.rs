@@ -183,9 +183,9 @@ fn apply(changes: &[Configuration; WAYPOINTS], path: &mut [Configuration]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::basis::SineBasis;
     use crate::fixtures::unit_robot;
     use crate::path::straight_path;
+    use crate::sine_basis::SineBasis;
     use collision::Ball;
     use pcc_model::Point;
 

@@ -1,7 +1,7 @@
 //! What the few-step model is told: both ends and every ball, in the canonical frame, as plain numbers.
 
-use crate::basis::{SineBasis, UNKNOWNS};
 use crate::canonical::CanonicalFrame;
+use crate::sine_basis::{SineBasis, UNKNOWNS};
 use collision::{Ball, Scene};
 use denoiser::FeatureFrame;
 use pcc_model::{Backbone, Configuration, Nearest, Point, Robot};

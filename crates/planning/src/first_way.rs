@@ -1,6 +1,7 @@
 //! A first way to any goal shape, where nothing is known (decision 0018).
 
-use crate::rrt_connect::{RrtSettings, Search, Tree};
+use crate::edges::{RrtSettings, Search};
+use crate::tree::Tree;
 use pcc_model::Configuration;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;

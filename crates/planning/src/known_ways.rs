@@ -3,7 +3,8 @@
 //! RRT-Connect (Kuffner & LaValle 2000) whose first tree begins as these motions: where ways from the start are hard to
 //! find, most of one that is known serves for another goal shape as well.
 
-use crate::rrt_connect::{Search, Tree};
+use crate::edges::Search;
+use crate::tree::Tree;
 use pcc_model::Configuration;
 use rand_pcg::Pcg64;
 
@@ -66,9 +67,9 @@ impl<'a> KnownWays<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::edges::RrtSettings;
     use crate::fixtures::unit_robot;
     use crate::path::straight_path;
-    use crate::rrt_connect::RrtSettings;
     use collision::{Ball, Scene};
     use pcc_model::Point;
     use rand::SeedableRng;

@@ -4,9 +4,9 @@
 //! the dual problem is the smaller one: (K + 1) y = distance, K_ij = κ(hᵢ, hⱼ) gᵢ·gⱼ, κ(h, h′) = Σ_k s_k(h) s_k(h′) / d_k,
 //! and change(h) = Σᵢ κ(h, hᵢ) yᵢ gᵢ.
 
-use crate::basis::SineBasis;
 use crate::cholesky::{factorise, substitute};
 use crate::path::WAYPOINTS;
+use crate::sine_basis::SineBasis;
 use pcc_model::Configuration;
 
 /// Cost of a coefficient of low frequency.
@@ -113,7 +113,8 @@ impl Pushes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::basis::{SmoothLeastSquares, UNKNOWNS};
+    use crate::sine_basis::UNKNOWNS;
+    use crate::smooth_least_squares::SmoothLeastSquares;
     use pcc_model::DOF;
 
     #[test]

@@ -1,10 +1,10 @@
 //! Motions to the goal configurations that none reaches yet, found from the motions to the others.
 
 use crate::context::RequestContext;
+use crate::edges::{RrtSettings, Search};
 use crate::known_ways::KnownWays;
 use crate::path::Waypoints;
 use crate::plan::{Draw, Failure, Source};
-use crate::rrt_connect::{RrtSettings, Search};
 use crate::trees::{LEAST_MARGIN, follow_ever_shorter};
 use pcc_model::{Configuration, Robot};
 use rand_pcg::Pcg64;

@@ -1,10 +1,10 @@
 //! What a planner keeps from request to request.
 
-use crate::basis::SineBasis;
 use crate::diffusion::DiffusionModel;
 use crate::error::PlannerError;
 use crate::pushes::PushKernel;
 use crate::request::Sampler;
+use crate::sine_basis::SineBasis;
 use crate::straighten::TipCurves;
 use denoiser::FastModel;
 use pcc_model::Robot;

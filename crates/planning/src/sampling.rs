@@ -1,6 +1,6 @@
 //! Drawing residuals from the learned sampler.
 
-use crate::basis::UNKNOWNS;
+use crate::sine_basis::UNKNOWNS;
 use denoiser::{CandidateInput, FastModel, FastScratch};
 use rand::{Rng, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};

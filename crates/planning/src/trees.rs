@@ -2,13 +2,13 @@
 
 use crate::constraints::MotionConstraints;
 use crate::context::{Drawn, RequestContext};
+use crate::edges::{RrtSettings, Search};
 use crate::first_success::first_success;
 use crate::first_way::{FIRST_WAY, first_way};
 use crate::goal_set::GoalSet;
 use crate::path::resample;
 use crate::plan::{Draw, Failure, Source};
 use crate::request::{Interrupt, Sampler};
-use crate::rrt_connect::{RrtSettings, Search};
 use crate::stage_times::StageTimes;
 use pcc_model::Configuration;
 use rand_pcg::Pcg64;
