@@ -1,6 +1,6 @@
 //! What several unit tests need.
 
-use crate::edges::{RrtSettings, Search};
+use crate::search::edges::{RrtSettings, Search};
 use collision::Scene;
 use pcc_model::Robot;
 use std::path::Path;

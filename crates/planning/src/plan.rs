@@ -1,7 +1,7 @@
 //! What a plan is asked for, and what it delivers.
 
-use crate::metrics::PathMetrics;
-use crate::path::Waypoints;
+use crate::path::metrics::PathMetrics;
+use crate::path::waypoints::Waypoints;
 use crate::stage_times::StageTimes;
 use pcc_model::Configuration;
 use std::sync::Arc;

@@ -1,11 +1,11 @@
 //! The planner, resident: robot, models and workers.
 
-use crate::answer::{answer, answer_with_paths};
-use crate::context::RequestContext;
-use crate::diffusion::Task;
-use crate::end_shapes::check_goal;
 use crate::error::PlannerError;
-use crate::path::Waypoints;
+use crate::goals::goal_configurations::check_goal;
+use crate::models::diffusion::Task;
+use crate::path::waypoints::Waypoints;
+use crate::pipeline::answer::{answer, answer_with_paths};
+use crate::pipeline::context::RequestContext;
 use crate::plan::Plan;
 use crate::problem::Problem;
 use crate::request::{Guidance, Interrupt, Request, Supervision};

@@ -1,6 +1,6 @@
 //! What a plan is asked for: sampler, selection, limits, the plan to go on from, and who follows the work.
 
-use crate::path::Waypoints;
+use crate::path::waypoints::Waypoints;
 use crate::plan::Candidate;
 use pcc_model::{Configuration, SECTIONS};
 use std::sync::Arc;

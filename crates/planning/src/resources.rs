@@ -1,11 +1,11 @@
 //! What a planner keeps from request to request.
 
-use crate::diffusion::DiffusionModel;
 use crate::error::PlannerError;
-use crate::pushes::PushKernel;
+use crate::models::diffusion::DiffusionModel;
+use crate::optimize::smooth_update::PushKernel;
+use crate::optimize::tip_path::TipCurves;
+use crate::path::sine_basis::SineBasis;
 use crate::request::Sampler;
-use crate::sine_basis::SineBasis;
-use crate::straighten::TipCurves;
 use denoiser::FastModel;
 use pcc_model::Robot;
 

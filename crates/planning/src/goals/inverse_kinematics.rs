@@ -1,0 +1,216 @@
+//! Tip inverse kinematics by damped Newton steps inside the bending discs.
+
+use crate::goals::newton::{Jacobians, Shapes, bending_squares, damped_steps, within_limits};
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x4, mask64x4};
+use pcc_model::{
+    Configuration, LANES, Point, Robot, SECTIONS, norms_squared, one_by_one, side_by_side,
+};
+
+/// Iterations of one seed: a count, so that answers do not depend on time.
+const ITERATIONS: usize = 40;
+/// A section bent this near to its limit is at it, rad.
+const AT_LIMIT_RAD: f64 = 1e-9;
+/// Tip residual taken as solved, section lengths.
+const SOLVED: f64 = 1e-9;
+
+/// Solves for a shape within the limits whose tip is at `target` (base frame, section lengths), from `seed`.
+///
+/// Returns the shape and the remaining tip distance; a distance above 1e-9 means that this seed did not reach it.
+#[must_use]
+pub fn solve_tip(robot: &Robot, target: &Point, seed: &Configuration) -> (Configuration, f64) {
+    solve_tips(robot, target, std::slice::from_ref(seed))[0]
+}
+
+/// As [`solve_tip`] from each of many seeds, several at once.
+pub(crate) fn solve_tips(
+    robot: &Robot,
+    target: &Point,
+    seeds: &[Configuration],
+) -> Vec<(Configuration, f64)> {
+    dispatch!(Level::new(), simd => solve_at(simd, robot, target, seeds))
+}
+
+/// A shape on its way from a seed.
+#[derive(Clone, Copy)]
+struct Seeker {
+    /// Which of the seeds.
+    number: usize,
+    shape: Configuration,
+    distance: f64,
+    steps: usize,
+}
+
+impl Seeker {
+    fn new((number, shape): (usize, &Configuration)) -> Self {
+        Self {
+            number,
+            shape: *shape,
+            distance: f64::INFINITY,
+            steps: 0,
+        }
+    }
+
+    /// Whether it has arrived, or will not, after a step that left it at this distance.
+    fn is_done(&self, distance: f64) -> bool {
+        let stalled = self.steps > 12 && distance > 0.98 * self.distance && distance > 1e-3;
+        distance < SOLVED || stalled || self.steps == ITERATIONS
+    }
+}
+
+/// The shape that each seed leads to, and its distance. Whoever is done makes room for the next seed.
+#[inline(always)]
+fn solve_at<S: Simd>(
+    simd: S,
+    robot: &Robot,
+    target: &Point,
+    seeds: &[Configuration],
+) -> Vec<(Configuration, f64)> {
+    let mut solved = vec![(Configuration::zeros(), f64::INFINITY); seeds.len()];
+    let mut waiting = seeds.iter().enumerate().map(Seeker::new);
+    let mut seekers = [const { None }; LANES];
+    seekers.fill_with(|| waiting.next());
+    while seekers.iter().any(Option::is_some) {
+        let shapes = seekers.map(|seeker| seeker.map_or_else(Configuration::zeros, |s| s.shape));
+        let (next, distances, solvable) = newton_steps(robot, &side_by_side(simd, &shapes), target);
+        let (next, solvable) = (one_by_one(&next), solvable.to_bitmask());
+        for (lane, place) in seekers.iter_mut().enumerate() {
+            let Some(seeker) = place else { continue };
+            if seeker.is_done(distances[lane]) || (solvable >> lane) & 1 == 0 {
+                solved[seeker.number] = (seeker.shape, distances[lane]);
+                *place = waiting.next();
+            } else {
+                seeker.shape = next[lane];
+                seeker.distance = distances[lane];
+                seeker.steps += 1;
+            }
+        }
+    }
+    solved
+}
+
+/// The shapes within the limits after one step to the target; from how far; and where the step can be computed.
+///
+/// Where a section would leave its disc it may only turn: clipped steps would come nearer by a share at a time.
+#[inline(always)]
+fn newton_steps<S: Simd>(
+    robot: &Robot,
+    shapes: &Shapes<S>,
+    target: &Point,
+) -> (Shapes<S>, f64x4<S>, mask64x4<S>) {
+    let tips = robot.moving_tips(shapes);
+    let [x, y, z] = tips.positions;
+    let errors = [target.x - x, target.y - y, target.z - z];
+    let free = [x * 0.0 + 1.0; SECTIONS];
+    let mut jacobians = tips.jacobians;
+    let (mut steps, solvable) = damped_steps(&jacobians, &free, &errors);
+    if hold_limits(robot, shapes, &steps, &mut jacobians) {
+        let (held, held_solvable) = damped_steps(&jacobians, &free, &errors);
+        for (step, held) in steps.iter_mut().zip(held) {
+            *step = held_solvable.select(held, *step);
+        }
+    }
+    for (step, from) in steps.iter_mut().zip(shapes) {
+        *step += *from;
+    }
+    let distances = norms_squared(&errors).sqrt();
+    (within_limits(robot, &steps), distances, solvable)
+}
+
+/// Takes from the Jacobians the bending of the sections that are at their limit and that the steps would bend further.
+///
+/// Returns whether there are any.
+#[inline(always)]
+fn hold_limits<S: Simd>(
+    robot: &Robot,
+    shapes: &Shapes<S>,
+    steps: &Shapes<S>,
+    jacobians: &mut Jacobians<S>,
+) -> bool {
+    let begin = robot.bending_limit - AT_LIMIT_RAD;
+    let mut any = false;
+    for (section, square) in bending_squares(shapes).into_iter().enumerate() {
+        let (i, j) = (2 * section, 2 * section + 1);
+        let outwards = shapes[i] * steps[i] + shapes[j] * steps[j];
+        let held = outwards.simd_gt(0.0) & square.simd_ge(begin * begin);
+        if held.any_true() {
+            let scale = held.select(1.0 / square.sqrt(), square * 0.0);
+            let (x, y) = (shapes[i] * scale, shapes[j] * scale);
+            let [by_x, by_y] = &mut jacobians.as_chunks_mut().0[section];
+            for (by_x, by_y) in by_x.iter_mut().zip(by_y) {
+                let radial = *by_x * x + *by_y * y;
+                *by_x -= radial * x;
+                *by_y -= radial * y;
+            }
+            any = true;
+        }
+    }
+    any
+}
+
+/// Whether a residual of [`solve_tip`] counts as reached.
+pub(crate) fn is_solved(distance: f64) -> bool {
+    distance < 1e-7
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::unit_robot;
+    use crate::search::random_configuration::random_configuration;
+    use rand::SeedableRng;
+    use rand_pcg::Pcg64;
+    use std::f64::consts::FRAC_PI_2;
+
+    #[test]
+    fn shapes_at_the_bending_limit_are_reached() {
+        let robot = unit_robot();
+        let mut rng = Pcg64::seed_from_u64(1);
+        let reached = (0..200).filter(|case| {
+            let mut shape = random_configuration(&robot, &mut rng);
+            let section = 2 * (case % SECTIONS);
+            let bend = shape.fixed_rows::<2>(section).normalize() * robot.bending_limit;
+            shape.fixed_rows_mut::<2>(section).copy_from(&bend);
+            let near = shape * 0.95 + random_configuration(&robot, &mut rng) * 0.05;
+            let (found, distance) = solve_tip(&robot, &robot.tip(&shape), &near);
+            assert!(robot.limit_excess(&found) < 1e-12);
+            is_solved(distance)
+        });
+        assert_eq!(reached.count(), 200);
+    }
+
+    #[test]
+    fn a_seed_leads_to_the_same_shape_whatever_is_beside_it_and_whatever_the_vectors() {
+        let mut rng = Pcg64::seed_from_u64(2);
+        // Within the angles that the series are made for, and beyond.
+        for bending_limit in [FRAC_PI_2, 2.5] {
+            let robot = Robot {
+                bending_limit,
+                ..unit_robot()
+            };
+            let random = (0..30).map(|_| random_configuration(&robot, &mut rng));
+            let seeds: Vec<_> = random.chain([Configuration::zeros()]).rev().collect();
+            // Straight above the base, where the straight shape has no way to go; within and out of reach.
+            for target in [[0.0, 0.0, 2.5], [0.9, -0.3, 2.1], [2.0, 0.0, 2.6]] {
+                let target = Point::from(target);
+                for count in [1, 3, 5, 31] {
+                    let some = &seeds[..count];
+                    let together = solve_tips(&robot, &target, some);
+                    let alone = some.iter().map(|seed| solve_tip(&robot, &target, seed));
+                    assert_eq!(together, alone.collect::<Vec<_>>());
+                    let plainest =
+                        dispatch!(Level::baseline(), simd => solve_at(simd, &robot, &target, some));
+                    assert_eq!(together, plainest);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_target_that_is_not_a_number_is_not_reached() {
+        let robot = unit_robot();
+        let target = Point::new(f64::NAN, 0.0, 2.0);
+        let (_, distance) = solve_tip(&robot, &target, &Configuration::repeat(0.1));
+        assert!(!is_solved(distance));
+    }
+}

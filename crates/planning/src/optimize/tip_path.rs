@@ -1,0 +1,353 @@
+//! Straightening: the tip of a path is drawn onto a smooth curve near it (decision 0011).
+//!
+//! A sampled path comes near the straight way of the tip, with small waves in it. Where the scene allows, the curve is the
+//! straight line at even speed, bent at its ends where the robot cannot set out along it, or as much nearer to the straight
+//! segment's way as the bending limits demand. The tip of a nearly straight robot, which sets out sideways only, is drawn onto
+//! the line at the pace of the sampled path: with a speed of zero at first it goes exactly straight. Where the body would come
+//! too near to an obstacle on all such curves, the path is first corrected, and its tip then drawn onto the smoothest curve
+//! beside its own way that leaves room.
+
+use crate::optimize::corner_precompensation::sharpened;
+use crate::optimize::tip_tracker::{Demand, Pen};
+use crate::path::smoothing_spline::Smoother;
+use crate::path::waypoints::{WAYPOINTS, WaypointArray, Waypoints, parameter};
+use collision::Scene;
+use nalgebra::SymmetricEigen;
+use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS, TendonLimits};
+
+/// Strengths of the smoothing of a tip's way, or of shapes, that are tried, in this order: waves shorter than 43, 29, 20 and 14 waypoints go.
+const STRENGTHS: [f64; 4] = [1e5, 1e4, 1e3, 1e2];
+/// Shares of the straight segment's way in the curve that are tried, in this order.
+const SHARES: [f64; 3] = [0.0, 0.5, 0.8];
+/// Where the tip moves less than this by a rad in some direction, it cannot set out in that direction.
+const STIFF: f64 = 0.6;
+/// From stiffer ends the tip follows the line at its own pace: that of a straight robot sets out sideways only.
+const STIFFEST: f64 = 0.9;
+/// Share of the straight segment's way of the tip in the curve where an end is as stiff as can be.
+const SEGMENT_SHARE: f64 = 0.35;
+/// Bending above this far below the limit is compressed, so that a path does not run into its limits with a kink, rad.
+const SOFT_RAD: f64 = 0.15;
+
+/// Smooth curves for tips, and paths without waves.
+pub(crate) struct TipCurves {
+    smoothers: [Smoother; STRENGTHS.len()],
+}
+
+impl TipCurves {
+    pub(crate) fn new() -> Self {
+        Self {
+            smoothers: STRENGTHS.map(Smoother::new),
+        }
+    }
+
+    /// Draws the tip of a path (64 waypoints, radians) onto the straightest curve on which the body keeps a clearance of
+    /// `margin` beyond the tube (section lengths); both ends stay exactly where they are. Where there is none, the path stays
+    /// as it is.
+    ///
+    /// `limits` are those of the motion.
+    pub(crate) fn straighten(
+        &self,
+        robot: &Robot,
+        scene: &Scene,
+        margin: f64,
+        limits: &TendonLimits,
+        path: &mut [Configuration],
+    ) -> bool {
+        let way = Way::new(robot, &path[0], &path[WAYPOINTS - 1]);
+        let pen = Pen {
+            robot,
+            scene,
+            margin,
+            ends: way.ends,
+        };
+        let drawn = if way.stiffness > STIFFEST {
+            self.at_its_own_pace(&way, &pen, path)
+        } else {
+            straight(&way, &pen, path)
+        };
+        if let Some(drawn) = &drawn {
+            path.copy_from_slice(&sharpened(robot, limits, drawn));
+        }
+        drawn.is_some()
+    }
+
+    /// Draws the tip onto the smoothest curve beside its way on which the body keeps a clearance of `margin` beyond the tube
+    /// (section lengths); both ends stay exactly where they are. Where there is none, the path stays as it is.
+    pub(crate) fn smooth(
+        &self,
+        robot: &Robot,
+        scene: &Scene,
+        margin: f64,
+        path: &mut [Configuration],
+    ) -> bool {
+        let pen = Pen {
+            robot,
+            scene,
+            margin,
+            ends: [path[0], path[WAYPOINTS - 1]],
+        };
+        let demand = Demand {
+            loose: None,
+            keeps_limits: false,
+        };
+        let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| robot.tip(&path[h]));
+        let drawn = self.smoothers.iter().find_map(|smoother| {
+            let curve = smoother.smooth(&tips);
+            pen.draw(&demand, |h| path[h], |h| curve[h])
+        });
+        if let Some(drawn) = &drawn {
+            path.copy_from_slice(drawn);
+        }
+        drawn.is_some()
+    }
+
+    /// The shapes of a path (64 waypoints, radians) without their waves, the strongest smoothing first, wherever that leads; both
+    /// ends stay exactly where they are.
+    pub(crate) fn calmed(&self, path: Waypoints) -> impl Iterator<Item = Waypoints> {
+        let calmed = move |smoother: &Smoother| calm(smoother, &path).to_vec();
+        self.smoothers.iter().map(calmed)
+    }
+
+    /// On the line between the tip's two ends; how far the tip has come there is left to the path without its waves.
+    fn at_its_own_pace(
+        &self,
+        way: &Way,
+        pen: &Pen,
+        path: &[Configuration],
+    ) -> Option<WaypointArray> {
+        let line = way.line.try_normalize(0.0)?;
+        let calm = calm(&self.smoothers[0], path);
+        let demand = Demand {
+            loose: Some(line),
+            keeps_limits: true,
+        };
+        let guess = |h: usize| way.softened(h, &calm[h]);
+        pen.draw(&demand, guess, |h| way.on_the_line(h))
+    }
+}
+
+/// The shapes of a path without their waves.
+fn calm(smoother: &Smoother, path: &[Configuration]) -> WaypointArray {
+    smoother.smooth(&std::array::from_fn(|h| path[h]))
+}
+
+/// On the straightest curve that keeps the bending limits.
+fn straight(way: &Way, pen: &Pen, path: &[Configuration]) -> Option<WaypointArray> {
+    let demand = Demand {
+        loose: None,
+        keeps_limits: true,
+    };
+    SHARES.iter().find_map(|&share| {
+        pen.draw(
+            &demand,
+            |h| way.guess(h, &path[h], share),
+            |h| way.straightest(h, share),
+        )
+    })
+}
+
+/// The two ends of a path, and how far the tip cannot set out there in every direction.
+struct Way<'a> {
+    robot: &'a Robot,
+    ends: [Configuration; 2],
+    /// What compressing would change at the ends.
+    compressions: [Configuration; 2],
+    first_tip: Point,
+    /// From the first tip to the last.
+    line: Point,
+    /// Bend of the tip's line at its middle, times 4, that spares the directions in which the tip is stiff.
+    bend: Point,
+    /// How stiff the tip is at the stiffer end, 0 to 1.
+    stiffness: f64,
+}
+
+impl<'a> Way<'a> {
+    fn new(robot: &'a Robot, start: &Configuration, end: &Configuration) -> Self {
+        let ends = [*start, *end];
+        let [first, last] = ends.map(|shape| robot.backbone(&shape));
+        let line = last.tip() - first.tip();
+        let [at_start, at_end] = [&first, &last].map(stiffest);
+        let part =
+            |(direction, stiffness): (Point, f64)| direction * (direction.dot(&line) * stiffness);
+        Self {
+            robot,
+            ends,
+            compressions: ends.map(|end| end - compressed(robot, &end)),
+            first_tip: first.tip(),
+            line,
+            bend: part(at_end) - part(at_start),
+            stiffness: at_start.1.max(at_end.1),
+        }
+    }
+
+    fn segment(&self, h: usize) -> Configuration {
+        self.ends[0].lerp(&self.ends[1], parameter(h))
+    }
+
+    fn on_the_line(&self, h: usize) -> Point {
+        self.first_tip + self.line * parameter(h)
+    }
+
+    /// The straight line of the tip at even speed; at a stiff end it sets out as the tip can. It follows with `share`, and
+    /// with more at a stiff end, the way that the straight segment takes.
+    fn straightest(&self, h: usize, share: f64) -> Point {
+        let u = parameter(h);
+        let line = self.on_the_line(h) + self.bend * (u * (1.0 - u));
+        let share = share.max(SEGMENT_SHARE * self.stiffness);
+        if share == 0.0 {
+            return line;
+        }
+        line.lerp(&self.robot.tip(&self.segment(h)), share)
+    }
+
+    /// A sampled shape with its bending compressed near the limit, as far as the ends allow.
+    fn softened(&self, h: usize, sampled: &Configuration) -> Configuration {
+        let [at_start, at_end] = self.compressions;
+        compressed(self.robot, sampled) + at_start.lerp(&at_end, parameter(h))
+    }
+
+    /// Where the Newton steps begin: nearer to the straight segment where the curve is.
+    fn guess(&self, h: usize, sampled: &Configuration, share: f64) -> Configuration {
+        let share = share.max(self.stiffness);
+        self.softened(h, sampled).lerp(&self.segment(h), share)
+    }
+}
+
+/// The direction in which the tip moves least, and how stiff it is there, 0 to 1.
+fn stiffest(shape: &Backbone) -> (Point, f64) {
+    let jacobian = shape.tip_jacobian();
+    let modes = SymmetricEigen::new(jacobian * jacobian.transpose());
+    let least = modes.eigenvalues.imin();
+    let mobility = modes.eigenvalues[least].max(0.0).sqrt();
+    let direction = modes.eigenvectors.column(least).into_owned();
+    (direction, (1.0 - mobility / STIFF).max(0.0))
+}
+
+fn compressed(robot: &Robot, shape: &Configuration) -> Configuration {
+    let angles = robot.bending_angles(shape);
+    let begin = robot.bending_limit - SOFT_RAD;
+    let mut soft = *shape;
+    for section in (0..SECTIONS).filter(|&section| angles[section] > begin) {
+        let excess = (angles[section] - begin) / SOFT_RAD;
+        let angle = begin + SOFT_RAD * excess.tanh();
+        let mut bend = soft.fixed_rows_mut::<2>(2 * section);
+        bend *= angle / angles[section];
+    }
+    soft
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::unit_robot;
+    use crate::path::waypoints::straight_path;
+    use collision::Ball;
+
+    fn straighten(robot: &Robot, path: &mut [Configuration]) -> bool {
+        TipCurves::new().straighten(robot, &Scene::default(), 0.0, &robot.tendon_limits, path)
+    }
+
+    fn ends() -> [Configuration; 2] {
+        [
+            Configuration::from_column_slice(&[0.9, -0.4, -0.6, 0.6, 0.4, 0.8]),
+            Configuration::from_column_slice(&[0.7, 0.1, -0.3, 0.9, 0.5, 0.6]),
+        ]
+    }
+
+    #[test]
+    fn a_tip_that_wanders_a_little_goes_straight() {
+        let robot = unit_robot();
+        let [start, end] = ends();
+        let mut path = straight_path(&start, &end);
+        for (h, waypoint) in path.iter_mut().enumerate() {
+            let wave = (20.0 * parameter(h)).sin() * parameter(h) * (1.0 - parameter(h));
+            waypoint[1] += 0.02 * wave;
+        }
+        let bend = |path: &[Configuration]| {
+            let tips: Vec<Point> = path.iter().map(|q| robot.tip(q)).collect();
+            let third = |w: &[Point]| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).norm_squared();
+            tips.windows(4).map(third).sum::<f64>()
+        };
+        let before = bend(&path);
+        assert!(straighten(&robot, &mut path));
+        assert!(bend(&path) < 0.2 * before, "{} of {before}", bend(&path));
+        assert_eq!([path[0], path[63]], [start, end]);
+    }
+
+    #[test]
+    fn the_tip_of_a_straight_robot_goes_straight_along_an_s_bend() {
+        let robot = unit_robot();
+        let start = Configuration::zeros();
+        let end = Configuration::from_column_slice(&[0.7, 0.2, -1.1, -0.1, 0.6, 0.1]);
+        let way = robot.tip(&end) - robot.tip(&start);
+        let beside = |path: &[Configuration]| {
+            let off = |q| way.cross(&(robot.tip(q) - robot.tip(&start))).norm() / way.norm();
+            path.iter().map(off).fold(0.0, f64::max)
+        };
+        let mut path = straight_path(&start, &end);
+        assert!(beside(&path) > 0.02, "the segment's tip leaves the line");
+        assert!(straighten(&robot, &mut path));
+        assert!(beside(&path) < 5e-4, "{}", beside(&path));
+        assert_eq!([path[0], path[63]], [start, end]);
+    }
+
+    /// A detour with short waves in it, as pushes leave it.
+    fn jagged() -> Vec<Configuration> {
+        let [start, end] = ends();
+        let mut path = straight_path(&start, &end);
+        for (h, waypoint) in path.iter_mut().enumerate().take(WAYPOINTS - 1).skip(1) {
+            let u = parameter(h);
+            waypoint[1] += 0.5 * u * (1.0 - u) + 0.01 * (30.0 * u).sin();
+        }
+        path
+    }
+
+    #[test]
+    fn smoothing_takes_the_short_waves_from_a_tip_and_leaves_the_ends() {
+        let robot = unit_robot();
+        let third = |path: &[Configuration]| {
+            let tips: Vec<Point> = path.iter().map(|q| robot.tip(q)).collect();
+            let third = |w: &[Point]| (w[3] - w[0] + (w[1] - w[2]) * 3.0).norm_squared();
+            tips.windows(4).map(third).sum::<f64>()
+        };
+        let given = jagged();
+        let mut path = given.clone();
+        assert!(TipCurves::new().smooth(&robot, &Scene::default(), 0.01, &mut path));
+        assert!(third(&path) < 0.01 * third(&given));
+        assert_eq!([path[0], path[63]], [given[0], given[63]]);
+    }
+
+    #[test]
+    fn smoothing_leaves_a_path_that_has_no_room() {
+        let robot = unit_robot();
+        let given = jagged();
+        let ball = Ball {
+            centre: robot.tip(&given[33]),
+            radius: 0.1,
+        };
+        let scene = Scene::new(vec![ball]).unwrap();
+        let mut path = given.clone();
+        assert!(!TipCurves::new().smooth(&robot, &scene, 0.01, &mut path));
+        assert_eq!(path, given);
+    }
+
+    #[test]
+    fn a_way_around_a_ball_on_the_line_stays_as_it_is() {
+        let robot = unit_robot();
+        let [start, end] = ends();
+        let mut path = straight_path(&start, &end);
+        let ball = Ball {
+            centre: robot.tip(&path[32]),
+            radius: 0.1,
+        };
+        let scene = Scene::new(vec![ball]).unwrap();
+        for (h, waypoint) in path.iter_mut().enumerate() {
+            waypoint[3] += 1.2 * (std::f64::consts::PI * parameter(h)).sin();
+        }
+        (path[0], path[63]) = (start, end);
+        let sampled = path.clone();
+        let limits = &robot.tendon_limits;
+        assert!(!TipCurves::new().straighten(&robot, &scene, 0.0, limits, &mut path));
+        assert_eq!(path, sampled);
+    }
+}
