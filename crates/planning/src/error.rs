@@ -24,7 +24,7 @@ pub enum PlannerError {
 /// Why a problem has no solution, found before any path is searched.
 #[derive(Clone, Copy, Debug, Error, PartialEq)]
 pub enum Infeasible {
-    /// A section of the start shape is bent beyond the robot's limit.
+    /// A section of the start configuration is bent beyond the robot's limit.
     #[error(
         "start out of limits: a section is bent {excess_rad:.4} rad beyond the allowed {limit_rad:.4} rad"
     )]
@@ -53,21 +53,21 @@ pub enum Infeasible {
         "start cannot stop: braking straight ahead is not certified free of contact and within the bending limits"
     )]
     StartCannotStop,
-    /// No shape within the limits puts the tip on the goal.
+    /// No configuration within the limits puts the tip on the goal.
     #[error(
-        "goal out of reach: the closest shape found within the bending limit misses it by {miss:.4} section lengths"
+        "goal out of reach: the closest configuration found within the bending limit misses it by {miss:.4} section lengths"
     )]
     GoalOutOfReach {
         /// Distance of the closest tip found, section lengths; for a configuration the angle above the limit.
         miss: f64,
     },
-    /// Every shape found that reaches the goal touches an obstacle.
+    /// Every configuration found that reaches the goal touches an obstacle.
     #[error(
-        "goal in collision: the clearest of {shapes} end shapes has clearance {clearance:.4} section lengths, at least 0 is needed"
+        "goal in collision: the clearest of {configurations} goal configurations has clearance {clearance:.4} section lengths, at least 0 is needed"
     )]
     GoalInCollision {
-        /// End shapes that reach the goal.
-        shapes: usize,
+        /// Goal configurations that reach the goal.
+        configurations: usize,
         /// Their largest clearance, section lengths.
         clearance: f64,
     },

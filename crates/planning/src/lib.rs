@@ -1,8 +1,8 @@
 //! Motion planning for three-section continuum robots: a request becomes certified, timed candidates.
 //!
 //! Lengths are in units of one section's arc length, angles in radians, and every position is in the robot's
-//! base frame. The stages of [`Planner::plan`] are: end shapes by analytic inverse kinematics, paths from a
-//! learned sampler (or straight ones, or a tree), analytic correction, time allocation, certification of the
+//! base frame. The stages of [`Planner::plan`] are: goal configurations by analytic inverse kinematics, paths from a
+//! learned sampler (or straight ones, or a tree), analytic correction, time parameterization, certification of the
 //! executed curve, selection.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -25,7 +25,7 @@ mod stage_times;
 
 pub use denoiser::FeatureFrame;
 pub use error::{Infeasible, PlannerError};
-pub use goals::goal_configurations::{EndShapes, end_shapes};
+pub use goals::goal_configurations::goal_configurations;
 pub use goals::inverse_kinematics::solve_tip;
 pub use models::diffusion::{DiffusionModel, DiffusionSettings, PrecisionUnavailable};
 pub use models::features::{

@@ -29,7 +29,7 @@ pub enum Failure {
     /// No path was produced.
     #[error("no path was found")]
     NoPath,
-    /// The sampled end is too far from any shape that reaches the goal.
+    /// The sampled end is too far from any configuration that reaches the goal.
     #[error("does not reach the goal")]
     Goal,
     /// The motion could not be certified free of collisions.
@@ -38,7 +38,7 @@ pub enum Failure {
     /// A section bends beyond the limit.
     #[error("bends beyond the limit")]
     Bending,
-    /// No time allocation within the limits, or not with the knots that a motion may have.
+    /// No time parameterization within the limits, or not with the knots that a motion may have.
     #[error("no time allocation within the tendon limits and the knots of a motion")]
     Time,
     /// A motion that only counts if it is the fastest, and is not, or would not be were it certified.
@@ -72,7 +72,7 @@ pub struct Candidate {
 }
 
 impl Certified {
-    /// The end shape, radians.
+    /// The configuration that it ends in, radians.
     #[must_use]
     pub fn end(&self) -> Configuration {
         end_of(&self.trajectory)
@@ -90,7 +90,7 @@ impl Candidate {
         }
     }
 
-    /// The end shape, radians.
+    /// The configuration that it ends in, radians.
     #[must_use]
     pub fn end(&self) -> Configuration {
         end_of(&self.trajectory)

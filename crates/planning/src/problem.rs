@@ -1,4 +1,4 @@
-//! What is asked: a start shape, a goal, and the scene between them.
+//! What is asked: a start configuration, a goal, and the scene between them.
 
 use crate::error::Infeasible;
 use collision::Scene;
@@ -7,16 +7,16 @@ use pcc_model::{Configuration, Point, Robot};
 /// Where the motion ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
-    /// A tip position in the base frame, in section lengths; the end shape is the planner's choice.
+    /// A tip position in the base frame, in section lengths; the goal configuration is the planner's choice.
     Tip(Point),
-    /// One exact end shape (homing), in radians.
+    /// One exact goal configuration (homing), in radians.
     Configuration(Configuration),
 }
 
 /// One planning problem in units of the section length.
 #[derive(Clone, Debug)]
 pub struct Problem {
-    /// Shape at the start, radians; the robot is at rest.
+    /// Configuration at the start, radians; the robot is at rest.
     pub start: Configuration,
     /// Where the motion ends.
     pub goal: Goal,
@@ -57,7 +57,7 @@ impl Problem {
     pub fn goal_tip(&self, robot: &Robot) -> Point {
         match &self.goal {
             Goal::Tip(tip) => *tip,
-            Goal::Configuration(shape) => robot.tip(shape),
+            Goal::Configuration(configuration) => robot.tip(configuration),
         }
     }
 }

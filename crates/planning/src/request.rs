@@ -14,14 +14,14 @@ pub enum Sampler {
     Fast,
     /// Straight segments in configuration space: the null arm.
     Straight,
-    /// Straight segments with everything that a learned path gets after sampling: the tip drawn onto a smooth curve, smoothing after
+    /// Straight segments with everything that a learned path gets after sampling: the tip brought onto a smooth curve, smoothing after
     /// correction, a second delivery where the smoothed path is refused.
     StraightDrawn,
     /// RRT-Connect on certified edges.
     RrtConnect,
     /// RRT-Connect, whose rounded paths get everything that a learned path gets after sampling.
     RrtSmooth,
-    /// The paper's diffusion model alone; the goal's end shape is the network's choice.
+    /// The paper's diffusion model alone; the goal's goal configuration is the network's choice.
     Diffusion(Guidance),
 }
 
@@ -41,14 +41,14 @@ pub enum Guidance {
 pub enum Selection {
     /// Shortest duration.
     ShortestTime,
-    /// Shortest way of the tip.
+    /// Shortest tip path.
     ShortestTipPath,
     /// Largest clearance over the motion.
     LargestClearance,
-    /// Smallest ∫‖p‴‖² of the tip's way.
+    /// Smallest ∫‖p‴‖² of the tip path.
     Smoothest,
-    /// End shape nearest to the start shape.
-    NearestTerminalShape,
+    /// Goal configuration nearest to the start.
+    NearestGoalConfiguration,
     /// The candidate with this index.
     Index(usize),
 }
@@ -84,8 +84,8 @@ pub struct Request {
     pub selection: Selection,
     /// Factor on the tendon velocity, acceleration and jerk limits, in (0, 1].
     pub limits_scale: f64,
-    /// Growth of each section's tube that the certificate includes, section lengths (tracking error).
-    pub growth: [f64; SECTIONS],
+    /// Padding of each section's tube for which motions are certified, section lengths: room for the tracking error.
+    pub padding: [f64; SECTIONS],
     /// Knots of each motion (4 to 256).
     pub knots: usize,
     /// Corrections that a path gets before it is given up: 0 to `MOST_CORRECTIONS`, which is the rule; more are as many.

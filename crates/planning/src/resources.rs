@@ -3,7 +3,7 @@
 use crate::error::PlannerError;
 use crate::models::diffusion::DiffusionModel;
 use crate::optimize::smooth_update::PushKernel;
-use crate::optimize::tip_path::TipCurves;
+use crate::optimize::tip_path::TipPaths;
 use crate::path::sine_basis::SineBasis;
 use crate::request::Sampler;
 use denoiser::FastModel;
@@ -41,7 +41,7 @@ pub(crate) struct Resources {
     pub(crate) models: Models,
     pub(crate) basis: SineBasis,
     pub(crate) kernel: PushKernel,
-    pub(crate) tip_curves: TipCurves,
+    pub(crate) tip_paths: TipPaths,
 }
 
 impl Resources {
@@ -52,7 +52,7 @@ impl Resources {
             robot,
             models,
             kernel: PushKernel::new(&basis),
-            tip_curves: TipCurves::new(),
+            tip_paths: TipPaths::new(),
             basis,
         }
     }

@@ -4,17 +4,17 @@ use std::time::Instant;
 
 /// Time of each stage, seconds: wall time of a request, or time on its worker of one path.
 ///
-/// Paths go from sampling through correction, time allocation and certification to their figures without waiting for each
+/// Paths go from sampling through correction, time parameterization and certification to their figures without waiting for each
 /// other, several at once: the wall time of all is divided among these stages by the time that each took on the workers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct StageTimes {
-    /// End shapes (for diffusion: whether there is one) and features.
+    /// Goal configurations (for diffusion: whether there is one) and features.
     pub condition: f64,
     /// The learned sampler, or the tree.
     pub sample: f64,
     /// Straightening and analytic correction, the ends of paths by diffusion included.
     pub correct: f64,
-    /// Time allocation.
+    /// Time parameterization.
     pub time: f64,
     /// Certification.
     pub certify: f64,

@@ -80,7 +80,7 @@ fn answer(
         sampler: arguments.planner.sampler().unwrap_or(Sampler::Straight),
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: [0.0; SECTIONS],
+        padding: [0.0; SECTIONS],
         knots: 96,
         corrections: arguments.corrections,
         start_motion: None,

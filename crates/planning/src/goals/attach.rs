@@ -5,13 +5,13 @@ use crate::path::waypoints::parameter;
 use crate::problem::{Goal, Problem};
 use pcc_model::{Configuration, Robot};
 
-/// Moves the first waypoint to the start and the last one to the goal's nearest shape, the others along with weight u².
+/// Moves the first waypoint to the start and the last one to the goal's nearest configuration, the others along with weight u².
 ///
-/// Returns whether the goal is reached; a path whose end is too far from any solution keeps its nearest shape.
+/// Returns whether the goal is reached; a path whose end is too far from any solution keeps its nearest configuration.
 pub(crate) fn attach(robot: &Robot, problem: &Problem, path: &mut [Configuration]) -> bool {
     let last = path[path.len() - 1];
     let (end, reached) = match &problem.goal {
-        Goal::Configuration(shape) => (*shape, true),
+        Goal::Configuration(configuration) => (*configuration, true),
         Goal::Tip(target) => {
             let (end, distance) = solve_tip(robot, target, &robot.project_to_limits(&last));
             (end, is_solved(distance))

@@ -1,4 +1,4 @@
-//! Diverse end shapes of a goal: multi-start inverse kinematics, clear and distinct, near ones and far ones in turn.
+//! Diverse configurations whose tips are on the goal: multi-start inverse kinematics, clear and distinct, near ones and far ones in turn.
 
 use crate::error::Infeasible;
 use crate::goals::inverse_kinematics::{is_solved, solve_tips};
@@ -10,13 +10,13 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-/// Rounds of seeds at most: another one follows where those before left too few shapes.
+/// Rounds of seeds at most: another one follows where those before left too few configurations.
 const ROUNDS: usize = 10;
 /// Seeds of a round.
 const SEEDS: usize = 32;
 /// Seeds that one worker takes at once, between two questions whether to go on: half of the first round, which the start adds to.
 const SEEDS_AT_ONCE: usize = (SEEDS + 1).div_ceil(2);
-/// Wanted clearance and distance between shapes, relaxed in this order until enough are found.
+/// Wanted clearance and distance between configurations, relaxed in this order until enough are found.
 const WISHES: [Wish; 5] = [
     Wish {
         clearance: 0.1,
@@ -45,41 +45,35 @@ struct Wish {
     separation: f64,
 }
 
-/// End shapes for a goal, at most as many as were asked for.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EndShapes {
-    /// The shapes, radians, each with its tip on the goal and clear of the scene.
-    pub shapes: Vec<Configuration>,
-}
-
 struct Solution {
-    shape: Configuration,
+    configuration: Configuration,
     clearance: f64,
 }
 
-/// Finds up to `count` end shapes for the problem's goal that keep `robot` clear, repeatable for a given generator state.
+/// Finds up to `count` configurations (radians) with the tip on the problem's goal that keep `robot` clear, repeatable for a given
+/// generator state.
 ///
 /// # Errors
 /// [`Infeasible::GoalOutOfReach`] or [`Infeasible::GoalInCollision`].
-pub fn end_shapes(
+pub fn goal_configurations(
     robot: &Robot,
     problem: &Problem,
     count: usize,
     rng: &mut Pcg64,
-) -> Result<EndShapes, Infeasible> {
-    end_shapes_until(robot, problem, count, rng, &|| false)
+) -> Result<Vec<Configuration>, Infeasible> {
+    goal_configurations_until(robot, problem, count, rng, &|| false)
 }
 
-/// As [`end_shapes`]; interrupted, it makes do with what was found, which may be nothing.
-pub(crate) fn end_shapes_until(
+/// Finds goal configurations as [`goal_configurations`] does; if interrupted, returns those found so far, which may be none.
+pub(crate) fn goal_configurations_until(
     robot: &Robot,
     problem: &Problem,
     count: usize,
     rng: &mut Pcg64,
     interrupt: Interrupt,
-) -> Result<EndShapes, Infeasible> {
+) -> Result<Vec<Configuration>, Infeasible> {
     match &problem.goal {
-        Goal::Configuration(shape) => fixed_shape(robot, problem, shape),
+        Goal::Configuration(configuration) => fixed_goal(robot, problem, configuration),
         Goal::Tip(target) => {
             let mut found = Pool {
                 solutions: Vec::new(),
@@ -92,49 +86,47 @@ pub(crate) fn end_shapes_until(
                 found.try_seeds(robot, problem, target, &seeds, interrupt);
                 let chosen = found.choose(&problem.start, count, &WISHES[..2]);
                 if chosen.len() == count {
-                    return Ok(EndShapes { shapes: chosen });
+                    return Ok(chosen);
                 }
             }
-            let shapes = found.choose(&problem.start, count, &WISHES);
-            if shapes.is_empty() && !interrupt() {
+            let configurations = found.choose(&problem.start, count, &WISHES);
+            if configurations.is_empty() && !interrupt() {
                 Err(found.failure())
             } else {
-                Ok(EndShapes { shapes })
+                Ok(configurations)
             }
         }
     }
 }
 
-/// Checks that the goal has a clear end shape, for samplers that choose their own.
+/// Checks that some clear configuration reaches the goal, for samplers that choose their own.
 ///
 /// # Errors
-/// As [`end_shapes`].
+/// [`Infeasible::GoalOutOfReach`] or [`Infeasible::GoalInCollision`].
 pub(crate) fn check_goal(robot: &Robot, problem: &Problem, seed: u64) -> Result<(), Infeasible> {
     let mut rng = Pcg64::seed_from_u64(seed);
-    end_shapes(robot, problem, 1, &mut rng).map(drop)
+    goal_configurations(robot, problem, 1, &mut rng).map(drop)
 }
 
-fn fixed_shape(
+fn fixed_goal(
     robot: &Robot,
     problem: &Problem,
-    shape: &Configuration,
-) -> Result<EndShapes, Infeasible> {
-    let excess = robot.limit_excess(shape);
+    configuration: &Configuration,
+) -> Result<Vec<Configuration>, Infeasible> {
+    let excess = robot.limit_excess(configuration);
     if excess > 1e-6 {
         return Err(Infeasible::GoalOutOfReach { miss: excess });
     }
     let clearance = problem
         .scene
-        .clearance(&robot.backbone(shape), &robot.tube_radii);
+        .clearance(&robot.backbone(configuration), &robot.tube_radii);
     if clearance < 0.0 {
         return Err(Infeasible::GoalInCollision {
-            shapes: 1,
+            configurations: 1,
             clearance,
         });
     }
-    Ok(EndShapes {
-        shapes: vec![*shape],
-    })
+    Ok(vec![*configuration])
 }
 
 struct Pool {
@@ -157,20 +149,25 @@ impl Pool {
             .filter(|_| !interrupt())
             .flat_map_iter(|seeds| solve_tips(robot, target, seeds))
             .filter(|_| !interrupt())
-            .map(|(shape, distance)| {
-                let clearance = is_solved(distance)
-                    .then(|| problem.scene.clearance(&robot.backbone(&shape), tube));
-                (shape, distance, clearance)
+            .map(|(configuration, distance)| {
+                let clearance = is_solved(distance).then(|| {
+                    problem
+                        .scene
+                        .clearance(&robot.backbone(&configuration), tube)
+                });
+                (configuration, distance, clearance)
             })
             .collect();
-        for (shape, distance, clearance) in tried {
+        for (configuration, distance, clearance) in tried {
             self.closest = self.closest.min(distance);
-            self.solutions
-                .extend(clearance.map(|clearance| Solution { shape, clearance }));
+            self.solutions.extend(clearance.map(|clearance| Solution {
+                configuration,
+                clearance,
+            }));
         }
     }
 
-    /// Fills up to `count` places, in turn with the shape nearest to the start and with the one farthest from all
+    /// Fills up to `count` places, in turn with the configuration nearest to the start and with the one farthest from all
     /// chosen so far: short motions and different ones.
     fn choose(&self, start: &Configuration, count: usize, wishes: &[Wish]) -> Vec<Configuration> {
         let mut chosen: Vec<Configuration> = Vec::with_capacity(count);
@@ -180,7 +177,7 @@ impl Pool {
             while chosen.len() < count {
                 let nearest_is_next = chosen.len().is_multiple_of(2);
                 let rank = |&i: &usize| match nearest_is_next {
-                    true => (self.solutions[i].shape - start).norm(),
+                    true => (self.solutions[i].configuration - start).norm(),
                     false => -apart_rad[i],
                 };
                 let open = (0..self.solutions.len()).filter(|&i| {
@@ -189,11 +186,11 @@ impl Pool {
                 let Some(next) = open.min_by(|a, b| rank(a).total_cmp(&rank(b))) else {
                     break;
                 };
-                let shape = self.solutions[next].shape;
+                let configuration = self.solutions[next].configuration;
                 for (apart, solution) in apart_rad.iter_mut().zip(&self.solutions) {
-                    *apart = apart.min((solution.shape - shape).norm());
+                    *apart = apart.min((solution.configuration - configuration).norm());
                 }
-                chosen.push(shape);
+                chosen.push(configuration);
             }
         }
         chosen
@@ -207,7 +204,10 @@ impl Pool {
             .fold(f64::NEG_INFINITY, f64::max);
         match self.solutions.len() {
             0 => Infeasible::GoalOutOfReach { miss: self.closest },
-            shapes => Infeasible::GoalInCollision { shapes, clearance },
+            configurations => Infeasible::GoalInCollision {
+                configurations,
+                clearance,
+            },
         }
     }
 }

@@ -1,6 +1,8 @@
 //! Tip inverse kinematics by damped Newton steps inside the bending discs.
 
-use crate::goals::newton::{Jacobians, Shapes, bending_squares, damped_steps, within_limits};
+use crate::goals::newton::{
+    Configurations, Jacobians, bending_squares, damped_steps, within_limits,
+};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f64x4, mask64x4};
 use pcc_model::{
@@ -14,9 +16,9 @@ const AT_LIMIT_RAD: f64 = 1e-9;
 /// Tip residual taken as solved, section lengths.
 const SOLVED: f64 = 1e-9;
 
-/// Solves for a shape within the limits whose tip is at `target` (base frame, section lengths), from `seed`.
+/// Solves for a configuration within the limits whose tip is at `target` (base frame, section lengths), from `seed`.
 ///
-/// Returns the shape and the remaining tip distance; a distance above 1e-9 means that this seed did not reach it.
+/// Returns the configuration and the remaining tip distance; a distance above 1e-9 means that this seed did not reach it.
 #[must_use]
 pub fn solve_tip(robot: &Robot, target: &Point, seed: &Configuration) -> (Configuration, f64) {
     solve_tips(robot, target, std::slice::from_ref(seed))[0]
@@ -31,21 +33,21 @@ pub(crate) fn solve_tips(
     dispatch!(Level::new(), simd => solve_at(simd, robot, target, seeds))
 }
 
-/// A shape on its way from a seed.
+/// A configuration that Newton steps move from a seed towards the target.
 #[derive(Clone, Copy)]
 struct Seeker {
     /// Which of the seeds.
     number: usize,
-    shape: Configuration,
+    configuration: Configuration,
     distance: f64,
     steps: usize,
 }
 
 impl Seeker {
-    fn new((number, shape): (usize, &Configuration)) -> Self {
+    fn new((number, configuration): (usize, &Configuration)) -> Self {
         Self {
             number,
-            shape: *shape,
+            configuration: *configuration,
             distance: f64::INFINITY,
             steps: 0,
         }
@@ -58,7 +60,7 @@ impl Seeker {
     }
 }
 
-/// The shape that each seed leads to, and its distance. Whoever is done makes room for the next seed.
+/// The configuration that each seed leads to, and its distance. A seed that is done makes room for the next one.
 #[inline(always)]
 fn solve_at<S: Simd>(
     simd: S,
@@ -71,16 +73,18 @@ fn solve_at<S: Simd>(
     let mut seekers = [const { None }; LANES];
     seekers.fill_with(|| waiting.next());
     while seekers.iter().any(Option::is_some) {
-        let shapes = seekers.map(|seeker| seeker.map_or_else(Configuration::zeros, |s| s.shape));
-        let (next, distances, solvable) = newton_steps(robot, &side_by_side(simd, &shapes), target);
+        let configurations =
+            seekers.map(|seeker| seeker.map_or_else(Configuration::zeros, |s| s.configuration));
+        let (next, distances, solvable) =
+            newton_steps(robot, &side_by_side(simd, &configurations), target);
         let (next, solvable) = (one_by_one(&next), solvable.to_bitmask());
         for (lane, place) in seekers.iter_mut().enumerate() {
             let Some(seeker) = place else { continue };
             if seeker.is_done(distances[lane]) || (solvable >> lane) & 1 == 0 {
-                solved[seeker.number] = (seeker.shape, distances[lane]);
+                solved[seeker.number] = (seeker.configuration, distances[lane]);
                 *place = waiting.next();
             } else {
-                seeker.shape = next[lane];
+                seeker.configuration = next[lane];
                 seeker.distance = distances[lane];
                 seeker.steps += 1;
             }
@@ -89,28 +93,28 @@ fn solve_at<S: Simd>(
     solved
 }
 
-/// The shapes within the limits after one step to the target; from how far; and where the step can be computed.
+/// The configurations within the limits after one step to the target; from how far; and where the step can be computed.
 ///
 /// Where a section would leave its disc it may only turn: clipped steps would come nearer by a share at a time.
 #[inline(always)]
 fn newton_steps<S: Simd>(
     robot: &Robot,
-    shapes: &Shapes<S>,
+    configurations: &Configurations<S>,
     target: &Point,
-) -> (Shapes<S>, f64x4<S>, mask64x4<S>) {
-    let tips = robot.moving_tips(shapes);
+) -> (Configurations<S>, f64x4<S>, mask64x4<S>) {
+    let tips = robot.moving_tips(configurations);
     let [x, y, z] = tips.positions;
     let errors = [target.x - x, target.y - y, target.z - z];
     let free = [x * 0.0 + 1.0; SECTIONS];
     let mut jacobians = tips.jacobians;
     let (mut steps, solvable) = damped_steps(&jacobians, &free, &errors);
-    if hold_limits(robot, shapes, &steps, &mut jacobians) {
+    if hold_limits(robot, configurations, &steps, &mut jacobians) {
         let (held, held_solvable) = damped_steps(&jacobians, &free, &errors);
         for (step, held) in steps.iter_mut().zip(held) {
             *step = held_solvable.select(held, *step);
         }
     }
-    for (step, from) in steps.iter_mut().zip(shapes) {
+    for (step, from) in steps.iter_mut().zip(configurations) {
         *step += *from;
     }
     let distances = norms_squared(&errors).sqrt();
@@ -123,19 +127,19 @@ fn newton_steps<S: Simd>(
 #[inline(always)]
 fn hold_limits<S: Simd>(
     robot: &Robot,
-    shapes: &Shapes<S>,
-    steps: &Shapes<S>,
+    configurations: &Configurations<S>,
+    steps: &Configurations<S>,
     jacobians: &mut Jacobians<S>,
 ) -> bool {
     let begin = robot.bending_limit - AT_LIMIT_RAD;
     let mut any = false;
-    for (section, square) in bending_squares(shapes).into_iter().enumerate() {
+    for (section, square) in bending_squares(configurations).into_iter().enumerate() {
         let (i, j) = (2 * section, 2 * section + 1);
-        let outwards = shapes[i] * steps[i] + shapes[j] * steps[j];
+        let outwards = configurations[i] * steps[i] + configurations[j] * steps[j];
         let held = outwards.simd_gt(0.0) & square.simd_ge(begin * begin);
         if held.any_true() {
             let scale = held.select(1.0 / square.sqrt(), square * 0.0);
-            let (x, y) = (shapes[i] * scale, shapes[j] * scale);
+            let (x, y) = (configurations[i] * scale, configurations[j] * scale);
             let [by_x, by_y] = &mut jacobians.as_chunks_mut().0[section];
             for (by_x, by_y) in by_x.iter_mut().zip(by_y) {
                 let radial = *by_x * x + *by_y * y;
@@ -167,12 +171,12 @@ mod tests {
         let robot = unit_robot();
         let mut rng = Pcg64::seed_from_u64(1);
         let reached = (0..200).filter(|case| {
-            let mut shape = random_configuration(&robot, &mut rng);
+            let mut configuration = random_configuration(&robot, &mut rng);
             let section = 2 * (case % SECTIONS);
-            let bend = shape.fixed_rows::<2>(section).normalize() * robot.bending_limit;
-            shape.fixed_rows_mut::<2>(section).copy_from(&bend);
-            let near = shape * 0.95 + random_configuration(&robot, &mut rng) * 0.05;
-            let (found, distance) = solve_tip(&robot, &robot.tip(&shape), &near);
+            let bend = configuration.fixed_rows::<2>(section).normalize() * robot.bending_limit;
+            configuration.fixed_rows_mut::<2>(section).copy_from(&bend);
+            let near = configuration * 0.95 + random_configuration(&robot, &mut rng) * 0.05;
+            let (found, distance) = solve_tip(&robot, &robot.tip(&configuration), &near);
             assert!(robot.limit_excess(&found) < 1e-12);
             is_solved(distance)
         });
@@ -190,7 +194,7 @@ mod tests {
             };
             let random = (0..30).map(|_| random_configuration(&robot, &mut rng));
             let seeds: Vec<_> = random.chain([Configuration::zeros()]).rev().collect();
-            // Straight above the base, where the straight shape has no way to go; within and out of reach.
+            // Straight above the base, where the straight configuration has no way to go; within and out of reach.
             for target in [[0.0, 0.0, 2.5], [0.9, -0.3, 2.1], [2.0, 0.0, 2.6]] {
                 let target = Point::from(target);
                 for count in [1, 3, 5, 31] {

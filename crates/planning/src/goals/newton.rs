@@ -9,8 +9,8 @@ const DAMPING: f64 = 1e-4;
 
 /// Four vectors, axis by axis.
 pub(crate) type Points<S> = [f64x4<S>; 3];
-/// Four shapes, or changes of shapes, component by component.
-pub(crate) type Shapes<S> = [f64x4<S>; DOF];
+/// Four configurations, or changes of configurations, component by component.
+pub(crate) type Configurations<S> = [f64x4<S>; DOF];
 /// Four tip Jacobians, column by column.
 pub(crate) type Jacobians<S> = [Points<S>; DOF];
 
@@ -21,7 +21,7 @@ pub(crate) fn damped_steps<S: Simd>(
     jacobians: &Jacobians<S>,
     free: &[f64x4<S>; SECTIONS],
     errors: &Points<S>,
-) -> (Shapes<S>, mask64x4<S>) {
+) -> (Configurations<S>, mask64x4<S>) {
     let damping = norms_squared(errors).sqrt().min(1.0) * DAMPING;
     let zero = damping * 0.0;
     // The upper triangle of J W Jᵀ + λ.
@@ -59,24 +59,30 @@ pub(crate) fn damped_steps<S: Simd>(
 
 /// Squared bending angles of each section, rad².
 #[inline(always)]
-pub(crate) fn bending_squares<S: Simd>(shapes: &Shapes<S>) -> [f64x4<S>; SECTIONS] {
-    let [x1, y1, x2, y2, x3, y3] = *shapes;
+pub(crate) fn bending_squares<S: Simd>(configurations: &Configurations<S>) -> [f64x4<S>; SECTIONS] {
+    let [x1, y1, x2, y2, x3, y3] = *configurations;
     [x1 * x1 + y1 * y1, x2 * x2 + y2 * y2, x3 * x3 + y3 * y3]
 }
 
 /// The lanes in which a section bends beyond its limit, or by what is not a number.
 #[inline(always)]
-pub(crate) fn beyond_limits<S: Simd>(robot: &Robot, shapes: &Shapes<S>) -> mask64x4<S> {
+pub(crate) fn beyond_limits<S: Simd>(
+    robot: &Robot,
+    configurations: &Configurations<S>,
+) -> mask64x4<S> {
     let limit = robot.bending_limit * robot.bending_limit;
-    let [first, second, third] = bending_squares(shapes);
+    let [first, second, third] = bending_squares(configurations);
     !(first.simd_le(limit) & second.simd_le(limit) & third.simd_le(limit))
 }
 
-/// The nearest shapes within the bending limits, to rounding.
+/// The nearest configurations within the bending limits, to rounding.
 #[inline(always)]
-pub(crate) fn within_limits<S: Simd>(robot: &Robot, shapes: &Shapes<S>) -> Shapes<S> {
-    let (limit, mut within) = (robot.bending_limit, *shapes);
-    for (section, square) in bending_squares(shapes).into_iter().enumerate() {
+pub(crate) fn within_limits<S: Simd>(
+    robot: &Robot,
+    configurations: &Configurations<S>,
+) -> Configurations<S> {
+    let (limit, mut within) = (robot.bending_limit, *configurations);
+    for (section, square) in bending_squares(configurations).into_iter().enumerate() {
         let beyond = square.simd_gt(limit * limit);
         let scale = beyond.select(limit / square.sqrt(), square * 0.0 + 1.0);
         within[2 * section] *= scale;
@@ -158,20 +164,23 @@ mod tests {
         let robot = unit_robot();
         let mut rng = Pcg64::seed_from_u64(4);
         for case in 0..1000 {
-            let mut shapes: [Configuration; LANES] = std::array::from_fn(|lane| {
+            let mut configurations: [Configuration; LANES] = std::array::from_fn(|lane| {
                 random_configuration(&robot, &mut rng) * (0.5 + 0.3 * lane as f64)
             });
             if case % 10 == 0 {
-                shapes[1][case % DOF] = f64::NAN;
+                configurations[1][case % DOF] = f64::NAN;
             }
             let (beyond, within) = dispatch!(Level::new(), simd => {
-                let lanes = side_by_side(simd, &shapes);
+                let lanes = side_by_side(simd, &configurations);
                 (beyond_limits(&robot, &lanes).to_bitmask(), one_by_one(&within_limits(&robot, &lanes)))
             });
-            for (lane, shape) in shapes.iter().enumerate() {
-                assert_eq!((beyond >> lane) & 1 == 1, robot.limit_excess(shape) > 0.0);
-                let nearest = robot.project_to_limits(shape);
-                assert!(shape.norm().is_nan() || (within[lane] - nearest).norm() < 1e-15);
+            for (lane, configuration) in configurations.iter().enumerate() {
+                assert_eq!(
+                    (beyond >> lane) & 1 == 1,
+                    robot.limit_excess(configuration) > 0.0
+                );
+                let nearest = robot.project_to_limits(configuration);
+                assert!(configuration.norm().is_nan() || (within[lane] - nearest).norm() < 1e-15);
             }
         }
     }

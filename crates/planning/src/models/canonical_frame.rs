@@ -72,7 +72,7 @@ impl CanonicalFrame {
     }
 
     /// Bending pairs are axial vectors: they rotate with the frame and change sign in x under the mirror.
-    pub(crate) fn shape(&self, q: &Configuration) -> Configuration {
+    pub(crate) fn configuration(&self, q: &Configuration) -> Configuration {
         pairs(q, |a, b| {
             (
                 self.mirror * (self.cosine * a + self.sine * b),

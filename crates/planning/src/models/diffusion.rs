@@ -1,6 +1,6 @@
 //! The paper's sampler: the temporal U-Net's reverse process, refined by differential kinematics (section IV-D).
 //!
-//! Paths are those of the reference setting: not in the canonical frame, and the end shape is the network's choice.
+//! Paths are those of the reference setting: not in the canonical frame, and the goal configuration is the network's choice.
 
 use crate::models::few_step::noise;
 use crate::models::sampled_collision::{REPULSION, deepest, way_out};
@@ -269,9 +269,10 @@ impl<'a> Forces<'a> {
     fn correct(&self, estimate: &mut [f32]) {
         for path in estimate.chunks_exact_mut(PATH) {
             for (h, frame) in path.as_chunks_mut::<DOF>().0.iter_mut().enumerate().skip(1) {
-                let shape = configuration(self.normalisation, frame);
-                if let Some(force) = self.force(&shape, h, POST) {
-                    let moved: [f32; DOF] = std::array::from_fn(|i| (shape + force)[i] as f32);
+                let configuration = configuration(self.normalisation, frame);
+                if let Some(force) = self.force(&configuration, h, POST) {
+                    let moved: [f32; DOF] =
+                        std::array::from_fn(|i| (configuration + force)[i] as f32);
                     *frame = self.normalisation.configuration(&moved);
                 }
             }
@@ -288,8 +289,8 @@ impl<'a> Forces<'a> {
             let frames = path.as_chunks::<DOF>().0.iter();
             let frames = frames.zip(gradient.as_chunks_mut::<DOF>().0);
             for (h, (frame, gradient)) in frames.enumerate().skip(1) {
-                let shape = configuration(self.normalisation, frame);
-                if let Some(force) = self.force(&shape, h, GUIDED) {
+                let configuration = configuration(self.normalisation, frame);
+                if let Some(force) = self.force(&configuration, h, GUIDED) {
                     *gradient = std::array::from_fn(|i| -force[i] as f32 * self.radians(i));
                 }
             }
@@ -297,12 +298,17 @@ impl<'a> Forces<'a> {
     }
 
     /// −(w₁ ∇E₁ + w₂ ∇E₂) at frame `h`, radians; nothing where no force acts.
-    fn force(&self, shape: &Configuration, h: usize, weights: Weights) -> Option<Configuration> {
+    fn force(
+        &self,
+        configuration: &Configuration,
+        h: usize,
+        weights: Weights,
+    ) -> Option<Configuration> {
         let is_last = h == WAYPOINTS - 1;
         if !is_last && self.scene.is_empty() {
             return None;
         }
-        let backbone = self.robot.backbone(shape);
+        let backbone = self.robot.backbone(configuration);
         let repulsion = self.repulsion(&backbone).map(|f| f * weights.repulsion);
         let tip = is_last.then(|| self.attraction(&backbone) * weights.tip);
         match (repulsion, tip) {

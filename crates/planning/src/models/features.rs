@@ -142,17 +142,17 @@ impl<'a> CanonicalProblem<'a> {
         Self { frame, scene, room }
     }
 
-    /// The balls that matter most for the straight segment between two shapes, in the canonical frame.
+    /// The balls that matter most for the straight segment between two configurations, in the canonical frame.
     fn balls(&self, robot: &Robot, start: &Configuration, end: &Configuration) -> Vec<Ball> {
         let views = VIEWS.map(|u| robot.backbone(&start.lerp(end, u)));
         let chosen = self
             .scene
             .most_relevant(&views, &robot.tube_radii, MOST_BALLS);
-        let grown = |ball: &Ball| Ball {
+        let padded = |ball: &Ball| Ball {
             radius: ball.radius + self.room,
             ..self.frame.ball(ball)
         };
-        chosen.iter().map(grown).collect()
+        chosen.iter().map(padded).collect()
     }
 
     pub(crate) fn features(
@@ -163,8 +163,8 @@ impl<'a> CanonicalProblem<'a> {
     ) -> Features {
         features(
             robot,
-            &self.frame.shape(start),
-            &self.frame.shape(end),
+            &self.frame.configuration(start),
+            &self.frame.configuration(end),
             &self.balls(robot, start, end),
         )
     }
@@ -185,7 +185,10 @@ pub fn residual_coefficients(
     let frame = CanonicalFrame::wanted(frame, robot, &start, goal_tip);
     let problem =
         CanonicalProblem::new(if mirrored { frame.mirrored() } else { frame }, scene, 0.0);
-    let turned: Vec<Configuration> = path.iter().map(|q| problem.frame.shape(q)).collect();
+    let turned: Vec<Configuration> = path
+        .iter()
+        .map(|q| problem.frame.configuration(q))
+        .collect();
     (
         problem.features(robot, &start, &end),
         SineBasis::new().analyse(&turned),
@@ -213,7 +216,7 @@ mod tests {
         };
         let turn = CanonicalFrame::of(&robot, &start, &Point::new(0.4, -1.0, 2.0));
         let path = straight_path(&start, &end);
-        let turned: Vec<Configuration> = path.iter().map(|q| turn.shape(q)).collect();
+        let turned: Vec<Configuration> = path.iter().map(|q| turn.configuration(q)).collect();
         let here = residual_coefficients(
             &robot,
             &path,
@@ -243,11 +246,14 @@ mod tests {
     #[test]
     fn the_mirror_is_a_symmetry_of_the_robot() {
         let robot = unit_robot();
-        let shape = Configuration::from_column_slice(&[0.3, -0.2, 0.5, 0.1, -0.4, 0.6]);
-        let frame = CanonicalFrame::of(&robot, &shape, &Point::new(1.0, 1.0, 2.0)).mirrored();
-        let expected = frame.point(&robot.tip(&shape));
-        assert!((robot.tip(&frame.shape(&shape)) - expected).norm() < 1e-12);
-        assert!((frame.restore(&frame.shape(&shape)) - shape).norm() < 1e-12);
+        let configuration = Configuration::from_column_slice(&[0.3, -0.2, 0.5, 0.1, -0.4, 0.6]);
+        let frame =
+            CanonicalFrame::of(&robot, &configuration, &Point::new(1.0, 1.0, 2.0)).mirrored();
+        let expected = frame.point(&robot.tip(&configuration));
+        assert!((robot.tip(&frame.configuration(&configuration)) - expected).norm() < 1e-12);
+        assert!(
+            (frame.restore(&frame.configuration(&configuration)) - configuration).norm() < 1e-12
+        );
     }
 
     #[test]

@@ -28,8 +28,8 @@ impl SampledVerdict {
     /// Judges a path by its waypoints.
     #[must_use]
     pub fn of(robot: &Robot, scene: &Scene, target: &Point, path: &[Configuration]) -> Self {
-        let distance = |shape| {
-            let nearest = deepest(&robot.backbone(shape), scene.balls());
+        let distance = |configuration| {
+            let nearest = deepest(&robot.backbone(configuration), scene.balls());
             nearest.map_or(f64::INFINITY, |d| d.distance)
         };
         let tip_error = path.last().map(|end| (robot.tip(end) - target).norm());
@@ -62,7 +62,7 @@ pub(crate) struct Deepest<'a> {
     pub(crate) distance: f64,
 }
 
-/// Finds the deepest of the nine points of a shape; none without balls.
+/// Finds the deepest of the nine points of a configuration; none without balls.
 pub(crate) fn deepest<'a>(backbone: &Backbone, balls: &'a [Ball]) -> Option<Deepest<'a>> {
     let mut found: Option<Deepest> = None;
     for section in 0..SECTIONS {

@@ -25,36 +25,36 @@ impl MotionConstraints<'_> {
     /// A motion between the ends of a certified polyline along a smooth path beside it, which is pushed out of what it touches: the
     /// smoothest one that can be timed and certified.
     pub(crate) fn beside(&self, polyline: &[Configuration]) -> Option<(Waypoints, Certified)> {
-        let smoothed = self.tip_curves.calmed(resample(polyline)).take(BESIDE);
+        let smoothed = self.tip_paths.smoothed(resample(polyline)).take(BESIDE);
         let mut delivered = smoothed.map(|path| self.to_trajectory(path, false, None));
         delivered.find_map(|delivered| Some((delivered.path, delivered.outcome.ok()?)))
     }
 
-    /// A motion along a path that gets what a sampled one gets: its tip drawn onto a smooth curve, corrected, smoothed after that, and
-    /// delivered as corrected where the smoothed one is refused.
-    pub(crate) fn smoothed(&self, path: Waypoints) -> Option<(Waypoints, Certified)> {
+    /// A motion along a path that gets what a learned one gets: its tip is brought onto a smooth curve, it is corrected, smoothed after
+    /// that, and taken as corrected where the smoothed one makes no motion.
+    pub(crate) fn like_a_learned_path(&self, path: Waypoints) -> Option<(Waypoints, Certified)> {
         let delivered = self.to_trajectory(path, true, None);
         Some((delivered.path, delivered.outcome.ok()?))
     }
 
-    /// Turns the first of these ways along a certified polyline that certifies into a motion; where there is none, the motion
-    /// rests at each corner.
+    /// A motion along the first of these paths for which it is certified; where there is none, a motion along the certified polyline
+    /// that rests at each corner.
     pub(crate) fn along(
         &self,
         polyline: &[Configuration],
-        ways: impl IntoIterator<Item = Waypoints>,
+        paths: impl IntoIterator<Item = Waypoints>,
     ) -> Option<(Waypoints, Certified)> {
-        let motion = |way: &Waypoints| self.certified(self.time(way)?);
-        let first = ways
+        let motion = |path: &Waypoints| self.certified(self.time(path)?);
+        let first = paths
             .into_iter()
             .take_while(|_| !(self.interrupt)())
-            .find_map(|way| Some((motion(&way).ok()?, way)));
-        let (motion, way) = first.or_else(|| {
+            .find_map(|path| Some((motion(&path).ok()?, path)));
+        let (motion, path) = first.or_else(|| {
             let rests = !(self.interrupt)();
             let motion = rests.then(|| self.rest_at_corners(polyline).ok());
             Some((motion.flatten()?, resample(polyline)))
         })?;
-        Some((way, motion))
+        Some((path, motion))
     }
 
     /// A motion along the edges of a polyline that rests at each corner.
@@ -81,7 +81,7 @@ mod tests {
     use crate::fixtures::unit_robot;
     use crate::motion::path_to_trajectory::MOST_CORRECTIONS;
     use crate::optimize::smooth_update::PushKernel;
-    use crate::optimize::tip_path::TipCurves;
+    use crate::optimize::tip_path::TipPaths;
     use crate::path::sine_basis::SineBasis;
     use collision::{Ball, Scene};
     use nalgebra::{Rotation3, Vector3};
@@ -92,14 +92,14 @@ mod tests {
         robot: &'a Robot,
         scene: &'a Scene,
         kernel: &'a PushKernel,
-        tip_curves: &'a TipCurves,
+        tip_paths: &'a TipPaths,
     ) -> MotionConstraints<'a> {
         MotionConstraints {
             robot,
             padded: robot,
             scene,
             kernel,
-            tip_curves,
+            tip_paths,
             limits: robot.tendon_limits,
             knots: 96,
             corrections: MOST_CORRECTIONS,
@@ -111,10 +111,14 @@ mod tests {
     /// arcs are written down again from `docs/robot.md`, for sections of length 1 and tubes of radius 0.2.
     fn sampled_clearance(ball: &Ball, motion: &Trajectory) -> f64 {
         let mut least = f64::INFINITY;
-        for shape in motion.sample(2000) {
+        for configuration in motion.sample(2000) {
             let (mut origin, mut frame) = (Vector3::zeros(), Rotation3::identity());
             for section in 0..3 {
-                let axis = Vector3::new(shape[2 * section], shape[2 * section + 1], 0.0);
+                let axis = Vector3::new(
+                    configuration[2 * section],
+                    configuration[2 * section + 1],
+                    0.0,
+                );
                 for place in 0..=100 {
                     let point = origin + frame * arc_point(axis, f64::from(place) / 100.0);
                     least = least.min((point - ball.centre).norm() - ball.radius - 0.2);
@@ -145,8 +149,8 @@ mod tests {
             radius: 0.3,
         };
         let scene = Scene::new(vec![ball]).unwrap();
-        let (kernel, tip_curves) = (PushKernel::new(&SineBasis::new()), TipCurves::new());
-        let constraints = constraints(&robot, &scene, &kernel, &tip_curves);
+        let (kernel, tip_paths) = (PushKernel::new(&SineBasis::new()), TipPaths::new());
+        let constraints = constraints(&robot, &scene, &kernel, &tip_paths);
         let polyline = [bent(-0.5, 0.0), bent(0.0, 0.6), bent(0.5, 0.0)];
         let (path, beside) = constraints.beside(&polyline).unwrap();
         assert_eq!([path[0], path[path.len() - 1]], [polyline[0], polyline[2]]);
@@ -163,13 +167,13 @@ mod tests {
     #[test]
     fn a_motion_that_is_made_is_not_lost_to_an_interrupt_after_it() {
         let (robot, scene) = (unit_robot(), Scene::default());
-        let (kernel, tip_curves) = (PushKernel::new(&SineBasis::new()), TipCurves::new());
+        let (kernel, tip_paths) = (PushKernel::new(&SineBasis::new()), TipPaths::new());
         let polyline = [0.0, 0.3].map(Configuration::repeat);
         let (asked, most) = (AtomicUsize::new(0), AtomicUsize::new(usize::MAX));
         let interrupt = || asked.fetch_add(1, Ordering::Relaxed) >= most.load(Ordering::Relaxed);
         let constraints = MotionConstraints {
             interrupt: &interrupt,
-            ..constraints(&robot, &scene, &kernel, &tip_curves)
+            ..constraints(&robot, &scene, &kernel, &tip_paths)
         };
         let is_made = || constraints.beside(&polyline).is_some();
         assert!(is_made());
@@ -183,8 +187,8 @@ mod tests {
     fn a_motion_that_rests_at_its_corners_has_the_knots_of_a_motion_or_is_none() {
         let (robot, scene) = (unit_robot(), Scene::default());
         let kernel = PushKernel::new(&SineBasis::new());
-        let tip_curves = TipCurves::new();
-        let constraints = constraints(&robot, &scene, &kernel, &tip_curves);
+        let tip_paths = TipPaths::new();
+        let constraints = constraints(&robot, &scene, &kernel, &tip_paths);
         let zigzag = |edges: usize| -> Vec<Configuration> {
             let corner = |i: usize| Configuration::repeat([0.0, 0.3][i % 2] + 1e-3 * i as f64);
             (0..=edges).map(corner).collect()

@@ -2,7 +2,7 @@
 
 use crate::motion::duration_bound;
 use crate::optimize::smooth_update::PushKernel;
-use crate::optimize::tip_path::TipCurves;
+use crate::optimize::tip_path::TipPaths;
 use crate::path::metrics::{CLEARANCE_TOLERANCE, PathMetrics};
 use crate::plan::{Certified, Failure};
 use crate::problem::BENDING_SLACK_RAD;
@@ -25,7 +25,7 @@ pub(crate) struct MotionConstraints<'a> {
     pub(crate) padded: &'a Robot,
     pub(crate) scene: &'a Scene,
     pub(crate) kernel: &'a PushKernel,
-    pub(crate) tip_curves: &'a TipCurves,
+    pub(crate) tip_paths: &'a TipPaths,
     /// Tendon limits of the motion, scaled as the request wants.
     pub(crate) limits: TendonLimits,
     /// Knots that a motion may have.

@@ -2,53 +2,53 @@
 
 use pcc_model::{Configuration, DOF, Robot, TendonLimits};
 
-/// No motion from rest to rest through these shapes (radians) is faster, s.
+/// No motion from rest to rest through these configurations (radians) is faster, s.
 ///
-/// In every step the tendon that has the longest way there needs at least its time. So no motion is faster than one of a
-/// single tendon whose way is the sum of the longest ways: it, too, is nowhere faster than the limits of velocity,
+/// In every step the tendon that has the longest travel there needs at least its time. So no motion is faster than one of a
+/// single tendon whose travel is the sum of the longest ones: it, too, is nowhere faster than the limits of velocity,
 /// acceleration and jerk allow from a rest on and up to one, where acceleration is zero, too. Motions that pass by corners on the
-/// inside may be faster by what they save of the way.
+/// inside may be faster by what they save of the travel.
 pub(crate) fn least_duration_s(
     robot: &Robot,
     limits: &TendonLimits,
-    shapes: &[Configuration],
+    configurations: &[Configuration],
 ) -> f64 {
     let matrix = robot.tendons.matrix();
-    let longest_way = |pair: &[Configuration]| {
+    let longest_travel = |pair: &[Configuration]| {
         let step = pair[1] - pair[0];
-        let way = |row| matrix.fixed_view::<1, DOF>(row, 0).tr_dot(&step).abs();
-        (0..matrix.nrows()).map(way).fold(0.0, f64::max)
+        let travel = |row| matrix.fixed_view::<1, DOF>(row, 0).tr_dot(&step).abs();
+        (0..matrix.nrows()).map(travel).fold(0.0, f64::max)
     };
-    least_s(limits, shapes.windows(2).map(longest_way).sum())
+    least_s(limits, configurations.windows(2).map(longest_travel).sum())
 }
 
-/// Lower bound of a tendon's time from rest to rest, s, for a way in one direction (length, not negative).
+/// Lower bound of a tendon's time from rest to rest, s, for a travel in one direction (length, not negative).
 ///
 /// The velocity t after an end is at most the limit v, and at most what acceleration a and jerk j allow: j t²/2 until t = a/j and
-/// then a t − a²/(2j). The area under the least of these is the way that can be made in T: v T less
+/// then a t − a²/(2j). The area under the least of these is the travel that can be made in T: v T less
 /// v²/(2a) + v a/(2j) − a³/(24 j²) at each end. That holds where v is reached after a, and from both ends within T; elsewhere
 /// jerk is left out.
-fn least_s(limits: &TendonLimits, way: f64) -> f64 {
+fn least_s(limits: &TendonLimits, travel: f64) -> f64 {
     let (speed, acceleration) = (limits.velocity, limits.acceleration);
     let build_up = acceleration / limits.jerk;
     let overlap = acceleration * build_up / (24.0 * speed);
-    let least = way / speed + speed / acceleration + build_up * (1.0 - 2.0 * overlap);
+    let least = travel / speed + speed / acceleration + build_up * (1.0 - 2.0 * overlap);
     let accelerating = 2.0 * speed / acceleration + build_up;
     let reaches_speed = least >= accelerating && speed >= 0.5 * acceleration * build_up;
     if reaches_speed {
         least
     } else {
-        least_with_any_jerk_s(limits, way)
+        least_with_any_jerk_s(limits, travel)
     }
 }
 
 /// The same of a trapezoid of velocity, with any jerk.
-fn least_with_any_jerk_s(limits: &TendonLimits, way: f64) -> f64 {
+fn least_with_any_jerk_s(limits: &TendonLimits, travel: f64) -> f64 {
     let (speed, acceleration) = (limits.velocity, limits.acceleration);
-    if way * acceleration <= speed * speed {
-        2.0 * (way / acceleration).sqrt()
+    if travel * acceleration <= speed * speed {
+        2.0 * (travel / acceleration).sqrt()
     } else {
-        way / speed + speed / acceleration
+        travel / speed + speed / acceleration
     }
 }
 
@@ -84,14 +84,15 @@ mod tests {
         let robot = unit_robot();
         let limits = &robot.tendon_limits;
         let bent = |x: f64, y: f64| Configuration::from_row_slice(&[x, y, 0.0, 0.0, 0.0, 0.0]);
-        let shapes = [bent(0.0, 0.0), bent(0.8, 0.0), bent(0.8, 0.8)];
-        let [first, second] = [0, 1].map(|i| least_duration_s(&robot, limits, &shapes[i..i + 2]));
-        let both = least_duration_s(&robot, limits, &shapes);
+        let configurations = [bent(0.0, 0.0), bent(0.8, 0.0), bent(0.8, 0.8)];
+        let [first, second] =
+            [0, 1].map(|i| least_duration_s(&robot, limits, &configurations[i..i + 2]));
+        let both = least_duration_s(&robot, limits, &configurations);
         let at_ends = limits.velocity / limits.acceleration + limits.acceleration / limits.jerk;
         assert!((first + second - both - at_ends).abs() < 0.1 * at_ends);
-        let straight = least_duration_s(&robot, limits, &[shapes[0], shapes[2]]);
+        let straight = least_duration_s(&robot, limits, &[configurations[0], configurations[2]]);
         assert!(straight < 0.95 * both);
-        let halfway = [shapes[0], bent(0.4, 0.0), shapes[1]];
+        let halfway = [configurations[0], bent(0.4, 0.0), configurations[1]];
         assert!((least_duration_s(&robot, limits, &halfway) - first).abs() < 1e-12);
     }
 
@@ -116,9 +117,9 @@ mod tests {
     #[test]
     fn a_short_way_takes_no_less_than_without_a_limit_on_jerk() {
         let limits = &unit_robot().tendon_limits;
-        for way in [0.0, 1e-6, 1e-3, 0.01, 0.02, 0.03, 1.0] {
-            let least = least_s(limits, way);
-            assert!(least >= least_with_any_jerk_s(limits, way));
+        for travel in [0.0, 1e-6, 1e-3, 0.01, 0.02, 0.03, 1.0] {
+            let least = least_s(limits, travel);
+            assert!(least >= least_with_any_jerk_s(limits, travel));
         }
     }
 }

@@ -6,7 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// A corrected path whose least duration is this much above what it must beat is not timed, and one whose motion is, not certified: the
 /// curve that is executed, which bounding jerk rounds at turns, and another correction may be a little faster.
 pub(crate) const SURELY_SLOWER: f64 = 1.02;
-/// So much above it, a path is given up between two pushes: the next ones may make it a little faster again.
+/// A path whose least duration is this much above what it must beat is given up between two pushes: the next ones may make it a little
+/// faster again.
 const GIVEN_UP: f64 = 1.3;
 
 /// The shortest duration of any motion so far.
@@ -17,21 +18,22 @@ impl ShortestDuration {
         Self(AtomicU64::new(f64::INFINITY.to_bits()))
     }
 
-    /// Infinite where there is no motion, s.
+    /// In seconds; infinite where there is no motion.
     pub(crate) fn duration_s(&self) -> f64 {
         f64::from_bits(self.0.load(Ordering::Relaxed))
     }
 
-    /// Takes note of a duration, not negative: such numbers are ordered as their bits are.
+    /// Takes note of the duration of a motion, s, not negative: such numbers are ordered as their bits are.
     pub(crate) fn note(&self, duration_s: f64) {
         self.0.fetch_min(duration_s.to_bits(), Ordering::Relaxed);
     }
 }
 
-/// What a segment must beat, and from where on it would have lost on its way.
+/// What a path must beat: the shortest duration of any motion so far. It keeps in mind the largest bound on the path's own duration, so
+/// that whether the path loses does not depend on when the shortest duration became known.
 pub(crate) struct Incumbent<'a> {
     shortest: &'a ShortestDuration,
-    /// The longest duration of a incumbent that would have stopped it so far, s.
+    /// The largest bound on the duration of the path itself so far, s.
     longest_bound_s: Cell<f64>,
 }
 
@@ -43,23 +45,23 @@ impl<'a> Incumbent<'a> {
         }
     }
 
-    /// The longest duration of a incumbent that would have stopped it so far, s.
+    /// The largest bound on the duration of the path itself so far, s.
     pub(crate) fn longest_bound_s(&self) -> f64 {
         self.longest_bound_s.get()
     }
 
-    /// Keeps in mind a bound on the duration of a path that is still pushed; whether it is given up for that.
+    /// Keeps in mind a bound on the duration of a path that is still pushed; whether the incumbent is surely faster.
     pub(crate) fn beats_while_pushed(&self, least_s: f64) -> bool {
         self.beats(least_s / GIVEN_UP)
     }
 
-    /// Keeps in mind the duration of a path that is to be certified, or a bound on it before it is timed; whether going on is not
-    /// worth it.
+    /// Keeps in mind the duration of a path that is to be certified, or a bound on it before it is timed; whether the
+    /// incumbent is surely faster.
     pub(crate) fn beats_uncertified(&self, duration_s: f64) -> bool {
         self.beats(duration_s / SURELY_SLOWER)
     }
 
-    /// Keeps in mind a certified motion's duration, s; whether it loses.
+    /// Keeps in mind a certified motion's duration, s; whether the incumbent is faster.
     pub(crate) fn beats(&self, duration_s: f64) -> bool {
         let longest_s = self.longest_bound_s.get().max(duration_s);
         self.longest_bound_s.set(longest_s);

@@ -60,7 +60,7 @@ impl MotionConstraints<'_> {
             outcome: Err(Failure::Truncated),
             times: StageTimes::default(),
         };
-        let is_clear = smooths_tip && !(self.interrupt)() && self.straighten(&mut delivered);
+        let is_clear = smooths_tip && !(self.interrupt)() && self.straighten_tip(&mut delivered);
         for attempt in 0..self.corrections.clamp(1, MOST_CORRECTIONS) {
             if (self.interrupt)() {
                 delivered.outcome = Err(Failure::Truncated);
@@ -86,32 +86,32 @@ impl MotionConstraints<'_> {
         delivered
     }
 
-    /// Clearance beyond the robot's tube that a path should have, section lengths.
+    /// Clearance beyond the robot's tube that a path should have, section lengths: the largest padding and the margin of a correction.
     pub(crate) fn room(&self) -> f64 {
-        let growth = |k: usize| self.padded.tube_radii[k] - self.robot.tube_radii[k];
-        CORRECTION_MARGINS[0] + (0..SECTIONS).map(growth).fold(0.0, f64::max)
+        let padding = |k: usize| self.padded.tube_radii[k] - self.robot.tube_radii[k];
+        CORRECTION_MARGINS[0] + (0..SECTIONS).map(padding).fold(0.0, f64::max)
     }
 
-    /// Draws a sampled path's tip onto a smooth curve, if that leaves nothing to correct; whether it does.
-    fn straighten(&self, delivered: &mut Delivered) -> bool {
+    /// Brings a path's tip onto a smooth curve, if the body is clear there; whether it is.
+    fn straighten_tip(&self, delivered: &mut Delivered) -> bool {
         let mut clock = Stopwatch::start();
         let margin = 0.5 * CORRECTION_MARGINS[0];
         let (scene, limits) = (self.scene, &self.limits);
         let path = &mut delivered.path;
         let is_clear = self
-            .tip_curves
-            .straighten(self.padded, scene, margin, limits, path);
+            .tip_paths
+            .straighten_tip(self.padded, scene, margin, limits, path);
         delivered.times.correct += clock.lap();
         is_clear
     }
 
-    /// Draws a path's tip onto a smooth curve beside its way; whether there is one.
-    fn smooth(&self, path: &mut [Configuration]) -> bool {
-        self.tip_curves
-            .smooth(self.padded, self.scene, SMOOTHED_MARGIN, path)
+    /// Brings a path's tip onto a smooth curve beside its own path; whether there is one with room for the body.
+    fn smooth_tip(&self, path: &mut [Configuration]) -> bool {
+        self.tip_paths
+            .smooth_tip(self.padded, self.scene, SMOOTHED_MARGIN, path)
     }
 
-    /// Pushes a path out of obstacles, unless that makes it surely slower than its incumbent.
+    /// Pushes a path out of obstacles, unless that makes it surely slower than the incumbent.
     fn correct(
         &self,
         attempt: usize,
@@ -144,11 +144,11 @@ impl MotionConstraints<'_> {
         }
     }
 
-    /// Delivers a corrected path on a smooth curve beside its way, or as it is where that is refused.
+    /// Times and certifies a corrected path with its tip on a smooth curve, or as it is where that makes no motion.
     fn smooth_and_certify(&self, delivered: &mut Delivered, incumbent: Option<&Incumbent>) {
         let corrected = delivered.path.clone();
         let mut clock = Stopwatch::start();
-        self.smooth(&mut delivered.path);
+        self.smooth_tip(&mut delivered.path);
         delivered.times.correct += clock.lap();
         self.time_and_certify(delivered, incumbent);
         if delivered.is_refused_beside(&corrected) {
@@ -157,14 +157,14 @@ impl MotionConstraints<'_> {
         }
     }
 
-    /// Times, certifies and describes a path as it is.
+    /// Times and certifies a path as it is, and computes the figures of the motion.
     fn time_and_certify(&self, delivered: &mut Delivered, incumbent: Option<&Incumbent>) {
         if (self.interrupt)() {
             delivered.outcome = Err(Failure::Truncated);
             return;
         }
         let mut clock = Stopwatch::start();
-        let timed = self.time_winner(&delivered.path, incumbent);
+        let timed = self.time_if_faster(&delivered.path, incumbent);
         delivered.times.time += clock.lap();
         let certified = timed.and_then(|motion| Ok((self.certify(&motion)?, motion)));
         delivered.times.certify += clock.lap();
@@ -179,8 +179,8 @@ impl MotionConstraints<'_> {
         delivered.times.select += clock.lap();
     }
 
-    /// Times a path, if the motion may beat its incumbent.
-    fn time_winner(
+    /// Times a path, if the motion may be faster than the incumbent.
+    fn time_if_faster(
         &self,
         path: &[Configuration],
         incumbent: Option<&Incumbent>,

@@ -1,29 +1,29 @@
-//! Making up for what bounding jerk does to a path.
+//! Corner precompensation: a path that bounding jerk turns into the wanted one.
 
 use crate::path::waypoints::{WAYPOINTS, WaypointArray};
 use pcc_model::{Configuration, Robot, TendonLimits};
 
-/// A waypoint is moved away from the middle of its neighbours by this times its distance from there at most.
-const SHARPEST: f64 = 4.0;
+/// Most that a waypoint is moved away from the middle of its neighbours, times its distance from there.
+const LARGEST_SHIFT: f64 = 4.0;
 
-/// The path that is executed along `drawn`.
+/// The path that a motion with bounded jerk has to be timed along so that it runs along `path` (64 waypoints, radians).
 ///
 /// Bounding jerk averages a motion over about w = a/j, which moves a place of the path by q̈ w²/24 to the inner side of its
-/// bends; here the waypoints move as much to the outer side. With x the way of the fastest tendon, at the speed v that its
+/// bends; here the waypoints move as much to the outer side. With x the travel of the fastest tendon, at the speed v that its
 /// limits allow there, q̈ across the path is v² d²q/dx².
-pub(crate) fn sharpened(
+pub(crate) fn precompensated(
     robot: &Robot,
     limits: &TendonLimits,
-    drawn: &WaypointArray,
+    path: &WaypointArray,
 ) -> WaypointArray {
-    let ways: [f64; WAYPOINTS - 1] =
-        std::array::from_fn(|h| fastest_tendon(robot, &(drawn[h + 1] - drawn[h])));
-    let whole: f64 = ways.iter().sum();
+    let travels: [f64; WAYPOINTS - 1] =
+        std::array::from_fn(|h| fastest_tendon(robot, &(path[h + 1] - path[h])));
+    let whole: f64 = travels.iter().sum();
     let width_squared = (limits.acceleration / limits.jerk).powi(2);
-    let mut sharp = *drawn;
+    let mut shifted = *path;
     let mut passed = 0.0;
     for h in 1..WAYPOINTS - 1 {
-        let [before, after] = [ways[h - 1], ways[h]];
+        let [before, after] = [travels[h - 1], travels[h]];
         passed += before;
         if before.min(after) <= 0.0 {
             continue;
@@ -32,10 +32,10 @@ pub(crate) fn sharpened(
         let speed_squared = reached.min(limits.velocity.powi(2));
         let moved = width_squared * speed_squared / 24.0;
         let mean = 0.5 * (before + after);
-        let bend = (drawn[h + 1] - drawn[h]) / after - (drawn[h] - drawn[h - 1]) / before;
-        sharp[h] -= bend * (moved / mean).min(SHARPEST * 0.5 * mean);
+        let bend = (path[h + 1] - path[h]) / after - (path[h] - path[h - 1]) / before;
+        shifted[h] -= bend * (moved / mean).min(LARGEST_SHIFT * 0.5 * mean);
     }
-    sharp
+    shifted
 }
 
 /// The most that a tendon moves, length.
@@ -59,11 +59,11 @@ mod tests {
         let bow = Configuration::from_column_slice(&[0.0, 0.3, 0.0, -0.2, 0.0, 0.1]);
         let bent: WaypointArray =
             std::array::from_fn(|h| segment[h] + bow * parameter(h) * (1.0 - parameter(h)));
-        let moved = |drawn: &WaypointArray| {
-            let sharp = sharpened(&robot, &robot.tendon_limits, drawn);
-            sharp
+        let moved = |path: &WaypointArray| {
+            let shifted = precompensated(&robot, &robot.tendon_limits, path);
+            shifted
                 .iter()
-                .zip(drawn)
+                .zip(path)
                 .map(|(s, d)| (s - d).dot(&bow))
                 .sum::<f64>()
         };

@@ -1,51 +1,52 @@
-//! Straightening: the tip of a path is drawn onto a smooth curve near it (decision 0011).
+//! Tip paths: the tip of a path is brought onto a smooth curve near it (decision 0011).
 //!
-//! A sampled path comes near the straight way of the tip, with small waves in it. Where the scene allows, the curve is the
+//! A sampled path comes near the straight path of the tip, with small waves in it. Where the scene allows, the curve is the
 //! straight line at even speed, bent at its ends where the robot cannot set out along it, or as much nearer to the straight
-//! segment's way as the bending limits demand. The tip of a nearly straight robot, which sets out sideways only, is drawn onto
+//! segment's tip path as the bending limits demand. The tip of a nearly straight robot, which sets out sideways only, is brought onto
 //! the line at the pace of the sampled path: with a speed of zero at first it goes exactly straight. Where the body would come
-//! too near to an obstacle on all such curves, the path is first corrected, and its tip then drawn onto the smoothest curve
-//! beside its own way that leaves room.
+//! too near to an obstacle on all such curves, the path is first corrected, and its tip then brought onto the smoothest curve
+//! beside its own path that leaves room.
 
-use crate::optimize::corner_precompensation::sharpened;
-use crate::optimize::tip_tracker::{Demand, Pen};
+use crate::optimize::corner_precompensation::precompensated;
+use crate::optimize::tip_tracker::{TipDemand, TipTracker};
 use crate::path::smoothing_spline::Smoother;
 use crate::path::waypoints::{WAYPOINTS, WaypointArray, Waypoints, parameter};
 use collision::Scene;
 use nalgebra::SymmetricEigen;
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS, TendonLimits};
 
-/// Strengths of the smoothing of a tip's way, or of shapes, that are tried, in this order: waves shorter than 43, 29, 20 and 14 waypoints go.
+/// Strengths of the smoothing of a tip's path, or of configurations, in the order in which they are tried: they remove waves shorter
+/// than 43, 29, 20 and 14 waypoints.
 const STRENGTHS: [f64; 4] = [1e5, 1e4, 1e3, 1e2];
-/// Shares of the straight segment's way in the curve that are tried, in this order.
+/// Shares of the straight segment's tip path in the curve, in the order in which they are tried.
 const SHARES: [f64; 3] = [0.0, 0.5, 0.8];
 /// Where the tip moves less than this by a rad in some direction, it cannot set out in that direction.
 const STIFF: f64 = 0.6;
 /// From stiffer ends the tip follows the line at its own pace: that of a straight robot sets out sideways only.
 const STIFFEST: f64 = 0.9;
-/// Share of the straight segment's way of the tip in the curve where an end is as stiff as can be.
+/// Share of the straight segment's tip path in the curve where an end is as stiff as can be.
 const SEGMENT_SHARE: f64 = 0.35;
 /// Bending above this far below the limit is compressed, so that a path does not run into its limits with a kink, rad.
 const SOFT_RAD: f64 = 0.15;
 
-/// Smooth curves for tips, and paths without waves.
-pub(crate) struct TipCurves {
+/// Paths whose tips follow smooth curves, and paths without waves.
+pub(crate) struct TipPaths {
     smoothers: [Smoother; STRENGTHS.len()],
 }
 
-impl TipCurves {
+impl TipPaths {
     pub(crate) fn new() -> Self {
         Self {
             smoothers: STRENGTHS.map(Smoother::new),
         }
     }
 
-    /// Draws the tip of a path (64 waypoints, radians) onto the straightest curve on which the body keeps a clearance of
+    /// Brings the tip of a path (64 waypoints, radians) onto the straightest curve on which the body keeps a clearance of
     /// `margin` beyond the tube (section lengths); both ends stay exactly where they are. Where there is none, the path stays
     /// as it is.
     ///
     /// `limits` are those of the motion.
-    pub(crate) fn straighten(
+    pub(crate) fn straighten_tip(
         &self,
         robot: &Robot,
         scene: &Scene,
@@ -53,101 +54,105 @@ impl TipCurves {
         limits: &TendonLimits,
         path: &mut [Configuration],
     ) -> bool {
-        let way = Way::new(robot, &path[0], &path[WAYPOINTS - 1]);
-        let pen = Pen {
+        let tip_line = TipLine::new(robot, &path[0], &path[WAYPOINTS - 1]);
+        let tracker = TipTracker {
             robot,
             scene,
             margin,
-            ends: way.ends,
+            ends: tip_line.ends,
         };
-        let drawn = if way.stiffness > STIFFEST {
-            self.at_its_own_pace(&way, &pen, path)
+        let tracked = if tip_line.stiffness > STIFFEST {
+            self.at_its_own_pace(&tip_line, &tracker, path)
         } else {
-            straight(&way, &pen, path)
+            straight(&tip_line, &tracker, path)
         };
-        if let Some(drawn) = &drawn {
-            path.copy_from_slice(&sharpened(robot, limits, drawn));
+        if let Some(tracked) = &tracked {
+            path.copy_from_slice(&precompensated(robot, limits, tracked));
         }
-        drawn.is_some()
+        tracked.is_some()
     }
 
-    /// Draws the tip onto the smoothest curve beside its way on which the body keeps a clearance of `margin` beyond the tube
+    /// Brings the tip onto the smoothest curve beside its path on which the body keeps a clearance of `margin` beyond the tube
     /// (section lengths); both ends stay exactly where they are. Where there is none, the path stays as it is.
-    pub(crate) fn smooth(
+    pub(crate) fn smooth_tip(
         &self,
         robot: &Robot,
         scene: &Scene,
         margin: f64,
         path: &mut [Configuration],
     ) -> bool {
-        let pen = Pen {
+        let tracker = TipTracker {
             robot,
             scene,
             margin,
             ends: [path[0], path[WAYPOINTS - 1]],
         };
-        let demand = Demand {
+        let demand = TipDemand {
             loose: None,
             keeps_limits: false,
         };
         let tips: [Point; WAYPOINTS] = std::array::from_fn(|h| robot.tip(&path[h]));
-        let drawn = self.smoothers.iter().find_map(|smoother| {
+        let tracked = self.smoothers.iter().find_map(|smoother| {
             let curve = smoother.smooth(&tips);
-            pen.draw(&demand, |h| path[h], |h| curve[h])
+            tracker.track(&demand, |h| path[h], |h| curve[h])
         });
-        if let Some(drawn) = &drawn {
-            path.copy_from_slice(drawn);
+        if let Some(tracked) = &tracked {
+            path.copy_from_slice(tracked);
         }
-        drawn.is_some()
+        tracked.is_some()
     }
 
-    /// The shapes of a path (64 waypoints, radians) without their waves, the strongest smoothing first, wherever that leads; both
+    /// The configurations of a path (64 waypoints, radians) without their waves, the strongest smoothing first, wherever that leads; both
     /// ends stay exactly where they are.
-    pub(crate) fn calmed(&self, path: Waypoints) -> impl Iterator<Item = Waypoints> {
-        let calmed = move |smoother: &Smoother| calm(smoother, &path).to_vec();
-        self.smoothers.iter().map(calmed)
+    pub(crate) fn smoothed(&self, path: Waypoints) -> impl Iterator<Item = Waypoints> {
+        let smoothed = move |smoother: &Smoother| smooth_configurations(smoother, &path).to_vec();
+        self.smoothers.iter().map(smoothed)
     }
 
     /// On the line between the tip's two ends; how far the tip has come there is left to the path without its waves.
     fn at_its_own_pace(
         &self,
-        way: &Way,
-        pen: &Pen,
+        tip_line: &TipLine,
+        tracker: &TipTracker,
         path: &[Configuration],
     ) -> Option<WaypointArray> {
-        let line = way.line.try_normalize(0.0)?;
-        let calm = calm(&self.smoothers[0], path);
-        let demand = Demand {
+        let line = tip_line.line.try_normalize(0.0)?;
+        let smooth = smooth_configurations(&self.smoothers[0], path);
+        let demand = TipDemand {
             loose: Some(line),
             keeps_limits: true,
         };
-        let guess = |h: usize| way.softened(h, &calm[h]);
-        pen.draw(&demand, guess, |h| way.on_the_line(h))
+        let guess = |h: usize| tip_line.softened(h, &smooth[h]);
+        tracker.track(&demand, guess, |h| tip_line.on_the_line(h))
     }
 }
 
-/// The shapes of a path without their waves.
-fn calm(smoother: &Smoother, path: &[Configuration]) -> WaypointArray {
+/// The configurations of a path without their waves.
+fn smooth_configurations(smoother: &Smoother, path: &[Configuration]) -> WaypointArray {
     smoother.smooth(&std::array::from_fn(|h| path[h]))
 }
 
 /// On the straightest curve that keeps the bending limits.
-fn straight(way: &Way, pen: &Pen, path: &[Configuration]) -> Option<WaypointArray> {
-    let demand = Demand {
+fn straight(
+    tip_line: &TipLine,
+    tracker: &TipTracker,
+    path: &[Configuration],
+) -> Option<WaypointArray> {
+    let demand = TipDemand {
         loose: None,
         keeps_limits: true,
     };
     SHARES.iter().find_map(|&share| {
-        pen.draw(
+        tracker.track(
             &demand,
-            |h| way.guess(h, &path[h], share),
-            |h| way.straightest(h, share),
+            |h| tip_line.guess(h, &path[h], share),
+            |h| tip_line.straightest(h, share),
         )
     })
 }
 
 /// The two ends of a path, and how far the tip cannot set out there in every direction.
-struct Way<'a> {
+struct TipLine<'a> {
     robot: &'a Robot,
     ends: [Configuration; 2],
     /// What compressing would change at the ends.
@@ -161,10 +166,10 @@ struct Way<'a> {
     stiffness: f64,
 }
 
-impl<'a> Way<'a> {
+impl<'a> TipLine<'a> {
     fn new(robot: &'a Robot, start: &Configuration, end: &Configuration) -> Self {
         let ends = [*start, *end];
-        let [first, last] = ends.map(|shape| robot.backbone(&shape));
+        let [first, last] = ends.map(|configuration| robot.backbone(&configuration));
         let line = last.tip() - first.tip();
         let [at_start, at_end] = [&first, &last].map(stiffest);
         let part =
@@ -189,7 +194,7 @@ impl<'a> Way<'a> {
     }
 
     /// The straight line of the tip at even speed; at a stiff end it sets out as the tip can. It follows with `share`, and
-    /// with more at a stiff end, the way that the straight segment takes.
+    /// with more at a stiff end, the tip path of the straight segment.
     fn straightest(&self, h: usize, share: f64) -> Point {
         let u = parameter(h);
         let line = self.on_the_line(h) + self.bend * (u * (1.0 - u));
@@ -200,7 +205,7 @@ impl<'a> Way<'a> {
         line.lerp(&self.robot.tip(&self.segment(h)), share)
     }
 
-    /// A sampled shape with its bending compressed near the limit, as far as the ends allow.
+    /// A sampled configuration with its bending compressed near the limit, as far as the ends allow.
     fn softened(&self, h: usize, sampled: &Configuration) -> Configuration {
         let [at_start, at_end] = self.compressions;
         compressed(self.robot, sampled) + at_start.lerp(&at_end, parameter(h))
@@ -214,8 +219,8 @@ impl<'a> Way<'a> {
 }
 
 /// The direction in which the tip moves least, and how stiff it is there, 0 to 1.
-fn stiffest(shape: &Backbone) -> (Point, f64) {
-    let jacobian = shape.tip_jacobian();
+fn stiffest(backbone: &Backbone) -> (Point, f64) {
+    let jacobian = backbone.tip_jacobian();
     let modes = SymmetricEigen::new(jacobian * jacobian.transpose());
     let least = modes.eigenvalues.imin();
     let mobility = modes.eigenvalues[least].max(0.0).sqrt();
@@ -223,10 +228,10 @@ fn stiffest(shape: &Backbone) -> (Point, f64) {
     (direction, (1.0 - mobility / STIFF).max(0.0))
 }
 
-fn compressed(robot: &Robot, shape: &Configuration) -> Configuration {
-    let angles = robot.bending_angles(shape);
+fn compressed(robot: &Robot, configuration: &Configuration) -> Configuration {
+    let angles = robot.bending_angles(configuration);
     let begin = robot.bending_limit - SOFT_RAD;
-    let mut soft = *shape;
+    let mut soft = *configuration;
     for section in (0..SECTIONS).filter(|&section| angles[section] > begin) {
         let excess = (angles[section] - begin) / SOFT_RAD;
         let angle = begin + SOFT_RAD * excess.tanh();
@@ -244,7 +249,7 @@ mod tests {
     use collision::Ball;
 
     fn straighten(robot: &Robot, path: &mut [Configuration]) -> bool {
-        TipCurves::new().straighten(robot, &Scene::default(), 0.0, &robot.tendon_limits, path)
+        TipPaths::new().straighten_tip(robot, &Scene::default(), 0.0, &robot.tendon_limits, path)
     }
 
     fn ends() -> [Configuration; 2] {
@@ -312,7 +317,7 @@ mod tests {
         };
         let given = jagged();
         let mut path = given.clone();
-        assert!(TipCurves::new().smooth(&robot, &Scene::default(), 0.01, &mut path));
+        assert!(TipPaths::new().smooth_tip(&robot, &Scene::default(), 0.01, &mut path));
         assert!(third(&path) < 0.01 * third(&given));
         assert_eq!([path[0], path[63]], [given[0], given[63]]);
     }
@@ -327,7 +332,7 @@ mod tests {
         };
         let scene = Scene::new(vec![ball]).unwrap();
         let mut path = given.clone();
-        assert!(!TipCurves::new().smooth(&robot, &scene, 0.01, &mut path));
+        assert!(!TipPaths::new().smooth_tip(&robot, &scene, 0.01, &mut path));
         assert_eq!(path, given);
     }
 
@@ -347,7 +352,7 @@ mod tests {
         (path[0], path[63]) = (start, end);
         let sampled = path.clone();
         let limits = &robot.tendon_limits;
-        assert!(!TipCurves::new().straighten(&robot, &scene, 0.0, limits, &mut path));
+        assert!(!TipPaths::new().straighten_tip(&robot, &scene, 0.0, limits, &mut path));
         assert_eq!(path, sampled);
     }
 }

@@ -1,7 +1,7 @@
-//! Drawing the tip of a path onto a curve by Newton steps, where the body has room.
+//! Bringing the tip of a path onto a curve by Newton steps, where the body has room.
 
 use crate::goals::newton::{
-    Jacobians, Points, Shapes, bending_squares, beyond_limits, damped_steps, within_limits,
+    Configurations, Jacobians, Points, bending_squares, beyond_limits, damped_steps, within_limits,
 };
 use crate::path::waypoints::{WAYPOINTS, WaypointArray};
 use collision::Scene;
@@ -23,24 +23,24 @@ const STEPS: usize = 4;
 const ON_THE_CURVE: f64 = 1e-6;
 /// How far the curve may be from the tip of a first guess, section lengths.
 const NEAR: f64 = 0.5;
-/// A waypoint that would have to move farther lies near a shape whose tip cannot follow the curve, rad.
+/// A waypoint that would have to move farther lies near a configuration whose tip cannot follow the curve, rad.
 const LARGEST_CHANGE_RAD: f64 = 0.8;
 /// A section at its limit still takes this share of the part that a free one takes in a Newton step.
 const LEAST_WEIGHT: f64 = 0.02;
 
-/// Waypoints that are drawn together.
+/// Waypoints whose tips are brought onto the curve together.
 type Four = [Configuration; LANES];
 
-/// What a curve is drawn for.
-pub(crate) struct Demand {
+/// How closely a tip must follow its curve.
+pub(crate) struct TipDemand {
     /// A direction (length one) in which the tip may be anywhere, if there is one.
     pub(crate) loose: Option<Point>,
     /// Whether steps that would bend beyond the limits fail; else they are cut there.
     pub(crate) keeps_limits: bool,
 }
 
-/// Draws curves where there is room for them.
-pub(crate) struct Pen<'a> {
+/// Brings tips onto curves where the body has room.
+pub(crate) struct TipTracker<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) scene: &'a Scene,
     /// Clearance to keep beyond the tube, section lengths.
@@ -48,65 +48,81 @@ pub(crate) struct Pen<'a> {
     pub(crate) ends: [Configuration; 2],
 }
 
-impl Pen<'_> {
+impl TipTracker<'_> {
     /// The path between the ends whose tip is on the curve, near a first guess; none where that is too far away or too near
     /// to an obstacle.
-    pub(crate) fn draw(
+    pub(crate) fn track(
         &self,
-        demand: &Demand,
+        demand: &TipDemand,
         guess: impl Fn(usize) -> Configuration,
         curve: impl Fn(usize) -> Point,
     ) -> Option<WaypointArray> {
-        let mut drawn = [Configuration::zeros(); WAYPOINTS];
-        (drawn[0], drawn[WAYPOINTS - 1]) = (self.ends[0], self.ends[1]);
+        let mut tracked = [Configuration::zeros(); WAYPOINTS];
+        (tracked[0], tracked[WAYPOINTS - 1]) = (self.ends[0], self.ends[1]);
         // 1, 9, …, 57, 3, 11, …
         let odd: [usize; HALF] = array::from_fn(|i| 1 + i / FIRST * 2 + i % FIRST * STRIDE);
         for some in odd.chunks(LANES) {
-            let shapes = self.waypoints(demand, &four(some, &guess), &four(some, &curve))?;
-            put(&mut drawn, some, &shapes);
+            let configurations =
+                self.waypoints(demand, &four(some, &guess), &four(some, &curve))?;
+            put(&mut tracked, some, &configurations);
         }
         let even: [usize; HALF] = array::from_fn(|i| 2 * i + 2);
         for some in even.chunks(LANES) {
-            let near = four(some, |h| interpolated(&drawn, h));
-            let shapes = self.between(demand, &near, &four(some, &curve))?;
-            put(&mut drawn, some, &shapes);
+            let near = four(some, |h| interpolated(&tracked, h));
+            let configurations = self.between(demand, &near, &four(some, &curve))?;
+            put(&mut tracked, some, &configurations);
         }
-        Some(drawn)
+        Some(tracked)
     }
 
-    /// Shapes that are all but on the curve, on it.
-    fn between(&self, demand: &Demand, near: &Four, places: &[Point; LANES]) -> Option<Four> {
+    /// Configurations whose tips are all but on the curve, moved onto it by one Newton step; none where the step fails.
+    fn between(&self, demand: &TipDemand, near: &Four, places: &[Point; LANES]) -> Option<Four> {
         dispatch!(Level::new(), simd => {
-            let (shapes, places) = (side_by_side(simd, near), side_by_side(simd, places));
-            let (jacobians, errors) = self.demanded(demand, &shapes, &places);
-            let (next, fails) = self.step(demand, &shapes, &jacobians, &errors);
+            let (configurations, places) = (side_by_side(simd, near), side_by_side(simd, places));
+            let (jacobians, errors) = self.demanded(demand, &configurations, &places);
+            let (next, fails) = self.step(demand, &configurations, &jacobians, &errors);
             if fails.any_true() { None } else { Some(one_by_one(&next)) }
         })
     }
 
-    /// The shapes near some guesses whose tips are at `places`.
-    fn waypoints(&self, demand: &Demand, guesses: &Four, places: &[Point; LANES]) -> Option<Four> {
-        let shapes = dispatch!(Level::new(), simd => self.converge(simd, demand, guesses, places))?;
+    /// The configurations near these guesses whose tips are at `places`; none where one is too far from its guess or too near to an obstacle.
+    fn waypoints(
+        &self,
+        demand: &TipDemand,
+        guesses: &Four,
+        places: &[Point; LANES],
+    ) -> Option<Four> {
+        let configurations =
+            dispatch!(Level::new(), simd => self.converge(simd, demand, guesses, places))?;
         let tube = &self.robot.tube_radii;
-        let serves = |(shape, guess): (&Configuration, &Configuration)| {
-            let is_near = (shape - guess).norm() <= LARGEST_CHANGE_RAD;
-            is_near && self.scene.clearance(&self.robot.backbone(shape), tube) >= self.margin
+        let serves = |(configuration, guess): (&Configuration, &Configuration)| {
+            let is_near = (configuration - guess).norm() <= LARGEST_CHANGE_RAD;
+            is_near
+                && self
+                    .scene
+                    .clearance(&self.robot.backbone(configuration), tube)
+                    >= self.margin
         };
-        shapes.iter().zip(guesses).all(serves).then_some(shapes)
+        configurations
+            .iter()
+            .zip(guesses)
+            .all(serves)
+            .then_some(configurations)
     }
 
-    /// The shapes after Newton steps; none where a place is too far away, or a step fails.
+    /// The configurations after Newton steps; none where a place is too far away, or a step fails.
     #[inline(always)]
     fn converge<S: Simd>(
         &self,
         simd: S,
-        demand: &Demand,
+        demand: &TipDemand,
         guesses: &Four,
         places: &[Point; LANES],
     ) -> Option<Four> {
-        let (mut shapes, places) = (side_by_side(simd, guesses), side_by_side(simd, places));
+        let (mut configurations, places) =
+            (side_by_side(simd, guesses), side_by_side(simd, places));
         for taken in 0..STEPS {
-            let (jacobians, errors) = self.demanded(demand, &shapes, &places);
+            let (jacobians, errors) = self.demanded(demand, &configurations, &places);
             let squares = norms_squared(&errors);
             if taken == 0 && !squares.simd_le(NEAR * NEAR).all_true() {
                 return None;
@@ -115,26 +131,26 @@ impl Pen<'_> {
             if !moving.any_true() {
                 break;
             }
-            let (next, fails) = self.step(demand, &shapes, &jacobians, &errors);
+            let (next, fails) = self.step(demand, &configurations, &jacobians, &errors);
             if (fails & moving).any_true() {
                 return None;
             }
-            for (shape, next) in shapes.iter_mut().zip(next) {
-                *shape = moving.select(next, *shape);
+            for (configuration, next) in configurations.iter_mut().zip(next) {
+                *configuration = moving.select(next, *configuration);
             }
         }
-        Some(one_by_one(&shapes))
+        Some(one_by_one(&configurations))
     }
 
     /// The tips' Jacobians, and the vectors from the tips to their places, both as far as that is demanded.
     #[inline(always)]
     fn demanded<S: Simd>(
         &self,
-        demand: &Demand,
-        shapes: &Shapes<S>,
+        demand: &TipDemand,
+        configurations: &Configurations<S>,
         places: &Points<S>,
     ) -> (Jacobians<S>, Points<S>) {
-        let tips = self.robot.moving_tips(shapes);
+        let tips = self.robot.moving_tips(configurations);
         let (mut jacobians, mut errors) = (tips.jacobians, *places);
         for (error, position) in errors.iter_mut().zip(tips.positions) {
             *error -= position;
@@ -148,23 +164,23 @@ impl Pen<'_> {
         (jacobians, errors)
     }
 
-    /// The shapes within the limits after a Newton step that moves the tips by `errors`, of least norm where sections near
+    /// The configurations within the limits after a Newton step that moves the tips by `errors`, of least norm where sections near
     /// their limits weigh more (Chan and Dubey 1995), and the lanes for which there is none.
     #[inline(always)]
     fn step<S: Simd>(
         &self,
-        demand: &Demand,
-        shapes: &Shapes<S>,
+        demand: &TipDemand,
+        configurations: &Configurations<S>,
         jacobians: &Jacobians<S>,
         errors: &Points<S>,
-    ) -> (Shapes<S>, mask64x4<S>) {
+    ) -> (Configurations<S>, mask64x4<S>) {
         let per_square = self.robot.bending_limit.powi(-2);
-        let mut free = bending_squares(shapes);
+        let mut free = bending_squares(configurations);
         for part in &mut free {
             *part = (1.0 - *part * per_square).max(LEAST_WEIGHT);
         }
         let (mut next, solvable) = damped_steps(jacobians, &free, errors);
-        for (next, from) in next.iter_mut().zip(shapes) {
+        for (next, from) in next.iter_mut().zip(configurations) {
             *next += *from;
         }
         if demand.keeps_limits {
@@ -190,14 +206,14 @@ fn four<T>(some: &[usize], of: impl Fn(usize) -> T) -> [T; LANES] {
     array::from_fn(|lane| of(some[lane.min(some.len() - 1)]))
 }
 
-fn put(drawn: &mut WaypointArray, some: &[usize], shapes: &Four) {
-    for (h, shape) in some.iter().zip(shapes) {
-        drawn[*h] = *shape;
+fn put(tracked: &mut WaypointArray, some: &[usize], configurations: &Four) {
+    for (h, configuration) in some.iter().zip(configurations) {
+        tracked[*h] = *configuration;
     }
 }
 
-/// The cubic through the nearest shapes with odd numbers, and the ends, at an even one.
-fn interpolated(drawn: &WaypointArray, h: usize) -> Configuration {
+/// The cubic through the nearest configurations with odd numbers, and the ends, at an even one.
+fn interpolated(tracked: &WaypointArray, h: usize) -> Configuration {
     let nodes = match h {
         2 => [0, 1, 3, 5],
         _ if h == WAYPOINTS - 2 => [7, 5, 3, 1].map(|before| WAYPOINTS - before),
@@ -208,7 +224,7 @@ fn interpolated(drawn: &WaypointArray, h: usize) -> Configuration {
         let parts = others.map(|&other| (h as f64 - other as f64) / (node as f64 - other as f64));
         parts.product()
     };
-    nodes.iter().map(|&node| drawn[node] * weight(node)).sum()
+    nodes.iter().map(|&node| tracked[node] * weight(node)).sum()
 }
 
 #[cfg(test)]
@@ -219,19 +235,19 @@ mod tests {
     use rand::SeedableRng;
 
     #[test]
-    fn a_waypoint_is_drawn_as_it_is_alone() {
+    fn a_waypoint_is_tracked_as_it_is_alone() {
         let (robot, scene) = (unit_robot(), Scene::default());
-        let pen = Pen {
+        let tracker = TipTracker {
             robot: &robot,
             scene: &scene,
             margin: 0.0,
             ends: [Configuration::zeros(); 2],
         };
         let mut rng = rand_pcg::Pcg64::seed_from_u64(6);
-        let (mut drawn, mut failed) = (0, 0);
+        let (mut tracked, mut failed) = (0, 0);
         for loose in [None, Some(Point::x())] {
             for keeps_limits in [false, true] {
-                let demand = Demand {
+                let demand = TipDemand {
                     loose,
                     keeps_limits,
                 };
@@ -240,13 +256,13 @@ mod tests {
                     // One is on its place already, and one twice as far from it as the others.
                     let away = |lane| Point::new(0.0, 0.02, -0.04) * [1.0, 0.0, 2.0, 1.0][lane];
                     let places = array::from_fn(|lane| robot.tip(&guesses[lane]) + away(lane));
-                    let together = pen.waypoints(&demand, &guesses, &places);
+                    let together = tracker.waypoints(&demand, &guesses, &places);
                     let alone = |lane: usize| {
-                        pen.waypoints(&demand, &[guesses[lane]; LANES], &[places[lane]; LANES])
+                        tracker.waypoints(&demand, &[guesses[lane]; LANES], &[places[lane]; LANES])
                     };
                     let alone: Vec<Option<Four>> = (0..LANES).map(alone).collect();
                     if let Some(together) = together {
-                        drawn += 1;
+                        tracked += 1;
                         for (lane, alone) in alone.iter().enumerate() {
                             assert_eq!(Some([together[lane]; LANES]), *alone);
                         }
@@ -257,20 +273,23 @@ mod tests {
                 }
             }
         }
-        assert!(drawn > 100 && failed > 20, "{drawn} drawn, {failed} failed");
+        assert!(
+            tracked > 100 && failed > 20,
+            "{tracked} tracked, {failed} failed"
+        );
     }
 
     #[test]
-    fn a_place_that_is_not_a_number_is_not_drawn() {
+    fn a_place_that_is_not_a_number_is_not_tracked() {
         let (robot, scene) = (unit_robot(), Scene::default());
         let ends = [Configuration::repeat(0.2), Configuration::repeat(0.3)];
-        let pen = Pen {
+        let tracker = TipTracker {
             robot: &robot,
             scene: &scene,
             margin: 0.0,
             ends,
         };
-        let demand = Demand {
+        let demand = TipDemand {
             loose: None,
             keeps_limits: true,
         };
@@ -284,9 +303,9 @@ mod tests {
                 }
             };
             let guess = |_| Configuration::repeat(0.2);
-            assert!(pen.draw(&demand, guess, curve).is_none(), "{unknown}");
+            assert!(tracker.track(&demand, guess, curve).is_none(), "{unknown}");
         }
         let still = |_| robot.tip(&Configuration::repeat(0.2));
-        assert!(pen.draw(&demand, |_| ends[0], still).is_some());
+        assert!(tracker.track(&demand, |_| ends[0], still).is_some());
     }
 }

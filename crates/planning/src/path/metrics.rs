@@ -10,7 +10,7 @@ use trajectory::Trajectory;
 pub(crate) const CLEARANCE_TOLERANCE: f64 = 1e-3;
 /// Instants at which a motion is looked at: odd, so that every other one is a coarser look from end to end.
 const SAMPLES: usize = 2 * WAYPOINTS + 1;
-/// Shapes nearer than this are one terminal mode, rad.
+/// Configurations nearer than this are one terminal mode, rad.
 const MODE_SEPARATION_RAD: f64 = 0.5;
 
 /// Figures of one certified motion; lengths in section lengths.
@@ -18,11 +18,11 @@ const MODE_SEPARATION_RAD: f64 = 0.5;
 pub struct PathMetrics {
     /// Duration, s.
     pub duration_s: f64,
-    /// Length of the tip's way.
+    /// Length of the tip path.
     pub tip_length: f64,
     /// Straight distance between the tip's two ends.
     pub tip_distance: f64,
-    /// ∫‖p‴‖² over the normalised arc length of the tip's way, in squared section lengths.
+    /// ∫‖p‴‖² over the normalised arc length of the tip path, in squared section lengths.
     pub tip_smoothness: f64,
     /// Smallest clearance of the whole body over the whole motion: within 1e-3 to balls, to solids up to a thousandth of a section and
     /// a twentieth of it more below the true one.
@@ -54,7 +54,7 @@ impl PathMetrics {
     }
 }
 
-/// Length of the way through points of equal time steps, extrapolated from all chords and those of every other point: a
+/// Length of the path through points of equal time steps, extrapolated from all chords and those of every other point: a
 /// polyline's length falls short by the square of the step.
 fn length<const D: usize>(points: &[SVector<f64, D>]) -> f64 {
     let fine: f64 = points.windows(2).map(|w| (w[1] - w[0]).norm()).sum();
@@ -109,20 +109,20 @@ fn equal_arc_lengths(points: &[Point], count: usize) -> Vec<Point> {
         .collect()
 }
 
-/// Figures of a set of end shapes.
+/// Figures of a set of goal configurations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SetMetrics {
     /// Distinct terminal modes, greedily counted at 0.5 rad.
     pub modes: usize,
-    /// Mean distance between pairs, rad (0 for fewer than two shapes).
+    /// Mean distance between pairs, rad (0 for fewer than two configurations).
     pub mean_distance_rad: f64,
-    /// Smallest distance between pairs, rad (0 for fewer than two shapes).
+    /// Smallest distance between pairs, rad (0 for fewer than two configurations).
     pub min_distance_rad: f64,
-    /// Vendi score with a Gaussian kernel of width 0.5 rad (Friedman & Dieng 2023): the effective number of shapes.
+    /// Vendi score with a Gaussian kernel of width 0.5 rad (Friedman & Dieng 2023): the effective number of configurations.
     pub vendi: f64,
 }
 
-/// Counts terminal modes: shapes at least 0.5 rad from every mode counted before, in the order given.
+/// Counts terminal modes: configurations at least 0.5 rad from every mode counted before, in the order given.
 #[must_use]
 pub fn modes(ends: &[Configuration]) -> usize {
     let mut found: Vec<&Configuration> = Vec::new();
@@ -137,7 +137,7 @@ pub fn modes(ends: &[Configuration]) -> usize {
     found.len()
 }
 
-/// Computes the figures of a set of end shapes.
+/// Computes the figures of a set of goal configurations.
 #[must_use]
 pub fn set_metrics(ends: &[Configuration]) -> SetMetrics {
     let pairs: Vec<f64> = (0..ends.len())
@@ -197,9 +197,9 @@ mod tests {
     fn the_smoothness_of_a_circle_is_the_cube_of_what_it_turns() {
         let turn = 2.0_f64;
         // From rest to rest: points crowd at both ends.
-        let way = |u: f64| turn * u * u * (3.0 - 2.0 * u);
+        let progress = |u: f64| turn * u * u * (3.0 - 2.0 * u);
         let arc: Vec<Point> = (0..SAMPLES)
-            .map(|i| way(i as f64 / (SAMPLES - 1) as f64))
+            .map(|i| progress(i as f64 / (SAMPLES - 1) as f64))
             .map(|angle| Point::new(angle.cos(), angle.sin(), 0.0))
             .collect();
         let exact = turn.powi(6);

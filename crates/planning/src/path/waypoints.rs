@@ -11,7 +11,7 @@ pub type Waypoints = Vec<Configuration>;
 /// The waypoints of a path in place, where no more memory is to be taken.
 pub(crate) type WaypointArray = [Configuration; WAYPOINTS];
 
-/// The straight segment between two shapes: the fastest motion, since tendons are linear in ζ (docs/robot.md "Tendons").
+/// The straight segment between two configurations: the fastest motion, since tendons are linear in ζ (docs/robot.md "Tendons").
 #[must_use]
 pub fn straight_path(start: &Configuration, end: &Configuration) -> Waypoints {
     (0..WAYPOINTS)

@@ -96,7 +96,7 @@ impl<'a> RequestContext<'a> {
             padded,
             scene: &problem.scene,
             kernel: &resources.kernel,
-            tip_curves: &resources.tip_curves,
+            tip_paths: &resources.tip_paths,
             limits,
             knots: request.knots,
             corrections: request.corrections,

@@ -1,7 +1,7 @@
 //! The goal configurations of a request: those that a previous plan ended in, then others.
 
 use crate::error::PlannerError;
-use crate::goals::goal_configurations::end_shapes_until;
+use crate::goals::goal_configurations::goal_configurations_until;
 use crate::pipeline::context::RequestContext;
 use crate::pipeline::previous_plan::{RemainingPath, remaining_paths};
 use pcc_model::Configuration;
@@ -30,8 +30,8 @@ pub(crate) fn goal_set(context: &RequestContext) -> Result<GoalSet, PlannerError
     let mut distinct: Vec<Configuration> = remaining.iter().map(RemainingPath::end).collect();
     let mut rng = Pcg64::seed_from_u64(context.request.seed);
     let interrupt = context.supervision.interrupt;
-    match end_shapes_until(robot, problem, count, &mut rng, interrupt) {
-        Ok(found) => add_distinct(&mut distinct, &found.shapes, count),
+    match goal_configurations_until(robot, problem, count, &mut rng, interrupt) {
+        Ok(found) => add_distinct(&mut distinct, &found, count),
         Err(infeasible) if distinct.is_empty() => return Err(infeasible.into()),
         Err(_) => {}
     }

@@ -14,7 +14,7 @@ use denoiser::{CandidateInput, FastModel, WarmStart};
 use pcc_model::Configuration;
 use rayon::prelude::*;
 
-/// Where in the flow a path that is known begins: half noise, so that the scene as it is now still shapes it.
+/// Where in the flow a path that is known begins: half noise, so that the scene as it is now still configurations it.
 const WARM_START_TIME: f32 = 0.5;
 /// The learned paths of a request, beside which straight segments compete, and what remains of the motion that is followed.
 pub(crate) fn learned_and_kept(
@@ -147,7 +147,7 @@ impl<'a> FewStepSampler<'a> {
 
     /// The difference of a path to the straight segment between its ends, as coefficients in the canonical frame.
     fn residual(&self, path: &[Configuration]) -> [f32; COEFFICIENTS] {
-        let turned: Vec<Configuration> = path.iter().map(|q| self.frame.shape(q)).collect();
+        let turned: Vec<Configuration> = path.iter().map(|q| self.frame.configuration(q)).collect();
         let basis = &self.context.resources.basis;
         basis.analyse(&turned).map(|c| c as f32)
     }

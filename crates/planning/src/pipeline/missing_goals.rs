@@ -5,7 +5,7 @@ use crate::pipeline::context::RequestContext;
 use crate::pipeline::trees::{LEAST_MARGIN, follow_ever_shorter};
 use crate::plan::{Draw, Failure, Source};
 use crate::search::edges::{RrtSettings, Search};
-use crate::search::seeded_tree::KnownWays;
+use crate::search::seeded_tree::SeededTree;
 use pcc_model::{Configuration, Robot};
 use rand_pcg::Pcg64;
 use rayon::Scope;
@@ -76,7 +76,7 @@ impl MissingGoals<'_> {
     }
 
     fn seek<'s>(&'s self, group: &[usize], scope: &Scope<'s>, reached: &'s Reached) {
-        let mut tree = KnownWays::from(&self.context.problem.start, self.search());
+        let mut tree = SeededTree::from(&self.context.problem.start, self.search());
         for path in &self.paths {
             if (self.context.supervision.interrupt)() {
                 break;

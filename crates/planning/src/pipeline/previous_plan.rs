@@ -1,7 +1,7 @@
 //! Going on from a previous plan: what is left of its motions, brought onto the new start and the new goal.
 //!
-//! The shapes that the previous plan ended in stay where they are or move with the goal, so that a robot that replans
-//! while it moves does not change its mind about the way; its paths are what the sampler starts from.
+//! The configurations that the previous plan ended in stay where they are or move with the goal, so that a robot that replans
+//! while it moves does not change its mind about where to pass; its paths are what the sampler starts from.
 
 use crate::goals::inverse_kinematics::{is_solved, solve_tip};
 use crate::path::waypoints::{Waypoints, parameter, resample};
@@ -12,12 +12,12 @@ use crate::problem::{Goal, Problem};
 use crate::request::PreviousPlan;
 use pcc_model::{Configuration, Robot};
 
-/// A shape that moved farther than this to reach the new goal is another one, rad.
-const SAME_SHAPE_RAD: f64 = 0.5;
-/// Shapes nearer than this to one taken before are not taken, rad.
+/// A configuration that moved farther than this to reach the new goal is another one, rad.
+const SAME_CONFIGURATION_RAD: f64 = 0.5;
+/// Configurations nearer than this to one taken before are not taken, rad.
 const SEPARATION_RAD: f64 = 0.1;
 
-/// What is left of a path: it begins at the new start and ends in a clear shape that reaches the new goal.
+/// What is left of a path: it begins at the new start and ends in a clear configuration that reaches the new goal.
 #[derive(Clone, Debug)]
 pub(crate) struct RemainingPath {
     pub(crate) path: Waypoints,
@@ -60,18 +60,18 @@ pub(crate) fn remaining_paths(
     remaining
 }
 
-/// The shape nearest to a path's end that reaches the problem's goal and is clear.
+/// The configuration nearest to a path's end that reaches the problem's goal and is clear.
 fn moved_end(robot: &Robot, problem: &Problem, path: &[Configuration]) -> Option<Configuration> {
     let old = path.last()?;
     let end = match &problem.goal {
-        Goal::Configuration(shape) => Some(*shape),
+        Goal::Configuration(configuration) => Some(*configuration),
         Goal::Tip(target) => {
-            let (shape, distance) = solve_tip(robot, target, old);
-            is_solved(distance).then_some(shape)
+            let (configuration, distance) = solve_tip(robot, target, old);
+            is_solved(distance).then_some(configuration)
         }
     };
     let tube = &robot.tube_radii;
-    end.filter(|end| (end - old).norm() <= SAME_SHAPE_RAD)
+    end.filter(|end| (end - old).norm() <= SAME_CONFIGURATION_RAD)
         .filter(|end| problem.scene.clearance(&robot.backbone(end), tube) >= 0.0)
 }
 
@@ -119,7 +119,10 @@ mod tests {
         let target = Point::new(1.3, 0.2, 2.2);
         let seeds = [0.9, -0.9].map(|bend| Configuration::from_fn(|i, _| bend * (i as f64).cos()));
         let ends = seeds.map(|seed| solve_tip(robot, &target, &seed).0);
-        assert!((ends[0] - ends[1]).norm() > 0.5, "two shapes for one tip");
+        assert!(
+            (ends[0] - ends[1]).norm() > 0.5,
+            "two configurations for one tip"
+        );
         let start = Configuration::zeros();
         let previous = PreviousPlan {
             paths: ends.iter().map(|end| straight_path(&start, end)).collect(),

@@ -22,7 +22,7 @@ fn cost(
         Selection::ShortestTipPath => metrics.tip_length,
         Selection::LargestClearance => -metrics.clearance,
         Selection::Smoothest => metrics.tip_smoothness,
-        Selection::NearestTerminalShape | Selection::Index(_) => (end - start).norm(),
+        Selection::NearestGoalConfiguration | Selection::Index(_) => (end - start).norm(),
     }
 }
 

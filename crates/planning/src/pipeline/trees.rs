@@ -8,7 +8,7 @@ use crate::plan::{Draw, Failure, Source};
 use crate::request::{Interrupt, Sampler};
 use crate::search::edges::{RrtSettings, Search};
 use crate::search::first_success::first_success;
-use crate::search::portfolio::{FIRST_WAY, first_way};
+use crate::search::portfolio::{PORTFOLIO_BUDGET, search_portfolio};
 use crate::stage_times::StageTimes;
 use pcc_model::Configuration;
 use rand_pcg::Pcg64;
@@ -54,9 +54,9 @@ pub(crate) fn first_motion(context: &RequestContext, goals: &GoalSet) -> Option<
 /// A motion to some goal configuration, by trees that begin in all of them, and the place of that configuration.
 fn motion_to_any(context: &RequestContext, goals: &[Configuration]) -> Option<(usize, Draw)> {
     let padded = context.padded_by(LEAST_MARGIN);
-    let search = context.search(&padded, &FIRST_WAY, context.supervision.interrupt);
+    let search = context.search(&padded, &PORTFOLIO_BUDGET, context.supervision.interrupt);
     let rng = |number| context.tree_rng(context.request.candidates + number);
-    let (polyline, mut rng) = first_way(&search, &context.problem.start, goals, rng)?;
+    let (polyline, mut rng) = search_portfolio(&search, &context.problem.start, goals, rng)?;
     let reached = goals
         .iter()
         .position(|goal| Some(goal) == polyline.last())?;
@@ -129,7 +129,7 @@ fn follow(
     let rounded = || resample(&search.round(polyline));
     let smooth = match context.request.sampler {
         Sampler::RrtConnect => None,
-        Sampler::RrtSmooth => constraints.smoothed(rounded()),
+        Sampler::RrtSmooth => constraints.like_a_learned_path(rounded()),
         _ => constraints.beside(polyline),
     };
     let followed = smooth.or_else(|| {

@@ -1,4 +1,4 @@
-//! A first way to any goal shape, where nothing is known (decision 0018).
+//! A portfolio of searches side by side for a first path to any goal configuration (decision 0018).
 
 use crate::search::edges::{RrtSettings, Search};
 use crate::search::tree::Tree;
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// The budget of each search.
-pub(crate) const FIRST_WAY: RrtSettings = RrtSettings {
+pub(crate) const PORTFOLIO_BUDGET: RrtSettings = RrtSettings {
     samples: 10_000,
     shortcuts: 120,
 };
@@ -22,7 +22,7 @@ const LOOK_EVERY: usize = 32;
 /// there on.
 ///
 /// A search stops where it cannot come first any more, so the answer does not depend on how many workers there are.
-pub(crate) fn first_way(
+pub(crate) fn search_portfolio(
     search: &Search,
     start: &Configuration,
     ends: &[Configuration],
@@ -32,8 +32,8 @@ pub(crate) fn first_way(
     let seek = |number| {
         let mut rng = rng(number);
         let trees = [Tree::rooted(&[*start]), Tree::rooted(ends)];
-        let (samples, way) = grow_within(search, trees, &most, &mut rng)?;
-        Some(((samples, number), (way, rng)))
+        let (samples, polyline) = grow_within(search, trees, &most, &mut rng)?;
+        Some(((samples, number), (polyline, rng)))
     };
     let numbers = (0..SEARCHES).into_par_iter().with_max_len(1);
     let first = numbers.filter_map(seek).min_by_key(|(key, _)| *key);
@@ -55,11 +55,11 @@ fn grow_within(
         }
         let turn = LOOK_EVERY.min(open);
         let mut left = turn;
-        let way = search.grow(&mut trees, &mut left, rng);
+        let polyline = search.grow(&mut trees, &mut left, rng);
         taken += turn - left;
-        if let Some(way) = way {
+        if let Some(polyline) = polyline {
             most.fetch_min(taken, Ordering::Relaxed);
-            return Some((taken, way));
+            return Some((taken, polyline));
         }
     }
 }
@@ -98,11 +98,11 @@ mod tests {
     }
 
     fn trees(target: &Target) -> [Tree; 2] {
-        [target.starts[0], target.generator].map(|shape| Tree::rooted(&[shape]))
+        [target.starts[0], target.generator].map(|configuration| Tree::rooted(&[configuration]))
     }
 
-    /// The way of searches with these seeds, each within so many samples.
-    fn way(
+    /// The polyline of searches with these seeds, each within so many samples.
+    fn polyline(
         target: &Target,
         workers: usize,
         samples: usize,
@@ -110,24 +110,24 @@ mod tests {
     ) -> Option<Vec<Configuration>> {
         let settings = RrtSettings {
             samples,
-            ..FIRST_WAY
+            ..PORTFOLIO_BUDGET
         };
         let robot = unit_robot();
         let search = search(&robot, target, &settings, &|| false);
         let rng = |number: usize| Pcg64::seed_from_u64(seeds[number]);
         let pool = ThreadPoolBuilder::new().num_threads(workers).build();
-        let seek = || first_way(&search, &target.starts[0], &[target.generator], rng);
-        pool.unwrap().install(seek).map(|(way, _)| way)
+        let seek = || search_portfolio(&search, &target.starts[0], &[target.generator], rng);
+        pool.unwrap().install(seek).map(|(polyline, _)| polyline)
     }
 
-    /// The way of a single search with this seed, without looks at others, and its samples.
+    /// The polyline of a single search with this seed, without looks at others, and its samples.
     fn alone(target: &Target, seed: u64) -> Option<(usize, Vec<Configuration>)> {
         let robot = unit_robot();
-        let search = search(&robot, target, &FIRST_WAY, &|| false);
-        let mut left = FIRST_WAY.samples;
+        let search = search(&robot, target, &PORTFOLIO_BUDGET, &|| false);
+        let mut left = PORTFOLIO_BUDGET.samples;
         let mut rng = Pcg64::seed_from_u64(seed);
-        let way = search.grow(&mut trees(target), &mut left, &mut rng)?;
-        Some((FIRST_WAY.samples - left, way))
+        let polyline = search.grow(&mut trees(target), &mut left, &mut rng)?;
+        Some((PORTFOLIO_BUDGET.samples - left, polyline))
     }
 
     #[test]
@@ -138,7 +138,7 @@ mod tests {
         let (fewest, luckier) = found.into_iter().min_by_key(|(n, _)| *n).unwrap();
         for workers in [1, 2, 3] {
             for seeds in [[7, 8], [8, 7]] {
-                let within = |samples| way(&target, workers, samples, seeds);
+                let within = |samples| polyline(&target, workers, samples, seeds);
                 assert_eq!(within(10_000).as_ref(), Some(&luckier), "{workers}");
                 assert_eq!(within(fewest).as_ref(), Some(&luckier), "{workers}");
                 assert_eq!(within(fewest - 1), None, "{workers}");
@@ -152,7 +152,7 @@ mod tests {
         let is_interrupted = AtomicBool::new(false);
         let interrupt = || is_interrupted.load(Ordering::Relaxed);
         let robot = unit_robot();
-        let search = search(&robot, &target, &FIRST_WAY, &interrupt);
+        let search = search(&robot, &target, &PORTFOLIO_BUDGET, &interrupt);
         let grow = |most: usize| {
             let most = AtomicUsize::new(most);
             let mut rng = Pcg64::seed_from_u64(7);

@@ -1,7 +1,7 @@
 //! RRT-Connect (Kuffner & LaValle 2000) in configuration space on certified edges, with several goals at once.
 //!
 //! It departs from the paper in that every edge is certified for the whole body and the whole motion instead of
-//! being sampled, in that the second tree is rooted in all goal shapes, and in that distances weigh the bending of a section
+//! being sampled, in that the second tree is rooted in all goal configurations, and in that distances weigh the bending of a section
 //! by how much of the body it moves (decision 0012).
 
 use crate::search::edges::{RrtSettings, Search};

@@ -1,7 +1,7 @@
-//! Ways to further goal shapes, found from the motions that a request has already.
+//! Paths to further goal configurations, found from the motions that a request has already.
 //!
-//! RRT-Connect (Kuffner & LaValle 2000) whose first tree begins as these motions: where ways from the start are hard to
-//! find, most of one that is known serves for another goal shape as well.
+//! RRT-Connect (Kuffner & LaValle 2000) whose first tree begins as these motions: where paths from the start are hard to
+//! find, most of one that is known serves for another goal configuration as well.
 
 use crate::search::edges::Search;
 use crate::search::tree::Tree;
@@ -11,16 +11,16 @@ use rand_pcg::Pcg64;
 /// Every so many waypoints of a motion are taken.
 const STRIDE: usize = 4;
 
-/// What is known, and how it is extended.
-pub(crate) struct KnownWays<'a> {
+/// A tree that begins with the paths of known motions, and the search that extends it.
+pub(crate) struct SeededTree<'a> {
     pub(crate) search: Search<'a>,
     tree: Tree,
-    /// Samples that are left for all goal shapes together.
+    /// Samples that are left for all goal configurations together.
     samples: usize,
 }
 
-impl<'a> KnownWays<'a> {
-    /// Knows the start alone.
+impl<'a> SeededTree<'a> {
+    /// A tree of the start alone.
     pub(crate) fn from(start: &Configuration, search: Search<'a>) -> Self {
         Self {
             samples: search.settings.samples,
@@ -38,7 +38,7 @@ impl<'a> KnownWays<'a> {
         }
     }
 
-    /// A polyline from the start to a goal shape, shortened; none where it was interrupted before.
+    /// A polyline from the start to a goal configuration, shortened; none where it was interrupted before.
     pub(crate) fn reach(
         &mut self,
         goal: &Configuration,
@@ -98,12 +98,12 @@ mod tests {
         let bent = |x: f64, y: f64| Configuration::from_column_slice(&[x, y, x, y, x, y]);
         let (start, above, goal) = (bent(-0.5, 0.0), bent(0.0, 0.5), bent(0.5, 0.0));
         let mut rng = Pcg64::seed_from_u64(1);
-        let mut ways = KnownWays::from(&start, search());
-        assert_eq!(ways.reach(&goal, &mut rng), None, "the ball is in the way");
-        let mut way = straight_path(&start, &above);
-        way.extend(straight_path(&above, &bent(0.4, 0.1)).into_iter().skip(1));
-        ways.add(&way);
-        let found = ways.reach(&goal, &mut rng).unwrap();
+        let mut tree = SeededTree::from(&start, search());
+        assert_eq!(tree.reach(&goal, &mut rng), None, "the ball is in between");
+        let mut path = straight_path(&start, &above);
+        path.extend(straight_path(&above, &bent(0.4, 0.1)).into_iter().skip(1));
+        tree.add(&path);
+        let found = tree.reach(&goal, &mut rng).unwrap();
         assert_eq!([found[0], found[found.len() - 1]], [start, goal]);
         assert!(
             found
@@ -131,10 +131,10 @@ mod tests {
             settings: &settings,
             interrupt: &|| false,
         };
-        let mut ways = KnownWays::from(&Configuration::zeros(), search);
+        let mut tree = SeededTree::from(&Configuration::zeros(), search);
         let goal = Configuration::from_column_slice(&[1.2, 0.0, 0.3, 0.0, 0.0, 0.0]);
         let mut rng = Pcg64::seed_from_u64(1);
-        assert_eq!(ways.reach(&goal, &mut rng), None, "walled in");
-        assert_eq!(ways.samples, 0);
+        assert_eq!(tree.reach(&goal, &mut rng), None, "walled in");
+        assert_eq!(tree.samples, 0);
     }
 }

@@ -115,14 +115,17 @@ mod tests {
         let search = search(&robot, &scene, &settings);
         let mut rng = Pcg64::seed_from_u64(1);
         for _ in 0..20 {
-            let way: Vec<_> = (0..5)
+            let polyline: Vec<_> = (0..5)
                 .map(|_| random_configuration(&robot, &mut rng))
                 .collect();
-            let short = search.shorten(way.clone(), &mut rng);
-            assert_eq!([short[0], short[short.len() - 1]], [way[0], way[4]]);
+            let short = search.shorten(polyline.clone(), &mut rng);
+            assert_eq!(
+                [short[0], short[short.len() - 1]],
+                [polyline[0], polyline[4]]
+            );
             let edge = |w: &[Configuration]| (w[1] - w[0]).norm();
-            let length = |way: &[Configuration]| way.windows(2).map(edge).sum::<f64>();
-            assert!(length(&short) < length(&way));
+            let length = |polyline: &[Configuration]| polyline.windows(2).map(edge).sum::<f64>();
+            assert!(length(&short) < length(&polyline));
         }
     }
 

@@ -9,13 +9,13 @@ const WEIGHTS: [f64; SECTIONS] = [1.8, 1.0, 0.3];
 /// Longest edge, rad: the norm of the sections' bendings times [`WEIGHTS`].
 const STEP_RAD: f64 = 0.6;
 
-/// A shape that is reached from another one.
+/// A configuration that is reached from another one.
 struct Node {
-    shape: Configuration,
+    configuration: Configuration,
     parent: Option<usize>,
 }
 
-/// Shapes that certified edges join to roots.
+/// Configurations that certified edges join to roots.
 #[derive(Default)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
@@ -23,9 +23,9 @@ pub(crate) struct Tree {
     weighted: Neighbours,
 }
 
-/// A shape, or a difference of shapes, whose norm is the distance.
-fn weighted(shape: &Configuration) -> Configuration {
-    Configuration::from_fn(|i, _| shape[i] * WEIGHTS[i / 2])
+/// A configuration, or a difference of configurations, whose norm is the distance.
+fn weighted(configuration: &Configuration) -> Configuration {
+    Configuration::from_fn(|i, _| configuration[i] * WEIGHTS[i / 2])
 }
 
 /// How far a step towards a configuration came.
@@ -36,13 +36,13 @@ pub(crate) enum Extension {
 }
 
 impl Tree {
-    pub(crate) fn rooted(shapes: &[Configuration]) -> Self {
-        let root = |shape: &Configuration| Node {
-            shape: *shape,
+    pub(crate) fn rooted(configurations: &[Configuration]) -> Self {
+        let root = |configuration: &Configuration| Node {
+            configuration: *configuration,
             parent: None,
         };
         let mut tree = Self::default();
-        for node in shapes.iter().map(root) {
+        for node in configurations.iter().map(root) {
             tree.push(node);
         }
         tree
@@ -50,31 +50,31 @@ impl Tree {
 
     /// The configuration of a node.
     pub(crate) fn at(&self, node: usize) -> Configuration {
-        self.nodes[node].shape
+        self.nodes[node].configuration
     }
 
     fn push(&mut self, node: Node) {
-        self.weighted.push(&weighted(&node.shape));
+        self.weighted.push(&weighted(&node.configuration));
         self.nodes.push(node);
     }
 
     /// The node nearest to a configuration.
-    pub(crate) fn nearest(&self, shape: &Configuration) -> usize {
-        self.weighted.nearest(&weighted(shape))
+    pub(crate) fn nearest(&self, configuration: &Configuration) -> usize {
+        self.weighted.nearest(&weighted(configuration))
     }
 
-    /// Adds the shape at the end of an edge from a node, if that is free; its node.
+    /// Adds the configuration at the end of an edge from a node, if that is free; its node.
     pub(crate) fn add(
         &mut self,
         search: &Search,
         from: usize,
-        shape: &Configuration,
+        configuration: &Configuration,
     ) -> Option<usize> {
-        if !search.edge_is_free(&self.nodes[from].shape, shape) {
+        if !search.edge_is_free(&self.nodes[from].configuration, configuration) {
             return None;
         }
         self.push(Node {
-            shape: *shape,
+            configuration: *configuration,
             parent: Some(from),
         });
         Some(self.nodes.len() - 1)
@@ -87,13 +87,13 @@ impl Tree {
         from: usize,
         target: &Configuration,
     ) -> Extension {
-        let shape = self.nodes[from].shape;
-        let distance = weighted(&(target - shape)).norm();
+        let configuration = self.nodes[from].configuration;
+        let distance = weighted(&(target - configuration)).norm();
         let reached = distance <= STEP_RAD;
         let next = if reached {
             *target
         } else {
-            shape.lerp(target, STEP_RAD / distance)
+            configuration.lerp(target, STEP_RAD / distance)
         };
         match self.add(search, from, &next) {
             Some(node) if reached => Extension::Reached(node),
@@ -102,7 +102,7 @@ impl Tree {
         }
     }
 
-    /// Steps from the nearest shape to the target; the target's node, if it is reached.
+    /// Steps from the nearest configuration to the target; the target's node, if it is reached.
     pub(crate) fn connect(&mut self, search: &Search, target: &Configuration) -> Option<usize> {
         let mut from = self.nearest(target);
         loop {
@@ -114,17 +114,17 @@ impl Tree {
         }
     }
 
-    /// The shapes from a root to a node.
+    /// The configurations from a root to a node.
     pub(crate) fn path_to(&self, node: usize) -> Vec<Configuration> {
         let mut path = self.branch(node);
         path.reverse();
         path
     }
 
-    /// The shapes from a node to its root.
+    /// The configurations from a node to its root.
     pub(crate) fn branch(&self, leaf: usize) -> Vec<Configuration> {
         std::iter::successors(Some(leaf), |&i| self.nodes[i].parent)
-            .map(|i| self.nodes[i].shape)
+            .map(|i| self.nodes[i].configuration)
             .collect()
     }
 }

@@ -117,13 +117,14 @@ fn the_scene_of_the_fixture_calls_for_both_refinements() {
     let margin = REPULSION * robot.largest_tube_radius();
     let pushed = |name: &str| {
         let values = fixture.values(name);
-        let shapes = values.as_chunks::<DOF>().0.iter();
-        let shapes = shapes.map(|frame| Configuration::from_fn(|i, _| f64::from(frame[i])));
-        let near = |shape: &Configuration| {
-            let deepest = deepest(&robot.backbone(shape), problem.scene.balls());
+        let configurations = values.as_chunks::<DOF>().0.iter();
+        let configurations =
+            configurations.map(|frame| Configuration::from_fn(|i, _| f64::from(frame[i])));
+        let near = |configuration: &Configuration| {
+            let deepest = deepest(&robot.backbone(configuration), problem.scene.balls());
             deepest.is_some_and(|d| d.distance < margin)
         };
-        shapes.filter(near).count()
+        configurations.filter(near).count()
     };
     assert!(pushed("mixed.pure") > 0, "frames that repulsion acts on");
     for name in ["mixed.post", "mixed.guided"] {
