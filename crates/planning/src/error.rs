@@ -1,4 +1,4 @@
-//! Why there is no plan.
+//! Why a request cannot be planned.
 
 use thiserror::Error;
 
@@ -66,7 +66,7 @@ pub enum Infeasible {
         "goal in collision: the clearest of {configurations} goal configurations has clearance {clearance:.4} section lengths, at least 0 is needed"
     )]
     GoalInCollision {
-        /// Goal configurations that reach the goal.
+        /// Number of configurations found that reach the goal.
         configurations: usize,
         /// Their largest clearance, section lengths.
         clearance: f64,

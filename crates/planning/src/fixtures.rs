@@ -1,4 +1,4 @@
-//! What several unit tests need.
+//! A robot and a search for unit tests.
 
 use crate::search::edges::{RrtSettings, Search};
 use collision::Scene;

@@ -2,6 +2,6 @@
 
 pub(crate) mod along_polyline;
 pub(crate) mod constraints;
-pub(crate) mod duration_bound;
+mod duration_bound;
 pub(crate) mod incumbent;
 pub(crate) mod path_to_trajectory;

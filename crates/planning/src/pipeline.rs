@@ -1,16 +1,16 @@
 //! The way of a request through the planner: answer.rs tells it from top to bottom.
 
 pub(crate) mod answer;
-pub(crate) mod braking;
+mod braking;
 pub(crate) mod context;
-pub(crate) mod default;
-pub(crate) mod exploring;
-pub(crate) mod fast;
-pub(crate) mod goal_set;
-pub(crate) mod learned;
-pub(crate) mod missing_goals;
-pub(crate) mod previous_plan;
+mod default;
+mod exploring;
+mod fast;
+mod goal_set;
+mod learned;
+mod missing_goals;
+mod previous_plan;
 pub(crate) mod selection;
-pub(crate) mod straight_line;
-pub(crate) mod trees;
-pub(crate) mod whole_paths;
+mod straight_line;
+mod trees;
+mod whole_paths;

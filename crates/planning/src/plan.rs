@@ -1,4 +1,4 @@
-//! What a plan is asked for, and what it delivers.
+//! What a request is answered with: draws, certified candidates, and how they came about.
 
 use crate::path::metrics::PathMetrics;
 use crate::path::waypoints::Waypoints;
@@ -19,7 +19,7 @@ pub enum Source {
     Straight,
     /// The tree, RRT-Connect.
     Tree,
-    /// The rest of the previous plan's motion.
+    /// What remains of the previous plan's motion.
     Kept,
 }
 
@@ -41,7 +41,7 @@ pub enum Failure {
     /// No time parameterization within the limits, or not with the knots that a motion may have.
     #[error("no time allocation within the tendon limits and the knots of a motion")]
     Time,
-    /// A motion that only counts if it is the fastest, and is not, or would not be were it certified.
+    /// The motion counts only if it is the fastest, and it is slower than another one.
     #[error("not the fastest")]
     Slower,
     /// The request was truncated before this draw was finished.
@@ -143,17 +143,17 @@ pub(crate) fn count_learned(draws: &[Draw]) -> [usize; 2] {
 /// The answer to a request.
 #[derive(Clone, Debug)]
 pub struct Plan {
-    /// What was drawn, in order; for [`Sampler::Default`] what was delivered.
+    /// What was drawn, in order; for [`Sampler::Default`](crate::Sampler::Default) what was delivered.
     pub draws: Vec<Draw>,
     /// The certified ones.
     pub candidates: Vec<Candidate>,
     /// Index into `candidates`.
     pub selected: Option<usize>,
-    /// Learned draws that certified before anything was filled.
+    /// Learned draws that were certified before draws without a motion were filled.
     pub learned_certified: usize,
     /// Learned draws made.
     pub learned_drawn: usize,
-    /// Paths drawn beyond these because none of them certified.
+    /// Paths drawn beyond the learned draws because none of these was certified.
     pub explored: usize,
     /// Whether the interrupt cut the work short.
     pub truncated: bool,

@@ -1,4 +1,4 @@
-//! What is asked: a start configuration, a goal, and the scene between them.
+//! A planning problem: a start configuration, a goal, and the scene between them.
 
 use crate::error::Infeasible;
 use collision::Scene;

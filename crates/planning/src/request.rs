@@ -5,7 +5,7 @@ use crate::plan::Candidate;
 use pcc_model::{Configuration, SECTIONS};
 use std::sync::Arc;
 
-/// Where paths come from.
+/// The sampler: where paths come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sampler {
     /// The learned sampler, filled by straight segments and the tree where it did not deliver.
@@ -15,17 +15,17 @@ pub enum Sampler {
     /// Straight segments in configuration space: the null arm.
     Straight,
     /// Straight segments with everything that a learned path gets after sampling: the tip brought onto a smooth curve, smoothing after
-    /// correction, a second delivery where the smoothed path is refused.
+    /// correction, the corrected path where the smoothed one makes no motion.
     StraightDrawn,
     /// RRT-Connect on certified edges.
     RrtConnect,
     /// RRT-Connect, whose rounded paths get everything that a learned path gets after sampling.
     RrtSmooth,
-    /// The paper's diffusion model alone; the goal's goal configuration is the network's choice.
+    /// The paper's diffusion model alone; the network chooses the goal configuration.
     Diffusion(Guidance),
 }
 
-/// How the differential kinematics takes part.
+/// How differential kinematics refines the paths of the diffusion model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Guidance {
     /// Not at all.
@@ -36,7 +36,7 @@ pub enum Guidance {
     Guided,
 }
 
-/// What the best candidate is.
+/// The rule by which one candidate is selected: what the best one has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Selection {
     /// Shortest duration.
@@ -88,15 +88,15 @@ pub struct Request {
     pub padding: [f64; SECTIONS],
     /// Knots of each motion (4 to 256).
     pub knots: usize,
-    /// Corrections that a path gets before it is given up: 0 to `MOST_CORRECTIONS`, which is the rule; more are as many.
+    /// Corrections that a path gets before it is given up, 0 to `MOST_CORRECTIONS`; that many is usual, and larger numbers mean the same.
     pub corrections: usize,
-    /// How the robot moves at the start; none: it rests. It first brakes straight ahead, then goes on from rest.
+    /// How the robot moves at the start, none where it rests. A moving robot first brakes straight ahead, then goes on from rest.
     pub start_motion: Option<StartMotion>,
     /// The plan to go on from; read by [`Sampler::Default`] and [`Sampler::Fast`].
     pub previous: Option<Arc<PreviousPlan>>,
 }
 
-/// Asked again and again while a request is planned; true truncates it.
+/// Asked between the steps of planning a request; true truncates it.
 pub(crate) type Interrupt<'a> = &'a (dyn Fn() -> bool + Sync);
 
 /// Who follows a request while it is planned.
@@ -104,6 +104,7 @@ pub(crate) type Interrupt<'a> = &'a (dyn Fn() -> bool + Sync);
 pub struct Supervision<'a> {
     /// Asked between stages and while a tree grows; true truncates.
     pub interrupt: &'a (dyn Fn() -> bool + Sync),
-    /// Told of candidates as they certify, by any worker and in any order; the answer may have better ones in their place.
+    /// Called with each candidate as soon as it is certified, by any worker and in any order; the answer may have better ones in their
+    /// place.
     pub certified: Option<&'a (dyn Fn(Candidate) + Sync)>,
 }

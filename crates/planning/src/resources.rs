@@ -9,12 +9,12 @@ use crate::request::Sampler;
 use denoiser::FastModel;
 use pcc_model::Robot;
 
-/// The learned models of a planner; what is not there cannot be asked for.
+/// The learned models of a planner; a request for one that is not loaded is refused.
 #[derive(Default)]
 pub struct Models {
     /// The few-step model.
     pub fast: Option<FastModel>,
-    /// The paper's.
+    /// The paper's diffusion model.
     pub diffusion: Option<DiffusionModel>,
 }
 

@@ -2,10 +2,10 @@
 
 pub(crate) mod edges;
 pub(crate) mod first_success;
-pub(crate) mod nearest_neighbours;
+mod nearest_neighbours;
 pub(crate) mod portfolio;
 pub(crate) mod random_configuration;
 pub(crate) mod rrt_connect;
 pub(crate) mod seeded_tree;
-pub(crate) mod shortcut;
-pub(crate) mod tree;
+mod shortcut;
+mod tree;

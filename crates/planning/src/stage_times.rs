@@ -12,7 +12,7 @@ pub struct StageTimes {
     pub condition: f64,
     /// The learned sampler, or the tree.
     pub sample: f64,
-    /// Straightening and analytic correction, the ends of paths by diffusion included.
+    /// Smoothing the tip and correction; for paths by diffusion also attaching their ends.
     pub correct: f64,
     /// Time parameterization.
     pub time: f64,
@@ -52,7 +52,7 @@ impl StageTimes {
     }
 }
 
-/// A clock that tells the seconds since it was last asked.
+/// A clock that tells the seconds since the lap before.
 pub(crate) struct Stopwatch(Instant);
 
 impl Stopwatch {

@@ -1,4 +1,4 @@
-//! Ends of sampled paths: exactly the start, exactly the goal.
+//! Attaching the ends of sampled paths: the first waypoint to the start, the last one to the goal.
 
 use crate::goals::inverse_kinematics::{is_solved, solve_tip};
 use crate::path::waypoints::parameter;

@@ -1,4 +1,4 @@
-//! Diverse configurations whose tips are on the goal: multi-start inverse kinematics, clear and distinct, near ones and far ones in turn.
+//! Goal configurations: diverse, clear ones by multi-start inverse kinematics, ones near to the start and far ones in turn.
 
 use crate::error::Infeasible;
 use crate::goals::inverse_kinematics::{is_solved, solve_tips};
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 const ROUNDS: usize = 10;
 /// Seeds of a round.
 const SEEDS: usize = 32;
-/// Seeds that one worker takes at once, between two questions whether to go on: half of the first round, which the start adds to.
+/// Seeds that one worker takes between two looks at the interrupt: half of the first round, to which the start adds one.
 const SEEDS_AT_ONCE: usize = (SEEDS + 1).div_ceil(2);
 /// Wanted clearance and distance between configurations, relaxed in this order until enough are found.
 const WISHES: [Wish; 5] = [

@@ -24,8 +24,8 @@ pub fn solve_tip(robot: &Robot, target: &Point, seed: &Configuration) -> (Config
     solve_tips(robot, target, std::slice::from_ref(seed))[0]
 }
 
-/// As [`solve_tip`] from each of many seeds, several at once.
-pub(crate) fn solve_tips(
+/// Solves for a configuration and its tip distance from each of many seeds, as [`solve_tip`] does from one; four at a time.
+pub(super) fn solve_tips(
     robot: &Robot,
     target: &Point,
     seeds: &[Configuration],
@@ -53,7 +53,7 @@ impl Seeker {
         }
     }
 
-    /// Whether it has arrived, or will not, after a step that left it at this distance.
+    /// Whether to stop after a step that left the tip at this distance from the target: it has arrived, or the iterations are over.
     fn is_done(&self, distance: f64) -> bool {
         let stalled = self.steps > 12 && distance > 0.98 * self.distance && distance > 1e-3;
         distance < SOLVED || stalled || self.steps == ITERATIONS
@@ -93,7 +93,8 @@ fn solve_at<S: Simd>(
     solved
 }
 
-/// The configurations within the limits after one step to the target; from how far; and where the step can be computed.
+/// The configurations within the limits after one step to the target, the tips' distances before it, and the lanes in which the step can
+/// be computed.
 ///
 /// Where a section would leave its disc it may only turn: clipped steps would come nearer by a share at a time.
 #[inline(always)]
@@ -121,9 +122,8 @@ fn newton_steps<S: Simd>(
     (within_limits(robot, &steps), distances, solvable)
 }
 
-/// Takes from the Jacobians the bending of the sections that are at their limit and that the steps would bend further.
-///
-/// Returns whether there are any.
+/// Removes from the Jacobians the bending of sections that are at their limit and that the steps would bend further; whether there are
+/// such sections.
 #[inline(always)]
 fn hold_limits<S: Simd>(
     robot: &Robot,

@@ -14,8 +14,8 @@ pub(crate) type Configurations<S> = [f64x4<S>; DOF];
 /// Four tip Jacobians, column by column.
 pub(crate) type Jacobians<S> = [Points<S>; DOF];
 
-/// The changes W Jᵀ (J W Jᵀ + λ)⁻¹ `errors` of least norm, where every section takes the part `free` of what it could (W), and for which
-/// lanes they can be computed.
+/// The changes W Jᵀ (J W Jᵀ + λ)⁻¹ `errors` of least norm, with the weight `free` of each section in W, and the lanes for which they can
+/// be computed.
 #[inline(always)]
 pub(crate) fn damped_steps<S: Simd>(
     jacobians: &Jacobians<S>,

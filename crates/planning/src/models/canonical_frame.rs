@@ -48,8 +48,8 @@ impl CanonicalFrame {
         }
     }
 
-    /// The same frame seen in a mirror: the training's augmentation.
-    pub(crate) fn mirrored(self) -> Self {
+    /// This frame mirrored: the augmentation of the training data.
+    pub(super) fn mirrored(self) -> Self {
         Self {
             mirror: -self.mirror,
             ..self
@@ -71,7 +71,8 @@ impl CanonicalFrame {
         }
     }
 
-    /// Bending pairs are axial vectors: they rotate with the frame and change sign in x under the mirror.
+    /// A configuration of the base frame, in this frame. Bending pairs are axial vectors: they rotate with the frame and change sign in
+    /// x under the mirror.
     pub(crate) fn configuration(&self, q: &Configuration) -> Configuration {
         pairs(q, |a, b| {
             (
@@ -81,7 +82,7 @@ impl CanonicalFrame {
         })
     }
 
-    /// Back from the canonical frame.
+    /// A configuration of the canonical frame, in the base frame.
     pub(crate) fn restore(&self, q: &Configuration) -> Configuration {
         pairs(q, |a, b| {
             let a = self.mirror * a;

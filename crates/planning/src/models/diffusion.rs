@@ -51,7 +51,7 @@ struct Scratch {
     sampler: SamplerScratch,
 }
 
-/// What is sampled for.
+/// The problem that paths are sampled for.
 pub(crate) struct Task<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) problem: &'a Problem,
@@ -190,7 +190,7 @@ impl DiffusionModel {
         )
     }
 
-    /// The paths in radians, if they were finished.
+    /// The paths in radians; none if the process was interrupted.
     fn physical(&self, paths: &[f32], finished: bool) -> Vec<Option<Waypoints>> {
         let normalisation = self.unet.normalisation();
         let path = |values: &[f32]| {
@@ -331,7 +331,7 @@ impl<'a> Forces<'a> {
         backbone.tip_jacobian().transpose() * (self.target - backbone.tip())
     }
 
-    /// Jᵀ times the way of the deepest point to the safe boundary.
+    /// Jᵀ times the vector from the deepest point to the safe boundary.
     fn repulsion(&self, backbone: &Backbone) -> Option<Configuration> {
         let margin = REPULSION * self.robot.largest_tube_radius();
         let deepest = deepest(backbone, self.scene.balls()).filter(|d| d.distance < margin)?;

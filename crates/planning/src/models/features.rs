@@ -1,4 +1,4 @@
-//! What the few-step model is told: both ends and every ball, in the canonical frame, as plain numbers.
+//! The features of the few-step model: both ends and every ball, in the canonical frame, as plain numbers.
 
 use crate::models::canonical_frame::CanonicalFrame;
 use crate::path::sine_basis::{SineBasis, UNKNOWNS};
@@ -13,7 +13,7 @@ pub const BALL_FEATURES: usize = 28;
 /// Sine coefficients of a path's residual to the straight segment, term-major.
 pub const COEFFICIENTS: usize = UNKNOWNS;
 
-/// Balls that the model is told of; of larger scenes and of solids the most relevant ones.
+/// Balls whose features the model gets; of larger scenes and of solids these are the most relevant ones.
 const MOST_BALLS: usize = 24;
 /// Where along the straight segment the balls are seen from.
 const VIEWS: [f64; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
@@ -133,7 +133,7 @@ fn distance_to_segment(p: &Point, a: &Point, b: &Point) -> f64 {
 pub(crate) struct CanonicalProblem<'a> {
     pub(crate) frame: CanonicalFrame,
     scene: &'a Scene,
-    /// Clearance that paths are to have, section lengths: the balls are told to be thicker by as much.
+    /// Clearance that paths are to have, section lengths: the balls are padded by it.
     room: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Drawing residuals from the learned sampler.
+//! Few-step sampling: residuals of paths from the learned flow.
 
 use crate::path::sine_basis::UNKNOWNS;
 use denoiser::{CandidateInput, FastModel, FastScratch};
@@ -8,12 +8,12 @@ use rand_pcg::Pcg64;
 use std::cell::RefCell;
 
 thread_local! {
-    /// Of a worker: kept from request to request, so that only the first one allocates.
+    /// Working memory of each worker, kept from request to request, so that only the first one allocates.
     static SCRATCH: RefCell<FastScratch> = RefCell::default();
 }
 
-/// How many of so many candidates are sampled together: equal parts for as many workers as pay, each small enough that it is
-/// often asked whether to go on.
+/// How many of `candidates` are sampled together: equal parts for as many workers as pay off, each small enough that the interrupt is
+/// asked often.
 pub(crate) fn sampled_together(model: &FastModel, candidates: usize) -> usize {
     let few = model.worth_a_worker();
     let workers = rayon::current_num_threads().min(candidates / few);
@@ -49,7 +49,7 @@ pub(crate) fn sample_paths(
 }
 
 /// Noise of a candidate, from a generator whose seed is the draw of that index from the request's own.
-pub(crate) fn noise<const N: usize>(seed: u64, index: usize) -> [f32; N] {
+pub(super) fn noise<const N: usize>(seed: u64, index: usize) -> [f32; N] {
     let mut seeds = Pcg64::seed_from_u64(seed);
     seeds.advance(index as u128);
     let mut rng = Pcg64::seed_from_u64(seeds.next_u64());

@@ -1,4 +1,4 @@
-//! The reference's own view of collisions: nine points of the backbone at every waypoint (docs/evaluation.md).
+//! Collisions as the reference implementation samples them: nine points of the backbone at every waypoint (docs/evaluation.md).
 //!
 //! It is what the paper counts as success and what its repulsion pushes; nothing is certified with it.
 
@@ -14,7 +14,7 @@ const TIP_TOLERANCE: f64 = 0.1;
 /// Nearer to the axis of a ball than this, a point is pushed along it, section lengths.
 const AXIS: f64 = 1e-9;
 
-/// What the paper's criterion looks at in one path.
+/// The quantities by which the paper's criterion judges one path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SampledVerdict {
     /// Distance of the last tip from the target, section lengths.
@@ -86,7 +86,7 @@ pub(crate) fn deepest<'a>(backbone: &Backbone, balls: &'a [Ball]) -> Option<Deep
     found
 }
 
-/// The way of a point out of a sphere around the origin: horizontally at its height, vertically only on the axis.
+/// The vector that moves a point out of a sphere around the origin: horizontally at its height, vertically only on the axis.
 #[must_use]
 pub fn way_out(from_centre: &Point, radius: f64) -> Point {
     let (out, height) = (from_centre.x.hypot(from_centre.y), from_centre.z);

@@ -48,7 +48,7 @@ impl MotionConstraints<'_> {
     }
 
     /// Times a path from rest to rest with at most so many knots.
-    pub(crate) fn parameterize(
+    pub(super) fn parameterize(
         &self,
         path: &[Configuration],
         knots: usize,
@@ -91,7 +91,7 @@ impl MotionConstraints<'_> {
     }
 
     /// A certified motion with its figures of merit; `clearance` in section lengths.
-    pub(crate) fn describe(&self, trajectory: Trajectory, clearance: f64) -> Certified {
+    pub(super) fn describe(&self, trajectory: Trajectory, clearance: f64) -> Certified {
         let metrics = PathMetrics::of(self.robot, &trajectory, clearance);
         Certified {
             trajectory: trajectory.into(),

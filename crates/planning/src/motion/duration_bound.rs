@@ -1,4 +1,4 @@
-//! The least time that a path can take, before anything is timed.
+//! A lower bound of the duration of any motion along a path, known before the path is timed.
 
 use pcc_model::{Configuration, DOF, Robot, TendonLimits};
 
@@ -42,7 +42,7 @@ fn least_s(limits: &TendonLimits, travel: f64) -> f64 {
     }
 }
 
-/// The same of a trapezoid of velocity, with any jerk.
+/// Lower bound of a tendon's time from rest to rest with any jerk, s: its velocity is a trapezoid.
 fn least_with_any_jerk_s(limits: &TendonLimits, travel: f64) -> f64 {
     let (speed, acceleration) = (limits.velocity, limits.acceleration);
     if travel * acceleration <= speed * speed {

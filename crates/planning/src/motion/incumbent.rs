@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A corrected path whose least duration is this much above what it must beat is not timed, and one whose motion is, not certified: the
 /// curve that is executed, which bounding jerk rounds at turns, and another correction may be a little faster.
-pub(crate) const SURELY_SLOWER: f64 = 1.02;
+pub(super) const SURELY_SLOWER: f64 = 1.02;
 /// A path whose least duration is this much above what it must beat is given up between two pushes: the next ones may make it a little
 /// faster again.
 const GIVEN_UP: f64 = 1.3;
@@ -51,18 +51,18 @@ impl<'a> Incumbent<'a> {
     }
 
     /// Keeps in mind a bound on the duration of a path that is still pushed; whether the incumbent is surely faster.
-    pub(crate) fn beats_while_pushed(&self, least_s: f64) -> bool {
+    pub(super) fn beats_while_pushed(&self, least_s: f64) -> bool {
         self.beats(least_s / GIVEN_UP)
     }
 
     /// Keeps in mind the duration of a path that is to be certified, or a bound on it before it is timed; whether the
     /// incumbent is surely faster.
-    pub(crate) fn beats_uncertified(&self, duration_s: f64) -> bool {
+    pub(super) fn beats_uncertified(&self, duration_s: f64) -> bool {
         self.beats(duration_s / SURELY_SLOWER)
     }
 
     /// Keeps in mind a certified motion's duration, s; whether the incumbent is faster.
-    pub(crate) fn beats(&self, duration_s: f64) -> bool {
+    pub(super) fn beats(&self, duration_s: f64) -> bool {
         let longest_s = self.longest_bound_s.get().max(duration_s);
         self.longest_bound_s.set(longest_s);
         longest_s > self.shortest.duration_s()

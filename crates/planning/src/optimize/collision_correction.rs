@@ -12,11 +12,11 @@ use pcc_model::{Configuration, Robot, SECTIONS};
 
 /// Rounds of pushes at most: a count, so that answers do not depend on time.
 const ROUNDS: usize = 5;
-/// Every fourth waypoint is looked at in a round; where it begins, one round after the other.
+/// First waypoints of the rounds in turn; a round considers every fourth waypoint.
 const LOOKS: [usize; 4] = [0, 2, 1, 3];
-/// Rounds that are compared, two with the two before them.
+/// Rounds that are compared: two with the two before them.
 const LOOKS_BACK: usize = 4;
-/// A correction is given up when two rounds leave more than this share of what was missing: it is wedged.
+/// A correction is given up when two rounds leave more than this share of the clearance that was missing before: it is stuck.
 const STALLED: f64 = 0.8;
 /// Contacts of a waypoint that push it: the deepest ones.
 const MOST_CONTACTS: usize = 3;
@@ -25,25 +25,25 @@ const LIMIT_MARGIN_RAD: f64 = 0.01;
 /// Largest change of a waypoint in one round, rad.
 const LARGEST_STEP_RAD: f64 = 0.5;
 
-/// What a correction has come to, at the waypoints.
+/// The outcome of a correction, by the waypoints alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Correction {
     /// No waypoint touches an obstacle.
     Clear,
-    /// One still does: no motion along this path can be certified.
+    /// A waypoint still touches one: no motion along this path can be certified.
     Touching,
-    /// A push made of the path what the caller does not want.
+    /// The caller gave the path up after a push.
     GivenUp,
 }
 
-/// What paths are pushed out of.
+/// The robot and the scene for which paths are corrected.
 pub(crate) struct Corrector<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) scene: &'a Scene,
     pub(crate) kernel: &'a PushKernel,
 }
 
-/// The memory of a correction, kept between calls.
+/// Working memory of a correction, kept between calls.
 #[derive(Default)]
 pub(crate) struct CorrectionMemory {
     contacts: Vec<Contact>,
@@ -51,8 +51,8 @@ pub(crate) struct CorrectionMemory {
 }
 
 impl Corrector<'_> {
-    /// Pushes a path (64 waypoints, radians) out of the scene to `margin` (section lengths) beyond the tube, unless it is to
-    /// be given up as it has become.
+    /// Pushes a path (64 waypoints, radians) out of the scene to `margin` (section lengths) beyond the tube, until `is_given_up` says
+    /// of the path that it is not wanted any more.
     pub(crate) fn correct(
         &self,
         margin: f64,
@@ -62,7 +62,7 @@ impl Corrector<'_> {
     ) -> Correction {
         project_to_limits(self.robot, path);
         let (mut pushed, mut clear_rounds) = (0, 0);
-        let mut progress = Progress::default();
+        let mut detector = StallDetector::default();
         for round in 0.. {
             let first = 1 + LOOKS[round % LOOKS.len()];
             let deepest = self.find_pushes(margin, path, first, memory);
@@ -74,7 +74,7 @@ impl Corrector<'_> {
                 }
                 continue;
             }
-            if pushed == ROUNDS || progress.stalls(missing) {
+            if pushed == ROUNDS || detector.stalls(missing) {
                 if deepest < 0.0 {
                     return Correction::Touching;
                 }
@@ -99,8 +99,8 @@ impl Corrector<'_> {
         }
     }
 
-    /// Leaves in the memory what every fourth waypoint from `first` on wants; returns the smallest clearance below the
-    /// margin, else infinity.
+    /// Collects the pushes of every fourth waypoint from `first` on; returns the smallest clearance below the margin, or infinity if all
+    /// are above it.
     fn find_pushes(
         &self,
         margin: f64,
@@ -153,15 +153,15 @@ pub fn limit_pushes(
     })
 }
 
-/// What was missing in the last rounds, the latest first.
+/// Tells when corrections do not get on any more: the clearance missing in the last rounds, the latest first.
 #[derive(Default)]
-struct Progress {
+struct StallDetector {
     missing: [Option<f64>; LOOKS_BACK],
 }
 
-impl Progress {
-    /// Whether this round and the one before that was not clear are little better than the two before: two look at other
-    /// waypoints each.
+impl StallDetector {
+    /// Takes the clearance missing in a round; whether the last two rounds leave little less missing than the two before them, which
+    /// considered the same waypoints.
     fn stalls(&mut self, missing: f64) -> bool {
         self.missing.rotate_right(1);
         self.missing[0] = Some(missing);

@@ -11,7 +11,7 @@ const LARGEST_SHIFT: f64 = 4.0;
 /// Bounding jerk averages a motion over about w = a/j, which moves a place of the path by q̈ w²/24 to the inner side of its
 /// bends; here the waypoints move as much to the outer side. With x the travel of the fastest tendon, at the speed v that its
 /// limits allow there, q̈ across the path is v² d²q/dx².
-pub(crate) fn precompensated(
+pub(super) fn precompensated(
     robot: &Robot,
     limits: &TendonLimits,
     path: &WaypointArray,

@@ -43,14 +43,14 @@ struct Push {
 
 /// Pushes that are solved together; the memory is kept from one system to the next.
 #[derive(Default)]
-pub(crate) struct Pushes {
+pub(super) struct Pushes {
     rows: Vec<Push>,
     matrix: Vec<f64>,
     forces: Vec<f64>,
 }
 
 impl Pushes {
-    pub(crate) fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.rows.clear();
     }
 

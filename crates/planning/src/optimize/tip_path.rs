@@ -20,13 +20,14 @@ use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS, TendonLimits};
 const STRENGTHS: [f64; 4] = [1e5, 1e4, 1e3, 1e2];
 /// Shares of the straight segment's tip path in the curve, in the order in which they are tried.
 const SHARES: [f64; 3] = [0.0, 0.5, 0.8];
-/// Where the tip moves less than this by a rad in some direction, it cannot set out in that direction.
+/// A tip that moves less than this in some direction by a rad of bending cannot set out in that direction, section lengths per rad.
 const STIFF: f64 = 0.6;
-/// From stiffer ends the tip follows the line at its own pace: that of a straight robot sets out sideways only.
+/// Stiffness of an end above which the tip follows the line at the pace of the path: that of a straight robot sets out sideways only.
 const STIFFEST: f64 = 0.9;
 /// Share of the straight segment's tip path in the curve where an end is as stiff as can be.
 const SEGMENT_SHARE: f64 = 0.35;
-/// Bending above this far below the limit is compressed, so that a path does not run into its limits with a kink, rad.
+/// Width of the band below the bending limit in which bending is compressed, so that a path does not run into its limits with a kink,
+/// rad.
 const SOFT_RAD: f64 = 0.15;
 
 /// Paths whose tips follow smooth curves, and paths without waves.
@@ -45,7 +46,7 @@ impl TipPaths {
     /// `margin` beyond the tube (section lengths); both ends stay exactly where they are. Where there is none, the path stays
     /// as it is.
     ///
-    /// `limits` are those of the motion.
+    /// `limits` are those of the motion. Returns whether there is such a curve.
     pub(crate) fn straighten_tip(
         &self,
         robot: &Robot,
@@ -109,7 +110,7 @@ impl TipPaths {
         self.smoothers.iter().map(smoothed)
     }
 
-    /// On the line between the tip's two ends; how far the tip has come there is left to the path without its waves.
+    /// The path whose tip is on the line between its two ends, at the pace of the given path without its waves.
     fn at_its_own_pace(
         &self,
         tip_line: &TipLine,
@@ -127,12 +128,12 @@ impl TipPaths {
     }
 }
 
-/// The configurations of a path without their waves.
+/// The configurations of a path, smoothed.
 fn smooth_configurations(smoother: &Smoother, path: &[Configuration]) -> WaypointArray {
     smoother.smooth(&std::array::from_fn(|h| path[h]))
 }
 
-/// On the straightest curve that keeps the bending limits.
+/// The path whose tip is on the straightest curve that keeps the bending limits.
 fn straight(
     tip_line: &TipLine,
     tracker: &TipTracker,
@@ -155,7 +156,7 @@ fn straight(
 struct TipLine<'a> {
     robot: &'a Robot,
     ends: [Configuration; 2],
-    /// What compressing would change at the ends.
+    /// The change that compressing would make at each end.
     compressions: [Configuration; 2],
     first_tip: Point,
     /// From the first tip to the last.

@@ -10,9 +10,9 @@ use fearless_simd::{Level, dispatch, mask64x4};
 use pcc_model::{Configuration, LANES, Point, Robot, norms_squared, one_by_one, side_by_side};
 use std::array;
 
-/// Every so many waypoints are tried first: most curves that do not serve show it there. Even, so that these are odd ones.
+/// Step between the waypoints that are tried first: most curves that do not serve show it there. Even, so that these are odd ones.
 const STRIDE: usize = 8;
-/// How many these are.
+/// How many waypoints are tried first.
 const FIRST: usize = WAYPOINTS / STRIDE;
 const _: () = assert!(FIRST * STRIDE == WAYPOINTS && STRIDE.is_multiple_of(2));
 /// Waypoints with odd numbers, without the last; as many have even ones, without the first.
@@ -25,22 +25,22 @@ const ON_THE_CURVE: f64 = 1e-6;
 const NEAR: f64 = 0.5;
 /// A waypoint that would have to move farther lies near a configuration whose tip cannot follow the curve, rad.
 const LARGEST_CHANGE_RAD: f64 = 0.8;
-/// A section at its limit still takes this share of the part that a free one takes in a Newton step.
+/// Weight of a section at its limit in a Newton step; a straight one has 1.
 const LEAST_WEIGHT: f64 = 0.02;
 
 /// Waypoints whose tips are brought onto the curve together.
 type Four = [Configuration; LANES];
 
 /// How closely a tip must follow its curve.
-pub(crate) struct TipDemand {
+pub(super) struct TipDemand {
     /// A direction (length one) in which the tip may be anywhere, if there is one.
-    pub(crate) loose: Option<Point>,
+    pub(super) loose: Option<Point>,
     /// Whether steps that would bend beyond the limits fail; else they are cut there.
-    pub(crate) keeps_limits: bool,
+    pub(super) keeps_limits: bool,
 }
 
 /// Brings tips onto curves where the body has room.
-pub(crate) struct TipTracker<'a> {
+pub(super) struct TipTracker<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) scene: &'a Scene,
     /// Clearance to keep beyond the tube, section lengths.
@@ -51,7 +51,7 @@ pub(crate) struct TipTracker<'a> {
 impl TipTracker<'_> {
     /// The path between the ends whose tip is on the curve, near a first guess; none where that is too far away or too near
     /// to an obstacle.
-    pub(crate) fn track(
+    pub(super) fn track(
         &self,
         demand: &TipDemand,
         guess: impl Fn(usize) -> Configuration,
@@ -85,7 +85,8 @@ impl TipTracker<'_> {
         })
     }
 
-    /// The configurations near these guesses whose tips are at `places`; none where one is too far from its guess or too near to an obstacle.
+    /// The configurations near these guesses whose tips are at `places`; none where one is too far from its guess, or its body too near to
+    /// an obstacle.
     fn waypoints(
         &self,
         demand: &TipDemand,
@@ -142,7 +143,7 @@ impl TipTracker<'_> {
         Some(one_by_one(&configurations))
     }
 
-    /// The tips' Jacobians, and the vectors from the tips to their places, both as far as that is demanded.
+    /// The tips' Jacobians, and the vectors from the tips to their places, both without the direction in which the tip is loose.
     #[inline(always)]
     fn demanded<S: Simd>(
         &self,
@@ -191,7 +192,7 @@ impl TipTracker<'_> {
     }
 }
 
-/// Takes from vectors what they have of a direction.
+/// Removes from vectors their components in a direction.
 #[inline(always)]
 fn remove<S: Simd>(direction: &Point, vectors: &mut Points<S>) {
     let [x, y, z] = *vectors;
@@ -201,7 +202,7 @@ fn remove<S: Simd>(direction: &Point, vectors: &mut Points<S>) {
     }
 }
 
-/// What some waypoints have; the last one counts again where there are fewer than four.
+/// The values `of` up to four waypoints; the last one is repeated where there are fewer.
 fn four<T>(some: &[usize], of: impl Fn(usize) -> T) -> [T; LANES] {
     array::from_fn(|lane| of(some[lane.min(some.len() - 1)]))
 }

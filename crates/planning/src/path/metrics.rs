@@ -8,7 +8,7 @@ use trajectory::Trajectory;
 
 /// Accuracy of the minimum clearance, section lengths.
 pub(crate) const CLEARANCE_TOLERANCE: f64 = 1e-3;
-/// Instants at which a motion is looked at: odd, so that every other one is a coarser look from end to end.
+/// Instants at which a motion is sampled: odd, so that every other one makes a coarser sampling from end to end.
 const SAMPLES: usize = 2 * WAYPOINTS + 1;
 /// Configurations nearer than this are one terminal mode, rad.
 const MODE_SEPARATION_RAD: f64 = 0.5;

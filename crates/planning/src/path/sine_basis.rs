@@ -5,7 +5,7 @@ use pcc_model::{Configuration, DOF};
 use std::f64::consts::PI;
 
 /// Sine coefficients a path is described by beside its ends, per degree of freedom.
-pub(crate) const TERMS: usize = 12;
+pub(super) const TERMS: usize = 12;
 
 /// Unknowns of a smooth change.
 pub(crate) const UNKNOWNS: usize = TERMS * DOF;

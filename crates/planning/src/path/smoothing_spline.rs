@@ -1,4 +1,4 @@
-//! Smoothing of what is given at the waypoints of a path, between fixed ends.
+//! A smoothing spline through values at the waypoints of a path, between fixed ends.
 
 use crate::path::waypoints::WAYPOINTS;
 use nalgebra::{DMatrix, SVector};
@@ -7,9 +7,9 @@ use nalgebra::{DMatrix, SVector};
 const DIFFERENCE: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
 
 /// The smoothing spline with the penalty λ ∫ (d³x/dh³)² on the waypoints h = 0, …, 63 (Reinsch 1967, with third derivatives):
-/// waves shorter than about 2π λ^(1/6) waypoints go.
+/// it removes waves shorter than about 2π λ^(1/6) waypoints.
 pub(crate) struct Smoother {
-    /// Weight of every value in each inner one.
+    /// Weight of every given value in each smoothed inner one.
     weights: Vec<[f64; WAYPOINTS]>,
 }
 

@@ -8,7 +8,7 @@ pub const WAYPOINTS: usize = 64;
 /// A path: `WAYPOINTS` configurations, radians, equally spaced in its own parameter u = h / 63.
 pub type Waypoints = Vec<Configuration>;
 
-/// The waypoints of a path in place, where no more memory is to be taken.
+/// The waypoints of a path as an array, which needs no allocation.
 pub(crate) type WaypointArray = [Configuration; WAYPOINTS];
 
 /// The straight segment between two configurations: the fastest motion, since tendons are linear in ζ (docs/robot.md "Tendons").
@@ -19,7 +19,7 @@ pub fn straight_path(start: &Configuration, end: &Configuration) -> Waypoints {
         .collect()
 }
 
-/// u of waypoint h.
+/// The parameter u = h / 63 of waypoint h, 0 to 1.
 #[must_use]
 pub fn parameter(h: usize) -> f64 {
     h as f64 / (WAYPOINTS - 1) as f64

@@ -70,7 +70,7 @@ fn truncated(context: &RequestContext) -> Drawn {
     vec![Draw::unfinished(source, Failure::Truncated); context.request.candidates].into()
 }
 
-/// Plans from where the robot can rest soonest, and lets every motion begin with coming there.
+/// Plans from the configuration in which a moving robot can rest soonest; every motion begins with braking to it.
 fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, PlannerError> {
     let RequestContext {
         problem,

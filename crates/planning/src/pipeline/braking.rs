@@ -13,14 +13,14 @@ use std::sync::Arc;
 use std::time::Instant;
 use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
 
-/// What a limit may be exceeded by, relative: the rounding of the measure.
+/// Relative amount by which a limit may be exceeded: the rounding of the measure.
 const ROUNDING: f64 = 1e-6;
 
-/// A certified motion to rest, which others go on from.
-pub(crate) struct Braking<'a> {
+/// A certified motion to rest, from whose end a request is planned.
+pub(super) struct Braking<'a> {
     robot: &'a Robot,
     motion: Trajectory,
-    /// Smallest while it brakes, section lengths.
+    /// Smallest clearance of the body while it brakes, section lengths.
     clearance: f64,
 }
 
@@ -58,25 +58,25 @@ impl<'a> Braking<'a> {
         }
     }
 
-    /// Where the robot comes to rest.
+    /// The configuration in which the robot comes to rest, radians.
     pub(crate) fn end(&self) -> Configuration {
         let knots = self.motion.knots();
         knots[knots.len() - 1].position
     }
 
-    /// Knots that a motion has more by it.
+    /// Knots that braking adds to a motion.
     pub(crate) fn knots(&self) -> usize {
         self.motion.knots().len() - 1
     }
 
-    /// The motion from the start on.
+    /// Braking, and then this motion.
     fn before(&self, motion: &Trajectory) -> Trajectory {
         let mut knots = self.motion.knots().to_vec();
         append(&mut knots, motion);
         Trajectory::new(knots).expect("two motions one after the other are one")
     }
 
-    /// The candidate from the start on.
+    /// The candidate with braking before its motion.
     pub(crate) fn candidate(&self, candidate: &Candidate) -> Candidate {
         let trajectory = self.before(&candidate.trajectory);
         let clearance = self.clearance.min(candidate.metrics.clearance);
@@ -88,7 +88,7 @@ impl<'a> Braking<'a> {
         }
     }
 
-    /// The plan from the start on, selected anew among whole motions.
+    /// The plan with braking before every motion; the candidate is selected anew by the figures of the whole motions.
     pub(crate) fn plan(&self, mut plan: Plan, selection: Selection) -> Plan {
         let clock = Instant::now();
         let whole = |candidate| self.candidate(candidate);

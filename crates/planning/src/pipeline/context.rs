@@ -20,11 +20,11 @@ pub(crate) struct RequestContext<'a> {
     pub(crate) problem: &'a Problem,
     pub(crate) request: &'a Request,
     pub(crate) supervision: Supervision<'a>,
-    pub(crate) constraints: MotionConstraints<'a>,
+    pub(super) constraints: MotionConstraints<'a>,
 }
 
 /// A path that is to become a motion.
-pub(crate) struct Proposal {
+pub(super) struct Proposal {
     /// 64 waypoints, radians.
     pub(crate) path: Waypoints,
     pub(crate) source: Source,
@@ -35,10 +35,10 @@ pub(crate) struct Proposal {
 }
 
 /// Draws, each with the time that its path took in every stage on its worker.
-pub(crate) type Deliveries = Vec<(Draw, StageTimes)>;
+pub(super) type Deliveries = Vec<(Draw, StageTimes)>;
 
 /// What a sampler delivers for a request.
-pub(crate) struct Drawn {
+pub(super) struct Drawn {
     pub(crate) draws: Vec<Draw>,
     /// Learned draws, and how many of them are certified, before anything took the place of one.
     pub(crate) learned: [usize; 2],
@@ -113,7 +113,7 @@ impl<'a> RequestContext<'a> {
 
     /// Makes motions of paths on all workers: correction, timing, the certificate, figures. The wall time that passes is divided
     /// among these stages.
-    pub(crate) fn deliver_timed(
+    pub(super) fn deliver_timed(
         &self,
         proposals: Vec<Proposal>,
         times: &mut StageTimes,
@@ -125,18 +125,18 @@ impl<'a> RequestContext<'a> {
     }
 
     /// Makes motions of paths on all workers, in the order of the paths.
-    pub(crate) fn deliver_all(&self, proposals: Vec<Proposal>) -> Deliveries {
+    pub(super) fn deliver_all(&self, proposals: Vec<Proposal>) -> Deliveries {
         let proposals = proposals.into_par_iter().with_max_len(1);
         proposals.map(|proposal| self.deliver(proposal)).collect()
     }
 
     /// Makes a motion of a path.
-    pub(crate) fn deliver(&self, proposal: Proposal) -> (Draw, StageTimes) {
+    pub(super) fn deliver(&self, proposal: Proposal) -> (Draw, StageTimes) {
         self.deliver_against(proposal, None)
     }
 
     /// Makes a motion of a path that counts only if it is faster than the incumbent.
-    pub(crate) fn deliver_against(
+    pub(super) fn deliver_against(
         &self,
         proposal: Proposal,
         incumbent: Option<&Incumbent>,
@@ -157,22 +157,22 @@ impl<'a> RequestContext<'a> {
         (draw, delivered.times)
     }
 
-    /// Hands a draw that is certified to whom the request's supervision names.
-    pub(crate) fn report(&self, index: usize, draw: &Draw) {
+    /// Calls the request's supervisor with a draw, if that is certified.
+    pub(super) fn report(&self, index: usize, draw: &Draw) {
         if let (Some(report), Ok(motion)) = (self.supervision.certified, &draw.outcome) {
             report(Candidate::of(index, draw.source, motion));
         }
     }
 
-    /// Notes that the request was truncated where that is why a draw has no motion: it does not show then that there is no path.
-    pub(crate) fn note_truncation(&self, draw: &mut Draw) {
+    /// Marks a draw without a motion as truncated if the request was: that it has none does not show then that there is no path.
+    pub(super) fn note_truncation(&self, draw: &mut Draw) {
         if draw.outcome.is_err() && (self.supervision.interrupt)() {
             draw.outcome = Err(Failure::Truncated);
         }
     }
 
     /// The robot whose tubes have `margin` (section lengths) around them beside the request's padding.
-    pub(crate) fn padded_by(&self, margin: f64) -> Robot {
+    pub(super) fn padded_by(&self, margin: f64) -> Robot {
         self.constraints
             .padded
             .with_tube_growth(&[margin; SECTIONS])
@@ -193,8 +193,8 @@ impl<'a> RequestContext<'a> {
         }
     }
 
-    /// Random numbers of the tree with this number.
-    pub(crate) fn tree_rng(&self, index: usize) -> Pcg64 {
+    /// The random numbers of the tree with this index.
+    pub(super) fn tree_rng(&self, index: usize) -> Pcg64 {
         Pcg64::new(u128::from(self.request.seed), index as u128 + 1)
     }
 }

@@ -26,14 +26,14 @@ const PARTS: usize = 8;
 const DRAWN_AT_ONCE: usize = 8;
 /// Paths of a round that motions are made of.
 const TRIED: usize = 8;
-/// Every so many waypoints of a path are looked at to tell how far it is from clear.
+/// Step between the waypoints by which a path's distance from being clear is measured.
 const STRIDE: usize = 4;
 
 /// Where no draw is certified: draws many more from wide noise, and makes motions of those that are nearest to clear, until one is
 /// certified or all rounds are over. Certified ones take the places of the draws to the same goal configurations.
 ///
 /// Returns how many paths were drawn.
-pub(crate) fn explore(
+pub(super) fn explore(
     context: &RequestContext,
     goals: &GoalSet,
     draws: &mut [Draw],
@@ -128,7 +128,7 @@ impl FewStepSampler<'_> {
         drawn.into_iter().map(path).collect()
     }
 
-    /// Wide draws of these numbers: the clearance that each lacks, the place of its goal configuration, and its path; none if interrupted.
+    /// Wide draws with these numbers: the penetration of each, the place of its goal configuration, and its path; none if interrupted.
     fn wide(
         &self,
         goals: &[Configuration],
@@ -152,7 +152,7 @@ impl FewStepSampler<'_> {
         paths.collect()
     }
 
-    /// Sum of what the clearance of a path lacks, section lengths.
+    /// Sum of the penetrations of a path's waypoints, section lengths; 0 for a clear path.
     fn missing(&self, path: &[Configuration]) -> f64 {
         let (robot, scene) = (self.context.constraints.padded, &self.context.problem.scene);
         let lacking = |waypoint: &Configuration| {

@@ -9,13 +9,13 @@ use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
 /// Goal configurations, and the paths to them that are known already.
-pub(crate) struct GoalSet {
+pub(super) struct GoalSet {
     /// The goal configuration of each draw: the distinct ones in turn.
-    pub(crate) of_each_draw: Vec<Configuration>,
+    pub(super) of_each_draw: Vec<Configuration>,
     /// The different configurations; none where the request was truncated before one was found.
-    pub(crate) distinct: Vec<Configuration>,
+    pub(super) distinct: Vec<Configuration>,
     /// What remains of a previous plan's paths, to the first of these configurations.
-    pub(crate) remaining: Vec<RemainingPath>,
+    pub(super) remaining: Vec<RemainingPath>,
 }
 
 /// Finds the goal configurations of a request, at most as many as it wants candidates.

@@ -14,10 +14,10 @@ use denoiser::{CandidateInput, FastModel, WarmStart};
 use pcc_model::Configuration;
 use rayon::prelude::*;
 
-/// Where in the flow a path that is known begins: half noise, so that the scene as it is now still configurations it.
+/// Time in the flow at which a known path begins, 0 to 1: half noise, so that the present scene still shapes it.
 const WARM_START_TIME: f32 = 0.5;
 /// The learned paths of a request, beside which straight segments compete, and what remains of the motion that is followed.
-pub(crate) fn learned_and_kept(
+pub(super) fn learned_and_kept(
     context: &RequestContext,
     goals: &GoalSet,
     segments: &StraightLineCandidates,
@@ -50,9 +50,9 @@ fn learned(
 }
 
 /// The few-step model with the problem as it sees it.
-pub(crate) struct FewStepSampler<'a> {
+pub(super) struct FewStepSampler<'a> {
     pub(crate) context: &'a RequestContext<'a>,
-    pub(crate) model: &'a FastModel,
+    pub(super) model: &'a FastModel,
     frame: CanonicalFrame,
     canonical: CanonicalProblem<'a>,
 }
@@ -154,7 +154,7 @@ impl<'a> FewStepSampler<'a> {
 }
 
 /// The model's input for a candidate, with the residual that the flow begins from if there is one.
-pub(crate) fn candidate_input<'a>(
+pub(super) fn candidate_input<'a>(
     features: &'a Features,
     known: Option<&'a [f32]>,
 ) -> CandidateInput<'a> {

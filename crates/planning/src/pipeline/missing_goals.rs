@@ -33,7 +33,7 @@ struct MissingGoals<'a> {
 type Reached = Mutex<Vec<(usize, Draw)>>;
 
 /// Seeks motions for the draws that have none, from the paths of those that have one.
-pub(crate) fn reach_missing(context: &RequestContext, goals: &[Configuration], draws: &mut [Draw]) {
+pub(super) fn reach_missing(context: &RequestContext, goals: &[Configuration], draws: &mut [Draw]) {
     let (known, missing): (Vec<usize>, Vec<usize>) =
         (0..draws.len()).partition(|&i| draws[i].outcome.is_ok());
     let paths = known.iter().filter_map(|&i| draws[i].path.as_ref());

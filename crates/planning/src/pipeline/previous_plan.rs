@@ -1,4 +1,4 @@
-//! Going on from a previous plan: what is left of its motions, brought onto the new start and the new goal.
+//! Going on from a previous plan: what remains of its motions, brought onto the new start and the new goal.
 //!
 //! The configurations that the previous plan ended in stay where they are or move with the goal, so that a robot that replans
 //! while it moves does not change its mind about where to pass; its paths are what the sampler starts from.
@@ -12,14 +12,14 @@ use crate::problem::{Goal, Problem};
 use crate::request::PreviousPlan;
 use pcc_model::{Configuration, Robot};
 
-/// A configuration that moved farther than this to reach the new goal is another one, rad.
+/// A goal configuration that would have to move farther than this to the new goal is not kept, rad.
 const SAME_CONFIGURATION_RAD: f64 = 0.5;
-/// Configurations nearer than this to one taken before are not taken, rad.
+/// Goal configurations nearer than this to one that is kept are not kept, rad.
 const SEPARATION_RAD: f64 = 0.1;
 
-/// What is left of a path: it begins at the new start and ends in a clear configuration that reaches the new goal.
+/// What remains of a path: it begins at the new start and ends in a clear configuration that reaches the new goal.
 #[derive(Clone, Debug)]
-pub(crate) struct RemainingPath {
+pub(super) struct RemainingPath {
     pub(crate) path: Waypoints,
     /// Whether the robot follows it.
     pub(crate) followed: bool,
@@ -31,8 +31,8 @@ impl RemainingPath {
     }
 }
 
-/// What is left of at most `count` paths of a previous plan, the followed one first.
-pub(crate) fn remaining_paths(
+/// What remains of at most `count` paths of a previous plan, the followed one first.
+pub(super) fn remaining_paths(
     previous: &PreviousPlan,
     robot: &Robot,
     problem: &Problem,
@@ -92,14 +92,14 @@ fn remaining_path(path: &[Configuration], start: &Configuration, end: &Configura
 }
 
 /// What remains of the path that is followed, as a proposal that is not drawn anew.
-pub(crate) fn kept_path(remaining: &[RemainingPath]) -> Option<Proposal> {
+pub(super) fn kept_path(remaining: &[RemainingPath]) -> Option<Proposal> {
     let followed = remaining.first().filter(|path| path.followed)?;
     Some(Proposal::of(followed.path.clone(), Source::Kept))
 }
 
 /// Puts what remains of the followed motion in the place of the draw to the same goal configuration, unless that draw is so much shorter
 /// that it is worth a change.
-pub(crate) fn keep(kept: Vec<Draw>, draws: &mut [Draw]) {
+pub(super) fn keep(kept: Vec<Draw>, draws: &mut [Draw]) {
     for kept in kept.into_iter().filter(|draw| draw.outcome.is_ok()) {
         if !is_worth_a_change(kept.duration_s(), draws[0].duration_s()) {
             draws[0] = kept;

@@ -1,16 +1,16 @@
-//! Choosing one certified candidate.
+//! Selecting one certified candidate by a rule.
 
 use crate::path::metrics::PathMetrics;
 use crate::plan::{Candidate, Source};
 use crate::request::Selection;
 use pcc_model::Configuration;
 
-/// Whether a motion that is followed is to be left for another one.
-pub(crate) fn is_worth_a_change(followed: f64, other: f64) -> bool {
+/// Whether a motion that is followed, with the cost `followed`, is to be left for one with the cost `other`.
+pub(super) fn is_worth_a_change(followed: f64, other: f64) -> bool {
     followed > other + WORTH_A_CHANGE * other.abs()
 }
 
-/// What a rule wants to be small of a motion that ends at `end`.
+/// The quantity that a rule minimizes, for a motion that ends at `end`.
 fn cost(
     metrics: &PathMetrics,
     end: &Configuration,
@@ -31,7 +31,7 @@ const WORTH_A_CHANGE: f64 = 0.1;
 
 /// Index of the selected candidate; nothing if there is none, or none with the index asked for.
 ///
-/// The rest of a motion that is followed stays selected unless another one is better by a tenth.
+/// What remains of a motion that is followed stays selected unless another one is better by a tenth.
 #[must_use]
 pub fn select(
     candidates: &[Candidate],

@@ -40,7 +40,7 @@ struct StraightLineCandidate {
 }
 
 /// The segments from the start to the goal configurations of a request.
-pub(crate) struct StraightLineCandidates<'a> {
+pub(super) struct StraightLineCandidates<'a> {
     context: &'a RequestContext<'a>,
     goals: &'a [Configuration],
     /// Goals, and the least duration of the segment to each, s.
@@ -53,9 +53,9 @@ pub(crate) struct StraightLineCandidates<'a> {
 }
 
 /// Which segment is faster than all other motions of a request.
-pub(crate) struct Decision {
+pub(super) struct Decision {
     /// Its goal, and its index in `segments`; none where a drawn path is as fast.
-    pub(crate) winner: Option<(usize, usize)>,
+    pub(super) winner: Option<(usize, usize)>,
     /// The segments that were tried.
     pub(crate) segments: Deliveries,
 }
@@ -79,12 +79,12 @@ impl<'a> StraightLineCandidates<'a> {
     }
 
     /// Announces so many paths that are to be drawn: no segment is tried before all of them are taken.
-    pub(crate) fn wait_for(&self, paths: usize) {
+    pub(super) fn wait_for(&self, paths: usize) {
         self.waiting.fetch_add(paths, Ordering::Relaxed);
     }
 
     /// Makes a motion of a drawn path that was announced, and tries segments after that if no other path waits.
-    pub(crate) fn deliver(&self, proposal: Proposal) -> (Draw, StageTimes) {
+    pub(super) fn deliver(&self, proposal: Proposal) -> (Draw, StageTimes) {
         self.waiting.fetch_sub(1, Ordering::Relaxed);
         let delivered = self.context.deliver(proposal);
         self.shortest.note(delivered.0.duration_s());
@@ -118,7 +118,7 @@ impl<'a> StraightLineCandidates<'a> {
     }
 
     /// Decides which segment is faster than all of these motions and all other segments.
-    pub(crate) fn decide(self, drawn: &[(Draw, StageTimes)]) -> Decision {
+    pub(super) fn decide(self, drawn: &[(Draw, StageTimes)]) -> Decision {
         let tried = self.tried.into_inner();
         let mut tried = tried.unwrap_or_else(PoisonError::into_inner);
         tried.sort_by_key(|candidate| candidate.place);
@@ -134,7 +134,7 @@ impl<'a> StraightLineCandidates<'a> {
     }
 }
 
-/// Which of these durations is the least, the first of equal ones; none where a drawn path is as fast, or nothing moves.
+/// The index of the least of these durations (s), the first of equal ones; none where a drawn path is as fast, or all are infinite.
 fn fastest(drawn_s: f64, counted_s: impl Iterator<Item = f64>) -> Option<usize> {
     let (mut least_s, mut fastest) = (drawn_s, None);
     for (index, counted_s) in counted_s.enumerate() {

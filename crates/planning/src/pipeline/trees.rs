@@ -19,7 +19,7 @@ use std::time::Instant;
 /// Room beside the padded tubes in a tree's attempts, section lengths: rounding its corners needs some, a narrow passage may not have it.
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
 /// Room beside the padded tubes where any path at all is sought, section lengths: more than the error of a clearance.
-pub(crate) const LEAST_MARGIN: f64 = 1e-3;
+pub(super) const LEAST_MARGIN: f64 = 1e-3;
 /// Times that a path that was found is shortened again because it has too many corners for a motion.
 const SHORTENINGS: usize = 3;
 
@@ -40,7 +40,7 @@ pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageT
 
 /// A first motion, and the place of the goal configuration that it reaches; where [`motion_to_any`] finds none, one of the trees of
 /// [`draw`].
-pub(crate) fn first_motion(context: &RequestContext, goals: &GoalSet) -> Option<(usize, Draw)> {
+pub(super) fn first_motion(context: &RequestContext, goals: &GoalSet) -> Option<(usize, Draw)> {
     motion_to_any(context, &goals.distinct).or_else(|| {
         let goals = &goals.of_each_draw;
         let interrupt = context.supervision.interrupt;
@@ -92,7 +92,7 @@ fn tree(
 }
 
 /// Makes a motion of a polyline, which is shortened again where it has too many corners for that; whether there is one.
-pub(crate) fn follow_ever_shorter(
+pub(super) fn follow_ever_shorter(
     context: &RequestContext,
     search: &Search,
     mut polyline: Vec<Configuration>,

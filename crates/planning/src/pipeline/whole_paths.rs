@@ -41,7 +41,7 @@ pub(crate) fn draw(
 }
 
 /// Makes motions of paths whose ends are not exact yet; a path is none where its drawing was truncated.
-pub(crate) fn deliver(
+pub(super) fn deliver(
     context: &RequestContext,
     sampled: Vec<Option<Waypoints>>,
     times: &mut StageTimes,

@@ -25,7 +25,7 @@ impl Default for RrtSettings {
     }
 }
 
-/// What edges are certified for, and the budget.
+/// The robot and the scene for which edges are certified, and the budget.
 pub(crate) struct Search<'a> {
     pub(crate) robot: &'a Robot,
     pub(crate) scene: &'a Scene,
@@ -35,7 +35,7 @@ pub(crate) struct Search<'a> {
 
 impl Search<'_> {
     /// Whether the edge between two configurations is certified free for the whole body and the whole motion.
-    pub(crate) fn edge_is_free(&self, a: &Configuration, b: &Configuration) -> bool {
+    pub(super) fn edge_is_free(&self, a: &Configuration, b: &Configuration) -> bool {
         certify_edge(self.robot, self.scene, a, b, EDGE_DEPTH).is_free()
     }
 }

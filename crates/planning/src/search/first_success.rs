@@ -1,11 +1,11 @@
-//! Attempts of which the first one to succeed counts, made by all workers.
+//! Attempts on all workers, of which the first in order that succeeds counts.
 
 use crate::request::Interrupt;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-/// What the attempt of the smallest number, 0 to `count` − 1, makes that makes anything; none if interrupted before one has.
+/// The result of the first successful one of the attempts 0 to `count` − 1; none if none succeeds, or if interrupted before one has.
 ///
 /// Workers begin the attempts in their order. Each is handed an interrupt of its own, which is also true as soon as an attempt
 /// of a smaller number has succeeded, so the answer does not depend on how many workers there are.

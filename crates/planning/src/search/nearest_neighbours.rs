@@ -6,9 +6,9 @@ use pcc_model::{Configuration, DOF, LANES};
 
 /// Configurations in the order in which they were added.
 #[derive(Default)]
-pub(crate) struct Neighbours {
+pub(super) struct Neighbours {
     count: usize,
-    /// Some side by side, component by component; infinitely far away where there is none yet.
+    /// Groups of four configurations, component by component; infinitely far away in lanes that are not taken yet.
     groups: Vec<[[f64; LANES]; DOF]>,
 }
 

@@ -14,12 +14,11 @@ pub(crate) const PORTFOLIO_BUDGET: RrtSettings = RrtSettings {
 };
 /// Searches side by side.
 const SEARCHES: usize = 2;
-/// Samples of a search between two looks at what the other one took; even, as [`Search::grow`] wants it.
+/// Samples of a search between two looks at the number that the other one needed; even, as [`Search::grow`] wants it.
 const LOOK_EVERY: usize = 32;
 
-/// The polyline from `start` to one of `ends` (at least one) that takes the fewest samples of all searches, of the same number the
-/// first; none where no search finds one within the budget of `search`, or if interrupted. With the search's random numbers from
-/// there on.
+/// The polyline from `start` to one of `ends` (at least one) of the search that needs the fewest samples, the first of equal ones, and
+/// the state of that search's random numbers; none where no search finds one within the budget, or if interrupted.
 ///
 /// A search stops where it cannot come first any more, so the answer does not depend on how many workers there are.
 pub(crate) fn search_portfolio(
@@ -40,7 +39,8 @@ pub(crate) fn search_portfolio(
     first.map(|(_, found)| found)
 }
 
-/// Grows trees until they meet, within `most` samples, which become no more than it took; how many that were, and the polyline.
+/// Grows trees until they meet, within `most` samples, and lowers `most` to the number of samples taken. Returns that number and the
+/// polyline.
 fn grow_within(
     search: &Search,
     mut trees: [Tree; 2],

@@ -18,7 +18,7 @@ impl Search<'_> {
     /// Grows both trees in turn until they meet; the polyline from a root of the first to a root of the second.
     ///
     /// Takes what it needs from the `samples` that are left. May be called again with the same trees after an even number of samples.
-    pub(crate) fn grow(
+    pub(super) fn grow(
         &self,
         trees: &mut [Tree; 2],
         samples: &mut usize,

@@ -8,14 +8,14 @@ use crate::search::tree::Tree;
 use pcc_model::Configuration;
 use rand_pcg::Pcg64;
 
-/// Every so many waypoints of a motion are taken.
+/// Step between the waypoints of a path that become nodes.
 const STRIDE: usize = 4;
 
 /// A tree that begins with the paths of known motions, and the search that extends it.
 pub(crate) struct SeededTree<'a> {
     pub(crate) search: Search<'a>,
     tree: Tree,
-    /// Samples that are left for all goal configurations together.
+    /// Samples that are left for all searches of this tree together.
     samples: usize,
 }
 

@@ -6,7 +6,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use std::ops::Range;
 
-/// Rounds in which corners are rounded at most: each halves what is left of them.
+/// Rounds in which corners are rounded at most: each halves their angles.
 const ROUNDINGS: usize = 5;
 /// A corner that moves less than this is round, rad.
 const ROUND_RAD: f64 = 1e-3;
@@ -68,8 +68,8 @@ impl Search<'_> {
     }
 }
 
-/// Puts an edge in the place of the corners after the first of these edges up to the last one. Points gather at the ends, so what is
-/// nearly a duplicate goes, but never an end.
+/// Puts an edge in the place of the corners after the first of these edges up to the last one. Corners that are nearly duplicates, which
+/// gather at the ends, are removed, but never an end.
 fn cut_short(path: &mut Vec<Configuration>, edges: Range<usize>, edge: [Configuration; 2]) {
     let end = path[path.len() - 1];
     path.splice(edges.start + 1..=edges.end, edge);

@@ -19,24 +19,24 @@ struct Node {
 #[derive(Default)]
 pub(crate) struct Tree {
     nodes: Vec<Node>,
-    /// The same, weighted.
+    /// The configurations of the nodes, weighted.
     weighted: Neighbours,
 }
 
-/// A configuration, or a difference of configurations, whose norm is the distance.
+/// A configuration, or a difference of two, scaled so that its norm is the distance between them.
 fn weighted(configuration: &Configuration) -> Configuration {
     Configuration::from_fn(|i, _| configuration[i] * WEIGHTS[i / 2])
 }
 
 /// How far a step towards a configuration came.
-pub(crate) enum Extension {
+pub(super) enum Extension {
     Reached(usize),
     Advanced(usize),
     Trapped,
 }
 
 impl Tree {
-    pub(crate) fn rooted(configurations: &[Configuration]) -> Self {
+    pub(super) fn rooted(configurations: &[Configuration]) -> Self {
         let root = |configuration: &Configuration| Node {
             configuration: *configuration,
             parent: None,
@@ -115,14 +115,14 @@ impl Tree {
     }
 
     /// The configurations from a root to a node.
-    pub(crate) fn path_to(&self, node: usize) -> Vec<Configuration> {
+    pub(super) fn path_to(&self, node: usize) -> Vec<Configuration> {
         let mut path = self.branch(node);
         path.reverse();
         path
     }
 
     /// The configurations from a node to its root.
-    pub(crate) fn branch(&self, leaf: usize) -> Vec<Configuration> {
+    pub(super) fn branch(&self, leaf: usize) -> Vec<Configuration> {
         std::iter::successors(Some(leaf), |&i| self.nodes[i].parent)
             .map(|i| self.nodes[i].configuration)
             .collect()
