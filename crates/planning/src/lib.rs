@@ -26,7 +26,6 @@ mod stage_times;
 pub use denoiser::FeatureFrame;
 pub use error::{Infeasible, PlannerError};
 pub use goals::goal_configurations::goal_configurations;
-pub use goals::inverse_kinematics::solve_tip;
 pub use models::diffusion::{DiffusionModel, DiffusionSettings, PrecisionUnavailable};
 pub use models::features::{
     BALL_FEATURES, COEFFICIENTS, END_FEATURES, features, residual_coefficients,

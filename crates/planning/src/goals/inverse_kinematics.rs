@@ -19,8 +19,11 @@ const SOLVED: f64 = 1e-9;
 /// Solves for a configuration within the limits whose tip is at `target` (base frame, section lengths), from `seed`.
 ///
 /// Returns the configuration and the remaining tip distance; a distance above 1e-9 means that this seed did not reach it.
-#[must_use]
-pub fn solve_tip(robot: &Robot, target: &Point, seed: &Configuration) -> (Configuration, f64) {
+pub(crate) fn solve_tip(
+    robot: &Robot,
+    target: &Point,
+    seed: &Configuration,
+) -> (Configuration, f64) {
     solve_tips(robot, target, std::slice::from_ref(seed))[0]
 }
 

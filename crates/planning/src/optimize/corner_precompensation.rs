@@ -51,7 +51,7 @@ mod tests {
     use crate::path::waypoints::parameter;
 
     #[test]
-    fn sharpening_moves_bends_outwards_and_leaves_segments() {
+    fn precompensation_moves_bends_outwards_and_leaves_segments() {
         let robot = unit_robot();
         let start = Configuration::from_column_slice(&[0.9, -0.4, -0.6, 0.6, 0.4, 0.8]);
         let end = Configuration::from_column_slice(&[0.7, 0.1, -0.3, 0.9, 0.5, 0.6]);
