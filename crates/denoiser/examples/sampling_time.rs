@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let folder = arguments.next().unwrap_or_else(|| "weights".into());
     let name = arguments.next().unwrap_or_else(|| "fast".into());
     let file = Manifest::open(Path::new(&folder))?.weights(&name)?;
-    for precision in [Precision::Single, Precision::Brain] {
+    for precision in [Precision::F32, Precision::Bf16] {
         if !precision.available() {
             continue;
         }

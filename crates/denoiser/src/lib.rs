@@ -1,30 +1,28 @@
-//! Learned samplers: weights files and their manifest, and the few-step path sampler. f32 slices in and out.
+//! Learned samplers of paths, f32 slices in and out: a few-step flow model, and the temporal U-Net with its reverse diffusion.
+//!
+//! [`Manifest`] names the weights of a folder and checks them, [`FastModel`] and [`TemporalUnet`] are the networks,
+//! [`ReverseProcess`] runs the U-Net from noise to paths, and [`gemm`] multiplies their matrices in f32 or bf16.
 //!
 //! This crate knows no robot and no processes: what the numbers mean is its caller's business.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-mod activation;
-mod conv;
 mod diffusion;
-mod factors;
-mod fast_model;
-mod group_norm;
-mod lanes;
-mod linear;
-mod manifest;
-pub mod matrix;
-mod norm;
-mod paged;
-mod safetensors_header;
+mod flow_model;
+pub mod gemm;
+mod layers;
 mod simd;
 mod unet;
-mod weights_file;
+mod weights;
 
-pub use diffusion::{Denoiser, Held, Refinement, Sampler, SamplerScratch, Solver, UnknownSolver};
-pub use fast_model::{
+pub use diffusion::{
+    Denoiser, Held, Refinement, ReverseProcess, ReverseProcessScratch, Solver, UnknownSolver,
+};
+pub use flow_model::{
     CandidateInput, EvaluationsRefused, FastModel, FastScratch, FeatureFrame, WarmStart,
 };
-pub use manifest::{Manifest, ManifestEntry};
-pub use matrix::Precision;
+pub use gemm::Precision;
 pub use unet::{FRAME, HORIZON, Normalisation, TemporalUnet, UnetCondition, UnetScratch};
-pub use weights_file::{ContentError, WeightsError, WeightsFile};
+pub use weights::error::{ContentError, WeightsError};
+pub use weights::file::WeightsFile;
+pub use weights::manifest::Manifest;
+pub use weights::manifest_entry::ManifestEntry;

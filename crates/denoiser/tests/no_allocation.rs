@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used)]
 #![allow(unsafe_code)] // a global allocator that counts
 
-use denoiser::matrix::Precision;
+use denoiser::gemm::Precision;
 use denoiser::{
     CandidateInput, FastModel, FastScratch, Manifest, TemporalUnet, UnetScratch, WarmStart,
 };
@@ -51,7 +51,7 @@ fn sampling_allocates_only_in_the_first_call_of_a_size() {
     let mut candidates = [candidate; 10];
     candidates[2].warm_start = Some(warm_start);
     let (noise, mut out) = (vec![0.3; 720], vec![0.0; 720]);
-    for precision in [Precision::Single, Precision::Brain] {
+    for precision in [Precision::F32, Precision::Bf16] {
         if !precision.available() {
             eprintln!("{precision:?} is not tried: this processor has no such products");
             continue;
@@ -84,7 +84,7 @@ fn predicting_noise_and_its_gradient_allocates_only_in_the_first_call_of_a_size(
     let condition = unet.condition(&[0.1; 6], &[0.2; 3], &[[0.3, 0.2, 0.1, 0.1]; 4]);
     let paths = vec![0.3; 5 * 384];
     let [mut noise, mut gradient] = [paths.clone(), paths.clone()];
-    for precision in [Precision::Single, Precision::Brain] {
+    for precision in [Precision::F32, Precision::Bf16] {
         if !precision.available() {
             eprintln!("{precision:?} is not tried: this processor has no such products");
             continue;

@@ -110,7 +110,7 @@ impl ModelArguments {
         DiffusionSettings {
             solver: self.solver.unwrap_or(Solver::Ddim),
             steps: self.steps.unwrap_or(STEPS),
-            precision: self.precision.unwrap_or(Precision::Single),
+            precision: self.precision.unwrap_or(Precision::F32),
         }
     }
 

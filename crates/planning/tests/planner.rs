@@ -40,7 +40,7 @@ fn diffusion() -> Models {
     let settings = DiffusionSettings {
         solver: Solver::Ddim,
         steps: 2,
-        precision: Precision::Single,
+        precision: Precision::F32,
     };
     Models {
         diffusion: Some(DiffusionModel::new(unet, settings).unwrap()),

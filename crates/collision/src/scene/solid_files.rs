@@ -3,7 +3,7 @@
 use crate::obstacle::limits::{MAX_CELLS, MAX_TRIANGLES};
 use crate::scene::file_error::EntryError;
 use crate::scene::mesh_files::{Mesh, obj, stl};
-use arrays::{DType, NpyArray, TypeChar};
+use arrays::{NpyArray, Number};
 use input_files::read_bytes;
 use std::path::Path;
 
@@ -34,18 +34,15 @@ pub(crate) fn read_grid(path: &Path) -> Result<([usize; 3], Vec<bool>), EntryErr
     let bytes = read_bytes(path, MAX_GRID_BYTES)?;
     let grid = NpyArray::open(&bytes[..], bytes.len() as u64)
         .map_err(|error| content(error.to_string()))?;
-    let (dtype, shape) = (grid.dtype(), grid.shape().to_vec());
+    let (descr, shape) = (grid.descr().to_owned(), grid.shape().to_vec());
     let &[x, y, z] = shape.as_slice() else {
         return Err(content(format!(
             "it has shape {shape:?}; three dimensions are needed"
         )));
     };
-    let is_bytes = matches!(&dtype, DType::Plain(t)
-        if matches!(t.type_char(), TypeChar::Uint | TypeChar::Bool) && t.size_field() == 1);
-    if !is_bytes {
+    if ![u8::DESCR, bool::DESCR].contains(&&*descr) {
         return Err(content(format!(
-            "its descr is {}; '|u1' or '|b1' is needed",
-            dtype.descr()
+            "its descr is '{descr}'; '|u1' or '|b1' is needed"
         )));
     }
     // That many bytes are there: the product was not beyond what can be counted.
@@ -55,8 +52,7 @@ pub(crate) fn read_grid(path: &Path) -> Result<([usize; 3], Vec<bool>), EntryErr
             "it has shape {shape:?}; at most {MAX_CELLS} voxels are allowed"
         )));
     }
-    let is_bool = matches!(&dtype, DType::Plain(t) if t.type_char() == TypeChar::Bool);
-    let filled = if is_bool {
+    let filled = if descr == bool::DESCR {
         grid.into_vec::<bool>()
     } else {
         grid.into_vec::<u8>()

@@ -2,7 +2,7 @@
 
 use super::error::ArchiveError;
 use super::layout::{check_expansion, check_layout, check_versions, end_record};
-use arrays::{DType, Deserialize, NpyArray, NpyError};
+use arrays::{NpyArray, NpyError, Number};
 use input_files::{InputFile, InputFileError};
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -17,7 +17,8 @@ pub(crate) const MAX_ARCHIVE_BYTES: u64 = 1 << 38;
 /// What the header of an array tells.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Header {
-    dtype: DType,
+    /// Type of the values, such as `<f4`.
+    descr: String,
     shape: Vec<u64>,
 }
 
@@ -90,7 +91,7 @@ impl ArchiveReader {
         };
         let array = array.to_owned();
         let header = open_member(member).map(|opened| Header {
-            dtype: opened.dtype(),
+            descr: opened.descr().to_owned(),
             shape: opened.shape().to_vec(),
         });
         match header {
@@ -125,12 +126,12 @@ impl ArchiveReader {
         Ok(&self.known(array)?.shape)
     }
 
-    /// The type of an array's values.
+    /// The type of an array's values as NumPy names it, such as `<f4`.
     ///
     /// # Errors
     /// [`ArchiveError::Array`] if it is missing.
-    pub fn dtype(&self, array: &str) -> Result<&DType, ArchiveError> {
-        Ok(&self.known(array)?.dtype)
+    pub fn descr(&self, array: &str) -> Result<&str, ArchiveError> {
+        Ok(&self.known(array)?.descr)
     }
 
     fn known(&self, array: &str) -> Result<&Header, ArchiveError> {
@@ -167,9 +168,7 @@ impl ArchiveReader {
     /// # Errors
     /// [`ArchiveError::Array`] if it is missing or of none of these types, `<f4` as NumPy writes it.
     pub fn expect_type(&self, array: &str, allowed: &[&str]) -> Result<(), ArchiveError> {
-        let Header { dtype, .. } = self.known(array)?;
-        let found = dtype.descr();
-        let found = found.trim_matches('\'');
+        let found = self.descr(array)?;
         if allowed.contains(&found) {
             return Ok(());
         }
@@ -194,10 +193,7 @@ impl ArchiveReader {
     ///
     /// # Errors
     /// [`ArchiveError::Array`] if it is missing, damaged, or not of type `T`.
-    pub fn read<T: Deserialize>(
-        &mut self,
-        array: &str,
-    ) -> Result<(Vec<T>, Vec<u64>), ArchiveError> {
+    pub fn read<T: Number>(&mut self, array: &str) -> Result<(Vec<T>, Vec<u64>), ArchiveError> {
         let shape = self.shape(array)?.to_vec();
         let member = self.zip.by_name(&format!("{array}.npy"));
         let values = member

@@ -1,7 +1,7 @@
 //! Writing archives.
 
 use super::error::ArchiveError;
-use npyz::{AutoSerialize, WriterBuilder};
+use arrays::{Number, write_npy};
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -48,7 +48,7 @@ impl ArchiveWriter {
     ///
     /// # Errors
     /// [`ArchiveError::Array`] if the values do not fill the shape or cannot be written.
-    pub fn write<T: AutoSerialize>(
+    pub fn write<T: Number>(
         &mut self,
         array: &str,
         shape: &[usize],
@@ -66,15 +66,7 @@ impl ArchiveWriter {
         self.zip
             .start_file(format!("{array}.npy"), options)
             .map_err(|e| fail(e.into()))?;
-        let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
-        let mut writer = npyz::WriteOptions::new()
-            .default_dtype()
-            .shape(&shape)
-            .writer(&mut self.zip)
-            .begin_nd()
-            .map_err(fail)?;
-        writer.extend(values).map_err(fail)?;
-        writer.finish().map_err(fail)
+        write_npy(&mut self.zip, shape, values).map_err(fail)
     }
 
     /// Ends the archive and gives it its name.

@@ -4,7 +4,7 @@
 
 use crate::archive::error::ArchiveError;
 use crate::archive::reader::ArchiveReader;
-use arrays::Deserialize;
+use arrays::Number;
 
 /// Types of real numbers that are read.
 const REALS: [&str; 2] = ["<f4", "<f8"];
@@ -21,7 +21,7 @@ pub(super) fn rows_of(archive: &ArchiveReader, array: &str) -> Result<usize, Arc
 /// Real numbers; f32, as the format has it, or f64.
 pub(super) fn reals(archive: &mut ArchiveReader, array: &str) -> Result<Vec<f32>, ArchiveError> {
     archive.expect_type(array, &REALS)?;
-    if archive.dtype(array)?.descr().contains("<f8") {
+    if archive.descr(array)? == "<f8" {
         let (values, _) = archive.read::<f64>(array)?;
         return Ok(values.into_iter().map(|v| v as f32).collect());
     }
@@ -31,8 +31,7 @@ pub(super) fn reals(archive: &mut ArchiveReader, array: &str) -> Result<Vec<f32>
 /// Whole numbers of any width.
 pub(super) fn integers(archive: &mut ArchiveReader, array: &str) -> Result<Vec<i64>, ArchiveError> {
     archive.expect_type(array, &INTEGERS)?;
-    let found = archive.dtype(array)?.descr();
-    match found.trim_matches('\'') {
+    match archive.descr(array)? {
         "<i4" => widened::<i32>(archive, array),
         "<i2" => widened::<i16>(archive, array),
         "|i1" => widened::<i8>(archive, array),
@@ -41,7 +40,7 @@ pub(super) fn integers(archive: &mut ArchiveReader, array: &str) -> Result<Vec<i
     }
 }
 
-fn widened<T: Deserialize + Into<i64>>(
+fn widened<T: Number + Into<i64>>(
     archive: &mut ArchiveReader,
     array: &str,
 ) -> Result<Vec<i64>, ArchiveError> {

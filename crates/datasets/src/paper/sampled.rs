@@ -1,8 +1,8 @@
 //! The reference's own criterion of collision: nine points of the backbone, three a section, against the balls.
 
-use super::dispatch::{Kernel, dispatch};
 use super::kinematics::{Arc, Shape, Vector, add, rotate};
 use collision::Ball;
+use fearless_simd::{Level, dispatch};
 use pcc_model::{DOF, SECTIONS};
 use planning::sampled_collision::FRACTIONS;
 
@@ -39,12 +39,20 @@ impl<const N: usize> Samples<N> {
     ) {
         self.distances = [f64::INFINITY; N];
         if !balls.is_empty() {
-            dispatch(Look {
-                lengths,
-                balls,
-                components,
-                samples: self,
-            });
+            dispatch!(Level::new(), _ => self.find_deepest(lengths, balls, components));
+        }
+    }
+
+    #[inline(always)]
+    fn find_deepest(
+        &mut self,
+        lengths: &[f64; SECTIONS],
+        balls: &[Ball],
+        components: [&[f64]; DOF],
+    ) {
+        place_points(lengths, components, &mut self.points);
+        for (b, ball) in balls.iter().enumerate() {
+            look_at(ball, b as f64, self);
         }
     }
 
@@ -53,23 +61,6 @@ impl<const N: usize> Samples<N> {
         let (point, per_section) = (self.points_of[i] as usize, FRACTIONS.len());
         let ball = self.balls_of[i] as usize;
         (point / per_section, FRACTIONS[point % per_section], ball)
-    }
-}
-
-struct Look<'a, const N: usize> {
-    lengths: &'a [f64; SECTIONS],
-    balls: &'a [Ball],
-    components: [&'a [f64]; DOF],
-    samples: &'a mut Samples<N>,
-}
-
-impl<const N: usize> Kernel for Look<'_, N> {
-    #[inline(always)]
-    fn run(self) {
-        place_points(self.lengths, self.components, &mut self.samples.points);
-        for (b, ball) in self.balls.iter().enumerate() {
-            look_at(ball, b as f64, self.samples);
-        }
     }
 }
 

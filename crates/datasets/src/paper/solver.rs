@@ -1,8 +1,8 @@
 //! Following a line of the tip: all frames of a path iterated together, each towards its point and its neighbours.
 
-use super::dispatch::{Kernel, dispatch};
 use super::kinematics::{project_section, tip_step};
 use super::settings::CONTINUITY;
+use fearless_simd::{Level, dispatch};
 use pcc_model::{Configuration, DOF, Point, Robot, SECTIONS};
 use planning::{WAYPOINTS, parameter};
 
@@ -98,43 +98,25 @@ impl PathSolver {
     /// Makes one step of all frames into `next`; the largest squared tip distance before it.
     fn sweep(&mut self) -> f64 {
         let mut squared_distances = [0.0; WAYPOINTS];
-        dispatch(Sweep {
-            lengths: &self.lengths,
-            limit: self.limit,
-            line: &self.line,
-            frames: &self.frames,
-            next: &mut self.next,
-            squared_distances: &mut squared_distances,
-        });
+        dispatch!(Level::new(), _ => self.step(&mut squared_distances));
         for (frames, next) in self.frames.iter().zip(self.next.iter_mut()) {
             (next[1], next[WAYPOINTS]) = (frames[1], frames[WAYPOINTS]);
         }
         let inner = &squared_distances[1..WAYPOINTS - 1];
         inner.iter().copied().fold(0.0, f64::max)
     }
-}
 
-struct Sweep<'a> {
-    lengths: &'a [f64; SECTIONS],
-    limit: f64,
-    line: &'a [[f64; WAYPOINTS]; 3],
-    frames: &'a Frames,
-    next: &'a mut Frames,
-    squared_distances: &'a mut [f64; WAYPOINTS],
-}
-
-impl Kernel for Sweep<'_> {
+    /// Makes one step of all frames into `next`, the ends included; the squared tip distance of each frame before it.
     #[inline(always)]
-    fn run(self) {
+    fn step(&mut self, squared_distances: &mut [f64; WAYPOINTS]) {
         step_frames(
-            self.lengths,
-            self.line,
-            self.frames,
-            self.next,
-            self.squared_distances,
+            &self.lengths,
+            &self.line,
+            &self.frames,
+            &mut self.next,
+            squared_distances,
         );
-        for pair in self.next.as_chunks_mut::<2>().0 {
-            let [x, y] = pair;
+        for [x, y] in self.next.as_chunks_mut::<2>().0 {
             project_section(self.limit, &mut x[1..=WAYPOINTS], &mut y[1..=WAYPOINTS]);
         }
     }
@@ -205,16 +187,10 @@ mod tests {
     #[test]
     fn every_processor_makes_the_same_step() {
         let (_, mut solver, _) = solver();
-        let (mut plain, mut distances) = (solver.next.clone(), [0.0; WAYPOINTS]);
-        Sweep {
-            lengths: &solver.lengths,
-            limit: solver.limit,
-            line: &solver.line,
-            frames: &solver.frames,
-            next: &mut plain,
-            squared_distances: &mut distances,
-        }
-        .run();
+        let mut distances = [0.0; WAYPOINTS];
+        solver.step(&mut distances);
+        let plain = solver.next.clone();
+        solver.next.as_flattened_mut().fill(f64::NAN);
         let worst = solver.sweep();
         assert_eq!(worst, distances[1..63].iter().copied().fold(0.0, f64::max));
         for (plain, widest) in plain.iter().zip(solver.next.iter()) {

@@ -1,12 +1,12 @@
 //! Targets, their terminal solutions and their starts.
 
-use super::dispatch::{Kernel, dispatch};
 use super::kinematics::{Vector, project_section, tip_step};
 use super::sampled::Samples;
 use super::solver::{ITERATIONS, TOLERANCE};
 use crate::scenes::{STARTS, in_workspace};
 use collision::Ball;
-use pcc_model::{Configuration, DOF, Point, Robot, SECTIONS};
+use fearless_simd::{Level, dispatch};
+use pcc_model::{Configuration, DOF, Point, Robot};
 use planning::random_configuration;
 use planning::sampled_collision::REPULSION;
 use rand_pcg::Pcg64;
@@ -103,13 +103,11 @@ impl Place<'_> {
                     shapes[d][i] = if is_there { shapes[d][i] } else { next[d][i] };
                 }
             }
-            dispatch(Newton {
-                robot: self.robot,
-                tip: [tip.x, tip.y, tip.z],
-                shapes,
-                next: &mut next,
-                residuals: &mut residuals,
-            });
+            let tip = [tip.x, tip.y, tip.z];
+            dispatch!(
+                Level::new(),
+                _ => step_seeds(self.robot, &tip, shapes, &mut next, &mut residuals)
+            );
             if residuals.iter().all(|r| *r <= TOLERANCE * TOLERANCE) {
                 break;
             }
@@ -157,29 +155,10 @@ fn shape_of<const N: usize>(shapes: &SideBySide<N>, i: usize) -> Configuration {
     Configuration::from_fn(|d, _| shapes[d][i])
 }
 
-/// One step of every seed, into `next`, and the squared residuals before it.
-struct Newton<'a> {
-    robot: &'a Robot,
-    tip: Vector,
-    shapes: &'a SideBySide<SEEDS>,
-    next: &'a mut SideBySide<SEEDS>,
-    residuals: &'a mut [f64; SEEDS],
-}
-
-impl Kernel for Newton<'_> {
-    #[inline(always)]
-    fn run(self) {
-        let lengths = &self.robot.section_lengths;
-        step_seeds(lengths, &self.tip, self.shapes, self.next, self.residuals);
-        for [x, y] in self.next.as_chunks_mut::<2>().0 {
-            project_section(self.robot.bending_limit, x, y);
-        }
-    }
-}
-
+/// One Newton step of every seed, into `next`, and the squared residuals before it.
 #[inline(always)]
 fn step_seeds(
-    lengths: &[f64; SECTIONS],
+    robot: &Robot,
     tip: &Vector,
     shapes: &SideBySide<SEEDS>,
     next: &mut SideBySide<SEEDS>,
@@ -190,11 +169,14 @@ fn step_seeds(
         for d in 0..DOF {
             shape[d] = shapes[d][i];
         }
-        let step = tip_step(lengths, &shape, tip, &[0.0; DOF]);
+        let step = tip_step(&robot.section_lengths, &shape, tip, &[0.0; DOF]);
         for (component, value) in next.iter_mut().zip(step.next) {
             component[i] = value;
         }
         residuals[i] = step.squared_distance;
+    }
+    for [x, y] in next.as_chunks_mut::<2>().0 {
+        project_section(robot.bending_limit, x, y);
     }
 }
 

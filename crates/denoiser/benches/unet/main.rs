@@ -5,7 +5,7 @@
 //! Prints the shortest time of a prediction and of its gradient, and the share of what the product kernel of the same
 //! precision reaches with all its data in the first cache.
 
-use denoiser::matrix::{Batch, BrainBuffer, Input, Packed, Precision, Store};
+use denoiser::gemm::{Batch, Bf16Buffer, Input, Packed, Precision, Store};
 use denoiser::{FRAME, HORIZON, Manifest, TemporalUnet, UnetScratch, WeightsFile};
 use std::path::Path;
 use std::time::Instant;
@@ -21,7 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let unet = TemporalUnet::load(&file, file.number("theta_max")?)?;
     let products = multiply_adds(&file)?;
     println!("{:.2} M multiply-adds a candidate", products / 1e6);
-    for precision in [Precision::Single, Precision::Brain] {
+    for precision in [Precision::F32, Precision::Bf16] {
         if precision.available() {
             report(&unet, precision, products);
         }
@@ -76,12 +76,12 @@ fn kernel_peak(precision: Precision) -> f64 {
     let matrix = Packed::new(&wave(INPUTS * OUTPUTS), &wave(OUTPUTS));
     matrix.prepare(precision);
     let x = wave(ROWS * INPUTS);
-    let mut rounded = BrainBuffer::default();
+    let mut rounded = Bf16Buffer::default();
     let input = match precision {
-        Precision::Single => Input::Single(&x),
-        Precision::Brain => {
+        Precision::F32 => Input::F32(&x),
+        Precision::Bf16 => {
             rounded.fill(&x);
-            Input::Brain(rounded.values())
+            Input::Bf16(rounded.values())
         }
     };
     let mut out = vec![0.0; ROWS * OUTPUTS];

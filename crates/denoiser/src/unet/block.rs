@@ -1,13 +1,14 @@
 //! Residual blocks, and the stages of two blocks that the network consists of.
 
-use crate::conv::{Convolution, Kind, Rows};
-use crate::factors::Factors;
-use crate::group_norm::{self, Affine, Statistics};
-use crate::linear::Linear;
-use crate::matrix::Precision;
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::gemm::Precision;
+use crate::layers::convolution::{Convolution, Kind, Rows};
+use crate::layers::factors::Factors;
+use crate::layers::group_norm::{self, Affine, Statistics};
+use crate::layers::linear::Linear;
+use crate::weights::error::WeightsError;
+use crate::weights::file::WeightsFile;
 
-/// Two convolutions, each behind a normalisation and SiLU, beside a straight way; the context scales and shifts the
+/// Two convolutions, each behind a normalisation and SiLU, beside a skip connection; the context scales and shifts the
 /// second normalisation (FiLM: Perez et al., AAAI 2018).
 pub(super) struct ResidualBlock {
     norm1: Affine,

@@ -1,8 +1,9 @@
 //! What the network is conditioned on besides the balls: diffusion step, start and goal.
 
-use crate::activation::silu;
-use crate::linear::Linear;
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::layers::activation::silu;
+use crate::layers::linear::Linear;
+use crate::weights::error::WeightsError;
+use crate::weights::file::WeightsFile;
 
 /// Two layers with SiLU between them.
 pub(super) struct Perceptron {
@@ -93,7 +94,7 @@ impl Embedding {
         self.time.apply(features, steps.len(), hidden, sum);
     }
 
-    /// Writes the context of each diffusion step, given what stays the same over a request.
+    /// Writes the context of each diffusion step, given the embedded request.
     pub(super) fn contexts(
         &self,
         request: &[f32],

@@ -1,21 +1,11 @@
 //! The vector–Jacobian product of the network with respect to its input paths.
 
-use super::block::{Entrance, GradientWork};
-use super::{FRAME, PATH, STAGES, TemporalUnet, UnetScratch};
-use crate::conv::Rows;
-use crate::factors::Factors;
-use crate::group_norm;
-
-/// Buffers of [`TemporalUnet::pull_back`].
-#[derive(Default)]
-pub(super) struct GradientScratch {
-    cotangent: Rows,
-    /// With respect to the output of each stage, then to its entry.
-    stages: [Rows; STAGES],
-    grown: Rows,
-    input: Rows,
-    work: GradientWork,
-}
+use super::block::Entrance;
+use super::dimensions::{FRAME, PATH, STAGES};
+use super::network::{TemporalUnet, UnetScratch};
+use crate::layers::convolution::Rows;
+use crate::layers::factors::Factors;
+use crate::layers::group_norm;
 
 impl TemporalUnet {
     /// The gradient of Σ cotangent · noise with respect to the paths of the last [`Self::predict`] with this scratch.
@@ -23,7 +13,7 @@ impl TemporalUnet {
     /// Both are candidates × 64 × 6.
     ///
     /// # Panics
-    /// If the lengths are not those of that call.
+    /// If the lengths are not those of the last [`Self::predict`].
     pub fn pull_back(&self, scratch: &mut UnetScratch, cotangent: &[f32], gradient: &mut [f32]) {
         let length = scratch.noise.candidates() * PATH;
         assert_eq!(cotangent.len(), length, "a cotangent for each noise value");

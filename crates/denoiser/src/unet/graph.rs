@@ -4,10 +4,11 @@
 //! layer; so both are computed per ball, and only the activation between them per pair.
 
 use super::embedding::Perceptron;
-use crate::activation::silu;
-use crate::linear::Linear;
-use crate::norm::LayerNorm;
-use crate::weights_file::{WeightsError, WeightsFile};
+use crate::layers::activation::silu;
+use crate::layers::layer_norm::LayerNorm;
+use crate::layers::linear::Linear;
+use crate::weights::error::WeightsError;
+use crate::weights::file::WeightsFile;
 
 /// Normalised centre and radius of a ball.
 pub(super) type Node = [f32; 4];

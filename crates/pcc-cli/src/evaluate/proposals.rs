@@ -18,7 +18,7 @@ pub(super) fn read(file: &Path, candidates: usize) -> anyhow::Result<Vec<Vec<Way
     }
     archive.expect_shape("paths", &[cases, candidates, WAYPOINTS, DOF])?;
     archive.expect_type("paths", &["<f4", "<f8"])?;
-    let values: Vec<f64> = match archive.dtype("paths")?.descr().contains("<f4") {
+    let values: Vec<f64> = match archive.descr("paths")? == "<f4" {
         true => archive
             .read::<f32>("paths")?
             .0

@@ -9,8 +9,8 @@ use crate::problem::Problem;
 use crate::request::Guidance;
 use collision::Scene;
 use denoiser::{
-    Denoiser, Held, Normalisation, Precision, Refinement, Sampler, SamplerScratch, Solver,
-    TemporalUnet, UnetCondition, UnetScratch,
+    Denoiser, Held, Normalisation, Precision, Refinement, ReverseProcess, ReverseProcessScratch,
+    Solver, TemporalUnet, UnetCondition, UnetScratch,
 };
 use pcc_model::{Backbone, Configuration, DOF, Point, Robot};
 use rayon::prelude::*;
@@ -41,14 +41,14 @@ pub struct PrecisionUnavailable;
 pub struct DiffusionModel {
     unet: TemporalUnet,
     settings: DiffusionSettings,
-    sampler: Sampler,
+    sampler: ReverseProcess,
     scratch: Vec<Mutex<Scratch>>,
 }
 
 #[derive(Default)]
 struct Scratch {
     unet: UnetScratch,
-    sampler: SamplerScratch,
+    sampler: ReverseProcessScratch,
 }
 
 /// The problem that paths are sampled for.
@@ -75,7 +75,7 @@ impl DiffusionModel {
         Ok(Self {
             unet,
             settings,
-            sampler: Sampler::new(settings.solver, settings.steps),
+            sampler: ReverseProcess::new(settings.solver, settings.steps),
             scratch: Vec::new(),
         })
     }

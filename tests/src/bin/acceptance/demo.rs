@@ -9,7 +9,8 @@ use tests::brute_force::Body;
 use tests::programs::repository;
 use tests::recording::{RecordedMotion, Recording, ToldMotion};
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "git clone; scripts/demo --record DIR";

@@ -9,9 +9,10 @@ use pcc_model::Robot;
 use serde_json::Value;
 use tests::programs::repository;
 
+use crate::report::Report;
 use crate::runs::{folder, make_dataset, number, run_pcc};
+use crate::scale::Scale;
 use crate::second_look::Motions;
-use crate::{Report, Scale};
 
 const PLANNERS: [&str; 6] = [
     "default",

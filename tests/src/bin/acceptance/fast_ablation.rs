@@ -1,8 +1,9 @@
 //! Success against the network's evaluations, and what the canonical frame, correction, data and size are worth.
 
 use crate::fast_cases::{Cases, GENERAL, HARD, REFERENCE, count};
-use crate::runs::{Model, number};
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::runs::{Evaluation, Model, ablation_folder, number, weights_folder};
+use crate::scale::Scale;
 
 const EVALUATIONS: [usize; 4] = [1, 2, 4, 8];
 /// Attempts to correct a path: none, one, and one more with a larger margin.
@@ -35,7 +36,9 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         report.group(group, &command, |report| {
             for value in values {
                 let line = format!("ablation: {value} {what}");
-                variant(report, scale, &line, option, &value.to_string())?;
+                variant(report, scale, &line, |evaluation| {
+                    evaluation.with(option, value)
+                })?;
             }
             Ok(())
         });
@@ -46,18 +49,17 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-/// One line: the fast planner with one option in every kind of scenes.
+/// One line: the fast planner with one thing changed in every kind of scenes.
 fn variant(
     report: &mut Report,
     scale: Scale,
     line: &str,
-    option: &'static str,
-    value: &str,
+    change: impl for<'a> Fn(Evaluation<'a>) -> Evaluation<'a>,
 ) -> anyhow::Result<()> {
     let mut texts = Vec::new();
     for unseen in [REFERENCE, GENERAL, HARD] {
         let cases = Cases::unseen(&unseen, count(scale))?.first(scale.pick(20, 300));
-        let evaluation = cases.evaluation("fast").with(option, value);
+        let evaluation = change(cases.evaluation("fast"));
         let result = evaluation.run(report, scale)?;
         texts.push(format!(
             "{} {:.2} % certified, tip length ÷ distance {:.3}, {:.2} ms",
@@ -72,17 +74,18 @@ fn variant(
 }
 
 fn models(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let models = Model::all(PREFIX)?;
+    let mut models = Model::all(&weights_folder(), PREFIX)?;
+    models.extend(Model::all(&ablation_folder(), PREFIX)?);
     for model in &models {
         let line = format!("ablation: {}", model.text);
-        variant(report, scale, &line, "--model", &model.name)?;
+        variant(report, scale, &line, |evaluation| evaluation.model(model))?;
     }
     for (what, words) in WANTED {
         let is_of_it = |model: &Model| words.iter().any(|word| model.name.contains(word));
         if !models.iter().any(is_of_it) {
             let line = format!("ablation: {what}");
             let words = words.join(" or ");
-            let figure = format!("no weights {PREFIX}… with {words} in their name in the manifest");
+            let figure = format!("no weights {PREFIX}… with {words} in their name in a manifest");
             report.shown(&line, figure);
         }
     }

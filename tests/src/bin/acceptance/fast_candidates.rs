@@ -6,10 +6,11 @@ use serde_json::Value;
 use tests::programs::repository;
 
 use crate::fast_cases::Cases;
+use crate::report::Report;
 use crate::runs::number;
+use crate::scale::Scale;
 use crate::second_look::{Judged, Motions};
 use crate::spread::median;
-use crate::{Report, Scale};
 
 /// Accuracy of a clearance, section lengths.
 const CLEARANCE_TOLERANCE: f64 = 1e-3;

@@ -7,9 +7,10 @@ use datasets::ArchiveReader;
 use serde_json::Value;
 use tests::programs::repository;
 
+use crate::report::Report;
 use crate::runs::{Evaluation, Unseen};
+use crate::scale::Scale;
 use crate::second_look::Motions;
-use crate::{Report, Scale};
 
 /// What the daemon serves, and what it is compared with.
 pub(crate) const PLANNERS: [&str; 6] = [

@@ -7,9 +7,10 @@ use serde_json::Value;
 use tests::programs::repository;
 
 use crate::fast_cases::{Cases, GENERAL, HARD, PLANNERS, REFERENCE, count};
+use crate::report::Report;
 use crate::runs::number;
+use crate::scale::Scale;
 use crate::second_look::Motions;
-use crate::{Report, Scale};
 
 /// Share of the requests with at least one certified candidate, %.
 const ANY_AT_LEAST: f64 = 99.9;

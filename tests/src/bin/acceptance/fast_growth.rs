@@ -15,9 +15,10 @@ use tests::programs::repository;
 use toml::Value;
 
 use crate::fast_scenes::{Served, demand, motion, requests, scene};
+use crate::report::Report;
+use crate::scale::Scale;
 use crate::second_look::Judged;
 use crate::spread::median;
-use crate::{Report, Scale};
 
 const CANDIDATES: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
 const BALLS: [usize; 12] = [0, 1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1000];

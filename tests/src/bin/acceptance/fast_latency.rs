@@ -17,9 +17,10 @@ use toml::{Table, Value};
 
 use crate::fast_scenes::{Served, requests_of};
 use crate::machine::{Disturbance, Pinned};
+use crate::report::Report;
 use crate::runs::weights_folder;
+use crate::scale::Scale;
 use crate::spread::{Spread, median};
-use crate::{Report, Scale};
 
 /// Asked in turns, each with every request.
 const SAMPLERS: [Sampler; 6] = [

@@ -6,9 +6,10 @@ use crate::fast_candidates::{
 };
 use crate::fast_cases::{Cases, GENERAL, HARD, PLANNERS, REFERENCE, count};
 use crate::fast_picture::{Curve, draw};
+use crate::report::Report;
 use crate::runs::{CANDIDATES, Unseen, folder};
+use crate::scale::Scale;
 use crate::spread::median;
-use crate::{Report, Scale};
 
 /// Share of the cases on which `fast` is ahead of a rival in tip length and tip smoothness at once, %.
 const AHEAD_AT_LEAST: f64 = 90.0;

@@ -28,9 +28,10 @@ use crate::fast_growth::most_candidates;
 use crate::fast_random::{Pool, Treatment, spoil, treatment};
 use crate::fast_scenes::{Served, demand, motion, scene};
 use crate::machine::{Disturbance, memory_mb};
+use crate::report::Report;
+use crate::scale::Scale;
 use crate::second_look::Judged;
 use crate::stolen::StolenTimes;
-use crate::{Report, Scale};
 
 const CLIENTS: usize = 2;
 /// Requests for as many candidates as there can be, before memory is read for the first time: more than the plans that the

@@ -14,10 +14,11 @@ use tests::programs::repository;
 use trajectory::{ParameterizationOptions, TimeParameterizer, Trajectory, evaluate};
 
 use crate::paper_python::python_with;
+use crate::report::Report;
 use crate::runs::weights_folder;
+use crate::scale::Scale;
 use crate::spread::median;
 use crate::timer::Timer;
-use crate::{Report, Scale};
 
 const SETTINGS: [Setting; 2] = [Setting::General(None), Setting::Hard];
 /// Seed of scenes that nothing was trained or tuned on.

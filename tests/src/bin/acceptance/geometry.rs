@@ -10,7 +10,8 @@ use tests::geometry::{
 };
 use tests::programs::repository;
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "cargo test --release -p pcc-model -p collision";

@@ -34,6 +34,7 @@ mod refusals;
 mod report;
 mod runs;
 mod safe;
+mod scale;
 mod second_look;
 mod spread;
 mod stolen;
@@ -42,19 +43,8 @@ mod timer;
 use std::process::ExitCode;
 
 use report::Report;
+use scale::Scale;
 use tests::programs::repository;
-
-/// How much is done: the full run, or a quick form in which only counts and durations shrink.
-#[derive(Clone, Copy)]
-struct Scale {
-    full: bool,
-}
-
-impl Scale {
-    fn pick<T>(self, quick: T, full: T) -> T {
-        if self.full { full } else { quick }
-    }
-}
 
 /// What can be measured as a whole: its groups of checks, in this order.
 struct Suite {

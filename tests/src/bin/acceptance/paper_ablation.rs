@@ -10,9 +10,10 @@ use planning::modes;
 use serde_json::Value;
 
 use crate::paper_runs::{FREE, GENERAL, HARD, MIXED, ablation_cases, evaluation};
-use crate::runs::{Model, Unseen, figure, number};
+use crate::report::Report;
+use crate::runs::{Model, Unseen, figure, number, weights_folder};
+use crate::scale::Scale;
 use crate::spread::median;
-use crate::{Report, Scale};
 
 const PLANNERS: [&str; 5] = [
     "diffusion",
@@ -282,7 +283,7 @@ fn success_against_updates(report: &mut Report, scale: Scale) -> anyhow::Result<
     let wanted = scale.pick(5, 250);
     let dataset = MIXED.make(wanted)?;
     let mut figures = Vec::new();
-    for model in Model::all("mixed")? {
+    for model in Model::all(&weights_folder(), "mixed")? {
         let setting = format!("updates-{}", model.updates);
         let evaluation = evaluation(&setting, &dataset, &model, POST, wanted);
         let result = evaluation.run(report, scale)?;

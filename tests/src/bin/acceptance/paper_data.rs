@@ -6,8 +6,9 @@ use anyhow::{Context, ensure};
 use serde_json::Value;
 use tests::programs::{program, repository};
 
+use crate::report::Report;
 use crate::runs::{folder, run_pcc};
-use crate::{Report, Scale};
+use crate::scale::Scale;
 
 /// How many times faster than the authors' program.
 const FASTER: f64 = 25.0;

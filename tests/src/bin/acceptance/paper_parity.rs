@@ -7,9 +7,9 @@ use std::process::Command;
 use anyhow::ensure;
 use tests::programs::repository;
 
-use crate::Report;
 use crate::geometry::test_counts;
 use crate::paper_python::reference_python;
+use crate::report::Report;
 use crate::runs::folder;
 
 /// Largest relative error against PyTorch, f32.

@@ -2,7 +2,7 @@
 
 use tests::diffusion_starts::{bad_diffusion_weights, undamaged_start};
 
-use crate::Report;
+use crate::report::Report;
 use crate::runs::{Model, weights_folder};
 
 pub(crate) fn run(report: &mut Report) {

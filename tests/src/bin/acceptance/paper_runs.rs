@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use crate::Scale;
 use crate::runs::{Evaluation, Model, Unseen};
+use crate::scale::Scale;
 
 /// Cases of every ablation; those with and without lower precision are the same.
 pub(crate) fn ablation_cases(scale: Scale) -> usize {
@@ -52,7 +52,7 @@ pub(crate) fn evaluation<'a>(
 ) -> Evaluation<'a> {
     let evaluation = Evaluation::of(setting, dataset, planner, cases);
     if planner.starts_with("diffusion") {
-        evaluation.with("--model", &model.name)
+        evaluation.model(model)
     } else {
         evaluation
     }

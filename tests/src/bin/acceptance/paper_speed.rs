@@ -34,7 +34,7 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     });
     let command = "pcc evaluate --planner diffusion-post --precision f32|bf16";
     report.group("success in bf16", command, |report| {
-        if Precision::Brain.available() {
+        if Precision::Bf16.available() {
             return success_in_bf16(report, scale);
         }
         report.shown(
@@ -111,8 +111,8 @@ fn other_timer(model: &Model) -> anyhow::Result<Timer> {
 /// What was measured in turns, one value a round: s, and 10⁹ multiply-adds a second for the matrix product.
 #[derive(Default)]
 struct Turns {
-    single: Vec<f64>,
-    brain: Vec<f64>,
+    in_f32: Vec<f64>,
+    in_bf16: Vec<f64>,
     torch: Vec<f64>,
     onnx: Vec<f64>,
     product_rate: Vec<f64>,
@@ -120,10 +120,10 @@ struct Turns {
 
 impl Turns {
     fn take(&mut self, ours: &mut Timer, others: &mut Timer, threads: usize) -> anyhow::Result<()> {
-        self.single.push(ours.ask(&format!("f32 {threads}"))?);
+        self.in_f32.push(ours.ask(&format!("f32 {threads}"))?);
         self.torch.push(others.ask(&format!("torch {threads}"))?);
-        if Precision::Brain.available() {
-            self.brain.push(ours.ask(&format!("bf16 {threads}"))?);
+        if Precision::Bf16.available() {
+            self.in_bf16.push(ours.ask(&format!("bf16 {threads}"))?);
         }
         self.onnx.push(others.ask(&format!("onnx {threads}"))?);
         self.product_rate
@@ -139,8 +139,8 @@ impl Turns {
         );
         let figure = format!(
             "f32 {}, bf16 {}, PyTorch {}, ONNX Runtime {}; matrix product {:.1} G multiply-adds/s",
-            ms(&self.single),
-            ms(&self.brain),
+            ms(&self.in_f32),
+            ms(&self.in_bf16),
             ms(&self.torch),
             ms(&self.onnx),
             median(&self.product_rate)
@@ -163,12 +163,12 @@ impl Turns {
                 found >= bar,
             );
         };
-        times_faster("f32 beside PyTorch eager", &self.torch, &self.single, 1.4);
-        times_faster("f32 beside ONNX Runtime", &self.onnx, &self.single, 1.0);
-        if Precision::Brain.available() {
-            times_faster("bf16 beside PyTorch f32", &self.torch, &self.brain, 2.5);
+        times_faster("f32 beside PyTorch eager", &self.torch, &self.in_f32, 1.4);
+        times_faster("f32 beside ONNX Runtime", &self.onnx, &self.in_f32, 1.0);
+        if Precision::Bf16.available() {
+            times_faster("bf16 beside PyTorch f32", &self.torch, &self.in_bf16, 2.5);
         }
-        let rates: Vec<f64> = self.single.iter().map(|s| MULTIPLY_ADDS / s).collect();
+        let rates: Vec<f64> = self.in_f32.iter().map(|s| MULTIPLY_ADDS / s).collect();
         let share = 100.0 * ratio(&rates, &self.product_rate);
         let line = "speed on two threads: f32, share of the measured matrix product's rate";
         report.check(line, format!("{share:.0} %"), ">= 70 %", share >= 70.0);
@@ -186,15 +186,15 @@ fn success_in_bf16(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         let result = evaluation.run(report, scale)?;
         Ok::<_, anyhow::Error>(100.0 * number(&result, "/sampled/success")?)
     };
-    let [single, brain] = [success("f32")?, success("bf16")?];
+    let [in_f32, in_bf16] = [success("f32")?, success("bf16")?];
     let line = format!(
         "mixed: diffusion-post in bf16, success by the paper's criterion, {}",
         model.text
     );
-    let bar = format!("f32's {single:.2} % ± {TOLERANCE}");
+    let bar = format!("f32's {in_f32:.2} % ± {TOLERANCE}");
     // Both are counts of candidates: half a point is half a point, whatever the last bit says.
-    let passed = (single - brain).abs() <= TOLERANCE + 1e-9;
-    report.check(&line, format!("{brain:.2} %"), &bar, passed);
+    let passed = (in_f32 - in_bf16).abs() <= TOLERANCE + 1e-9;
+    report.check(&line, format!("{in_bf16:.2} %"), &bar, passed);
     Ok(())
 }
 

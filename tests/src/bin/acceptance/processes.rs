@@ -8,8 +8,9 @@ use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 use toml::Value;
 
+use crate::report::Report;
 use crate::safe::kills::{limits, listed, phases, stuck, supervision};
-use crate::{Report, Scale};
+use crate::scale::Scale;
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "acceptance chain, processes";

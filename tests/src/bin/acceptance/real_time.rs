@@ -12,7 +12,8 @@ use tests::stack::{MoveError, PATIENCE, Stack};
 use tests::system_calls;
 use tests::world::Settings;
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "acceptance chain, real time";

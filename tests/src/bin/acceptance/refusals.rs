@@ -7,8 +7,8 @@ use tests::stack::{PATIENCE, Part, Stack};
 use tests::starts::{BadStarts, configurations, robot_files, weights};
 use tests::world::{Settings, World};
 
-use crate::Report;
 use crate::machine::memory_mb;
+use crate::report::Report;
 
 pub(crate) fn run(report: &mut Report) {
     let command = "acceptance chain, refusals";

@@ -12,7 +12,8 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 use tests::programs::{program, repository};
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// Candidates of every case where nothing else is said, as the paper draws.
 pub(crate) const CANDIDATES: usize = 10;
@@ -55,16 +56,26 @@ pub(crate) fn weights_folder() -> PathBuf {
     env::var_os(WEIGHTS_VARIABLE).map_or_else(|| repository().join("weights"), PathBuf::from)
 }
 
-/// The manifest's hash: other weights have other hashes in it.
+/// Where the weights of short runs are, each with one thing changed, which nothing but the ablations reads.
+pub(crate) fn ablation_folder() -> PathBuf {
+    repository().join("tests/data/ablation-weights")
+}
+
+/// The manifests' hash: other weights have other hashes in them.
 pub(crate) fn weights_in_use() -> String {
-    let manifest = fs::read(weights_folder().join("MANIFEST.toml")).unwrap_or_default();
-    let hash = Sha256::digest(&manifest);
+    let mut hash = Sha256::new();
+    for folder in [weights_folder(), ablation_folder()] {
+        hash.update(fs::read(folder.join("MANIFEST.toml")).unwrap_or_default());
+    }
+    let hash = hash.finalize();
     hash.iter().take(8).map(|b| format!("{b:02x}")).collect()
 }
 
-/// Weights of the manifest, and how a line names them.
+/// Weights of a manifest, and how a line names them.
 #[derive(Clone)]
 pub(crate) struct Model {
+    /// The folder of the manifest.
+    folder: PathBuf,
     pub(crate) name: String,
     pub(crate) text: String,
     pub(crate) updates: u64,
@@ -73,29 +84,31 @@ pub(crate) struct Model {
 impl Model {
     /// The weights of a name, or `mixed` where there are none of that name, which the text then says.
     pub(crate) fn wanted(name: &str) -> anyhow::Result<Self> {
-        let manifest = Manifest::open(&weights_folder())?;
+        let folder = weights_folder();
+        let manifest = Manifest::open(&folder)?;
         if manifest.entry(name).is_ok() {
-            return Self::of(&manifest, name);
+            return Self::of(&folder, &manifest, name);
         }
-        let mut model = Self::of(&manifest, "mixed")?;
+        let mut model = Self::of(&folder, &manifest, "mixed")?;
         write!(model.text, ", for the manifest has no {name}")?;
         Ok(model)
     }
 
-    /// All weights whose names begin so, by their updates.
-    pub(crate) fn all(prefix: &str) -> anyhow::Result<Vec<Self>> {
-        let manifest = Manifest::open(&weights_folder())?;
+    /// All weights of a folder whose names begin so, by their updates.
+    pub(crate) fn all(folder: &Path, prefix: &str) -> anyhow::Result<Vec<Self>> {
+        let manifest = Manifest::open(folder)?;
         let names = manifest.names().filter(|name| name.starts_with(prefix));
         let mut models = names
-            .map(|name| Self::of(&manifest, name))
+            .map(|name| Self::of(folder, &manifest, name))
             .collect::<Result<Vec<_>, _>>()?;
         models.sort_by_key(|model| model.updates);
         Ok(models)
     }
 
-    fn of(manifest: &Manifest, name: &str) -> anyhow::Result<Self> {
+    fn of(folder: &Path, manifest: &Manifest, name: &str) -> anyhow::Result<Self> {
         let updates = manifest.entry(name)?.updates;
         Ok(Self {
+            folder: folder.to_owned(),
             name: name.to_owned(),
             text: format!("weights {name} of {updates} updates"),
             updates,
@@ -104,7 +117,7 @@ impl Model {
 
     /// Channels of the network's first level.
     pub(crate) fn width(&self) -> anyhow::Result<usize> {
-        let file = Manifest::open(&weights_folder())?.weights(&self.name)?;
+        let file = Manifest::open(&self.folder)?.weights(&self.name)?;
         Ok(file.count("width")?)
     }
 }
@@ -172,6 +185,7 @@ pub(crate) struct Evaluation<'a> {
     planner: &'a str,
     cases: usize,
     candidates: usize,
+    weights: PathBuf,
     options: Vec<(&'static str, String)>,
 }
 
@@ -184,6 +198,7 @@ impl<'a> Evaluation<'a> {
             planner,
             cases,
             candidates: CANDIDATES,
+            weights: weights_folder(),
             options: Vec::new(),
         }
     }
@@ -196,6 +211,12 @@ impl<'a> Evaluation<'a> {
     pub(crate) fn with(mut self, option: &'static str, value: &(impl ToString + ?Sized)) -> Self {
         self.options.push((option, value.to_string()));
         self
+    }
+
+    /// With these weights, wherever they are.
+    pub(crate) fn model(self, model: &Model) -> Self {
+        let weights = model.folder.clone();
+        Self { weights, ..self }.with("--model", &model.name)
     }
 
     /// Where its files are.
@@ -256,7 +277,7 @@ impl<'a> Evaluation<'a> {
             ("--dataset", path(self.dataset)?),
             ("--split", "test".to_owned()),
             ("--planner", self.planner.to_owned()),
-            ("--weights", path(&weights_folder())?),
+            ("--weights", path(&self.weights)?),
             ("--candidates", self.candidates.to_string()),
             ("--seed", "0".to_owned()),
             ("--cases", self.cases.to_string()),

@@ -13,7 +13,7 @@ use tests::programs::repository;
 use tests::world::shipped_number;
 use trajectory::{Knot, Trajectory};
 
-use crate::Report;
+use crate::report::Report;
 
 /// Who proposed a path, in the array `source` of `paths.npz`.
 const LEARNED: u8 = 1;

@@ -62,7 +62,7 @@ fn model(steps: usize) -> DiffusionModel {
     let settings = DiffusionSettings {
         solver: Solver::Ddim,
         steps,
-        precision: Precision::Single,
+        precision: Precision::F32,
     };
     DiffusionModel::new(unet, settings).unwrap()
 }

@@ -15,7 +15,8 @@ use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, shipped_number};
 use toml::Value;
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 const SHAPES: [[f64; 6]; 2] = [
     [0.9, -0.6, 0.5, 0.7, -0.7, 0.9],

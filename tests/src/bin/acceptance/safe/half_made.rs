@@ -16,7 +16,8 @@ use tests::process::Process;
 use tests::stack::Part;
 use tests::world::{Settings, World};
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 const COMMAND: &str = "acceptance safe, half-made services";
 /// Longer than any of this project's processes waits before it takes memory without a size for a dead one's.

@@ -9,7 +9,8 @@ use tests::stack::{Part, Stack};
 use tests::supervision::Watched;
 use tests::world::Settings;
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// So many balls in one way of disturbing one process find at least one motion that goes on. (One disturbance in five is a hold shorter
 /// than the 20 ms after which a process counts as lost, and changes nothing.) The quick form puts two balls in each way.

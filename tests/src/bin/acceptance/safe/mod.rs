@@ -14,7 +14,8 @@ mod stops;
 mod unsupervised;
 mod users;
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// The suite's groups, in this order.
 pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[

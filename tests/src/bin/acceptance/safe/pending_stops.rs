@@ -17,7 +17,8 @@ use tests::system_calls::HeldThread;
 use tests::world::Settings;
 use toml::Value;
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 const SHAPES: [[f64; 6]; 2] = [
     [0.9, -0.6, 0.5, 0.7, -0.7, 0.9],

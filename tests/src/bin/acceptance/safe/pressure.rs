@@ -25,9 +25,10 @@ use tests::stack::{Part, Stack};
 use tests::stalled_output::{SmallDisk, StalledOutput};
 use tests::world::{Settings, World};
 
+use crate::report::Report;
+use crate::scale::Scale;
 use crate::spread::Spread;
 use crate::stolen::StolenTimes;
-use crate::{Report, Scale};
 
 /// Ends of the motions, rad.
 const ENDS: [[f64; 6]; 2] = [[0.0; 6], [1.1, 0.4, -0.9, 0.7, 0.8, -1.0]];

@@ -15,7 +15,8 @@ use tests::stack::{PATIENCE, Part, Stack};
 use tests::system_calls::HeldThread;
 use tests::world::{Settings, World};
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 const FAR: [f64; 6] = [0.9, -0.6, 0.5, 0.7, -0.7, 0.9];
 /// Longest time from a state that shows a motion of nobody's to the order to stop it, ms.

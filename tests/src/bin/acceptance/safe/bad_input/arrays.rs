@@ -1,7 +1,7 @@
 //! The arrays of a data set: headers that lie, values that no row may have, arrays that are missing or in another's place.
 
-use super::datasets::{ARCHIVE, ROWS, Set};
-use super::npz::{Member, archive, npy, reals, shape, told_shapes};
+use super::dataset_files::{ARCHIVE, ROWS, Set, members};
+use super::npz::{Member, archive, npy, told_shapes};
 use super::variant::{Expected, Fault, Variant};
 
 /// Arrays of one whole number a row.
@@ -264,43 +264,6 @@ fn wrong_sizes(good: &[u8], content: &[u8]) -> Vec<Lie> {
             "is of version 9",
             [&good[..6], &[9], &good[7..]].concat(),
             &["\\x93NUMPY\\t"],
-        ),
-    ]
-}
-
-/// The arrays of a set of two rows, each path straight up to a bend, one ball a row.
-pub(super) fn members() -> Vec<Member> {
-    let member = |name: &str, descr: &str, counts: &[usize], content: Vec<u8>| Member {
-        name: name.to_owned(),
-        npy: npy(descr, false, &shape(counts), &content),
-    };
-    let angle = |i: usize| (i / 6 % 64) as f32 * 0.01 * if i.is_multiple_of(6) { 1.0 } else { 0.2 };
-    let path: Vec<f32> = (0..ROWS * 64 * 6).map(angle).collect();
-    let tips = [0.9, 0.3, 2.4, 0.9, 0.3, 2.4];
-    let numbers = |values: &[i64], size: usize| -> Vec<u8> {
-        values
-            .iter()
-            .flat_map(|v| v.to_le_bytes()[..size].to_vec())
-            .collect()
-    };
-    vec![
-        member("paths", "<f4", &[ROWS, 64, 6], reals(&path)),
-        member("target_tips", "<f4", &[ROWS, 3], reals(&tips)),
-        member("target_indices", "<i4", &[ROWS], numbers(&[0, 1], 4)),
-        member("start_indices", "<i2", &[ROWS], numbers(&[0, 0], 2)),
-        member("ik_indices", "<i2", &[ROWS], numbers(&[0, 0], 2)),
-        member("split_indices", "|i1", &[ROWS], numbers(&[0, 2], 1)),
-        member(
-            "obstacle_centres",
-            "<f4",
-            &[ROWS, 3],
-            reals(&[-1.5, 0.0, 1.0, -1.5, 0.2, 1.0]),
-        ),
-        member(
-            "obstacle_offsets",
-            "<i8",
-            &[ROWS + 1],
-            numbers(&[0, 1, 2], 8),
         ),
     ]
 }

@@ -8,7 +8,7 @@ use tests::programs::repository;
 use tests::trial::Start;
 
 use super::damage::{self, Damaged};
-use super::variant::{Expected, Fault, Variant};
+use super::variant::{Expected, Fault, LIMIT, Variant};
 
 const FAMILY: &str = "data set, gone on with";
 /// The second of the two blocks.
@@ -68,7 +68,7 @@ struct Made {
 impl Made {
     fn of_seed(seed: u64) -> Self {
         let folder = tempfile::tempdir_in("/dev/shm").unwrap();
-        let outcome = start(seed).run(folder.path(), "undamaged", super::LIMIT);
+        let outcome = start(seed).run(folder.path(), "undamaged", LIMIT);
         let set = folder.path().join("set");
         let read = |file: &str| {
             let content = fs::read(set.join(file)).unwrap_or_else(|_| panic!("{}", outcome.text));

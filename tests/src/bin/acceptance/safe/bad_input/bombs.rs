@@ -5,8 +5,7 @@ use std::fs;
 use serde_json::{Map, Value};
 use tests::programs::repository;
 
-use super::arrays::members;
-use super::datasets::{ARCHIVE, META, ROWS, text_of, write};
+use super::dataset_files::{ARCHIVE, META, ROWS, members, text_of, write};
 use super::npz::{Member, Packed, npy, packed_archive, shape};
 use super::variant::{Expected, Fault, Variant};
 

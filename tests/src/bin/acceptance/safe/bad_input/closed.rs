@@ -7,7 +7,7 @@ use std::path::Path;
 use tests::trial::{AS_USER, Start};
 
 use super::configurations::daemon_with_scene;
-use super::datasets;
+use super::dataset_files;
 use super::variant::{Expected, Fault, Variant};
 use super::weights;
 
@@ -52,7 +52,7 @@ pub(super) fn variants() -> Vec<Variant> {
             ],
         ),
         (
-            datasets::sample,
+            dataset_files::sample,
             &["set/dataset.npz", "set/dataset_meta.json", "set"],
         ),
     ];

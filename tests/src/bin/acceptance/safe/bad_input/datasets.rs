@@ -1,36 +1,18 @@
 //! Data sets: the archive, its arrays, its meta data.
 
 use std::fs;
-use std::path::Path;
-use std::sync::Arc;
 
 use serde_json::{Map, Value, json};
 use tests::programs::repository;
-use tests::trial::Start;
 
-use super::arrays::members;
 use super::damage::{self, Damaged};
+use super::dataset_files::{ARCHIVE, META, ROWS, Set, members, text_of, write};
 use super::npz::{archive, contents};
 use super::rules::no_text;
 use super::variant::{Expected, Fault, Variant};
 
-pub(super) const ARCHIVE: &str = "dataset.npz";
-pub(super) const META: &str = "dataset_meta.json";
 /// The keys of the meta data that are read.
 const READ: [&str; 4] = ["format", "version", "sphere_radius", "clearance_margin"];
-/// What `pcc features` makes of a data set.
-const RESULT: &str = "features.npz";
-/// Rows of the small set.
-pub(super) const ROWS: usize = 2;
-
-/// A data set's two files and what `pcc features` makes of them.
-pub(super) struct Set {
-    pub(super) family: &'static str,
-    pub(super) archive: Vec<u8>,
-    pub(super) meta: Vec<u8>,
-    undamaged: Arc<Vec<u8>>,
-}
-
 /// The sample's metadata, with the counts of [`members`].
 fn meta_of_two(sample: &[u8]) -> Vec<u8> {
     let mut meta: Map<String, Value> = serde_json::from_slice(sample).unwrap();
@@ -65,44 +47,6 @@ pub(super) fn variants() -> Vec<Variant> {
 }
 
 impl Set {
-    fn new(family: &'static str, archive: Vec<u8>, meta: Vec<u8>) -> Self {
-        let folder = tempfile::tempdir_in("/dev/shm").unwrap();
-        let start = write(folder.path(), &archive, &meta);
-        let outcome = start.run(folder.path(), "undamaged", super::LIMIT);
-        let undamaged = fs::read(folder.path().join(RESULT))
-            .unwrap_or_else(|_| panic!("{family}: {}", outcome.text));
-        Self {
-            family,
-            archive,
-            meta,
-            undamaged: Arc::new(undamaged),
-        }
-    }
-
-    pub(super) fn with(
-        &self,
-        name: String,
-        archive: Vec<u8>,
-        meta: Vec<u8>,
-        expected: Expected,
-    ) -> Variant {
-        Variant {
-            family: self.family,
-            name,
-            make: Box::new(move |folder| write(folder, &archive, &meta)),
-            expected,
-        }
-    }
-
-    /// Refused, or with the result that the undamaged set has.
-    pub(super) fn refused_or_same(&self, file: &str) -> Expected {
-        Expected::RefusedOrSame {
-            faults: vec![Fault::file(file), Fault::unreadable(file)],
-            result: RESULT,
-            undamaged: Arc::clone(&self.undamaged),
-        }
-    }
-
     /// A bit of an array's content is guarded by the archive's checksum; of what else there is, some has no meaning.
     fn damaged_archives(&self, seed: u64) -> Vec<Variant> {
         let contents = contents(&self.archive);
@@ -298,10 +242,6 @@ fn faults_of_text(content: &[u8]) -> Vec<Fault> {
     }
 }
 
-pub(super) fn text_of(meta: &Map<String, Value>) -> Vec<u8> {
-    serde_json::to_vec_pretty(meta).unwrap()
-}
-
 fn meta_values() -> Vec<Value> {
     vec![
         json!(-1),
@@ -320,31 +260,4 @@ fn meta_values() -> Vec<Value> {
         json!({}),
         json!("x".repeat(5000)),
     ]
-}
-
-/// The undamaged sample, and what features are made of it.
-pub(super) fn sample(folder: &Path) -> Start {
-    let sample = repository().join("tests/data/reference-mixed-sample");
-    let read = |name: &str| fs::read(sample.join(name)).unwrap();
-    write(folder, &read(ARCHIVE), &read(META))
-}
-
-/// Writes a data set and says how features are made of it.
-pub(super) fn write(folder: &Path, archive: &[u8], meta: &[u8]) -> Start {
-    fs::create_dir(folder.join("set")).unwrap();
-    fs::write(folder.join("set").join(ARCHIVE), archive).unwrap();
-    fs::write(folder.join("set").join(META), meta).unwrap();
-    let robot = repository().join("config/robots/unit.toml");
-    Start::new(
-        "pcc",
-        &[
-            "features",
-            "--dataset",
-            "set",
-            "--robot",
-            robot.to_str().unwrap(),
-            "--out",
-            RESULT,
-        ],
-    )
 }

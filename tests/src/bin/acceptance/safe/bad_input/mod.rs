@@ -9,6 +9,7 @@ mod bombs;
 mod closed;
 mod configurations;
 mod damage;
+mod dataset_files;
 mod datasets;
 mod environment;
 mod keys;
@@ -28,7 +29,6 @@ use std::fs;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
-use std::time::Duration;
 
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -38,8 +38,9 @@ use tests::stack::{Part, Stack};
 use tests::trial::{Ending, Outcome, remove_shared_memory};
 use tests::world::Settings;
 
-use self::variant::{Kind, Variant, is_not_started, judge};
-use crate::{Report, Scale};
+use self::variant::{Kind, LIMIT, Variant, is_not_started, judge};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// Seed of the choice of the quick form's variants.
 const SEED: u64 = 18;
@@ -47,8 +48,6 @@ const SEED: u64 = 18;
 const QUICK: usize = 300;
 /// Least number of variants of the full form that must be refused, or change nothing.
 const LEAST: usize = 3000;
-/// A program that neither ends nor serves by then hangs.
-const LIMIT: Duration = Duration::from_secs(30);
 /// Variants after which progress is told.
 const TOLD_EVERY: usize = 200;
 /// Programs that run at once.

@@ -6,8 +6,9 @@ use std::path::Path;
 use tests::programs::repository;
 use tests::trial::Start;
 
-use super::arrays::{lies, members};
+use super::arrays::lies;
 use super::damage::{self, Damaged};
+use super::dataset_files::members;
 use super::npz::{Member, archive, contents, npy, reals, shape};
 use super::variant::{Expected, Fault, Variant};
 

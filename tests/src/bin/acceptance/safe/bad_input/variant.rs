@@ -2,8 +2,12 @@
 
 use std::fs;
 use std::path::Path;
+use std::time::Duration;
 
 use tests::trial::{Ending, Outcome, Start};
+
+/// A program that neither ends nor serves by then hangs.
+pub(super) const LIMIT: Duration = Duration::from_secs(30);
 
 /// Writes what is damaged into an empty folder and says what is to be started.
 pub(super) type Make = Box<dyn Fn(&Path) -> Start + Send + Sync>;

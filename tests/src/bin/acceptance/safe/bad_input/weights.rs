@@ -18,7 +18,7 @@ use super::variant::{Expected, Fault, Variant};
 
 pub(super) const MANIFEST: &str = "MANIFEST.toml";
 const FILE: &str = "fast.safetensors";
-/// The smaller of the shipped models is damaged: what is checked is the same.
+/// The smallest model that there is, of the ablations, is damaged: what is checked is the same.
 const SOURCE: &str = "fast-width-96";
 
 /// What the manifest says of a file, by weights/README.md.
@@ -67,7 +67,7 @@ struct Weights {
 
 /// All that is tried of weights.
 pub(super) fn variants() -> Vec<Variant> {
-    let weights = Weights::shipped();
+    let weights = Weights::smallest();
     let mut all = weights.manifests();
     all.extend(weights.files());
     all.extend(weights.tensors());
@@ -77,8 +77,8 @@ pub(super) fn variants() -> Vec<Variant> {
 }
 
 impl Weights {
-    fn shipped() -> Self {
-        let folder = repository().join("weights");
+    fn smallest() -> Self {
+        let folder = repository().join("tests/data/ablation-weights");
         let manifest: Table = fs::read_to_string(folder.join(MANIFEST))
             .unwrap()
             .parse()
@@ -390,7 +390,7 @@ pub(super) fn with_header(header: &Map<String, Value>, data: &[u8]) -> Vec<u8> {
 
 /// Rules of which the manifest has no key, and keys of it that no rule is for.
 pub(super) fn manifest_gaps() -> Vec<String> {
-    gaps(MANIFEST, KEYS, &[], &Weights::shipped().manifest())
+    gaps(MANIFEST, KEYS, &[], &Weights::smallest().manifest())
 }
 
 /// Of the manifest only what it says of the file in use is read; what it tells people about it may change.
@@ -412,7 +412,7 @@ fn judge_manifest(before: &Table, after: &[u8]) -> Expected {
 
 /// Undamaged weights, and one case that is judged with them.
 pub(super) fn undamaged(folder: &Path) -> Start {
-    (Weights::shipped().variant("", Expected::Taken).make)(folder)
+    (Weights::smallest().variant("", Expected::Taken).make)(folder)
 }
 
 /// Judges one case with the model.

@@ -12,8 +12,8 @@ use tests::stack::{PATIENCE, Part};
 use tests::world::{Settings, World};
 use toml::{Table, Value};
 
-use super::{Outcome, outcome, pcc_within, text};
-use crate::Report;
+use super::outcome::{Outcome, outcome, pcc_within, text};
+use crate::report::Report;
 
 pub(super) fn run(report: &mut Report) -> anyhow::Result<()> {
     no_candidates(report)?;

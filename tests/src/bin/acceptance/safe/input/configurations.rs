@@ -8,8 +8,8 @@ use tests::programs::repository;
 use tests::world::{Settings, World};
 use toml::{Table, Value};
 
-use super::{PATIENCE, edit, text};
-use crate::Report;
+use super::outcome::{PATIENCE, edit, text};
+use crate::report::Report;
 
 /// Who reads a robot file.
 const PROGRAMS: [&str; 3] = ["planner-daemon", "controller", "simulated-robot"];

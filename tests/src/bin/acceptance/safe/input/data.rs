@@ -12,8 +12,9 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 use tests::programs::repository;
 
-use super::{Outcome, pcc, pcc_within, text};
-use crate::{Report, Scale};
+use super::outcome::{Outcome, pcc, pcc_within, text};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// How many times as many bytes as its file the arrays of an archive may have.
 const MAX_EXPANSION: u64 = 100;

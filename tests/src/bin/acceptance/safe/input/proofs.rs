@@ -9,8 +9,8 @@ use std::process::Command;
 use anyhow::{Context, ensure};
 use tests::programs::repository;
 
-use super::text;
-use crate::Report;
+use super::outcome::text;
+use crate::report::Report;
 
 /// Safe code that comes by a level or a unit without detection: each in every spelling that might compile, with what the compiler
 /// must say of it: that a value of the level is missing, that its maker is private, or that there is no default.
@@ -18,7 +18,7 @@ const ATTEMPTS: [(&str, &[(&str, &str)]); 4] = [
     (
         "sums of AVX-512 without a value of the level",
         &[(
-            "use crate::lanes::Lanes; pub fn f(a: &[f32; 16]) { let v = <crate::simd::Avx512 as Lanes>::get(a); let _ = v; }",
+            "use crate::simd::lanes::Lanes; pub fn f(a: &[f32; 16]) { let v = <crate::simd::token::Avx512 as Lanes>::get(a); let _ = v; }",
             "error[E0061]",
         )],
     ),
@@ -26,19 +26,19 @@ const ATTEMPTS: [(&str, &[(&str, &str)]); 4] = [
         "a value of AVX-512",
         &[
             (
-                "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512 }",
+                "pub fn f() -> crate::simd::token::Avx512 { crate::simd::token::Avx512 }",
                 "error[E0603]",
             ),
             (
-                "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512(()) }",
+                "pub fn f() -> crate::simd::token::Avx512 { crate::simd::token::Avx512(()) }",
                 "error[E0603]",
             ),
             (
-                "pub fn f() -> crate::simd::Avx512 { crate::simd::Avx512 {} }",
+                "pub fn f() -> crate::simd::token::Avx512 { crate::simd::token::Avx512 {} }",
                 "due to private fields",
             ),
             (
-                "pub fn f() -> crate::simd::Avx512 { Default::default() }",
+                "pub fn f() -> crate::simd::token::Avx512 { Default::default() }",
                 "error[E0277]",
             ),
         ],
@@ -47,15 +47,15 @@ const ATTEMPTS: [(&str, &[(&str, &str)]); 4] = [
         "a value of AVX2",
         &[
             (
-                "pub fn f() -> crate::simd::Avx2 { crate::simd::Avx2 }",
+                "pub fn f() -> crate::simd::token::Avx2 { crate::simd::token::Avx2 }",
                 "error[E0603]",
             ),
             (
-                "pub fn f() -> crate::simd::Avx2 { crate::simd::Avx2(()) }",
+                "pub fn f() -> crate::simd::token::Avx2 { crate::simd::token::Avx2(()) }",
                 "error[E0603]",
             ),
             (
-                "pub fn f() -> crate::simd::Avx2 { Default::default() }",
+                "pub fn f() -> crate::simd::token::Avx2 { Default::default() }",
                 "error[E0277]",
             ),
         ],
@@ -64,19 +64,19 @@ const ATTEMPTS: [(&str, &[(&str, &str)]); 4] = [
         "a unit for bf16",
         &[
             (
-                "use crate::matrix::Unit; pub fn f() -> Unit { Unit::Vectors }",
+                "use crate::gemm::Bf16Unit; pub fn f() -> Bf16Unit { Bf16Unit::Avx512 }",
                 "error[E0308]",
             ),
             (
-                "use crate::matrix::Unit; pub fn f() -> Unit { Unit::Tiles }",
+                "use crate::gemm::Bf16Unit; pub fn f() -> Bf16Unit { Bf16Unit::Amx }",
                 "error[E0308]",
             ),
             (
-                "use crate::matrix::{Bf16Vectors, Unit}; pub fn f() -> Unit { Unit::Vectors(Bf16Vectors(())) }",
+                "use crate::gemm::{Avx512Bf16, Bf16Unit}; pub fn f() -> Bf16Unit { Bf16Unit::Avx512(Avx512Bf16(())) }",
                 "error[E0423]",
             ),
             (
-                "use crate::matrix::{Bf16Tiles, Unit}; pub fn f() -> Unit { Unit::Tiles(Bf16Tiles(())) }",
+                "use crate::gemm::{AmxBf16, Bf16Unit}; pub fn f() -> Bf16Unit { Bf16Unit::Amx(AmxBf16(())) }",
                 "error[E0423]",
             ),
         ],
@@ -84,7 +84,7 @@ const ATTEMPTS: [(&str, &[(&str, &str)]); 4] = [
 ];
 
 /// Safe code that is as it should be.
-const GOOD: &str = "pub fn f(a: &mut [f32]) { crate::activation::silu(a); }";
+const GOOD: &str = "pub fn f(a: &mut [f32]) { crate::layers::activation::silu(a); }";
 
 pub(super) fn run(report: &mut Report) -> anyhow::Result<()> {
     let folder = tempfile::tempdir()?;

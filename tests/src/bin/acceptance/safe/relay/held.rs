@@ -9,8 +9,9 @@ use tests::stalled_output::StalledOutput;
 use tests::system_calls::HeldThread;
 use tests::world::shipped_number;
 
-use super::{FAR, PATIENCE, Processes};
-use crate::{Report, Scale};
+use super::processes::{FAR, PATIENCE, Processes};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// How much longer than the longest of those without a stall a stop may take.
 const ALLOWANCE_MS: f64 = 100.0;

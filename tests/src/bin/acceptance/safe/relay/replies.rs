@@ -10,8 +10,9 @@ use tests::stack::Part;
 use tests::system_calls::HeldThread;
 use toml::{Table, Value};
 
-use super::{FAR, PATIENCE, Processes};
-use crate::{Report, Scale};
+use super::processes::{FAR, PATIENCE, Processes};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// The speed that is ordered while the loop is held, and is not that of the motion.
 const SPEED: &str = "0.2";

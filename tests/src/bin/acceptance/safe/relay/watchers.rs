@@ -8,8 +8,9 @@ use tests::outside::{execute, pcc};
 use tests::process::{Process, wait_for};
 use tests::stack::Part;
 
-use super::{FAR, PATIENCE, Processes};
-use crate::{Report, Scale};
+use super::processes::{FAR, PATIENCE, Processes};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// Watchers that must leave room for those who plan and stop.
 const WATCHERS: usize = 10;
@@ -78,7 +79,7 @@ fn served(
     }
     processes
         .robot()
-        .wait_for_motion(super::IN_MOTION, PATIENCE)?;
+        .wait_for_motion(super::processes::IN_MOTION, PATIENCE)?;
     let begun = Instant::now();
     let said = pcc(&processes.world, &["stop"], PATIENCE);
     let rest = processes

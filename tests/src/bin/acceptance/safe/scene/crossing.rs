@@ -4,7 +4,7 @@ use pcc_model::{Point, Robot};
 use tests::brute_force::{Ball, Body};
 use trajectory::Trajectory;
 
-use super::SECOND_NS;
+use super::scenario::SECOND_NS;
 
 const RADIUS_M: f64 = 0.1;
 /// Clearance of a motion that lags as much as it is meant to be able to, m.

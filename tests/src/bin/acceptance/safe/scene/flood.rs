@@ -14,9 +14,10 @@ use tests::raw_scene::{Flood, RawScenes};
 use tests::stack::{MoveError, PATIENCE, Stack};
 
 use super::executed::wait_for_braking;
-use super::{SECOND_NS, comes_to, execute, on_the_body, request, settings};
+use super::scenario::{SECOND_NS, comes_to, execute, on_the_body, request, settings};
+use crate::report::Report;
+use crate::scale::Scale;
 use crate::spread::Spread;
-use crate::{Report, Scale};
 
 /// Publishers of the flood.
 const PUBLISHERS: usize = 3;

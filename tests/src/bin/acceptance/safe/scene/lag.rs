@@ -22,9 +22,10 @@ use trajectory::Trajectory;
 
 use super::crossing::Crossing;
 use super::executed::{clearance, moves};
-use super::{SECOND_NS, comes_to, request, running_with};
+use super::scenario::{SECOND_NS, comes_to, request, running_with};
+use crate::report::Report;
 use crate::safe::on_path::Along;
-use crate::{Report, Scale};
+use crate::scale::Scale;
 
 /// Lifetime of the ball's scenes, and time between two of them.
 const LIFETIME_NS: i64 = 200_000_000;

@@ -19,8 +19,9 @@ use tests::raw_scene::RawScenes;
 use tests::stack::{MoveError, PATIENCE, Part, Stack};
 
 use super::executed::wait_for_braking;
-use super::{ENDS, SECOND_NS, ball, execute, refusal, settings};
-use crate::{Report, Scale};
+use super::scenario::{ENDS, SECOND_NS, ball, execute, refusal, settings};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// Lifetime of the scenes that are not about lifetimes.
 const LIFETIME_NS: i64 = SECOND_NS;

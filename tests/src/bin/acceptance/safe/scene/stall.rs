@@ -14,8 +14,11 @@ use tests::raw_scene::RawScenes;
 use tests::stack::{MoveError, PATIENCE, Part, Stack};
 
 use super::executed::moves;
-use super::{ENDS, SECOND_NS, comes_to, execute, on_the_body, request, running_with, settings};
-use crate::{Report, Scale};
+use super::scenario::{
+    ENDS, SECOND_NS, comes_to, execute, on_the_body, request, running_with, settings,
+};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// A scene of a few seconds.
 const LIFETIME_NS: i64 = 5 * SECOND_NS;

@@ -23,8 +23,9 @@ use tests::world::{Settings, World};
 use toml::{Table, Value};
 use trajectory::Trajectory;
 
+use crate::report::Report;
 use crate::safe::on_path::{Along, Nearest};
-use crate::{Report, Scale};
+use crate::scale::Scale;
 
 /// Rates of the loop, Hz: the periods of the simulated stops.
 const RATES_HZ: [i64; 4] = [4000, 1000, 400, 100];

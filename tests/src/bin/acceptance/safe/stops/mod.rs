@@ -5,26 +5,22 @@ mod extrapolating_law;
 mod judge;
 mod live;
 mod motions;
+mod premise;
 
 use drive::{Before, Run, stop_everywhere};
 use pcc_model::Robot;
+use premise::{ON_PATH_RAD, ROUNDING, have_jerk_steps};
 use tests::programs::repository;
-use trajectory::Trajectory;
 
-use crate::{Report, Scale};
+use crate::report::Report;
+use crate::scale::Scale;
 
 /// Periods, ns: 4 kHz, 1 kHz, 400 Hz, 100 Hz.
 const PERIODS_NS: [i64; 4] = [250_000, 1_000_000, 2_500_000, 10_000_000];
-/// The largest step of jerk that each motion has at least, of the jerk limit.
-const LEAST_JERK_STEP: f64 = 0.1;
-/// How far above a limit rounding may bring a figure.
-const ROUNDING: f64 = 1.0 + 1e-6;
 /// Rounding of positions ÷ the square of the shortest cycle, ÷ the acceleration limit.
 const DIFFERENCE_ROUNDING: f64 = 1.0 + 1e-5;
 /// The median stop, of what it took with the extrapolating law.
 const LONGEST_MEDIAN: f64 = 1.05;
-/// How far from its path rounding may bring a set-point, rad.
-const ON_PATH_RAD: f64 = 1e-9;
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "acceptance safe, stops";
@@ -65,18 +61,6 @@ fn simulated(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         scale.pick(3_600, 100_000),
     );
     Ok(())
-}
-
-/// The premise: each motion has a step of jerk.
-fn have_jerk_steps(report: &mut Report, about: &str, robot: &Robot, motions: &[Trajectory]) {
-    let with_steps = motions::largest_jerk_steps(robot, motions);
-    let least = with_steps.iter().copied().fold(f64::INFINITY, f64::min);
-    let name =
-        format!("{about}: motions with steps of jerk, the least of their largest ÷ jerk limit");
-    let all_have = least >= LEAST_JERK_STEP && !motions.is_empty();
-    let figure = format!("{least:.3} of {} motions", motions.len());
-    let bar = format!(">= {LEAST_JERK_STEP}, all");
-    report.check(&name, figure, &bar, all_have);
 }
 
 fn judge(report: &mut Report, all: &Run, trials: usize, least: usize) {

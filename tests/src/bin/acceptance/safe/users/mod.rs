@@ -1,74 +1,27 @@
 //! Another user of the machine, who acts before, between and after the starts of a robot's processes.
 
+mod reach;
 mod root_folder;
+mod times;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, OpenOptions};
 use std::io::Write;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 use iceoryx2::config::Config;
 use iceoryx2::prelude::{FileName, NodeBuilder, Path as IoxPath, SemanticString, ipc};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::process::{Pid, Signal, kill_process};
-use shared_types::codes::LoopFault;
 use tests::other_user::{OTHER, OWNER, OwnersRobot, as_user};
 
-use crate::{Report, Scale};
+use self::reach::{COUNTER, opens, reach};
+use self::times::{PARTS, PATIENCE, PLAN, Times};
+use crate::report::Report;
+use crate::scale::Scale;
 
 const COMMAND: &str = "acceptance safe, users";
-const PARTS: [&str; 3] = ["planner-daemon", "controller", "simulated-robot"];
-const PATIENCE: Duration = Duration::from_secs(60);
-const PLAN: &[&str] = &[
-    "plan",
-    "--tip",
-    "0.8",
-    "0.2",
-    "2.7",
-    "--sampler",
-    "straight",
-];
-const MOTIONS: [&[&str]; 2] = [
-    &[
-        "plan",
-        "--tip",
-        "0.8",
-        "0.2",
-        "2.7",
-        "--sampler",
-        "straight",
-        "--execute",
-    ],
-    &[
-        "plan",
-        "--tip",
-        "-0.8",
-        "0.4",
-        "2.6",
-        "--sampler",
-        "straight",
-        "--execute",
-    ],
-];
-const WATCH: &[&str] = &["watch", "--rate-hz", "100", "--times", "3"];
-/// Faults that a controller latches when its robot is killed.
-const ROBOT_GONE: [LoopFault; 2] = [LoopFault::RobotLost, LoopFault::RobotRampedToRest];
-/// What a measurement tries.
-const STEPS: [&str; 6] = [
-    "pcc stop",
-    "pcc plan",
-    "a new pcc watch",
-    "restart of the daemon",
-    "restart of the controller",
-    "restart of the robot",
-];
-/// How much longer than usual `pcc` may take among false names, and how much longer a restart may.
-const PCC_MORE: Duration = Duration::from_millis(300);
-const RESTART_MORE: Duration = Duration::from_secs(1);
-/// The node counter's name after the prefix, as iceoryx2 0.10.0 makes it.
-const COUNTER: &str = "_9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0.global_mgmt";
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     report.group("another user, running processes", COMMAND, |report| {
@@ -80,111 +33,6 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         COMMAND,
         root_folder::taken,
     );
-}
-
-/// What `pcc` and restarts take, how often they were tried in vain, and what was wrong with a stop.
-#[derive(Clone, Debug, Default)]
-struct Times {
-    stop: Duration,
-    plan: Duration,
-    watch: Duration,
-    restarts: [Duration; 3],
-    /// Tries that failed before one succeeded, of each of [`STEPS`].
-    failed: [usize; 6],
-    /// Processes that had ended by themselves after a restart.
-    ended: Vec<String>,
-    /// A `pcc stop` that failed while the robot moved, or after which it went on.
-    not_stopped: Vec<String>,
-}
-
-impl Times {
-    fn measure(robot: &mut OwnersRobot) -> anyhow::Result<Self> {
-        let plan = robot.until_it_works(PLAN, PATIENCE)?;
-        let watch = robot.until_it_works(WATCH, PATIENCE)?;
-        let stop = robot.stop_in_motion(MOTIONS, PATIENCE)?;
-        let mut not_stopped = Vec::from_iter(stop.refusal);
-        if stop.to_rest.is_none() {
-            not_stopped.push("the robot goes on".to_owned());
-        }
-        let mut times = Self {
-            plan: plan.took,
-            stop: stop.took,
-            watch: watch.took,
-            restarts: [Duration::ZERO; 3],
-            failed: [stop.failed_motions, plan.failed, watch.failed, 0, 0, 0],
-            ended: Vec::new(),
-            not_stopped,
-        };
-        for (index, part) in PARTS.into_iter().enumerate() {
-            times.restart(robot, index, part)?;
-        }
-        Ok(times)
-    }
-
-    /// Until the daemon plans and the controller holds the robot again.
-    fn restart(
-        &mut self,
-        robot: &mut OwnersRobot,
-        index: usize,
-        part: &'static str,
-    ) -> anyhow::Result<()> {
-        let begin = Instant::now();
-        robot.start(part);
-        let tried = robot.until_it_works(PLAN, PATIENCE)?;
-        let by_right: &[LoopFault] = match part {
-            "simulated-robot" => &ROBOT_GONE,
-            _ => &[],
-        };
-        robot.until_holding(PATIENCE, by_right)?;
-        self.restarts[index] = begin.elapsed();
-        self.failed[3 + index] = tried.failed;
-        let ended = robot.ended();
-        let after = |name: String| format!("{name}, after a restart of {part}");
-        self.ended.extend(ended.into_iter().map(after));
-        Ok(())
-    }
-
-    /// The longer of each, and all that was wrong.
-    fn longest(mut self, other: Self) -> Self {
-        let longer = |a: Duration, b: Duration| a.max(b);
-        self.not_stopped.extend(other.not_stopped);
-        self.ended.extend(other.ended);
-        Self {
-            stop: longer(self.stop, other.stop),
-            plan: longer(self.plan, other.plan),
-            watch: longer(self.watch, other.watch),
-            restarts: std::array::from_fn(|i| longer(self.restarts[i], other.restarts[i])),
-            failed: std::array::from_fn(|i| self.failed[i].max(other.failed[i])),
-            ended: self.ended,
-            not_stopped: self.not_stopped,
-        }
-    }
-
-    /// Each by its name, and how much longer than usual it may be.
-    fn all(&self) -> [(&'static str, Duration, Duration); 6] {
-        let [daemon, controller, robot] = self.restarts;
-        let took = [self.stop, self.plan, self.watch, daemon, controller, robot];
-        let more = [
-            PCC_MORE,
-            PCC_MORE,
-            PCC_MORE,
-            RESTART_MORE,
-            RESTART_MORE,
-            RESTART_MORE,
-        ];
-        std::array::from_fn(|i| (STEPS[i], took[i], more[i]))
-    }
-
-    /// No step may have failed more often than without another user.
-    fn tell_failed(&self, report: &mut Report, about: &str, usual: &Self) {
-        for (index, step) in STEPS.into_iter().enumerate() {
-            let (failed, usually) = (self.failed[index], usual.failed[index]);
-            let name = format!("defect 9: {step} {about}, tries that failed (usual: {usually})");
-            report.at_most(&name, failed as f64, usually as f64);
-        }
-        let name = format!("defect 9: processes that ended by themselves, {about}");
-        report.none_of(&name, &self.ended);
-    }
 }
 
 fn running(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
@@ -234,61 +82,6 @@ fn confirm_other_user(report: &mut Report) -> anyhow::Result<()> {
     let name = "defect 9: another Linux user could be made, and is one";
     report.check(name, figure, "Ok(true)", refused == Ok(true));
     Ok(())
-}
-
-/// Every name of the robot's, opened for reading, for writing, listed, locked.
-fn reach(report: &mut Report, robot: &OwnersRobot, about: &str) -> anyhow::Result<()> {
-    let mut names = robot.root_files();
-    names.extend(robot.shared_memory());
-    // What the other user has made is its own.
-    let is_others = |name: &PathBuf| fs::symlink_metadata(name).is_ok_and(|it| it.uid() == OTHER);
-    names.retain(|name| !is_others(name));
-    let open = as_user(OTHER, || {
-        names.iter().filter(|name| opens(name)).collect::<Vec<_>>()
-    })?;
-    let shown: Vec<String> = open.iter().map(|name| name.display().to_string()).collect();
-    let name = format!(
-        "defect 9: of {} files and folders, opened by another user, {about}",
-        names.len()
-    );
-    report.none_of(&name, &shown);
-    let locks = names
-        .iter()
-        .filter(|name| name.extension().is_some_and(|end| end == "lock"));
-    let locks: Vec<&PathBuf> = locks.collect();
-    let held = as_user(OTHER, || {
-        locks.iter().filter(|name| is_locked(name)).count()
-    })?;
-    let name = format!(
-        "defect 9: lock files of {} that another user can hold, {about}",
-        locks.len()
-    );
-    report.check(
-        &name,
-        held.to_string(),
-        "0, of some",
-        held == 0 && locks.len() >= 4,
-    );
-    let root = robot.root();
-    let modes = names.iter().filter_map(|name| {
-        let mode = fs::symlink_metadata(name).ok()?.mode() & 0o7777;
-        let private = name.starts_with(&root) && name.is_dir();
-        (!private && mode & 0o077 != 0).then(|| format!("{} {mode:04o}", name.display()))
-    });
-    report.none_of(
-        &format!("defect 9: files with a right for others, {about}"),
-        &modes.collect::<Vec<_>>(),
-    );
-    Ok(())
-}
-
-fn opens(path: &Path) -> bool {
-    let read = fs::read_dir(path).is_ok() || fs::File::open(path).is_ok();
-    read || OpenOptions::new().write(true).open(path).is_ok()
-}
-
-fn is_locked(path: &Path) -> bool {
-    fs::File::open(path).is_ok_and(|file| file.try_lock().is_ok())
 }
 
 /// Signals, and the processes' memory and environment.

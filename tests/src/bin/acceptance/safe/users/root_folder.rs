@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 
 use tests::other_user::{OTHER, OWNER, OwnersRobot, as_user};
 
-use super::{COUNTER, MOTIONS, PARTS, PATIENCE, PLAN, Times, reach};
-use crate::Report;
+use super::reach::{COUNTER, reach};
+use super::times::{MOTIONS, PARTS, PATIENCE, PLAN, Times};
+use crate::report::Report;
 
 /// A root folder that others can enter is refused by what is wrong and what is allowed.
 pub(super) fn open(report: &mut Report) -> anyhow::Result<()> {

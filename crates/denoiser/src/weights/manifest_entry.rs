@@ -1,0 +1,80 @@
+//! What `MANIFEST.toml` says of one weights file.
+
+use crate::weights::error::WeightsError;
+use input_files::shortened;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer};
+use std::ffi::OsStr;
+use std::path::Path;
+
+/// Longest name of a file, bytes.
+const MAX_NAME: usize = 255;
+
+/// What the manifest says of one file.
+#[derive(Clone, Debug, Deserialize, PartialEq)]
+#[serde(deny_unknown_fields)]
+pub struct ManifestEntry {
+    /// File name in the manifest's folder.
+    pub file: String,
+    /// SHA-256 of its content, in hexadecimal.
+    pub sha256: String,
+    /// Its size.
+    pub bytes: u64,
+    /// Which network it holds.
+    pub architecture: String,
+    /// How its data was made.
+    pub description: String,
+    /// Seconds of training.
+    pub training_seconds: u64,
+    /// Updates of training.
+    pub updates: u64,
+    /// Figures measured with it, and the command that measured them.
+    #[serde(default, deserialize_with = "table")]
+    pub measured: toml::Table,
+}
+
+/// A table, which a date is not, though it reads like one.
+fn table<'de, D: Deserializer<'de>>(deserializer: D) -> Result<toml::Table, D::Error> {
+    match toml::Value::deserialize(deserializer)? {
+        toml::Value::Table(table) => Ok(table),
+        other => {
+            let found = other.type_str();
+            Err(D::Error::custom(format!(
+                "invalid type: {found}, expected a table"
+            )))
+        }
+    }
+}
+
+impl ManifestEntry {
+    pub(crate) fn check(&self, path: &Path, name: &str) -> Result<(), WeightsError> {
+        let is_name = Path::new(&self.file).file_name() == Some(OsStr::new(&self.file));
+        let is_file = is_name && self.file.len() <= MAX_NAME && !self.file.contains('\0');
+        let is_hash = self.sha256.len() == 64 && self.sha256.bytes().all(|b| b.is_ascii_hexdigit());
+        for (holds, key, found, allowed) in [
+            (
+                is_file,
+                "file",
+                &self.file,
+                "the name of a file beside it, of at most 255 bytes,",
+            ),
+            (
+                is_hash,
+                "sha256",
+                &self.sha256,
+                "a hash of 64 hexadecimal digits",
+            ),
+        ] {
+            if !holds {
+                return Err(WeightsError::Entry {
+                    path: path.into(),
+                    name: name.into(),
+                    key,
+                    found: shortened(&format!("{found:?}")),
+                    allowed,
+                });
+            }
+        }
+        Ok(())
+    }
+}
