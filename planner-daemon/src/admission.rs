@@ -126,7 +126,7 @@ impl Border {
             sampler: sampler(asked.sampler),
             selection: selection(asked.selection),
             limits_scale: asked.limits_scale,
-            growth: self.growth,
+            padding: self.growth,
             knots: self.capacity.knots_per_candidate,
             corrections: MOST_CORRECTIONS,
             start_motion: (!asked.starts_at_rest()).then(|| StartMotion {
@@ -187,7 +187,7 @@ fn selection(rule: SelectionRule) -> Selection {
         SelectionRule::Best(Code::ShortestTipPath) => Selection::ShortestTipPath,
         SelectionRule::Best(Code::LargestClearance) => Selection::LargestClearance,
         SelectionRule::Best(Code::Smoothest) => Selection::Smoothest,
-        SelectionRule::Best(Code::NearestTerminalShape) => Selection::NearestTerminalShape,
+        SelectionRule::Best(Code::NearestTerminalShape) => Selection::NearestGoalConfiguration,
     }
 }
 
@@ -237,7 +237,7 @@ mod tests {
         assert_eq!(order.tip_tolerance, 0.01);
         assert_eq!(order.execution, None);
         assert_eq!(
-            (order.request.growth, order.request.knots),
+            (order.request.padding, order.request.knots),
             ([0.0225; SECTIONS], 96)
         );
     }
@@ -306,7 +306,7 @@ mod tests {
             Selection::ShortestTipPath,
             Selection::LargestClearance,
             Selection::Smoothest,
-            Selection::NearestTerminalShape,
+            Selection::NearestGoalConfiguration,
         ]) {
             assert_eq!(selection(SelectionRule::Best(rule)), expected);
         }

@@ -361,7 +361,7 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         sampler,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: tracking_growth(planner.robot(), config.path_tolerance_rad),
+        padding: tracking_growth(planner.robot(), config.path_tolerance_rad),
         knots: config.capacity.knots_per_candidate,
         corrections: MOST_CORRECTIONS,
         start_motion: None,

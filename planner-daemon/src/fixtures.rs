@@ -35,7 +35,7 @@ pub(crate) fn request() -> Request {
         sampler: Sampler::Straight,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: [0.0225; SECTIONS],
+        padding: [0.0225; SECTIONS],
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,

@@ -59,7 +59,9 @@ pub(crate) fn infeasible(infeasible: &Infeasible, goal: &Goal, section_length_m:
             let reason = match goal {
                 Goal::Tip(_) => {
                     let miss = metres(miss);
-                    format!("the closest shape found within the bending limit misses it by {miss}")
+                    format!(
+                        "the closest configuration found within the bending limit misses it by {miss}"
+                    )
                 }
                 Goal::Configuration(_) => {
                     format!("a section is bent {miss:.4} rad beyond the limit")
@@ -70,10 +72,13 @@ pub(crate) fn infeasible(infeasible: &Infeasible, goal: &Goal, section_length_m:
                 format!("goal out of reach: {reason}"),
             )
         }
-        Infeasible::GoalInCollision { shapes, clearance } => Refusal::new(
+        Infeasible::GoalInCollision {
+            configurations,
+            clearance,
+        } => Refusal::new(
             Outcome::GoalInCollision,
             format!(
-                "goal in collision: the clearest of {shapes} end shapes has clearance {}, at least 0 is needed",
+                "goal in collision: the clearest of {configurations} goal configurations has clearance {}, at least 0 is needed",
                 metres(clearance)
             ),
         ),
@@ -102,7 +107,7 @@ pub(crate) fn tip_error(
 
 /// Hash of knots, one after the other: equal plans have equal hashes.
 ///
-/// The `FxHash` of rustc (rotate by 5, exclusive or, multiply) over the bits of every number, in a lane each for times and shapes,
+/// The `FxHash` of rustc (rotate by 5, exclusive or, multiply) over the bits of every number, in a lane each for times and configurations,
 /// for velocities and for accelerations, since each step waits for the one before it in its lane; then over the lanes. The
 /// rotation keeps two changed signs from cancelling.
 #[derive(Clone, Copy, Debug)]
@@ -114,10 +119,10 @@ impl KnotHash {
     }
 
     pub(crate) fn add(&mut self, knot: &Knot) {
-        let [shapes, velocities, accelerations] = &mut self.0;
-        mix(shapes, knot.time_s.to_bits());
+        let [configurations, velocities, accelerations] = &mut self.0;
+        mix(configurations, knot.time_s.to_bits());
         for axis in 0..DOF {
-            mix(shapes, knot.configuration_rad[axis].to_bits());
+            mix(configurations, knot.configuration_rad[axis].to_bits());
             mix(velocities, knot.velocity_rad_s[axis].to_bits());
             mix(accelerations, knot.acceleration_rad_s2[axis].to_bits());
         }
@@ -183,7 +188,7 @@ mod tests {
         let tip = Goal::Tip(pcc_model::Point::new(9.0, 0.0, 0.0));
         let shape = Goal::Configuration(Configuration::repeat(9.0));
         let (excess_rad, limit_rad) = (0.1, 1.5);
-        let (clearance, shapes, miss) = (-0.1, 3, 0.5);
+        let (clearance, configurations, miss) = (-0.1, 3, 0.5);
         let bent = Infeasible::StartOutOfLimits {
             excess_rad,
             limit_rad,
@@ -209,10 +214,13 @@ mod tests {
                 "bent 0.5000 rad",
             ),
             (
-                Infeasible::GoalInCollision { shapes, clearance },
+                Infeasible::GoalInCollision {
+                    configurations,
+                    clearance,
+                },
                 tip,
                 Outcome::GoalInCollision,
-                "3 end shapes has clearance -0.0200 m",
+                "3 goal configurations has clearance -0.0200 m",
             ),
         ] {
             let refusal = infeasible(&reason, &goal, 0.2);

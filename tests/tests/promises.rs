@@ -131,7 +131,7 @@ fn delivered_candidates_keep_every_promise() {
                 sampler,
                 selection: Selection::ShortestTime,
                 limits_scale: 1.0,
-                growth: GROWTH,
+                padding: GROWTH,
                 knots: 96,
                 corrections: MOST_CORRECTIONS,
                 start_motion: None,

@@ -35,7 +35,7 @@ pub struct Row {
     pub target_index: i32,
     /// Index of the start at its target.
     pub start_index: i16,
-    /// Index of the end shape at its target.
+    /// Index of the goal configuration at its target.
     pub ik_index: i16,
     /// The part it belongs to.
     pub split: Split,

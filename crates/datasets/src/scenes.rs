@@ -3,7 +3,8 @@
 use collision::{Ball, Scene, certify_polyline};
 use pcc_model::{Configuration, Point, Robot};
 use planning::{
-    Goal, Problem, RrtSettings, end_shapes, random_configuration, rrt_connect, straight_path,
+    Goal, Problem, RrtSettings, goal_configurations, random_configuration, rrt_connect,
+    straight_path,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -170,18 +171,18 @@ fn is_hard(
         goal: Goal::Tip(*tip),
         scene: scene.clone(),
     };
-    let Ok(ends) = end_shapes(robot, &problem, 10, rng) else {
+    let Ok(ends) = goal_configurations(robot, &problem, 10, rng) else {
         return false;
     };
     let free =
         |end: &&Configuration| certify_polyline(robot, scene, &straight_path(start, end)).is_free();
-    let straight_ones = ends.shapes.iter().filter(free).count();
-    straight_ones * 10 <= ends.shapes.len()
+    let straight_ones = ends.iter().filter(free).count();
+    straight_ones * 10 <= ends.len()
         && rrt_connect(
             robot,
             scene,
             start,
-            &ends.shapes,
+            &ends,
             &RrtSettings::default(),
             rng,
             &|| false,

@@ -16,7 +16,7 @@ use std::str::FromStr;
 
 /// Most worker threads.
 const MOST_THREADS: usize = 256;
-/// Most balls of a generated scene, end shapes of a start, and trees of a search.
+/// Most balls of a generated scene, goal configurations of a start, and trees of a search.
 const MOST_OF_A_SET: usize = 64;
 /// Most targets of a set: weeks of work of a large machine.
 const MOST_TARGETS: u64 = 10_000_000;
@@ -186,7 +186,7 @@ pub(crate) fn balls() -> Number<usize> {
     whole(0, MOST_OF_A_SET)
 }
 
-/// A number of end shapes or of trees.
+/// A number of goal configurations or of trees.
 pub(crate) fn of_a_set() -> Number<usize> {
     whole(1, MOST_OF_A_SET)
 }

@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         sampler: Sampler::Default,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: tracking_growth(&robot, 0.01),
+        padding: tracking_growth(&robot, 0.01),
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,

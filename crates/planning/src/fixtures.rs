@@ -1,5 +1,7 @@
-//! What several unit tests need.
+//! A robot and a search for unit tests.
 
+use crate::search::edges::{RrtSettings, Search};
+use collision::Scene;
 use pcc_model::Robot;
 use std::path::Path;
 
@@ -7,4 +9,18 @@ use std::path::Path;
 pub(crate) fn unit_robot() -> Robot {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
     Robot::from_file(Path::new(file)).unwrap()
+}
+
+/// A search that nobody interrupts.
+pub(crate) fn search<'a>(
+    robot: &'a Robot,
+    scene: &'a Scene,
+    settings: &'a RrtSettings,
+) -> Search<'a> {
+    Search {
+        robot,
+        scene,
+        settings,
+        interrupt: &|| false,
+    }
 }

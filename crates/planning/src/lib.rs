@@ -1,69 +1,52 @@
 //! Motion planning for three-section continuum robots: a request becomes certified, timed candidates.
 //!
 //! Lengths are in units of one section's arc length, angles in radians, and every position is in the robot's
-//! base frame. The stages of [`Planner::plan`] are: end shapes by analytic inverse kinematics, paths from a
-//! learned sampler (or straight ones, or a tree), analytic correction, time allocation, certification of the
+//! base frame. The stages of [`Planner::plan`] are: goal configurations by analytic inverse kinematics, paths from a
+//! learned sampler (or straight ones, or a tree), analytic correction, time parameterization, certification of the
 //! executed curve, selection.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-mod basis;
-mod braking;
-mod canonical;
-mod cholesky;
-mod correction;
-mod diffusion;
-mod end_shapes;
-mod features;
-mod fill;
-mod finish;
-mod first_success;
-mod first_way;
+mod error;
 #[cfg(test)]
 mod fixtures;
-mod inverse_kinematics;
-mod known_ways;
-mod learned;
-mod least_duration;
-mod metrics;
-mod neighbours;
-mod newton;
+mod goals;
+mod models;
+mod motion;
+mod optimize;
 mod path;
-mod pen;
+mod pipeline;
 mod plan;
 mod planner;
-mod previous;
 mod problem;
-mod pushes;
-mod race;
-mod random_configuration;
-mod reach;
-mod rrt_connect;
-mod run;
-pub mod sampled_collision;
-mod sampling;
-mod select;
-mod sharpen;
-mod smoothing;
-mod straighten;
-mod terminal;
+mod request;
+mod resources;
+mod search;
+mod stage_times;
 
-pub use basis::{SineBasis, SmoothLeastSquares};
-pub use correction::limit_pushes;
 pub use denoiser::FeatureFrame;
-pub use diffusion::{DiffusionModel, DiffusionSettings, Guidance, PrecisionUnavailable};
-pub use end_shapes::{EndShapes, end_shapes};
-pub use features::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, features, residual_coefficients};
-pub use finish::MOST_CORRECTIONS;
-pub use inverse_kinematics::solve_tip;
-pub use metrics::{PathMetrics, SetMetrics, modes, path_metrics, set_metrics};
-pub use path::{WAYPOINTS, Waypoints, parameter, project_to_limits, resample, straight_path};
-pub use plan::{
-    Candidate, Certified, Draw, Failure, Plan, Request, Sampler, Source, StageTimes, StartMotion,
+pub use error::{Infeasible, PlannerError};
+pub use goals::goal_configurations::goal_configurations;
+pub use models::diffusion::{DiffusionModel, DiffusionSettings, PrecisionUnavailable};
+pub use models::features::{
+    BALL_FEATURES, COEFFICIENTS, END_FEATURES, features, residual_coefficients,
 };
-pub use planner::{Models, Planner, PlannerError, Supervision};
-pub use previous::PreviousPlan;
-pub use problem::{Goal, Infeasible, Problem};
-pub use random_configuration::random_configuration;
-pub use rrt_connect::{RrtSettings, rrt_connect};
-pub use sampled_collision::SampledVerdict;
-pub use select::{Selection, select};
+pub use models::sampled_collision;
+pub use models::sampled_collision::SampledVerdict;
+pub use motion::path_to_trajectory::MOST_CORRECTIONS;
+pub use optimize::collision_correction::limit_pushes;
+pub use path::metrics::{PathMetrics, SetMetrics, modes, path_metrics, set_metrics};
+pub use path::sine_basis::SineBasis;
+pub use path::smooth_least_squares::SmoothLeastSquares;
+pub use path::waypoints::{
+    WAYPOINTS, Waypoints, parameter, project_to_limits, resample, straight_path,
+};
+pub use pipeline::selection::select;
+pub use plan::{Candidate, Certified, Draw, Failure, Plan, Source};
+pub use planner::Planner;
+pub use problem::{Goal, Problem};
+pub use request::{Guidance, PreviousPlan, Request, Sampler, Selection, StartMotion, Supervision};
+pub use resources::Models;
+pub use search::edges::RrtSettings;
+pub use search::random_configuration::random_configuration;
+pub use search::rrt_connect::rrt_connect;
+pub use stage_times::StageTimes;

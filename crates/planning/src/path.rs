@@ -1,51 +1,8 @@
-//! Paths of a fixed number of waypoints in configuration space.
+//! Paths of 64 waypoints: straight ones, smooth changes of them, smoothing, and figures.
 
-use pcc_model::{Configuration, Robot};
-
-/// Waypoints of a path, as in the paper (H = 64).
-pub const WAYPOINTS: usize = 64;
-
-/// A path: `WAYPOINTS` configurations, radians, equally spaced in its own parameter u = h / 63.
-pub type Waypoints = Vec<Configuration>;
-
-/// The straight segment between two shapes: the fastest motion, since tendons are linear in ζ (docs/robot.md "Tendons").
-#[must_use]
-pub fn straight_path(start: &Configuration, end: &Configuration) -> Waypoints {
-    (0..WAYPOINTS)
-        .map(|h| start.lerp(end, parameter(h)))
-        .collect()
-}
-
-/// u of waypoint h.
-#[must_use]
-pub fn parameter(h: usize) -> f64 {
-    h as f64 / (WAYPOINTS - 1) as f64
-}
-
-/// Resamples a polyline to `WAYPOINTS` points equally spaced in its configuration-space length.
-#[must_use]
-pub fn resample(polyline: &[Configuration]) -> Waypoints {
-    let lengths: Vec<f64> = polyline.windows(2).map(|w| (w[1] - w[0]).norm()).collect();
-    let total: f64 = lengths.iter().sum();
-    let (mut edge, mut passed) = (0, 0.0);
-    (0..WAYPOINTS)
-        .map(|h| {
-            let wanted = total * parameter(h);
-            while edge + 1 < lengths.len() && passed + lengths[edge] < wanted {
-                passed += lengths[edge];
-                edge += 1;
-            }
-            let fraction =
-                ((wanted - passed) / lengths[edge].max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-            polyline[edge].lerp(&polyline[edge + 1], fraction)
-        })
-        .collect()
-}
-
-/// Brings every waypoint between the ends inside the bending limit, section by section; the ends stay as they are.
-pub fn project_to_limits(robot: &Robot, path: &mut [Configuration]) {
-    let last = path.len().saturating_sub(1);
-    for waypoint in path.iter_mut().take(last).skip(1) {
-        *waypoint = robot.project_to_limits(waypoint);
-    }
-}
+pub(crate) mod cholesky;
+pub(crate) mod metrics;
+pub(crate) mod sine_basis;
+pub(crate) mod smooth_least_squares;
+pub(crate) mod smoothing_spline;
+pub(crate) mod waypoints;

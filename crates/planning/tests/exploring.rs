@@ -10,7 +10,7 @@ use shipped::planner;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Two candidates: exploring leads to the same end shape more than once.
+/// Two candidates: exploring leads to the same goal configuration more than once.
 fn request(seed: u64) -> Request {
     Request {
         candidates: 2,

@@ -108,7 +108,7 @@ fn infeasible_problems_are_named() {
         }
         let goal = ask(&on_the_goal);
         assert!(
-            matches!(goal, Infeasible::GoalInCollision { shapes, .. } if shapes > 10),
+            matches!(goal, Infeasible::GoalInCollision { configurations, .. } if configurations > 10),
             "{goal}"
         );
     }
@@ -184,7 +184,7 @@ fn the_same_seed_gives_the_same_bits_with_one_thread_and_with_two() {
         let ends = |p: &Plan| p.candidates.iter().map(Candidate::end).collect::<Vec<_>>();
         assert!(
             ends(&one) != ends(&other),
-            "another seed draws other end shapes"
+            "another seed draws other goal configurations"
         );
     }
 }

@@ -16,7 +16,7 @@ use shipped::planner;
 use std::path::Path;
 use std::sync::Arc;
 
-const GROWTH: [f64; SECTIONS] = [0.0225; SECTIONS];
+const PADDING: [f64; SECTIONS] = [0.0225; SECTIONS];
 
 fn at_root(path: &str) -> std::path::PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -31,7 +31,7 @@ fn robot() -> Robot {
 fn request(sampler: Sampler) -> Request {
     Request {
         candidates: 6,
-        growth: GROWTH,
+        padding: PADDING,
         ..requests::request(sampler, 1)
     }
 }
@@ -104,7 +104,7 @@ fn sampled(candidate: &Candidate, solid: &Solid, robot: &Robot) -> f64 {
 #[test]
 fn motions_lead_around_every_kind_of_solid() {
     let (planner, robot) = (planner(2), robot());
-    let grown = robot.with_tube_growth(&GROWTH);
+    let padded = robot.with_tube_growth(&PADDING);
     for (name, solid) in in_the_way() {
         let solid = Arc::new(solid);
         let scene = Scene::with_solids(Vec::new(), vec![solid.clone()]).unwrap();
@@ -128,10 +128,10 @@ fn motions_lead_around_every_kind_of_solid() {
             assert!(plan.candidates.len() >= least, "{name} {sampler:?}");
             for candidate in &plan.candidates {
                 let certified =
-                    certify_trajectory(&grown, &problem.scene, &candidate.trajectory, 0.0);
+                    certify_trajectory(&padded, &problem.scene, &candidate.trajectory, 0.0);
                 assert!(certified.is_free());
                 let sampled = sampled(candidate, &solid, &robot);
-                assert!(sampled >= GROWTH[0], "{name} {sampler:?}: {sampled}");
+                assert!(sampled >= PADDING[0], "{name} {sampler:?}: {sampled}");
                 assert!(candidate.metrics.clearance <= sampled);
             }
         }

@@ -1,4 +1,4 @@
-//! Making paths for training and tests: targets, starts, end shapes, and the expert's certified paths.
+//! Making paths for training and tests: targets, starts, goal configurations, and the expert's certified paths.
 
 use super::path_optimizer::teach;
 use super::report::BlockReport;
@@ -8,7 +8,8 @@ use crate::scenes::{Target, draw_target};
 use collision::certify_polyline;
 use pcc_model::{Configuration, Robot, SECTIONS};
 use planning::{
-    Goal, Problem, RrtSettings, Waypoints, end_shapes, resample, rrt_connect, straight_path,
+    Goal, Problem, RrtSettings, Waypoints, goal_configurations, resample, rrt_connect,
+    straight_path,
 };
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
@@ -57,14 +58,15 @@ fn target_rows(
             goal: Goal::Tip(target.tip),
             scene: target.scene.clone(),
         };
-        let Ok(mut ends) = end_shapes(robot, &problem, 10.max(recipe.ends), &mut rng) else {
+        let Ok(mut ends) = goal_configurations(robot, &problem, 10.max(recipe.ends), &mut rng)
+        else {
             report.dropped_starts += 1;
             report.missing_ends += recipe.ends;
             continue;
         };
-        report.missing_ends += recipe.ends.saturating_sub(ends.shapes.len());
-        ends.shapes.shuffle(&mut rng);
-        for (ik_index, end) in ends.shapes.iter().enumerate().take(recipe.ends) {
+        report.missing_ends += recipe.ends.saturating_sub(ends.len());
+        ends.shuffle(&mut rng);
+        for (ik_index, end) in ends.iter().enumerate().take(recipe.ends) {
             let Some(path) = taught_path(robot, recipe.trees, &problem, end, &mut rng, report)
             else {
                 report.dropped_paths += 1;

@@ -13,9 +13,9 @@ pub struct BlockReport {
     pub requested_paths: usize,
     /// Paths missing because a target that was not dropped has fewer starts than asked for.
     pub missing_starts: usize,
-    /// Paths missing because a start has fewer clear end shapes than asked for.
+    /// Paths missing because a start has fewer clear goal configurations than asked for.
     pub missing_ends: usize,
-    /// Starts without a clear end shape.
+    /// Starts without a clear goal configuration.
     pub dropped_starts: usize,
     /// Paths the teacher could not certify.
     pub dropped_paths: usize,

@@ -30,7 +30,7 @@ const AVOIDANCE: [[f64; 3]; 2] = [[-1.45, 0.0, 2.25], [1.35, 0.0, 2.45]];
 const BALL: ([f64; 3], f64) = ([0.0, 0.0, 1.5], 0.4);
 /// Terminal shapes that count as two solutions, rad.
 const DISTINCT_RAD: f64 = 0.5;
-/// Distance of the backbone from the later ball's surface that the chosen end shape must keep, section lengths.
+/// Distance of the backbone from the later ball's surface that the chosen goal configuration must keep, section lengths.
 const KEPT_CLEAR: f64 = 0.3;
 /// Times a motion is asked for: a machine that stalls for more than the robot's 20 ms makes the controller stop it.
 const ATTEMPTS: usize = 4;
@@ -413,7 +413,7 @@ fn clearest(robot: &Robot, later: &Scene, kept: f64, all: &[Proposal]) -> anyhow
         .max_by(|a, b| clearance(a).total_cmp(&clearance(b)))
         .context("no candidate")?;
     if clearance(best) < kept {
-        bail!("no end shape keeps {kept} m from where the ball will be");
+        bail!("no goal configuration keeps {kept} m from where the ball will be");
     }
     Ok(best.index)
 }

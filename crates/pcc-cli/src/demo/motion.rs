@@ -22,7 +22,7 @@ use trajectory::{Knot, Trajectory};
 const CANDIDATES: usize = 10;
 /// The demonstration is not about latency.
 const DEADLINE: Duration = Duration::from_millis(500);
-/// A motion that ends farther from its end shape was stopped on the way, rad.
+/// A motion that ends farther from its goal configuration was stopped on the way, rad.
 const SAME_CONFIGURATION_RAD: f64 = 1e-5;
 /// Longest time that a motion at a low speed is waited for, seconds.
 const LONGEST_MOTION_S: f64 = 86_400.0;

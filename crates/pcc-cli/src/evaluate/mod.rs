@@ -80,7 +80,7 @@ fn answer(
         sampler: arguments.planner.sampler().unwrap_or(Sampler::Straight),
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: [0.0; SECTIONS],
+        padding: [0.0; SECTIONS],
         knots: 96,
         corrections: arguments.corrections,
         start_motion: None,
@@ -88,7 +88,7 @@ fn answer(
     };
     let clock = Instant::now();
     let answered = match given {
-        Some(paths) => planner.judge(&problem, &request, paths, &|| false),
+        Some(paths) => planner.evaluate_paths(&problem, &request, paths, &|| false),
         None => planner.plan(&problem, &request, &|| false),
     };
     let plan = match answered {

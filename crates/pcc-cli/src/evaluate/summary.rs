@@ -188,7 +188,7 @@ impl PathFigures {
     }
 }
 
-/// Figures of the end shapes of a request's certified candidates, over all requests.
+/// Figures of the goal configurations of a request's certified candidates, over all requests.
 #[derive(Serialize)]
 struct SetFigures {
     modes: Spread,
@@ -199,7 +199,10 @@ struct SetFigures {
 
 impl SetFigures {
     fn of(plans: &[&Plan]) -> Self {
-        let sets: Vec<SetMetrics> = plans.iter().map(|plan| end_shapes(plan)).collect();
+        let sets: Vec<SetMetrics> = plans
+            .iter()
+            .map(|plan| goal_configuration_figures(plan))
+            .collect();
         Self {
             modes: Spread::of(sets.iter().map(|s| s.modes as f64)),
             mean_distance_rad: Spread::of(sets.iter().map(|s| s.mean_distance_rad)),
@@ -275,8 +278,8 @@ fn verdicts(
     answers.iter().map(case).collect()
 }
 
-/// Figures of the end shapes of a plan's certified candidates.
-fn end_shapes(plan: &Plan) -> SetMetrics {
+/// Figures of the goal configurations of a plan's certified candidates.
+fn goal_configuration_figures(plan: &Plan) -> SetMetrics {
     let ends: Vec<Configuration> = certified(plan).map(Candidate::end).collect();
     set_metrics(&ends)
 }

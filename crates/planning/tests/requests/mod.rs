@@ -3,7 +3,7 @@
 use pcc_model::SECTIONS;
 use planning::{MOST_CORRECTIONS, Request, Sampler, Selection};
 
-/// Ten candidates from rest to rest, as fast as the robot may, without growth.
+/// Ten candidates from rest to rest, as fast as the robot may, without padding.
 pub(crate) fn request(sampler: Sampler, seed: u64) -> Request {
     Request {
         candidates: 10,
@@ -11,7 +11,7 @@ pub(crate) fn request(sampler: Sampler, seed: u64) -> Request {
         sampler,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: [0.0; SECTIONS],
+        padding: [0.0; SECTIONS],
         knots: 96,
         corrections: MOST_CORRECTIONS,
         start_motion: None,

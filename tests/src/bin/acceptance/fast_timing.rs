@@ -111,7 +111,7 @@ impl Cases {
             sampler: Sampler::Default,
             selection: Selection::ShortestTime,
             limits_scale: 1.0,
-            growth: [0.0; SECTIONS],
+            padding: [0.0; SECTIONS],
             knots: ParameterizationOptions::default().knots,
             corrections: planning::MOST_CORRECTIONS,
             start_motion: None,

@@ -75,7 +75,7 @@ fn plan(
         sampler,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        growth: [0.0; 3],
+        padding: [0.0; 3],
         knots: ParameterizationOptions::default().knots,
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,

@@ -1,0 +1,74 @@
+//! Why a request cannot be planned.
+
+use thiserror::Error;
+
+/// Why a planner cannot serve a request.
+#[derive(Debug, Error, PartialEq)]
+pub enum PlannerError {
+    /// The problem itself has no solution.
+    #[error(transparent)]
+    Infeasible(#[from] Infeasible),
+    /// A learned sampler was asked for and its model is not loaded.
+    #[error(
+        "sampler not loaded: the request needs the {0} model, whose weights the configuration has to name; `straight` and `rrt-connect` need none"
+    )]
+    ModelNotLoaded(&'static str),
+    /// The robot's sections differ in length, which the unit model cannot express.
+    #[error("the planner needs three sections of one length, got {0:?}")]
+    UnequalSections([f64; 3]),
+    /// The worker threads could not be started.
+    #[error("the worker threads could not be started: {0}")]
+    Threads(String),
+}
+
+/// Why a problem has no solution, found before any path is searched.
+#[derive(Clone, Copy, Debug, Error, PartialEq)]
+pub enum Infeasible {
+    /// A section of the start configuration is bent beyond the robot's limit.
+    #[error(
+        "start out of limits: a section is bent {excess_rad:.4} rad beyond the allowed {limit_rad:.4} rad"
+    )]
+    StartOutOfLimits {
+        /// Angle above the limit, rad.
+        excess_rad: f64,
+        /// The limit, rad.
+        limit_rad: f64,
+    },
+    /// The body touches an obstacle at the start.
+    #[error("start in collision: clearance {clearance:.4} section lengths, at least 0 is needed")]
+    StartInCollision {
+        /// Signed clearance, section lengths.
+        clearance: f64,
+    },
+    /// The robot moves faster, or changes its motion faster, than it may.
+    #[error(
+        "start cannot stop: it uses {share:.3} times a tendon limit until it rests, at most 1 is allowed"
+    )]
+    StartTooFast {
+        /// Largest part of a limit that is used, until the robot rests.
+        share: f64,
+    },
+    /// The robot cannot come to rest straight ahead without contact or within its bending limits.
+    #[error(
+        "start cannot stop: braking straight ahead is not certified free of contact and within the bending limits"
+    )]
+    StartCannotStop,
+    /// No configuration within the limits puts the tip on the goal.
+    #[error(
+        "goal out of reach: the closest configuration found within the bending limit misses it by {miss:.4} section lengths"
+    )]
+    GoalOutOfReach {
+        /// Distance of the closest tip found, section lengths; for a configuration the angle above the limit.
+        miss: f64,
+    },
+    /// Every configuration found that reaches the goal touches an obstacle.
+    #[error(
+        "goal in collision: the clearest of {configurations} goal configurations has clearance {clearance:.4} section lengths, at least 0 is needed"
+    )]
+    GoalInCollision {
+        /// Number of configurations found that reach the goal.
+        configurations: usize,
+        /// Their largest clearance, section lengths.
+        clearance: f64,
+    },
+}

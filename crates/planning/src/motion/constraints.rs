@@ -1,0 +1,101 @@
+//! What a motion must keep, and making one that does of a path: timing, the certificate of the executed curve, its figures.
+
+use crate::motion::duration_bound;
+use crate::optimize::smooth_update::PushKernel;
+use crate::optimize::tip_path::TipPaths;
+use crate::path::metrics::{CLEARANCE_TOLERANCE, PathMetrics};
+use crate::plan::{Certified, Failure};
+use crate::problem::BENDING_SLACK_RAD;
+use crate::request::Interrupt;
+use collision::{Scene, certified_clearance};
+use pcc_model::{Configuration, Robot, TendonLimits};
+use std::cell::RefCell;
+use trajectory::{ParameterizationOptions, TimeParameterizer, Trajectory};
+
+thread_local! {
+    /// Working memory of each worker, kept from request to request.
+    static PARAMETERIZER: RefCell<TimeParameterizer> = RefCell::default();
+}
+
+/// What a motion must keep, and how far its path may be corrected to that end.
+pub(crate) struct MotionConstraints<'a> {
+    /// The robot in section lengths, as it is.
+    pub(crate) robot: &'a Robot,
+    /// The robot with the padded tubes that must keep clear.
+    pub(crate) padded: &'a Robot,
+    pub(crate) scene: &'a Scene,
+    pub(crate) kernel: &'a PushKernel,
+    pub(crate) tip_paths: &'a TipPaths,
+    /// Tendon limits of the motion, scaled as the request wants.
+    pub(crate) limits: TendonLimits,
+    /// Knots that a motion may have.
+    pub(crate) knots: usize,
+    /// Corrections that a path gets at most.
+    pub(crate) corrections: usize,
+    /// Asked between the steps; true truncates.
+    pub(crate) interrupt: Interrupt<'a>,
+}
+
+impl MotionConstraints<'_> {
+    /// Lower bound of the duration of a motion along a path, s.
+    pub(crate) fn least_duration_s(&self, path: &[Configuration]) -> f64 {
+        duration_bound::least_duration_s(self.robot, &self.limits, path)
+    }
+
+    /// Times a path of 64 waypoints from rest to rest.
+    pub(crate) fn time(&self, path: &[Configuration]) -> Result<Trajectory, Failure> {
+        self.parameterize(path, self.knots)
+    }
+
+    /// Times a path from rest to rest with at most so many knots.
+    pub(super) fn parameterize(
+        &self,
+        path: &[Configuration],
+        knots: usize,
+    ) -> Result<Trajectory, Failure> {
+        let options = ParameterizationOptions {
+            knots,
+            ..ParameterizationOptions::default()
+        };
+        let tendons = &self.robot.tendons;
+        PARAMETERIZER
+            .with_borrow_mut(|parameterizer| {
+                parameterizer.parameterize(path, tendons, &self.limits, &options)
+            })
+            .map_err(|_| Failure::Time)
+    }
+
+    /// Certifies the executed curve: whole body, whole motion, bending; its smallest clearance, section lengths.
+    pub(crate) fn certify(&self, trajectory: &Trajectory) -> Result<f64, Failure> {
+        if !self.keeps_bending(trajectory) {
+            return Err(Failure::Bending);
+        }
+        let (robot, padded, scene) = (self.robot, self.padded, self.scene);
+        certified_clearance(robot, padded, scene, trajectory, CLEARANCE_TOLERANCE)
+            .ok_or(Failure::Collision)
+    }
+
+    /// The Bézier control points bound the curve, since the allowed bending is convex.
+    fn keeps_bending(&self, trajectory: &Trajectory) -> bool {
+        trajectory.segments().all(|s| {
+            s.control
+                .iter()
+                .all(|q| self.robot.limit_excess(q) <= BENDING_SLACK_RAD)
+        })
+    }
+
+    /// A motion that is certified, with its figures of merit.
+    pub(crate) fn certified(&self, trajectory: Trajectory) -> Result<Certified, Failure> {
+        let clearance = self.certify(&trajectory)?;
+        Ok(self.describe(trajectory, clearance))
+    }
+
+    /// A certified motion with its figures of merit; `clearance` in section lengths.
+    pub(super) fn describe(&self, trajectory: Trajectory, clearance: f64) -> Certified {
+        let metrics = PathMetrics::of(self.robot, &trajectory, clearance);
+        Certified {
+            trajectory: trajectory.into(),
+            metrics,
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! From a path to a certified motion: smoothing its tip, correction, timing, the certificate.
+
+use crate::motion::constraints::MotionConstraints;
+use crate::motion::incumbent::Incumbent;
+use crate::optimize::collision_correction::{Correction, CorrectionMemory, Corrector};
+use crate::path::waypoints::Waypoints;
+use crate::plan::{Certified, Failure};
+use crate::stage_times::{StageTimes, Stopwatch};
+use pcc_model::{Configuration, SECTIONS};
+use std::cell::RefCell;
+use trajectory::Trajectory;
+
+/// Clearance that corrections aim for beyond the tube, in the first and the second attempt, section lengths.
+const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
+/// Clearance that smoothing a corrected path leaves beyond the tube, section lengths.
+const SMOOTHED_MARGIN: f64 = 0.01;
+/// Corrections that a path gets at most.
+pub const MOST_CORRECTIONS: usize = 2;
+
+thread_local! {
+    /// Working memory of each worker, kept from request to request.
+    static CORRECTION: RefCell<CorrectionMemory> = RefCell::default();
+}
+
+/// A path after correction, and the certified motion along it or why there is none.
+pub(crate) struct Delivered {
+    pub(crate) path: Waypoints,
+    pub(crate) outcome: Result<Certified, Failure>,
+    pub(crate) times: StageTimes,
+}
+
+impl Delivered {
+    /// Whether this path makes no motion where another one might.
+    fn is_refused_beside(&self, other: &[Configuration]) -> bool {
+        let is_refused = matches!(
+            self.outcome,
+            Err(Failure::Time | Failure::Collision | Failure::Bending)
+        );
+        is_refused && self.path != other
+    }
+}
+
+impl MotionConstraints<'_> {
+    /// Corrects, times and certifies a path (64 waypoints, radians); one that is not certified is corrected once more with a larger
+    /// margin.
+    ///
+    /// With `smooths_tip`, as for learned paths, the tip is brought onto a smooth curve: a straight one without correction if the body
+    /// is clear there, else one beside the corrected path.
+    ///
+    /// With an incumbent, a motion that is not faster is left unfinished ([`Failure::Slower`]), and so is a path as soon as corrections
+    /// have made it surely too slow.
+    pub(crate) fn to_trajectory(
+        &self,
+        path: Waypoints,
+        smooths_tip: bool,
+        incumbent: Option<&Incumbent>,
+    ) -> Delivered {
+        let mut delivered = Delivered {
+            path,
+            outcome: Err(Failure::Truncated),
+            times: StageTimes::default(),
+        };
+        let is_clear = smooths_tip && !(self.interrupt)() && self.straighten_tip(&mut delivered);
+        for attempt in 0..self.corrections.clamp(1, MOST_CORRECTIONS) {
+            if (self.interrupt)() {
+                delivered.outcome = Err(Failure::Truncated);
+                break;
+            }
+            let is_corrected = self.corrections > 0 && !(attempt == 0 && is_clear);
+            let corrected = if is_corrected {
+                self.correct(attempt, &mut delivered, incumbent)
+            } else {
+                Ok(())
+            };
+            match corrected {
+                Ok(()) if is_corrected && smooths_tip => {
+                    self.smooth_and_certify(&mut delivered, incumbent);
+                }
+                Ok(()) => self.time_and_certify(&mut delivered, incumbent),
+                Err(failure) => delivered.outcome = Err(failure),
+            }
+            if matches!(delivered.outcome, Ok(_) | Err(Failure::Slower)) {
+                break;
+            }
+        }
+        delivered
+    }
+
+    /// Clearance beyond the robot's tube that a path should have, section lengths: the largest padding and the margin of a correction.
+    pub(crate) fn room(&self) -> f64 {
+        let padding = |k: usize| self.padded.tube_radii[k] - self.robot.tube_radii[k];
+        CORRECTION_MARGINS[0] + (0..SECTIONS).map(padding).fold(0.0, f64::max)
+    }
+
+    /// Brings a path's tip onto a smooth curve, if the body is clear there; whether it is.
+    fn straighten_tip(&self, delivered: &mut Delivered) -> bool {
+        let mut clock = Stopwatch::start();
+        let margin = 0.5 * CORRECTION_MARGINS[0];
+        let (scene, limits) = (self.scene, &self.limits);
+        let path = &mut delivered.path;
+        let is_clear = self
+            .tip_paths
+            .straighten_tip(self.padded, scene, margin, limits, path);
+        delivered.times.correct += clock.lap();
+        is_clear
+    }
+
+    /// Brings a path's tip onto a smooth curve beside its own path; whether there is one with room for the body.
+    fn smooth_tip(&self, path: &mut [Configuration]) -> bool {
+        self.tip_paths
+            .smooth_tip(self.padded, self.scene, SMOOTHED_MARGIN, path)
+    }
+
+    /// Pushes a path out of obstacles, unless that makes it surely slower than the incumbent.
+    fn correct(
+        &self,
+        attempt: usize,
+        delivered: &mut Delivered,
+        incumbent: Option<&Incumbent>,
+    ) -> Result<(), Failure> {
+        let mut clock = Stopwatch::start();
+        let corrector = Corrector {
+            robot: self.padded,
+            scene: self.scene,
+            kernel: self.kernel,
+        };
+        let corrected = CORRECTION.with_borrow_mut(|memory| {
+            corrector.correct(
+                CORRECTION_MARGINS[attempt],
+                &mut delivered.path,
+                memory,
+                |path| {
+                    incumbent.is_some_and(|incumbent| {
+                        incumbent.beats_while_pushed(self.least_duration_s(path))
+                    })
+                },
+            )
+        });
+        delivered.times.correct += clock.lap();
+        match corrected {
+            Correction::Clear => Ok(()),
+            Correction::Touching => Err(Failure::Collision),
+            Correction::GivenUp => Err(Failure::Slower),
+        }
+    }
+
+    /// Times and certifies a corrected path with its tip on a smooth curve, or as it is where that makes no motion.
+    fn smooth_and_certify(&self, delivered: &mut Delivered, incumbent: Option<&Incumbent>) {
+        let corrected = delivered.path.clone();
+        let mut clock = Stopwatch::start();
+        self.smooth_tip(&mut delivered.path);
+        delivered.times.correct += clock.lap();
+        self.time_and_certify(delivered, incumbent);
+        if delivered.is_refused_beside(&corrected) {
+            delivered.path = corrected;
+            self.time_and_certify(delivered, incumbent);
+        }
+    }
+
+    /// Times and certifies a path as it is, and computes the figures of the motion.
+    fn time_and_certify(&self, delivered: &mut Delivered, incumbent: Option<&Incumbent>) {
+        if (self.interrupt)() {
+            delivered.outcome = Err(Failure::Truncated);
+            return;
+        }
+        let mut clock = Stopwatch::start();
+        let timed = self.time_if_faster(&delivered.path, incumbent);
+        delivered.times.time += clock.lap();
+        let certified = timed.and_then(|motion| Ok((self.certify(&motion)?, motion)));
+        delivered.times.certify += clock.lap();
+        let loses = |motion: &Trajectory| {
+            incumbent.is_some_and(|incumbent| incumbent.beats(motion.duration()))
+        };
+        delivered.outcome = match certified {
+            Ok((_, motion)) if loses(&motion) => Err(Failure::Slower),
+            Ok((clearance, motion)) => Ok(self.describe(motion, clearance)),
+            Err(failure) => Err(failure),
+        };
+        delivered.times.select += clock.lap();
+    }
+
+    /// Times a path, if the motion may be faster than the incumbent.
+    fn time_if_faster(
+        &self,
+        path: &[Configuration],
+        incumbent: Option<&Incumbent>,
+    ) -> Result<Trajectory, Failure> {
+        let is_slower =
+            |duration_s| incumbent.is_some_and(|incumbent| incumbent.beats_uncertified(duration_s));
+        if is_slower(self.least_duration_s(path)) {
+            return Err(Failure::Slower);
+        }
+        let motion = self.time(path)?;
+        if is_slower(motion.duration()) {
+            return Err(Failure::Slower);
+        }
+        Ok(motion)
+    }
+}

@@ -1,0 +1,16 @@
+//! The way of a request through the planner: answer.rs tells it from top to bottom.
+
+pub(crate) mod answer;
+mod braking;
+pub(crate) mod context;
+mod default;
+mod exploring;
+mod fast;
+mod goal_set;
+mod learned;
+mod missing_goals;
+mod previous_plan;
+pub(crate) mod selection;
+mod straight_line;
+mod trees;
+mod whole_paths;

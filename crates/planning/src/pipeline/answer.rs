@@ -1,0 +1,148 @@
+//! The way of a request, top-down: goal configurations, paths of the sampler, motions, the selected one.
+//!
+//! Everything is budgeted in counts, so the same request and seed give the same bits whatever the number of threads; an interrupt only
+//! truncates.
+
+use crate::error::PlannerError;
+use crate::path::waypoints::Waypoints;
+use crate::pipeline::braking::Braking;
+use crate::pipeline::context::{Drawn, RequestContext};
+use crate::pipeline::goal_set::{GoalSet, goal_set};
+use crate::pipeline::selection::select;
+use crate::pipeline::{default, fast, straight_line, trees, whole_paths};
+use crate::plan::{Candidate, Draw, Failure, Plan, Source};
+use crate::problem::Problem;
+use crate::request::{Request, Sampler, StartMotion, Supervision};
+use crate::stage_times::StageTimes;
+use std::time::Instant;
+
+/// Knots that a motion may have at least, however many its braking needs.
+const LEAST_KNOTS: usize = 4;
+
+/// Answers a request.
+///
+/// # Errors
+/// [`PlannerError::Infeasible`] where the goal cannot be reached or a robot in motion cannot stop.
+pub(crate) fn answer(context: &RequestContext) -> Result<Plan, PlannerError> {
+    match &context.request.start_motion {
+        None => from_rest(context),
+        Some(motion) => from_motion(context, motion),
+    }
+}
+
+/// Answers a request whose robot rests at the start.
+fn from_rest(context: &RequestContext) -> Result<Plan, PlannerError> {
+    let mut times = StageTimes::default();
+    let drawn = match context.request.sampler {
+        Sampler::Default => to_goals(context, default::draw, &mut times)?,
+        Sampler::Fast => to_goals(context, fast::draw, &mut times)?,
+        Sampler::Straight | Sampler::StraightDrawn => {
+            to_goals(context, straight_line::draw, &mut times)?
+        }
+        Sampler::RrtConnect | Sampler::RrtSmooth => to_goals(context, trees::draw, &mut times)?,
+        Sampler::Diffusion(guidance) => whole_paths::draw(context, guidance, &mut times)?,
+    };
+    Ok(plan_of(context, drawn, times))
+}
+
+/// Finds goal configurations and lets a sampler draw paths to them.
+fn to_goals(
+    context: &RequestContext,
+    draw: impl FnOnce(&RequestContext, &GoalSet, &mut StageTimes) -> Drawn,
+    times: &mut StageTimes,
+) -> Result<Drawn, PlannerError> {
+    let clock = Instant::now();
+    let goals = goal_set(context)?;
+    times.condition += clock.elapsed().as_secs_f64();
+    if goals.distinct.is_empty() {
+        return Ok(truncated(context));
+    }
+    Ok(draw(context, &goals, times))
+}
+
+/// Draws without paths, where the interrupt left no time for goal configurations.
+fn truncated(context: &RequestContext) -> Drawn {
+    let source = match context.request.sampler {
+        Sampler::Straight | Sampler::StraightDrawn => Source::Straight,
+        Sampler::RrtConnect | Sampler::RrtSmooth => Source::Tree,
+        Sampler::Default | Sampler::Fast | Sampler::Diffusion(_) => Source::Learned,
+    };
+    vec![Draw::unfinished(source, Failure::Truncated); context.request.candidates].into()
+}
+
+/// Plans from the configuration in which a moving robot can rest soonest; every motion begins with braking to it.
+fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, PlannerError> {
+    let RequestContext {
+        problem,
+        request,
+        supervision,
+        ..
+    } = *context;
+    let braking = Braking::new(&context.constraints, &problem.start, motion)?;
+    let after = Problem {
+        start: braking.end(),
+        ..problem.clone()
+    };
+    let shorter = Request {
+        knots: request
+            .knots
+            .saturating_sub(braking.knots())
+            .max(LEAST_KNOTS),
+        ..request.clone()
+    };
+    let report_whole = |candidate: Candidate| {
+        if let Some(report) = supervision.certified {
+            report(braking.candidate(&candidate));
+        }
+    };
+    let supervision = Supervision {
+        certified: supervision.certified.is_some().then_some(&report_whole),
+        ..supervision
+    };
+    let padded = context.constraints.padded;
+    let after = RequestContext::new(context.resources, padded, &after, &shorter, supervision);
+    let plan = from_rest(&after)?;
+    Ok(braking.plan(plan, request.selection))
+}
+
+/// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.
+pub(crate) fn answer_with_paths(context: &RequestContext, paths: Vec<Waypoints>) -> Plan {
+    let mut times = StageTimes::default();
+    let paths = paths.into_iter().map(Some).collect();
+    let drawn = whole_paths::deliver(context, paths, &mut times);
+    plan_of(context, drawn, times)
+}
+
+/// The plan of what was drawn: its certified candidates, and the one that the request's rule selects.
+fn plan_of(context: &RequestContext, drawn: Drawn, mut times: StageTimes) -> Plan {
+    let clock = Instant::now();
+    let Drawn {
+        draws,
+        learned: [learned_drawn, learned_certified],
+        explored,
+    } = drawn;
+    let certified = draws.iter().enumerate().filter_map(|(index, draw)| {
+        let motion = draw.outcome.as_ref().ok()?;
+        Some(Candidate::of(index, draw.source, motion))
+    });
+    let candidates: Vec<Candidate> = certified.collect();
+    let selected = select(
+        &candidates,
+        &context.problem.start,
+        context.request.selection,
+    );
+    times.select += clock.elapsed().as_secs_f64();
+    let truncated = draws
+        .iter()
+        .any(|d| d.outcome.as_ref().err() == Some(&Failure::Truncated));
+    Plan {
+        draws,
+        candidates,
+        selected,
+        learned_certified,
+        learned_drawn,
+        explored,
+        truncated,
+        stages: times,
+    }
+}

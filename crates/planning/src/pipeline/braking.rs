@@ -1,0 +1,107 @@
+//! Starts in motion: the robot brakes straight ahead, and every motion begins with that.
+
+use crate::error::Infeasible;
+use crate::motion::along_polyline::append;
+use crate::motion::constraints::MotionConstraints;
+use crate::path::metrics::PathMetrics;
+use crate::pipeline::selection::select;
+use crate::plan::{Candidate, Certified, Plan};
+use crate::request::{Selection, StartMotion};
+use pcc_model::{Configuration, Robot, TendonLimits};
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::time::Instant;
+use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
+
+/// Relative amount by which a limit may be exceeded: the rounding of the measure.
+const ROUNDING: f64 = 1e-6;
+
+/// A certified motion to rest, from whose end a request is planned.
+pub(super) struct Braking<'a> {
+    robot: &'a Robot,
+    motion: Trajectory,
+    /// Smallest clearance of the body while it brakes, section lengths.
+    clearance: f64,
+}
+
+impl<'a> Braking<'a> {
+    /// Brakes from a state, within the robot's whole limits.
+    pub(crate) fn new(
+        constraints: &MotionConstraints<'a>,
+        start: &Configuration,
+        motion: &StartMotion,
+    ) -> Result<Self, Infeasible> {
+        let robot = constraints.robot;
+        let state = Knot {
+            time: 0.0,
+            position: *start,
+            velocity: motion.velocity,
+            acceleration: motion.acceleration,
+        };
+        let limits: &TendonLimits = &robot.tendon_limits;
+        let motion = stopping_motion(&state, &robot.tendons, limits).map_err(|_| {
+            Infeasible::StartTooFast {
+                share: f64::INFINITY,
+            }
+        })?;
+        let share = limit_use(&motion, &robot.tendons, limits).largest();
+        if share > 1.0 + ROUNDING {
+            return Err(Infeasible::StartTooFast { share });
+        }
+        match constraints.certify(&motion) {
+            Ok(clearance) => Ok(Self {
+                robot,
+                motion,
+                clearance,
+            }),
+            Err(_) => Err(Infeasible::StartCannotStop),
+        }
+    }
+
+    /// The configuration in which the robot comes to rest, radians.
+    pub(crate) fn end(&self) -> Configuration {
+        let knots = self.motion.knots();
+        knots[knots.len() - 1].position
+    }
+
+    /// Knots that braking adds to a motion.
+    pub(crate) fn knots(&self) -> usize {
+        self.motion.knots().len() - 1
+    }
+
+    /// Braking, and then this motion.
+    fn before(&self, motion: &Trajectory) -> Trajectory {
+        let mut knots = self.motion.knots().to_vec();
+        append(&mut knots, motion);
+        Trajectory::new(knots).expect("two motions one after the other are one")
+    }
+
+    /// The candidate with braking before its motion.
+    pub(crate) fn candidate(&self, candidate: &Candidate) -> Candidate {
+        let trajectory = self.before(&candidate.trajectory);
+        let clearance = self.clearance.min(candidate.metrics.clearance);
+        Candidate {
+            metrics: PathMetrics::of(self.robot, &trajectory, clearance),
+            trajectory: trajectory.into(),
+            source: candidate.source,
+            draw: candidate.draw,
+        }
+    }
+
+    /// The plan with braking before every motion; the candidate is selected anew by the figures of the whole motions.
+    pub(crate) fn plan(&self, mut plan: Plan, selection: Selection) -> Plan {
+        let clock = Instant::now();
+        let whole = |candidate| self.candidate(candidate);
+        plan.candidates = plan.candidates.par_iter().map(whole).collect();
+        for candidate in &plan.candidates {
+            plan.draws[candidate.draw].outcome = Ok(Certified {
+                trajectory: Arc::clone(&candidate.trajectory),
+                metrics: candidate.metrics,
+            });
+        }
+        let start = self.motion.knots()[0].position;
+        plan.selected = select(&plan.candidates, &start, selection);
+        plan.stages.select += clock.elapsed().as_secs_f64();
+        plan
+    }
+}
