@@ -31,7 +31,7 @@ pub(crate) struct Border {
     /// Time that an answer may take where the request does not say.
     pub(crate) default_deadline: Duration,
     /// Growth of each section's tube that every certificate includes, section lengths.
-    pub(crate) growth: [f64; SECTIONS],
+    pub(crate) padding: [f64; SECTIONS],
     /// Obstacles of every request, in units of the section length.
     pub(crate) static_scene: Scene,
 }
@@ -126,7 +126,7 @@ impl Border {
             sampler: sampler(asked.sampler),
             selection: selection(asked.selection),
             limits_scale: asked.limits_scale,
-            padding: self.growth,
+            padding: self.padding,
             knots: self.capacity.knots_per_candidate,
             corrections: MOST_CORRECTIONS,
             start_motion: (!asked.starts_at_rest()).then(|| StartMotion {
@@ -187,7 +187,7 @@ fn selection(rule: SelectionRule) -> Selection {
         SelectionRule::Best(Code::ShortestTipPath) => Selection::ShortestTipPath,
         SelectionRule::Best(Code::LargestClearance) => Selection::LargestClearance,
         SelectionRule::Best(Code::Smoothest) => Selection::Smoothest,
-        SelectionRule::Best(Code::NearestTerminalShape) => Selection::NearestGoalConfiguration,
+        SelectionRule::Best(Code::NearestGoalConfiguration) => Selection::NearestGoalConfiguration,
     }
 }
 
@@ -203,7 +203,7 @@ mod tests {
             section_length_m: 0.25,
             capacity: PlanServiceCapacity::default(),
             default_deadline: Duration::from_millis(20),
-            growth: [0.0225; SECTIONS],
+            padding: [0.0225; SECTIONS],
             static_scene: Scene::default(),
         }
     }

@@ -252,7 +252,7 @@ fn failures(plan: &Plan, undeliverable: usize) -> String {
         (Failure::Goal, "short of the goal"),
         (Failure::Collision, "not certified free"),
         (Failure::Bending, "bent too far"),
-        (Failure::Time, "without time allocation"),
+        (Failure::Time, "without time parameterization"),
         (Failure::Slower, "slower than others"),
         (Failure::Truncated, "truncated"),
     ];
@@ -273,7 +273,7 @@ fn failures(plan: &Plan, undeliverable: usize) -> String {
         .map(|(count, text)| format!("{count} {text}"))
         .collect();
     if parts.is_empty() {
-        "no more end shapes".to_owned()
+        "no more goal configurations".to_owned()
     } else {
         parts.join(", ")
     }

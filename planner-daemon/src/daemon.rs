@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use std::thread;
 use std::time::Duration;
 
-use collision::{Ball, Scene, SceneFileError, tracking_growth};
+use collision::{Ball, Scene, SceneFileError, tracking_padding};
 use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
 use input_files::{shortened, shown};
 use pcc_model::{Configuration, Point, Robot, RobotFileError};
@@ -361,7 +361,7 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         sampler,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        padding: tracking_growth(planner.robot(), config.path_tolerance_rad),
+        padding: tracking_padding(planner.robot(), config.path_tolerance_rad),
         knots: config.capacity.knots_per_candidate,
         corrections: MOST_CORRECTIONS,
         start_motion: None,
@@ -382,10 +382,10 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
 
 fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> ExecutionRules {
     let unit_robot = planner.robot();
-    let growth = tracking_growth(unit_robot, config.path_tolerance_rad);
+    let padding = tracking_padding(unit_robot, config.path_tolerance_rad);
     let limits = &robot.tendon_limits;
     ExecutionRules {
-        grown: unit_robot.with_tube_growth(&growth),
+        padded: unit_robot.with_tube_padding(&padding),
         section_length_m: robot.section_lengths[0],
         path_tolerance_rad: config.path_tolerance_rad,
         rate_law: RateLaw::new(&robot.tendons, limits.acceleration * BRAKING_SHARE),
@@ -404,7 +404,7 @@ fn open_service(
 ) -> Result<Service, StartError> {
     let section_length_m = robot.section_lengths[0];
     let unit_robot = planner.robot().clone();
-    let growth = tracking_growth(&unit_robot, config.path_tolerance_rad);
+    let padding = tracking_padding(&unit_robot, config.path_tolerance_rad);
     let planning = Planning::new(Arc::new(planner))?;
     let plan = plan_service(node, &config.capacity)?;
     Ok(Service::new(Parts {
@@ -417,7 +417,7 @@ fn open_service(
             section_length_m,
             capacity: config.capacity,
             default_deadline: config.default_deadline,
-            growth,
+            padding,
             static_scene,
         },
         robot: unit_robot,

@@ -86,11 +86,11 @@ impl Cover {
     pub(crate) fn of_all(
         &self,
         balls: &[MovingBall],
-        grown: &Robot,
+        padded: &Robot,
         path_times_s: [f64; 2],
     ) -> Vec<MovingBall> {
-        let length: f64 = grown.section_lengths.iter().sum();
-        let reach = length + grown.largest_tube_radius();
+        let length: f64 = padded.section_lengths.iter().sum();
+        let reach = length + padded.largest_tube_radius();
         let covering = balls.iter().flat_map(|ball| self.of_one(ball));
         covering
             .filter(|ball| comes_within(ball, reach, path_times_s))

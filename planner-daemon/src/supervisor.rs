@@ -300,7 +300,7 @@ impl Supervisor {
         }
         let (from_s, timing) = supervised.progress(now_mono_ns);
         let rest = RemainingMotion {
-            grown: &self.rules.grown,
+            padded: &self.rules.padded,
             motion: &supervised.motion,
             from_s,
             timing,
@@ -369,7 +369,7 @@ impl Supervisor {
     ) -> Result<Certificates, ExecutionRefusal> {
         let mut certificates = Certificates::default();
         let rest = RemainingMotion {
-            grown: &self.rules.grown,
+            padded: &self.rules.padded,
             motion: &selected.motion,
             from_s: 0.0,
             timing: Timing::from_begin(begin_mono_ns),

@@ -112,8 +112,8 @@ impl Body {
 
     /// The same body with a thicker tube around each section, m.
     #[must_use]
-    pub fn grown(&self, growth_m: &[f64; 3]) -> Self {
-        let tube_radii_m = std::array::from_fn(|k| self.tube_radii_m[k] + growth_m[k]);
+    pub fn padded(&self, padding_m: &[f64; 3]) -> Self {
+        let tube_radii_m = std::array::from_fn(|k| self.tube_radii_m[k] + padding_m[k]);
         Self {
             tube_radii_m,
             ..self.clone()
@@ -450,7 +450,7 @@ mod tests {
         let clearance = body.clearance(&[0.0; 6], &[beside], 0);
         assert!((clearance - 0.4).abs() < 1e-12, "{clearance}");
         let clearance = body
-            .grown(&[0.0, 0.1, 0.0])
+            .padded(&[0.0, 0.1, 0.0])
             .clearance(&[0.0; 6], &[beside], 0);
         assert!((clearance - 0.3).abs() < 1e-12, "{clearance}");
         let quarter = std::f64::consts::FRAC_PI_2;

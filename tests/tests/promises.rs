@@ -14,7 +14,7 @@ use tests::programs::repository;
 use trajectory::Knot;
 
 /// How much thicker the tube of each section must keep clear, section lengths.
-const GROWTH: [f64; 3] = [0.0, 0.01, 0.02];
+const PADDING: [f64; 3] = [0.0, 0.01, 0.02];
 /// Instants at which a motion is looked at.
 const LOOKS: usize = 800;
 
@@ -48,10 +48,10 @@ impl Judge {
         let duration = knots.last().unwrap().time;
         let step = duration / LOOKS as f64;
         let shapes: Vec<Configuration> = (0..=LOOKS).map(|i| at(knots, step * i as f64)).collect();
-        let grown = self.body.grown(&GROWTH);
+        let padded = self.body.padded(&PADDING);
         let (mut fastest, mut least) = (0.0_f64, f64::INFINITY);
         for shape in &shapes {
-            least = least.min(grown.clearance(shape, balls, 0));
+            least = least.min(padded.clearance(shape, balls, 0));
             for section in shape.chunks_exact(2) {
                 let angle = section[0].hypot(section[1]);
                 assert!(angle <= self.robot.bending_limit + 5e-3, "{angle}");
@@ -131,7 +131,7 @@ fn delivered_candidates_keep_every_promise() {
                 sampler,
                 selection: Selection::ShortestTime,
                 limits_scale: 1.0,
-                padding: GROWTH,
+                padding: PADDING,
                 knots: 96,
                 corrections: MOST_CORRECTIONS,
                 start_motion: None,

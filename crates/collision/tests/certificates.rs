@@ -5,7 +5,7 @@ mod motions;
 
 use collision::{
     Ball, Displacement, Scene, Verdict, certified_clearance, certify_edge, certify_polyline,
-    certify_trajectory, minimum_clearance, tracking_growth,
+    certify_trajectory, minimum_clearance, tracking_padding,
 };
 use motions::{motion, random, sampled_clearance, scene, shape, step, uneven_robot, unit_robot};
 use pcc_model::{Configuration, Point, Robot, SECTIONS};
@@ -238,20 +238,20 @@ fn beside(random: &mut Pcg64, robot: &Robot, motion: &Trajectory, section: usize
 }
 
 #[test]
-fn growth_covers_every_body_within_the_path_tolerance() {
+fn padding_covers_every_body_within_the_path_tolerance() {
     let (robot, mut random) = (uneven_robot(), random(7));
     let tolerance = 0.03;
-    let growth = tracking_growth(&robot, tolerance);
-    let grown = robot.with_tube_growth(&growth);
+    let padding = tracking_padding(&robot, tolerance);
+    let padded = robot.with_tube_padding(&padding);
     let (mut certified, mut closest) = (0, [f64::INFINITY; SECTIONS]);
     for i in 0..2_000 {
         let motion = motion(&mut random);
         let mut balls = scene(&mut random, 2, 0.05..0.4).balls().to_vec();
         if i % 3 > 0 {
-            balls.push(beside(&mut random, &grown, &motion, i % 3 - 1));
+            balls.push(beside(&mut random, &padded, &motion, i % 3 - 1));
         }
         let scene = Scene::new(balls).unwrap();
-        if !certify_trajectory(&grown, &scene, &motion, 0.0).is_free() {
+        if !certify_trajectory(&padded, &scene, &motion, 0.0).is_free() {
             continue;
         }
         certified += 1;
@@ -272,7 +272,7 @@ fn growth_covers_every_body_within_the_path_tolerance() {
             }
         }
     }
-    let is_needed = |k: usize| closest[k] < growth[k];
+    let is_needed = |k: usize| closest[k] < padding[k];
     assert!(
         certified > 150 && (0..SECTIONS).all(is_needed),
         "{certified} {closest:?}"
@@ -280,13 +280,13 @@ fn growth_covers_every_body_within_the_path_tolerance() {
 }
 
 #[test]
-fn tracking_growth_is_the_motion_of_the_straight_robots_section_ends() {
+fn tracking_padding_is_the_motion_of_the_straight_robots_section_ends() {
     let robot = unit_robot();
-    let growth = tracking_growth(&robot, 0.01);
-    for (growth, lever) in growth.into_iter().zip([0.5, 1.5 + 0.5, 2.5 + 1.5 + 0.5]) {
-        assert!((growth - 0.01 * lever).abs() < 1e-15);
+    let padding = tracking_padding(&robot, 0.01);
+    for (padding, lever) in padding.into_iter().zip([0.5, 1.5 + 0.5, 2.5 + 1.5 + 0.5]) {
+        assert!((padding - 0.01 * lever).abs() < 1e-15);
     }
-    assert_eq!(tracking_growth(&robot, 0.0), [0.0; SECTIONS]);
+    assert_eq!(tracking_padding(&robot, 0.0), [0.0; SECTIONS]);
 }
 
 #[test]
@@ -398,27 +398,27 @@ fn minimum_clearance_is_below_dense_sampling_by_no_more_than_the_tolerance() {
 #[test]
 fn a_motion_is_certified_for_thicker_tubes_together_with_its_clearance() {
     let (robot, mut random) = (uneven_robot(), random(11));
-    let grown = robot.with_tube_growth(&[0.01, 0.03, 0.08]);
+    let padded = robot.with_tube_padding(&[0.01, 0.03, 0.08]);
     let (mut free, mut refused) = (0, 0);
     for i in 0..300 {
         let scene = scene(&mut random, [1, 4, 40][i % 3], 0.05..0.4);
         let motion = motion(&mut random);
-        let clearance = certified_clearance(&robot, &grown, &scene, &motion, 1e-3);
+        let clearance = certified_clearance(&robot, &padded, &scene, &motion, 1e-3);
         // The two divide a motion otherwise, so they could differ where there is hardly any room.
-        let is_free = certify_trajectory(&grown, &scene, &motion, 0.0).is_free();
+        let is_free = certify_trajectory(&padded, &scene, &motion, 0.0).is_free();
         assert_eq!(clearance.is_some(), is_free);
         free += usize::from(is_free);
         refused += usize::from(!is_free);
         if let Some(clearance) = clearance {
-            assert!(sampled_clearance(&grown, &scene, &motion, 0.0, 500) > 0.0);
+            assert!(sampled_clearance(&padded, &scene, &motion, 0.0, 500) > 0.0);
             let alone = minimum_clearance(&robot, &scene, &motion, 1e-3);
             assert!((clearance - alone).abs() <= 1e-3, "{clearance} {alone}");
-            assert!(clearance > 0.01, "the grown tubes are clear");
+            assert!(clearance > 0.01, "the padded tubes are clear");
         }
     }
     assert!(free > 20 && refused > 20, "{free} {refused}");
     let motion = motion(&mut random);
-    let empty = certified_clearance(&robot, &grown, &Scene::default(), &motion, 1e-3);
+    let empty = certified_clearance(&robot, &padded, &Scene::default(), &motion, 1e-3);
     assert_eq!(empty, Some(f64::INFINITY));
 }
 

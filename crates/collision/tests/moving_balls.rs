@@ -79,8 +79,8 @@ fn a_ball_that_does_not_move_is_a_scene() {
         balls.iter_mut().for_each(|b| b.velocity = Point::zeros());
         let scene = Scene::new(balls.iter().map(|b| b.ball).collect()).unwrap();
         let motion = motion(&mut random);
-        let growth = std::array::from_fn(|_| random.random_range(0.0..0.1));
-        let robot = robot.with_tube_growth(&growth);
+        let padding = std::array::from_fn(|_| random.random_range(0.0..0.1));
+        let robot = robot.with_tube_padding(&padding);
         let verdict = certify_moving(&robot, &balls, &motion, 0.0);
         let at_rest = certify_trajectory(&robot, &scene, &motion, 0.0);
         assert_eq!(verdict.is_free(), at_rest.is_free());
@@ -109,8 +109,8 @@ fn a_ball_that_flies_through_the_resting_robot_is_found() {
     };
     let motion = resting(3.0);
     assert!(certify_moving(&robot, &[past], &motion, 0.0).is_free());
-    let grown = robot.with_tube_growth(&[0.0, 0.04, 0.0]);
-    assert!(!certify_moving(&grown, &[past], &motion, 0.0).is_free());
+    let padded = robot.with_tube_padding(&[0.0, 0.04, 0.0]);
+    assert!(!certify_moving(&padded, &[past], &motion, 0.0).is_free());
     let verdict = certify_moving(&robot, &[past, through], &motion, 0.0);
     let Verdict::Colliding { at } = verdict else {
         panic!("{verdict:?}")

@@ -220,7 +220,7 @@ fn sampled_over(robot: &Robot, scene: &Scene, motion: &Trajectory) -> f64 {
 #[test]
 fn certified_motions_never_meet_a_solid() {
     let (robot, mut random) = (uneven_robot(), random(4));
-    let grown = robot.with_tube_growth(&[0.01, 0.03, 0.08]);
+    let padded = robot.with_tube_padding(&[0.01, 0.03, 0.08]);
     for (name, make) in KINDS {
         let (mut free, mut not, mut closest) = (0, 0, f64::INFINITY);
         let mut certified = 0;
@@ -232,10 +232,10 @@ fn certified_motions_never_meet_a_solid() {
             assert!(minimum <= sampled + 1e-12, "{name}: {minimum} {sampled}");
             let dense = sampled_clearance(&robot, &scene, &motion, 0.0, 500);
             assert!(minimum >= dense - 0.02, "{name}: {minimum} {dense}");
-            let clearance = certified_clearance(&robot, &grown, &scene, &motion, 1e-3);
+            let clearance = certified_clearance(&robot, &padded, &scene, &motion, 1e-3);
             if let Some(clearance) = clearance {
                 assert!(
-                    sampled_over(&grown, &scene, &motion) > 0.0,
+                    sampled_over(&padded, &scene, &motion) > 0.0,
                     "{name} {i} collides"
                 );
                 assert!(

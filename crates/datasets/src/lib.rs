@@ -18,7 +18,7 @@ mod training_rows;
 pub use archive::error::ArchiveError;
 pub use archive::reader::ArchiveReader;
 pub use archive::writer::ArchiveWriter;
-pub use expert::generate::{TEACHER_VERSION, generate_block};
+pub use expert::generate::{EXPERT_VERSION, generate_block};
 pub use expert::report::BlockReport;
 pub use format::counts::Counts;
 pub use format::dataset::{Case, Dataset};

@@ -17,9 +17,9 @@ pub struct Recipe {
     pub seed: u64,
     /// Starts used of each target.
     pub starts: usize,
-    /// End shapes used of each start.
+    /// Goal configurations used of each start.
     pub ends: usize,
-    /// Trees grown where the straight segment leads the teacher to no certified path; of what it makes of them the shortest
+    /// Trees grown where the straight segment leads the expert to no certified path; of what it makes of them the shortest
     /// is kept.
     pub trees: usize,
     /// Puts every row into the test split (for sets that are only evaluated on).

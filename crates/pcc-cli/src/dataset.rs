@@ -1,4 +1,4 @@
-//! `pcc dataset`: paths by the teacher or by the paper's generator.
+//! `pcc dataset`: paths by the expert or by the paper's generator.
 
 use crate::number::{self, Shard};
 use crate::output_files::{make_writable, write_whole};
@@ -7,7 +7,7 @@ use anyhow::{Context, bail, ensure};
 use clap::{Args, ValueEnum};
 use datasets::scenes::Setting;
 use datasets::{
-    Counts, Dataset, GeneratorNotes, Meta, PAPER_VERSION, Recipe, Row, TEACHER_VERSION, TERMINALS,
+    Counts, Dataset, EXPERT_VERSION, GeneratorNotes, Meta, PAPER_VERSION, Recipe, Row, TERMINALS,
     generate_block, generate_paper_block,
 };
 use indicatif::{ProgressBar, ProgressStyle};
@@ -40,8 +40,8 @@ enum SettingName {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Method {
-    /// Certified paths with a straight tip, by this project's teacher.
-    Teacher,
+    /// Certified paths with a straight tip, by this project's expert.
+    Expert,
     /// The paper's own generator, with its sampled criterion of collision.
     Paper,
 }
@@ -50,7 +50,7 @@ impl Method {
     /// Version of the generator.
     fn version(self) -> u32 {
         match self {
-            Self::Teacher => TEACHER_VERSION,
+            Self::Expert => EXPERT_VERSION,
             Self::Paper => PAPER_VERSION,
         }
     }
@@ -63,7 +63,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "general")]
     setting: SettingName,
     /// How paths are made.
-    #[arg(long, value_enum, default_value = "teacher")]
+    #[arg(long, value_enum, default_value = "expert")]
     method: Method,
     /// Number of balls in every general scene, instead of the cycle (0 to 64).
     #[arg(long, value_parser = number::balls())]
@@ -74,10 +74,10 @@ pub(crate) struct Arguments {
     /// Starts of each target (1 to 5).
     #[arg(long, default_value_t = 5, value_parser = number::starts())]
     starts: usize,
-    /// End shapes of each start, as many of them as there are (1 to 64; the paper's generator: 1 to 10).
+    /// Goal configurations of each start, as many of them as there are (1 to 64; the paper's generator: 1 to 10).
     #[arg(long, default_value_t = 10, value_parser = number::of_a_set())]
     ends: usize,
-    /// Trees that the teacher looks at where a straight segment leads it nowhere, to keep the shortest path (1 to 64; the paper's generator: 1).
+    /// Trees that the expert looks at where a straight segment leads it nowhere, to keep the shortest path (1 to 64; the paper's generator: 1).
     #[arg(long, default_value_t = 1, value_parser = number::of_a_set())]
     trees: usize,
     /// Seed (0 to 2^64 - 1); the same seed gives the same rows whatever the shards and threads.
@@ -276,7 +276,7 @@ impl<'a> Job<'a> {
         let end = ((block + 1) * BLOCK).min(self.arguments.targets);
         let targets = block * BLOCK..end;
         let (rows, counts) = match self.arguments.method {
-            Method::Teacher => {
+            Method::Expert => {
                 let (rows, report) = generate_block(&self.robot, &self.recipe, targets);
                 (rows, Counts::from(&report))
             }
@@ -300,7 +300,7 @@ impl<'a> Job<'a> {
             clearance_margin: self.robot.largest_tube_radius(),
             counts: Some(counts),
             generator: match self.arguments.method {
-                Method::Teacher => GeneratorNotes::of_expert(setting),
+                Method::Expert => GeneratorNotes::of_expert(setting),
                 Method::Paper => GeneratorNotes::of_paper(setting),
             },
             ..Meta::new(config)

@@ -54,8 +54,8 @@ enum SelectionName {
     LargestClearance,
     /// Smallest third derivative of the tip's path.
     Smoothest,
-    /// End shape nearest to the start.
-    NearestTerminalShape,
+    /// Goal configuration nearest to the start.
+    NearestGoalConfiguration,
 }
 
 /// Arguments of `pcc plan`.
@@ -261,7 +261,7 @@ impl SelectionName {
             Self::ShortestTipPath => Selection::ShortestTipPath,
             Self::LargestClearance => Selection::LargestClearance,
             Self::Smoothest => Selection::Smoothest,
-            Self::NearestTerminalShape => Selection::NearestTerminalShape,
+            Self::NearestGoalConfiguration => Selection::NearestGoalConfiguration,
         }
     }
 }

@@ -103,9 +103,9 @@ impl Robot {
 
     /// The same robot with each section's body thicker by as much.
     #[must_use]
-    pub fn with_tube_growth(&self, growth: &[f64; SECTIONS]) -> Self {
+    pub fn with_tube_padding(&self, padding: &[f64; SECTIONS]) -> Self {
         Self {
-            tube_radii: std::array::from_fn(|k| self.tube_radii[k] + growth[k]),
+            tube_radii: std::array::from_fn(|k| self.tube_radii[k] + padding[k]),
             ..self.clone()
         }
     }

@@ -3,7 +3,7 @@
 //! The balls are points of a cloud on a cylinder around the workspace and a few near the way, of 0.05 section lengths; for each
 //! number the median and the least of 41 requests of ten candidates on two threads, with the stages' medians, in ms.
 
-use collision::{Ball, Scene, tracking_growth};
+use collision::{Ball, Scene, tracking_padding};
 use denoiser::{FastModel, Manifest};
 use pcc_model::{Configuration, Point, Robot};
 use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection, StageTimes};
@@ -55,7 +55,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         sampler: Sampler::Default,
         selection: Selection::ShortestTime,
         limits_scale: 1.0,
-        padding: tracking_growth(&robot, 0.01),
+        padding: tracking_padding(&robot, 0.01),
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,

@@ -39,7 +39,7 @@ pub enum Failure {
     #[error("bends beyond the limit")]
     Bending,
     /// No time parameterization within the limits, or not with the knots that a motion may have.
-    #[error("no time allocation within the tendon limits and the knots of a motion")]
+    #[error("no time parameterization within the tendon limits and the knots of a motion")]
     Time,
     /// The motion counts only if it is the fastest, and it is slower than another one.
     #[error("not the fastest")]

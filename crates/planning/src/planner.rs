@@ -146,6 +146,6 @@ impl Planner {
 
     /// The robot whose tubes are padded as a request demands.
     fn padded(&self, request: &Request) -> Robot {
-        self.resources.robot.with_tube_growth(&request.padding)
+        self.resources.robot.with_tube_padding(&request.padding)
     }
 }

@@ -104,7 +104,7 @@ fn sampled(candidate: &Candidate, solid: &Solid, robot: &Robot) -> f64 {
 #[test]
 fn motions_lead_around_every_kind_of_solid() {
     let (planner, robot) = (planner(2), robot());
-    let padded = robot.with_tube_growth(&PADDING);
+    let padded = robot.with_tube_padding(&PADDING);
     for (name, solid) in in_the_way() {
         let solid = Arc::new(solid);
         let scene = Scene::with_solids(Vec::new(), vec![solid.clone()]).unwrap();
@@ -118,7 +118,7 @@ fn motions_lead_around_every_kind_of_solid() {
         let blocked = line.iter().map(clearance).fold(f64::INFINITY, f64::min);
         assert!(
             blocked < -0.05,
-            "{name}: the straight way is blocked: {blocked}"
+            "{name}: the straight path is blocked: {blocked}"
         );
         for sampler in [Sampler::Default, Sampler::Straight, Sampler::RrtConnect] {
             let plan = planner

@@ -45,5 +45,5 @@ fn hard_requests_get_the_same_bits_however_many_workers_there_are_and_whenever()
         let count = seen.iter().filter(|seen| **seen == source).count();
         assert!(count >= 10, "{count} by {source:?}");
     }
-    assert!(by_trees_alone >= 1, "a first way is sought, too");
+    assert!(by_trees_alone >= 1, "a first path is sought, too");
 }

@@ -11,8 +11,8 @@ const ORDER_S: f64 = 0.05;
 /// What every motion for execution must keep.
 #[derive(Clone, Debug)]
 pub(crate) struct ExecutionRules {
-    /// The robot in units of its section length, its tubes grown by what covers the path tolerance.
-    pub(crate) grown: Robot,
+    /// The robot in units of its section length, its tubes padded by what covers the path tolerance.
+    pub(crate) padded: Robot,
     pub(crate) section_length_m: f64,
     /// Tracking error that the certificate covers, rad in each bending pair.
     pub(crate) path_tolerance_rad: f64,

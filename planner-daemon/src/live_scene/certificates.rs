@@ -62,8 +62,8 @@ impl Certificates {
 /// What is left of a motion.
 #[derive(Clone, Copy)]
 pub(crate) struct RemainingMotion<'a> {
-    /// In units of the section length, its tubes grown by what covers the path tolerance.
-    pub(crate) grown: &'a Robot,
+    /// In units of the section length, its tubes padded by what covers the path tolerance.
+    pub(crate) padded: &'a Robot,
     pub(crate) motion: &'a Trajectory,
     /// Path time that has passed for certain, s.
     pub(crate) from_s: f64,

@@ -70,7 +70,7 @@ impl KeptScene {
         mut stretch: Stretch,
     ) -> (Verdict, Stretch) {
         if kind == Kind::Expected {
-            let resting = certify_trajectory(rest.grown, &self.resting, rest.motion, rest.from_s);
+            let resting = certify_trajectory(rest.padded, &self.resting, rest.motion, rest.from_s);
             if !resting.is_free() {
                 return (resting, stretch);
             }
@@ -88,8 +88,8 @@ impl KeptScene {
             lag_allowance_s: rest.lag_allowance_s,
         };
         let times = [rest.from_s, stretch.until_s];
-        let balls = cover.of_all(&self.moving, rest.grown, times);
-        let verdict = certify_moving_until(rest.grown, &balls, rest.motion, times);
+        let balls = cover.of_all(&self.moving, rest.padded, times);
+        let verdict = certify_moving_until(rest.padded, &balls, rest.motion, times);
         (verdict, stretch)
     }
 }

@@ -105,9 +105,9 @@ fn verdict(balls: &[([f64; 3], [f64; 3])], begin_mono_ns: i64) -> Verdict {
 }
 
 fn certify(live: &LiveScene, from_s: f64, timing: Timing, lag_allowance_s: f64) -> Verdict {
-    let (grown, motion) = (unit_robot(), motion());
+    let (padded, motion) = (unit_robot(), motion());
     let rest = RemainingMotion {
-        grown: &grown,
+        padded: &padded,
         motion: &motion,
         from_s,
         timing,

@@ -10,7 +10,7 @@ codes! {
         Default = 0 "default",
         /// The fast learned model.
         Fast = 1 "fast",
-        /// Straight segments in configuration space to the goal's end shapes.
+        /// Straight segments in configuration space to the goal configurations.
         Straight = 2 "straight",
         /// The classical planner alone.
         RrtConnect = 3 "rrt-connect",
@@ -39,8 +39,8 @@ codes! {
         LargestClearance = 2 "largest clearance",
         /// The smoothest one.
         Smoothest = 3 "smoothest",
-        /// The one whose end shape is nearest to the start's.
-        NearestTerminalShape = 4 "nearest terminal shape",
+        /// The one whose goal configuration is nearest to the start's.
+        NearestGoalConfiguration = 4 "nearest goal configuration",
         /// The one that the request names.
         ByIndex = 5 "by index",
     }
@@ -125,13 +125,13 @@ impl Outcome {
 codes! {
     /// A stage of planning that the answer times: the index into `stages_ns`.
     ///
-    /// Paths go through correction, time allocation, certification and their figures one after the other, several paths at
+    /// Paths go through correction, time parameterization, certification and their figures one after the other, several paths at
     /// once: the time of all is divided among these stages by what each took on the workers.
     "stage"
     pub enum Stage {
         /// From reception until work began.
         Wait = 0 "wait",
-        /// End shapes and features.
+        /// Goal configurations and features.
         Condition = 1 "condition",
         /// Drawing from the model.
         Sample = 2 "sample",
@@ -139,7 +139,7 @@ codes! {
         Correct = 3 "correct",
         /// Certification of paths and motions.
         Certify = 4 "certify",
-        /// Time allocation.
+        /// Time parameterization.
         Time = 5 "time",
         /// Figures of merit, filling by trees, selection.
         Select = 6 "select",

@@ -237,7 +237,7 @@ fn larger(a: [f64; SECTIONS], b: [f64; SECTIONS]) -> [f64; SECTIONS] {
 /// How much the tube of each section must grow so that a body within `path_tolerance_rad` (each bending pair) of the path
 /// stays inside: little near the base, which an error moves least.
 #[must_use]
-pub fn tracking_growth(robot: &Robot, path_tolerance_rad: f64) -> [f64; SECTIONS] {
+pub fn tracking_padding(robot: &Robot, path_tolerance_rad: f64) -> [f64; SECTIONS] {
     Displacement::of_turns(robot, [path_tolerance_rad; SECTIONS]).sections
 }
 

@@ -14,11 +14,11 @@ use planning::{
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 
-/// The tree works with this much room to spare, so that the teacher starts from a clear path.
+/// The tree works with this much room to spare, so that the expert starts from a clear path.
 const TREE_MARGIN: f64 = 0.02;
 
 /// Version of [`generate_block`]: another one makes other rows from the same recipe.
-pub const TEACHER_VERSION: u32 = 1;
+pub const EXPERT_VERSION: u32 = 1;
 
 /// Generates the rows of the targets with the given indices; the result depends on the recipe and the indices alone.
 #[must_use]
@@ -101,10 +101,10 @@ fn taught_path(
     if certified(&direct) {
         return Some(direct);
     }
-    let grown = robot.with_tube_growth(&[TREE_MARGIN; SECTIONS]);
+    let padded = robot.with_tube_padding(&[TREE_MARGIN; SECTIONS]);
     let settings = RrtSettings::default();
     let guided = (0..trees).filter_map(|_| {
-        let polyline = rrt_connect(&grown, scene, start, &[*end], &settings, rng, &|| false)?;
+        let polyline = rrt_connect(&padded, scene, start, &[*end], &settings, rng, &|| false)?;
         let path = teach(robot, scene, &resample(&polyline));
         certified(&path).then_some(path)
     });

@@ -1,4 +1,4 @@
-//! The teacher: paths whose tip goes straight at even speed, whole body clear, by Gauss–Newton on smooth changes.
+//! The expert: paths whose tip goes straight at even speed, whole body clear, by Gauss–Newton on smooth changes.
 //!
 //! Minimises ∫‖p′‖² (tip energy: straight and even) + a little ∫‖ζ′‖² and ∫‖ζ″‖² + hinges on clearance and
 //! bending, over the sine coefficients of the residual to the straight segment between two given ends.
@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn the_teacher_shortens_the_tip_path_of_a_straight_segment() {
+    fn the_expert_shortens_the_tip_path_of_a_straight_segment() {
         let robot = unit_robot();
         let start = Configuration::from_column_slice(&[0.9, -0.4, -1.0, 0.6, 0.4, 1.2]);
         let end = Configuration::from_column_slice(&[-0.8, 0.9, 0.3, -1.1, 1.0, -0.3]);

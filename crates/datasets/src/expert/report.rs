@@ -17,7 +17,7 @@ pub struct BlockReport {
     pub missing_ends: usize,
     /// Starts without a clear goal configuration.
     pub dropped_starts: usize,
-    /// Paths the teacher could not certify.
+    /// Paths the expert could not certify.
     pub dropped_paths: usize,
     /// Paths that needed the tree.
     pub from_tree: usize,

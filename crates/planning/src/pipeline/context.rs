@@ -175,7 +175,7 @@ impl<'a> RequestContext<'a> {
     pub(super) fn padded_by(&self, margin: f64) -> Robot {
         self.constraints
             .padded
-            .with_tube_growth(&[margin; SECTIONS])
+            .with_tube_padding(&[margin; SECTIONS])
     }
 
     /// A search in the request's scene that keeps `robot` clear.

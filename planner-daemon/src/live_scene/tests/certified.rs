@@ -56,13 +56,13 @@ fn a_slow_motion_meets_a_ball_that_a_fast_one_leaves_behind() {
 
 #[test]
 fn a_slow_motion_that_may_speed_up_before_its_controller_says_so_is_certified_at_full_rate_too() {
-    let (grown, motion) = (unit_robot(), motion());
+    let (padded, motion) = (unit_robot(), motion());
     let half = 0.5 * motion.duration();
     let full = Stretch {
         timing: Timing::passing(half, NOW, 1.0),
         until_s: half + 0.45,
     };
-    let tip = |ahead_s: f64| grown.tip(&motion.at(half + ahead_s).position);
+    let tip = |ahead_s: f64| padded.tip(&motion.at(half + ahead_s).position);
     let onward = (tip(0.45) - tip(0.0)).normalize();
     let across = onward.cross(&tip(0.45)).normalize();
     let is_free = |hurried, before: f64| {
@@ -72,7 +72,7 @@ fn a_slow_motion_that_may_speed_up_before_its_controller_says_so_is_certified_at
         let crossing = scene("a", NOW, &[(centre.into(), across.into())]);
         take(&mut live, &crossing, 1, NOW);
         let rest = RemainingMotion {
-            grown: &grown,
+            padded: &padded,
             motion: &motion,
             from_s: half,
             timing: Timing::passing(half, NOW, 0.05),
@@ -91,13 +91,13 @@ fn a_slow_motion_that_may_speed_up_before_its_controller_says_so_is_certified_at
 #[test]
 fn only_what_changed_is_certified_again() {
     let mut live = live();
-    let (grown, motion) = (unit_robot(), motion());
+    let (padded, motion) = (unit_robot(), motion());
     let resting = [(ASIDE, [0.0; 3])];
     let moving = [([9.0, 0.0, 0.75], [0.1, 0.0, 0.0])];
     let versions = |live: &mut LiveScene, told: &ValidScene, begin_mono_ns| {
         assert_eq!(take(live, told, 1, told.stamp_mono_ns), SceneRefusal::None);
         let rest = RemainingMotion {
-            grown: &grown,
+            padded: &padded,
             motion: &motion,
             from_s: 0.0,
             timing: Timing::from_begin(begin_mono_ns),

@@ -40,7 +40,7 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-/// One start a target and few end shapes: cases are wanted, not paths.
+/// One start a target and few goal configurations: cases are wanted, not paths.
 fn unseen_general(cases: usize) -> anyhow::Result<PathBuf> {
     let targets = (cases * 2).to_string();
     let out = folder().join(format!("general-{UNSEEN_SEED}-{targets}"));

@@ -26,7 +26,7 @@ pub(crate) struct Figures {
     pub(crate) duration: Vec<f64>,
     /// The clearance times -1: less is better.
     pub(crate) nearness: Vec<f64>,
-    /// From the start to the end shape, rad.
+    /// From the start to the goal configuration, rad.
     pub(crate) distance: Vec<f64>,
     pub(crate) ends: Vec<Configuration>,
 }
@@ -122,7 +122,7 @@ pub(crate) const LARGEST_CLEARANCE: Rule = Rule {
     tolerance: CLEARANCE_TOLERANCE,
 };
 pub(crate) const NEAREST_END: Rule = Rule {
-    name: "nearest terminal shape",
+    name: "nearest goal configuration",
     cost: |figures| &figures.distance,
     tolerance: ROUNDING,
 };

@@ -22,10 +22,10 @@ pub(crate) const PLANNERS: [&str; 6] = [
     "rrt-smooth",
 ];
 
-const fn by_the_teacher(name: &'static str, seed: u64, targets_for_ten_cases: usize) -> Unseen {
+const fn by_the_expert(name: &'static str, seed: u64, targets_for_ten_cases: usize) -> Unseen {
     Unseen {
         name,
-        method: "teacher",
+        method: "expert",
         setting: name,
         seed,
         starts: 3,
@@ -36,9 +36,9 @@ const fn by_the_teacher(name: &'static str, seed: u64, targets_for_ten_cases: us
     }
 }
 
-pub(crate) const REFERENCE: Unseen = by_the_teacher("reference", 9011, 4);
-pub(crate) const GENERAL: Unseen = by_the_teacher("general", 9012, 4);
-pub(crate) const HARD: Unseen = by_the_teacher("hard", 9013, 10);
+pub(crate) const REFERENCE: Unseen = by_the_expert("reference", 9011, 4);
+pub(crate) const GENERAL: Unseen = by_the_expert("general", 9012, 4);
+pub(crate) const HARD: Unseen = by_the_expert("hard", 9013, 10);
 
 /// Cases in a folder.
 pub(crate) struct Cases {

@@ -33,7 +33,7 @@ pub(crate) const FREE: Unseen = of_the_paper("obstacle-free", "obstacle-free", 9
 pub(crate) const GENERAL: Unseen = of_the_paper("general", "general", 9005, "general");
 pub(crate) const HARD: Unseen = Unseen {
     name: "hard",
-    method: "teacher",
+    method: "expert",
     setting: "hard",
     seed: 9002,
     starts: 3,

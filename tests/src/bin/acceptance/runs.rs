@@ -130,7 +130,7 @@ pub(crate) struct Unseen {
     pub(crate) seed: u64,
     /// Starts of each target.
     pub(crate) starts: usize,
-    /// End shapes of each start.
+    /// Goal configurations of each start.
     pub(crate) ends: usize,
     /// Targets drawn for 10 cases: some are dropped.
     pub(crate) targets_for_ten_cases: usize,

@@ -282,7 +282,7 @@ fn authors_keys(report: &mut Report) -> anyhow::Result<()> {
     };
     let theirs = meta(repository().join("tests/data/reference-mixed-sample"))?;
     let mut wrong = Vec::new();
-    for method in ["paper", "teacher"] {
+    for method in ["paper", "expert"] {
         let folder = tempfile::tempdir()?;
         let mut words = vec!["dataset", "--method", method, "--setting", "reference"];
         words.extend([
@@ -302,7 +302,7 @@ fn authors_keys(report: &mut Report) -> anyhow::Result<()> {
         for (key, value) in theirs.as_object().context("an object")? {
             let is_same_kind = match ours.get(key) {
                 None => false,
-                Some(Value::Null) => method == "teacher" && NOT_THE_EXPERTS.contains(&key.as_str()),
+                Some(Value::Null) => method == "expert" && NOT_THE_EXPERTS.contains(&key.as_str()),
                 Some(ours) => std::mem::discriminant(ours) == std::mem::discriminant(value),
             };
             if !is_same_kind {
