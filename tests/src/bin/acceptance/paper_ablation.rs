@@ -203,11 +203,17 @@ fn diversity(
     outs: &[(&str, &Path)],
 ) -> anyhow::Result<()> {
     let data = mean(&modes_of_data(dataset, cases)?);
+    // Cases without paths of their own have one row each.
+    let beside = if data > 1.0 {
+        format!(" (the data's: {data:.2})")
+    } else {
+        String::new()
+    };
     for (planner, out) in outs {
         let found = modes_of_certified(out)?;
         ensure!(!found.is_empty(), "{} has no cases", out.display());
         let line = format!("{name}: {planner}, distinct certified terminal modes among ten");
-        let figure = format!("{:.2} a case (the data's: {data:.2})", mean(&found));
+        let figure = format!("{:.2} a case{beside}", mean(&found));
         report.shown(&line, figure);
     }
     Ok(())
