@@ -318,6 +318,9 @@ fn scene_file(balls: &[Ball]) -> String {
         let ([x, y, z], radius) = (ball.centre_m, ball.radius_m);
         format!("[[balls]]\ncentre_m = [{x:?}, {y:?}, {z:?}]\nradius_m = {radius:?}\n")
     };
+    if balls.is_empty() {
+        return "balls = []\n".to_owned();
+    }
     balls.iter().map(ball).collect()
 }
 
