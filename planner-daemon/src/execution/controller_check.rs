@@ -5,7 +5,7 @@ use shared_types::codes::{LoopFault, LoopState};
 use shared_types::valid;
 
 use super::refusal::ExecutionRefusal;
-use crate::supervision::is_fresh;
+use super::supervised_motion::is_fresh;
 
 /// Largest distance of a motion's start from the commanded configuration, rad.
 const START_TOLERANCE_RAD: f64 = 1e-6;

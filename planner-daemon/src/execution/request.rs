@@ -7,10 +7,18 @@ use std::sync::mpsc::SyncSender;
 use trajectory::Trajectory;
 
 use super::refusal::ExecutionRefusal;
-use crate::admission::Begin;
+
+/// When a motion is to begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Begin {
+    /// As soon as possible.
+    Earliest,
+    /// Not before this time, nanoseconds of `CLOCK_MONOTONIC`.
+    NotBefore(i64),
+}
 
 /// Which motion is to be executed.
-pub(crate) struct Selected {
+pub(crate) struct SelectedMotion {
     pub(crate) motion: Trajectory,
     pub(crate) candidate_index: usize,
     pub(crate) plan_id: u64,
@@ -21,12 +29,12 @@ pub(crate) struct Selected {
 
 /// The id of a motion on its way to the one who waits for it: either it is told, or the one who waits has given up before.
 #[derive(Debug, Default)]
-pub(crate) struct Claim(AtomicU64);
+pub(crate) struct ReplySlot(AtomicU64);
 
-impl Claim {
+impl ReplySlot {
     /// Neither told (ids are u32, at least 1) nor given up.
     const OPEN: u64 = 0;
-    const GIVEN_UP: u64 = u64::MAX;
+    const ABANDONED: u64 = u64::MAX;
 
     /// Tells the id; false where nobody waits any more.
     pub(crate) fn tell(&self, id: u32) -> bool {
@@ -34,8 +42,8 @@ impl Claim {
     }
 
     /// Gives up waiting; the id where it was told before.
-    pub(super) fn give_up(&self) -> Option<u32> {
-        let told = self.settle(Self::GIVEN_UP).err()?;
+    pub(super) fn abandon(&self) -> Option<u32> {
+        let told = self.settle(Self::ABANDONED).err()?;
         u32::try_from(told).ok()
     }
 
@@ -47,11 +55,11 @@ impl Claim {
 }
 
 /// A motion on its way to supervision, which answers.
-pub(crate) struct Handed {
-    pub(crate) selected: Selected,
+pub(crate) struct ExecutionRequest {
+    pub(crate) selected: SelectedMotion,
     /// After this it is not wanted any more, nanoseconds of `CLOCK_MONOTONIC`.
     pub(crate) until_mono_ns: i64,
-    pub(crate) claim: Arc<Claim>,
+    pub(crate) slot: Arc<ReplySlot>,
     pub(crate) answer: SyncSender<Result<u32, ExecutionRefusal>>,
 }
 
@@ -61,12 +69,12 @@ mod tests {
 
     #[test]
     fn an_id_is_told_or_given_up_and_never_both() {
-        let told = Claim::default();
+        let told = ReplySlot::default();
         assert!(told.tell(7));
-        assert_eq!(told.give_up(), Some(7));
-        let given_up = Claim::default();
-        assert_eq!(given_up.give_up(), None);
+        assert_eq!(told.abandon(), Some(7));
+        let given_up = ReplySlot::default();
+        assert_eq!(given_up.abandon(), None);
         assert!(!given_up.tell(7));
-        assert_eq!(given_up.give_up(), None);
+        assert_eq!(given_up.abandon(), None);
     }
 }

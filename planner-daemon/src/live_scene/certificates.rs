@@ -3,15 +3,15 @@
 use pcc_model::Robot;
 use trajectory::Trajectory;
 
-use crate::moving_cover::{Stretch, Timing};
+use super::moving_ball_cover::{Stretch, Timing};
 
 /// How fast a motion is taken to go.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum RateAssumption {
     /// As it has gone.
-    Expected,
+    MeasuredRate,
     /// At full rate, where it has gone more slowly.
-    Hurried,
+    FullRate,
 }
 
 /// For which version of a source's scene, and for which times on its path, what is left of a motion was certified.
@@ -19,13 +19,13 @@ pub(super) enum Kind {
 pub(super) struct Certificate {
     /// Of the scene.
     pub(super) version: u64,
-    pub(super) kind: Kind,
+    pub(super) rate: RateAssumption,
     pub(super) stretch: Stretch,
 }
 
 impl Certificate {
-    fn is_of_the_same(&self, other: &Self) -> bool {
-        (self.version, self.kind) == (other.version, other.kind)
+    fn is_for_same_scene(&self, other: &Self) -> bool {
+        (self.version, self.rate) == (other.version, other.rate)
     }
 }
 
@@ -47,14 +47,14 @@ impl Certificates {
         let mut kept = self.0.iter();
         kept.any(|kept| {
             let is_long = kept.stretch.until_s >= until_s;
-            kept.is_of_the_same(wanted)
+            kept.is_for_same_scene(wanted)
                 && (!balls_move || (is_long && is_near(kept.stretch.timing)))
         })
     }
 
-    /// Keeps this one in place of the one before.
+    /// Keeps this one in slot of the one before.
     pub(super) fn renew(&mut self, certificate: Certificate) {
-        self.0.retain(|kept| !kept.is_of_the_same(&certificate));
+        self.0.retain(|kept| !kept.is_for_same_scene(&certificate));
         self.0.push(certificate);
     }
 }
@@ -70,7 +70,7 @@ pub(crate) struct RemainingMotion<'a> {
     /// When it will be where, as far as can be told.
     pub(crate) timing: Timing,
     /// Where it may be sooner.
-    pub(crate) hurried: Option<Stretch>,
+    pub(crate) at_full_rate: Option<Stretch>,
     /// Longest stop, with the time until it begins, s.
     pub(crate) stopping_s: f64,
     /// How much later than that it must be able to come, s.
@@ -87,9 +87,11 @@ impl RemainingMotion<'_> {
     }
 
     /// What is to be certified.
-    pub(super) fn stretches(&self) -> impl Iterator<Item = (Kind, Stretch)> {
-        let expected = (Kind::Expected, self.whole(self.timing));
-        let hurried = self.hurried.map(|hurried| (Kind::Hurried, hurried));
-        std::iter::once(expected).chain(hurried)
+    pub(super) fn stretches(&self) -> impl Iterator<Item = (RateAssumption, Stretch)> {
+        let expected = (RateAssumption::MeasuredRate, self.whole(self.timing));
+        let at_full_rate = self
+            .at_full_rate
+            .map(|at_full_rate| (RateAssumption::FullRate, at_full_rate));
+        std::iter::once(expected).chain(at_full_rate)
     }
 }

@@ -1,0 +1,203 @@
+//! Signs of life, and cleaning up after dead processes, in threads that no plan delays.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::sync_channel;
+use std::thread::{Builder, JoinHandle, sleep};
+use std::time::Duration;
+
+use realtime::{RealtimeError, let_others_go_first, use_fifo_priority};
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::ProcessKind;
+use shared_types::ipc::{IpcError, IpcNode, IpcOptions, Publisher, heartbeat_service, publisher};
+use shared_types::message::Heartbeat;
+
+use crate::live_scene::SceneMemoryError;
+
+/// Time between two heartbeats.
+const BEAT_PERIOD: Duration = Duration::from_millis(10);
+/// Time between two looks for dead processes.
+const CLEANUP_PERIOD: Duration = Duration::from_millis(100);
+/// Beats without progress of supervision after which the heart stops: 100 ms.
+const STALL_BEATS: u32 = 10;
+/// From the last progress of supervision to the last heartbeat, at most, nanoseconds.
+pub(crate) const STALL_NS: i64 = STALL_BEATS as i64 * BEAT_PERIOD.as_nanos() as i64;
+
+/// Why the background threads did not start.
+#[derive(Debug, thiserror::Error)]
+pub enum BackgroundError {
+    /// The services are not available.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// The system has no more threads.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[from] io::Error),
+    /// The system takes a priority back that it granted.
+    #[error(transparent)]
+    Priority(#[from] RealtimeError),
+    /// The file that keeps the live scene for the next daemon cannot be used.
+    #[error(transparent)]
+    SceneMemory(#[from] SceneMemoryError),
+}
+
+/// Rounds of supervision; heartbeats stop where there are no more.
+#[derive(Debug, Default)]
+pub(crate) struct ProgressCounter {
+    rounds: AtomicU64,
+}
+
+impl ProgressCounter {
+    /// States that supervision goes on.
+    pub(crate) fn increment(&self) {
+        self.rounds.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// Looks at supervision once a beat. Time is counted in beats: while the whole machine pauses, nobody makes progress.
+#[derive(Debug, Default)]
+struct StallWatch {
+    seen_rounds: u64,
+    beats_without: u32,
+}
+
+impl StallWatch {
+    /// Whether supervision goes on.
+    fn sees(&mut self, progress: &ProgressCounter) -> bool {
+        let rounds = progress.rounds.load(Ordering::Relaxed);
+        if rounds == self.seen_rounds {
+            self.beats_without = self.beats_without.saturating_add(1);
+        } else {
+            (self.seen_rounds, self.beats_without) = (rounds, 0);
+        }
+        self.beats_without < STALL_BEATS
+    }
+}
+
+/// The background threads; they end with this value.
+pub(crate) struct BackgroundThreads {
+    ended: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl BackgroundThreads {
+    /// Starts both threads, each with a node of its own; the heart beats for this `instance` of the daemon, at a real-time priority if
+    /// there is one.
+    pub(crate) fn start(
+        options: &IpcOptions,
+        instance: u64,
+        progress: &Arc<ProgressCounter>,
+        realtime_priority: Option<u8>,
+    ) -> Result<Self, BackgroundError> {
+        let ended = Arc::new(AtomicBool::new(false));
+        let mut background = Self {
+            ended: Arc::clone(&ended),
+            threads: Vec::new(),
+        };
+        let (node, progress) = (
+            IpcNode::create(options, "planner-daemon heartbeat")?,
+            Arc::clone(progress),
+        );
+        // Ports stay in their thread, so it is the thread that says whether there is a heart.
+        let (tell, told) = sync_channel(1);
+        let beating = move || match heart(&node, realtime_priority) {
+            Ok(publisher) => {
+                let _ = tell.send(Ok(()));
+                beat(&publisher, instance, &progress, &ended);
+            }
+            Err(error) => {
+                let _ = tell.send(Err(error));
+            }
+        };
+        background.spawn("heartbeat", beating)?;
+        told.recv().map_err(io::Error::other)??;
+        let node = IpcNode::create(options, "planner-daemon cleaning")?;
+        let ended = Arc::clone(&background.ended);
+        background.spawn("cleaning", move || clean(&node, &ended))?;
+        Ok(background)
+    }
+
+    fn spawn(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<()> {
+        let thread = Builder::new().name(name.to_owned()).spawn(work)?;
+        self.threads.push(thread);
+        Ok(())
+    }
+}
+
+impl Drop for BackgroundThreads {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            // A thread that panicked has said so already.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn heart(
+    node: &IpcNode,
+    realtime_priority: Option<u8>,
+) -> Result<Publisher<Heartbeat>, BackgroundError> {
+    if let Some(priority) = realtime_priority {
+        use_fifo_priority(priority)?;
+    }
+    Ok(publisher(node, &heartbeat_service(node)?)?)
+}
+
+fn beat(
+    publisher: &Publisher<Heartbeat>,
+    instance: u64,
+    progress: &ProgressCounter,
+    ended: &AtomicBool,
+) {
+    let (mut sequence, mut failing) = (0, false);
+    let mut stall_watch = StallWatch::default();
+    while !ended.load(Ordering::Relaxed) {
+        if stall_watch.sees(progress) {
+            sequence += 1;
+            let sent = publisher.send_copy(Heartbeat {
+                stamp_mono_ns: mono_now_ns(),
+                instance,
+                sequence,
+                kind: ProcessKind::Daemon.code(),
+                pid: std::process::id(),
+            });
+            if let Err(error) = &sent
+                && !failing
+            {
+                tracing::warn!("a heartbeat was not sent: {error:?}");
+            }
+            failing = sent.is_err();
+        }
+        sleep(BEAT_PERIOD);
+    }
+}
+
+/// A look takes about a millisecond, for which no plan should have to wait.
+fn clean(node: &IpcNode, ended: &AtomicBool) {
+    if let Err(error) = let_others_go_first() {
+        tracing::warn!("answers may be a millisecond late now and then: {error}");
+    }
+    while !ended.load(Ordering::Relaxed) {
+        let removed = node.clean_dead_nodes();
+        if removed > 0 {
+            tracing::info!("cleaned up after {removed} dead nodes");
+        }
+        sleep(CLEANUP_PERIOD);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_heart_stops_when_supervision_does_and_beats_again_when_it_goes_on() {
+        let (progress, mut stall_watch) = (ProgressCounter::default(), StallWatch::default());
+        progress.increment();
+        assert!((0..STALL_BEATS).all(|_| stall_watch.sees(&progress)));
+        assert!(!stall_watch.sees(&progress));
+        progress.increment();
+        assert!(stall_watch.sees(&progress));
+    }
+}
