@@ -96,7 +96,7 @@ fn cycles_arrive_in_batches_each_exactly_once() {
     let world = world();
     let node = IpcNode::create(&world.options, "test").unwrap();
     let topic = cycle_service(&node).unwrap();
-    let subscriber = cycle_subscriber(&node, &topic).unwrap();
+    let subscriber = subscriber(&node, &topic).unwrap();
     let publisher = cycle_publisher(&node, &topic).unwrap();
     for batch in 0..60_u64 {
         let sample = publisher.loan_slice_uninit(10).unwrap();

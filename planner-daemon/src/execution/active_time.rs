@@ -1,9 +1,9 @@
-//! Time in which a thread was awake: where the whole machine pauses, nobody could speak, and nobody is to blame.
+//! Time for which a thread ran: pauses of the whole machine do not count against other processes.
 
-/// Longest time between two looks that counts, nanoseconds: longer than a thread certifies a scene for between them.
+/// Most of the time between two readings of the clock that counts, nanoseconds: longer than the certification of a scene between them.
 const MAX_INTERVAL_NS: i64 = 20_000_000;
 
-/// Counts the time between looks at the clock, of each at most [`MAX_INTERVAL_NS`].
+/// Sum of the times between readings of the clock, each counted up to [`MAX_INTERVAL_NS`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ActiveTime {
     total_ns: i64,

@@ -1,16 +1,17 @@
-//! Signs of life, and cleaning up after dead processes, in threads that no plan delays.
+//! The heartbeat thread and the cleaning thread, which no plan delays.
 
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::mpsc::sync_channel;
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::Duration;
 
 use realtime::{RealtimeError, let_others_go_first, use_fifo_priority};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::ProcessKind;
-use shared_types::ipc::{IpcError, IpcNode, IpcOptions, Publisher, heartbeat_service, publisher};
+use shared_types::ipc::{
+    IpcError, IpcNode, IpcOptions, Publisher, heartbeat_service, publisher, spawn_with_ports,
+};
 use shared_types::message::Heartbeat;
 
 use crate::live_scene::SceneMemoryError;
@@ -41,7 +42,7 @@ pub enum BackgroundError {
     SceneMemory(#[from] SceneMemoryError),
 }
 
-/// Rounds of supervision; heartbeats stop where there are no more.
+/// Counter of the rounds of supervision; heartbeats stop while it stands still.
 #[derive(Debug, Default)]
 pub(crate) struct ProgressCounter {
     rounds: AtomicU64,
@@ -54,7 +55,7 @@ impl ProgressCounter {
     }
 }
 
-/// Looks at supervision once a beat. Time is counted in beats: while the whole machine pauses, nobody makes progress.
+/// Detects that the progress counter stands still. Time is counted in heartbeats, so that a pause of the whole machine is no stall.
 #[derive(Debug, Default)]
 struct StallWatch {
     seen_rounds: u64,
@@ -89,38 +90,23 @@ impl BackgroundThreads {
         progress: &Arc<ProgressCounter>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
-        let ended = Arc::new(AtomicBool::new(false));
         let mut background = Self {
-            ended: Arc::clone(&ended),
+            ended: Arc::default(),
             threads: Vec::new(),
         };
-        let (node, progress) = (
-            IpcNode::create(options, "planner-daemon heartbeat")?,
-            Arc::clone(progress),
-        );
-        // Ports stay in their thread, so it is the thread that says whether there is a heart.
-        let (tell, told) = sync_channel(1);
-        let beating = move || match heart(&node, realtime_priority) {
-            Ok(publisher) => {
-                let _ = tell.send(Ok(()));
-                beat(&publisher, instance, &progress, &ended);
-            }
-            Err(error) => {
-                let _ = tell.send(Err(error));
-            }
-        };
-        background.spawn("heartbeat", beating)?;
-        told.recv().map_err(io::Error::other)??;
+        let node = IpcNode::create(options, "planner-daemon heartbeat")?;
+        let (progress, ended) = (Arc::clone(progress), Arc::clone(&background.ended));
+        background.threads.push(spawn_with_ports(
+            "heartbeat",
+            move || heartbeat_port(&node, realtime_priority),
+            move |publisher| beat(&publisher, instance, &progress, &ended),
+        )?);
         let node = IpcNode::create(options, "planner-daemon cleaning")?;
         let ended = Arc::clone(&background.ended);
-        background.spawn("cleaning", move || clean(&node, &ended))?;
+        let cleaning = Builder::new().name("cleaning".to_owned());
+        let cleaning = cleaning.spawn(move || clean(&node, &ended))?;
+        background.threads.push(cleaning);
         Ok(background)
-    }
-
-    fn spawn(&mut self, name: &str, work: impl FnOnce() + Send + 'static) -> io::Result<()> {
-        let thread = Builder::new().name(name.to_owned()).spawn(work)?;
-        self.threads.push(thread);
-        Ok(())
     }
 }
 
@@ -134,7 +120,7 @@ impl Drop for BackgroundThreads {
     }
 }
 
-fn heart(
+fn heartbeat_port(
     node: &IpcNode,
     realtime_priority: Option<u8>,
 ) -> Result<Publisher<Heartbeat>, BackgroundError> {
@@ -173,7 +159,7 @@ fn beat(
     }
 }
 
-/// A look takes about a millisecond, for which no plan should have to wait.
+/// Removes what dead processes left every 100 ms. One pass takes about a millisecond, so the thread has the idle policy.
 fn clean(node: &IpcNode, ended: &AtomicBool) {
     if let Err(error) = let_others_go_first() {
         tracing::warn!("answers may be a millisecond late now and then: {error}");

@@ -19,7 +19,7 @@ pub(crate) enum ExecutionRefusal {
     /// The controller is not at rest.
     #[error("the controller is {state} (fault: {fault}); only a holding one takes a motion")]
     NotHolding { state: LoopState, fault: LoopFault },
-    /// The motion published before is not end_reason.
+    /// The motion published before is not over.
     #[error("trajectory {id} is still to be executed")]
     Busy { id: u32 },
     /// The motion would begin with a jump.
@@ -33,10 +33,10 @@ pub(crate) enum ExecutionRefusal {
     /// An obstacle of the live scene is in the way.
     #[error("the live scene is in the way: not certified free at {at_s:.3} s of the motion")]
     SceneInTheWay { at_s: f64 },
-    /// Nobody would stall_watch end_reason the motion.
+    /// Nobody would watch over the motion.
     #[error("the daemon ends")]
     DaemonEnds,
-    /// The thread that watches end_reason motions did not answer.
+    /// The thread that watches over motions did not answer.
     #[error(
         "the supervision of motions does not answer: it is held; a motion that it has published all the same is taken back, or \
          stopped along its path"

@@ -1,4 +1,4 @@
-//! A motion on its way to the thread that supervises it, and the id on its way back.
+//! A request to execute a motion, sent to the supervision thread, and its reply.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -17,7 +17,7 @@ pub(crate) enum Begin {
     NotBefore(i64),
 }
 
-/// Which motion is to be executed.
+/// The selected candidate's motion, to be executed.
 pub(crate) struct SelectedMotion {
     pub(crate) motion: Trajectory,
     pub(crate) candidate_index: usize,
@@ -27,24 +27,24 @@ pub(crate) struct SelectedMotion {
     pub(crate) begin: Begin,
 }
 
-/// The id of a motion on its way to the one who waits for it: either it is told, or the one who waits has given up before.
+/// A reply that is either delivered or abandoned, never both: the caller that stops waiting learns whether its motion was published.
 #[derive(Debug, Default)]
 pub(crate) struct ReplySlot(AtomicU64);
 
 impl ReplySlot {
-    /// Neither told (ids are u32, at least 1) nor given up.
+    /// Neither delivered (ids are u32, at least 1) nor abandoned.
     const OPEN: u64 = 0;
     const ABANDONED: u64 = u64::MAX;
 
-    /// Tells the id; false where nobody waits any more.
-    pub(crate) fn tell(&self, id: u32) -> bool {
+    /// Delivers the id; false where the caller has abandoned the reply.
+    pub(crate) fn deliver(&self, id: u32) -> bool {
         self.settle(u64::from(id)).is_ok()
     }
 
-    /// Gives up waiting; the id where it was told before.
+    /// Abandons the reply; returns the id where it was delivered before.
     pub(super) fn abandon(&self) -> Option<u32> {
-        let told = self.settle(Self::ABANDONED).err()?;
-        u32::try_from(told).ok()
+        let delivered = self.settle(Self::ABANDONED).err()?;
+        u32::try_from(delivered).ok()
     }
 
     fn settle(&self, value: u64) -> Result<u64, u64> {
@@ -54,10 +54,10 @@ impl ReplySlot {
     }
 }
 
-/// A motion on its way to supervision, which answers.
+/// A motion for the supervision thread to publish, and where to reply.
 pub(crate) struct ExecutionRequest {
     pub(crate) selected: SelectedMotion,
-    /// After this it is not wanted any more, nanoseconds of `CLOCK_MONOTONIC`.
+    /// Latest time of publication, nanoseconds of `CLOCK_MONOTONIC`.
     pub(crate) until_mono_ns: i64,
     pub(crate) slot: Arc<ReplySlot>,
     pub(crate) answer: SyncSender<Result<u32, ExecutionRefusal>>,
@@ -70,11 +70,11 @@ mod tests {
     #[test]
     fn an_id_is_told_or_given_up_and_never_both() {
         let told = ReplySlot::default();
-        assert!(told.tell(7));
+        assert!(told.deliver(7));
         assert_eq!(told.abandon(), Some(7));
         let given_up = ReplySlot::default();
         assert_eq!(given_up.abandon(), None);
-        assert!(!given_up.tell(7));
+        assert!(!given_up.deliver(7));
         assert_eq!(given_up.abandon(), None);
     }
 }

@@ -1,4 +1,4 @@
-//! What every motion for execution must keep.
+//! The settings of execution.
 
 use std::time::Duration;
 
@@ -8,7 +8,7 @@ use trajectory::{RateLaw, Trajectory};
 /// Time from a reason to stop until the controller brakes, s: its state is up to 20 ms old, and the order has a way to go.
 const ORDER_DELAY_S: f64 = 0.05;
 
-/// What every motion for execution must keep.
+/// The settings of execution: robot, tolerance, braking, lead time.
 #[derive(Clone, Debug)]
 pub(crate) struct ExecutionRules {
     /// The robot in units of its section length, its tubes padded by what covers the path tolerance.

@@ -30,7 +30,7 @@ const _: () = assert!(
 
 type Pending = PendingResponse<ipc::Service, message::Command, (), message::CommandReply, ()>;
 
-/// How long an order has stayed without reply: since the first one for a motion, or since the last reply, while it was wanted.
+/// Time for which a wanted stop has had no reply: from the first order for a motion, or from the last reply, on.
 #[derive(Debug, Default)]
 struct UnansweredTime {
     total_ns: i64,
@@ -38,13 +38,13 @@ struct UnansweredTime {
 }
 
 impl UnansweredTime {
-    /// The order is wanted at this time of supervision's being awake, nanoseconds.
+    /// Counts the time since the last call; `active_ns` is the active time of supervision now.
     fn wanted(&mut self, active_ns: i64) {
         let last = self.wanted_active_ns.replace(active_ns);
         self.total_ns += last.map_or(0, |last| active_ns - last);
     }
 
-    /// The order is not wanted now.
+    /// The order is not wanted: the time until the next call of `wanted` does not count.
     fn unwanted(&mut self) {
         self.wanted_active_ns = None;
     }
@@ -88,7 +88,7 @@ impl StopOrder {
     }
 
     /// Orders a stop, unless one was ordered a moment ago and may still be answered. To be called again and again until it is
-    /// obeyed, with the time that supervision was awake.
+    /// obeyed, with the active time of supervision.
     pub(crate) fn send(
         &mut self,
         trajectory_id: u32,
@@ -132,12 +132,12 @@ impl StopOrder {
         self.unanswered.is_too_long()
     }
 
-    /// No stop is wanted for now: what was ordered is being done.
+    /// States that no stop is wanted now: the controller is braking, or the reason has gone.
     pub(crate) fn pause(&mut self) {
         self.unanswered.unwanted();
     }
 
-    /// Forgets the motion that was to be stopped: it is end_reason.
+    /// Forgets the motion that was to be stopped: it is over.
     pub(crate) fn end(&mut self) {
         self.pending = None;
         self.trajectory_id = 0;
@@ -179,7 +179,7 @@ impl StopOrder {
     }
 }
 
-/// Whether nothing moves. Nothing that was requested before the stop will, either: the controller refuses it by name.
+/// Whether the reply says that the robot is at rest. The controller refuses whatever was requested before the stop.
 fn is_at_rest(reply: &CommandReply) -> bool {
     matches!(
         reply.state,

@@ -1,5 +1,6 @@
-//! The motion that was published last: is it still to be executed, where is it on its path, must it be stopped?
+//! The motion that was published last: its status at the controller, its place on its path, and the reason to stop it.
 
+use shared_types::clock::STATE_LIFETIME_NS;
 use shared_types::codes::LoopState;
 use shared_types::valid::ControllerState;
 use trajectory::Trajectory;
@@ -7,9 +8,7 @@ use trajectory::Trajectory;
 use crate::live_scene::{Certificates, SceneAbsence};
 use crate::live_scene::{Stretch, Timing, UNSUPERVISED_S};
 
-/// Age of the controller's state beyond which it says nothing of now, nanoseconds.
-pub(crate) const STATE_LIFETIME_NS: i64 = 200_000_000;
-/// Time after a motion's begin within which the controller must have taken it up, nanoseconds: then it is taken back.
+/// Time after a motion's begin within which the controller must have started it, nanoseconds; else it is stopped.
 const START_TIMEOUT_NS: i64 = 300_000_000;
 
 /// Why a motion is stopped.
@@ -31,15 +30,14 @@ pub(crate) enum StopReason {
     #[error("nobody waits for it any more: supervision was held while it published it")]
     CallerGone,
     /// Another daemon has published it, or nobody knows who.
-    #[error("it is executed and nobody watches end_reason it")]
+    #[error("it is executed and nobody watches over it")]
     Unsupervised,
-    /// Nobody would stall_watch end_reason it.
+    /// Nobody would watch over it.
     #[error("the daemon ends")]
     DaemonEnds,
 }
 
-/// The motion that was published last. It is end_reason only once a fresh state of the controller says so: while there is none, it may be
-/// under way.
+/// The motion that was published last. Only a fresh state of the controller ends it: without one it may be under way.
 #[derive(Debug)]
 pub(crate) struct SupervisedMotion {
     pub(crate) id: u32,
@@ -48,16 +46,16 @@ pub(crate) struct SupervisedMotion {
     /// The controller that it was published for.
     controller_instance: u64,
     begin_mono_ns: i64,
-    /// Longest stop on it, with the time until that begins, s.
+    /// Longest duration of a stop on its path, the delay until braking begins included, s.
     pub(crate) stopping_s: f64,
     status: MotionStatus,
-    /// Stamp of the newest state heard of, nanoseconds.
+    /// Stamp of the newest state received, nanoseconds of `CLOCK_MONOTONIC`.
     state_mono_ns: i64,
-    /// Once there is a reason to stop it, it is stopped.
+    /// The first reason to stop it.
     stop: Option<StopReason>,
 }
 
-/// Where a published motion stands.
+/// Status of a published motion at the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum MotionStatus {
     /// The controller has not begun it yet.
@@ -66,7 +64,7 @@ pub(crate) enum MotionStatus {
     Executing { time_s: f64, rate: f64 },
     /// The controller brakes.
     Stopping,
-    /// It is end_reason, for this reason.
+    /// It has ended, for this reason.
     Over(&'static str),
 }
 
@@ -93,7 +91,7 @@ impl SupervisedMotion {
         }
     }
 
-    /// Takes in a state that [`is_fresh`], and returns where the motion stands by it.
+    /// Updates the status from a fresh state of the controller ([`is_fresh`]) and returns it.
     pub(crate) fn update(&mut self, state: &ControllerState) -> MotionStatus {
         self.state_mono_ns = state.values.stamp_mono_ns;
         self.status = self.status_from(state);
@@ -129,18 +127,18 @@ impl SupervisedMotion {
         }
     }
 
-    /// Whether it has not been begun long after its begin. It is not end_reason by that: the controller may still have it before it.
+    /// Whether the controller has not started it 300 ms after its begin. It has not ended: the controller may still start it.
     pub(crate) fn is_overdue(&self) -> bool {
         self.status == MotionStatus::Pending
             && self.state_mono_ns >= self.begin_mono_ns.saturating_add(START_TIMEOUT_NS)
     }
 
-    /// Where it stands by the last state heard.
+    /// Its status by the last fresh state.
     pub(crate) fn status(&self) -> MotionStatus {
         self.status
     }
 
-    /// Path time that has passed for certain, s, and when it will be where from now on.
+    /// Path time that has passed for certain, s, and the timing of the rest of the path.
     pub(crate) fn progress(&self, now_mono_ns: i64) -> (f64, Timing) {
         match self.status {
             MotionStatus::Executing { time_s, rate } => {
@@ -151,8 +149,8 @@ impl SupervisedMotion {
         }
     }
 
-    /// The path that may be behind it before a state says that it has sped up, or supervision has died and that was missed, and a stop
-    /// is end_reason: there it may be as early as at full rate from the last state on. None where it cannot come earlier than [`SupervisedMotion::progress`] says.
+    /// The path that a slowed motion may pass at full rate from the last state on, until a state has reported the change, or the loss of
+    /// supervision has been noticed, and a stop has ended. None where the motion already runs at full rate or does not execute.
     pub(crate) fn at_full_rate(&self) -> Option<Stretch> {
         let MotionStatus::Executing { time_s, rate } = self.status else {
             return None;
@@ -164,7 +162,7 @@ impl SupervisedMotion {
         })
     }
 
-    /// Has it stopped; the first reason stays.
+    /// Requests a stop; the first reason stays.
     pub(crate) fn request_stop(&mut self, reason: StopReason) {
         self.stop.get_or_insert(reason);
     }
@@ -175,7 +173,7 @@ impl SupervisedMotion {
     }
 }
 
-/// Whether a controller's state is recent enough to say what is now; one from the future would never grow old, and is not.
+/// Whether a controller's state is at most [`STATE_LIFETIME_NS`] old; one stamped in the future is not fresh.
 pub(crate) fn is_fresh(state: &ControllerState, now_mono_ns: i64) -> bool {
     let age_ns = now_mono_ns.saturating_sub(state.values.stamp_mono_ns);
     (0..=STATE_LIFETIME_NS).contains(&age_ns)
@@ -244,20 +242,20 @@ mod tests {
 
     #[test]
     fn a_motion_is_over_only_when_a_state_says_so() {
-        let end_reason = |change: fn(&mut message::ControllerState)| {
+        let over = |change: fn(&mut message::ControllerState)| {
             let status = update(change);
             assert!(matches!(status, MotionStatus::Over(_)), "{status:?}");
             status
         };
-        let refused = end_reason(|values| {
+        let refused = over(|values| {
             (values.refused_trajectory_id, values.refusal) = (7, 5);
             (values.trajectory_id, values.state) = (6, LoopState::Holding.code());
         });
         assert_eq!(refused, MotionStatus::Over("begins in the past"));
-        end_reason(|values| values.instance = 78);
-        end_reason(|values| values.state = LoopState::Holding.code());
-        end_reason(|values| values.state = LoopState::Fault.code());
-        end_reason(|values| values.state = LoopState::Starting.code());
+        over(|values| values.instance = 78);
+        over(|values| values.state = LoopState::Holding.code());
+        over(|values| values.state = LoopState::Fault.code());
+        over(|values| values.state = LoopState::Starting.code());
     }
 
     #[test]

@@ -1,13 +1,12 @@
-//! The way to the thread that publishes motions and watches end_reason them.
+//! The handle of the supervision thread.
 
-use std::io;
 use std::sync::Arc;
 use std::sync::mpsc::{SyncSender, sync_channel};
-use std::thread::{Builder, JoinHandle};
+use std::thread::JoinHandle;
 use std::time::Duration;
 
 use shared_types::clock::mono_now_ns;
-use shared_types::ipc::{IpcNode, IpcOptions};
+use shared_types::ipc::{IpcNode, IpcOptions, spawn_with_ports};
 
 use super::heartbeat::{BackgroundError, ProgressCounter};
 use super::refusal::ExecutionRefusal;
@@ -16,10 +15,10 @@ use super::rules::ExecutionRules;
 use super::supervisor::Supervisor;
 use crate::live_scene::SceneMemory;
 
-/// Time within which supervision takes a motion up, or not at all: the heart stops sooner where it does not go on.
+/// Time within which supervision must publish a motion; later it refuses it. Heartbeats stop sooner where supervision stalls.
 const REPLY_TIMEOUT: Duration = Duration::from_millis(250);
 
-/// The way to the thread that publishes motions and watches end_reason them; ends it when dropped, once nothing moves.
+/// The handle of the supervision thread, which publishes motions and supervises them. Dropping it stops what moves and joins the thread.
 pub(crate) struct Execution {
     to_supervision: Option<SyncSender<ExecutionRequest>>,
     thread: Option<JoinHandle<()>>,
@@ -37,32 +36,21 @@ impl Execution {
         let node = IpcNode::create(options, "planner-daemon supervision")?;
         let (to_supervision, requests) = sync_channel(1);
         let progress = Arc::clone(progress);
-        let (tell, told) = sync_channel(1);
         let memory = SceneMemory::open(options)?;
-        let supervise = move || {
-            let opened =
-                Supervisor::open(&node, memory, rules, instance, progress, realtime_priority);
-            match opened {
-                Ok(mut supervisor) => {
-                    let _ = tell.send(Ok(()));
-                    supervisor.run(&requests);
-                }
-                Err(error) => {
-                    let _ = tell.send(Err(error));
-                }
-            }
-        };
-        let builder = Builder::new().name("supervision".to_owned());
-        let thread = builder.spawn(supervise)?;
-        told.recv().map_err(io::Error::other)??;
+        let open =
+            move || Supervisor::open(&node, memory, rules, instance, progress, realtime_priority);
+        let work = move |mut supervisor: Supervisor| supervisor.run(&requests);
+        let thread = spawn_with_ports("supervision", open, work)?;
         Ok(Self {
             to_supervision: Some(to_supervision),
             thread: Some(thread),
         })
     }
 
-    /// Has a motion checked against the controller and the live scene and published, by the thread that watches end_reason it from then on;
-    /// returns its id.
+    /// Has the supervision thread check a motion against the controller and the live scene, publish it and supervise it; returns its id.
+    ///
+    /// # Errors
+    /// [`ExecutionRefusal`]: why it is not published.
     pub(crate) fn publish(&self, selected: SelectedMotion) -> Result<u32, ExecutionRefusal> {
         let (answer, answered) = sync_channel(1);
         let slot = Arc::<ReplySlot>::default();

@@ -1,5 +1,5 @@
-//! The thread that publishes motions and watches end_reason the one under way: it hears the controller and the live scene, keeps the
-//! certificate up to date and orders stops. It never plans, and the heart beats only while it goes on.
+//! The supervision thread: publishes motions, receives the controller's state and the live scene, keeps the certificate of the motion
+//! under way up to date and orders stops. It never plans. The daemon's heartbeats end when its rounds do.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
@@ -9,7 +9,7 @@ use collision::Verdict;
 use iceoryx2::port::update_connections::UpdateConnections;
 use realtime::{use_fifo_priority, wake_soon};
 use shared_types::PROTOCOL_VERSION;
-use shared_types::clock::{Suspension, mono_now_ns, suspended_ns, wall_now_ns};
+use shared_types::clock::{STATE_LIFETIME_NS, Suspension, mono_now_ns, suspended_ns, wall_now_ns};
 use shared_types::codes::LoopState;
 use shared_types::ipc::{
     IpcNode, Publisher, Subscriber, controller_state_service, newest, publisher, subscriber,
@@ -25,9 +25,7 @@ use super::refusal::ExecutionRefusal;
 use super::request::{Begin, ExecutionRequest, SelectedMotion};
 use super::rules::ExecutionRules;
 use super::stop_order::StopOrder;
-use super::supervised_motion::{
-    MotionStatus, STATE_LIFETIME_NS, StopReason, SupervisedMotion, is_fresh,
-};
+use super::supervised_motion::{MotionStatus, StopReason, SupervisedMotion, is_fresh};
 use super::trajectory_id::next_id;
 use crate::knots;
 use crate::live_scene::SceneInbox;
@@ -36,12 +34,11 @@ use crate::live_scene::{
     Arrival, Certificates, LiveScene, MAX_SOURCES, RemainingMotion, SceneMemory,
 };
 
-/// Time between two rounds.
+/// Period of the supervision loop.
 const ROUND_PERIOD: Duration = Duration::from_millis(1);
-/// How much later than expected a motion must be able to come from its begin on without contact, s: pauses up to this neither hurt
-/// nor need a stop.
+/// Delay of a motion behind its schedule that its certificate at publication includes, s: shorter pauses need no stop.
 const LAG_ALLOWANCE_S: f64 = 0.2;
-/// How much longer than the longest stop of what moves its end is waited for when the daemon ends.
+/// Time beyond the longest stop for which the ending daemon waits until the motion under way has ended.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Publishers and state of the thread.
@@ -57,7 +54,7 @@ pub(crate) struct Supervisor {
     state: Option<valid::ControllerState>,
     awake: ActiveTime,
     suspension: Suspension,
-    /// When the last fresh state came, nanoseconds of supervision's being awake.
+    /// Active time at which the last fresh state came, nanoseconds.
     last_state_active_ns: i64,
     live: LiveScene,
     supervised: Option<SupervisedMotion>,
@@ -107,7 +104,7 @@ impl Supervisor {
         })
     }
 
-    /// Watches until the sender of motions is gone, and then until nothing moves.
+    /// Supervises until the sender of requests is dropped; then stops the motion under way and returns once it has ended.
     pub(crate) fn run(&mut self, requests: &Receiver<ExecutionRequest>) {
         loop {
             self.round();
@@ -134,7 +131,7 @@ impl Supervisor {
     fn answer(&mut self, requests: ExecutionRequest) {
         let answer = self.take(requests.selected, requests.until_mono_ns);
         if let Ok(id) = answer
-            && !requests.slot.tell(id)
+            && !requests.slot.deliver(id)
             && let Some(supervised) = &mut self.supervised
         {
             supervised.request_stop(StopReason::CallerGone);
@@ -142,13 +139,13 @@ impl Supervisor {
         let _ = requests.answer.send(answer);
     }
 
-    /// Time without a fresh state of the controller, nanoseconds of being awake.
+    /// Active time since the last fresh state of the controller, nanoseconds.
     fn state_silence_ns(&self) -> i64 {
         self.awake.total_ns() - self.last_state_active_ns
     }
 
-    /// Hears what is new and watches end_reason the motion under way. A scene is acted upon before the next one is taken, so that many
-    /// large ones do not keep a small one waiting for longer than the work on one of them.
+    /// One round of supervision: receives states and scenes, and checks the motion under way after each scene, so that many large scenes
+    /// delay a small one by no more than the work on one of them.
     fn round(&mut self) {
         self.connect();
         self.receive_controller_state();
@@ -186,7 +183,7 @@ impl Supervisor {
         self.late_controllers_fail = connected.is_err();
     }
 
-    /// Takes in the newest state. Time counts as silence until one says what is now.
+    /// Receives the newest state of the controller, refused where it is malformed; only a fresh one ends the controller's silence.
     fn receive_controller_state(&mut self) {
         let newest = newest(&self.states);
         let now = mono_now_ns();
@@ -224,7 +221,7 @@ impl Supervisor {
             wall_ns: wall_now_ns(),
         };
         let live = &mut self.live;
-        // Who sent it was there before: where it is not there now, it is gone.
+        // A publisher that sent a scene and is not listed any more has ended.
         live.attend(self.inbox.present(), now.mono_ns);
         let (publisher, is_of_two) = self.inbox.publisher_of(index);
         if is_of_two {
@@ -240,7 +237,7 @@ impl Supervisor {
         let at_rest = self.stop_order.poll_reply(now);
         if let Some(reason) = self.end_reason(now, at_rest) {
             if let Some(supervised) = self.supervised.take() {
-                tracing::info!("trajectory {} is end_reason: {reason}", supervised.id);
+                tracing::info!("trajectory {} is over: {reason}", supervised.id);
             }
             self.stop_order.end();
         }
@@ -256,7 +253,7 @@ impl Supervisor {
         }
     }
 
-    /// What moves, or may soon, and is to be stopped, and why.
+    /// The trajectory that must be stopped now, and the reason.
     fn stop_needed(&self, now_mono_ns: i64) -> Option<(u32, StopReason)> {
         let own = self.supervised.as_ref();
         let state = self.state.as_ref();
@@ -268,7 +265,7 @@ impl Supervisor {
         Some((own.id, own.stop_reason()?))
     }
 
-    /// Why the motion under way is end_reason, if a fresh state or the reply to an order says so.
+    /// Why the motion under way has ended, where a fresh state or the reply to an order says that it has.
     fn end_reason(&mut self, now_mono_ns: i64, at_rest: bool) -> Option<&'static str> {
         let supervised = self.supervised.as_mut()?;
         let fresh = self.state.as_ref();
@@ -281,7 +278,7 @@ impl Supervisor {
         }
     }
 
-    /// Finds a reason to stop the motion under way, unless there is one already.
+    /// Requests a stop of the motion under way where the controller, the scenes or the certificate ask for one.
     fn check_safety(&mut self, now_mono_ns: i64) {
         let is_silent = self.state_silence_ns() > STATE_LIFETIME_NS;
         let Some(supervised) = &mut self.supervised else {
@@ -426,7 +423,7 @@ impl Supervisor {
     }
 }
 
-/// The motion that is executed by a fresh state and is not this daemon's own: nobody would stop it for an obstacle.
+/// The trajectory that a fresh state reports as executing and that this daemon does not supervise: nobody would stop it for an obstacle.
 fn unsupervised(fresh: Option<&valid::ControllerState>, own: Option<u32>) -> Option<u32> {
     let state = fresh.filter(|state| state.state == LoopState::Executing)?;
     let id = state.values.trajectory_id;

@@ -1,20 +1,20 @@
-//! For which scenes, and at which times on its path, what is left of a motion was certified.
+//! The certificates of the rest of a motion: the scenes and the timing for which each holds.
 
 use pcc_model::Robot;
 use trajectory::Trajectory;
 
 use super::moving_ball_cover::{Stretch, Timing};
 
-/// How fast a motion is taken to go.
+/// The rate at which a motion is assumed to go on.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum RateAssumption {
-    /// As it has gone.
+    /// The rate that the controller reported last.
     MeasuredRate,
-    /// At full rate, where it has gone more slowly.
+    /// Full rate, of a motion that was slower.
     FullRate,
 }
 
-/// For which version of a source's scene, and for which times on its path, what is left of a motion was certified.
+/// A certificate of the rest of a motion: the version of the scene and the timed stretch of path for which it holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Certificate {
     /// Of the scene.
@@ -52,14 +52,14 @@ impl Certificates {
         })
     }
 
-    /// Keeps this one in slot of the one before.
+    /// Keeps this one in place of the one before.
     pub(super) fn renew(&mut self, certificate: Certificate) {
         self.0.retain(|kept| !kept.is_for_same_scene(&certificate));
         self.0.push(certificate);
     }
 }
 
-/// What is left of a motion.
+/// The rest of a motion, to be certified.
 #[derive(Clone, Copy)]
 pub(crate) struct RemainingMotion<'a> {
     /// In units of the section length, its tubes padded by what covers the path tolerance.
@@ -67,13 +67,13 @@ pub(crate) struct RemainingMotion<'a> {
     pub(crate) motion: &'a Trajectory,
     /// Path time that has passed for certain, s.
     pub(crate) from_s: f64,
-    /// When it will be where, as far as can be told.
+    /// Its timing at the last reported rate.
     pub(crate) timing: Timing,
-    /// Where it may be sooner.
+    /// The stretch that it may pass at full rate.
     pub(crate) at_full_rate: Option<Stretch>,
     /// Longest stop, with the time until it begins, s.
     pub(crate) stopping_s: f64,
-    /// How much later than that it must be able to come, s.
+    /// Delay behind its schedule that must be free of contact too, s.
     pub(crate) lag_allowance_s: f64,
 }
 
@@ -86,7 +86,7 @@ impl RemainingMotion<'_> {
         }
     }
 
-    /// What is to be certified.
+    /// The stretches to certify, with the rate that each assumes.
     pub(super) fn stretches(&self) -> impl Iterator<Item = (RateAssumption, Stretch)> {
         let expected = (RateAssumption::MeasuredRate, self.whole(self.timing));
         let at_full_rate = self

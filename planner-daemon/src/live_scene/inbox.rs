@@ -1,4 +1,4 @@
-//! Scenes as they arrive: the newest of each publisher, taken in turn, however many there are.
+//! Arriving scenes: the newest of each publisher, examined in a fair order.
 
 use std::mem;
 
@@ -20,11 +20,12 @@ use shared_types::valid::SourceName;
 use super::scene_memory::MAX_SOURCES;
 use super::verdict::SceneVerdict;
 
-/// A publisher's next scene is looked at after this many times what the last one took: it has a quarter of the thread's time at most.
+/// A publisher's next scene is examined after this many times the duration of its last one, so that it gets a quarter of the thread's
+/// time at most.
 const IDLE_FACTOR: i64 = 3;
-/// Longest time that a publisher's next scene waits because the last one took long, nanoseconds.
+/// Longest delay of a publisher's next scene on account of its last one, nanoseconds.
 const MAX_IDLE_NS: i64 = 10_000_000;
-/// A scene of which nothing can be said yet is looked at again after this, nanoseconds.
+/// Time until a scene without a verdict is examined again, nanoseconds.
 const RETRY_NS: i64 = 10_000_000;
 
 /// A scene that has waited for this long goes before smaller ones, nanoseconds.
@@ -36,7 +37,7 @@ const PENDING_GRACE_NS: i64 = 100_000_000;
 struct PendingScene {
     publisher: u128,
     scene: Box<SceneMessage>,
-    /// Since when a scene waits to be looked at, nanoseconds; a newer one in its slot has waited as long. None: it was looked at.
+    /// Since when a scene waits to be looked at, nanoseconds; a newer one in its place has waited as long. None: it was looked at.
     new_since_mono_ns: Option<i64>,
     /// When it may be looked at, nanoseconds.
     not_before_mono_ns: i64,
@@ -46,7 +47,7 @@ struct PendingScene {
     said: SceneRefusal,
 }
 
-/// By which a publisher knows its scene again.
+/// What identifies a scene to its publisher.
 #[derive(Clone, Copy)]
 struct SceneId {
     source: [u8; SOURCE_NAME_BYTES],
@@ -137,7 +138,7 @@ impl SceneInbox {
         self.received = received;
     }
 
-    /// Puts a scene in the slot of its publisher's last one; not of one that was not looked at yet and is another source's.
+    /// Puts a scene in the place of its publisher's last one; not of one that was not looked at yet and is another source's.
     fn keep(&mut self, publisher: u128, scene: &SceneMessage, now_mono_ns: i64) {
         match self.waiting.iter_mut().find(|w| w.publisher == publisher) {
             Some(waiting)
@@ -155,7 +156,7 @@ impl SceneInbox {
         }
     }
 
-    /// A publisher that was not heard before; it takes the slot of one that has had nothing to say, where there are too many.
+    /// A publisher that was not heard before; it takes the place of one that has had nothing to say, where there are too many.
     fn add_publisher(&mut self, publisher: u128, scene: &SceneMessage, now_mono_ns: i64) {
         if self.waiting.len() == MAX_SOURCES {
             let is_idle = |waiting: &PendingScene| waiting.new_since_mono_ns.is_none();
@@ -175,14 +176,13 @@ impl SceneInbox {
         });
     }
 
-    /// The publisher whose scene waits at a slot, and whether it has sent one under another name meanwhile.
+    /// The publisher whose scene is at an index, and whether it has sent one under another name meanwhile.
     pub(crate) fn publisher_of(&self, index: usize) -> (u128, bool) {
         let waiting = &self.waiting[index];
         (waiting.publisher, waiting.other.is_some())
     }
 
-    /// Has a publisher's scene judged, and says what became of it, to the publisher too. Where nothing can be said yet (none), it is
-    /// looked at again.
+    /// Examines a publisher's scene with `judge` and publishes the verdict; without one (none) the scene is examined again after 10 ms.
     pub(crate) fn judge(
         &mut self,
         index: usize,
@@ -204,7 +204,7 @@ impl SceneInbox {
         }
     }
 
-    /// Says what became of a scene, and logs a refusal where it is another one than before.
+    /// Publishes the verdict on a scene, and logs a refusal where it differs from the last one.
     fn say(&mut self, index: usize, scene: &SceneId, judged: &SceneVerdict, now_mono_ns: i64) {
         let status = SceneStatus {
             stamp_mono_ns: now_mono_ns,
@@ -235,7 +235,7 @@ impl SceneInbox {
         }
     }
 
-    /// Says how long the work on a publisher's scene took: its next one waits in proportion.
+    /// Delays a publisher's next scene in proportion to the time that its last one took.
     pub(crate) fn throttle(&mut self, index: usize, begun_mono_ns: i64, ended_mono_ns: i64) {
         let rest_ns = (IDLE_FACTOR * (ended_mono_ns - begun_mono_ns)).min(MAX_IDLE_NS);
         let waiting = &mut self.waiting[index];

@@ -1,4 +1,4 @@
-//! Moving balls as the certificate sees them: everywhere that they can be, however late the robot comes.
+//! The safety cover of moving balls between two certificates: everywhere that they can be, however late the robot comes.
 //!
 //! A scene is believed until its lifetime is over; what moves then is stopped, unless supervision dies just before: then it goes on
 //! for some time more. Let L be the lifetime, that time and the time of a stop together. Until then a ball that was at c at the stamp s
@@ -13,19 +13,19 @@ use pcc_model::{Point, Robot};
 
 /// Slowest rate of a motion that the positions of moving balls are computed for.
 const MIN_RATE: f64 = 0.05;
-/// Change of the clock time at which a motion is at a slot of its path, within which its certificate holds, s.
+/// Change of the clock time at which a motion is at a place of its path, within which its certificate holds, s.
 pub(crate) const TOLERANCE_S: f64 = 0.01;
 /// From the last heartbeat until the controller misses it, nanoseconds: `daemon_lost_ms` as shipped.
 pub(crate) const HEARTBEAT_TIMEOUT_NS: i64 = 200_000_000;
 /// Longest time that a motion goes on when supervision is held or dies, or nobody answers its order to stop, s: until the order counts
 /// as ignored (0.04), the heart stops (0.1) and the controller misses it (0.2), and some rounds of each (0.01).
 pub(crate) const UNSUPERVISED_S: f64 = 0.35;
-/// Most balls that cover one.
+/// Most balls that cover one moving ball.
 const MAX_COVERING_BALLS: usize = 8;
 /// Largest distance of two covering balls' centres where there are enough, radii: they are a quarter larger then.
 const SPACING: f64 = 1.5;
 
-/// When a motion is where on its path, if its rate stays the same.
+/// Timing of a motion along its path at a constant rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Timing {
     /// Clock time at which the motion's own time is zero, nanoseconds of `CLOCK_MONOTONIC`.
@@ -62,7 +62,7 @@ impl Timing {
     }
 }
 
-/// A stretch of a path from where the motion is, and when it is passed.
+/// The path from the motion's present place to a later one, with its timing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stretch {
     pub(crate) timing: Timing,
@@ -70,7 +70,7 @@ pub(crate) struct Stretch {
     pub(crate) until_s: f64,
 }
 
-/// How the moving balls of a scene are covered.
+/// The swept cover of a scene's moving balls: the times for which every place that they can reach is covered.
 pub(crate) struct MovingBallCover {
     pub(crate) timing: Timing,
     pub(crate) stamp_mono_ns: i64,
@@ -127,8 +127,8 @@ fn comes_within(moving: &MovingBall, reach: f64, [from, to]: [f64; 2]) -> bool {
         moving.at(from).centre,
         moving.velocity * (to - from).max(0.0),
     );
-    let slot = (-begin.dot(&way) / way.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
-    let nearest: Point = begin + way * slot;
+    let place = (-begin.dot(&way) / way.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    let nearest: Point = begin + way * place;
     let is_beyond = nearest.norm() > reach + moving.ball.radius;
     !is_beyond
 }

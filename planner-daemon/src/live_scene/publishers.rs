@@ -1,4 +1,4 @@
-//! The publishers of scenes that are there, and what was heard of each.
+//! The live publishers of scenes, and the status of each.
 
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::PresentPublisher;
@@ -11,7 +11,7 @@ use super::absence::SceneAbsence;
 /// For as long a publisher that takes up the name of one that was killed is not refused: the dead one is cleaned up meanwhile.
 pub(super) const FIRST_SCENE_TIMEOUT_NS: i64 = 200_000_000;
 
-/// What was heard of a publisher.
+/// Status of a publisher.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum PublisherStatus {
     /// Nothing yet.
@@ -22,7 +22,7 @@ pub(super) enum PublisherStatus {
     Known,
 }
 
-/// A publisher that is there.
+/// A live publisher.
 #[derive(Debug)]
 struct KnownPublisher {
     publisher: PresentPublisher,
@@ -48,12 +48,12 @@ impl KnownPublisher {
     }
 }
 
-/// All publishers that are there.
+/// All live publishers.
 #[derive(Debug, Default)]
 pub(super) struct Publishers(Vec<KnownPublisher>);
 
 impl Publishers {
-    /// Takes those up that have come, and forgets those that are gone.
+    /// Adds new publishers and removes those that have ended.
     pub(super) fn attend(&mut self, present: &[PresentPublisher], now_mono_ns: i64) {
         self.0.retain(|port| present.contains(&port.publisher));
         for &publisher in present {
@@ -84,22 +84,22 @@ impl Publishers {
         port.is_none_or(|port| *port.name.get_or_insert(name) == name)
     }
 
-    /// What was heard of a publisher that is there.
+    /// Status of a live publisher.
     pub(super) fn heard(&self, publisher: u128) -> Option<PublisherStatus> {
         self.port(publisher).map(|port| port.heard)
     }
 
-    /// Since when a publisher is there, nanoseconds.
+    /// When a publisher was first seen, nanoseconds of `CLOCK_MONOTONIC`.
     pub(super) fn since_mono_ns(&self, publisher: u128) -> Option<i64> {
         self.port(publisher).map(|port| port.since_mono_ns)
     }
 
-    /// Whether a publisher is there.
+    /// Whether a publisher is live.
     pub(super) fn has(&self, publisher: u128) -> bool {
         self.port(publisher).is_some()
     }
 
-    /// Whether a publisher is there for less than [`FIRST_SCENE_TIMEOUT_NS`].
+    /// Whether a publisher was first seen less than [`FIRST_SCENE_TIMEOUT_NS`] ago.
     pub(super) fn is_new(&self, publisher: u128, now_mono_ns: i64) -> bool {
         let since = self.since_mono_ns(publisher);
         since.is_some_and(|since| now_mono_ns - since < FIRST_SCENE_TIMEOUT_NS)

@@ -1,4 +1,4 @@
-//! A scene that counts, in the planner's units, and whether a motion keeps clear of it.
+//! The newest accepted scene of a source in the planner's units, and its certification.
 
 use collision::{
     Ball, MovingBall, Scene, SceneError, Verdict, certify_moving_until, certify_trajectory,
@@ -21,7 +21,7 @@ pub(super) struct RetainedScene {
     resting: Scene,
     /// At the stamp of the message.
     moving: Vec<MovingBall>,
-    /// Another number for each content.
+    /// Number of its content, another one for each.
     pub(super) version: u64,
 }
 

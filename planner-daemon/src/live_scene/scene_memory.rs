@@ -1,4 +1,4 @@
-//! What the daemon knows of every source of obstacles, kept in a file for the next daemon, however this one ends.
+//! The sources of obstacles and their scenes, kept in a mapped file for the next daemon, however this one ends.
 
 use std::fmt::Display;
 use std::fs;
@@ -22,7 +22,7 @@ pub(crate) const MAX_SOURCES: usize = 8;
 
 /// First word of the file: a number that is another one whenever the layout of the file or of a scene is.
 const FORMAT_ID: u64 = u64::from_le_bytes(*b"scenes\x02\x00") + PROTOCOL_VERSION as u64;
-/// Where files are memory alone.
+/// A folder whose files lie in memory alone.
 const SHARED_MEMORY: &str = "/dev/shm";
 /// Words before the first slot: [`FORMAT_ID`], the [`boot_id`] since which the stamps count, and for how long the machine had been
 /// suspended since.
@@ -69,7 +69,7 @@ pub(super) struct RetainedSource {
     pub(super) scene: Option<valid::Scene>,
 }
 
-/// What of a source is compared to see whether the file still has it as it is now; its scene is known by stamp and version.
+/// Record of a source by which the file is compared with the present; the scene is identified by stamp and version.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SourceRecord {
     pub(super) name: SourceName,
@@ -79,7 +79,7 @@ pub(super) struct SourceRecord {
     pub(super) scene: Option<(i64, i64, u64)>,
 }
 
-/// The file, which has a slot for each source, and what each slot has now.
+/// The file, with a slot for each source, and the record that each slot holds now.
 pub(crate) struct SceneMemory {
     memory: KeptMemory,
     records: [Option<SourceRecord>; MAX_SOURCES],

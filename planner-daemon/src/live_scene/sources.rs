@@ -1,4 +1,4 @@
-//! The obstacles that there are now, latest by several sources, and whether a motion keeps clear of them.
+//! The live scene: the newest scene of each source, and whether a motion keeps clear of all.
 
 use collision::Verdict;
 use shared_types::codes::SceneRefusal;
@@ -20,12 +20,12 @@ pub(crate) struct Arrival {
     pub(crate) wall_ns: i64,
 }
 
-/// A publisher of scenes under a name, which may have died.
+/// A source of scenes: a name and its publisher, which may have died.
 #[derive(Debug)]
 struct Source {
     name: SourceName,
     publisher: u128,
-    /// None where all that it has sent was refused.
+    /// Its newest accepted scene; none where all were refused.
     latest: Option<RetainedScene>,
     /// It is signed off: it is forgotten once its lifetime is over.
     leaves: bool,
@@ -37,7 +37,7 @@ impl Source {
         latest.is_some_and(|latest| now_mono_ns < latest.scene.end_mono_ns())
     }
 
-    /// Itself as [`SceneMemory::keep`] takes it.
+    /// Its record and scene for [`SceneMemory::keep`].
     fn for_memory(&self) -> (SourceRecord, Option<&valid::Scene>) {
         let latest = self.latest.as_ref();
         let record = SourceRecord {
@@ -57,7 +57,7 @@ impl Source {
     }
 }
 
-/// The newest scenes of all sources, also those that the daemon before this one was latest.
+/// The newest scene of each source, those that the daemon before this one received included.
 pub(crate) struct LiveScene {
     sources: Vec<Source>,
     memory: SceneMemory,
@@ -96,7 +96,7 @@ impl LiveScene {
         live
     }
 
-    /// Counts a source that the daemon before this one has heard.
+    /// Adds a source that the daemon before this one received.
     fn restore(&mut self, source: RetainedSource) {
         let name = source.name.to_string();
         tracing::info!("source {name:?} of the live scene was heard by the daemon before this one");
@@ -114,14 +114,14 @@ impl LiveScene {
         });
     }
 
-    /// Writes what is known now for the daemon after this one.
+    /// Writes all sources to the file for the next daemon.
     fn save(&mut self) {
         self.memory
             .keep(self.sources.iter().map(Source::for_memory));
     }
 
-    /// Forgets what every source has latest: the machine was suspended until now, for `suspended_ns` in all since its start, and nobody
-    /// knows what stands in the way. The sources stay until they speak again or take their leave.
+    /// Forgets every scene after a suspension of the machine (`suspended_ns` in all since it was booted): obstacles may have moved. The
+    /// sources stay, so that nothing is executed until each publishes again or takes its leave.
     pub(crate) fn resume(&mut self, suspended_ns: i64, now_mono_ns: i64) {
         self.resumed_mono_ns = now_mono_ns;
         for source in &mut self.sources {
@@ -131,7 +131,7 @@ impl LiveScene {
         self.save();
     }
 
-    /// Notes which publishers are there, and forgets signed-off sources whose lifetime is over.
+    /// Updates the list of publishers, and forgets signed-off sources whose lifetime is over.
     pub(crate) fn attend(&mut self, present: &[PresentPublisher], now_mono_ns: i64) {
         self.publishers.attend(present, now_mono_ns);
         self.sources
@@ -152,7 +152,7 @@ impl LiveScene {
         !self.publishers.is_its_name(publisher, name) || tells_more
     }
 
-    /// Takes a publisher's scene in, in slot of its last one, or says why not; none where it is too early to say who has the name.
+    /// Accepts a publisher's scene in place of its last one, or refuses it; none where it is too early to say which publisher has the name.
     ///
     /// A publisher whose scene is refused counts as a source all the same, because it may see obstacles that the daemon does not know:
     /// under its name where that is valid, else for as long as the publisher is there. A name belongs to one publisher. Another
@@ -168,7 +168,7 @@ impl LiveScene {
         verdict
     }
 
-    /// Takes a publisher's scene in, or says why not; none where it is too early to say who has the name.
+    /// The verdict on a scene, which is accepted or refused; none where it is too early to say which publisher has the name.
     fn judge(
         &mut self,
         wire: &SceneMessage,
@@ -236,8 +236,8 @@ impl LiveScene {
         SceneVerdict::refused(refusal, Some(invalid))
     }
 
-    /// Signs a name off: its publishers that have latest nothing since the leave. What another publisher than the one that leaves has latest
-    /// counts until its lifetime ends. Who was refused the name signs off only itself. A leave from before this daemon began is one even
+    /// Signs off a name: those of its publishers that have published nothing since the leave. The scene of another publisher than the
+    /// leaving one counts until its lifetime ends. A publisher that was refused the name signs off only itself. A leave from before this daemon began is one even
     /// where nobody has the name.
     fn take_leave(
         &mut self,
@@ -268,7 +268,10 @@ impl LiveScene {
         SceneVerdict::accepted(0)
     }
 
-    /// The slot of a publisher, a new one if need be, or why it gets none.
+    /// Index of a publisher's source, added where it is new.
+    ///
+    /// # Errors
+    /// Why it gets none.
     fn slot(
         &mut self,
         name: SourceName,
@@ -290,7 +293,7 @@ impl LiveScene {
         if self.sources.iter().any(has_it) {
             return Err(SceneRefusal::NameTaken);
         }
-        // A publisher that was restarted takes the slot of the one that died.
+        // A publisher that was restarted takes the place of the one that died.
         self.sources
             .retain(|source| source.name != name || source.is_live(now_mono_ns));
         if self.sources.len() == MAX_SOURCES {
@@ -305,7 +308,7 @@ impl LiveScene {
         Ok(self.sources.len() - 1)
     }
 
-    /// Puts a scene in the slot of its publisher's last one. What earlier publishers have latest under the same name counts no longer.
+    /// Replaces a publisher's last scene; scenes of earlier publishers under the same name are dropped.
     fn replace(&mut self, index: usize, scene: valid::Scene) -> SceneVerdict {
         let source = &mut self.sources[index];
         let count = scene.balls.len();
@@ -336,7 +339,7 @@ impl LiveScene {
         SceneVerdict::accepted(count)
     }
 
-    /// Why nothing may be executed now; none where something may.
+    /// Why no motion may be published now; none where one may.
     pub(crate) fn absence(&self, now_mono_ns: i64) -> Option<SceneAbsence> {
         self.missing(now_mono_ns, 0, |_| false)
     }
@@ -344,8 +347,8 @@ impl LiveScene {
     /// Why the motion under way must stop now; none where it may go on.
     ///
     /// Two things that keep a motion from being begun ([`LiveScene::absence`]) do not stop one: a publisher that came less than
-    /// [`FIRST_SCENE_TIMEOUT_NS`] ago and is still silent, and a scene that has ended while its publisher `has_pending` of a newer one that is still
-    /// to be looked at (as after a pause of the whole machine).
+    /// [`FIRST_SCENE_TIMEOUT_NS`] ago and is still silent, and a scene that has ended while its publisher `has_pending`, a newer one not yet
+    /// examined (as after a pause of the whole machine).
     pub(crate) fn absence_in_motion(
         &self,
         now_mono_ns: i64,
@@ -374,7 +377,7 @@ impl LiveScene {
     }
 
     /// Certifies what is left of a motion against every source's scene, those that it was not certified for yet; small scenes
-    /// first, so that a large one does not delay what they have to say.
+    /// first, so that a large one does not delay their verdicts.
     pub(crate) fn certify(
         &self,
         rest: &RemainingMotion,

@@ -1,4 +1,4 @@
-//! What a client is told: the report, and the candidates' knots, written where the client reads them.
+//! The answer to a plan request: report and candidates' knots, written into the shared memory that the client reads.
 
 use std::time::{Duration, Instant};
 
@@ -53,7 +53,7 @@ impl Answer {
         }
     }
 
-    /// The answer to what the planner made of an task; lengths become metres.
+    /// The answer to a plan, or to the reason why there is none; lengths in metres.
     pub(crate) fn of_plan(
         task: &PlanTask,
         planned: Planned,

@@ -1,4 +1,4 @@
-//! Requests that wait, served in turn: one client after another, each one's in order of arrival.
+//! The queue of requests: round robin over clients, first in first out for each.
 
 use std::collections::VecDeque;
 
@@ -39,7 +39,7 @@ impl<Client: PartialEq, Item> FairQueue<Client, Item> {
         item
     }
 
-    /// All items, in no task.
+    /// All items, in no order.
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Item> {
         self.turns.iter().flat_map(|(_, items)| items)
     }

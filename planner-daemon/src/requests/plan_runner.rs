@@ -1,7 +1,7 @@
-//! PlanRunner, away from the service: one request at a time, on the planner's own workers.
+//! Runs the planner on its own workers, one request at a time, beside the service thread.
 //!
-//! The service's ports stay in its own thread, so it goes on receiving, refusing and supervising while a plan is made. A job
-//! begins on a worker itself: no thread in between has to wake up.
+//! The service thread keeps its ports and goes on receiving, refusing and answering meanwhile. A job starts on a worker directly,
+//! without a thread in between that would have to wake.
 
 use std::any::Any;
 use std::io;
@@ -16,7 +16,7 @@ use pcc_model::Robot;
 use planning::{Candidate, Plan, Planner, PlannerError, Problem, Request, Supervision};
 use rustix::event::{EventfdFlags, eventfd};
 
-/// What is to be planned, and until when.
+/// A planning job: problem, request and deadline.
 pub(crate) struct Job {
     pub(crate) problem: Arc<Problem>,
     pub(crate) request: Request,
@@ -27,7 +27,7 @@ pub(crate) struct Job {
     pub(crate) cancelled: Arc<AtomicBool>,
 }
 
-/// Some candidates that are wanted as soon as they certify.
+/// The early answer that a client asked for: its number of candidates, as soon as they are certified.
 pub(crate) struct Early {
     /// How many.
     pub(crate) count: usize,
@@ -48,30 +48,30 @@ pub(crate) enum PlanError {
 
 pub(crate) type Planned = Result<Plan, PlanError>;
 
-/// What comes of a job: perhaps some candidates first, then the plan.
+/// Output of a job: early candidates where they were asked for, then the plan.
 pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
     Plan(Planned),
 }
 
-/// The planner at work, idle or at one job.
+/// The planner with its output queue; it is idle or runs one job.
 pub(crate) struct PlanRunner {
     planner: Arc<Planner>,
     outgoing: OutputSender,
     outputs: Receiver<PlanOutput>,
 }
 
-/// Where outputs go.
+/// Sends outputs to the service thread and wakes it.
 #[derive(Clone)]
 struct OutputSender {
     outputs: SyncSender<PlanOutput>,
-    /// Can be read when something was sent that was not looked for yet.
+    /// An eventfd that is readable after an output was sent, until it is cleared.
     wake: Arc<OwnedFd>,
 }
 
 impl OutputSender {
     fn send(&self, output: PlanOutput) {
-        // Nobody listens when the daemon ends; who is not wake looks within a millisecond.
+        // The receiver is gone when the daemon ends; a service that is not woken polls within a millisecond.
         let _ = self.outputs.send(output);
         let _ = rustix::io::write(&*self.wake, &1_u64.to_ne_bytes());
     }
@@ -81,7 +81,7 @@ impl PlanRunner {
     /// # Errors
     /// What the system says where there can be no more files.
     pub(crate) fn new(planner: Arc<Planner>) -> io::Result<Self> {
-        // One early output and one plan: whoever plans never waits.
+        // Room for one early output and one plan, so that a worker never waits.
         let (outgoing, outputs) = sync_channel(2);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
@@ -108,17 +108,17 @@ impl PlanRunner {
         });
     }
 
-    /// What is there, if anything; never waits.
+    /// The next output, if there is one; never waits.
     pub(crate) fn take(&self) -> Option<PlanOutput> {
         self.outputs.try_recv().ok()
     }
 
-    /// Can be read when there may be something to take, also when that was taken before.
+    /// A file descriptor to poll: readable when there may be an output.
     pub(crate) fn wake_fd(&self) -> BorrowedFd<'_> {
         self.outgoing.wake.as_fd()
     }
 
-    /// From now on only what is sent then can be read: whoever waited takes what is there next.
+    /// Makes the wake descriptor unreadable until the next output; take the outputs that are there afterwards.
     pub(crate) fn clear_wake(&self) {
         let _ = rustix::io::read(&*self.outgoing.wake, &mut [0; 8]);
     }

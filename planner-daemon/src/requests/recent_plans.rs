@@ -1,4 +1,4 @@
-//! The last plans, kept so that a request may go on from one of them.
+//! The last plans, from which a request can go on.
 
 use std::collections::VecDeque;
 

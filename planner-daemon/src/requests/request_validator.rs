@@ -1,4 +1,4 @@
-//! The validator: a request in SI units becomes a problem in the planner's, or is refused with a reason.
+//! Validation of a plan request: converts SI units to the planner's (lengths in sections), or refuses it with a reason.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,7 +22,7 @@ use crate::execution::Begin;
 /// Distance from the goal that counts as reached where the request does not say, section lengths.
 const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
 
-/// What the daemon asks of a request beyond its own consistency.
+/// Checks plan requests against this daemon's capacity and clock, and adds its static scene and defaults.
 #[derive(Clone, Debug)]
 pub(crate) struct RequestValidator {
     /// The robot's section length, metres.
@@ -31,13 +31,13 @@ pub(crate) struct RequestValidator {
     pub(crate) capacity: PlanServiceCapacity,
     /// Time that an answer may take where the request does not say.
     pub(crate) default_deadline: Duration,
-    /// Growth of each section's tube that every certificate includes, section lengths.
+    /// Padding of each section's tube that every certificate includes, section lengths.
     pub(crate) padding: [f64; SECTIONS],
     /// Obstacles of every request, in units of the section length.
     pub(crate) static_scene: Scene,
 }
 
-/// A request that the planner can take.
+/// A validated request in the planner's units.
 #[derive(Clone, Debug)]
 pub(crate) struct PlanTask {
     /// The client's number.
@@ -66,7 +66,10 @@ pub(crate) struct ExecutionTiming {
 }
 
 impl RequestValidator {
-    /// Checks a private copy of a request and translates it.
+    /// Validates a private copy of a request; `plans` are the plans that it may go on from.
+    ///
+    /// # Errors
+    /// [`Refusal`]: the outcome, the field that is wrong, and what is allowed.
     pub(crate) fn validate(
         &self,
         wire: &message::PlanRequest,

@@ -1,4 +1,4 @@
-//! The loop that serves plan requests: receives, refuses, hands over to planning, answers, hands over for execution.
+//! The service thread's loop: receives plan requests, validates and queues them, has them planned, answers, and has motions executed.
 
 use std::mem;
 use std::sync::Arc;
@@ -26,11 +26,11 @@ use super::request_validator::{PlanTask, RequestValidator};
 use super::wait_mode::WaitMode;
 use crate::execution::{Execution, ExecutionRefusal, SelectedMotion};
 
-/// Time between two looks at requests that nobody wake_fd of, and at clients that gave up.
+/// Longest time between two rounds: requests without an event, and clients that cancelled, are found by then.
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
-/// Work ends this long before the deadline, for the answer to be sent and seen; of short deadlines, half.
+/// Time before the deadline at which planning ends, for the answer to be sent and received; at most half of the deadline.
 const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
-/// So much sooner for each candidate, for it to be written and read.
+/// Addition to [`DELIVERY_MARGIN`] for each candidate, for its knots to be written and read.
 const DELIVERY_MARGIN_PER_CANDIDATE: Duration = Duration::from_micros(20);
 /// Time that a plan under way gets when the daemon ends, before it is truncated.
 const SHUTDOWN_GRACE_PERIOD: Duration = Duration::from_millis(500);
@@ -43,7 +43,7 @@ struct Queued {
 }
 
 impl Queued {
-    /// When work ends, so that the answer is there at the deadline.
+    /// When planning must end, so that the answer arrives by the deadline.
     fn deadline(&self) -> Instant {
         let whole = self.task.deadline;
         self.received + (whole - delivery_margin(self.task.request.candidates, whole))
@@ -58,7 +58,7 @@ struct InFlight {
     cancelled: Arc<AtomicBool>,
 }
 
-/// Everything that the loop works with.
+/// The service: its ports, queue, planner and handle of execution.
 pub(crate) struct Service {
     server: PlanServer,
     /// Of the round under way.
@@ -125,7 +125,7 @@ impl Service {
         self.finish();
     }
 
-    /// One look at everything; whether there was something to do.
+    /// One round: receives, drops, answers and starts; returns whether anything was done.
     fn round(&mut self) -> bool {
         let received = self.receive();
         self.drop_cancelled();
@@ -207,7 +207,7 @@ impl Service {
         }
     }
 
-    /// Answers what waited until its deadline, also while another client's long plan is under way.
+    /// Answers queued requests whose deadline has passed, also while another client's long plan runs.
     fn answer_expired(&mut self) {
         let now = Instant::now();
         for late in self.queue.take_out(|queued| now >= queued.deadline()) {
@@ -253,7 +253,7 @@ impl Service {
         })
     }
 
-    /// Answers what the plan under way has come to, if there is anything new.
+    /// Takes the next output of the running plan and answers it; returns whether there was one.
     fn take_output(&mut self) -> bool {
         if self.in_flight.is_none() {
             return false;
@@ -328,8 +328,8 @@ impl Service {
         }
     }
 
-    /// Waits until there is something to do, but no longer than until the next look at everything. Workers are listened to only
-    /// while one has something to say: what they said of a plan that was taken before is still there to be read.
+    /// Sleeps until a request arrives, the planner has an output, or the poll interval or a queued deadline ends. The wake descriptor is
+    /// polled only while a plan runs: before, it may still be readable for an output that was taken.
     fn pause(&mut self) {
         if self.wait == WaitMode::Poll {
             return std::hint::spin_loop();
@@ -401,7 +401,7 @@ impl Service {
     }
 }
 
-/// How long before a deadline of `whole` work on so many candidates ends.
+/// Time before a deadline of `whole` at which planning of so many candidates ends.
 fn delivery_margin(candidates: usize, whole: Duration) -> Duration {
     let of_candidates = DELIVERY_MARGIN_PER_CANDIDATE.mul_f64(candidates as f64);
     (DELIVERY_MARGIN + of_candidates).min(whole / 2)

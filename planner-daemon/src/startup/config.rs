@@ -124,7 +124,7 @@ pub struct DiffusionConfig {
     pub solver: Solver,
     /// Evaluations of the network.
     pub steps: usize,
-    /// Arithmetic of its outputs.
+    /// Arithmetic of its products.
     #[serde(deserialize_with = "named")]
     pub precision: Precision,
 }

@@ -28,8 +28,8 @@ use crate::execution::{
 };
 use crate::requests::{PlanRunner, RequestValidator, Service};
 
-/// Longest turn of a planning thread on a processor: a thread that asks for shorter ones need not wait for its end.
-const LONG_TURN: Duration = Duration::from_millis(6);
+/// Time slice of a planning thread: threads that ask for shorter ones preempt it when they wake.
+const PLANNING_TIME_SLICE: Duration = Duration::from_millis(6);
 /// Name of the learned model in the manifest.
 const MODEL: &str = "fast";
 
@@ -107,7 +107,7 @@ pub enum StartError {
 
 /// The daemon, ready to serve. It belongs to the thread that started it.
 pub struct Daemon {
-    // Dropped in this task: supervision, which stops what moves, before the heart; ports before the node; the role last.
+    // Dropped in this order: supervision, which stops what moves, before the heart; ports before the node; the role last.
     service: Service,
     _background: BackgroundThreads,
     _node: IpcNode,
@@ -230,7 +230,7 @@ fn granted_priority(config: &Config) -> Option<u8> {
     }
 }
 
-/// An answer that is the first to reach a page would wait for it.
+/// Faults in the pages of the answers' shared memory, so that no answer waits for one.
 fn bring_in_shared_memory(config: &Config, options: &IpcOptions) {
     if !config.lock_memory {
         return;
@@ -281,7 +281,7 @@ fn load_planner(
         {
             tracing::warn!("a planning thread: {error}");
         }
-        if let Err(error) = realtime::take_turns(LONG_TURN) {
+        if let Err(error) = realtime::take_turns(PLANNING_TIME_SLICE) {
             tracing::warn!("answers may be a few ms late where processors are scarce: {error}");
         }
     });

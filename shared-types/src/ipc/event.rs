@@ -8,7 +8,6 @@ use iceoryx2::port::listener::{Listener, ListenerCreateError, ListenerWaitError}
 use iceoryx2::port::notifier::{Notifier, NotifierCreateError};
 use iceoryx2::prelude::{EventId, FileDescriptorBased, ipc};
 use iceoryx2::service::builder::Builder;
-use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
 use iceoryx2::service::port_factory::event::PortFactory;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -58,7 +57,7 @@ fn event(node: &IpcNode, name: &str) -> Result<EventService, IpcError> {
             .open_or_create()
     };
     Ok(EventService {
-        service: open_service(node, name, open, translate)?,
+        service: open_service(node, name, open)?,
     })
 }
 
@@ -122,39 +121,5 @@ impl EventListener {
             Err(ListenerWaitError::InterruptSignal) => Ok(false),
             Err(reason) => Err(io::Error::other(format!("{reason:?}"))),
         }
-    }
-}
-
-fn translate(service: String, error: EventOpenOrCreateError) -> IpcError {
-    use EventOpenError as Open;
-    use EventOpenOrCreateError as Either;
-    let reason = format!("{error:?}");
-    match error {
-        Either::EventOpenError(Open::ServiceInCorruptedState | Open::VersionMismatch)
-        | Either::EventCreateError(EventCreateError::ServiceInCorruptedState) => {
-            IpcError::OtherLibraryVersion { service, reason }
-        }
-        Either::EventOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
-            service,
-            port: "process",
-            users: Vec::new(),
-        },
-        Either::EventOpenError(
-            Open::IncompatibleMessagingPattern
-            | Open::IncompatibleAttributes
-            | Open::IncompatibleDeadline
-            | Open::IncompatibleNotifierCreatedEvent
-            | Open::IncompatibleNotifierDroppedEvent
-            | Open::IncompatibleNotifierDeadEvent
-            | Open::DoesNotSupportRequestedAmountOfNotifiers
-            | Open::DoesNotSupportRequestedAmountOfListeners
-            | Open::DoesNotSupportRequestedMaxEventId
-            | Open::DoesNotSupportRequestedAmountOfNodes,
-        ) => IpcError::Incompatible { service, reason },
-        _ => IpcError::Failed {
-            service,
-            what: "as a whole",
-            reason,
-        },
     }
 }

@@ -20,6 +20,7 @@ mod open_elsewhere;
 mod opening;
 mod options;
 mod own_memory;
+mod port_thread;
 mod request;
 mod role;
 mod root_folder;
@@ -34,6 +35,7 @@ pub use event::{
 pub use memory::{ServiceMemory, plan_bytes, shared_memory};
 pub use node::IpcNode;
 pub use options::{IpcOptions, LONGEST_ROOT_AND_PREFIX};
+pub use port_thread::spawn_with_ports;
 pub use request::{
     CommandClient, CommandRequest, CommandServer, CommandService, PlanActiveRequest, PlanClient,
     PlanPending, PlanResponse, PlanServer, PlanService, PlanServiceCapacity, command_client,
@@ -43,8 +45,7 @@ pub use request::{
 pub use role::{Role, RoleLock};
 pub use topic::{
     CYCLES_PER_BATCH, CyclePublisher, CycleSubscriber, CycleTopic, PresentPublisher, Publisher,
-    Subscriber, Topic, controller_state_service, cycle_publisher, cycle_service, cycle_subscriber,
-    heartbeat_service, newest, publisher, robot_state_service, scene_service, scene_status_service,
-    setpoint_service, subscriber, trajectory_service, visiting_publisher, visiting_subscriber,
-    watching_subscriber,
+    Subscriber, Topic, controller_state_service, cycle_publisher, cycle_service, heartbeat_service,
+    newest, publisher, robot_state_service, scene_service, scene_status_service, setpoint_service,
+    subscriber, trajectory_service, visiting_publisher, visiting_subscriber, watching_subscriber,
 };

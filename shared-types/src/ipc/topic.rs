@@ -11,10 +11,7 @@ use iceoryx2::prelude::{
     ZeroCopySend, ipc,
 };
 use iceoryx2::service::builder::Builder as ServiceBuilder;
-use iceoryx2::service::builder::publish_subscribe::{
-    Builder, PublishSubscribeCreateError, PublishSubscribeOpenError,
-    PublishSubscribeOpenOrCreateError,
-};
+use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::opening::{NODES, open_service};
@@ -74,94 +71,75 @@ pub(super) struct Qualities {
     pub(super) slice: usize,
 }
 
-/// `trajectory`: one publisher, a late controller gets the last one.
-pub(super) const TRAJECTORY: Qualities = Qualities {
-    name: "trajectory",
+/// One publisher; single samples without history.
+const ONE_PUBLISHER: Qualities = Qualities {
+    name: "",
     publishers: 1,
     reserved_publishers: 0,
     subscribers: 8,
     reserved_subscribers: 2,
+    history: 0,
+    buffer: 8,
+    slice: 1,
+};
+/// `trajectory`: one publisher, a late controller gets the last one.
+pub(super) const TRAJECTORY: Qualities = Qualities {
+    name: "trajectory",
     history: 1,
     buffer: 4,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 /// `setpoint`: one publisher.
 pub(super) const SETPOINT: Qualities = Qualities {
     name: "setpoint",
-    publishers: 1,
-    reserved_publishers: 0,
-    subscribers: 8,
-    reserved_subscribers: 2,
-    history: 0,
-    buffer: 8,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 /// `robot_state`: one publisher.
 pub(super) const ROBOT_STATE: Qualities = Qualities {
     name: "robot_state",
-    publishers: 1,
-    reserved_publishers: 0,
     subscribers: 32,
     reserved_subscribers: 8,
     history: 1,
-    buffer: 8,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 /// `controller_state`: one publisher.
 pub(super) const CONTROLLER_STATE: Qualities = Qualities {
     name: "controller_state",
-    publishers: 1,
-    reserved_publishers: 0,
-    subscribers: 32,
-    reserved_subscribers: 8,
-    history: 1,
-    buffer: 8,
-    slice: 1,
+    ..ROBOT_STATE
 };
 /// `cycle`: one publisher; the buffer holds 0.64 s of batches every 10 ms.
 pub(super) const CYCLE: Qualities = Qualities {
     name: "cycle",
-    publishers: 1,
-    reserved_publishers: 0,
     subscribers: 4,
     reserved_subscribers: 0,
-    history: 0,
     buffer: 64,
     slice: CYCLES_PER_BATCH,
+    ..ONE_PUBLISHER
 };
-/// `scene`: who sees the obstacles publishes them; a late daemon gets each publisher's last one. Who signs off one of four sources
-/// that hang finds a place.
+/// `scene`: up to four sources, and a place for the program that signs off one of four that hang; a late daemon gets each
+/// publisher's last scene.
 pub(super) const SCENE: Qualities = Qualities {
     name: "scene",
     publishers: 5,
     reserved_publishers: 1,
-    subscribers: 8,
-    reserved_subscribers: 2,
     history: 1,
     buffer: 2,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 /// `scene_status`: one publisher.
 pub(super) const SCENE_STATUS: Qualities = Qualities {
     name: "scene_status",
-    publishers: 1,
-    reserved_publishers: 0,
-    subscribers: 8,
-    reserved_subscribers: 2,
-    history: 0,
     buffer: 32,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 /// `heartbeat`: one publisher a process.
 pub(super) const HEARTBEAT: Qualities = Qualities {
     name: "heartbeat",
     publishers: 8,
-    reserved_publishers: 0,
     subscribers: 16,
     reserved_subscribers: 4,
-    history: 0,
     buffer: 16,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 
 /// An open publish–subscribe service: what its ports are made from.
@@ -212,7 +190,7 @@ macro_rules! topic_functions {
             let open = |builder: ServiceBuilder<ipc::Service>| {
                 with_qualities(builder.publish_subscribe::<$message>(), &$qualities).open_or_create()
             };
-            let service = open_service(node, $qualities.name, open, translate)?;
+            let service = open_service(node, $qualities.name, open)?;
             Ok(Topic { service, qualities: $qualities })
         }
     )* };
@@ -318,7 +296,7 @@ pub fn cycle_publisher(node: &IpcNode, topic: &CycleTopic) -> Result<CyclePublis
 ///
 /// # Errors
 /// [`IpcError::Full`] if live processes hold all places, or [`IpcError::Failed`].
-pub fn subscriber<T: Debug + ZeroCopySend>(
+pub fn subscriber<T: Debug + IceoryxSend + ?Sized>(
     node: &IpcNode,
     topic: &Topic<T>,
 ) -> Result<Subscriber<T>, IpcError> {
@@ -349,14 +327,6 @@ pub fn watching_subscriber<T: Debug + ZeroCopySend>(
     any_subscriber(node, topic, topic.qualities.reserved_subscribers)
 }
 
-/// Makes a subscriber of cycles, like [`subscriber()`].
-///
-/// # Errors
-/// As [`subscriber()`].
-pub fn cycle_subscriber(node: &IpcNode, topic: &CycleTopic) -> Result<CycleSubscriber, IpcError> {
-    any_subscriber(node, topic, 0)
-}
-
 /// Makes a subscriber that leaves `reserved` places free.
 fn any_subscriber<T: Debug + IceoryxSend + ?Sized>(
     node: &IpcNode,
@@ -373,40 +343,4 @@ fn any_subscriber<T: Debug + IceoryxSend + ?Sized>(
         builder.buffer_size(topic.qualities.buffer).create()
     };
     node.make_port(&topic.service, "subscriber", create, &full)
-}
-
-fn translate(service: String, error: PublishSubscribeOpenOrCreateError) -> IpcError {
-    use PublishSubscribeOpenError as Open;
-    use PublishSubscribeOpenOrCreateError as Either;
-    let reason = format!("{error:?}");
-    match error {
-        Either::PublishSubscribeOpenError(
-            Open::ServiceInCorruptedState | Open::VersionMismatch,
-        )
-        | Either::PublishSubscribeCreateError(
-            PublishSubscribeCreateError::ServiceInCorruptedState,
-        ) => IpcError::OtherLibraryVersion { service, reason },
-        Either::PublishSubscribeOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
-            service,
-            port: "process",
-            users: Vec::new(),
-        },
-        Either::PublishSubscribeOpenError(
-            Open::IncompatibleTypes
-            | Open::IncompatibleMessagingPattern
-            | Open::IncompatibleAttributes
-            | Open::DoesNotSupportRequestedMinBufferSize
-            | Open::DoesNotSupportRequestedMinHistorySize
-            | Open::DoesNotSupportRequestedMinSubscriberBorrowedSamples
-            | Open::DoesNotSupportRequestedAmountOfPublishers
-            | Open::DoesNotSupportRequestedAmountOfSubscribers
-            | Open::DoesNotSupportRequestedAmountOfNodes
-            | Open::IncompatibleOverflowBehavior,
-        ) => IpcError::Incompatible { service, reason },
-        _ => IpcError::Failed {
-            service,
-            what: "as a whole",
-            reason,
-        },
-    }
 }

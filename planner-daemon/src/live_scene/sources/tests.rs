@@ -96,7 +96,7 @@ fn is_free(live: &LiveScene) -> bool {
     certify(live, 0.0, Timing::from_begin(NOW), 0.0).is_free()
 }
 
-/// What a scene of one source that was just latest means for a motion that begins then.
+/// What a scene of one source that was just published means for a motion that begins then.
 fn verdict(balls: &[([f64; 3], [f64; 3])], begin_mono_ns: i64) -> Verdict {
     let mut live = live();
     let latest = take(&mut live, &scene("a", NOW, balls), 1, NOW);
@@ -158,7 +158,7 @@ fn a_source_that_falls_silent_is_missed_until_it_speaks_or_leaves() {
     // Its publisher starts again.
     take(&mut live, &scene("a", end, &[]), 2, end);
     assert_eq!(live.absence(end), None);
-    assert_eq!(live.sources.len(), 1, "it has taken the dead one's slot");
+    assert_eq!(live.sources.len(), 1, "it has taken the dead one's place");
     take(&mut live, &leave("a", end + SECOND), 3, end + SECOND);
     assert_eq!(live.absence(end + SECOND), None, "anyone may sign it off");
 }
@@ -386,10 +386,7 @@ fn a_publisher_that_sends_under_two_names_stops_everything_until_it_is_gone() {
     let absence = live.absence_in_motion(NOW + 1, |_| false).unwrap();
     assert!(absence.to_string().contains("one source name"), "{absence}");
     there(&mut live, &[], NOW + 2);
-    assert!(
-        !is_free(&live),
-        "what it latest under its first name counts"
-    );
+    assert!(!is_free(&live), "what it told under its first name counts");
     let missed = live.absence(NOW + SECOND).unwrap().to_string();
     assert!(missed.contains("\"a\""), "{missed}");
     assert_eq!(live.sources.len(), 1);
@@ -414,7 +411,7 @@ fn a_leave_of_any_age_is_one_and_takes_nothing_of_what_was_told_since() {
     let before = take(&mut live, &leave("b", NOW - 1), 4, NOW);
     assert_eq!(before, SceneRefusal::None);
     let end = NOW + SECOND / 2;
-    assert!(live.absence(end).is_some(), "it was latest since");
+    assert!(live.absence(end).is_some(), "it was told since");
 }
 
 #[test]

@@ -25,7 +25,7 @@ fn a_moving_ball_counts_where_it_will_be() {
 
 #[test]
 fn a_ball_that_has_hardly_left_may_still_be_there() {
-    // By its velocity it is well clear of the body when the motion begins; it was latest to live for 0.5 s.
+    // By its velocity it is well clear of the body when the motion begins; it was told to live for 0.5 s.
     let leaving = [([0.15, 0.0, 0.75], [1.0, 0.0, 0.0])];
     assert!(!verdict(&leaving, NOW + 3 * SECOND / 10).is_free());
     assert!(verdict(&leaving, NOW + 2 * SECOND).is_free());

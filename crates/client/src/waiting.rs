@@ -1,22 +1,22 @@
-//! How to wait for another process: at rest between two looks, cleaning up after the dead.
+//! Waiting for another process: polling with a time limit, and the clean-up of dead nodes meanwhile.
 
 use std::time::{Duration, Instant};
 
 use shared_types::ipc::IpcNode;
 
-/// Rest between two polls where nobody tells of news, or news is overdue.
-pub(crate) const PAUSE: Duration = Duration::from_micros(50);
+/// Time between two polls where no event is sent, or an answer is overdue.
+pub(crate) const POLL_INTERVAL: Duration = Duration::from_micros(50);
 /// Time between two clean-ups of dead processes.
-const CLEANING_PERIOD: Duration = Duration::from_millis(100);
+const CLEANUP_PERIOD: Duration = Duration::from_millis(100);
 
 /// A time limit.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Patience {
+pub(crate) struct TimeLimit {
     begin: Instant,
     limit: Duration,
 }
 
-impl Patience {
+impl TimeLimit {
     pub(crate) fn new(limit: Duration) -> Self {
         Self {
             begin: Instant::now(),
@@ -24,16 +24,16 @@ impl Patience {
         }
     }
 
-    pub(crate) fn is_exhausted(&self) -> bool {
+    pub(crate) fn is_over(&self) -> bool {
         self.begin.elapsed() >= self.limit
     }
 
-    fn rest(&self) -> Duration {
+    fn remaining(&self) -> Duration {
         self.limit.saturating_sub(self.begin.elapsed())
     }
 
-    /// The limit, for messages.
-    pub(crate) fn limit(&self) -> Duration {
+    /// The whole duration, for messages.
+    pub(crate) fn duration(&self) -> Duration {
         self.limit
     }
 }
@@ -49,21 +49,21 @@ impl Cleaner {
         Self { last: None }
     }
 
-    /// From now on it is a whole period until the next time.
+    /// Starts a new period: the next clean-up is due at its end.
     pub(crate) fn begin_period(&mut self) {
         self.last = Some(Instant::now());
     }
 
-    /// It is time, however long ago the last time is.
+    /// Makes the next clean-up due now.
     pub(crate) fn make_due(&mut self) {
         self.last = None;
     }
 
-    /// Cleans if the last time is long enough ago.
+    /// Cleans up if the period since the last time is over.
     pub(crate) fn clean_if_due(&mut self, node: &IpcNode) {
         if self
             .last
-            .is_none_or(|last| last.elapsed() >= CLEANING_PERIOD)
+            .is_none_or(|last| last.elapsed() >= CLEANUP_PERIOD)
         {
             node.clean_dead_nodes();
             self.begin_period();
@@ -71,23 +71,22 @@ impl Cleaner {
     }
 }
 
-/// Calls `poll` until it has something, fails, or patience ends (none), and `rest` in between, which returns within the time that is
-/// left.
+/// Calls `poll` until it returns a value or fails, or the limit is over (none). In between it calls `pause` with the time that is left.
 pub(crate) fn wait<T, E>(
-    patience: &Patience,
+    limit: &TimeLimit,
     cleaner: &mut Cleaner,
     node: &IpcNode,
-    mut rest: impl FnMut(Duration),
+    mut pause: impl FnMut(Duration),
     mut poll: impl FnMut() -> Result<Option<T>, E>,
 ) -> Result<Option<T>, E> {
     loop {
         if let Some(value) = poll()? {
             return Ok(Some(value));
         }
-        if patience.is_exhausted() {
+        if limit.is_over() {
             return Ok(None);
         }
         cleaner.clean_if_due(node);
-        rest(patience.rest());
+        pause(limit.remaining());
     }
 }
