@@ -10,8 +10,8 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::clock::{mono_now_ns, wall_now_ns};
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::{
-    IpcNode, IpcOptions, Publisher, Subscriber, Topic, publisher, scene_service,
-    scene_status_service, spawn_with_ports, subscriber, visiting_publisher, visiting_subscriber,
+    IpcNode, IpcOptions, Publisher, Subscriber, Topic, guest_publisher, guest_subscriber,
+    publisher, scene_service, scene_status_service, spawn_with_ports, subscriber,
 };
 use shared_types::message::{self, MovingBall, SceneMessage};
 use shared_types::valid::{Scene, SceneStatus, SourceName, stamp_refusal};
@@ -237,8 +237,8 @@ impl OpenPorts {
             }
         } else {
             Self {
-                statuses: visiting_subscriber(node, statuses)?,
-                scenes: visiting_publisher(node, scenes)?,
+                statuses: guest_subscriber(node, statuses)?,
+                scenes: guest_publisher(node, scenes)?,
             }
         })
     }

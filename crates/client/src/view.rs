@@ -7,8 +7,8 @@ use std::time::Duration;
 use iceoryx2::prelude::ZeroCopySend;
 use shared_types::ipc::{
     CommandClient, CommandService, CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber,
-    Topic, command_service, controller_state_service, cycle_service, robot_state_service,
-    subscriber, visiting_command_client, visiting_subscriber, watching_subscriber,
+    Topic, command_service, controller_state_service, cycle_service, guest_command_client,
+    guest_subscriber, observer_subscriber, robot_state_service, subscriber,
 };
 use shared_types::message;
 use shared_types::valid::{Command, CommandReply, ControllerState, Cycle, Invalid, RobotState};
@@ -41,7 +41,7 @@ impl ControllerView {
     /// # Errors
     /// [`ClientError::Ipc`].
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
-        Self::join(options, visiting_subscriber)
+        Self::join(options, guest_subscriber)
     }
 
     /// Joins like [`connect`](Self::connect) for a program that only watches: it leaves places free for those that act.
@@ -49,7 +49,7 @@ impl ControllerView {
     /// # Errors
     /// [`ClientError::Ipc`].
     pub fn watch(options: &IpcOptions) -> Result<Self, ClientError> {
-        Self::join(options, watching_subscriber)
+        Self::join(options, observer_subscriber)
     }
 
     fn join(
@@ -90,7 +90,7 @@ impl ControllerView {
     /// [`ClientError::Ipc`], where there is no place left.
     pub fn prepare_to_command(&mut self) -> Result<(), ClientError> {
         if self.commands.is_none() {
-            self.commands = Some(visiting_command_client(&self.node, &self.command_service)?);
+            self.commands = Some(guest_command_client(&self.node, &self.command_service)?);
         }
         Ok(())
     }
@@ -162,7 +162,7 @@ impl RobotView {
     /// # Errors
     /// [`ClientError::Ipc`].
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
-        Self::join(options, visiting_subscriber)
+        Self::join(options, guest_subscriber)
     }
 
     /// Joins like [`connect`](Self::connect) for a program that only watches: it leaves places free for those that act.
@@ -170,7 +170,7 @@ impl RobotView {
     /// # Errors
     /// [`ClientError::Ipc`].
     pub fn watch(options: &IpcOptions) -> Result<Self, ClientError> {
-        Self::join(options, watching_subscriber)
+        Self::join(options, observer_subscriber)
     }
 
     fn join(

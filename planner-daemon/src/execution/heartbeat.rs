@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::Duration;
 
-use realtime::{RealtimeError, let_others_go_first, use_fifo_priority};
+use realtime::{RealtimeError, use_fifo_priority, use_idle_policy};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::ProcessKind;
 use shared_types::ipc::{
@@ -161,7 +161,7 @@ fn beat(
 
 /// Removes what dead processes left every 100 ms. One pass takes about a millisecond, so the thread has the idle policy.
 fn clean(node: &IpcNode, ended: &AtomicBool) {
-    if let Err(error) = let_others_go_first() {
+    if let Err(error) = use_idle_policy() {
         tracing::warn!("answers may be a millisecond late now and then: {error}");
     }
     while !ended.load(Ordering::Relaxed) {

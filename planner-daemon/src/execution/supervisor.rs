@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use collision::Verdict;
 use iceoryx2::port::update_connections::UpdateConnections;
-use realtime::{use_fifo_priority, wake_soon};
+use realtime::{reduce_wakeup_latency, use_fifo_priority};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::{STATE_LIFETIME_NS, Suspension, mono_now_ns, suspended_ns, wall_now_ns};
 use shared_types::codes::LoopState;
@@ -76,7 +76,7 @@ impl Supervisor {
         progress: Arc<ProgressCounter>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
-        if let Err(error) = wake_soon() {
+        if let Err(error) = reduce_wakeup_latency() {
             tracing::warn!("orders to stop: {error}");
         }
         if let Some(priority) = realtime_priority {

@@ -8,7 +8,7 @@ use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use realtime::{KeptMemory, is_in_memory};
+use realtime::{MappedFile, is_in_ram};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
 use shared_types::clock::{Suspension, suspended_ns};
@@ -81,7 +81,7 @@ pub(super) struct SourceRecord {
 
 /// The file, with a slot for each source, and the record that each slot holds now.
 pub(crate) struct SceneMemory {
-    memory: KeptMemory,
+    memory: MappedFile,
     records: [Option<SourceRecord>; MAX_SOURCES],
 }
 
@@ -96,7 +96,7 @@ impl SceneMemory {
         let path = options
             .root
             .join(format!("{}.daemon.scenes", options.prefix));
-        if !is_in_memory(&options.root).unwrap_or(false) {
+        if !is_in_ram(&options.root).unwrap_or(false) {
             match Self::in_shared_memory(options) {
                 Ok(memory) => return Ok(memory),
                 Err(error) => tracing::warn!(
@@ -118,7 +118,7 @@ impl SceneMemory {
     fn map(path: &Path) -> io::Result<Self> {
         let words = HEADER_WORDS + MAX_SOURCES * SLOT_WORDS;
         let memory = Self {
-            memory: KeptMemory::open(path, words)?,
+            memory: MappedFile::open(path, words)?,
             records: [None; MAX_SOURCES],
         };
         let head = &memory.memory.words()[..HEADER_WORDS];

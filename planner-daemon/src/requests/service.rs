@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use iceoryx2::identifiers::UniqueClientId;
 use iceoryx2::port::ReceiveError;
 use planning::Candidate;
-use realtime::sleep_punctually;
+use realtime::reduce_timer_slack;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::Outcome;
 use shared_types::ipc::{
@@ -114,7 +114,7 @@ impl Service {
 
     /// Serves until `terminated`, then answers what is there.
     pub(crate) fn run(&mut self, terminated: &AtomicBool) {
-        if let Err(error) = sleep_punctually() {
+        if let Err(error) = reduce_timer_slack() {
             tracing::warn!("looks and deadlines may be some 50 us late: {error}");
         }
         while !terminated.load(Ordering::Relaxed) {

@@ -141,7 +141,7 @@ impl Daemon {
             priority.map(|planning| planning + 2),
         )?;
         let service = open_service(config, &node, &robot, static_scene, planner, execution)?;
-        bring_in_shared_memory(config, options);
+        prefault_shared_memory(config, options);
         let service_priority = priority.map(|planning| planning + 1);
         let background = BackgroundThreads::start(options, instance, &progress, service_priority)?;
         if let Some(priority) = service_priority {
@@ -202,7 +202,7 @@ fn use_processors(config: &Config) -> Result<(), StartError> {
     if config.processors.is_empty() {
         return Ok(());
     }
-    realtime::use_processors(&config.processors).map_err(StartError::Processors)
+    realtime::set_cpu_affinity(&config.processors).map_err(StartError::Processors)
 }
 
 fn lock_memory(config: &Config) {
@@ -231,11 +231,11 @@ fn granted_priority(config: &Config) -> Option<u8> {
 }
 
 /// Faults in the pages of the answers' shared memory, so that no answer waits for one.
-fn bring_in_shared_memory(config: &Config, options: &IpcOptions) {
+fn prefault_shared_memory(config: &Config, options: &IpcOptions) {
     if !config.lock_memory {
         return;
     }
-    match realtime::bring_in_shared_memory(&options.prefix) {
+    match realtime::prefault_shared_memory(&options.prefix) {
         Ok(0) => {
             tracing::warn!("no shared memory to bring into RAM was found in /proc/self/maps");
         }
@@ -275,13 +275,13 @@ fn load_planner(
         Planner::new(robot, models, config.threads).map_err(|source| not_served(config, source))?;
     planner.on_every_worker(|| {
         // A defect of the planner is an answer like any other.
-        logging::panics_are_caught_here();
+        logging::do_not_abort_on_panic();
         if let Some(priority) = priority
             && let Err(error) = realtime::use_fifo_priority(priority)
         {
             tracing::warn!("a planning thread: {error}");
         }
-        if let Err(error) = realtime::take_turns(PLANNING_TIME_SLICE) {
+        if let Err(error) = realtime::set_time_slice(PLANNING_TIME_SLICE) {
             tracing::warn!("answers may be a few ms late where processors are scarce: {error}");
         }
     });

@@ -128,7 +128,7 @@ enum Failure<E> {
 /// Removes what a dead process began. What cannot be removed, or is not a dead process's, shows when it is opened again.
 fn remove(node: &IpcNode, name: &ServiceName, pattern: MessagingPattern) {
     let hash = ServiceHash::new::<<ipc::Service as Service>::ServiceNameHasher>(name, pattern);
-    if is_in_living_hands(node, &hash) {
+    if is_used_by_live_node(node, &hash) {
         return;
     }
     // SAFETY: nobody uses the service: it was never finished, so nobody can have opened it, and its creator is dead, for
@@ -143,7 +143,7 @@ fn remove(node: &IpcNode, name: &ServiceName, pattern: MessagingPattern) {
 
 /// Whether a live node makes or uses the service, in whatever language. iceoryx2 has each node leave a note in its folder
 /// before it makes or opens a service; this process's own is gone once opening has failed.
-fn is_in_living_hands(node: &IpcNode, hash: &ServiceHash) -> bool {
+fn is_used_by_live_node(node: &IpcNode, hash: &ServiceHash) -> bool {
     let global = &node.config().global;
     let folder = PathBuf::from(global.node_dir().to_string());
     let note = format!("{}{hash}{}", global.prefix, global.node.service_tag_suffix);

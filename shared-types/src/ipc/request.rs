@@ -54,7 +54,7 @@ pub(super) const HELD_REPLIES: usize = 1;
 pub(super) const REQUEST_LOANS: usize = 2;
 /// Clients of `command` at once; programs that only watch have none.
 pub(super) const COMMAND_CLIENTS: usize = 32;
-/// Places of clients of `command` that [`visiting_command_client`] leaves free: the daemon gets its own however many give orders.
+/// Places of clients of `command` that [`guest_command_client`] leaves free: the daemon gets its own however many give orders.
 const RESERVED_COMMAND_CLIENTS: usize = 8;
 pub(super) const COMMANDS_PER_CLIENT: usize = 2;
 
@@ -215,12 +215,11 @@ pub fn command_client(node: &IpcNode, service: &CommandService) -> Result<Comman
     client(node, service, || service.client_builder().create())
 }
 
-/// Makes a client of `command` for a program that a person uses, like [`command_client`]: it leaves some places free for the
-/// processes that the robot needs.
+/// Makes a client of `command` for a program that a person uses: it leaves eight places free for daemon, controller and robot.
 ///
 /// # Errors
 /// As [`plan_client`].
-pub fn visiting_command_client(
+pub fn guest_command_client(
     node: &IpcNode,
     service: &CommandService,
 ) -> Result<CommandClient, IpcError> {

@@ -1,4 +1,4 @@
-//! Memory that outlives the process: a file that is mapped.
+//! A file mapped into memory: its contents outlive the process.
 
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -18,15 +18,15 @@ use rustix::process::geteuid;
 ///
 /// At most one process may write at a time. One that is killed leaves each word as it was before or after a store, and its stores with
 /// [`std::sync::atomic::Ordering::Release`] in the order in which they were made.
-pub struct KeptMemory {
+pub struct MappedFile {
     words: NonNull<AtomicU64>,
     count: usize,
 }
 
 // SAFETY: the mapping belongs to this value alone and is read and written through atomics only.
-unsafe impl Send for KeptMemory {}
+unsafe impl Send for MappedFile {}
 
-impl KeptMemory {
+impl MappedFile {
     /// Opens the file at `path`, or creates it for this user alone, and maps its first `count` words; new ones are zero.
     ///
     /// # Errors
@@ -60,7 +60,7 @@ impl KeptMemory {
     }
 }
 
-impl Drop for KeptMemory {
+impl Drop for MappedFile {
     fn drop(&mut self) {
         let bytes = self.count * size_of::<AtomicU64>();
         // SAFETY: the mapping made in `open`, given back once. It cannot fail for a range that is mapped.
@@ -84,7 +84,7 @@ fn take(file: &File, bytes: u64) -> io::Result<()> {
 ///
 /// # Errors
 /// The system's, where it does not tell.
-pub fn is_in_memory(folder: &Path) -> io::Result<bool> {
+pub fn is_in_ram(folder: &Path) -> io::Result<bool> {
     const TMPFS: u64 = 0x0102_1994;
     const RAMFS: u64 = 0x8584_58f6;
     let kind = statfs(folder)?.f_type as u64;
@@ -102,7 +102,7 @@ mod tests {
     fn what_was_stored_is_there_for_who_opens_the_file_next() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("memory");
-        let memory = KeptMemory::open(&path, 1000).unwrap();
+        let memory = MappedFile::open(&path, 1000).unwrap();
         assert!(
             memory
                 .words()
@@ -111,7 +111,7 @@ mod tests {
         );
         memory.words()[999].store(7, Ordering::Release);
         drop(memory);
-        let memory = KeptMemory::open(&path, 1000).unwrap();
+        let memory = MappedFile::open(&path, 1000).unwrap();
         assert_eq!(memory.words()[999].load(Ordering::Acquire), 7);
         let mode = std::fs::metadata(&path).unwrap().permissions().mode();
         assert_eq!(mode & 0o777, 0o600);
@@ -119,9 +119,9 @@ mod tests {
 
     #[test]
     fn a_folder_says_whether_it_is_in_memory() {
-        assert!(is_in_memory(Path::new("/dev/shm")).unwrap());
-        assert!(!is_in_memory(Path::new("/proc")).unwrap());
-        assert!(is_in_memory(Path::new("/no such folder")).is_err());
+        assert!(is_in_ram(Path::new("/dev/shm")).unwrap());
+        assert!(!is_in_ram(Path::new("/proc")).unwrap());
+        assert!(is_in_ram(Path::new("/no such folder")).is_err());
     }
 
     #[test]
@@ -130,13 +130,13 @@ mod tests {
         let (file, link) = (folder.path().join("file"), folder.path().join("link"));
         std::fs::write(&file, "left alone").unwrap();
         std::os::unix::fs::symlink(&file, &link).unwrap();
-        assert!(KeptMemory::open(&link, 1).is_err());
+        assert!(MappedFile::open(&link, 1).is_err());
         assert_eq!(std::fs::read(&file).unwrap(), b"left alone");
     }
 
     #[test]
     fn a_path_that_cannot_be_opened_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
-        assert!(KeptMemory::open(folder.path(), 1).is_err());
+        assert!(MappedFile::open(folder.path(), 1).is_err());
     }
 }

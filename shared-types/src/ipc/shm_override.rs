@@ -138,7 +138,7 @@ mod tests {
     }
 
     #[test]
-    fn names_are_checked_and_own_memory_is_made_once_opened_and_removed() {
+    fn names_are_checked_and_shm_override_is_made_once_opened_and_removed() {
         let random = tempfile::tempdir().unwrap();
         let name = format!(
             "/pcc-own-memory{}",

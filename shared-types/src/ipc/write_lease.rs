@@ -12,9 +12,9 @@ const SET_SIGNAL: libc::c_int = 10;
 
 /// A file that nobody else has open, and that nobody can open as long as this lives: who tries waits, or is told to come again.
 #[derive(Debug)]
-pub(super) struct Sole<'a>(&'a File);
+pub(super) struct WriteLease<'a>(&'a File);
 
-impl<'a> Sole<'a> {
+impl<'a> WriteLease<'a> {
     /// The file, opened by this process for writing, if nobody else has it open.
     ///
     /// # Errors
@@ -28,7 +28,7 @@ impl<'a> Sole<'a> {
     }
 }
 
-impl Drop for Sole<'_> {
+impl Drop for WriteLease<'_> {
     fn drop(&mut self) {
         // Closing the file would do as well.
         let _ = set(self.0, libc::F_SETLEASE, libc::F_UNLCK);
@@ -59,10 +59,10 @@ mod tests {
         let making = making.read(true).write(true).create_new(true).mode(0o200);
         let maker = making.open(&path).unwrap();
         let file = OpenOptions::new().write(true).open(&path).unwrap();
-        let refused = Sole::of(&file).unwrap_err();
+        let refused = WriteLease::of(&file).unwrap_err();
         assert_eq!(refused.kind(), io::ErrorKind::WouldBlock);
         drop(maker);
-        let sole = Sole::of(&file).unwrap();
+        let sole = WriteLease::of(&file).unwrap();
         let mut opening = OpenOptions::new();
         let opening = opening.write(true).custom_flags(libc::O_NONBLOCK);
         let refused = opening.open(&path).unwrap_err();
