@@ -73,7 +73,7 @@ pub fn start() -> io::Result<()> {
     tracing_subscriber::fmt()
         .with_env_filter(filter())
         .with_ansi(stderr().is_terminal())
-        .with_writer(move || Line::of(Arc::clone(&lines)))
+        .with_writer(move || Line(Arc::clone(&lines)))
         .init();
     // False where it logged before: then its lines go on as they did.
     let _ = set_logger(&IpcLog);

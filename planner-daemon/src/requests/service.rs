@@ -212,7 +212,7 @@ impl Service {
         let now = Instant::now();
         for late in self.queue.take_out(|queued| now >= queued.deadline()) {
             let mut answer = Answer::refused(late.task.request_id, &too_late(&late.task));
-            answer.set_wait(now - late.received);
+            answer.set_plan(0, now - late.received);
             self.send(&mut answer, &late.active);
         }
     }
@@ -274,8 +274,7 @@ impl Service {
         let Queued { active, task, .. } = &in_flight.queued;
         let length = self.validator.section_length_m;
         let mut answer = Answer::early(task, candidates, self.runner.robot(), length);
-        answer.set_plan_id(in_flight.plan_id);
-        answer.set_wait(in_flight.waited);
+        answer.set_plan(in_flight.plan_id, in_flight.waited);
         self.send(&mut answer, active);
     }
 
@@ -290,10 +289,9 @@ impl Service {
         let queued = in_flight.queued;
         let length = self.validator.section_length_m;
         let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot(), length);
-        answer.set_plan_id(plan_id);
-        answer.set_wait(in_flight.waited);
+        answer.set_plan(plan_id, in_flight.waited);
         let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
-        if is_wanted(&queued.active) && has_candidates && answer.candidate_count() > 0 {
+        if is_wanted(&queued.active) && has_candidates && answer.candidates().len() > 0 {
             self.execute(&queued, plan_id, &mut answer);
         }
         self.send(&mut answer, &queued.active);
@@ -367,7 +365,7 @@ impl Service {
         let outcome = answer.outcome();
         tracing::debug!(
             "{} candidates, outcome {:?}: {}",
-            answer.candidate_count(),
+            answer.candidates().len(),
             outcome,
             answer.reason()
         );
