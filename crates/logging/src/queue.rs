@@ -1,4 +1,4 @@
-//! Lines on their way to the thread that writes them.
+//! The bounded queue of lines before the writing thread.
 
 use std::collections::VecDeque;
 use std::hint::spin_loop;

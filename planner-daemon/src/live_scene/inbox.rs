@@ -69,7 +69,7 @@ impl SceneId {
 pub(crate) struct SceneInbox {
     topic: Topic<SceneMessage>,
     scenes: Subscriber<SceneMessage>,
-    /// Of the call under way.
+    /// Samples received in this call; kept for its allocation.
     received: Vec<Sample<ipc::Service, SceneMessage, ()>>,
     statuses: Publisher<SceneStatus>,
     waiting: Vec<PendingScene>,

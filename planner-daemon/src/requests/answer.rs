@@ -237,7 +237,7 @@ fn verdict(task: &PlanTask, plan: &Plan, deliverable: &[bool]) -> (Outcome, Stri
     }
 }
 
-/// How many draws failed in which way.
+/// The number of draws for each cause of failure, as text.
 fn failures(plan: &Plan, undeliverable: usize) -> String {
     let causes = [
         (Failure::NoPath, "without a path"),

@@ -32,7 +32,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(1);
 const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
 /// Addition to [`DELIVERY_MARGIN`] for each candidate, for its knots to be written and read.
 const DELIVERY_MARGIN_PER_CANDIDATE: Duration = Duration::from_micros(20);
-/// Time that a plan under way gets when the daemon ends, before it is truncated.
+/// Time after which the running plan is truncated when the daemon ends.
 const SHUTDOWN_GRACE_PERIOD: Duration = Duration::from_millis(500);
 
 /// A request that waits for its turn.
@@ -61,7 +61,7 @@ struct InFlight {
 /// The service: its ports, queue, planner and handle of execution.
 pub(crate) struct Service {
     server: PlanServer,
-    /// Of the round under way.
+    /// Requests received in this round; kept for its allocation.
     received: Vec<PlanActiveRequest>,
     asked: EventListener,
     answered: EventNotifier,
@@ -291,7 +291,7 @@ impl Service {
         let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot(), length);
         answer.set_plan(plan_id, in_flight.waited);
         let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
-        if is_wanted(&queued.active) && has_candidates && answer.candidates().len() > 0 {
+        if is_wanted(&queued.active) && has_candidates && !answer.candidates().is_empty() {
             self.execute(&queued, plan_id, &mut answer);
         }
         self.send(&mut answer, &queued.active);
@@ -360,7 +360,7 @@ impl Service {
         self.send(&mut Answer::refused(request_id, refusal), active);
     }
 
-    /// Sends an answer and wakes who waits for one; what does not arrive is logged, the client sees its request end.
+    /// Sends an answer and notifies the waiting clients; a failure is logged, and the client sees its request end.
     fn send(&self, answer: &mut Answer, active: &PlanActiveRequest) {
         let outcome = answer.outcome();
         tracing::debug!(
@@ -379,7 +379,7 @@ impl Service {
         }
     }
 
-    /// Answers the plan under way, and tells all who wait that the daemon ends.
+    /// Refuses all queued requests because the daemon ends, and answers the running plan, truncated after the grace period.
     fn finish(&mut self) {
         self.ends = true;
         self.receive();

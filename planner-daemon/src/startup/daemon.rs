@@ -157,7 +157,7 @@ impl Daemon {
         })
     }
 
-    /// Serves until `terminated` is set; what is under way then is answered.
+    /// Serves until `terminated` is set, and answers the running plan then.
     pub fn run(&mut self, terminated: &AtomicBool) {
         tracing::info!("ready");
         self.service.run(terminated);

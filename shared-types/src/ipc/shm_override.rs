@@ -1,4 +1,4 @@
-//! Shared memory that another user made does not exist for this process.
+//! Overrides `shm_open` and `shm_unlink`: shared memory that another user made does not exist for this process.
 //!
 //! The names of all users' shared memory lie in one folder, `/dev/shm`, in which anybody may make any name that is free.
 //! iceoryx2 0.10.0 looks at names alone. Another user can make a file with the name of a connection of one of our processes.

@@ -1,4 +1,4 @@
-//! Obstacles and signs of life.
+//! Validated scenes, scene verdicts and heartbeats.
 
 use std::fmt;
 
@@ -179,7 +179,7 @@ impl Scene {
     }
 }
 
-/// What the daemon says of a scene.
+/// The daemon's verdict on a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneStatus {
     /// `source` of the scene as it came: it may be what is wrong with it.
@@ -206,7 +206,7 @@ impl TryFrom<&message::SceneStatus> for SceneStatus {
     }
 }
 
-/// A sign of life.
+/// A heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heartbeat {
     /// When it was sent, nanoseconds of `CLOCK_MONOTONIC`.
@@ -215,7 +215,7 @@ pub struct Heartbeat {
     pub instance: u64,
     /// Counts the sender's heartbeats.
     pub sequence: u64,
-    /// Who.
+    /// The kind of process that sent it.
     pub kind: ProcessKind,
     /// Its process id.
     pub pid: u32,
