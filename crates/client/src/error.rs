@@ -54,7 +54,7 @@ pub enum ClientError {
         /// Whether the request could have moved something.
         may_have_acted: bool,
     },
-    /// This client has as many requests at work as the daemon allows.
+    /// This client has as many unanswered requests as the daemon allows.
     #[error("too many requests of this client at once; wait for an answer or drop a pending one")]
     TooManyRequests,
     /// The daemon does not let a scene count; the one before of the same source does until its lifetime ends.

@@ -83,7 +83,7 @@ impl ControllerView {
         Ok(self.latest)
     }
 
-    /// Takes this program's place among those who command, if it has none yet: a later command then needs neither memory nor a file
+    /// Takes this program's place among the commanding programs, if it has none yet: a later command then needs neither memory nor a file
     /// of its own. For programs with a button to stop.
     ///
     /// # Errors

@@ -10,7 +10,7 @@ pub(crate) enum ExecutionRefusal {
     /// There is no candidate to execute.
     #[error("no candidate is selected")]
     NothingSelected,
-    /// No controller is there to execute it.
+    /// No controller is alive to execute it.
     #[error("no controller: its state is missing or older than 200 ms")]
     ControllerAbsent,
     /// No controller would receive an order to stop it.

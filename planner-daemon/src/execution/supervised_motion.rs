@@ -291,7 +291,7 @@ mod tests {
         );
         assert!(supervised.is_overdue());
         supervised.update(&state(|values| {
-            values.stamp_mono_ns = BEGIN + START_TIMEOUT_NS
+            values.stamp_mono_ns = BEGIN + START_TIMEOUT_NS;
         }));
         assert!(!supervised.is_overdue());
     }

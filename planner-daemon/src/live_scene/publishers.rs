@@ -68,7 +68,7 @@ impl Publishers {
         }
     }
 
-    /// Notes what was heard of a publisher, if it is still there. What it sends under one of several names never makes up for what
+    /// Sets the status of a publisher, if it is still live. What it sends under one of several names never makes up for what
     /// it knows under another.
     pub(super) fn note(&mut self, publisher: u128, heard: PublisherStatus) {
         if let Some(port) = self.port_mut(publisher)

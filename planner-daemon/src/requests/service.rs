@@ -112,7 +112,7 @@ impl Service {
         })
     }
 
-    /// Serves until `terminated`, then answers what is there.
+    /// Serves until `terminated` is set, then refuses the queued requests and answers the running plan.
     pub(crate) fn run(&mut self, terminated: &AtomicBool) {
         if let Err(error) = reduce_timer_slack() {
             tracing::warn!("looks and deadlines may be some 50 us late: {error}");
@@ -136,7 +136,7 @@ impl Service {
     }
 
     /// Takes the requests that have arrived up only once all are received: as long as so many of a client's are held as it may have at
-    /// work, iceoryx2 passes over that client's others, so that one who floods does not keep out who connected after it.
+    /// work, iceoryx2 passes over that client's others, so that a flooding client cannot keep out later ones.
     fn receive(&mut self) -> bool {
         loop {
             match self.server.receive() {

@@ -82,7 +82,7 @@ impl EventListener {
     /// whether something was sent.
     ///
     /// The limit is kept to the thread's timer slack, 50 µs by default; iceoryx2's own waiting would round it up to the scheduler's
-    /// ticks. A message may be lost where several are sent and heard at the same instant, so the limit must be one that can be borne.
+    /// ticks. An event may be lost where several are sent and received at the same instant, so choose a limit that is acceptable as a delay.
     ///
     /// # Errors
     /// The error of the system or of iceoryx2.

@@ -47,7 +47,7 @@ wire_message! {
 
 wire_message! {
     /// The verdict on a scene (service `scene_status`, publisher: the daemon). Scenes that a newer one of the same publisher
-    /// replaced before they were looked at are not spoken of.
+    /// replaced before they were examined get no verdict.
     pub struct SceneStatus: "pcc.v3.SceneStatus", 64 bytes {
         /// When it was judged, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
