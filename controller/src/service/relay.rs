@@ -111,7 +111,7 @@ impl Relay {
     /// Serves until all threads are to end.
     pub(super) fn serve(mut self) {
         // The loop says what the system refuses.
-        let _ = realtime::wake_soon();
+        let _ = realtime::reduce_wakeup_latency();
         let (mut batch, mut state) = (Due::every(BATCH_EVERY_NS), Due::every(STATE_EVERY_NS));
         let (mut beat, mut tidy) = (Due::every(STATE_EVERY_NS), Due::every(TIDY_EVERY_NS));
         while !self.link.shared.is_quitting() {

@@ -8,7 +8,7 @@ use anyhow::{Context, bail};
 use clap::{ArgAction, Args, ValueEnum};
 use client::{Client, ControllerView, PlanAnswer};
 use shared_types::capacity::DOF;
-use shared_types::clock::mono_now_ns;
+use shared_types::clock::{STATE_LIFETIME_NS, mono_now_ns};
 use shared_types::codes::{LoopState, Outcome, Sampler, Selection, Source, Stage, Waiting};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
@@ -19,8 +19,6 @@ use std::time::{Duration, Instant};
 
 /// How long a running daemon and controller are looked for.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// Age at which a controller's state says nothing of now, ns.
-const STATE_LIFETIME_NS: i64 = 200_000_000;
 
 #[derive(Clone, Copy, ValueEnum)]
 enum SamplerName {

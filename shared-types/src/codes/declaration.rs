@@ -1,4 +1,4 @@
-//! How a code is declared, and the answer to a number that is none.
+//! The declaration of codes, and the error for an unknown number.
 
 /// A code that this version of the protocol does not know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,12 +56,6 @@ macro_rules! codes {
         impl std::fmt::Display for $name {
             fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
                 formatter.pad(self.text())
-            }
-        }
-
-        impl From<$name> for u32 {
-            fn from(value: $name) -> u32 {
-                value.code()
             }
         }
 

@@ -1,4 +1,4 @@
-//! Events beside `plan`: who sends a request or an answer says so, and who waits for one sleeps until then.
+//! The events beside `plan`: a sender of a request or an answer notifies, a receiver sleeps until then.
 
 use std::io;
 use std::os::fd::BorrowedFd;
@@ -8,7 +8,6 @@ use iceoryx2::port::listener::{Listener, ListenerCreateError, ListenerWaitError}
 use iceoryx2::port::notifier::{Notifier, NotifierCreateError};
 use iceoryx2::prelude::{EventId, FileDescriptorBased, ipc};
 use iceoryx2::service::builder::Builder;
-use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
 use iceoryx2::service::port_factory::event::PortFactory;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -17,18 +16,15 @@ use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
 
 /// An open event service: what its ports are made from.
-#[derive(Debug)]
-pub struct EventService {
-    service: PortFactory<ipc::Service>,
-}
+pub type EventService = PortFactory<ipc::Service>;
 
-/// Says that something was sent; create it in the thread that uses it.
+/// Notifies that a message was sent; create it in the thread that uses it.
 pub type EventNotifier = Notifier<ipc::Service>;
-/// Sleeps until something was sent, to whomever; create it in the thread that uses it.
+/// Sleeps until a message was sent to any receiver; create it in the thread that uses it.
 #[derive(Debug)]
 pub struct EventListener(Listener<ipc::Service>);
 
-/// There is one kind of event.
+/// The only kind of event.
 const SENT: EventId = EventId::new(0);
 
 /// Opens `plan_asked`: a client sent a request.
@@ -57,9 +53,7 @@ fn event(node: &IpcNode, name: &str) -> Result<EventService, IpcError> {
             .max_nodes(NODES)
             .open_or_create()
     };
-    Ok(EventService {
-        service: open_service(node, name, open, translate)?,
-    })
+    open_service(node, name, open)
 }
 
 /// Makes a notifier, after cleaning up dead ones.
@@ -67,15 +61,9 @@ fn event(node: &IpcNode, name: &str) -> Result<EventService, IpcError> {
 /// # Errors
 /// [`IpcError::Full`] if live processes hold the places, or [`IpcError::Failed`].
 pub fn event_notifier(node: &IpcNode, event: &EventService) -> Result<EventNotifier, IpcError> {
-    let create = || {
-        event
-            .service
-            .notifier_builder()
-            .default_event_id(SENT)
-            .create()
-    };
+    let create = || event.notifier_builder().default_event_id(SENT).create();
     let full = NotifierCreateError::ExceedsMaxSupportedNotifiers;
-    node.make_port(&event.service, "notifier", create, &full)
+    node.make_port(event, "notifier", create, &full)
 }
 
 /// Makes a listener, after cleaning up dead ones.
@@ -83,9 +71,9 @@ pub fn event_notifier(node: &IpcNode, event: &EventService) -> Result<EventNotif
 /// # Errors
 /// [`IpcError::Full`] if live processes hold all places, or [`IpcError::Failed`].
 pub fn event_listener(node: &IpcNode, event: &EventService) -> Result<EventListener, IpcError> {
-    let create = || event.service.listener_builder().create();
+    let create = || event.listener_builder().create();
     let full = ListenerCreateError::ExceedsMaxSupportedListeners;
-    node.make_port(&event.service, "listener", create, &full)
+    node.make_port(event, "listener", create, &full)
         .map(EventListener)
 }
 
@@ -94,13 +82,13 @@ impl EventListener {
     /// whether something was sent.
     ///
     /// The limit is kept to the thread's timer slack, 50 µs by default; iceoryx2's own waiting would round it up to the scheduler's
-    /// ticks. A message may be lost where several are sent and heard at the same instant, so the limit must be one that can be borne.
+    /// ticks. An event may be lost where several are sent and received at the same instant, so choose a limit that is acceptable as a delay.
     ///
     /// # Errors
-    /// What the system or iceoryx2 says.
+    /// The error of the system or of iceoryx2.
     pub fn wait(&self, other: Option<BorrowedFd>, limit: Duration) -> io::Result<bool> {
         // This also makes notifiers send again: they do not while one message waits.
-        if self.was_told()? {
+        if self.drain()? {
             return Ok(true);
         }
         let limit = Timespec::try_from(limit).map_err(io::Error::other)?;
@@ -110,51 +98,17 @@ impl EventListener {
         let readable = |file| PollFd::from_borrowed_fd(file, PollFlags::IN);
         let mut files: Vec<PollFd> = [socket].into_iter().chain(other).map(readable).collect();
         match poll(&mut files, Some(&limit)) {
-            Ok(_) => self.was_told(),
+            Ok(_) => self.drain(),
             Err(Errno::INTR) => Ok(false),
             Err(error) => Err(error.into()),
         }
     }
 
-    fn was_told(&self) -> io::Result<bool> {
+    fn drain(&self) -> io::Result<bool> {
         match self.0.try_wait(|_| ()) {
             Ok(count) => Ok(count > 0),
             Err(ListenerWaitError::InterruptSignal) => Ok(false),
             Err(reason) => Err(io::Error::other(format!("{reason:?}"))),
         }
-    }
-}
-
-fn translate(service: String, error: EventOpenOrCreateError) -> IpcError {
-    use EventOpenError as Open;
-    use EventOpenOrCreateError as Either;
-    let reason = format!("{error:?}");
-    match error {
-        Either::EventOpenError(Open::ServiceInCorruptedState | Open::VersionMismatch)
-        | Either::EventCreateError(EventCreateError::ServiceInCorruptedState) => {
-            IpcError::OtherLibraryVersion { service, reason }
-        }
-        Either::EventOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
-            service,
-            port: "process",
-            users: Vec::new(),
-        },
-        Either::EventOpenError(
-            Open::IncompatibleMessagingPattern
-            | Open::IncompatibleAttributes
-            | Open::IncompatibleDeadline
-            | Open::IncompatibleNotifierCreatedEvent
-            | Open::IncompatibleNotifierDroppedEvent
-            | Open::IncompatibleNotifierDeadEvent
-            | Open::DoesNotSupportRequestedAmountOfNotifiers
-            | Open::DoesNotSupportRequestedAmountOfListeners
-            | Open::DoesNotSupportRequestedMaxEventId
-            | Open::DoesNotSupportRequestedAmountOfNodes,
-        ) => IpcError::Incompatible { service, reason },
-        _ => IpcError::Failed {
-            service,
-            what: "as a whole",
-            reason,
-        },
     }
 }
