@@ -11,7 +11,7 @@ use crate::limits::tendon_rows::TendonRows;
 use crate::parameterize::jerk::TimedPath;
 use crate::parameterize::topp::SpeedProfile;
 use crate::{Knot, QuinticSegment};
-use pcc_model::TendonLimits;
+use pcc_model::{Configuration, TendonLimits};
 
 /// A segment that needs this part more time to keep its limits is as bad as one that is
 /// [`POSITION_TOLERANCE`] off; better ones are left as they are.
@@ -26,14 +26,14 @@ const SHORTEST_PART_AT_STEP: f64 = 0.01;
 /// A jerk step is preferred to the middle of a segment from this acceleration step on, ÷ limit.
 const NOTABLE_STEP: f64 = 0.05;
 
-/// What is to be followed, within what, by how many knots.
+/// A motion that knots are to follow: what describes it, the limits, and how many knots there may be.
 pub(crate) struct Target<'a> {
     pub(crate) profile: &'a SpeedProfile,
     pub(crate) motion: &'a TimedPath,
     pub(crate) rows: &'a TendonRows,
     pub(crate) limits: &'a TendonLimits,
-    /// The first and the last knot, exactly; their times are not read.
-    pub(crate) ends: [Knot; 2],
+    /// Where the motion begins and ends, exactly and at rest, rad.
+    pub(crate) ends: [Configuration; 2],
     pub(crate) knots: usize,
 }
 
@@ -173,12 +173,12 @@ impl Placement {
         self.knots.clear();
         self.tendon_knots.clear();
         let [start, end] = target.ends;
-        self.push_knot(target, Knot { time: 0.0, ..start });
+        self.push_knot(target, Knot::resting(0.0, start));
         for i in 1..count {
             let time = total * (i as f64 / count as f64);
             self.push_knot(target, target.motion.averaged(time));
         }
-        self.push_knot(target, Knot { time: total, ..end });
+        self.push_knot(target, Knot::resting(total, end));
         self.segments.clear();
         for i in 0..count {
             let ends = [i, i + 1];
