@@ -1,8 +1,6 @@
 //! A scene that counts, in the planner's units, and whether a motion keeps clear of it.
 
-use collision::{
-    Ball, MovingBall, Scene, SceneError, Verdict, certify_moving_until, certify_trajectory,
-};
+use collision::{Ball, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory};
 use pcc_model::Point;
 use shared_types::message;
 use shared_types::valid;
@@ -89,7 +87,7 @@ impl KeptScene {
         };
         let times = [rest.from_s, stretch.until_s];
         let balls = cover.of_all(&self.moving, rest.padded, times);
-        let verdict = certify_moving_until(rest.padded, &balls, rest.motion, times);
+        let verdict = certify_moving(rest.padded, &balls, rest.motion, times);
         (verdict, stretch)
     }
 }
