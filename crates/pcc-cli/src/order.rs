@@ -16,8 +16,8 @@ use shared_types::valid::Command;
 
 use crate::number::rate;
 
-/// How long a controller is waited for.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Longest wait for a reply of the controller.
+const TIMEOUT: Duration = Duration::from_secs(5);
 /// How long `pcc stop` waits for a reply before it tells the controller by a signal, too.
 const SIGNAL_AFTER: Duration = Duration::from_millis(50);
 
@@ -106,7 +106,7 @@ fn give(command: Command) -> anyhow::Result<Accepted> {
     let mut controller = ControllerView::connect(&IpcOptions::from_env())?;
     controller.prepare_to_command()?;
     let sent = Sent::now();
-    let reply = controller.command(command, PATIENCE)?;
+    let reply = controller.command(command, TIMEOUT)?;
     let took_ms = sent.elapsed_ms();
     if reply.reason == CommandRefusal::StopPending {
         bail!("{}; the controller was {} last", reply.reason, reply.state);

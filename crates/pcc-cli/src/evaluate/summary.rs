@@ -2,7 +2,8 @@
 
 use super::answer::Answer;
 use super::arguments::Arguments;
-use crate::planner::{ModelRecords, name_of};
+use crate::planner::ModelRecords;
+use crate::sampler::name_of;
 use pcc_model::{Configuration, Robot};
 use planning::{
     Candidate, Draw, Failure, Plan, SampledVerdict, SetMetrics, Source, Waypoints, set_metrics,
