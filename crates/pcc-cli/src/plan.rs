@@ -3,7 +3,7 @@
 mod held_state;
 mod table;
 
-use self::held_state::held_state;
+use self::held_state::{TIMEOUT, held_state};
 use self::table::print_answer;
 use crate::number::{self, balls_of};
 use crate::option_faults::{MotionOptions, OptionFault};
@@ -19,9 +19,6 @@ use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
 use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
 use std::time::{Duration, Instant};
-
-/// How long a running daemon and controller may take to show up or to reply.
-const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Arguments of `pcc plan`.
 #[derive(Args)]

@@ -1,6 +1,5 @@
 //! Where the controller holds the robot at rest, for requests that start there.
 
-use super::TIMEOUT;
 use crate::foreign_orders::ForeignOrders;
 use anyhow::{Context, bail};
 use client::ControllerView;
@@ -10,6 +9,8 @@ use shared_types::ipc::IpcOptions;
 use shared_types::valid::ControllerState;
 use std::time::{Duration, Instant};
 
+/// How long a running daemon and controller may take to show up or to reply.
+pub(super) const TIMEOUT: Duration = Duration::from_secs(5);
 /// Age at which a controller's state says nothing of now, ns.
 const STATE_LIFETIME_NS: i64 = 200_000_000;
 
