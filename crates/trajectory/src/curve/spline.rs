@@ -2,7 +2,7 @@
 
 use pcc_model::Configuration;
 
-/// Waypoints nearer to each other than this part of the path's extent become one: the tight turns of a C2 curve
+/// Waypoints nearer to each other than this part of the path's extent are merged: the tight turns of a C2 curve
 /// between them would bring the motion almost to a stop.
 const MERGE: f64 = 1e-4;
 
@@ -65,7 +65,7 @@ impl Spline {
         true
     }
 
-    /// Leaves in `kept` the waypoints that are farther than `merge` from the one before, and `last`.
+    /// Sets `kept` to the waypoints that are farther than `merge` (rad) from the one before, and `last`.
     fn keep_apart(&mut self, waypoints: &[Configuration], last: Configuration, merge: f64) {
         let far = |from: &Configuration, to: &Configuration| (to - from).norm() > merge;
         self.kept.clear();
@@ -133,12 +133,12 @@ impl Spline {
         &self.parameter
     }
 
-    /// The slopes of the chords, piece by piece.
+    /// Slopes dζ/ds of the chords, piece by piece.
     pub(crate) fn chords(&self) -> impl Iterator<Item = Configuration> + '_ {
         (1..self.point.len()).map(|node| self.chord_slope(node - 1))
     }
 
-    /// Second derivatives at the nodes; they are linear between.
+    /// Second derivatives d²ζ/ds² at the nodes, 1/rad; they are linear between nodes.
     pub(crate) fn bends(&self) -> &[Configuration] {
         &self.bend
     }

@@ -190,7 +190,7 @@ impl TimedPath {
         after.clamp(1, self.piece.len()) - 1
     }
 
-    /// The pieces that hold the start and the end of the average at `time`.
+    /// The pieces that hold the first and the last instant that the average at `time` is over.
     fn span(&self, time: f64) -> [usize; 2] {
         let first = self.index(time - self.width);
         let later = &self.time[first + 1..self.piece.len()];
@@ -207,12 +207,13 @@ impl TimedPath {
         )
     }
 
-    /// Position alone of [`TimedPath::averaged`].
+    /// Position of the averaged motion at `time`, rad.
     pub(crate) fn mean_position(&self, time: f64) -> Configuration {
         self.mean_position_over(self.span(time), time)
     }
 
-    /// Sums differences to a near position.
+    /// Position of the averaged motion at `time` over the pieces `first` to `last`; differences to a near position are summed, which
+    /// keeps rounding small.
     fn mean_position_over(&self, [first, last]: [usize; 2], time: f64) -> Configuration {
         let (from, to) = ((time - self.width).max(self.time[0]), time);
         let reference = self.piece[first].start.position;

@@ -1,4 +1,4 @@
-//! Which instants of a smooth motion become knots.
+//! Placement of knots: at which instants of a smooth motion they are.
 //!
 //! A quarter of the knots is laid evenly. Then the worst segment is divided, again and again: the one that exceeds its
 //! limits most or leaves the motion most. It is divided where the motion's jerk steps most inside it: a quintic
@@ -16,7 +16,7 @@ use pcc_model::{Configuration, TendonLimits};
 /// A segment that needs this part more time to keep its limits is as bad as one that is
 /// [`POSITION_TOLERANCE`] off; better ones are left as they are.
 const TIME_TOLERANCE: f64 = 0.002;
-/// Distance between a segment's middle and the motion it stands for, rad.
+/// Distance between a segment's middle and the motion that counts as bad, rad.
 const POSITION_TOLERANCE: f64 = 1e-3;
 /// No segment becomes shorter than this part of the mean segment, but for one that ends at a jerk step.
 const SHORTEST_PART: f64 = 0.2;
@@ -52,9 +52,9 @@ struct Segment {
     duration: f64,
     /// The factor by which its times must grow: see [`time_scale_bounds`].
     time_scale: [f64; 2],
-    /// How far its middle is from the motion it stands for, rad, at most.
+    /// Upper bound of the distance of its middle from the motion, rad.
     distance: f64,
-    /// What is worst about it ÷ its tolerance.
+    /// The larger of its excess time and its distance, each ÷ its tolerance.
     badness: f64,
 }
 
@@ -233,7 +233,7 @@ impl Placement {
     }
 }
 
-/// The segment duration below which the rounding of positions alone would make 1 % of the motion's jerk bound.
+/// The segment duration, s, below which the rounding of positions alone would cause 1 % of the motion's jerk bound.
 ///
 /// A quintic's jerk is up to 60 ÷ h³ times a displacement.
 fn rounding_time(target: &Target) -> f64 {

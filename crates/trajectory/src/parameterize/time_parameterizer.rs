@@ -48,8 +48,7 @@ impl TimeParameterizer {
     ///
     /// It starts exactly at the first and ends exactly at the last waypoint; every tendon's velocity, acceleration
     /// and jerk keeps its limit × (1 + 1e-9) everywhere, verified by [`crate::limit_use`] on the result. The path is a C2
-    /// spline through the waypoints, rounded by the averaging that bounds jerk (see the sources of `spline` and
-    /// `jerk`); waypoints that do not move give a resting motion of 1 ms.
+    /// spline through the waypoints, rounded by the average in time that bounds jerk; waypoints that do not move give a resting motion of 1 ms.
     ///
     /// # Errors
     /// See [`ParameterizationError`].
@@ -72,7 +71,7 @@ impl TimeParameterizer {
         fit_to_limits(knots, scale, &self.rows, limits)
     }
 
-    /// Duration of the fastest motion along `waypoints` (rad) from rest to rest if jerk were not bounded, s: TOPP-RA's.
+    /// Duration, s, of TOPP-RA's motion: the fastest along `waypoints` (rad) from rest to rest without a jerk limit.
     ///
     /// No motion along this path within the velocity and acceleration limits is faster; 0 if the waypoints do not move.
     ///
@@ -94,8 +93,8 @@ impl TimeParameterizer {
         Ok(self.timed.duration())
     }
 
-    /// The speeds of the last motion before its jerk was bounded: path parameter s (rad) and ṡ (rad/s) at the points
-    /// of TOPP-RA's grid.
+    /// Path parameter s (rad) and speed ṡ (rad/s) at the points of TOPP-RA's grid, of the last motion before its jerk was
+    /// bounded.
     pub fn path_speeds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let grid = self.profile.grid().iter();
         let speeds = self.profile.square_speeds().iter();
@@ -179,7 +178,7 @@ fn check(
     Ok(())
 }
 
-/// Multiplies all times by `scale`, and by what rounding then leaves above the limits.
+/// A motion through `knots` with all times multiplied by `scale`, and by what rounding then requires to keep the limits.
 fn fit_to_limits(
     mut knots: Vec<Knot>,
     mut scale: f64,

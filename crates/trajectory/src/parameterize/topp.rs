@@ -35,11 +35,11 @@ pub(crate) struct SpeedProfile {
 
 /// Between grid points the sampled limits may be exceeded by this much before an interval is divided.
 const EXCESS_TOLERANCE: f64 = 0.02;
-/// x where no limit bounds it (tendons that stand still at a point).
+/// The value of x at a point where no limit bounds it, since no tendon moves there.
 const UNBOUNDED: f64 = 1e100;
 /// Into how many parts an interval is divided whose speeds are not optimal.
 const PARTS_WHERE_NOT_OPTIMAL: u32 = 4;
-/// How often the grid is refined at most.
+/// The most times that the grid is refined.
 const REFINEMENTS: usize = 2;
 
 impl SpeedProfile {
@@ -86,7 +86,7 @@ impl SpeedProfile {
         &self.derivatives[i * self.path.blocks..(i + 1) * self.path.blocks]
     }
 
-    /// Every node of the spline is a grid point, so l″ is linear within an interval.
+    /// Lays the grid, about `intervals` intervals long; every node of the spline is a grid point, so l″ is linear within an interval.
     fn lay_grid(&mut self, spline: &Spline, intervals: usize) {
         self.grid.clear();
         let nodes = spline.parameters();
@@ -104,7 +104,7 @@ impl SpeedProfile {
         });
     }
 
-    /// Derivatives and the largest x at each grid point.
+    /// Computes derivatives and the largest x within the velocity limit at each grid point.
     fn project(&mut self, spline: &Spline, largest_speed: f64) {
         self.derivatives.clear();
         self.steepness.clear();
@@ -191,9 +191,8 @@ impl SpeedProfile {
         divided
     }
 
-    /// Into how many parts an interval is to be divided: into some where its speeds are not optimal, since speed at the start
-    /// costs speed at the end or no limit is fully used (neither is so on a fine grid), and in two where a limit is exceeded
-    /// in its middle.
+    /// Into how many parts an interval is to be divided: several where its speeds are not optimal, since speed at the start costs
+    /// speed at the end or no limit is fully used (neither happens on a fine grid), two where a limit is exceeded in its middle.
     fn wanted_parts(&self, i: usize, largest_speed: f64) -> u32 {
         let squares = [self.square_speed[i], self.square_speed[i + 1]];
         let interval = self.interval(i);
