@@ -128,7 +128,7 @@ fn text<T: ToString>(given: Option<T>) -> Option<String> {
     given.map(|value| value.to_string())
 }
 
-/// Which weights a planner has.
+/// The record of the weights that a planner has.
 #[derive(Serialize)]
 struct WeightsRecord {
     model: String,
@@ -138,7 +138,7 @@ struct WeightsRecord {
     updates: u64,
 }
 
-/// Which few-step model a planner has, and how it samples.
+/// The record of a planner's few-step model, and how it samples.
 #[derive(Serialize)]
 pub(crate) struct FastRecord {
     #[serde(flatten)]
@@ -147,7 +147,7 @@ pub(crate) struct FastRecord {
     evaluations: usize,
 }
 
-/// Which diffusion model a planner has, and how it samples.
+/// The record of a planner's diffusion model, and how it samples.
 #[derive(Serialize)]
 pub(crate) struct DiffusionRecord {
     #[serde(flatten)]
@@ -160,14 +160,14 @@ pub(crate) struct DiffusionRecord {
     precision: String,
 }
 
-/// The models of a planner; nothing for those that it does not have.
+/// The records of a planner's models; none for a model that it does not have.
 #[derive(Default, Serialize)]
 pub(crate) struct ModelRecords {
     fast: Option<FastRecord>,
     diffusion: Option<DiffusionRecord>,
 }
 
-/// A planner and what belongs in the record of its results.
+/// A planner and the record of its models for the results.
 pub(crate) struct Loaded {
     pub(crate) planner: Planner,
     pub(crate) records: ModelRecords,

@@ -258,9 +258,9 @@ fn shape_that_is_not_a_number_is_not_within_the_limits() {
 fn scaled_robot_has_the_same_shapes_and_tendon_angles() {
     let (robot, mut random) = (shapes::authors_robot(), random(7));
     let length = robot.equal_section_length().unwrap();
-    let unit = robot.scaled(1.0 / length);
+    let unit = robot.to_unit().unwrap();
     assert!((unit.equal_section_length().unwrap() - 1.0).abs() < 1e-15);
-    assert_eq!(uneven_robot().equal_section_length(), None);
+    assert_eq!(uneven_robot().to_unit(), None);
     let shape = any_shape(&mut random);
     assert!((unit.tip(&shape) * length - robot.tip(&shape)).amax() < 1e-15);
     let matrix = unit.tendons.matrix() * length - robot.tendons.matrix();

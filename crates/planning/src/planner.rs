@@ -24,8 +24,8 @@ impl Planner {
     /// # Errors
     /// [`PlannerError::UnequalSections`] or [`PlannerError::Threads`].
     pub fn new(robot: &Robot, mut models: Models, threads: usize) -> Result<Self, PlannerError> {
-        let length = robot
-            .equal_section_length()
+        let unit_robot = robot
+            .to_unit()
             .ok_or(PlannerError::UnequalSections(robot.section_lengths))?;
         let workers = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -36,7 +36,7 @@ impl Planner {
             diffusion.prepare(workers.current_num_threads());
         }
         Ok(Self {
-            resources: Resources::new(robot.scaled(1.0 / length), models),
+            resources: Resources::new(unit_robot, models),
             workers,
         })
     }

@@ -11,7 +11,7 @@ use planning::{
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Share of requests and candidates, figures of merit, times.
+/// The content of `result.json`: shares of requests and candidates, figures of merit, times.
 #[derive(Serialize)]
 pub(super) struct Summary {
     planner: String,
@@ -29,7 +29,7 @@ pub(super) struct Summary {
     infeasible: BTreeMap<String, usize>,
     #[serde(flatten)]
     shares: Shares,
-    /// What was sampled, by the paper's criterion.
+    /// Figures of the sampled paths by the paper's criterion.
     sampled: Sampled,
     failures: BTreeMap<String, usize>,
     #[serde(flatten)]
@@ -40,20 +40,20 @@ pub(super) struct Summary {
     stage_seconds: BTreeMap<&'static str, Spread>,
 }
 
-/// What the sampler drew, by the paper's criterion, before any correction outside of the sampler.
+/// Figures of the sampled paths by the paper's criterion, before any correction outside of the sampler.
 #[derive(Serialize)]
 struct Sampled {
     /// Sampled paths; none where the planner samples nothing.
     paths: usize,
     /// Share of all candidates asked for that succeed.
     success: f64,
-    /// The same after correction.
+    /// Share of all candidates asked for that succeed after correction.
     success_corrected: f64,
     /// Share of the requests with a candidate that succeeds.
     success_any: f64,
     /// Tip error, section lengths.
     tip_error: Spread,
-    /// The same ÷ 3 L over those that succeed.
+    /// Tip error ÷ 3 L, the robot's length, over the candidates that succeed.
     tip_error_of_robot_length: Spread,
     /// Time of sampling alone ÷ candidates, s.
     seconds_per_candidate: Spread,
@@ -160,7 +160,7 @@ impl Shares {
 struct PathFigures {
     /// Distance of the tip's end from the target, section lengths.
     tip_error: Spread,
-    /// The same ÷ 3 L, the robot's length.
+    /// Distance of the tip's end from the target ÷ 3 L, the robot's length.
     tip_error_of_robot_length: Spread,
     clearance: Spread,
     tip_length_ratio: Spread,
@@ -252,13 +252,13 @@ fn certified(plan: &Plan) -> impl Iterator<Item = &Candidate> {
     candidates.filter(|candidate| candidate.source != Source::Explored)
 }
 
-/// The certified candidates of an answer, each with it.
+/// The certified candidates of an answer, each with the answer.
 fn certified_of(answer: &Answer) -> impl Iterator<Item = (&Answer, &Candidate)> {
     let candidates = answer.plan.iter().flat_map(certified);
     candidates.map(move |candidate| (answer, candidate))
 }
 
-/// The paper's criterion on one path of every draw asked for that has it, case by case.
+/// Verdicts by the paper's criterion on one path of each draw that was asked for, case by case; draws without the path are left out.
 fn verdicts(
     robot: &Robot,
     answers: &[Answer],
