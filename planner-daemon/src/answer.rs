@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::{LoanError, SendError};
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use planning::{Candidate, Failure, Goal, Plan, PlannerError, Source, select};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::{Outcome, Stage};
@@ -56,7 +56,7 @@ impl Answer {
     pub(crate) fn of_plan(
         order: &Order,
         planned: Planned,
-        robot: &Robot,
+        robot: &UnitRobot,
         section_length_m: f64,
     ) -> Self {
         match planned {
@@ -72,7 +72,7 @@ impl Answer {
     pub(crate) fn early(
         order: &Order,
         candidates: Vec<Candidate>,
-        robot: &Robot,
+        robot: &UnitRobot,
         section_length_m: f64,
     ) -> Self {
         let reason = format!(
@@ -87,7 +87,7 @@ impl Answer {
         answer
     }
 
-    fn certified(order: &Order, plan: Plan, robot: &Robot, section_length_m: f64) -> Self {
+    fn certified(order: &Order, plan: Plan, robot: &UnitRobot, section_length_m: f64) -> Self {
         let keep: Vec<bool> = plan
             .candidates
             .iter()
@@ -117,7 +117,7 @@ impl Answer {
     }
 
     /// Selects among the candidates and fills in their part of the report.
-    fn summarise(&mut self, order: &Order, robot: &Robot, section_length_m: f64) {
+    fn summarise(&mut self, order: &Order, robot: &UnitRobot, section_length_m: f64) {
         let selection = order.request.selection;
         let selected = select(&self.candidates, &order.problem.start, selection);
         self.report.selected = selected.map_or(NONE_SELECTED, |index| index as u32);
@@ -215,7 +215,7 @@ fn nanoseconds(duration: Duration) -> u64 {
 }
 
 /// Whether a candidate reaches the goal as closely as the client wants and fits the message and its share of the answer.
-pub(crate) fn is_deliverable(order: &Order, candidate: &Candidate, robot: &Robot) -> bool {
+pub(crate) fn is_deliverable(order: &Order, candidate: &Candidate, robot: &UnitRobot) -> bool {
     let goal_tip = order.problem.goal_tip(robot);
     wire::tip_error(robot, &candidate.end(), &goal_tip) <= order.tip_tolerance
         && candidate.trajectory.knots().len() <= order.request.knots

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use iceoryx2::identifiers::UniqueClientId;
 use iceoryx2::port::ReceiveError;
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use planning::Candidate;
 use realtime::sleep_punctually;
 use shared_types::clock::mono_now_ns;
@@ -67,7 +67,7 @@ pub(crate) struct Service {
     planning: Planning,
     border: Border,
     /// In units of its section length.
-    robot: Robot,
+    robot: UnitRobot,
     wait: WaitMode,
     queue: FairQueue<UniqueClientId, Queued>,
     in_flight: Option<InFlight>,
@@ -86,7 +86,7 @@ pub(crate) struct Parts {
     pub(crate) execution: Execution,
     pub(crate) planning: Planning,
     pub(crate) border: Border,
-    pub(crate) robot: Robot,
+    pub(crate) robot: UnitRobot,
     pub(crate) wait: WaitMode,
     pub(crate) queued_per_client: usize,
 }

@@ -98,7 +98,7 @@ pub(crate) fn source(source: Source) -> codes::Source {
 
 /// Distance of a candidate's last tip from the goal's tip, in the unit of the robot.
 pub(crate) fn tip_error(
-    robot: &pcc_model::Robot,
+    robot: &pcc_model::UnitRobot,
     end: &Configuration,
     goal_tip: &pcc_model::Point,
 ) -> f64 {

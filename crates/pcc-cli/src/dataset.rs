@@ -12,7 +12,7 @@ use datasets::{
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use input_files::{read_text, shortened};
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use serde_json::json;
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -92,7 +92,7 @@ pub(crate) struct Arguments {
     /// Worker threads, at most 256 (0: one a core).
     #[arg(long, default_value_t = 0, value_parser = number::threads())]
     threads: usize,
-    /// Robot file; its three sections must be equally long.
+    /// UnitRobot file; its three sections must be equally long.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
     /// Folder for the data set; finished blocks in it are not made again.
@@ -102,7 +102,7 @@ pub(crate) struct Arguments {
 
 struct Job<'a> {
     arguments: &'a Arguments,
-    robot: Robot,
+    robot: UnitRobot,
     recipe: Recipe,
     blocks: PathBuf,
 }

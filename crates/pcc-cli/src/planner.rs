@@ -6,7 +6,7 @@ use anyhow::{Context, bail};
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use denoiser::{FastModel, Manifest, Precision, Solver, TemporalUnet, WeightsFile};
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use planning::{DiffusionModel, DiffusionSettings, Models, Planner, Sampler};
 use serde::Serialize;
 use std::error::Error;
@@ -176,7 +176,7 @@ pub(crate) struct Loaded {
 /// Makes the planner, loading the weights that the sampler needs.
 pub(crate) fn load(
     name: PlannerName,
-    robot: &Robot,
+    robot: &UnitRobot,
     arguments: &ModelArguments,
     threads: usize,
 ) -> anyhow::Result<Loaded> {
@@ -203,7 +203,10 @@ pub(crate) fn load(
     Ok(Loaded { planner, records })
 }
 
-fn load_fast(robot: &Robot, arguments: &ModelArguments) -> anyhow::Result<(FastModel, FastRecord)> {
+fn load_fast(
+    robot: &UnitRobot,
+    arguments: &ModelArguments,
+) -> anyhow::Result<(FastModel, FastRecord)> {
     let limit = robot.bending_limit;
     let make = |file: &WeightsFile| FastModel::from_weights(file, limit);
     let (mut model, weights) = arguments.load(FAST_WEIGHTS, make)?;
@@ -218,7 +221,7 @@ fn load_fast(robot: &Robot, arguments: &ModelArguments) -> anyhow::Result<(FastM
 }
 
 fn load_diffusion(
-    robot: &Robot,
+    robot: &UnitRobot,
     arguments: &ModelArguments,
 ) -> anyhow::Result<(DiffusionModel, DiffusionRecord)> {
     let settings = arguments.settings();

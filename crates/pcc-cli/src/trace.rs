@@ -10,7 +10,7 @@ use anyhow::{Context, anyhow, bail};
 use clap::{ArgAction, Args};
 use collision::{Ball, MAX_EXTENT, Scene};
 use datasets::ArchiveWriter;
-use pcc_model::{Configuration, DOF, Point, Robot};
+use pcc_model::{Configuration, DOF, Point, UnitRobot};
 use planning::random_configuration;
 use planning::{Goal, PlannerError, Problem, Sampler, WAYPOINTS, Waypoints};
 use rand::SeedableRng;
@@ -43,7 +43,7 @@ pub(crate) struct Arguments {
     seed: u64,
     #[command(flatten)]
     models: ModelArguments,
-    /// Robot file.
+    /// UnitRobot file.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
     /// Archive to write: `paths [S+1,64,6]` (radians) and `tips [S+1,64,3]` (section lengths) before each of the S steps and
@@ -95,7 +95,7 @@ impl Arguments {
         }
     }
 
-    fn problem(&self, robot: &Robot) -> anyhow::Result<Problem> {
+    fn problem(&self, robot: &UnitRobot) -> anyhow::Result<Problem> {
         let balls = balls_of(&self.ball, MAX_EXTENT, "section lengths")?.into_iter();
         let balls = balls.map(|[x, y, z, radius]| Ball {
             centre: Point::new(x, y, z),
@@ -122,7 +122,11 @@ impl Arguments {
     }
 }
 
-fn write(file: &Path, robot: &Robot, trace: &[Waypoints]) -> Result<(), datasets::ArchiveError> {
+fn write(
+    file: &Path,
+    robot: &UnitRobot,
+    trace: &[Waypoints],
+) -> Result<(), datasets::ArchiveError> {
     let mut archive = ArchiveWriter::create(file)?;
     let configurations = trace.iter().flatten();
     let values = configurations.clone().flat_map(|q| <[f64; DOF]>::from(*q));

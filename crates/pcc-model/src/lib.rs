@@ -16,6 +16,7 @@ mod robot_file;
 mod section;
 mod tendons;
 mod tips;
+mod unit_robot;
 
 pub use arc::Nearest;
 pub use backbone::{Backbone, Pose};
@@ -26,3 +27,4 @@ pub use robot::{Robot, TendonLimits};
 pub use robot_file::RobotFileError;
 pub use tendons::{Tendon, TendonMap, TendonMapError};
 pub use tips::MovingTips;
+pub use unit_robot::UnitRobot;

@@ -71,12 +71,6 @@ impl Robot {
         self.section_lengths.iter().all(equal).then_some(first)
     }
 
-    /// This robot in units of its section length, if all three sections are equally long (to 1e-9 of their length).
-    #[must_use]
-    pub fn to_unit(&self) -> Option<Self> {
-        Some(self.scaled(1.0 / self.equal_section_length()?))
-    }
-
     /// This robot with every length multiplied by `factor`.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {

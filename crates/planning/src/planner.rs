@@ -10,7 +10,7 @@ use crate::plan::Plan;
 use crate::problem::Problem;
 use crate::request::{Guidance, Interrupt, Request, Supervision};
 use crate::resources::{Models, Resources};
-use pcc_model::Robot;
+use pcc_model::{Robot, UnitRobot};
 
 /// The planner, resident: the unit robot, the models, and worker threads.
 pub struct Planner {
@@ -43,7 +43,7 @@ impl Planner {
 
     /// The robot in units of its section length.
     #[must_use]
-    pub fn robot(&self) -> &Robot {
+    pub fn robot(&self) -> &UnitRobot {
         &self.resources.robot
     }
 
@@ -145,7 +145,7 @@ impl Planner {
     }
 
     /// The robot whose tubes are padded as a request demands.
-    fn padded(&self, request: &Request) -> Robot {
+    fn padded(&self, request: &Request) -> UnitRobot {
         self.resources.robot.with_tube_padding(&request.padding)
     }
 }

@@ -1,6 +1,6 @@
 //! For which scenes, and at which times on its path, what is left of a motion was certified.
 
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use trajectory::Trajectory;
 
 use crate::moving_cover::{Stretch, Timing};
@@ -63,7 +63,7 @@ impl Certificates {
 #[derive(Clone, Copy)]
 pub(crate) struct RemainingMotion<'a> {
     /// In units of the section length, its tubes padded by what covers the path tolerance.
-    pub(crate) padded: &'a Robot,
+    pub(crate) padded: &'a UnitRobot,
     pub(crate) motion: &'a Trajectory,
     /// Path time that has passed for certain, s.
     pub(crate) from_s: f64,

@@ -4,7 +4,7 @@ use super::answer::Answer;
 use super::arguments::Arguments;
 use crate::planner::ModelRecords;
 use crate::sampler::name_of;
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, UnitRobot};
 use planning::{
     Candidate, Draw, Failure, Plan, SampledVerdict, SetMetrics, Source, Waypoints, set_metrics,
 };
@@ -60,7 +60,7 @@ struct Sampled {
 }
 
 impl Sampled {
-    fn of(robot: &Robot, arguments: &Arguments, answers: &[Answer]) -> Self {
+    fn of(robot: &UnitRobot, arguments: &Arguments, answers: &[Answer]) -> Self {
         let length: f64 = robot.section_lengths.iter().sum();
         let sampled = verdicts(robot, answers, |draw| draw.sampled.as_ref());
         let corrected = verdicts(robot, answers, |draw| draw.path.as_ref());
@@ -170,7 +170,7 @@ struct PathFigures {
 }
 
 impl PathFigures {
-    fn of(robot: &Robot, answers: &[Answer]) -> Self {
+    fn of(robot: &UnitRobot, answers: &[Answer]) -> Self {
         let all: Vec<(&Answer, &Candidate)> = answers.iter().flat_map(certified_of).collect();
         let path =
             |figure: fn(&Candidate) -> f64| Spread::of(all.iter().map(move |(_, c)| figure(c)));
@@ -214,7 +214,7 @@ impl SetFigures {
 }
 
 pub(super) fn summarise(
-    robot: &Robot,
+    robot: &UnitRobot,
     arguments: &Arguments,
     models: ModelRecords,
     answers: &[Answer],
@@ -260,7 +260,7 @@ fn certified_of(answer: &Answer) -> impl Iterator<Item = (&Answer, &Candidate)> 
 
 /// Verdicts by the paper's criterion on one path of each draw that was asked for, case by case; draws without the path are left out.
 fn verdicts(
-    robot: &Robot,
+    robot: &UnitRobot,
     answers: &[Answer],
     path: impl Fn(&Draw) -> Option<&Waypoints>,
 ) -> Vec<Vec<SampledVerdict>> {

@@ -51,7 +51,7 @@ pub(crate) fn most_candidates() -> Vec<(&'static str, Value)> {
 
 fn with_candidates(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut served = Served::start(most_candidates())?;
-    let robot = served.world.robot.clone();
+    let robot = served.world.unit_robot();
     let all = requests(&robot, Setting::General(Some(4)));
     let all: Vec<PlanRequest> = all.take(scale.pick(8, 50)).collect();
     let mut curve = CANDIDATES.map(|count| (count, Vec::new()));
@@ -70,6 +70,7 @@ fn with_candidates(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
 
 fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
+    let robot = robot.to_unit().context("equal sections are needed")?;
     let all = requests(&robot, Setting::General(Some(8)));
     let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();
     let mut curve = BALLS.map(|count| (count, Vec::new()));

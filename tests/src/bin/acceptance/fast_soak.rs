@@ -132,7 +132,7 @@ fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
     let mut settings = most_candidates();
     settings.push(("realtime_priority", Value::Integer(OF_PLANNING.into())));
     let mut served = Served::start(settings)?;
-    let pool = Pool::draw(&served.world.robot);
+    let pool = Pool::draw(&served.world.unit_robot());
     let stolen = StolenTimes::watch()?;
     let disturbance = Disturbance::count(served.daemon.pid())?;
     largest_requests(&mut served, &pool)?;
