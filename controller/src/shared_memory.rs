@@ -10,7 +10,7 @@ use tracing::warn;
 /// # Errors
 /// [`IpcError::Failed`]: there is no room for them.
 pub(crate) fn claim(options: &IpcOptions) -> Result<(), IpcError> {
-    match realtime::bring_in_shared_memory(&options.prefix) {
+    match realtime::prefault_shared_memory(&options.prefix) {
         Err(error) if error.kind() == io::ErrorKind::InvalidInput => {
             warn!("before Linux 5.14 a full /dev/shm can end this process while the robot moves");
             Ok(())

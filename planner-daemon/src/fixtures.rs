@@ -10,7 +10,7 @@ use planning::{Candidate, Goal, Models, Planner, Problem, Request, Sampler, Sele
 use shared_types::{message, valid};
 use trajectory::Trajectory;
 
-use crate::admission::Order;
+use crate::requests::PlanTask;
 
 /// The shipped unit robot.
 pub(crate) fn unit_robot() -> UnitRobot {
@@ -45,8 +45,8 @@ pub(crate) fn request() -> Request {
 }
 
 /// An order for [`request`].
-pub(crate) fn order() -> Order {
-    Order {
+pub(crate) fn task() -> PlanTask {
+    PlanTask {
         request_id: 3,
         problem: Arc::new(straight_problem()),
         request: request(),

@@ -14,32 +14,16 @@
 //! On the wire everything is SI; inside, lengths are in units of the robot's section length.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-mod admission;
-mod answer;
-mod awake;
-mod config;
-mod daemon;
 mod execution;
-mod heartbeat;
-mod kept_plans;
+mod knots;
 mod live_scene;
-mod moving_cover;
-mod planning_at_work;
-mod process;
-mod queue;
-mod refusal;
-mod scene_inbox;
-mod service;
-mod stop_order;
-mod supervision;
-mod supervisor;
-mod wire;
+mod requests;
+mod startup;
 
 #[cfg(test)]
 mod fixtures;
 
-pub use config::{Config, ConfigError, WaitMode};
-pub use daemon::{Daemon, StartError};
-pub use heartbeat::BackgroundError;
+pub use execution::BackgroundError;
 pub use live_scene::SceneMemoryError;
-pub use process::termination_flag;
+pub use requests::WaitMode;
+pub use startup::{Config, ConfigError, Daemon, StartError, termination_flag};

@@ -21,4 +21,4 @@ pub const STAGES: usize = 8;
 /// Bytes of UTF-8 text that explain an outcome.
 pub const REASON_BYTES: usize = 160;
 /// Plans that the daemon keeps to start others from.
-pub const KEPT_PLANS: usize = 16;
+pub const RECENT_PLANS: usize = 16;

@@ -8,6 +8,9 @@ pub fn mono_now_ns() -> i64 {
     now_ns(ClockId::Monotonic)
 }
 
+/// Age of a controller's state beyond which it says nothing of the present, nanoseconds.
+pub const STATE_LIFETIME_NS: i64 = 200_000_000;
+
 /// The time of day now, nanoseconds since 1970: only to tell a stamp of that clock from one of ours.
 #[must_use]
 pub fn wall_now_ns() -> i64 {

@@ -96,7 +96,7 @@ fn cycles_arrive_in_batches_each_exactly_once() {
     let world = world();
     let node = IpcNode::create(&world.options, "test").unwrap();
     let topic = cycle_service(&node).unwrap();
-    let subscriber = cycle_subscriber(&node, &topic).unwrap();
+    let subscriber = subscriber(&node, &topic).unwrap();
     let publisher = cycle_publisher(&node, &topic).unwrap();
     for batch in 0..60_u64 {
         let sample = publisher.loan_slice_uninit(10).unwrap();
@@ -166,9 +166,9 @@ where
     let fill = |subscribe: Subscribe<T>| -> Vec<_> {
         std::iter::from_fn(|| subscribe(&node, &topic).ok()).collect()
     };
-    let watchers = fill(watching_subscriber);
+    let watchers = fill(observer_subscriber);
     assert!(!watchers.is_empty());
-    let visitors = fill(visiting_subscriber);
+    let visitors = fill(guest_subscriber);
     [visitors.len(), fill(subscriber).len()]
 }
 
@@ -188,7 +188,7 @@ fn four_sources_of_scenes_leave_a_place_for_who_signs_one_off() {
     let world = world();
     let node = IpcNode::create(&world.options, "test").unwrap();
     let topic = scene_service(&node).unwrap();
-    let sources: Vec<_> = std::iter::from_fn(|| visiting_publisher(&node, &topic).ok()).collect();
+    let sources: Vec<_> = std::iter::from_fn(|| guest_publisher(&node, &topic).ok()).collect();
     assert_eq!(sources.len(), 4);
     let fifth = publisher(&node, &topic).unwrap();
     let mut present = Vec::new();

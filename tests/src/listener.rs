@@ -9,8 +9,7 @@ use realtime::use_fifo_priority;
 use shared_types::codes::ProcessKind;
 use shared_types::ipc::{
     CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber, controller_state_service,
-    cycle_service, cycle_subscriber, heartbeat_service, robot_state_service, setpoint_service,
-    subscriber,
+    cycle_service, heartbeat_service, robot_state_service, setpoint_service, subscriber,
 };
 use shared_types::message::{ControllerState, Cycle, Heartbeat, RobotState, Setpoint};
 
@@ -100,7 +99,7 @@ impl Ports {
         Ok(Self {
             setpoints: subscriber(&node, &setpoint_service(&node)?)?,
             robot: subscriber(&node, &robot_state_service(&node)?)?,
-            cycles: cycle_subscriber(&node, &cycle_service(&node)?)?,
+            cycles: subscriber(&node, &cycle_service(&node)?)?,
             controller: subscriber(&node, &controller_state_service(&node)?)?,
             heart: subscriber(&node, &heartbeat_service(&node)?)?,
             _node: node,

@@ -9,7 +9,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use realtime::KeptMemory;
+use realtime::MappedFile;
 
 use crate::{TENDONS, TendonVector};
 
@@ -35,7 +35,7 @@ struct PoseCopy<'memory> {
 /// The mapped file.
 pub struct PoseMemory {
     path: PathBuf,
-    memory: KeptMemory,
+    memory: MappedFile,
     count: u64,
 }
 
@@ -47,7 +47,7 @@ impl PoseMemory {
     pub fn open(path: &Path) -> io::Result<Self> {
         let mut memory = Self {
             path: path.to_owned(),
-            memory: KeptMemory::open(path, 2 * (1 + NUMBERS))?,
+            memory: MappedFile::open(path, 2 * (1 + NUMBERS))?,
             count: 0,
         };
         let newest = memory.newest();

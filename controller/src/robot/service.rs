@@ -117,7 +117,7 @@ pub fn run(
     if let Some(Err(refused)) = config.realtime_priority.map(realtime::use_fifo_priority) {
         warn!("{refused}");
     }
-    if let Err(refused) = realtime::wake_soon() {
+    if let Err(refused) = realtime::reduce_wakeup_latency() {
         warn!("{refused}");
     }
     process.serve();

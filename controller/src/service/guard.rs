@@ -175,7 +175,7 @@ impl Guard {
                 .report_event(GuardEvent::PriorityRefused(priority));
         }
         // The loop thread logs what the system refuses.
-        let _ = realtime::wake_soon();
+        let _ = realtime::reduce_wakeup_latency();
         while !self.commands.link.shared.is_quitting() {
             let now_ns = mono_now_ns();
             self.watch_daemon(now_ns);

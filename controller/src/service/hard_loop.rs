@@ -7,7 +7,7 @@
 use std::sync::{Arc, atomic::Ordering};
 
 use iceoryx2::port::update_connections::UpdateConnections;
-use realtime::{Pages, wake_soon};
+use realtime::{Pages, reduce_wakeup_latency};
 use shared_types::{
     clock::mono_now_ns,
     codes::CommandRefusal,
@@ -130,7 +130,7 @@ fn next_deadline(deadline_ns: i64, now_ns: i64, period_ns: i64) -> i64 {
 fn go_real_time(config: &ControllerConfig) {
     let processor = config
         .processor
-        .map_or(Ok(()), |processor| realtime::use_processors(&[processor]));
+        .map_or(Ok(()), |processor| realtime::set_cpu_affinity(&[processor]));
     let priority = config
         .realtime_priority
         .map_or(Ok(()), realtime::use_fifo_priority);
@@ -139,7 +139,7 @@ fn go_real_time(config: &ControllerConfig) {
     } else {
         Ok(())
     };
-    for refused in [processor, priority, memory, wake_soon()]
+    for refused in [processor, priority, memory, reduce_wakeup_latency()]
         .into_iter()
         .filter_map(Result::err)
     {

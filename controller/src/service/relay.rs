@@ -112,7 +112,7 @@ impl Relay {
     /// Serves until all threads are to end.
     pub(super) fn serve(mut self) {
         // The loop thread logs what the system refuses.
-        let _ = realtime::wake_soon();
+        let _ = realtime::reduce_wakeup_latency();
         let (mut batch, mut state) = (
             PeriodicTimer::every(BATCH_PERIOD_NS),
             PeriodicTimer::every(STATE_PERIOD_NS),

@@ -338,7 +338,7 @@ fn listen(options: &IpcOptions, seen: &Arc<Mutex<Seen>>, quit: &Arc<AtomicBool>)
     thread::spawn(move || {
         let node = IpcNode::create(&options, "test-listener").unwrap();
         let robot = ipc::subscriber(&node, &ipc::robot_state_service(&node).unwrap()).unwrap();
-        let cycles = ipc::cycle_subscriber(&node, &ipc::cycle_service(&node).unwrap()).unwrap();
+        let cycles = ipc::subscriber(&node, &ipc::cycle_service(&node).unwrap()).unwrap();
         let state = ipc::subscriber(&node, &ipc::controller_state_service(&node).unwrap()).unwrap();
         while !quit.load(Ordering::Relaxed) {
             {

@@ -38,23 +38,16 @@ impl PlanAnswer {
     /// A candidate by its index, below [`PlanReport::candidates`]' length.
     #[must_use]
     pub fn candidate(&self, index: usize) -> Option<Candidate<'_>> {
-        let summary = self.report.candidates.get(index)?;
-        Some(Candidate {
-            summary,
-            knots: &self.response.payload()[self.report.knot_range(index)],
-        })
+        self.candidates().nth(index)
     }
 
     /// All candidates, by index.
     pub fn candidates(&self) -> impl ExactSizeIterator<Item = Candidate<'_>> {
-        self.report
-            .candidates
-            .iter()
-            .enumerate()
-            .map(|(index, summary)| Candidate {
-                summary,
-                knots: &self.response.payload()[self.report.knot_range(index)],
-            })
+        let summaries = self.report.candidates.iter().enumerate();
+        summaries.map(|(index, summary)| Candidate {
+            summary,
+            knots: &self.response.payload()[self.report.knot_range(index)],
+        })
     }
 
     /// The selected candidate.

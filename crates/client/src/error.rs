@@ -85,6 +85,12 @@ pub enum ClientError {
     },
 }
 
+impl From<std::io::Error> for ClientError {
+    fn from(reason: std::io::Error) -> Self {
+        Self::transport("start a thread", reason)
+    }
+}
+
 impl ClientError {
     /// A failed operation of iceoryx2.
     pub(crate) fn transport(what: &'static str, reason: impl std::fmt::Debug) -> Self {

@@ -11,10 +11,10 @@
 
 mod answer;
 mod error;
-mod patience;
 mod plan;
 mod scene;
 mod view;
+mod waiting;
 
 pub use answer::{Candidate, PlanAnswer};
 pub use error::ClientError;

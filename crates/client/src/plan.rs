@@ -15,16 +15,16 @@ use shared_types::ipc::{
 use shared_types::message;
 use shared_types::valid::PlanRequest;
 
-use crate::patience::{Cleaner, PAUSE, Patience, wait};
+use crate::waiting::{Cleaner, POLL_INTERVAL, TimeLimit, wait};
 use crate::{ClientError, PlanAnswer};
 
 const DAEMON: &str = "planner-daemon";
-/// Longest wait for other processes that clean up after a dead one.
-const FUNERAL: Duration = Duration::from_millis(500);
-/// Longest rest between two looks for an answer: nobody may have told of it.
-const LONGEST_REST: Duration = Duration::from_millis(2);
-/// Pause between two looks for a daemon.
-const LOOK_PERIOD: Duration = Duration::from_millis(5);
+/// Longest wait for another process that is cleaning up a dead node.
+const CLEANUP_TIMEOUT: Duration = Duration::from_millis(500);
+/// Longest time between two polls for an answer: its event may have been lost.
+const MAX_POLL_INTERVAL: Duration = Duration::from_millis(2);
+/// Time between two polls for a daemon.
+const DAEMON_POLL_INTERVAL: Duration = Duration::from_millis(5);
 
 /// A connection to the planner daemon that outlives the daemon's restarts.
 #[derive(Debug)]
@@ -111,7 +111,7 @@ impl Client {
     /// # Errors
     /// [`ClientError::NoServer`] if none does in time, [`ClientError::Ipc`] if its service cannot be joined.
     pub fn wait_for_daemon(&mut self, timeout: Duration) -> Result<(), ClientError> {
-        self.wait_for_port(&Patience::new(timeout)).map(drop)
+        self.wait_for_port(&TimeLimit::new(timeout)).map(drop)
     }
 
     /// Plans: sends the request and waits for the answer, `timeout` in all.
@@ -126,13 +126,13 @@ impl Client {
         request: &PlanRequest,
         timeout: Duration,
     ) -> Result<PlanAnswer, ClientError> {
-        let patience = Patience::new(timeout);
-        let first = self.plan_once(request, &patience);
+        let limit = TimeLimit::new(timeout);
+        let first = self.plan_once(request, &limit);
         match first {
             Err(ClientError::ServerLost {
                 may_have_acted: false,
                 ..
-            }) => self.plan_once(request, &patience),
+            }) => self.plan_once(request, &limit),
             result => result,
         }
     }
@@ -143,7 +143,7 @@ impl Client {
     /// [`ClientError::InvalidRequest`], [`ClientError::NoServer`] if none serves,
     /// [`ClientError::TooManyRequests`], or [`ClientError::Ipc`] and [`ClientError::Transport`].
     pub fn submit(&mut self, request: &PlanRequest) -> Result<Pending, ClientError> {
-        self.submit_within(request, &Patience::new(Duration::ZERO))
+        self.submit_within(request, &TimeLimit::new(Duration::ZERO))
     }
 
     /// Looks for the next answer to a request (see [`Client::next`]), without waiting (but for the clean-up, when its daemon has died).
@@ -153,7 +153,7 @@ impl Client {
     pub fn poll(&mut self, pending: &mut Pending) -> Result<Option<PlanAnswer>, ClientError> {
         self.cleaner.clean_if_due(&self.node);
         let received = pending.receive();
-        self.bury_the_dead(&received);
+        self.cleanup_dead_nodes(&received);
         received
     }
 
@@ -166,7 +166,7 @@ impl Client {
         pending: &mut Pending,
         timeout: Duration,
     ) -> Result<PlanAnswer, ClientError> {
-        self.next_within(pending, &Patience::new(timeout))
+        self.next_within(pending, &TimeLimit::new(timeout))
     }
 
     /// Waits for the whole answer to a request, passing over an early one; without it in time the request is cancelled.
@@ -174,25 +174,25 @@ impl Client {
     /// # Errors
     /// As [`Client::poll`], and [`ClientError::TimedOut`].
     pub fn wait(&mut self, pending: Pending, timeout: Duration) -> Result<PlanAnswer, ClientError> {
-        self.wait_within(pending, &Patience::new(timeout))
+        self.wait_within(pending, &TimeLimit::new(timeout))
     }
 
     fn plan_once(
         &mut self,
         request: &PlanRequest,
-        patience: &Patience,
+        limit: &TimeLimit,
     ) -> Result<PlanAnswer, ClientError> {
-        let pending = self.submit_within(request, patience)?;
-        self.wait_within(pending, patience)
+        let pending = self.submit_within(request, limit)?;
+        self.wait_within(pending, limit)
     }
 
     fn wait_within(
         &mut self,
         mut pending: Pending,
-        patience: &Patience,
+        limit: &TimeLimit,
     ) -> Result<PlanAnswer, ClientError> {
         loop {
-            let answer = self.next_within(&mut pending, patience)?;
+            let answer = self.next_within(&mut pending, limit)?;
             if answer.report().outcome != Outcome::Early {
                 return Ok(answer);
             }
@@ -202,18 +202,18 @@ impl Client {
     fn next_within(
         &mut self,
         pending: &mut Pending,
-        patience: &Patience,
+        limit: &TimeLimit,
     ) -> Result<PlanAnswer, ClientError> {
         let (answered, cleaner) = (&self.answered, &mut self.cleaner);
         let due = pending.due;
         let rest = |left: Duration| {
-            let limit = left.min(longest_rest(due, Instant::now()));
-            if answered.wait(None, limit).is_err() {
-                thread::sleep(limit.min(PAUSE));
+            let pause = left.min(poll_interval(due, Instant::now()));
+            if answered.wait(None, pause).is_err() {
+                thread::sleep(pause.min(POLL_INTERVAL));
             }
         };
-        let received = wait(patience, cleaner, &self.node, rest, || pending.receive());
-        self.bury_the_dead(&received);
+        let received = wait(limit, cleaner, &self.node, rest, || pending.receive());
+        self.cleanup_dead_nodes(&received);
         let received = received?;
         if received.is_none() {
             self.cleaner.make_due();
@@ -221,23 +221,22 @@ impl Client {
         received.ok_or(ClientError::TimedOut {
             server: DAEMON,
             id: pending.id,
-            waited: patience.limit(),
+            waited: limit.duration(),
             may_have_acted: pending.execute,
         })
     }
 
-    /// After a loss, sees to it that the next request cannot go to the same dead server: another process may still be
-    /// in the middle of cleaning up after it.
-    fn bury_the_dead<T>(&self, received: &Result<T, ClientError>) {
+    /// After the loss of a server, waits until its node is cleaned up, so that the next request cannot go to the same dead server.
+    fn cleanup_dead_nodes<T>(&self, received: &Result<T, ClientError>) {
         if matches!(received, Err(ClientError::ServerLost { .. })) {
-            self.node.finish_cleaning(FUNERAL);
+            self.node.finish_cleaning(CLEANUP_TIMEOUT);
         }
     }
 
     fn submit_within(
         &mut self,
         request: &PlanRequest,
-        patience: &Patience,
+        limit: &TimeLimit,
     ) -> Result<Pending, ClientError> {
         let mut wire =
             message::PlanRequest::try_from(request).map_err(ClientError::InvalidRequest)?;
@@ -251,7 +250,7 @@ impl Client {
                 self.cleaner.clean_if_due(&self.node);
             }
             let sent = Instant::now();
-            let response = self.wait_for_port(patience)?.send(&wire)?;
+            let response = self.wait_for_port(limit)?.send(&wire)?;
             if response.number_of_server_connections() > 0 {
                 // A daemon that is not told looks within a millisecond.
                 let _ = self.asked.notify();
@@ -265,18 +264,15 @@ impl Client {
                 });
             }
             // The daemon left between the look and the sending: nobody has the request.
-            if patience.is_exhausted() {
-                return Err(ClientError::NoServer {
-                    server: DAEMON,
-                    waited: patience.limit(),
-                });
+            if limit.is_over() {
+                return Err(no_daemon(limit));
             }
-            thread::sleep(LOOK_PERIOD);
+            thread::sleep(DAEMON_POLL_INTERVAL);
         }
     }
 
     /// A port on a service with a living server.
-    fn wait_for_port(&mut self, patience: &Patience) -> Result<&PlanPort, ClientError> {
+    fn wait_for_port(&mut self, limit: &TimeLimit) -> Result<&PlanPort, ClientError> {
         loop {
             if self.port.is_none() {
                 self.cleaner.clean_if_due(&self.node);
@@ -285,13 +281,10 @@ impl Client {
             if self.port.is_some() {
                 break;
             }
-            if patience.is_exhausted() {
-                return Err(ClientError::NoServer {
-                    server: DAEMON,
-                    waited: patience.limit(),
-                });
+            if limit.is_over() {
+                return Err(no_daemon(limit));
             }
-            thread::sleep(LOOK_PERIOD);
+            thread::sleep(DAEMON_POLL_INTERVAL);
         }
         Ok(self.port.as_ref().expect("the loop ends only with a port"))
     }
@@ -318,11 +311,19 @@ impl Client {
     }
 }
 
-/// The time from one look for an answer to the next: none is missed when the answer is due, and from then on they come often, since
-/// whom a message wakes may have to wait for the processor.
-fn longest_rest(due: Option<Instant>, now: Instant) -> Duration {
+fn no_daemon(limit: &TimeLimit) -> ClientError {
+    ClientError::NoServer {
+        server: DAEMON,
+        waited: limit.duration(),
+    }
+}
+
+/// Time until the next poll for an answer: short once the answer is due, since a thread that an event wakes may wait for a processor.
+fn poll_interval(due: Option<Instant>, now: Instant) -> Duration {
     let until = due.map(|due| due.saturating_duration_since(now));
-    until.map_or(LONGEST_REST, |until| until.clamp(PAUSE, LONGEST_REST))
+    until.map_or(MAX_POLL_INTERVAL, |until| {
+        until.clamp(POLL_INTERVAL, MAX_POLL_INTERVAL)
+    })
 }
 
 impl PlanPort {
@@ -352,11 +353,14 @@ mod tests {
     #[test]
     fn an_answer_is_looked_for_when_it_is_due_and_often_from_then_on() {
         let now = Instant::now();
-        let rest = |due: Duration| longest_rest(Some(now + due), now);
-        assert_eq!(longest_rest(None, now), LONGEST_REST);
-        assert_eq!(rest(10 * LONGEST_REST), LONGEST_REST);
-        assert_eq!(rest(LONGEST_REST / 2), LONGEST_REST / 2);
-        assert_eq!(rest(Duration::ZERO), PAUSE);
-        assert_eq!(longest_rest(Some(now), now + LONGEST_REST), PAUSE);
+        let rest = |due: Duration| poll_interval(Some(now + due), now);
+        assert_eq!(poll_interval(None, now), MAX_POLL_INTERVAL);
+        assert_eq!(rest(10 * MAX_POLL_INTERVAL), MAX_POLL_INTERVAL);
+        assert_eq!(rest(MAX_POLL_INTERVAL / 2), MAX_POLL_INTERVAL / 2);
+        assert_eq!(rest(Duration::ZERO), POLL_INTERVAL);
+        assert_eq!(
+            poll_interval(Some(now), now + MAX_POLL_INTERVAL),
+            POLL_INTERVAL
+        );
     }
 }

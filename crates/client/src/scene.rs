@@ -1,4 +1,4 @@
-//! Telling everyone where the obstacles are.
+//! Publishing the obstacles that a source knows.
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
@@ -10,22 +10,22 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::clock::{mono_now_ns, wall_now_ns};
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::{
-    IpcNode, IpcOptions, Publisher, Subscriber, Topic, publisher, scene_service,
-    scene_status_service, subscriber, visiting_publisher, visiting_subscriber,
+    IpcNode, IpcOptions, Publisher, Subscriber, Topic, guest_publisher, guest_subscriber,
+    publisher, scene_service, scene_status_service, spawn_with_ports, subscriber,
 };
 use shared_types::message::{self, MovingBall, SceneMessage};
 use shared_types::valid::{Scene, SceneStatus, SourceName, stamp_refusal};
 
 use crate::ClientError;
 
-/// Time between two looks for daemons that have come and for what they say.
-const LOOK: Duration = Duration::from_millis(5);
-/// Time between two looks for the verdict on the last scene of a dropped publisher.
-const FAREWELL_LOOK: Duration = Duration::from_millis(1);
+/// Time between two polls for new daemons and their verdicts.
+const POLL_INTERVAL: Duration = Duration::from_millis(5);
+/// Time between two polls for the verdict on the last scene of a dropped publisher.
+const FINAL_VERDICT_POLL_INTERVAL: Duration = Duration::from_millis(1);
 /// How long the ports of a dropped publisher stay for a daemon that is there to hear and judge its last scene.
-const FAREWELL: Duration = Duration::from_millis(500);
-/// Scenes sent last of which verdicts are heard: more than a flood sends between two looks, the rest are lost on the way.
-const REMEMBERED: usize = 256;
+const FINAL_VERDICT_TIMEOUT: Duration = Duration::from_millis(500);
+/// Most scenes sent whose verdicts are tracked: more than a publisher can send between two polls without losing some.
+const TRACKED_SCENES: usize = 256;
 
 /// Publishes what one source knows of the obstacles; the last scene published counts for its lifetime.
 ///
@@ -33,13 +33,13 @@ const REMEMBERED: usize = 256;
 /// more and stops what moves, until the source publishes again or takes its leave: dropping this value is no leave.
 ///
 /// Dropping it waits, where a daemon is there, until the last scene or leave is judged, 500 ms at most: an earlier end could take it
-/// back unheard. Who must know calls [`ScenePublisher::confirm`] before.
+/// back unheard. Call [`ScenePublisher::confirm`] before to know the verdict.
 #[derive(Debug)]
 pub struct ScenePublisher {
     source: SourceName,
     last_sequence: u32,
     outbox: Option<Sender<Outgoing>>,
-    heard: Arc<Heard>,
+    board: Arc<VerdictBoard>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -49,9 +49,9 @@ struct Outgoing {
     sent: SyncSender<Result<(), ClientError>>,
 }
 
-/// What the daemon has said of this publisher's scenes.
+/// The daemon's verdicts on this publisher's scenes, shared with the thread that owns the ports.
 #[derive(Debug, Default)]
-struct Heard {
+struct VerdictBoard {
     latest: Mutex<Verdicts>,
     news: Condvar,
 }
@@ -61,8 +61,8 @@ struct Verdicts {
     /// Sequence of the last scene judged; 0: none yet.
     judged: u32,
     last: Option<SceneRefusal>,
-    /// The first refusal that nobody was told of.
-    untold: Option<(u32, SceneRefusal)>,
+    /// The first refusal not returned to the caller yet.
+    unreported: Option<(u32, SceneRefusal)>,
 }
 
 impl ScenePublisher {
@@ -75,29 +75,18 @@ impl ScenePublisher {
         let source = SourceName::new(source).map_err(ClientError::InvalidRequest)?;
         let node = IpcNode::create(options, "pcc-scene")?;
         let (outbox, outgoing) = channel();
-        let (tell, told) = sync_channel(1);
-        let heard = Arc::<Heard>::default();
-        let shared = Arc::clone(&heard);
-        let work = move || match Ports::join(node, source) {
-            Ok(mut ports) => {
-                let _ = tell.send(Ok(()));
-                ports.serve(&outgoing, &shared);
-            }
-            Err(error) => {
-                let _ = tell.send(Err(error));
-            }
-        };
-        let thread = thread::Builder::new().name("pcc-scene".to_owned());
-        let thread = thread
-            .spawn(work)
-            .map_err(|reason| ClientError::transport("start a thread", reason))?;
-        told.recv()
-            .map_err(|reason| ClientError::transport("start a thread", reason))??;
+        let board = Arc::<VerdictBoard>::default();
+        let shared = Arc::clone(&board);
+        let thread = spawn_with_ports(
+            "pcc-scene",
+            move || Ports::join(node, source),
+            move |mut ports| ports.serve(&outgoing, &shared),
+        )?;
         Ok(Self {
             source,
             last_sequence: 0,
             outbox: Some(outbox),
-            heard,
+            board,
             thread: Some(thread),
         })
     }
@@ -157,10 +146,10 @@ impl ScenePublisher {
     /// # Errors
     /// [`ClientError::SceneRefused`] with its reason, or [`ClientError::NoServer`] if none has judged it in time.
     pub fn confirm(&self, timeout: Duration) -> Result<(), ClientError> {
-        let lock = self.heard.latest.lock();
+        let lock = self.board.latest.lock();
         let verdicts = lock.unwrap_or_else(PoisonError::into_inner);
         let waits = |verdicts: &mut Verdicts| verdicts.judged != self.last_sequence;
-        let waited = self.heard.news.wait_timeout_while(verdicts, timeout, waits);
+        let waited = self.board.news.wait_timeout_while(verdicts, timeout, waits);
         let (mut verdicts, result) = waited.unwrap_or_else(PoisonError::into_inner);
         if result.timed_out() {
             return Err(ClientError::NoServer {
@@ -168,7 +157,7 @@ impl ScenePublisher {
                 waited: timeout,
             });
         }
-        verdicts.untold = None;
+        verdicts.unreported = None;
         match verdicts.last {
             Some(refusal) if refusal != SceneRefusal::None => {
                 Err(self.refused(self.last_sequence, refusal))
@@ -186,19 +175,19 @@ impl ScenePublisher {
         if let Some(refusal) = stamp_refusal(stamp, lifetime, mono_now_ns(), wall_now_ns()) {
             return Err(self.refused(scene.sequence, refusal));
         }
-        let (tell, told) = sync_channel(1);
-        let outgoing = Outgoing {
-            scene: wire,
-            sent: tell,
-        };
+        let (sent, sent_result) = sync_channel(1);
+        let outgoing = Outgoing { scene: wire, sent };
         let gone = || ClientError::transport("send a scene", "its thread has ended");
         let outbox = self.outbox.as_ref().ok_or_else(gone)?;
         outbox.send(outgoing).map_err(|_| gone())?;
-        told.recv().map_err(|_| gone())??;
+        sent_result.recv().map_err(|_| gone())??;
         self.last_sequence = scene.sequence;
-        let lock = self.heard.latest.lock();
-        let untold = lock.unwrap_or_else(PoisonError::into_inner).untold.take();
-        untold.map_or(Ok(()), |(sequence, refusal)| {
+        let lock = self.board.latest.lock();
+        let unreported = lock
+            .unwrap_or_else(PoisonError::into_inner)
+            .unreported
+            .take();
+        unreported.map_or(Ok(()), |(sequence, refusal)| {
             Err(self.refused(sequence, refusal))
         })
     }
@@ -238,7 +227,7 @@ struct OpenPorts {
 }
 
 impl OpenPorts {
-    /// Who signs a source off has places of its own: those of a source may all be held by sources that hang.
+    /// Makes the ports; a leave uses the reserved places, since hanging sources may hold all others.
     fn open(ports: &Ports, takes_leave: bool) -> Result<Self, ClientError> {
         let (node, scenes, statuses) = (&ports.node, &ports.scenes, &ports.statuses);
         Ok(if takes_leave {
@@ -248,8 +237,8 @@ impl OpenPorts {
             }
         } else {
             Self {
-                statuses: visiting_subscriber(node, statuses)?,
-                scenes: visiting_publisher(node, scenes)?,
+                statuses: guest_subscriber(node, statuses)?,
+                scenes: guest_publisher(node, scenes)?,
             }
         })
     }
@@ -278,13 +267,13 @@ impl Ports {
         })
     }
 
-    /// Sends what comes, hands the last scene to those that come later, and hears what the daemon says, until nobody sends any more.
-    fn serve(&mut self, outgoing: &Receiver<Outgoing>, heard: &Heard) {
-        let mut sent_scenes = VecDeque::with_capacity(REMEMBERED);
+    /// Sends scenes, hands the last one to daemons that start later, and receives verdicts, until the publisher is dropped.
+    fn serve(&mut self, outgoing: &Receiver<Outgoing>, board: &VerdictBoard) {
+        let mut sent_scenes = VecDeque::with_capacity(TRACKED_SCENES);
         loop {
-            match outgoing.recv_timeout(LOOK) {
+            match outgoing.recv_timeout(POLL_INTERVAL) {
                 Ok(Outgoing { scene, sent }) => {
-                    if sent_scenes.len() == REMEMBERED {
+                    if sent_scenes.len() == TRACKED_SCENES {
                         sent_scenes.pop_front();
                     }
                     sent_scenes.push_back((scene.sequence, scene.stamp_mono_ns));
@@ -297,10 +286,10 @@ impl Ports {
                     }
                 }
                 Err(RecvTimeoutError::Disconnected) => {
-                    return self.bid_farewell(heard, &sent_scenes);
+                    return self.wait_for_final_verdict(board, &sent_scenes);
                 }
             }
-            self.hear(heard, &sent_scenes);
+            self.receive_verdicts(board, &sent_scenes);
         }
     }
 
@@ -312,22 +301,22 @@ impl Ports {
         self.open.insert(open).send(scene)
     }
 
-    /// Keeps the ports until the last scene is judged, if somebody is there to do so: without them it would never have been sent.
-    fn bid_farewell(&self, heard: &Heard, sent_scenes: &VecDeque<(u32, i64)>) {
+    /// Keeps the ports until a daemon that is there has judged the last scene: it may not have received it yet.
+    fn wait_for_final_verdict(&self, board: &VerdictBoard, sent_scenes: &VecDeque<(u32, i64)>) {
         let Some(&(last, _)) = sent_scenes.back() else {
             return;
         };
-        let until = Instant::now() + FAREWELL;
+        let until = Instant::now() + FINAL_VERDICT_TIMEOUT;
         while self.has_listeners() && Instant::now() < until {
-            self.hear(heard, sent_scenes);
-            if heard.judged() == last {
+            self.receive_verdicts(board, sent_scenes);
+            if board.judged() == last {
                 return;
             }
-            thread::sleep(FAREWELL_LOOK);
+            thread::sleep(FINAL_VERDICT_POLL_INTERVAL);
         }
     }
 
-    /// Whether somebody hears scenes.
+    /// Whether a daemon subscribes to scenes.
     fn has_listeners(&self) -> bool {
         let Some(open) = &self.open else {
             return false;
@@ -336,8 +325,8 @@ impl Ports {
         self.scenes.number_of_subscribers() > 0
     }
 
-    /// Hears what is said of these scenes (sequence and stamp), and not of those that another publisher sends under this name.
-    fn hear(&self, heard: &Heard, sent_scenes: &VecDeque<(u32, i64)>) {
+    /// Receives the verdicts on these scenes (sequence and stamp); those on another publisher's scenes of the same name are passed over.
+    fn receive_verdicts(&self, board: &VerdictBoard, sent_scenes: &VecDeque<(u32, i64)>) {
         let Some(open) = &self.open else {
             return;
         };
@@ -349,13 +338,13 @@ impl Ports {
             let scene = (status.sequence, status.scene_stamp_mono_ns);
             let is_ours = status.source == self.source.to_wire() && sent_scenes.contains(&scene);
             if is_ours {
-                heard.take(&status);
+                board.take(&status);
             }
         }
     }
 }
 
-impl Heard {
+impl VerdictBoard {
     /// Sequence of the last scene judged; 0: none yet.
     fn judged(&self) -> u32 {
         let verdicts = self.latest.lock();
@@ -368,7 +357,7 @@ impl Heard {
         verdicts.last = Some(status.refusal);
         if status.refusal != SceneRefusal::None {
             let first = (status.sequence, status.refusal);
-            verdicts.untold.get_or_insert(first);
+            verdicts.unreported.get_or_insert(first);
         }
         self.news.notify_all();
     }

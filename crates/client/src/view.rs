@@ -7,14 +7,14 @@ use std::time::Duration;
 use iceoryx2::prelude::ZeroCopySend;
 use shared_types::ipc::{
     CommandClient, CommandService, CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber,
-    Topic, command_service, controller_state_service, cycle_service, cycle_subscriber,
-    robot_state_service, visiting_command_client, visiting_subscriber, watching_subscriber,
+    Topic, command_service, controller_state_service, cycle_service, guest_command_client,
+    guest_subscriber, observer_subscriber, robot_state_service, subscriber,
 };
 use shared_types::message;
 use shared_types::valid::{Command, CommandReply, ControllerState, Cycle, Invalid, RobotState};
 
 use crate::ClientError;
-use crate::patience::{Cleaner, PAUSE, Patience, wait};
+use crate::waiting::{Cleaner, POLL_INTERVAL, TimeLimit, wait};
 
 /// How a place among those who receive `T` is taken.
 type Subscribe<T> = fn(&IpcNode, &Topic<T>) -> Result<Subscriber<T>, IpcError>;
@@ -41,7 +41,7 @@ impl ControllerView {
     /// # Errors
     /// [`ClientError::Ipc`].
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
-        Self::join(options, visiting_subscriber)
+        Self::join(options, guest_subscriber)
     }
 
     /// Joins like [`connect`](Self::connect) for a program that only watches: it leaves places free for those that act.
@@ -49,7 +49,7 @@ impl ControllerView {
     /// # Errors
     /// [`ClientError::Ipc`].
     pub fn watch(options: &IpcOptions) -> Result<Self, ClientError> {
-        Self::join(options, watching_subscriber)
+        Self::join(options, observer_subscriber)
     }
 
     fn join(
@@ -90,7 +90,7 @@ impl ControllerView {
     /// [`ClientError::Ipc`], where there is no place left.
     pub fn prepare_to_command(&mut self) -> Result<(), ClientError> {
         if self.commands.is_none() {
-            self.commands = Some(visiting_command_client(&self.node, &self.command_service)?);
+            self.commands = Some(guest_command_client(&self.node, &self.command_service)?);
         }
         Ok(())
     }
@@ -106,25 +106,25 @@ impl ControllerView {
         timeout: Duration,
     ) -> Result<CommandReply, ClientError> {
         self.last_command_id += 1;
-        let (id, patience) = (self.last_command_id, Patience::new(timeout));
+        let (id, limit) = (self.last_command_id, TimeLimit::new(timeout));
         let wire = command.to_wire(id);
         Command::try_from(&wire).map_err(ClientError::InvalidRequest)?;
         self.prepare_to_command()?;
         let (node, cleaner, commands) = (&self.node, &mut self.cleaner, self.commands.as_ref());
-        let pause = |left: Duration| thread::sleep(PAUSE.min(left));
-        let sent = wait(&patience, cleaner, node, pause, || {
+        let pause = |left: Duration| thread::sleep(POLL_INTERVAL.min(left));
+        let sent = wait(&limit, cleaner, node, pause, || {
             let pending = commands
                 .ok_or_else(|| ClientError::transport("send a command", "it has no place"))?
                 .send_copy(wire)
                 .map_err(|reason| ClientError::transport("send a command", reason))?;
             Ok::<_, ClientError>((pending.number_of_server_connections() > 0).then_some(pending))
         })?;
-        let waited = patience.limit();
+        let waited = limit.duration();
         let pending = sent.ok_or(ClientError::NoServer {
             server: CONTROLLER,
             waited,
         })?;
-        let reply = wait(&patience, cleaner, node, pause, || {
+        let reply = wait(&limit, cleaner, node, pause, || {
             let connected = pending.is_connected();
             let reply = pending
                 .receive()
@@ -162,7 +162,7 @@ impl RobotView {
     /// # Errors
     /// [`ClientError::Ipc`].
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
-        Self::join(options, visiting_subscriber)
+        Self::join(options, guest_subscriber)
     }
 
     /// Joins like [`connect`](Self::connect) for a program that only watches: it leaves places free for those that act.
@@ -170,7 +170,7 @@ impl RobotView {
     /// # Errors
     /// [`ClientError::Ipc`].
     pub fn watch(options: &IpcOptions) -> Result<Self, ClientError> {
-        Self::join(options, watching_subscriber)
+        Self::join(options, observer_subscriber)
     }
 
     fn join(
@@ -214,7 +214,7 @@ impl CycleRecorder {
     /// [`ClientError::Ipc`].
     pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
         let node = IpcNode::create(options, "pcc-recorder")?;
-        let batches = cycle_subscriber(&node, &cycle_service(&node)?)?;
+        let batches = subscriber(&node, &cycle_service(&node)?)?;
         Ok(Self {
             batches,
             next_sequence: None,

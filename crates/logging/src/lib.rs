@@ -1,6 +1,6 @@
-//! The log of a process that moves a robot, on standard error: nobody who logs ever waits for whoever reads it.
+//! The log of a process that moves a robot, on standard error: no thread that logs ever waits for its reader.
 //!
-//! A full pipe, a stopped terminal or a busy disk holds whoever writes to it. So only one thread writes; all others put
+//! A full pipe, a stopped terminal or a busy disk blocks the writing thread. So only one thread writes; all others put
 //! their lines into a bounded queue, from which a line is lost where there is no room. Lost lines are counted, and
 //! told of in the log as soon as it goes on. What iceoryx2 logs, panics and the reason of an exit go the same way.
 //!
@@ -46,18 +46,18 @@ const IPC: &str = "iceoryx2";
 static QUEUE: OnceLock<Arc<Queue>> = OnceLock::new();
 
 thread_local! {
-    /// Whether the panics of this thread are caught where they can be answered.
+    /// Whether panics of this thread are caught by its caller and must not abort the process.
     static CAUGHT: Cell<bool> = const { Cell::new(false) };
 }
 
-/// From now on a panic of the calling thread does not end the process: whoever gives it work catches what comes.
-pub fn panics_are_caught_here() {
+/// Panics of the calling thread are logged and do not abort the process from now on; its caller must catch them.
+pub fn do_not_abort_on_panic() {
     CAUGHT.set(true);
 }
 
 /// Begins to log to standard error: what `RUST_LOG` says, `info` without it, in colour on a terminal only; from iceoryx2
 /// all that its own level lets through. From then on a panic of any thread is reported and ends the process, unless
-/// [`panics_are_caught_here`]. To be called once, before the first service is opened.
+/// [`do_not_abort_on_panic`]. To be called once, before the first service is opened.
 ///
 /// # Errors
 /// The system's, where it has no thread or no file descriptor left.

@@ -8,12 +8,12 @@ use std::sync::{Arc, Mutex, MutexGuard, OnceLock, TryLockError};
 use std::thread::{self, Thread};
 use std::time::{Duration, Instant};
 
-/// Lines that wait while nobody takes them.
+/// Capacity of the queue, lines.
 const LINES: usize = 1024;
 /// Longest line, bytes; the rest of a longer one is cut off.
 const LONGEST: usize = 8192;
-/// How often a thread that logs looks whether another one has let go of the queue, some 10 ns each, before its line is lost.
-const LOOKS: usize = 2000;
+/// Attempts of a logging thread to lock the queue, some 10 ns each, before its line is lost.
+const LOCK_ATTEMPTS: usize = 2000;
 /// Longest sleep of the writing thread: it is woken for every line.
 const SLEEP: Duration = Duration::from_millis(100);
 
@@ -61,9 +61,9 @@ impl Queue {
         }
     }
 
-    /// Whoever holds the lock moves a line or swaps two queues: where that lasts, its thread is kept from running.
+    /// Locks the queue within bounded time; none where its holder is kept from running: it only moves a line or swaps two queues.
     fn lock_soon(&self) -> Option<MutexGuard<'_, VecDeque<Vec<u8>>>> {
-        for _ in 0..LOOKS {
+        for _ in 0..LOCK_ATTEMPTS {
             match self.waiting.try_lock() {
                 Ok(waiting) => return Some(waiting),
                 Err(TryLockError::Poisoned(poisoned)) => return Some(poisoned.into_inner()),

@@ -45,5 +45,5 @@ fn panics_unnoticed() {
 #[test]
 #[ignore = "its process is to exit"]
 fn panics_where_it_is_caught() {
-    panic_in_a_thread(logging::panics_are_caught_here);
+    panic_in_a_thread(logging::do_not_abort_on_panic);
 }

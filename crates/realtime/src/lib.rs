@@ -1,15 +1,15 @@
-//! What a real-time thread asks of Linux: priority, processors, turns, punctual sleep, locked memory, and memory that outlives the process.
+//! Linux real-time settings of a thread: priority, CPU affinity, time slice, timer slack; locked memory, and files mapped into memory.
 //!
-//! The system may refuse what concerns priority, processors, turns, sleep and locked memory to an ordinary user or in a container. A
-//! refusal is a [`RealtimeError`], which says what may happen without it and how to allow it.
+//! The system may refuse these settings to an ordinary user or in a container. A refusal is a [`RealtimeError`], which says what may
+//! happen without the setting and how to allow it.
 
 #![allow(unsafe_code, reason = "system calls without a safe wrapper")]
 
-mod kept_memory;
+mod mapped_file;
 mod shared_memory;
 
-pub use kept_memory::{KeptMemory, is_in_memory};
-pub use shared_memory::bring_in_shared_memory;
+pub use mapped_file::{MappedFile, is_in_ram};
+pub use shared_memory::prefault_shared_memory;
 
 use std::ffi::c_int;
 use std::io;
@@ -19,10 +19,10 @@ use std::time::Duration;
 use rustix::mm::{MlockAllFlags, mlockall};
 use rustix::thread::{CpuSet, sched_setaffinity, set_current_timer_slack};
 
-/// How late a punctual sleep may end, ns; by default Linux allows itself 50 µs.
+/// Timer slack, by which a sleep may end late, ns; the default of Linux is 50 µs.
 const SLACK_NS: u64 = 1_000;
-/// Longest turn on a processor of a thread that wants to wake soon.
-const SHORT_TURN: Duration = Duration::from_micros(200);
+/// Time slice of a thread that should run soon after it wakes.
+const SHORT_TIME_SLICE: Duration = Duration::from_micros(200);
 
 /// One privilege that the system refused.
 #[derive(Debug, thiserror::Error)]
@@ -55,7 +55,7 @@ pub enum RealtimeError {
         #[source]
         error: io::Error,
     },
-    /// The kernel took no length of turns, no policy, or no punctual sleep.
+    /// `sched_setattr` (time slice), `sched_setscheduler` (idle policy) or `prctl` (timer slack) failed.
     #[error(
         "other programs can delay this thread by some ms: the kernel does not take {what} ({error})"
     )]
@@ -73,7 +73,7 @@ pub enum RealtimeError {
 pub enum Pages {
     /// All that are mapped, and all that will be.
     All,
-    /// Each from when it is touched first: the ends of the threads' stacks are not brought in.
+    /// Each once it is touched: unused ends of the threads' stacks are not faulted in.
     Touched,
 }
 
@@ -94,7 +94,7 @@ pub fn lock_memory(pages: Pages) -> Result<(), RealtimeError> {
 ///
 /// # Errors
 /// [`RealtimeError::Processors`] if none of them exists or is allowed.
-pub fn use_processors(processors: &[usize]) -> Result<(), RealtimeError> {
+pub fn set_cpu_affinity(processors: &[usize]) -> Result<(), RealtimeError> {
     let refused = |error| RealtimeError::Processors {
         processors: processors.to_vec(),
         error,
@@ -118,11 +118,11 @@ pub fn use_fifo_priority(priority: u8) -> Result<(), RealtimeError> {
         .map_err(|error| RealtimeError::Priority { priority, error })
 }
 
-/// Lets all other threads go first (SCHED_IDLE): this one gets a three-hundredth of a processor that others always want.
+/// Runs this thread under SCHED_IDLE, after all others: on a busy processor it gets about a three-hundredth of the time.
 ///
 /// # Errors
 /// [`RealtimeError::Schedule`].
-pub fn let_others_go_first() -> Result<(), RealtimeError> {
+pub fn use_idle_policy() -> Result<(), RealtimeError> {
     use_policy(libc::SCHED_IDLE, 0).map_err(refused("SCHED_IDLE"))
 }
 
@@ -135,46 +135,44 @@ fn use_policy(policy: c_int, priority: u8) -> io::Result<()> {
     checked(result.into())
 }
 
-/// Lets sleeps of this thread end within 1 µs, as far as its priority allows.
+/// Sets this thread's timer slack to 1 µs, so that its sleeps end on time as far as its priority allows.
 ///
 /// # Errors
 /// [`RealtimeError::Schedule`].
-pub fn sleep_punctually() -> Result<(), RealtimeError> {
+pub fn reduce_timer_slack() -> Result<(), RealtimeError> {
     let slack = NonZeroU64::new(SLACK_NS);
     set_current_timer_slack(slack).map_err(|error| refused("a timer slack")(error.into()))
 }
 
-/// Sets the length of this thread's turns on a processor, 0.1 to 100 ms, where it has no real-time priority: the shorter, the sooner
-/// it gets one when it wakes (the scheduler of Linux from 6.12 on; before, nothing changes). By default Linux gives every thread 1.4
-/// (two processors) to 3 ms.
+/// Sets this thread's time slice (`sched_runtime` of the EEVDF scheduler, Linux 6.12 on; earlier kernels ignore it), 0.1 to 100 ms: the
+/// shorter, the sooner it runs after waking. The default is 1.4 (two processors) to 3 ms. Under another policy than SCHED_OTHER nothing
+/// changes.
 ///
 /// # Errors
 /// [`RealtimeError::Schedule`].
-pub fn take_turns(turn: Duration) -> Result<(), RealtimeError> {
-    set_turns(turn.as_nanos() as u64).map_err(refused("a length of turns"))
-}
-
-/// Lets this thread wake as soon as one without a real-time priority can: punctual sleep, short turns.
-///
-/// # Errors
-/// [`RealtimeError::Schedule`].
-pub fn wake_soon() -> Result<(), RealtimeError> {
-    sleep_punctually()?;
-    take_turns(SHORT_TURN)
-}
-
-fn set_turns(turn_ns: u64) -> io::Result<()> {
+pub fn set_time_slice(slice: Duration) -> Result<(), RealtimeError> {
     // SAFETY: all zeros are a valid `sched_attr`, which is plain data.
-    let mut turns: libc::sched_attr = unsafe { std::mem::zeroed() };
-    let size = u32::try_from(size_of_val(&turns)).expect("it is small");
-    // SAFETY: the kernel writes at most `size` bytes to `turns`, which has as many.
-    checked(unsafe { libc::syscall(libc::SYS_sched_getattr, 0, &raw mut turns, size, 0) })?;
-    if turns.sched_policy != libc::SCHED_OTHER.cast_unsigned() {
+    let mut attributes: libc::sched_attr = unsafe { std::mem::zeroed() };
+    let size = u32::try_from(size_of_val(&attributes)).expect("it is small");
+    // SAFETY: the kernel writes at most `size` bytes to `attributes`, which has as many.
+    checked(unsafe { libc::syscall(libc::SYS_sched_getattr, 0, &raw mut attributes, size, 0) })
+        .map_err(refused("a time slice"))?;
+    if attributes.sched_policy != libc::SCHED_OTHER.cast_unsigned() {
         return Ok(());
     }
-    turns.sched_runtime = turn_ns;
-    // SAFETY: the kernel reads the `size` bytes that it is told of in `turns`.
-    checked(unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const turns, 0) })
+    attributes.sched_runtime = slice.as_nanos() as u64;
+    // SAFETY: the kernel reads the `size` bytes that `attributes` states.
+    checked(unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) })
+        .map_err(refused("a time slice"))
+}
+
+/// Lets this thread run as soon after waking as is possible without a real-time priority: small timer slack, short time slice.
+///
+/// # Errors
+/// [`RealtimeError::Schedule`].
+pub fn reduce_wakeup_latency() -> Result<(), RealtimeError> {
+    reduce_timer_slack()?;
+    set_time_slice(SHORT_TIME_SLICE)
 }
 
 /// The kernel's id of this thread.
@@ -236,8 +234,8 @@ mod tests {
     #[test]
     fn sleeps_become_punctual_and_turns_have_their_length() {
         let thread = std::thread::spawn(|| {
-            take_turns(Duration::from_millis(6)).unwrap();
-            wake_soon().unwrap();
+            set_time_slice(Duration::from_millis(6)).unwrap();
+            reduce_wakeup_latency().unwrap();
             rustix::thread::current_timer_slack().unwrap()
         });
         assert_eq!(thread.join().unwrap(), SLACK_NS);
@@ -246,7 +244,7 @@ mod tests {
     #[test]
     fn processors_that_do_not_exist_are_named() {
         for processor in [CpuSet::MAX_CPU - 1, usize::MAX] {
-            let error = use_processors(&[processor]).unwrap_err();
+            let error = set_cpu_affinity(&[processor]).unwrap_err();
             assert!(
                 error.to_string().contains(&processor.to_string()),
                 "{error}"

@@ -10,7 +10,7 @@ use rustix::mm::{Advice, madvise};
 ///
 /// # Errors
 /// If `/proc` is not there, or the system's answer (before Linux 5.14: that it cannot).
-pub fn bring_in_shared_memory(prefix: &str) -> io::Result<usize> {
+pub fn prefault_shared_memory(prefix: &str) -> io::Result<usize> {
     let mut total = 0;
     for [begin, end] in shared_ranges(&std::fs::read_to_string("/proc/self/maps")?, prefix) {
         // SAFETY: populating changes no content, and of a range that is not mapped any more it is refused.
@@ -59,6 +59,6 @@ mod tests {
             shared_ranges(maps, "pcc_"),
             [[0x7f00_0000_1000, 0x7f00_0000_3000]]
         );
-        assert_eq!(bring_in_shared_memory("no_such_name").unwrap(), 0);
+        assert_eq!(prefault_shared_memory("no_such_name").unwrap(), 0);
     }
 }

@@ -1,16 +1,19 @@
-//! Whether a controller takes a motion.
+//! The check that a controller can execute a motion.
 
 use pcc_model::Configuration;
 use shared_types::codes::{LoopFault, LoopState};
 use shared_types::valid;
 
 use super::refusal::ExecutionRefusal;
-use crate::supervision::is_fresh;
+use super::supervised_motion::is_fresh;
 
 /// Largest distance of a motion's start from the commanded configuration, rad.
 const START_TOLERANCE_RAD: f64 = 1e-6;
 
-/// Whether a controller is there, idle, and where the motion starts; its instance.
+/// Checks that a fresh state reports a controller that is idle and holds the motion's start (within 1e-6 rad); returns its instance.
+///
+/// # Errors
+/// The first [`ExecutionRefusal`] that applies.
 pub(crate) fn check_controller(
     state: Option<&valid::ControllerState>,
     start: &Configuration,

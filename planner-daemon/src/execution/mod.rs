@@ -1,15 +1,21 @@
-//! Handing motions over for execution: what is refused, and the way to the thread that publishes and supervises.
+//! The execution of motions: what is refused, publication for the controller, supervision until the end, orders to stop,
+//! heartbeats.
 
+mod active_time;
 mod controller_check;
-mod handle;
+mod heartbeat;
 mod refusal;
 mod request;
 mod rules;
+mod stop_order;
+mod supervised_motion;
+mod supervision_thread;
+mod supervisor;
 mod trajectory_id;
 
-pub(crate) use controller_check::check_controller;
-pub(crate) use handle::Execution;
+pub use heartbeat::BackgroundError;
+pub(crate) use heartbeat::{BackgroundThreads, ProgressCounter};
 pub(crate) use refusal::ExecutionRefusal;
-pub(crate) use request::{Handed, Selected};
+pub(crate) use request::{Begin, SelectedMotion};
 pub(crate) use rules::ExecutionRules;
-pub(crate) use trajectory_id::next_id;
+pub(crate) use supervision_thread::Execution;

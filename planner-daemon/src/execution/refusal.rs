@@ -41,7 +41,7 @@ pub(crate) enum ExecutionRefusal {
         "the supervision of motions does not answer: it is held; a motion that it has published all the same is taken back, or \
          stopped along its path"
     )]
-    SupervisionHeld,
+    SupervisionStalled,
     /// Shared memory did not take it.
     #[error("the trajectory could not be published")]
     NotPublished,

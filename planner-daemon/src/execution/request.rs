@@ -1,4 +1,4 @@
-//! A motion on its way to the thread that supervises it, and the id on its way back.
+//! A request to execute a motion, sent to the supervision thread, and its reply.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -7,10 +7,18 @@ use std::sync::mpsc::SyncSender;
 use trajectory::Trajectory;
 
 use super::refusal::ExecutionRefusal;
-use crate::admission::Begin;
 
-/// Which motion is to be executed.
-pub(crate) struct Selected {
+/// When a motion is to begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Begin {
+    /// As soon as possible.
+    Earliest,
+    /// Not before this time, nanoseconds of `CLOCK_MONOTONIC`.
+    NotBefore(i64),
+}
+
+/// The selected candidate's motion, to be executed.
+pub(crate) struct SelectedMotion {
     pub(crate) motion: Trajectory,
     pub(crate) candidate_index: usize,
     pub(crate) plan_id: u64,
@@ -19,24 +27,24 @@ pub(crate) struct Selected {
     pub(crate) begin: Begin,
 }
 
-/// The id of a motion on its way to the one who waits for it: either it is told, or the one who waits has given up before.
+/// A reply that is either delivered or abandoned, never both: the caller that stops waiting learns whether its motion was published.
 #[derive(Debug, Default)]
-pub(crate) struct Claim(AtomicU64);
+pub(crate) struct ReplySlot(AtomicU64);
 
-impl Claim {
-    /// Neither told (ids are u32, at least 1) nor given up.
+impl ReplySlot {
+    /// Neither delivered (ids are u32, at least 1) nor abandoned.
     const OPEN: u64 = 0;
-    const GIVEN_UP: u64 = u64::MAX;
+    const ABANDONED: u64 = u64::MAX;
 
-    /// Tells the id; false where nobody waits any more.
-    pub(crate) fn tell(&self, id: u32) -> bool {
+    /// Delivers the id; false where the caller has abandoned the reply.
+    pub(crate) fn deliver(&self, id: u32) -> bool {
         self.settle(u64::from(id)).is_ok()
     }
 
-    /// Gives up waiting; the id where it was told before.
-    pub(super) fn give_up(&self) -> Option<u32> {
-        let told = self.settle(Self::GIVEN_UP).err()?;
-        u32::try_from(told).ok()
+    /// Abandons the reply; returns the id where it was delivered before.
+    pub(super) fn abandon(&self) -> Option<u32> {
+        let delivered = self.settle(Self::ABANDONED).err()?;
+        u32::try_from(delivered).ok()
     }
 
     fn settle(&self, value: u64) -> Result<u64, u64> {
@@ -46,12 +54,12 @@ impl Claim {
     }
 }
 
-/// A motion on its way to supervision, which answers.
-pub(crate) struct Handed {
-    pub(crate) selected: Selected,
-    /// After this it is not wanted any more, nanoseconds of `CLOCK_MONOTONIC`.
+/// A motion for the supervision thread to publish, and where to reply.
+pub(crate) struct ExecutionRequest {
+    pub(crate) selected: SelectedMotion,
+    /// Latest time of publication, nanoseconds of `CLOCK_MONOTONIC`.
     pub(crate) until_mono_ns: i64,
-    pub(crate) claim: Arc<Claim>,
+    pub(crate) slot: Arc<ReplySlot>,
     pub(crate) answer: SyncSender<Result<u32, ExecutionRefusal>>,
 }
 
@@ -61,12 +69,12 @@ mod tests {
 
     #[test]
     fn an_id_is_told_or_given_up_and_never_both() {
-        let told = Claim::default();
-        assert!(told.tell(7));
-        assert_eq!(told.give_up(), Some(7));
-        let given_up = Claim::default();
-        assert_eq!(given_up.give_up(), None);
-        assert!(!given_up.tell(7));
-        assert_eq!(given_up.give_up(), None);
+        let told = ReplySlot::default();
+        assert!(told.deliver(7));
+        assert_eq!(told.abandon(), Some(7));
+        let given_up = ReplySlot::default();
+        assert_eq!(given_up.abandon(), None);
+        assert!(!given_up.deliver(7));
+        assert_eq!(given_up.abandon(), None);
     }
 }

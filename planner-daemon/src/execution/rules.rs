@@ -1,4 +1,4 @@
-//! What every motion for execution must keep.
+//! The settings of execution.
 
 use std::time::Duration;
 
@@ -6,9 +6,9 @@ use pcc_model::UnitRobot;
 use trajectory::{RateLaw, Trajectory};
 
 /// Time from a reason to stop until the controller brakes, s: its state is up to 20 ms old, and the order has a way to go.
-const ORDER_S: f64 = 0.05;
+const ORDER_DELAY_S: f64 = 0.05;
 
-/// What every motion for execution must keep.
+/// The settings of execution: robot, tolerance, braking, lead time.
 #[derive(Clone, Debug)]
 pub(crate) struct ExecutionRules {
     /// The robot in units of its section length, its tubes padded by what covers the path tolerance.
@@ -27,6 +27,6 @@ pub(crate) struct ExecutionRules {
 impl ExecutionRules {
     /// Longest stop on a motion, with the time until it begins, s.
     pub(crate) fn stopping_s(&self, motion: &Trajectory) -> f64 {
-        self.rate_law.longest_stop(motion.knots()) + ORDER_S
+        self.rate_law.longest_stop(motion.knots()) + ORDER_DELAY_S
     }
 }

@@ -1,31 +1,31 @@
-//! For which scenes, and at which times on its path, what is left of a motion was certified.
+//! The certificates of the rest of a motion: the scenes and the timing for which each holds.
 
 use pcc_model::UnitRobot;
 use trajectory::Trajectory;
 
-use crate::moving_cover::{Stretch, Timing};
+use super::moving_ball_cover::{Stretch, Timing};
 
-/// How fast a motion is taken to go.
+/// The rate at which a motion is assumed to go on.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Kind {
-    /// As it has gone.
-    Expected,
-    /// At full rate, where it has gone more slowly.
-    Hurried,
+pub(super) enum RateAssumption {
+    /// The rate that the controller reported last.
+    MeasuredRate,
+    /// Full rate, of a motion that was slower.
+    FullRate,
 }
 
-/// For which version of a source's scene, and for which times on its path, what is left of a motion was certified.
+/// A certificate of the rest of a motion: the version of the scene and the timed stretch of path for which it holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Certificate {
     /// Of the scene.
     pub(super) version: u64,
-    pub(super) kind: Kind,
+    pub(super) rate: RateAssumption,
     pub(super) stretch: Stretch,
 }
 
 impl Certificate {
-    fn is_of_the_same(&self, other: &Self) -> bool {
-        (self.version, self.kind) == (other.version, other.kind)
+    fn is_for_same_scene(&self, other: &Self) -> bool {
+        (self.version, self.rate) == (other.version, other.rate)
     }
 }
 
@@ -47,19 +47,19 @@ impl Certificates {
         let mut kept = self.0.iter();
         kept.any(|kept| {
             let is_long = kept.stretch.until_s >= until_s;
-            kept.is_of_the_same(wanted)
+            kept.is_for_same_scene(wanted)
                 && (!balls_move || (is_long && is_near(kept.stretch.timing)))
         })
     }
 
     /// Keeps this one in place of the one before.
     pub(super) fn renew(&mut self, certificate: Certificate) {
-        self.0.retain(|kept| !kept.is_of_the_same(&certificate));
+        self.0.retain(|kept| !kept.is_for_same_scene(&certificate));
         self.0.push(certificate);
     }
 }
 
-/// What is left of a motion.
+/// The rest of a motion, to be certified.
 #[derive(Clone, Copy)]
 pub(crate) struct RemainingMotion<'a> {
     /// In units of the section length, its tubes padded by what covers the path tolerance.
@@ -67,13 +67,13 @@ pub(crate) struct RemainingMotion<'a> {
     pub(crate) motion: &'a Trajectory,
     /// Path time that has passed for certain, s.
     pub(crate) from_s: f64,
-    /// When it will be where, as far as can be told.
+    /// Its timing at the last reported rate.
     pub(crate) timing: Timing,
-    /// Where it may be sooner.
-    pub(crate) hurried: Option<Stretch>,
+    /// The stretch that it may pass at full rate.
+    pub(crate) at_full_rate: Option<Stretch>,
     /// Longest stop, with the time until it begins, s.
     pub(crate) stopping_s: f64,
-    /// How much later than that it must be able to come, s.
+    /// Delay behind its schedule that must be free of contact too, s.
     pub(crate) lag_allowance_s: f64,
 }
 
@@ -86,10 +86,12 @@ impl RemainingMotion<'_> {
         }
     }
 
-    /// What is to be certified.
-    pub(super) fn stretches(&self) -> impl Iterator<Item = (Kind, Stretch)> {
-        let expected = (Kind::Expected, self.whole(self.timing));
-        let hurried = self.hurried.map(|hurried| (Kind::Hurried, hurried));
-        std::iter::once(expected).chain(hurried)
+    /// The stretches to certify, with the rate that each assumes.
+    pub(super) fn stretches(&self) -> impl Iterator<Item = (RateAssumption, Stretch)> {
+        let expected = (RateAssumption::MeasuredRate, self.whole(self.timing));
+        let at_full_rate = self
+            .at_full_rate
+            .map(|at_full_rate| (RateAssumption::FullRate, at_full_rate));
+        std::iter::once(expected).chain(at_full_rate)
     }
 }

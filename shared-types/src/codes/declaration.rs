@@ -1,4 +1,4 @@
-//! How a code is declared, and the answer to a number that is none.
+//! The declaration of codes, and the error for an unknown number.
 
 /// A code that this version of the protocol does not know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use super::declaration::{UnknownCode, codes};
 
 codes! {
-    /// What the controller's loop does.
+    /// State of the controller's loop.
     "loop state"
     pub enum LoopState {
         /// Waits for the robot's state.
@@ -144,7 +144,7 @@ codes! {
 }
 
 codes! {
-    /// What the motor end does.
+    /// State of the motor end.
     "motor state"
     pub enum MotorState {
         /// It was never commanded.
@@ -161,7 +161,7 @@ codes! {
 }
 
 codes! {
-    /// What is wrong with the motor end.
+    /// Fault of the motor end.
     "motor fault"
     pub enum MotorFault {
         /// Nothing.

@@ -3,7 +3,7 @@
 use super::declaration::{UnknownCode, codes};
 
 codes! {
-    /// Who is to propose paths.
+    /// The source of the proposed paths.
     "sampler"
     pub enum Sampler {
         /// The daemon's own choice.
@@ -58,7 +58,7 @@ codes! {
 }
 
 codes! {
-    /// Who proposed a candidate.
+    /// The origin of a candidate.
     "source"
     pub enum Source {
         /// The learned sampler.
@@ -75,7 +75,7 @@ codes! {
 }
 
 codes! {
-    /// What became of a plan request.
+    /// The outcome of a plan request.
     "outcome"
     pub enum Outcome {
         /// All candidates wanted are there.
@@ -135,7 +135,7 @@ codes! {
         Condition = 1 "condition",
         /// Drawing from the model.
         Sample = 2 "sample",
-        /// Straightening and analytic correction.
+        /// Collision correction and tip paths.
         Correct = 3 "correct",
         /// Certification of paths and motions.
         Certify = 4 "certify",

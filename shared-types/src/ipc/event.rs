@@ -1,4 +1,4 @@
-//! Events beside `plan`: who sends a request or an answer says so, and who waits for one sleeps until then.
+//! The events beside `plan`: a sender of a request or an answer notifies, a receiver sleeps until then.
 
 use std::io;
 use std::os::fd::BorrowedFd;
@@ -8,7 +8,6 @@ use iceoryx2::port::listener::{Listener, ListenerCreateError, ListenerWaitError}
 use iceoryx2::port::notifier::{Notifier, NotifierCreateError};
 use iceoryx2::prelude::{EventId, FileDescriptorBased, ipc};
 use iceoryx2::service::builder::Builder;
-use iceoryx2::service::builder::event::{EventCreateError, EventOpenError, EventOpenOrCreateError};
 use iceoryx2::service::port_factory::event::PortFactory;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
@@ -22,13 +21,13 @@ pub struct EventService {
     service: PortFactory<ipc::Service>,
 }
 
-/// Says that something was sent; create it in the thread that uses it.
+/// Notifies that a message was sent; create it in the thread that uses it.
 pub type EventNotifier = Notifier<ipc::Service>;
-/// Sleeps until something was sent, to whomever; create it in the thread that uses it.
+/// Sleeps until a message was sent to any receiver; create it in the thread that uses it.
 #[derive(Debug)]
 pub struct EventListener(Listener<ipc::Service>);
 
-/// There is one kind of event.
+/// The only kind of event.
 const SENT: EventId = EventId::new(0);
 
 /// Opens `plan_asked`: a client sent a request.
@@ -58,7 +57,7 @@ fn event(node: &IpcNode, name: &str) -> Result<EventService, IpcError> {
             .open_or_create()
     };
     Ok(EventService {
-        service: open_service(node, name, open, translate)?,
+        service: open_service(node, name, open)?,
     })
 }
 
@@ -97,10 +96,10 @@ impl EventListener {
     /// ticks. A message may be lost where several are sent and heard at the same instant, so the limit must be one that can be borne.
     ///
     /// # Errors
-    /// What the system or iceoryx2 says.
+    /// The error of the system or of iceoryx2.
     pub fn wait(&self, other: Option<BorrowedFd>, limit: Duration) -> io::Result<bool> {
         // This also makes notifiers send again: they do not while one message waits.
-        if self.was_told()? {
+        if self.drain()? {
             return Ok(true);
         }
         let limit = Timespec::try_from(limit).map_err(io::Error::other)?;
@@ -110,51 +109,17 @@ impl EventListener {
         let readable = |file| PollFd::from_borrowed_fd(file, PollFlags::IN);
         let mut files: Vec<PollFd> = [socket].into_iter().chain(other).map(readable).collect();
         match poll(&mut files, Some(&limit)) {
-            Ok(_) => self.was_told(),
+            Ok(_) => self.drain(),
             Err(Errno::INTR) => Ok(false),
             Err(error) => Err(error.into()),
         }
     }
 
-    fn was_told(&self) -> io::Result<bool> {
+    fn drain(&self) -> io::Result<bool> {
         match self.0.try_wait(|_| ()) {
             Ok(count) => Ok(count > 0),
             Err(ListenerWaitError::InterruptSignal) => Ok(false),
             Err(reason) => Err(io::Error::other(format!("{reason:?}"))),
         }
-    }
-}
-
-fn translate(service: String, error: EventOpenOrCreateError) -> IpcError {
-    use EventOpenError as Open;
-    use EventOpenOrCreateError as Either;
-    let reason = format!("{error:?}");
-    match error {
-        Either::EventOpenError(Open::ServiceInCorruptedState | Open::VersionMismatch)
-        | Either::EventCreateError(EventCreateError::ServiceInCorruptedState) => {
-            IpcError::OtherLibraryVersion { service, reason }
-        }
-        Either::EventOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
-            service,
-            port: "process",
-            users: Vec::new(),
-        },
-        Either::EventOpenError(
-            Open::IncompatibleMessagingPattern
-            | Open::IncompatibleAttributes
-            | Open::IncompatibleDeadline
-            | Open::IncompatibleNotifierCreatedEvent
-            | Open::IncompatibleNotifierDroppedEvent
-            | Open::IncompatibleNotifierDeadEvent
-            | Open::DoesNotSupportRequestedAmountOfNotifiers
-            | Open::DoesNotSupportRequestedAmountOfListeners
-            | Open::DoesNotSupportRequestedMaxEventId
-            | Open::DoesNotSupportRequestedAmountOfNodes,
-        ) => IpcError::Incompatible { service, reason },
-        _ => IpcError::Failed {
-            service,
-            what: "as a whole",
-            reason,
-        },
     }
 }

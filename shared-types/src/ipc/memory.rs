@@ -1,4 +1,4 @@
-//! How much shared memory the services take: iceoryx2's own chunk counts with this protocol's messages and qualities.
+//! How much shared memory the services take: iceoryx2's own chunk counts with this protocol's messages and settings.
 
 use iceoryx2::service::header::{publish_subscribe, request_response};
 
@@ -8,8 +8,8 @@ use super::request::{
     SERVERS,
 };
 use super::topic::{
-    CONTROLLER_STATE, CYCLE, HEARTBEAT, LOANS, Qualities, ROBOT_STATE, SCENE, SCENE_STATUS,
-    SETPOINT, TRAJECTORY,
+    CONTROLLER_STATE, CYCLE, HEARTBEAT, LOANS, ROBOT_STATE, SCENE, SCENE_STATUS, SETPOINT,
+    TRAJECTORY, TopicSettings,
 };
 use crate::message::{
     Command, CommandReply, ControllerState, Cycle, Heartbeat, Knot, PlanReport, PlanRequest,
@@ -90,11 +90,11 @@ fn exchange_bytes(
     answers * answer + clients * client_chunks * request
 }
 
-fn topic<T>(qualities: &Qualities, publishers: usize) -> ServiceMemory {
-    let chunks = qualities.subscribers * (qualities.buffer + LOANS) + qualities.history + LOANS;
-    let chunk = chunk_bytes::<publish_subscribe::Header, (), T>(qualities.slice);
+fn topic<T>(settings: &TopicSettings, publishers: usize) -> ServiceMemory {
+    let chunks = settings.subscribers * (settings.buffer + LOANS) + settings.history + LOANS;
+    let chunk = chunk_bytes::<publish_subscribe::Header, (), T>(settings.slice);
     ServiceMemory {
-        service: qualities.name,
+        service: settings.name,
         bytes: publishers * chunks * chunk,
     }
 }

@@ -16,15 +16,16 @@ mod event;
 mod memory;
 mod node;
 mod node_counter;
-mod open_elsewhere;
 mod opening;
 mod options;
-mod own_memory;
+mod port_thread;
 mod request;
 mod role;
 mod root_folder;
+mod shm_override;
 mod sweeper;
 mod topic;
+mod write_lease;
 
 pub use error::IpcError;
 pub use event::{
@@ -34,17 +35,18 @@ pub use event::{
 pub use memory::{ServiceMemory, plan_bytes, shared_memory};
 pub use node::IpcNode;
 pub use options::{IpcOptions, LONGEST_ROOT_AND_PREFIX};
+pub use port_thread::spawn_with_ports;
 pub use request::{
     CommandClient, CommandRequest, CommandServer, CommandService, PlanActiveRequest, PlanClient,
     PlanPending, PlanResponse, PlanServer, PlanService, PlanServiceCapacity, command_client,
-    command_server, command_service, open_plan_service, plan_client, plan_server, plan_service,
-    visiting_command_client,
+    command_server, command_service, guest_command_client, open_plan_service, plan_client,
+    plan_server, plan_service,
 };
 pub use role::{Role, RoleLock};
 pub use topic::{
     CYCLES_PER_BATCH, CyclePublisher, CycleSubscriber, CycleTopic, PresentPublisher, Publisher,
-    Subscriber, Topic, controller_state_service, cycle_publisher, cycle_service, cycle_subscriber,
-    heartbeat_service, newest, publisher, robot_state_service, scene_service, scene_status_service,
-    setpoint_service, subscriber, trajectory_service, visiting_publisher, visiting_subscriber,
-    watching_subscriber,
+    Subscriber, Topic, controller_state_service, cycle_publisher, cycle_service, guest_publisher,
+    guest_subscriber, heartbeat_service, newest, observer_subscriber, publisher,
+    robot_state_service, scene_service, scene_status_service, setpoint_service, subscriber,
+    trajectory_service,
 };

@@ -15,9 +15,9 @@ use iceoryx2::service::builder::Builder;
 
 use super::node_counter::{NodeCounter, protect_shared};
 use super::sweeper::Sweeper;
-use super::{IpcError, IpcOptions, own_memory};
+use super::{IpcError, IpcOptions, shm_override};
 
-/// How often an operation that failed for a passing reason is tried again.
+/// Most attempts of an operation that fails for a transient reason.
 const ATTEMPTS: usize = 40;
 /// Pause between two attempts.
 const PAUSE: Duration = Duration::from_millis(5);
@@ -56,12 +56,9 @@ impl IpcNode {
             .name(&name)
             .config(&config)
             .signal_handling_mode(SignalHandlingMode::Disabled);
-        let node = builder.create::<ipc::Service>().map_err(|reason| {
-            options
-                .what_the_system_says()
-                .err()
-                .unwrap_or_else(|| failed(reason))
-        })?;
+        let node = builder
+            .create::<ipc::Service>()
+            .map_err(|reason| options.probe_root().err().unwrap_or_else(|| failed(reason)))?;
         drop(counter);
         Ok(Self {
             node,
@@ -109,13 +106,13 @@ impl IpcNode {
         unsafe { self.node.force_remove_service(name, pattern) }.unwrap_or(false)
     }
 
-    /// The number by which iceoryx2 knows it.
+    /// Its id in iceoryx2.
     #[cfg(test)]
     pub(super) fn id(&self) -> u128 {
         self.node.id().value()
     }
 
-    /// What iceoryx2 was told.
+    /// Its configuration of iceoryx2.
     pub(super) fn config(&self) -> &Config {
         self.node.config()
     }
@@ -125,11 +122,11 @@ impl IpcNode {
     pub(super) fn retry<T, E>(
         &self,
         mut operation: impl FnMut() -> Result<T, E>,
-        passing: impl Fn(&E) -> bool,
+        is_transient: impl Fn(&E) -> bool,
     ) -> Result<T, E> {
         for _ in 1..ATTEMPTS {
             match operation() {
-                Err(error) if passing(&error) => {
+                Err(error) if is_transient(&error) => {
                     self.clean_dead_nodes();
                     thread::sleep(PAUSE);
                 }
@@ -198,7 +195,7 @@ fn node_counter(options: &IpcOptions, config: &mut Config) -> Result<NodeCounter
     let prefix = options.file_prefix();
     let counter = protect_shared(&prefix).and_then(|()| NodeCounter::make(&prefix));
     let counter = counter.map_err(|source| IpcError::SharedMemory {
-        folder: own_memory::FOLDER.into(),
+        folder: shm_override::FOLDER.into(),
         source,
     })?;
     config.global.node.global_mgmt_suffix =

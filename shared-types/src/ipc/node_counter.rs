@@ -15,7 +15,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use rustix::process::geteuid;
 
-use super::own_memory::FOLDER;
+use super::shm_override::FOLDER;
 
 /// The name after the prefix: SHA-1 of `iceoryx2::node::global_management_segment::State`, iceoryx2's name, its version.
 const NAME: &str = "9204dd183d1c4d8e1ff592a30766ffa6765aa8b5_node.0_10_0";

@@ -1,5 +1,6 @@
 //! Opening and creating services, one process at a time, so that a creator that died half-way can be told from a slow one.
 
+use std::fmt::Debug;
 use std::fs::{self, File, TryLockError};
 use std::path::PathBuf;
 use std::thread;
@@ -28,27 +29,73 @@ const PATIENCE: Duration = Duration::from_secs(4);
 /// Pause between two looks at the lock.
 const PAUSE: Duration = Duration::from_millis(1);
 
-/// What opening needs to know of iceoryx2's errors.
-pub(super) trait OpeningError {
+/// What an error of iceoryx2 means for the opening of a service.
+pub(super) trait OpeningError: Debug {
     /// The messaging pattern of the services that are opened.
     const PATTERN: MessagingPattern;
-    /// Whether opening again may succeed: the service is being made or removed, or dead processes hold its places.
-    fn is_passing(&self) -> bool;
-    /// Whether the service was begun and is not finished.
-    fn is_half_made(&self) -> bool;
+    /// The meaning of this error.
+    fn cause(&self) -> Cause;
+}
+
+/// Why a service was not opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cause {
+    /// It was begun and is not finished.
+    HalfMade,
+    /// It is being made or removed.
+    InFlux,
+    /// It is damaged; it may also be about to be made or removed.
+    Corrupted,
+    /// Processes hold all of its places; some of them may be dead.
+    Full,
+    /// Another version of iceoryx2 made it.
+    OtherVersion,
+    /// It exists with other types or qualities.
+    Incompatible,
+    /// Any other cause.
+    Other,
+}
+
+impl Cause {
+    /// Whether opening again may succeed.
+    fn is_transient(self) -> bool {
+        matches!(
+            self,
+            Self::HalfMade | Self::InFlux | Self::Corrupted | Self::Full
+        )
+    }
+
+    /// The error for the service with this full name.
+    fn error(self, service: String, reason: String) -> IpcError {
+        match self {
+            Self::Corrupted | Self::OtherVersion => {
+                IpcError::OtherLibraryVersion { service, reason }
+            }
+            Self::Full => IpcError::Full {
+                service,
+                port: "process",
+                users: Vec::new(),
+            },
+            Self::Incompatible => IpcError::Incompatible { service, reason },
+            Self::HalfMade | Self::InFlux | Self::Other => IpcError::Failed {
+                service,
+                what: "as a whole",
+                reason,
+            },
+        }
+    }
 }
 
 /// Opens the service `name` with `open`, again where it failed for a passing reason. No two of this project's processes
 /// open at once; what is half-made then, and no live process says that it is making, is a dead process's and is removed.
 ///
 /// # Errors
-/// [`IpcError::Busy`] if another process is opening and does not come to an end, [`IpcError::Lock`], or what
-/// `translate` makes of `open`'s error and the service's full name.
+/// [`IpcError::Busy`] if another process is opening and does not come to an end, [`IpcError::Lock`], or the error that
+/// the [`Cause`] of `open`'s failure stands for.
 pub(super) fn open_service<T, E: OpeningError>(
     node: &IpcNode,
     name: &str,
     open: impl Fn(Builder<ipc::Service>) -> Result<T, E>,
-    translate: impl FnOnce(String, E) -> IpcError,
 ) -> Result<T, IpcError> {
     let full = node.options().service_name(name);
     let name = ServiceName::new(&full).map_err(|reason| IpcError::Failed {
@@ -59,18 +106,17 @@ pub(super) fn open_service<T, E: OpeningError>(
     let open_alone = || {
         let _alone = lock(node).map_err(Failure::Lock)?;
         open(node.builder(&name)).map_err(|error| {
-            if error.is_half_made() {
+            if error.cause() == Cause::HalfMade {
                 remove(node, &name, E::PATTERN);
             }
             Failure::Open(error)
         })
     };
-    let passing =
-        |failure: &Failure<E>| matches!(failure, Failure::Open(error) if error.is_passing());
-    node.retry(open_alone, passing)
+    let transient = |failure: &Failure<E>| matches!(failure, Failure::Open(error) if error.cause().is_transient());
+    node.retry(open_alone, transient)
         .map_err(|failure| match failure {
             Failure::Lock(error) => error,
-            Failure::Open(error) => translate(full, error),
+            Failure::Open(error) => error.cause().error(full, format!("{error:?}")),
         })
 }
 
@@ -82,7 +128,7 @@ enum Failure<E> {
 /// Removes what a dead process began. What cannot be removed, or is not a dead process's, shows when it is opened again.
 fn remove(node: &IpcNode, name: &ServiceName, pattern: MessagingPattern) {
     let hash = ServiceHash::new::<<ipc::Service as Service>::ServiceNameHasher>(name, pattern);
-    if is_in_living_hands(node, &hash) {
+    if is_used_by_live_node(node, &hash) {
         return;
     }
     // SAFETY: nobody uses the service: it was never finished, so nobody can have opened it, and its creator is dead, for
@@ -97,7 +143,7 @@ fn remove(node: &IpcNode, name: &ServiceName, pattern: MessagingPattern) {
 
 /// Whether a live node makes or uses the service, in whatever language. iceoryx2 has each node leave a note in its folder
 /// before it makes or opens a service; this process's own is gone once opening has failed.
-fn is_in_living_hands(node: &IpcNode, hash: &ServiceHash) -> bool {
+fn is_used_by_live_node(node: &IpcNode, hash: &ServiceHash) -> bool {
     let global = &node.config().global;
     let folder = PathBuf::from(global.node_dir().to_string());
     let note = format!("{}{hash}{}", global.prefix, global.node.service_tag_suffix);
@@ -138,49 +184,34 @@ fn lock(node: &IpcNode) -> Result<File, IpcError> {
     }
 }
 
-/// The errors of one pattern's services: of opening, and of opening or creating.
+/// The causes of the errors of one pattern's services; `$incompatible`: those of its own that say that types or qualities differ.
 macro_rules! opening_errors {
-    ($pattern:ident: $either:ident { $open:ident, $create:ident $(:: $hangs:ident)? }) => {
-        impl OpeningError for $open {
-            const PATTERN: MessagingPattern = MessagingPattern::$pattern;
-
-            fn is_passing(&self) -> bool {
-                matches!(
-                    self,
-                    Self::ServiceInCorruptedState
-                        | Self::IsMarkedForDestruction
-                        | Self::HangsInCreation
-                        | Self::ExceedsMaxNumberOfNodes
-                )
-            }
-
-            fn is_half_made(&self) -> bool {
-                *self == Self::HangsInCreation
-            }
-        }
-
+    ($pattern:ident: $either:ident { $open:ident, $create:ident $(:: $hangs:ident)? } $($incompatible:ident)*) => {
         impl OpeningError for $either {
             const PATTERN: MessagingPattern = MessagingPattern::$pattern;
 
-            fn is_passing(&self) -> bool {
+            fn cause(&self) -> Cause {
                 match self {
-                    Self::SystemInFlux => true,
-                    Self::$open(error) => *error == $open::DoesNotExist || error.is_passing(),
-                    Self::$create(error) => matches!(
-                        error,
-                        $create::ServiceInCorruptedState
-                            | $create::AlreadyExists
-                            | $create::IsBeingCreatedByAnotherInstance
-                            $(| $create::$hangs)?
-                    ),
+                    Self::SystemInFlux
+                    | Self::$open($open::DoesNotExist | $open::IsMarkedForDestruction)
+                    | Self::$create(
+                        $create::AlreadyExists | $create::IsBeingCreatedByAnotherInstance,
+                    ) => Cause::InFlux,
+                    Self::$open($open::HangsInCreation) $(| Self::$create($create::$hangs))? => {
+                        Cause::HalfMade
+                    }
+                    Self::$open($open::ServiceInCorruptedState)
+                    | Self::$create($create::ServiceInCorruptedState) => Cause::Corrupted,
+                    Self::$open($open::ExceedsMaxNumberOfNodes) => Cause::Full,
+                    Self::$open($open::VersionMismatch) => Cause::OtherVersion,
+                    Self::$open(
+                        $open::IncompatibleMessagingPattern
+                        | $open::IncompatibleAttributes
+                        | $open::DoesNotSupportRequestedAmountOfNodes
+                        $(| $open::$incompatible)*,
+                    ) => Cause::Incompatible,
+                    _ => Cause::Other,
                 }
-            }
-
-            fn is_half_made(&self) -> bool {
-                matches!(
-                    self,
-                    Self::$open($open::HangsInCreation) $(| Self::$create($create::$hangs))?
-                )
             }
         }
     };
@@ -188,8 +219,35 @@ macro_rules! opening_errors {
 
 opening_errors!(RequestResponse: RequestResponseOpenOrCreateError {
     RequestResponseOpenError, RequestResponseCreateError::HangsInCreation
-});
+}
+    IncompatibleRequestOrResponseType
+    IncompatibleOverflowBehaviorForRequests
+    IncompatibleOverflowBehaviorForResponses
+    IncompatibleBehaviorForFireAndForgetRequests
+    DoesNotSupportRequestedAmountOfClientRequestLoans
+    DoesNotSupportRequestedAmountOfActiveRequestsPerClient
+    DoesNotSupportRequestedResponseBufferSize
+    DoesNotSupportRequestedAmountOfServers
+    DoesNotSupportRequestedAmountOfClients
+    DoesNotSupportRequestedAmountOfBorrowedResponsesPerPendingResponse
+);
 opening_errors!(PublishSubscribe: PublishSubscribeOpenOrCreateError {
     PublishSubscribeOpenError, PublishSubscribeCreateError::HangsInCreation
-});
-opening_errors!(Event: EventOpenOrCreateError { EventOpenError, EventCreateError });
+}
+    IncompatibleTypes
+    IncompatibleOverflowBehavior
+    DoesNotSupportRequestedMinBufferSize
+    DoesNotSupportRequestedMinHistorySize
+    DoesNotSupportRequestedMinSubscriberBorrowedSamples
+    DoesNotSupportRequestedAmountOfPublishers
+    DoesNotSupportRequestedAmountOfSubscribers
+);
+opening_errors!(Event: EventOpenOrCreateError { EventOpenError, EventCreateError }
+    IncompatibleDeadline
+    IncompatibleNotifierCreatedEvent
+    IncompatibleNotifierDroppedEvent
+    IncompatibleNotifierDeadEvent
+    DoesNotSupportRequestedAmountOfNotifiers
+    DoesNotSupportRequestedAmountOfListeners
+    DoesNotSupportRequestedMaxEventId
+);

@@ -13,8 +13,8 @@ use rustix::process::geteuid;
 
 use super::{IpcError, root_folder};
 
-/// How long a service or a port may take to be made: some milliseconds, and the stalls of a busy machine. Who waits for one that a
-/// stopped process has begun is held for as long: less than half of what the controller's loop lets its guard be held for.
+/// Longest time for making a service or a port: some milliseconds, and the stalls of a busy machine. A process that waits for one that a
+/// stopped process has begun is held for as long: less than half of what the controller's loop allows its guard.
 const CREATION_TIMEOUT: Duration = Duration::from_millis(40);
 
 /// Most bytes of root and prefix together: iceoryx2 makes the paths of sockets of them, with a number of up to 39 digits,
@@ -54,7 +54,7 @@ impl IpcOptions {
         format!("{}/{service}", self.prefix)
     }
 
-    /// The lock file of a role, or of what else one process at a time may do.
+    /// The lock file of a role, or of another activity of one process at a time.
     pub(super) fn lock_file(&self, role: &str) -> PathBuf {
         self.root.join(format!("{}.{role}.lock", self.prefix))
     }
@@ -81,13 +81,16 @@ impl IpcOptions {
         root_folder::prepare(&self.root)
     }
 
-    /// The prefix as iceoryx2 is told: it begins the name of every file.
+    /// The prefix of every file name, as iceoryx2 is configured.
     pub(super) fn file_prefix(&self) -> String {
         format!("{}_", self.prefix)
     }
 
-    /// Writes into the root directory, for what iceoryx2 says where it cannot names neither the path nor the reason.
-    pub(super) fn what_the_system_says(&self) -> Result<(), IpcError> {
+    /// Writes a probe file into the root directory, to name path and reason where iceoryx2 fails without them.
+    ///
+    /// # Errors
+    /// [`IpcError::Root`].
+    pub(super) fn probe_root(&self) -> Result<(), IpcError> {
         let file = self
             .root
             .join(format!("{}.probe-{}", self.prefix, std::process::id()));

@@ -8,7 +8,7 @@ use iceoryx2::prelude::{AllocationStrategy, PortFactory, ipc};
 use iceoryx2::response::Response;
 use iceoryx2::service::builder::Builder;
 use iceoryx2::service::builder::request_response::{
-    RequestResponseCreateError, RequestResponseOpenError, RequestResponseOpenOrCreateError,
+    RequestResponseOpenError, RequestResponseOpenOrCreateError,
 };
 use iceoryx2::service::port_factory::client::ClientCreateError;
 use iceoryx2::service::port_factory::request_response::PortFactory as RequestResponse;
@@ -54,7 +54,7 @@ pub(super) const HELD_REPLIES: usize = 1;
 pub(super) const REQUEST_LOANS: usize = 2;
 /// Clients of `command` at once; programs that only watch have none.
 pub(super) const COMMAND_CLIENTS: usize = 32;
-/// Places of clients of `command` that [`visiting_command_client`] leaves free: the daemon gets its own however many give orders.
+/// Places of clients of `command` that [`guest_command_client`] leaves free: the daemon gets its own however many give orders.
 const RESERVED_COMMAND_CLIENTS: usize = 8;
 pub(super) const COMMANDS_PER_CLIENT: usize = 2;
 
@@ -117,7 +117,7 @@ pub fn plan_service(
             .max_nodes(NODES)
             .open_or_create()
     };
-    open_service(node, PLAN, open, translate)
+    open_service(node, PLAN, open)
 }
 
 /// Opens `plan` as it is: the clients' side.
@@ -127,19 +127,18 @@ pub fn plan_service(
 pub fn open_plan_service(node: &IpcNode) -> Result<PlanService, IpcError> {
     let open = |builder: Builder<ipc::Service>| {
         let builder = builder.request_response::<PlanRequest, [Knot]>();
-        builder.response_user_header::<PlanReport>().open()
+        match builder.response_user_header::<PlanReport>().open() {
+            Ok(service) => Ok(Some(service)),
+            Err(RequestResponseOpenError::DoesNotExist) => Ok(None),
+            Err(error) => Err(RequestResponseOpenOrCreateError::RequestResponseOpenError(
+                error,
+            )),
+        }
     };
-    let translate = |service, error| match error {
-        RequestResponseOpenError::DoesNotExist => IpcError::Missing {
-            service,
-            creator: "the planner-daemon",
-        },
-        error => translate(
-            service,
-            RequestResponseOpenOrCreateError::RequestResponseOpenError(error),
-        ),
-    };
-    open_service(node, PLAN, open, translate)
+    open_service(node, PLAN, open)?.ok_or_else(|| IpcError::Missing {
+        service: node.options().service_name(PLAN),
+        creator: "the planner-daemon",
+    })
 }
 
 /// Makes the daemon's server, after cleaning up dead ones.
@@ -192,7 +191,7 @@ pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
             .max_nodes(NODES)
             .open_or_create()
     };
-    open_service(node, COMMAND, open, translate)
+    open_service(node, COMMAND, open)
 }
 
 /// Makes the controller's server of commands, after cleaning up dead ones.
@@ -216,12 +215,11 @@ pub fn command_client(node: &IpcNode, service: &CommandService) -> Result<Comman
     client(node, service, || service.client_builder().create())
 }
 
-/// Makes a client of `command` for a program that a person uses, like [`command_client`]: it leaves some places free for the
-/// processes that the robot needs.
+/// Makes a client of `command` for a program that a person uses: it leaves eight places free for daemon, controller and robot.
 ///
 /// # Errors
 /// As [`plan_client`].
-pub fn visiting_command_client(
+pub fn guest_command_client(
     node: &IpcNode,
     service: &CommandService,
 ) -> Result<CommandClient, IpcError> {
@@ -250,41 +248,4 @@ fn client<T>(
 ) -> Result<T, IpcError> {
     let full = ClientCreateError::ExceedsMaxSupportedClients;
     node.make_port(service, "client", create, &full)
-}
-
-fn translate(service: String, error: RequestResponseOpenOrCreateError) -> IpcError {
-    use RequestResponseOpenError as Open;
-    use RequestResponseOpenOrCreateError as Either;
-    let reason = format!("{error:?}");
-    match error {
-        Either::RequestResponseOpenError(Open::ServiceInCorruptedState | Open::VersionMismatch)
-        | Either::RequestResponseCreateError(RequestResponseCreateError::ServiceInCorruptedState) => {
-            IpcError::OtherLibraryVersion { service, reason }
-        }
-        Either::RequestResponseOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
-            service,
-            port: "process",
-            users: Vec::new(),
-        },
-        Either::RequestResponseOpenError(
-            Open::IncompatibleRequestOrResponseType
-            | Open::IncompatibleMessagingPattern
-            | Open::IncompatibleAttributes
-            | Open::IncompatibleOverflowBehaviorForRequests
-            | Open::IncompatibleOverflowBehaviorForResponses
-            | Open::IncompatibleBehaviorForFireAndForgetRequests
-            | Open::DoesNotSupportRequestedAmountOfClientRequestLoans
-            | Open::DoesNotSupportRequestedAmountOfActiveRequestsPerClient
-            | Open::DoesNotSupportRequestedResponseBufferSize
-            | Open::DoesNotSupportRequestedAmountOfServers
-            | Open::DoesNotSupportRequestedAmountOfClients
-            | Open::DoesNotSupportRequestedAmountOfNodes
-            | Open::DoesNotSupportRequestedAmountOfBorrowedResponsesPerPendingResponse,
-        ) => IpcError::Incompatible { service, reason },
-        _ => IpcError::Failed {
-            service,
-            what: "as a whole",
-            reason,
-        },
-    }
 }

@@ -3,10 +3,10 @@
 //! Programs that have only iceoryx2 0.10.0 wait for such memory without end, whatever its time limits say: the case
 //! `MappingSizeIsZero` of `open_impl` in `iceoryx2-cal/src/dynamic_storage/posix_shared_memory.rs` is the only one without a limit.
 //! Opening a service, connecting two ports, and cleaning up after the dead all go through there. For this project's processes
-//! it is memory that may not be read yet ([`super::own_memory`]), which iceoryx2 waits for as long as it is told to; but it
+//! it is memory that may not be read yet ([`super::shm_override`]), which iceoryx2 waits for as long as it is told to; but it
 //! stays until its name is gone.
 //!
-//! A maker that was only stopped keeps what it makes: it has it open ([`super::open_elsewhere`]).
+//! A maker that was only stopped keeps what it makes: it has it open ([`super::write_lease`]).
 
 use std::collections::HashMap;
 use std::ffi::{OsStr, OsString};
@@ -24,8 +24,8 @@ use rustix::process::geteuid;
 
 use super::IpcOptions;
 use super::node_counter::is_of_one_node;
-use super::open_elsewhere::Sole;
-use super::own_memory::FOLDER;
+use super::shm_override::FOLDER;
+use super::write_lease::WriteLease;
 
 /// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(200);
@@ -93,12 +93,12 @@ fn remove_abandoned(prefix: &str, path: &Path) -> io::Result<()> {
     let mut options = OpenOptions::new();
     let options = options.write(true).custom_flags(flags.bits().cast_signed());
     let file = options.open(path)?;
-    let _sole = match Sole::of(&file) {
+    let _lease = match WriteLease::of(&file) {
         Err(error) if error.kind() == ErrorKind::WouldBlock && !is_connection(path) => {
             return Err(error);
         }
         // Where the system has no leases, age alone decides.
-        sole => sole.ok(),
+        lease => lease.ok(),
     };
     // Since it was listed it may have been finished, or made anew.
     let (data, named) = (file.metadata()?, fs::symlink_metadata(path)?);

@@ -1,4 +1,4 @@
-//! Publish–subscribe services: every side opens or creates them with the same qualities.
+//! Publish–subscribe services: every side opens or creates them with the same settings.
 
 use std::fmt::Debug;
 
@@ -11,10 +11,7 @@ use iceoryx2::prelude::{
     ZeroCopySend, ipc,
 };
 use iceoryx2::service::builder::Builder as ServiceBuilder;
-use iceoryx2::service::builder::publish_subscribe::{
-    Builder, PublishSubscribeCreateError, PublishSubscribeOpenError,
-    PublishSubscribeOpenOrCreateError,
-};
+use iceoryx2::service::builder::publish_subscribe::Builder;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 
 use super::opening::{NODES, open_service};
@@ -29,14 +26,14 @@ pub const CYCLES_PER_BATCH: usize = 64;
 /// Samples that a publisher may prepare at once, and that a subscriber may hold at once.
 pub(super) const LOANS: usize = 2;
 
-/// Places of a service that every visitor leaves free for daemon, controller and robot.
+/// Places of a service that every guest leaves free for daemon, controller and robot.
 const ROBOT_PLACES: usize = 2;
 
 /// Sends `T`; create it in the thread that uses it.
 pub type Publisher<T> = publisher::Publisher<ipc::Service, T, ()>;
 /// Receives `T`; create it in the thread that uses it.
 pub type Subscriber<T> = subscriber::Subscriber<ipc::Service, T, ()>;
-/// Most samples that [`newest`] takes: more than can wait, so that who sends without end holds nobody who receives.
+/// Most samples that [`newest`] takes: more than can wait, so that an endless sender cannot hold the receiver.
 const TAKEN_AT_ONCE: usize = 64;
 
 /// A copy of the newest sample that waits, if any; the older ones are passed over.
@@ -59,119 +56,100 @@ pub type CycleSubscriber = Subscriber<[Cycle]>;
 /// The service of batches of cycles.
 pub type CycleTopic = Topic<[Cycle]>;
 
-/// What a publish–subscribe service guarantees, the same for everyone who opens it.
+/// The settings of a publish–subscribe service, equal in every program that opens it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Qualities {
+pub(super) struct TopicSettings {
     pub(super) name: &'static str,
     pub(super) publishers: usize,
-    /// Places of publishers that [`visiting_publisher`] leaves free.
+    /// Places of publishers that [`guest_publisher`] leaves free.
     pub(super) reserved_publishers: usize,
     pub(super) subscribers: usize,
-    /// Places of subscribers that [`watching_subscriber`] leaves free: programs that act get one however many watch.
+    /// Places of subscribers that [`observer_subscriber`] leaves free: programs that act get one however many watch.
     pub(super) reserved_subscribers: usize,
     pub(super) history: usize,
     pub(super) buffer: usize,
     pub(super) slice: usize,
 }
 
-/// `trajectory`: one publisher, a late controller gets the last one.
-pub(super) const TRAJECTORY: Qualities = Qualities {
-    name: "trajectory",
+/// One publisher; single samples without history.
+const ONE_PUBLISHER: TopicSettings = TopicSettings {
+    name: "",
     publishers: 1,
     reserved_publishers: 0,
     subscribers: 8,
     reserved_subscribers: 2,
+    history: 0,
+    buffer: 8,
+    slice: 1,
+};
+/// `trajectory`: one publisher, a late controller gets the last one.
+pub(super) const TRAJECTORY: TopicSettings = TopicSettings {
+    name: "trajectory",
     history: 1,
     buffer: 4,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 /// `setpoint`: one publisher.
-pub(super) const SETPOINT: Qualities = Qualities {
+pub(super) const SETPOINT: TopicSettings = TopicSettings {
     name: "setpoint",
-    publishers: 1,
-    reserved_publishers: 0,
-    subscribers: 8,
-    reserved_subscribers: 2,
-    history: 0,
-    buffer: 8,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 /// `robot_state`: one publisher.
-pub(super) const ROBOT_STATE: Qualities = Qualities {
+pub(super) const ROBOT_STATE: TopicSettings = TopicSettings {
     name: "robot_state",
-    publishers: 1,
-    reserved_publishers: 0,
     subscribers: 32,
     reserved_subscribers: 8,
     history: 1,
-    buffer: 8,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 /// `controller_state`: one publisher.
-pub(super) const CONTROLLER_STATE: Qualities = Qualities {
+pub(super) const CONTROLLER_STATE: TopicSettings = TopicSettings {
     name: "controller_state",
-    publishers: 1,
-    reserved_publishers: 0,
-    subscribers: 32,
-    reserved_subscribers: 8,
-    history: 1,
-    buffer: 8,
-    slice: 1,
+    ..ROBOT_STATE
 };
 /// `cycle`: one publisher; the buffer holds 0.64 s of batches every 10 ms.
-pub(super) const CYCLE: Qualities = Qualities {
+pub(super) const CYCLE: TopicSettings = TopicSettings {
     name: "cycle",
-    publishers: 1,
-    reserved_publishers: 0,
     subscribers: 4,
     reserved_subscribers: 0,
-    history: 0,
     buffer: 64,
     slice: CYCLES_PER_BATCH,
+    ..ONE_PUBLISHER
 };
-/// `scene`: who sees the obstacles publishes them; a late daemon gets each publisher's last one. Who signs off one of four sources
-/// that hang finds a place.
-pub(super) const SCENE: Qualities = Qualities {
+/// `scene`: up to four sources, and a place for the program that signs off one of four that hang; a late daemon gets each
+/// publisher's last scene.
+pub(super) const SCENE: TopicSettings = TopicSettings {
     name: "scene",
     publishers: 5,
     reserved_publishers: 1,
-    subscribers: 8,
-    reserved_subscribers: 2,
     history: 1,
     buffer: 2,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 /// `scene_status`: one publisher.
-pub(super) const SCENE_STATUS: Qualities = Qualities {
+pub(super) const SCENE_STATUS: TopicSettings = TopicSettings {
     name: "scene_status",
-    publishers: 1,
-    reserved_publishers: 0,
-    subscribers: 8,
-    reserved_subscribers: 2,
-    history: 0,
     buffer: 32,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 /// `heartbeat`: one publisher a process.
-pub(super) const HEARTBEAT: Qualities = Qualities {
+pub(super) const HEARTBEAT: TopicSettings = TopicSettings {
     name: "heartbeat",
     publishers: 8,
-    reserved_publishers: 0,
     subscribers: 16,
     reserved_subscribers: 4,
-    history: 0,
     buffer: 16,
-    slice: 1,
+    ..ONE_PUBLISHER
 };
 
 /// An open publish–subscribe service: what its ports are made from.
 #[derive(Debug)]
 pub struct Topic<T: Debug + IceoryxSend + ?Sized> {
     service: PortFactory<ipc::Service, T, ()>,
-    qualities: Qualities,
+    settings: TopicSettings,
 }
 
-/// A publisher that is there: it was not dropped, and where its process was killed, nobody has cleaned up after it yet.
+/// A publisher that was not dropped; where its process was killed, it is listed until it is cleaned up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PresentPublisher {
     /// What its samples name as their origin ([`iceoryx2::sample::Sample::origin`]).
@@ -181,7 +159,7 @@ pub struct PresentPublisher {
 }
 
 impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
-    /// Writes all publishers that are there into `present`, also those that were never heard.
+    /// Writes all listed publishers into `present`, those that have sent nothing included.
     pub fn list_publishers(&self, present: &mut Vec<PresentPublisher>) {
         present.clear();
         self.service.dynamic_config().list_publishers(|details| {
@@ -195,7 +173,7 @@ impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
         });
     }
 
-    /// Subscribers that are there.
+    /// Number of subscribers, dead ones that were not cleaned up included.
     #[must_use]
     pub fn number_of_subscribers(&self) -> usize {
         self.service.dynamic_config().number_of_subscribers()
@@ -203,17 +181,17 @@ impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
 }
 
 macro_rules! topic_functions {
-    ($($(#[$attribute:meta])* $function:ident: $message:ty = $qualities:ident;)*) => { $(
+    ($($(#[$attribute:meta])* $function:ident: $message:ty = $settings:ident;)*) => { $(
         $(#[$attribute])*
         ///
         /// # Errors
         /// [`IpcError`]: the service cannot be opened and not be created.
         pub fn $function(node: &IpcNode) -> Result<Topic<$message>, IpcError> {
             let open = |builder: ServiceBuilder<ipc::Service>| {
-                with_qualities(builder.publish_subscribe::<$message>(), &$qualities).open_or_create()
+                with_settings(builder.publish_subscribe::<$message>(), &$settings).open_or_create()
             };
-            let service = open_service(node, $qualities.name, open, translate)?;
-            Ok(Topic { service, qualities: $qualities })
+            let service = open_service(node, $settings.name, open)?;
+            Ok(Topic { service, settings: $settings })
         }
     )* };
 }
@@ -229,7 +207,7 @@ topic_functions! {
     controller_state_service: ControllerState = CONTROLLER_STATE;
     /// Opens `cycle`: batches of at most [`CYCLES_PER_BATCH`]; publisher: the controller's relay thread.
     cycle_service: [Cycle] = CYCLE;
-    /// Opens `scene`: all obstacles that a source knows of; publishers: whoever sees them.
+    /// Opens `scene`: all obstacles that a source knows of; publishers: the sources.
     scene_service: SceneMessage = SCENE;
     /// Opens `scene_status`: what became of each scene; publisher: the daemon.
     scene_status_service: SceneStatus = SCENE_STATUS;
@@ -237,21 +215,21 @@ topic_functions! {
     heartbeat_service: Heartbeat = HEARTBEAT;
 }
 
-fn with_qualities<T: Debug + IceoryxSend + ?Sized>(
+fn with_settings<T: Debug + IceoryxSend + ?Sized>(
     builder: Builder<T, (), ipc::Service>,
-    qualities: &Qualities,
+    settings: &TopicSettings,
 ) -> Builder<T, (), ipc::Service> {
     builder
         .enable_safe_overflow(true)
-        .max_publishers(qualities.publishers)
-        .max_subscribers(qualities.subscribers)
+        .max_publishers(settings.publishers)
+        .max_subscribers(settings.subscribers)
         .max_nodes(NODES)
-        .history_size(qualities.history)
-        .subscriber_max_buffer_size(qualities.buffer)
+        .history_size(settings.history)
+        .subscriber_max_buffer_size(settings.buffer)
         .subscriber_max_borrowed_samples(LOANS)
 }
 
-/// Makes a publisher, after cleaning up dead ones that hold its place.
+/// Makes a publisher, after cleaning up dead ones that hold all places.
 ///
 /// A full receiver loses its oldest sample; sending never waits.
 ///
@@ -264,16 +242,16 @@ pub fn publisher<T: Debug + ZeroCopySend>(
     any_publisher(node, topic, 0)
 }
 
-/// Makes a publisher for one of many programs that have something to say, like [`publisher()`]: it leaves a place free for who has to
-/// put in order what they leave behind.
+/// Makes a publisher that takes none of the service's reserved places, for programs that come and go; the reserved ones stay free for
+/// the program that signs off a hanging one.
 ///
 /// # Errors
 /// As [`publisher()`].
-pub fn visiting_publisher<T: Debug + ZeroCopySend>(
+pub fn guest_publisher<T: Debug + ZeroCopySend>(
     node: &IpcNode,
     topic: &Topic<T>,
 ) -> Result<Publisher<T>, IpcError> {
-    any_publisher(node, topic, topic.qualities.reserved_publishers)
+    any_publisher(node, topic, topic.settings.reserved_publishers)
 }
 
 /// Makes a publisher that leaves `reserved` places free.
@@ -285,7 +263,7 @@ fn any_publisher<T: Debug + ZeroCopySend>(
     let full = PublisherCreateError::ExceedsMaxSupportedPublishers;
     let create = || {
         let taken = topic.service.dynamic_config().number_of_publishers();
-        if taken + reserved >= topic.qualities.publishers {
+        if taken + reserved >= topic.settings.publishers {
             return Err(full);
         }
         let builder = topic.service.publisher_builder().max_loaned_samples(LOANS);
@@ -318,43 +296,33 @@ pub fn cycle_publisher(node: &IpcNode, topic: &CycleTopic) -> Result<CyclePublis
 ///
 /// # Errors
 /// [`IpcError::Full`] if live processes hold all places, or [`IpcError::Failed`].
-pub fn subscriber<T: Debug + ZeroCopySend>(
+pub fn subscriber<T: Debug + IceoryxSend + ?Sized>(
     node: &IpcNode,
     topic: &Topic<T>,
 ) -> Result<Subscriber<T>, IpcError> {
     any_subscriber(node, topic, 0)
 }
 
-/// Makes a subscriber for a program that comes and goes, like [`subscriber()`]: it leaves two places free for the processes that
-/// the robot needs.
+/// Makes a subscriber for a program that comes and goes: it leaves two places free for daemon, controller and robot.
 ///
 /// # Errors
 /// As [`subscriber()`].
-pub fn visiting_subscriber<T: Debug + ZeroCopySend>(
+pub fn guest_subscriber<T: Debug + ZeroCopySend>(
     node: &IpcNode,
     topic: &Topic<T>,
 ) -> Result<Subscriber<T>, IpcError> {
     any_subscriber(node, topic, ROBOT_PLACES)
 }
 
-/// Makes a subscriber for a program that only watches, like [`visiting_subscriber()`]: it leaves some places free for programs
-/// that act as well.
+/// Makes a subscriber for a program that only watches: it leaves places free for programs that act as well.
 ///
 /// # Errors
 /// As [`subscriber()`].
-pub fn watching_subscriber<T: Debug + ZeroCopySend>(
+pub fn observer_subscriber<T: Debug + ZeroCopySend>(
     node: &IpcNode,
     topic: &Topic<T>,
 ) -> Result<Subscriber<T>, IpcError> {
-    any_subscriber(node, topic, topic.qualities.reserved_subscribers)
-}
-
-/// Makes a subscriber of cycles, like [`subscriber()`].
-///
-/// # Errors
-/// As [`subscriber()`].
-pub fn cycle_subscriber(node: &IpcNode, topic: &CycleTopic) -> Result<CycleSubscriber, IpcError> {
-    any_subscriber(node, topic, 0)
+    any_subscriber(node, topic, topic.settings.reserved_subscribers)
 }
 
 /// Makes a subscriber that leaves `reserved` places free.
@@ -366,47 +334,11 @@ fn any_subscriber<T: Debug + IceoryxSend + ?Sized>(
     let full = SubscriberCreateError::ExceedsMaxSupportedSubscribers;
     let create = || {
         let taken = topic.service.dynamic_config().number_of_subscribers();
-        if taken + reserved >= topic.qualities.subscribers {
+        if taken + reserved >= topic.settings.subscribers {
             return Err(full);
         }
         let builder = topic.service.subscriber_builder();
-        builder.buffer_size(topic.qualities.buffer).create()
+        builder.buffer_size(topic.settings.buffer).create()
     };
     node.make_port(&topic.service, "subscriber", create, &full)
-}
-
-fn translate(service: String, error: PublishSubscribeOpenOrCreateError) -> IpcError {
-    use PublishSubscribeOpenError as Open;
-    use PublishSubscribeOpenOrCreateError as Either;
-    let reason = format!("{error:?}");
-    match error {
-        Either::PublishSubscribeOpenError(
-            Open::ServiceInCorruptedState | Open::VersionMismatch,
-        )
-        | Either::PublishSubscribeCreateError(
-            PublishSubscribeCreateError::ServiceInCorruptedState,
-        ) => IpcError::OtherLibraryVersion { service, reason },
-        Either::PublishSubscribeOpenError(Open::ExceedsMaxNumberOfNodes) => IpcError::Full {
-            service,
-            port: "process",
-            users: Vec::new(),
-        },
-        Either::PublishSubscribeOpenError(
-            Open::IncompatibleTypes
-            | Open::IncompatibleMessagingPattern
-            | Open::IncompatibleAttributes
-            | Open::DoesNotSupportRequestedMinBufferSize
-            | Open::DoesNotSupportRequestedMinHistorySize
-            | Open::DoesNotSupportRequestedMinSubscriberBorrowedSamples
-            | Open::DoesNotSupportRequestedAmountOfPublishers
-            | Open::DoesNotSupportRequestedAmountOfSubscribers
-            | Open::DoesNotSupportRequestedAmountOfNodes
-            | Open::IncompatibleOverflowBehavior,
-        ) => IpcError::Incompatible { service, reason },
-        _ => IpcError::Failed {
-            service,
-            what: "as a whole",
-            reason,
-        },
-    }
 }

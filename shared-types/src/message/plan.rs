@@ -49,7 +49,7 @@ wire_message! {
         /// The candidate of the previous plan that is being followed, if one is named below; [`NONE_SELECTED`]: the one
         /// that was selected.
         pub previous_candidate: u32,
-        /// The plan to go on from: [`PlanReport::plan_id`] of one of the last [`crate::capacity::KEPT_PLANS`] whole answers with
+        /// The plan to go on from: [`PlanReport::plan_id`] of one of the last [`crate::capacity::RECENT_PLANS`] whole answers with
         /// candidates; 0: none.
         pub previous_plan_id: u64,
         /// Configuration at the begin, radians.

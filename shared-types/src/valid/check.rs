@@ -87,6 +87,12 @@ impl Quantity {
         };
         check_range(value, -most, most, allowed)
     }
+
+    /// The first value that is not acceptable.
+    pub(super) fn check_all(self, values: &[f64]) -> Result<(), Reason> {
+        let mut values = values.iter();
+        values.try_for_each(|&value| self.check(value).map(drop))
+    }
 }
 
 /// A length that is not negative.

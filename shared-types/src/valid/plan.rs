@@ -196,9 +196,8 @@ fn selection(
 }
 
 fn check_start(request: &PlanRequest) -> Result<(), Invalid> {
-    let check = |field, values, quantity| check_array(field, values, quantity).map(drop);
-    let shape = &request.start_configuration_rad;
-    check("start_configuration_rad", shape, Quantity::Angle)?;
+    let start = &request.start_configuration_rad;
+    check_array("start_configuration_rad", start, Quantity::Angle)?;
     for (field, rates) in [
         ("start_velocity_rad_s", &request.start_velocity_rad_s),
         (
@@ -206,7 +205,7 @@ fn check_start(request: &PlanRequest) -> Result<(), Invalid> {
             &request.start_acceleration_rad_s2,
         ),
     ] {
-        check(field, rates, Quantity::Rate)?;
+        check_array(field, rates, Quantity::Rate)?;
         let moving = rates.iter().position(|&rate| rate != 0.0);
         if let Some(index) = moving.filter(|_| request.execute) {
             let what = "executing a plan that begins in motion";
@@ -272,11 +271,8 @@ fn balls(wire: &message::PlanRequest) -> Result<Vec<Ball>, Invalid> {
     let count = check_count("ball_count", wire.ball_count, 0, MAX_BALLS)?;
     let balls = wire.balls[..count].to_vec();
     for (index, ball) in balls.iter().enumerate() {
-        let centre = ball
-            .centre_m
-            .iter()
-            .try_for_each(|&value| Quantity::Length.check(value).map(drop));
-        centre
+        Quantity::Length
+            .check_all(&ball.centre_m)
             .and(check_radius(ball.radius_m))
             .map_err(|reason| invalid_at("balls", index, reason))?;
     }

@@ -112,13 +112,9 @@ impl TryFrom<&SceneMessage> for Scene {
         let count = check_count("ball_count", wire.ball_count, 0, MAX_SCENE_BALLS)?;
         let balls = wire.balls[..count].to_vec();
         for (index, ball) in balls.iter().enumerate() {
-            let check = |values: &[f64], quantity: Quantity| {
-                values
-                    .iter()
-                    .try_for_each(|&value| quantity.check(value).map(drop))
-            };
-            check(&ball.centre_m, Quantity::Length)
-                .and_then(|()| check(&ball.velocity_m_s, Quantity::Rate))
+            Quantity::Length
+                .check_all(&ball.centre_m)
+                .and_then(|()| Quantity::Rate.check_all(&ball.velocity_m_s))
                 .and_then(|()| check_radius(ball.radius_m))
                 .map_err(|reason| invalid_at("balls", index, reason))?;
         }

@@ -7,6 +7,13 @@ use super::invalid::{Invalid, Reason, invalid};
 use crate::codes::{LoopFault, LoopState, MotorFault, MotorState, Refusal, Waiting};
 use crate::message;
 
+/// Checks that the numbers of array fields are finite and of a magnitude that arithmetic survives; returns the first error.
+macro_rules! check_arrays {
+    ($values:ident { $($field:ident: $quantity:ident,)* }) => {
+        $(check_array(stringify!($field), &$values.$field, Quantity::$quantity)?;)*
+    };
+}
+
 /// A set-point that a motor may consider.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setpoint {
@@ -22,13 +29,11 @@ impl TryFrom<&message::Setpoint> for Setpoint {
     fn try_from(wire: &message::Setpoint) -> Result<Self, Invalid> {
         let values = *wire;
         check_stamp("stamp_mono_ns", values.stamp_mono_ns)?;
-        check_array("position_m", &values.position_m, Quantity::Length)?;
-        check_array("velocity_m_s", &values.velocity_m_s, Quantity::Rate)?;
-        check_array(
-            "acceleration_m_s2",
-            &values.acceleration_m_s2,
-            Quantity::Rate,
-        )?;
+        check_arrays!(values {
+            position_m: Length,
+            velocity_m_s: Rate,
+            acceleration_m_s2: Rate,
+        });
         Ok(Self {
             state: check_code("state", values.state)?,
             values,
@@ -53,26 +58,12 @@ impl TryFrom<&message::RobotState> for RobotState {
     fn try_from(wire: &message::RobotState) -> Result<Self, Invalid> {
         let values = *wire;
         check_stamp("stamp_mono_ns", values.stamp_mono_ns)?;
-        check_array(
-            "accepted_setpoint_m",
-            &values.accepted_setpoint_m,
-            Quantity::Length,
-        )?;
-        check_array(
-            "accepted_velocity_m_s",
-            &values.accepted_velocity_m_s,
-            Quantity::Rate,
-        )?;
-        check_array(
-            "measured_tendon_m",
-            &values.measured_tendon_m,
-            Quantity::Length,
-        )?;
-        check_array(
-            "measured_configuration_rad",
-            &values.measured_configuration_rad,
-            Quantity::Angle,
-        )?;
+        check_arrays!(values {
+            accepted_setpoint_m: Length,
+            accepted_velocity_m_s: Rate,
+            measured_tendon_m: Length,
+            measured_configuration_rad: Angle,
+        });
         let (state, fault) = (
             check_code("state", values.state)?,
             check_code("fault", values.fault)?,
@@ -106,26 +97,12 @@ impl TryFrom<&message::ControllerState> for ControllerState {
     fn try_from(wire: &message::ControllerState) -> Result<Self, Invalid> {
         let values = *wire;
         check_stamp("stamp_mono_ns", values.stamp_mono_ns)?;
-        check_array(
-            "commanded_configuration_rad",
-            &values.commanded_configuration_rad,
-            Quantity::Angle,
-        )?;
-        check_array(
-            "commanded_velocity_rad_s",
-            &values.commanded_velocity_rad_s,
-            Quantity::Rate,
-        )?;
-        check_array(
-            "commanded_tendon_m",
-            &values.commanded_tendon_m,
-            Quantity::Length,
-        )?;
-        check_array(
-            "measured_configuration_rad",
-            &values.measured_configuration_rad,
-            Quantity::Angle,
-        )?;
+        check_arrays!(values {
+            commanded_configuration_rad: Angle,
+            commanded_velocity_rad_s: Rate,
+            commanded_tendon_m: Length,
+            measured_configuration_rad: Angle,
+        });
         check_finite("tracking_error_rad", values.tracking_error_rad)?;
         check_finite("slack_residual_m", values.slack_residual_m)?;
         check_finite("splice_error_m", values.splice_error_m)?;
@@ -159,32 +136,14 @@ impl TryFrom<&message::Cycle> for Cycle {
     fn try_from(wire: &message::Cycle) -> Result<Self, Invalid> {
         let values = *wire;
         check_stamp("stamp_mono_ns", values.stamp_mono_ns)?;
-        check_array("setpoint_m", &values.setpoint_m, Quantity::Length)?;
-        check_array(
-            "setpoint_velocity_m_s",
-            &values.setpoint_velocity_m_s,
-            Quantity::Rate,
-        )?;
-        check_array(
-            "setpoint_acceleration_m_s2",
-            &values.setpoint_acceleration_m_s2,
-            Quantity::Rate,
-        )?;
-        check_array(
-            "measured_tendon_m",
-            &values.measured_tendon_m,
-            Quantity::Length,
-        )?;
-        check_array(
-            "commanded_configuration_rad",
-            &values.commanded_configuration_rad,
-            Quantity::Angle,
-        )?;
-        check_array(
-            "measured_configuration_rad",
-            &values.measured_configuration_rad,
-            Quantity::Angle,
-        )?;
+        check_arrays!(values {
+            setpoint_m: Length,
+            setpoint_velocity_m_s: Rate,
+            setpoint_acceleration_m_s2: Rate,
+            measured_tendon_m: Length,
+            commanded_configuration_rad: Angle,
+            measured_configuration_rad: Angle,
+        });
         Ok(Self {
             state: check_code("state", values.state)?,
             values,

@@ -93,13 +93,9 @@ fn check_knot(knot: &Knot, previous: Option<f64>) -> Result<(), Reason> {
         }
         _ => {}
     }
-    let rates = knot.velocity_rad_s.iter().chain(&knot.acceleration_rad_s2);
-    knot.configuration_rad
-        .iter()
-        .try_for_each(|&value| Quantity::Angle.check(value).map(drop))?;
-    rates
-        .copied()
-        .try_for_each(|value| Quantity::Rate.check(value).map(drop))
+    Quantity::Angle.check_all(&knot.configuration_rad)?;
+    Quantity::Rate.check_all(&knot.velocity_rad_s)?;
+    Quantity::Rate.check_all(&knot.acceleration_rad_s2)
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use crate::foreign_orders::ForeignOrders;
 use anyhow::{Context, bail};
 use client::ControllerView;
-use shared_types::clock::mono_now_ns;
+use shared_types::clock::{STATE_LIFETIME_NS, mono_now_ns};
 use shared_types::codes::{LoopState, Waiting};
 use shared_types::ipc::IpcOptions;
 use shared_types::valid::ControllerState;
@@ -11,9 +11,6 @@ use std::time::{Duration, Instant};
 
 /// How long a running daemon and controller may take to show up or to reply.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(5);
-/// Age at which a controller's state says nothing of now, ns.
-const STATE_LIFETIME_NS: i64 = 200_000_000;
-
 /// Waits for the state of a controller that holds the robot at rest.
 ///
 /// # Errors

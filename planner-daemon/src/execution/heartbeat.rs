@@ -1,0 +1,189 @@
+//! The heartbeat thread and the cleaning thread, which no plan delays.
+
+use std::io;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::thread::{Builder, JoinHandle, sleep};
+use std::time::Duration;
+
+use realtime::{RealtimeError, use_fifo_priority, use_idle_policy};
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::ProcessKind;
+use shared_types::ipc::{
+    IpcError, IpcNode, IpcOptions, Publisher, heartbeat_service, publisher, spawn_with_ports,
+};
+use shared_types::message::Heartbeat;
+
+use crate::live_scene::SceneMemoryError;
+
+/// Time between two heartbeats.
+const BEAT_PERIOD: Duration = Duration::from_millis(10);
+/// Time between two looks for dead processes.
+const CLEANUP_PERIOD: Duration = Duration::from_millis(100);
+/// Beats without progress of supervision after which the heart stops: 100 ms.
+const STALL_BEATS: u32 = 10;
+/// From the last progress of supervision to the last heartbeat, at most, nanoseconds.
+pub(crate) const STALL_NS: i64 = STALL_BEATS as i64 * BEAT_PERIOD.as_nanos() as i64;
+
+/// Why the background threads did not start.
+#[derive(Debug, thiserror::Error)]
+pub enum BackgroundError {
+    /// The services are not available.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// The system has no more threads.
+    #[error("cannot start a thread: {0}")]
+    Thread(#[from] io::Error),
+    /// The system takes a priority back that it granted.
+    #[error(transparent)]
+    Priority(#[from] RealtimeError),
+    /// The file that keeps the live scene for the next daemon cannot be used.
+    #[error(transparent)]
+    SceneMemory(#[from] SceneMemoryError),
+}
+
+/// Counter of the rounds of supervision; heartbeats stop while it stands still.
+#[derive(Debug, Default)]
+pub(crate) struct ProgressCounter {
+    rounds: AtomicU64,
+}
+
+impl ProgressCounter {
+    /// States that supervision goes on.
+    pub(crate) fn increment(&self) {
+        self.rounds.fetch_add(1, Ordering::Relaxed);
+    }
+}
+
+/// Detects that the progress counter stands still. Time is counted in heartbeats, so that a pause of the whole machine is no stall.
+#[derive(Debug, Default)]
+struct StallWatch {
+    seen_rounds: u64,
+    beats_without: u32,
+}
+
+impl StallWatch {
+    /// Whether supervision goes on.
+    fn sees(&mut self, progress: &ProgressCounter) -> bool {
+        let rounds = progress.rounds.load(Ordering::Relaxed);
+        if rounds == self.seen_rounds {
+            self.beats_without = self.beats_without.saturating_add(1);
+        } else {
+            (self.seen_rounds, self.beats_without) = (rounds, 0);
+        }
+        self.beats_without < STALL_BEATS
+    }
+}
+
+/// The background threads; they end with this value.
+pub(crate) struct BackgroundThreads {
+    ended: Arc<AtomicBool>,
+    threads: Vec<JoinHandle<()>>,
+}
+
+impl BackgroundThreads {
+    /// Starts both threads, each with a node of its own; the heart beats for this `instance` of the daemon, at a real-time priority if
+    /// there is one.
+    pub(crate) fn start(
+        options: &IpcOptions,
+        instance: u64,
+        progress: &Arc<ProgressCounter>,
+        realtime_priority: Option<u8>,
+    ) -> Result<Self, BackgroundError> {
+        let mut background = Self {
+            ended: Arc::default(),
+            threads: Vec::new(),
+        };
+        let node = IpcNode::create(options, "planner-daemon heartbeat")?;
+        let (progress, ended) = (Arc::clone(progress), Arc::clone(&background.ended));
+        background.threads.push(spawn_with_ports(
+            "heartbeat",
+            move || heartbeat_port(&node, realtime_priority),
+            move |publisher| beat(&publisher, instance, &progress, &ended),
+        )?);
+        let node = IpcNode::create(options, "planner-daemon cleaning")?;
+        let ended = Arc::clone(&background.ended);
+        let cleaning = Builder::new().name("cleaning".to_owned());
+        let cleaning = cleaning.spawn(move || clean(&node, &ended))?;
+        background.threads.push(cleaning);
+        Ok(background)
+    }
+}
+
+impl Drop for BackgroundThreads {
+    fn drop(&mut self) {
+        self.ended.store(true, Ordering::Relaxed);
+        for thread in self.threads.drain(..) {
+            // A thread that panicked has said so already.
+            let _ = thread.join();
+        }
+    }
+}
+
+fn heartbeat_port(
+    node: &IpcNode,
+    realtime_priority: Option<u8>,
+) -> Result<Publisher<Heartbeat>, BackgroundError> {
+    if let Some(priority) = realtime_priority {
+        use_fifo_priority(priority)?;
+    }
+    Ok(publisher(node, &heartbeat_service(node)?)?)
+}
+
+fn beat(
+    publisher: &Publisher<Heartbeat>,
+    instance: u64,
+    progress: &ProgressCounter,
+    ended: &AtomicBool,
+) {
+    let (mut sequence, mut failing) = (0, false);
+    let mut stall_watch = StallWatch::default();
+    while !ended.load(Ordering::Relaxed) {
+        if stall_watch.sees(progress) {
+            sequence += 1;
+            let sent = publisher.send_copy(Heartbeat {
+                stamp_mono_ns: mono_now_ns(),
+                instance,
+                sequence,
+                kind: ProcessKind::Daemon.code(),
+                pid: std::process::id(),
+            });
+            if let Err(error) = &sent
+                && !failing
+            {
+                tracing::warn!("a heartbeat was not sent: {error:?}");
+            }
+            failing = sent.is_err();
+        }
+        sleep(BEAT_PERIOD);
+    }
+}
+
+/// Removes what dead processes left every 100 ms. One pass takes about a millisecond, so the thread has the idle policy.
+fn clean(node: &IpcNode, ended: &AtomicBool) {
+    if let Err(error) = use_idle_policy() {
+        tracing::warn!("answers may be a millisecond late now and then: {error}");
+    }
+    while !ended.load(Ordering::Relaxed) {
+        let removed = node.clean_dead_nodes();
+        if removed > 0 {
+            tracing::info!("cleaned up after {removed} dead nodes");
+        }
+        sleep(CLEANUP_PERIOD);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_heart_stops_when_supervision_does_and_beats_again_when_it_goes_on() {
+        let (progress, mut stall_watch) = (ProgressCounter::default(), StallWatch::default());
+        progress.increment();
+        assert!((0..STALL_BEATS).all(|_| stall_watch.sees(&progress)));
+        assert!(!stall_watch.sees(&progress));
+        progress.increment();
+        assert!(stall_watch.sees(&progress));
+    }
+}

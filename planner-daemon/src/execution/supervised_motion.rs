@@ -1,0 +1,341 @@
+//! The motion that was published last: its status at the controller, its place on its path, and the reason to stop it.
+
+use shared_types::clock::STATE_LIFETIME_NS;
+use shared_types::codes::LoopState;
+use shared_types::valid::ControllerState;
+use trajectory::Trajectory;
+
+use crate::live_scene::{Certificates, SceneAbsence};
+use crate::live_scene::{Stretch, Timing, UNSUPERVISED_S};
+
+/// Time after a motion's begin within which the controller must have started it, nanoseconds; else it is stopped.
+const START_TIMEOUT_NS: i64 = 300_000_000;
+
+/// Why a motion is stopped.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum StopReason {
+    /// An obstacle is in its way, or too near for a certificate.
+    #[error("the live scene is in the way at {at_s:.3} s of it")]
+    SceneInTheWay { at_s: f64 },
+    /// Nobody knows any more where the obstacles are.
+    #[error(transparent)]
+    NoScene(#[from] SceneAbsence),
+    /// Nobody knows where the robot is.
+    #[error("the controller has not said for 200 ms what it does")]
+    ControllerSilent,
+    /// The controller may still take it up, long after its begin.
+    #[error("the controller has not taken it up 300 ms after its begin")]
+    NotStarted,
+    /// It was published after the one who wanted it had been told that it was not.
+    #[error("nobody waits for it any more: supervision was held while it published it")]
+    CallerGone,
+    /// Another daemon has published it, or nobody knows who.
+    #[error("it is executed and nobody watches over it")]
+    Unsupervised,
+    /// Nobody would watch over it.
+    #[error("the daemon ends")]
+    DaemonEnds,
+}
+
+/// The motion that was published last. Only a fresh state of the controller ends it: without one it may be under way.
+#[derive(Debug)]
+pub(crate) struct SupervisedMotion {
+    pub(crate) id: u32,
+    pub(crate) motion: Trajectory,
+    pub(crate) certificates: Certificates,
+    /// The controller that it was published for.
+    controller_instance: u64,
+    begin_mono_ns: i64,
+    /// Longest duration of a stop on its path, the delay until braking begins included, s.
+    pub(crate) stopping_s: f64,
+    status: MotionStatus,
+    /// Stamp of the newest state received, nanoseconds of `CLOCK_MONOTONIC`.
+    state_mono_ns: i64,
+    /// The first reason to stop it.
+    stop: Option<StopReason>,
+}
+
+/// Status of a published motion at the controller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum MotionStatus {
+    /// The controller has not begun it yet.
+    Pending,
+    /// The controller executes it: it was at this path time, s, at its state's stamp.
+    Executing { time_s: f64, rate: f64 },
+    /// The controller brakes.
+    Stopping,
+    /// It has ended, for this reason.
+    Over(&'static str),
+}
+
+impl SupervisedMotion {
+    /// A motion that was just published for the controller of this instance.
+    pub(crate) fn new(
+        id: u32,
+        motion: Trajectory,
+        begin_mono_ns: i64,
+        controller_instance: u64,
+        certificates: Certificates,
+        stopping_s: f64,
+    ) -> Self {
+        Self {
+            id,
+            motion,
+            certificates,
+            controller_instance,
+            begin_mono_ns,
+            stopping_s,
+            status: MotionStatus::Pending,
+            state_mono_ns: i64::MIN,
+            stop: None,
+        }
+    }
+
+    /// Updates the status from a fresh state of the controller ([`is_fresh`]) and returns it.
+    pub(crate) fn update(&mut self, state: &ControllerState) -> MotionStatus {
+        self.state_mono_ns = state.values.stamp_mono_ns;
+        self.status = self.status_from(state);
+        self.status
+    }
+
+    fn status_from(&self, state: &ControllerState) -> MotionStatus {
+        let values = &state.values;
+        if values.instance != self.controller_instance {
+            return MotionStatus::Over("another controller is there, which refuses it");
+        }
+        let is_its_id = values.trajectory_id == self.id;
+        match state.state {
+            // Before all else: whatever else is said of it, it moves.
+            LoopState::Executing if is_its_id => MotionStatus::Executing {
+                time_s: values.trajectory_time_s,
+                rate: values.rate,
+            },
+            LoopState::Stopping if is_its_id => MotionStatus::Stopping,
+            _ if values.refused_trajectory_id == self.id => {
+                MotionStatus::Over(state.refusal.text())
+            }
+            _ if !is_its_id => MotionStatus::Pending,
+            LoopState::Holding if values.stamp_mono_ns < self.begin_mono_ns => {
+                MotionStatus::Pending
+            }
+            // Only `Holding` is left: the first two arms have taken the others.
+            LoopState::Executing | LoopState::Stopping | LoopState::Holding => {
+                MotionStatus::Over("the controller holds")
+            }
+            LoopState::Starting => MotionStatus::Over("the controller started again"),
+            LoopState::Fault => MotionStatus::Over("the controller is in fault"),
+        }
+    }
+
+    /// Whether the controller has not started it 300 ms after its begin. It has not ended: the controller may still start it.
+    pub(crate) fn is_overdue(&self) -> bool {
+        self.status == MotionStatus::Pending
+            && self.state_mono_ns >= self.begin_mono_ns.saturating_add(START_TIMEOUT_NS)
+    }
+
+    /// Its status by the last fresh state.
+    pub(crate) fn status(&self) -> MotionStatus {
+        self.status
+    }
+
+    /// Path time that has passed for certain, s, and the timing of the rest of the path.
+    pub(crate) fn progress(&self, now_mono_ns: i64) -> (f64, Timing) {
+        match self.status {
+            MotionStatus::Executing { time_s, rate } => {
+                (time_s, Timing::passing(time_s, self.state_mono_ns, rate))
+            }
+            // What has not begun when it should have lags.
+            _ => (0.0, Timing::from_begin(self.begin_mono_ns.max(now_mono_ns))),
+        }
+    }
+
+    /// The path that a slowed motion may pass at full rate from the last state on, until a state has reported the change, or the loss of
+    /// supervision has been noticed, and a stop has ended. None where the motion already runs at full rate or does not execute.
+    pub(crate) fn at_full_rate(&self) -> Option<Stretch> {
+        let MotionStatus::Executing { time_s, rate } = self.status else {
+            return None;
+        };
+        let ahead_s = STATE_LIFETIME_NS as f64 * 1e-9 + UNSUPERVISED_S + self.stopping_s;
+        (rate < 1.0).then(|| Stretch {
+            timing: Timing::passing(time_s, self.state_mono_ns, 1.0),
+            until_s: (time_s + ahead_s).min(self.motion.duration()),
+        })
+    }
+
+    /// Requests a stop; the first reason stays.
+    pub(crate) fn request_stop(&mut self, reason: StopReason) {
+        self.stop.get_or_insert(reason);
+    }
+
+    /// Why it is to be stopped, if it is.
+    pub(crate) fn stop_reason(&self) -> Option<StopReason> {
+        self.stop
+    }
+}
+
+/// Whether a controller's state is at most [`STATE_LIFETIME_NS`] old; one stamped in the future is not fresh.
+pub(crate) fn is_fresh(state: &ControllerState, now_mono_ns: i64) -> bool {
+    let age_ns = now_mono_ns.saturating_sub(state.values.stamp_mono_ns);
+    (0..=STATE_LIFETIME_NS).contains(&age_ns)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{controller_state, motion};
+    use shared_types::message;
+
+    const BEGIN: i64 = 10_000_000_000;
+    const CONTROLLER: u64 = 77;
+
+    fn supervised() -> SupervisedMotion {
+        SupervisedMotion::new(
+            7,
+            motion(),
+            BEGIN,
+            CONTROLLER,
+            Certificates::default(),
+            0.25,
+        )
+    }
+
+    fn state(change: impl Fn(&mut message::ControllerState)) -> ControllerState {
+        controller_state(|values| {
+            values.stamp_mono_ns = BEGIN;
+            values.instance = CONTROLLER;
+            values.trajectory_id = 7;
+            values.state = LoopState::Executing.code();
+            change(values);
+        })
+    }
+
+    fn update(change: impl Fn(&mut message::ControllerState)) -> MotionStatus {
+        supervised().update(&state(change))
+    }
+
+    #[test]
+    fn the_time_that_has_passed_is_the_one_heard_and_the_timing_follows_the_rate() {
+        let mut supervised = supervised();
+        let heard = state(|values| (values.trajectory_time_s, values.rate) = (1.5, 0.5));
+        supervised.update(&heard);
+        let (from_s, timing) = supervised.progress(BEGIN + 900_000_000);
+        assert_eq!(from_s, 1.5);
+        assert_eq!(timing, Timing::passing(1.5, BEGIN, 0.5));
+    }
+
+    #[test]
+    fn a_slow_motion_may_hurry_until_a_state_is_missed_and_a_stop_is_over() {
+        let mut supervised = supervised();
+        assert_eq!(supervised.at_full_rate(), None);
+        supervised.update(&state(|values| {
+            (values.trajectory_time_s, values.rate) = (0.5, 0.05);
+        }));
+        let at_full_rate = supervised.at_full_rate().unwrap();
+        assert_eq!(at_full_rate.timing, Timing::passing(0.5, BEGIN, 1.0));
+        assert!(
+            (at_full_rate.until_s - 1.3).abs() < 1e-12,
+            "{at_full_rate:?}"
+        );
+        supervised.update(&state(|values| values.rate = 1.0));
+        assert_eq!(supervised.at_full_rate(), None);
+    }
+
+    #[test]
+    fn a_motion_is_over_only_when_a_state_says_so() {
+        let over = |change: fn(&mut message::ControllerState)| {
+            let status = update(change);
+            assert!(matches!(status, MotionStatus::Over(_)), "{status:?}");
+            status
+        };
+        let refused = over(|values| {
+            (values.refused_trajectory_id, values.refusal) = (7, 5);
+            (values.trajectory_id, values.state) = (6, LoopState::Holding.code());
+        });
+        assert_eq!(refused, MotionStatus::Over("begins in the past"));
+        over(|values| values.instance = 78);
+        over(|values| values.state = LoopState::Holding.code());
+        over(|values| values.state = LoopState::Fault.code());
+        over(|values| values.state = LoopState::Starting.code());
+    }
+
+    #[test]
+    fn a_motion_that_is_executed_is_not_over_whatever_was_refused() {
+        let refused = |values: &mut message::ControllerState| values.refused_trajectory_id = 7;
+        let (time_s, rate) = (0.0, 0.0);
+        assert_eq!(update(refused), MotionStatus::Executing { time_s, rate });
+        let stopping = update(|values| {
+            refused(values);
+            values.state = LoopState::Stopping.code();
+        });
+        assert_eq!(stopping, MotionStatus::Stopping);
+    }
+
+    #[test]
+    fn a_motion_that_is_not_taken_up_is_overdue_and_not_over() {
+        let mut supervised = supervised();
+        let not_taken = |after_ns: i64| {
+            state(|values| {
+                (values.trajectory_id, values.state) = (6, LoopState::Holding.code());
+                values.stamp_mono_ns = BEGIN + after_ns;
+            })
+        };
+        assert!(!supervised.is_overdue());
+        assert_eq!(
+            supervised.update(&not_taken(START_TIMEOUT_NS - 1)),
+            MotionStatus::Pending
+        );
+        assert!(!supervised.is_overdue());
+        assert_eq!(
+            supervised.update(&not_taken(START_TIMEOUT_NS)),
+            MotionStatus::Pending
+        );
+        assert!(supervised.is_overdue());
+        supervised.update(&state(|values| {
+            values.stamp_mono_ns = BEGIN + START_TIMEOUT_NS
+        }));
+        assert!(!supervised.is_overdue());
+    }
+
+    #[test]
+    fn a_motion_that_nobody_speaks_of_stays_and_lags_once_it_should_have_begun() {
+        let supervised = supervised();
+        assert_eq!(supervised.status(), MotionStatus::Pending);
+        let late = BEGIN + 60_000_000_000;
+        assert_eq!(supervised.progress(late), (0.0, Timing::from_begin(late)));
+    }
+
+    #[test]
+    fn a_motion_is_awaited_until_it_has_begun() {
+        let holding = LoopState::Holding.code();
+        let before = update(|values| {
+            (values.state, values.stamp_mono_ns) = (holding, BEGIN - 1);
+        });
+        assert_eq!(before, MotionStatus::Pending);
+        let elsewhere = update(|values| {
+            (values.trajectory_id, values.state) = (6, holding);
+            values.stamp_mono_ns = BEGIN + START_TIMEOUT_NS - 1;
+        });
+        assert_eq!(elsewhere, MotionStatus::Pending);
+        assert_eq!(
+            update(|values| values.state = LoopState::Stopping.code()),
+            MotionStatus::Stopping
+        );
+    }
+
+    #[test]
+    fn the_first_reason_to_stop_stays() {
+        let mut supervised = supervised();
+        supervised.request_stop(StopReason::ControllerSilent);
+        supervised.request_stop(StopReason::DaemonEnds);
+        assert_eq!(supervised.stop_reason(), Some(StopReason::ControllerSilent));
+    }
+
+    #[test]
+    fn states_of_long_ago_and_of_the_future_say_nothing_of_now() {
+        let state = state(|_| ());
+        assert!(is_fresh(&state, BEGIN));
+        assert!(is_fresh(&state, BEGIN + STATE_LIFETIME_NS));
+        assert!(!is_fresh(&state, BEGIN + STATE_LIFETIME_NS + 1));
+        assert!(!is_fresh(&state, BEGIN - 1));
+    }
+}

@@ -1,0 +1,81 @@
+//! The handle of the supervision thread.
+
+use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use shared_types::clock::mono_now_ns;
+use shared_types::ipc::{IpcNode, IpcOptions, spawn_with_ports};
+
+use super::heartbeat::{BackgroundError, ProgressCounter};
+use super::refusal::ExecutionRefusal;
+use super::request::{ExecutionRequest, ReplySlot, SelectedMotion};
+use super::rules::ExecutionRules;
+use super::supervisor::Supervisor;
+use crate::live_scene::SceneMemory;
+
+/// Time within which supervision must publish a motion; later it refuses it. Heartbeats stop sooner where supervision stalls.
+const REPLY_TIMEOUT: Duration = Duration::from_millis(250);
+
+/// The handle of the supervision thread, which publishes motions and supervises them. Dropping it stops what moves and joins the thread.
+pub(crate) struct Execution {
+    to_supervision: Option<SyncSender<ExecutionRequest>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Execution {
+    /// Starts the thread, with a node of its own, at a real-time priority if there is one; `instance` is the daemon's in its heartbeat.
+    pub(crate) fn start(
+        options: &IpcOptions,
+        rules: ExecutionRules,
+        instance: u64,
+        progress: &Arc<ProgressCounter>,
+        realtime_priority: Option<u8>,
+    ) -> Result<Self, BackgroundError> {
+        let node = IpcNode::create(options, "planner-daemon supervision")?;
+        let (to_supervision, requests) = sync_channel(1);
+        let progress = Arc::clone(progress);
+        let memory = SceneMemory::open(options)?;
+        let open =
+            move || Supervisor::open(&node, memory, rules, instance, progress, realtime_priority);
+        let work = move |mut supervisor: Supervisor| supervisor.run(&requests);
+        let thread = spawn_with_ports("supervision", open, work)?;
+        Ok(Self {
+            to_supervision: Some(to_supervision),
+            thread: Some(thread),
+        })
+    }
+
+    /// Has the supervision thread check a motion against the controller and the live scene, publish it and supervise it; returns its id.
+    ///
+    /// # Errors
+    /// [`ExecutionRefusal`]: why it is not published.
+    pub(crate) fn publish(&self, selected: SelectedMotion) -> Result<u32, ExecutionRefusal> {
+        let (answer, answered) = sync_channel(1);
+        let slot = Arc::<ReplySlot>::default();
+        let requests = ExecutionRequest {
+            selected,
+            until_mono_ns: mono_now_ns() + REPLY_TIMEOUT.as_nanos() as i64,
+            slot: Arc::clone(&slot),
+            answer,
+        };
+        let ways = self.to_supervision.as_ref();
+        if ways.is_none_or(|way| way.try_send(requests).is_err()) {
+            return Err(ExecutionRefusal::SupervisionStalled);
+        }
+        let answered = answered.recv_timeout(2 * REPLY_TIMEOUT);
+        answered.unwrap_or_else(|_| slot.abandon().ok_or(ExecutionRefusal::SupervisionStalled))
+    }
+}
+
+impl Drop for Execution {
+    /// Supervision stops what moves before it ends.
+    fn drop(&mut self) {
+        self.to_supervision = None;
+        if let Some(thread) = self.thread.take() {
+            // A thread that panicked has said so already.
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,454 @@
+//! The supervision thread: publishes motions, receives the controller's state and the live scene, keeps the certificate of the motion
+//! under way up to date and orders stops. It never plans. The daemon's heartbeats end when its rounds do.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::time::{Duration, Instant};
+
+use collision::Verdict;
+use iceoryx2::port::update_connections::UpdateConnections;
+use realtime::{reduce_wakeup_latency, use_fifo_priority};
+use shared_types::PROTOCOL_VERSION;
+use shared_types::clock::{STATE_LIFETIME_NS, Suspension, mono_now_ns, suspended_ns, wall_now_ns};
+use shared_types::codes::LoopState;
+use shared_types::ipc::{
+    IpcNode, Publisher, Subscriber, controller_state_service, newest, publisher, subscriber,
+    trajectory_service,
+};
+use shared_types::message::{ControllerState, TrajectoryMessage};
+use shared_types::valid;
+
+use super::active_time::ActiveTime;
+use super::controller_check::check_controller;
+use super::heartbeat::{BackgroundError, ProgressCounter};
+use super::refusal::ExecutionRefusal;
+use super::request::{Begin, ExecutionRequest, SelectedMotion};
+use super::rules::ExecutionRules;
+use super::stop_order::StopOrder;
+use super::supervised_motion::{MotionStatus, StopReason, SupervisedMotion, is_fresh};
+use super::trajectory_id::next_id;
+use crate::knots;
+use crate::live_scene::SceneInbox;
+use crate::live_scene::Timing;
+use crate::live_scene::{
+    Arrival, Certificates, LiveScene, MAX_SOURCES, RemainingMotion, SceneMemory,
+};
+
+/// Period of the supervision loop.
+const ROUND_PERIOD: Duration = Duration::from_millis(1);
+/// Delay of a motion behind its schedule that its certificate at publication includes, s: shorter pauses need no stop.
+const LAG_ALLOWANCE_S: f64 = 0.2;
+/// Time beyond the longest stop for which the ending daemon waits until the motion under way has ended.
+const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Publishers and state of the thread.
+pub(crate) struct Supervisor {
+    rules: ExecutionRules,
+    /// The daemon's, as in its heartbeat.
+    instance: u64,
+    publisher: Publisher<TrajectoryMessage>,
+    states: Subscriber<ControllerState>,
+    inbox: SceneInbox,
+    stop_order: StopOrder,
+    progress: Arc<ProgressCounter>,
+    state: Option<valid::ControllerState>,
+    awake: ActiveTime,
+    suspension: Suspension,
+    /// Active time at which the last fresh state came, nanoseconds.
+    last_state_active_ns: i64,
+    live: LiveScene,
+    supervised: Option<SupervisedMotion>,
+    last_id: u32,
+    state_refused: bool,
+    late_controllers_fail: bool,
+}
+
+impl Supervisor {
+    /// Opens the services and makes the ports, which stay in this thread.
+    ///
+    /// # Errors
+    /// [`BackgroundError`]: a port, or a priority that was granted before.
+    pub(crate) fn open(
+        node: &IpcNode,
+        memory: SceneMemory,
+        rules: ExecutionRules,
+        instance: u64,
+        progress: Arc<ProgressCounter>,
+        realtime_priority: Option<u8>,
+    ) -> Result<Self, BackgroundError> {
+        if let Err(error) = reduce_wakeup_latency() {
+            tracing::warn!("orders to stop: {error}");
+        }
+        if let Some(priority) = realtime_priority {
+            use_fifo_priority(priority)?;
+        }
+        let (length_m, expected) = (rules.section_length_m, rules.scene_expected);
+        let live = LiveScene::recall(memory, length_m, expected, mono_now_ns());
+        Ok(Self {
+            rules,
+            instance,
+            publisher: publisher(node, &trajectory_service(node)?)?,
+            states: subscriber(node, &controller_state_service(node)?)?,
+            inbox: SceneInbox::open(node)?,
+            stop_order: StopOrder::open(node)?,
+            progress,
+            state: None,
+            awake: ActiveTime::from(mono_now_ns()),
+            suspension: Suspension::noticed(suspended_ns()),
+            last_state_active_ns: 0,
+            live,
+            supervised: None,
+            last_id: 0,
+            state_refused: false,
+            late_controllers_fail: false,
+        })
+    }
+
+    /// Supervises until the sender of requests is dropped; then stops the motion under way and returns once it has ended.
+    pub(crate) fn run(&mut self, requests: &Receiver<ExecutionRequest>) {
+        loop {
+            self.round();
+            match requests.recv_timeout(ROUND_PERIOD) {
+                Ok(requests) => self.answer(requests),
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+        }
+        let stopping_s = self.supervised.as_ref().map_or(0.0, |own| own.stopping_s);
+        let until = Instant::now() + SHUTDOWN_TIMEOUT + Duration::from_secs_f64(stopping_s);
+        while Instant::now() < until {
+            let is_silent = self.state_silence_ns() > STATE_LIFETIME_NS;
+            let Some(supervised) = self.supervised.as_mut().filter(|_| !is_silent) else {
+                // A controller that is held finds no daemon when it goes on, and stops.
+                return;
+            };
+            supervised.request_stop(StopReason::DaemonEnds);
+            self.round();
+            std::thread::sleep(ROUND_PERIOD);
+        }
+    }
+
+    fn answer(&mut self, requests: ExecutionRequest) {
+        let answer = self.take(requests.selected, requests.until_mono_ns);
+        if let Ok(id) = answer
+            && !requests.slot.deliver(id)
+            && let Some(supervised) = &mut self.supervised
+        {
+            supervised.request_stop(StopReason::CallerGone);
+        }
+        let _ = requests.answer.send(answer);
+    }
+
+    /// Active time since the last fresh state of the controller, nanoseconds.
+    fn state_silence_ns(&self) -> i64 {
+        self.awake.total_ns() - self.last_state_active_ns
+    }
+
+    /// One round of supervision: receives states and scenes, and checks the motion under way after each scene, so that many large scenes
+    /// delay a small one by no more than the work on one of them.
+    fn round(&mut self) {
+        self.connect();
+        self.receive_controller_state();
+        self.watch_suspension(suspended_ns());
+        self.live.attend(self.inbox.present(), mono_now_ns());
+        self.inbox.receive();
+        self.supervise();
+        for _ in 0..MAX_SOURCES {
+            let begun = mono_now_ns();
+            self.inbox.receive();
+            let Some(index) = self.inbox.next(begun) else {
+                break;
+            };
+            self.process_scene(index);
+            self.receive_controller_state();
+            self.supervise();
+            self.inbox.throttle(index, begun, mono_now_ns());
+        }
+    }
+
+    fn watch_suspension(&mut self, suspended_ns: i64) {
+        if self.suspension.is_longer(suspended_ns) {
+            tracing::warn!("the machine was suspended: no scene from before counts");
+            self.live.resume(suspended_ns, mono_now_ns());
+        }
+    }
+
+    fn connect(&mut self) {
+        let connected = self.publisher.update_connections();
+        if let Err(error) = &connected
+            && !self.late_controllers_fail
+        {
+            tracing::warn!("a late controller may miss trajectories: {error:?}");
+        }
+        self.late_controllers_fail = connected.is_err();
+    }
+
+    /// Receives the newest state of the controller, refused where it is malformed; only a fresh one ends the controller's silence.
+    fn receive_controller_state(&mut self) {
+        let newest = newest(&self.states);
+        let now = mono_now_ns();
+        self.awake.look(now);
+        let Some(newest) = newest else {
+            return;
+        };
+        match valid::ControllerState::try_from(&newest) {
+            Ok(state) => {
+                let is_new = self.state.as_ref().is_none_or(|last| {
+                    last.values.instance != state.values.instance
+                        || last.values.stamp_mono_ns < state.values.stamp_mono_ns
+                });
+                if is_fresh(&state, now) && is_new {
+                    self.last_state_active_ns = self.awake.total_ns();
+                    self.state_refused = false;
+                } else if !is_fresh(&state, now) && !self.state_refused {
+                    self.state_refused = true;
+                    let age_ms = (now - state.values.stamp_mono_ns) as f64 * 1e-6;
+                    tracing::warn!("a controller's state says nothing of now: {age_ms:.0} ms old");
+                }
+                self.state = Some(state);
+            }
+            Err(error) if !self.state_refused => {
+                self.state_refused = true;
+                tracing::warn!("a controller's state is refused: {error}");
+            }
+            Err(_) => {}
+        }
+    }
+
+    fn process_scene(&mut self, index: usize) {
+        let now = Arrival {
+            mono_ns: mono_now_ns(),
+            wall_ns: wall_now_ns(),
+        };
+        let live = &mut self.live;
+        // A publisher that sent a scene and is not listed any more has ended.
+        live.attend(self.inbox.present(), now.mono_ns);
+        let (publisher, is_of_two) = self.inbox.publisher_of(index);
+        if is_of_two {
+            live.refuse_names_of(publisher);
+        }
+        self.inbox.judge(index, now.mono_ns, |wire, publisher| {
+            live.take(wire, publisher, now)
+        });
+    }
+
+    fn supervise(&mut self) {
+        let now = mono_now_ns();
+        let at_rest = self.stop_order.poll_reply(now);
+        if let Some(reason) = self.end_reason(now, at_rest) {
+            if let Some(supervised) = self.supervised.take() {
+                tracing::info!("trajectory {} is over: {reason}", supervised.id);
+            }
+            self.stop_order.end();
+        }
+        self.check_safety(now);
+        let active_ns = self.awake.total_ns();
+        match self.stop_needed(now) {
+            Some((id, reason)) => self.stop_order.send(id, reason, now, active_ns),
+            None if self.supervised.is_some() => self.stop_order.pause(),
+            None => self.stop_order.end(),
+        }
+        if !self.stop_order.is_ignored() {
+            self.progress.increment();
+        }
+    }
+
+    /// The trajectory that must be stopped now, and the reason.
+    fn stop_needed(&self, now_mono_ns: i64) -> Option<(u32, StopReason)> {
+        let own = self.supervised.as_ref();
+        let state = self.state.as_ref();
+        let state = state.filter(|state| is_fresh(state, now_mono_ns));
+        if let Some(id) = unsupervised(state, own.map(|own| own.id)) {
+            return Some((id, StopReason::Unsupervised));
+        }
+        let own = own.filter(|own| own.status() != MotionStatus::Stopping)?;
+        Some((own.id, own.stop_reason()?))
+    }
+
+    /// Why the motion under way has ended, where a fresh state or the reply to an order says that it has.
+    fn end_reason(&mut self, now_mono_ns: i64, at_rest: bool) -> Option<&'static str> {
+        let supervised = self.supervised.as_mut()?;
+        let fresh = self.state.as_ref();
+        let fresh = fresh.filter(|state| is_fresh(state, now_mono_ns));
+        let status = fresh.map_or(supervised.status(), |state| supervised.update(state));
+        match status {
+            MotionStatus::Over(reason) => Some(reason),
+            MotionStatus::Pending if at_rest => Some("it was taken back before its begin"),
+            _ => None,
+        }
+    }
+
+    /// Requests a stop of the motion under way where the controller, the scenes or the certificate ask for one.
+    fn check_safety(&mut self, now_mono_ns: i64) {
+        let is_silent = self.state_silence_ns() > STATE_LIFETIME_NS;
+        let Some(supervised) = &mut self.supervised else {
+            return;
+        };
+        if supervised.stop_reason().is_some() || supervised.status() == MotionStatus::Stopping {
+            return;
+        }
+        if is_silent {
+            supervised.request_stop(StopReason::ControllerSilent);
+        }
+        if supervised.is_overdue() {
+            supervised.request_stop(StopReason::NotStarted);
+        }
+        let inbox = &self.inbox;
+        let has_pending = |publisher| inbox.has_pending(publisher, now_mono_ns);
+        if let Some(absence) = self.live.absence_in_motion(now_mono_ns, has_pending) {
+            supervised.request_stop(absence.into());
+        }
+        let (from_s, timing) = supervised.progress(now_mono_ns);
+        let rest = RemainingMotion {
+            padded: &self.rules.padded,
+            motion: &supervised.motion,
+            from_s,
+            timing,
+            at_full_rate: supervised.at_full_rate(),
+            stopping_s: supervised.stopping_s,
+            lag_allowance_s: 0.0,
+        };
+        match self.live.certify(&rest, &mut supervised.certificates) {
+            Verdict::Free => {}
+            Verdict::Colliding { at } | Verdict::Undecided { at } => {
+                supervised.request_stop(StopReason::SceneInTheWay { at_s: at });
+            }
+        }
+    }
+
+    /// Publishes a motion after checking it against the controller and the live scene as they are now; returns its id.
+    fn take(
+        &mut self,
+        selected: SelectedMotion,
+        until_mono_ns: i64,
+    ) -> Result<u32, ExecutionRefusal> {
+        self.round();
+        let now = mono_now_ns();
+        let busy = self.supervised.as_ref().map(|supervised| supervised.id);
+        let start = selected.motion.knots()[0].position;
+        let controller = check_controller(self.state.as_ref(), &start, busy, now)?;
+        if !self.stop_order.can_be_given() {
+            return Err(ExecutionRefusal::CommandUnserved);
+        }
+        if let Some(absence) = self.live.absence(now) {
+            return Err(absence.into());
+        }
+        let begin_mono_ns = self.begin(selected.begin, now);
+        let stopping_s = self.rules.stopping_s(&selected.motion);
+        let certificates = self.certify(&selected, begin_mono_ns, stopping_s)?;
+        if mono_now_ns() > until_mono_ns {
+            return Err(ExecutionRefusal::SupervisionStalled);
+        }
+        let values = self.state.as_ref().map(|state| &state.values);
+        let spoken_of = values.map_or([0; 2], |values| {
+            [values.trajectory_id, values.refused_trajectory_id]
+        });
+        let id = next_id(self.last_id, spoken_of, now);
+        self.send(&selected, id, begin_mono_ns, controller)?;
+        self.last_id = id;
+        self.supervised = Some(SupervisedMotion::new(
+            id,
+            selected.motion,
+            begin_mono_ns,
+            controller,
+            certificates,
+            stopping_s,
+        ));
+        Ok(id)
+    }
+
+    fn begin(&self, begin: Begin, now_mono_ns: i64) -> i64 {
+        let soonest = now_mono_ns + self.rules.begin_lead.as_nanos() as i64;
+        match begin {
+            Begin::Earliest => soonest,
+            Begin::NotBefore(time) => time.max(soonest),
+        }
+    }
+
+    fn certify(
+        &self,
+        selected: &SelectedMotion,
+        begin_mono_ns: i64,
+        stopping_s: f64,
+    ) -> Result<Certificates, ExecutionRefusal> {
+        let mut certificates = Certificates::default();
+        let rest = RemainingMotion {
+            padded: &self.rules.padded,
+            motion: &selected.motion,
+            from_s: 0.0,
+            timing: Timing::from_begin(begin_mono_ns),
+            at_full_rate: None,
+            stopping_s,
+            lag_allowance_s: LAG_ALLOWANCE_S,
+        };
+        match self.live.certify(&rest, &mut certificates) {
+            Verdict::Free => Ok(certificates),
+            Verdict::Colliding { at } | Verdict::Undecided { at } => {
+                Err(ExecutionRefusal::SceneInTheWay { at_s: at })
+            }
+        }
+    }
+
+    fn send(
+        &self,
+        selected: &SelectedMotion,
+        id: u32,
+        begin_mono_ns: i64,
+        controller_instance: u64,
+    ) -> Result<(), ExecutionRefusal> {
+        let knots = selected.motion.knots();
+        let mut message = TrajectoryMessage {
+            protocol_version: PROTOCOL_VERSION,
+            trajectory_id: id,
+            plan_id: selected.plan_id,
+            controller_instance,
+            daemon_instance: self.instance,
+            requested_mono_ns: selected.requested_mono_ns,
+            begin_mono_ns,
+            knot_count: knots.len() as u32,
+            candidate_index: selected.candidate_index as u32,
+            path_tolerance_rad: self.rules.path_tolerance_rad,
+            ..TrajectoryMessage::ZEROED
+        };
+        for (slot, knot) in message.knots.iter_mut().zip(knots) {
+            *slot = knots::to_wire(knot);
+        }
+        match self.publisher.send_copy(message) {
+            Ok(_) => Ok(()),
+            Err(error) => {
+                tracing::error!("trajectory {id} could not be published: {error:?}");
+                Err(ExecutionRefusal::NotPublished)
+            }
+        }
+    }
+}
+
+/// The trajectory that a fresh state reports as executing and that this daemon does not supervise: nobody would stop it for an obstacle.
+fn unsupervised(fresh: Option<&valid::ControllerState>, own: Option<u32>) -> Option<u32> {
+    let state = fresh.filter(|state| state.state == LoopState::Executing)?;
+    let id = state.values.trajectory_id;
+    (own != Some(id)).then_some(id)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::controller_state;
+
+    #[test]
+    fn whatever_is_executed_and_not_its_own_is_unsupervised() {
+        let state = |state: LoopState| {
+            controller_state(|values| {
+                (values.trajectory_id, values.state) = (7, state.code());
+            })
+        };
+        let executing = state(LoopState::Executing);
+        assert_eq!(unsupervised(Some(&executing), None), Some(7));
+        assert_eq!(unsupervised(Some(&executing), Some(8)), Some(7));
+        assert_eq!(unsupervised(Some(&executing), Some(7)), None);
+        assert_eq!(unsupervised(None, None), None);
+        for other in [LoopState::Holding, LoopState::Stopping, LoopState::Fault] {
+            assert_eq!(unsupervised(Some(&state(other)), None), None);
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! Obstacles that move while the robot does: the scenes of all sources, and whether a motion keeps clear of them.
+
+mod absence;
+mod certificates;
+mod inbox;
+mod moving_ball_cover;
+mod publishers;
+mod retained_scene;
+mod scene_memory;
+mod sources;
+mod verdict;
+
+pub(crate) use absence::SceneAbsence;
+pub(crate) use certificates::{Certificates, RemainingMotion};
+pub(crate) use inbox::SceneInbox;
+pub(crate) use moving_ball_cover::{HEARTBEAT_TIMEOUT_NS, Stretch, Timing, UNSUPERVISED_S};
+pub use scene_memory::SceneMemoryError;
+pub(crate) use scene_memory::{MAX_SOURCES, SceneMemory};
+pub(crate) use sources::{Arrival, LiveScene};

@@ -1,0 +1,230 @@
+//! The safety cover of moving balls between two certificates: everywhere that they can be, however late the robot comes.
+//!
+//! A scene is believed until its lifetime is over; what moves then is stopped, unless supervision dies just before: then it goes on
+//! for some time more. Let L be the lifetime, that time and the time of a stop together. Until then a ball that was at c at the stamp s
+//! and moves at v is at the clock time t at c + v (t − s), or anywhere on its way since the stamp if it has slowed down or stopped. A
+//! motion that was expected at path time p at the clock time t(p) is there at t(p) + lag.
+//! So at path time p each ball is taken to be everywhere between t(p) − L and t(p) + L: all that can be true until the robot is at
+//! rest, whatever the lag up to L, is in there. Both ends are wider by [`TOLERANCE_S`], within which t(p) may change without a new
+//! certificate. That piece of its way is covered by balls that move along with it.
+
+use collision::{Ball, MovingBall};
+use pcc_model::{Point, UnitRobot};
+
+/// Slowest rate of a motion that the positions of moving balls are computed for.
+const MIN_RATE: f64 = 0.05;
+/// Change of the clock time at which a motion is at a place of its path, within which its certificate holds, s.
+pub(crate) const TOLERANCE_S: f64 = 0.01;
+/// From the last heartbeat until the controller misses it, nanoseconds: `daemon_lost_ms` as shipped.
+pub(crate) const HEARTBEAT_TIMEOUT_NS: i64 = 200_000_000;
+/// Longest time that a motion goes on when supervision is held or dies, or nobody answers its order to stop, s: until the order counts
+/// as ignored (0.04), the heart stops (0.1) and the controller misses it (0.2), and some rounds of each (0.01).
+pub(crate) const UNSUPERVISED_S: f64 = 0.35;
+/// Most balls that cover one moving ball.
+const MAX_COVERING_BALLS: usize = 8;
+/// Largest distance of two covering balls' centres where there are enough, radii: they are a quarter larger then.
+const SPACING: f64 = 1.5;
+
+/// Timing of a motion along its path at a constant rate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Timing {
+    /// Clock time at which the motion's own time is zero, nanoseconds of `CLOCK_MONOTONIC`.
+    zero_mono_ns: i64,
+    /// Seconds of the motion's own time a second of the clock, above 0 to 1.
+    rate: f64,
+}
+
+impl Timing {
+    /// A motion that runs at full rate from `begin_mono_ns`.
+    pub(crate) fn from_begin(begin_mono_ns: i64) -> Self {
+        Self {
+            zero_mono_ns: begin_mono_ns,
+            rate: 1.0,
+        }
+    }
+
+    /// A motion that is at `time_s` of its own time at a clock time.
+    pub(crate) fn passing(time_s: f64, mono_ns: i64, rate: f64) -> Self {
+        let rate = rate.clamp(MIN_RATE, 1.0);
+        Self {
+            zero_mono_ns: mono_ns.saturating_sub((time_s / rate * 1e9) as i64),
+            rate,
+        }
+    }
+
+    /// Whether a motion that keeps this other timing is at both path times, and so between them, within the tolerance of when this
+    /// one says.
+    pub(crate) fn is_near(self, other: Self, path_times_s: [f64; 2]) -> bool {
+        let zero_s = (self.zero_mono_ns - other.zero_mono_ns) as f64 * 1e-9;
+        let slower = 1.0 / self.rate - 1.0 / other.rate;
+        let shift = |time_s: f64| (zero_s + time_s * slower).abs();
+        path_times_s.iter().all(|time| shift(*time) <= TOLERANCE_S)
+    }
+}
+
+/// The path from the motion's present place to a later one, with its timing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stretch {
+    pub(crate) timing: Timing,
+    /// Path time at its end, s.
+    pub(crate) until_s: f64,
+}
+
+/// The swept cover of a scene's moving balls: the times for which every place that they can reach is covered.
+pub(crate) struct MovingBallCover {
+    pub(crate) timing: Timing,
+    pub(crate) stamp_mono_ns: i64,
+    pub(crate) lifetime_s: f64,
+    /// Time from the end of a scene's lifetime until the robot is at rest, s.
+    pub(crate) stopping_s: f64,
+    /// How much later than the lifetime allows the robot must be able to come, s.
+    pub(crate) lag_allowance_s: f64,
+}
+
+impl MovingBallCover {
+    /// Balls that cover them all while the motion is between these path times, those left out that the robot cannot reach.
+    pub(crate) fn cover_all(
+        &self,
+        balls: &[MovingBall],
+        padded: &UnitRobot,
+        path_times_s: [f64; 2],
+    ) -> Vec<MovingBall> {
+        let length: f64 = padded.section_lengths.iter().sum();
+        let reach = length + padded.largest_tube_radius();
+        let covering = balls.iter().flat_map(|ball| self.cover_one(ball));
+        covering
+            .filter(|ball| comes_within(ball, reach, path_times_s))
+            .collect()
+    }
+
+    fn cover_one(&self, moving: &MovingBall) -> impl Iterator<Item = MovingBall> {
+        let age_s = (self.timing.zero_mono_ns - self.stamp_mono_ns) as f64 * 1e-9;
+        let (centre, velocity) = (moving.ball.centre, moving.velocity);
+        let either_side_s = self.lifetime_s + UNSUPERVISED_S + self.stopping_s + TOLERANCE_S;
+        let first = age_s - either_side_s;
+        let last = age_s + either_side_s + self.lag_allowance_s;
+        let way = velocity.norm() * (last - first);
+        let pieces = (way / (SPACING * moving.ball.radius)).ceil();
+        let pieces = pieces.clamp(1.0, MAX_COVERING_BALLS as f64 - 1.0);
+        let radius = moving.ball.radius.hypot(0.5 * way / pieces);
+        let rate = self.timing.rate;
+        (0..=pieces as usize).map(move |i| {
+            let time_s = first + (last - first) * (i as f64 / pieces);
+            MovingBall {
+                ball: Ball {
+                    centre: centre + velocity * time_s,
+                    radius,
+                },
+                velocity: velocity / rate,
+            }
+        })
+    }
+}
+
+/// Whether a ball comes within `reach` of the base between two times; where that is not a number, it does.
+fn comes_within(moving: &MovingBall, reach: f64, [from, to]: [f64; 2]) -> bool {
+    let (begin, way) = (
+        moving.at(from).centre,
+        moving.velocity * (to - from).max(0.0),
+    );
+    let place = (-begin.dot(&way) / way.norm_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+    let nearest: Point = begin + way * place;
+    let is_beyond = nearest.norm() > reach + moving.ball.radius;
+    !is_beyond
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::unit_robot;
+
+    const SECOND: i64 = 1_000_000_000;
+
+    fn cover(lifetime_s: f64) -> MovingBallCover {
+        MovingBallCover {
+            timing: Timing::from_begin(2 * SECOND),
+            stamp_mono_ns: SECOND,
+            lifetime_s: 0.5 * lifetime_s,
+            stopping_s: 0.5 * lifetime_s,
+            lag_allowance_s: 0.2,
+        }
+    }
+
+    fn moving(speed: f64, radius: f64) -> MovingBall {
+        MovingBall {
+            ball: Ball {
+                centre: Point::new(1.0, 0.0, 1.0),
+                radius,
+            },
+            velocity: Point::new(0.0, speed, 0.0),
+        }
+    }
+
+    #[test]
+    fn all_places_within_the_lifetime_are_covered_and_hardly_more() {
+        for (speed, radius) in [
+            (0.1, 0.3),
+            (0.5, 0.1),
+            (2.0, 0.05),
+            (-1.0, 0.0),
+            (30.0, 0.1),
+        ] {
+            let (ball, cover) = (moving(speed, radius), cover(0.3));
+            let covering: Vec<MovingBall> = cover.cover_one(&ball).collect();
+            assert!(covering.len() <= MAX_COVERING_BALLS);
+            for path_s in [0.0, 0.7] {
+                for step in 0..=100 {
+                    // From a lifetime, an unsupervised time and a stop before to as much and the allowance after the time at which the
+                    // motion is there.
+                    let off_s = -0.65 + 1.5 * f64::from(step) / 100.0;
+                    let true_ball = ball.at(1.0 + path_s + off_s);
+                    for tilt in 0..8 {
+                        let angle = f64::from(tilt) * std::f64::consts::FRAC_PI_4;
+                        let side = Point::new(angle.cos(), angle.sin(), 0.0) * radius;
+                        let surface = true_ball.centre + side;
+                        let inside = |other: &MovingBall| {
+                            let other = other.at(path_s);
+                            (surface - other.centre).norm() <= other.radius + 1e-12
+                        };
+                        assert!(covering.iter().any(inside), "{speed} {radius} {off_s}");
+                    }
+                }
+            }
+        }
+        let slim: Vec<MovingBall> = cover(0.3).cover_one(&moving(0.5, 0.1)).collect();
+        assert!(slim.iter().all(|ball| ball.ball.radius <= 0.125 + 1e-12));
+    }
+
+    #[test]
+    fn balls_out_of_reach_are_left_out() {
+        let robot = unit_robot();
+        let count = |centre: Point, velocity: Point| {
+            let ball = MovingBall {
+                ball: Ball {
+                    centre,
+                    radius: 0.2,
+                },
+                velocity,
+            };
+            cover(0.1).cover_all(&[ball], &robot, [0.0, 3.0]).len()
+        };
+        assert_eq!(
+            count(Point::new(9.0, 0.0, 0.0), Point::new(-0.1, 0.0, 0.0)),
+            0
+        );
+        assert!(count(Point::new(9.0, 0.0, 0.0), Point::new(-2.0, 0.0, 0.0)) > 0);
+        assert!(count(Point::new(2.0, 0.0, 0.0), Point::new(0.1, 0.0, 0.0)) > 0);
+        assert!(count(Point::repeat(f64::NAN), Point::new(0.1, 0.0, 0.0)) > 0);
+    }
+
+    #[test]
+    fn a_lag_and_another_rate_ask_for_a_new_certificate() {
+        let timing = Timing::passing(1.0, 5 * SECOND, 1.0);
+        let near = |other| timing.is_near(other, [1.0, 3.0]);
+        assert!(near(Timing::passing(1.5, 5_500_000_000, 1.0)));
+        assert!(near(Timing::passing(1.0, 5_009_000_000, 1.0)));
+        assert!(!near(Timing::passing(1.0, 5_011_000_000, 1.0)));
+        assert!(!near(Timing::passing(1.0, 5 * SECOND, 0.99)));
+        assert!(near(Timing::passing(1.0, 5 * SECOND, 0.996)));
+    }
+}

@@ -1,0 +1,103 @@
+//! The newest accepted scene of a source in the planner's units, and its certification.
+
+use collision::{Ball, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory};
+use pcc_model::Point;
+use shared_types::message;
+use shared_types::valid;
+
+use super::certificates::{RateAssumption, RemainingMotion};
+use super::moving_ball_cover::{MovingBallCover, Stretch};
+
+/// Path time by which the certificate of a motion that may hurry reaches farther than it must, s, so that above half
+/// the rate it holds for some states; below, the times have shifted too far with each state, and it is made anew.
+const AHEAD_S: f64 = 0.1;
+
+/// The newest scene of a source, in the planner's units (lengths in sections).
+#[derive(Debug)]
+pub(super) struct RetainedScene {
+    pub(super) scene: valid::Scene,
+    resting: Scene,
+    /// At the stamp of the message.
+    moving: Vec<MovingBall>,
+    /// Number of its content, another one for each.
+    pub(super) version: u64,
+}
+
+impl RetainedScene {
+    /// Of a message in metres; the version is the next number of a content.
+    pub(super) fn new(
+        scene: valid::Scene,
+        section_length_m: f64,
+        version: u64,
+    ) -> Result<Self, SceneError> {
+        let (mut resting, mut moving) = (Vec::new(), Vec::new());
+        for ball in &scene.balls {
+            let ball = moving_ball(ball, section_length_m);
+            if ball.velocity == Point::zeros() {
+                resting.push(ball.ball);
+            } else {
+                moving.push(ball);
+            }
+        }
+        Ok(Self {
+            scene,
+            resting: Scene::new(resting)?,
+            moving,
+            version,
+        })
+    }
+
+    /// Whether some of its balls move.
+    pub(super) fn moves(&self) -> bool {
+        !self.moving.is_empty()
+    }
+
+    /// Whether what was certified for this one is certified for another one: moving balls count where they may be within the lifetime
+    /// from the stamp on.
+    pub(super) fn has_same_meaning(&self, scene: &valid::Scene) -> bool {
+        let has_same_times = self.scene.stamp_mono_ns == scene.stamp_mono_ns
+            && self.scene.lifetime_ns == scene.lifetime_ns;
+        self.scene.balls == scene.balls && (self.moving.is_empty() || has_same_times)
+    }
+
+    /// The verdict, and for which stretch it holds.
+    pub(super) fn certify(
+        &self,
+        rest: &RemainingMotion,
+        rate: RateAssumption,
+        mut stretch: Stretch,
+    ) -> (Verdict, Stretch) {
+        if rate == RateAssumption::MeasuredRate {
+            let resting = certify_trajectory(rest.padded, &self.resting, rest.motion, rest.from_s);
+            if !resting.is_free() {
+                return (resting, stretch);
+            }
+        } else {
+            stretch.until_s = (stretch.until_s + AHEAD_S).min(rest.motion.duration());
+        }
+        if self.moving.is_empty() {
+            return (Verdict::Free, stretch);
+        }
+        let cover = MovingBallCover {
+            timing: stretch.timing,
+            stamp_mono_ns: self.scene.stamp_mono_ns,
+            lifetime_s: self.scene.lifetime_ns as f64 * 1e-9,
+            stopping_s: rest.stopping_s,
+            lag_allowance_s: rest.lag_allowance_s,
+        };
+        let times = [rest.from_s, stretch.until_s];
+        let balls = cover.cover_all(&self.moving, rest.padded, times);
+        let verdict = certify_moving(rest.padded, &balls, rest.motion, times);
+        (verdict, stretch)
+    }
+}
+
+fn moving_ball(ball: &message::MovingBall, section_length_m: f64) -> MovingBall {
+    MovingBall {
+        ball: Ball {
+            centre: Point::from(ball.centre_m) / section_length_m,
+            radius: ball.radius_m / section_length_m,
+        },
+        velocity: Point::from(ball.velocity_m_s) / section_length_m,
+    }
+}

@@ -1,0 +1,32 @@
+//! The verdict on a scene that arrived.
+
+use shared_types::codes::SceneRefusal;
+use shared_types::valid::Invalid;
+
+/// What became of a scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct SceneVerdict {
+    pub(crate) refusal: SceneRefusal,
+    /// What is wrong with a malformed one.
+    pub(crate) invalid: Option<Invalid>,
+    /// Balls of it that count.
+    pub(crate) balls: usize,
+}
+
+impl SceneVerdict {
+    pub(crate) fn refused(refusal: SceneRefusal, invalid: Option<Invalid>) -> Self {
+        Self {
+            refusal,
+            invalid,
+            balls: 0,
+        }
+    }
+
+    pub(crate) fn accepted(balls: usize) -> Self {
+        Self {
+            refusal: SceneRefusal::None,
+            invalid: None,
+            balls,
+        }
+    }
+}

@@ -1,0 +1,413 @@
+//! The answer to a plan request: report and candidates' knots, written into the shared memory that the client reads.
+
+use std::time::{Duration, Instant};
+
+use iceoryx2::port::{LoanError, SendError};
+use pcc_model::UnitRobot;
+use planning::{Candidate, Failure, Goal, Plan, PlannerError, Source, select};
+use shared_types::PROTOCOL_VERSION;
+use shared_types::codes::{Outcome, Stage};
+use shared_types::ipc::PlanActiveRequest;
+use shared_types::message::{Knot, NONE_SELECTED, PlanReport};
+use shared_types::valid::MAX_DURATION_S;
+use trajectory::Trajectory;
+
+use super::plan_runner::{PlanError, Planned};
+use super::refusal::Refusal;
+use super::report;
+use super::request_validator::PlanTask;
+use crate::knots::{self, KnotHash};
+
+/// One answer, complete but for its time of writing and the hash.
+pub(crate) struct Answer {
+    report: PlanReport,
+    candidates: Vec<Candidate>,
+}
+
+/// Why an answer did not reach its client.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum AnswerError {
+    /// No shared memory for it.
+    #[error("no shared memory for the answer: {0:?}")]
+    Loan(LoanError),
+    /// It was written but not delivered.
+    #[error("the answer was not delivered: {0:?}")]
+    Send(SendError),
+}
+
+impl Answer {
+    /// An answer without candidates.
+    pub(crate) fn refused(request_id: u64, refusal: &Refusal) -> Self {
+        let mut report = PlanReport {
+            protocol_version: PROTOCOL_VERSION,
+            outcome: refusal.outcome.code(),
+            request_id,
+            selected: NONE_SELECTED,
+            invalid_field: refusal.field.code(),
+            ..PlanReport::ZEROED
+        };
+        report.set_reason(&refusal.reason);
+        Self {
+            report,
+            candidates: Vec::new(),
+        }
+    }
+
+    /// The answer to a plan, or to the reason why there is none; lengths in metres.
+    pub(crate) fn of_plan(
+        task: &PlanTask,
+        planned: Planned,
+        robot: &UnitRobot,
+        section_length_m: f64,
+    ) -> Self {
+        match planned {
+            Ok(plan) => Self::certified(task, plan, robot, section_length_m),
+            Err(fault) => {
+                let refusal = fault_refusal(&fault, &task.problem.goal, section_length_m);
+                Self::refused(task.request_id, &refusal)
+            }
+        }
+    }
+
+    /// An answer with the candidates that certified first.
+    pub(crate) fn early(
+        task: &PlanTask,
+        candidates: Vec<Candidate>,
+        robot: &UnitRobot,
+        section_length_m: f64,
+    ) -> Self {
+        let reason = format!(
+            "{} of {} candidates so far; the whole answer follows",
+            candidates.len(),
+            task.request.candidates
+        );
+        let refusal = Refusal::new(Outcome::Early, reason);
+        let mut answer = Self::refused(task.request_id, &refusal);
+        answer.candidates = candidates;
+        answer.summarise(task, robot, section_length_m);
+        answer
+    }
+
+    fn certified(task: &PlanTask, plan: Plan, robot: &UnitRobot, section_length_m: f64) -> Self {
+        let keep: Vec<bool> = plan
+            .candidates
+            .iter()
+            .map(|c| is_deliverable(task, c, robot))
+            .collect();
+        let (outcome, reason) = verdict(task, &plan, &keep);
+        let mut answer = Self::refused(task.request_id, &Refusal::new(outcome, reason));
+        let report = &mut answer.report;
+        report.learned_drawn = plan.learned_drawn as u32;
+        report.learned_certified = plan.learned_certified as u32;
+        let stages = plan.stages;
+        for (stage, seconds) in [
+            (Stage::Condition, stages.condition),
+            (Stage::Sample, stages.sample),
+            (Stage::Correct, stages.correct),
+            (Stage::Certify, stages.certify),
+            (Stage::Time, stages.time),
+            (Stage::Select, stages.select),
+        ] {
+            report.stages_ns[stage.code() as usize] = (seconds * 1e9) as u64;
+        }
+        let mut kept = keep.into_iter();
+        answer.candidates = plan.candidates;
+        answer.candidates.retain(|_| kept.next() == Some(true));
+        answer.summarise(task, robot, section_length_m);
+        answer
+    }
+
+    /// Selects among the candidates and fills in their part of the report.
+    fn summarise(&mut self, task: &PlanTask, robot: &UnitRobot, section_length_m: f64) {
+        let selection = task.request.selection;
+        let selected = select(&self.candidates, &task.problem.start, selection);
+        self.report.selected = selected.map_or(NONE_SELECTED, |index| index as u32);
+        self.report.candidate_count = self.candidates.len() as u32;
+        let goal_tip = task.problem.goal_tip(robot);
+        let mut first = 0;
+        for (summary, candidate) in self.report.candidates.iter_mut().zip(&self.candidates) {
+            let tip_error = report::tip_error(robot, &candidate.end(), &goal_tip);
+            *summary = report::summary(candidate, first, tip_error, section_length_m);
+            first += candidate.trajectory.knots().len();
+        }
+        let learned =
+            |candidate: &&Candidate| matches!(candidate.source, Source::Learned | Source::Explored);
+        let learned = self.candidates.iter().filter(learned).count();
+        self.report.classical_certified = (self.candidates.len() - learned) as u32;
+    }
+
+    /// The selected candidate's motion and index.
+    pub(crate) fn selected(&self) -> Option<(usize, &Trajectory)> {
+        let index = self.report.selected as usize;
+        let candidate = self.candidates.get(index)?;
+        Some((index, &candidate.trajectory))
+    }
+
+    /// What became of the request.
+    pub(crate) fn outcome(&self) -> Option<Outcome> {
+        Outcome::try_from(self.report.outcome).ok()
+    }
+
+    /// The text that explains it.
+    pub(crate) fn reason(&self) -> String {
+        self.report.reason_text().into_owned()
+    }
+
+    /// Candidates in it.
+    pub(crate) fn candidate_count(&self) -> usize {
+        self.candidates.len()
+    }
+
+    /// What is delivered.
+    pub(crate) fn candidates(&self) -> &[Candidate] {
+        &self.candidates
+    }
+
+    /// Numbers the plan.
+    pub(crate) fn set_plan_id(&mut self, plan_id: u64) {
+        self.report.plan_id = plan_id;
+    }
+
+    /// States how long the request waited.
+    pub(crate) fn set_wait(&mut self, wait: Duration) {
+        self.report.stages_ns[Stage::Wait.code() as usize] = nanoseconds(wait);
+    }
+
+    /// States that the selected motion was published under an id.
+    pub(crate) fn set_executed(&mut self, trajectory_id: u32) {
+        self.report.trajectory_id = trajectory_id;
+    }
+
+    /// States why the selected motion was not published.
+    pub(crate) fn set_execution_refused(&mut self, reason: &str) {
+        self.report.outcome = Outcome::ExecutionRefused.code();
+        self.report.set_reason(reason);
+    }
+
+    /// Writes the answer into shared memory and sends it.
+    pub(crate) fn send(&mut self, request: &PlanActiveRequest) -> Result<(), AnswerError> {
+        let clock = Instant::now();
+        let count = self.knots().count();
+        let response = request
+            .loan_slice_uninit(count)
+            .map_err(AnswerError::Loan)?;
+        let (mut knots, mut hash) = (self.knots(), KnotHash::new());
+        let mut response = response.write_from_fn(|_| {
+            let knot = knots.next().unwrap_or(Knot::ZEROED);
+            hash.add(&knot);
+            knot
+        });
+        drop(knots);
+        self.report.plan_hash = hash.value();
+        self.report.stages_ns[Stage::Write.code() as usize] = nanoseconds(clock.elapsed());
+        *response.user_header_mut() = self.report;
+        response.send().map_err(AnswerError::Send)
+    }
+
+    /// All candidates' knots, one candidate after the other.
+    fn knots(&self) -> impl Iterator<Item = Knot> + '_ {
+        let candidates = self.candidates.iter();
+        candidates.flat_map(|candidate| candidate.trajectory.knots().iter().map(knots::to_wire))
+    }
+}
+
+fn nanoseconds(duration: Duration) -> u64 {
+    u64::try_from(duration.as_nanos()).unwrap_or(u64::MAX)
+}
+
+/// Whether a candidate reaches the goal as closely as the client wants and fits the message and its share of the answer.
+pub(crate) fn is_deliverable(task: &PlanTask, candidate: &Candidate, robot: &UnitRobot) -> bool {
+    let goal_tip = task.problem.goal_tip(robot);
+    report::tip_error(robot, &candidate.end(), &goal_tip) <= task.tip_tolerance
+        && candidate.trajectory.knots().len() <= task.request.knots
+        && candidate.trajectory.duration() <= MAX_DURATION_S
+}
+
+/// Outcome and explanation of a plan of which some candidates are delivered.
+fn verdict(task: &PlanTask, plan: &Plan, deliverable: &[bool]) -> (Outcome, String) {
+    let count = deliverable.iter().filter(|&&kept| kept).count();
+    let wanted = task.request.candidates;
+    let failed = failures(plan, deliverable.len() - count);
+    if plan.truncated {
+        let reason = format!(
+            "{count} of {wanted} candidates were certified within {} ms",
+            task.deadline.as_secs_f64() * 1e3
+        );
+        (Outcome::Truncated, reason)
+    } else if count == 0 {
+        let drawn = plan.draws.len() + plan.explored;
+        let reason = format!("none of {drawn} paths was certified: {failed}");
+        (Outcome::NoPath, reason)
+    } else if count < wanted {
+        let reason = format!("{count} of {wanted} candidates: {failed}");
+        (Outcome::Ok, reason)
+    } else {
+        (Outcome::Ok, String::new())
+    }
+}
+
+/// How many draws failed in which way.
+fn failures(plan: &Plan, undeliverable: usize) -> String {
+    let causes = [
+        (Failure::NoPath, "without a path"),
+        (Failure::Goal, "short of the goal"),
+        (Failure::Collision, "not certified free"),
+        (Failure::Bending, "bent too far"),
+        (Failure::Time, "without time parameterization"),
+        (Failure::Slower, "slower than others"),
+        (Failure::Truncated, "truncated"),
+    ];
+    let count = |failure| {
+        let draws = plan.draws.iter();
+        draws
+            .filter(|draw| draw.outcome.as_ref().err() == Some(&failure))
+            .count()
+    };
+    let mut counts: Vec<(usize, &str)> =
+        causes.map(|(failure, text)| (count(failure), text)).into();
+    counts.push((
+        undeliverable,
+        "off the goal, too long or with too many knots",
+    ));
+    let parts = counts.iter().filter(|(count, _)| *count > 0);
+    let parts: Vec<String> = parts
+        .map(|(count, text)| format!("{count} {text}"))
+        .collect();
+    if parts.is_empty() {
+        "no more goal configurations".to_owned()
+    } else {
+        parts.join(", ")
+    }
+}
+
+fn fault_refusal(fault: &PlanError, goal: &Goal, section_length_m: f64) -> Refusal {
+    let outcome = match fault {
+        PlanError::Planner(PlannerError::Infeasible(infeasible)) => {
+            return report::infeasible(infeasible, goal, section_length_m);
+        }
+        PlanError::Planner(PlannerError::ModelNotLoaded(_)) => Outcome::SamplerNotLoaded,
+        PlanError::Planner(_) | PlanError::Panic(_) => Outcome::NoPath,
+    };
+    Refusal::new(outcome, fault.to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{task, unit_robot};
+    use planning::{Models, Planner, Selection};
+
+    fn plan(task: &PlanTask, interrupted: bool) -> Plan {
+        let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
+        let interrupt = || interrupted;
+        planner
+            .plan(&task.problem, &task.request, &interrupt)
+            .unwrap()
+    }
+
+    fn answer(task: &PlanTask, plan: Plan) -> Answer {
+        Answer::of_plan(task, Ok(plan), &unit_robot(), 1.0)
+    }
+
+    #[test]
+    fn a_whole_plan_is_ok_and_its_candidate_selected() {
+        let task = task();
+        let answer = answer(&task, plan(&task, false));
+        assert_eq!(answer.outcome(), Some(Outcome::Ok));
+        assert_eq!(answer.reason(), "");
+        let (index, motion) = answer.selected().unwrap();
+        assert_eq!(index, 0);
+        assert_eq!(motion.knots().len(), answer.knots().count());
+        assert_eq!(answer.report.classical_certified, 1);
+        assert!(answer.report.candidates[0].tip_error_m < 1e-6);
+    }
+
+    #[test]
+    fn a_truncated_plan_says_so_and_has_nothing_selected() {
+        let task = task();
+        let answer = answer(&task, plan(&task, true));
+        assert_eq!(answer.outcome(), Some(Outcome::Truncated));
+        assert!(
+            answer.reason().contains("0 of 1") && answer.reason().contains("20 ms"),
+            "{}",
+            answer.reason()
+        );
+        assert!(answer.selected().is_none());
+        assert_eq!(answer.report.selected, NONE_SELECTED);
+    }
+
+    #[test]
+    fn a_motion_longer_than_the_message_allows_is_not_delivered() {
+        for (scale, outcome) in [(1e-4, Outcome::Ok), (1e-20, Outcome::NoPath)] {
+            let mut task = task();
+            task.request.limits_scale = scale;
+            let answer = answer(&task, plan(&task, false));
+            assert_eq!(answer.outcome(), Some(outcome), "{}", answer.reason());
+        }
+    }
+
+    #[test]
+    fn candidates_off_the_goal_or_with_too_many_knots_are_not_delivered() {
+        let (mut precise, mut short) = (task(), task());
+        let plan = plan(&precise, false);
+        precise.tip_tolerance = -1.0;
+        short.request.knots = 2;
+        assert!(plan.candidates[0].trajectory.knots().len() > 2);
+        for task in [precise, short] {
+            let answer = answer(&task, plan.clone());
+            assert_eq!(answer.outcome(), Some(Outcome::NoPath));
+            assert_eq!(
+                (answer.candidate_count(), answer.selected().is_some()),
+                (0, false)
+            );
+            assert!(
+                answer.reason().contains("1 off the goal"),
+                "{}",
+                answer.reason()
+            );
+        }
+    }
+
+    #[test]
+    fn an_index_beyond_the_candidates_selects_nothing() {
+        let mut task = task();
+        task.request.selection = Selection::Index(1);
+        let answer = answer(&task, plan(&task, false));
+        assert_eq!(
+            (answer.candidate_count(), answer.selected().is_some()),
+            (1, false)
+        );
+    }
+
+    #[test]
+    fn each_fault_has_its_outcome() {
+        let straight = planning::Infeasible::StartInCollision { clearance: -0.1 };
+        for (fault, outcome) in [
+            (
+                PlanError::Planner(PlannerError::Infeasible(straight)),
+                Outcome::StartInCollision,
+            ),
+            (
+                PlanError::Planner(PlannerError::ModelNotLoaded("fast")),
+                Outcome::SamplerNotLoaded,
+            ),
+            (PlanError::Panic("defect".to_owned()), Outcome::NoPath),
+        ] {
+            let answer = Answer::of_plan(&task(), Err(fault), &unit_robot(), 1.0);
+            assert_eq!(answer.outcome(), Some(outcome));
+            assert!(!answer.reason().is_empty());
+        }
+    }
+
+    #[test]
+    fn what_happens_to_the_execution_is_stated() {
+        let task = task();
+        let mut answer = answer(&task, plan(&task, false));
+        answer.set_executed(5);
+        assert_eq!(answer.report.trajectory_id, 5);
+        answer.set_execution_refused("no controller");
+        assert_eq!(answer.outcome(), Some(Outcome::ExecutionRefused));
+        assert_eq!(answer.reason(), "no controller");
+        assert!(answer.outcome().unwrap().has_candidates());
+    }
+}

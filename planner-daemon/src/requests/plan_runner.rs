@@ -1,0 +1,267 @@
+//! Runs the planner on its own workers, one request at a time, beside the service thread.
+//!
+//! The service thread keeps its ports and goes on receiving, refusing and answering meanwhile. A job starts on a worker directly,
+//! without a thread in between that would have to wake.
+
+use std::any::Any;
+use std::io;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Instant;
+
+use pcc_model::UnitRobot;
+use planning::{Candidate, Plan, Planner, PlannerError, Problem, Request, Supervision};
+use rustix::event::{EventfdFlags, eventfd};
+
+/// A planning job: problem, request and deadline.
+pub(crate) struct Job {
+    pub(crate) problem: Arc<Problem>,
+    pub(crate) request: Request,
+    pub(crate) deadline: Instant,
+    /// What is wanted before the plan, if anything.
+    pub(crate) early: Option<Early>,
+    /// Set when nobody wants the answer any more.
+    pub(crate) cancelled: Arc<AtomicBool>,
+}
+
+/// The early answer that a client asked for: its number of candidates, as soon as they are certified.
+pub(crate) struct Early {
+    /// How many.
+    pub(crate) count: usize,
+    /// Whether one can be delivered.
+    pub(crate) is_deliverable: Box<dyn Fn(&Candidate) -> bool + Send + Sync>,
+}
+
+/// Why there is no plan.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum PlanError {
+    /// The planner says why.
+    #[error(transparent)]
+    Planner(#[from] PlannerError),
+    /// A defect of the planner; the daemon goes on.
+    #[error("internal error of the planner: {0}")]
+    Panic(String),
+}
+
+pub(crate) type Planned = Result<Plan, PlanError>;
+
+/// Output of a job: early candidates where they were asked for, then the plan.
+pub(crate) enum PlanOutput {
+    Early(Vec<Candidate>),
+    Plan(Planned),
+}
+
+/// The planner with its output queue; it is idle or runs one job.
+pub(crate) struct PlanRunner {
+    planner: Arc<Planner>,
+    outgoing: OutputSender,
+    outputs: Receiver<PlanOutput>,
+}
+
+/// Sends outputs to the service thread and wakes it.
+#[derive(Clone)]
+struct OutputSender {
+    outputs: SyncSender<PlanOutput>,
+    /// An eventfd that is readable after an output was sent, until it is cleared.
+    wake: Arc<OwnedFd>,
+}
+
+impl OutputSender {
+    fn send(&self, output: PlanOutput) {
+        // The receiver is gone when the daemon ends; a service that is not woken polls within a millisecond.
+        let _ = self.outputs.send(output);
+        let _ = rustix::io::write(&*self.wake, &1_u64.to_ne_bytes());
+    }
+}
+
+impl PlanRunner {
+    /// # Errors
+    /// What the system says where there can be no more files.
+    pub(crate) fn new(planner: Arc<Planner>) -> io::Result<Self> {
+        // Room for one early output and one plan, so that a worker never waits.
+        let (outgoing, outputs) = sync_channel(2);
+        let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
+        Ok(Self {
+            planner,
+            outgoing: OutputSender {
+                outputs: outgoing,
+                wake: Arc::new(wake),
+            },
+            outputs,
+        })
+    }
+
+    /// The robot in units of its section length.
+    pub(crate) fn robot(&self) -> &UnitRobot {
+        self.planner.robot()
+    }
+
+    /// Hands over a job; its plan must be taken before the next one is handed over.
+    pub(crate) fn begin(&self, job: Job) {
+        let (planner, outgoing) = (Arc::clone(&self.planner), self.outgoing.clone());
+        self.planner.spawn(move || {
+            let planned = plan(&planner, &job, &outgoing);
+            outgoing.send(PlanOutput::Plan(planned));
+        });
+    }
+
+    /// The next output, if there is one; never waits.
+    pub(crate) fn take(&self) -> Option<PlanOutput> {
+        self.outputs.try_recv().ok()
+    }
+
+    /// A file descriptor to poll: readable when there may be an output.
+    pub(crate) fn wake_fd(&self) -> BorrowedFd<'_> {
+        self.outgoing.wake.as_fd()
+    }
+
+    /// Makes the wake descriptor unreadable until the next output; take the outputs that are there afterwards.
+    pub(crate) fn clear_wake(&self) {
+        let _ = rustix::io::read(&*self.outgoing.wake, &mut [0; 8]);
+    }
+}
+
+fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
+    let interrupt = || job.cancelled.load(Ordering::Relaxed) || Instant::now() >= job.deadline;
+    let collected: Mutex<Vec<Candidate>> = Mutex::default();
+    let collect = |candidate: Candidate| {
+        // A worker that panicked left whole candidates.
+        let mut collected = collected.lock().unwrap_or_else(PoisonError::into_inner);
+        let Some(early) = &job.early else {
+            return;
+        };
+        if (early.is_deliverable)(&candidate) {
+            collected.push(candidate);
+            if collected.len() == early.count {
+                outgoing.send(PlanOutput::Early(collected.clone()));
+            }
+        }
+    };
+    let supervision = Supervision {
+        interrupt: &interrupt,
+        certified: job.early.is_some().then_some(&collect),
+    };
+    guarded(|| planner.plan_supervised(&job.problem, &job.request, supervision))
+}
+
+/// Runs a planner; a panic in it is an answer like any other.
+fn guarded(plan: impl FnOnce() -> Result<Plan, PlannerError>) -> Planned {
+    match catch_unwind(AssertUnwindSafe(plan)) {
+        Ok(result) => Ok(result?),
+        Err(payload) => Err(PlanError::Panic(panic_text(payload.as_ref()))),
+    }
+}
+
+fn panic_text(payload: &(dyn Any + Send)) -> String {
+    let text = payload.downcast_ref::<&str>().map(ToString::to_string);
+    text.or_else(|| payload.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "panic without text".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{request, straight_problem, unit_robot};
+    use planning::Models;
+    use rustix::event::{PollFd, PollFlags, Timespec};
+    use std::time::Duration;
+
+    fn planning() -> PlanRunner {
+        let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
+        PlanRunner::new(Arc::new(planner)).unwrap()
+    }
+
+    fn next(planning: &PlanRunner) -> PlanOutput {
+        let begun = Instant::now();
+        loop {
+            if let Some(output) = planning.take() {
+                return output;
+            }
+            let mut files = [PollFd::from_borrowed_fd(planning.wake_fd(), PollFlags::IN)];
+            let limit = Timespec {
+                tv_sec: 60,
+                tv_nsec: 0,
+            };
+            rustix::event::poll(&mut files, Some(&limit)).unwrap();
+            planning.clear_wake();
+            assert!(begun.elapsed() < Duration::from_secs(60), "nothing came");
+        }
+    }
+
+    fn job(deadline: Instant) -> Job {
+        Job {
+            problem: Arc::new(straight_problem()),
+            request: request(),
+            deadline,
+            early: None,
+            cancelled: Arc::default(),
+        }
+    }
+
+    fn planned(planning: &PlanRunner) -> Planned {
+        match next(planning) {
+            PlanOutput::Plan(planned) => planned,
+            PlanOutput::Early(_) => panic!("no early candidates were asked for"),
+        }
+    }
+
+    fn far() -> Instant {
+        Instant::now() + Duration::from_secs(3600)
+    }
+
+    #[test]
+    fn one_job_after_the_other_is_planned() {
+        let planning = planning();
+        assert!(planning.take().is_none());
+        for _ in 0..2 {
+            planning.begin(job(far()));
+            let plan = planned(&planning).unwrap();
+            assert!(!plan.truncated);
+            assert!(plan.selected.is_some());
+        }
+    }
+
+    #[test]
+    fn early_candidates_come_before_the_plan() {
+        let planning = planning();
+        let early = Some(Early {
+            count: 1,
+            is_deliverable: Box::new(|_| true),
+        });
+        planning.begin(Job {
+            early,
+            ..job(far())
+        });
+        match next(&planning) {
+            PlanOutput::Early(candidates) => assert_eq!(candidates.len(), 1),
+            PlanOutput::Plan(_) => panic!("no early candidate came first"),
+        }
+        assert_eq!(planned(&planning).unwrap().candidates.len(), 1);
+    }
+
+    #[test]
+    fn a_deadline_in_the_past_and_a_cancelled_job_truncate() {
+        let planning = planning();
+        planning.begin(job(Instant::now()));
+        let plan = planned(&planning).unwrap();
+        assert!(plan.truncated && plan.candidates.is_empty());
+        let job = job(far());
+        job.cancelled.store(true, Ordering::Relaxed);
+        planning.begin(job);
+        assert!(planned(&planning).unwrap().truncated);
+    }
+
+    #[test]
+    fn a_panic_is_an_answer() {
+        for payload in ["a defect".to_owned(), format!("{}", 7)] {
+            let text = payload.clone();
+            let fault = guarded(|| std::panic::panic_any(payload)).unwrap_err();
+            assert!(fault.to_string().contains(&text), "{fault}");
+        }
+        let fault = guarded(|| panic!("static")).unwrap_err();
+        assert!(fault.to_string().contains("static"), "{fault}");
+    }
+}

@@ -1,0 +1,200 @@
+//! Between the planner's units (lengths in sections) and the wire's (SI).
+
+use pcc_model::Configuration;
+use planning::{Candidate, Goal, Infeasible, Source};
+use shared_types::codes::{self, Outcome};
+use shared_types::message::CandidateSummary;
+
+use super::refusal::Refusal;
+
+/// The summary of a candidate: lengths in metres, smoothness in square metres.
+pub(crate) fn summary(
+    candidate: &Candidate,
+    first_knot: usize,
+    tip_error: f64,
+    section_length_m: f64,
+) -> CandidateSummary {
+    let metrics = &candidate.metrics;
+    CandidateSummary {
+        first_knot: first_knot as u32,
+        knot_count: candidate.trajectory.knots().len() as u32,
+        source: source(candidate.source).code(),
+        draw: candidate.draw as u32,
+        duration_s: metrics.duration_s,
+        tip_path_m: metrics.tip_length * section_length_m,
+        clearance_m: metrics.clearance * section_length_m,
+        smoothness: metrics.tip_smoothness * section_length_m.powi(2),
+        tip_error_m: tip_error * section_length_m,
+    }
+}
+
+/// Why a problem to this goal has no solution, with lengths in metres.
+pub(crate) fn infeasible(infeasible: &Infeasible, goal: &Goal, section_length_m: f64) -> Refusal {
+    let metres = |length: f64| format!("{:.4} m", length * section_length_m);
+    match *infeasible {
+        Infeasible::StartOutOfLimits { .. } => {
+            Refusal::new(Outcome::StartOutOfLimits, infeasible.to_string())
+        }
+        Infeasible::StartInCollision { clearance } => Refusal::new(
+            Outcome::StartInCollision,
+            format!(
+                "start in collision: clearance {}, at least 0 is needed",
+                metres(clearance)
+            ),
+        ),
+        Infeasible::StartTooFast { .. } | Infeasible::StartCannotStop => {
+            Refusal::new(Outcome::StartCannotStop, infeasible.to_string())
+        }
+        Infeasible::GoalOutOfReach { miss } => {
+            let reason = match goal {
+                Goal::Tip(_) => {
+                    let miss = metres(miss);
+                    format!(
+                        "the closest configuration found within the bending limit misses it by {miss}"
+                    )
+                }
+                Goal::Configuration(_) => {
+                    format!("a section is bent {miss:.4} rad beyond the limit")
+                }
+            };
+            Refusal::new(
+                Outcome::GoalOutOfReach,
+                format!("goal out of reach: {reason}"),
+            )
+        }
+        Infeasible::GoalInCollision {
+            configurations,
+            clearance,
+        } => Refusal::new(
+            Outcome::GoalInCollision,
+            format!(
+                "goal in collision: the clearest of {configurations} goal configurations has clearance {}, at least 0 is needed",
+                metres(clearance)
+            ),
+        ),
+    }
+}
+
+/// Who proposed a candidate.
+pub(crate) fn source(source: Source) -> codes::Source {
+    match source {
+        Source::Learned => codes::Source::Learned,
+        Source::Explored => codes::Source::Explored,
+        Source::Straight => codes::Source::StraightLine,
+        Source::Tree => codes::Source::Classical,
+        Source::Kept => codes::Source::Kept,
+    }
+}
+
+/// Distance of a candidate's last tip from the goal's tip, in the unit of the robot.
+pub(crate) fn tip_error(
+    robot: &pcc_model::UnitRobot,
+    end: &Configuration,
+    goal_tip: &pcc_model::Point,
+) -> f64 {
+    (robot.tip(end) - goal_tip).norm()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use planning::PathMetrics;
+    use trajectory::Trajectory;
+
+    fn candidate() -> Candidate {
+        let end = Configuration::repeat(0.25);
+        let knots = [Configuration::zeros(), end];
+        let knots = knots.iter().zip([0.0, 2.0]);
+        let knots = knots.map(|(position, time)| trajectory::Knot::resting(time, *position));
+        Candidate {
+            trajectory: Trajectory::new(knots.collect()).unwrap().into(),
+            metrics: PathMetrics {
+                duration_s: 2.0,
+                tip_length: 3.0,
+                tip_distance: 2.5,
+                tip_smoothness: 5.0,
+                clearance: f64::INFINITY,
+                configuration_length: 0.6,
+            },
+            source: Source::Tree,
+            draw: 7,
+        }
+    }
+
+    #[test]
+    fn lengths_become_metres_and_nothing_else_changes() {
+        let summary = summary(&candidate(), 96, 0.01, 0.2);
+        let expected = CandidateSummary {
+            first_knot: 96,
+            knot_count: 2,
+            source: 2,
+            draw: 7,
+            duration_s: 2.0,
+            tip_path_m: 3.0 * 0.2,
+            clearance_m: f64::INFINITY,
+            smoothness: 5.0 * 0.2f64.powi(2),
+            tip_error_m: 0.01 * 0.2,
+        };
+        assert_eq!(summary, expected);
+    }
+
+    #[test]
+    fn what_is_infeasible_is_said_in_metres_and_radians() {
+        let tip = Goal::Tip(pcc_model::Point::new(9.0, 0.0, 0.0));
+        let shape = Goal::Configuration(Configuration::repeat(9.0));
+        let (excess_rad, limit_rad) = (0.1, 1.5);
+        let (clearance, configurations, miss) = (-0.1, 3, 0.5);
+        let bent = Infeasible::StartOutOfLimits {
+            excess_rad,
+            limit_rad,
+        };
+        for (reason, goal, outcome, text) in [
+            (bent, tip, Outcome::StartOutOfLimits, "0.1000 rad"),
+            (
+                Infeasible::StartInCollision { clearance },
+                tip,
+                Outcome::StartInCollision,
+                "clearance -0.0200 m",
+            ),
+            (
+                Infeasible::GoalOutOfReach { miss },
+                tip,
+                Outcome::GoalOutOfReach,
+                "by 0.1000 m",
+            ),
+            (
+                Infeasible::GoalOutOfReach { miss },
+                shape,
+                Outcome::GoalOutOfReach,
+                "bent 0.5000 rad",
+            ),
+            (
+                Infeasible::GoalInCollision {
+                    configurations,
+                    clearance,
+                },
+                tip,
+                Outcome::GoalInCollision,
+                "3 goal configurations has clearance -0.0200 m",
+            ),
+        ] {
+            let refusal = infeasible(&reason, &goal, 0.2);
+            assert_eq!(refusal.outcome, outcome);
+            assert!(refusal.reason.contains(text), "{}", refusal.reason);
+            assert!(
+                refusal.reason.starts_with(outcome.text()),
+                "{}",
+                refusal.reason
+            );
+        }
+    }
+
+    #[test]
+    fn every_source_has_its_code() {
+        assert_eq!(source(Source::Learned), codes::Source::Learned);
+        assert_eq!(source(Source::Explored), codes::Source::Explored);
+        assert_eq!(source(Source::Straight), codes::Source::StraightLine);
+        assert_eq!(source(Source::Tree), codes::Source::Classical);
+        assert_eq!(source(Source::Kept), codes::Source::Kept);
+    }
+}

@@ -1,0 +1,360 @@
+//! Validation of a plan request: converts SI units to the planner's (lengths in sections), or refuses it with a reason.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use collision::{Ball, Scene};
+use pcc_model::{Configuration, Point, SECTIONS};
+use planning::{
+    Goal, Guidance, MOST_CORRECTIONS, PreviousPlan, Problem, Request, Sampler, Selection,
+    StartMotion,
+};
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::{self, PlanField};
+use shared_types::ipc::PlanServiceCapacity;
+use shared_types::message;
+use shared_types::valid::{self, PlanRequest, SelectionRule};
+
+use super::recent_plans::RecentPlans;
+use super::refusal::Refusal;
+use crate::execution::Begin;
+
+/// Distance from the goal that counts as reached where the request does not say, section lengths.
+const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
+
+/// Checks plan requests against this daemon's capacity and clock, and adds its static scene and defaults.
+#[derive(Clone, Debug)]
+pub(crate) struct RequestValidator {
+    /// The robot's section length, metres.
+    pub(crate) section_length_m: f64,
+    /// What the plan service holds.
+    pub(crate) capacity: PlanServiceCapacity,
+    /// Time that an answer may take where the request does not say.
+    pub(crate) default_deadline: Duration,
+    /// Padding of each section's tube that every certificate includes, section lengths.
+    pub(crate) padding: [f64; SECTIONS],
+    /// Obstacles of every request, in units of the section length.
+    pub(crate) static_scene: Scene,
+}
+
+/// A validated request in the planner's units.
+#[derive(Clone, Debug)]
+pub(crate) struct PlanTask {
+    /// The client's number.
+    pub(crate) request_id: u64,
+    /// In units of the section length.
+    pub(crate) problem: Arc<Problem>,
+    /// What to deliver.
+    pub(crate) request: Request,
+    /// Time that the answer may take.
+    pub(crate) deadline: Duration,
+    /// Distance from the goal that counts as reached, section lengths.
+    pub(crate) tip_tolerance: f64,
+    /// Whether the selected motion is to be executed, and from when.
+    pub(crate) execution: Option<ExecutionTiming>,
+    /// Certified candidates that are answered before the whole answer.
+    pub(crate) early: Option<usize>,
+}
+
+/// A motion that is to be executed once it is planned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ExecutionTiming {
+    /// When it was asked for, nanoseconds of `CLOCK_MONOTONIC`.
+    pub(crate) requested_mono_ns: i64,
+    /// When it is to begin.
+    pub(crate) begin: Begin,
+}
+
+impl RequestValidator {
+    /// Validates a private copy of a request; `plans` are the plans that it may go on from.
+    ///
+    /// # Errors
+    /// [`Refusal`]: the outcome, the field that is wrong, and what is allowed.
+    pub(crate) fn validate(
+        &self,
+        wire: &message::PlanRequest,
+        plans: &RecentPlans,
+    ) -> Result<PlanTask, Refusal> {
+        let asked = PlanRequest::try_from(wire)?;
+        let most = self.capacity.candidates;
+        if asked.candidate_count > most {
+            let reason = format!(
+                "candidate_count is {}; this daemon serves 1..={most}",
+                asked.candidate_count
+            );
+            return Err(Refusal::field(PlanField::CandidateCount, reason));
+        }
+        let previous = asked.previous.map(|p| plans.find(&p)).transpose()?;
+        Ok(PlanTask {
+            request_id: asked.request_id,
+            problem: Arc::new(self.problem(&asked)?),
+            request: self.request(&asked, previous),
+            deadline: asked.deadline.unwrap_or(self.default_deadline),
+            tip_tolerance: self.tip_tolerance(&asked.goal),
+            execution: execution(&asked, mono_now_ns())?,
+            early: asked.early_candidate_count,
+        })
+    }
+
+    fn problem(&self, asked: &PlanRequest) -> Result<Problem, Refusal> {
+        let balls = asked.balls.iter().map(|ball| Ball {
+            centre: Point::from(ball.centre_m) / self.section_length_m,
+            radius: ball.radius_m / self.section_length_m,
+        });
+        let scene = self.static_scene.with_balls(balls.collect());
+        Ok(Problem {
+            start: Configuration::from(asked.start_configuration_rad),
+            goal: match &asked.goal {
+                valid::Goal::Tip { position_m, .. } => {
+                    Goal::Tip(Point::from(*position_m) / self.section_length_m)
+                }
+                valid::Goal::Configuration(shape) => Goal::Configuration((*shape).into()),
+            },
+            scene: scene.map_err(|error| Refusal::field(PlanField::Balls, error.to_string()))?,
+        })
+    }
+
+    fn request(&self, asked: &PlanRequest, previous: Option<PreviousPlan>) -> Request {
+        Request {
+            candidates: asked.candidate_count,
+            seed: asked.seed,
+            sampler: sampler(asked.sampler),
+            selection: selection(asked.selection),
+            limits_scale: asked.limits_scale,
+            padding: self.padding,
+            knots: self.capacity.knots_per_candidate,
+            corrections: MOST_CORRECTIONS,
+            start_motion: (!asked.starts_at_rest()).then(|| StartMotion {
+                velocity: asked.start_velocity_rad_s.into(),
+                acceleration: asked.start_acceleration_rad_s2.into(),
+            }),
+            previous: previous.map(Arc::new),
+        }
+    }
+
+    fn tip_tolerance(&self, goal: &valid::Goal) -> f64 {
+        match goal {
+            valid::Goal::Tip {
+                tolerance_m: Some(tolerance_m),
+                ..
+            } => tolerance_m / self.section_length_m,
+            _ => DEFAULT_TIP_TOLERANCE,
+        }
+    }
+}
+
+fn execution(asked: &PlanRequest, now_mono_ns: i64) -> Result<Option<ExecutionTiming>, Refusal> {
+    let Some(requested_mono_ns) = asked.requested_mono_ns.filter(|_| asked.execute) else {
+        return Ok(None);
+    };
+    if requested_mono_ns > now_mono_ns {
+        let reason = format!(
+            "requested_mono_ns is {requested_mono_ns}, now is {now_mono_ns}: it is of another clock than this machine's \
+             CLOCK_MONOTONIC; now or earlier is allowed"
+        );
+        return Err(Refusal::field(PlanField::Requested, reason));
+    }
+    Ok(Some(ExecutionTiming {
+        requested_mono_ns,
+        begin: asked
+            .begin_mono_ns
+            .map_or(Begin::Earliest, Begin::NotBefore),
+    }))
+}
+
+fn sampler(sampler: codes::Sampler) -> Sampler {
+    match sampler {
+        codes::Sampler::Default => Sampler::Default,
+        codes::Sampler::Fast => Sampler::Fast,
+        codes::Sampler::Straight => Sampler::Straight,
+        codes::Sampler::RrtConnect => Sampler::RrtConnect,
+        codes::Sampler::Diffusion => Sampler::Diffusion(Guidance::Pure),
+        codes::Sampler::DiffusionPost => Sampler::Diffusion(Guidance::Post),
+        codes::Sampler::DiffusionGuided => Sampler::Diffusion(Guidance::Guided),
+        codes::Sampler::StraightDrawn => Sampler::StraightDrawn,
+        codes::Sampler::RrtSmooth => Sampler::RrtSmooth,
+    }
+}
+
+fn selection(rule: SelectionRule) -> Selection {
+    use codes::Selection as Code;
+    match rule {
+        SelectionRule::Index(index) => Selection::Index(index),
+        SelectionRule::Best(Code::ShortestTime | Code::ByIndex) => Selection::ShortestTime,
+        SelectionRule::Best(Code::ShortestTipPath) => Selection::ShortestTipPath,
+        SelectionRule::Best(Code::LargestClearance) => Selection::LargestClearance,
+        SelectionRule::Best(Code::Smoothest) => Selection::Smoothest,
+        SelectionRule::Best(Code::NearestGoalConfiguration) => Selection::NearestGoalConfiguration,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use collision::Solid;
+    use nalgebra::Isometry3;
+    use shared_types::codes::Outcome;
+
+    fn validator() -> RequestValidator {
+        RequestValidator {
+            section_length_m: 0.25,
+            capacity: PlanServiceCapacity::default(),
+            default_deadline: Duration::from_millis(20),
+            padding: [0.0225; SECTIONS],
+            static_scene: Scene::default(),
+        }
+    }
+
+    fn asked() -> PlanRequest {
+        let goal = valid::Goal::Tip {
+            position_m: [0.25, 0.0, 0.5],
+            tolerance_m: None,
+        };
+        PlanRequest {
+            balls: vec![message::Ball {
+                centre_m: [0.5, 0.0, 0.25],
+                radius_m: 0.1,
+            }],
+            ..PlanRequest::new([0.1; 6], goal)
+        }
+    }
+
+    fn validate(asked: &PlanRequest) -> Result<PlanTask, Refusal> {
+        validator().validate(&asked.try_into().unwrap(), &RecentPlans::default())
+    }
+
+    #[test]
+    fn metres_become_section_lengths_and_defaults_are_filled_in() {
+        let task = validate(&asked()).unwrap();
+        assert_eq!(task.problem.goal, Goal::Tip(Point::new(1.0, 0.0, 2.0)));
+        let ball = task.problem.scene.balls()[0];
+        assert_eq!((ball.centre, ball.radius), (Point::new(2.0, 0.0, 1.0), 0.4));
+        assert_eq!(task.problem.start, Configuration::repeat(0.1));
+        assert_eq!(task.deadline, Duration::from_millis(20));
+        assert_eq!(task.tip_tolerance, 0.01);
+        assert_eq!(task.execution, None);
+        assert_eq!(
+            (task.request.padding, task.request.knots),
+            ([0.0225; SECTIONS], 96)
+        );
+    }
+
+    #[test]
+    fn what_is_said_replaces_the_defaults() {
+        let task = validate(&PlanRequest {
+            goal: valid::Goal::Tip {
+                position_m: [0.25, 0.0, 0.5],
+                tolerance_m: Some(0.005),
+            },
+            deadline: Some(Duration::from_secs(1)),
+            execute: true,
+            begin_mono_ns: Some(77),
+            limits_scale: 0.5,
+            seed: 9,
+            ..asked()
+        });
+        let task = task.unwrap();
+        assert_eq!(task.tip_tolerance, 0.02);
+        assert_eq!(task.deadline, Duration::from_secs(1));
+        let begin = |task: &PlanTask| task.execution.map(|to_execute| to_execute.begin);
+        assert_eq!(begin(&task), Some(Begin::NotBefore(77)));
+        assert_eq!((task.request.limits_scale, task.request.seed), (0.5, 9));
+        let soon = PlanRequest {
+            execute: true,
+            ..asked()
+        };
+        assert_eq!(begin(&validate(&soon).unwrap()), Some(Begin::Earliest));
+    }
+
+    #[test]
+    fn a_motion_that_was_asked_for_in_the_future_is_of_another_clock() {
+        let now_mono_ns = mono_now_ns();
+        let asked_for = |requested_mono_ns| PlanRequest {
+            execute: true,
+            requested_mono_ns: Some(requested_mono_ns),
+            ..asked()
+        };
+        let earlier = validate(&asked_for(now_mono_ns - 5_000_000_000)).unwrap();
+        let requested_mono_ns = earlier.execution.map(|asked| asked.requested_mono_ns);
+        assert_eq!(requested_mono_ns, Some(now_mono_ns - 5_000_000_000));
+        let refusal = validate(&asked_for(now_mono_ns + 60_000_000_000)).unwrap_err();
+        assert_eq!(refusal.field, PlanField::Requested);
+        assert!(refusal.reason.contains("another clock"), "{refusal:?}");
+    }
+
+    #[test]
+    fn every_sampler_and_selection_has_its_counterpart() {
+        for (code, expected) in codes::Sampler::ALL.iter().zip([
+            Sampler::Default,
+            Sampler::Fast,
+            Sampler::Straight,
+            Sampler::RrtConnect,
+            Sampler::Diffusion(Guidance::Pure),
+            Sampler::Diffusion(Guidance::Post),
+            Sampler::Diffusion(Guidance::Guided),
+            Sampler::StraightDrawn,
+            Sampler::RrtSmooth,
+        ]) {
+            assert_eq!(sampler(*code), expected);
+        }
+        let rules = codes::Selection::ALL[..5].iter().copied();
+        for (rule, expected) in rules.zip([
+            Selection::ShortestTime,
+            Selection::ShortestTipPath,
+            Selection::LargestClearance,
+            Selection::Smoothest,
+            Selection::NearestGoalConfiguration,
+        ]) {
+            assert_eq!(selection(SelectionRule::Best(rule)), expected);
+        }
+        assert_eq!(selection(SelectionRule::Index(3)), Selection::Index(3));
+    }
+
+    #[test]
+    fn a_static_scene_is_part_of_every_request() {
+        let wall = Solid::cuboid(
+            &Point::new(0.1, 4.0, 4.0),
+            &Isometry3::translation(2.5, 0.0, 1.0),
+        );
+        let fixed = Ball {
+            centre: Point::new(-2.0, 0.0, 1.0),
+            radius: 0.5,
+        };
+        let validator = RequestValidator {
+            static_scene: Scene::with_solids(vec![fixed], vec![Arc::new(wall.unwrap())]).unwrap(),
+            ..validator()
+        };
+        let scene = &validator
+            .validate(&(&asked()).try_into().unwrap(), &RecentPlans::default())
+            .unwrap()
+            .problem
+            .scene;
+        assert_eq!((scene.balls().len(), scene.solids().len()), (2, 1));
+        assert_eq!(scene.balls()[0].centre, Point::new(2.0, 0.0, 1.0));
+        assert_eq!(scene.balls()[1], fixed);
+    }
+
+    #[test]
+    fn a_refusal_names_the_field_and_what_is_allowed() {
+        let many = PlanRequest {
+            candidate_count: 17,
+            ..asked()
+        };
+        let refusal = validate(&many).unwrap_err();
+        assert_eq!(refusal.outcome, Outcome::InvalidRequest);
+        assert_eq!(refusal.field, PlanField::CandidateCount);
+        assert!(refusal.reason.contains("1..=16"), "{}", refusal.reason);
+
+        let mut wire: message::PlanRequest = (&asked()).try_into().unwrap();
+        wire.goal_tip_m[1] = f64::NAN;
+        let refusal = validator()
+            .validate(&wire, &RecentPlans::default())
+            .unwrap_err();
+        assert_eq!(refusal.field, PlanField::GoalTip);
+        wire.protocol_version = 1;
+        let refusal = validator()
+            .validate(&wire, &RecentPlans::default())
+            .unwrap_err();
+        assert_eq!(refusal.outcome, Outcome::WrongVersion);
+    }
+}

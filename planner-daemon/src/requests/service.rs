@@ -1,0 +1,441 @@
+//! The service thread's loop: receives plan requests, validates and queues them, has them planned, answers, and has motions executed.
+
+use std::mem;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use iceoryx2::identifiers::UniqueClientId;
+use iceoryx2::port::ReceiveError;
+use planning::Candidate;
+use realtime::reduce_timer_slack;
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::Outcome;
+use shared_types::ipc::{
+    EventListener, EventNotifier, IpcError, IpcNode, PlanActiveRequest, PlanServer, event_listener,
+    event_notifier, plan_answered_event, plan_asked_event, plan_server, plan_service,
+};
+
+use super::answer::{Answer, is_deliverable};
+use super::fair_queue::FairQueue;
+use super::plan_runner::{Early, Job, PlanOutput, PlanRunner, Planned};
+use super::recent_plans::RecentPlans;
+use super::refusal::Refusal;
+use super::request_validator::{PlanTask, RequestValidator};
+use super::wait_mode::WaitMode;
+use crate::execution::{Execution, ExecutionRefusal, SelectedMotion};
+
+/// Longest time between two rounds: requests without an event, and clients that cancelled, are found by then.
+const POLL_INTERVAL: Duration = Duration::from_millis(1);
+/// Time before the deadline at which planning ends, for the answer to be sent and received; at most half of the deadline.
+const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
+/// Addition to [`DELIVERY_MARGIN`] for each candidate, for its knots to be written and read.
+const DELIVERY_MARGIN_PER_CANDIDATE: Duration = Duration::from_micros(20);
+/// Time that a plan under way gets when the daemon ends, before it is truncated.
+const SHUTDOWN_GRACE_PERIOD: Duration = Duration::from_millis(500);
+
+/// A request that waits for its turn.
+struct Queued {
+    active: PlanActiveRequest,
+    task: PlanTask,
+    received: Instant,
+}
+
+impl Queued {
+    /// When planning must end, so that the answer arrives by the deadline.
+    fn deadline(&self) -> Instant {
+        let whole = self.task.deadline;
+        self.received + (whole - delivery_margin(self.task.request.candidates, whole))
+    }
+}
+
+/// The request that is being planned.
+struct InFlight {
+    queued: Queued,
+    waited: Duration,
+    plan_id: u64,
+    cancelled: Arc<AtomicBool>,
+}
+
+/// The service: its ports, queue, planner and handle of execution.
+pub(crate) struct Service {
+    server: PlanServer,
+    /// Of the round under way.
+    received: Vec<PlanActiveRequest>,
+    asked: EventListener,
+    answered: EventNotifier,
+    execution: Execution,
+    runner: PlanRunner,
+    validator: RequestValidator,
+    wait: WaitMode,
+    queue: FairQueue<UniqueClientId, Queued>,
+    in_flight: Option<InFlight>,
+    plans: RecentPlans,
+    next_plan_id: u64,
+    receiving_fails: bool,
+    waiting_fails: bool,
+    ends: bool,
+}
+
+impl Service {
+    /// Opens `plan` and its events with the capacity that the validator states; the ports stay in the calling thread.
+    ///
+    /// # Errors
+    /// [`IpcError`].
+    pub(crate) fn open(
+        node: &IpcNode,
+        validator: RequestValidator,
+        runner: PlanRunner,
+        execution: Execution,
+        wait: WaitMode,
+        queued_per_client: usize,
+    ) -> Result<Self, IpcError> {
+        let plan = plan_service(node, &validator.capacity)?;
+        Ok(Self {
+            server: plan_server(node, &plan, &validator.capacity)?,
+            received: Vec::new(),
+            asked: event_listener(node, &plan_asked_event(node)?)?,
+            answered: event_notifier(node, &plan_answered_event(node)?)?,
+            execution,
+            runner,
+            validator,
+            wait,
+            queue: FairQueue::new(queued_per_client),
+            in_flight: None,
+            plans: RecentPlans::default(),
+            // Larger than the ids of every earlier daemon since the machine was booted.
+            next_plan_id: mono_now_ns().unsigned_abs(),
+            receiving_fails: false,
+            waiting_fails: false,
+            ends: false,
+        })
+    }
+
+    /// Serves until `terminated`, then answers what is there.
+    pub(crate) fn run(&mut self, terminated: &AtomicBool) {
+        if let Err(error) = reduce_timer_slack() {
+            tracing::warn!("looks and deadlines may be some 50 us late: {error}");
+        }
+        while !terminated.load(Ordering::Relaxed) {
+            if !self.round() {
+                self.pause();
+            }
+        }
+        self.finish();
+    }
+
+    /// One round: receives, drops, answers and starts; returns whether anything was done.
+    fn round(&mut self) -> bool {
+        let received = self.receive();
+        self.drop_cancelled();
+        self.answer_expired();
+        let planned = self.take_output();
+        let begun = self.begin_next();
+        received || planned || begun
+    }
+
+    /// Takes the requests that have arrived up only once all are received: as long as so many of a client's are held as it may have at
+    /// work, iceoryx2 passes over that client's others, so that one who floods does not keep out who connected after it.
+    fn receive(&mut self) -> bool {
+        loop {
+            match self.server.receive() {
+                Ok(Some(active)) => self.received.push(active),
+                Ok(None) | Err(ReceiveError::ExceedsMaxBorrows) => {
+                    self.receiving_fails = false;
+                    break;
+                }
+                Err(error) => {
+                    self.report_receiving(error);
+                    break;
+                }
+            }
+        }
+        let mut received = mem::take(&mut self.received);
+        let is_any = !received.is_empty();
+        for active in received.drain(..) {
+            self.accept(active);
+        }
+        self.received = received;
+        is_any
+    }
+
+    fn report_receiving(&mut self, error: ReceiveError) {
+        if !self.receiving_fails {
+            tracing::error!("requests cannot be received: {error:?}");
+        }
+        self.receiving_fails = true;
+    }
+
+    /// Copies a request to private memory, checks the copy, and queues or refuses it.
+    fn accept(&mut self, active: PlanActiveRequest) {
+        let received = Instant::now();
+        let copy = *active.payload();
+        let task = match self.validator.validate(&copy, &self.plans) {
+            Ok(task) => task,
+            Err(refusal) => return self.refuse(&active, copy.request_id, &refusal),
+        };
+        let client = active.origin();
+        let queued = Queued {
+            active,
+            task,
+            received,
+        };
+        let Err(queued) = self.queue.push(client, queued) else {
+            return;
+        };
+        // What waits may have been cancelled meanwhile.
+        self.drop_cancelled();
+        if let Err(queued) = self.queue.push(client, queued) {
+            let reason = "the client has as many requests waiting as it may (queued_per_client)";
+            let refusal = Refusal::new(Outcome::Overloaded, reason);
+            self.refuse(&queued.active, queued.task.request_id, &refusal);
+        }
+    }
+
+    /// Forgets what waits for clients that gave up, and interrupts the plan of one.
+    fn drop_cancelled(&mut self) {
+        let dropped = self.queue.take_out(|queued| !is_wanted(&queued.active));
+        if !dropped.is_empty() {
+            let count = dropped.len();
+            tracing::debug!("{count} requests were cancelled while they waited");
+        }
+        if let Some(in_flight) = &self.in_flight
+            && !is_wanted(&in_flight.queued.active)
+        {
+            in_flight.cancelled.store(true, Ordering::Relaxed);
+        }
+    }
+
+    /// Answers queued requests whose deadline has passed, also while another client's long plan runs.
+    fn answer_expired(&mut self) {
+        let now = Instant::now();
+        for late in self.queue.take_out(|queued| now >= queued.deadline()) {
+            let mut answer = Answer::refused(late.task.request_id, &too_late(&late.task));
+            answer.set_wait(now - late.received);
+            self.send(&mut answer, &late.active);
+        }
+    }
+
+    /// Hands the next request over to planning, if that is idle.
+    fn begin_next(&mut self) -> bool {
+        if self.in_flight.is_some() {
+            return false;
+        }
+        let Some(queued) = self.queue.pop() else {
+            return false;
+        };
+        let waited = queued.received.elapsed();
+        let cancelled = Arc::new(AtomicBool::new(false));
+        self.runner.begin(Job {
+            problem: Arc::clone(&queued.task.problem),
+            request: queued.task.request.clone(),
+            deadline: queued.deadline(),
+            early: self.early(&queued.task),
+            cancelled: Arc::clone(&cancelled),
+        });
+        let plan_id = self.next_plan_id;
+        self.next_plan_id += 1;
+        self.in_flight = Some(InFlight {
+            queued,
+            waited,
+            plan_id,
+            cancelled,
+        });
+        true
+    }
+
+    fn early(&self, task: &PlanTask) -> Option<Early> {
+        let (count, task, robot) = (task.early?, task.clone(), self.runner.robot().clone());
+        Some(Early {
+            count,
+            is_deliverable: Box::new(move |candidate| is_deliverable(&task, candidate, &robot)),
+        })
+    }
+
+    /// Takes the next output of the running plan and answers it; returns whether there was one.
+    fn take_output(&mut self) -> bool {
+        if self.in_flight.is_none() {
+            return false;
+        }
+        match self.runner.take() {
+            Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
+            Some(PlanOutput::Plan(planned)) => self.answer(planned),
+            None => return false,
+        }
+        true
+    }
+
+    /// Answers the first certified candidates; the plan goes on.
+    fn answer_early(&self, candidates: Vec<Candidate>) {
+        let Some(in_flight) = &self.in_flight else {
+            return;
+        };
+        let Queued { active, task, .. } = &in_flight.queued;
+        let length = self.validator.section_length_m;
+        let mut answer = Answer::early(task, candidates, self.runner.robot(), length);
+        answer.set_plan_id(in_flight.plan_id);
+        answer.set_wait(in_flight.waited);
+        self.send(&mut answer, active);
+    }
+
+    fn answer(&mut self, planned: Planned) {
+        let Some(in_flight) = self.in_flight.take() else {
+            return;
+        };
+        if let Err(fault) = &planned {
+            tracing::debug!("no plan: {fault}");
+        }
+        let plan_id = in_flight.plan_id;
+        let queued = in_flight.queued;
+        let length = self.validator.section_length_m;
+        let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot(), length);
+        answer.set_plan_id(plan_id);
+        answer.set_wait(in_flight.waited);
+        let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
+        if is_wanted(&queued.active) && has_candidates && answer.candidate_count() > 0 {
+            self.execute(&queued, plan_id, &mut answer);
+        }
+        self.send(&mut answer, &queued.active);
+        let selected = answer.selected().map(|(index, _)| index);
+        self.plans.keep(plan_id, answer.candidates(), selected);
+    }
+
+    fn execute(&mut self, queued: &Queued, plan_id: u64, answer: &mut Answer) {
+        let Some(to_execute) = queued.task.execution else {
+            return;
+        };
+        let published = match answer.selected() {
+            _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
+            Some((candidate_index, motion)) => self.execution.publish(SelectedMotion {
+                motion: motion.clone(),
+                candidate_index,
+                plan_id,
+                requested_mono_ns: to_execute.requested_mono_ns,
+                begin: to_execute.begin,
+            }),
+            None => Err(ExecutionRefusal::NothingSelected),
+        };
+        match published {
+            Ok(id) => {
+                tracing::info!("trajectory {id} of plan {plan_id} is published for execution");
+                answer.set_executed(id);
+            }
+            Err(refusal) => {
+                tracing::info!("plan {plan_id} is not executed: {refusal}");
+                answer.set_execution_refused(&refusal.to_string());
+            }
+        }
+    }
+
+    /// Sleeps until a request arrives, the planner has an output, or the poll interval or a queued deadline ends. The wake descriptor is
+    /// polled only while a plan runs: before, it may still be readable for an output that was taken.
+    fn pause(&mut self) {
+        if self.wait == WaitMode::Poll {
+            return std::hint::spin_loop();
+        }
+        let now = Instant::now();
+        let until = |queued: &Queued| queued.deadline().saturating_duration_since(now);
+        let limit = self
+            .queue
+            .iter()
+            .map(until)
+            .fold(POLL_INTERVAL, Duration::min);
+        let wake_fd = self.in_flight.is_some().then(|| self.runner.wake_fd());
+        let waited = self.asked.wait(wake_fd, limit);
+        if wake_fd.is_some() {
+            self.runner.clear_wake();
+        }
+        match waited {
+            Ok(_) => self.waiting_fails = false,
+            Err(error) => {
+                if !self.waiting_fails {
+                    tracing::error!("requests are looked for only every ms: {error}");
+                }
+                self.waiting_fails = true;
+                sleep(limit);
+            }
+        }
+    }
+
+    fn refuse(&self, active: &PlanActiveRequest, request_id: u64, refusal: &Refusal) {
+        self.send(&mut Answer::refused(request_id, refusal), active);
+    }
+
+    /// Sends an answer and wakes who waits for one; what does not arrive is logged, the client sees its request end.
+    fn send(&self, answer: &mut Answer, active: &PlanActiveRequest) {
+        let outcome = answer.outcome();
+        tracing::debug!(
+            "{} candidates, outcome {:?}: {}",
+            answer.candidate_count(),
+            outcome,
+            answer.reason()
+        );
+        if let Err(error) = answer.send(active)
+            && is_wanted(active)
+        {
+            tracing::error!("{error}");
+        }
+        if let Err(error) = self.answered.notify() {
+            tracing::error!("who waits for the answer finds it only some ms later: {error:?}");
+        }
+    }
+
+    /// Answers the plan under way, and tells all who wait that the daemon ends.
+    fn finish(&mut self) {
+        self.ends = true;
+        self.receive();
+        while let Some(queued) = self.queue.pop() {
+            let refusal = Refusal::new(Outcome::Cancelled, "the daemon ends");
+            self.refuse(&queued.active, queued.task.request_id, &refusal);
+        }
+        let begun = Instant::now();
+        while let Some(in_flight) = &self.in_flight {
+            if begun.elapsed() > SHUTDOWN_GRACE_PERIOD {
+                in_flight.cancelled.store(true, Ordering::Relaxed);
+            }
+            if !self.take_output() {
+                self.pause();
+            }
+        }
+    }
+}
+
+/// Time before a deadline of `whole` at which planning of so many candidates ends.
+fn delivery_margin(candidates: usize, whole: Duration) -> Duration {
+    let of_candidates = DELIVERY_MARGIN_PER_CANDIDATE.mul_f64(candidates as f64);
+    (DELIVERY_MARGIN + of_candidates).min(whole / 2)
+}
+
+fn is_wanted(active: &PlanActiveRequest) -> bool {
+    active.is_connected() && !active.has_disconnect_hint()
+}
+
+fn too_late(task: &PlanTask) -> Refusal {
+    let milliseconds = task.deadline.as_secs_f64() * 1e3;
+    let reason = format!("the deadline of {milliseconds} ms passed while the request waited");
+    Refusal::new(Outcome::Truncated, reason)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::task;
+
+    #[test]
+    fn work_ends_sooner_before_a_deadline_of_many_candidates_and_halfway_to_a_short_one() {
+        let us = Duration::from_micros;
+        assert_eq!(delivery_margin(1, us(20_000)), us(520));
+        assert_eq!(delivery_margin(64, us(20_000)), us(1_780));
+        assert_eq!(delivery_margin(64, us(2_000)), us(1_000));
+        assert_eq!(delivery_margin(1, Duration::MAX), us(520));
+        assert_eq!(delivery_margin(1, Duration::ZERO), Duration::ZERO);
+    }
+
+    #[test]
+    fn a_request_whose_deadline_passed_in_the_queue_is_truncated() {
+        let refusal = too_late(&task());
+        assert_eq!(refusal.outcome, Outcome::Truncated);
+        assert!(refusal.reason.contains("20 ms"), "{}", refusal.reason);
+    }
+}

@@ -1,0 +1,426 @@
+//! Starting the daemon: everything is loaded, checked and opened before the first request.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::thread;
+use std::time::Duration;
+
+use collision::{Ball, Scene, SceneFileError, tracking_padding};
+use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
+use input_files::{shortened, shown};
+use pcc_model::{Configuration, Point, Robot, RobotFileError};
+use planning::{
+    DiffusionModel, Goal, Guidance, MOST_CORRECTIONS, Models, Planner, PlannerError,
+    PrecisionUnavailable, Problem, Request, Sampler, Selection,
+};
+use realtime::{Pages, RealtimeError};
+use shared_types::clock::mono_now_ns;
+use shared_types::ipc::{
+    IpcError, IpcNode, IpcOptions, PlanServiceCapacity, Role, RoleLock, shared_memory,
+};
+use trajectory::{BRAKING_SHARE, RateLaw};
+
+use super::config::Config;
+use super::process;
+use crate::execution::{
+    BackgroundError, BackgroundThreads, Execution, ExecutionRules, ProgressCounter,
+};
+use crate::requests::{PlanRunner, RequestValidator, Service};
+
+/// Time slice of a planning thread: threads that ask for shorter ones preempt it when they wake.
+const PLANNING_TIME_SLICE: Duration = Duration::from_millis(6);
+/// Name of the learned model in the manifest.
+const MODEL: &str = "fast";
+
+/// Why the daemon does not start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// The robot file is refused.
+    #[error("`robot`: {0}")]
+    Robot(#[from] Box<RobotFileError>),
+    /// The static scene is refused.
+    #[error("static scene: {0}")]
+    Scene(#[from] Box<SceneFileError>),
+    /// The learned model is refused.
+    #[error("{key}, in {}: {source}", shown(.folder))]
+    Weights {
+        /// The key that asks for it.
+        key: String,
+        /// The folder.
+        folder: PathBuf,
+        /// What is wrong with them.
+        source: Box<WeightsError>,
+    },
+    /// The diffusion model cannot be computed as configured.
+    #[error(transparent)]
+    Precision(#[from] PrecisionUnavailable),
+    /// The planner cannot serve this robot.
+    #[error("robot file {}: {source}", shown(.robot))]
+    Planner {
+        /// The robot file.
+        robot: PathBuf,
+        /// What is wrong with the robot.
+        source: PlannerError,
+    },
+    /// The services are not available, or another daemon runs.
+    #[error(transparent)]
+    Ipc(#[from] IpcError),
+    /// A background thread did not start.
+    #[error(transparent)]
+    Background(#[from] BackgroundError),
+    /// The configuration takes more shared memory than it declares.
+    #[error(
+        "shared_memory_budget_mb = {allowed_mb} is not allowed: {needed_mb:.1} MB at least are needed for clients = {}, \
+         requests_per_client = {}, candidates = {}, knots_per_candidate = {}: lower these, or declare more",
+        .capacity.clients, .capacity.active_requests_per_client, .capacity.candidates, .capacity.knots_per_candidate
+    )]
+    SharedMemory {
+        /// The plan service's.
+        capacity: PlanServiceCapacity,
+        /// What the services take, 10^6 bytes.
+        needed_mb: f64,
+        /// What is declared.
+        allowed_mb: f64,
+    },
+    /// The process takes more memory than is declared.
+    #[error(
+        "resident_memory_budget_mb = {allowed_mb} is not allowed: the daemon needs {needed_mb:.1} MB of resident memory at least: \
+         lower threads or the plan service's capacity, or declare more"
+    )]
+    ResidentMemory {
+        /// What it takes, 10^6 bytes.
+        needed_mb: f64,
+        /// What is declared.
+        allowed_mb: f64,
+    },
+    /// The processors asked for are not available.
+    #[error("`processors`: {0}")]
+    Processors(#[source] RealtimeError),
+    /// The system takes a priority back that it granted.
+    #[error(transparent)]
+    Priority(#[from] RealtimeError),
+    /// The system refuses something that the daemon cannot go without.
+    #[error("the system refuses: {0}")]
+    System(#[from] std::io::Error),
+}
+
+/// The daemon, ready to serve. It belongs to the thread that started it.
+pub struct Daemon {
+    // Dropped in this order: supervision, which stops what moves, before the heart; ports before the node; the role last.
+    service: Service,
+    _background: BackgroundThreads,
+    _node: IpcNode,
+    _role: RoleLock,
+}
+
+impl Daemon {
+    /// Takes the daemon's role, loads robot and model, opens the services and checks the budgets.
+    ///
+    /// # Errors
+    /// [`StartError`]: the first thing that is not as it must be; nothing stays behind.
+    pub fn start(config: &Config, options: &IpcOptions) -> Result<Self, StartError> {
+        use_processors(config)?;
+        let role = RoleLock::acquire(options, Role::PlannerDaemon)?;
+        let shared_bytes = check_shared_memory(config)?;
+        let robot = load_robot(config)?;
+        let static_scene = load_scene(config, &robot)?;
+        let priority = granted_priority(config);
+        let planner = load_planner(config, &robot, priority)?;
+        lock_memory(config);
+        warm_up(&planner, config)?;
+        let node = IpcNode::create(options, "planner-daemon")?;
+        // No other daemon of this machine was started then.
+        let instance = mono_now_ns().unsigned_abs();
+        let progress = Arc::new(ProgressCounter::default());
+        let execution = Execution::start(
+            options,
+            execution_rules(config, &planner, &robot),
+            instance,
+            &progress,
+            priority.map(|planning| planning + 2),
+        )?;
+        let service = open_service(config, &node, &robot, static_scene, planner, execution)?;
+        prefault_shared_memory(config, options);
+        let service_priority = priority.map(|planning| planning + 1);
+        let background = BackgroundThreads::start(options, instance, &progress, service_priority)?;
+        if let Some(priority) = service_priority {
+            realtime::use_fifo_priority(priority)?;
+        }
+        let resident_bytes = check_resident_memory(config)?;
+        announce(config, &robot, [shared_bytes, resident_bytes]);
+        Ok(Self {
+            service,
+            _background: background,
+            _node: node,
+            _role: role,
+        })
+    }
+
+    /// Serves until `terminated` is set; what is under way then is answered.
+    pub fn run(&mut self, terminated: &AtomicBool) {
+        tracing::info!("ready");
+        self.service.run(terminated);
+        tracing::info!("ended");
+    }
+}
+
+/// Logs what was loaded, and the shared and resident memory that is taken, bytes.
+fn announce(config: &Config, robot: &Robot, [shared_bytes, resident_bytes]: [usize; 2]) {
+    tracing::info!(
+        "robot {}, {}, {} threads, up to {} candidates of {} knots for {} clients",
+        robot.name,
+        resident_models(config),
+        config.threads,
+        config.capacity.candidates,
+        config.capacity.knots_per_candidate,
+        config.capacity.clients
+    );
+    tracing::info!(
+        "shared memory {:.1} of {:.1} MB, resident memory {:.1} of {:.1} MB",
+        megabytes(shared_bytes),
+        megabytes(config.shared_memory_budget),
+        megabytes(resident_bytes),
+        megabytes(config.resident_memory_budget)
+    );
+}
+
+/// The models that requests can be answered with.
+fn resident_models(config: &Config) -> String {
+    let fast = config.weights.as_ref().map_or("none", |_| MODEL);
+    match &config.diffusion {
+        Some(diffusion) => format!("model {fast}, diffusion model {diffusion}"),
+        None => format!("model {fast}, no diffusion model"),
+    }
+}
+
+fn megabytes(bytes: usize) -> f64 {
+    bytes as f64 * 1e-6
+}
+
+fn use_processors(config: &Config) -> Result<(), StartError> {
+    if config.processors.is_empty() {
+        return Ok(());
+    }
+    realtime::set_cpu_affinity(&config.processors).map_err(StartError::Processors)
+}
+
+fn lock_memory(config: &Config) {
+    if !config.lock_memory {
+        return;
+    }
+    if let Err(error) = realtime::lock_memory(Pages::Touched) {
+        tracing::warn!("{error}, or set lock_memory = false");
+    }
+}
+
+/// The SCHED_FIFO priority of planning, where the configuration asks for one and the system grants the two above it as well: service
+/// and heartbeat run one above planning, supervision two above.
+fn granted_priority(config: &Config) -> Option<u8> {
+    let planning = config.realtime_priority?;
+    let tried = thread::spawn(move || realtime::use_fifo_priority(planning + 2));
+    match tried.join().expect("a system call does not panic") {
+        Ok(()) => Some(planning),
+        Err(error) => {
+            tracing::warn!(
+                "answers and orders to stop can be late: {error}, or set realtime_priority = 0"
+            );
+            None
+        }
+    }
+}
+
+/// Faults in the pages of the answers' shared memory, so that no answer waits for one.
+fn prefault_shared_memory(config: &Config, options: &IpcOptions) {
+    if !config.lock_memory {
+        return;
+    }
+    match realtime::prefault_shared_memory(&options.prefix) {
+        Ok(0) => {
+            tracing::warn!("no shared memory to bring into RAM was found in /proc/self/maps");
+        }
+        Ok(bytes) => tracing::debug!("{:.1} MB of shared memory are in RAM", megabytes(bytes)),
+        Err(error) => tracing::warn!(
+            "shared memory is not brought into RAM, large answers can be delayed once ({error}): Linux 5.14 and space in \
+             /dev/shm are needed"
+        ),
+    }
+}
+
+fn load_robot(config: &Config) -> Result<Robot, StartError> {
+    Ok(Robot::from_file(&config.robot).map_err(Box::new)?)
+}
+
+fn load_scene(config: &Config, robot: &Robot) -> Result<Scene, StartError> {
+    let Some(file) = &config.scene else {
+        return Ok(Scene::default());
+    };
+    let scene = Scene::from_file(file, robot.section_lengths[0]).map_err(Box::new)?;
+    let (balls, solids) = (scene.balls().len(), scene.solids().len());
+    tracing::info!("static scene {file:?}: {balls} balls, {solids} solids");
+    Ok(scene)
+}
+
+fn load_planner(
+    config: &Config,
+    robot: &Robot,
+    priority: Option<u8>,
+) -> Result<Planner, StartError> {
+    let models = config
+        .weights
+        .as_ref()
+        .map(|folder| load_models(folder, config, robot));
+    let models = models.transpose()?.unwrap_or_default();
+    let planner =
+        Planner::new(robot, models, config.threads).map_err(|source| not_served(config, source))?;
+    planner.on_every_worker(|| {
+        // A defect of the planner is an answer like any other.
+        logging::do_not_abort_on_panic();
+        if let Some(priority) = priority
+            && let Err(error) = realtime::use_fifo_priority(priority)
+        {
+            tracing::warn!("a planning thread: {error}");
+        }
+        if let Err(error) = realtime::set_time_slice(PLANNING_TIME_SLICE) {
+            tracing::warn!("answers may be a few ms late where processors are scarce: {error}");
+        }
+    });
+    Ok(planner)
+}
+
+fn not_served(config: &Config, source: PlannerError) -> StartError {
+    StartError::Planner {
+        robot: config.robot.clone(),
+        source,
+    }
+}
+
+fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, StartError> {
+    let refused = |key: String| {
+        move |source| StartError::Weights {
+            key,
+            folder: folder.into(),
+            source: Box::new(source),
+        }
+    };
+    let by_weights = || refused("`weights`".to_owned());
+    let manifest = Manifest::open(folder).map_err(by_weights())?;
+    let limit = robot.bending_limit;
+    let fast = manifest
+        .weights(MODEL)
+        .and_then(|weights| FastModel::from_weights(&weights, limit))
+        .map_err(by_weights())?;
+    let diffusion = config.diffusion.as_ref().map(|diffusion| {
+        let key = format!("[diffusion] model = {:?}", shortened(&diffusion.model));
+        let unet = manifest
+            .weights(&diffusion.model)
+            .and_then(|weights| TemporalUnet::load(&weights, limit))
+            .map_err(refused(key))?;
+        Ok::<_, StartError>(DiffusionModel::new(unet, diffusion.settings())?)
+    });
+    Ok(Models {
+        fast: Some(fast),
+        diffusion: diffusion.transpose()?,
+    })
+}
+
+/// Plans once with every sampler that has a model, so that the first request finds code and memory as warm as the others.
+///
+/// Of the diffusion samplers it is the guided one: it has the gradients' memory beside that of the others.
+fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
+    let beside_the_way = Ball {
+        centre: Point::new(1.5 + planner.robot().largest_tube_radius(), 0.0, 1.5),
+        radius: 0.3,
+    };
+    let problem = Problem {
+        start: Configuration::zeros(),
+        goal: Goal::Configuration(Configuration::repeat(0.05 * planner.robot().bending_limit)),
+        scene: Scene::new(vec![beside_the_way]).expect("one ball near the robot is a scene"),
+    };
+    let request = |sampler| Request {
+        candidates: config.capacity.candidates,
+        seed: 0,
+        sampler,
+        selection: Selection::ShortestTime,
+        limits_scale: 1.0,
+        padding: tracking_padding(planner.robot(), config.path_tolerance_rad),
+        knots: config.capacity.knots_per_candidate,
+        corrections: MOST_CORRECTIONS,
+        start_motion: None,
+        previous: None,
+    };
+    let main = match config.weights {
+        Some(_) => Sampler::Default,
+        None => Sampler::Straight,
+    };
+    let diffusion = config.diffusion.as_ref();
+    let diffusion = diffusion.map(|_| Sampler::Diffusion(Guidance::Guided));
+    for sampler in std::iter::once(main).chain(diffusion) {
+        let planned = planner.plan(&problem, &request(sampler), &|| false);
+        planned.map_err(|source| not_served(config, source))?;
+    }
+    Ok(())
+}
+
+fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> ExecutionRules {
+    let unit_robot = planner.robot();
+    let padding = tracking_padding(unit_robot, config.path_tolerance_rad);
+    let limits = &robot.tendon_limits;
+    ExecutionRules {
+        padded: unit_robot.with_tube_padding(&padding),
+        section_length_m: robot.section_lengths[0],
+        path_tolerance_rad: config.path_tolerance_rad,
+        rate_law: RateLaw::new(&robot.tendons, limits.acceleration * BRAKING_SHARE),
+        begin_lead: config.begin_lead,
+        scene_expected: config.scene_expected,
+    }
+}
+
+fn open_service(
+    config: &Config,
+    node: &IpcNode,
+    robot: &Robot,
+    static_scene: Scene,
+    planner: Planner,
+    execution: Execution,
+) -> Result<Service, StartError> {
+    let validator = RequestValidator {
+        section_length_m: robot.section_lengths[0],
+        capacity: config.capacity,
+        default_deadline: config.default_deadline,
+        padding: tracking_padding(planner.robot(), config.path_tolerance_rad),
+        static_scene,
+    };
+    let runner = PlanRunner::new(Arc::new(planner))?;
+    let (wait, queued) = (config.wait, config.queued_per_client);
+    Ok(Service::open(
+        node, validator, runner, execution, wait, queued,
+    )?)
+}
+
+fn check_shared_memory(config: &Config) -> Result<usize, StartError> {
+    let services = shared_memory(&config.capacity);
+    let needed: usize = services.iter().map(|service| service.bytes).sum();
+    for service in &services {
+        tracing::debug!("{}: {:.2} MB", service.service, megabytes(service.bytes));
+    }
+    if needed > config.shared_memory_budget {
+        return Err(StartError::SharedMemory {
+            capacity: config.capacity,
+            needed_mb: megabytes(needed),
+            allowed_mb: megabytes(config.shared_memory_budget),
+        });
+    }
+    Ok(needed)
+}
+
+fn check_resident_memory(config: &Config) -> Result<usize, StartError> {
+    let needed = process::resident_bytes()?;
+    if needed > config.resident_memory_budget {
+        return Err(StartError::ResidentMemory {
+            needed_mb: megabytes(needed),
+            allowed_mb: megabytes(config.resident_memory_budget),
+        });
+    }
+    Ok(needed)
+}

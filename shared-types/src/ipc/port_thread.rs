@@ -1,0 +1,29 @@
+//! Threads that own ports.
+
+use std::io;
+use std::sync::mpsc::sync_channel;
+use std::thread::{Builder, JoinHandle};
+
+/// Starts a thread that makes its ports with `open` and then runs `work` with them; ports cannot be moved between threads. Returns once
+/// `open` has returned in that thread.
+///
+/// # Errors
+/// The error of `open`, or the system's where it has no more threads.
+pub fn spawn_with_ports<Ports, E: From<io::Error> + Send + 'static>(
+    name: &str,
+    open: impl FnOnce() -> Result<Ports, E> + Send + 'static,
+    work: impl FnOnce(Ports) + Send + 'static,
+) -> Result<JoinHandle<()>, E> {
+    let (sender, opened) = sync_channel(1);
+    let thread = Builder::new().name(name.to_owned()).spawn(move || {
+        let (ports, result) = match open() {
+            Ok(ports) => (Some(ports), Ok(())),
+            Err(error) => (None, Err(error)),
+        };
+        // The receiver waits for it.
+        let _ = sender.send(result);
+        ports.map(work);
+    })?;
+    opened.recv().map_err(io::Error::other)??;
+    Ok(thread)
+}
