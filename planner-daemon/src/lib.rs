@@ -4,11 +4,11 @@
 //!
 //! - The service thread receives and answers requests, and never plans ([`Daemon::run`]).
 //! - The planner's workers plan, one request at a time.
-//! - The supervision thread publishes motions and watches over the one under way, and does nothing else.
+//! - The supervision thread publishes motions and supervises the one under way, and does nothing else.
 //! - The heartbeat thread sends heartbeats while supervision goes on.
 //! - The cleaning thread cleans up after dead processes.
 //!
-//! A request is copied to private memory, checked at the border, queued fairly and planned, and a candidate is selected. A motion that is to be
+//! A request is copied to private memory, validated, queued fairly and planned, and a candidate is selected. A motion that is to be
 //! executed is checked against the controller and the live scene, in the thread that then supervises it.
 //!
 //! On the wire everything is SI; inside, lengths are in units of the robot's section length.

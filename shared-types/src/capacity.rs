@@ -20,5 +20,5 @@ pub const HISTOGRAM_BINS: usize = 64;
 pub const STAGES: usize = 8;
 /// Bytes of UTF-8 text that explain an outcome.
 pub const REASON_BYTES: usize = 160;
-/// Plans that the daemon keeps to start others from.
+/// Plans that the daemon retains, from which a request can go on.
 pub const RECENT_PLANS: usize = 16;

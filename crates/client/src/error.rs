@@ -1,4 +1,4 @@
-//! What can go wrong between a program and the processes it talks to.
+//! Errors of the client.
 
 use std::time::Duration;
 
@@ -20,7 +20,7 @@ pub enum ClientError {
         "no {server} within {waited:?}: start it, or set PCC_PREFIX and PCC_ROOT to where it runs"
     )]
     NoServer {
-        /// Who is missing.
+        /// The missing process.
         server: &'static str,
         /// For how long it was waited for.
         waited: Duration,
@@ -32,7 +32,7 @@ pub enum ClientError {
         else { "it has no effect that lasts: send it again" }
     )]
     ServerLost {
-        /// Who went away.
+        /// The process that went away.
         server: &'static str,
         /// The request's number.
         id: u64,
@@ -45,7 +45,7 @@ pub enum ClientError {
         if *.may_have_acted { "; it may have acted on it: look at the controller's state before sending it again" } else { "" }
     )]
     TimedOut {
-        /// Who did not answer.
+        /// The process that did not answer.
         server: &'static str,
         /// The request's number.
         id: u64,
@@ -54,7 +54,7 @@ pub enum ClientError {
         /// Whether the request could have moved something.
         may_have_acted: bool,
     },
-    /// This client has as many requests at work as the daemon allows.
+    /// This client has as many unanswered requests as the daemon allows.
     #[error("too many requests of this client at once; wait for an answer or drop a pending one")]
     TooManyRequests,
     /// The daemon does not let a scene count; the one before of the same source does until its lifetime ends.

@@ -3,7 +3,7 @@
 //! * [`Client`]: asks for plans; answers stay in shared memory ([`PlanAnswer`]);
 //! * [`ControllerView`]: the controller's state, and commands to it;
 //! * [`RobotView`], [`CycleRecorder`]: what the robot does, and every cycle of the loop;
-//! * [`ScenePublisher`]: tells everyone where the obstacles are.
+//! * [`ScenePublisher`]: publishes the obstacles that a source knows.
 //!
 //! Each connects by itself with [`shared_types::ipc::IpcOptions`], in any start order, and survives the other side's
 //! restart. **None of them but [`ScenePublisher`] is `Send`**: create each in the thread that uses it.

@@ -44,7 +44,7 @@ struct PlanPort {
     service: PlanService,
 }
 
-/// A request at work; dropping it cancels it.
+/// A request without its whole answer yet; dropping it cancels it.
 #[derive(Debug)]
 pub struct Pending {
     response: PlanPending,

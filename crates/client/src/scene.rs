@@ -22,7 +22,7 @@ use crate::ClientError;
 const POLL_INTERVAL: Duration = Duration::from_millis(5);
 /// Time between two polls for the verdict on the last scene of a dropped publisher.
 const FINAL_VERDICT_POLL_INTERVAL: Duration = Duration::from_millis(1);
-/// How long the ports of a dropped publisher stay for a daemon that is there to hear and judge its last scene.
+/// Longest time that a dropped publisher keeps its ports until a live daemon has judged its last scene.
 const FINAL_VERDICT_TIMEOUT: Duration = Duration::from_millis(500);
 /// Most scenes sent whose verdicts are tracked: more than a publisher can send between two polls without losing some.
 const TRACKED_SCENES: usize = 256;
@@ -32,7 +32,7 @@ const TRACKED_SCENES: usize = 256;
 /// A thread of its own hands the last scene to a daemon that starts later. Once its lifetime is over, the daemon executes nothing
 /// more and stops what moves, until the source publishes again or takes its leave: dropping this value is no leave.
 ///
-/// Dropping it waits, where a daemon is there, until the last scene or leave is judged, 500 ms at most: an earlier end could take it
+/// Dropping it waits, where a daemon is alive, until the last scene or leave is judged, 500 ms at most: an earlier end could take it
 /// back unheard. Call [`ScenePublisher::confirm`] before to know the verdict.
 #[derive(Debug)]
 pub struct ScenePublisher {
@@ -99,7 +99,7 @@ impl ScenePublisher {
     /// # Errors
     /// [`ClientError::InvalidRequest`] if a ball or the lifetime is not valid (the scene before then holds), [`ClientError::Ipc`] if
     /// there is no place for one more source, [`ClientError::Transport`], or, when this one was sent, [`ClientError::SceneRefused`] if
-    /// the daemon has refused one of those before and that was not told yet.
+    /// the daemon has refused an earlier one and that was not returned yet.
     pub fn publish(&mut self, balls: &[MovingBall], lifetime: Duration) -> Result<(), ClientError> {
         self.publish_stamped(mono_now_ns(), balls, lifetime)
     }
@@ -125,7 +125,7 @@ impl ScenePublisher {
         })
     }
 
-    /// Signs the source off: no scene of it is expected any more, and its obstacles are gone; those that another publisher has told
+    /// Signs the source off: no scene of it is expected any more, and its obstacles are gone; those that another publisher has published
     /// of under this name count until their lifetime ends.
     ///
     /// # Errors
@@ -220,7 +220,7 @@ struct Ports {
     node: IpcNode,
 }
 
-/// A publisher that is there and was not heard stops every motion: the port is made when there is a scene to send, not before.
+/// The open ports. A publisher without a scene stops every motion, so the port is made with the first scene, not before.
 struct OpenPorts {
     scenes: Publisher<SceneMessage>,
     statuses: Subscriber<message::SceneStatus>,

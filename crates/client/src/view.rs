@@ -1,4 +1,4 @@
-//! Watching the controller and the robot, and ordering the controller about.
+//! The states of controller and robot, the loop's cycles, and commands to the controller.
 
 use std::fmt::Debug;
 use std::thread;
@@ -16,14 +16,14 @@ use shared_types::valid::{Command, CommandReply, ControllerState, Cycle, Invalid
 use crate::ClientError;
 use crate::waiting::{Cleaner, POLL_INTERVAL, TimeLimit, wait};
 
-/// How a place among those who receive `T` is taken.
+/// A constructor of a subscriber of `T`.
 type Subscribe<T> = fn(&IpcNode, &Topic<T>) -> Result<Subscriber<T>, IpcError>;
 
 const CONTROLLER: &str = "controller";
 const ROBOT: &str = "robot";
 
-/// The controller's state, and commands to it. Who only watches takes no place from those who command: the first command takes one
-/// ([`ControllerView::prepare_to_command`] does so earlier).
+/// The controller's state, and commands to it. The place among the commanding programs is taken by the first command, or earlier by
+/// [`ControllerView::prepare_to_command`]; a program that only watches takes none.
 #[derive(Debug)]
 pub struct ControllerView {
     states: Subscriber<message::ControllerState>,
@@ -83,7 +83,7 @@ impl ControllerView {
         Ok(self.latest)
     }
 
-    /// Takes this program's place among those who command, if it has none yet: a later command then needs neither memory nor a file
+    /// Takes this program's place among the commanding programs, if it has none yet: a later command then needs neither memory nor a file
     /// of its own. For programs with a button to stop.
     ///
     /// # Errors

@@ -1,8 +1,8 @@
 //! The one place where a file that a user names is opened.
 //!
 //! Such a file may be anything: a pipe that nobody writes, a device without an end, a terabyte of zeros. Only regular files
-//! are opened, without waiting, and at most as many bytes are read as the caller allows. What is refused is told with the
-//! file's name, what it is, and what is allowed.
+//! are opened, without waiting, and at most as many bytes are read as the caller allows. A refusal names the
+//! file, what it is, and what is allowed.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod file;

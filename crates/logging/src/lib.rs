@@ -2,7 +2,7 @@
 //!
 //! A full pipe, a stopped terminal or a busy disk blocks the writing thread. So only one thread writes; all others put
 //! their lines into a bounded queue, from which a line is lost where there is no room. Lost lines are counted, and
-//! told of in the log as soon as it goes on. What iceoryx2 logs, panics and the reason of an exit go the same way.
+//! told of in the log as soon as it goes on. iceoryx2's log, panics and the reason of an exit go through the same queue.
 //!
 //! A panic ends the whole process, whichever thread it is of: half of such a process is worse than none, since the others take it
 //! for alive. A service manager can start it again.
@@ -73,7 +73,7 @@ pub fn start() -> io::Result<()> {
     tracing_subscriber::fmt()
         .with_env_filter(filter())
         .with_ansi(stderr().is_terminal())
-        .with_writer(move || Line::of(Arc::clone(&lines)))
+        .with_writer(move || Line(Arc::clone(&lines)))
         .init();
     // False where it logged before: then its lines go on as they did.
     let _ = set_logger(&IpcLog);

@@ -1,4 +1,4 @@
-//! Lines on their way to the thread that writes them.
+//! The bounded queue of lines before the writing thread.
 
 use std::collections::VecDeque;
 use std::hint::spin_loop;
@@ -113,14 +113,8 @@ impl Queue {
     }
 }
 
-/// What one event is written to: it goes into the queue as a whole.
-pub(crate) struct Line(Arc<Queue>);
-
-impl Line {
-    pub(crate) fn of(queue: Arc<Queue>) -> Self {
-        Self(queue)
-    }
-}
+/// The writer of one event, which puts it into the queue as a whole.
+pub(crate) struct Line(pub(crate) Arc<Queue>);
 
 impl Write for Line {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {

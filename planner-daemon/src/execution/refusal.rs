@@ -10,10 +10,10 @@ pub(crate) enum ExecutionRefusal {
     /// There is no candidate to execute.
     #[error("no candidate is selected")]
     NothingSelected,
-    /// Nobody would execute it.
+    /// No controller is alive to execute it.
     #[error("no controller: its state is missing or older than 200 ms")]
     ControllerAbsent,
-    /// Nobody would stop it.
+    /// No controller would receive an order to stop it.
     #[error("nobody serves `command`: an order to stop would be lost")]
     CommandUnserved,
     /// The controller is not at rest.
@@ -27,22 +27,22 @@ pub(crate) enum ExecutionRefusal {
         "the start is {distance_rad:.3e} rad away from the commanded configuration; at most 1e-6 rad is allowed"
     )]
     StartsElsewhere { distance_rad: f64 },
-    /// Nobody knows where the obstacles are.
+    /// The live scene is missing.
     #[error(transparent)]
     NoScene(#[from] SceneAbsence),
     /// An obstacle of the live scene is in the way.
     #[error("the live scene is in the way: not certified free at {at_s:.3} s of the motion")]
     SceneInTheWay { at_s: f64 },
-    /// Nobody would watch over the motion.
+    /// The daemon ends and would not supervise the motion.
     #[error("the daemon ends")]
     DaemonEnds,
-    /// The thread that watches over motions did not answer.
+    /// The supervision thread did not reply in time.
     #[error(
         "the supervision of motions does not answer: it is held; a motion that it has published all the same is taken back, or \
          stopped along its path"
     )]
     SupervisionStalled,
-    /// Shared memory did not take it.
+    /// iceoryx2 could not send it.
     #[error("the trajectory could not be published")]
     NotPublished,
 }

@@ -21,7 +21,7 @@ const REPEAT_AFTER_REFUSAL_NS: i64 = 5_000_000;
 /// Time without a reply after which supervision makes no progress, so that the heart stops, which the controller takes for a lost
 /// daemon and stops by itself; nanoseconds of [`ActiveTime`](super::active_time::ActiveTime).
 const ESCALATION_NS: i64 = 40_000_000;
-/// What the rounds of supervision, heart and controller add to the time from an order that nobody answers to the stop, nanoseconds.
+/// Time that the periods of supervision, heartbeat and controller add between an unanswered order and the stop, nanoseconds.
 const ROUNDS_NS: i64 = 10_000_000;
 // A motion goes on for 40 + 100 + 200 + 10 ms then; moving balls are avoided for 350.
 const _: () = assert!(

@@ -14,25 +14,25 @@ const START_TIMEOUT_NS: i64 = 300_000_000;
 /// Why a motion is stopped.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum StopReason {
-    /// An obstacle is in its way, or too near for a certificate.
+    /// It is not certified free of the live scene.
     #[error("the live scene is in the way at {at_s:.3} s of it")]
     SceneInTheWay { at_s: f64 },
-    /// Nobody knows any more where the obstacles are.
+    /// The live scene is missing.
     #[error(transparent)]
     NoScene(#[from] SceneAbsence),
-    /// Nobody knows where the robot is.
+    /// The controller has sent no fresh state for 200 ms.
     #[error("the controller has not said for 200 ms what it does")]
     ControllerSilent,
-    /// The controller may still take it up, long after its begin.
+    /// The controller has not started it 300 ms after its begin, and may still do so.
     #[error("the controller has not taken it up 300 ms after its begin")]
     NotStarted,
-    /// It was published after the one who wanted it had been told that it was not.
+    /// It was published after its request had been refused for a time-out.
     #[error("nobody waits for it any more: supervision was held while it published it")]
     CallerGone,
-    /// Another daemon has published it, or nobody knows who.
+    /// It executes and is not this daemon's own.
     #[error("it is executed and nobody watches over it")]
     Unsupervised,
-    /// Nobody would watch over it.
+    /// The daemon ends.
     #[error("the daemon ends")]
     DaemonEnds,
 }
@@ -291,7 +291,7 @@ mod tests {
         );
         assert!(supervised.is_overdue());
         supervised.update(&state(|values| {
-            values.stamp_mono_ns = BEGIN + START_TIMEOUT_NS
+            values.stamp_mono_ns = BEGIN + START_TIMEOUT_NS;
         }));
         assert!(!supervised.is_overdue());
     }

@@ -1,4 +1,4 @@
-//! Ids of trajectories, each of its own from one start of the machine to the next.
+//! Ids of trajectories, unique from one boot of the machine to the next.
 
 /// Clock time that one trajectory id stands for, nanoseconds: after 497 days of uptime they begin again.
 const ID_STEP_NS: i64 = 10_000_000;

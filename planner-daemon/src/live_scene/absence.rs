@@ -1,4 +1,4 @@
-//! Why nothing may be executed for want of a live scene.
+//! The reasons why a missing live scene forbids execution.
 
 use shared_types::codes::SceneRefusal;
 use shared_types::valid::SourceName;
@@ -6,7 +6,7 @@ use shared_types::valid::SourceName;
 /// Why nothing may be executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub(crate) enum SceneAbsence {
-    /// A scene is expected and nobody has told of one.
+    /// A scene is expected and no source has published one.
     #[error(
         "no live scene: one is expected ([live_scene] expected = true), and no source has told of any"
     )]
@@ -20,13 +20,13 @@ pub(crate) enum SceneAbsence {
         /// Which.
         source_name: SourceName,
     },
-    /// A publisher is there that may know of obstacles and was not heard.
+    /// A live publisher, which may know of obstacles, has sent no scene.
     #[error("a publisher of scenes has not been heard (process {pid}): it must publish, or end")]
     Unheard {
         /// Its process.
         pid: u32,
     },
-    /// A publisher is there whose scenes count under no name.
+    /// The scenes of a live publisher are refused.
     #[error(
         "a publisher's scenes do not count (process {pid}): {refusal}; it must {}",
         what_helps(*.refusal)

@@ -69,7 +69,7 @@ impl SceneId {
 pub(crate) struct SceneInbox {
     topic: Topic<SceneMessage>,
     scenes: Subscriber<SceneMessage>,
-    /// Of the call under way.
+    /// Samples received in this call; kept for its allocation.
     received: Vec<Sample<ipc::Service, SceneMessage, ()>>,
     statuses: Publisher<SceneStatus>,
     waiting: Vec<PendingScene>,
@@ -95,7 +95,7 @@ impl SceneInbox {
         })
     }
 
-    /// The publishers that are there now, also those that have sent nothing and those that cannot be heard.
+    /// The publishers listed now, those that have sent nothing and those that cannot be received included.
     pub(crate) fn present(&mut self) -> &[PresentPublisher] {
         self.topic.list_publishers(&mut self.present);
         &self.present
@@ -115,7 +115,7 @@ impl SceneInbox {
     }
 
     /// Takes in what has arrived, only once all is received: as long as two of a publisher's scenes are held, iceoryx2 passes over that
-    /// publisher's others, so that one who floods does not keep out who connected after it, and the call comes to an end.
+    /// publisher's others, so that a flooding publisher cannot keep out later ones, and the call ends.
     pub(crate) fn receive(&mut self) {
         let error = loop {
             match self.scenes.receive() {
@@ -156,7 +156,7 @@ impl SceneInbox {
         }
     }
 
-    /// A publisher that was not heard before; it takes the place of one that has had nothing to say, where there are too many.
+    /// Adds a new publisher, in place of an idle one where there are as many as are kept.
     fn add_publisher(&mut self, publisher: u128, scene: &SceneMessage, now_mono_ns: i64) {
         if self.waiting.len() == MAX_SOURCES {
             let is_idle = |waiting: &PendingScene| waiting.new_since_mono_ns.is_none();

@@ -6,9 +6,9 @@ use shared_types::valid::SourceName;
 
 use super::absence::SceneAbsence;
 
-/// How long a publisher that comes while a motion is under way may be silent before the motion is stopped, nanoseconds.
+/// Time within which a new publisher must send its first scene before a motion under way is stopped, nanoseconds.
 ///
-/// For as long a publisher that takes up the name of one that was killed is not refused: the dead one is cleaned up meanwhile.
+/// A publisher that takes the name of a killed one is not refused within this time either: the dead one is cleaned up meanwhile.
 pub(super) const FIRST_SCENE_TIMEOUT_NS: i64 = 200_000_000;
 
 /// Status of a publisher.
@@ -68,7 +68,7 @@ impl Publishers {
         }
     }
 
-    /// Notes what was heard of a publisher, if it is still there. What it sends under one of several names never makes up for what
+    /// Sets the status of a publisher, if it is still live. What it sends under one of several names never makes up for what
     /// it knows under another.
     pub(super) fn note(&mut self, publisher: u128, heard: PublisherStatus) {
         if let Some(port) = self.port_mut(publisher)

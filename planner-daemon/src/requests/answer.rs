@@ -126,7 +126,7 @@ impl Answer {
         let goal_tip = task.problem.goal_tip(robot);
         let mut first = 0;
         for (summary, candidate) in self.report.candidates.iter_mut().zip(&self.candidates) {
-            let tip_error = report::tip_error(robot, &candidate.end(), &goal_tip);
+            let tip_error = (robot.tip(&candidate.end()) - goal_tip).norm();
             *summary = report::summary(candidate, first, tip_error, section_length_m);
             first += candidate.trajectory.knots().len();
         }
@@ -153,23 +153,14 @@ impl Answer {
         self.report.reason_text().into_owned()
     }
 
-    /// Candidates in it.
-    pub(crate) fn candidate_count(&self) -> usize {
-        self.candidates.len()
-    }
-
     /// What is delivered.
     pub(crate) fn candidates(&self) -> &[Candidate] {
         &self.candidates
     }
 
-    /// Numbers the plan.
-    pub(crate) fn set_plan_id(&mut self, plan_id: u64) {
+    /// Sets the id of the plan, and how long its request waited in the queue.
+    pub(crate) fn set_plan(&mut self, plan_id: u64, wait: Duration) {
         self.report.plan_id = plan_id;
-    }
-
-    /// States how long the request waited.
-    pub(crate) fn set_wait(&mut self, wait: Duration) {
         self.report.stages_ns[Stage::Wait.code() as usize] = nanoseconds(wait);
     }
 
@@ -218,7 +209,7 @@ fn nanoseconds(duration: Duration) -> u64 {
 /// Whether a candidate reaches the goal as closely as the client wants and fits the message and its share of the answer.
 pub(crate) fn is_deliverable(task: &PlanTask, candidate: &Candidate, robot: &UnitRobot) -> bool {
     let goal_tip = task.problem.goal_tip(robot);
-    report::tip_error(robot, &candidate.end(), &goal_tip) <= task.tip_tolerance
+    (robot.tip(&candidate.end()) - goal_tip).norm() <= task.tip_tolerance
         && candidate.trajectory.knots().len() <= task.request.knots
         && candidate.trajectory.duration() <= MAX_DURATION_S
 }
@@ -246,7 +237,7 @@ fn verdict(task: &PlanTask, plan: &Plan, deliverable: &[bool]) -> (Outcome, Stri
     }
 }
 
-/// How many draws failed in which way.
+/// The number of draws for each cause of failure, as text.
 fn failures(plan: &Plan, undeliverable: usize) -> String {
     let causes = [
         (Failure::NoPath, "without a path"),
@@ -357,7 +348,7 @@ mod tests {
             let answer = answer(&task, plan.clone());
             assert_eq!(answer.outcome(), Some(Outcome::NoPath));
             assert_eq!(
-                (answer.candidate_count(), answer.selected().is_some()),
+                (answer.candidates().len(), answer.selected().is_some()),
                 (0, false)
             );
             assert!(
@@ -374,7 +365,7 @@ mod tests {
         task.request.selection = Selection::Index(1);
         let answer = answer(&task, plan(&task, false));
         assert_eq!(
-            (answer.candidate_count(), answer.selected().is_some()),
+            (answer.candidates().len(), answer.selected().is_some()),
             (1, false)
         );
     }

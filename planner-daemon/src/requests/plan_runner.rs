@@ -23,7 +23,7 @@ pub(crate) struct Job {
     pub(crate) deadline: Instant,
     /// What is wanted before the plan, if anything.
     pub(crate) early: Option<Early>,
-    /// Set when nobody wants the answer any more.
+    /// Set when the client has cancelled the request.
     pub(crate) cancelled: Arc<AtomicBool>,
 }
 

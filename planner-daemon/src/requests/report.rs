@@ -1,6 +1,5 @@
 //! Between the planner's units (lengths in sections) and the wire's (SI).
 
-use pcc_model::Configuration;
 use planning::{Candidate, Goal, Infeasible, Source};
 use shared_types::codes::{self, Outcome};
 use shared_types::message::CandidateSummary;
@@ -86,18 +85,10 @@ pub(crate) fn source(source: Source) -> codes::Source {
     }
 }
 
-/// Distance of a candidate's last tip from the goal's tip, in the unit of the robot.
-pub(crate) fn tip_error(
-    robot: &pcc_model::UnitRobot,
-    end: &Configuration,
-    goal_tip: &pcc_model::Point,
-) -> f64 {
-    (robot.tip(end) - goal_tip).norm()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use pcc_model::Configuration;
     use planning::PathMetrics;
     use trajectory::Trajectory;
 

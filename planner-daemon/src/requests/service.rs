@@ -32,7 +32,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(1);
 const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
 /// Addition to [`DELIVERY_MARGIN`] for each candidate, for its knots to be written and read.
 const DELIVERY_MARGIN_PER_CANDIDATE: Duration = Duration::from_micros(20);
-/// Time that a plan under way gets when the daemon ends, before it is truncated.
+/// Time after which the running plan is truncated when the daemon ends.
 const SHUTDOWN_GRACE_PERIOD: Duration = Duration::from_millis(500);
 
 /// A request that waits for its turn.
@@ -61,7 +61,7 @@ struct InFlight {
 /// The service: its ports, queue, planner and handle of execution.
 pub(crate) struct Service {
     server: PlanServer,
-    /// Of the round under way.
+    /// Requests received in this round; kept for its allocation.
     received: Vec<PlanActiveRequest>,
     asked: EventListener,
     answered: EventNotifier,
@@ -112,7 +112,7 @@ impl Service {
         })
     }
 
-    /// Serves until `terminated`, then answers what is there.
+    /// Serves until `terminated` is set, then refuses the queued requests and answers the running plan.
     pub(crate) fn run(&mut self, terminated: &AtomicBool) {
         if let Err(error) = reduce_timer_slack() {
             tracing::warn!("looks and deadlines may be some 50 us late: {error}");
@@ -136,7 +136,7 @@ impl Service {
     }
 
     /// Takes the requests that have arrived up only once all are received: as long as so many of a client's are held as it may have at
-    /// work, iceoryx2 passes over that client's others, so that one who floods does not keep out who connected after it.
+    /// work, iceoryx2 passes over that client's others, so that a flooding client cannot keep out later ones.
     fn receive(&mut self) -> bool {
         loop {
             match self.server.receive() {
@@ -212,7 +212,7 @@ impl Service {
         let now = Instant::now();
         for late in self.queue.take_out(|queued| now >= queued.deadline()) {
             let mut answer = Answer::refused(late.task.request_id, &too_late(&late.task));
-            answer.set_wait(now - late.received);
+            answer.set_plan(0, now - late.received);
             self.send(&mut answer, &late.active);
         }
     }
@@ -274,8 +274,7 @@ impl Service {
         let Queued { active, task, .. } = &in_flight.queued;
         let length = self.validator.section_length_m;
         let mut answer = Answer::early(task, candidates, self.runner.robot(), length);
-        answer.set_plan_id(in_flight.plan_id);
-        answer.set_wait(in_flight.waited);
+        answer.set_plan(in_flight.plan_id, in_flight.waited);
         self.send(&mut answer, active);
     }
 
@@ -290,10 +289,9 @@ impl Service {
         let queued = in_flight.queued;
         let length = self.validator.section_length_m;
         let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot(), length);
-        answer.set_plan_id(plan_id);
-        answer.set_wait(in_flight.waited);
+        answer.set_plan(plan_id, in_flight.waited);
         let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
-        if is_wanted(&queued.active) && has_candidates && answer.candidate_count() > 0 {
+        if is_wanted(&queued.active) && has_candidates && !answer.candidates().is_empty() {
             self.execute(&queued, plan_id, &mut answer);
         }
         self.send(&mut answer, &queued.active);
@@ -362,12 +360,12 @@ impl Service {
         self.send(&mut Answer::refused(request_id, refusal), active);
     }
 
-    /// Sends an answer and wakes who waits for one; what does not arrive is logged, the client sees its request end.
+    /// Sends an answer and notifies the waiting clients; a failure is logged, and the client sees its request end.
     fn send(&self, answer: &mut Answer, active: &PlanActiveRequest) {
         let outcome = answer.outcome();
         tracing::debug!(
             "{} candidates, outcome {:?}: {}",
-            answer.candidate_count(),
+            answer.candidates().len(),
             outcome,
             answer.reason()
         );
@@ -381,7 +379,7 @@ impl Service {
         }
     }
 
-    /// Answers the plan under way, and tells all who wait that the daemon ends.
+    /// Refuses all queued requests because the daemon ends, and answers the running plan, truncated after the grace period.
     fn finish(&mut self) {
         self.ends = true;
         self.receive();

@@ -6,9 +6,9 @@ use serde::Deserialize;
 #[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
 #[serde(try_from = "String")]
 pub enum WaitMode {
-    /// Always looks: one processor is busy.
+    /// Polls without sleeping: one processor is always busy.
     Poll,
-    /// Sleeps until it is told of a request, and looks every ms.
+    /// Sleeps until an event announces a request, and polls every millisecond.
     Event,
 }
 

@@ -172,7 +172,7 @@ pub struct Config {
     pub diffusion: Option<DiffusionConfig>,
     /// File of the obstacles that are part of every request's scene, if there are any.
     pub scene: Option<PathBuf>,
-    /// Whether nothing is executed while no source tells of a live scene.
+    /// Whether execution needs a live scene of at least one source.
     pub scene_expected: bool,
     /// Worker threads that plan.
     pub threads: usize,

@@ -123,7 +123,7 @@ impl Daemon {
         use_processors(config)?;
         let role = RoleLock::acquire(options, Role::PlannerDaemon)?;
         let shared_bytes = check_shared_memory(config)?;
-        let robot = load_robot(config)?;
+        let robot = Robot::from_file(&config.robot).map_err(Box::new)?;
         let static_scene = load_scene(config, &robot)?;
         let priority = granted_priority(config);
         let planner = load_planner(config, &robot, priority)?;
@@ -157,7 +157,7 @@ impl Daemon {
         })
     }
 
-    /// Serves until `terminated` is set; what is under way then is answered.
+    /// Serves until `terminated` is set, and answers the running plan then.
     pub fn run(&mut self, terminated: &AtomicBool) {
         tracing::info!("ready");
         self.service.run(terminated);
@@ -245,10 +245,6 @@ fn prefault_shared_memory(config: &Config, options: &IpcOptions) {
              /dev/shm are needed"
         ),
     }
-}
-
-fn load_robot(config: &Config) -> Result<Robot, StartError> {
-    Ok(Robot::from_file(&config.robot).map_err(Box::new)?)
 }
 
 fn load_scene(config: &Config, robot: &Robot) -> Result<Scene, StartError> {

@@ -59,12 +59,6 @@ macro_rules! codes {
             }
         }
 
-        impl From<$name> for u32 {
-            fn from(value: $name) -> u32 {
-                value.code()
-            }
-        }
-
         impl TryFrom<u32> for $name {
             type Error = UnknownCode;
 

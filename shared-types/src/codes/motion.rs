@@ -39,7 +39,7 @@ codes! {
         InvalidRobotState = 7 "invalid robot state",
         /// A set-point would have been beyond the limits or not finite.
         InvalidSetpoint = 9 "invalid set-point",
-        /// The controller's guard made no round for too long: no stop would have been heard.
+        /// The controller's guard made no round for too long and would have missed an order to stop.
         GuardHeldUp = 10 "guard held up",
     }
 }
@@ -105,7 +105,7 @@ codes! {
         OldId = 11 "old trajectory id",
         /// It names another controller than this one: one that was killed since, or has ended.
         OtherController = 12 "meant for another controller",
-        /// Another daemon than the one whose heart beats has published it: nobody watches over it.
+        /// It was published by another daemon than the one that sends heartbeats, so nothing supervises it.
         OtherDaemon = 13 "published by another daemon",
         /// A stop or a reset was ordered, or the controller was started, after it was requested.
         RequestedBefore = 14 "requested before a stop, a reset or the controller's start",
@@ -134,7 +134,7 @@ codes! {
         Superseded = 6 "older than the one before",
         /// There are as many sources as the daemon keeps.
         TooManySources = 7 "too many sources",
-        /// Another publisher that is there, or that spoke while this one was there, has the source's name.
+        /// Another live publisher, or one that published while this one was live, has the source's name.
         NameTaken = 8 "another publisher has the source's name",
         /// There is no source of that name to be signed off.
         NoSuchSource = 9 "no source has that name",

@@ -1,4 +1,4 @@
-//! What can go wrong between a program and the shared services.
+//! Errors of services, ports and roles.
 
 use std::io;
 use std::path::PathBuf;

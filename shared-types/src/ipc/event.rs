@@ -16,10 +16,7 @@ use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
 
 /// An open event service: what its ports are made from.
-#[derive(Debug)]
-pub struct EventService {
-    service: PortFactory<ipc::Service>,
-}
+pub type EventService = PortFactory<ipc::Service>;
 
 /// Notifies that a message was sent; create it in the thread that uses it.
 pub type EventNotifier = Notifier<ipc::Service>;
@@ -56,9 +53,7 @@ fn event(node: &IpcNode, name: &str) -> Result<EventService, IpcError> {
             .max_nodes(NODES)
             .open_or_create()
     };
-    Ok(EventService {
-        service: open_service(node, name, open)?,
-    })
+    open_service(node, name, open)
 }
 
 /// Makes a notifier, after cleaning up dead ones.
@@ -66,15 +61,9 @@ fn event(node: &IpcNode, name: &str) -> Result<EventService, IpcError> {
 /// # Errors
 /// [`IpcError::Full`] if live processes hold the places, or [`IpcError::Failed`].
 pub fn event_notifier(node: &IpcNode, event: &EventService) -> Result<EventNotifier, IpcError> {
-    let create = || {
-        event
-            .service
-            .notifier_builder()
-            .default_event_id(SENT)
-            .create()
-    };
+    let create = || event.notifier_builder().default_event_id(SENT).create();
     let full = NotifierCreateError::ExceedsMaxSupportedNotifiers;
-    node.make_port(&event.service, "notifier", create, &full)
+    node.make_port(event, "notifier", create, &full)
 }
 
 /// Makes a listener, after cleaning up dead ones.
@@ -82,9 +71,9 @@ pub fn event_notifier(node: &IpcNode, event: &EventService) -> Result<EventNotif
 /// # Errors
 /// [`IpcError::Full`] if live processes hold all places, or [`IpcError::Failed`].
 pub fn event_listener(node: &IpcNode, event: &EventService) -> Result<EventListener, IpcError> {
-    let create = || event.service.listener_builder().create();
+    let create = || event.listener_builder().create();
     let full = ListenerCreateError::ExceedsMaxSupportedListeners;
-    node.make_port(&event.service, "listener", create, &full)
+    node.make_port(event, "listener", create, &full)
         .map(EventListener)
 }
 
@@ -93,7 +82,7 @@ impl EventListener {
     /// whether something was sent.
     ///
     /// The limit is kept to the thread's timer slack, 50 µs by default; iceoryx2's own waiting would round it up to the scheduler's
-    /// ticks. A message may be lost where several are sent and heard at the same instant, so the limit must be one that can be borne.
+    /// ticks. An event may be lost where several are sent and received at the same instant, so choose a limit that is acceptable as a delay.
     ///
     /// # Errors
     /// The error of the system or of iceoryx2.

@@ -1,4 +1,4 @@
-//! A program's membership in the services.
+//! The node of a program: its access to the services.
 
 use std::env;
 use std::fmt::Debug;

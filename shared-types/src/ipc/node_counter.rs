@@ -58,7 +58,7 @@ impl NodeCounter {
         written.map(|()| counter)
     }
 
-    /// What iceoryx2 has to be told so that it takes this memory.
+    /// The suffix with which iceoryx2 must be configured to use this memory.
     pub(super) fn suffix(&self) -> &str {
         &self.suffix
     }

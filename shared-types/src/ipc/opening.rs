@@ -1,4 +1,4 @@
-//! Opening and creating services, one process at a time, so that a creator that died half-way can be told from a slow one.
+//! Opening and creating services, one process at a time, so that a creator that died while creating can be distinguished from a slow one.
 
 use std::fmt::Debug;
 use std::fs::{self, File, TryLockError};

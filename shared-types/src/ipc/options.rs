@@ -103,7 +103,7 @@ impl IpcOptions {
         })
     }
 
-    /// The root directory as iceoryx2 is told, which refuses some characters.
+    /// The root directory as a path of iceoryx2, which refuses some characters.
     fn iox_root(&self) -> Result<IoxPath, IpcError> {
         let text = self.root.to_str();
         let root = text.and_then(|root| IoxPath::new(root.as_bytes()).ok());

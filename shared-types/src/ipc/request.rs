@@ -41,7 +41,7 @@ pub type CommandClient = Client<ipc::Service, Command, (), CommandReply, ()>;
 
 const PLAN: &str = "plan";
 const COMMAND: &str = "command";
-/// One server at work, and one that died and was not cleaned up yet.
+/// One live server, and one that died and was not cleaned up yet.
 pub(super) const SERVERS: usize = 2;
 /// Responses that one request's buffer holds (a newer one takes the place of one not read yet), and that the server
 /// prepares for it.

@@ -29,7 +29,7 @@ impl Role {
     }
 }
 
-/// The right to be the only process of a role, until dropped or until the process ends in whatever way.
+/// The right to be the only process of a role, until dropped or until the process ends, killed or not.
 ///
 /// An advisory lock of the kernel (`flock`): it is gone the moment its holder is, kill -9 included, and needs no
 /// clean-up. The file stays; only its lock means something.

@@ -1,4 +1,4 @@
-//! Shared memory that another user made does not exist for this process.
+//! Overrides `shm_open` and `shm_unlink`: shared memory that another user made does not exist for this process.
 //!
 //! The names of all users' shared memory lie in one folder, `/dev/shm`, in which anybody may make any name that is free.
 //! iceoryx2 0.10.0 looks at names alone. Another user can make a file with the name of a connection of one of our processes.
@@ -8,8 +8,8 @@
 //! The two functions of the C library through which iceoryx2 reaches names are therefore defined here, with two rules more:
 //!
 //! - What another user made is not there, and a name that another user has taken cannot be made.
-//! - A service's memory that has no size yet counts as memory that may not be read yet. For that iceoryx2 waits as long as it is told
-//!   to, for a size without end.
+//! - A service's memory that has no size yet counts as memory that may not be read yet. iceoryx2 waits
+//!   for such memory up to its creation timeout, but for a size without end.
 //!
 //! The linker takes a program's own definition before a shared library's.
 

@@ -3,7 +3,7 @@
 //! Programs that have only iceoryx2 0.10.0 wait for such memory without end, whatever its time limits say: the case
 //! `MappingSizeIsZero` of `open_impl` in `iceoryx2-cal/src/dynamic_storage/posix_shared_memory.rs` is the only one without a limit.
 //! Opening a service, connecting two ports, and cleaning up after the dead all go through there. For this project's processes
-//! it is memory that may not be read yet ([`super::shm_override`]), which iceoryx2 waits for as long as it is told to; but it
+//! it is memory that may not be read yet ([`super::shm_override`]), which iceoryx2 waits for up to its creation timeout; but it
 //! stays until its name is gone.
 //!
 //! A maker that was only stopped keeps what it makes: it has it open ([`super::write_lease`]).

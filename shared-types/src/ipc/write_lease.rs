@@ -1,4 +1,4 @@
-//! Whether anybody else has a file open, in whatever process, container or language, asked of the kernel.
+//! Whether another process has a file open, also in another container: the kernel knows.
 //!
 //! Linux grants a write lease on a file to its owner only while nobody else has it open (`fcntl`, `F_SETLEASE`). Shared memory
 //! without a size is open in its maker from the instant at which it has a name, so what nobody has open has no living maker.
@@ -7,10 +7,11 @@ use std::fs::File;
 use std::io;
 use std::os::fd::AsRawFd;
 
-/// `F_SETSIG` of `asm-generic/fcntl.h`: the signal that tells of somebody who opens the file.
+/// `F_SETSIG` of `asm-generic/fcntl.h`: the signal sent when another process opens the file.
 const SET_SIGNAL: libc::c_int = 10;
 
-/// A file that nobody else has open, and that nobody can open as long as this lives: who tries waits, or is told to come again.
+/// A write lease (`fcntl`, `F_SETLEASE`): no other process has the file open; one that opens it blocks, or gets `EWOULDBLOCK`, until
+/// this is dropped.
 #[derive(Debug)]
 pub(super) struct WriteLease<'a>(&'a File);
 

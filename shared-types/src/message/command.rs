@@ -1,4 +1,4 @@
-//! Orders of a person or a program to the controller.
+//! Orders to the controller, and their replies.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -19,7 +19,7 @@ wire_message! {
 }
 
 wire_message! {
-    /// What became of an order.
+    /// The reply to an order.
     pub struct CommandReply: "pcc.v3.CommandReply", 24 bytes {
         /// The command's own number.
         pub command_id: u64,

@@ -1,4 +1,4 @@
-//! Signs of life.
+//! Heartbeats.
 
 use iceoryx2::prelude::ZeroCopySend;
 

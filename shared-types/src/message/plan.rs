@@ -19,7 +19,7 @@ wire_message! {
 }
 
 wire_message! {
-    /// What is to be planned (service `plan`).
+    /// A plan request (service `plan`).
     pub struct PlanRequest: "pcc.v3.PlanRequest", 2368 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,

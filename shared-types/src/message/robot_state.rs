@@ -1,4 +1,4 @@
-//! What the robot does and measures.
+//! The state and the measurements of the robot.
 
 use iceoryx2::prelude::ZeroCopySend;
 

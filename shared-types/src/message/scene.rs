@@ -1,4 +1,4 @@
-//! The live scene: obstacles that move while the robot does, and what the daemon says of them.
+//! The live scene: obstacles that move while the robot does, and the daemon's verdicts on it.
 
 use iceoryx2::prelude::ZeroCopySend;
 
@@ -46,8 +46,8 @@ wire_message! {
 }
 
 wire_message! {
-    /// What became of a scene (service `scene_status`, publisher: the daemon). Scenes that a newer one of the same publisher
-    /// replaced before they were looked at are not spoken of.
+    /// The verdict on a scene (service `scene_status`, publisher: the daemon). Scenes that a newer one of the same publisher
+    /// replaced before they were examined get no verdict.
     pub struct SceneStatus: "pcc.v3.SceneStatus", 64 bytes {
         /// When it was judged, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,

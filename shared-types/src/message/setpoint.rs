@@ -1,4 +1,4 @@
-//! What the motors are to do now.
+//! The set-point of the motors.
 
 use iceoryx2::prelude::ZeroCopySend;
 

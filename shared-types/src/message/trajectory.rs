@@ -30,8 +30,8 @@ wire_message! {
         pub plan_id: u64,
         /// [`super::ControllerState::instance`] of the controller that is to execute it; every other one refuses it.
         pub controller_instance: u64,
-        /// [`super::Heartbeat::instance`] of the daemon that publishes it and watches over it. A controller that hears another
-        /// daemon's heart refuses it: nobody would stop it for an obstacle.
+        /// [`super::Heartbeat::instance`] of the daemon that publishes and supervises it. A controller that receives
+        /// another daemon's heartbeats refuses it: nothing would stop it for an obstacle.
         pub daemon_instance: u64,
         /// When the sender of the request was asked for it, nanoseconds of `CLOCK_MONOTONIC`. What was requested before the last stop,
         /// the last reset or the controller's start is refused.

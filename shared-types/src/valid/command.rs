@@ -50,7 +50,7 @@ impl TryFrom<&message::Command> for Command {
     }
 }
 
-/// What became of an order.
+/// The reply to an order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommandReply {
     /// The command's number.

@@ -1,4 +1,4 @@
-//! What is said of a message that is not acceptable.
+//! The error of validation.
 
 use crate::PROTOCOL_VERSION;
 use crate::codes::{Outcome, PlanField, UnknownCode};
@@ -117,7 +117,7 @@ impl Invalid {
             .unwrap_or(PlanField::None)
     }
 
-    /// How a daemon answers a request that is wrong in this way.
+    /// The outcome with which a daemon answers such a request.
     #[must_use]
     pub const fn outcome(&self) -> Outcome {
         match self.reason {

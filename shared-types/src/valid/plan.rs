@@ -1,4 +1,4 @@
-//! What a daemon may plan.
+//! The validated plan request.
 
 use std::time::Duration;
 
@@ -57,7 +57,7 @@ pub struct PlanRequest {
     pub candidate_count: usize,
     /// Time the answer may take; none: the daemon's default.
     pub deadline: Option<Duration>,
-    /// Who is to propose paths.
+    /// The sampler that proposes paths.
     pub sampler: Sampler,
     /// Which candidate is selected.
     pub selection: SelectionRule,
@@ -69,7 +69,7 @@ pub struct PlanRequest {
     pub start_velocity_rad_s: [f64; DOF],
     /// Its acceleration, rad/s².
     pub start_acceleration_rad_s2: [f64; DOF],
-    /// Where to.
+    /// The goal.
     pub goal: Goal,
     /// Share of the tendon limits, [`LEAST_LIMITS_SCALE`] to 1.
     pub limits_scale: f64,

@@ -1,4 +1,4 @@
-//! The sender's half of a plan request.
+//! The wire form of a plan request.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! What a client may read of an answer.
+//! The validated report of an answer.
 
 use std::ops::Range;
 

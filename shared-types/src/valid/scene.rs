@@ -1,4 +1,4 @@
-//! Obstacles and signs of life.
+//! Validated scenes, scene verdicts and heartbeats.
 
 use std::fmt;
 
@@ -29,13 +29,9 @@ impl SourceName {
     /// [`Invalid`] if it is empty, longer than 32 bytes, or has other characters than printable ASCII.
     pub fn new(name: &str) -> Result<Self, Invalid> {
         let mut wire = [0; SOURCE_NAME_BYTES];
-        let length = name.len();
-        let Some(slot) = wire.get_mut(..length) else {
-            let (count, most) = (length as u64, SOURCE_NAME_BYTES as u64);
-            let least = 1;
-            return Err(invalid("source", Reason::Count { count, least, most }));
-        };
-        slot.copy_from_slice(name.as_bytes());
+        let length = u32::try_from(name.len()).unwrap_or(u32::MAX);
+        let length = check_count("source", length, 1, SOURCE_NAME_BYTES)?;
+        wire[..length].copy_from_slice(name.as_bytes());
         Self::try_from(&wire)
     }
 
@@ -53,12 +49,7 @@ impl TryFrom<&[u8; SOURCE_NAME_BYTES]> for SourceName {
         let length = wire.iter().position(|&byte| byte == 0);
         let (name, rest) = wire.split_at(length.unwrap_or(SOURCE_NAME_BYTES));
         let printable = |byte: &u8| (b' '..=b'~').contains(byte);
-        let count = name.len() as u64;
-        let most = SOURCE_NAME_BYTES as u64;
-        if name.is_empty() {
-            let least = 1;
-            return Err(invalid("source", Reason::Count { count, least, most }));
-        }
+        check_count("source", name.len() as u32, 1, SOURCE_NAME_BYTES)?;
         let wrong = |(_, byte): &(usize, &u8)| !printable(byte);
         let strange = name.iter().enumerate().find(wrong);
         let trailing = rest.iter().enumerate().find(|(_, byte)| **byte != 0);
@@ -188,7 +179,7 @@ impl Scene {
     }
 }
 
-/// What the daemon says of a scene.
+/// The daemon's verdict on a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneStatus {
     /// `source` of the scene as it came: it may be what is wrong with it.
@@ -215,7 +206,7 @@ impl TryFrom<&message::SceneStatus> for SceneStatus {
     }
 }
 
-/// A sign of life.
+/// A heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heartbeat {
     /// When it was sent, nanoseconds of `CLOCK_MONOTONIC`.
@@ -224,7 +215,7 @@ pub struct Heartbeat {
     pub instance: u64,
     /// Counts the sender's heartbeats.
     pub sequence: u64,
-    /// Who.
+    /// The kind of process that sent it.
     pub kind: ProcessKind,
     /// Its process id.
     pub pid: u32,

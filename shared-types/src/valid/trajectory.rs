@@ -1,4 +1,4 @@
-//! What a controller may consider to execute.
+//! The validated trajectory.
 
 use super::check::{Quantity, check_count, check_range, check_stamp, check_version};
 use super::invalid::{Invalid, Reason, invalid, invalid_at};
