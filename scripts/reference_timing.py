@@ -12,7 +12,9 @@ Every line `WHAT PATH [INTERVALS]` on standard input is answered by one number:
     toppra 3        toppra's duration, s, on the given grid
     active 3        part of the time in which the given speeds use a limit fully
     duration 3 252  toppra's duration, s, on equal intervals
-    seconds 3 252   wall time that toppra takes for it, s, spline and projection not counted
+    seconds 3 252   wall time that toppra takes for it, s, the path's spline and projection not counted
+    whole 3 252     the same with spline and projection, from waypoints to the duration
+Both are medians of 20 in a row, after one that is not counted.
 Needs scripts/requirements-timing.txt.
 """
 
@@ -34,6 +36,7 @@ MERGE = 1e-4
 FULL_USE = 1 - 1e-6
 # Linear programs after the first, and the part of the largest x below which time is not linearised: at rest it has no slope.
 PROGRAMS = 6
+REPETITIONS = 20
 SLOWEST = 1e-6
 
 
@@ -60,6 +63,7 @@ def nodes(waypoints, spacing):
 
 class Path:
     def __init__(self, path, tendons, limits, spacing):
+        self.arguments = (path, tendons, limits, spacing)
         s, points = nodes(np.array(path["waypoints"]), spacing)
         self.grid, self.speed = np.array(path["s"]), np.array(path["speed"])
         if abs(self.grid[-1] - s[-1]) > 1e-9 * s[-1]:
@@ -144,6 +148,16 @@ def duration(grid, speed):
     return (2 * np.diff(grid) / (speed[:-1] + speed[1:])).sum()
 
 
+def seconds(work):
+    work()
+    times = []
+    for _ in range(REPETITIONS):
+        began = time.perf_counter()
+        work()
+        times.append(time.perf_counter() - began)
+    return float(np.median(times))
+
+
 def answer(paths, order):
     what, index, *rest = order.split()
     path = paths[int(index)]
@@ -157,10 +171,10 @@ def answer(paths, order):
     if what == "duration":
         return path.toppra(grid)
     if what == "seconds":
-        began = time.perf_counter()
-        path.toppra(grid)
-        return time.perf_counter() - began
-    sys.exit(f"reference_timing: {what}: lp, toppra, active, duration and seconds are known")
+        return seconds(lambda: path.toppra(grid))
+    if what == "whole":
+        return seconds(lambda: Path(*path.arguments).toppra(grid))
+    sys.exit(f"reference_timing: {what}: lp, toppra, active, duration, seconds and whole are known")
 
 
 def main():

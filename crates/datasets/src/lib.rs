@@ -5,6 +5,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod archive;
+mod cases;
 mod expert;
 #[cfg(test)]
 mod fixtures;
@@ -18,6 +19,7 @@ mod training_rows;
 pub use archive::error::ArchiveError;
 pub use archive::reader::ArchiveReader;
 pub use archive::writer::ArchiveWriter;
+pub use cases::{CASES_VERSION, generate_cases};
 pub use expert::generate::{EXPERT_VERSION, generate_block};
 pub use expert::report::BlockReport;
 pub use format::counts::Counts;

@@ -1,4 +1,4 @@
-//! `pcc dataset`: paths by the expert or by the paper's generator.
+//! `pcc dataset`: paths by the expert or by the paper's generator, or cases alone.
 
 use crate::number::{self, Shard};
 use crate::output_files::{make_writable, write_whole};
@@ -7,8 +7,8 @@ use anyhow::{Context, bail, ensure};
 use clap::{Args, ValueEnum};
 use datasets::scenes::Setting;
 use datasets::{
-    Counts, Dataset, EXPERT_VERSION, GeneratorNotes, Meta, PAPER_VERSION, Recipe, Row, TERMINALS,
-    generate_block, generate_paper_block,
+    CASES_VERSION, Counts, Dataset, EXPERT_VERSION, GeneratorNotes, Meta, PAPER_VERSION, Recipe,
+    Row, TERMINALS, generate_block, generate_cases, generate_paper_block,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use input_files::{read_text, shortened};
@@ -44,6 +44,8 @@ enum Method {
     Expert,
     /// The paper's own generator, with its sampled criterion of collision.
     Paper,
+    /// Every case that is drawn, for evaluation, with the straight segment as its path, certified or not.
+    Cases,
 }
 
 impl Method {
@@ -52,7 +54,24 @@ impl Method {
         match self {
             Self::Expert => EXPERT_VERSION,
             Self::Paper => PAPER_VERSION,
+            Self::Cases => CASES_VERSION,
         }
+    }
+
+    /// Refuses more goal configurations or trees than the method makes.
+    fn check(self, ends: usize, trees: usize) -> anyhow::Result<()> {
+        let (name, most_ends) = match self {
+            Self::Expert => return Ok(()),
+            Self::Paper => ("paper", TERMINALS),
+            Self::Cases => ("cases", 1),
+        };
+        for (option, value, most) in [("ends", ends, most_ends), ("trees", trees, 1)] {
+            ensure!(
+                value <= most,
+                "--{option} {value}: 1 to {most} are allowed with --method {name}"
+            );
+        }
+        Ok(())
     }
 }
 
@@ -74,10 +93,10 @@ pub(crate) struct Arguments {
     /// Starts of each target (1 to 5).
     #[arg(long, default_value_t = 5, value_parser = number::starts())]
     starts: usize,
-    /// Goal configurations of each start, as many of them as there are (1 to 64; the paper's generator: 1 to 10).
-    #[arg(long, default_value_t = 10, value_parser = number::of_a_set())]
-    ends: usize,
-    /// Trees that the expert looks at where a straight segment leads it nowhere, to keep the shortest path (1 to 64; the paper's generator: 1).
+    /// Goal configurations of each start, as many of them as there are (1 to 64, else 10; the paper's generator: 1 to 10; cases: 1).
+    #[arg(long, value_parser = number::of_a_set())]
+    ends: Option<usize>,
+    /// Trees that the expert looks at where a straight segment leads it nowhere, to keep the shortest path (1 to 64; the paper's generator and cases: 1).
     #[arg(long, default_value_t = 1, value_parser = number::of_a_set())]
     trees: usize,
     /// Seed (0 to 2^64 - 1); the same seed gives the same rows whatever the shards and threads.
@@ -98,6 +117,16 @@ pub(crate) struct Arguments {
     /// Folder for the data set; finished blocks in it are not made again.
     #[arg(long)]
     out: PathBuf,
+}
+
+impl Arguments {
+    fn ends(&self) -> usize {
+        let by_method = match self.method {
+            Method::Cases => 1,
+            _ => TERMINALS,
+        };
+        self.ends.unwrap_or(by_method)
+    }
 }
 
 struct Job<'a> {
@@ -141,24 +170,16 @@ impl<'a> Job<'a> {
             (SettingName::ObstacleFree, None) => Setting::ObstacleFree,
             (SettingName::Hard, None) => Setting::Hard,
         };
-        let is_paper = arguments.method == Method::Paper;
-        if is_paper && setting == Setting::Hard {
+        if arguments.method == Method::Paper && setting == Setting::Hard {
             bail!("--method paper makes the settings reference, obstacle-free and general");
         }
-        for (name, value, most) in [
-            ("ends", arguments.ends, TERMINALS),
-            ("trees", arguments.trees, 1),
-        ] {
-            ensure!(
-                !is_paper || value <= most,
-                "--{name} {value}: 1 to {most} are allowed with --method paper"
-            );
-        }
+        let ends = arguments.ends();
+        arguments.method.check(ends, arguments.trees)?;
         let recipe = Recipe {
             setting,
             seed: arguments.seed,
             starts: arguments.starts,
-            ends: arguments.ends,
+            ends,
             trees: arguments.trees,
             test_only: arguments.test_only,
         };
@@ -203,7 +224,7 @@ impl<'a> Job<'a> {
         let robot = &self.robot;
         json!({
             "method": format!("{:?}", a.method), "generator": a.method.version(),
-            "setting": format!("{:?}", self.recipe.setting), "targets": a.targets, "starts": a.starts, "ends": a.ends,
+            "setting": format!("{:?}", self.recipe.setting), "targets": a.targets, "starts": a.starts, "ends": a.ends(),
             "trees": a.trees, "seed": a.seed, "test_only": a.test_only, "robot": robot.name, "section_lengths": robot.section_lengths,
             "bending_limit_rad": robot.bending_limit, "tube_radius": robot.largest_tube_radius(),
         })
@@ -284,6 +305,10 @@ impl<'a> Job<'a> {
                 let (rows, report) = generate_paper_block(&self.robot, &self.recipe, targets);
                 (rows, Counts::from(&report))
             }
+            Method::Cases => {
+                let (rows, report) = generate_cases(&self.robot, &self.recipe, targets);
+                (rows, Counts::from(&report))
+            }
         };
         let meta = self.meta(self.block_config(block), counts.clone());
         let folder = self.block_folder(block);
@@ -300,7 +325,7 @@ impl<'a> Job<'a> {
             clearance_margin: self.robot.largest_tube_radius(),
             counts: Some(counts),
             generator: match self.arguments.method {
-                Method::Expert => GeneratorNotes::of_expert(setting),
+                Method::Expert | Method::Cases => GeneratorNotes::of_expert(setting),
                 Method::Paper => GeneratorNotes::of_paper(setting),
             },
             ..Meta::new(config)

@@ -51,6 +51,8 @@ struct Sampled {
     success_corrected: f64,
     /// Share of the requests with a candidate that succeeds.
     success_any: f64,
+    /// `success` of the cases with so many balls.
+    success_by_balls: BTreeMap<usize, f64>,
     /// Tip error, section lengths.
     tip_error: Spread,
     /// Tip error ÷ 3 L, the robot's length, over the candidates that succeed.
@@ -78,6 +80,7 @@ impl Sampled {
             success: successes(&sampled),
             success_corrected: successes(&corrected),
             success_any: sampled.iter().filter(any).count() as f64 / answers.len() as f64,
+            success_by_balls: success_by_balls(answers, &sampled, arguments.candidates),
             tip_error: Spread::of(all.map(|v| v.tip_error)),
             tip_error_of_robot_length: Spread::of(successful.map(|v| v.tip_error / length)),
             seconds_per_candidate: Spread::of(
@@ -85,6 +88,22 @@ impl Sampled {
             ),
         }
     }
+}
+
+fn success_by_balls(
+    answers: &[Answer],
+    sampled: &[Vec<SampledVerdict>],
+    candidates: usize,
+) -> BTreeMap<usize, f64> {
+    let mut shares: BTreeMap<usize, (usize, usize)> = BTreeMap::new();
+    for (answer, verdicts) in answers.iter().zip(sampled) {
+        let balls = answer.case.scene.balls().len();
+        let (successes, asked) = shares.entry(balls).or_default();
+        *successes += verdicts.iter().filter(|v| v.is_success()).count();
+        *asked += candidates;
+    }
+    let share = |(balls, (successes, asked))| (balls, successes as f64 / asked as f64);
+    shares.into_iter().map(share).collect()
 }
 
 /// Order statistics of one figure.

@@ -32,7 +32,7 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         // 60 cases in all; the sample has no shorter form worth its name.
         evaluate_all(report, "reference", &sample, scale.pick(30, 60))
     });
-    let command = "pcc dataset --setting general --test-only --seed 9001; pcc evaluate --planner …";
+    let command = "pcc dataset --method cases --setting general --test-only --seed 9001; pcc evaluate --planner …";
     report.group("unseen general scenes", command, |report| {
         let cases = scale.pick(40, 300);
         let dataset = unseen_general(cases)?;
@@ -40,13 +40,13 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-/// One start a target and few goal configurations: cases are wanted, not paths.
+/// One start a target.
 fn unseen_general(cases: usize) -> anyhow::Result<PathBuf> {
     let targets = (cases * 2).to_string();
-    let out = folder().join(format!("general-{UNSEEN_SEED}-{targets}"));
+    let out = folder().join(format!("cases-general-{UNSEEN_SEED}-{targets}"));
     let seed = UNSEEN_SEED.to_string();
-    let mut arguments = vec!["--setting", "general", "--test-only", "--seed", &seed];
-    arguments.extend(["--targets", &targets, "--starts", "1", "--ends", "1"]);
+    let mut arguments = vec!["--method", "cases", "--setting", "general", "--test-only"];
+    arguments.extend(["--seed", &seed, "--targets", &targets, "--starts", "1"]);
     make_dataset(&arguments, &out)?;
     Ok(out)
 }

@@ -22,23 +22,22 @@ pub(crate) const PLANNERS: [&str; 6] = [
     "rrt-smooth",
 ];
 
-const fn by_the_expert(name: &'static str, seed: u64, targets_for_ten_cases: usize) -> Unseen {
+const fn drawn(name: &'static str, seed: u64, targets_for_ten_cases: usize) -> Unseen {
     Unseen {
         name,
-        method: "expert",
+        method: "cases",
         setting: name,
         seed,
         starts: 3,
-        // Cases are wanted, not paths.
         ends: 1,
         targets_for_ten_cases,
         weights: "fast",
     }
 }
 
-pub(crate) const REFERENCE: Unseen = by_the_expert("reference", 9011, 4);
-pub(crate) const GENERAL: Unseen = by_the_expert("general", 9012, 4);
-pub(crate) const HARD: Unseen = by_the_expert("hard", 9013, 10);
+pub(crate) const REFERENCE: Unseen = drawn("reference", 9011, 4);
+pub(crate) const GENERAL: Unseen = drawn("general", 9012, 4);
+pub(crate) const HARD: Unseen = drawn("hard", 9013, 10);
 
 /// Cases in a folder.
 pub(crate) struct Cases {

@@ -59,7 +59,8 @@ const SETTINGS: [(&str, Make, Bars); 4] = [
 ];
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
-    let command = "pcc dataset --test-only --seed 9011|9012|9013; pcc evaluate --planner …";
+    let command =
+        "pcc dataset --method cases --test-only --seed 9011|9012|9013; pcc evaluate --planner …";
     for (name, make, bars) in SETTINGS {
         report.group(&format!("certified, {name}"), command, |report| {
             certified(report, scale, &make(scale)?, &bars)

@@ -2,16 +2,24 @@
 
 use std::f64::consts::TAU;
 use std::path::Path;
+use std::sync::mpsc::{Sender, TryRecvError, channel};
+use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
 use anyhow::Context;
-use client::PlanAnswer;
+use client::{PlanAnswer, ScenePublisher};
 use datasets::scenes::Setting;
-use pcc_model::Robot;
+use pcc_model::{DOF, Robot};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use shared_types::message::Ball;
+use shared_types::capacity::MAX_BALLS;
+use shared_types::codes::Refusal;
+use shared_types::ipc::IpcOptions;
+use shared_types::message::{Ball, MovingBall};
 use shared_types::valid::PlanRequest;
+use tests::played_controller::PlayedController;
 use tests::programs::repository;
+use tests::stack::PATIENCE;
 use toml::Value;
 
 use crate::fast_scenes::{Served, demand, motion, requests, scene};
@@ -28,15 +36,27 @@ const REPETITIONS: usize = 3;
 const CLIFF: f64 = 3.2;
 /// Radius of the points of a cloud, m.
 const POINT_RADIUS: f64 = 0.03;
+/// Speed of the points of a live scene, m/s, how long they count, and how much deeper within the balls they begin, m.
+const LIVE_SPEED: f64 = 0.01;
+const LIFETIME: Duration = Duration::from_secs(2);
+const LIVE_MARGIN: f64 = 0.08;
 
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "acceptance fast, requests to planner-daemon";
     report.group("growth with candidates", command, |report| {
         with_candidates(report, scale)
     });
+    let command = "acceptance fast, requests to planner-daemon, points in them";
+    report.group("growth with balls of the request", command, |report| {
+        with_balls(report, scale, Origin::Request)
+    });
     let command = "acceptance fast, requests to planner-daemon, points in its static scene";
-    report.group("growth with balls", command, |report| {
-        with_balls(report, scale)
+    report.group("growth with balls of the static scene", command, |report| {
+        with_balls(report, scale, Origin::StaticScene)
+    });
+    let command = "acceptance fast, motions published by planner-daemon, points in its live scene";
+    report.group("growth with balls of the live scene", command, |report| {
+        with_live_balls(report, scale)
     });
 }
 
@@ -68,40 +88,223 @@ fn with_candidates(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn with_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+/// What tells the daemon of the points.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Origin {
+    Request,
+    StaticScene,
+}
+
+impl Origin {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Request => "balls of the request",
+            Self::StaticScene => "balls of the static scene",
+        }
+    }
+
+    fn counts(self) -> impl Iterator<Item = usize> {
+        let most = match self {
+            Self::Request => MAX_BALLS,
+            Self::StaticScene => usize::MAX,
+        };
+        BALLS.into_iter().filter(move |count| *count <= most)
+    }
+
+    /// A daemon that knows the points, or a request that tells of them.
+    fn ask(
+        self,
+        request: &PlanRequest,
+        cloud: Vec<Ball>,
+        folder: &Path,
+    ) -> anyhow::Result<(PlanAnswer, f64)> {
+        let (keys, balls) = match self {
+            Self::Request => (Vec::new(), cloud),
+            Self::StaticScene => {
+                let file = folder.join(format!("cloud-{}.toml", cloud.len()));
+                std::fs::write(&file, scene_file(&cloud))?;
+                (vec![("scene", static_scene(&file)?)], Vec::new())
+            }
+        };
+        let asked = PlanRequest {
+            balls,
+            ..request.clone()
+        };
+        fastest(&mut Served::start(keys)?, &asked)
+    }
+}
+
+fn with_balls(report: &mut Report, scale: Scale, origin: Origin) -> anyhow::Result<()> {
     let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
     let robot = robot.to_unit().context("equal sections are needed")?;
     let all = requests(&robot, Setting::General(Some(8)));
     let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();
-    let mut curve = BALLS.map(|count| (count, Vec::new()));
+    let mut curve: Vec<_> = origin.counts().map(|count| (count, Vec::new())).collect();
     let (mut answered, mut judged) = (0, Judged::default());
     let folder = tempfile::tempdir()?;
     for request in &all {
         for (count, times) in &mut curve {
             let cloud = cloud(&request.balls, *count, request.seed);
-            let file = folder.path().join(format!("cloud-{count}.toml"));
-            std::fs::write(&file, scene_file(&cloud))?;
-            let mut served = Served::start(vec![("scene", static_scene(&file)?)])?;
-            let asked = PlanRequest {
-                balls: Vec::new(),
-                ..request.clone()
-            };
-            let (answer, ms) = fastest(&mut served, &asked)?;
+            let (answer, ms) = origin.ask(request, cloud.clone(), folder.path())?;
             times.push(ms);
             answered += usize::from(answer.selected().is_some());
             let scene = scene(&cloud)?;
-            let demand = demand(&robot, &scene, &asked);
+            let demand = demand(&robot, &scene, request);
             for candidate in answer.candidates() {
                 let name = || format!("seed {}, {count} balls", request.seed);
                 judged.add(&demand, motion(candidate.knots), true, name);
             }
         }
     }
-    show(report, "growth: balls, ten candidates", &curve);
-    let line = "growth: requests answered, whatever the number of balls";
-    report.all_of(line, answered, all.len() * BALLS.len());
-    judged.check(report, "growth, against all the balls");
+    let name = format!("growth: {}", origin.name());
+    show(report, &format!("{name}, ten candidates"), &curve);
+    let line = format!("{name}: requests answered, whatever the number of balls");
+    report.all_of(&line, answered, all.len() * curve.len());
+    judged.check(report, &format!("{name}, against all of them"));
     Ok(())
+}
+
+/// A motion around balls is planned and published beside points of the live scene that lie within these balls and move slowly, so that
+/// planning costs the same whatever their number; what grows is the time in which supervision certifies the motion against them.
+fn with_live_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let mut served = Served::start(Vec::new())?;
+    let robot = served.world.robot.clone();
+    let mut scenes = ScenePublisher::connect(&served.world.options, "growth")?;
+    let all = requests(&robot, Setting::General(Some(8)));
+    let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();
+    let mut curve = BALLS.map(|count| (count, Vec::new()));
+    let mut refused = Vec::new();
+    let played = Played::start(&served.world.options)?;
+    for request in &all {
+        let request = PlanRequest {
+            execute: true,
+            ..request.clone()
+        };
+        played.hold_at(request.start_configuration_rad);
+        for (count, times) in &mut curve {
+            let mut fastest_ms = f64::INFINITY;
+            for _ in 0..REPETITIONS {
+                scenes.publish(&live_cloud(&request.balls, *count, request.seed), LIFETIME)?;
+                scenes.confirm(PATIENCE)?;
+                let (answer, seconds) = served.ask(&request)?;
+                let report = answer.report();
+                match report.trajectory_id {
+                    Some(id) => played.refuse(id),
+                    None => refused.push(format!("{count} balls: {}", report.reason)),
+                }
+                fastest_ms = fastest_ms.min(1e3 * seconds);
+            }
+            times.push(fastest_ms);
+        }
+    }
+    scenes.take_leave()?;
+    show(
+        report,
+        "growth: balls of the live scene, ten candidates, the selected one published",
+        &curve,
+    );
+    let line = format!(
+        "growth: balls of the live scene, motions not published, of {}",
+        all.len() * curve.len() * REPETITIONS
+    );
+    report.none_of(&line, &refused);
+    Ok(())
+}
+
+/// A controller that is played in a thread of its own; it ends when dropped.
+struct Played {
+    orders: Option<Sender<Order>>,
+    thread: Option<JoinHandle<()>>,
+}
+
+enum Order {
+    HoldAt([f64; DOF]),
+    Refuse(u32),
+}
+
+impl Played {
+    fn start(options: &IpcOptions) -> anyhow::Result<Self> {
+        let (orders, received) = channel();
+        let (started, has_started) = channel();
+        let options = options.clone();
+        // Ports stay in their thread.
+        let play = move || {
+            let mut controller = match PlayedController::start(&options) {
+                Ok(controller) => controller,
+                Err(error) => return drop(started.send(Err(error))),
+            };
+            let _ = started.send(Ok(()));
+            loop {
+                match received.try_recv() {
+                    Ok(Order::HoldAt(configuration)) => {
+                        controller.state.commanded_configuration_rad = configuration;
+                    }
+                    Ok(Order::Refuse(id)) => {
+                        controller.state.refused_trajectory_id = id;
+                        controller.state.refusal = Refusal::BeginsInThePast.code();
+                    }
+                    Err(TryRecvError::Empty) => controller.play(Duration::from_millis(1)),
+                    Err(TryRecvError::Disconnected) => break,
+                }
+            }
+        };
+        let thread = thread::spawn(play);
+        has_started.recv()??;
+        Ok(Self {
+            orders: Some(orders),
+            thread: Some(thread),
+        })
+    }
+
+    fn hold_at(&self, configuration: [f64; DOF]) {
+        self.order(Order::HoldAt(configuration));
+    }
+
+    /// Does not take a motion up, so that the next one may be published.
+    fn refuse(&self, id: u32) {
+        self.order(Order::Refuse(id));
+    }
+
+    /// Until the daemon has heard of it.
+    fn order(&self, order: Order) {
+        let orders = self
+            .orders
+            .as_ref()
+            .expect("it is there until it is dropped");
+        orders.send(order).expect("the controller is played");
+        thread::sleep(Duration::from_millis(50));
+    }
+}
+
+impl Drop for Played {
+    fn drop(&mut self) {
+        self.orders = None;
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+/// Points within balls that stay within them for as long as they count.
+fn live_cloud(balls: &[Ball], count: usize, seed: u64) -> Vec<MovingBall> {
+    let inner: Vec<Ball> = balls
+        .iter()
+        .map(|ball| Ball {
+            radius_m: ball.radius_m - LIVE_MARGIN,
+            ..*ball
+        })
+        .collect();
+    let points = cloud(&inner, count, seed);
+    let moving = |(index, point): (usize, Ball)| {
+        let mut velocity_m_s = [0.0; 3];
+        velocity_m_s[index % 3] = LIVE_SPEED;
+        MovingBall {
+            centre_m: point.centre_m,
+            radius_m: point.radius_m,
+            velocity_m_s,
+        }
+    };
+    points.into_iter().enumerate().map(moving).collect()
 }
 
 /// The daemon's table that names a static scene.

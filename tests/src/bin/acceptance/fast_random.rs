@@ -55,17 +55,25 @@ pub(crate) enum Treatment {
 /// Problems to make requests of.
 pub(crate) struct Pool {
     targets: Vec<Target>,
+    /// That a request asks for.
+    most_candidates: usize,
 }
 
 impl Pool {
-    pub(crate) fn draw(robot: &UnitRobot) -> Self {
+    pub(crate) fn draw(robot: &UnitRobot, most_candidates: usize) -> Self {
         let targets = SCENES.iter().flat_map(|&(setting, count)| {
             let drawn = (0..).filter_map(move |index| draw_target(robot, setting, SEED, index));
             drawn.take(count)
         });
         Self {
             targets: targets.collect(),
+            most_candidates,
         }
+    }
+
+    /// That a request of this pool asks for.
+    pub(crate) fn most_candidates(&self) -> usize {
+        self.most_candidates
     }
 
     /// A well-formed request; some have no answer.
@@ -80,7 +88,7 @@ impl Pool {
             request.balls.extend((0..more).map(|_| far_ball(rng)));
         }
         request.seed = rng.random();
-        request.candidate_count = candidates(rng);
+        request.candidate_count = candidates(rng).min(self.most_candidates);
         request.sampler = weighted(&SAMPLERS, rng);
         let [least, most] = DEADLINES.map(f64::ln);
         let deadline = rng.random_range(least..most).exp();

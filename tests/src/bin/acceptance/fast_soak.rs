@@ -1,7 +1,8 @@
 //! A hundred thousand random requests from two clients: what the daemon must never do.
 //!
 //! Two clients and two workers want two processors, and the system's own threads some more: for deadlines to hold, all of ours
-//! have real-time priorities, as `realtime_priority` allows (decision 0016).
+//! have real-time priorities, as `realtime_priority` allows (decision 0016). Beside it the daemon as it ships, whose clients have no
+//! priorities either.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -52,8 +53,43 @@ const MEMORY_MB: f64 = 2.0;
 pub(crate) fn run(report: &mut Report, scale: Scale) {
     let command = "acceptance fast, two clients of planner-daemon";
     report.group("random requests", command, |report| {
-        random_requests(report, scale.pick(300, 100_000))
+        random_requests(report, scale.pick(300, 100_000), &PRIORITIES)
     });
+    report.group("random requests as shipped", command, |report| {
+        random_requests(report, scale.pick(300, 100_000), &AS_SHIPPED)
+    });
+}
+
+/// A daemon and its clients.
+struct Arrangement {
+    /// In the lines.
+    name: &'static str,
+    has_priorities: bool,
+    /// Most candidates of a request.
+    candidates: usize,
+}
+
+const PRIORITIES: Arrangement = Arrangement {
+    name: "random requests",
+    has_priorities: true,
+    candidates: MAX_CANDIDATES,
+};
+/// The shipped configuration in every key.
+const AS_SHIPPED: Arrangement = Arrangement {
+    name: "random requests as shipped",
+    has_priorities: false,
+    candidates: 16,
+};
+
+impl Arrangement {
+    fn keys(&self) -> Vec<(&'static str, Value)> {
+        if !self.has_priorities {
+            return Vec::new();
+        }
+        let mut keys = most_candidates();
+        keys.push(("realtime_priority", Value::Integer(OF_PLANNING.into())));
+        keys
+    }
 }
 
 /// What came of requests.
@@ -128,11 +164,13 @@ impl Findings {
     }
 }
 
-fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
-    let mut settings = most_candidates();
-    settings.push(("realtime_priority", Value::Integer(OF_PLANNING.into())));
-    let mut served = Served::start(settings)?;
-    let pool = Pool::draw(&served.world.unit_robot());
+fn random_requests(
+    report: &mut Report,
+    count: usize,
+    arrangement: &Arrangement,
+) -> anyhow::Result<()> {
+    let mut served = Served::start(arrangement.keys())?;
+    let pool = Pool::draw(&served.world.unit_robot(), arrangement.candidates);
     let stolen = StolenTimes::watch()?;
     let disturbance = Disturbance::count(served.daemon.pid())?;
     largest_requests(&mut served, &pool)?;
@@ -147,10 +185,11 @@ fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
     let mut memory = Vec::new();
     let begin = Instant::now();
     for leg in 0..LEGS {
-        findings.merge(ask(&world, &pool, leg, count / LEGS));
+        findings.merge(ask(&world, &pool, arrangement, [leg, count / LEGS]));
         memory.push(memory_mb(daemon.pid(), "VmRSS:")?);
         eprintln!(
-            "  random requests: {} of {count} after {:.0} s, {} motions, {:.1} MB",
+            "  {}: {} of {count} after {:.0} s, {} motions, {:.1} MB",
+            arrangement.name,
             findings.sent,
             begin.elapsed().as_secs_f64(),
             findings.motions,
@@ -161,10 +200,12 @@ fn random_requests(report: &mut Report, count: usize) -> anyhow::Result<()> {
         let log = daemon.log();
         findings.unexpected.push(format!("the daemon ended: {log}"));
     }
-    report.shown("random requests: disturbed meanwhile", disturbance.text()?);
-    show(report, &findings);
-    lateness(report, findings.late, &stolen);
-    flat_memory(report, &memory);
+    let name = arrangement.name;
+    let line = format!("{name}: disturbed meanwhile");
+    report.shown(&line, disturbance.text()?);
+    show(report, name, &findings);
+    lateness(report, arrangement, findings.late, &stolen);
+    flat_memory(report, name, &memory);
     Ok(())
 }
 
@@ -173,7 +214,7 @@ fn largest_requests(served: &mut Served, pool: &Pool) -> anyhow::Result<()> {
     let mut rng = Pcg64::new(LEGS as u128, 0);
     for _ in 0..LARGEST {
         let request = PlanRequest {
-            candidate_count: MAX_CANDIDATES,
+            candidate_count: pool.most_candidates(),
             deadline: Some(NO_DEADLINE),
             ..pool.request(&mut rng)
         };
@@ -183,7 +224,12 @@ fn largest_requests(served: &mut Served, pool: &Pool) -> anyhow::Result<()> {
 }
 
 /// A leg: so many requests, of all clients together.
-fn ask(world: &World, pool: &Pool, leg: usize, count: usize) -> Findings {
+fn ask(
+    world: &World,
+    pool: &Pool,
+    arrangement: &Arrangement,
+    [leg, count]: [usize; 2],
+) -> Findings {
     let of_each = count / CLIENTS;
     let batches = (0..of_each).step_by(BATCH);
     let batches: Vec<usize> = batches.map(|begin| BATCH.min(of_each - begin)).collect();
@@ -191,7 +237,7 @@ fn ask(world: &World, pool: &Pool, leg: usize, count: usize) -> Findings {
     let run = |client| {
         let (batches, together) = (&batches, &together);
         move || {
-            let mut asker = Asker::new(world, pool, Pcg64::new(leg as u128, client));
+            let mut asker = Asker::new(world, pool, arrangement, Pcg64::new(leg as u128, client));
             for &batch in batches {
                 let asker = asker.as_mut();
                 let findings = asker.map(|asker| asker.ask_many(batch));
@@ -227,12 +273,19 @@ struct Asker<'a> {
 }
 
 impl<'a> Asker<'a> {
-    fn new(world: &'a World, pool: &'a Pool, rng: Pcg64) -> anyhow::Result<Self> {
+    fn new(
+        world: &'a World,
+        pool: &'a Pool,
+        arrangement: &Arrangement,
+        rng: Pcg64,
+    ) -> anyhow::Result<Self> {
         let mut client = Client::connect(&world.options)?;
         client.wait_for_daemon(PATIENCE)?;
         let raw = RawClient::connect(&world.options, PATIENCE)?;
         // What the connections start keeps the ordinary one.
-        realtime::use_fifo_priority(OF_A_CLIENT)?;
+        if arrangement.has_priorities {
+            realtime::use_fifo_priority(OF_A_CLIENT)?;
+        }
         Ok(Self {
             pool,
             client,
@@ -357,34 +410,43 @@ impl Kept {
     }
 }
 
-fn show(report: &mut Report, findings: &Findings) {
+fn show(report: &mut Report, name: &str, findings: &Findings) {
     let outcomes = findings.outcomes.iter();
     let outcomes: Vec<String> = outcomes
         .map(|(outcome, count)| format!("{count} {outcome}"))
         .collect();
     let line = format!(
-        "{} random requests of {CLIENTS} clients, all at real-time priorities, {} dropped before their answer: outcomes",
+        "{name}: {} of {CLIENTS} clients, {} dropped before their answer: outcomes",
         findings.sent, findings.dropped
     );
     report.shown(&line, outcomes.join(", "));
-    let line = "random requests: the daemon ended, answers lost, internal errors, spoiled ones not refused";
-    report.none_of(line, &findings.unexpected);
+    let line = format!(
+        "{name}: the daemon ended, answers lost, internal errors, spoiled ones not refused"
+    );
+    report.none_of(&line, &findings.unexpected);
     report.all_of(
-        "random requests: spoiled ones refused with their field",
+        &format!("{name}: spoiled ones refused with their field"),
         findings.refused_as_spoiled,
         findings.spoiled,
     );
-    findings.judged.check(report, "random requests");
+    findings.judged.check(report, name);
 }
 
-/// Later than the deadline by more than a millisecond and what was stolen meanwhile.
-fn lateness(report: &mut Report, mut late: Vec<Late>, stolen: &StolenTimes) {
+/// Later than the deadline by more than a millisecond and what was stolen meanwhile. With priorities none may be (decision 0016);
+/// without, the system decides who waits for a processor, and their number is shown.
+fn lateness(
+    report: &mut Report,
+    arrangement: &Arrangement,
+    mut late: Vec<Late>,
+    stolen: &StolenTimes,
+) {
+    let name = arrangement.name;
     let ms = |duration: Duration| 1e3 * duration.as_secs_f64();
     late.sort_by_key(|late| Reverse(late.by));
     let worst = late.first().map_or(Duration::ZERO, |late| late.by);
     let line =
-        "random requests: answers later than their deadline by more than 1 ms, and the latest";
-    report.shown(line, format!("{}, {:.2} ms", late.len(), ms(worst)));
+        format!("{name}: answers later than their deadline by more than 1 ms, and the latest");
+    report.shown(&line, format!("{}, {:.2} ms", late.len(), ms(worst)));
     let beyond = late.iter().filter_map(|late| {
         let stolen = stolen.between(late.sent, late.answered);
         let (by, stolen_ms) = (ms(late.by), ms(stolen));
@@ -392,17 +454,23 @@ fn lateness(report: &mut Report, mut late: Vec<Late>, stolen: &StolenTimes) {
         (late.by > LATE_AT_MOST + stolen).then_some(text)
     });
     let beyond: Vec<String> = beyond.collect();
-    let line = "random requests: answers later than their deadline by more than 1 ms and the time stolen meanwhile";
-    report.none_of(line, &beyond);
+    let line = format!(
+        "{name}: answers later than their deadline by more than 1 ms and the time stolen meanwhile"
+    );
+    if arrangement.has_priorities {
+        report.none_of(&line, &beyond);
+    } else {
+        report.shown(&line, beyond.len().to_string());
+    }
 }
 
-fn flat_memory(report: &mut Report, memory: &[f64]) {
+fn flat_memory(report: &mut Report, name: &str, memory: &[f64]) {
     let (first, last) = (memory[0], memory[memory.len() - 1]);
     let curve: Vec<String> = memory.iter().map(|mb| format!("{mb:.1}")).collect();
-    let line = "random requests: the daemon's resident memory after every tenth of them, MB";
+    let line = format!("{name}: the daemon's resident memory after every tenth of them, MB");
     let bar = first * (1.0 + MEMORY_SHARE) + MEMORY_MB;
     report.check(
-        line,
+        &line,
         curve.join(", "),
         &format!("the last <= {bar:.1}"),
         last <= bar,

@@ -3,11 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 use datasets::{ArchiveReader, Dataset, Row, Split};
 use pcc_model::Configuration;
 use planning::modes;
 use serde_json::Value;
+use tests::programs::repository;
 
 use crate::paper_runs::{FREE, GENERAL, HARD, MIXED, ablation_cases, evaluation};
 use crate::report::Report;
@@ -74,6 +75,11 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
             ablation(report, scale, &unseen, paper.as_ref())
         });
     }
+    let command =
+        "pcc evaluate --dataset tests/data/reference-mixed-sample --planner diffusion-post";
+    report.group("the authors' cases", command, |report| {
+        authors_cases(report, scale)
+    });
     let command = "pcc evaluate --planner diffusion|diffusion-post|diffusion-guided, in turns";
     report.group("time of the refinements", command, |report| {
         for (unseen, paper) in [(MIXED, PAPER_MIXED), (FREE, PAPER_FREE)] {
@@ -122,6 +128,7 @@ fn ablation(
         enough,
     );
     let result = |planner: &str| &results[planner].0;
+    by_balls(report, name, result(POST))?;
     if let Some(paper) = paper {
         let success = 100.0 * number(result(POST), "/sampled/success")?;
         let line = format!(
@@ -143,6 +150,38 @@ fn ablation(
     }
     let outs = PLANNERS.map(|planner| (planner, results[planner].1.as_path()));
     diversity(report, name, &dataset, wanted, &outs)
+}
+
+/// The other population of the paper's setting: cases that the authors' program made.
+fn authors_cases(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
+    let (name, cases, model) = ("authors' sample", 60, MIXED.model()?);
+    let dataset = repository().join("tests/data/reference-mixed-sample");
+    let result = evaluation("authors-sample", &dataset, &model, POST, cases).run(report, scale)?;
+    report.shown(
+        &format!("{name}: {POST}, {cases} cases"),
+        sampled_row(&result)?,
+    );
+    by_balls(report, name, &result)
+}
+
+/// Success by the paper's criterion by the number of balls.
+fn by_balls(report: &mut Report, name: &str, result: &Value) -> anyhow::Result<()> {
+    let shares = result.pointer("/sampled/success_by_balls");
+    let shares = shares.and_then(Value::as_object);
+    let shares = shares.context("result.json has no success by number of balls")?;
+    let mut shares: Vec<(usize, f64)> = shares
+        .iter()
+        .map(|(balls, share)| Ok((balls.parse()?, share.as_f64().context("no number")?)))
+        .collect::<anyhow::Result<_>>()?;
+    shares.sort_by_key(|(balls, _)| *balls);
+    let shares = shares
+        .iter()
+        .map(|(balls, share)| format!("{balls}: {:.2} %", 100.0 * share));
+    report.shown(
+        &format!("{name}: {POST}, success by the paper's criterion, by number of balls"),
+        shares.collect::<Vec<_>>().join(", "),
+    );
+    Ok(())
 }
 
 /// What a sampler drew, by the paper's criterion; times are of sampling alone.
@@ -203,11 +242,17 @@ fn diversity(
     outs: &[(&str, &Path)],
 ) -> anyhow::Result<()> {
     let data = mean(&modes_of_data(dataset, cases)?);
+    // Cases without paths of their own have one row each.
+    let beside = if data > 1.0 {
+        format!(" (the data's: {data:.2})")
+    } else {
+        String::new()
+    };
     for (planner, out) in outs {
         let found = modes_of_certified(out)?;
         ensure!(!found.is_empty(), "{} has no cases", out.display());
         let line = format!("{name}: {planner}, distinct certified terminal modes among ten");
-        let figure = format!("{:.2} a case (the data's: {data:.2})", mean(&found));
+        let figure = format!("{:.2} a case{beside}", mean(&found));
         report.shown(&line, figure);
     }
     Ok(())
