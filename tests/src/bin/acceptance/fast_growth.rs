@@ -168,7 +168,7 @@ fn with_balls(report: &mut Report, scale: Scale, origin: Origin) -> anyhow::Resu
 /// planning costs the same whatever their number; what grows is the time in which supervision certifies the motion against them.
 fn with_live_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut served = Served::start(Vec::new())?;
-    let robot = served.world.robot.clone();
+    let robot = served.world.unit_robot();
     let mut scenes = ScenePublisher::connect(&served.world.options, "growth")?;
     let all = requests(&robot, Setting::General(Some(8)));
     let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();

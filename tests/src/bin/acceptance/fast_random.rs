@@ -218,6 +218,7 @@ mod unit {
         let robot = robot.to_unit().unwrap();
         let target = (0..).find_map(|i| draw_target(&robot, Setting::General(Some(4)), SEED, i));
         let pool = Pool {
+            most_candidates: 64,
             targets: vec![target.unwrap()],
         };
         let mut rng = Pcg64::seed_from_u64(1);
