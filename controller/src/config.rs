@@ -33,7 +33,7 @@ pub(crate) fn robot_of(
     })
 }
 
-/// Checks what both programs' loops have: their rate and their real-time priority.
+/// Checks the settings that both programs' loops have: rate and real-time priority.
 pub(crate) fn check_loop(
     configuration: &SettingsFile<'_>,
     rate_hz: u32,

@@ -1,7 +1,7 @@
 //! The controller: a hard loop that turns certified trajectories into tendon set-points, and the simulated robot.
 //!
-//! * [`executive`]: what the loop decides each cycle, as a plain state machine;
-//! * [`arena`], [`realtime`]: what makes a loop hard: memory of its own, priority, absolute sleeping;
+//! * [`executive`]: the state machine that decides what the loop does each cycle;
+//! * [`arena`]: the hard loop's own memory;
 //! * [`service`]: the controller's process: loop, guard and relay threads;
 //! * [`robot`]: the simulated robot, and its process;
 //! * [`config`]: what both programs have in common.
@@ -12,6 +12,7 @@ pub mod config;
 pub mod executive;
 #[cfg(test)]
 mod fixtures;
+mod heartbeat;
 pub mod robot;
 pub mod service;
 mod shared_memory;

@@ -1,4 +1,4 @@
-//! Shared memory that a process has before the robot moves.
+//! Shared memory that a process claims before the robot moves.
 
 use std::io;
 

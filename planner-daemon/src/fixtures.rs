@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use collision::Scene;
-use pcc_model::{Configuration, Robot, SECTIONS};
+use pcc_model::{Configuration, Robot, SECTIONS, UnitRobot};
 use planning::{Candidate, Goal, Models, Planner, Problem, Request, Sampler, Selection};
 use shared_types::{message, valid};
 use trajectory::Trajectory;
@@ -13,9 +13,10 @@ use trajectory::Trajectory;
 use crate::requests::PlanTask;
 
 /// The shipped unit robot.
-pub(crate) fn unit_robot() -> Robot {
+pub(crate) fn unit_robot() -> UnitRobot {
     let text = include_str!("../../config/robots/unit.toml");
-    Robot::from_toml_str(text, Path::new("unit.toml")).unwrap()
+    let robot = Robot::from_toml_str(text, Path::new("unit.toml")).unwrap();
+    robot.to_unit().unwrap()
 }
 
 /// From the straight shape to a bent one, nothing in the way.

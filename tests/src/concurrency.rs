@@ -51,7 +51,10 @@ pub struct Answers {
 /// Distinct feasible requests of general scenes for the unit robot; the seed of each is its index.
 #[must_use]
 pub fn general_requests(robot: &Robot, count: usize, sampler: Sampler) -> Vec<PlanRequest> {
-    let targets = (0..).filter_map(|i| draw_target(robot, Setting::General(None), 4242, i));
+    let unit_robot = robot
+        .to_unit()
+        .expect("the unit robot's sections are equally long");
+    let targets = (0..).filter_map(|i| draw_target(&unit_robot, Setting::General(None), 4242, i));
     let requests = targets.flat_map(|target| {
         let balls = target.scene.balls().iter().map(|ball| Ball {
             centre_m: ball.centre.into(),

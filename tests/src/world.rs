@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use pcc_model::Robot;
+use pcc_model::{Robot, UnitRobot};
 use shared_types::codes::Sampler;
 use shared_types::ipc::IpcOptions;
 use tempfile::TempDir;
@@ -53,6 +53,16 @@ pub struct World {
 }
 
 impl World {
+    /// The robot in units of its section length.
+    ///
+    /// # Panics
+    /// If its sections are not equally long.
+    #[must_use]
+    pub fn unit_robot(&self) -> UnitRobot {
+        let unit_robot = self.robot.to_unit();
+        unit_robot.expect("the robots of tests have equally long sections")
+    }
+
     /// Makes one.
     #[must_use]
     pub fn new(settings: &Settings) -> Self {

@@ -5,7 +5,7 @@ use std::fs;
 
 use datasets::scenes::{Setting, draw_target};
 use denoiser::{FastModel, Manifest};
-use pcc_model::Robot;
+use pcc_model::{Robot, UnitRobot};
 use planning::{
     Goal, MOST_CORRECTIONS, Models, Planner, Problem, Request, Sampler, Selection, Source,
 };
@@ -19,7 +19,7 @@ const PADDING: [f64; 3] = [0.0, 0.01, 0.02];
 const LOOKS: usize = 800;
 
 struct Judge {
-    robot: Robot,
+    robot: UnitRobot,
     body: Body,
 }
 
@@ -27,7 +27,7 @@ impl Judge {
     fn new() -> Self {
         let file = repository().join("config/robots/unit.toml");
         Self {
-            robot: Robot::from_file(&file).unwrap(),
+            robot: Robot::from_file(&file).unwrap().to_unit().unwrap(),
             body: Body::from_robot_file(&fs::read_to_string(file).unwrap()),
         }
     }

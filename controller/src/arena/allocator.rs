@@ -40,7 +40,7 @@ thread_local! {
 /// counted. All other threads use the system allocator.
 pub struct LoopAllocator;
 
-/// What the loop thread asked of memory inside its cycles since the process began.
+/// Allocations of the loop thread inside its cycles since the process began.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MemoryCounts {
     /// Blocks served from the arena.

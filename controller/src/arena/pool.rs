@@ -18,7 +18,7 @@ type Pool = Tlsf<'static, u16, u16, FIRST_LEVELS, SECOND_LEVELS>;
 /// Blocks taken back from other threads in one collection, so that a cycle's work stays bounded.
 const COLLECTED_AT_ONCE: usize = 32;
 
-/// What a block freed by another thread holds until its owner takes it back.
+/// The content of a block that another thread has freed, until its owner takes it back.
 struct ReturnedBlock {
     next: *mut ReturnedBlock,
     align: usize,

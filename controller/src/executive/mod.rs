@@ -1,4 +1,5 @@
-//! What the loop decides each cycle: a plain state machine, driven by time and inputs, that knows nothing of threads.
+//! The executive decides what the loop does each cycle: a plain state machine, driven by time and inputs, that knows nothing of
+//! threads.
 //!
 //! ```text
 //! starting ──robot follows──▶ holding ──begin──▶ executing ──end──▶ holding
@@ -10,110 +11,36 @@
 //!
 //! It never moves by itself: it starts from the robot's own reference (`accepted_setpoint_m`, never a measurement), and
 //! a trajectory is followed only from where it holds. Stops go along the trajectory ([`Pace`]), as fast as the
-//! acceleration limits allow. Where the robot has let go of the set-points (it ramped to rest by itself, or is gone) the
-//! machine is detached: it sends nothing and mirrors the robot's reference, so that nothing jumps when it takes hold
+//! acceleration limits allow. Where the robot no longer follows the set-points (it ramped to rest by itself, or is gone) the
+//! machine is detached: it sends nothing and mirrors the robot's reference, so that nothing jumps when it is attached
 //! again.
 
+mod acceptance;
+mod cycle;
 mod motion;
 mod pace;
+mod refusal;
 mod settings;
 mod supervision;
 #[cfg(test)]
 mod tests;
 mod tracking;
 
-pub use motion::{
-    BeginWindow, Heard, Motion, START_TOLERANCE_RAD, Situation, Unacceptable, can_start, check,
-    is_wanted,
+pub use acceptance::{
+    AcceptanceContext, BeginWindow, GuardState, check, check_start, check_still_valid,
 };
+pub use cycle::{CycleInput, CycleOutput, RobotSample};
+pub use motion::Motion;
 pub use pace::{Commanded, Pace, PaceLimits};
+pub use refusal::{START_TOLERANCE_RAD, TrajectoryRefusal};
 pub use settings::{CONSISTENCY_M, ExecutiveSettings};
 pub use tracking::Tracking;
 
 use pcc_model::{Configuration, Robot, TendonMap};
 use shared_types::clock::seconds;
-use shared_types::codes::{CommandRefusal, LoopFault, LoopState, MotorState, Waiting};
+use shared_types::codes::{CommandRefusal, LoopFault, LoopState, Waiting};
 
 use crate::{TENDONS, TendonVector};
-
-/// The robot's state as the loop uses it.
-#[derive(Clone, Copy, Debug)]
-pub struct RobotSample {
-    /// Time of the measurement, ns of CLOCK_MONOTONIC.
-    pub stamp_ns: i64,
-    /// What the motor end does.
-    pub state: MotorState,
-    /// Its reference, m.
-    pub accepted_m: TendonVector,
-    /// The reference's velocity, m/s.
-    pub accepted_velocity_m_s: TendonVector,
-    /// Measured tendons, m.
-    pub measured_m: TendonVector,
-    /// Measured configuration, rad.
-    pub measured_rad: Configuration,
-}
-
-/// What the loop is told about the world in one cycle.
-#[derive(Clone, Copy, Debug)]
-pub struct CycleInput<'a> {
-    /// Now, ns of CLOCK_MONOTONIC: the instant for which the set-point is evaluated.
-    pub now_ns: i64,
-    /// The robot's newest state, where a new one arrived.
-    pub robot: Option<&'a RobotSample>,
-    /// A robot state arrived that cannot be one.
-    pub robot_state_invalid: bool,
-    /// Whether the daemon's heart beats.
-    pub daemon_alive: bool,
-    /// Rounds of the guard so far: it hears stops and the daemon's heart, and counts on as long as it does.
-    pub guard_rounds: u64,
-}
-
-/// One cycle's result: the set-point, and everything that is published about it.
-#[derive(Clone, Copy, Debug)]
-pub struct CycleOutput {
-    /// The instant evaluated, ns of CLOCK_MONOTONIC.
-    pub stamp_ns: i64,
-    /// Whether the set-point is to be sent (not while detached).
-    pub send: bool,
-    /// What the loop does.
-    pub state: LoopState,
-    /// The latched fault.
-    pub fault: LoopFault,
-    /// Why the robot is not held.
-    pub waiting: Waiting,
-    /// Part of the robot's accepted set-point that no configuration explains, m.
-    pub accepted_residual_m: f64,
-    /// Robot states that were not taken since the loop began.
-    pub refused_robot_states: u32,
-    /// The trajectory being followed, 0 for none.
-    pub trajectory_id: u32,
-    /// Commanded configuration and its derivatives.
-    pub commanded: Commanded,
-    /// Set-point, m.
-    pub tendon_m: TendonVector,
-    /// Its velocity, m/s.
-    pub tendon_velocity_m_s: TendonVector,
-    /// Its acceleration, m/s².
-    pub tendon_acceleration_m_s2: TendonVector,
-    /// The newest measurement; zeros before the first.
-    pub measured_m: TendonVector,
-    /// The newest measured configuration; zeros before the first.
-    pub measured_rad: Configuration,
-    /// Filtered tracking error, rad.
-    pub tracking_error_rad: f64,
-    /// Part of the measured tendons that no configuration explains, m.
-    pub slack_residual_m: f64,
-    /// Step of the set-point where the last trajectory was taken, m (it is kept as an offset, not made).
-    pub splice_error_m: f64,
-    /// Path time, s.
-    pub path_time_s: f64,
-    /// Path time per time.
-    pub rate: f64,
-    /// The rate that was ordered.
-    pub speed: f64,
-    /// Whether this cycle came late.
-    pub late: bool,
-}
 
 /// The set-point of all tendons.
 #[derive(Clone, Copy, Debug)]
@@ -123,7 +50,7 @@ struct Tendons {
     acceleration_m_s2: TendonVector,
 }
 
-/// What separates the set-point from the trajectory being followed; constant while it is.
+/// Offset of the set-point from the trajectory being followed; constant as long as that is followed.
 #[derive(Clone, Copy, Debug)]
 struct Splice {
     configuration_rad: Configuration,
@@ -140,29 +67,29 @@ pub struct Executive {
     fault: LoopFault,
     commanded: Commanded,
     tendons: Tendons,
-    /// Waiting for its begin while holding, followed while executing and stopping.
+    /// The trajectory that waits for its begin while holding, and is followed while executing and stopping.
     motion: Option<Motion>,
-    /// Done with; to be given back outside the cycle.
+    /// A trajectory that is over, to be given back outside the cycle.
     finished: Option<Motion>,
     pace: Pace,
     splice: Splice,
     speed: f64,
     path_tolerance_rad: f64,
     tracking: Tracking,
-    /// Sending set-points to a robot that takes them.
+    /// Whether set-points are sent to a robot that takes them.
     attached: bool,
-    /// The robot has been seen following since it was attached: false means starting or fault.
+    /// Whether the robot has followed since it was attached; false while starting or in fault.
     followed: bool,
     attached_ns: i64,
-    /// The robot's newest state that was taken.
+    /// The robot's newest state that was accepted.
     robot: Option<RobotSample>,
-    /// Cycle time since then: a pause of the whole machine counts as little as a late cycle.
+    /// Cycle time since the robot's newest accepted state: a pause of the whole machine counts as little as a late cycle.
     robot_silence_ns: i64,
-    /// Why the states after it were not taken, where there were any.
+    /// Why the robot states after the newest accepted one were refused, if any were.
     refused_state: Option<Waiting>,
     refused_robot_states: u32,
     guard_rounds: u64,
-    /// Cycle time since the guard went on.
+    /// Cycle time since the guard's last round.
     guard_silence_ns: i64,
     slack_residual_m: f64,
     last_ns: Option<i64>,
@@ -211,7 +138,7 @@ impl Executive {
         }
     }
 
-    /// What it does.
+    /// State of the loop.
     #[must_use]
     pub fn state(&self) -> LoopState {
         self.state
@@ -225,11 +152,11 @@ impl Executive {
         clippy::result_large_err,
         reason = "the trajectory goes back by value: boxing it would allocate in the loop"
     )]
-    pub fn execute(&mut self, motion: Motion) -> Result<(), (Unacceptable, Motion)> {
+    pub fn execute(&mut self, motion: Motion) -> Result<(), (TrajectoryRefusal, Motion)> {
         if self.motion.is_some() && self.state == LoopState::Holding {
-            return Err((Unacceptable::Waiting, motion));
+            return Err((TrajectoryRefusal::Waiting, motion));
         }
-        if let Err(reason) = can_start(&motion, self.state, &self.commanded.position) {
+        if let Err(reason) = check_start(&motion, self.state, &self.commanded.position) {
             return Err((reason, motion));
         }
         let first = motion.knots[0].position;
@@ -242,12 +169,12 @@ impl Executive {
         Ok(())
     }
 
-    /// Gives back the trajectory that is to begin now, with the reason, if `check` refuses it.
+    /// Gives the trajectory back that is to begin now, with the reason, if `check` refuses it.
     pub fn refuse_due(
         &mut self,
         now_ns: i64,
-        check: impl FnOnce(&Motion) -> Result<(), Unacceptable>,
-    ) -> Option<(Unacceptable, Motion)> {
+        check: impl FnOnce(&Motion) -> Result<(), TrajectoryRefusal>,
+    ) -> Option<(TrajectoryRefusal, Motion)> {
         let waiting = self.motion.as_ref();
         let waiting = waiting.filter(|_| self.state == LoopState::Holding);
         let due = waiting.filter(|motion| motion.begin_ns <= now_ns)?;
@@ -255,7 +182,7 @@ impl Executive {
         Some((reason, self.motion.take()?))
     }
 
-    /// Gives back a trajectory that is done with.
+    /// Gives the trajectory back that is over, if there is one.
     pub fn take_finished(&mut self) -> Option<Motion> {
         self.finished.take()
     }
@@ -274,8 +201,8 @@ impl Executive {
         Ok(())
     }
 
-    /// Clears the latched fault and holds with the tolerance of the settings, or waits for the robot where it has let go. Without a fault,
-    /// gives up a trajectory that waits for its begin: it was requested before.
+    /// Clears the latched fault and holds with the tolerance of the settings, or waits for the robot where it is detached. Without a
+    /// fault, gives up a trajectory that waits for its begin: it was requested before the reset.
     ///
     /// # Errors
     /// [`CommandRefusal::NothingToDo`] without a fault or such a trajectory, [`CommandRefusal::FaultPersists`] while it still brakes.
@@ -318,7 +245,7 @@ impl Executive {
     /// One cycle.
     pub fn step(&mut self, input: &CycleInput<'_>) -> CycleOutput {
         let elapsed_ns = input.now_ns - self.last_ns.unwrap_or(input.now_ns);
-        // What is commanded until it moves on is the last cycle's, and so is its time.
+        // Until the machine moves on, the command and its time are the last cycle's.
         let late = self.supervise(input, elapsed_ns);
         self.last_ns = Some(input.now_ns);
         if self.attached {
@@ -351,7 +278,7 @@ impl Executive {
         }
     }
 
-    /// The last barrier: a set-point beyond the limits is never sent, the robot ramps to rest instead.
+    /// Detaches from the robot, which then ramps to rest, where the set-point is beyond the limits: such a one is never sent.
     fn check_setpoint(&mut self) {
         let tendons = &self.tendons;
         let finite = tendons
@@ -363,7 +290,7 @@ impl Executive {
                 .limits
                 .allow(&tendons.velocity_m_s, &tendons.acceleration_m_s2)
         {
-            self.let_go(Some(LoopFault::InvalidSetpoint));
+            self.detach(Some(LoopFault::InvalidSetpoint));
             self.mirror_robot();
         }
     }
@@ -376,7 +303,7 @@ impl Executive {
         self.robot_silence_ns > self.settings.robot_lost_ns
     }
 
-    /// Puts the trajectory aside; the loop gives it back in the same cycle, so there is never more than one.
+    /// Ends the trajectory; the loop gives it back in the same cycle, so that there is never more than one.
     fn put_motion_aside(&mut self) {
         if let Some(motion) = self.motion.take() {
             self.finished = Some(motion);
@@ -406,7 +333,7 @@ impl Executive {
         }
     }
 
-    /// The motion is over: holds where it is.
+    /// Ends the motion and holds where the robot is commanded to be, or stays in fault.
     fn rest(&mut self) {
         self.put_motion_aside();
         self.commanded = Commanded::resting(self.commanded.position);

@@ -77,19 +77,19 @@ pub struct Pace {
     hint: usize,
 }
 
-/// What the robot is commanded, in configuration space.
+/// The commanded configuration and its derivatives.
 #[derive(Clone, Copy, Debug)]
 pub struct Commanded {
     /// Configuration, rad.
     pub position: Configuration,
-    /// Its rate, rad/s.
+    /// Velocity, rad/s.
     pub velocity: Configuration,
-    /// Its second derivative, rad/s².
+    /// Acceleration, rad/s².
     pub acceleration: Configuration,
 }
 
 impl Commanded {
-    /// At rest.
+    /// A command to rest at `position`, rad.
     #[must_use]
     pub fn resting(position: Configuration) -> Self {
         Self {
@@ -111,7 +111,7 @@ impl Pace {
         }
     }
 
-    /// Goes on for `elapsed_s`, the rate changing towards `target` as fast as the limits allow.
+    /// Moves on by `elapsed_s`, the rate changing towards `target` as fast as the limits allow.
     pub fn advance(
         &mut self,
         knots: &[Knot],

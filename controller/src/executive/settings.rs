@@ -1,9 +1,9 @@
 //! Thresholds of the state machine.
 
-/// The robot is taken hold of where its accepted reference is this near to a configuration's tendons, m.
+/// The loop attaches to a robot whose accepted reference is this near to the tendon lengths of a configuration, m.
 pub const CONSISTENCY_M: f64 = 1e-6;
 
-/// When the machine calls a cycle late, a peer lost, a robot astray.
+/// Thresholds at which the state machine calls a cycle late, a peer lost, or a robot astray.
 #[derive(Clone, Copy, Debug)]
 pub struct ExecutiveSettings {
     /// Length of a cycle, ns. A cycle is late that comes more than 1.5 of these after the one before.

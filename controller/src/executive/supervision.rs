@@ -1,4 +1,4 @@
-//! What each cycle watches: the robot, the daemon, the loop's own punctuality.
+//! What the executive supervises each cycle: the robot, the daemon, the guard, the loop's own punctuality.
 
 use shared_types::clock::seconds;
 use shared_types::codes::{LoopFault, LoopState, MotorState, Waiting};
@@ -8,22 +8,22 @@ use super::{CONSISTENCY_M, CycleInput, Executive, RobotSample};
 /// A robot state may be stamped this far in the future, ns: robot and loop read the same clock.
 const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
 
-/// Cycle time without a round of the guard, which makes one each millisecond, after which nobody could stop the motion, ns:
-/// longer than ordinary programs keep it from a processor.
-const GUARD_HELD_UP_NS: i64 = 100_000_000;
+/// Cycle time without a round of the guard, which makes one each millisecond, after which the motion is stopped, ns: longer than
+/// ordinary programs keep the guard from a processor.
+const GUARD_TIMEOUT_NS: i64 = 100_000_000;
 
-/// How long a robot may leave our first set-points unanswered, ns.
-const TAKE_UP_NS: i64 = 200_000_000;
+/// How long a robot may take to follow the first set-points, ns.
+const ROBOT_REPLY_TIMEOUT_NS: i64 = 200_000_000;
 
 impl Executive {
-    /// Watches everything; returns whether this cycle came late.
+    /// Supervises robot, daemon, guard and loop; returns whether this cycle came late.
     pub(super) fn supervise(&mut self, input: &CycleInput<'_>, elapsed_ns: i64) -> bool {
         let counted_ns = elapsed_ns.min(2 * self.settings.period_ns);
         self.robot_silence_ns += counted_ns;
         if let Some(sample) = input.robot {
             let paused_ns = elapsed_ns - counted_ns;
             match self.check_stamp(sample.stamp_ns, input.now_ns, paused_ns) {
-                Ok(()) => self.hear(sample),
+                Ok(()) => self.take_robot_state(sample),
                 Err(reason) => self.refuse_state(reason),
             }
         }
@@ -35,7 +35,7 @@ impl Executive {
         }
         self.watch_robot(input.now_ns);
         if !input.daemon_alive {
-            // Nothing to stop is as good.
+            // An error says that there is nothing to stop.
             let _ = self.stop();
         }
         self.watch_guard(input.guard_rounds, elapsed_ns);
@@ -56,8 +56,8 @@ impl Executive {
         };
     }
 
-    /// A state counts only if it is newer than the one before, and of now: else it tells of no robot that lives. Its age
-    /// is counted in cycle time, without the `paused_ns` by which this cycle is later than two periods.
+    /// Checks that a robot state is newer than the one before, and recent: else it does not show that the robot lives. Its age is
+    /// counted in cycle time, without the `paused_ns` by which this cycle is later than two periods.
     fn check_stamp(&self, stamp_ns: i64, now_ns: i64, paused_ns: i64) -> Result<(), Waiting> {
         if stamp_ns > now_ns + STAMP_ALLOWANCE_NS {
             return Err(Waiting::FutureRobotState);
@@ -76,7 +76,7 @@ impl Executive {
         self.refused_robot_states = self.refused_robot_states.wrapping_add(1);
     }
 
-    fn hear(&mut self, sample: &RobotSample) {
+    fn take_robot_state(&mut self, sample: &RobotSample) {
         self.robot_silence_ns = 0;
         self.refused_state = None;
         self.slack_residual_m = self
@@ -96,7 +96,7 @@ impl Executive {
     }
 
     fn watch_tracking(&mut self, sample: &RobotSample) {
-        // A command goes on by the step cap at most, and a robot without set-points does not go on for longer.
+        // A command is extrapolated by the step cap at most: a robot without set-points goes on for no longer.
         let since_s = self.last_ns.map_or(0.0, |commanded_ns| {
             seconds((commanded_ns - sample.stamp_ns).max(-self.settings.step_cap_ns))
         });
@@ -116,7 +116,7 @@ impl Executive {
         let lost = self.is_robot_lost();
         if !self.attached {
             if self.state == LoopState::Starting && !lost {
-                self.take_hold(now_ns, &robot);
+                self.attach(now_ns, &robot);
             }
             return;
         }
@@ -125,20 +125,20 @@ impl Executive {
             return self.stop_for(LoopFault::RobotLost);
         }
         if robot.state == MotorState::Fault {
-            return self.let_go(Some(LoopFault::RobotFault));
+            return self.detach(Some(LoopFault::RobotFault));
         }
-        let let_go = self.followed && robot.state != MotorState::Following;
-        let ignored = !self.followed && now_ns - self.attached_ns > TAKE_UP_NS;
-        if let_go {
-            self.let_go(moving.then_some(LoopFault::RobotRampedToRest));
+        let has_stopped = self.followed && robot.state != MotorState::Following;
+        let ignored = !self.followed && now_ns - self.attached_ns > ROBOT_REPLY_TIMEOUT_NS;
+        if has_stopped {
+            self.detach(moving.then_some(LoopFault::RobotRampedToRest));
         } else if lost || ignored {
-            self.let_go(None);
+            self.detach(None);
         }
     }
 
     /// Begins to send the robot's own reference, once that is at rest; holds as soon as the robot follows.
-    fn take_hold(&mut self, now_ns: i64, robot: &RobotSample) {
-        if self.reason_not_to_hold(robot) != Waiting::None {
+    fn attach(&mut self, now_ns: i64, robot: &RobotSample) {
+        if self.reason_not_to_attach(robot) != Waiting::None {
             return;
         }
         self.mirror_robot();
@@ -148,8 +148,8 @@ impl Executive {
         self.tracking.restart();
     }
 
-    /// What about the robot's state keeps the loop from taking hold of it; none where nothing does.
-    fn reason_not_to_hold(&self, robot: &RobotSample) -> Waiting {
+    /// Why the loop does not attach to a robot in this state; `Waiting::None` where it does.
+    fn reason_not_to_attach(&self, robot: &RobotSample) -> Waiting {
         let moves = robot
             .accepted_velocity_m_s
             .iter()
@@ -171,7 +171,7 @@ impl Executive {
         }
     }
 
-    /// Whether the tracking error would soon latch a fault if the robot were held.
+    /// Whether the tracking error would soon latch a fault if the loop attached to the robot.
     fn is_off_reference(&self, robot: &RobotSample) -> bool {
         let reference = self
             .map
@@ -179,7 +179,7 @@ impl Executive {
         (robot.measured_rad - reference).norm() > 0.5 * self.settings.hold_tolerance_rad
     }
 
-    /// Part of the robot's accepted set-point that no configuration explains, m.
+    /// Distance of the robot's accepted set-point from the tendon lengths of every configuration, m.
     pub(super) fn accepted_residual_m(&self, robot: &RobotSample) -> f64 {
         self.map
             .slack_residual(&robot.accepted_m[..self.map.count()])
@@ -190,19 +190,19 @@ impl Executive {
         if self.attached && self.followed {
             return Waiting::None;
         }
-        let heard = self.robot.as_ref().filter(|_| !self.is_robot_lost());
-        match heard {
+        let live = self.robot.as_ref().filter(|_| !self.is_robot_lost());
+        match live {
             None => self.refused_state.unwrap_or(Waiting::NoRobotState),
             Some(_) if self.attached => Waiting::NotTakenUp,
-            Some(robot) => match self.reason_not_to_hold(robot) {
+            Some(robot) => match self.reason_not_to_attach(robot) {
                 Waiting::None => Waiting::NotTakenUp,
                 reason => reason,
             },
         }
     }
 
-    /// The robot does not take our set-points any more: sends nothing, follows nothing, mirrors the robot.
-    pub(super) fn let_go(&mut self, fault: Option<LoopFault>) {
+    /// Detaches from a robot that takes no set-points any more: sends nothing, follows nothing, mirrors the robot's reference.
+    pub(super) fn detach(&mut self, fault: Option<LoopFault>) {
         self.attached = false;
         self.followed = false;
         self.put_motion_aside();
@@ -217,7 +217,7 @@ impl Executive {
         };
     }
 
-    /// Where the guard is held up, neither a stop nor the loss of the daemon would be heard.
+    /// Stops the motion where the guard is held up: neither a stop nor the loss of the daemon would reach the loop.
     fn watch_guard(&mut self, rounds: u64, elapsed_ns: i64) {
         self.guard_silence_ns += elapsed_ns.min(2 * self.settings.period_ns);
         if rounds != self.guard_rounds {
@@ -225,7 +225,7 @@ impl Executive {
             self.guard_silence_ns = 0;
         }
         let moves_or_will = self.is_moving() || self.motion.is_some();
-        if self.guard_silence_ns > GUARD_HELD_UP_NS && moves_or_will {
+        if self.guard_silence_ns > GUARD_TIMEOUT_NS && moves_or_will {
             self.stop_for(LoopFault::GuardHeldUp);
         }
     }

@@ -445,7 +445,7 @@ fn a_set_point_beyond_the_limits_is_never_sent() {
 }
 
 #[test]
-fn a_robot_in_fault_is_let_go_until_reset() {
+fn a_robot_in_fault_is_detached_until_reset() {
     let mut world = World::holding();
     world.begin_motion(1);
     world.run(1_500);

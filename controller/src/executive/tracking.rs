@@ -1,4 +1,4 @@
-//! Does the robot do what it is told: the configuration error, filtered against measurement noise.
+//! The tracking error: how far the robot is from the commanded configuration, filtered against measurement noise.
 //!
 //! Rule: each measurement is compared with the last cycle's command extrapolated, at its velocity, to the instant of the
 //! measurement. The six-component error goes through a first-order low pass (time constant: setting
@@ -17,7 +17,7 @@ pub struct Tracking {
 }
 
 impl Tracking {
-    /// No error yet; `filter_s` is the low pass's time constant, 0 for none.
+    /// A tracking error of zero; `filter_s` is the low pass's time constant, 0 for none.
     #[must_use]
     pub fn new(filter_s: f64) -> Self {
         Self {
@@ -27,7 +27,7 @@ impl Tracking {
         }
     }
 
-    /// Forgets the past.
+    /// Sets the error to zero, as before the first measurement.
     pub fn restart(&mut self) {
         *self = Self::new(self.filter_s);
     }

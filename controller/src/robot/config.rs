@@ -12,7 +12,7 @@ use crate::{
     config::{ConfigError, check_loop, robot_of},
 };
 
-/// What the file says, with the defaults of what it does not.
+/// The settings of the file, with defaults for those that it leaves out.
 #[derive(Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -82,9 +82,9 @@ pub struct RobotConfig {
     pub stuck_tendon: usize,
     /// Standard deviation of a measured tendon length, m.
     pub noise_m: f64,
-    /// What each motor can do.
+    /// Limits and properties of each motor.
     pub motor: MotorLimits,
-    /// What the reference may do.
+    /// Limits of the reference.
     pub reference: ReferenceLimits,
 }
 

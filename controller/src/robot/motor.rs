@@ -1,6 +1,6 @@
 //! One tendon's motor: second-order tracking with velocity and acceleration limits, and backlash behind it.
 
-/// What a motor can do.
+/// Limits and properties of a motor.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorLimits {
     /// Largest speed, m/s.
@@ -41,14 +41,14 @@ pub struct Motor {
     tendon_m: f64,
 }
 
-/// What a motor is to track at an instant.
+/// The position, velocity and acceleration that a motor is to track at an instant.
 #[derive(Clone, Copy, Debug)]
 pub struct MotorTarget {
-    /// m.
+    /// Position, m.
     pub position_m: f64,
-    /// m/s.
+    /// Velocity, m/s.
     pub velocity_m_s: f64,
-    /// m/s².
+    /// Acceleration, m/s².
     pub acceleration_m_s2: f64,
 }
 
@@ -63,7 +63,7 @@ impl Motor {
         }
     }
 
-    /// The same motor, already turning at `velocity_m_s`.
+    /// This motor, already turning at `velocity_m_s`.
     #[must_use]
     pub fn moving(self, velocity_m_s: f64) -> Self {
         Self {
@@ -95,7 +95,7 @@ impl Motor {
             .clamp(self.shaft_m - play_m, self.shaft_m + play_m);
     }
 
-    /// The motor sticks: it stays where it is, whatever it is to track.
+    /// Makes the motor stick: it stays where it is, whatever its target.
     pub fn stick(&mut self) {
         self.velocity_m_s = 0.0;
     }

@@ -1,7 +1,7 @@
-//! What the simulated robot lets through to its motors: set-point checks, extrapolation, and the ramp to rest.
+//! The reference that the simulated robot's motors track: set-point checks, extrapolation, and the ramp to rest.
 //!
 //! Between set-points the reference goes on at constant velocity. After [`ReferenceLimits::lost_after_ns`] without one
-//! it ramps to rest: all tendon velocities are scaled by one factor, so that the shape decelerates along its tangent,
+//! it ramps to rest: all tendon velocities are scaled by one factor, so that the robot decelerates along its path's tangent,
 //! and that factor falls so fast that the fastest tendon decelerates at the acceleration limit. A ramp that has begun
 //! is finished: set-points are refused until the robot is at rest, and then only those that begin where it stands.
 //!
@@ -16,7 +16,7 @@ use shared_types::clock::seconds;
 /// Silence after which a latched fault is forgiven, ns.
 pub const FAULT_SILENCE_NS: i64 = 100_000_000;
 
-/// A cycle counts as at most this much silence, ns: when the whole machine pauses, nobody could have sent anything.
+/// The most silence that a cycle counts for, ns: while the whole machine pauses, no set-point can be sent.
 const LONGEST_CYCLE_NS: i64 = 5_000_000;
 
 /// A set-point may be stamped this far in the future, ns (both ends read the same clock).
@@ -30,7 +30,7 @@ const SLACK_S: f64 = 1e-4;
 pub struct Reference {
     limits: ReferenceLimits,
     mode: Mode,
-    /// Last accepted set-point, or where a ramp began.
+    /// The last accepted set-point, or the reference at the begin of a ramp.
     anchor: Target,
     /// Factor on the anchor's velocity: 1 while following, falling to 0 in a ramp.
     ramp: f64,
@@ -71,19 +71,19 @@ impl Reference {
         }
     }
 
-    /// What it is doing.
+    /// Whether the reference follows set-points, ramps to rest, or rests.
     #[must_use]
     pub fn mode(&self) -> Mode {
         self.mode
     }
 
-    /// Its position, m.
+    /// Position of the reference, m.
     #[must_use]
     pub fn position_m(&self) -> &TendonVector {
         &self.position_m
     }
 
-    /// Its velocity, m/s.
+    /// Velocity of the reference, m/s.
     #[must_use]
     pub fn velocity_m_s(&self) -> TendonVector {
         self.anchor
@@ -91,7 +91,7 @@ impl Reference {
             .map(|velocity| velocity * self.ramp)
     }
 
-    /// Its acceleration, m/s²: the set-point's while following, the ramp's otherwise.
+    /// Acceleration of the reference, m/s²: the set-point's while following, the ramp's otherwise.
     #[must_use]
     pub fn acceleration_m_s2(&self) -> TendonVector {
         match self.mode {

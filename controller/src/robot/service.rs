@@ -5,12 +5,12 @@ use std::sync::{
     atomic::{AtomicBool, Ordering},
 };
 
-use crate::shared_memory;
+use crate::{heartbeat::Heartbeats, shared_memory};
 use shared_types::{
     clock::mono_now_ns,
     codes::{MotorFault, ProcessKind},
     ipc::{self, IpcError, IpcNode, IpcOptions, Publisher, Role, RoleLock, Subscriber},
-    message::{Heartbeat, RobotState, Setpoint},
+    message::{RobotState, Setpoint},
 };
 use tracing::{debug, info, warn};
 
@@ -19,24 +19,24 @@ use super::{
     Target,
 };
 
-/// Time between two heartbeats.
-const HEARTBEAT_EVERY_NS: i64 = 20_000_000;
+/// Time between two heartbeats, ns.
+const HEARTBEAT_PERIOD_NS: i64 = 20_000_000;
 
 /// Switches from outside, turned by signals.
 #[derive(Clone, Debug, Default)]
 pub struct Switches {
-    /// The robot is to end.
+    /// Whether the robot is to end.
     pub shutdown: Arc<AtomicBool>,
-    /// The configured tendon's motor sticks.
+    /// Whether the configured tendon's motor sticks.
     pub stuck: Arc<AtomicBool>,
-    /// `robot_state` is not published.
+    /// Whether `robot_state` stays unpublished.
     pub mute: Arc<AtomicBool>,
 }
 
 struct Ports {
     setpoint: Subscriber<Setpoint>,
     state: Publisher<RobotState>,
-    heartbeat: Publisher<Heartbeat>,
+    heartbeats: Heartbeats,
     // Declared last: the node outlives its ports.
     _node: IpcNode,
 }
@@ -47,7 +47,7 @@ impl Ports {
         Ok(Self {
             setpoint: ipc::subscriber(&node, &ipc::setpoint_service(&node)?)?,
             state: ipc::publisher(&node, &ipc::robot_state_service(&node)?)?,
-            heartbeat: ipc::publisher(&node, &ipc::heartbeat_service(&node)?)?,
+            heartbeats: Heartbeats::open(&node, ProcessKind::Robot)?,
             _node: node,
         })
     }
@@ -72,9 +72,8 @@ struct Process<'a> {
     memory: Option<PoseMemory>,
     mode: Mode,
     sequence: u64,
-    /// When it was started, which no other robot of this machine was.
+    /// Instance number: the time of the start, ns of CLOCK_MONOTONIC, which differs from that of every other robot.
     instance: u64,
-    beats: u64,
     next_beat_ns: i64,
 }
 
@@ -113,7 +112,6 @@ pub fn run(
         mode,
         sequence: 0,
         instance: now_ns.unsigned_abs(),
-        beats: 0,
         next_beat_ns: now_ns,
     };
     if let Some(Err(refused)) = config.realtime_priority.map(realtime::use_fifo_priority) {
@@ -154,7 +152,7 @@ impl Process<'_> {
 
     fn cycle(&mut self) {
         let target = self.ports.newest_setpoint();
-        // Read after it: a stall in between must not put its stamp into the future.
+        // The clock is read after the set-point, whose stamp must not lie in the future because of a stall in between.
         let now_ns = mono_now_ns();
         let stuck = self.switches.stuck.load(Ordering::Relaxed);
         let faults = InjectedFaults {
@@ -162,7 +160,7 @@ impl Process<'_> {
         };
         let measured = self.robot.step(now_ns, target.as_ref(), faults);
         self.remember();
-        self.tell_mode();
+        self.log_mode();
         self.sequence += 1;
         if !self.switches.mute.load(Ordering::Relaxed) {
             let state = self.state(now_ns, &measured);
@@ -184,7 +182,7 @@ impl Process<'_> {
         }
     }
 
-    fn tell_mode(&mut self) {
+    fn log_mode(&mut self) {
         let mode = self.robot.reference().mode();
         if mode == self.mode {
             return;
@@ -223,17 +221,7 @@ impl Process<'_> {
         if now_ns < self.next_beat_ns {
             return;
         }
-        self.next_beat_ns = now_ns + HEARTBEAT_EVERY_NS;
-        self.beats += 1;
-        let beat = Heartbeat {
-            stamp_mono_ns: now_ns,
-            instance: self.instance,
-            sequence: self.beats,
-            kind: ProcessKind::Robot.code(),
-            pid: std::process::id(),
-        };
-        if let Err(error) = self.ports.heartbeat.send_copy(beat) {
-            debug!(?error, "cannot send a heartbeat");
-        }
+        self.next_beat_ns = now_ns + HEARTBEAT_PERIOD_NS;
+        self.ports.heartbeats.send(self.instance);
     }
 }

@@ -1,10 +1,10 @@
-//! A set-point as the robot receives it, what it is checked against, and what comes of it.
+//! A set-point as the robot receives it, the limits that it is checked against, and the results.
 
 use shared_types::codes::MotorState;
 
 use crate::TendonVector;
 
-/// What the reference may do; the limits hold for each tendon.
+/// Limits of the reference, for each tendon.
 #[derive(Clone, Copy, Debug)]
 pub struct ReferenceLimits {
     /// Velocity limit, m/s.
@@ -17,7 +17,7 @@ pub struct ReferenceLimits {
     pub lost_after_ns: i64,
 }
 
-/// What the reference is doing.
+/// Whether the reference follows set-points, ramps to rest, or rests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// Never commanded.

@@ -28,11 +28,11 @@ pub struct SimulatedRobot {
     noise_m: f64,
     random: Pcg64,
     stepped_ns: i64,
-    /// After a longer pause the motors are simulated for this long: the reference goes on for no longer.
+    /// The longest time that the motors are simulated for after a pause: the reference goes on for no longer.
     longest_catch_up_s: f64,
 }
 
-/// What the robot's sensors say after a cycle.
+/// The robot's measurements after a cycle.
 #[derive(Clone, Copy, Debug)]
 pub struct Measurement {
     /// Tendon lengths relative to straight, with noise, m.
@@ -48,7 +48,7 @@ impl SimulatedRobot {
         Self {
             tendons: config.robot.tendons.clone(),
             reference: Reference::new(config.reference, now_ns, pose.position_m, pose.velocity_m_s),
-            // Else the motors would start behind a reference that moves, and swing about it for seconds.
+            // Motors at rest would start behind a reference that moves, and swing about it for seconds.
             motors: std::array::from_fn(|tendon| {
                 Motor::at(pose.position_m[tendon]).moving(pose.velocity_m_s[tendon])
             }),

@@ -11,7 +11,7 @@ use crate::{
     executive::{BeginWindow, ExecutiveSettings},
 };
 
-/// What the file says, with the defaults of what it does not.
+/// The settings of the file, with defaults for those that it leaves out.
 #[derive(Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields)]
 struct File {

@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{
     arena::LoopMemory,
-    executive::{BeginWindow, CycleInput, Executive, Motion, Unacceptable, is_wanted},
+    executive::{BeginWindow, CycleInput, Executive, Motion, TrajectoryRefusal, check_still_valid},
 };
 
 /// The loop's ports: only these, so that tools that come and go never touch the loop.
@@ -126,7 +126,7 @@ fn next_deadline(deadline_ns: i64, now_ns: i64, period_ns: i64) -> i64 {
     deadline_ns + (missed + 1) * period_ns
 }
 
-/// What the system refuses is warned about once, and done without.
+/// Takes processor, priority and memory as configured; warns about each that the system refuses, and goes on without.
 fn go_real_time(config: &ControllerConfig) {
     let processor = config
         .processor
@@ -148,7 +148,7 @@ fn go_real_time(config: &ControllerConfig) {
 }
 
 impl HardLoop {
-    /// Connects to what is there, so that the first cycle need not.
+    /// Connects to running peers, so that the first cycle need not.
     fn touch_ports(&mut self) {
         if let Err(error) = self.ports.setpoint.update_connections() {
             warn!(?error, "cannot connect the set-points yet");
@@ -209,19 +209,28 @@ impl HardLoop {
         }
     }
 
-    /// The relay may have been held between its checks and the ring: what can have changed since is looked at again.
+    /// Takes a trajectory, once the checks are repeated whose outcome can have changed since the relay made them.
     #[expect(
         clippy::result_large_err,
         reason = "the trajectory goes back by value: boxing it would allocate in the loop"
     )]
-    fn take_motion(&mut self, motion: Motion, now_ns: i64) -> Result<(), (Unacceptable, Motion)> {
-        match is_wanted(&motion, now_ns, &self.link.shared.heard(), &self.begin) {
+    fn take_motion(
+        &mut self,
+        motion: Motion,
+        now_ns: i64,
+    ) -> Result<(), (TrajectoryRefusal, Motion)> {
+        match check_still_valid(
+            &motion,
+            now_ns,
+            &self.link.shared.guard_state(),
+            &self.begin,
+        ) {
             Ok(()) => self.executive.execute(motion),
             Err(reason) => Err((reason, motion)),
         }
     }
 
-    /// Carries out what is still on offer; an order that was withdrawn is left alone.
+    /// Carries out orders that are still on offer; one that was withdrawn is skipped.
     fn take_orders(&mut self) {
         while let Ok(NumberedOrder { id, order }) = self.link.orders.pop() {
             if !self.link.shared.offer.take(id) {
@@ -237,7 +246,7 @@ impl HardLoop {
         }
     }
 
-    /// Obeys a stop after all else that has come: it also ends a motion that arrived while the loop was held up.
+    /// Obeys stops, after trajectories and orders: a stop also ends a motion that arrived while the loop was held up.
     fn take_stops(&mut self) {
         let up_to = self.link.shared.stops();
         if up_to == self.stops_seen {
@@ -250,11 +259,10 @@ impl HardLoop {
         self.give_back();
     }
 
-    /// Refuses a trajectory that is to begin now and is too late, or no longer wanted: after a pause, or after a reset that this loop
-    /// has not heard of.
+    /// Refuses a trajectory that is to begin now and is no longer valid: too late after a pause, or requested before a stop or reset.
     fn refuse_due_motion(&mut self, now_ns: i64) {
-        let (heard, window) = (self.link.shared.heard(), self.begin.of_waiting());
-        let check = |motion: &Motion| is_wanted(motion, now_ns, &heard, &window);
+        let (guard, window) = (self.link.shared.guard_state(), self.begin.of_waiting());
+        let check = |motion: &Motion| check_still_valid(motion, now_ns, &guard, &window);
         if let Some((reason, motion)) = self.executive.refuse_due(now_ns, check) {
             self.put_back(Return::Refused(reason, motion));
         }
@@ -267,8 +275,8 @@ impl HardLoop {
         }
     }
 
-    /// The ring has room: the guard takes every answer before it orders again, and the answers to stops that it orders
-    /// without looking (a shutdown's) may be lost.
+    /// Sends an answer to the guard. The ring has room: the guard takes every answer before it orders again, and the answers to stops
+    /// that it does not wait for (a shutdown's) may be lost.
     fn answer(&mut self, answer: Answer) {
         let _ = self.link.answers.push(answer);
     }
@@ -279,7 +287,7 @@ impl HardLoop {
         }
     }
 
-    /// The ring has room for every trajectory in the process.
+    /// Returns a trajectory to the relay; the ring has room for every trajectory in the process.
     fn put_back(&mut self, motion: Return) {
         let pushed = self.link.returns.push(motion);
         debug_assert!(pushed.is_ok(), "the ring of trajectories is full");

@@ -1,5 +1,5 @@
-//! What passes between the loop, the guard and the relay: bounded rings and a few atomics that all of them see. Nobody waits
-//! for another: a ring that is full loses what is told, never what is ordered.
+//! The link between loop, guard and relay: bounded rings, and a few atomics that all three share. None waits for another: a ring
+//! that is full loses reports and events, never orders.
 //!
 //! ```text
 //! guard ── stops (a number that rises), orders ──▶ loop ── reports, trajectories done with ──▶ relay
@@ -21,7 +21,7 @@ use shared_types::{
 
 use crate::{
     arena::MemoryCounts,
-    executive::{CycleOutput, Heard, Motion, Unacceptable},
+    executive::{CycleOutput, GuardState, Motion, TrajectoryRefusal},
 };
 
 /// Cycles that fit while the relay thread is kept from running: a second at 4 kHz.
@@ -34,7 +34,7 @@ const ORDERS: usize = 16;
 /// Events that fit while the relay thread is kept from running.
 const EVENTS: usize = 256;
 
-/// What the guard asks of the loop, and may withdraw. (A stop is none of these: it cannot be withdrawn.)
+/// An order of the guard to the loop that may be withdrawn. (A stop cannot be withdrawn, and is a number instead.)
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Order {
     Reset,
@@ -47,28 +47,28 @@ pub(super) struct NumberedOrder {
     pub(super) order: Order,
 }
 
-/// What became of an order or of a stop, and what the loop does now.
+/// The result of an order or of a stop, and the state of the loop after it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Outcome {
     pub(super) result: Result<(), CommandRefusal>,
     pub(super) state: LoopState,
 }
 
-/// What the loop answers to the guard.
+/// An answer of the loop to the guard.
 pub(super) enum Answer {
-    /// To the order with this number.
+    /// The answer to the order with this number.
     Order { id: u64, outcome: Outcome },
-    /// To all stops up to this number.
+    /// The answer to all stops up to this number.
     Stops { up_to: u64, outcome: Outcome },
 }
 
-/// Trajectories that the loop is done with.
+/// A trajectory that the loop gives back to the relay.
 pub(super) enum Return {
-    Refused(Unacceptable, Motion),
+    Refused(TrajectoryRefusal, Motion),
     Finished(Motion),
 }
 
-/// One cycle, for everyone outside.
+/// The report of one cycle, for the relay.
 pub(super) struct Report {
     pub(super) sequence: u64,
     pub(super) output: CycleOutput,
@@ -78,7 +78,7 @@ pub(super) struct Report {
     pub(super) memory: MemoryCounts,
 }
 
-/// What the guard has seen and done, for the log.
+/// An event that the guard reports, for the log.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum GuardEvent {
     Commanded(Command, Outcome),
@@ -92,7 +92,7 @@ pub(super) enum GuardEvent {
 }
 
 /// The number of the one order that may be carried out; 0: none. Of the loop, which takes it, and the guard, which
-/// withdraws it after waiting in vain, exactly one succeeds: what is answered "loop busy" is not carried out any more.
+/// withdraws it after waiting in vain, exactly one succeeds: an order that is answered "loop busy" is never carried out.
 #[derive(Default)]
 pub(super) struct Offer(AtomicU64);
 
@@ -113,18 +113,18 @@ impl Offer {
 /// Atomics shared by loop, guard and relay.
 #[derive(Default)]
 pub(super) struct Shared {
-    /// The daemon's heart beats (written by the guard).
+    /// Whether the daemon's heartbeats arrive (written by the guard).
     pub(super) daemon_alive: AtomicBool,
-    /// The daemon whose heart beat last; 0: none yet (written by the guard).
+    /// Instance of the daemon that sent the newest heartbeat; 0: none yet (written by the guard).
     daemon_instance: AtomicU64,
-    /// What was requested before this is not wanted any more, ns of CLOCK_MONOTONIC (written by the guard).
+    /// Trajectories that were requested up to this time are refused, ns of CLOCK_MONOTONIC (written by the guard).
     wanted_from_ns: AtomicI64,
-    /// Number of the newest stop (written by the guard): the loop carries out what it has not seen yet. A number cannot be
+    /// Number of the newest stop (written by the guard); the loop carries a stop out when it sees a new number. A number cannot be
     /// lost, delayed by a full ring, or withdrawn.
     stops: AtomicU64,
     /// The order that may be carried out.
     pub(super) offer: Offer,
-    /// Rounds of the guard: where they do not go on, nobody could stop a motion (read by the loop).
+    /// Rounds of the guard: the loop stops a motion where they do not go on (read by the loop).
     pub(super) guard_rounds: AtomicU64,
     /// [`LoopState`] of the last cycle (written by the loop).
     loop_state: AtomicU32,
@@ -153,12 +153,12 @@ impl Shared {
 
     /// Orders a stop; returns its number.
     pub(super) fn order_stop(&self, now_ns: i64) -> u64 {
-        // Before the number: who knows of the stop refuses what was requested before it.
+        // Before the number: a thread that sees the stop must refuse trajectories requested before it.
         self.forget_requests(now_ns);
         self.stops.fetch_add(1, Ordering::AcqRel) + 1
     }
 
-    /// What was requested until now is not executed any more.
+    /// Has trajectories refused that were requested up to `now_ns`.
     pub(super) fn forget_requests(&self, now_ns: i64) {
         self.wanted_from_ns.store(now_ns, Ordering::Release);
     }
@@ -172,10 +172,10 @@ impl Shared {
         self.daemon_instance.store(instance, Ordering::Release);
     }
 
-    /// What trajectories are refused for.
-    pub(super) fn heard(&self) -> Heard {
+    /// What the guard knows of orders and of the daemon, for which trajectories are refused.
+    pub(super) fn guard_state(&self) -> GuardState {
         let daemon = self.daemon_instance.load(Ordering::Acquire);
-        Heard {
+        GuardState {
             wanted_from_ns: self.wanted_from_ns.load(Ordering::Acquire),
             daemon_instance: Some(daemon).filter(|daemon| *daemon != 0),
         }
@@ -213,7 +213,7 @@ pub(super) struct RelayEnd {
     pub(super) shared: Arc<Shared>,
 }
 
-/// The ends of a new link.
+/// Makes a link; returns the ends of loop, guard and relay.
 pub(super) fn link() -> (LoopEnd, GuardEnd, RelayEnd) {
     let (send_order, orders) = RingBuffer::new(ORDERS);
     let (answers, take_answer) = RingBuffer::new(ORDERS);

@@ -1,9 +1,10 @@
 //! The controller's process: three threads, each with one duty, and the rings between them.
 //!
-//! * the loop moves the robot, and knows of nothing that could hold it up;
-//! * the guard stops it: commands, the daemon's heart, the end of the process;
+//! * the loop moves the robot, and depends on nothing that could hold it up;
+//! * the guard stops the robot: commands, the loss of the daemon, the end of the process;
 //! * the relay does everything else: trajectories, state, the log.
 
+mod commands;
 mod config;
 mod guard;
 mod hard_loop;
@@ -32,9 +33,10 @@ use hard_loop::LoopThread;
 use link::{GuardEnd, LoopEnd, RelayEnd, Shared};
 use relay::Relay;
 
-/// How long the other threads are waited for once the robot is at rest: one that is held up ends with the process.
-const ENDING: Duration = Duration::from_millis(500);
-const LOOK: Duration = Duration::from_millis(2);
+/// Longest wait for the other threads to end once the robot is at rest: one that is held up ends with the process.
+const JOIN_TIMEOUT: Duration = Duration::from_millis(500);
+/// Interval at which the threads' end is looked for.
+const POLL_INTERVAL: Duration = Duration::from_millis(2);
 
 /// Runs the controller until it is told to shut down; it then stops the robot along its path before it returns.
 ///
@@ -53,7 +55,7 @@ pub fn run(
     let shared = Arc::clone(&loop_end.shared);
     let guard = GuardSettings {
         daemon_lost_ns: config.daemon_lost_ns,
-        realtime_priority: config.realtime_priority.map(below),
+        realtime_priority: config.realtime_priority.map(guard_priority),
         signals,
     };
     let controller = Controller {
@@ -84,28 +86,28 @@ pub fn run(
     started
 }
 
-/// The guard goes after the loop, and before everything else.
-fn below(priority: u8) -> u8 {
+/// Priority of the guard: one below the loop's, above everything else.
+fn guard_priority(priority: u8) -> u8 {
     priority.saturating_sub(1).max(1)
 }
 
-/// Waits until all threads are to end, and then for them.
+/// Waits until all threads are to end, and then at most [`JOIN_TIMEOUT`] until they have ended.
 fn wait_for_end(threads: &[JoinHandle<()>], shared: &Shared) {
     while !shared.is_quitting() {
-        thread::sleep(LOOK);
+        thread::sleep(POLL_INTERVAL);
     }
     let begin = Instant::now();
     while let Some(held) = threads.iter().find(|thread| !thread.is_finished()) {
-        if begin.elapsed() > ENDING {
+        if begin.elapsed() > JOIN_TIMEOUT {
             let name = held.thread().name().unwrap_or_default();
             warn!("the thread {name} is held up and ends with the process");
             return;
         }
-        thread::sleep(LOOK);
+        thread::sleep(POLL_INTERVAL);
     }
 }
 
-/// What the threads are started with.
+/// Configuration and services of the threads.
 struct Controller {
     config: Arc<ControllerConfig>,
     options: IpcOptions,
@@ -146,20 +148,22 @@ fn start<T: 'static>(
         what: name,
         reason,
     };
-    let (tell, told) = sync_channel(1);
+    let (report, opened_or_failed) = sync_channel(1);
     let begin = move || {
         let (opened, result) = match open() {
             Ok(opened) => (Some(opened), Ok(())),
             Err(error) => (None, Err(error)),
         };
         // The receiver waits for it.
-        let _ = tell.send(result);
+        let _ = report.send(result);
         if let Some(opened) = opened {
             work(opened);
         }
     };
     let thread = thread::Builder::new().name(name.to_owned()).spawn(begin);
     let thread = thread.map_err(|error| failed(error.to_string()))?;
-    told.recv().map_err(|error| failed(error.to_string()))??;
+    opened_or_failed
+        .recv()
+        .map_err(|error| failed(error.to_string()))??;
     Ok(thread)
 }

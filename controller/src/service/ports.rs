@@ -1,21 +1,21 @@
-//! The relay thread's ports: what others come and go on.
+//! The relay thread's ports.
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::{
-    clock::mono_now_ns,
     codes::ProcessKind,
     ipc::{self, CyclePublisher, IpcError, IpcNode, IpcOptions, Publisher, Subscriber},
-    message::{ControllerState, Cycle, Heartbeat, TrajectoryMessage},
+    message::{ControllerState, Cycle, TrajectoryMessage},
 };
 use tracing::debug;
+
+use crate::heartbeat::Heartbeats;
 
 /// Ports of the relay thread.
 pub(super) struct Ports {
     trajectory: Subscriber<TrajectoryMessage>,
-    heartbeat: Publisher<Heartbeat>,
+    pub(super) heartbeats: Heartbeats,
     state: Publisher<ControllerState>,
     cycles: CyclePublisher,
-    heartbeat_sequence: u64,
     // Declared last: the node outlives its ports.
     node: IpcNode,
 }
@@ -25,17 +25,16 @@ impl Ports {
         let node = IpcNode::create(options, "controller-relay")?;
         Ok(Self {
             trajectory: ipc::subscriber(&node, &ipc::trajectory_service(&node)?)?,
-            heartbeat: ipc::publisher(&node, &ipc::heartbeat_service(&node)?)?,
+            heartbeats: Heartbeats::open(&node, ProcessKind::Controller)?,
             state: ipc::publisher(&node, &ipc::controller_state_service(&node)?)?,
             cycles: ipc::cycle_publisher(&node, &ipc::cycle_service(&node)?)?,
-            heartbeat_sequence: 0,
             node,
         })
     }
 
     /// Copies the next trajectory that has arrived; false where there is none.
     ///
-    /// Shared memory can change under a reader: only the copy is looked at.
+    /// Shared memory can change under a reader, so only the copy is read.
     pub(super) fn next_trajectory(&self, copy: &mut TrajectoryMessage) -> bool {
         match self.trajectory.receive() {
             Ok(Some(sample)) => {
@@ -47,20 +46,6 @@ impl Ports {
                 debug!(?error, "cannot receive a trajectory");
                 false
             }
-        }
-    }
-
-    pub(super) fn send_heartbeat(&mut self, instance: u64) {
-        self.heartbeat_sequence += 1;
-        let beat = Heartbeat {
-            stamp_mono_ns: mono_now_ns(),
-            instance,
-            sequence: self.heartbeat_sequence,
-            kind: ProcessKind::Controller.code(),
-            pid: std::process::id(),
-        };
-        if let Err(error) = self.heartbeat.send_copy(beat) {
-            debug!(?error, "cannot send a heartbeat");
         }
     }
 
@@ -86,12 +71,12 @@ impl Ports {
         }
     }
 
-    /// Removes what dead processes left, and connects to new ones (which pushes them the history).
+    /// Removes the shared memory of dead processes, and connects to new ones (which sends them the history).
     pub(super) fn tidy(&self) {
         self.node.clean_dead_nodes();
         // A peer that cannot be connected now is tried again next time.
         let _ = self.state.update_connections();
         let _ = self.cycles.update_connections();
-        let _ = self.heartbeat.update_connections();
+        let _ = self.heartbeats.port.update_connections();
     }
 }

@@ -1,8 +1,8 @@
-//! The relay thread: serves those who come and go, so that the loop's own peers stay fixed.
+//! The relay thread: serves processes that come and go, so that the loop's own peers stay fixed.
 //!
 //! It copies and checks trajectories, publishes state and cycles, writes the log, and cleans up after dead processes. All of
-//! that may be held up, and nothing that stops the robot waits for it: that is the guard's. While the relay stands still no
-//! trajectory is taken, and no state goes out, so that the daemon, which then knows nothing of the motion, orders a stop.
+//! that may be held up, and nothing that stops the robot waits for it: that is the guard's work. While the relay stands still no
+//! trajectory is taken, and no state is published, so that the daemon, which then knows nothing of the motion, orders a stop.
 
 use std::{
     sync::{Arc, atomic::Ordering},
@@ -22,29 +22,30 @@ use super::{
     config::ControllerConfig,
     link::{GuardEvent, RelayEnd, Return},
     ports::Ports,
-    view::View,
+    view::LoopView,
     wire,
 };
-use crate::executive::{Motion, Unacceptable, check};
+use crate::executive::{Motion, TrajectoryRefusal, check};
 
-const TICK: Duration = Duration::from_millis(2);
-const BATCH_EVERY_NS: i64 = 10_000_000;
-const STATE_EVERY_NS: i64 = 20_000_000;
-const TIDY_EVERY_NS: i64 = 100_000_000;
+/// Sleep between two rounds of the relay.
+const ROUND_INTERVAL: Duration = Duration::from_millis(2);
+const BATCH_PERIOD_NS: i64 = 10_000_000;
+const STATE_PERIOD_NS: i64 = 20_000_000;
+const TIDY_PERIOD_NS: i64 = 100_000_000;
 
-/// A trajectory that arrives so soon after the relay's start was meant for a controller before this one.
-const INHERITANCE: Duration = Duration::from_millis(100);
+/// Time after the relay's start in which trajectories arrive that were meant for a controller before this one.
+const STALE_TRAJECTORY_WINDOW: Duration = Duration::from_millis(100);
 
 /// Trajectories in the process: one executing, one waiting or on its way, one being checked.
 const MOTIONS: usize = 3;
 
-/// What is due again at fixed times.
-struct Due {
+/// A timer that is due again after each period.
+struct PeriodicTimer {
     every_ns: i64,
     next_ns: i64,
 }
 
-impl Due {
+impl PeriodicTimer {
     fn every(every_ns: i64) -> Self {
         Self {
             every_ns,
@@ -66,7 +67,7 @@ pub(super) struct Relay {
     config: Arc<ControllerConfig>,
     ports: Ports,
     link: RelayEnd,
-    view: View,
+    view: LoopView,
     spare: Vec<Motion>,
     incoming: Box<TrajectoryMessage>,
     batch: Vec<Cycle>,
@@ -76,7 +77,7 @@ pub(super) struct Relay {
 }
 
 impl Relay {
-    /// Opens the ports, and lets pass what was meant for a controller before this one: a restarted controller never
+    /// Opens the ports, and ignores trajectories that were meant for a controller before this one: a restarted controller never
     /// resumes a motion by itself.
     ///
     /// # Errors
@@ -87,7 +88,7 @@ impl Relay {
         link: RelayEnd,
     ) -> Result<Self, IpcError> {
         let mut relay = Self {
-            view: View::new(config.executive.period_ns),
+            view: LoopView::new(config.executive.period_ns),
             config,
             ports: Ports::open(options)?,
             link,
@@ -98,7 +99,7 @@ impl Relay {
             handed_over_ns: i64::MIN,
         };
         relay.ports.tidy();
-        thread::sleep(INHERITANCE);
+        thread::sleep(STALE_TRAJECTORY_WINDOW);
         while relay.ports.next_trajectory(&mut relay.incoming) {
             debug!(
                 id = relay.incoming.trajectory_id,
@@ -110,10 +111,16 @@ impl Relay {
 
     /// Serves until all threads are to end.
     pub(super) fn serve(mut self) {
-        // The loop says what the system refuses.
+        // The loop thread logs what the system refuses.
         let _ = realtime::reduce_wakeup_latency();
-        let (mut batch, mut state) = (Due::every(BATCH_EVERY_NS), Due::every(STATE_EVERY_NS));
-        let (mut beat, mut tidy) = (Due::every(STATE_EVERY_NS), Due::every(TIDY_EVERY_NS));
+        let (mut batch, mut state) = (
+            PeriodicTimer::every(BATCH_PERIOD_NS),
+            PeriodicTimer::every(STATE_PERIOD_NS),
+        );
+        let (mut beat, mut tidy) = (
+            PeriodicTimer::every(STATE_PERIOD_NS),
+            PeriodicTimer::every(TIDY_PERIOD_NS),
+        );
         while !self.link.shared.is_quitting() {
             let now_ns = mono_now_ns();
             self.take_reports();
@@ -123,28 +130,28 @@ impl Relay {
             if batch.is_due(now_ns) {
                 self.send_batch();
             }
-            if self.knows_of_last_trajectory() && state.is_due(now_ns) {
+            if self.has_seen_last_trajectory() && state.is_due(now_ns) {
                 self.send_state();
             }
             if beat.is_due(now_ns) {
-                self.ports.send_heartbeat(self.view.instance());
+                self.ports.heartbeats.send(self.view.instance());
             }
             if tidy.is_due(now_ns) {
                 self.ports.tidy();
             }
-            thread::sleep(TICK);
+            thread::sleep(ROUND_INTERVAL);
         }
         self.take_reports();
         self.take_events();
         self.send_batch();
-        if self.knows_of_last_trajectory() {
+        if self.has_seen_last_trajectory() {
             self.send_state();
         }
     }
 
-    /// Whether the newest cycle known has met the trajectory that was handed over last. A state of a cycle before it would say
-    /// of a trajectory, once its begin is past, that it was not taken up.
-    fn knows_of_last_trajectory(&self) -> bool {
+    /// Whether the newest cycle known is later than the hand-over of the last trajectory. The state of an earlier cycle would say of
+    /// that trajectory, once its begin is past, that the loop did not take it.
+    fn has_seen_last_trajectory(&self) -> bool {
         self.handed_over_ns == i64::MIN || self.view.is_later_than(self.handed_over_ns)
     }
 
@@ -182,7 +189,7 @@ impl Relay {
             match returned {
                 Return::Finished(motion) => {
                     if !self.view.has_executed(motion.id) {
-                        self.refuse(motion.id, &Unacceptable::SetAside);
+                        self.refuse(motion.id, &TrajectoryRefusal::SetAside);
                     }
                     self.spare.push(motion);
                 }
@@ -208,7 +215,7 @@ impl Relay {
         while self.ports.next_trajectory(&mut self.incoming) {
             let id = self.incoming.trajectory_id;
             let Some(mut motion) = self.spare.pop() else {
-                self.refuse(id, &Unacceptable::Waiting);
+                self.refuse(id, &TrajectoryRefusal::Waiting);
                 continue;
             };
             match self.accept(&mut motion) {
@@ -221,20 +228,20 @@ impl Relay {
         }
     }
 
-    /// Checks the private copy completely.
-    fn accept(&self, motion: &mut Motion) -> Result<(), Unacceptable> {
+    /// Checks the private copy of a trajectory completely.
+    fn accept(&self, motion: &mut Motion) -> Result<(), TrajectoryRefusal> {
         wire::fill(motion, &self.incoming)?;
         if self.incoming.controller_instance != self.view.instance() {
-            return Err(Unacceptable::OtherController);
+            return Err(TrajectoryRefusal::OtherController);
         }
         if !self.link.shared.daemon_alive.load(Ordering::Relaxed) {
-            return Err(Unacceptable::DaemonSilent);
+            return Err(TrajectoryRefusal::DaemonSilent);
         }
-        let situation = self
+        let context = self
             .view
-            .situation(self.link.shared.heard(), self.last_taken)
-            .ok_or(Unacceptable::State(LoopState::Starting))?;
-        check(motion, &situation, &self.config.robot, &self.config.begin)
+            .acceptance_context(self.link.shared.guard_state(), self.last_taken)
+            .ok_or(TrajectoryRefusal::State(LoopState::Starting))?;
+        check(motion, &context, &self.config.robot, &self.config.begin)
     }
 
     fn execute(&mut self, motion: Motion) {
@@ -251,13 +258,13 @@ impl Relay {
                 self.handed_over_ns = mono_now_ns();
             }
             Err(rtrb::PushError::Full(motion)) => {
-                self.refuse(id, &Unacceptable::Waiting);
+                self.refuse(id, &TrajectoryRefusal::Waiting);
                 self.spare.push(motion);
             }
         }
     }
 
-    fn refuse(&mut self, id: u32, reason: &Unacceptable) {
+    fn refuse(&mut self, id: u32, reason: &TrajectoryRefusal) {
         warn!(id, %reason, "trajectory refused");
         self.view.refused(id, reason.code());
     }

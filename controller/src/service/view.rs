@@ -1,4 +1,4 @@
-//! What the relay knows of the loop, from its reports: the published state, its statistics, its log.
+//! The relay's view of the loop, from the loop's reports: the published state, its statistics, its log.
 
 use std::sync::atomic::Ordering;
 
@@ -13,25 +13,25 @@ use tracing::{error, info, warn};
 use super::link::{Report, Shared};
 use crate::{
     arena::MemoryCounts,
-    executive::{CONSISTENCY_M, CycleOutput, Heard, Situation},
+    executive::{AcceptanceContext, CONSISTENCY_M, CycleOutput, GuardState},
 };
 
-/// A reason to wait that has lasted for so long is told, ns: at a start each lasts for some cycles.
-const TELL_WAITING_NS: i64 = 500_000_000;
+/// Time after which a reason to wait is logged, ns: at a start each reason lasts for some cycles.
+const LOG_WAITING_AFTER_NS: i64 = 500_000_000;
 
 /// Why the loop does not hold the robot.
 #[derive(Clone, Copy)]
 struct WaitingFor {
-    /// None where it holds the robot.
+    /// The reason; `Waiting::None` where the loop holds the robot.
     reason: Waiting,
     /// Stamp of the first cycle with this reason, ns of CLOCK_MONOTONIC.
     since_ns: i64,
-    /// Whether the log has been told of it.
-    told: bool,
+    /// Whether the reason was logged.
+    is_logged: bool,
 }
 
 /// The loop as seen from outside.
-pub(super) struct View {
+pub(super) struct LoopView {
     published: ControllerState,
     state: LoopState,
     fault: LoopFault,
@@ -41,7 +41,7 @@ pub(super) struct View {
     latest: Option<Report>,
 }
 
-impl View {
+impl LoopView {
     pub(super) fn new(period_ns: i64) -> Self {
         let mut published = ControllerState::ZEROED;
         published.speed = 1.0;
@@ -54,7 +54,7 @@ impl View {
             waiting: WaitingFor {
                 reason: Waiting::None,
                 since_ns: 0,
-                told: true,
+                is_logged: true,
             },
             late_run: 0,
             memory: MemoryCounts::default(),
@@ -62,24 +62,24 @@ impl View {
         }
     }
 
-    /// What trajectories for this controller name: when it was started, ns of CLOCK_MONOTONIC, which no other one under the same
-    /// role was.
+    /// Instance number that trajectories for this controller must bear: the time of its start, ns of CLOCK_MONOTONIC, which differs
+    /// from that of every other controller.
     pub(super) fn instance(&self) -> u64 {
         self.published.instance
     }
 
-    /// What a trajectory is checked against; `None` before the first cycle.
-    pub(super) fn situation(
+    /// The context that a trajectory is checked against; `None` before the first cycle.
+    pub(super) fn acceptance_context(
         &self,
-        heard: Heard,
+        guard: GuardState,
         last_taken: Option<(u32, i64)>,
-    ) -> Option<Situation> {
+    ) -> Option<AcceptanceContext> {
         let output = &self.latest.as_ref()?.output;
-        Some(Situation {
+        Some(AcceptanceContext {
             state: output.state,
             commanded_rad: output.commanded.position,
             now_ns: mono_now_ns(),
-            heard,
+            guard,
             last_taken,
         })
     }
@@ -107,7 +107,7 @@ impl View {
             }
             self.fault = output.fault;
         }
-        self.tell_waiting(output);
+        self.log_waiting(output);
         if report.memory.system_operations != self.memory.system_operations {
             let count = report.memory.system_operations;
             warn!(count, "the loop touched system memory inside a cycle");
@@ -120,20 +120,20 @@ impl View {
         self.latest = Some(report);
     }
 
-    fn tell_waiting(&mut self, output: &CycleOutput) {
+    fn log_waiting(&mut self, output: &CycleOutput) {
         let WaitingFor {
             reason,
             since_ns,
-            told,
+            is_logged,
         } = self.waiting;
         if output.waiting != reason {
             self.waiting = WaitingFor {
                 reason: output.waiting,
                 since_ns: output.stamp_ns,
-                told: output.waiting == Waiting::None,
+                is_logged: output.waiting == Waiting::None,
             };
-        } else if !told && output.stamp_ns - since_ns > TELL_WAITING_NS {
-            self.waiting.told = true;
+        } else if !is_logged && output.stamp_ns - since_ns > LOG_WAITING_AFTER_NS {
+            self.waiting.is_logged = true;
             let accepted_residual_m = output.accepted_residual_m;
             let refused_states = output.refused_robot_states;
             warn!(
@@ -164,11 +164,11 @@ impl View {
         self.published.refusal = refusal.code();
     }
 
-    /// The message for everyone.
+    /// The controller's state as it is published.
     pub(super) fn message(&self, shared: &Shared) -> ControllerState {
         let mut message = self.published;
         message.loop_thread_id = shared.loop_thread_id.load(Ordering::Relaxed);
-        message.wanted_from_mono_ns = shared.heard().wanted_from_ns;
+        message.wanted_from_mono_ns = shared.guard_state().wanted_from_ns;
         let Some(report) = &self.latest else {
             message.stamp_mono_ns = mono_now_ns();
             return message;

@@ -1,4 +1,4 @@
-//! Between the messages and what the loop works with.
+//! Conversion between messages and the loop's own types.
 
 use pcc_model::Configuration;
 use shared_types::{
@@ -10,13 +10,16 @@ use shared_types::{
 use trajectory::Knot;
 
 use super::link::Report;
-use crate::executive::{CycleOutput, Motion, RobotSample, Unacceptable};
+use crate::executive::{CycleOutput, Motion, RobotSample, TrajectoryRefusal};
 
 /// Fills `motion` with a message's content; everything but its form is checked later.
 ///
 /// # Errors
-/// [`Unacceptable::Invalid`].
-pub(super) fn fill(motion: &mut Motion, message: &TrajectoryMessage) -> Result<(), Unacceptable> {
+/// [`TrajectoryRefusal::Invalid`].
+pub(super) fn fill(
+    motion: &mut Motion,
+    message: &TrajectoryMessage,
+) -> Result<(), TrajectoryRefusal> {
     let checked = valid::Trajectory::try_from(message)?;
     motion.id = checked.id;
     motion.daemon_instance = checked.daemon_instance;
@@ -33,8 +36,8 @@ pub(super) fn fill(motion: &mut Motion, message: &TrajectoryMessage) -> Result<(
     Ok(())
 }
 
-/// The robot's state, or `None` where it cannot be one. Whatever it says that it does, a robot with a fault is in fault; one that a test
-/// has injected shows in what it measures.
+/// The robot's state, or `None` where the message is invalid. A robot that reports a fault counts as in fault whatever its state says;
+/// a fault that a test has injected does not count, since it shows in the measurements.
 pub(super) fn robot_sample(message: &RobotState) -> Option<RobotSample> {
     let valid::RobotState {
         state,

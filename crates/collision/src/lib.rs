@@ -11,8 +11,8 @@ mod scene;
 
 pub use certify::edge::certify_edge;
 pub use certify::minimum::{certified_clearance, minimum_clearance};
-pub use certify::motion_bound::{Displacement, tracking_padding};
-pub use certify::moving_balls::{MovingBall, certify_moving, certify_moving_until};
+pub use certify::motion_bound::tracking_padding;
+pub use certify::moving_balls::{MovingBall, certify_moving};
 pub use certify::trajectory::{certify_polyline, certify_trajectory};
 pub use certify::verdict::Verdict;
 pub use obstacle::ball::Ball;

@@ -1,4 +1,4 @@
-//! What a robot may meet: balls, capsules, boxes, closed meshes and voxel grids.
+//! Obstacles: balls, capsules, boxes, closed meshes and voxel grids.
 
 pub(crate) mod ball;
 pub(crate) mod closed_mesh;

@@ -89,7 +89,7 @@ fn certificates_and_clearances_allocate_nothing() {
                 let mut free = certify_edge(&robot, &scene, &a, &b, 10).is_free();
                 free |= certify_polyline(&robot, &scene, &points).is_free();
                 free |= certify_trajectory(&robot, &scene, &motion, 0.1).is_free();
-                free |= certify_moving(&robot, &moving, &motion, 0.1).is_free();
+                free |= certify_moving(&robot, &moving, &motion, [0.1, f64::INFINITY]).is_free();
                 let clearance = scene.clearance(&robot.backbone(&a), &[0.1; 3]);
                 std::hint::black_box((free, clearance));
             });

@@ -4,8 +4,8 @@
 mod motions;
 
 use collision::{
-    Ball, Displacement, Scene, Verdict, certified_clearance, certify_edge, certify_polyline,
-    certify_trajectory, minimum_clearance, tracking_padding,
+    Ball, Scene, Verdict, certified_clearance, certify_edge, certify_polyline, certify_trajectory,
+    minimum_clearance, tracking_padding,
 };
 use motions::{motion, random, sampled_clearance, scene, shape, step, uneven_robot, unit_robot};
 use pcc_model::{Configuration, Point, Robot, SECTIONS};
@@ -46,51 +46,6 @@ fn ball(x: f64, y: f64, z: f64, radius: f64) -> Ball {
 /// An eighth-turn of the whole robot towards +x or, for a negative angle, −x.
 fn leaning(angle: f64) -> Configuration {
     Configuration::from_row_slice(&[0.0, angle, 0.0, angle, 0.0, angle])
-}
-
-#[test]
-fn no_body_point_moves_further_than_the_bound() {
-    let (robot, mut random) = (uneven_robot(), random(1));
-    let mut tightest: f64 = 0.0;
-    for _ in 0..20_000 {
-        let a = shape(&mut random, FRAC_PI_2);
-        let length = random.random_range(1e-3..1.0);
-        let mut b = a;
-        if random.random() {
-            b[random.random_range(0..6)] += length;
-        } else {
-            b += step(&mut random, length);
-        }
-        let bound = Displacement::of_edge(&robot, &a, &b).sections;
-        let (from, to) = (robot.backbone(&a), robot.backbone(&b));
-        for (section, bound) in bound.into_iter().enumerate() {
-            let fraction = if random.random() {
-                1.0
-            } else {
-                random.random()
-            };
-            let moved = (to.point(section, fraction) - from.point(section, fraction)).norm();
-            assert!(moved <= bound * (1.0 + 1e-12));
-            tightest = tightest.max(moved / bound);
-        }
-    }
-    assert!(
-        tightest > 0.99,
-        "a bound that is never met is too wide: {tightest}"
-    );
-}
-
-#[test]
-fn the_bound_is_exact_to_first_order_where_a_straight_robot_begins_to_bend() {
-    let robot = uneven_robot();
-    let (straight, mut bent) = (Configuration::zeros(), Configuration::zeros());
-    bent[1] = 1e-6;
-    let bound = Displacement::of_edge(&robot, &straight, &bent).sections;
-    for (section, expected) in [0.5e-6, 1.2e-6, 2.5e-6].into_iter().enumerate() {
-        let [from, to] = [&straight, &bent].map(|q| robot.backbone(q).point(section, 1.0));
-        assert!((bound[section] - expected).abs() < 1e-18);
-        assert!(((to - from).norm() - expected).abs() < 1e-15);
-    }
 }
 
 #[test]

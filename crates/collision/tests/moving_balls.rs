@@ -3,9 +3,7 @@
 
 mod motions;
 
-use collision::{
-    Ball, MovingBall, Scene, Verdict, certify_moving, certify_moving_until, certify_trajectory,
-};
+use collision::{Ball, MovingBall, Scene, Verdict, certify_moving, certify_trajectory};
 use motions::{ball, motion, random, uneven_robot};
 use pcc_model::{Configuration, Point, Robot};
 use rand::RngExt;
@@ -48,7 +46,7 @@ fn certified_motions_never_meet_a_moving_ball() {
             let time = from_time + (motion.duration() - from_time) * f64::from(k) / 200.0;
             clearance_at(&robot, &balls, &motion, time)
         };
-        match certify_moving(&robot, &balls, &motion, from_time) {
+        match certify_moving(&robot, &balls, &motion, [from_time, f64::INFINITY]) {
             Verdict::Free => {
                 free += 1;
                 let least = (0..=200).map(sample).fold(f64::INFINITY, f64::min);
@@ -81,7 +79,7 @@ fn a_ball_that_does_not_move_is_a_scene() {
         let motion = motion(&mut random);
         let padding = std::array::from_fn(|_| random.random_range(0.0..0.1));
         let robot = robot.with_tube_padding(&padding);
-        let verdict = certify_moving(&robot, &balls, &motion, 0.0);
+        let verdict = certify_moving(&robot, &balls, &motion, [0.0, f64::INFINITY]);
         let at_rest = certify_trajectory(&robot, &scene, &motion, 0.0);
         assert_eq!(verdict.is_free(), at_rest.is_free());
         free += usize::from(verdict.is_free());
@@ -108,10 +106,10 @@ fn a_ball_that_flies_through_the_resting_robot_is_found() {
         ..through
     };
     let motion = resting(3.0);
-    assert!(certify_moving(&robot, &[past], &motion, 0.0).is_free());
+    assert!(certify_moving(&robot, &[past], &motion, [0.0, f64::INFINITY]).is_free());
     let padded = robot.with_tube_padding(&[0.0, 0.04, 0.0]);
-    assert!(!certify_moving(&padded, &[past], &motion, 0.0).is_free());
-    let verdict = certify_moving(&robot, &[past, through], &motion, 0.0);
+    assert!(!certify_moving(&padded, &[past], &motion, [0.0, f64::INFINITY]).is_free());
+    let verdict = certify_moving(&robot, &[past, through], &motion, [0.0, f64::INFINITY]);
     let Verdict::Colliding { at } = verdict else {
         panic!("{verdict:?}")
     };
@@ -119,9 +117,9 @@ fn a_ball_that_flies_through_the_resting_robot_is_found() {
         (1.35..=1.65).contains(&at),
         "contact lasts from 1.35 s to 1.65 s, not {at} s"
     );
-    assert!(certify_moving(&robot, &[through], &motion, 1.66).is_free());
-    assert!(!certify_moving(&robot, &[through], &motion, 1.64).is_free());
-    let until = |time| certify_moving_until(&robot, &[through], &motion, [0.0, time]);
+    assert!(certify_moving(&robot, &[through], &motion, [1.66, f64::INFINITY]).is_free());
+    assert!(!certify_moving(&robot, &[through], &motion, [1.64, f64::INFINITY]).is_free());
+    let until = |time| certify_moving(&robot, &[through], &motion, [0.0, time]);
     assert!(!until(motion.duration()).is_free());
     assert!(until(1.0).is_free());
     assert!(!until(1.01).is_free());
@@ -131,7 +129,7 @@ fn a_ball_that_flies_through_the_resting_robot_is_found() {
 fn no_balls_are_no_danger_and_unknown_ones_are() {
     let robot = uneven_robot();
     let motion = resting(1.0);
-    assert!(certify_moving(&robot, &[], &motion, 0.0).is_free());
+    assert!(certify_moving(&robot, &[], &motion, [0.0, f64::INFINITY]).is_free());
     let far = MovingBall {
         ball: Ball {
             centre: Point::new(9.0, 0.0, 0.0),
@@ -139,13 +137,13 @@ fn no_balls_are_no_danger_and_unknown_ones_are() {
         },
         velocity: Point::zeros(),
     };
-    assert!(certify_moving(&robot, &[far], &motion, 0.0).is_free());
+    assert!(certify_moving(&robot, &[far], &motion, [0.0, f64::INFINITY]).is_free());
     for bad in [f64::NAN, f64::INFINITY] {
         let mut lost = far;
         lost.velocity.x = bad;
-        assert!(!certify_moving(&robot, &[lost], &motion, 0.0).is_free());
+        assert!(!certify_moving(&robot, &[lost], &motion, [0.0, f64::INFINITY]).is_free());
         let mut lost = far;
         lost.ball.centre.y = f64::NAN;
-        assert!(!certify_moving(&robot, &[far, lost], &motion, 0.0).is_free());
+        assert!(!certify_moving(&robot, &[far, lost], &motion, [0.0, f64::INFINITY]).is_free());
     }
 }

@@ -1,6 +1,6 @@
 //! Cases to evaluate planners on, none of them left out because a planner fails there.
 
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use planning::straight_path;
 
 use crate::expert::report::BlockReport;
@@ -17,7 +17,7 @@ pub const CASES_VERSION: u32 = 1;
 /// with, judged exactly. The result depends on the recipe and the indices alone.
 #[must_use]
 pub fn generate_cases(
-    robot: &Robot,
+    robot: &UnitRobot,
     recipe: &Recipe,
     targets: std::ops::Range<u64>,
 ) -> (Vec<Row>, BlockReport) {

@@ -1,7 +1,7 @@
 //! One path of a data set, with the case that it answers.
 
 use collision::{Ball, Scene, certify_polyline};
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, UnitRobot};
 
 /// The part of a data set that a row belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,7 +56,7 @@ pub struct Check {
 
 impl Check {
     /// Judges a path of waypoints.
-    pub(crate) fn of(robot: &Robot, scene: &Scene, path: &[Configuration]) -> Self {
+    pub(crate) fn of(robot: &UnitRobot, scene: &Scene, path: &[Configuration]) -> Self {
         let clearance = |shape| scene.clearance(&robot.backbone(shape), &robot.tube_radii);
         Self {
             clearance: path.iter().map(clearance).fold(f64::INFINITY, f64::min) as f32,

@@ -1,7 +1,7 @@
 //! Random cases: the reference's fixed layouts, general scenes, hard scenes (docs/evaluation.md "Cases").
 
 use collision::{Ball, Scene, certify_polyline};
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, UnitRobot};
 use planning::{
     Goal, Problem, RrtSettings, goal_configurations, random_configuration, rrt_connect,
     straight_path,
@@ -47,7 +47,7 @@ pub struct Target {
 ///
 /// Nothing where this index has no valid target, as in the reference's generator.
 #[must_use]
-pub fn draw_target(robot: &Robot, setting: Setting, seed: u64, index: u64) -> Option<Target> {
+pub fn draw_target(robot: &UnitRobot, setting: Setting, seed: u64, index: u64) -> Option<Target> {
     let mut rng = Pcg64::seed_from_u64(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ index);
     let scene = Scene::new(draw_balls(setting, index, &mut rng)).ok()?;
     let (generator, tip) = (0..200).find_map(|_| draw_tip(robot, &scene, &mut rng))?;
@@ -118,7 +118,7 @@ fn random_balls(count: usize, rng: &mut Pcg64) -> Vec<Ball> {
     balls
 }
 
-fn draw_tip(robot: &Robot, scene: &Scene, rng: &mut Pcg64) -> Option<(Configuration, Point)> {
+fn draw_tip(robot: &UnitRobot, scene: &Scene, rng: &mut Pcg64) -> Option<(Configuration, Point)> {
     let shape = random_configuration(robot, rng);
     let tip = robot.tip(&shape);
     (in_workspace(&tip) && is_clear(robot, scene, &shape)).then_some((shape, tip))
@@ -129,12 +129,12 @@ pub(crate) fn in_workspace(tip: &Point) -> bool {
     (0.1..=2.5).contains(&tip.x.hypot(tip.y)) && (1.5..=3.0).contains(&tip.z)
 }
 
-fn is_clear(robot: &Robot, scene: &Scene, shape: &Configuration) -> bool {
+fn is_clear(robot: &UnitRobot, scene: &Scene, shape: &Configuration) -> bool {
     scene.clearance(&robot.backbone(shape), &robot.tube_radii) >= ENDPOINT_CLEARANCE
 }
 
 fn draw_starts(
-    robot: &Robot,
+    robot: &UnitRobot,
     scene: &Scene,
     target: &Point,
     rng: &mut Pcg64,
@@ -160,7 +160,7 @@ fn draw_starts(
 }
 
 fn is_hard(
-    robot: &Robot,
+    robot: &UnitRobot,
     scene: &Scene,
     tip: &Point,
     start: &Configuration,

@@ -5,7 +5,7 @@ use crate::archive::writer::ArchiveWriter;
 use crate::row::Row;
 use collision::{Scene, SceneError};
 use denoiser::FeatureFrame;
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, UnitRobot};
 use planning::{BALL_FEATURES, COEFFICIENTS, END_FEATURES, residual_coefficients};
 use std::path::Path;
 
@@ -26,7 +26,7 @@ pub struct TrainingRows {
 /// # Errors
 /// [`SceneError`] where the obstacles of a row do not make a scene.
 pub fn training_rows(
-    robot: &Robot,
+    robot: &UnitRobot,
     rows: &[Row],
     first_group: u32,
     frame: FeatureFrame,

@@ -6,7 +6,7 @@ use datasets::{
     ArchiveReader, ArchiveWriter, Counts, Dataset, DatasetError, GeneratorNotes, Meta, Recipe,
     Split, generate_block, training_rows,
 };
-use pcc_model::Robot;
+use pcc_model::{Robot, UnitRobot};
 use planning::FeatureFrame;
 use std::path::{Path, PathBuf};
 
@@ -16,8 +16,9 @@ fn project(path: &str) -> PathBuf {
         .join(path)
 }
 
-fn robot() -> Robot {
-    Robot::from_file(&project("config/robots/unit.toml")).unwrap()
+fn robot() -> UnitRobot {
+    let robot = Robot::from_file(&project("config/robots/unit.toml")).unwrap();
+    robot.to_unit().unwrap()
 }
 
 fn recipe(setting: Setting) -> Recipe {

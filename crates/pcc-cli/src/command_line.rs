@@ -1,4 +1,4 @@
-//! The command line: read as a whole, and what is wrong with it told in a few lines.
+//! The command line: read as a whole, with errors of a few lines.
 
 use clap::builder::StyledStr;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
@@ -10,7 +10,7 @@ use std::path::PathBuf;
 /// Characters of a value that a message shows.
 const SHOWN: usize = 60;
 
-/// Reads the arguments of this process, or ends it with a message that says what is allowed.
+/// Reads the arguments of this process, or ends the process with a message that states the allowed ones.
 pub(crate) fn read<P: CommandFactory + FromArgMatches>() -> P {
     let given: Vec<OsString> = std::env::args_os().collect();
     read_from(&given).unwrap_or_else(|error| error.exit())
@@ -49,7 +49,7 @@ pub(crate) fn shown_value(value: &OsStr) -> String {
     }
 }
 
-/// An error with values that can be read at a glance, and with what is allowed.
+/// An error with its values shortened, and with the options and commands that are allowed.
 fn explained(mut error: Error, command: &Command, given: &[OsString]) -> Error {
     if error.kind() == ErrorKind::InvalidUtf8 {
         return not_utf8(command, given);
@@ -72,7 +72,7 @@ fn explained(mut error: Error, command: &Command, given: &[OsString]) -> Error {
     error
 }
 
-/// The command that the arguments name, as deep as they do.
+/// The innermost command that the arguments name.
 fn named<'a>(command: &'a Command, given: &[OsString]) -> &'a Command {
     let find = |command: &'a Command, word: &OsString| command.find_subcommand(word);
     let words = given.iter().skip(1);

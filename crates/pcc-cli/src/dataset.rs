@@ -12,7 +12,7 @@ use datasets::{
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use input_files::{read_text, shortened};
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use serde_json::json;
 use std::path::PathBuf;
 use std::sync::Mutex;
@@ -23,7 +23,7 @@ use std::thread::Builder;
 const BLOCK: u64 = 32;
 /// Longest recipe that is read, bytes.
 const MAX_RECIPE_BYTES: u64 = 1 << 16;
-/// Times that progress is told where there is no terminal to draw a bar on.
+/// Lines of progress that are printed where there is no terminal to draw a bar on.
 const PROGRESS_LINES: u64 = 20;
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -111,7 +111,7 @@ pub(crate) struct Arguments {
     /// Worker threads, at most 256 (0: one a core).
     #[arg(long, default_value_t = 0, value_parser = number::threads())]
     threads: usize,
-    /// Robot file; its three sections must be equally long.
+    /// UnitRobot file; its three sections must be equally long.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
     /// Folder for the data set; finished blocks in it are not made again.
@@ -131,7 +131,7 @@ impl Arguments {
 
 struct Job<'a> {
     arguments: &'a Arguments,
-    robot: Robot,
+    robot: UnitRobot,
     recipe: Recipe,
     blocks: PathBuf,
 }
@@ -194,7 +194,7 @@ impl<'a> Job<'a> {
         Ok(job)
     }
 
-    /// Refuses to mix blocks of different recipes, generators or robots in one folder, and to replace another set.
+    /// Writes the recipe; an error where the folder has blocks of another recipe, generator or robot, or another data set.
     fn check_recipe(&self) -> anyhow::Result<()> {
         let out = &self.arguments.out;
         let file = out.join("recipe.json");
@@ -234,12 +234,12 @@ impl<'a> Job<'a> {
         self.blocks.join(format!("block-{block:06}"))
     }
 
-    /// What a block's meta data says of how it was made.
+    /// The configuration that a block's metadata records.
     fn block_config(&self, block: u64) -> serde_json::Value {
         json!({ "block": block, "recipe": self.recipe_json() })
     }
 
-    /// Whether a block is there; one of another recipe is refused.
+    /// Whether a block is finished; an error where it was made by another recipe.
     fn is_done(&self, block: u64) -> anyhow::Result<bool> {
         let folder = self.block_folder(block);
         if !Meta::is_in(&folder) {
@@ -271,7 +271,7 @@ impl<'a> Job<'a> {
                         .lock()
                         .map_err(|_| anyhow::anyhow!("a worker stopped"))?;
                     *total += &counts;
-                    tell_progress(&bar, &total);
+                    show_progress(&bar, &total);
                 }
                 Ok(())
             };
@@ -338,7 +338,7 @@ impl<'a> Job<'a> {
         for block in 0..blocks {
             let folder = self.block_folder(block);
             let of_block = Meta::read(&folder)?;
-            // What it says of its counts may be damaged: where there are arrays, they are read.
+            // The counts in the metadata may be damaged: where there are arrays, they are read.
             let has_arrays = of_block.arrays.is_some();
             let of_block = of_block.counts.unwrap_or_default();
             if has_arrays || of_block.actual_paths > 0 {
@@ -357,8 +357,8 @@ impl<'a> Job<'a> {
     }
 }
 
-/// Draws the bar; where there is no terminal, says a line now and then.
-fn tell_progress(bar: &ProgressBar, total: &Counts) {
+/// Draws the progress bar; where there is no terminal, prints a line now and then.
+fn show_progress(bar: &ProgressBar, total: &Counts) {
     bar.set_message(format!("{} paths kept", total.actual_paths));
     bar.inc(1);
     let (done, all) = (bar.position(), bar.length().unwrap_or(0));

@@ -3,19 +3,20 @@
 #[macro_use]
 mod output;
 
-mod asked;
 mod command_line;
 mod dataset;
 mod demo;
 mod evaluate;
 mod features;
-mod known_orders;
+mod foreign_orders;
 mod number;
+mod option_faults;
 mod order;
 mod output_files;
 mod plan;
 mod planner;
 mod robot;
+mod sampler;
 mod scene;
 mod trace;
 mod watch;

@@ -1,4 +1,4 @@
-//! Numbers of the command line: each option has its range, which a refusal tells.
+//! Numbers of the command line: each option has its range, which an error message states.
 
 use crate::command_line::shown_value;
 use anyhow::ensure;
@@ -30,7 +30,7 @@ const MOST_STEPS: usize = 1000;
 pub(crate) struct Number<T> {
     least: T,
     most: T,
-    /// What is allowed, for the refusal.
+    /// The range in words, for the error message.
     allowed: String,
 }
 
@@ -48,7 +48,7 @@ where
     }
 }
 
-/// An error that names an option, its value, and what is allowed.
+/// An error that names an option, its value, and the allowed values.
 pub(crate) fn refused(
     command: &Command,
     option: Option<&Arg>,
@@ -191,7 +191,7 @@ pub(crate) fn of_a_set() -> Number<usize> {
     whole(1, MOST_OF_A_SET)
 }
 
-/// Evaluations of the few-step network: those whose time steps it knows.
+/// A number of evaluations of the few-step network, of those that it was trained for.
 pub(crate) fn evaluations() -> impl TypedValueParser<Value = usize> {
     PossibleValuesParser::new(["1", "2", "4", "8"]).try_map(|text| text.parse::<usize>())
 }
@@ -215,7 +215,7 @@ pub(crate) fn shard(text: &str) -> Result<Shard, &'static str> {
     read().ok_or("two whole numbers i/n, the first below the second, are needed, like 0/4")
 }
 
-/// The balls of `--ball`, four values each: the number of them and their radii are checked.
+/// The balls of `--ball`, four values each; an error where there are too many, or a radius is out of range.
 pub(crate) fn balls_of(values: &[f64], largest: f64, unit: &str) -> anyhow::Result<Vec<[f64; 4]>> {
     let balls = values.as_chunks().0.to_vec();
     let count = balls.len();
@@ -233,7 +233,7 @@ pub(crate) fn balls_of(values: &[f64], largest: f64, unit: &str) -> anyhow::Resu
     Ok(balls)
 }
 
-/// Values as they stand on the command line.
+/// Values as they are written on the command line.
 pub(crate) fn spaced(values: &[f64]) -> String {
     let values: Vec<String> = values.iter().map(|value| format!("{value:?}")).collect();
     values.join(" ")

@@ -16,12 +16,12 @@ use shared_types::valid::Command;
 
 use crate::number::rate;
 
-/// How long a controller is waited for.
-const PATIENCE: Duration = Duration::from_secs(5);
-/// How long `pcc stop` waits for a reply before it tells the controller by a signal, too.
+/// Longest wait for a reply of the controller.
+const TIMEOUT: Duration = Duration::from_secs(5);
+/// How long `pcc stop` waits for a reply before it sends the controller a signal as well.
 const SIGNAL_AFTER: Duration = Duration::from_millis(50);
 
-/// What an ordered speed of 0 means.
+/// Message about an ordered speed of 0.
 pub(crate) const STANDS_STILL: &str =
     "the controller's speed is 0: it does not move until `pcc speed` is ordered";
 
@@ -33,7 +33,7 @@ pub(crate) struct SpeedArguments {
     rate: f64,
 }
 
-/// The controller is told by a signal, too, where it has not replied soon: no service is needed for that.
+/// Orders a stop, and by a signal as well where the controller does not reply soon: that needs no service.
 pub(crate) fn stop() -> anyhow::Result<()> {
     let (replied, no_reply) = sync_channel::<()>(0);
     let signal = thread::spawn(move || {
@@ -67,7 +67,7 @@ pub(crate) fn stop() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A stop by signal.
+/// A stop that was sent by a signal.
 struct Signalled {
     controller: Pid,
     sent: Sent,
@@ -106,7 +106,7 @@ fn give(command: Command) -> anyhow::Result<Accepted> {
     let mut controller = ControllerView::connect(&IpcOptions::from_env())?;
     controller.prepare_to_command()?;
     let sent = Sent::now();
-    let reply = controller.command(command, PATIENCE)?;
+    let reply = controller.command(command, TIMEOUT)?;
     let took_ms = sent.elapsed_ms();
     if reply.reason == CommandRefusal::StopPending {
         bail!("{}; the controller was {} last", reply.reason, reply.state);
@@ -138,7 +138,7 @@ struct Accepted {
 }
 
 impl Accepted {
-    /// Counts the time from when the order was first sent, where it was sent `before` in another way.
+    /// The same reply, with its time counted from `before` where the order was sent earlier in another way.
     fn first_sent(self, before: Option<Sent>) -> Self {
         let Some(before) = before.filter(|before| before.0 < self.sent.0) else {
             return self;
@@ -184,7 +184,7 @@ impl Display for Sent {
     }
 }
 
-/// A time of `CLOCK_MONOTONIC` as it is shown: nanoseconds in, seconds out, every digit kept.
+/// A time of `CLOCK_MONOTONIC`, given in nanoseconds, as text in seconds with every digit.
 pub(crate) fn seconds(ns: i64) -> String {
     format!("{}.{:09} s", ns / 1_000_000_000, ns % 1_000_000_000)
 }

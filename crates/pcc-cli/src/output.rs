@@ -1,4 +1,4 @@
-//! What commands say on standard output.
+//! Lines on standard output.
 
 use std::fmt::Arguments;
 use std::io::{ErrorKind, Write};
@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 static IS_LOST: AtomicBool = AtomicBool::new(false);
 
-/// Writes a line; where nobody reads on, commands go on without.
+/// Writes a line to standard output; a command goes on where its reader has gone.
 macro_rules! say {
     ($($text:tt)*) => {
         crate::output::line(format_args!($($text)*))
@@ -23,7 +23,7 @@ pub(crate) fn line(text: Arguments<'_>) {
     }
 }
 
-/// Whether something could not be said to whom it was for.
+/// Whether a line could not be written for another reason than a reader that has gone.
 pub(crate) fn is_lost() -> bool {
     IS_LOST.load(Ordering::Relaxed)
 }

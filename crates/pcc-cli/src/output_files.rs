@@ -1,11 +1,11 @@
-//! Files and folders that commands write: looked at before the work, written whole.
+//! Files and folders that commands write: checked before the work, written whole.
 
 use anyhow::{Context, bail};
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Makes a folder if need be, and finds out whether a file with something in it can be written there before anything is computed for it.
+/// Makes a folder if need be; an error where no file can be written there. To be called before anything is computed.
 pub(crate) fn make_writable(folder: &Path) -> anyhow::Result<()> {
     fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
     let probe = part_of(&folder.join("writable"));
@@ -17,8 +17,8 @@ pub(crate) fn make_writable(folder: &Path) -> anyhow::Result<()> {
     written.with_context(|| format!("cannot write into {}", folder.display()))
 }
 
-/// Finds out whether a file can be written before it is computed: its folder, which is made, and that nothing lies there but
-/// a file that it can take the place of. A device or a pipe would be gone.
+/// Makes a file's folder; an error where the file cannot be written, or where a folder, a device or a pipe has its name, which would be
+/// replaced. To be called before anything is computed.
 pub(crate) fn make_writable_for(file: &Path) -> anyhow::Result<()> {
     match fs::symlink_metadata(file) {
         Ok(there) if there.is_dir() => bail!(
@@ -36,7 +36,7 @@ pub(crate) fn make_writable_for(file: &Path) -> anyhow::Result<()> {
         .with_context(|| format!("cannot write {}", file.display()))
 }
 
-/// Refuses a folder that has one of these files already.
+/// An error where a folder has one of these files already.
 pub(crate) fn refuse_existing(folder: &Path, files: &[&str]) -> anyhow::Result<()> {
     match files.iter().find(|file| folder.join(file).exists()) {
         None => Ok(()),
@@ -47,7 +47,7 @@ pub(crate) fn refuse_existing(folder: &Path, files: &[&str]) -> anyhow::Result<(
     }
 }
 
-/// Writes a text file that others see whole or not at all.
+/// Writes a text file that readers see whole or not at all.
 pub(crate) fn write_whole(file: &Path, text: &str) -> anyhow::Result<()> {
     let part = part_of(file);
     let written = fs::write(&part, text).and_then(|()| fs::rename(&part, file));
@@ -57,7 +57,7 @@ pub(crate) fn write_whole(file: &Path, text: &str) -> anyhow::Result<()> {
     written.with_context(|| format!("cannot write {}", file.display()))
 }
 
-/// A name beside a file, of this process alone.
+/// A name for a partly written file beside a file, different in each process.
 fn part_of(file: &Path) -> PathBuf {
     file.with_extension(format!("{}.part", std::process::id()))
 }

@@ -1,60 +1,24 @@
 //! `pcc plan`: asks the daemon for candidates, shows them, and can have one executed.
 
-use crate::asked::{Asked, Wrong};
-use crate::known_orders::KnownOrders;
+mod held_state;
+mod table;
+
+use self::held_state::{TIMEOUT, held_state};
+use self::table::print_answer;
 use crate::number::{self, balls_of};
+use crate::option_faults::{MotionOptions, OptionFault};
 use crate::order::STANDS_STILL;
-use anyhow::{Context, bail};
-use clap::{ArgAction, Args, ValueEnum};
-use client::{Client, ControllerView, PlanAnswer};
+use crate::sampler::{samplers, selections};
+use anyhow::bail;
+use clap::{ArgAction, Args};
+use client::{Client, ControllerView};
 use shared_types::capacity::DOF;
-use shared_types::clock::{STATE_LIFETIME_NS, mono_now_ns};
-use shared_types::codes::{LoopState, Outcome, Sampler, Selection, Source, Stage, Waiting};
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::{Outcome, Sampler, Selection};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
-use shared_types::valid::{
-    ControllerState, Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule,
-};
+use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
 use std::time::{Duration, Instant};
-
-/// How long a running daemon and controller are looked for.
-const PATIENCE: Duration = Duration::from_secs(5);
-
-#[derive(Clone, Copy, ValueEnum)]
-enum SamplerName {
-    /// The learned sampler, filled by classical candidates where it does not deliver.
-    Default,
-    /// The learned sampler alone.
-    Fast,
-    /// Straight segments in configuration space.
-    Straight,
-    /// Straight segments with everything that a learned path gets after sampling.
-    StraightDrawn,
-    /// A tree of certified edges.
-    RrtConnect,
-    /// The tree, whose paths get everything that a learned path gets after sampling.
-    RrtSmooth,
-    /// The paper's diffusion model; ask for a deadline of some hundred milliseconds.
-    Diffusion,
-    /// The paper's diffusion model with post correction in its last steps.
-    DiffusionPost,
-    /// The paper's diffusion model with guided prediction in its last steps.
-    DiffusionGuided,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum SelectionName {
-    /// Shortest duration.
-    ShortestTime,
-    /// Shortest path of the tip.
-    ShortestTipPath,
-    /// Largest clearance over the motion.
-    LargestClearance,
-    /// Smallest third derivative of the tip's path.
-    Smoothest,
-    /// Goal configuration nearest to the start.
-    NearestGoalConfiguration,
-}
 
 /// Arguments of `pcc plan`.
 #[derive(Args)]
@@ -85,11 +49,11 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 0, value_parser = number::any())]
     seed: u64,
     /// Who proposes paths.
-    #[arg(long, value_enum, default_value = "default")]
-    sampler: SamplerName,
+    #[arg(long, value_parser = samplers(), default_value = "default")]
+    sampler: Sampler,
     /// Which candidate is selected.
-    #[arg(long, value_enum, default_value = "shortest-time")]
-    select: SelectionName,
+    #[arg(long, value_parser = selections(), default_value = "shortest-time")]
+    select: Selection,
     /// Select the candidate with this index (as the table shows, below --candidates) instead.
     #[arg(long, conflicts_with = "select", value_parser = number::candidate_index())]
     index: Option<usize>,
@@ -112,7 +76,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let controller = arguments.execute.then(|| ControllerView::connect(&options));
     let mut controller = controller.transpose()?;
     let clock = Instant::now();
-    let answer = client.plan(&request, PATIENCE + request.deadline.unwrap_or_default())?;
+    let answer = client.plan(&request, TIMEOUT + request.deadline.unwrap_or_default())?;
     let round_trip = clock.elapsed();
     let report = answer.report();
     if !report.outcome.has_candidates() || report.candidates.is_empty() {
@@ -130,7 +94,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 /// Waits until the controller says that it executes a trajectory.
 fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<()> {
-    let until = Instant::now() + PATIENCE;
+    let until = Instant::now() + TIMEOUT;
     while Instant::now() < until {
         let state = controller.latest_state()?;
         match state {
@@ -149,11 +113,11 @@ fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<
         }
     }
     bail!(
-        "the controller has not said within {PATIENCE:?} whether it executes trajectory {id}: it may have begun it (`pcc watch` shows what it does)"
+        "the controller has not said within {TIMEOUT:?} whether it executes trajectory {id}: it may have begun it (`pcc watch` shows what it does)"
     )
 }
 
-/// What an ordered speed below 1 means for a motion; none where the motion is followed at its own rate.
+/// A sentence about an ordered speed below 1; none where motions are followed at their own rate.
 fn speed_note(speed: f64) -> Option<String> {
     if speed <= 0.0 {
         return Some(STANDS_STILL.into());
@@ -162,7 +126,8 @@ fn speed_note(speed: f64) -> Option<String> {
 }
 
 impl Arguments {
-    /// `begun_ns`: a stop that is ordered later is meant for this request, too; ns of CLOCK_MONOTONIC.
+    /// The request that the options describe; a stop that is ordered after `begun_ns` (nanoseconds of `CLOCK_MONOTONIC`) holds for it,
+    /// too.
     fn request(&self, options: &IpcOptions, begun_ns: i64) -> anyhow::Result<PlanRequest> {
         if let Some(index) = self.index.filter(|index| *index >= self.candidates) {
             bail!(
@@ -186,11 +151,10 @@ impl Arguments {
             seed: self.seed,
             candidate_count: self.candidates,
             deadline: (self.deadline_ms > 0).then(|| Duration::from_millis(self.deadline_ms)),
-            sampler: self.sampler.code(),
-            selection: self.index.map_or(
-                SelectionRule::Best(self.select.code()),
-                SelectionRule::Index,
-            ),
+            sampler: self.sampler,
+            selection: self
+                .index
+                .map_or(SelectionRule::Best(self.select), SelectionRule::Index),
             execute: self.execute,
             requested_mono_ns: self.execute.then_some(requested_mono_ns),
             limits_scale: self.limits_scale,
@@ -205,14 +169,12 @@ impl Arguments {
                 position_m: [tip[0], tip[1], tip[2]],
                 tolerance_m: None,
             }),
-            (None, Some(shape)) => Ok(Goal::Configuration(six(shape))),
+            (None, Some(values)) => Ok(Goal::Configuration(six(values))),
             (None, None) => bail!("--tip or --configuration is needed"),
         }
     }
-}
 
-impl Arguments {
-    /// The outcome, its reason, which may begin with the outcome's own words, and the options that it is about.
+    /// The outcome of a request, its reason, which may begin with the outcome's own words, and the options that are at fault.
     fn explain(&self, report: &PlanReport) -> String {
         let outcome = report.outcome.text();
         let reason = match report.reason.as_str() {
@@ -220,14 +182,14 @@ impl Arguments {
             reason if reason.starts_with(outcome) => reason.to_owned(),
             reason => format!("{outcome}: {reason}"),
         };
-        let asked = Asked {
+        let options = MotionOptions {
             start: self.start.as_deref(),
             tip: self.tip.as_deref(),
             configuration: self.configuration.as_deref(),
             balls: &self.ball,
         };
-        match Wrong::of_outcome(report.outcome) {
-            Some(wrong) => format!("{reason} ({})", asked.blamed(&wrong)),
+        match OptionFault::of_outcome(report.outcome) {
+            Some(fault) => format!("{reason} ({})", options.explain(&fault)),
             None if report.outcome == Outcome::Truncated => {
                 format!("{reason} (a longer --deadline-ms is needed)")
             }
@@ -236,131 +198,13 @@ impl Arguments {
     }
 }
 
-impl SamplerName {
-    fn code(self) -> Sampler {
-        match self {
-            Self::Default => Sampler::Default,
-            Self::Fast => Sampler::Fast,
-            Self::Straight => Sampler::Straight,
-            Self::StraightDrawn => Sampler::StraightDrawn,
-            Self::RrtConnect => Sampler::RrtConnect,
-            Self::RrtSmooth => Sampler::RrtSmooth,
-            Self::Diffusion => Sampler::Diffusion,
-            Self::DiffusionPost => Sampler::DiffusionPost,
-            Self::DiffusionGuided => Sampler::DiffusionGuided,
-        }
-    }
-}
-
-impl SelectionName {
-    fn code(self) -> Selection {
-        match self {
-            Self::ShortestTime => Selection::ShortestTime,
-            Self::ShortestTipPath => Selection::ShortestTipPath,
-            Self::LargestClearance => Selection::LargestClearance,
-            Self::Smoothest => Selection::Smoothest,
-            Self::NearestGoalConfiguration => Selection::NearestGoalConfiguration,
-        }
-    }
-}
-
 fn six(values: &[f64]) -> [f64; DOF] {
     std::array::from_fn(|i| values[i])
-}
-
-/// Waits for the state of a controller that holds the robot at rest.
-///
-/// # Errors
-/// A stop or a reset that was ordered after `begun_ns` (CLOCK_MONOTONIC): who orders it wants the robot to stay where it is. And a
-/// controller that does not hold.
-fn held_state(options: &IpcOptions, begun_ns: i64) -> anyhow::Result<ControllerState> {
-    let mut known = KnownOrders::until(begun_ns);
-    let mut controller = ControllerView::connect(options)?;
-    let until = Instant::now() + PATIENCE;
-    let mut last = None;
-    while Instant::now() < until {
-        if let Some(state) = controller.latest_state()? {
-            // A state whose stamp is old tells of new orders all the same.
-            let checked = known.check(&state.values);
-            checked.context("ask again if the robot is to move")?;
-            let is_fresh = mono_now_ns() - state.values.stamp_mono_ns < STATE_LIFETIME_NS;
-            if is_fresh && is_held(&state) {
-                return Ok(state);
-            }
-            last = is_fresh.then_some((state.state, state.waiting)).or(last);
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
-    match last {
-        None => bail!(
-            "no controller within {PATIENCE:?}: start it, set PCC_PREFIX and PCC_ROOT to where it runs, or give --start"
-        ),
-        Some((state, waiting)) => bail!(
-            "the controller holds no robot at rest: it is {state} (it waits for: {waiting}); wait until it is holding, or give --start"
-        ),
-    }
-}
-
-/// Whether a motion may be planned from where this state has the robot: it is held at rest, and no stop, reset or start of the controller
-/// is newer than the state.
-fn is_held(state: &ControllerState) -> bool {
-    let values = &state.values;
-    matches!(state.state, LoopState::Holding | LoopState::Fault)
-        && state.waiting == Waiting::None
-        && values.stamp_mono_ns > values.wanted_from_mono_ns
-}
-
-fn print_answer(answer: &PlanAnswer, round_trip: Duration) {
-    let report = answer.report();
-    say!(
-        "{}: {} candidates, {:.2} ms round trip",
-        report.outcome,
-        report.candidates.len(),
-        1e3 * round_trip.as_secs_f64()
-    );
-    if report.outcome == Outcome::Ok && !report.reason.is_empty() {
-        say!("{}", report.reason);
-    }
-    say!("  #  source         duration s  tip path m  clearance m  smoothness  tip error m  knots");
-    for (index, c) in report.candidates.iter().enumerate() {
-        let mark = if report.selected == Some(index) {
-            '*'
-        } else {
-            ' '
-        };
-        let source = Source::try_from(c.source).map_or("unknown", Source::text);
-        say!(
-            "{mark} {index:2} {source:14} {:10.3} {:11.4} {:12.4} {:11.3e} {:12.2e} {:6}",
-            c.duration_s,
-            c.tip_path_m,
-            c.clearance_m,
-            c.smoothness,
-            c.tip_error_m,
-            c.knot_count
-        );
-    }
-    say!("{}", stage_times(&report.stages_ns));
-    if let Some(id) = report.trajectory_id {
-        say!("published for execution as trajectory {id}");
-    }
-}
-
-fn stage_times(stages_ns: &[u64]) -> String {
-    let stage = |(stage, ns): (&Stage, &u64)| format!("{stage} {:.2}", *ns as f64 * 1e-6);
-    let parts: Vec<String> = Stage::ALL.iter().zip(stages_ns).map(stage).collect();
-    format!("stages, ms: {}", parts.join(", "))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use shared_types::ipc::{IpcNode, controller_state_service, publisher};
-    use shared_types::message;
-    use std::sync::Arc;
-    use std::sync::atomic::{AtomicBool, Ordering};
-    use std::thread::{sleep, spawn};
-
-    const MS: i64 = 1_000_000;
 
     #[test]
     fn a_speed_below_one_is_said() {
@@ -368,16 +212,6 @@ mod tests {
         let half = "the controller follows it at speed 0.5 of its own rate";
         assert_eq!(speed_note(0.5).as_deref(), Some(half));
         assert_eq!(speed_note(0.0).as_deref(), Some(STANDS_STILL));
-    }
-
-    fn holding(stamp_mono_ns: i64, wanted_from_mono_ns: i64) -> message::ControllerState {
-        message::ControllerState {
-            stamp_mono_ns,
-            wanted_from_mono_ns,
-            instance: 1,
-            state: LoopState::Holding.code(),
-            ..message::ControllerState::ZEROED
-        }
     }
 
     #[test]
@@ -395,68 +229,5 @@ mod tests {
         };
         let request = line.arguments.request(&options, 17).unwrap();
         assert_eq!(request.requested_mono_ns, Some(17));
-    }
-
-    #[test]
-    fn a_state_of_before_the_last_order_is_not_asked_from() {
-        let is_held = |values| is_held(&ControllerState::try_from(&values).unwrap());
-        assert!(is_held(holding(8, 7)));
-        assert!(!is_held(holding(7, 7)));
-        assert!(!is_held(holding(6, 7)));
-        let state = LoopState::Executing.code();
-        let executing = message::ControllerState {
-            state,
-            ..holding(8, 7)
-        };
-        assert!(!is_held(executing));
-    }
-
-    /// What [`held_state`] returns where a controller publishes `told(begin_ns, now_ns)` again and again.
-    fn found_where(
-        name: &str,
-        told: impl Fn(i64, i64) -> message::ControllerState + Send + 'static,
-    ) -> anyhow::Result<ControllerState> {
-        let folder = tempfile::tempdir().unwrap();
-        let options = IpcOptions {
-            prefix: format!("plan-{name}"),
-            root: folder.path().join("root"),
-        };
-        let (here, quit) = (options.clone(), Arc::<AtomicBool>::default());
-        let quits = Arc::clone(&quit);
-        let controller = spawn(move || {
-            let node = IpcNode::create(&here, "controller").unwrap();
-            let states = publisher(&node, &controller_state_service(&node).unwrap()).unwrap();
-            let begin_ns = mono_now_ns();
-            while !quits.load(Ordering::Relaxed) {
-                states.send_copy(told(begin_ns, mono_now_ns())).unwrap();
-                sleep(Duration::from_millis(5));
-            }
-        });
-        let found = held_state(&options, mono_now_ns());
-        quit.store(true, Ordering::Relaxed);
-        controller.join().unwrap();
-        found
-    }
-
-    #[test]
-    fn a_stop_that_is_ordered_while_states_are_old_is_not_overruled() {
-        let found = found_where("stop", |begin_ns, now_ns| {
-            if now_ns < begin_ns + 600 * MS {
-                holding(begin_ns - 1_000 * MS, 1)
-            } else {
-                holding(now_ns, begin_ns + 500 * MS)
-            }
-        });
-        let error = format!("{:#}", found.unwrap_err());
-        assert!(error.starts_with("ask again if the robot"), "{error}");
-        assert!(error.contains("a stop or a reset"), "{error}");
-    }
-
-    #[test]
-    fn orders_of_before_keep_nobody_from_asking() {
-        let found = found_where("before", |begin_ns, now_ns| {
-            holding(now_ns, begin_ns - 2_000 * MS)
-        });
-        assert_eq!(found.unwrap().state, LoopState::Holding);
     }
 }

@@ -1,12 +1,13 @@
-//! Planners by name, with the models where they are needed.
+//! The options that name a planner's models, and the planner made with them.
 
 use crate::number::{evaluations, steps};
+use crate::sampler::{PlannerName, name_of};
 use anyhow::{Context, bail};
+use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Args, ValueEnum};
-use denoiser::{FastModel, Manifest, Precision, Solver, TemporalUnet};
-use pcc_model::Robot;
-use planning::{DiffusionModel, DiffusionSettings, Guidance, Models, Planner, Sampler};
+use denoiser::{FastModel, Manifest, Precision, Solver, TemporalUnet, WeightsFile};
+use pcc_model::UnitRobot;
+use planning::{DiffusionModel, DiffusionSettings, Models, Planner, Sampler};
 use serde::Serialize;
 use std::error::Error;
 use std::path::PathBuf;
@@ -18,49 +19,6 @@ const FAST_WEIGHTS: &str = "fast";
 const DIFFUSION_WEIGHTS: &str = "mixed";
 /// The paper's steps.
 const STEPS: usize = 50;
-
-/// A planner as `pcc evaluate --planner` names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum PlannerName {
-    /// What the daemon serves: learned candidates, filled by classical ones.
-    Default,
-    /// The learned few-step sampler alone.
-    Fast,
-    /// The null arm: straight segments, the same correction and certificate.
-    Straight,
-    /// The null arm with everything that a learned path gets after sampling.
-    StraightDrawn,
-    /// RRT-Connect on certified edges.
-    RrtConnect,
-    /// RRT-Connect, whose paths get everything that a learned path gets after sampling.
-    RrtSmooth,
-    /// The paper's diffusion model.
-    Diffusion,
-    /// The paper's diffusion model with post correction in its last steps.
-    DiffusionPost,
-    /// The paper's diffusion model with guided prediction in its last steps.
-    DiffusionGuided,
-    /// Paths that another program drew.
-    Proposed,
-}
-
-impl PlannerName {
-    /// Where the planner draws paths from; nothing where they are given.
-    pub(crate) fn sampler(self) -> Option<Sampler> {
-        Some(match self {
-            Self::Default => Sampler::Default,
-            Self::Fast => Sampler::Fast,
-            Self::Straight => Sampler::Straight,
-            Self::StraightDrawn => Sampler::StraightDrawn,
-            Self::RrtConnect => Sampler::RrtConnect,
-            Self::RrtSmooth => Sampler::RrtSmooth,
-            Self::Diffusion => Sampler::Diffusion(Guidance::Pure),
-            Self::DiffusionPost => Sampler::Diffusion(Guidance::Post),
-            Self::DiffusionGuided => Sampler::Diffusion(Guidance::Guided),
-            Self::Proposed => return None,
-        })
-    }
-}
 
 /// Longest name of weights, bytes.
 const LONGEST_NAME: usize = 64;
@@ -114,22 +72,29 @@ impl ModelArguments {
         }
     }
 
-    /// What there is in the folder of weights.
-    fn manifest(&self) -> anyhow::Result<Manifest> {
-        Manifest::open(&self.weights).context("--weights")
+    /// Opens the weights that are named, or `default`, and makes a model of their file.
+    fn load<M, E: Error + Send + Sync + 'static>(
+        &self,
+        default: &str,
+        make: impl Fn(&WeightsFile) -> Result<M, E>,
+    ) -> anyhow::Result<(M, WeightsRecord)> {
+        let manifest = Manifest::open(&self.weights).context("--weights")?;
+        let name = self.model.as_deref().unwrap_or(default);
+        let folder = self.weights.display();
+        let file = manifest
+            .weights(name)
+            .with_context(|| format!("--weights {folder} --model {name}"))?;
+        let model = make(&file).with_context(|| format!("weights `{name}` of {folder}"))?;
+        let entry = manifest.entry(name)?;
+        let record = WeightsRecord {
+            model: name.to_owned(),
+            sha256: entry.sha256.clone(),
+            updates: entry.updates,
+        };
+        Ok((model, record))
     }
 
-    /// Names the option that an error about missing weights is about.
-    fn named(&self, name: &str) -> String {
-        format!("--weights {} --model {name}", self.weights.display())
-    }
-
-    /// Names the weights that an error is about.
-    fn refused(&self, name: &str) -> String {
-        format!("weights `{name}` of {}", self.weights.display())
-    }
-
-    /// Refuses what the planner would not read.
+    /// Refuses options that the planner would not read.
     fn refuse_unread(&self, planner: PlannerName) -> anyhow::Result<()> {
         let sampler = planner.sampler();
         let is_fast = matches!(sampler, Some(Sampler::Default | Sampler::Fast));
@@ -163,7 +128,7 @@ fn text<T: ToString>(given: Option<T>) -> Option<String> {
     given.map(|value| value.to_string())
 }
 
-/// Which weights a planner has.
+/// The record of the weights that a planner has.
 #[derive(Serialize)]
 struct WeightsRecord {
     model: String,
@@ -173,18 +138,7 @@ struct WeightsRecord {
     updates: u64,
 }
 
-impl WeightsRecord {
-    fn of(manifest: &Manifest, name: &str) -> anyhow::Result<Self> {
-        let entry = manifest.entry(name)?;
-        Ok(Self {
-            model: name.to_owned(),
-            sha256: entry.sha256.clone(),
-            updates: entry.updates,
-        })
-    }
-}
-
-/// Which few-step model a planner has, and how it samples.
+/// The record of a planner's few-step model, and how it samples.
 #[derive(Serialize)]
 pub(crate) struct FastRecord {
     #[serde(flatten)]
@@ -193,7 +147,7 @@ pub(crate) struct FastRecord {
     evaluations: usize,
 }
 
-/// Which diffusion model a planner has, and how it samples.
+/// The record of a planner's diffusion model, and how it samples.
 #[derive(Serialize)]
 pub(crate) struct DiffusionRecord {
     #[serde(flatten)]
@@ -206,14 +160,14 @@ pub(crate) struct DiffusionRecord {
     precision: String,
 }
 
-/// The models of a planner; nothing for those that it does not have.
+/// The records of a planner's models; none for a model that it does not have.
 #[derive(Default, Serialize)]
 pub(crate) struct ModelRecords {
     fast: Option<FastRecord>,
     diffusion: Option<DiffusionRecord>,
 }
 
-/// A planner and what belongs in the record of its results.
+/// A planner and the record of its models for the results.
 pub(crate) struct Loaded {
     pub(crate) planner: Planner,
     pub(crate) records: ModelRecords,
@@ -222,7 +176,7 @@ pub(crate) struct Loaded {
 /// Makes the planner, loading the weights that the sampler needs.
 pub(crate) fn load(
     name: PlannerName,
-    robot: &Robot,
+    robot: &UnitRobot,
     arguments: &ModelArguments,
     threads: usize,
 ) -> anyhow::Result<Loaded> {
@@ -249,49 +203,37 @@ pub(crate) fn load(
     Ok(Loaded { planner, records })
 }
 
-fn load_fast(robot: &Robot, arguments: &ModelArguments) -> anyhow::Result<(FastModel, FastRecord)> {
-    let manifest = arguments.manifest()?;
-    let name = arguments.model.as_deref().unwrap_or(FAST_WEIGHTS);
-    let file = manifest
-        .weights(name)
-        .with_context(|| arguments.named(name))?;
-    let mut model = FastModel::from_weights(&file, robot.bending_limit)
-        .with_context(|| arguments.refused(name))?;
+fn load_fast(
+    robot: &UnitRobot,
+    arguments: &ModelArguments,
+) -> anyhow::Result<(FastModel, FastRecord)> {
+    let limit = robot.bending_limit;
+    let make = |file: &WeightsFile| FastModel::from_weights(file, limit);
+    let (mut model, weights) = arguments.load(FAST_WEIGHTS, make)?;
     if let Some(evaluations) = arguments.evaluations {
         model = model.with_evaluations(evaluations)?;
     }
     let record = FastRecord {
-        weights: WeightsRecord::of(&manifest, name)?,
+        weights,
         evaluations: model.evaluations(),
     };
     Ok((model, record))
 }
 
 fn load_diffusion(
-    robot: &Robot,
+    robot: &UnitRobot,
     arguments: &ModelArguments,
 ) -> anyhow::Result<(DiffusionModel, DiffusionRecord)> {
     let settings = arguments.settings();
-    let manifest = arguments.manifest()?;
-    let name = arguments.model.as_deref().unwrap_or(DIFFUSION_WEIGHTS);
-    let file = manifest
-        .weights(name)
-        .with_context(|| arguments.named(name))?;
-    let unet =
-        TemporalUnet::load(&file, robot.bending_limit).with_context(|| arguments.refused(name))?;
+    let make = |file: &WeightsFile| TemporalUnet::load(file, robot.bending_limit);
+    let (unet, weights) = arguments.load(DIFFUSION_WEIGHTS, make)?;
     let model = DiffusionModel::new(unet, settings)?;
     let record = DiffusionRecord {
-        weights: WeightsRecord::of(&manifest, name)?,
+        weights,
         steps: settings.steps,
         evaluations: model.evaluations(),
         solver: settings.solver.to_string(),
         precision: settings.precision.to_string(),
     };
     Ok((model, record))
-}
-
-/// The name of a choice on the command line.
-pub(crate) fn name_of(choice: &impl ValueEnum) -> String {
-    let value = choice.to_possible_value();
-    value.map_or_else(String::new, |v| v.get_name().to_owned())
 }

@@ -9,8 +9,8 @@ use shared_types::ipc::IpcOptions;
 use shared_types::valid::SourceName;
 use std::time::Duration;
 
-/// How long the daemon may take to judge it.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Longest wait for the daemon's confirmation of a scene.
+const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Arguments of `pcc scene`.
 #[derive(Args)]
@@ -53,7 +53,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let Action::Leave { source } = &arguments.action;
     let mut publisher = ScenePublisher::connect(&IpcOptions::from_env(), source)?;
     publisher.take_leave()?;
-    publisher.confirm(PATIENCE).map_err(explained)?;
+    publisher.confirm(TIMEOUT).map_err(explained)?;
     say!("source {source:?} is signed off");
     Ok(())
 }

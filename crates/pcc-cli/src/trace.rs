@@ -1,22 +1,23 @@
 //! `pcc trace`: how noise becomes a path, step by step, for pictures of the reverse process.
 
-use crate::asked::{Asked, Wrong};
 use crate::number::{self, balls_of};
+use crate::option_faults::{MotionOptions, OptionFault};
 use crate::output_files::make_writable_for;
-use crate::planner::{ModelArguments, PlannerName, load, name_of};
+use crate::planner::{ModelArguments, load};
 use crate::robot::unit_robot;
+use crate::sampler::{PlannerName, name_of};
 use anyhow::{Context, anyhow, bail};
 use clap::{ArgAction, Args};
 use collision::{Ball, MAX_EXTENT, Scene};
 use datasets::ArchiveWriter;
-use pcc_model::{Configuration, DOF, Point, Robot};
+use pcc_model::{Configuration, DOF, Point, UnitRobot};
 use planning::random_configuration;
 use planning::{Goal, PlannerError, Problem, Sampler, WAYPOINTS, Waypoints};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Random shapes looked at for a start that is clear.
+/// Random configurations that are tried for a start that is clear.
 const START_DRAWS: usize = 1000;
 
 /// Arguments of `pcc trace`.
@@ -42,7 +43,7 @@ pub(crate) struct Arguments {
     seed: u64,
     #[command(flatten)]
     models: ModelArguments,
-    /// Robot file.
+    /// UnitRobot file.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
     /// Archive to write: `paths [S+1,64,6]` (radians) and `tips [S+1,64,3]` (section lengths) before each of the S steps and
@@ -77,9 +78,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 impl Arguments {
-    /// An error with the options that it is about.
+    /// An error of the planner, with the options that are at fault.
     fn explain(&self, error: PlannerError) -> anyhow::Error {
-        let asked = Asked {
+        let options = MotionOptions {
             start: self.start.as_deref(),
             tip: Some(&self.tip),
             configuration: None,
@@ -88,13 +89,13 @@ impl Arguments {
         let PlannerError::Infeasible(reason) = &error else {
             return error.into();
         };
-        match Wrong::of(reason) {
-            Some(wrong) => anyhow!("{reason} ({})", asked.blamed(&wrong)),
+        match OptionFault::of(reason) {
+            Some(fault) => anyhow!("{reason} ({})", options.explain(&fault)),
             None => error.into(),
         }
     }
 
-    fn problem(&self, robot: &Robot) -> anyhow::Result<Problem> {
+    fn problem(&self, robot: &UnitRobot) -> anyhow::Result<Problem> {
         let balls = balls_of(&self.ball, MAX_EXTENT, "section lengths")?.into_iter();
         let balls = balls.map(|[x, y, z, radius]| Ball {
             centre: Point::new(x, y, z),
@@ -122,15 +123,15 @@ impl Arguments {
 }
 
 fn write(
-    file: &std::path::Path,
-    robot: &Robot,
+    file: &Path,
+    robot: &UnitRobot,
     trace: &[Waypoints],
 ) -> Result<(), datasets::ArchiveError> {
     let mut archive = ArchiveWriter::create(file)?;
-    let shapes = trace.iter().flatten();
-    let values = shapes.clone().flat_map(|q| <[f64; DOF]>::from(*q));
+    let configurations = trace.iter().flatten();
+    let values = configurations.clone().flat_map(|q| <[f64; DOF]>::from(*q));
     archive.write("paths", &[trace.len(), WAYPOINTS, DOF], values)?;
-    let tips = shapes.flat_map(|q| <[f64; 3]>::from(robot.tip(q)));
+    let tips = configurations.flat_map(|q| <[f64; 3]>::from(robot.tip(q)));
     archive.write("tips", &[trace.len(), WAYPOINTS, 3], tips)?;
     archive.finish()
 }

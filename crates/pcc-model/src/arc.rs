@@ -4,14 +4,14 @@ use crate::Point;
 use fearless_simd::f64x4;
 use fearless_simd::prelude::*;
 
-/// The point of a section nearest to a given one.
+/// The point of a section that is nearest to another point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Nearest {
-    /// Distance to it.
+    /// Distance between the two points, length unit.
     pub distance: f64,
     /// Where along the section, 0 at its base to 1 at its end.
     pub fraction: f64,
-    /// The point itself, base frame.
+    /// The point of the section, base frame.
     pub point: Point,
 }
 
@@ -25,7 +25,8 @@ pub(crate) fn distance_to_circle(curvature: f64, along: f64, out: f64, z: f64) -
     (in_plane * in_plane + out * out).sqrt()
 }
 
-/// The square of [`distance_to_circle`], of four points at once.
+/// Squared distances of four points, in the section's base frame, to the circle that the arc lies on; coordinates as for
+/// [`distance_to_circle`].
 #[inline(always)]
 pub(crate) fn squared_distances_to_circle<S: Simd>(
     curvature: f64,

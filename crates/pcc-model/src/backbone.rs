@@ -12,14 +12,14 @@ use std::f64::consts::{PI, TAU};
 /// A rigid frame in the base frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// Its axes, as columns; the third is the backbone's tangent.
+    /// The frame's axes in the base frame, as columns; the third is the backbone's tangent.
     pub rotation: Matrix3<f64>,
-    /// Its origin.
+    /// The frame's origin in the base frame.
     pub position: Point,
 }
 
 impl Pose {
-    /// The end of a section that begins here.
+    /// The frame at the end of a section that begins at this frame.
     fn then(&self, section: &Section) -> Self {
         Self {
             rotation: self.rotation * section.arc.rotation(),
@@ -64,7 +64,7 @@ impl Section {
         }
     }
 
-    /// The fraction of a point's foot on the arc and its distance, for a point in the section's base frame.
+    /// Distance of a point in the section's base frame from the arc, and the fraction of the arc where it is nearest.
     fn nearest(&self, p: &Vector3<f64>) -> (f64, f64) {
         if let Some(nearest) = self.nearest_end(p) {
             return nearest;
@@ -78,6 +78,7 @@ impl Section {
         (distance, (foot / self.arc.length).clamp(0.0, 1.0))
     }
 
+    /// Distance of a point in the section's base frame from the arc.
     fn distance(&self, p: &Vector3<f64>) -> f64 {
         if let Some((distance, _)) = self.nearest_end(p) {
             return distance;
@@ -86,7 +87,7 @@ impl Section {
         distance_to_circle(self.curvature, along, out, p.z)
     }
 
-    /// [`Self::distance`] of four points at once.
+    /// Distances of four points in the section's base frame from the arc, `p` axis by axis.
     #[inline(always)]
     fn distances<S: Simd>(&self, p: &[f64x4<S>; 3]) -> f64x4<S> {
         let [x, y, z] = *p;
@@ -135,12 +136,12 @@ impl Section {
 }
 
 impl Backbone {
-    pub(crate) fn new(lengths: &[f64; SECTIONS], shape: &Configuration) -> Self {
+    pub(crate) fn new(lengths: &[f64; SECTIONS], configuration: &Configuration) -> Self {
         let base = Pose {
             rotation: Matrix3::identity(),
             position: Point::zeros(),
         };
-        let [first, second, third] = Arc::of_sections(lengths, shape);
+        let [first, second, third] = Arc::of_sections(lengths, configuration);
         let [first, second, third] = [
             Section::new(first),
             Section::new(second),
@@ -157,11 +158,11 @@ impl Backbone {
         }
     }
 
-    /// The tip alone, to the bit as the frames have it.
-    pub(crate) fn tip_of(lengths: &[f64; SECTIONS], shape: &Configuration) -> Point {
+    /// Position of the tip in the base frame, the same bits as [`Self::tip`] of the whole backbone.
+    pub(crate) fn tip_of(lengths: &[f64; SECTIONS], configuration: &Configuration) -> Point {
         let (mut rotation, mut tip) = (Matrix3::identity(), Point::zeros());
         for (i, length) in lengths.iter().enumerate() {
-            let arc = Arc::new(shape[2 * i], shape[2 * i + 1], *length);
+            let arc = Arc::new(configuration[2 * i], configuration[2 * i + 1], *length);
             tip += rotation * arc.end();
             if i + 1 < SECTIONS {
                 rotation *= arc.rotation();
@@ -222,7 +223,7 @@ impl Backbone {
         self.jacobian(last, &self.tip(), &own)
     }
 
-    /// `own`: derivatives of the point in the base frame of its own section.
+    /// Jacobian ∂point/∂ζ of a point (base frame) of a section; `own` are its derivatives in the base frame of that section.
     fn jacobian(
         &self,
         section: usize,
@@ -255,8 +256,8 @@ impl Backbone {
         self.sections[section].distance(&self.in_section(section, point))
     }
 
-    /// Distances from four points (base frame, axis by axis, length unit) to a section, exact for bending angles below 2π, to the
-    /// bit as [`Self::distance`] has them.
+    /// Distances from four points (base frame, axis by axis, length unit) to a section, exact for bending angles below 2π; the same
+    /// bits as [`Self::distance`].
     #[must_use]
     #[inline(always)]
     pub fn distances<S: Simd>(&self, section: usize, points: &[f64x4<S>; 3]) -> f64x4<S> {
@@ -279,20 +280,6 @@ impl Backbone {
         }
     }
 
-    /// Distance from a section to a point (base frame), and its gradient with respect to ζ, length unit per radian.
-    ///
-    /// Envelope theorem: as the foot is nearest, its own motion along the arc does not count. The gradient is zero
-    /// where the point lies on the backbone, where the distance has none.
-    #[must_use]
-    pub fn distance_gradient(&self, section: usize, point: &Point) -> (f64, Configuration) {
-        let nearest = self.nearest(section, point);
-        let away = (nearest.point - point).try_normalize(1e-12 * self.section_length(section));
-        let gradient = away.map_or_else(Configuration::zeros, |away| {
-            self.point_jacobian(section, nearest.fraction).tr_mul(&away)
-        });
-        (nearest.distance, gradient)
-    }
-
     fn in_section(&self, section: usize, point: &Point) -> Vector3<f64> {
         let frame = &self.frames[section];
         frame.rotation.tr_mul(&(point - frame.position))
@@ -304,7 +291,7 @@ impl Backbone {
     }
 }
 
-// What follows is written out: closures would not take on the processor's features.
+// The functions below are written out: closures would not be compiled for the processor's vector instructions.
 
 #[inline(always)]
 fn minus<S: Simd>([x, y, z]: &[f64x4<S>; 3], by: &Vector3<f64>) -> [f64x4<S>; 3] {

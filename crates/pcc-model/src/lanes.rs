@@ -1,6 +1,7 @@
 //! Vectors of four configurations or points at once.
 //!
-//! Loops are written out, here and in all code for several shapes at once: closures would not take on the processor's features.
+//! Loops are written out, here and in all code for several configurations at once: closures would not be compiled for the
+//! processor's vector instructions.
 
 use fearless_simd::f64x4;
 use fearless_simd::prelude::*;
@@ -24,7 +25,7 @@ pub fn side_by_side<S: Simd, const ROWS: usize>(
     rows
 }
 
-/// The reverse of [`side_by_side`].
+/// Four configurations (rad) or points (any frame and unit) from their components `[row][lane]`: the reverse of [`side_by_side`].
 #[must_use]
 #[inline(always)]
 pub fn one_by_one<S: Simd, const ROWS: usize>(
@@ -39,6 +40,7 @@ pub fn one_by_one<S: Simd, const ROWS: usize>(
     four
 }
 
+/// Scalar products of four pairs of vectors, axis by axis.
 #[inline(always)]
 pub(crate) fn dot<S: Simd>(a: &[f64x4<S>; 3], b: &[f64x4<S>; 3]) -> f64x4<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -20,9 +20,9 @@ pub struct TendonLimits {
 /// A three-section robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
-    /// What it is called.
+    /// The robot's name.
     pub name: String,
-    /// Arc length L_i of each section.
+    /// Arc length L_i of each section, in the robot's length unit: metres or section lengths.
     pub section_lengths: [f64; SECTIONS],
     /// Largest bending angle θ of a section, rad.
     pub bending_limit: f64,
@@ -30,7 +30,7 @@ pub struct Robot {
     pub tube_radii: [f64; SECTIONS],
     /// Radius of the motors' spools.
     pub spool_radius: f64,
-    /// The tendons.
+    /// The tendons, and the map from configurations to their lengths.
     pub tendons: TendonMap,
     /// Limits of the tendons' motion.
     pub tendon_limits: TendonLimits,
@@ -39,31 +39,31 @@ pub struct Robot {
 impl Robot {
     /// The backbone of a configuration.
     #[must_use]
-    pub fn backbone(&self, shape: &Configuration) -> Backbone {
-        Backbone::new(&self.section_lengths, shape)
+    pub fn backbone(&self, configuration: &Configuration) -> Backbone {
+        Backbone::new(&self.section_lengths, configuration)
     }
 
-    /// Position of the tip, base frame.
+    /// Position of the tip of a configuration, base frame, in the robot's length unit.
     #[must_use]
-    pub fn tip(&self, shape: &Configuration) -> Point {
-        Backbone::tip_of(&self.section_lengths, shape)
+    pub fn tip(&self, configuration: &Configuration) -> Point {
+        Backbone::tip_of(&self.section_lengths, configuration)
     }
 
-    /// Positions of the tips of many configurations, base frame; cheaper together than one by one.
+    /// Positions of the tips of many configurations, base frame, in the robot's length unit; cheaper together than one by one.
     #[must_use]
-    pub fn tips(&self, shapes: &[Configuration]) -> Vec<Point> {
-        tips_of(&self.section_lengths, shapes)
+    pub fn tips(&self, configurations: &[Configuration]) -> Vec<Point> {
+        tips_of(&self.section_lengths, configurations)
     }
 
-    /// Tips and tip Jacobians of four configurations (`[row][lane]`, radians), base frame; to be called within
-    /// [`fearless_simd::dispatch`], whose vectors it takes on.
+    /// Tips and tip Jacobians of four configurations (`[row][lane]`, radians), base frame, in the robot's length unit; to be
+    /// called within [`fearless_simd::dispatch`], so that it is compiled for its vector instructions.
     #[must_use]
     #[inline(always)]
-    pub fn moving_tips<S: Simd>(&self, shapes: &[f64x4<S>; DOF]) -> MovingTips<S> {
-        MovingTips::of(&self.section_lengths, shapes)
+    pub fn moving_tips<S: Simd>(&self, configurations: &[f64x4<S>; DOF]) -> MovingTips<S> {
+        MovingTips::of(&self.section_lengths, configurations)
     }
 
-    /// The length of the sections, if all three have the same (to 1e-9 of it).
+    /// The length of each section, if all three are equally long (to 1e-9 of it).
     #[must_use]
     pub fn equal_section_length(&self) -> Option<f64> {
         let first = self.section_lengths[0];
@@ -71,7 +71,7 @@ impl Robot {
         self.section_lengths.iter().all(equal).then_some(first)
     }
 
-    /// The same robot with every length multiplied by `factor`; `1/L` gives it in units of the section length L.
+    /// This robot with every length multiplied by `factor`.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         let scale = |t: &Tendon| Tendon {
@@ -101,7 +101,7 @@ impl Robot {
         self.tube_radii.into_iter().fold(0.0, f64::max)
     }
 
-    /// The same robot with each section's body thicker by as much.
+    /// This robot with the radius of each section's body larger by its padding.
     #[must_use]
     pub fn with_tube_padding(&self, padding: &[f64; SECTIONS]) -> Self {
         Self {

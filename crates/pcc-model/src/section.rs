@@ -14,9 +14,9 @@ const SERIES_BELOW: f64 = 0.06;
 /// Below this (θ/2)², θ < 1.67 rad, S and c are summed (truncation below 1e-17).
 const SUMMED_BELOW: f64 = 0.7;
 
-/// Terms of the series.
+/// Number of terms of the series of S and c.
 const TERMS: usize = 10;
-/// 1/(2n + 1)! and 1/(2n)!.
+/// Coefficients of the series of S and of c, but for their signs: 1/(2n + 1)! and 1/(2n)!.
 const SERIES: [[f64; TERMS]; 2] = [reciprocal_factorials(1), reciprocal_factorials(0)];
 
 const fn reciprocal_factorials(odd: usize) -> [f64; TERMS] {
@@ -30,7 +30,7 @@ const fn reciprocal_factorials(odd: usize) -> [f64; TERMS] {
     terms
 }
 
-/// S and c of h² = (θ/2)².
+/// S = sin(θ/2)/(θ/2) and c = cos(θ/2) from h² = (θ/2)².
 fn half_sinc_and_cosine(h2: f64) -> [f64; 2] {
     if h2 < SUMMED_BELOW {
         SERIES.map(|terms| terms.iter().rev().fold(0.0, |sum, term| term - h2 * sum))
@@ -41,7 +41,7 @@ fn half_sinc_and_cosine(h2: f64) -> [f64; 2] {
     }
 }
 
-/// S, c and dS/ds, s = θ² = 4 h², of four h² at once.
+/// S, c and dS/ds from four h² = (θ/2)² at once, s = θ².
 #[inline(always)]
 pub(crate) fn half_sincs_cosines_and_slopes<S: Simd>(h2: f64x4<S>) -> [f64x4<S>; 3] {
     let nothing = h2 * 0.0;
@@ -63,7 +63,7 @@ pub(crate) fn half_sincs_cosines_and_slopes<S: Simd>(h2: f64x4<S>) -> [f64x4<S>;
     [sinc, cosine, slope]
 }
 
-/// dS/ds, s = θ².
+/// dS/ds from s = θ², S and c.
 fn half_sinc_slope(s: f64, [half_sinc, half_cosine]: [f64; 2]) -> f64 {
     if s < SERIES_BELOW {
         let h = 0.25 * s;
@@ -73,7 +73,7 @@ fn half_sinc_slope(s: f64, [half_sinc, half_cosine]: [f64; 2]) -> f64 {
     }
 }
 
-/// S and c of each section's h².
+/// S and c of each section from its h² = (θ/2)².
 #[inline(always)]
 fn half_sincs_and_cosines(h2: &[f64; SECTIONS]) -> [[f64; SECTIONS]; 2] {
     if h2.iter().all(|&h2| h2 < SUMMED_BELOW) {
@@ -114,13 +114,14 @@ impl Arc {
         Self::with(x, y, length, half_sinc_and_cosine(0.25 * square))
     }
 
-    /// All sections together, to the bit as one by one.
+    /// All sections of a configuration (rad) together, the same bits as by [`Self::new`].
     #[inline(always)]
     pub(crate) fn of_sections(
         lengths: &[f64; SECTIONS],
-        shape: &Configuration,
+        configuration: &Configuration,
     ) -> [Self; SECTIONS] {
-        let pairs: [[f64; 2]; SECTIONS] = std::array::from_fn(|i| [shape[2 * i], shape[2 * i + 1]]);
+        let pairs: [[f64; 2]; SECTIONS] =
+            std::array::from_fn(|i| [configuration[2 * i], configuration[2 * i + 1]]);
         let [sincs, cosines] = half_sincs_and_cosines(&pairs.map(|[x, y]| 0.25 * (x * x + y * y)));
         std::array::from_fn(|i| {
             let [x, y] = pairs[i];
@@ -140,7 +141,7 @@ impl Arc {
         }
     }
 
-    /// The part from the base to a fraction.
+    /// The part of the section from its base to a fraction of it.
     pub(crate) fn part(&self, fraction: f64) -> Self {
         Self::new(fraction * self.x, fraction * self.y, fraction * self.length)
     }
@@ -153,7 +154,7 @@ impl Arc {
         0.5 * self.half_sinc * self.half_sinc
     }
 
-    /// dA/ds and dB/ds, s = θ².
+    /// dA/ds and dB/ds at s = θ².
     fn slopes(&self) -> (f64, f64) {
         let s = self.angle * self.angle;
         let half_sinc_slope = half_sinc_slope(s, [self.half_sinc, self.half_cosine]);
@@ -206,7 +207,7 @@ impl Arc {
         Vector3::new(a * self.y, -a * self.x, 1.0 - b * square)
     }
 
-    /// The middle in the section's base frame; needs no further sine.
+    /// The section's middle in its base frame, without another sine.
     pub(crate) fn middle(&self) -> Vector3<f64> {
         let b = 0.5 * self.half_sinc * self.half_sinc / (1.0 + self.half_cosine);
         Vector3::new(b * self.y, -b * self.x, self.half_sinc) * (0.5 * self.length)

@@ -1,7 +1,7 @@
 //! Tendon lengths: linear in the configuration (docs/robot.md "Tendons").
 
 use crate::{Configuration, DOF, SECTIONS};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 use thiserror::Error;
 
 /// One tendon.
@@ -125,13 +125,15 @@ impl TendonMap {
     /// Writes Δl = A ζ (or its time derivatives for those of ζ) into `out`, one number a tendon; allocates nothing.
     ///
     /// Only as many tendons are written as `out` has room for; what it has beyond [`Self::count`] stays.
-    pub fn lengths(&self, shape: &Configuration, out: &mut [f64]) {
+    pub fn lengths(&self, configuration: &Configuration, out: &mut [f64]) {
         for (j, length) in out.iter_mut().enumerate().take(self.count()) {
-            *length = (0..DOF).map(|k| self.matrix[(j, k)] * shape[k]).sum();
+            *length = (0..DOF)
+                .map(|k| self.matrix[(j, k)] * configuration[k])
+                .sum();
         }
     }
 
-    /// ζ = A⁺ Δl, rad: the shape that fits the lengths best; allocates nothing.
+    /// ζ = A⁺ Δl, rad: the configuration that fits the lengths best; allocates nothing.
     ///
     /// # Panics
     /// If there are more lengths than tendons.
@@ -146,16 +148,16 @@ impl TendonMap {
         })
     }
 
-    /// ‖(I − A A⁺) Δl‖, a length: how far the lengths are from any shape; a slack or broken tendon shows here.
+    /// ‖(I − A A⁺) Δl‖, a length: how far tendon lengths are from those of every configuration, as with a slack or broken tendon.
     ///
     /// # Panics
     /// If there are more lengths than tendons.
     #[must_use]
     pub fn slack_residual(&self, lengths: &[f64]) -> f64 {
-        let shape = self.configuration(lengths);
+        let configuration = self.configuration(lengths);
         let fitted = |j: usize| {
             (0..DOF)
-                .map(|k| self.matrix[(j, k)] * shape[k])
+                .map(|k| self.matrix[(j, k)] * configuration[k])
                 .sum::<f64>()
         };
         lengths
@@ -164,13 +166,6 @@ impl TendonMap {
             .map(|(j, l)| (l - fitted(j)).powi(2))
             .sum::<f64>()
             .sqrt()
-    }
-
-    /// Ratio of the largest to the smallest singular value of A.
-    #[must_use]
-    pub fn condition_number(&self) -> f64 {
-        let values: DVector<f64> = self.matrix.singular_values();
-        values.max() / values.min()
     }
 }
 

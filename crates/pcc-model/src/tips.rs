@@ -19,10 +19,10 @@ pub struct MovingTips<S: Simd> {
 }
 
 impl<S: Simd> MovingTips<S> {
-    /// Those of four configurations, component by component, radians.
+    /// The tips of four configurations (`[row][lane]`, radians) of a robot with these section lengths.
     #[inline(always)]
-    pub(crate) fn of(lengths: &[f64; SECTIONS], shapes: &[f64x4<S>; DOF]) -> Self {
-        let [x1, y1, x2, y2, x3, y3] = *shapes;
+    pub(crate) fn of(lengths: &[f64; SECTIONS], configurations: &[f64x4<S>; DOF]) -> Self {
+        let [x1, y1, x2, y2, x3, y3] = *configurations;
         let first = Bends::new(lengths[0], x1, y1);
         let second = Bends::new(lengths[1], x2, y2);
         let third = Bends::new(lengths[2], x3, y3);
@@ -47,15 +47,19 @@ impl<S: Simd> MovingTips<S> {
     }
 }
 
-/// The tips of `shapes`, base frame.
-pub(crate) fn tips_of(lengths: &[f64; SECTIONS], shapes: &[Configuration]) -> Vec<Point> {
-    dispatch!(Level::new(), simd => tips_at(simd, lengths, shapes))
+/// Positions of the tips of `configurations` (rad) of a robot with these section lengths, base frame.
+pub(crate) fn tips_of(lengths: &[f64; SECTIONS], configurations: &[Configuration]) -> Vec<Point> {
+    dispatch!(Level::new(), simd => tips_at(simd, lengths, configurations))
 }
 
 #[inline(always)]
-fn tips_at<S: Simd>(simd: S, lengths: &[f64; SECTIONS], shapes: &[Configuration]) -> Vec<Point> {
-    let mut tips = Vec::with_capacity(shapes.len());
-    for some in shapes.chunks(LANES) {
+fn tips_at<S: Simd>(
+    simd: S,
+    lengths: &[f64; SECTIONS],
+    configurations: &[Configuration],
+) -> Vec<Point> {
+    let mut tips = Vec::with_capacity(configurations.len());
+    for some in configurations.chunks(LANES) {
         let mut four = [some[0]; LANES];
         four[..some.len()].copy_from_slice(some);
         let components = side_by_side(simd, &four);
@@ -76,7 +80,7 @@ struct Bends<S: Simd> {
     y: f64x4<S>,
     a: f64x4<S>,
     b: f64x4<S>,
-    /// 2 dA/ds and 2 dB/ds, s = θ².
+    /// 2 dA/ds and 2 dB/ds at s = θ².
     slopes: [f64x4<S>; 2],
 }
 
@@ -95,14 +99,14 @@ impl<S: Simd> Bends<S> {
         }
     }
 
-    /// p, the end as the base sees it.
+    /// p, the end of the section in its base frame.
     #[inline(always)]
     fn end(&self) -> [f64x4<S>; 3] {
         let b = self.b * self.length;
         [b * self.y, -(b * self.x), self.a * self.length]
     }
 
-    /// p + R v: a point that the end sees at `v`, as the base sees it.
+    /// p + R v: a point given in the frame of the section's end, in its base frame.
     #[inline(always)]
     fn carry(&self, v: &[f64x4<S>; 3]) -> [f64x4<S>; 3] {
         let (x, y, a, b) = (self.x, self.y, self.a, self.b);
@@ -115,7 +119,7 @@ impl<S: Simd> Bends<S> {
         ]
     }
 
-    /// w × v.
+    /// w × v with w = (x, y, 0).
     #[inline(always)]
     fn turning(&self, v: &[f64x4<S>; 3]) -> [f64x4<S>; 3] {
         let (x, y) = (self.x, self.y);
@@ -147,7 +151,7 @@ impl<S: Simd> Bends<S> {
         ]
     }
 
-    /// The rows of R.
+    /// The rows of R, the rotation from the section's base to its end.
     #[inline(always)]
     fn rotation(&self) -> [[f64x4<S>; 3]; 3] {
         let (x, y) = (self.x, self.y);
@@ -161,7 +165,7 @@ impl<S: Simd> Bends<S> {
     }
 }
 
-/// R v.
+/// The product R v, `rotation` row by row.
 #[inline(always)]
 fn turned<S: Simd>(rotation: &[[f64x4<S>; 3]; 3], v: &[f64x4<S>; 3]) -> [f64x4<S>; 3] {
     let [first, second, third] = rotation;

@@ -10,7 +10,7 @@ use crate::plan::Plan;
 use crate::problem::Problem;
 use crate::request::{Guidance, Interrupt, Request, Supervision};
 use crate::resources::{Models, Resources};
-use pcc_model::Robot;
+use pcc_model::{Robot, UnitRobot};
 
 /// The planner, resident: the unit robot, the models, and worker threads.
 pub struct Planner {
@@ -24,8 +24,8 @@ impl Planner {
     /// # Errors
     /// [`PlannerError::UnequalSections`] or [`PlannerError::Threads`].
     pub fn new(robot: &Robot, mut models: Models, threads: usize) -> Result<Self, PlannerError> {
-        let length = robot
-            .equal_section_length()
+        let unit_robot = robot
+            .to_unit()
             .ok_or(PlannerError::UnequalSections(robot.section_lengths))?;
         let workers = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
@@ -36,14 +36,14 @@ impl Planner {
             diffusion.prepare(workers.current_num_threads());
         }
         Ok(Self {
-            resources: Resources::new(robot.scaled(1.0 / length), models),
+            resources: Resources::new(unit_robot, models),
             workers,
         })
     }
 
     /// The robot in units of its section length.
     #[must_use]
-    pub fn robot(&self) -> &Robot {
+    pub fn robot(&self) -> &UnitRobot {
         &self.resources.robot
     }
 
@@ -145,7 +145,7 @@ impl Planner {
     }
 
     /// The robot whose tubes are padded as a request demands.
-    fn padded(&self, request: &Request) -> Robot {
+    fn padded(&self, request: &Request) -> UnitRobot {
         self.resources.robot.with_tube_padding(&request.padding)
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::error::Infeasible;
 use collision::Scene;
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, UnitRobot};
 
 /// Where the motion ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,7 +35,7 @@ impl Problem {
     ///
     /// # Errors
     /// [`Infeasible::StartOutOfLimits`] or [`Infeasible::StartInCollision`].
-    pub fn check_start(&self, robot: &Robot) -> Result<(), Infeasible> {
+    pub fn check_start(&self, robot: &UnitRobot) -> Result<(), Infeasible> {
         let excess_rad = robot.limit_excess(&self.start);
         if excess_rad > BENDING_SLACK_RAD {
             return Err(Infeasible::StartOutOfLimits {
@@ -54,7 +54,7 @@ impl Problem {
 
     /// The tip position the motion ends at, base frame, section lengths.
     #[must_use]
-    pub fn goal_tip(&self, robot: &Robot) -> Point {
+    pub fn goal_tip(&self, robot: &UnitRobot) -> Point {
         match &self.goal {
             Goal::Tip(tip) => *tip,
             Goal::Configuration(configuration) => robot.tip(configuration),

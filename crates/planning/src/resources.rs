@@ -7,7 +7,7 @@ use crate::optimize::tip_path::TipPaths;
 use crate::path::sine_basis::SineBasis;
 use crate::request::Sampler;
 use denoiser::FastModel;
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 
 /// The learned models of a planner; a request for one that is not loaded is refused.
 #[derive(Default)]
@@ -37,7 +37,7 @@ impl Models {
 
 /// The unit robot, the models and tables, shared by all requests.
 pub(crate) struct Resources {
-    pub(crate) robot: Robot,
+    pub(crate) robot: UnitRobot,
     pub(crate) models: Models,
     pub(crate) basis: SineBasis,
     pub(crate) kernel: PushKernel,
@@ -46,7 +46,7 @@ pub(crate) struct Resources {
 
 impl Resources {
     /// For a robot whose sections have length 1.
-    pub(crate) fn new(robot: Robot, models: Models) -> Self {
+    pub(crate) fn new(robot: UnitRobot, models: Models) -> Self {
         let basis = SineBasis::new();
         Self {
             robot,

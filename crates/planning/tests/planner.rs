@@ -6,7 +6,7 @@ mod requests;
 use collision::{Ball, Scene};
 use datasets::scenes::{Setting, Target, draw_target, reference_layout};
 use denoiser::{Manifest, Precision, Solver, TemporalUnet};
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, Robot, UnitRobot};
 use planning::{
     Candidate, DiffusionModel, DiffusionSettings, Failure, Goal, Guidance, Infeasible, Models,
     Plan, Planner, PlannerError, Problem, Request, Sampler,
@@ -14,9 +14,10 @@ use planning::{
 use requests::request;
 use std::path::Path;
 
-fn robot() -> Robot {
+fn robot() -> UnitRobot {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
-    Robot::from_file(Path::new(file)).unwrap()
+    let robot = Robot::from_file(Path::new(file)).unwrap();
+    robot.to_unit().unwrap()
 }
 
 fn plan(planner: &Planner, problem: &Problem, request: &Request) -> Result<Plan, PlannerError> {
@@ -58,7 +59,7 @@ const CLASSICAL: [Sampler; 4] = [
 ];
 
 /// The first problems of a setting, from starts that are bent: the tip of a straight robot can set out sideways only.
-fn problems(robot: &Robot, setting: Setting, count: usize) -> Vec<Problem> {
+fn problems(robot: &UnitRobot, setting: Setting, count: usize) -> Vec<Problem> {
     let targets = (0..).filter_map(|index| draw_target(robot, setting, 5, index));
     let problem = |target: Target| Problem {
         start: target.starts[target.starts.len() - 1],

@@ -7,7 +7,7 @@ mod shipped;
 use collision::{Ball, Scene, Solid, VoxelGrid, certify_trajectory};
 use denoiser::FeatureFrame;
 use nalgebra::Isometry3;
-use pcc_model::{Configuration, Point, Robot, SECTIONS};
+use pcc_model::{Configuration, Point, Robot, SECTIONS, UnitRobot};
 use planning::{
     BALL_FEATURES, Candidate, Goal, Infeasible, PlannerError, Problem, Request, Sampler, features,
     residual_coefficients, straight_path,
@@ -24,8 +24,9 @@ fn at_root(path: &str) -> std::path::PathBuf {
         .join(path)
 }
 
-fn robot() -> Robot {
-    Robot::from_file(&at_root("config/robots/unit.toml")).unwrap()
+fn robot() -> UnitRobot {
+    let robot = Robot::from_file(&at_root("config/robots/unit.toml")).unwrap();
+    robot.to_unit().unwrap()
 }
 
 fn request(sampler: Sampler) -> Request {

@@ -1,11 +1,9 @@
 //! Time parameterization: from waypoints to a motion within the tendons' limits.
 
-pub(crate) mod end_motion;
 pub(crate) mod error;
 pub(crate) mod grid_point;
 pub(crate) mod interval;
 pub(crate) mod jerk;
-pub(crate) mod moving_ends;
 pub(crate) mod options;
 pub(crate) mod placement;
 pub(crate) mod tendon_path;

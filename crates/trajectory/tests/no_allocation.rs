@@ -6,7 +6,7 @@ use pcc_model::{Configuration, Robot};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::path::Path;
-use trajectory::{EndMotion, EndMotions, ParameterizationOptions, TimeParameterizer};
+use trajectory::{ParameterizationOptions, TimeParameterizer};
 
 thread_local! {
     /// Of this thread, whose test counts them.
@@ -40,7 +40,7 @@ fn path(index: usize) -> Vec<Configuration> {
 }
 
 #[test]
-fn a_warm_allocator_allocates_its_results_alone() {
+fn a_warm_time_parameterizer_allocates_its_results_alone() {
     let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
     let robot = Robot::from_file(Path::new(file)).unwrap();
     let paths: Vec<_> = (0..20).map(path).collect();
@@ -58,34 +58,4 @@ fn a_warm_allocator_allocates_its_results_alone() {
     };
     assert!(count(&paths) > paths.len(), "the counter counts");
     assert_eq!(count(&paths), paths.len(), "one each: its knots");
-}
-
-#[test]
-fn so_does_one_whose_motions_begin_moving() {
-    let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../config/robots/unit.toml");
-    let robot = Robot::from_file(Path::new(file)).unwrap();
-    let path = path(3);
-    let start = EndMotion {
-        velocity: (path[1] - path[0]) * 0.5,
-        ..EndMotion::default()
-    };
-    let ends = EndMotions {
-        start,
-        ..EndMotions::default()
-    };
-    let mut parameterizer = TimeParameterizer::default();
-    let mut count = || {
-        let before = ALLOCATIONS.get();
-        let (limits, options) = (&robot.tendon_limits, ParameterizationOptions::default());
-        let motion =
-            parameterizer.parameterize_between(&path, &ends, &robot.tendons, limits, &options);
-        assert_eq!(motion.unwrap().knots()[0].velocity, start.velocity);
-        ALLOCATIONS.get() - before
-    };
-    assert!(count() > 1, "the counter counts");
-    let again = count();
-    assert!(
-        (1..=3).contains(&again),
-        "its knots, once for each margin tried: {again}"
-    );
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use trajectory::{RateLaw, Trajectory};
 
 /// Time from a reason to stop until the controller brakes, s: its state is up to 20 ms old, and the order has to arrive.
@@ -12,7 +12,7 @@ const ORDER_DELAY_S: f64 = 0.05;
 #[derive(Clone, Debug)]
 pub(crate) struct ExecutionRules {
     /// The robot in units of its section length, its tubes padded by what covers the path tolerance.
-    pub(crate) padded: Robot,
+    pub(crate) padded: UnitRobot,
     pub(crate) section_length_m: f64,
     /// Tracking error that the certificate covers, rad in each bending pair.
     pub(crate) path_tolerance_rad: f64,

@@ -1,6 +1,6 @@
 //! The certificates of the rest of a motion: the scenes and the timing for which each holds.
 
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use trajectory::Trajectory;
 
 use super::moving_ball_cover::{Stretch, Timing};
@@ -63,7 +63,7 @@ impl Certificates {
 #[derive(Clone, Copy)]
 pub(crate) struct RemainingMotion<'a> {
     /// In units of the section length, its tubes padded by what covers the path tolerance.
-    pub(crate) padded: &'a Robot,
+    pub(crate) padded: &'a UnitRobot,
     pub(crate) motion: &'a Trajectory,
     /// Path time that has passed for certain, s.
     pub(crate) from_s: f64,

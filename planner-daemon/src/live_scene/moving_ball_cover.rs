@@ -9,7 +9,7 @@
 //! certificate. That piece of its way is covered by balls that move along with it.
 
 use collision::{Ball, MovingBall};
-use pcc_model::{Point, Robot};
+use pcc_model::{Point, UnitRobot};
 
 /// Slowest rate of a motion that the positions of moving balls are computed for.
 const MIN_RATE: f64 = 0.05;
@@ -86,7 +86,7 @@ impl MovingBallCover {
     pub(crate) fn cover_all(
         &self,
         balls: &[MovingBall],
-        padded: &Robot,
+        padded: &UnitRobot,
         path_times_s: [f64; 2],
     ) -> Vec<MovingBall> {
         let length: f64 = padded.section_lengths.iter().sum();

@@ -1,8 +1,6 @@
 //! The newest accepted scene of a source in the planner's units, and its certification.
 
-use collision::{
-    Ball, MovingBall, Scene, SceneError, Verdict, certify_moving_until, certify_trajectory,
-};
+use collision::{Ball, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory};
 use pcc_model::Point;
 use shared_types::message;
 use shared_types::valid;
@@ -89,7 +87,7 @@ impl RetainedScene {
         };
         let times = [rest.from_s, stretch.until_s];
         let balls = cover.cover_all(&self.moving, rest.padded, times);
-        let verdict = certify_moving_until(rest.padded, &balls, rest.motion, times);
+        let verdict = certify_moving(rest.padded, &balls, rest.motion, times);
         (verdict, stretch)
     }
 }

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::{LoanError, SendError};
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use planning::{Candidate, Failure, Goal, Plan, PlannerError, Source, select};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::{Outcome, Stage};
@@ -57,7 +57,7 @@ impl Answer {
     pub(crate) fn of_plan(
         task: &PlanTask,
         planned: Planned,
-        robot: &Robot,
+        robot: &UnitRobot,
         section_length_m: f64,
     ) -> Self {
         match planned {
@@ -73,7 +73,7 @@ impl Answer {
     pub(crate) fn early(
         task: &PlanTask,
         candidates: Vec<Candidate>,
-        robot: &Robot,
+        robot: &UnitRobot,
         section_length_m: f64,
     ) -> Self {
         let reason = format!(
@@ -88,7 +88,7 @@ impl Answer {
         answer
     }
 
-    fn certified(task: &PlanTask, plan: Plan, robot: &Robot, section_length_m: f64) -> Self {
+    fn certified(task: &PlanTask, plan: Plan, robot: &UnitRobot, section_length_m: f64) -> Self {
         let keep: Vec<bool> = plan
             .candidates
             .iter()
@@ -118,7 +118,7 @@ impl Answer {
     }
 
     /// Selects among the candidates and fills in their part of the report.
-    fn summarise(&mut self, task: &PlanTask, robot: &Robot, section_length_m: f64) {
+    fn summarise(&mut self, task: &PlanTask, robot: &UnitRobot, section_length_m: f64) {
         let selection = task.request.selection;
         let selected = select(&self.candidates, &task.problem.start, selection);
         self.report.selected = selected.map_or(NONE_SELECTED, |index| index as u32);
@@ -207,7 +207,7 @@ fn nanoseconds(duration: Duration) -> u64 {
 }
 
 /// Whether a candidate reaches the goal as closely as the client wants and fits the message and its share of the answer.
-pub(crate) fn is_deliverable(task: &PlanTask, candidate: &Candidate, robot: &Robot) -> bool {
+pub(crate) fn is_deliverable(task: &PlanTask, candidate: &Candidate, robot: &UnitRobot) -> bool {
     let goal_tip = task.problem.goal_tip(robot);
     (robot.tip(&candidate.end()) - goal_tip).norm() <= task.tip_tolerance
         && candidate.trajectory.knots().len() <= task.request.knots

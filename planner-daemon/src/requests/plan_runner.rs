@@ -12,7 +12,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use planning::{Candidate, Plan, Planner, PlannerError, Problem, Request, Supervision};
 use rustix::event::{EventfdFlags, eventfd};
 
@@ -95,7 +95,7 @@ impl PlanRunner {
     }
 
     /// The robot in units of its section length.
-    pub(crate) fn robot(&self) -> &Robot {
+    pub(crate) fn robot(&self) -> &UnitRobot {
         self.planner.robot()
     }
 

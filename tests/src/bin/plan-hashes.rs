@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail};
 use client::Client;
 use datasets::scenes::{Setting, Target, draw_target};
-use pcc_model::Robot;
+use pcc_model::UnitRobot;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use shared_types::codes::{Sampler, Selection};
@@ -54,7 +54,7 @@ fn main() -> anyhow::Result<()> {
     let mut client = Client::connect(&world.options)?;
     let served = client.wait_for_daemon(PATIENCE);
     served.with_context(|| daemon.log())?;
-    let requests = requests(&world.robot, arguments.count);
+    let requests = requests(&world.unit_robot(), arguments.count);
     for sampler in arguments.samplers {
         for request in &requests {
             let line = answered(&mut client, sampler, request);
@@ -122,8 +122,11 @@ fn start(program: &Path) -> (World, Process) {
 }
 
 /// The requests that every sampler is asked; the seed of each is its index.
-fn requests(robot: &Robot, count: usize) -> Vec<PlanRequest> {
+fn requests(robot: &UnitRobot, count: usize) -> Vec<PlanRequest> {
     let mut rng = Pcg64::seed_from_u64(SEED);
+    let robot = &robot
+        .to_unit()
+        .expect("the unit robot's sections are equally long");
     let mut kinds = SETTINGS.map(|setting| {
         let targets = (0..).filter_map(move |index| draw_target(robot, setting, SEED, index));
         targets.flat_map(pairs)

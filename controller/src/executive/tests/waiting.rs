@@ -4,7 +4,7 @@ use shared_types::codes::{CommandRefusal, LoopFault, LoopState, Refusal};
 
 use super::state;
 use crate::{
-    executive::{BeginWindow, Heard, is_wanted},
+    executive::{BeginWindow, GuardState, check_still_valid},
     fixtures::{MS, World, curved_motion, target_configuration},
 };
 
@@ -25,12 +25,12 @@ fn waiting() -> World {
 }
 
 /// Makes a cycle as the loop does, `elapsed_ns` after the one before. Returns why a trajectory was refused in it, if one was.
-fn cycle(world: &mut World, elapsed_ns: i64, heard: &Heard) -> Option<Refusal> {
+fn cycle(world: &mut World, elapsed_ns: i64, heard: &GuardState) -> Option<Refusal> {
     let now_ns = world.now_ns + elapsed_ns;
     let window = WINDOW.of_waiting();
-    let refused = world
-        .executive
-        .refuse_due(now_ns, |motion| is_wanted(motion, now_ns, heard, &window));
+    let refused = world.executive.refuse_due(now_ns, |motion| {
+        check_still_valid(motion, now_ns, heard, &window)
+    });
     world.last = None;
     world.cycle(elapsed_ns);
     refused.map(|(reason, _)| reason.code())
@@ -61,7 +61,7 @@ fn a_trajectory_begins_late_after_a_pause_and_is_refused_after_a_long_one() {
         (5_000, Some(Refusal::BeginsInThePast)),
     ] {
         let mut world = waiting();
-        let refused = cycle(&mut world, pause_ms * MS, &Heard::default());
+        let refused = cycle(&mut world, pause_ms * MS, &GuardState::default());
         assert_eq!(refused, refusal, "{pause_ms} ms");
         let last = world.last.unwrap();
         let expected = match refusal {
@@ -75,7 +75,7 @@ fn a_trajectory_begins_late_after_a_pause_and_is_refused_after_a_long_one() {
 #[test]
 fn a_trajectory_that_has_come_to_be_unwanted_is_refused_when_it_is_to_begin() {
     let mut world = waiting();
-    let heard = Heard {
+    let heard = GuardState {
         wanted_from_ns: 1,
         daemon_instance: None,
     };

@@ -1,7 +1,7 @@
 //! The certificate for a chain of curves: bisection in time.
 //!
-//! Where the clearances at the ends of an interval and the bounds on the body's way between them ([`MotionBound`]) leave room
-//! for contact, the interval is halved, to a depth, and only the sections that may touch are looked at further; what stays
+//! Where the clearances at the ends of an interval and the bounds on the body's motion between them ([`MotionBound`]) leave room
+//! for contact, the interval is halved, to a depth, and only the sections that may touch are measured further; what stays
 //! undecided counts as colliding. Nothing here allocates.
 
 use crate::certify::motion_bound::MotionBound;
@@ -13,21 +13,22 @@ use trajectory::{Knot, QuinticSegment};
 /// Pieces whose bounds are kept at once, on the stack.
 const BLOCK: usize = 48;
 
-/// What a motion is certified against.
+/// Obstacles that a motion is certified against.
 pub(crate) trait Obstacles {
-    /// Clearances at one instant.
+    /// The body's clearances from the obstacles at one instant.
     type Clearances;
 
-    /// Those of the chosen sections; +∞ for the others, which hold only within an interval in which these cannot touch.
+    /// Clearances of the chosen sections at `time`, s; +∞ for the others, which holds only within an interval in which those
+    /// cannot touch.
     fn clearances(
         &self,
-        shape: &Configuration,
+        configuration: &Configuration,
         backbone: &Backbone,
         time: f64,
         chosen: &Chosen,
     ) -> Self::Clearances;
 
-    /// Whether there is contact.
+    /// Whether a section touches an obstacle.
     fn touch(clearances: &Self::Clearances) -> bool;
 
     /// The sections to which the clearances at both ends of an interval leave room for contact during it.
@@ -54,7 +55,7 @@ impl Piece {
         }
     }
 
-    /// A straight edge, passed in unit time.
+    /// A straight edge from time `begin` on, passed in unit time.
     pub(crate) fn edge(from: &Configuration, to: &Configuration, begin: f64) -> Self {
         let step = (to - from) * 0.2;
         let duration = 1.0;
@@ -72,7 +73,7 @@ impl Piece {
         }
     }
 
-    /// What is left from `time` on, which is clamped to the piece (de Casteljau).
+    /// The part of the piece from `time` on, which is clamped to the piece (de Casteljau).
     pub(crate) fn remaining(&self, time: f64) -> Self {
         let passed = (time - self.begin).clamp(0.0, self.curve.duration);
         let fraction = passed / self.curve.duration;
@@ -92,16 +93,12 @@ impl Piece {
     fn halves(&self) -> (Self, Self) {
         let (first, second) = self.curve.halves();
         let middle = self.begin + first.duration;
-        (
-            Self {
-                begin: self.begin,
-                curve: first,
-            },
-            Self {
-                begin: middle,
-                curve: second,
-            },
-        )
+        let (begin, curve) = (self.begin, first);
+        let second = Self {
+            begin: middle,
+            curve: second,
+        };
+        (Self { begin, curve }, second)
     }
 
     fn start(&self) -> &Configuration {
@@ -119,28 +116,6 @@ pub(crate) struct Certifier<'a, O> {
     pub(crate) obstacles: O,
     /// Whether there may be corners where pieces meet.
     pub(crate) has_corners: bool,
-}
-
-/// Some pieces of a chain, from index `first` on.
-struct Run<'a> {
-    first: usize,
-    bounds: &'a [MotionBound],
-}
-
-impl Run<'_> {
-    fn halves(&self) -> (Self, Self) {
-        let (bounds, later_bounds) = self.bounds.split_at(self.bounds.len() / 2);
-        (
-            Self {
-                first: self.first,
-                bounds,
-            },
-            Self {
-                first: self.first + bounds.len(),
-                bounds: later_bounds,
-            },
-        )
-    }
 }
 
 impl<O: Obstacles> Certifier<'_, O> {
@@ -162,11 +137,7 @@ impl<O: Obstacles> Certifier<'_, O> {
             if O::touch(&to) {
                 return Verdict::Colliding { at: last.end() };
             }
-            let run = Run {
-                first,
-                bounds: &bounds[..length],
-            };
-            let verdict = self.run(piece, &run, &from, &to);
+            let verdict = self.pieces(piece, first, &bounds[..length], [&from, &to]);
             if !verdict.is_free() {
                 return verdict;
             }
@@ -175,22 +146,29 @@ impl<O: Obstacles> Certifier<'_, O> {
         Verdict::Free
     }
 
-    fn clearances(&self, shape: &Configuration, time: f64, chosen: &Chosen) -> O::Clearances {
-        let backbone = self.robot.backbone(shape);
-        self.obstacles.clearances(shape, &backbone, time, chosen)
+    fn clearances(
+        &self,
+        configuration: &Configuration,
+        time: f64,
+        chosen: &Chosen,
+    ) -> O::Clearances {
+        let backbone = self.robot.backbone(configuration);
+        self.obstacles
+            .clearances(configuration, &backbone, time, chosen)
     }
 
-    fn run(
+    /// Certifies the pieces from index `first` on that have these bounds, between clearances at their two ends.
+    fn pieces(
         &self,
         piece: &impl Fn(usize) -> Piece,
-        run: &Run<'_>,
-        from: &O::Clearances,
-        to: &O::Clearances,
+        first: usize,
+        bounds: &[MotionBound],
+        [from, to]: [&O::Clearances; 2],
     ) -> Verdict {
-        if let [bound] = run.bounds {
-            return self.piece(&piece(run.first), bound, from, to, DEPTH);
+        if let [bound] = bounds {
+            return self.piece(&piece(first), bound, [from, to], DEPTH);
         }
-        let mut bound = run.bounds.iter().fold(MotionBound::REST, MotionBound::then);
+        let mut bound = MotionBound::of_successive(bounds);
         if self.has_corners {
             bound = bound.with_corner();
         }
@@ -198,24 +176,25 @@ impl<O: Obstacles> Certifier<'_, O> {
         if open == NO_SECTION {
             return Verdict::Free;
         }
-        let (earlier, later) = run.halves();
-        let middle = piece(later.first);
+        let (earlier, later) = bounds.split_at(bounds.len() / 2);
+        let second = first + earlier.len();
+        let middle = piece(second);
         let between = self.clearances(middle.start(), middle.begin, &open);
         if O::touch(&between) {
             return Verdict::Colliding { at: middle.begin };
         }
-        match self.run(piece, &earlier, from, &between) {
-            Verdict::Free => self.run(piece, &later, &between, to),
+        match self.pieces(piece, first, earlier, [from, &between]) {
+            Verdict::Free => self.pieces(piece, second, later, [&between, to]),
             found => found,
         }
     }
 
+    /// Certifies one piece, between clearances at its two ends, with at most `depth` bisections.
     fn piece(
         &self,
         piece: &Piece,
         bound: &MotionBound,
-        from: &O::Clearances,
-        to: &O::Clearances,
+        [from, to]: [&O::Clearances; 2],
         depth: u32,
     ) -> Verdict {
         let open = self.obstacles.may_touch(from, to, self.robot, bound);
@@ -232,8 +211,8 @@ impl<O: Obstacles> Certifier<'_, O> {
             return Verdict::Colliding { at };
         }
         let [earlier, later] = [&first, &second].map(|half| MotionBound::of_curve(&half.curve));
-        match self.piece(&first, &earlier, from, &between, depth - 1) {
-            Verdict::Free => self.piece(&second, &later, &between, to, depth - 1),
+        match self.piece(&first, &earlier, [from, &between], depth - 1) {
+            Verdict::Free => self.piece(&second, &later, [&between, to], depth - 1),
             found => found,
         }
     }

@@ -5,7 +5,7 @@ use crate::distance::chosen_sections::Chosen;
 use crate::scene::static_scene::Scene;
 use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
 
-/// Where the body is at one instant, and how clear each section of it that was looked at; +∞ for the others.
+/// Where the body is at one instant, and the clearance of each chosen section; +∞ for the others.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct BodyState {
     pub(crate) clearances: [f64; SECTIONS],
@@ -15,14 +15,14 @@ pub(crate) struct BodyState {
 impl BodyState {
     pub(crate) fn new(
         scene: &Scene,
-        shape: &Configuration,
+        configuration: &Configuration,
         backbone: &Backbone,
         tube_radii: &[f64; SECTIONS],
         chosen: &Chosen,
     ) -> Self {
         Self {
             clearances: scene.clearances_of(backbone, tube_radii, chosen),
-            pose: BackbonePose::new(shape, backbone),
+            pose: BackbonePose::new(configuration, backbone),
         }
     }
 
@@ -31,12 +31,12 @@ impl BodyState {
     }
 }
 
-/// What a tube's radius and the least radius of all obstacles make together, by section.
+/// The sum of each section's tube radius and the least radius of all obstacles.
 pub(crate) fn reach(robot: &Robot, scene: &Scene) -> [f64; SECTIONS] {
     robot.tube_radii.map(|tube| tube + scene.smallest_radius())
 }
 
-/// Lower bound of each section's clearance between two instants; `reach` as for [`Sweep::lowest`](crate::certify::motion_bound::Sweep).
+/// Lower bound of each section's clearance between two instants; `reach` is [`reach`]'s of the same robot and scene.
 pub(crate) fn lowest(
     robot: &Robot,
     bound: &MotionBound,
@@ -45,7 +45,7 @@ pub(crate) fn lowest(
     reach: &[f64; SECTIONS],
 ) -> [f64; SECTIONS] {
     let sweep = bound.sweep(robot, &from.pose, &to.pose);
-    std::array::from_fn(|k| sweep.lowest(k, from.clearances[k], to.clearances[k], reach[k], 0.0))
+    std::array::from_fn(|k| sweep.lowest(k, [from.clearances[k], to.clearances[k]], reach[k], 0.0))
 }
 
 /// The sections for which these lower bounds leave room for contact.

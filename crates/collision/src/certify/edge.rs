@@ -9,13 +9,13 @@ use arrayvec::ArrayVec;
 use pcc_model::{Configuration, Robot, SECTIONS};
 
 /// Levels of bisection at which all open intervals are halved before any is halved again: contact is found soonest where the
-/// whole edge is looked at coarsely first.
+/// whole edge is measured coarsely first.
 const COARSE_LEVELS: u32 = 3;
-/// Open intervals of such a level at most.
+/// The most open intervals of a coarse level.
 const COARSE: usize = 1 << COARSE_LEVELS;
 
-/// Certifies a straight move in configuration space, with at most `depth` bisections; places are fractions of it, and contact is
-/// told where it is found, not where it begins.
+/// Certifies the straight move from configuration `a` to `b` (rad), with at most `depth` bisections; places are fractions of it, and
+/// contact is reported where it is found, not where it begins.
 #[must_use]
 pub fn certify_edge(
     robot: &Robot,
@@ -47,7 +47,7 @@ struct Edge<'a> {
     a: &'a Configuration,
     b: &'a Configuration,
     reach: [f64; SECTIONS],
-    /// Of the whole edge, passed in unit time.
+    /// Bounds on the motion along the whole edge, passed in unit time.
     bound: MotionBound,
 }
 
@@ -121,12 +121,12 @@ impl Edge<'_> {
         ])
     }
 
-    /// Contact of a chosen section there is an error.
+    /// The body at a fraction of the edge; contact of a chosen section there is an error.
     fn place(&self, at: f64, chosen: &Chosen) -> Result<Place, Verdict> {
-        let shape = self.a.lerp(self.b, at);
-        let backbone = self.robot.backbone(&shape);
+        let configuration = self.a.lerp(self.b, at);
+        let backbone = self.robot.backbone(&configuration);
         let tube_radii = &self.robot.tube_radii;
-        let body = BodyState::new(self.scene, &shape, &backbone, tube_radii, chosen);
+        let body = BodyState::new(self.scene, &configuration, &backbone, tube_radii, chosen);
         if body.touches() {
             return Err(Verdict::Colliding { at });
         }

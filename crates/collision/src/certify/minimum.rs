@@ -11,9 +11,9 @@ use trajectory::{QuinticSegment, Trajectory};
 /// Finest tolerance, as a part of the robot's length: below it the search would only measure rounding.
 const FINEST_TOLERANCE: f64 = 1e-6;
 
-/// Smallest clearance over the body and the motion, in the robot's unit of length: never above the true minimum, and at most
-/// `tolerance` below it, or below what the distances to solids tell of it (they are up to a thousandth of a section and a
-/// twentieth of the clearance too low). +∞ in an empty scene.
+/// Smallest clearance over the body and the motion, in the robot's unit of length: never above the true minimum, and below it by
+/// at most `tolerance`, and near solids by up to a thousandth of a section and a twentieth of the clearance more. +∞ in an empty
+/// scene.
 ///
 /// `tolerance` is a length, and taken as 1e-6 of the robot's length if it is smaller.
 #[must_use]
@@ -29,9 +29,9 @@ pub fn minimum_clearance(
 }
 
 /// Certifies the executed curve for `padded`, the same robot with thicker tubes, and finds the [`minimum_clearance`] of the robot
-/// itself, in one search. None where the padded robot touches something, or there is too little room to tell; +∞ in an empty scene.
+/// itself, in one search. None where the padded robot touches something, or comes too close to decide; +∞ in an empty scene.
 ///
-/// The distances to solids are told as accurately as the clearance of the padded robot needs.
+/// Distances to solids are as accurate as the clearance of the padded robot needs.
 #[must_use]
 pub fn certified_clearance(
     robot: &Robot,
@@ -49,8 +49,8 @@ pub fn certified_clearance(
     search.is_free.then(|| search.least())
 }
 
-/// What is not a number bounds nothing.
-fn number(lowest: f64) -> f64 {
+/// The lower bound, or −∞ where it is NaN.
+fn or_unbounded(lowest: f64) -> f64 {
     if lowest.is_nan() {
         f64::NEG_INFINITY
     } else {
@@ -58,28 +58,25 @@ fn number(lowest: f64) -> f64 {
     }
 }
 
-/// Segments of a motion that follow each other; at least one.
+/// Segments of a motion that follow each other, at least one, with their bounds.
 #[derive(Clone, Copy)]
-struct Run<'a> {
-    segments: &'a [QuinticSegment],
+struct Segments<'a> {
+    curves: &'a [QuinticSegment],
     bounds: &'a [MotionBound],
 }
 
-impl Run<'_> {
+impl Segments<'_> {
     fn split_at(&self, count: usize) -> (Self, Self) {
-        let (segments, later_segments) = self.segments.split_at(count);
-        let (bounds, later_bounds) = self.bounds.split_at(count);
-        let later = Self {
-            segments: later_segments,
-            bounds: later_bounds,
-        };
-        (Self { segments, bounds }, later)
+        let curves = self.curves.split_at(count);
+        let bounds = self.bounds.split_at(count);
+        let part = |curves, bounds| Self { curves, bounds };
+        (part(curves.0, bounds.0), part(curves.1, bounds.1))
     }
 }
 
 /// An interval of the motion.
 struct Interval<'a> {
-    run: Run<'a>,
+    segments: Segments<'a>,
     from: BodyState,
     to: BodyState,
     /// Lower bounds of the clearance of each section during it; +∞ for a section that is not refined further.
@@ -92,17 +89,18 @@ impl Interval<'_> {
     }
 }
 
+/// A branch-and-bound search for the smallest clearance.
 struct Search<'a> {
-    /// With the tubes that bounds are told for.
+    /// The robot whose clearances are bounded, with padded tubes.
     padded: &'a Robot,
     scene: &'a Scene,
     reach: [f64; SECTIONS],
-    /// How much thicker these are than those whose clearance is sought.
+    /// How much thicker its tubes are than those whose clearance is sought.
     padding: [f64; SECTIONS],
     tolerance: f64,
-    /// Smallest clearance that was seen.
+    /// Smallest clearance that was measured.
     attained: f64,
-    /// Of the clearances in all intervals and of all sections that were not refined further.
+    /// Lower bound of the clearances in all intervals and of all sections that were not refined further.
     lower_bound: f64,
     /// Whether the padded robot is to be certified: the search ends where it touches something, or may after all bisections.
     must_be_free: bool,
@@ -126,7 +124,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Smallest clearance of what was searched.
+    /// Smallest clearance of the motion, once it was searched.
     fn least(&self) -> f64 {
         self.attained.min(self.lower_bound)
     }
@@ -135,22 +133,22 @@ impl<'a> Search<'a> {
         if self.scene.is_empty() {
             return;
         }
-        let segments: Vec<QuinticSegment> = trajectory.segments().collect();
-        let bounds: Vec<MotionBound> = segments.iter().map(MotionBound::of_curve).collect();
-        let run = Run {
-            segments: &segments,
+        let curves: Vec<QuinticSegment> = trajectory.segments().collect();
+        let bounds: Vec<MotionBound> = curves.iter().map(MotionBound::of_curve).collect();
+        let segments = Segments {
+            curves: &curves,
             bounds: &bounds,
         };
-        let from = self.look(&segments[0].control[0], &EVERY_SECTION);
-        let to = self.look(&segments[segments.len() - 1].control[5], &EVERY_SECTION);
-        let whole = self.interval(run, from, to);
+        let from = self.measure(&curves[0].control[0], &EVERY_SECTION);
+        let to = self.measure(&curves[curves.len() - 1].control[5], &EVERY_SECTION);
+        let whole = self.interval(segments, from, to);
         self.refine(&whole, DEPTH);
     }
 
-    fn look(&mut self, shape: &Configuration, chosen: &Chosen) -> BodyState {
-        let backbone = self.padded.backbone(shape);
+    fn measure(&mut self, configuration: &Configuration, chosen: &Chosen) -> BodyState {
+        let backbone = self.padded.backbone(configuration);
         let tubes = &self.padded.tube_radii;
-        let at = BodyState::new(self.scene, shape, &backbone, tubes, chosen);
+        let at = BodyState::new(self.scene, configuration, &backbone, tubes, chosen);
         for (clearance, padding) in at.clearances.iter().zip(&self.padding) {
             self.attained = self.attained.min(clearance + padding);
         }
@@ -158,49 +156,55 @@ impl<'a> Search<'a> {
         at
     }
 
-    fn interval<'b>(&self, run: Run<'b>, from: BodyState, to: BodyState) -> Interval<'b> {
-        let bound = run.bounds.iter().fold(MotionBound::REST, MotionBound::then);
+    fn interval<'b>(&self, segments: Segments<'b>, from: BodyState, to: BodyState) -> Interval<'b> {
+        let bound = MotionBound::of_successive(segments.bounds);
         let lowest = lowest(self.padded, &bound, &from, &to, &self.reach);
         Interval {
-            run,
+            segments,
             from,
             to,
             lowest,
         }
     }
 
-    /// Halves an interval until what is left cannot touch anything, where that is asked for, nor be below what was attained; the
-    /// lower half first, which attains more.
+    /// Halves an interval until no part of it can be below the smallest clearance measured, nor touch anything where the robot is
+    /// to be certified; the half with the lower bound first, where the smaller clearances are.
     fn refine(&mut self, interval: &Interval<'_>, depth: u32) {
         let touching = may_touch(interval.lowest).map(|may| may && self.must_be_free);
         let lowest: [f64; SECTIONS] = std::array::from_fn(|k| interval.lowest[k] + self.padding[k]);
         let enough = self.attained - self.tolerance;
         let open = std::array::from_fn(|k| touching[k] || lowest[k] < enough);
         let closed = (0..SECTIONS).filter(|k| !open[*k]);
-        let closed = closed.map(|k| number(lowest[k]));
+        let closed = closed.map(|k| or_unbounded(lowest[k]));
         self.lower_bound = closed.fold(self.lower_bound, f64::min);
         if open == NO_SECTION || !self.is_free {
             return;
         }
-        let [segment] = interval.run.segments else {
-            return self.divide(&interval.run, interval, &open, depth);
+        let [curve] = interval.segments.curves else {
+            return self.divide(&interval.segments, interval, &open, depth);
         };
         // Where only the tolerance is missed, halving goes on: the bounds come as near to what is attained as one likes.
         if depth == 0 && touching != NO_SECTION {
             self.is_free = false;
             return;
         }
-        let halves: [QuinticSegment; 2] = segment.halves().into();
-        let run = Run {
-            segments: &halves,
+        let halves: [QuinticSegment; 2] = curve.halves().into();
+        let segments = Segments {
+            curves: &halves,
             bounds: &[&halves[0], &halves[1]].map(MotionBound::of_curve),
         };
-        self.divide(&run, interval, &open, depth.saturating_sub(1));
+        self.divide(&segments, interval, &open, depth.saturating_sub(1));
     }
 
-    fn divide(&mut self, run: &Run<'_>, interval: &Interval<'_>, open: &Chosen, depth: u32) {
-        let (first, second) = run.split_at(run.segments.len() / 2);
-        let between = self.look(&second.segments[0].control[0], open);
+    fn divide(
+        &mut self,
+        segments: &Segments<'_>,
+        interval: &Interval<'_>,
+        open: &Chosen,
+        depth: u32,
+    ) {
+        let (first, second) = segments.split_at(segments.curves.len() / 2);
+        let between = self.measure(&second.curves[0].control[0], open);
         let first = self.interval(first, interval.from, between);
         let second = self.interval(second, between, interval.to);
         let (lower, higher) = if second.least() < first.least() {

@@ -1,45 +1,29 @@
-//! How far body points can move when the configuration changes, and how far from a straight way (docs/robot.md "A certificate for whole motions").
+//! How far body points can move when the configuration changes, and how far from a straight line (docs/robot.md "A certificate for whole motions").
 
 use crate::distance::passage::Passage;
 use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 use trajectory::QuinticSegment;
 
-/// Upper bounds Λ_k of the displacement of any point of each section.
+/// Upper bounds Λ_k of how far any point of each section moves while the bending pairs turn by `turns`, rad.
 ///
 /// With p = L ∫₀^σ exp(u ξ̂) e₃ du and a right Jacobian of SO(3) of norm at most 1, a change δξ_i moves the end of
 /// section i by at most |δξ_i| L_i/2 and turns what follows by at most |δξ_i|. A point at fraction σ of section k
-/// therefore moves by at most Σ_{i<k} |δξ_i| (L_i/2 + Σ_{i<j<k} L_j + σ L_k) + |δξ_k| L_k σ²/2, which grows with σ.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Displacement {
-    /// Bound of each section, σ = 1.
-    pub sections: [f64; SECTIONS],
-}
-
-impl Displacement {
-    /// The bounds for ways of these lengths (rad) of the three bending pairs.
-    #[must_use]
-    pub fn of_turns(robot: &Robot, turns: [f64; SECTIONS]) -> Self {
-        let (mut swept, mut turned) = (0.0, 0.0);
-        let sections = std::array::from_fn(|k| {
-            let length = robot.section_lengths[k];
-            swept += turned * length + turns[k] * (0.5 * length);
-            turned += turns[k];
-            swept
-        });
-        Self { sections }
-    }
-
-    /// The bounds for a straight move between two configurations.
-    #[must_use]
-    pub fn of_edge(robot: &Robot, a: &Configuration, b: &Configuration) -> Self {
-        Self::of_turns(robot, turns(&(b - a)))
-    }
+/// therefore moves by at most Σ_{i<k} |δξ_i| (L_i/2 + Σ_{i<j<k} L_j + σ L_k) + |δξ_k| L_k σ²/2, which grows with σ:
+/// the bounds are those at σ = 1.
+fn displacements(robot: &Robot, turns: [f64; SECTIONS]) -> [f64; SECTIONS] {
+    let (mut swept, mut turned) = (0.0, 0.0);
+    std::array::from_fn(|k| {
+        let length = robot.section_lengths[k];
+        swept += turned * length + turns[k] * (0.5 * length);
+        turned += turns[k];
+        swept
+    })
 }
 
 /// Bounds on how the three bending pairs turn during an interval of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MotionBound {
-    /// Lengths of their ways, rad.
+    /// Lengths of their paths, rad.
     turns: [f64; SECTIONS],
     /// Largest rates, rad/s.
     rates: [f64; SECTIONS],
@@ -94,7 +78,7 @@ impl MotionBound {
         }
     }
 
-    /// The bounds for any part of such a move that takes this share of its time.
+    /// The bounds for any part of a straight move at constant speed that takes this share of its time.
     pub(crate) fn part(&self, share: f64) -> Self {
         Self {
             turns: self.turns.map(|turn| turn * share),
@@ -103,8 +87,13 @@ impl MotionBound {
         }
     }
 
+    /// The bounds for successive intervals together, where the curve is smooth between them.
+    pub(crate) fn of_successive(bounds: &[Self]) -> Self {
+        bounds.iter().fold(Self::REST, Self::then)
+    }
+
     /// The bounds for this interval and the one after it, where the curve is smooth between the two.
-    pub(crate) fn then(self, next: &Self) -> Self {
+    fn then(self, next: &Self) -> Self {
         Self {
             turns: add(self.turns, next.turns),
             rates: larger(self.rates, next.rates),
@@ -113,7 +102,7 @@ impl MotionBound {
         }
     }
 
-    /// The same with a corner somewhere.
+    /// These bounds for a curve that may have a corner somewhere.
     pub(crate) fn with_corner(self) -> Self {
         Self {
             accelerations: [f64::INFINITY; SECTIONS],
@@ -156,27 +145,27 @@ impl MotionBound {
         })
     }
 
-    /// What the body's points do while the bending pairs turn like this.
+    /// Bounds on the paths of the body's points between two poses while the bending pairs turn within these bounds.
     pub(crate) fn sweep(&self, robot: &Robot, from: &BackbonePose, to: &BackbonePose) -> Sweep {
-        let displacement = Displacement::of_turns(robot, self.turns);
+        let path_lengths = displacements(robot, self.turns);
         let chords = self.chords(robot, from, to);
         Sweep {
-            displacement,
-            chords: std::array::from_fn(|k| chords[k].min(displacement.sections[k])),
+            path_lengths,
+            chords: std::array::from_fn(|k| chords[k].min(path_lengths[k])),
             deviation: self.deviation(robot),
         }
     }
 }
 
-/// Bounds on the ways of the body's points during an interval, by section.
+/// Bounds on the paths of the body's points during an interval, by section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sweep {
-    /// Lengths of the ways.
-    pub(crate) displacement: Displacement,
-    /// Distances between the places at both ends.
-    pub(crate) chords: [f64; SECTIONS],
+    /// Lengths of the paths.
+    path_lengths: [f64; SECTIONS],
+    /// Distances between a point's places at both ends.
+    chords: [f64; SECTIONS],
     /// Distances from the places that a constant velocity between the same ends would lead to.
-    pub(crate) deviation: [f64; SECTIONS],
+    deviation: [f64; SECTIONS],
 }
 
 /// Where the backbone is at an end of an interval.
@@ -189,11 +178,11 @@ pub(crate) struct BackbonePose {
 }
 
 impl BackbonePose {
-    pub(crate) fn new(shape: &Configuration, backbone: &Backbone) -> Self {
+    pub(crate) fn new(configuration: &Configuration, backbone: &Backbone) -> Self {
         let frames = backbone.frames();
         Self {
             joints: std::array::from_fn(|k| frames[k + 1].position),
-            bends: turns(shape),
+            bends: turns(configuration),
         }
     }
 }
@@ -201,12 +190,18 @@ impl BackbonePose {
 impl Sweep {
     /// A lower bound of a section's clearance during the interval, from those at its two ends.
     ///
-    /// `reach` is what the tube's radius and the least radius of all obstacles make together, `way` what the obstacles
+    /// `reach` is the sum of the tube's radius and the least radius of all obstacles, `obstacle_path` how far the obstacles
     /// move themselves, at constant velocity.
-    pub(crate) fn lowest(&self, k: usize, from: f64, to: f64, reach: f64, way: f64) -> f64 {
+    pub(crate) fn lowest(
+        &self,
+        k: usize,
+        [from, to]: [f64; 2],
+        reach: f64,
+        obstacle_path: f64,
+    ) -> f64 {
         let passage = Passage {
-            way: self.displacement.sections[k] + way,
-            chord: self.chords[k] + way,
+            path_length: self.path_lengths[k] + obstacle_path,
+            chord: self.chords[k] + obstacle_path,
             stray: self.deviation[k],
             reach,
         };
@@ -234,11 +229,11 @@ fn larger(a: [f64; SECTIONS], b: [f64; SECTIONS]) -> [f64; SECTIONS] {
     std::array::from_fn(|i| a[i].max(b[i]))
 }
 
-/// How much the tube of each section must grow so that a body within `path_tolerance_rad` (each bending pair) of the path
-/// stays inside: little near the base, which an error moves least.
+/// Padding of each section's tube so that a body within `path_tolerance_rad` (each bending pair) of the path stays inside:
+/// little near the base, which an error moves least.
 #[must_use]
 pub fn tracking_padding(robot: &Robot, path_tolerance_rad: f64) -> [f64; SECTIONS] {
-    Displacement::of_turns(robot, [path_tolerance_rad; SECTIONS]).sections
+    displacements(robot, [path_tolerance_rad; SECTIONS])
 }
 
 #[cfg(test)]
@@ -253,6 +248,44 @@ mod tests {
         Robot {
             section_lengths: [1.0, 0.7, 1.3],
             ..Robot::from_file(file.as_ref()).unwrap()
+        }
+    }
+
+    #[test]
+    fn no_body_point_moves_further_than_the_bound() {
+        let (robot, mut random) = (uneven_robot(), Pcg64::seed_from_u64(2));
+        let mut tightest: f64 = 0.0;
+        for i in 0..20_000 {
+            let mut vector =
+                |size: f64| Configuration::from_fn(|_, _| random.random_range(-size..=size));
+            let (a, mut step) = (vector(1.1), vector(0.4));
+            if i % 2 == 0 {
+                let component = i / 2 % 6;
+                step =
+                    Configuration::from_fn(|row, _| if row == component { step[row] } else { 0.0 });
+            }
+            let bound = displacements(&robot, turns(&step));
+            let (from, to) = (robot.backbone(&a), robot.backbone(&(a + step)));
+            for (section, bound) in bound.into_iter().enumerate().filter(|(_, b)| *b > 0.0) {
+                let fraction = [1.0, random.random()][i / 12 % 2];
+                let moved = (to.point(section, fraction) - from.point(section, fraction)).norm();
+                assert!(moved <= bound * (1.0 + 1e-12));
+                tightest = tightest.max(moved / bound);
+            }
+        }
+        assert!(tightest > 0.99, "a bound that is never met: {tightest}");
+    }
+
+    #[test]
+    fn the_bound_is_exact_to_first_order_where_a_straight_robot_begins_to_bend() {
+        let robot = uneven_robot();
+        let (straight, mut bent) = (Configuration::zeros(), Configuration::zeros());
+        bent[1] = 1e-6;
+        let bound = displacements(&robot, turns(&bent));
+        for (section, expected) in [0.5e-6, 1.2e-6, 2.5e-6].into_iter().enumerate() {
+            let [from, to] = [&straight, &bent].map(|q| robot.backbone(q).point(section, 1.0));
+            assert!((bound[section] - expected).abs() < 1e-18);
+            assert!(((to - from).norm() - expected).abs() < 1e-15);
         }
     }
 
@@ -278,14 +311,14 @@ mod tests {
             let joined = MotionBound::of_curve(&first).then(&MotionBound::of_curve(&second));
             let (deviation, of_whole) = (joined.deviation(&robot), whole.deviation(&robot));
             assert!(deviation[2] <= of_whole[2] * (1.0 + 1e-9));
-            let shape = |u: f64| robot.backbone(&curve.evaluate(u * duration).position);
-            let (a, b) = (shape(0.0), shape(1.0));
+            let backbone = |u: f64| robot.backbone(&curve.evaluate(u * duration).position);
+            let (a, b) = (backbone(0.0), backbone(1.0));
             let pose =
-                |u: f64| BackbonePose::new(&curve.evaluate(u * duration).position, &shape(u));
+                |u: f64| BackbonePose::new(&curve.evaluate(u * duration).position, &backbone(u));
             let chords = joined.chords(&robot, &pose(0.0), &pose(1.0));
             for k in 0..SECTIONS {
                 let fraction = [1.0, random.random()][i % 2];
-                let point = |u: f64| shape(u).point(k, fraction);
+                let point = |u: f64| backbone(u).point(k, fraction);
                 let (a, b) = (a.point(k, fraction), b.point(k, fraction));
                 for u in [0.2, 0.5, 0.7] {
                     let strayed = (point(u) - a.lerp(&b, u)).norm();
@@ -302,12 +335,13 @@ mod tests {
 
     #[test]
     fn the_bound_is_the_height_of_the_triangle_and_not_below_the_linear_one() {
-        let sweep = |way: f64, deviation: f64| Sweep {
-            displacement: Displacement { sections: [way; 3] },
-            chords: [way; 3],
+        let sweep = |path: f64, deviation: f64| Sweep {
+            path_lengths: [path; 3],
+            chords: [path; 3],
             deviation: [deviation; 3],
         };
-        let lowest = |way, deviation, from, to| sweep(way, deviation).lowest(0, from, to, 0.4, 0.0);
+        let lowest =
+            |path, deviation, from, to| sweep(path, deviation).lowest(0, [from, to], 0.4, 0.0);
         let expected = (0.25_f64 - 0.01).sqrt() - 0.4;
         assert!((lowest(0.2, 0.0, 0.1, 0.1) - expected).abs() < 1e-15);
         assert!((lowest(0.2, 0.01, 0.1, 0.1) - expected + 0.01).abs() < 1e-15);

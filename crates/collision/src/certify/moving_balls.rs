@@ -32,29 +32,29 @@ impl MovingBall {
     }
 }
 
-/// At most [`GROUP`] moving balls, seen by a tube.
-struct Moving<'a> {
+/// At most [`GROUP`] moving balls, and the tube radii of the body that they may touch.
+struct MovingGroup<'a> {
     balls: &'a [MovingBall],
     tube_radii: &'a [f64; SECTIONS],
 }
 
-/// Where the body is at one instant, and how clear each section of it of each ball; +∞ where there is no ball, and for sections
-/// that were not looked at.
-struct Passing {
+/// Where the body is at one instant, and the clearance of each section from each ball; +∞ where there is no ball, and for
+/// sections that were not chosen.
+struct GroupState {
     pose: BackbonePose,
     clearances: [[f64; SECTIONS]; GROUP],
 }
 
-impl Obstacles for Moving<'_> {
-    type Clearances = Passing;
+impl Obstacles for MovingGroup<'_> {
+    type Clearances = GroupState;
 
     fn clearances(
         &self,
-        shape: &Configuration,
+        configuration: &Configuration,
         backbone: &Backbone,
         time: f64,
         chosen: &Chosen,
-    ) -> Passing {
+    ) -> GroupState {
         let mut clearances = [[f64::INFINITY; SECTIONS]; GROUP];
         for (clearances, moving) in clearances.iter_mut().zip(self.balls) {
             let ball = moving.at(time);
@@ -67,21 +67,21 @@ impl Obstacles for Moving<'_> {
                 *clearance = distance - ball.radius - self.tube_radii[k];
             }
         }
-        Passing {
+        GroupState {
             clearances,
-            pose: BackbonePose::new(shape, backbone),
+            pose: BackbonePose::new(configuration, backbone),
         }
     }
 
-    fn touch(at: &Passing) -> bool {
+    fn touch(at: &GroupState) -> bool {
         at.clearances.iter().flatten().any(|c| *c < 0.0)
     }
 
-    /// The balls' centres are taken at each end; in the ball's own frame its way between is added to the body's.
+    /// In the frame of a ball, whose centre is taken at each end, its own path between is added to the body's.
     fn may_touch(
         &self,
-        from: &Passing,
-        to: &Passing,
+        from: &GroupState,
+        to: &GroupState,
         robot: &Robot,
         bound: &MotionBound,
     ) -> Chosen {
@@ -89,31 +89,20 @@ impl Obstacles for Moving<'_> {
         let (from, to) = (&from.clearances, &to.clearances);
         let is_clear = |k: usize| {
             self.balls.iter().enumerate().all(|(i, moving)| {
-                let way = moving.velocity.norm() * bound.duration;
+                let path = moving.velocity.norm() * bound.duration;
                 let reach = self.tube_radii[k] + moving.ball.radius;
-                sweep.lowest(k, from[i][k], to[i][k], reach, way) > 0.0
+                sweep.lowest(k, [from[i][k], to[i][k]], reach, path) > 0.0
             })
         };
         std::array::from_fn(|k| !is_clear(k))
     }
 }
 
-/// Certifies the executed curve from `from_time` (s) to its end against moving balls.
+/// Certifies the executed curve against moving balls from `from_time` (s) to the first knot at or after `until_time`.
 ///
 /// Allocates nothing. A ball whose position or velocity is not finite is never certified.
 #[must_use]
 pub fn certify_moving(
-    robot: &Robot,
-    balls: &[MovingBall],
-    trajectory: &Trajectory,
-    from_time: f64,
-) -> Verdict {
-    certify_moving_until(robot, balls, trajectory, [from_time, f64::INFINITY])
-}
-
-/// Like [`certify_moving`], but only up to the first knot at or after the second time (s).
-#[must_use]
-pub fn certify_moving_until(
     robot: &Robot,
     balls: &[MovingBall],
     trajectory: &Trajectory,
@@ -124,7 +113,7 @@ pub fn certify_moving_until(
     let certify = |balls| {
         let certifier = Certifier {
             robot,
-            obstacles: Moving {
+            obstacles: MovingGroup {
                 balls,
                 tube_radii: &robot.tube_radii,
             },

@@ -10,25 +10,25 @@ use crate::scene::static_scene::Scene;
 use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
 use trajectory::Trajectory;
 
-/// A scene seen by a tube.
-struct AtRest<'a> {
+/// A scene at rest, and the tube radii of the body that it may touch.
+struct SceneAtRest<'a> {
     scene: &'a Scene,
     tube_radii: &'a [f64; SECTIONS],
-    /// The tube's radius and the smallest ball's together, by section.
+    /// The sum of the tube's radius and the least radius of all obstacles, by section.
     reach: [f64; SECTIONS],
 }
 
-impl Obstacles for AtRest<'_> {
+impl Obstacles for SceneAtRest<'_> {
     type Clearances = BodyState;
 
     fn clearances(
         &self,
-        shape: &Configuration,
+        configuration: &Configuration,
         backbone: &Backbone,
         _: f64,
         chosen: &Chosen,
     ) -> BodyState {
-        BodyState::new(self.scene, shape, backbone, self.tube_radii, chosen)
+        BodyState::new(self.scene, configuration, backbone, self.tube_radii, chosen)
     }
 
     fn touch(at: &BodyState) -> bool {
@@ -50,10 +50,10 @@ fn certifier<'a>(
     robot: &'a Robot,
     scene: &'a Scene,
     has_corners: bool,
-) -> Certifier<'a, AtRest<'a>> {
+) -> Certifier<'a, SceneAtRest<'a>> {
     Certifier {
         robot,
-        obstacles: AtRest {
+        obstacles: SceneAtRest {
             scene,
             tube_radii: &robot.tube_radii,
             reach: reach(robot, scene),

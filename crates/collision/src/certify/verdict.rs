@@ -1,9 +1,9 @@
-//! What a certificate says of a motion.
+//! The result of certifying a motion.
 
-/// Bisections of one piece; where there may still be contact then, nobody can tell.
+/// The most bisections of one piece; where contact is not excluded then, the verdict is undecided.
 pub(crate) const DEPTH: u32 = 10;
 
-/// What is known of a motion.
+/// The result of certifying a motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verdict {
     /// No contact is possible.
@@ -16,7 +16,7 @@ pub enum Verdict {
     },
     /// Too close to decide.
     Undecided {
-        /// Where, as above.
+        /// Where: the time of a trajectory (s), the index and fraction of a polyline's edge, the fraction of an edge.
         at: f64,
     },
 }

@@ -4,11 +4,8 @@ use crate::distance::chosen_sections::Chosen;
 use crate::obstacle::ball::Ball;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f64x4};
-use pcc_model::{Backbone, SECTIONS};
+use pcc_model::{Backbone, LANES, SECTIONS};
 use std::array;
-
-/// Balls of a group.
-const LANES: usize = 4;
 
 /// The balls of a scene, in their order.
 #[derive(Clone, Debug, Default)]
@@ -16,7 +13,7 @@ pub(crate) struct BallGroups(Vec<Group>);
 
 #[derive(Clone, Copy, Debug)]
 struct Group {
-    /// Axis by axis.
+    /// Centres, base frame, `[axis][lane]`.
     centres: [[f64; LANES]; 3],
     /// −∞ where there is no ball, so that nothing is near it.
     radii: [f64; LANES],
@@ -33,10 +30,10 @@ impl Group {
         }
     }
 
-    /// From a section's backbone to the surfaces.
+    /// Distances from a section's backbone to the surfaces of the balls; +∞ in lanes without a ball.
     #[inline(always)]
     fn distances<S: Simd>(&self, simd: S, backbone: &Backbone, section: usize) -> f64x4<S> {
-        // Written out: a closure would not take on the processor's features.
+        // Written out: a closure would not be compiled for the instructions that `simd` stands for.
         let [x, y, z] = &self.centres;
         let centres = [
             f64x4::from_slice(simd, x),

@@ -4,21 +4,21 @@ use crate::distance::passage::Passage;
 use crate::obstacle::solid::Solid;
 use pcc_model::Backbone;
 
-/// What a distance may be below the true one: this part of the section's length ...
+/// How far a distance may be below the true one, as a part of the section's length; [`RELATIVE_TOLERANCE`] comes in addition.
 const TOLERANCE: f64 = 1e-3;
-/// ... and this part of what is left beyond the tube.
+/// How far a distance may be below the true one, as a part of the clearance beyond the tube.
 const RELATIVE_TOLERANCE: f64 = 0.05;
 
-/// What is known of the distance between a section and a solid.
+/// A bound of the distance between a section and a solid, and where the two are nearest.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ArcDistance {
-    /// A lower bound of it; at most the tolerance below it unless it is beyond the limit.
+    /// A lower bound of the distance; at most the tolerance below it unless it is beyond the limit.
     pub(crate) bound: f64,
-    /// Place of the nearest point found, fraction of the section.
+    /// Where on the section the nearest point found is, 0 at its base to 1 at its end.
     pub(crate) fraction: f64,
 }
 
-/// Searches the distance from a section's backbone to a solid, of no interest from `limit` on.
+/// The distance from a section's backbone to a solid; none if it is `limit` or more.
 ///
 /// The signed distance changes by at most the length passed along the arc, and an arc strays from its chord by at most an
 /// eighth of curvature times length squared, so the bounds of whole motions hold along the backbone too.
@@ -66,7 +66,7 @@ struct Search<'a> {
     limit: f64,
     attained: f64,
     fraction: f64,
-    /// Of all that was not refined further.
+    /// Lower bound of the distance over all intervals that were not refined further.
     bound: f64,
 }
 
@@ -86,13 +86,13 @@ impl Search<'_> {
     fn refine(&mut self, from: Place, to: Place) {
         let part = to.0 - from.0;
         let passage = Passage {
-            way: part * self.length,
+            path_length: part * self.length,
             chord: part * self.length,
             stray: part * part * self.stray,
             reach: 0.0,
         };
         let lowest = passage.lowest(from.1, to.1);
-        // Also where the place is not a number.
+        // False also where the bound is NaN.
         let is_open = lowest < (self.attained - self.tolerance()).min(self.limit);
         if !is_open {
             self.bound = self.bound.min(lowest);

@@ -12,7 +12,7 @@ const PLACES: [f64; 4] = [0.125, 0.375, 0.625, 0.875];
 /// How far from the nearest of them a section's points are at most, fraction.
 const AROUND: f64 = 0.125;
 
-/// Finds the balls that it was made of; whoever asks has them.
+/// A bounding-volume tree over a list of balls, which its methods are given again.
 #[derive(Clone, Debug)]
 pub(crate) struct BallTree {
     largest_radius: f64,

@@ -1,10 +1,10 @@
-//! Which sections of the body a question is about.
+//! Sets of sections of the body, for questions about some of them only.
 
 use pcc_model::SECTIONS;
 
-/// Which sections are looked at.
+/// A set of sections: true for those that are measured.
 pub(crate) type Chosen = [bool; SECTIONS];
-/// All of them.
+/// The set of all sections.
 pub(crate) const EVERY_SECTION: Chosen = [true; SECTIONS];
-/// None of them.
+/// The empty set of sections.
 pub(crate) const NO_SECTION: Chosen = [false; SECTIONS];

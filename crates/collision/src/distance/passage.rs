@@ -1,11 +1,11 @@
-//! How near points come to an obstacle between two instants.
+//! Lower bounds of how near points come to an obstacle between two instants.
 
 /// How points pass an obstacle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Passage {
-    /// Bound on the length of their way.
-    pub(crate) way: f64,
-    /// Bound on the distance between its ends.
+    /// Bound on the length of their paths.
+    pub(crate) path_length: f64,
+    /// Bound on the distance between the ends of a path.
     pub(crate) chord: f64,
     /// Bound on how far they stray from the chord.
     pub(crate) stray: f64,
@@ -14,13 +14,13 @@ pub(crate) struct Passage {
 }
 
 impl Passage {
-    /// A lower bound of the clearance on the way, from those at its two ends: the larger of two.
+    /// A lower bound of the clearance along the paths, from the clearances at their two ends: the larger of two bounds.
     ///
-    /// By the length of the way alone it is (a + b − way)/2. And a point that passes an obstacle's centre from distance
+    /// By the length of the path alone it is (a + b − length)/2. And a point that passes an obstacle's centre from distance
     /// a to distance b along the chord keeps at least the height of that triangle. That bound grows with the
     /// obstacle's radius, so the least one stands for all.
     pub(crate) fn lowest(&self, from: f64, to: f64) -> f64 {
-        let linear = 0.5 * (from + to - self.way);
+        let linear = 0.5 * (from + to - self.path_length);
         let (a, b) = (from + self.reach, to + self.reach);
         let (aa, bb, side) = (a * a, b * b, self.chord * self.chord);
         let place = (aa - bb + side) / (2.0 * side).max(f64::MIN_POSITIVE);
@@ -39,9 +39,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_not_looked_at_stays_clear() {
+    fn sections_that_were_not_measured_stay_clear() {
         let passage = Passage {
-            way: 0.2,
+            path_length: 0.2,
             chord: 0.2,
             stray: 0.01,
             reach: 0.4,

@@ -57,7 +57,7 @@ pub enum SolidError {
         /// Signed volume.
         volume: f64,
     },
-    /// The voxels.
+    /// The voxels do not make a solid.
     #[error(transparent)]
     Voxels(#[from] VoxelError),
 }

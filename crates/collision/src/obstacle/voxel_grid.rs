@@ -18,7 +18,7 @@ pub struct VoxelGrid {
     pub filled: Vec<bool>,
 }
 
-/// Why a grid is none.
+/// Why numbers do not make a grid.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum VoxelError {
     /// Too many cells, or not as many as the counts say.

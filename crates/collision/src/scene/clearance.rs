@@ -32,7 +32,7 @@ impl Scene {
 
     /// Smallest clearance between the tube of each section and all obstacles; allocates nothing.
     ///
-    /// +∞ in an empty scene; −∞ for a backbone that is not finite, so that nothing takes it for a free one.
+    /// +∞ in an empty scene; −∞ for a backbone that is not finite, so that it never counts as free.
     #[must_use]
     pub fn section_clearances(
         &self,
@@ -42,7 +42,8 @@ impl Scene {
         self.clearances_of(backbone, tube_radii, &EVERY_SECTION)
     }
 
-    /// The same for the chosen sections alone; +∞ for the others.
+    /// Smallest clearance between the tube of each chosen section and all obstacles; +∞ for the others, −∞ for a backbone that is
+    /// not finite.
     pub(crate) fn clearances_of(
         &self,
         backbone: &Backbone,
@@ -68,8 +69,8 @@ impl Scene {
         })
     }
 
-    /// Appends, for every obstacle nearer than `margin` to the tube, its nearest body point, for solids one in each section
-    /// that is so near; allocates only to grow `out`.
+    /// Appends to `out`, for every ball nearer than `margin` to the tube, its nearest body point, and for every solid one in each
+    /// section that is so near; allocates only to grow `out`.
     pub fn contacts_within(
         &self,
         backbone: &Backbone,

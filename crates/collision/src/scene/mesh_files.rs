@@ -1,7 +1,7 @@
 //! Files of meshes: STL, as text or binary, and OBJ.
 //!
-//! A file is read from end to end: what is no part of a mesh is refused with its line and what is needed there, since a part
-//! that is passed over is an obstacle that nobody sees.
+//! A file is read from end to end: text that is no part of a mesh is refused with its line and with what is needed there, since a
+//! part that is skipped would be an obstacle that nobody sees.
 
 use pcc_model::Point;
 use std::fmt::Display;
@@ -10,11 +10,11 @@ use std::str::Lines;
 
 /// Bytes before the number of triangles of a binary STL file: text that means nothing.
 const STL_TEXT: usize = 80;
-/// Bytes before its first triangle.
+/// Bytes of a binary STL file before its first triangle.
 const STL_HEADER: usize = 84;
-/// Bytes of each triangle: a normal and three corners as f32, and two bytes that mean nothing.
+/// Bytes of each triangle of a binary STL file: a normal and three corners as f32, and two bytes that mean nothing.
 const STL_TRIANGLE: usize = 50;
-/// Bytes of the normal, which is not read.
+/// Bytes of a triangle's normal in a binary STL file, which is not read.
 const STL_NORMAL: usize = 12;
 /// Statements of an OBJ file that say nothing of its shape.
 const OBJ_UNREAD: [&str; 9] = ["o", "g", "s", "vn", "vt", "mtllib", "usemtl", "l", "p"];
@@ -95,7 +95,7 @@ impl<'a> NumberedLines<'a> {
         None
     }
 
-    /// What is told of the line that was last read, or of the end of the file.
+    /// The message that the line read last, or the end of the file, is wrong, and what is needed instead.
     fn wrong(&self, found: Option<&[&str]>, needed: impl Display) -> String {
         match found {
             Some(words) => format!(

@@ -1,4 +1,4 @@
-//! The few balls that say most about a scene, for what cannot look at all of it.
+//! The few balls that matter most to given backbones, for models that take only so many.
 
 use crate::distance::arc_solid::arc_distance;
 use crate::obstacle::ball::Ball;
@@ -6,7 +6,7 @@ use crate::obstacle::solid::Solid;
 use crate::scene::static_scene::Scene;
 use pcc_model::{Backbone, Point, SECTIONS};
 
-/// Clearance within which solids are looked for, section lengths.
+/// Clearance within which solids count, section lengths.
 const MARGIN: f64 = 1.0;
 /// Places on each section that balls are measured from, fractions.
 const PLACES: [f64; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
@@ -14,32 +14,33 @@ const PLACES: [f64; 3] = [1.0 / 6.0, 0.5, 5.0 / 6.0];
 const STAND_IN_RADIUS: f64 = 0.2;
 
 impl Scene {
-    /// At most `count` balls that stand for the scene as these shapes meet it.
+    /// At most `count` balls that stand for the scene as these backbones meet it.
     ///
-    /// All balls, in their order, where there are no more than that and no solids. Else the nearest obstacles, the nearest
-    /// first, balls as seen from three places of each section; a solid nearer than a section length to the tube counts as
+    /// These are all balls, in their order, where there are at most `count` and no solids. Else they are the nearest obstacles, the
+    /// nearest first: distances to balls are measured from three places of each section; a solid nearer than a section length to the tube counts as
     /// balls of radius 0.2 that touch its surface from inside, where it is nearest to a section.
     #[must_use]
     pub fn most_relevant(
         &self,
-        shapes: &[Backbone],
+        backbones: &[Backbone],
         tube_radii: &[f64; SECTIONS],
         count: usize,
     ) -> Vec<Ball> {
         if self.solids().is_empty() && self.balls().len() <= count {
             return self.balls().to_vec();
         }
-        let mut found = self.sighted_balls(shapes);
-        found.extend(self.sighted_solids(shapes, tube_radii));
+        let mut found = self.sighted_balls(backbones);
+        found.extend(self.sighted_solids(backbones, tube_radii));
         found.sort_by(|a, b| a.distance.total_cmp(&b.distance));
         found.truncate(count);
         found.into_iter().map(|sighting| sighting.ball).collect()
     }
 
-    fn sighted_balls(&self, shapes: &[Backbone]) -> Vec<Sighting> {
-        let places =
-            |shape| (0..SECTIONS).flat_map(move |k| PLACES.map(|f| Backbone::point(shape, k, f)));
-        let places: Vec<Point> = shapes.iter().flat_map(places).collect();
+    fn sighted_balls(&self, backbones: &[Backbone]) -> Vec<Sighting> {
+        let places = |backbone| {
+            (0..SECTIONS).flat_map(move |k| PLACES.map(|f| Backbone::point(backbone, k, f)))
+        };
+        let places: Vec<Point> = backbones.iter().flat_map(places).collect();
         let sighting = |ball: &Ball| {
             let squared = places
                 .iter()
@@ -52,14 +53,20 @@ impl Scene {
         self.balls().iter().map(sighting).collect()
     }
 
-    /// Different stand-ins of each solid, the nearest first.
-    fn sighted_solids(&self, shapes: &[Backbone], tube_radii: &[f64; SECTIONS]) -> Vec<Sighting> {
-        let unit = shapes.first().map_or(1.0, |shape| shape.section_length(0));
+    /// Balls that stand for the nearest parts of each solid, the nearest first, none of them beside another.
+    fn sighted_solids(
+        &self,
+        backbones: &[Backbone],
+        tube_radii: &[f64; SECTIONS],
+    ) -> Vec<Sighting> {
+        let unit = backbones
+            .first()
+            .map_or(1.0, |backbone| backbone.section_length(0));
         let margin = MARGIN * unit;
         let mut different: Vec<Sighting> = Vec::new();
         for solid in self.solids() {
-            let seen = shapes.iter().flat_map(|shape| {
-                let seen = move |k| stand_in(shape, k, solid, tube_radii[k], margin);
+            let seen = backbones.iter().flat_map(|backbone| {
+                let seen = move |k| stand_in(backbone, k, solid, tube_radii[k], margin);
                 (0..SECTIONS).filter_map(seen)
             });
             let mut seen: Vec<Sighting> = seen.collect();
@@ -80,15 +87,15 @@ impl Scene {
 
 /// The ball that stands for the part of a solid that is nearest to a section, if that is within `margin` of its tube.
 fn stand_in(
-    shape: &Backbone,
+    backbone: &Backbone,
     section: usize,
     solid: &Solid,
     tube_radius: f64,
     margin: f64,
 ) -> Option<Sighting> {
-    let found = arc_distance(shape, section, solid, tube_radius, tube_radius + margin)?;
-    let surface = solid.nearest(&shape.point(section, found.fraction));
-    let radius = STAND_IN_RADIUS * shape.section_length(0);
+    let found = arc_distance(backbone, section, solid, tube_radius, tube_radius + margin)?;
+    let surface = solid.nearest(&backbone.point(section, found.fraction));
+    let radius = STAND_IN_RADIUS * backbone.section_length(0);
     let centre = surface.point - surface.away * radius;
     Some(Sighting {
         distance: found.bound,
@@ -103,7 +110,7 @@ struct Sighting {
 }
 
 impl Sighting {
-    /// Whether the other one tells nothing new.
+    /// Whether the other ball's centre lies within this one.
     fn is_beside(&self, other: &Self) -> bool {
         (self.ball.centre - other.ball.centre).norm() < self.ball.radius
     }

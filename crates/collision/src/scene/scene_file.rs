@@ -140,7 +140,7 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Turns each entry of a list into an obstacle, or tells which one is refused.
+    /// Turns each entry of a list into an obstacle; the error names the entry that is refused.
     fn entries<E, T>(
         &self,
         list: &str,
@@ -230,7 +230,7 @@ impl Reader<'_> {
         self.path.parent().unwrap_or(Path::new(".")).join(file)
     }
 
-    /// A length in units, given in metres; `least` in units.
+    /// A length given in metres, in units of the scene, where it is from `least` (in these units) to [`MAX_EXTENT`].
     fn length(&self, key: &'static str, metres: f64, least: f64) -> Result<f64, EntryError> {
         let length = metres / self.unit;
         if (least..=MAX_EXTENT).contains(&length) {
@@ -243,7 +243,7 @@ impl Reader<'_> {
         })
     }
 
-    /// A point in units, given in metres.
+    /// A point given in metres, in units of the scene, where its coordinates are within ±[`MAX_EXTENT`].
     fn point(&self, key: &'static str, metres: &Numbers<3>) -> Result<Point, EntryError> {
         let point = Point::from(metres.0) / self.unit;
         let allowed = -MAX_EXTENT..=MAX_EXTENT;

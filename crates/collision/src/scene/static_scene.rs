@@ -14,7 +14,7 @@ use thiserror::Error;
 pub const MAX_BALLS: usize = 2048;
 /// Solids a scene may hold.
 pub const MAX_SOLIDS: usize = 256;
-/// Up to this many balls are looked at all, in groups; of more a tree finds those that are near.
+/// Up to this many balls are all measured, in groups; of more a tree finds those that are near.
 const GROUPED_UP_TO: usize = 256;
 
 /// Why obstacles do not make a scene.
@@ -58,7 +58,7 @@ pub struct Scene {
     finder: Finder,
 }
 
-/// What finds the balls near a section.
+/// The structure that finds the balls near a section.
 #[derive(Clone, Debug)]
 enum Finder {
     Groups(BallGroups),
@@ -131,7 +131,7 @@ impl Scene {
         &self.solids
     }
 
-    /// The same obstacles, after these balls.
+    /// A scene of `balls`, followed by the obstacles of this one.
     ///
     /// # Errors
     /// [`SceneError`], if there are too many together or one of these is not usable.

@@ -6,7 +6,7 @@ use crate::recipe::Recipe;
 use crate::row::Row;
 use crate::scenes::{Target, draw_target};
 use collision::certify_polyline;
-use pcc_model::{Configuration, Robot, SECTIONS};
+use pcc_model::{Configuration, SECTIONS, UnitRobot};
 use planning::{
     Goal, Problem, RrtSettings, Waypoints, goal_configurations, resample, rrt_connect,
     straight_path,
@@ -23,7 +23,7 @@ pub const EXPERT_VERSION: u32 = 1;
 /// Generates the rows of the targets with the given indices; the result depends on the recipe and the indices alone.
 #[must_use]
 pub fn generate_block(
-    robot: &Robot,
+    robot: &UnitRobot,
     recipe: &Recipe,
     targets: std::ops::Range<u64>,
 ) -> (Vec<Row>, BlockReport) {
@@ -43,7 +43,7 @@ pub fn generate_block(
 }
 
 fn target_rows(
-    robot: &Robot,
+    robot: &UnitRobot,
     recipe: &Recipe,
     index: u64,
     target: &Target,
@@ -88,7 +88,7 @@ fn target_rows(
 }
 
 fn taught_path(
-    robot: &Robot,
+    robot: &UnitRobot,
     trees: usize,
     problem: &Problem,
     end: &Configuration,
@@ -113,7 +113,7 @@ fn taught_path(
     shortest
 }
 
-fn tip_length(robot: &Robot, path: &[Configuration]) -> f64 {
+fn tip_length(robot: &UnitRobot, path: &[Configuration]) -> f64 {
     let edges = path.windows(2);
     edges
         .map(|w| (robot.tip(&w[1]) - robot.tip(&w[0])).norm())

@@ -4,7 +4,7 @@
 //! bending, over the sine coefficients of the residual to the straight segment between two given ends.
 
 use collision::{Contact, Scene};
-use pcc_model::{Backbone, Configuration, DOF, Robot};
+use pcc_model::{Backbone, Configuration, DOF, UnitRobot};
 use planning::{
     COEFFICIENTS, SineBasis, SmoothLeastSquares, WAYPOINTS, Waypoints, limit_pushes,
     project_to_limits, straight_path,
@@ -27,7 +27,7 @@ const ENOUGH: f64 = 1e-3;
 ///
 /// `guess` has 64 waypoints, radians, in the robot's own frame.
 #[must_use]
-pub(super) fn teach(robot: &Robot, scene: &Scene, guess: &[Configuration]) -> Waypoints {
+pub(super) fn teach(robot: &UnitRobot, scene: &Scene, guess: &[Configuration]) -> Waypoints {
     let basis = SineBasis::new();
     let line = straight_path(&guess[0], &guess[WAYPOINTS - 1]);
     let mut search = Search {
@@ -44,7 +44,7 @@ pub(super) fn teach(robot: &Robot, scene: &Scene, guess: &[Configuration]) -> Wa
 }
 
 struct Search<'a> {
-    robot: &'a Robot,
+    robot: &'a UnitRobot,
     scene: &'a Scene,
     basis: &'a SineBasis,
     line: Waypoints,
@@ -178,7 +178,7 @@ mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
 
-    fn tip_length(robot: &Robot, path: &[Configuration]) -> f64 {
+    fn tip_length(robot: &UnitRobot, path: &[Configuration]) -> f64 {
         path.windows(2)
             .map(|w| (robot.tip(&w[1]) - robot.tip(&w[0])).norm())
             .sum()

@@ -9,7 +9,7 @@ use crate::recipe::Recipe;
 use crate::row::{Check, Row};
 use crate::scenes::{STARTS, draw_balls};
 use collision::Scene;
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, UnitRobot};
 use planning::{WAYPOINTS, Waypoints};
 use rand_pcg::Pcg64;
 
@@ -19,7 +19,7 @@ pub const PAPER_VERSION: u32 = 1;
 /// Generates the rows of the targets with the given indices; the result depends on the recipe and the indices alone.
 #[must_use]
 pub fn generate_paper_block(
-    robot: &Robot,
+    robot: &UnitRobot,
     recipe: &Recipe,
     targets: std::ops::Range<u64>,
 ) -> (Vec<Row>, PaperReport) {
@@ -47,7 +47,7 @@ struct Case {
 }
 
 struct Generator<'a> {
-    robot: &'a Robot,
+    robot: &'a UnitRobot,
     recipe: &'a Recipe,
     solver: PathSolver,
     repairer: Repairer<'a>,

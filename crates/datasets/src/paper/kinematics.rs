@@ -272,7 +272,7 @@ mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
     use nalgebra::Matrix3;
-    use pcc_model::{Configuration, Point};
+    use pcc_model::{Configuration, Point, Robot};
 
     /// From straight to bent by almost π.
     const SHAPES: [Shape; 4] = [
@@ -284,8 +284,10 @@ mod tests {
 
     #[test]
     fn the_step_is_the_models_damped_one() {
-        let mut robot = unit_robot();
-        robot.section_lengths = [1.0, 0.7, 1.2];
+        let robot = Robot {
+            section_lengths: [1.0, 0.7, 1.2],
+            ..(*unit_robot()).clone()
+        };
         let (point, wish) = (Point::new(0.4, -0.3, 1.9), [0.1, -0.2, 0.3, 0.0, 0.2, -0.1]);
         for shape in SHAPES {
             let (q, w) = (Configuration::from(shape), Configuration::from(wish));

@@ -6,7 +6,7 @@ use super::solver::PathSolver;
 use super::spline::LineSmoother;
 use collision::Ball;
 use nalgebra::{Cholesky, Matrix3};
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, UnitRobot};
 use planning::WAYPOINTS;
 use planning::sampled_collision::{REPULSION, way_out};
 
@@ -15,14 +15,14 @@ const ROUNDS: usize = 10;
 
 /// Pushes paths out of the balls.
 pub(super) struct Repairer<'a> {
-    robot: &'a Robot,
+    robot: &'a UnitRobot,
     smoother: LineSmoother,
     samples: Samples<WAYPOINTS>,
     tips: [Point; WAYPOINTS],
 }
 
 impl<'a> Repairer<'a> {
-    pub(super) fn new(robot: &'a Robot) -> Self {
+    pub(super) fn new(robot: &'a UnitRobot) -> Self {
         Self {
             robot,
             smoother: LineSmoother::new(),

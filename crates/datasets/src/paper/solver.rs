@@ -3,7 +3,7 @@
 use super::kinematics::{project_section, tip_step};
 use super::settings::CONTINUITY;
 use fearless_simd::{Level, dispatch};
-use pcc_model::{Configuration, DOF, Point, Robot, SECTIONS};
+use pcc_model::{Configuration, DOF, Point, SECTIONS, UnitRobot};
 use planning::{WAYPOINTS, parameter};
 
 /// Iterations at most (docs/evaluation.md "The reference setting").
@@ -26,7 +26,7 @@ pub(super) struct PathSolver {
 }
 
 impl PathSolver {
-    pub(super) fn new(robot: &Robot) -> Self {
+    pub(super) fn new(robot: &UnitRobot) -> Self {
         Self {
             lengths: robot.section_lengths,
             limit: robot.bending_limit,
@@ -39,7 +39,7 @@ impl PathSolver {
     /// Prepares the straight way of the tip to a target, with shapes that change evenly from `start` to `end`.
     pub(super) fn start(
         &mut self,
-        robot: &Robot,
+        robot: &UnitRobot,
         target: &Point,
         start: &Configuration,
         end: &Configuration,
@@ -152,7 +152,7 @@ mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
 
-    fn solver() -> (Robot, PathSolver, Point) {
+    fn solver() -> (UnitRobot, PathSolver, Point) {
         let robot = unit_robot();
         let start = Configuration::from_column_slice(&[0.9, -0.4, 0.2, 0.6, -0.4, 0.7]);
         let end = Configuration::from_column_slice(&[-0.3, 0.9, 0.3, -0.6, 0.5, 0.8]);

@@ -6,7 +6,7 @@ use super::solver::{ITERATIONS, TOLERANCE};
 use crate::scenes::{STARTS, in_workspace};
 use collision::Ball;
 use fearless_simd::{Level, dispatch};
-use pcc_model::{Configuration, DOF, Point, Robot};
+use pcc_model::{Configuration, DOF, Point, UnitRobot};
 use planning::random_configuration;
 use planning::sampled_collision::REPULSION;
 use rand_pcg::Pcg64;
@@ -32,7 +32,7 @@ type SideBySide<const N: usize> = [[f64; N]; DOF];
 /// A robot and the balls around it.
 #[derive(Clone, Copy)]
 pub(super) struct Place<'a> {
-    pub(super) robot: &'a Robot,
+    pub(super) robot: &'a UnitRobot,
     pub(super) balls: &'a [Ball],
 }
 
@@ -158,7 +158,7 @@ fn shape_of<const N: usize>(shapes: &SideBySide<N>, i: usize) -> Configuration {
 /// One Newton step of every seed, into `next`, and the squared residuals before it.
 #[inline(always)]
 fn step_seeds(
-    robot: &Robot,
+    robot: &UnitRobot,
     tip: &Vector,
     shapes: &SideBySide<SEEDS>,
     next: &mut SideBySide<SEEDS>,

@@ -1,9 +1,10 @@
 //! The paper's three experiments: consecutive planning, two solutions of one target, avoiding an obstacle.
 
-use super::motion::{Execution, OnTheWay, Order, Proposal, Report, Stage, Task};
+use super::motion::{Execution, Order, Proposal, Report, Task};
 use super::obstacles::Obstacles;
 use super::recording::Recording;
-use crate::known_orders::{KnownOrders, Overruled};
+use super::session::{MotionOrder, Session};
+use crate::foreign_orders::{ForeignOrders, Overruled};
 use crate::output_files::write_whole;
 use anyhow::{Context, bail};
 use client::{Client, ControllerView};
@@ -28,14 +29,14 @@ const MULTI_SOLUTION: [f64; 3] = [1.55, -0.07, 2.33];
 const AVOIDANCE: [[f64; 3]; 2] = [[-1.45, 0.0, 2.25], [1.35, 0.0, 2.45]];
 /// The ball that appears in the third experiment: centre and radius in section lengths.
 const BALL: ([f64; 3], f64) = ([0.0, 0.0, 1.5], 0.4);
-/// Terminal shapes that count as two solutions, rad.
+/// Distance between goal configurations that count as two solutions, rad.
 const DISTINCT_RAD: f64 = 0.5;
 /// Distance of the backbone from the later ball's surface that the chosen goal configuration must keep, section lengths.
 const KEPT_CLEAR: f64 = 0.3;
-/// Times a motion is asked for: a machine that stalls for more than the robot's 20 ms makes the controller stop it.
+/// How often a motion is tried: a machine that stalls for more than the robot's 20 ms makes the controller stop it.
 const ATTEMPTS: usize = 4;
-/// Faults that a stalled machine leaves: they are reset, and the motion is asked for again. Every other one is the operator's to reset.
-const OF_STALLS: [LoopFault; 4] = [
+/// Faults that a stalled machine causes: they are reset, and the motion is tried again. Every other fault is the operator's to reset.
+const STALL_FAULTS: [LoopFault; 4] = [
     LoopFault::RobotLost,
     LoopFault::RobotRampedToRest,
     LoopFault::TooLate,
@@ -46,7 +47,7 @@ const ALLOWED_ERROR: [f64; 2] = [0.01, 0.03];
 
 /// A demonstration under way.
 pub(super) struct Mission<'a> {
-    stage: Stage<'a>,
+    session: Session<'a>,
     obstacles: Obstacles,
     recording: Recording,
     length: f64,
@@ -58,22 +59,22 @@ pub(super) struct Mission<'a> {
 
 impl<'a> Mission<'a> {
     pub(super) fn begin(robot: &'a Robot, options: &IpcOptions, seed: u64) -> anyhow::Result<Self> {
-        let known_orders = KnownOrders::until(mono_now_ns());
+        let foreign_orders = ForeignOrders::since(mono_now_ns());
         let length = robot
             .equal_section_length()
             .context("the three sections must be equally long")?;
         let mut client = Client::connect(options)?;
         client.wait_for_daemon(Duration::from_secs(20))?;
         let mut mission = Self {
-            stage: Stage {
+            session: Session {
                 robot,
                 client,
                 controller: ControllerView::connect(options)?,
                 interrupted: termination_flag()?,
                 seed,
-                known_orders,
+                foreign_orders,
                 last_id: None,
-                slowed: None,
+                speed_order: None,
             },
             obstacles: Obstacles::connect(options)?,
             recording: Recording::begin(options),
@@ -84,7 +85,7 @@ impl<'a> Mission<'a> {
             impossible: None,
         };
         mission.show(&[])?;
-        mission.stage.begin()?;
+        mission.session.begin()?;
         Ok(mission)
     }
 
@@ -120,31 +121,34 @@ impl<'a> Mission<'a> {
             self.reports.len(),
             self.interrupted.len()
         );
-        self.judge()
+        self.check_tip_errors()
     }
 
-    /// Takes the ball away; nobody need wait for another scene.
+    /// Removes the demonstration's obstacles and signs its source of scenes off.
     pub(super) fn take_leave(&self) -> anyhow::Result<()> {
         Ok(self.obstacles.take_leave()?)
     }
 
-    /// Half of the speed found and that again on one motion, and a stop on the next.
+    /// Halves and restores the speed during one motion, and stops the next.
     fn give_orders(&mut self) -> anyhow::Result<()> {
-        let slower = [(0.3, OnTheWay::Slower), (0.6, OnTheWay::AsFound)];
-        self.order_about(
+        let slower = [
+            (0.3, MotionOrder::HalveSpeed),
+            (0.6, MotionOrder::RestoreSpeed),
+        ];
+        self.perform_with_orders(
             "slower, and faster again",
             self.tip(CONSECUTIVE[0]),
             &slower,
         )?;
         let home = Goal::Configuration([0.0; 6]);
-        self.order_about("stopped half-way", home, &[(0.5, OnTheWay::Stop)])
+        self.perform_with_orders("stopped half-way", home, &[(0.5, MotionOrder::Stop)])
     }
 
-    fn order_about(
+    fn perform_with_orders(
         &mut self,
         name: &str,
         goal: Goal,
-        orders: &[(f64, OnTheWay)],
+        orders: &[(f64, MotionOrder)],
     ) -> anyhow::Result<()> {
         let task = Task {
             experiment: 2,
@@ -153,8 +157,8 @@ impl<'a> Mission<'a> {
             balls: &[],
         };
         let obeyed = self
-            .stage
-            .order_about(&task, orders)
+            .session
+            .perform_with_orders(&task, orders)
             .context(name.to_owned())?;
         say!(
             "  {name}: {} of {} orders obeyed",
@@ -171,7 +175,7 @@ impl<'a> Mission<'a> {
             radius: BALL.1 * self.length,
         };
         self.ask_the_impossible(ball)?;
-        let (robot, kept) = (self.stage.robot, KEPT_CLEAR * self.length);
+        let (robot, kept) = (self.session.robot, KEPT_CLEAR * self.length);
         let later = Scene::new(vec![ball])?;
         self.go(3, "before the ball", AVOIDANCE[0], &[], |all| {
             clearest(robot, &later, kept, all)
@@ -180,7 +184,7 @@ impl<'a> Mission<'a> {
         self.go(3, "around the ball", AVOIDANCE[1], &[ball], |_| Ok(0))
     }
 
-    /// As printed in the paper the ball is there from the start, where the straight robot stands.
+    /// Plans the third experiment as printed in the paper, with the ball there from the start, where it touches the straight robot.
     fn ask_the_impossible(&mut self, ball: Ball) -> anyhow::Result<()> {
         let task = Task {
             experiment: 3,
@@ -188,7 +192,7 @@ impl<'a> Mission<'a> {
             goal: self.tip(AVOIDANCE[0]),
             balls: &[ball],
         };
-        let answer = self.stage.ask(Configuration::zeros(), &task)?;
+        let answer = self.session.plan(Configuration::zeros(), &task)?;
         let report = answer.report();
         say!(
             "  with the ball there from the start: {} ({})",
@@ -206,7 +210,7 @@ impl<'a> Mission<'a> {
     }
 
     fn home(&mut self, experiment: u32) -> anyhow::Result<()> {
-        let held = self.stage.hold()?.values.commanded_configuration_rad;
+        let held = self.session.hold()?.values.commanded_configuration_rad;
         if Configuration::from(held).norm() < 1e-9 {
             return Ok(());
         }
@@ -244,7 +248,7 @@ impl<'a> Mission<'a> {
         for _ in 0..ATTEMPTS {
             let context = || format!("{}, {}", task.experiment, task.name);
             let execution = self
-                .stage
+                .session
                 .perform(task, &self.recording, &choose)
                 .with_context(context)?;
             match execution {
@@ -257,7 +261,7 @@ impl<'a> Mission<'a> {
                     trajectory_id,
                     fault,
                 } => {
-                    if !OF_STALLS.contains(&fault) {
+                    if !STALL_FAULTS.contains(&fault) {
                         let (experiment, name) = (task.experiment, &task.name);
                         bail!("{experiment}, {name}: {}", end_of_demonstration(fault));
                     }
@@ -266,7 +270,7 @@ impl<'a> Mission<'a> {
                         task.name
                     );
                     self.interrupted.push(trajectory_id);
-                    self.stage.reset()?;
+                    self.session.reset()?;
                 }
             }
         }
@@ -277,15 +281,15 @@ impl<'a> Mission<'a> {
         )
     }
 
-    /// Stops what moves where the demonstration has failed, and gives the speed back that it found. Where somebody else has ordered
-    /// something, the robot is theirs by now.
+    /// Stops the robot where the demonstration has failed, and restores the speed that it found. Where somebody else has given an
+    /// order, only the demonstration's own motion is stopped.
     pub(super) fn end(&mut self, outcome: &anyhow::Result<()>) {
         match outcome {
-            Err(error) if error.is::<Overruled>() => self.stage.stop_own(),
-            Err(_) => self.stage.stop(),
+            Err(error) if error.is::<Overruled>() => self.session.stop_own(),
+            Err(_) => self.session.stop(),
             Ok(()) => {}
         }
-        self.stage.restore_speed();
+        self.session.restore_speed();
     }
 
     fn point(&self, section_lengths: [f64; 3]) -> Point {
@@ -316,8 +320,8 @@ impl<'a> Mission<'a> {
         Ok(())
     }
 
-    /// Every motion must have ended where it was asked to.
-    fn judge(&self) -> anyhow::Result<()> {
+    /// Checks that every motion ended at its goal.
+    fn check_tip_errors(&self) -> anyhow::Result<()> {
         for report in &self.reports {
             let errors = errors(report).map(|e| e / self.length);
             if errors
@@ -343,7 +347,7 @@ impl<'a> Mission<'a> {
     /// Writes `recording.npz`, `scene.json` and `demo.json`.
     pub(super) fn save(&mut self, folder: &Path) -> anyhow::Result<()> {
         self.recording.end()?;
-        self.recording.save(folder, self.stage.robot)?;
+        self.recording.save(folder, self.session.robot)?;
         let summary = json!({
             "motions": self.reports,
             "interrupted": self.interrupted,
@@ -367,7 +371,7 @@ fn termination_flag() -> anyhow::Result<Arc<AtomicBool>> {
     Ok(interrupted)
 }
 
-/// Why nothing more is asked for after a stop that no stall of the machine explains.
+/// The reason why the demonstration ends after a stop that no stall of the machine explains.
 fn end_of_demonstration(fault: LoopFault) -> String {
     match fault {
         LoopFault::None => "the controller stopped on the way without a fault: the daemon ordered it, or was not heard for a while (both logs say so)".into(),

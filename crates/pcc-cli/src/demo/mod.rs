@@ -1,10 +1,11 @@
 //! `pcc demo`: the paper's three hardware experiments on a running daemon, controller and robot.
 
+mod controller_state;
 mod mission;
 mod motion;
 mod obstacles;
 mod recording;
-mod standing;
+mod session;
 
 use crate::number::any;
 use crate::output_files::{make_writable, refuse_existing};

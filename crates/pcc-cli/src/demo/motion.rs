@@ -1,36 +1,32 @@
 //! One motion of the demonstration: ask, choose, execute, wait, measure.
 
+use super::controller_state::TIMEOUT;
 use super::recording::Recording;
-use super::standing::{PATIENCE, Slowed, fresh_state, is_under_way};
-use crate::known_orders::KnownOrders;
-use crate::order::STANDS_STILL;
+use super::session::{MotionOrder, Session, motion_timeout};
 use anyhow::{Context, bail};
-use client::{Client, ControllerView, PlanAnswer};
+use client::PlanAnswer;
 use collision::{Ball, Scene, minimum_clearance};
 use pcc_model::{Configuration, Point, Robot};
 use serde::Serialize;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{CommandRefusal, LoopFault, LoopState, Outcome, Refusal};
+use shared_types::codes::{LoopFault, LoopState, Outcome};
 use shared_types::message;
-use shared_types::valid::{Command, ControllerState, Goal, PlanRequest, SelectionRule};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use shared_types::valid::{Goal, PlanRequest, SelectionRule};
+use std::time::Duration;
 use trajectory::{Knot, Trajectory};
 
 /// Candidates of every request, as in the paper.
 const CANDIDATES: usize = 10;
-/// The demonstration is not about latency.
+/// Deadline of every request: long, since the demonstration is not about latency.
 const DEADLINE: Duration = Duration::from_millis(500);
-/// A motion that ends farther from its goal configuration was stopped on the way, rad.
+/// A motion that ends farther than this from its goal configuration was stopped before its end, rad.
 const SAME_CONFIGURATION_RAD: f64 = 1e-5;
-/// Longest time that a motion at a low speed is waited for, seconds.
-const LONGEST_MOTION_S: f64 = 86_400.0;
-/// How long the robot holds after a motion; its last part is averaged for the measured tip.
+/// How long the robot holds after a motion.
 const HOLD: Duration = Duration::from_millis(1000);
+/// The last part of a hold, over which the measured tip is averaged, ns.
 const MEASURED_OVER_NS: i64 = 300_000_000;
 
-/// What is known of a finished motion.
+/// The report of a finished motion, as `demo.json` holds it.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Report {
     pub(super) experiment: u32,
@@ -53,14 +49,14 @@ pub(super) struct Report {
 pub(super) enum Execution {
     /// At the end of the trajectory.
     Done(Report),
-    /// On the way: the controller stopped the robot along its path.
+    /// Before its end: the controller stopped the robot along its path.
     Stopped {
         trajectory_id: u32,
         fault: LoopFault,
     },
 }
 
-/// An order that the controller obeyed on the way of a motion.
+/// An order that the controller obeyed during a motion.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Order {
     pub(super) trajectory_id: u32,
@@ -71,24 +67,14 @@ pub(super) struct Order {
     pub(super) planned_s: f64,
 }
 
-/// What the demonstration has the controller do on the way of a motion.
-#[derive(Clone, Copy)]
-pub(super) enum OnTheWay {
-    /// Half of the speed found.
-    Slower,
-    /// The speed found.
-    AsFound,
-    Stop,
-}
-
-/// One candidate, in the robot's own units.
+/// One candidate of a plan, lengths in metres.
 pub(super) struct Proposal {
     pub(super) index: usize,
     pub(super) end: Configuration,
     motion: Trajectory,
 }
 
-/// Where to, and what is in the way.
+/// A motion to demonstrate: its goal, and the balls that it must avoid.
 pub(super) struct Task<'a> {
     pub(super) experiment: u32,
     pub(super) name: &'a str,
@@ -96,33 +82,7 @@ pub(super) struct Task<'a> {
     pub(super) balls: &'a [Ball],
 }
 
-/// The processes that carry a motion out.
-pub(super) struct Stage<'a> {
-    pub(super) robot: &'a Robot,
-    pub(super) client: Client,
-    pub(super) controller: ControllerView,
-    /// The demonstration is to end now.
-    pub(super) interrupted: Arc<AtomicBool>,
-    pub(super) seed: u64,
-    /// Noted before the demonstration waits for anything.
-    pub(super) known_orders: KnownOrders,
-    /// The motion that was executed last.
-    pub(super) last_id: Option<u32>,
-    /// Where the demonstration has ordered a speed that it has not given back yet.
-    pub(super) slowed: Option<Slowed>,
-}
-
-impl Stage<'_> {
-    /// Waits until the controller holds.
-    pub(super) fn begin(&mut self) -> anyhow::Result<()> {
-        let held = self.hold()?.values;
-        if held.speed < 1.0 {
-            let speed = held.speed;
-            say!("the controller follows motions at speed {speed} of their own rate");
-        }
-        Ok(())
-    }
-
+impl Session<'_> {
     /// Plans from where the controller holds, lets `choose` pick among the candidates, and executes that one.
     pub(super) fn perform(
         &mut self,
@@ -136,7 +96,10 @@ impl Stage<'_> {
         let chosen = &proposals[choose(&proposals)?];
         let since = mono_now_ns();
         let id = self.execute(&request, chosen, hash)?;
-        let ended = self.follow(id, patience(chosen.motion.duration(), begun.values.speed))?;
+        let ended = self.follow(
+            id,
+            motion_timeout(chosen.motion.duration(), begun.values.speed),
+        )?;
         let end = Configuration::from(ended.values.commanded_configuration_rad);
         if ended.state == LoopState::Fault || (end - chosen.end).norm() > SAME_CONFIGURATION_RAD {
             return Ok(Execution::Stopped {
@@ -166,12 +129,12 @@ impl Stage<'_> {
         }))
     }
 
-    /// Plans from where the controller holds, executes the first candidate, and gives each order when that share of the motion is
-    /// done; returns what was obeyed once the robot rests.
-    pub(super) fn order_about(
+    /// Plans from where the controller holds, executes the first candidate, and gives each order when its share of the motion is
+    /// done; returns the orders that were obeyed once the robot rests.
+    pub(super) fn perform_with_orders(
         &mut self,
         task: &Task,
-        orders: &[(f64, OnTheWay)],
+        orders: &[(f64, MotionOrder)],
     ) -> anyhow::Result<Vec<Order>> {
         let begun = self.hold()?;
         let request = self.request(begun.values.commanded_configuration_rad, task);
@@ -179,13 +142,13 @@ impl Stage<'_> {
         let id = self.execute(&request, &proposals[0], hash)?;
         let planned_s = proposals[0].motion.duration();
         // Half of it at half speed.
-        let patience = patience(2.0 * planned_s, begun.values.speed);
+        let timeout = motion_timeout(2.0 * planned_s, begun.values.speed);
         let mut obeyed = Vec::new();
-        for (share, wish) in orders {
-            let state = self.wait(patience, "that part of the motion is done", |s| {
+        for (share, order) in orders {
+            let state = self.wait(timeout, "that part of the motion is done", |s| {
                 s.values.trajectory_id == id && s.values.trajectory_time_s >= share * planned_s
             })?;
-            let Some(order) = self.order(*wish, &state)? else {
+            let Some(order) = self.order(*order, &state)? else {
                 continue;
             };
             obeyed.push(Order {
@@ -195,64 +158,18 @@ impl Stage<'_> {
                 planned_s,
             });
         }
-        let ended = self.follow(id, patience)?;
+        let ended = self.follow(id, timeout)?;
         if ended.state == LoopState::Fault {
             bail!("the controller is in fault: {}", ended.fault);
         }
         Ok(obeyed)
     }
 
-    /// Gives an order, and returns its name; none where the speed is somebody else's by now, which stays.
-    fn order(
-        &mut self,
-        wish: OnTheWay,
-        state: &ControllerState,
-    ) -> anyhow::Result<Option<&'static str>> {
-        match wish {
-            OnTheWay::Slower => {
-                // Noted before it is ordered: an order without a reply may be obeyed.
-                let slowed = *self.slowed.insert(Slowed::from(&state.values));
-                self.obeyed(Command::SetSpeed(slowed.ordered))?;
-                Ok(Some("speed"))
-            }
-            OnTheWay::AsFound => {
-                let Some(slowed) = self.slowed.filter(|slowed| slowed.stands(&state.values)) else {
-                    let speed = state.values.speed;
-                    say!("  somebody else has ordered speed {speed} meanwhile; it stays");
-                    self.slowed = None;
-                    return Ok(None);
-                };
-                self.obeyed(Command::SetSpeed(slowed.found))?;
-                self.slowed = None;
-                Ok(Some("speed"))
-            }
-            OnTheWay::Stop => {
-                self.obeyed(Command::Stop)?;
-                self.note_own_order();
-                Ok(Some("stop"))
-            }
-        }
-    }
-
-    /// Gives an order that must be obeyed.
-    fn obeyed(&mut self, command: Command) -> anyhow::Result<()> {
-        let reply = self.controller.command(command, PATIENCE)?;
-        if !reply.accepted {
-            bail!("the controller does not obey: {}", reply.reason);
-        }
-        Ok(())
-    }
-
-    /// The controller has just answered a stop or a reset of the demonstration's own.
-    fn note_own_order(&mut self) {
-        self.known_orders.add_own(mono_now_ns());
-    }
-
-    /// What the daemon answers to a request that is only planned.
-    pub(super) fn ask(&mut self, start: Configuration, task: &Task) -> anyhow::Result<PlanAnswer> {
+    /// The daemon's answer to a request that is planned and not executed.
+    pub(super) fn plan(&mut self, start: Configuration, task: &Task) -> anyhow::Result<PlanAnswer> {
         Ok(self
             .client
-            .plan(&self.request(start.into(), task), PATIENCE)?)
+            .plan(&self.request(start.into(), task), TIMEOUT)?)
     }
 
     fn request(&self, start: [f64; 6], task: &Task) -> PlanRequest {
@@ -270,7 +187,7 @@ impl Stage<'_> {
     }
 
     fn propose(&mut self, request: &PlanRequest) -> anyhow::Result<(Vec<Proposal>, u64)> {
-        let answer = self.client.plan(request, PATIENCE)?;
+        let answer = self.client.plan(request, TIMEOUT)?;
         let report = answer.report();
         if report.outcome != Outcome::Ok {
             bail!("{}: {}", report.outcome, report.reason);
@@ -288,8 +205,8 @@ impl Stage<'_> {
         Ok((proposals.collect::<anyhow::Result<_>>()?, report.plan_hash))
     }
 
-    /// Repeats the request, which gives the same plan, and has the chosen candidate executed. What was stopped while it was planned is
-    /// not asked for.
+    /// Repeats the request, which gives the same plan, and has the chosen candidate executed; returns the trajectory's id. An error
+    /// where somebody else has ordered a stop meanwhile.
     fn execute(
         &mut self,
         request: &PlanRequest,
@@ -302,7 +219,7 @@ impl Stage<'_> {
             requested_mono_ns: Some(self.look()?.values.stamp_mono_ns),
             ..request.clone()
         };
-        let answer = self.client.plan(&request, PATIENCE)?;
+        let answer = self.client.plan(&request, TIMEOUT)?;
         let report = answer.report();
         if report.plan_hash != hash {
             bail!("the same request gave another plan");
@@ -312,110 +229,6 @@ impl Stage<'_> {
             .trajectory_id
             .with_context(|| format!("{}: {}", report.outcome, report.reason))
     }
-
-    /// Waits until the controller holds, and would follow a motion.
-    pub(super) fn hold(&mut self) -> anyhow::Result<ControllerState> {
-        let held = self.wait(PATIENCE, "the controller holds", |s| {
-            s.state == LoopState::Holding
-        })?;
-        if held.values.speed <= 0.0 {
-            bail!("{STANDS_STILL}");
-        }
-        Ok(held)
-    }
-
-    /// Waits until a trajectory is taken, and so long until the robot rests again.
-    fn follow(&mut self, id: u32, patience: Duration) -> anyhow::Result<ControllerState> {
-        let taken = self.wait(PATIENCE, "the trajectory is taken", |s| {
-            s.values.trajectory_id == id || s.values.refused_trajectory_id == id
-        })?;
-        if taken.values.refused_trajectory_id == id && taken.refusal != Refusal::None {
-            bail!("the controller refused the trajectory: {}", taken.refusal);
-        }
-        self.wait(patience, "the motion ends", |s| {
-            matches!(s.state, LoopState::Holding | LoopState::Fault)
-        })
-    }
-
-    /// Stops what moves, if something does.
-    pub(super) fn stop(&mut self) {
-        match self.controller.command(Command::Stop, PATIENCE) {
-            Ok(reply) if reply.accepted || reply.reason == CommandRefusal::NothingToDo => {}
-            Ok(reply) => say!(
-                "the robot may move on: the stop was answered with `{}`",
-                reply.reason
-            ),
-            Err(error) => say!("the robot may move on: {error}"),
-        }
-    }
-
-    /// Stops the demonstration's own last motion, if that is under way, or may still begin: another one is somebody else's.
-    pub(super) fn stop_own(&mut self) {
-        let Some(id) = self.last_id else {
-            return;
-        };
-        let known = &self.known_orders;
-        let is_own = fresh_state(&mut self.controller).is_none_or(|state| {
-            known.is_same_controller(&state.values) && is_under_way(&state, id)
-        });
-        if is_own {
-            self.stop();
-        }
-    }
-
-    /// Gives the speed back that the demonstration found, where it has not yet.
-    pub(super) fn restore_speed(&mut self) {
-        if let Some(slowed) = self.slowed.take() {
-            slowed.give_back(&mut self.controller);
-        }
-    }
-
-    /// Clears the controller's fault, unless somebody else has ordered something meanwhile.
-    pub(super) fn reset(&mut self) -> anyhow::Result<()> {
-        self.look()?;
-        let reply = self.controller.command(Command::ResetFault, PATIENCE)?;
-        if !reply.accepted {
-            bail!("the controller does not reset: {}", reply.reason);
-        }
-        self.note_own_order();
-        Ok(())
-    }
-
-    /// Waits for a fresh state, and so for the orders of others that it tells of.
-    fn look(&mut self) -> anyhow::Result<ControllerState> {
-        self.wait(PATIENCE, "the controller says what it does", |_| true)
-    }
-
-    /// Waits for a fresh state of that kind; a stop or a reset of somebody else ends the wait.
-    fn wait(
-        &mut self,
-        patience: Duration,
-        what: &str,
-        until: impl Fn(&ControllerState) -> bool,
-    ) -> anyhow::Result<ControllerState> {
-        let (asked, end) = (mono_now_ns(), Instant::now() + patience);
-        while Instant::now() < end {
-            if self.interrupted.load(Ordering::Relaxed) {
-                bail!("interrupted");
-            }
-            if let Some(state) = self.controller.latest_state()?
-                && state.values.stamp_mono_ns >= asked
-            {
-                let checked = self.known_orders.check(&state.values);
-                checked.context("the demonstration ends here, and resets nothing")?;
-                if until(&state) {
-                    return Ok(state);
-                }
-            }
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        bail!("waited {patience:?} in vain until {what}")
-    }
-}
-
-/// How long the end of a motion is waited for that lasts so long at its own rate.
-fn patience(duration_s: f64, speed: f64) -> Duration {
-    PATIENCE + Duration::from_secs_f64((duration_s / speed).min(LONGEST_MOTION_S))
 }
 
 /// Mean of the measured configurations of the last [`MEASURED_OVER_NS`], rad.
@@ -433,7 +246,7 @@ fn mean_measured(cycles: &[message::Cycle]) -> anyhow::Result<Configuration> {
 fn goal_tip(robot: &Robot, goal: &Goal) -> Point {
     match goal {
         Goal::Tip { position_m, .. } => Point::from(*position_m),
-        Goal::Configuration(shape) => robot.tip(&Configuration::from(*shape)),
+        Goal::Configuration(goal) => robot.tip(&Configuration::from(*goal)),
     }
 }
 
@@ -455,18 +268,4 @@ fn largest_step(cycles: &[message::Cycle]) -> f64 {
             .fold(0.0, f64::max)
     };
     cycles.windows(2).map(step).fold(0.0, f64::max)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_slow_motion_is_waited_for_longer() {
-        assert_eq!(patience(4.0, 1.0), PATIENCE + Duration::from_secs(4));
-        assert_eq!(patience(4.0, 0.5), PATIENCE + Duration::from_secs(8));
-        for speed in [1e-300, f64::MIN_POSITIVE] {
-            assert!(patience(4.0, speed) <= PATIENCE + Duration::from_secs(86_400));
-        }
-    }
 }

@@ -1,5 +1,5 @@
-//! The demonstration as a source of live scenes: it tells of its obstacles again and again while it runs, and takes its leave in the
-//! end, however it ends.
+//! The demonstration as a source of live scenes: it publishes its obstacles again and again while it runs, and signs off in the end,
+//! however it ends.
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -12,14 +12,14 @@ use shared_types::message::MovingBall;
 
 /// The name of the source.
 const SOURCE: &str = "pcc demo";
-/// How long a scene counts: should the demonstration be killed, what moves is stopped after that.
+/// How long a scene counts: should the demonstration be killed, the daemon stops the robot after that.
 const LIFETIME: Duration = Duration::from_secs(5);
-/// How often it is told again.
+/// Interval at which the scene is published again.
 const RENEWAL: Duration = Duration::from_secs(1);
-/// How long the daemon may take to judge one.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// Longest wait for the daemon's confirmation of a scene.
+const TIMEOUT: Duration = Duration::from_secs(5);
 
-/// What is shown, told again by a thread of its own; dropped, it takes its leave.
+/// The obstacles that are shown, published again by a thread of its own; when dropped, the source signs off.
 pub(super) struct Obstacles {
     shown: Arc<Mutex<Shown>>,
     quit: Option<Sender<()>>,
@@ -28,9 +28,9 @@ pub(super) struct Obstacles {
 
 struct Shown {
     publisher: ScenePublisher,
-    /// None before the first scene, and after the leave.
+    /// The obstacles; none before the first scene, and after signing off.
     balls: Option<Vec<MovingBall>>,
-    /// Why a scene could not be told again, the first time.
+    /// The first error of publishing a scene again.
     failed: Option<ClientError>,
 }
 
@@ -52,7 +52,7 @@ impl Obstacles {
         })
     }
 
-    /// Shows these in place of those before, from now on, and waits until the daemon has taken them in.
+    /// Shows `balls` in place of those before, from now on, and waits until the daemon has taken them in.
     pub(super) fn show(&self, balls: &[MovingBall]) -> Result<(), ClientError> {
         let mut shown = locked(&self.shown);
         if let Some(failed) = shown.failed.take() {
@@ -60,17 +60,17 @@ impl Obstacles {
         }
         shown.balls = Some(balls.to_vec());
         shown.publisher.publish(balls, LIFETIME)?;
-        shown.publisher.confirm(PATIENCE)
+        shown.publisher.confirm(TIMEOUT)
     }
 
-    /// Takes them away; nobody need wait for another scene. Does nothing where nothing is shown.
+    /// Removes the obstacles and signs the source off; does nothing where nothing is shown.
     pub(super) fn take_leave(&self) -> Result<(), ClientError> {
         let mut shown = locked(&self.shown);
         if shown.balls.take().is_none() {
             return Ok(());
         }
         shown.publisher.take_leave()?;
-        shown.publisher.confirm(PATIENCE)
+        shown.publisher.confirm(TIMEOUT)
     }
 }
 
@@ -81,7 +81,7 @@ impl Drop for Obstacles {
             // A thread that panicked has said so already.
             let _ = renewal.join();
         }
-        // Who wants to know calls it before.
+        // A caller that needs the error calls this before.
         let _ = self.take_leave();
     }
 }

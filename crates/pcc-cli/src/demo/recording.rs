@@ -1,4 +1,4 @@
-//! Every cycle of the loop during the demonstration, and what stood in the way.
+//! The recording of a demonstration: every cycle of the controller's loop, and the scenes.
 
 use crate::output_files::write_whole;
 use anyhow::anyhow;
@@ -14,10 +14,10 @@ use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// What a recorded demonstration leaves behind.
+/// The files that a recorded demonstration writes.
 pub(super) const FILES: [&str; 3] = ["recording.npz", "scene.json", "demo.json"];
 
-/// Records in a thread of its own, since ports stay in the thread that made them.
+/// A recording under way, in a thread of its own, since ports stay in the thread that made them.
 pub(super) struct Recording {
     cycles: Arc<Mutex<Vec<Cycle>>>,
     stop: Arc<AtomicBool>,
@@ -89,7 +89,7 @@ impl Recording {
 
 impl Drop for Recording {
     fn drop(&mut self) {
-        // Who wants to know how the recording has ended calls `end` before.
+        // A caller that needs the error calls `end` before.
         let _ = self.end();
     }
 }
@@ -114,40 +114,30 @@ fn record(
     }
 }
 
+/// The values of one array in a cycle.
+type Values = fn(&Cycle) -> &[f64];
+
 fn write_cycles(file: &Path, cycles: &[Cycle]) -> anyhow::Result<()> {
     let n = cycles.len();
     let mut archive = ArchiveWriter::create(file)?;
     archive.write("stamp_ns", &[n], cycles.iter().map(|c| c.stamp_mono_ns))?;
-    archive.write(
-        "setpoint_m",
-        &[n, 9],
-        cycles.iter().flat_map(|c| c.setpoint_m),
-    )?;
-    archive.write(
-        "setpoint_velocity_m_s",
-        &[n, 9],
-        cycles.iter().flat_map(|c| c.setpoint_velocity_m_s),
-    )?;
-    archive.write(
-        "setpoint_acceleration_m_s2",
-        &[n, 9],
-        cycles.iter().flat_map(|c| c.setpoint_acceleration_m_s2),
-    )?;
-    archive.write(
-        "measured_tendon_m",
-        &[n, 9],
-        cycles.iter().flat_map(|c| c.measured_tendon_m),
-    )?;
-    archive.write(
-        "commanded_configuration",
-        &[n, 6],
-        cycles.iter().flat_map(|c| c.commanded_configuration_rad),
-    )?;
-    archive.write(
-        "measured_configuration",
-        &[n, 6],
-        cycles.iter().flat_map(|c| c.measured_configuration_rad),
-    )?;
+    let arrays: [(&str, Values); 6] = [
+        ("setpoint_m", |c| &c.setpoint_m),
+        ("setpoint_velocity_m_s", |c| &c.setpoint_velocity_m_s),
+        ("setpoint_acceleration_m_s2", |c| {
+            &c.setpoint_acceleration_m_s2
+        }),
+        ("measured_tendon_m", |c| &c.measured_tendon_m),
+        ("commanded_configuration", |c| {
+            &c.commanded_configuration_rad
+        }),
+        ("measured_configuration", |c| &c.measured_configuration_rad),
+    ];
+    for (name, values) in arrays {
+        let width = values(&Cycle::ZEROED).len();
+        let values = cycles.iter().flat_map(values).copied();
+        archive.write(name, &[n, width], values)?;
+    }
     archive.write("state", &[n], cycles.iter().map(|c| c.state))?;
     archive.write(
         "trajectory_id",

@@ -2,7 +2,8 @@
 
 use super::proposals;
 use crate::number;
-use crate::planner::{ModelArguments, PlannerName, name_of};
+use crate::planner::ModelArguments;
+use crate::sampler::{PlannerName, name_of};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use datasets::{Case, Dataset, Split};

@@ -1,4 +1,4 @@
-//! `paths.npz`: what was drawn, what was certified, and the executed curves (docs/evaluation.md "The command").
+//! `paths.npz`: the drawn paths, the verdicts, and the executed curves (docs/evaluation.md "The command").
 
 use super::answer::Answer;
 use collision::Ball;
@@ -133,7 +133,7 @@ fn values_of(path: Option<&Waypoints>) -> Vec<f64> {
     )
 }
 
-/// Whether it was one of the draws asked for, or filled in: what exploring found came in addition.
+/// Whether a draw is certified and was asked for or filled in; motions found by exploring come in addition and do not count.
 fn is_certified(draw: &Draw) -> bool {
     draw.outcome.is_ok() && draw.source != Source::Explored
 }

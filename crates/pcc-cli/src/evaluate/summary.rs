@@ -2,15 +2,16 @@
 
 use super::answer::Answer;
 use super::arguments::Arguments;
-use crate::planner::{ModelRecords, name_of};
-use pcc_model::{Configuration, Robot};
+use crate::planner::ModelRecords;
+use crate::sampler::name_of;
+use pcc_model::{Configuration, UnitRobot};
 use planning::{
     Candidate, Draw, Failure, Plan, SampledVerdict, SetMetrics, Source, Waypoints, set_metrics,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
 
-/// Share of requests and candidates, figures of merit, times.
+/// The content of `result.json`: shares of requests and candidates, figures of merit, times.
 #[derive(Serialize)]
 pub(super) struct Summary {
     planner: String,
@@ -28,7 +29,7 @@ pub(super) struct Summary {
     infeasible: BTreeMap<String, usize>,
     #[serde(flatten)]
     shares: Shares,
-    /// What was sampled, by the paper's criterion.
+    /// Figures of the sampled paths by the paper's criterion.
     sampled: Sampled,
     failures: BTreeMap<String, usize>,
     #[serde(flatten)]
@@ -39,14 +40,14 @@ pub(super) struct Summary {
     stage_seconds: BTreeMap<&'static str, Spread>,
 }
 
-/// What the sampler drew, by the paper's criterion, before any correction outside of the sampler.
+/// Figures of the sampled paths by the paper's criterion, before any correction outside of the sampler.
 #[derive(Serialize)]
 struct Sampled {
     /// Sampled paths; none where the planner samples nothing.
     paths: usize,
     /// Share of all candidates asked for that succeed.
     success: f64,
-    /// The same after correction.
+    /// Share of all candidates asked for that succeed after correction.
     success_corrected: f64,
     /// Share of the requests with a candidate that succeeds.
     success_any: f64,
@@ -54,14 +55,14 @@ struct Sampled {
     success_by_balls: BTreeMap<usize, f64>,
     /// Tip error, section lengths.
     tip_error: Spread,
-    /// The same ÷ 3 L over those that succeed.
+    /// Tip error ÷ 3 L, the robot's length, over the candidates that succeed.
     tip_error_of_robot_length: Spread,
     /// Time of sampling alone ÷ candidates, s.
     seconds_per_candidate: Spread,
 }
 
 impl Sampled {
-    fn of(robot: &Robot, arguments: &Arguments, answers: &[Answer]) -> Self {
+    fn of(robot: &UnitRobot, arguments: &Arguments, answers: &[Answer]) -> Self {
         let length: f64 = robot.section_lengths.iter().sum();
         let sampled = verdicts(robot, answers, |draw| draw.sampled.as_ref());
         let corrected = verdicts(robot, answers, |draw| draw.path.as_ref());
@@ -178,7 +179,7 @@ impl Shares {
 struct PathFigures {
     /// Distance of the tip's end from the target, section lengths.
     tip_error: Spread,
-    /// The same ÷ 3 L, the robot's length.
+    /// Distance of the tip's end from the target ÷ 3 L, the robot's length.
     tip_error_of_robot_length: Spread,
     clearance: Spread,
     tip_length_ratio: Spread,
@@ -188,7 +189,7 @@ struct PathFigures {
 }
 
 impl PathFigures {
-    fn of(robot: &Robot, answers: &[Answer]) -> Self {
+    fn of(robot: &UnitRobot, answers: &[Answer]) -> Self {
         let all: Vec<(&Answer, &Candidate)> = answers.iter().flat_map(certified_of).collect();
         let path =
             |figure: fn(&Candidate) -> f64| Spread::of(all.iter().map(move |(_, c)| figure(c)));
@@ -232,7 +233,7 @@ impl SetFigures {
 }
 
 pub(super) fn summarise(
-    robot: &Robot,
+    robot: &UnitRobot,
     arguments: &Arguments,
     models: ModelRecords,
     answers: &[Answer],
@@ -270,15 +271,15 @@ fn certified(plan: &Plan) -> impl Iterator<Item = &Candidate> {
     candidates.filter(|candidate| candidate.source != Source::Explored)
 }
 
-/// The certified candidates of an answer, each with it.
+/// The certified candidates of an answer, each with the answer.
 fn certified_of(answer: &Answer) -> impl Iterator<Item = (&Answer, &Candidate)> {
     let candidates = answer.plan.iter().flat_map(certified);
     candidates.map(move |candidate| (answer, candidate))
 }
 
-/// The paper's criterion on one path of every draw asked for that has it, case by case.
+/// Verdicts by the paper's criterion on one path of each draw that was asked for, case by case; draws without the path are left out.
 fn verdicts(
-    robot: &Robot,
+    robot: &UnitRobot,
     answers: &[Answer],
     path: impl Fn(&Draw) -> Option<&Waypoints>,
 ) -> Vec<Vec<SampledVerdict>> {

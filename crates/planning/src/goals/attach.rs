@@ -3,12 +3,12 @@
 use crate::goals::inverse_kinematics::{is_solved, solve_tip};
 use crate::path::waypoints::parameter;
 use crate::problem::{Goal, Problem};
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, UnitRobot};
 
 /// Moves the first waypoint to the start and the last one to the goal's nearest configuration, the others along with weight u².
 ///
 /// Returns whether the goal is reached; a path whose end is too far from any solution keeps its nearest configuration.
-pub(crate) fn attach(robot: &Robot, problem: &Problem, path: &mut [Configuration]) -> bool {
+pub(crate) fn attach(robot: &UnitRobot, problem: &Problem, path: &mut [Configuration]) -> bool {
     let last = path[path.len() - 1];
     let (end, reached) = match &problem.goal {
         Goal::Configuration(configuration) => (*configuration, true),

@@ -5,7 +5,7 @@ use crate::goals::inverse_kinematics::{is_solved, solve_tips};
 use crate::problem::{Goal, Problem};
 use crate::request::Interrupt;
 use crate::search::random_configuration::random_configuration;
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, UnitRobot};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -56,7 +56,7 @@ struct Solution {
 /// # Errors
 /// [`Infeasible::GoalOutOfReach`] or [`Infeasible::GoalInCollision`].
 pub fn goal_configurations(
-    robot: &Robot,
+    robot: &UnitRobot,
     problem: &Problem,
     count: usize,
     rng: &mut Pcg64,
@@ -66,7 +66,7 @@ pub fn goal_configurations(
 
 /// Finds goal configurations as [`goal_configurations`] does; if interrupted, returns those found so far, which may be none.
 pub(crate) fn goal_configurations_until(
-    robot: &Robot,
+    robot: &UnitRobot,
     problem: &Problem,
     count: usize,
     rng: &mut Pcg64,
@@ -103,13 +103,17 @@ pub(crate) fn goal_configurations_until(
 ///
 /// # Errors
 /// [`Infeasible::GoalOutOfReach`] or [`Infeasible::GoalInCollision`].
-pub(crate) fn check_goal(robot: &Robot, problem: &Problem, seed: u64) -> Result<(), Infeasible> {
+pub(crate) fn check_goal(
+    robot: &UnitRobot,
+    problem: &Problem,
+    seed: u64,
+) -> Result<(), Infeasible> {
     let mut rng = Pcg64::seed_from_u64(seed);
     goal_configurations(robot, problem, 1, &mut rng).map(drop)
 }
 
 fn fixed_goal(
-    robot: &Robot,
+    robot: &UnitRobot,
     problem: &Problem,
     configuration: &Configuration,
 ) -> Result<Vec<Configuration>, Infeasible> {
@@ -137,7 +141,7 @@ struct Pool {
 impl Pool {
     fn try_seeds(
         &mut self,
-        robot: &Robot,
+        robot: &UnitRobot,
         problem: &Problem,
         target: &pcc_model::Point,
         seeds: &[Configuration],

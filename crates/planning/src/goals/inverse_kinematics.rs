@@ -6,7 +6,7 @@ use crate::goals::newton::{
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f64x4, mask64x4};
 use pcc_model::{
-    Configuration, LANES, Point, Robot, SECTIONS, norms_squared, one_by_one, side_by_side,
+    Configuration, LANES, Point, SECTIONS, UnitRobot, norms_squared, one_by_one, side_by_side,
 };
 
 /// Iterations of one seed: a count, so that answers do not depend on time.
@@ -20,7 +20,7 @@ const SOLVED: f64 = 1e-9;
 ///
 /// Returns the configuration and the remaining tip distance; a distance above 1e-9 means that this seed did not reach it.
 pub(crate) fn solve_tip(
-    robot: &Robot,
+    robot: &UnitRobot,
     target: &Point,
     seed: &Configuration,
 ) -> (Configuration, f64) {
@@ -29,7 +29,7 @@ pub(crate) fn solve_tip(
 
 /// Solves for a configuration and its tip distance from each of many seeds, as [`solve_tip`] does from one; four at a time.
 pub(super) fn solve_tips(
-    robot: &Robot,
+    robot: &UnitRobot,
     target: &Point,
     seeds: &[Configuration],
 ) -> Vec<(Configuration, f64)> {
@@ -67,7 +67,7 @@ impl Seeker {
 #[inline(always)]
 fn solve_at<S: Simd>(
     simd: S,
-    robot: &Robot,
+    robot: &UnitRobot,
     target: &Point,
     seeds: &[Configuration],
 ) -> Vec<(Configuration, f64)> {
@@ -102,7 +102,7 @@ fn solve_at<S: Simd>(
 /// Where a section would leave its disc it may only turn: clipped steps would come nearer by a share at a time.
 #[inline(always)]
 fn newton_steps<S: Simd>(
-    robot: &Robot,
+    robot: &UnitRobot,
     configurations: &Configurations<S>,
     target: &Point,
 ) -> (Configurations<S>, f64x4<S>, mask64x4<S>) {
@@ -129,7 +129,7 @@ fn newton_steps<S: Simd>(
 /// such sections.
 #[inline(always)]
 fn hold_limits<S: Simd>(
-    robot: &Robot,
+    robot: &UnitRobot,
     configurations: &Configurations<S>,
     steps: &Configurations<S>,
     jacobians: &mut Jacobians<S>,
@@ -165,6 +165,7 @@ mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
     use crate::search::random_configuration::random_configuration;
+    use pcc_model::Robot;
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
     use std::f64::consts::FRAC_PI_2;
@@ -193,8 +194,9 @@ mod tests {
         for bending_limit in [FRAC_PI_2, 2.5] {
             let robot = Robot {
                 bending_limit,
-                ..unit_robot()
+                ..(*unit_robot()).clone()
             };
+            let robot = robot.to_unit().unwrap();
             let random = (0..30).map(|_| random_configuration(&robot, &mut rng));
             let seeds: Vec<_> = random.chain([Configuration::zeros()]).rev().collect();
             // Straight above the base, where the straight configuration has no way to go; within and out of reach.

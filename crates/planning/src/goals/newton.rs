@@ -2,7 +2,7 @@
 
 use fearless_simd::prelude::*;
 use fearless_simd::{f64x4, mask64x4};
-use pcc_model::{DOF, Robot, SECTIONS, norms_squared};
+use pcc_model::{DOF, SECTIONS, UnitRobot, norms_squared};
 
 /// Damping of the pseudo-inverse (docs/evaluation.md "Targets") for errors of one section length or more; in proportion below.
 const DAMPING: f64 = 1e-4;
@@ -67,7 +67,7 @@ pub(crate) fn bending_squares<S: Simd>(configurations: &Configurations<S>) -> [f
 /// The lanes in which a section bends beyond its limit, or by what is not a number.
 #[inline(always)]
 pub(crate) fn beyond_limits<S: Simd>(
-    robot: &Robot,
+    robot: &UnitRobot,
     configurations: &Configurations<S>,
 ) -> mask64x4<S> {
     let limit = robot.bending_limit * robot.bending_limit;
@@ -78,7 +78,7 @@ pub(crate) fn beyond_limits<S: Simd>(
 /// The nearest configurations within the bending limits, to rounding.
 #[inline(always)]
 pub(crate) fn within_limits<S: Simd>(
-    robot: &Robot,
+    robot: &UnitRobot,
     configurations: &Configurations<S>,
 ) -> Configurations<S> {
     let (limit, mut within) = (robot.bending_limit, *configurations);

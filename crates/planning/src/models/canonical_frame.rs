@@ -2,7 +2,7 @@
 
 use collision::Ball;
 use denoiser::FeatureFrame;
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, UnitRobot};
 
 /// Below this distance from the axis an azimuth is not defined, section lengths.
 const AXIS_RADIUS: f64 = 1e-6;
@@ -26,7 +26,7 @@ impl CanonicalFrame {
     /// The frame that a model wants its features in.
     pub(crate) fn wanted(
         frame: FeatureFrame,
-        robot: &Robot,
+        robot: &UnitRobot,
         start: &Configuration,
         goal_tip: &Point,
     ) -> Self {
@@ -37,7 +37,7 @@ impl CanonicalFrame {
     }
 
     /// The frame in which the goal tip, else the start tip, has azimuth zero.
-    pub(crate) fn of(robot: &Robot, start: &Configuration, goal_tip: &Point) -> Self {
+    pub(crate) fn of(robot: &UnitRobot, start: &Configuration, goal_tip: &Point) -> Self {
         let azimuth = azimuth(goal_tip)
             .or_else(|| azimuth(&robot.tip(start)))
             .unwrap_or(0.0);

@@ -12,7 +12,7 @@ use denoiser::{
     Denoiser, Held, Normalisation, Precision, Refinement, ReverseProcess, ReverseProcessScratch,
     Solver, TemporalUnet, UnetCondition, UnetScratch,
 };
-use pcc_model::{Backbone, Configuration, DOF, Point, Robot};
+use pcc_model::{Backbone, Configuration, DOF, Point, UnitRobot};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, PoisonError};
@@ -53,7 +53,7 @@ struct Scratch {
 
 /// The problem that paths are sampled for.
 pub(crate) struct Task<'a> {
-    pub(crate) robot: &'a Robot,
+    pub(crate) robot: &'a UnitRobot,
     pub(crate) problem: &'a Problem,
     pub(crate) guidance: Guidance,
     pub(crate) seed: u64,
@@ -249,7 +249,7 @@ const GUIDED: Weights = Weights {
 
 /// The energies' forces on the frames of normalised paths.
 struct Forces<'a> {
-    robot: &'a Robot,
+    robot: &'a UnitRobot,
     scene: &'a Scene,
     target: Point,
     normalisation: &'a Normalisation,

@@ -4,7 +4,7 @@ use crate::models::canonical_frame::CanonicalFrame;
 use crate::path::sine_basis::{SineBasis, UNKNOWNS};
 use collision::{Ball, Scene};
 use denoiser::FeatureFrame;
-use pcc_model::{Backbone, Configuration, Nearest, Point, Robot};
+use pcc_model::{Backbone, Configuration, Nearest, Point, UnitRobot};
 
 /// Numbers that describe the two ends of a path.
 pub const END_FEATURES: usize = 36;
@@ -34,7 +34,7 @@ pub struct Features {
 /// Computes the features of a path from `start` to `end` around `balls`; all in the canonical frame already.
 #[must_use]
 pub fn features(
-    robot: &Robot,
+    robot: &UnitRobot,
     start: &Configuration,
     end: &Configuration,
     balls: &[Ball],
@@ -73,7 +73,7 @@ fn describe_ends(
     out.extend(values.map(|v| v as f32));
 }
 
-fn describe_ball(robot: &Robot, ball: &Ball, views: &[Backbone; 5], out: &mut Vec<f32>) {
+fn describe_ball(robot: &UnitRobot, ball: &Ball, views: &[Backbone; 5], out: &mut Vec<f32>) {
     let seen = [0, 1, 2, 3, 4].map(|i| sight(robot, ball, &views[i]));
     let mut values = [0.0_f64; BALL_FEATURES];
     values[..3].copy_from_slice(ball.centre.as_slice());
@@ -106,7 +106,7 @@ struct Sight {
     fraction: f64,
 }
 
-fn sight(robot: &Robot, ball: &Ball, backbone: &Backbone) -> Sight {
+fn sight(robot: &UnitRobot, ball: &Ball, backbone: &Backbone) -> Sight {
     let distance =
         |(section, nearest): &(usize, Nearest)| nearest.distance - robot.tube_radii[*section];
     let candidates = [0, 1, 2].map(|section| (section, backbone.nearest(section, &ball.centre)));
@@ -143,7 +143,7 @@ impl<'a> CanonicalProblem<'a> {
     }
 
     /// The balls that matter most for the straight segment between two configurations, in the canonical frame.
-    fn balls(&self, robot: &Robot, start: &Configuration, end: &Configuration) -> Vec<Ball> {
+    fn balls(&self, robot: &UnitRobot, start: &Configuration, end: &Configuration) -> Vec<Ball> {
         let views = VIEWS.map(|u| robot.backbone(&start.lerp(end, u)));
         let chosen = self
             .scene
@@ -157,7 +157,7 @@ impl<'a> CanonicalProblem<'a> {
 
     pub(crate) fn features(
         &self,
-        robot: &Robot,
+        robot: &UnitRobot,
         start: &Configuration,
         end: &Configuration,
     ) -> Features {
@@ -174,7 +174,7 @@ impl<'a> CanonicalProblem<'a> {
 /// frame or the canonical one of `goal_tip`; `mirrored` gives the mirror image. With the features of the same frame.
 #[must_use]
 pub fn residual_coefficients(
-    robot: &Robot,
+    robot: &UnitRobot,
     path: &[Configuration],
     goal_tip: &Point,
     scene: &Scene,

@@ -3,7 +3,7 @@
 //! It is what the paper counts as success and what its repulsion pushes; nothing is certified with it.
 
 use collision::{Ball, Scene};
-use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
+use pcc_model::{Backbone, Configuration, Point, SECTIONS, UnitRobot};
 
 /// Fractions of each section that are looked at.
 pub const FRACTIONS: [f64; 3] = [1.0 / 3.0, 2.0 / 3.0, 1.0];
@@ -27,7 +27,7 @@ pub struct SampledVerdict {
 impl SampledVerdict {
     /// Judges a path by its waypoints.
     #[must_use]
-    pub fn of(robot: &Robot, scene: &Scene, target: &Point, path: &[Configuration]) -> Self {
+    pub fn of(robot: &UnitRobot, scene: &Scene, target: &Point, path: &[Configuration]) -> Self {
         let distance = |configuration| {
             let nearest = deepest(&robot.backbone(configuration), scene.balls());
             nearest.map_or(f64::INFINITY, |d| d.distance)

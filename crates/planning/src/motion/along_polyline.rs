@@ -85,11 +85,11 @@ mod tests {
     use crate::path::sine_basis::SineBasis;
     use collision::{Ball, Scene};
     use nalgebra::{Rotation3, Vector3};
-    use pcc_model::Robot;
+    use pcc_model::UnitRobot;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
     fn constraints<'a>(
-        robot: &'a Robot,
+        robot: &'a UnitRobot,
         scene: &'a Scene,
         kernel: &'a PushKernel,
         tip_paths: &'a TipPaths,

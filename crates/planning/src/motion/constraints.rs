@@ -8,7 +8,7 @@ use crate::plan::{Certified, Failure};
 use crate::problem::BENDING_SLACK_RAD;
 use crate::request::Interrupt;
 use collision::{Scene, certified_clearance};
-use pcc_model::{Configuration, Robot, TendonLimits};
+use pcc_model::{Configuration, TendonLimits, UnitRobot};
 use std::cell::RefCell;
 use trajectory::{ParameterizationOptions, TimeParameterizer, Trajectory};
 
@@ -20,9 +20,9 @@ thread_local! {
 /// What a motion must keep, and how far its path may be corrected to that end.
 pub(crate) struct MotionConstraints<'a> {
     /// The robot in section lengths, as it is.
-    pub(crate) robot: &'a Robot,
+    pub(crate) robot: &'a UnitRobot,
     /// The robot with the padded tubes that must keep clear.
-    pub(crate) padded: &'a Robot,
+    pub(crate) padded: &'a UnitRobot,
     pub(crate) scene: &'a Scene,
     pub(crate) kernel: &'a PushKernel,
     pub(crate) tip_paths: &'a TipPaths,

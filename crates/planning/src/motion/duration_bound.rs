@@ -1,6 +1,6 @@
 //! A lower bound of the duration of any motion along a path, known before the path is timed.
 
-use pcc_model::{Configuration, DOF, Robot, TendonLimits};
+use pcc_model::{Configuration, DOF, TendonLimits, UnitRobot};
 
 /// No motion from rest to rest through these configurations (radians) is faster, s.
 ///
@@ -9,7 +9,7 @@ use pcc_model::{Configuration, DOF, Robot, TendonLimits};
 /// acceleration and jerk allow from a rest on and up to one, where acceleration is zero, too. Motions that pass by corners on the
 /// inside may be faster by what they save of the travel.
 pub(crate) fn least_duration_s(
-    robot: &Robot,
+    robot: &UnitRobot,
     limits: &TendonLimits,
     configurations: &[Configuration],
 ) -> f64 {

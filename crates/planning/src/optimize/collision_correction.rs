@@ -8,7 +8,7 @@
 use crate::optimize::smooth_update::{PushKernel, Pushes};
 use crate::path::waypoints::{WAYPOINTS, project_to_limits};
 use collision::{Contact, Scene};
-use pcc_model::{Configuration, Robot, SECTIONS};
+use pcc_model::{Configuration, SECTIONS, UnitRobot};
 
 /// Rounds of pushes at most: a count, so that answers do not depend on time.
 const ROUNDS: usize = 5;
@@ -38,7 +38,7 @@ pub(crate) enum Correction {
 
 /// The robot and the scene for which paths are corrected.
 pub(crate) struct Corrector<'a> {
-    pub(crate) robot: &'a Robot,
+    pub(crate) robot: &'a UnitRobot,
     pub(crate) scene: &'a Scene,
     pub(crate) kernel: &'a PushKernel,
 }
@@ -138,7 +138,7 @@ impl Corrector<'_> {
 /// For every section of a waypoint that is bent to within the limit margin: the gradient of its angle, and the change
 /// wanted, rad.
 pub fn limit_pushes(
-    robot: &Robot,
+    robot: &UnitRobot,
     waypoint: &Configuration,
 ) -> impl Iterator<Item = (Configuration, f64)> {
     let allowed = robot.bending_limit - LIMIT_MARGIN_RAD;
@@ -191,7 +191,7 @@ mod tests {
 
     /// To a margin of 0.04.
     fn correct(
-        robot: &Robot,
+        robot: &UnitRobot,
         scene: &Scene,
         path: &mut [Configuration],
         is_given_up: impl Fn(&[Configuration]) -> bool,

@@ -1,7 +1,7 @@
 //! Corner precompensation: a path that bounding jerk turns into the wanted one.
 
 use crate::path::waypoints::{WAYPOINTS, WaypointArray};
-use pcc_model::{Configuration, Robot, TendonLimits};
+use pcc_model::{Configuration, TendonLimits, UnitRobot};
 
 /// Most that a waypoint is moved away from the middle of its neighbours, times its distance from there.
 const LARGEST_SHIFT: f64 = 4.0;
@@ -12,7 +12,7 @@ const LARGEST_SHIFT: f64 = 4.0;
 /// bends; here the waypoints move as much to the outer side. With x the travel of the fastest tendon, at the speed v that its
 /// limits allow there, q̈ across the path is v² d²q/dx².
 pub(super) fn precompensated(
-    robot: &Robot,
+    robot: &UnitRobot,
     limits: &TendonLimits,
     path: &WaypointArray,
 ) -> WaypointArray {
@@ -39,7 +39,7 @@ pub(super) fn precompensated(
 }
 
 /// The most that a tendon moves, length.
-fn fastest_tendon(robot: &Robot, change: &Configuration) -> f64 {
+fn fastest_tendon(robot: &UnitRobot, change: &Configuration) -> f64 {
     let rows = robot.tendons.matrix().row_iter();
     rows.map(|row| (row * change)[0].abs()).fold(0.0, f64::max)
 }

@@ -13,7 +13,7 @@ use crate::path::smoothing_spline::Smoother;
 use crate::path::waypoints::{WAYPOINTS, WaypointArray, Waypoints, parameter};
 use collision::Scene;
 use nalgebra::SymmetricEigen;
-use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS, TendonLimits};
+use pcc_model::{Backbone, Configuration, Point, SECTIONS, TendonLimits, UnitRobot};
 
 /// Strengths of the smoothing of a tip's path, or of configurations, in the order in which they are tried: they remove waves shorter
 /// than 43, 29, 20 and 14 waypoints.
@@ -49,7 +49,7 @@ impl TipPaths {
     /// `limits` are those of the motion. Returns whether there is such a curve.
     pub(crate) fn straighten_tip(
         &self,
-        robot: &Robot,
+        robot: &UnitRobot,
         scene: &Scene,
         margin: f64,
         limits: &TendonLimits,
@@ -77,7 +77,7 @@ impl TipPaths {
     /// (section lengths); both ends stay exactly where they are. Where there is none, the path stays as it is.
     pub(crate) fn smooth_tip(
         &self,
-        robot: &Robot,
+        robot: &UnitRobot,
         scene: &Scene,
         margin: f64,
         path: &mut [Configuration],
@@ -154,7 +154,7 @@ fn straight(
 
 /// The two ends of a path, and how far the tip cannot set out there in every direction.
 struct TipLine<'a> {
-    robot: &'a Robot,
+    robot: &'a UnitRobot,
     ends: [Configuration; 2],
     /// The change that compressing would make at each end.
     compressions: [Configuration; 2],
@@ -168,7 +168,7 @@ struct TipLine<'a> {
 }
 
 impl<'a> TipLine<'a> {
-    fn new(robot: &'a Robot, start: &Configuration, end: &Configuration) -> Self {
+    fn new(robot: &'a UnitRobot, start: &Configuration, end: &Configuration) -> Self {
         let ends = [*start, *end];
         let [first, last] = ends.map(|configuration| robot.backbone(&configuration));
         let line = last.tip() - first.tip();
@@ -229,7 +229,7 @@ fn stiffest(backbone: &Backbone) -> (Point, f64) {
     (direction, (1.0 - mobility / STIFF).max(0.0))
 }
 
-fn compressed(robot: &Robot, configuration: &Configuration) -> Configuration {
+fn compressed(robot: &UnitRobot, configuration: &Configuration) -> Configuration {
     let angles = robot.bending_angles(configuration);
     let begin = robot.bending_limit - SOFT_RAD;
     let mut soft = *configuration;
@@ -249,7 +249,7 @@ mod tests {
     use crate::path::waypoints::straight_path;
     use collision::Ball;
 
-    fn straighten(robot: &Robot, path: &mut [Configuration]) -> bool {
+    fn straighten(robot: &UnitRobot, path: &mut [Configuration]) -> bool {
         TipPaths::new().straighten_tip(robot, &Scene::default(), 0.0, &robot.tendon_limits, path)
     }
 

@@ -7,7 +7,7 @@ use crate::path::waypoints::{WAYPOINTS, WaypointArray};
 use collision::Scene;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, mask64x4};
-use pcc_model::{Configuration, LANES, Point, Robot, norms_squared, one_by_one, side_by_side};
+use pcc_model::{Configuration, LANES, Point, UnitRobot, norms_squared, one_by_one, side_by_side};
 use std::array;
 
 /// Step between the waypoints that are tried first: most curves that do not serve show it there. Even, so that these are odd ones.
@@ -41,7 +41,7 @@ pub(super) struct TipDemand {
 
 /// Brings tips onto curves where the body has room.
 pub(super) struct TipTracker<'a> {
-    pub(crate) robot: &'a Robot,
+    pub(crate) robot: &'a UnitRobot,
     pub(crate) scene: &'a Scene,
     /// Clearance to keep beyond the tube, section lengths.
     pub(crate) margin: f64,

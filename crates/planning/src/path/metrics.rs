@@ -3,7 +3,7 @@
 use crate::path::waypoints::WAYPOINTS;
 use collision::{Scene, minimum_clearance};
 use nalgebra::{DMatrix, SVector};
-use pcc_model::{Configuration, Point, Robot};
+use pcc_model::{Configuration, Point, UnitRobot};
 use trajectory::Trajectory;
 
 /// Accuracy of the minimum clearance, section lengths.
@@ -33,14 +33,14 @@ pub struct PathMetrics {
 
 /// Computes the figures of one motion in a scene.
 #[must_use]
-pub fn path_metrics(robot: &Robot, scene: &Scene, trajectory: &Trajectory) -> PathMetrics {
+pub fn path_metrics(robot: &UnitRobot, scene: &Scene, trajectory: &Trajectory) -> PathMetrics {
     let clearance = minimum_clearance(robot, scene, trajectory, CLEARANCE_TOLERANCE);
     PathMetrics::of(robot, trajectory, clearance)
 }
 
 impl PathMetrics {
     /// The figures of one motion whose clearance, section lengths, is known already.
-    pub(crate) fn of(robot: &Robot, trajectory: &Trajectory, clearance: f64) -> Self {
+    pub(crate) fn of(robot: &UnitRobot, trajectory: &Trajectory, clearance: f64) -> Self {
         let samples = trajectory.sample(SAMPLES);
         let tips = robot.tips(&samples);
         Self {

@@ -1,6 +1,6 @@
 //! Paths of a fixed number of waypoints in configuration space.
 
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, UnitRobot};
 
 /// Waypoints of a path, as in the paper (H = 64).
 pub const WAYPOINTS: usize = 64;
@@ -46,7 +46,7 @@ pub fn resample(polyline: &[Configuration]) -> Waypoints {
 }
 
 /// Brings every waypoint between the ends inside the bending limit, section by section; the ends stay as they are.
-pub fn project_to_limits(robot: &Robot, path: &mut [Configuration]) {
+pub fn project_to_limits(robot: &UnitRobot, path: &mut [Configuration]) {
     let last = path.len().saturating_sub(1);
     for waypoint in path.iter_mut().take(last).skip(1) {
         *waypoint = robot.project_to_limits(waypoint);

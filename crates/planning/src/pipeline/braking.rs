@@ -7,7 +7,7 @@ use crate::path::metrics::PathMetrics;
 use crate::pipeline::selection::select;
 use crate::plan::{Candidate, Certified, Plan};
 use crate::request::{Selection, StartMotion};
-use pcc_model::{Configuration, Robot, TendonLimits};
+use pcc_model::{Configuration, TendonLimits, UnitRobot};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;
@@ -18,7 +18,7 @@ const ROUNDING: f64 = 1e-6;
 
 /// A certified motion to rest, from whose end a request is planned.
 pub(super) struct Braking<'a> {
-    robot: &'a Robot,
+    robot: &'a UnitRobot,
     motion: Trajectory,
     /// Smallest clearance of the body while it brakes, section lengths.
     clearance: f64,

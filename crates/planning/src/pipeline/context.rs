@@ -9,7 +9,7 @@ use crate::request::{Interrupt, Request, Supervision};
 use crate::resources::Resources;
 use crate::search::edges::{RrtSettings, Search};
 use crate::stage_times::StageTimes;
-use pcc_model::{Robot, SECTIONS, TendonLimits};
+use pcc_model::{SECTIONS, TendonLimits, UnitRobot};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -80,7 +80,7 @@ impl<'a> RequestContext<'a> {
     /// For a robot whose tubes are `padded` by what the request demands.
     pub(crate) fn new(
         resources: &'a Resources,
-        padded: &'a Robot,
+        padded: &'a UnitRobot,
         problem: &'a Problem,
         request: &'a Request,
         supervision: Supervision<'a>,
@@ -172,7 +172,7 @@ impl<'a> RequestContext<'a> {
     }
 
     /// The robot whose tubes have `margin` (section lengths) around them beside the request's padding.
-    pub(super) fn padded_by(&self, margin: f64) -> Robot {
+    pub(super) fn padded_by(&self, margin: f64) -> UnitRobot {
         self.constraints
             .padded
             .with_tube_padding(&[margin; SECTIONS])
@@ -181,7 +181,7 @@ impl<'a> RequestContext<'a> {
     /// A search in the request's scene that keeps `robot` clear.
     pub(crate) fn search<'b>(
         &'b self,
-        robot: &'b Robot,
+        robot: &'b UnitRobot,
         settings: &'b RrtSettings,
         interrupt: Interrupt<'b>,
     ) -> Search<'b> {

@@ -6,7 +6,7 @@ use crate::pipeline::trees::{LEAST_MARGIN, follow_ever_shorter};
 use crate::plan::{Draw, Failure, Source};
 use crate::search::edges::{RrtSettings, Search};
 use crate::search::seeded_tree::SeededTree;
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, UnitRobot};
 use rand_pcg::Pcg64;
 use rayon::Scope;
 use std::sync::{Mutex, PoisonError};
@@ -23,7 +23,7 @@ const SAMPLING: RrtSettings = RrtSettings {
 struct MissingGoals<'a> {
     context: &'a RequestContext<'a>,
     /// The robot that new paths keep clear.
-    padded: Robot,
+    padded: UnitRobot,
     /// Paths of the motions that are certified.
     paths: Vec<&'a Waypoints>,
     goals: &'a [Configuration],

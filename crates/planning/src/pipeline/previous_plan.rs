@@ -10,7 +10,7 @@ use crate::pipeline::selection::is_worth_a_change;
 use crate::plan::{Draw, Source};
 use crate::problem::{Goal, Problem};
 use crate::request::PreviousPlan;
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, UnitRobot};
 
 /// A goal configuration that would have to move farther than this to the new goal is not kept, rad.
 const SAME_CONFIGURATION_RAD: f64 = 0.5;
@@ -34,7 +34,7 @@ impl RemainingPath {
 /// What remains of at most `count` paths of a previous plan, the followed one first.
 pub(super) fn remaining_paths(
     previous: &PreviousPlan,
-    robot: &Robot,
+    robot: &UnitRobot,
     problem: &Problem,
     count: usize,
 ) -> Vec<RemainingPath> {
@@ -61,7 +61,11 @@ pub(super) fn remaining_paths(
 }
 
 /// The configuration nearest to a path's end that reaches the problem's goal and is clear.
-fn moved_end(robot: &Robot, problem: &Problem, path: &[Configuration]) -> Option<Configuration> {
+fn moved_end(
+    robot: &UnitRobot,
+    problem: &Problem,
+    path: &[Configuration],
+) -> Option<Configuration> {
     let old = path.last()?;
     let end = match &problem.goal {
         Goal::Configuration(configuration) => Some(*configuration),
@@ -115,7 +119,7 @@ mod tests {
     use collision::{Ball, Scene};
     use pcc_model::Point;
 
-    fn plan(robot: &Robot) -> (PreviousPlan, Problem) {
+    fn plan(robot: &UnitRobot) -> (PreviousPlan, Problem) {
         let target = Point::new(1.3, 0.2, 2.2);
         let seeds = [0.9, -0.9].map(|bend| Configuration::from_fn(|i, _| bend * (i as f64).cos()));
         let ends = seeds.map(|seed| solve_tip(robot, &target, &seed).0);

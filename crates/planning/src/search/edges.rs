@@ -2,7 +2,7 @@
 
 use crate::request::Interrupt;
 use collision::{Scene, certify_edge};
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, UnitRobot};
 
 /// Bisection depth of an edge's certificate; undecided edges count as colliding.
 const EDGE_DEPTH: u32 = 7;
@@ -27,7 +27,7 @@ impl Default for RrtSettings {
 
 /// The robot and the scene for which edges are certified, and the budget.
 pub(crate) struct Search<'a> {
-    pub(crate) robot: &'a Robot,
+    pub(crate) robot: &'a UnitRobot,
     pub(crate) scene: &'a Scene,
     pub(crate) settings: &'a RrtSettings,
     pub(crate) interrupt: Interrupt<'a>,

@@ -70,7 +70,7 @@ mod tests {
     use crate::fixtures::unit_robot;
     use crate::request::Interrupt;
     use datasets::scenes::{Setting, Target, draw_target};
-    use pcc_model::Robot;
+    use pcc_model::UnitRobot;
     use rand::SeedableRng;
     use rayon::ThreadPoolBuilder;
     use std::sync::atomic::AtomicBool;
@@ -84,7 +84,7 @@ mod tests {
     }
 
     fn search<'a>(
-        robot: &'a Robot,
+        robot: &'a UnitRobot,
         target: &'a Target,
         settings: &'a RrtSettings,
         interrupt: Interrupt<'a>,

@@ -8,7 +8,7 @@ use crate::search::edges::{RrtSettings, Search};
 use crate::search::random_configuration::random_configuration;
 use crate::search::tree::{Extension, Tree};
 use collision::Scene;
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, UnitRobot};
 use rand_pcg::Pcg64;
 
 /// Samples between two questions whether to go on.
@@ -81,7 +81,7 @@ fn join(trees: &[Tree; 2], leaves: [usize; 2]) -> Vec<Configuration> {
 /// `interrupt` is asked every 16 samples and returns true to give up.
 #[must_use]
 pub fn rrt_connect(
-    robot: &Robot,
+    robot: &UnitRobot,
     scene: &Scene,
     start: &Configuration,
     goals: &[Configuration],

@@ -59,7 +59,7 @@ impl QuinticSegment {
         ((c + d) * 10.0 + (b + e) * 5.0 + (a + f)) / 32.0
     }
 
-    /// The position alone, `time` seconds after the segment's start; `time` is clamped to the segment.
+    /// The position, rad, `time` seconds after the segment's start; `time` is clamped to the segment.
     pub fn position(&self, time: f64) -> Configuration {
         let u = (time / self.duration).clamp(0.0, 1.0);
         let (v, uu) = (1.0 - u, u * u);
@@ -88,33 +88,25 @@ impl QuinticSegment {
             second[5 - level] = points[5 - level];
         }
         let duration = 0.5 * self.duration;
-        (
-            Self {
-                duration,
-                control: first,
-            },
-            Self {
-                duration,
-                control: second,
-            },
-        )
+        let half = |control| Self { duration, control };
+        (half(first), half(second))
     }
 
     /// Bézier control values of dζ/dt, rad/s: the velocity stays in their convex hull.
-    pub fn velocity_control(&self) -> [Configuration; 5] {
+    pub(crate) fn velocity_control(&self) -> [Configuration; 5] {
         let scale = 5.0 / self.duration;
         std::array::from_fn(|i| (self.control[i + 1] - self.control[i]) * scale)
     }
 
-    /// Bézier control values of d²ζ/dt², rad/s².
-    pub fn acceleration_control(&self) -> [Configuration; 4] {
+    /// Bézier control values of d²ζ/dt², rad/s²: the acceleration stays in their convex hull.
+    fn acceleration_control(&self) -> [Configuration; 4] {
         let scale = 4.0 / self.duration;
         let velocity = self.velocity_control();
         std::array::from_fn(|i| (velocity[i + 1] - velocity[i]) * scale)
     }
 
-    /// Bézier control values of d³ζ/dt³, rad/s³.
-    pub fn jerk_control(&self) -> [Configuration; 3] {
+    /// Bézier control values of d³ζ/dt³, rad/s³: the jerk stays in their convex hull.
+    fn jerk_control(&self) -> [Configuration; 3] {
         let scale = 3.0 / self.duration;
         let acceleration = self.acceleration_control();
         std::array::from_fn(|i| (acceleration[i + 1] - acceleration[i]) * scale)

@@ -2,7 +2,7 @@
 
 use pcc_model::Configuration;
 
-/// Waypoints nearer to each other than this part of the path's extent become one: the tight turns of a C2 curve
+/// Waypoints nearer to each other than this part of the path's extent are merged: the tight turns of a C2 curve
 /// between them would bring the motion almost to a stop.
 const MERGE: f64 = 1e-4;
 
@@ -43,17 +43,6 @@ impl Spline {
         spacing: f64,
         rounding: f64,
     ) -> bool {
-        self.rebuild_between(waypoints, [None; 2], spacing, rounding)
-    }
-
-    /// The same with given unit directions at the ends, where there are any.
-    pub(crate) fn rebuild_between(
-        &mut self,
-        waypoints: &[Configuration],
-        directions: [Option<Configuration>; 2],
-        spacing: f64,
-        rounding: f64,
-    ) -> bool {
         self.parameter.clear();
         self.point.clear();
         let (Some(&first), Some(&last)) = (waypoints.first(), waypoints.last()) else {
@@ -72,11 +61,11 @@ impl Spline {
             self.chord(pair[0], pair[1], spacing);
         }
         self.kept = kept;
-        self.solve(directions);
+        self.solve();
         true
     }
 
-    /// Leaves in `kept` the waypoints that are farther than `merge` from the one before, and `last`.
+    /// Sets `kept` to the waypoints that are farther than `merge` (rad) from the one before, and `last`.
     fn keep_apart(&mut self, waypoints: &[Configuration], last: Configuration, merge: f64) {
         let far = |from: &Configuration, to: &Configuration| (to - from).norm() > merge;
         self.kept.clear();
@@ -108,19 +97,13 @@ impl Spline {
         self.push(start + length, to);
     }
 
-    /// Second derivatives at the nodes: the tridiagonal system, by elimination. They are zero at an end without a
-    /// direction.
-    fn solve(&mut self, [first_direction, last_direction]: [Option<Configuration>; 2]) {
+    /// Solves the tridiagonal system for the second derivatives at the nodes, by elimination; they are zero at both ends.
+    fn solve(&mut self) {
         let last = self.point.len() - 1;
         self.bend.clear();
         self.bend.resize(last + 1, Configuration::zeros());
         self.elimination.clear();
         self.elimination.resize(last + 1, 0.0);
-        if let Some(direction) = first_direction {
-            let length = self.parameter[1];
-            self.elimination[0] = 0.5;
-            self.bend[0] = (self.chord_slope(0) - direction) * (3.0 / length);
-        }
         for i in 1..last {
             let before = self.parameter[i] - self.parameter[i - 1];
             let after = self.parameter[i + 1] - self.parameter[i];
@@ -128,12 +111,6 @@ impl Spline {
             let pivot = 2.0 * (before + after) - before * self.elimination[i - 1];
             self.elimination[i] = after / pivot;
             self.bend[i] = (kink * 6.0 - self.bend[i - 1] * before) / pivot;
-        }
-        if let Some(direction) = last_direction {
-            let length = self.parameter[last] - self.parameter[last - 1];
-            let kink = direction - self.chord_slope(last - 1);
-            let pivot = 2.0 - self.elimination[last - 1];
-            self.bend[last] = (kink * (6.0 / length) - self.bend[last - 1]) / pivot;
         }
         for i in (0..last).rev() {
             let next = self.bend[i + 1];
@@ -156,12 +133,12 @@ impl Spline {
         &self.parameter
     }
 
-    /// The slopes of the chords, piece by piece.
+    /// Slopes dζ/ds of the chords, piece by piece.
     pub(crate) fn chords(&self) -> impl Iterator<Item = Configuration> + '_ {
         (1..self.point.len()).map(|node| self.chord_slope(node - 1))
     }
 
-    /// Second derivatives at the nodes; they are linear between.
+    /// Second derivatives d²ζ/ds² at the nodes, 1/rad; they are linear between nodes.
     pub(crate) fn bends(&self) -> &[Configuration] {
         &self.bend
     }
@@ -219,33 +196,6 @@ mod tests {
             );
             assert!((left.slope - right.slope).norm() < 1e-13);
             assert!((left.bend - right.bend).norm() < 1e-12);
-        }
-    }
-
-    #[test]
-    fn given_directions_are_met() {
-        let waypoints: Vec<_> = (0..8)
-            .map(|i| point((0.7 * f64::from(i)).sin(), 0.3 * f64::from(i)))
-            .collect();
-        let directions = [point(0.6, -0.8), point(1.0, 0.2)].map(|d| d.normalize());
-        for first in [None, Some(directions[0])] {
-            for last in [None, Some(directions[1])] {
-                let mut spline = Spline::default();
-                assert!(spline.rebuild_between(&waypoints, [first, last], 10.0, 0.0));
-                let ends = [(0, 0.0, first), (6, spline.length(), last)];
-                for (piece, s, direction) in ends {
-                    let at = spline.at(piece, s);
-                    match direction {
-                        Some(direction) => assert!((at.slope - direction).norm() < 1e-13),
-                        None => assert_eq!(at.bend, Configuration::zeros()),
-                    }
-                }
-                for node in 1..7 {
-                    let s = spline.parameters()[node];
-                    let (left, right) = (spline.at(node - 1, s), spline.at(node, s));
-                    assert!((left.slope - right.slope).norm() < 1e-13);
-                }
-            }
         }
     }
 

@@ -60,8 +60,8 @@ impl Trajectory {
         &self.knots
     }
 
-    /// Gives the knots back.
-    pub fn into_knots(self) -> Vec<Knot> {
+    /// The knots, without a copy.
+    pub(crate) fn into_knots(self) -> Vec<Knot> {
         self.knots
     }
 
@@ -129,7 +129,7 @@ pub fn evaluate(knots: &[Knot], hint: &mut usize, time: f64) -> State {
         .evaluate(time - knots[segment].time)
 }
 
-/// The last knot as it is at its own time, and at rest after it.
+/// The state at the last knot's time, and at rest there after it.
 fn at_end(knots: &[Knot], time: f64) -> State {
     let end = &knots[knots.len() - 1];
     if time > end.time || knots.len() < 2 {

@@ -34,7 +34,7 @@ impl ControlLanes {
         }
     }
 
-    /// Along the quintic between two knots (see [`crate::QuinticSegment::between`]).
+    /// Control values along the quintic between two knots (see [`crate::QuinticSegment::between`]), `duration` seconds long.
     #[inline(always)]
     pub(super) fn between(from: &TendonKnot, to: &TendonKnot, duration: f64) -> Self {
         let quarter = 0.25 * duration;
@@ -50,24 +50,21 @@ impl ControlLanes {
         Self::from_velocity([first, second, third, fourth, last], duration)
     }
 
-    /// The largest magnitude of velocity and acceleration at the segment's ends and [`SAMPLES`] places between, and
-    /// of jerk exactly; of those `wanted`, else 0.
+    /// The largest magnitudes of velocity, acceleration and jerk, each of those `wanted`, else 0: velocity and acceleration at the
+    /// segment's ends and [`SAMPLES`] places between, jerk exactly.
     #[inline(always)]
     pub(super) fn sampled(&self, wanted: [bool; 3]) -> [f64; 3] {
-        let [velocity, acceleration, jerk] = wanted;
-        [
-            if velocity {
-                largest_sample(&self.velocity, &QUARTIC_WEIGHTS)
-            } else {
-                0.0
-            },
-            if acceleration {
-                largest_sample(&self.acceleration, &CUBIC_WEIGHTS)
-            } else {
-                0.0
-            },
-            if jerk { self.largest_jerk() } else { 0.0 },
-        ]
+        let mut largest = [0.0; 3];
+        if wanted[0] {
+            largest[0] = largest_sample(&self.velocity, &QUARTIC_WEIGHTS);
+        }
+        if wanted[1] {
+            largest[1] = largest_sample(&self.acceleration, &CUBIC_WEIGHTS);
+        }
+        if wanted[2] {
+            largest[2] = self.largest_jerk();
+        }
+        largest
     }
 
     #[inline(always)]
@@ -79,7 +76,7 @@ impl ControlLanes {
         largest_lane(&most)
     }
 
-    /// The largest magnitude of a control value of each derivative.
+    /// Upper bounds of the magnitudes of velocity, acceleration and jerk: their largest control values.
     #[inline(always)]
     pub(super) fn bounds(&self) -> [f64; 3] {
         [
@@ -89,6 +86,7 @@ impl ControlLanes {
         ]
     }
 
+    /// Control values of velocity, acceleration and jerk of one of the four tendons.
     pub(super) fn lane(&self, lane: usize) -> ([f64; 5], [f64; 4], [f64; 3]) {
         (
             self.velocity.map(|lanes| lanes[lane]),
@@ -98,7 +96,7 @@ impl ControlLanes {
     }
 }
 
-/// Places inside a segment at which derivatives are looked at.
+/// Places inside a segment at which derivatives are sampled.
 const SAMPLES: usize = 7;
 const QUARTIC_WEIGHTS: [[f64; 5]; SAMPLES] = bernstein_weights();
 const CUBIC_WEIGHTS: [[f64; 4]; SAMPLES] = bernstein_weights();
@@ -144,7 +142,7 @@ impl TendonKnot {
     }
 }
 
-/// The largest magnitude at the ends and the places between that the weights are for.
+/// The largest magnitude of polynomials with these control values, at the ends of 0..1 and at the places that the weights are for.
 #[inline(always)]
 fn largest_sample<const N: usize>(control: &[Lanes; N], weights: &[[f64; N]; SAMPLES]) -> f64 {
     let mut most = [0.0; LANES];
@@ -167,7 +165,7 @@ fn weighted<const N: usize>(control: &[Lanes; N], weights: &[f64; N]) -> Lanes {
     sum
 }
 
-/// The values of quadratics where they turn, where that is inside 0..1; else at an end, or NaN.
+/// The values of quadratics at their extreme if that is inside 0..1, else at an end of 0..1, or NaN.
 #[inline(always)]
 fn turns_of_quadratics(control: &[Lanes; 3]) -> Lanes {
     lanes(|lane| {

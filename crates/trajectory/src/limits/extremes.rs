@@ -1,5 +1,6 @@
 //! The largest magnitude of polynomials of degree 2, 3 and 4 over 0..1, from their Bernstein control values.
 
+/// The largest magnitude of Bernstein control values, which bounds that of the polynomial.
 pub(super) fn largest_control(control: &[f64]) -> f64 {
     control
         .iter()
@@ -37,7 +38,7 @@ pub(super) fn extreme_of_cubic(control: &[f64; 4], slope: &[f64; 3]) -> f64 {
         .fold(ends, |most, u| most.max(value_at(control, u).abs()))
 }
 
-/// The largest |value| of a quartic over 0..1; `slope` and `bend`: proportional to its two derivatives.
+/// The largest |value| of a quartic over 0..1; `slope` and `bend`: control values proportional to its first two derivatives.
 ///
 /// The roots of `bend` cut 0..1 into at most three intervals on which `slope` is monotone, so each has at most
 /// one root of it, bracketed by a change of sign.
@@ -102,6 +103,7 @@ fn value_and_slope(control: &[f64; 4], u: f64) -> (f64, f64) {
     let (first, second) = (between(ab, bc), between(bc, cd));
     (between(first, second), 3.0 * (second - first))
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -50,7 +50,7 @@ pub fn limit_use(motion: &Trajectory, tendons: &TendonMap, limits: &TendonLimits
 }
 
 impl LimitUse {
-    /// What a motion uses that fits its limits exactly once all its times are multiplied by `scale`.
+    /// The limit use of a motion that would use each limit exactly once all its times are multiplied by `scale`.
     pub(crate) fn at_time_scale(scale: f64) -> Self {
         Self {
             velocity: scale,
@@ -59,7 +59,7 @@ impl LimitUse {
         }
     }
 
-    /// The larger of each ratio: these, and what a motion uses exactly. Segments that stay below them cost little.
+    /// For each limit the larger of this use and the exact use of a motion. Segments that stay below this use cost little.
     pub(crate) fn raised_by_motion(
         mut self,
         motion: &Trajectory,
@@ -146,7 +146,7 @@ pub(crate) fn time_scale_bounds(
     [scale(least), scale(most)]
 }
 
-/// The exact factor, if it is larger than `least`; else `least`.
+/// The exact factor by which all times of a segment must grow for it to keep the limits, if it is larger than `least`; else `least`.
 pub(crate) fn exact_time_scale(
     from: &[TendonKnot],
     to: &[TendonKnot],

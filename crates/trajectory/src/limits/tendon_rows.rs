@@ -8,7 +8,7 @@ pub(crate) type Lanes = [f64; LANES];
 /// Tendons that are handled together.
 pub(crate) const LANES: usize = 4;
 
-/// dΔl/dζ, in length per rad. Tendon lengths are linear in ζ, so their derivatives use it too.
+/// The rows of the tendon map dΔl/dζ, in length per rad, four rows a block. Tendon lengths are linear in ζ, so their derivatives use it too.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TendonRows {
     blocks: Vec<TendonBlock>,
@@ -25,7 +25,7 @@ impl TendonRows {
         rows
     }
 
-    /// Takes another map, reusing the memory.
+    /// Replaces the rows by those of another map, reusing the memory.
     pub(crate) fn rebuild(&mut self, tendons: &TendonMap) {
         let matrix = tendons.matrix();
         let entry = |row: usize, column| {
@@ -48,7 +48,7 @@ impl TendonRows {
         &self.blocks
     }
 
-    /// The largest |derivative of length| that goes with a derivative of ζ.
+    /// The largest magnitude of a tendon's derivative of length for a derivative of ζ.
     pub(crate) fn largest(&self, vector: &Configuration) -> f64 {
         let mut most = [0.0; LANES];
         for block in &self.blocks {
@@ -72,7 +72,7 @@ impl TendonRows {
 }
 
 impl TendonBlock {
-    /// The derivatives of four tendons' lengths that go with a derivative of ζ.
+    /// The derivatives of four tendons' lengths for a derivative of ζ.
     #[inline(always)]
     pub(crate) fn times(&self, vector: &Configuration) -> Lanes {
         let mut sum = [0.0; LANES];
@@ -85,7 +85,7 @@ impl TendonBlock {
     }
 }
 
-/// Lane by lane.
+/// Four values, computed lane by lane.
 #[inline(always)]
 pub(crate) fn lanes(value: impl Fn(usize) -> f64) -> Lanes {
     let mut lanes = [0.0; LANES];
@@ -101,7 +101,7 @@ pub(crate) fn combined(first: &Lanes, by_first: f64, second: &Lanes, by_second: 
     lanes(|i| first[i] * by_first + second[i] * by_second)
 }
 
-/// Raises each lane to the other's magnitude.
+/// Raises each lane of `most` to the magnitude of that lane of `values`, where that is larger.
 #[inline(always)]
 pub(crate) fn raise_to_magnitude(most: &mut Lanes, values: &Lanes) {
     for (most, value) in most.iter_mut().zip(values) {
@@ -110,6 +110,7 @@ pub(crate) fn raise_to_magnitude(most: &mut Lanes, values: &Lanes) {
     }
 }
 
+/// The largest of four values, at least 0.
 #[inline(always)]
 pub(crate) fn largest_lane(lanes: &Lanes) -> f64 {
     lanes.iter().fold(0.0, |most, &lane| f64::max(most, lane))

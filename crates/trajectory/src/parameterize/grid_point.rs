@@ -1,4 +1,4 @@
-//! Where along a path its speed is planned.
+//! Points of a path at which its speed is planned.
 
 /// A point of the grid that the speed is planned on.
 #[derive(Clone, Copy, Debug)]

@@ -68,66 +68,42 @@ const LEAST_TRADE: f64 = 0.5;
 /// A limit of which this part is used is used fully.
 pub(super) const FULL_USE: f64 = 1.0 - 1e-6;
 
-/// The convex set of pairs that is left, corner by corner.
+/// A convex set of pairs (x_i, x_{i+1}), by its corners in order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Polygon {
     corners: Vec<[f64; 2]>,
     clipped: Vec<[f64; 2]>,
 }
 
-/// What exceeds a limit by this part of it is within: rounding.
-pub(super) const ROUNDING: f64 = 1e-12;
+/// A limit that is exceeded by this part of itself or less is kept: that much is rounding.
+const ROUNDING: f64 = 1e-12;
 
 impl Polygon {
-    pub(super) fn is_empty(&self) -> bool {
-        self.corners.is_empty()
-    }
-
-    /// The least and the largest x_i ≤ `cap` that some x_{i+1} in `next` goes with; nothing if there is no pair.
-    pub(super) fn first_range(
+    /// The largest x_i ≤ `cap` that some x_{i+1} from 0 to `next` goes with; none where there is no such pair.
+    pub(super) fn largest_first(
         &mut self,
         cap: f64,
-        next: [f64; 2],
+        next: f64,
         interval: &Interval<'_>,
-    ) -> Option<[f64; 2]> {
-        let [low, high] = next;
+    ) -> Option<f64> {
         self.corners.clear();
         self.corners
-            .extend([[cap, high], [cap, low], [0.0, low], [0.0, high]]);
-        let largest = self.extreme(interval, |corner| corner[0])?;
-        // Where standing still is allowed, so is x_i = 0.
-        let least = if low == 0.0 {
-            0.0
-        } else {
-            -self.extreme(interval, |corner| -corner[0])?
-        };
-        Some([least, largest.max(least)])
-    }
-
-    /// The largest `value` of a pair within all limits.
-    fn extreme(
-        &mut self,
-        interval: &Interval<'_>,
-        value: impl Fn(&[f64; 2]) -> f64,
-    ) -> Option<f64> {
+            .extend([[cap, next], [cap, 0.0], [0.0, 0.0], [0.0, next]]);
         // Each strip cuts at most twice, but for rounding.
         for _ in 0..4 * LANES * interval.from.len() + 8 {
             let corner = self.corners.iter().copied().reduce(|best, corner| {
-                if value(&corner) > value(&best) {
-                    corner
-                } else {
-                    best
-                }
+                if corner[0] > best[0] { corner } else { best }
             })?;
             let Some(side) = most_exceeded(interval, corner) else {
-                return Some(value(&corner));
+                return Some(corner[0].max(0.0));
             };
             self.clip(&side);
         }
-        self.corners.iter().map(value).reduce(f64::max)
+        let firsts = self.corners.iter().map(|corner| corner[0]);
+        firsts.reduce(f64::max).map(|largest| largest.max(0.0))
     }
 
-    /// Keeps what is on the inner side (product ≤ 1).
+    /// Keeps the part of the polygon whose points have a product with `normal` of at most 1.
     fn clip(&mut self, normal: &[f64; 2]) {
         let Some(&last) = self.corners.last() else {
             return;
@@ -193,15 +169,15 @@ pub(super) fn largest_second(interval: &Interval<'_>, x: f64) -> f64 {
     least.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// How far a pair uses the acceleration limits.
+/// How far a pair (x_i, x_{i+1}) uses the acceleration limits.
 pub(super) struct Use {
     /// Whether it uses one fully.
     pub(super) is_full: bool,
-    /// Whether one that it uses fully allows more of either for less of the other.
+    /// Whether one that it uses fully allows more of either value for less of the other.
     pub(super) trades: bool,
 }
 
-/// What a pair uses of the acceleration limits.
+/// How far a pair (x_i, x_{i+1}) uses the acceleration limits of an interval.
 #[inline(always)]
 pub(super) fn use_of(interval: &Interval<'_>, pair: [f64; 2]) -> Use {
     let is_full = interval.largest_use(pair) > FULL_USE;
@@ -211,7 +187,7 @@ pub(super) fn use_of(interval: &Interval<'_>, pair: [f64; 2]) -> Use {
     }
 }
 
-/// The same of those limits that allow more of either for less of the other.
+/// The largest part that a pair uses of the limits that allow more of either of its two values for less of the other.
 #[inline(always)]
 fn largest_trading_use(interval: &Interval<'_>, pair: [f64; 2]) -> f64 {
     let mut most = [0.0; LANES];

@@ -10,8 +10,8 @@ use crate::curve::spline::{PathPoint, Spline};
 use crate::parameterize::topp::SpeedProfile;
 use pcc_model::Configuration;
 
-/// TOPP-RA's motion in time, with the width of its average: constant acceleration for one width before its start (a
-/// rest, where it begins at rest), path pieces of constant s̈, and constant acceleration for one width after its end.
+/// TOPP-RA's motion in time, with the width of its average: a rest of one width before its start, path pieces of constant s̈, and a rest
+/// of one width after its end.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TimedPath {
     width: f64,
@@ -35,22 +35,19 @@ struct TimedPiece {
 }
 
 impl TimedPiece {
-    /// Constant acceleration from `position`.
-    fn beside_the_path(
-        position: Configuration,
-        velocity: Configuration,
-        acceleration: Configuration,
-    ) -> Self {
+    /// A rest at `position`.
+    fn resting(position: Configuration) -> Self {
+        let zero = Configuration::zeros();
         Self {
-            speed: 1.0,
+            speed: 0.0,
             path_acceleration: 0.0,
             start: PathPoint {
                 position,
-                slope: velocity,
-                bend: acceleration,
-                third_derivative: Configuration::zeros(),
+                slope: zero,
+                bend: zero,
+                third_derivative: zero,
             },
-            area: Configuration::zeros(),
+            area: zero,
         }
     }
 
@@ -109,13 +106,11 @@ impl TimedPath {
         let (grid, square) = (profile.grid(), profile.square_speeds());
         let last = grid[grid.len() - 1];
         let [first, last] = [grid[0], last].map(|at| spline.at(at.piece, at.parameter).position);
-        let rest =
-            |at| TimedPiece::beside_the_path(at, Configuration::zeros(), Configuration::zeros());
         self.time.clear();
         self.piece.clear();
         self.path_acceleration_step.clear();
         self.time.push(0.0);
-        self.piece.push(rest(first));
+        self.piece.push(TimedPiece::resting(first));
         let (mut time, mut speed, mut path_acceleration_before) = (0.0, square[0].sqrt(), 0.0);
         for (pair, squares) in grid.windows(2).zip(square.windows(2)) {
             let step = pair[1].parameter - pair[0].parameter;
@@ -137,47 +132,17 @@ impl TimedPath {
                 (time + elapsed, next_speed, path_acceleration);
         }
         self.time.extend([time, time]);
-        self.piece.push(rest(last));
+        self.piece.push(TimedPiece::resting(last));
         self.path_acceleration_step.push(-path_acceleration_before);
         time.is_finite()
     }
 
-    /// Averages over `width` seconds, between ends at rest.
+    /// Sets the width of the average, s.
     pub(crate) fn set_average(&mut self, width: f64) {
-        let still = [Configuration::zeros(); 2];
-        self.set_average_between(width, still, still);
-    }
-
-    /// Averages over `width` seconds; velocity and acceleration continue beside the path at both ends of it.
-    pub(crate) fn set_average_between(
-        &mut self,
-        width: f64,
-        [start_velocity, start_acceleration]: [Configuration; 2],
-        [end_velocity, end_acceleration]: [Configuration; 2],
-    ) {
         let after = self.piece.len() - 1;
         self.width = width;
         self.time[0] = -width;
         self.time[after + 1] = self.time[after] + width;
-        let begin = start_acceleration * (0.5 * width * width) - start_velocity * width;
-        let mut history = TimedPiece::beside_the_path(
-            self.first() + begin,
-            start_velocity - start_acceleration * width,
-            start_acceleration,
-        );
-        let mut future = TimedPiece::beside_the_path(self.last(), end_velocity, end_acceleration);
-        history.area = history.area_until(width);
-        future.area = future.area_until(width);
-        self.piece[0] = history;
-        self.piece[after] = future;
-    }
-
-    fn first(&self) -> Configuration {
-        self.piece[1].start.position
-    }
-
-    fn last(&self) -> Configuration {
-        self.piece[self.piece.len() - 1].start.position
     }
 
     /// Width of the average, s.
@@ -225,7 +190,7 @@ impl TimedPath {
         after.clamp(1, self.piece.len()) - 1
     }
 
-    /// The pieces that hold the start and the end of the average at `time`.
+    /// The pieces that hold the first and the last instant that the average at `time` is over.
     fn span(&self, time: f64) -> [usize; 2] {
         let first = self.index(time - self.width);
         let later = &self.time[first + 1..self.piece.len()];
@@ -242,12 +207,13 @@ impl TimedPath {
         )
     }
 
-    /// Position alone of [`TimedPath::averaged`].
+    /// Position of the averaged motion at `time`, rad.
     pub(crate) fn mean_position(&self, time: f64) -> Configuration {
         self.mean_position_over(self.span(time), time)
     }
 
-    /// Sums differences to a near position.
+    /// Position of the averaged motion at `time` over the pieces `first` to `last`; differences to a near position are summed, which
+    /// keeps rounding small.
     fn mean_position_over(&self, [first, last]: [usize; 2], time: f64) -> Configuration {
         let (from, to) = ((time - self.width).max(self.time[0]), time);
         let reference = self.piece[first].start.position;
@@ -287,7 +253,6 @@ impl TimedPath {
 mod tests {
     use super::*;
     use crate::limits::tendon_rows::TendonRows;
-    use crate::parameterize::topp::EndSpeeds;
     use crate::test_paths::{smooth_path, unit_limits, unit_tendons};
     use rand::SeedableRng;
 
@@ -300,8 +265,8 @@ mod tests {
             let (mut spline, mut profile) = (Spline::default(), SpeedProfile::default());
             let mut timed = TimedPath::default();
             assert!(spline.rebuild(&smooth_path(&mut random, 64), 0.1, 0.0));
-            let solved = profile.solve(&spline, &rows, &unit_limits(), EndSpeeds::default(), 128);
-            assert_eq!(solved, Ok(()));
+            let solved = profile.solve(&spline, &rows, &unit_limits(), 128);
+            assert!(solved);
             assert!(timed.rebuild(&spline, &profile));
             timed.set_average(WIDTH);
             check(&timed, &rows);
@@ -350,8 +315,14 @@ mod tests {
         with_motion(|motion, _| {
             let total = motion.duration() + WIDTH;
             for (knot, expected) in [
-                (motion.averaged(0.0), Knot::resting(0.0, motion.first())),
-                (motion.averaged(total), Knot::resting(total, motion.last())),
+                (
+                    motion.averaged(0.0),
+                    Knot::resting(0.0, motion.piece[0].start.position),
+                ),
+                (
+                    motion.averaged(total),
+                    Knot::resting(total, motion.piece[motion.piece.len() - 1].start.position),
+                ),
             ] {
                 assert!((knot.position - expected.position).amax() < 1e-13);
                 assert!(knot.velocity.amax() < 1e-12 && knot.acceleration.amax() < 1e-9);

@@ -1,4 +1,4 @@
-//! Which instants of a smooth motion become knots.
+//! Placement of knots: at which instants of a smooth motion they are.
 //!
 //! A quarter of the knots is laid evenly. Then the worst segment is divided, again and again: the one that exceeds its
 //! limits most or leaves the motion most. It is divided where the motion's jerk steps most inside it: a quintic
@@ -11,12 +11,12 @@ use crate::limits::tendon_rows::TendonRows;
 use crate::parameterize::jerk::TimedPath;
 use crate::parameterize::topp::SpeedProfile;
 use crate::{Knot, QuinticSegment};
-use pcc_model::TendonLimits;
+use pcc_model::{Configuration, TendonLimits};
 
 /// A segment that needs this part more time to keep its limits is as bad as one that is
 /// [`POSITION_TOLERANCE`] off; better ones are left as they are.
 const TIME_TOLERANCE: f64 = 0.002;
-/// Distance between a segment's middle and the motion it stands for, rad.
+/// Distance between a segment's middle and the motion that counts as bad, rad.
 const POSITION_TOLERANCE: f64 = 1e-3;
 /// No segment becomes shorter than this part of the mean segment, but for one that ends at a jerk step.
 const SHORTEST_PART: f64 = 0.2;
@@ -26,14 +26,14 @@ const SHORTEST_PART_AT_STEP: f64 = 0.01;
 /// A jerk step is preferred to the middle of a segment from this acceleration step on, ÷ limit.
 const NOTABLE_STEP: f64 = 0.05;
 
-/// What is to be followed, within what, by how many knots.
+/// A motion that knots are to follow: what describes it, the limits, and how many knots there may be.
 pub(crate) struct Target<'a> {
     pub(crate) profile: &'a SpeedProfile,
     pub(crate) motion: &'a TimedPath,
     pub(crate) rows: &'a TendonRows,
     pub(crate) limits: &'a TendonLimits,
-    /// The first and the last knot, exactly; their times are not read.
-    pub(crate) ends: [Knot; 2],
+    /// Where the motion begins and ends, exactly and at rest, rad.
+    pub(crate) ends: [Configuration; 2],
     pub(crate) knots: usize,
 }
 
@@ -52,9 +52,9 @@ struct Segment {
     duration: f64,
     /// The factor by which its times must grow: see [`time_scale_bounds`].
     time_scale: [f64; 2],
-    /// How far its middle is from the motion it stands for, rad, at most.
+    /// Upper bound of the distance of its middle from the motion, rad.
     distance: f64,
-    /// What is worst about it ÷ its tolerance.
+    /// The larger of its excess time and its distance, each ÷ its tolerance.
     badness: f64,
 }
 
@@ -173,12 +173,12 @@ impl Placement {
         self.knots.clear();
         self.tendon_knots.clear();
         let [start, end] = target.ends;
-        self.push_knot(target, Knot { time: 0.0, ..start });
+        self.push_knot(target, Knot::resting(0.0, start));
         for i in 1..count {
             let time = total * (i as f64 / count as f64);
             self.push_knot(target, target.motion.averaged(time));
         }
-        self.push_knot(target, Knot { time: total, ..end });
+        self.push_knot(target, Knot::resting(total, end));
         self.segments.clear();
         for i in 0..count {
             let ends = [i, i + 1];
@@ -233,7 +233,7 @@ impl Placement {
     }
 }
 
-/// The segment duration below which the rounding of positions alone would make 1 % of the motion's jerk bound.
+/// The segment duration, s, below which the rounding of positions alone would cause 1 % of the motion's jerk bound.
 ///
 /// A quintic's jerk is up to 60 ÷ h³ times a displacement.
 fn rounding_time(target: &Target) -> f64 {

@@ -9,7 +9,7 @@ use crate::parameterize::grid_point::GridPoint;
 /// l′ of each piece's chord and l″ at each node, both ÷ the acceleration limit, block by block.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TendonPath {
-    /// Blocks of tendons.
+    /// Number of blocks of four tendons.
     pub(crate) blocks: usize,
     chord: Vec<Lanes>,
     bend: Vec<Lanes>,
@@ -22,7 +22,7 @@ pub(crate) struct Derivatives {
     pub(crate) bend: Lanes,
 }
 
-/// How the derivatives at a place of a piece are made of its chord and the bends of its two nodes.
+/// Weights of a piece's chord and of the bends at its two nodes, of which the derivatives at a place of it are the sum.
 pub(crate) struct PieceWeights {
     piece: usize,
     slope: [f64; 2],
@@ -64,7 +64,7 @@ impl TendonPath {
         }
     }
 
-    /// The derivatives at a place, block by block.
+    /// The derivatives by s at a place of the path, block by block.
     #[inline(always)]
     pub(crate) fn derivatives<'a>(
         &'a self,

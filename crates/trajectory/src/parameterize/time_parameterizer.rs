@@ -6,7 +6,7 @@ use crate::parameterize::error::ParameterizationError;
 use crate::parameterize::jerk::TimedPath;
 use crate::parameterize::options::{MAX_KNOTS, ParameterizationOptions};
 use crate::parameterize::placement::{Placement, Target};
-use crate::parameterize::topp::{EndSpeeds, SpeedProfile};
+use crate::parameterize::topp::SpeedProfile;
 use crate::parameterize::width::WidthSearch;
 use crate::{Knot, LimitUse, Trajectory};
 use pcc_model::{Configuration, TendonLimits, TendonMap};
@@ -16,19 +16,18 @@ const REST_DURATION: f64 = 1e-3;
 /// Knots whose times must grow by more than this are compared with those of the widest average.
 const POOR_FIT: f64 = 1.03;
 /// A path shorter than this part of its largest position is within rounding of a straight line.
-pub(super) const ROUNDING: f64 = 1e-11;
+const ROUNDING: f64 = 1e-11;
 
 /// The memory of a time parameterization, kept between calls: after the first ones only the result is allocated.
 #[derive(Clone, Debug, Default)]
 pub struct TimeParameterizer {
-    pub(super) rows: TendonRows,
-    pub(super) spline: Spline,
-    pub(super) profile: SpeedProfile,
-    pub(super) timed: TimedPath,
+    rows: TendonRows,
+    spline: Spline,
+    profile: SpeedProfile,
+    timed: TimedPath,
     search: WidthSearch,
-    pub(super) placement: Placement,
+    placement: Placement,
     wider: Placement,
-    pub(super) inner_waypoints: Vec<Configuration>,
 }
 
 /// The fastest motion along `waypoints` within the tendons' limits, from rest to rest; see [`TimeParameterizer::parameterize`].
@@ -49,8 +48,7 @@ impl TimeParameterizer {
     ///
     /// It starts exactly at the first and ends exactly at the last waypoint; every tendon's velocity, acceleration
     /// and jerk keeps its limit × (1 + 1e-9) everywhere, verified by [`crate::limit_use`] on the result. The path is a C2
-    /// spline through the waypoints, rounded by the averaging that bounds jerk (see the sources of `spline` and
-    /// `jerk`); waypoints that do not move give a resting motion of 1 ms.
+    /// spline through the waypoints, rounded by the average in time that bounds jerk; waypoints that do not move give a resting motion of 1 ms.
     ///
     /// # Errors
     /// See [`ParameterizationError`].
@@ -73,7 +71,7 @@ impl TimeParameterizer {
         fit_to_limits(knots, scale, &self.rows, limits)
     }
 
-    /// Duration of the fastest motion along `waypoints` (rad) from rest to rest if jerk were not bounded, s: TOPP-RA's.
+    /// Duration, s, of TOPP-RA's motion: the fastest along `waypoints` (rad) from rest to rest without a jerk limit.
     ///
     /// No motion along this path within the velocity and acceleration limits is faster; 0 if the waypoints do not move.
     ///
@@ -95,8 +93,8 @@ impl TimeParameterizer {
         Ok(self.timed.duration())
     }
 
-    /// The speeds of the last motion before its jerk was bounded: path parameter s (rad) and ṡ (rad/s) at the points
-    /// of TOPP-RA's grid.
+    /// Path parameter s (rad) and speed ṡ (rad/s) at the points of TOPP-RA's grid, of the last motion before its jerk was
+    /// bounded.
     pub fn path_speeds(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let grid = self.profile.grid().iter();
         let speeds = self.profile.square_speeds().iter();
@@ -109,11 +107,9 @@ impl TimeParameterizer {
         limits: &TendonLimits,
         options: &ParameterizationOptions,
     ) -> Result<(), ParameterizationError> {
-        let (spline, rows, rest) = (&self.spline, &self.rows, EndSpeeds::default());
-        let solved = self
-            .profile
-            .solve(spline, rows, limits, rest, options.grid_intervals);
-        if solved.is_err() || !self.timed.rebuild(spline, &self.profile) {
+        let (spline, intervals) = (&self.spline, options.grid_intervals);
+        let is_solved = self.profile.solve(spline, &self.rows, limits, intervals);
+        if !is_solved || !self.timed.rebuild(spline, &self.profile) {
             return Err(ParameterizationError::NotTimeable(*limits));
         }
         Ok(())
@@ -133,8 +129,7 @@ impl TimeParameterizer {
         let width = self
             .search
             .find(&self.profile, &self.timed, limits, [narrowest, widest]);
-        let ends =
-            [waypoints[0], waypoints[waypoints.len() - 1]].map(|end| Knot::resting(0.0, end));
+        let ends = [waypoints[0], waypoints[waypoints.len() - 1]];
         let place = |placement: &mut Placement, timed: &mut TimedPath, width| {
             timed.set_average(width);
             let target = Target {
@@ -158,7 +153,7 @@ impl TimeParameterizer {
     }
 }
 
-pub(super) fn check(
+fn check(
     waypoints: &[Configuration],
     limits: &TendonLimits,
     options: &ParameterizationOptions,
@@ -183,7 +178,7 @@ pub(super) fn check(
     Ok(())
 }
 
-/// Multiplies all times by `scale`, and by what rounding then leaves above the limits.
+/// A motion through `knots` with all times multiplied by `scale`, and by what rounding then requires to keep the limits.
 fn fit_to_limits(
     mut knots: Vec<Knot>,
     mut scale: f64,

@@ -11,27 +11,9 @@ use crate::limits::tendon_rows::{
     LANES, TendonRows, combined, lanes, largest_lane, raise_to_magnitude,
 };
 use crate::parameterize::grid_point::GridPoint;
-use crate::parameterize::interval::{
-    FULL_USE, Interval, Polygon, ROUNDING, largest_second, use_of,
-};
+use crate::parameterize::interval::{FULL_USE, Interval, Polygon, largest_second, use_of};
 use crate::parameterize::tendon_path::{Derivatives, PieceWeights, TendonPath, largest_slope};
 use pcc_model::TendonLimits;
-
-/// The path speed ṡ ≥ 0 that a motion must have at its ends, in path parameter per second, and a margin between.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct EndSpeeds {
-    pub(crate) start: f64,
-    pub(crate) end: f64,
-    /// Part of the velocity limit that is left unused, but near an end that is faster already.
-    pub(crate) margin: f64,
-}
-
-/// An end whose speed cannot be met, with the largest one that can, in path parameter per second.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Unmet {
-    Start(f64),
-    End(f64),
-}
 
 /// The solver's memory, and after [`SpeedProfile::solve`] its result: x = ṡ² at each grid point.
 #[derive(Clone, Debug, Default)]
@@ -43,44 +25,47 @@ pub(crate) struct SpeedProfile {
     derivatives: Vec<Derivatives>,
     /// The largest |l′| ÷ the acceleration limit at each grid point.
     steepness: Vec<f64>,
+    /// The largest x within the velocity limit at each grid point.
     speed_cap: Vec<f64>,
-    reachable: Vec<[f64; 2]>,
+    /// The largest x at each grid point from which the end can be reached; the least is 0.
+    reachable: Vec<f64>,
     square_speed: Vec<f64>,
     polygon: Polygon,
 }
 
 /// Between grid points the sampled limits may be exceeded by this much before an interval is divided.
 const EXCESS_TOLERANCE: f64 = 0.02;
-/// x where no limit bounds it (tendons that stand still at a point).
+/// The value of x at a point where no limit bounds it, since no tendon moves there.
 const UNBOUNDED: f64 = 1e100;
 /// Into how many parts an interval is divided whose speeds are not optimal.
 const PARTS_WHERE_NOT_OPTIMAL: u32 = 4;
-/// How often the grid is refined at most.
+/// The most times that the grid is refined.
 const REFINEMENTS: usize = 2;
 
 impl SpeedProfile {
-    /// Finds the fastest x along `spline` on about `intervals` grid intervals.
+    /// Finds the fastest x from rest to rest along `spline` on about `intervals` grid intervals; false where numbers leave
+    /// f64's range.
     pub(crate) fn solve(
         &mut self,
         spline: &Spline,
         rows: &TendonRows,
         limits: &TendonLimits,
-        ends: EndSpeeds,
         intervals: usize,
-    ) -> Result<(), Unmet> {
+    ) -> bool {
         self.path.rebuild(spline, rows, limits.acceleration);
         let largest_speed = limits.velocity / limits.acceleration;
         self.lay_grid(spline, intervals);
         for round in 0..=REFINEMENTS {
             self.project(spline, largest_speed);
-            self.leave_margin(spline.length(), largest_speed, ends);
-            self.backward(ends.end)?;
-            self.forward(ends.start)?;
+            if !self.backward() {
+                return false;
+            }
+            self.forward();
             if round == REFINEMENTS || !self.refine(largest_speed) {
                 break;
             }
         }
-        Ok(())
+        true
     }
 
     pub(crate) fn grid(&self) -> &[GridPoint] {
@@ -101,7 +86,7 @@ impl SpeedProfile {
         &self.derivatives[i * self.path.blocks..(i + 1) * self.path.blocks]
     }
 
-    /// Every node of the spline is a grid point, so l″ is linear within an interval.
+    /// Lays the grid, about `intervals` intervals long; every node of the spline is a grid point, so l″ is linear within an interval.
     fn lay_grid(&mut self, spline: &Spline, intervals: usize) {
         self.grid.clear();
         let nodes = spline.parameters();
@@ -119,7 +104,7 @@ impl SpeedProfile {
         });
     }
 
-    /// Derivatives and the largest x at each grid point.
+    /// Computes derivatives and the largest x within the velocity limit at each grid point.
     fn project(&mut self, spline: &Spline, largest_speed: f64) {
         self.derivatives.clear();
         self.steepness.clear();
@@ -137,25 +122,6 @@ impl SpeedProfile {
         }
     }
 
-    /// Lowers the largest speeds by the margin: at once, or from an end that is faster within twice its braking time.
-    fn leave_margin(&mut self, length: f64, largest_speed: f64, ends: EndSpeeds) {
-        if ends.margin == 0.0 {
-            return;
-        }
-        let last = self.grid.len() - 1;
-        let part = |speed: f64, cap: f64| (speed / cap.sqrt()).min(1.0);
-        let at_start = part(ends.start, self.speed_cap[0]);
-        let at_end = part(ends.end, self.speed_cap[last]);
-        let fade = |distance: f64, speed: f64| 1.0 - distance / (2.0 * speed * largest_speed);
-        for (place, cap) in self.grid.iter().zip(&mut self.speed_cap) {
-            let from_start = at_start * fade(place.parameter, ends.start);
-            let from_end = at_end * fade(length - place.parameter, ends.end);
-            // A fade from an end at rest is NaN or −∞, which max passes over.
-            let kept = (1.0 - ends.margin).max(from_start).max(from_end);
-            *cap *= kept * kept;
-        }
-    }
-
     fn interval(&self, i: usize) -> Interval<'_> {
         Interval {
             from: self.derivatives(i),
@@ -164,56 +130,40 @@ impl SpeedProfile {
         }
     }
 
-    /// The intervals of x from which the end can be reached ("controllable sets").
-    fn backward(&mut self, end_speed: f64) -> Result<(), Unmet> {
+    /// Finds the largest x from which rest at the end can be reached (the "controllable sets"); false where there is none.
+    fn backward(&mut self) -> bool {
         let count = self.grid.len();
-        let end = end_speed * end_speed;
         self.reachable.clear();
-        self.reachable.resize(count, [end; 2]);
-        let most = self.speed_cap[count - 1];
-        if end > most * (1.0 + ROUNDING) {
-            return Err(Unmet::End(most.sqrt()));
-        }
+        self.reachable.resize(count, 0.0);
         let mut polygon = std::mem::take(&mut self.polygon);
         for i in (0..count - 1).rev() {
             let interval = self.interval(i);
             let next = self.reachable[i + 1];
-            let reachable = polygon.first_range(self.speed_cap[i], next, &interval);
-            let Some(reachable) = reachable else {
-                break;
+            let Some(reachable) = polygon.largest_first(self.speed_cap[i], next, &interval) else {
+                return false;
             };
             self.reachable[i] = reachable;
         }
         self.polygon = polygon;
-        // What cannot be reached at all is too fast at the end: at rest, everything can stand still.
-        if self.polygon.is_empty() {
-            return Err(Unmet::End(0.0));
-        }
-        Ok(())
+        true
     }
 
-    /// From the start, the largest x at each next point.
-    fn forward(&mut self, start_speed: f64) -> Result<(), Unmet> {
-        let start = start_speed * start_speed;
-        let [low, high] = self.reachable[0];
-        if start < low * (1.0 - ROUNDING) || start > high * (1.0 + ROUNDING) {
-            return Err(Unmet::Start(high.sqrt()));
-        }
+    /// From rest at the start, the largest x at each next point.
+    fn forward(&mut self) {
+        let mut x = 0.0;
         self.square_speed.clear();
-        self.square_speed.push(start);
-        let mut x = start;
+        self.square_speed.push(x);
         for i in 0..self.grid.len() - 1 {
-            let [low, high] = self.reachable[i + 1];
+            let most = self.reachable[i + 1];
             let interval = self.interval(i);
-            // `low` wins over rounding: it is reachable from every x of the controllable set.
-            x = if interval.allows([x, high]) {
-                high
+            // Rounding may bring it below 0, which is reachable from every x of the controllable set.
+            x = if interval.allows([x, most]) {
+                most
             } else {
-                largest_second(&interval, x).min(high).max(low)
+                largest_second(&interval, x).min(most).max(0.0)
             };
             self.square_speed.push(x);
         }
-        Ok(())
     }
 
     /// Divides intervals; false if all are fine enough, or as fine as numbers allow.
@@ -241,9 +191,8 @@ impl SpeedProfile {
         divided
     }
 
-    /// Into how many parts an interval is to be divided: into some where its speeds are not optimal, since speed at the start
-    /// costs speed at the end or no limit is fully used (neither is so on a fine grid), and in two where a limit is exceeded
-    /// in its middle.
+    /// Into how many parts an interval is to be divided: several where its speeds are not optimal, since speed at the start costs
+    /// speed at the end or no limit is fully used (neither happens on a fine grid), two where a limit is exceeded in its middle.
     fn wanted_parts(&self, i: usize, largest_speed: f64) -> u32 {
         let squares = [self.square_speed[i], self.square_speed[i + 1]];
         let interval = self.interval(i);
@@ -285,16 +234,12 @@ mod tests {
     use pcc_model::Configuration;
     use rand::SeedableRng;
 
-    fn solved(
-        path: &[Configuration],
-        ends: EndSpeeds,
-        intervals: usize,
-    ) -> (Spline, SpeedProfile, bool) {
+    fn solved(path: &[Configuration], intervals: usize) -> (Spline, SpeedProfile, bool) {
         let (mut spline, mut profile) = (Spline::default(), SpeedProfile::default());
         assert!(spline.rebuild(path, 0.1, 0.0));
         let rows = TendonRows::of(&unit_tendons());
-        let is_solved = profile.solve(&spline, &rows, &unit_limits(), ends, intervals);
-        (spline, profile, is_solved.is_ok())
+        let is_solved = profile.solve(&spline, &rows, &unit_limits(), intervals);
+        (spline, profile, is_solved)
     }
 
     fn line() -> [Configuration; 2] {
@@ -317,7 +262,7 @@ mod tests {
 
     #[test]
     fn a_line_from_rest_to_rest_is_a_trapezoid() {
-        let (spline, profile, is_solved) = solved(&line(), EndSpeeds::default(), 200);
+        let (spline, profile, is_solved) = solved(&line(), 200);
         assert!(is_solved);
         let (limits, gain) = (unit_limits(), line_gain());
         let (speed, slope) = (limits.velocity / gain, limits.acceleration / gain);
@@ -335,7 +280,7 @@ mod tests {
     fn the_use_in_the_middle_is_that_of_the_spline_there() {
         let mut random = rand_pcg::Pcg64::seed_from_u64(7);
         let path = smooth_path(&mut random, 32);
-        let (spline, profile, _) = solved(&path, EndSpeeds::default(), 60);
+        let (spline, profile, _) = solved(&path, 60);
         let largest_speed = unit_limits().velocity / unit_limits().acceleration;
         for (i, (grid, x)) in profile
             .grid()
@@ -367,55 +312,12 @@ mod tests {
     }
 
     #[test]
-    fn end_speeds_are_met_or_refused() {
-        let speed = unit_limits().velocity / line_gain();
-        for (start, end) in [(0.3, 0.7), (1.0, 0.0), (0.0, 0.999), (0.5, 0.5)] {
-            let ends = EndSpeeds {
-                start: start * speed,
-                end: end * speed,
-                margin: 0.0,
-            };
-            let (_, profile, is_solved) = solved(&line(), ends, 200);
-            assert!(is_solved, "{ends:?}");
-            let squares = profile.square_speeds();
-            assert_eq!(squares[0].sqrt(), ends.start);
-            assert!((squares[squares.len() - 1].sqrt() - ends.end).abs() < 1e-9 * speed);
-        }
-        for (start, end) in [(1.01, 0.0), (0.0, 1.01)] {
-            let ends = EndSpeeds {
-                start: start * speed,
-                end: end * speed,
-                margin: 0.0,
-            };
-            assert!(!solved(&line(), ends, 200).2, "{ends:?}");
-        }
-        let short = line().map(|point| point * 1e-3);
-        assert!(
-            !solved(
-                &short,
-                EndSpeeds {
-                    start: speed,
-                    end: 0.0,
-                    margin: 0.0,
-                },
-                200
-            )
-            .2,
-            "cannot stop that soon"
-        );
-    }
-
-    #[test]
     fn some_limit_is_active_nearly_everywhere() {
         let mut random = rand_pcg::Pcg64::seed_from_u64(7);
         let (rows, limits) = (TendonRows::of(&unit_tendons()), unit_limits());
         for i in 0..400 {
             let intervals = [128, 250][i % 2];
-            let (spline, profile, is_solved) = solved(
-                &smooth_path(&mut random, 64),
-                EndSpeeds::default(),
-                intervals,
-            );
+            let (spline, profile, is_solved) = solved(&smooth_path(&mut random, 64), intervals);
             assert!(is_solved);
             let (grid, squares) = (profile.grid(), profile.square_speeds());
             let (mut active, mut total) = (0.0, 0.0);
@@ -458,7 +360,7 @@ mod tests {
             let path = smooth_path(&mut random, 64);
             assert_eq!(path[0][0], first);
             for (intervals, tolerance) in [(252, 1e-3), (1008, 1e-4)] {
-                let (spline, profile, is_solved) = solved(&path, EndSpeeds::default(), intervals);
+                let (spline, profile, is_solved) = solved(&path, intervals);
                 let mut timed = crate::parameterize::jerk::TimedPath::default();
                 assert!(is_solved && timed.rebuild(&spline, &profile));
                 let error = timed.duration() / reference - 1.0;

@@ -1,8 +1,8 @@
-//! How wide the moving average must be for the jerk limit.
+//! The width of the moving average that keeps the jerk limit.
 //!
 //! The averaged motion's jerk is (q̈(t) − q̈(t − τ)) / τ, so 2a/j is always wide enough; a path that nowhere brakes
-//! with all its strength within τ of having accelerated so needs less. The differences are looked at where q̈ steps
-//! (between, q̈ is taken as linear in time); what that misses the fit to the limits makes up for.
+//! with all its strength within τ of having accelerated so needs less. The differences are evaluated where q̈ steps
+//! (between, q̈ is taken as linear in time); the fit to the limits corrects what that misses.
 
 use crate::limits::tendon_rows::{LANES, Lanes, combined, lanes, largest_lane};
 use crate::parameterize::jerk::TimedPath;
@@ -98,12 +98,12 @@ impl WidthSearch {
         largest_lane(&most)
     }
 
-    /// A piece, counted from the rest before the motion, block by block.
+    /// Accelerations of a piece, counted from the rest before the motion, block by block.
     fn piece(&self, piece: usize) -> &[[Lanes; 2]] {
         &self.force[piece * self.blocks..(piece + 1) * self.blocks]
     }
 
-    /// At `time` in the motion's piece `piece`; a rest before the first and after the last.
+    /// The place at `time` in the motion's piece `piece`; at rest before the first and after the last piece.
     fn at(&self, times: &[f64], piece: usize, time: f64) -> Mixture<'_> {
         let (from, to) = (times[piece], times[piece + 1]);
         let part = (time - from) / (to - from);
@@ -132,7 +132,7 @@ impl Mixture<'_> {
     }
 }
 
-/// The smaller and the larger, lane by lane.
+/// The smaller and the larger of two values, lane by lane.
 #[inline(always)]
 fn range(a: &Lanes, b: &Lanes) -> [Lanes; 2] {
     [
@@ -141,7 +141,7 @@ fn range(a: &Lanes, b: &Lanes) -> [Lanes; 2] {
     ]
 }
 
-/// Raises each lane to a value.
+/// Raises each lane of `most` to the lane's value, where that is larger.
 #[inline(always)]
 fn raise(most: &mut Lanes, value: impl Fn(usize) -> f64) {
     for (lane, most) in most.iter_mut().enumerate() {

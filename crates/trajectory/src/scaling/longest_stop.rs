@@ -1,4 +1,4 @@
-//! How long a stop on a motion takes at most.
+//! An upper bound of the time that a stop on a motion takes.
 //!
 //! v/a is the shortest stop from full speed, not the longest: where the motion itself brakes or turns with all of a tendon's
 //! acceleration, the rate cannot fall until that is over. So the bound is computed for each motion, by dynamic programming from its end: the
@@ -7,16 +7,16 @@
 use crate::scaling::rate_law::RateLaw;
 use crate::{Knot, State, evaluate};
 
-/// Rates that are looked at, besides 0.
+/// Number of rates of the table, besides 0.
 const RATES: usize = 12;
-/// Longest piece of a motion between two places that are looked at, s, unless there are more than [`MOST_PIECES`].
+/// Longest piece of a motion between two places of the table, s, unless there would be more than [`MOST_PIECES`].
 const PIECE_S: f64 = 0.01;
 /// Pieces of a motion between its knots, beyond which they are longer.
 const MOST_PIECES: f64 = 400.0;
-/// What is added for what lies between places and rates, and for the length of the controller's steps.
+/// Factor on the bound that covers places and rates between those of the table, and the length of the controller's steps.
 const MARGIN: f64 = 1.05;
 
-/// Times to rest, s, by rate: the last is that of rate 1, the first of rate 0.
+/// Times to rest, s, by rate from 0 (the first) to 1 (the last).
 type Times = [f64; RATES + 1];
 
 impl RateLaw {

@@ -13,7 +13,7 @@ use crate::limits::tendon_rows::{TendonRows, lanes};
 use crate::{Knot, State, evaluate};
 use pcc_model::{Configuration, TendonMap};
 
-/// Share of the acceleration limit that the controller lets a change of rate use. The rest is for what lies between the instants
+/// Share of the acceleration limit that a change of rate may use in the controller. The rest covers the time between the instants
 /// that the law judges: the mean acceleration of a step h exceeds that of its ends by at most jerk × h / 8.
 pub const BRAKING_SHARE: f64 = 0.998;
 
@@ -56,9 +56,9 @@ struct Cycle<'a> {
     playback: Playback<'a>,
     /// Index of the segment in which the cycle begins.
     segment: usize,
-    /// The motion's own state (as at rate 1) there.
+    /// The motion's own state (as at rate 1) where the cycle begins.
     state: State,
-    /// Its length, s.
+    /// Length of the cycle, s.
     seconds: f64,
 }
 
@@ -75,7 +75,7 @@ impl RateLaw {
     ///
     /// Both rates are taken as within 0..=1 (NaN as 0, a stop). A tendon's acceleration keeps the limit where the cycle
     /// begins, at the knots that it passes and where it ends; where the motion itself uses more than this limit, it
-    /// keeps what it would be without a change of rate. No change is therefore always allowed. `hint` is
+    /// keeps the acceleration of an unchanged rate, which is therefore always allowed. `hint` is
     /// [`evaluate`]'s. Nothing changes in a cycle that takes no time. Allocates nothing; the work is bounded by the knots
     /// that lie in the cycle.
     ///

@@ -10,15 +10,15 @@ use pcc_model::{Configuration, TendonLimits, TendonMap};
 
 /// Duration of a motion that goes nowhere, s.
 const REST_DURATION: f64 = 1e-3;
-/// What exceeds a limit by this part of it is within: rounding.
+/// A limit that is exceeded by this part of itself or less is kept: that much is rounding.
 const ROUNDING: f64 = 1e-9;
 /// The deceleration lasts at least this part of the average's width, so that knots keep apart.
 const SHORTEST_PART: f64 = 0.1;
-/// What the rounding of positions may add to the jerk, ÷ its limit.
+/// Jerk that the rounding of positions may add, ÷ the jerk limit.
 const JERK_ROUNDING: f64 = 1e-7;
 /// The average is at least this part of the deceleration.
 const TIME_ROUNDING: f64 = 1e-6;
-/// How often the width is corrected by the steps that it sees.
+/// The most corrections of the width by the steps of acceleration within it.
 const ROUNDS: usize = 4;
 
 /// Why a state has no stopping motion.

@@ -1,6 +1,7 @@
 //! What planners' candidates of the same cases are worth, by the rules by which a request can select one.
 
-use pcc_model::{Configuration, Robot};
+use anyhow::Context;
+use pcc_model::{Configuration, Robot, UnitRobot};
 use planning::{modes, path_metrics};
 use serde_json::Value;
 use tests::programs::repository;
@@ -32,7 +33,7 @@ pub(crate) struct Figures {
 }
 
 /// Of every case.
-fn figures(robot: &Robot, motions: &Motions) -> anyhow::Result<Vec<Figures>> {
+fn figures(robot: &UnitRobot, motions: &Motions) -> anyhow::Result<Vec<Figures>> {
     let case = |case: usize| {
         let mut figures = Figures::default();
         for slot in motions.certified(case) {
@@ -71,6 +72,7 @@ impl Candidates {
         candidates: usize,
     ) -> anyhow::Result<Self> {
         let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
+        let robot = robot.to_unit().context("equal sections are needed")?;
         let evaluation = cases.evaluation(planner).candidates(candidates);
         let (result, motions) = cases.run(report, scale, &evaluation)?;
         Ok(Self {

@@ -71,7 +71,7 @@ pub(crate) fn most_candidates() -> Vec<(&'static str, Value)> {
 
 fn with_candidates(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut served = Served::start(most_candidates())?;
-    let robot = served.world.robot.clone();
+    let robot = served.world.unit_robot();
     let all = requests(&robot, Setting::General(Some(4)));
     let all: Vec<PlanRequest> = all.take(scale.pick(8, 50)).collect();
     let mut curve = CANDIDATES.map(|count| (count, Vec::new()));
@@ -136,6 +136,7 @@ impl Origin {
 
 fn with_balls(report: &mut Report, scale: Scale, origin: Origin) -> anyhow::Result<()> {
     let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
+    let robot = robot.to_unit().context("equal sections are needed")?;
     let all = requests(&robot, Setting::General(Some(8)));
     let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();
     let mut curve: Vec<_> = origin.counts().map(|count| (count, Vec::new())).collect();
@@ -167,7 +168,7 @@ fn with_balls(report: &mut Report, scale: Scale, origin: Origin) -> anyhow::Resu
 /// planning costs the same whatever their number; what grows is the time in which supervision certifies the motion against them.
 fn with_live_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let mut served = Served::start(Vec::new())?;
-    let robot = served.world.robot.clone();
+    let robot = served.world.unit_robot();
     let mut scenes = ScenePublisher::connect(&served.world.options, "growth")?;
     let all = requests(&robot, Setting::General(Some(8)));
     let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();

@@ -156,7 +156,8 @@ fn latency(report: &mut Report, scale: Scale, scenes: &Scenes) -> anyhow::Result
     let mut served = Served::start(if network { with_network() } else { Vec::new() })?;
     let wanted = scale.pick(30, 1000);
     eprintln!("  latency, {name}: drawing {wanted} requests");
-    let all = requests_of(&served.world.robot, scenes.setting);
+    let robot = served.world.unit_robot();
+    let all = requests_of(&robot, scenes.setting);
     let all: Vec<PlanRequest> = all.take(wanted).collect();
     for request in all.iter().cycle().take(WARM_UP) {
         served.ask(request)?;

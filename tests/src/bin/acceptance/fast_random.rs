@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::time::Duration;
 
 use datasets::scenes::{Setting, Target, draw_target};
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, UnitRobot};
 use rand::RngExt;
 use rand::seq::IndexedRandom;
 use rand_pcg::Pcg64;
@@ -60,7 +60,7 @@ pub(crate) struct Pool {
 }
 
 impl Pool {
-    pub(crate) fn draw(robot: &Robot, most_candidates: usize) -> Self {
+    pub(crate) fn draw(robot: &UnitRobot, most_candidates: usize) -> Self {
         let targets = SCENES.iter().flat_map(|&(setting, count)| {
             let drawn = (0..).filter_map(move |index| draw_target(robot, setting, SEED, index));
             drawn.take(count)
@@ -210,10 +210,12 @@ mod unit {
     use tests::programs::repository;
 
     use super::*;
+    use pcc_model::Robot;
 
     #[test]
     fn requests_are_well_formed_until_they_are_spoiled() {
         let robot = Robot::from_file(&repository().join("config/robots/unit.toml")).unwrap();
+        let robot = robot.to_unit().unwrap();
         let target = (0..).find_map(|i| draw_target(&robot, Setting::General(Some(4)), SEED, i));
         let pool = Pool {
             most_candidates: 64,

@@ -6,7 +6,7 @@ use anyhow::Context;
 use client::{Client, PlanAnswer};
 use collision::Scene;
 use datasets::scenes::{Setting, draw_target};
-use pcc_model::{DOF, Robot, TendonLimits};
+use pcc_model::{DOF, Robot, TendonLimits, UnitRobot};
 use shared_types::message::{Ball, Knot};
 use shared_types::valid::{Goal, PlanRequest};
 use tests::process::Process;
@@ -22,7 +22,7 @@ use crate::second_look::{Demand, TIP_TOLERANCE};
 const SEED: u64 = 9010;
 
 /// Requests of a setting, as [`requests_of`] draws them.
-pub(crate) fn requests(robot: &Robot, setting: Setting) -> impl Iterator<Item = PlanRequest> {
+pub(crate) fn requests(robot: &UnitRobot, setting: Setting) -> impl Iterator<Item = PlanRequest> {
     requests_of(robot, move |_| setting)
 }
 
@@ -30,7 +30,7 @@ pub(crate) fn requests(robot: &Robot, setting: Setting) -> impl Iterator<Item = 
 ///
 /// Ten candidates, no deadline; the seed of each is its index.
 pub(crate) fn requests_of(
-    robot: &Robot,
+    robot: &UnitRobot,
     setting: impl Fn(u64) -> Setting,
 ) -> impl Iterator<Item = PlanRequest> {
     let targets = (0..).filter_map(move |index| draw_target(robot, setting(index), SEED, index));

@@ -170,7 +170,7 @@ fn random_requests(
     arrangement: &Arrangement,
 ) -> anyhow::Result<()> {
     let mut served = Served::start(arrangement.keys())?;
-    let pool = Pool::draw(&served.world.robot, arrangement.candidates);
+    let pool = Pool::draw(&served.world.unit_robot(), arrangement.candidates);
     let stolen = StolenTimes::watch()?;
     let disturbance = Disturbance::count(served.daemon.pid())?;
     largest_requests(&mut served, &pool)?;

@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, ensure};
 use datasets::scenes::{Setting, draw_target};
 use denoiser::{FastModel, Manifest};
-use pcc_model::{Configuration, Robot, SECTIONS};
+use pcc_model::{Configuration, Robot, SECTIONS, UnitRobot};
 use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
 use serde_json::json;
 use tests::programs::repository;
@@ -58,7 +58,7 @@ struct Case {
 }
 
 struct Cases {
-    robot: Robot,
+    robot: UnitRobot,
     cases: Vec<Case>,
 }
 

@@ -1,15 +1,15 @@
-//! What a command line asks of a motion, for messages about what cannot be planned.
+//! Messages about command-line options that describe a motion which cannot be planned.
 
 use crate::number::spaced;
 use planning::Infeasible;
 use shared_types::codes::Outcome;
 use std::iter::once;
 
-/// Options that a message repeats.
+/// The most options that a message repeats.
 const SHOWN: usize = 5;
 
-/// The options that say where a motion begins and ends, and past which balls it leads.
-pub(crate) struct Asked<'a> {
+/// The options that describe a motion: where it begins and ends, and the balls that it must avoid.
+pub(crate) struct MotionOptions<'a> {
     pub(crate) start: Option<&'a [f64]>,
     pub(crate) tip: Option<&'a [f64]>,
     pub(crate) configuration: Option<&'a [f64]>,
@@ -17,16 +17,16 @@ pub(crate) struct Asked<'a> {
     pub(crate) balls: &'a [f64],
 }
 
-/// What of them is not as it must be.
-pub(crate) enum Wrong {
+/// What is wrong with the options that describe a motion.
+pub(crate) enum OptionFault {
     StartBent,
     StartInCollision,
     GoalOutOfReach,
     GoalInCollision,
 }
 
-impl Wrong {
-    /// What an answer of the daemon is about; none where it is about no option.
+impl OptionFault {
+    /// The fault that an answer of the daemon reports; none where no option is at fault.
     pub(crate) fn of_outcome(outcome: Outcome) -> Option<Self> {
         match outcome {
             Outcome::StartOutOfLimits => Some(Self::StartBent),
@@ -37,29 +37,31 @@ impl Wrong {
         }
     }
 
-    /// What a refusal of the planner is about; none where it is about no option.
+    /// The fault that a refusal of the planner reports; none where no option is at fault.
     pub(crate) fn of(reason: &Infeasible) -> Option<Self> {
         match reason {
             Infeasible::StartOutOfLimits { .. } => Some(Self::StartBent),
             Infeasible::StartInCollision { .. } => Some(Self::StartInCollision),
             Infeasible::GoalOutOfReach { .. } => Some(Self::GoalOutOfReach),
             Infeasible::GoalInCollision { .. } => Some(Self::GoalInCollision),
-            // The options say of no start that it moves.
+            // No option gives the start a velocity.
             Infeasible::StartTooFast { .. } | Infeasible::StartCannotStop => None,
         }
     }
 }
 
-impl Asked<'_> {
-    /// The options that something is wrong with, and what they must hold.
-    pub(crate) fn blamed(&self, wrong: &Wrong) -> String {
-        let needed = match wrong {
-            Wrong::GoalOutOfReach if self.tip.is_some() => "a position that the tip reaches",
-            Wrong::StartBent | Wrong::GoalOutOfReach => "no section bent beyond the robot's limit",
-            Wrong::StartInCollision => "a start that touches no obstacle",
-            Wrong::GoalInCollision => "a goal that touches no obstacle",
+impl MotionOptions<'_> {
+    /// The options that are at fault, and the values that they need.
+    pub(crate) fn explain(&self, fault: &OptionFault) -> String {
+        let needed = match fault {
+            OptionFault::GoalOutOfReach if self.tip.is_some() => "a position that the tip reaches",
+            OptionFault::StartBent | OptionFault::GoalOutOfReach => {
+                "no section bent beyond the robot's limit"
+            }
+            OptionFault::StartInCollision => "a start that touches no obstacle",
+            OptionFault::GoalInCollision => "a goal that touches no obstacle",
         };
-        let options = self.options(wrong);
+        let options = self.options(fault);
         let shown = &options[..options.len().min(SHOWN)];
         match shown {
             [] => format!("{needed} is needed"),
@@ -67,17 +69,17 @@ impl Asked<'_> {
         }
     }
 
-    fn options(&self, wrong: &Wrong) -> Vec<String> {
+    fn options(&self, fault: &OptionFault) -> Vec<String> {
         let of = |name: &str, values: &[f64]| format!("--{name} {}", spaced(values));
         let start = self.start.map(|values| of("start", values));
         let goal = (self.tip.map(|values| of("tip", values)))
             .or_else(|| self.configuration.map(|values| of("configuration", values)));
         let balls = self.balls.chunks(4).map(|values| of("ball", values));
-        match wrong {
-            Wrong::StartBent => start.into_iter().collect(),
-            Wrong::GoalOutOfReach => goal.into_iter().collect(),
-            Wrong::StartInCollision => once(start).flatten().chain(balls).collect(),
-            Wrong::GoalInCollision => once(goal).flatten().chain(balls).collect(),
+        match fault {
+            OptionFault::StartBent => start.into_iter().collect(),
+            OptionFault::GoalOutOfReach => goal.into_iter().collect(),
+            OptionFault::StartInCollision => once(start).flatten().chain(balls).collect(),
+            OptionFault::GoalInCollision => once(goal).flatten().chain(balls).collect(),
         }
     }
 }
@@ -88,18 +90,22 @@ mod tests {
 
     #[test]
     fn a_message_repeats_the_options_that_it_is_about() {
-        let asked = Asked {
+        let options = MotionOptions {
             start: None,
             tip: Some(&[0.0, 0.5, 5e-324]),
             configuration: None,
             balls: &[0.5; 4 * 64],
         };
         assert_eq!(
-            asked.blamed(&Wrong::GoalOutOfReach),
+            options.explain(&OptionFault::GoalOutOfReach),
             "--tip 0.0 0.5 5e-324: a position that the tip reaches is needed"
         );
-        let said = asked.blamed(&Wrong::StartInCollision);
+        let said = options.explain(&OptionFault::StartInCollision);
         assert_eq!(said.matches("--ball 0.5 0.5 0.5 0.5").count(), SHOWN);
-        assert!(asked.blamed(&Wrong::StartBent).starts_with("no section"));
+        assert!(
+            options
+                .explain(&OptionFault::StartBent)
+                .starts_with("no section")
+        );
     }
 }

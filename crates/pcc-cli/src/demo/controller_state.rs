@@ -1,4 +1,4 @@
-//! What the demonstration looks for in the controller's states: the speed, and whether a motion is under way.
+//! The controller's state as the demonstration reads it: whose order its speed is, and whether a motion is under way.
 
 use client::ControllerView;
 use shared_types::clock::mono_now_ns;
@@ -8,15 +8,15 @@ use shared_types::valid::{Command, ControllerState};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// How long the controller's state is waited for before the speed is given back.
-const STATE_WITHIN: Duration = Duration::from_secs(1);
-/// Longest wait for a process.
-pub(super) const PATIENCE: Duration = Duration::from_secs(10);
+/// Longest wait for a state of the controller before the speed is restored.
+const STATE_TIMEOUT: Duration = Duration::from_secs(1);
+/// Longest wait for a reply of a process.
+pub(super) const TIMEOUT: Duration = Duration::from_secs(10);
 /// Share of the speed found at which the demonstration slows a motion down.
 const SLOWER: f64 = 0.5;
 
-/// Whether a motion is executed, or may still begin: while a controller holds, a motion of which it has told neither begin nor refusal
-/// may wait there.
+/// Whether a motion is executed, or may still begin: a controller that holds may have taken a motion of which it has reported neither
+/// begin nor refusal.
 pub(super) fn is_under_way(state: &ControllerState, trajectory_id: u32) -> bool {
     let values = &state.values;
     let is_known = values.trajectory_id == trajectory_id;
@@ -27,15 +27,15 @@ pub(super) fn is_under_way(state: &ControllerState, trajectory_id: u32) -> bool 
     }
 }
 
-/// A speed that the demonstration has ordered, and the one that it found.
+/// The demonstration's order of a speed, and the speed that it found.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Slowed {
+pub(super) struct SpeedOrder {
     instance: u64,
     pub(super) found: f64,
     pub(super) ordered: f64,
 }
 
-impl Slowed {
+impl SpeedOrder {
     pub(super) fn from(values: &message::ControllerState) -> Self {
         Self {
             instance: values.instance,
@@ -44,13 +44,13 @@ impl Slowed {
         }
     }
 
-    /// Whether the speed is still the demonstration's: neither ordered anew by somebody else nor gone with its controller.
-    pub(super) fn stands(&self, values: &message::ControllerState) -> bool {
+    /// Whether the order is still in force: no one else has ordered a speed, and the controller was not started anew.
+    pub(super) fn is_in_force(&self, values: &message::ControllerState) -> bool {
         values.instance == self.instance && values.speed.to_bits() == self.ordered.to_bits()
     }
 
-    /// What to say of a speed that the demonstration has not ordered; none where it is the one that the demonstration found.
-    fn left_as_it_is(&self, values: &message::ControllerState) -> Option<String> {
+    /// A sentence about a speed that the demonstration has not ordered; none where it is the one that the demonstration found.
+    fn note_on_other_speed(&self, values: &message::ControllerState) -> Option<String> {
         let (speed, found) = (values.speed, self.found);
         if speed.to_bits() == found.to_bits() {
             return None;
@@ -64,9 +64,9 @@ impl Slowed {
         })
     }
 
-    /// Orders the speed found again, and says what came of it. A speed that somebody else has ordered meanwhile stays, and so does that of
+    /// Orders the speed found again, and prints the result. A speed that somebody else has ordered meanwhile stays, and so does that of
     /// a controller that was started anew.
-    pub(super) fn give_back(self, controller: &mut ControllerView) {
+    pub(super) fn restore(self, controller: &mut ControllerView) {
         let Self { found, ordered, .. } = self;
         let Some(state) = fresh_state(controller) else {
             say!(
@@ -74,13 +74,13 @@ impl Slowed {
             );
             return;
         };
-        if !self.stands(&state.values) {
-            if let Some(text) = self.left_as_it_is(&state.values) {
+        if !self.is_in_force(&state.values) {
+            if let Some(text) = self.note_on_other_speed(&state.values) {
                 say!("{text}");
             }
             return;
         }
-        match controller.command(Command::SetSpeed(found), PATIENCE) {
+        match controller.command(Command::SetSpeed(found), TIMEOUT) {
             Ok(reply) if reply.accepted => say!("the controller's speed is {found} again"),
             Ok(reply) => say!(
                 "the controller's speed stays {ordered} (it was {found}): {}; order `pcc speed {found}`",
@@ -93,9 +93,9 @@ impl Slowed {
     }
 }
 
-/// A state of after the call, also for a demonstration that was interrupted; none where the controller is silent.
+/// A state that is newer than the call, also for a demonstration that was interrupted; none where the controller is silent.
 pub(super) fn fresh_state(controller: &mut ControllerView) -> Option<ControllerState> {
-    let (asked_ns, end) = (mono_now_ns(), Instant::now() + STATE_WITHIN);
+    let (asked_ns, end) = (mono_now_ns(), Instant::now() + STATE_TIMEOUT);
     while Instant::now() < end {
         let state = controller.latest_state().ok()?;
         if let Some(state) = state.filter(|state| state.values.stamp_mono_ns >= asked_ns) {
@@ -120,24 +120,24 @@ mod tests {
 
     #[test]
     fn half_of_the_speed_found_is_ordered_and_another_ones_speed_is_known() {
-        let slowed = Slowed::from(&values(7, 0.5));
-        assert_eq!((slowed.found, slowed.ordered), (0.5, 0.25));
-        assert!(slowed.stands(&values(7, 0.25)));
-        assert!(!slowed.stands(&values(7, 0.5)));
-        assert!(!slowed.stands(&values(7, 0.3)));
-        assert!(!slowed.stands(&values(8, 0.25)));
+        let order = SpeedOrder::from(&values(7, 0.5));
+        assert_eq!((order.found, order.ordered), (0.5, 0.25));
+        assert!(order.is_in_force(&values(7, 0.25)));
+        assert!(!order.is_in_force(&values(7, 0.5)));
+        assert!(!order.is_in_force(&values(7, 0.3)));
+        assert!(!order.is_in_force(&values(8, 0.25)));
     }
 
     #[test]
     fn the_speed_of_a_controller_started_anew_is_nobodys_order() {
-        let slowed = Slowed::from(&values(7, 0.5));
-        let ordered = slowed.left_as_it_is(&values(7, 0.3)).unwrap();
+        let order = SpeedOrder::from(&values(7, 0.5));
+        let ordered = order.note_on_other_speed(&values(7, 0.3)).unwrap();
         assert!(ordered.contains("speed is 0.3, as ordered by somebody else"));
-        let anew = slowed.left_as_it_is(&values(8, 1.0)).unwrap();
+        let anew = order.note_on_other_speed(&values(8, 1.0)).unwrap();
         assert!(anew.contains("started anew") && anew.contains("speed is 1"));
         assert!(anew.contains("`pcc speed 0.5`"), "{anew}");
         for instance in [7, 8] {
-            assert_eq!(slowed.left_as_it_is(&values(instance, 0.5)), None);
+            assert_eq!(order.note_on_other_speed(&values(instance, 0.5)), None);
         }
     }
 

@@ -1,0 +1,86 @@
+//! What goes into a cycle of the state machine, and what comes out.
+
+use pcc_model::Configuration;
+use shared_types::codes::{LoopFault, LoopState, MotorState, Waiting};
+
+use super::pace::Commanded;
+use crate::TendonVector;
+
+/// The robot's state as the loop uses it.
+#[derive(Clone, Copy, Debug)]
+pub struct RobotSample {
+    /// Time of the measurement, ns of CLOCK_MONOTONIC.
+    pub stamp_ns: i64,
+    /// State of the motors.
+    pub state: MotorState,
+    /// The reference of its motors, m.
+    pub accepted_m: TendonVector,
+    /// The reference's velocity, m/s.
+    pub accepted_velocity_m_s: TendonVector,
+    /// Measured tendons, m.
+    pub measured_m: TendonVector,
+    /// Measured configuration, rad.
+    pub measured_rad: Configuration,
+}
+
+/// The inputs of one cycle.
+#[derive(Clone, Copy, Debug)]
+pub struct CycleInput<'a> {
+    /// Now, ns of CLOCK_MONOTONIC: the instant for which the set-point is evaluated.
+    pub now_ns: i64,
+    /// The robot's newest state, where a new one arrived.
+    pub robot: Option<&'a RobotSample>,
+    /// Whether a robot state arrived that is invalid.
+    pub robot_state_invalid: bool,
+    /// Whether the daemon's heartbeats arrive.
+    pub daemon_alive: bool,
+    /// Rounds of the guard thread so far; while they go on, stops and the loss of the daemon are noticed.
+    pub guard_rounds: u64,
+}
+
+/// One cycle's result: the set-point, and everything that is published about it.
+#[derive(Clone, Copy, Debug)]
+pub struct CycleOutput {
+    /// The instant evaluated, ns of CLOCK_MONOTONIC.
+    pub stamp_ns: i64,
+    /// Whether the set-point is to be sent (not while detached).
+    pub send: bool,
+    /// State of the loop.
+    pub state: LoopState,
+    /// The latched fault, `None` of [`LoopFault`] without one.
+    pub fault: LoopFault,
+    /// Why the robot is not held.
+    pub waiting: Waiting,
+    /// Distance of the robot's accepted set-point from the tendon lengths of every configuration, m.
+    pub accepted_residual_m: f64,
+    /// Robot states that were refused since the loop began.
+    pub refused_robot_states: u32,
+    /// The trajectory being followed, 0 for none.
+    pub trajectory_id: u32,
+    /// Commanded configuration and its derivatives.
+    pub commanded: Commanded,
+    /// Set-point, m.
+    pub tendon_m: TendonVector,
+    /// Velocity of the set-point, m/s.
+    pub tendon_velocity_m_s: TendonVector,
+    /// Acceleration of the set-point, m/s².
+    pub tendon_acceleration_m_s2: TendonVector,
+    /// The newest measurement; zeros before the first.
+    pub measured_m: TendonVector,
+    /// The newest measured configuration; zeros before the first.
+    pub measured_rad: Configuration,
+    /// Filtered tracking error, rad.
+    pub tracking_error_rad: f64,
+    /// Distance of the measured tendon lengths from those of every configuration, m.
+    pub slack_residual_m: f64,
+    /// Step of the set-point where the last trajectory was taken, m (it is kept as an offset, not made).
+    pub splice_error_m: f64,
+    /// Path time, s.
+    pub path_time_s: f64,
+    /// Path time per time, 0 to 1.
+    pub rate: f64,
+    /// The ordered rate, 0 to 1.
+    pub speed: f64,
+    /// Whether this cycle came late.
+    pub late: bool,
+}

@@ -1,0 +1,130 @@
+//! Why the controller refuses a trajectory.
+
+use shared_types::{
+    codes::{LoopState, Refusal},
+    valid::Invalid,
+};
+use trajectory::TrajectoryError;
+
+/// A trajectory may start this far from the commanded configuration, rad; the difference is kept as an offset.
+pub const START_TOLERANCE_RAD: f64 = 1e-6;
+
+/// Excess over the bending limit that certified motions may have, rad.
+pub(super) const BENDING_TOLERANCE_RAD: f64 = 5e-3;
+
+/// Why a trajectory is not executed.
+#[derive(Debug, thiserror::Error, PartialEq)]
+pub enum TrajectoryRefusal {
+    /// The loop is not holding.
+    #[error("the controller is {0}, a trajectory is taken only while it is holding")]
+    State(LoopState),
+    /// Another trajectory is waiting for its begin.
+    #[error("another trajectory is waiting for its begin")]
+    Waiting,
+    /// The daemon gives no sign of life.
+    #[error("the daemon that sent it gives no sign of life")]
+    DaemonSilent,
+    /// The trajectory was meant for a controller before this one.
+    #[error("it is meant for another controller than this one, which was started since")]
+    OtherController,
+    /// Another daemon than the one whose heart beats has published it.
+    #[error(
+        "it was published by another daemon than the one whose heart beats: nobody would watch over it"
+    )]
+    OtherDaemon,
+    /// The trajectory was taken, and given up before its begin.
+    #[error(
+        "it was set aside before its begin: a stop, a reset, a fault or the loss of robot or daemon came first"
+    )]
+    SetAside,
+    /// A stop or a reset was ordered, or the controller was started, after it was requested.
+    #[error(
+        "it was requested {before_ms:.1} ms before a stop or a reset was ordered or the controller was started"
+    )]
+    RequestedBefore {
+        /// How long before that.
+        before_ms: f64,
+    },
+    /// The request's stamp is of the future, so that no stop could be later.
+    #[error("it was requested {ahead_ms:.1} ms from now: its stamp is not of CLOCK_MONOTONIC")]
+    FromTheFuture {
+        /// How far in the future.
+        ahead_ms: f64,
+    },
+    /// A field of the message is wrong.
+    #[error(transparent)]
+    Invalid(#[from] Invalid),
+    /// The trajectory was taken before.
+    #[error("trajectory {0} with this begin was taken before")]
+    OldId(u32),
+    /// The trajectory begins in the past.
+    #[error("it begins {late_ms:.1} ms in the past, {allowed_ms:.1} ms are allowed")]
+    Past {
+        /// How far in the past.
+        late_ms: f64,
+        /// How far in the past a begin may be.
+        allowed_ms: f64,
+    },
+    /// The trajectory begins too far in the future.
+    #[error("it begins {ahead_s:.1} s from now, {allowed_s:.1} s are allowed")]
+    Ahead {
+        /// How far in the future.
+        ahead_s: f64,
+        /// How far in the future a begin may be.
+        allowed_s: f64,
+    },
+    /// The first knot is not the commanded configuration.
+    #[error(
+        "it starts {distance_rad:.2e} rad from the commanded configuration, {START_TOLERANCE_RAD:.0e} are allowed"
+    )]
+    Start {
+        /// Distance from the commanded configuration.
+        distance_rad: f64,
+    },
+    /// An end is not at rest.
+    #[error("it does not {0} at rest")]
+    InMotion(&'static str),
+    /// The knots are no motion.
+    #[error("it is no motion: {0}")]
+    NoMotion(#[from] TrajectoryError),
+    /// The motion exceeds a tendon limit.
+    #[error("it uses {share:.6} of the tendons' {limit} limit")]
+    Tendons {
+        /// Which limit.
+        limit: &'static str,
+        /// The largest ratio to it.
+        share: f64,
+    },
+    /// The motion bends a section too far.
+    #[error(
+        "it bends a section {excess_rad:.4} rad over its limit, {BENDING_TOLERANCE_RAD} are allowed"
+    )]
+    Bending {
+        /// Excess over the limit.
+        excess_rad: f64,
+    },
+}
+
+impl TrajectoryRefusal {
+    /// The reason as a code in the controller's state.
+    #[must_use]
+    pub fn code(&self) -> Refusal {
+        match self {
+            Self::State(LoopState::Starting) | Self::DaemonSilent => Refusal::NotReady,
+            Self::State(LoopState::Fault) => Refusal::Faulted,
+            Self::State(_) | Self::Waiting => Refusal::Busy,
+            Self::Invalid(invalid) if invalid.field == "protocol_version" => Refusal::WrongVersion,
+            Self::OtherController => Refusal::OtherController,
+            Self::OtherDaemon => Refusal::OtherDaemon,
+            Self::RequestedBefore { .. } => Refusal::RequestedBefore,
+            Self::SetAside => Refusal::SetAside,
+            Self::OldId(_) => Refusal::OldId,
+            Self::Past { .. } => Refusal::BeginsInThePast,
+            Self::Ahead { .. } => Refusal::BeginsTooLate,
+            Self::Start { .. } | Self::InMotion("begin") => Refusal::StartsElsewhere,
+            Self::InMotion(_) => Refusal::EndsInMotion,
+            Self::Invalid(_) | Self::NoMotion(_) | Self::FromTheFuture { .. } => Refusal::Malformed,
+            Self::Tendons { .. } | Self::Bending { .. } => Refusal::OutOfLimits,
+        }
+    }
+}

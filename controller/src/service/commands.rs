@@ -1,0 +1,217 @@
+//! Commands on their way from their senders to the loop, and the replies to them.
+//!
+//! A stop is a number that only rises: the loop obeys it whenever it runs again, and the reply says what is true when it is
+//! sent. An order to reset or to change the speed is offered to the loop; one that it does not take in time is withdrawn
+//! before it is answered "loop busy".
+
+use std::{collections::VecDeque, sync::atomic::Ordering};
+
+use shared_types::{
+    PROTOCOL_VERSION, clock::mono_now_ns, codes::CommandRefusal, ipc::CommandRequest, message,
+    valid::Command,
+};
+
+use super::link::{Answer, GuardEnd, GuardEvent, NumberedOrder, Order, Outcome};
+
+/// Longest wait for the loop to take a command, ns.
+const COMMAND_TIMEOUT_NS: i64 = 50_000_000;
+
+/// A command without a reply yet.
+struct PendingCommand<R> {
+    request: R,
+    command_id: u64,
+    command: Command,
+    received_ns: i64,
+}
+
+/// A request that a reply goes to: one in shared memory, or a test's.
+pub(super) trait Request {
+    /// Whether its sender still waits for the reply.
+    fn is_awaited(&self) -> bool;
+    /// Sends the reply, if its sender still waits for it.
+    fn reply(&self, reply: message::CommandReply);
+}
+
+impl Request for CommandRequest {
+    fn is_awaited(&self) -> bool {
+        self.is_connected()
+    }
+
+    fn reply(&self, reply: message::CommandReply) {
+        // The sender is gone, or runs into its own timeout.
+        let _ = self.send_copy(reply);
+    }
+}
+
+/// The commands under way between their senders and the loop.
+pub(super) struct Commands<R> {
+    pub(super) link: GuardEnd,
+    /// Stops with their numbers, in order.
+    stops: VecDeque<(u64, PendingCommand<R>)>,
+    /// Orders to reset and to change the speed, in order.
+    orders: VecDeque<(Order, PendingCommand<R>)>,
+    /// The number under which the first of them was offered to the loop.
+    offered: Option<u64>,
+    last_id: u64,
+}
+
+impl<R: Request> Commands<R> {
+    pub(super) fn new(link: GuardEnd) -> Self {
+        Self {
+            link,
+            stops: VecDeque::new(),
+            orders: VecDeque::new(),
+            offered: None,
+            last_id: 0,
+        }
+    }
+
+    /// Orders a stop whose outcome nobody waits for; returns its number.
+    pub(super) fn stop(&self) -> u64 {
+        // The clock is read now, so that the stop is later than its cause.
+        self.link.shared.order_stop(mono_now_ns())
+    }
+
+    /// Orders what a command asks for, or replies to one that is invalid.
+    pub(super) fn take(&mut self, request: R, wire: &message::Command, now_ns: i64) {
+        let command_id = wire.command_id;
+        let command = match Command::try_from(wire) {
+            Ok(command) => command,
+            Err(invalid) => {
+                let reason = match invalid.field {
+                    "protocol_version" => CommandRefusal::WrongVersion,
+                    "speed" => CommandRefusal::InvalidSpeed,
+                    _ => CommandRefusal::UnknownKind,
+                };
+                let outcome = self.not_taken(reason);
+                return request.reply(reply(command_id, outcome));
+            }
+        };
+        let pending = PendingCommand {
+            request,
+            command_id,
+            command,
+            received_ns: now_ns,
+        };
+        match command {
+            // The sender has given up or has ended.
+            Command::ResetFault | Command::SetSpeed(_) if !pending.request.is_awaited() => {}
+            Command::Stop => {
+                let number = self.stop();
+                self.stops.push_back((number, pending));
+            }
+            Command::ResetFault => {
+                // A reset is for the robot as it is now: trajectories that were requested before the fault must not begin.
+                self.link.shared.forget_requests(mono_now_ns());
+                self.orders.push_back((Order::Reset, pending));
+            }
+            Command::SetSpeed(speed) => self.orders.push_back((Order::Speed(speed), pending)),
+        }
+    }
+
+    /// Replies to commands that the loop has carried out or does not take in time, and offers it the next order.
+    pub(super) fn attend(&mut self, now_ns: i64) {
+        while let Ok(answer) = self.link.answers.pop() {
+            match answer {
+                Answer::Stops { up_to, outcome } => self.answer_stops(up_to, outcome),
+                Answer::Order { id, outcome } if self.offered == Some(id) => {
+                    self.offered = None;
+                    self.answer_first_order(outcome);
+                }
+                // Every order that is taken is the one offered.
+                Answer::Order { .. } => {}
+            }
+        }
+        self.give_up_late(now_ns);
+        self.offer_next();
+    }
+
+    fn answer_stops(&mut self, up_to: u64, outcome: Outcome) {
+        self.answer_stops_while(outcome, |number, _| number <= up_to);
+    }
+
+    fn answer_stops_while(
+        &mut self,
+        outcome: Outcome,
+        wanted: impl Fn(u64, &PendingCommand<R>) -> bool,
+    ) {
+        let is_wanted = |(number, pending): &(u64, PendingCommand<R>)| wanted(*number, pending);
+        while self.stops.front().is_some_and(is_wanted) {
+            if let Some((_, pending)) = self.stops.pop_front() {
+                self.answer(&pending, outcome);
+            }
+        }
+    }
+
+    fn answer_first_order(&mut self, outcome: Outcome) {
+        if let Some((_, pending)) = self.orders.pop_front() {
+            self.answer(&pending, outcome);
+        }
+    }
+
+    fn give_up_late(&mut self, now_ns: i64) {
+        let late = |pending: &PendingCommand<R>| now_ns - pending.received_ns > COMMAND_TIMEOUT_NS;
+        self.answer_stops_while(self.not_taken(CommandRefusal::StopPending), |_, pending| {
+            late(pending)
+        });
+        while self
+            .orders
+            .front()
+            .is_some_and(|(_, pending)| late(pending))
+        {
+            if let Some(id) = self.offered {
+                if !self.link.shared.offer.take(id) {
+                    // The loop has it, and answers.
+                    return;
+                }
+                self.offered = None;
+            }
+            self.answer_first_order(self.not_taken(CommandRefusal::LoopBusy));
+        }
+    }
+
+    fn offer_next(&mut self) {
+        let Some((order, _)) = self.orders.front().filter(|_| self.offered.is_none()) else {
+            return;
+        };
+        let (id, order) = (self.last_id + 1, *order);
+        // Before it is in the ring: the loop must find it on offer. Where the ring is full of withdrawn orders the loop takes none.
+        self.link.shared.offer.make(id);
+        if self.link.orders.push(NumberedOrder { id, order }).is_ok() {
+            (self.last_id, self.offered) = (id, Some(id));
+        } else {
+            self.link.shared.offer.take(id);
+        }
+    }
+
+    fn not_taken(&self, reason: CommandRefusal) -> Outcome {
+        Outcome {
+            result: Err(reason),
+            state: self.link.shared.loop_state(),
+        }
+    }
+
+    fn answer(&mut self, pending: &PendingCommand<R>, outcome: Outcome) {
+        pending.request.reply(reply(pending.command_id, outcome));
+        self.report_event(GuardEvent::Commanded(pending.command, outcome));
+    }
+
+    pub(super) fn report_event(&mut self, event: GuardEvent) {
+        if self.link.events.push(event).is_err() {
+            self.link.shared.events_lost.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+fn reply(command_id: u64, outcome: Outcome) -> message::CommandReply {
+    message::CommandReply {
+        command_id,
+        protocol_version: PROTOCOL_VERSION,
+        accepted: u32::from(outcome.result.is_ok()),
+        reason: outcome.result.err().unwrap_or(CommandRefusal::None).code(),
+        state: outcome.state.code(),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,124 @@
+//! Samplers, planners and selection rules by their names on the command line.
+
+use clap::ValueEnum;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use planning::{Guidance, Sampler};
+use shared_types::codes::{self, Selection};
+
+/// A planner as `pcc evaluate --planner` names it, and a sampler as `pcc plan --sampler` does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PlannerName {
+    /// The learned sampler, filled by classical candidates where it does not deliver.
+    Default,
+    /// The learned few-step sampler alone.
+    Fast,
+    /// Straight segments in configuration space.
+    Straight,
+    /// Straight segments with everything that a learned path gets after sampling.
+    StraightDrawn,
+    /// RRT-Connect on certified edges.
+    RrtConnect,
+    /// RRT-Connect, whose paths get everything that a learned path gets after sampling.
+    RrtSmooth,
+    /// The paper's diffusion model; the daemon needs a deadline of some hundred milliseconds for it.
+    Diffusion,
+    /// The paper's diffusion model with post correction in its last steps.
+    DiffusionPost,
+    /// The paper's diffusion model with guided prediction in its last steps.
+    DiffusionGuided,
+    /// Paths that another program drew.
+    Proposed,
+}
+
+impl PlannerName {
+    /// Where the planner draws paths from; nothing where they are given.
+    pub(crate) fn sampler(self) -> Option<Sampler> {
+        Some(match self {
+            Self::Default => Sampler::Default,
+            Self::Fast => Sampler::Fast,
+            Self::Straight => Sampler::Straight,
+            Self::StraightDrawn => Sampler::StraightDrawn,
+            Self::RrtConnect => Sampler::RrtConnect,
+            Self::RrtSmooth => Sampler::RrtSmooth,
+            Self::Diffusion => Sampler::Diffusion(Guidance::Pure),
+            Self::DiffusionPost => Sampler::Diffusion(Guidance::Post),
+            Self::DiffusionGuided => Sampler::Diffusion(Guidance::Guided),
+            Self::Proposed => return None,
+        })
+    }
+}
+
+/// Reads a sampler of a request by its name: that of every planner but `proposed`.
+pub(crate) fn samplers() -> impl TypedValueParser<Value = codes::Sampler> {
+    let code = |name: &str| codes::Sampler::ALL.iter().find(|code| code.text() == name);
+    let planners = PlannerName::value_variants().iter();
+    let names = planners.filter_map(ValueEnum::to_possible_value);
+    let names = names.filter(|name| code(name.get_name()).is_some());
+    PossibleValuesParser::new(names)
+        .try_map(move |name| code(&name).copied().ok_or("no such sampler"))
+}
+
+/// Selection rules with their names and a line of help.
+const SELECTIONS: [(&str, Selection, &str); 5] = {
+    use Selection::{
+        LargestClearance, NearestGoalConfiguration, ShortestTime, ShortestTipPath, Smoothest,
+    };
+    [
+        ("shortest-time", ShortestTime, "Shortest duration"),
+        (
+            "shortest-tip-path",
+            ShortestTipPath,
+            "Shortest path of the tip",
+        ),
+        (
+            "largest-clearance",
+            LargestClearance,
+            "Largest clearance over the motion",
+        ),
+        (
+            "smoothest",
+            Smoothest,
+            "Smallest third derivative of the tip's path",
+        ),
+        (
+            "nearest-goal-configuration",
+            NearestGoalConfiguration,
+            "Goal configuration nearest to the start",
+        ),
+    ]
+};
+
+/// Reads a rule for selecting a candidate by its name.
+pub(crate) fn selections() -> impl TypedValueParser<Value = Selection> {
+    let names = SELECTIONS.map(|(name, _, help)| PossibleValue::new(name).help(help));
+    PossibleValuesParser::new(names).try_map(|given| {
+        let rule = SELECTIONS.into_iter().find(|(name, ..)| *name == given);
+        rule.map(|(_, rule, _)| rule).ok_or("no such selection")
+    })
+}
+
+/// The name of a choice on the command line.
+pub(crate) fn name_of(choice: &impl ValueEnum) -> String {
+    let value = choice.to_possible_value();
+    value.map_or_else(String::new, |v| v.get_name().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::{Arg, Command};
+
+    #[test]
+    fn every_sampler_of_the_protocol_has_a_name_and_is_a_planner() {
+        let (command, option) = (Command::new("pcc"), Arg::new("sampler").num_args(1));
+        let read = |name: &str| samplers().parse_ref(&command, Some(&option), name.as_ref());
+        for code in codes::Sampler::ALL {
+            assert_eq!(read(code.text()).unwrap(), *code);
+        }
+        assert_eq!(
+            PlannerName::value_variants().len(),
+            codes::Sampler::ALL.len() + 1
+        );
+        read("proposed").unwrap_err();
+    }
+}
