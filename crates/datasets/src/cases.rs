@@ -3,7 +3,7 @@
 use pcc_model::UnitRobot;
 use planning::straight_path;
 
-use crate::expert::report::BlockReport;
+use crate::format::counts::Counts;
 use crate::recipe::Recipe;
 use crate::row::{Check, Row};
 use crate::scenes::draw_target;
@@ -20,18 +20,19 @@ pub fn generate_cases(
     robot: &UnitRobot,
     recipe: &Recipe,
     targets: std::ops::Range<u64>,
-) -> (Vec<Row>, BlockReport) {
+) -> (Vec<Row>, Counts) {
     let mut rows = Vec::new();
-    let mut report = BlockReport::default();
+    let mut counts = Counts::with_reasons(&["target_or_start_sampling"], &["missing_starts"]);
     for index in targets {
-        report.targets += 1;
-        report.requested_paths += recipe.starts;
+        counts.requested_targets += 1;
+        counts.requested_paths += recipe.starts;
         let Some(target) = draw_target(robot, recipe.setting, recipe.seed, index) else {
-            report.dropped_targets += 1;
+            counts.drop_target("target_or_start_sampling");
             continue;
         };
-        report.targets_with_paths += 1;
-        report.missing_starts += recipe.starts.saturating_sub(target.starts.len());
+        counts.actual_targets += 1;
+        let missing = recipe.starts.saturating_sub(target.starts.len());
+        counts.drop_paths("missing_starts", missing);
         for (start_index, start) in target.starts.iter().enumerate().take(recipe.starts) {
             let path = straight_path(start, &target.generator);
             rows.push(Row {
@@ -46,8 +47,8 @@ pub fn generate_cases(
             });
         }
     }
-    report.kept = rows.len();
-    (rows, report)
+    counts.actual_paths = rows.len();
+    (rows, counts)
 }
 
 #[cfg(test)]
@@ -70,13 +71,13 @@ mod tests {
             test_only: true,
         };
         let targets = 0..96;
-        let (rows, report) = generate_cases(&robot, &recipe, targets.clone());
+        let (rows, counts) = generate_cases(&robot, &recipe, targets.clone());
         let drawn: usize = targets
             .clone()
             .filter_map(|index| draw_target(&robot, recipe.setting, recipe.seed, index))
             .map(|target| target.starts.len().min(recipe.starts))
             .sum();
-        assert_eq!((rows.len(), report.kept), (drawn, drawn));
+        assert_eq!((rows.len(), counts.actual_paths), (drawn, drawn));
         let collide = rows
             .iter()
             .filter(|row| row.check.is_some_and(|c| !c.is_certified));

@@ -297,18 +297,9 @@ impl<'a> Job<'a> {
         let end = ((block + 1) * BLOCK).min(self.arguments.targets);
         let targets = block * BLOCK..end;
         let (rows, counts) = match self.arguments.method {
-            Method::Expert => {
-                let (rows, report) = generate_block(&self.robot, &self.recipe, targets);
-                (rows, Counts::from(&report))
-            }
-            Method::Paper => {
-                let (rows, report) = generate_paper_block(&self.robot, &self.recipe, targets);
-                (rows, Counts::from(&report))
-            }
-            Method::Cases => {
-                let (rows, report) = generate_cases(&self.robot, &self.recipe, targets);
-                (rows, Counts::from(&report))
-            }
+            Method::Expert => generate_block(&self.robot, &self.recipe, targets),
+            Method::Paper => generate_paper_block(&self.robot, &self.recipe, targets),
+            Method::Cases => generate_cases(&self.robot, &self.recipe, targets),
         };
         let meta = self.meta(self.block_config(block), counts.clone());
         let folder = self.block_folder(block);

@@ -135,13 +135,10 @@ impl ArchiveReader {
     }
 
     fn known(&self, array: &str) -> Result<&Header, ArchiveError> {
-        self.headers.get(array).ok_or_else(|| ArchiveError::Array {
-            path: self.path.clone(),
-            array: array.into(),
-            reason: format!(
-                "it is missing, and needed; there are {:?}",
-                self.headers.keys().collect::<Vec<_>>()
-            ),
+        self.headers.get(array).ok_or_else(|| {
+            let known = self.headers.keys().collect::<Vec<_>>();
+            let reason = format!("it is missing, and needed; there are {known:?}");
+            self.wrong(array, reason)
         })
     }
 
@@ -156,11 +153,8 @@ impl ArchiveReader {
         if is_same {
             return Ok(());
         }
-        Err(ArchiveError::Array {
-            path: self.path.clone(),
-            array: array.into(),
-            reason: format!("it has shape {found:?}, {expected:?} is needed"),
-        })
+        let reason = format!("it has shape {found:?}, {expected:?} is needed");
+        Err(self.wrong(array, reason))
     }
 
     /// Checks the type of an array's values; no value is read.
@@ -172,11 +166,8 @@ impl ArchiveReader {
         if allowed.contains(&found) {
             return Ok(());
         }
-        Err(ArchiveError::Array {
-            path: self.path.clone(),
-            array: array.into(),
-            reason: format!("it holds {found}; {} is needed", allowed.join(" or ")),
-        })
+        let reason = format!("it holds {found}; {} is needed", allowed.join(" or "));
+        Err(self.wrong(array, reason))
     }
 
     /// The error that says what is wrong with an array, and what is allowed.

@@ -1,7 +1,7 @@
 //! Making paths for training and tests: targets, starts, goal configurations, and the expert's certified paths.
 
 use super::path_optimizer::teach;
-use super::report::BlockReport;
+use crate::format::counts::Counts;
 use crate::recipe::Recipe;
 use crate::row::Row;
 use crate::scenes::{Target, draw_target};
@@ -17,6 +17,10 @@ use rand_pcg::Pcg64;
 /// The tree works with this much room to spare, so that the expert starts from a clear path.
 const TREE_MARGIN: f64 = 0.02;
 
+/// Why targets and paths are missing.
+const OF_TARGETS: [&str; 2] = ["target_or_start_sampling", "zero_retained_paths"];
+const OF_PATHS: [&str; 3] = ["missing_starts", "missing_end_shapes", "not_certified"];
+
 /// Version of [`generate_block`]: another one makes other rows from the same recipe.
 pub const EXPERT_VERSION: u32 = 1;
 
@@ -26,20 +30,26 @@ pub fn generate_block(
     robot: &UnitRobot,
     recipe: &Recipe,
     targets: std::ops::Range<u64>,
-) -> (Vec<Row>, BlockReport) {
+) -> (Vec<Row>, Counts) {
     let mut rows = Vec::new();
-    let mut report = BlockReport::default();
+    let mut counts = Counts::with_reasons(&OF_TARGETS, &OF_PATHS);
     for index in targets {
-        report.targets += 1;
-        report.requested_paths += recipe.starts * recipe.ends;
+        counts.requested_targets += 1;
+        counts.requested_paths += recipe.starts * recipe.ends;
         let before = rows.len();
-        match draw_target(robot, recipe.setting, recipe.seed, index) {
-            Some(target) => target_rows(robot, recipe, index, &target, &mut rows, &mut report),
-            None => report.dropped_targets += 1,
+        let Some(target) = draw_target(robot, recipe.setting, recipe.seed, index) else {
+            counts.drop_target(OF_TARGETS[0]);
+            continue;
+        };
+        target_rows(robot, recipe, index, &target, &mut rows, &mut counts);
+        if rows.len() > before {
+            counts.actual_targets += 1;
+        } else {
+            counts.drop_target(OF_TARGETS[1]);
         }
-        report.targets_with_paths += usize::from(rows.len() > before);
     }
-    (rows, report)
+    counts.actual_paths = rows.len();
+    (rows, counts)
 }
 
 fn target_rows(
@@ -48,10 +58,11 @@ fn target_rows(
     index: u64,
     target: &Target,
     rows: &mut Vec<Row>,
-    report: &mut BlockReport,
+    counts: &mut Counts,
 ) {
     let mut rng = Pcg64::new(u128::from(recipe.seed), u128::from(index) + 1);
-    report.missing_starts += recipe.starts.saturating_sub(target.starts.len()) * recipe.ends;
+    let missing_starts = recipe.starts.saturating_sub(target.starts.len());
+    counts.drop_paths(OF_PATHS[0], missing_starts * recipe.ends);
     for (start_index, start) in target.starts.iter().enumerate().take(recipe.starts) {
         let problem = Problem {
             start: *start,
@@ -60,19 +71,16 @@ fn target_rows(
         };
         let Ok(mut ends) = goal_configurations(robot, &problem, 10.max(recipe.ends), &mut rng)
         else {
-            report.dropped_starts += 1;
-            report.missing_ends += recipe.ends;
+            counts.drop_paths(OF_PATHS[1], recipe.ends);
             continue;
         };
-        report.missing_ends += recipe.ends.saturating_sub(ends.len());
+        counts.drop_paths(OF_PATHS[1], recipe.ends.saturating_sub(ends.len()));
         ends.shuffle(&mut rng);
         for (ik_index, end) in ends.iter().enumerate().take(recipe.ends) {
-            let Some(path) = taught_path(robot, recipe.trees, &problem, end, &mut rng, report)
-            else {
-                report.dropped_paths += 1;
+            let Some(path) = taught_path(robot, recipe.trees, &problem, end, &mut rng) else {
+                counts.drop_paths(OF_PATHS[2], 1);
                 continue;
             };
-            report.kept += 1;
             rows.push(Row {
                 path,
                 target_tip: target.tip,
@@ -93,7 +101,6 @@ fn taught_path(
     problem: &Problem,
     end: &Configuration,
     rng: &mut Pcg64,
-    report: &mut BlockReport,
 ) -> Option<Waypoints> {
     let (scene, start) = (&problem.scene, &problem.start);
     let certified = |path: &Waypoints| certify_polyline(robot, scene, path).is_free();
@@ -108,9 +115,7 @@ fn taught_path(
         let path = teach(robot, scene, &resample(&polyline));
         certified(&path).then_some(path)
     });
-    let shortest = guided.min_by(|a, b| tip_length(robot, a).total_cmp(&tip_length(robot, b)));
-    report.from_tree += usize::from(shortest.is_some());
-    shortest
+    guided.min_by(|a, b| tip_length(robot, a).total_cmp(&tip_length(robot, b)))
 }
 
 fn tip_length(robot: &UnitRobot, path: &[Configuration]) -> f64 {

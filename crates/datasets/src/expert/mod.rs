@@ -2,4 +2,3 @@
 
 pub(crate) mod generate;
 pub(crate) mod path_optimizer;
-pub(crate) mod report;

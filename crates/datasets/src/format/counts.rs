@@ -1,13 +1,14 @@
 //! What became of the targets and paths asked for, as `dataset_meta.json` says it.
 
-use crate::expert::report::BlockReport;
-use crate::paper::report::PaperReport;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::ops::AddAssign;
 
-/// What became of the targets and paths asked for.
+/// The key of the sum over all reasons.
+const TOTAL: &str = "total";
+
+/// What became of the targets and paths that a generator was asked for.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, PartialEq, Eq)]
 pub struct Counts {
     /// Targets asked for.
@@ -24,54 +25,35 @@ pub struct Counts {
     pub path_failure_counts: BTreeMap<String, usize>,
 }
 
-impl From<&PaperReport> for Counts {
-    fn from(report: &PaperReport) -> Self {
-        let (targets, paths) = (report.target_discarded_counts, report.path_failure_counts);
+impl Counts {
+    /// Nothing counted yet; these are the reasons for which targets and paths may be missing.
+    pub(crate) fn with_reasons(of_targets: &[&str], of_paths: &[&str]) -> Self {
+        let none = |reasons: &[&str]| {
+            let all = reasons.iter().chain(&[TOTAL]);
+            all.map(|reason| ((*reason).to_owned(), 0)).collect()
+        };
         Self {
-            requested_targets: report.requested_targets,
-            actual_targets: report.actual_targets,
-            requested_paths: report.requested_paths,
-            actual_paths: report.actual_paths,
-            target_discarded_counts: with_total([
-                ("terminal_ik", targets.terminal_ik),
-                ("start_sampling", targets.start_sampling),
-                ("zero_retained_paths", targets.zero_retained_paths),
-            ]),
-            path_failure_counts: with_total([
-                ("workspace_ik", paths.workspace_ik),
-                ("path_constraints", paths.path_constraints),
-                ("collision_repair", paths.collision_repair),
-            ]),
+            target_discarded_counts: none(of_targets),
+            path_failure_counts: none(of_paths),
+            ..Self::default()
         }
+    }
+
+    /// Counts a target that is dropped.
+    pub(crate) fn drop_target(&mut self, reason: &str) {
+        add(&mut self.target_discarded_counts, reason, 1);
+    }
+
+    /// Counts paths that are missing.
+    pub(crate) fn drop_paths(&mut self, reason: &str, count: usize) {
+        add(&mut self.path_failure_counts, reason, count);
     }
 }
 
-impl From<&BlockReport> for Counts {
-    fn from(report: &BlockReport) -> Self {
-        let drawn = report.targets - report.dropped_targets;
-        Self {
-            requested_targets: report.targets,
-            actual_targets: report.targets_with_paths,
-            requested_paths: report.requested_paths,
-            actual_paths: report.kept,
-            target_discarded_counts: with_total([
-                ("target_or_start_sampling", report.dropped_targets),
-                ("zero_retained_paths", drawn - report.targets_with_paths),
-            ]),
-            path_failure_counts: with_total([
-                ("missing_starts", report.missing_starts),
-                ("missing_end_shapes", report.missing_ends),
-                ("not_certified", report.dropped_paths),
-            ]),
-        }
+fn add(counts: &mut BTreeMap<String, usize>, reason: &str, count: usize) {
+    for key in [reason, TOTAL] {
+        *counts.entry(key.to_owned()).or_default() += count;
     }
-}
-
-fn with_total<const N: usize>(reasons: [(&str, usize); N]) -> BTreeMap<String, usize> {
-    let total = ("total", reasons.iter().map(|(_, count)| count).sum());
-    let all = reasons.into_iter().chain([total]);
-    all.map(|(reason, count)| (reason.to_owned(), count))
-        .collect()
 }
 
 impl AddAssign<&Counts> for Counts {
@@ -97,7 +79,7 @@ impl AddAssign<&Counts> for Counts {
 impl fmt::Display for Counts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let list = |reasons: &BTreeMap<String, usize>| {
-            let reasons = reasons.iter().filter(|(reason, _)| *reason != "total");
+            let reasons = reasons.iter().filter(|(reason, _)| *reason != TOTAL);
             let texts: Vec<_> = reasons.map(|(reason, n)| format!("{reason} {n}")).collect();
             texts.join(", ")
         };

@@ -1,10 +1,10 @@
 //! From a recipe to the rows of its targets.
 
 use super::repair::Repairer;
-use super::report::PaperReport;
 use super::settings::LARGEST_STEP;
 use super::solver::PathSolver;
 use super::target::{Place, TERMINALS};
+use crate::format::counts::Counts;
 use crate::recipe::Recipe;
 use crate::row::{Check, Row};
 use crate::scenes::{STARTS, draw_balls};
@@ -12,6 +12,11 @@ use collision::Scene;
 use pcc_model::{Configuration, Point, UnitRobot};
 use planning::{WAYPOINTS, Waypoints};
 use rand_pcg::Pcg64;
+
+/// Why targets and paths are missing, by the authors' names: no ten clear and distinct terminal solutions, too few starts, no path of it
+/// kept; a straight tip path that cannot be followed, too large a step, a collision that the repair leaves.
+const OF_TARGETS: [&str; 3] = ["terminal_ik", "start_sampling", "zero_retained_paths"];
+const OF_PATHS: [&str; 3] = ["workspace_ik", "path_constraints", "collision_repair"];
 
 /// Version of [`generate_paper_block`]: another one makes other rows from the same recipe.
 pub const PAPER_VERSION: u32 = 1;
@@ -22,19 +27,19 @@ pub fn generate_paper_block(
     robot: &UnitRobot,
     recipe: &Recipe,
     targets: std::ops::Range<u64>,
-) -> (Vec<Row>, PaperReport) {
+) -> (Vec<Row>, Counts) {
     let mut generator = Generator {
         robot,
         recipe,
         solver: PathSolver::new(robot),
         repairer: Repairer::new(robot),
         rows: Vec::new(),
-        report: PaperReport::default(),
+        counts: Counts::with_reasons(&OF_TARGETS, &OF_PATHS),
     };
     for index in targets {
         generator.add_target(index);
     }
-    (generator.rows, generator.report)
+    (generator.rows, generator.counts)
 }
 
 /// One target that was not dropped.
@@ -52,13 +57,13 @@ struct Generator<'a> {
     solver: PathSolver,
     repairer: Repairer<'a>,
     rows: Vec<Row>,
-    report: PaperReport,
+    counts: Counts,
 }
 
 impl Generator<'_> {
     fn add_target(&mut self, index: u64) {
-        self.report.requested_targets += 1;
-        self.report.requested_paths += self.recipe.starts * self.recipe.ends;
+        self.counts.requested_targets += 1;
+        self.counts.requested_paths += self.recipe.starts * self.recipe.ends;
         let Some(case) = self.draw(index) else {
             return;
         };
@@ -71,9 +76,12 @@ impl Generator<'_> {
             }
         }
         let kept = self.rows.len() - before;
-        self.report.actual_paths += kept;
-        self.report.actual_targets += usize::from(kept > 0);
-        self.report.target_discarded_counts.zero_retained_paths += usize::from(kept == 0);
+        self.counts.actual_paths += kept;
+        if kept > 0 {
+            self.counts.actual_targets += 1;
+        } else {
+            self.counts.drop_target(OF_TARGETS[2]);
+        }
     }
 
     fn draw(&mut self, index: u64) -> Option<Case> {
@@ -84,16 +92,15 @@ impl Generator<'_> {
             robot: self.robot,
             balls: scene.balls(),
         };
-        let dropped = &mut self.report.target_discarded_counts;
         let solved = place
             .target(&mut rng)
             .and_then(|(generator, tip)| Some((tip, place.terminals(&generator, &tip, &mut rng)?)));
         let Some((tip, terminals)) = solved else {
-            dropped.terminal_ik += 1;
+            self.counts.drop_target(OF_TARGETS[0]);
             return None;
         };
         let Some(starts) = place.starts(&tip, &mut rng) else {
-            dropped.start_sampling += 1;
+            self.counts.drop_target(OF_TARGETS[1]);
             return None;
         };
         Some(Case {
@@ -113,20 +120,19 @@ impl Generator<'_> {
         end: &Configuration,
     ) -> Option<Waypoints> {
         let (solver, balls) = (&mut self.solver, case.scene.balls());
-        let dropped = &mut self.report.path_failure_counts;
         solver.start(self.robot, &case.tip, start, end);
         if !solver.solve() {
-            dropped.workspace_ik += 1;
+            self.counts.drop_paths(OF_PATHS[0], 1);
             return None;
         }
         let small_steps = |solver: &PathSolver| solver.largest_step() <= LARGEST_STEP;
         if self.repairer.is_clear(solver, balls) {
             if !small_steps(solver) {
-                dropped.path_constraints += 1;
+                self.counts.drop_paths(OF_PATHS[1], 1);
                 return None;
             }
         } else if !(self.repairer.repair(solver, balls) && small_steps(solver)) {
-            dropped.collision_repair += 1;
+            self.counts.drop_paths(OF_PATHS[2], 1);
             return None;
         }
         Some((0..WAYPOINTS).map(|h| solver.frame(h)).collect())
@@ -198,18 +204,17 @@ mod tests {
     #[test]
     fn kept_paths_keep_the_limits_and_every_path_is_accounted_for() {
         let robot = unit_robot();
-        let (rows, report) =
+        let (rows, counts) =
             generate_paper_block(&robot, &recipe(Setting::Reference, 5, 10), 0..60);
-        let (targets, paths) = (report.target_discarded_counts, report.path_failure_counts);
-        let lost_targets = targets.terminal_ik + targets.start_sampling;
-        let lost = paths.workspace_ik + paths.path_constraints + paths.collision_repair;
-        assert_eq!(report.requested_paths, 60 * 50);
+        let (targets, paths) = (&counts.target_discarded_counts, &counts.path_failure_counts);
+        let lost_targets = targets["terminal_ik"] + targets["start_sampling"];
+        assert_eq!(counts.requested_paths, 60 * 50);
         assert_eq!(
-            rows.len() + lost + 50 * lost_targets,
-            report.requested_paths
+            rows.len() + paths["total"] + 50 * lost_targets,
+            counts.requested_paths
         );
-        assert!(targets.terminal_ik > 0 && targets.start_sampling > 0);
-        assert!(paths.workspace_ik > 0 && paths.path_constraints > 0 && paths.collision_repair > 0);
+        assert!(targets["terminal_ik"] > 0 && targets["start_sampling"] > 0);
+        assert!(OF_PATHS.iter().all(|reason| paths[*reason] > 0));
         for row in &rows {
             let largest = row
                 .path
@@ -245,10 +250,10 @@ mod tests {
     #[test]
     fn a_target_without_a_path_is_dropped() {
         let robot = unit_robot();
-        let (rows, report) =
+        let (rows, counts) =
             generate_paper_block(&robot, &recipe(Setting::ObstacleFree, 1, 1), 0..24);
-        assert!(report.target_discarded_counts.zero_retained_paths > 0);
-        assert_eq!(report.actual_targets, rows.len());
+        assert!(counts.target_discarded_counts["zero_retained_paths"] > 0);
+        assert_eq!(counts.actual_targets, rows.len());
     }
 
     #[test]
@@ -268,7 +273,7 @@ mod tests {
             parts
         );
         let mut parts = report;
-        parts += more;
+        parts += &more;
         assert_eq!(parts, std::mem::take(&mut sum));
     }
 }

@@ -11,7 +11,6 @@
 pub(crate) mod generator;
 mod kinematics;
 mod repair;
-pub(crate) mod report;
 mod sampled;
 pub(crate) mod settings;
 mod solver;
