@@ -34,7 +34,6 @@ pub(crate) fn request() -> Request {
         candidates: 1,
         seed: 1,
         sampler: Sampler::Straight,
-        selection: Selection::ShortestTime,
         limits_scale: 1.0,
         padding: [0.0225; SECTIONS],
         knots: 96,

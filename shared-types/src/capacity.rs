@@ -17,7 +17,7 @@ pub const MAX_KNOTS: usize = 256;
 /// Bins of the loop's lateness histogram ([`crate::lateness`]).
 pub const HISTOGRAM_BINS: usize = 64;
 /// Stages of planning that a response times ([`crate::codes::Stage`]).
-pub const STAGES: usize = 8;
+pub const STAGES: usize = crate::codes::Stage::ALL.len();
 /// Bytes of UTF-8 text that explain an outcome.
 pub const REASON_BYTES: usize = 160;
 /// Plans that the daemon retains, from which a request can go on.

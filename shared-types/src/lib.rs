@@ -12,7 +12,7 @@
 
 pub mod capacity;
 pub mod clock;
-pub mod codes;
+pub use codes;
 pub mod ipc;
 pub mod lateness;
 pub mod message;

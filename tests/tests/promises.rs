@@ -6,9 +6,7 @@ use std::fs;
 use datasets::scenes::{Setting, draw_target};
 use denoiser::{FastModel, Manifest};
 use pcc_model::{Robot, UnitRobot};
-use planning::{
-    Goal, MOST_CORRECTIONS, Models, Planner, Problem, Request, Sampler, Selection, Source,
-};
+use planning::{Goal, MOST_CORRECTIONS, Models, Planner, Problem, Request, Sampler, Source};
 use tests::brute_force::{Ball, Body, Configuration};
 use tests::programs::repository;
 use trajectory::Knot;
@@ -129,7 +127,6 @@ fn delivered_candidates_keep_every_promise() {
                 candidates: 10,
                 seed: index,
                 sampler,
-                selection: Selection::ShortestTime,
                 limits_scale: 1.0,
                 padding: PADDING,
                 knots: 96,

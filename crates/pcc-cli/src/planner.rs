@@ -7,7 +7,7 @@ use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use denoiser::{FastModel, Manifest, Precision, Solver, TemporalUnet, WeightsFile};
 use pcc_model::UnitRobot;
-use planning::{DiffusionModel, DiffusionSettings, Models, Planner, Sampler};
+use planning::{DiffusionModel, DiffusionSettings, Guidance, Models, Planner, Sampler};
 use serde::Serialize;
 use std::error::Error;
 use std::path::PathBuf;
@@ -98,7 +98,7 @@ impl ModelArguments {
     fn refuse_unread(&self, planner: PlannerName) -> anyhow::Result<()> {
         let sampler = planner.sampler();
         let is_fast = matches!(sampler, Some(Sampler::Default | Sampler::Fast));
-        let is_diffusion = matches!(sampler, Some(Sampler::Diffusion(_)));
+        let is_diffusion = sampler.and_then(Guidance::of).is_some();
         let learned = (is_fast || is_diffusion, "the learned planners");
         let fast = (is_fast, "fast and default");
         let diffusion = (
@@ -188,7 +188,7 @@ pub(crate) fn load(
             let (model, record) = load_fast(robot, arguments)?;
             (models.fast, records.fast) = (Some(model), Some(record));
         }
-        Some(Sampler::Diffusion(_)) => {
+        Some(Sampler::Diffusion | Sampler::DiffusionPost | Sampler::DiffusionGuided) => {
             let (model, record) = load_diffusion(robot, arguments)?;
             (models.diffusion, records.diffusion) = (Some(model), Some(record));
         }

@@ -2,8 +2,7 @@
 
 use clap::ValueEnum;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use planning::{Guidance, Sampler};
-use shared_types::codes::{self, Selection};
+use planning::{Sampler, Selection};
 
 /// A planner as `pcc evaluate --planner` names it, and a sampler as `pcc plan --sampler` does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -33,24 +32,15 @@ pub(crate) enum PlannerName {
 impl PlannerName {
     /// Where the planner draws paths from; nothing where they are given.
     pub(crate) fn sampler(self) -> Option<Sampler> {
-        Some(match self {
-            Self::Default => Sampler::Default,
-            Self::Fast => Sampler::Fast,
-            Self::Straight => Sampler::Straight,
-            Self::StraightDrawn => Sampler::StraightDrawn,
-            Self::RrtConnect => Sampler::RrtConnect,
-            Self::RrtSmooth => Sampler::RrtSmooth,
-            Self::Diffusion => Sampler::Diffusion(Guidance::Pure),
-            Self::DiffusionPost => Sampler::Diffusion(Guidance::Post),
-            Self::DiffusionGuided => Sampler::Diffusion(Guidance::Guided),
-            Self::Proposed => return None,
-        })
+        let name = name_of(&self);
+        let found = Sampler::ALL.iter().find(|sampler| sampler.text() == name);
+        found.copied()
     }
 }
 
 /// Reads a sampler of a request by its name: that of every planner but `proposed`.
-pub(crate) fn samplers() -> impl TypedValueParser<Value = codes::Sampler> {
-    let code = |name: &str| codes::Sampler::ALL.iter().find(|code| code.text() == name);
+pub(crate) fn samplers() -> impl TypedValueParser<Value = Sampler> {
+    let code = |name: &str| Sampler::ALL.iter().find(|code| code.text() == name);
     let planners = PlannerName::value_variants().iter();
     let names = planners.filter_map(ValueEnum::to_possible_value);
     let names = names.filter(|name| code(name.get_name()).is_some());
@@ -112,13 +102,10 @@ mod tests {
     fn every_sampler_of_the_protocol_has_a_name_and_is_a_planner() {
         let (command, option) = (Command::new("pcc"), Arg::new("sampler").num_args(1));
         let read = |name: &str| samplers().parse_ref(&command, Some(&option), name.as_ref());
-        for code in codes::Sampler::ALL {
+        for code in Sampler::ALL {
             assert_eq!(read(code.text()).unwrap(), *code);
         }
-        assert_eq!(
-            PlannerName::value_variants().len(),
-            codes::Sampler::ALL.len() + 1
-        );
+        assert_eq!(PlannerName::value_variants().len(), Sampler::ALL.len() + 1);
         read("proposed").unwrap_err();
     }
 }

@@ -12,7 +12,7 @@ use collision::{Ball, MAX_EXTENT, Scene};
 use datasets::ArchiveWriter;
 use pcc_model::{Configuration, DOF, Point, UnitRobot};
 use planning::random_configuration;
-use planning::{Goal, PlannerError, Problem, Sampler, WAYPOINTS, Waypoints};
+use planning::{Goal, Guidance, PlannerError, Problem, WAYPOINTS, Waypoints};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use std::path::{Path, PathBuf};
@@ -53,7 +53,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let Some(Sampler::Diffusion(guidance)) = arguments.planner.sampler() else {
+    let Some(guidance) = arguments.planner.sampler().and_then(Guidance::of) else {
         bail!(
             "--planner {}: diffusion, diffusion-post and diffusion-guided are allowed",
             name_of(&arguments.planner)

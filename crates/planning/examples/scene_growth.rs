@@ -6,7 +6,7 @@
 use collision::{Ball, Scene, tracking_padding};
 use denoiser::{FastModel, Manifest};
 use pcc_model::{Configuration, Point, Robot};
-use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection, StageTimes};
+use planning::{Goal, Models, Planner, Problem, Request, Sampler, StageTimes};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
@@ -53,7 +53,6 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         candidates: 10,
         seed: 1,
         sampler: Sampler::Default,
-        selection: Selection::ShortestTime,
         limits_scale: 1.0,
         padding: tracking_padding(&robot, 0.01),
         knots: 96,

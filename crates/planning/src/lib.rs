@@ -3,7 +3,7 @@
 //! Lengths are in units of one section's arc length, angles in radians, and every position is in the robot's
 //! base frame. The stages of [`Planner::plan`] are: goal configurations by analytic inverse kinematics, paths from a
 //! learned sampler (or straight ones, or a tree), analytic correction, time parameterization, certification of the
-//! executed curve, selection.
+//! executed curve; [`select`] chooses among the candidates.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod error;
@@ -23,6 +23,7 @@ mod resources;
 mod search;
 mod stage_times;
 
+pub use codes::{Sampler, Selection};
 pub use denoiser::FeatureFrame;
 pub use error::{Infeasible, PlannerError};
 pub use goals::goal_configurations::goal_configurations;
@@ -44,7 +45,7 @@ pub use pipeline::selection::select;
 pub use plan::{Candidate, Certified, Draw, Failure, Plan, Source};
 pub use planner::Planner;
 pub use problem::{Goal, Problem};
-pub use request::{Guidance, PreviousPlan, Request, Sampler, Selection, StartMotion, Supervision};
+pub use request::{Guidance, PreviousPlan, Request, StartMotion, Supervision};
 pub use resources::Models;
 pub use search::edges::RrtSettings;
 pub use search::random_configuration::random_configuration;

@@ -147,8 +147,6 @@ pub struct Plan {
     pub draws: Vec<Draw>,
     /// The certified ones.
     pub candidates: Vec<Candidate>,
-    /// Index into `candidates`.
-    pub selected: Option<usize>,
     /// Learned draws that were certified before draws without a motion were filled.
     pub learned_certified: usize,
     /// Learned draws made.

@@ -1,29 +1,10 @@
-//! What a plan is asked for: sampler, selection, limits, the plan to go on from, and who follows the work.
+//! What a plan is asked for: sampler, limits, the plan to go on from, and who follows the work.
 
 use crate::path::waypoints::Waypoints;
 use crate::plan::Candidate;
+use codes::Sampler;
 use pcc_model::{Configuration, SECTIONS};
 use std::sync::Arc;
-
-/// The sampler: where paths come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Sampler {
-    /// The learned sampler, filled by straight segments and the tree where it did not deliver.
-    Default,
-    /// The learned few-step sampler alone.
-    Fast,
-    /// Straight segments in configuration space: the null arm.
-    Straight,
-    /// Straight segments with everything that a learned path gets after sampling: the tip brought onto a smooth curve, smoothing after
-    /// correction, the corrected path where the smoothed one makes no motion.
-    StraightDrawn,
-    /// RRT-Connect on certified edges.
-    RrtConnect,
-    /// RRT-Connect, whose rounded paths get everything that a learned path gets after sampling.
-    RrtSmooth,
-    /// The paper's diffusion model alone; the network chooses the goal configuration.
-    Diffusion(Guidance),
-}
 
 /// How differential kinematics refines the paths of the diffusion model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,21 +17,17 @@ pub enum Guidance {
     Guided,
 }
 
-/// The rule by which one candidate is selected: what the best one has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Selection {
-    /// Shortest duration.
-    ShortestTime,
-    /// Shortest tip path.
-    ShortestTipPath,
-    /// Largest clearance over the motion.
-    LargestClearance,
-    /// Smallest ∫‖p‴‖² of the tip path.
-    Smoothest,
-    /// Goal configuration nearest to the start.
-    NearestGoalConfiguration,
-    /// The candidate with this index.
-    Index(usize),
+impl Guidance {
+    /// That of a sampler which draws from the diffusion model.
+    #[must_use]
+    pub fn of(sampler: Sampler) -> Option<Self> {
+        match sampler {
+            Sampler::Diffusion => Some(Self::Pure),
+            Sampler::DiffusionPost => Some(Self::Post),
+            Sampler::DiffusionGuided => Some(Self::Guided),
+            _ => None,
+        }
+    }
 }
 
 /// A plan to go on from.
@@ -80,8 +57,6 @@ pub struct Request {
     pub seed: u64,
     /// Where paths come from.
     pub sampler: Sampler,
-    /// Which candidate is selected.
-    pub selection: Selection,
     /// Factor on the tendon velocity, acceleration and jerk limits, in (0, 1].
     pub limits_scale: f64,
     /// Padding of each section's tube for which motions are certified, section lengths: room for the tracking error.

@@ -5,7 +5,7 @@ use crate::models::diffusion::DiffusionModel;
 use crate::optimize::smooth_update::PushKernel;
 use crate::optimize::tip_path::TipPaths;
 use crate::path::sine_basis::SineBasis;
-use crate::request::Sampler;
+use codes::Sampler;
 use denoiser::FastModel;
 use pcc_model::UnitRobot;
 
@@ -23,7 +23,9 @@ impl Models {
     pub(crate) fn check_loaded(&self, sampler: Sampler) -> Result<(), PlannerError> {
         let (name, loaded) = match sampler {
             Sampler::Default | Sampler::Fast => ("fast", self.fast.is_some()),
-            Sampler::Diffusion(_) => ("diffusion", self.diffusion.is_some()),
+            Sampler::Diffusion | Sampler::DiffusionPost | Sampler::DiffusionGuided => {
+                ("diffusion", self.diffusion.is_some())
+            }
             Sampler::Straight
             | Sampler::StraightDrawn
             | Sampler::RrtConnect

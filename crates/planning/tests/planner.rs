@@ -49,7 +49,7 @@ fn diffusion() -> Models {
     }
 }
 
-const POST: Sampler = Sampler::Diffusion(Guidance::Post);
+const POST: Sampler = Sampler::DiffusionPost;
 /// Those that need no model.
 const CLASSICAL: [Sampler; 4] = [
     Sampler::Straight,
@@ -243,7 +243,7 @@ fn an_interrupt_truncates_and_nothing_uncertified_is_delivered() {
     for sampler in CLASSICAL {
         let answer = planner.plan(&problem, &request(sampler, 1), &|| true);
         let answer = answer.unwrap();
-        assert!(answer.truncated && answer.candidates.is_empty() && answer.selected.is_none());
+        assert!(answer.truncated && answer.candidates.is_empty());
     }
 }
 
@@ -324,7 +324,7 @@ fn start_and_goal_may_be_the_same_and_scenes_of_any_size_are_answered() {
                 },
             )
             .unwrap();
-            assert!(!answer.candidates.is_empty() && answer.selected.is_some());
+            assert!(!answer.candidates.is_empty());
             let metrics = answer.candidates.iter().map(|c| c.metrics);
             assert!(
                 metrics

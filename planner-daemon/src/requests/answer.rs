@@ -9,7 +9,7 @@ use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::{Outcome, Stage};
 use shared_types::ipc::PlanActiveRequest;
 use shared_types::message::{Knot, NONE_SELECTED, PlanReport};
-use shared_types::valid::MAX_DURATION_S;
+use shared_types::valid::{MAX_DURATION_S, SelectionRule};
 use trajectory::Trajectory;
 
 use super::plan_runner::{PlanError, Planned};
@@ -119,8 +119,10 @@ impl Answer {
 
     /// Selects among the candidates and fills in their part of the report.
     fn summarise(&mut self, task: &PlanTask, robot: &UnitRobot, section_length_m: f64) {
-        let selection = task.request.selection;
-        let selected = select(&self.candidates, &task.problem.start, selection);
+        let selected = match task.selection {
+            SelectionRule::Index(index) => (index < self.candidates.len()).then_some(index),
+            SelectionRule::Best(rule) => select(&self.candidates, &task.problem.start, rule),
+        };
         self.report.selected = selected.map_or(NONE_SELECTED, |index| index as u32);
         self.report.candidate_count = self.candidates.len() as u32;
         let goal_tip = task.problem.goal_tip(robot);
@@ -362,7 +364,7 @@ mod tests {
     #[test]
     fn an_index_beyond_the_candidates_selects_nothing() {
         let mut task = task();
-        task.request.selection = Selection::Index(1);
+        task.selection = SelectionRule::Index(1);
         let answer = answer(&task, plan(&task, false));
         assert_eq!(
             (answer.candidates().len(), answer.selected().is_some()),

@@ -5,12 +5,9 @@ use std::time::Duration;
 
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point, SECTIONS};
-use planning::{
-    Goal, Guidance, MOST_CORRECTIONS, PreviousPlan, Problem, Request, Sampler, Selection,
-    StartMotion,
-};
+use planning::{Goal, MOST_CORRECTIONS, PreviousPlan, Problem, Request, StartMotion};
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{self, PlanField};
+use shared_types::codes::PlanField;
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::message;
 use shared_types::valid::{self, PlanRequest, SelectionRule};
@@ -50,6 +47,8 @@ pub(crate) struct PlanTask {
     pub(crate) deadline: Duration,
     /// Distance from the goal that counts as reached, section lengths.
     pub(crate) tip_tolerance: f64,
+    /// Which candidate is selected.
+    pub(crate) selection: SelectionRule,
     /// Whether the selected motion is to be executed, and from when.
     pub(crate) execution: Option<ExecutionTiming>,
     /// Certified candidates that are answered before the whole answer.
@@ -91,6 +90,7 @@ impl RequestValidator {
             request: self.request(&asked, previous),
             deadline: asked.deadline.unwrap_or(self.default_deadline),
             tip_tolerance: self.tip_tolerance(&asked.goal),
+            selection: asked.selection,
             execution: execution(&asked, mono_now_ns())?,
             early: asked.early_candidate_count,
         })
@@ -118,8 +118,7 @@ impl RequestValidator {
         Request {
             candidates: asked.candidate_count,
             seed: asked.seed,
-            sampler: sampler(asked.sampler),
-            selection: selection(asked.selection),
+            sampler: asked.sampler,
             limits_scale: asked.limits_scale,
             padding: self.padding,
             knots: self.capacity.knots_per_candidate,
@@ -160,32 +159,6 @@ fn execution(asked: &PlanRequest, now_mono_ns: i64) -> Result<Option<ExecutionTi
             .begin_mono_ns
             .map_or(Begin::Earliest, Begin::NotBefore),
     }))
-}
-
-fn sampler(sampler: codes::Sampler) -> Sampler {
-    match sampler {
-        codes::Sampler::Default => Sampler::Default,
-        codes::Sampler::Fast => Sampler::Fast,
-        codes::Sampler::Straight => Sampler::Straight,
-        codes::Sampler::RrtConnect => Sampler::RrtConnect,
-        codes::Sampler::Diffusion => Sampler::Diffusion(Guidance::Pure),
-        codes::Sampler::DiffusionPost => Sampler::Diffusion(Guidance::Post),
-        codes::Sampler::DiffusionGuided => Sampler::Diffusion(Guidance::Guided),
-        codes::Sampler::StraightDrawn => Sampler::StraightDrawn,
-        codes::Sampler::RrtSmooth => Sampler::RrtSmooth,
-    }
-}
-
-fn selection(rule: SelectionRule) -> Selection {
-    use codes::Selection as Code;
-    match rule {
-        SelectionRule::Index(index) => Selection::Index(index),
-        SelectionRule::Best(Code::ShortestTime | Code::ByIndex) => Selection::ShortestTime,
-        SelectionRule::Best(Code::ShortestTipPath) => Selection::ShortestTipPath,
-        SelectionRule::Best(Code::LargestClearance) => Selection::LargestClearance,
-        SelectionRule::Best(Code::Smoothest) => Selection::Smoothest,
-        SelectionRule::Best(Code::NearestGoalConfiguration) => Selection::NearestGoalConfiguration,
-    }
 }
 
 #[cfg(test)]
@@ -280,34 +253,6 @@ mod tests {
         let refusal = validate(&asked_for(now_mono_ns + 60_000_000_000)).unwrap_err();
         assert_eq!(refusal.field, PlanField::Requested);
         assert!(refusal.reason.contains("another clock"), "{refusal:?}");
-    }
-
-    #[test]
-    fn every_sampler_and_selection_has_its_counterpart() {
-        for (code, expected) in codes::Sampler::ALL.iter().zip([
-            Sampler::Default,
-            Sampler::Fast,
-            Sampler::Straight,
-            Sampler::RrtConnect,
-            Sampler::Diffusion(Guidance::Pure),
-            Sampler::Diffusion(Guidance::Post),
-            Sampler::Diffusion(Guidance::Guided),
-            Sampler::StraightDrawn,
-            Sampler::RrtSmooth,
-        ]) {
-            assert_eq!(sampler(*code), expected);
-        }
-        let rules = codes::Selection::ALL[..5].iter().copied();
-        for (rule, expected) in rules.zip([
-            Selection::ShortestTime,
-            Selection::ShortestTipPath,
-            Selection::LargestClearance,
-            Selection::Smoothest,
-            Selection::NearestGoalConfiguration,
-        ]) {
-            assert_eq!(selection(SelectionRule::Best(rule)), expected);
-        }
-        assert_eq!(selection(SelectionRule::Index(3)), Selection::Index(3));
     }
 
     #[test]

@@ -11,8 +11,8 @@ use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
 use input_files::{shortened, shown};
 use pcc_model::{Configuration, Point, Robot, RobotFileError};
 use planning::{
-    DiffusionModel, Goal, Guidance, MOST_CORRECTIONS, Models, Planner, PlannerError,
-    PrecisionUnavailable, Problem, Request, Sampler, Selection,
+    DiffusionModel, Goal, MOST_CORRECTIONS, Models, Planner, PlannerError, PrecisionUnavailable,
+    Problem, Request, Sampler,
 };
 use realtime::{Pages, RealtimeError};
 use shared_types::clock::mono_now_ns;
@@ -337,7 +337,6 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         candidates: config.capacity.candidates,
         seed: 0,
         sampler,
-        selection: Selection::ShortestTime,
         limits_scale: 1.0,
         padding: tracking_padding(planner.robot(), config.path_tolerance_rad),
         knots: config.capacity.knots_per_candidate,
@@ -350,7 +349,7 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         None => Sampler::Straight,
     };
     let diffusion = config.diffusion.as_ref();
-    let diffusion = diffusion.map(|_| Sampler::Diffusion(Guidance::Guided));
+    let diffusion = diffusion.map(|_| Sampler::DiffusionGuided);
     for sampler in std::iter::once(main).chain(diffusion) {
         let planned = planner.plan(&problem, &request(sampler), &|| false);
         planned.map_err(|source| not_served(config, source))?;

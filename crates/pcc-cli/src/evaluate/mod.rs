@@ -15,7 +15,7 @@ use crate::robot::unit_robot;
 use datasets::Case;
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::SECTIONS;
-use planning::{Goal, Planner, PlannerError, Problem, Request, Sampler, Selection, Waypoints};
+use planning::{Goal, Planner, PlannerError, Problem, Request, Sampler, Waypoints};
 use std::time::Instant;
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
@@ -78,7 +78,6 @@ fn answer(
         candidates: arguments.candidates,
         seed,
         sampler: arguments.planner.sampler().unwrap_or(Sampler::Straight),
-        selection: Selection::ShortestTime,
         limits_scale: 1.0,
         padding: [0.0; SECTIONS],
         knots: 96,

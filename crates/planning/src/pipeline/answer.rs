@@ -1,4 +1,4 @@
-//! The way of a request, top-down: goal configurations, paths of the sampler, motions, the selected one.
+//! The way of a request, top-down: goal configurations, paths of the sampler, motions.
 //!
 //! Everything is budgeted in counts, so the same request and seed give the same bits whatever the number of threads; an interrupt only
 //! truncates.
@@ -8,12 +8,12 @@ use crate::path::waypoints::Waypoints;
 use crate::pipeline::braking::Braking;
 use crate::pipeline::context::{Drawn, RequestContext};
 use crate::pipeline::goal_set::{GoalSet, goal_set};
-use crate::pipeline::selection::select;
 use crate::pipeline::{default, fast, straight_line, trees, whole_paths};
 use crate::plan::{Candidate, Draw, Failure, Plan, Source};
 use crate::problem::Problem;
-use crate::request::{Request, Sampler, StartMotion, Supervision};
+use crate::request::{Guidance, Request, StartMotion, Supervision};
 use crate::stage_times::StageTimes;
+use codes::Sampler;
 use std::time::Instant;
 
 /// Knots that a motion may have at least, however many its braking needs.
@@ -40,9 +40,11 @@ fn from_rest(context: &RequestContext) -> Result<Plan, PlannerError> {
             to_goals(context, straight_line::draw, &mut times)?
         }
         Sampler::RrtConnect | Sampler::RrtSmooth => to_goals(context, trees::draw, &mut times)?,
-        Sampler::Diffusion(guidance) => whole_paths::draw(context, guidance, &mut times)?,
+        Sampler::Diffusion => whole_paths::draw(context, Guidance::Pure, &mut times)?,
+        Sampler::DiffusionPost => whole_paths::draw(context, Guidance::Post, &mut times)?,
+        Sampler::DiffusionGuided => whole_paths::draw(context, Guidance::Guided, &mut times)?,
     };
-    Ok(plan_of(context, drawn, times))
+    Ok(plan_of(drawn, times))
 }
 
 /// Finds goal configurations and lets a sampler draw paths to them.
@@ -65,7 +67,7 @@ fn truncated(context: &RequestContext) -> Drawn {
     let source = match context.request.sampler {
         Sampler::Straight | Sampler::StraightDrawn => Source::Straight,
         Sampler::RrtConnect | Sampler::RrtSmooth => Source::Tree,
-        Sampler::Default | Sampler::Fast | Sampler::Diffusion(_) => Source::Learned,
+        _ => Source::Learned,
     };
     vec![Draw::unfinished(source, Failure::Truncated); context.request.candidates].into()
 }
@@ -102,7 +104,7 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
     let padded = context.constraints.padded;
     let after = RequestContext::new(context.resources, padded, &after, &shorter, supervision);
     let plan = from_rest(&after)?;
-    Ok(braking.plan(plan, request.selection))
+    Ok(braking.plan(plan))
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.
@@ -110,11 +112,11 @@ pub(crate) fn answer_with_paths(context: &RequestContext, paths: Vec<Waypoints>)
     let mut times = StageTimes::default();
     let paths = paths.into_iter().map(Some).collect();
     let drawn = whole_paths::deliver(context, paths, &mut times);
-    plan_of(context, drawn, times)
+    plan_of(drawn, times)
 }
 
-/// The plan of what was drawn: its certified candidates, and the one that the request's rule selects.
-fn plan_of(context: &RequestContext, drawn: Drawn, mut times: StageTimes) -> Plan {
+/// The plan of what was drawn: its certified candidates.
+fn plan_of(drawn: Drawn, mut times: StageTimes) -> Plan {
     let clock = Instant::now();
     let Drawn {
         draws,
@@ -126,11 +128,6 @@ fn plan_of(context: &RequestContext, drawn: Drawn, mut times: StageTimes) -> Pla
         Some(Candidate::of(index, draw.source, motion))
     });
     let candidates: Vec<Candidate> = certified.collect();
-    let selected = select(
-        &candidates,
-        &context.problem.start,
-        context.request.selection,
-    );
     times.select += clock.elapsed().as_secs_f64();
     let truncated = draws
         .iter()
@@ -138,7 +135,6 @@ fn plan_of(context: &RequestContext, drawn: Drawn, mut times: StageTimes) -> Pla
     Plan {
         draws,
         candidates,
-        selected,
         learned_certified,
         learned_drawn,
         explored,

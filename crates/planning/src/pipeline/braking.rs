@@ -4,9 +4,8 @@ use crate::error::Infeasible;
 use crate::motion::along_polyline::append;
 use crate::motion::constraints::MotionConstraints;
 use crate::path::metrics::PathMetrics;
-use crate::pipeline::selection::select;
 use crate::plan::{Candidate, Certified, Plan};
-use crate::request::{Selection, StartMotion};
+use crate::request::StartMotion;
 use pcc_model::{Configuration, TendonLimits, UnitRobot};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -88,8 +87,8 @@ impl<'a> Braking<'a> {
         }
     }
 
-    /// The plan with braking before every motion; the candidate is selected anew by the figures of the whole motions.
-    pub(crate) fn plan(&self, mut plan: Plan, selection: Selection) -> Plan {
+    /// The plan with braking before every motion, and the figures of the whole motions.
+    pub(crate) fn plan(&self, mut plan: Plan) -> Plan {
         let clock = Instant::now();
         let whole = |candidate| self.candidate(candidate);
         plan.candidates = plan.candidates.par_iter().map(whole).collect();
@@ -99,8 +98,6 @@ impl<'a> Braking<'a> {
                 metrics: candidate.metrics,
             });
         }
-        let start = self.motion.knots()[0].position;
-        plan.selected = select(&plan.candidates, &start, selection);
         plan.stages.select += clock.elapsed().as_secs_f64();
         plan
     }

@@ -2,7 +2,7 @@
 
 use crate::path::metrics::PathMetrics;
 use crate::plan::{Candidate, Source};
-use crate::request::Selection;
+use codes::Selection;
 use pcc_model::Configuration;
 
 /// Whether a motion that is followed, with the cost `followed`, is to be left for one with the cost `other`.
@@ -18,18 +18,18 @@ fn cost(
     selection: Selection,
 ) -> f64 {
     match selection {
-        Selection::ShortestTime => metrics.duration_s,
+        Selection::ShortestTime | Selection::ByIndex => metrics.duration_s,
         Selection::ShortestTipPath => metrics.tip_length,
         Selection::LargestClearance => -metrics.clearance,
         Selection::Smoothest => metrics.tip_smoothness,
-        Selection::NearestGoalConfiguration | Selection::Index(_) => (end - start).norm(),
+        Selection::NearestGoalConfiguration => (end - start).norm(),
     }
 }
 
 /// A motion that is followed is not left for one that is better by less than this share.
 const WORTH_A_CHANGE: f64 = 0.1;
 
-/// Index of the selected candidate; nothing if there is none, or none with the index asked for.
+/// Index of the candidate that is best by a rule (by index: of least duration); nothing if there is none.
 ///
 /// What remains of a motion that is followed stays selected unless another one is better by a tenth.
 #[must_use]
@@ -42,9 +42,6 @@ pub fn select(
         let candidate = &candidates[*index];
         cost(&candidate.metrics, &candidate.end(), start, selection)
     };
-    if let Selection::Index(index) = selection {
-        return (index < candidates.len()).then_some(index);
-    }
     let best = (0..candidates.len()).min_by(|a, b| cost_of(a).total_cmp(&cost_of(b)))?;
     let kept = candidates.iter().position(|c| c.source == Source::Kept);
     let stays = |kept: &usize| !is_worth_a_change(cost_of(kept), cost_of(&best));

@@ -1,7 +1,7 @@
 //! A plain request, from which the tests' others differ.
 
 use pcc_model::SECTIONS;
-use planning::{MOST_CORRECTIONS, Request, Sampler, Selection};
+use planning::{MOST_CORRECTIONS, Request, Sampler};
 
 /// Ten candidates from rest to rest, as fast as the robot may, without padding.
 pub(crate) fn request(sampler: Sampler, seed: u64) -> Request {
@@ -9,7 +9,6 @@ pub(crate) fn request(sampler: Sampler, seed: u64) -> Request {
         candidates: 10,
         seed,
         sampler,
-        selection: Selection::ShortestTime,
         limits_scale: 1.0,
         padding: [0.0; SECTIONS],
         knots: 96,

@@ -8,7 +8,7 @@ use anyhow::{Context, ensure};
 use datasets::scenes::{Setting, draw_target};
 use denoiser::{FastModel, Manifest};
 use pcc_model::{Configuration, Robot, SECTIONS, UnitRobot};
-use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
+use planning::{Goal, Models, Planner, Problem, Request, Sampler};
 use serde_json::json;
 use tests::programs::repository;
 use trajectory::{ParameterizationOptions, TimeParameterizer, Trajectory, evaluate};
@@ -109,7 +109,6 @@ impl Cases {
             candidates: 2,
             seed: index,
             sampler: Sampler::Default,
-            selection: Selection::ShortestTime,
             limits_scale: 1.0,
             padding: [0.0; SECTIONS],
             knots: ParameterizationOptions::default().knots,

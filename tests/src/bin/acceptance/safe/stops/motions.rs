@@ -2,7 +2,7 @@
 
 use datasets::scenes::{Setting, draw_target};
 use pcc_model::{Configuration, Robot};
-use planning::{Goal, Models, Planner, Problem, Request, Sampler, Selection};
+use planning::{Goal, Models, Planner, Problem, Request, Sampler};
 use trajectory::{Knot, ParameterizationOptions, Trajectory};
 
 const SEED: u64 = 1801;
@@ -73,7 +73,6 @@ fn plan(
         candidates: 1,
         seed: index,
         sampler,
-        selection: Selection::ShortestTime,
         limits_scale: 1.0,
         padding: [0.0; 3],
         knots: ParameterizationOptions::default().knots,
