@@ -8,7 +8,7 @@ use collision::{Ball, Scene, certify_trajectory};
 use pcc_model::{Configuration, Point};
 use planning::{
     Candidate, Goal, Infeasible, PathMetrics, Plan, Planner, PlannerError, PreviousPlan, Problem,
-    Request, Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS, path_metrics,
+    Request, Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS, path_metrics, select,
 };
 use shipped::planner;
 use std::sync::{Arc, Mutex};
