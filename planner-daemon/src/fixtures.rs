@@ -51,6 +51,7 @@ pub(crate) fn task() -> PlanTask {
         request: request(),
         deadline: Duration::from_millis(20),
         tip_tolerance: 0.01,
+        selection: valid::SelectionRule::Best(Selection::ShortestTime),
         execution: None,
         early: None,
     }

@@ -288,7 +288,7 @@ fn fault_refusal(fault: &PlanError, goal: &Goal, section_length_m: f64) -> Refus
 mod tests {
     use super::*;
     use crate::fixtures::{task, unit_robot};
-    use planning::{Models, Planner, Selection};
+    use planning::{Models, Planner};
 
     fn plan(task: &PlanTask, interrupted: bool) -> Plan {
         let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
