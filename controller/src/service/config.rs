@@ -67,7 +67,7 @@ pub struct ControllerConfig {
     pub robot: Robot,
     /// Priority under SCHED_FIFO, `None` for none.
     pub realtime_priority: Option<u8>,
-    /// The processor that the loop runs on, `None` for any.
+    /// Linux's number, from 0, of the processor that the loop runs on; `None` for any.
     pub processor: Option<usize>,
     /// Whether the process's pages are locked in memory.
     pub lock_memory: bool,

@@ -52,7 +52,7 @@ impl StageTimes {
     }
 }
 
-/// A clock that tells the seconds since the lap before.
+/// A clock that tells the seconds since the lap before; the first lap begins with the clock.
 pub(crate) struct Stopwatch(Instant);
 
 impl Stopwatch {

@@ -127,7 +127,7 @@ impl StopOrder {
         }
     }
 
-    /// Whether orders have stayed without reply for so long that the controller has to find out by itself.
+    /// Whether orders to stop have stayed without reply for too long, so that heartbeats are to end and the controller is to stop by itself.
     pub(crate) fn is_ignored(&self) -> bool {
         self.unanswered.is_too_long()
     }

@@ -9,7 +9,7 @@ use std::fmt;
 pub struct Invalid {
     /// The field's name in the wire message.
     pub field: &'static str,
-    /// Which element, if the field is an array.
+    /// Index, from 0, of the element that is wrong, where the field is an array; `None` where the whole field is.
     pub index: Option<usize>,
     /// What is wrong with it.
     pub reason: Reason,

@@ -29,7 +29,7 @@ pub struct PlanReport {
     pub trajectory_id: Option<u32>,
     /// Draws of the learned sampler.
     pub learned_drawn: u32,
-    /// Those of them that were certified.
+    /// Draws of the learned sampler that were certified.
     pub learned_certified: u32,
     /// Candidates that the classical planner filled in.
     pub classical_certified: u32,

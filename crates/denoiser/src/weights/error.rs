@@ -76,7 +76,7 @@ pub enum WeightsError {
     Content {
         /// The file.
         path: PathBuf,
-        /// What does not fit.
+        /// What in the file differs from what the network, the manifest or the robot needs.
         reason: ContentError,
     },
 }

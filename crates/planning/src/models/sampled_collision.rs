@@ -52,7 +52,8 @@ fn smaller(a: f64, b: f64) -> f64 {
     if b < a || b.is_nan() { b } else { a }
 }
 
-/// The point of nine that is nearest to, or deepest in, a ball.
+/// Of the nine body points of the paper's collision criterion (at 1/3, 2/3 and the end of each section), the one nearest to or deepest
+/// in a ball.
 pub(crate) struct Deepest<'a> {
     pub(crate) section: usize,
     pub(crate) fraction: f64,
