@@ -145,8 +145,8 @@ fn delivered_candidates_keep_every_promise() {
                 judge.judge(knots, &balls);
                 match candidate.source {
                     Source::Learned | Source::Explored => learned += 1,
-                    Source::Straight => straight += 1,
-                    Source::Tree => trees += 1,
+                    Source::StraightLine => straight += 1,
+                    Source::Classical => trees += 1,
                     Source::Kept => panic!("there was no plan before"),
                 }
             }

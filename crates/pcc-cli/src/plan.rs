@@ -6,7 +6,7 @@ mod table;
 use self::held_state::{TIMEOUT, held_state};
 use self::table::print_answer;
 use crate::number::{self, balls_of};
-use crate::option_faults::{MotionOptions, OptionFault};
+use crate::option_faults::MotionOptions;
 use crate::order::STANDS_STILL;
 use crate::sampler::{samplers, selections};
 use anyhow::bail;
@@ -188,8 +188,8 @@ impl Arguments {
             configuration: self.configuration.as_deref(),
             balls: &self.ball,
         };
-        match OptionFault::of_outcome(report.outcome) {
-            Some(fault) => format!("{reason} ({})", options.explain(&fault)),
+        match options.explain(report.outcome) {
+            Some(fault) => format!("{reason} ({fault})"),
             None if report.outcome == Outcome::Truncated => {
                 format!("{reason} (a longer --deadline-ms is needed)")
             }

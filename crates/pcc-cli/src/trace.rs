@@ -1,7 +1,7 @@
 //! `pcc trace`: how noise becomes a path, step by step, for pictures of the reverse process.
 
 use crate::number::{self, balls_of};
-use crate::option_faults::{MotionOptions, OptionFault};
+use crate::option_faults::MotionOptions;
 use crate::output_files::make_writable_for;
 use crate::planner::{ModelArguments, load};
 use crate::robot::unit_robot;
@@ -89,8 +89,8 @@ impl Arguments {
         let PlannerError::Infeasible(reason) = &error else {
             return error.into();
         };
-        match OptionFault::of(reason) {
-            Some(fault) => anyhow!("{reason} ({})", options.explain(&fault)),
+        match options.explain(reason.outcome()) {
+            Some(fault) => anyhow!("{reason} ({fault})"),
             None => error.into(),
         }
     }

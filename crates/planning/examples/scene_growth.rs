@@ -6,7 +6,7 @@
 use collision::{Ball, Scene, tracking_padding};
 use denoiser::{FastModel, Manifest};
 use pcc_model::{Configuration, Point, Robot};
-use planning::{Goal, Models, Planner, Problem, Request, Sampler, StageTimes};
+use planning::{Goal, Models, Planner, Problem, Request, Sampler, Stage};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
@@ -79,16 +79,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             candidates = plan.candidates.len();
         }
         let least = 1e3 * times.iter().copied().fold(f64::INFINITY, f64::min);
-        let of = |stage: fn(&StageTimes) -> f64| median(stages.iter().map(stage).collect());
+        let of = |stage: Stage| median(stages.iter().map(|times| times[stage]).collect());
         println!(
             "{count:5} {:7.2} {least:6.2}  {:9.3} {:6.3} {:7.3} {:4.3} {:7.3} {:6.3}  {candidates}",
             median(times),
-            of(|s| s.condition),
-            of(|s| s.sample),
-            of(|s| s.correct),
-            of(|s| s.time),
-            of(|s| s.certify),
-            of(|s| s.select),
+            of(Stage::Condition),
+            of(Stage::Sample),
+            of(Stage::Correct),
+            of(Stage::Time),
+            of(Stage::Certify),
+            of(Stage::Select),
         );
     }
     Ok(())

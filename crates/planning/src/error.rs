@@ -1,5 +1,6 @@
 //! Why a request cannot be planned.
 
+use codes::Outcome;
 use thiserror::Error;
 
 /// Why a planner cannot serve a request.
@@ -71,4 +72,18 @@ pub enum Infeasible {
         /// Their largest clearance, section lengths.
         clearance: f64,
     },
+}
+
+impl Infeasible {
+    /// The outcome of a request for which this is the reason.
+    #[must_use]
+    pub fn outcome(&self) -> Outcome {
+        match self {
+            Self::StartOutOfLimits { .. } => Outcome::StartOutOfLimits,
+            Self::StartInCollision { .. } => Outcome::StartInCollision,
+            Self::StartTooFast { .. } | Self::StartCannotStop => Outcome::StartCannotStop,
+            Self::GoalOutOfReach { .. } => Outcome::GoalOutOfReach,
+            Self::GoalInCollision { .. } => Outcome::GoalInCollision,
+        }
+    }
 }

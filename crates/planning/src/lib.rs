@@ -23,7 +23,7 @@ mod resources;
 mod search;
 mod stage_times;
 
-pub use codes::{Sampler, Selection};
+pub use codes::{Sampler, Selection, Source, Stage};
 pub use denoiser::FeatureFrame;
 pub use error::{Infeasible, PlannerError};
 pub use goals::goal_configurations::goal_configurations;
@@ -42,7 +42,7 @@ pub use path::waypoints::{
     WAYPOINTS, Waypoints, parameter, project_to_limits, resample, straight_path,
 };
 pub use pipeline::selection::select;
-pub use plan::{Candidate, Certified, Draw, Failure, Plan, Source};
+pub use plan::{Candidate, Certified, Draw, Failure, Plan};
 pub use planner::Planner;
 pub use problem::{Goal, Problem};
 pub use request::{Guidance, PreviousPlan, Request, StartMotion, Supervision};

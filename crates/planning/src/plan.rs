@@ -3,25 +3,11 @@
 use crate::path::metrics::PathMetrics;
 use crate::path::waypoints::Waypoints;
 use crate::stage_times::StageTimes;
+use codes::Source;
 use pcc_model::Configuration;
 use std::sync::Arc;
 use thiserror::Error;
 use trajectory::Trajectory;
-
-/// Who proposed a path.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Source {
-    /// The learned sampler, in one of the draws that were asked for.
-    Learned,
-    /// The learned sampler, from wider noise, where none of these draws was certified.
-    Explored,
-    /// A straight segment in configuration space.
-    Straight,
-    /// The tree, RRT-Connect.
-    Tree,
-    /// What remains of the previous plan's motion.
-    Kept,
-}
 
 /// Why a draw did not become a certified motion.
 #[derive(Clone, Copy, Debug, Error, PartialEq, Eq)]

@@ -1,54 +1,52 @@
 //! The time that each stage of a request takes.
 
+use codes::Stage;
+use std::ops::{Index, IndexMut};
 use std::time::Instant;
 
-/// Time of each stage, seconds: wall time of a request, or time on its worker of one path.
+/// Time of each [`Stage`], seconds: wall time of a request, or time on its worker of one path. Waiting and writing are not planning's.
 ///
 /// Paths go from sampling through correction, time parameterization and certification to their figures without waiting for each
 /// other, several at once: the wall time of all is divided among these stages by the time that each took on the workers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct StageTimes {
-    /// Goal configurations (for diffusion: whether there is one) and features.
-    pub condition: f64,
-    /// The learned sampler, or the tree.
-    pub sample: f64,
-    /// Smoothing the tip and correction; for paths by diffusion also attaching their ends.
-    pub correct: f64,
-    /// Time parameterization.
-    pub time: f64,
-    /// Certification.
-    pub certify: f64,
-    /// Filling, figures of merit and selection.
-    pub select: f64,
+pub struct StageTimes([f64; Stage::ALL.len()]);
+
+impl Index<Stage> for StageTimes {
+    type Output = f64;
+
+    fn index(&self, stage: Stage) -> &f64 {
+        &self.0[stage as usize]
+    }
+}
+
+impl IndexMut<Stage> for StageTimes {
+    fn index_mut(&mut self, stage: Stage) -> &mut f64 {
+        &mut self.0[stage as usize]
+    }
 }
 
 impl StageTimes {
-    /// Adds the times of another path.
-    pub(crate) fn add(&mut self, other: &Self) {
-        self.add_scaled(1.0, other);
+    /// Does some work, and adds its wall time to a stage.
+    pub(crate) fn measure<T>(&mut self, stage: Stage, work: impl FnOnce() -> T) -> T {
+        let clock = Instant::now();
+        let made = work();
+        self[stage] += clock.elapsed().as_secs_f64();
+        made
     }
 
-    fn add_scaled(&mut self, scale: f64, other: &Self) {
-        self.condition += scale * other.condition;
-        self.sample += scale * other.sample;
-        self.correct += scale * other.correct;
-        self.time += scale * other.time;
-        self.certify += scale * other.certify;
-        self.select += scale * other.select;
-    }
-
-    fn total(&self) -> f64 {
-        let finishing = self.correct + self.time + self.certify + self.select;
-        self.condition + self.sample + finishing
+    /// Adds the times of another path, each multiplied by `scale`.
+    pub(crate) fn add(&mut self, scale: f64, other: &Self) {
+        for (time, more) in self.0.iter_mut().zip(other.0) {
+            *time += scale * more;
+        }
     }
 
     /// Divides `wall_s` seconds among the stages of paths that went through them meanwhile, each with its time on its worker.
     pub(crate) fn share(&mut self, wall_s: f64, paths: impl Iterator<Item = Self>) {
         let mut spent = Self::default();
-        for path in paths {
-            spent.add(&path);
-        }
-        self.add_scaled(wall_s / spent.total().max(f64::MIN_POSITIVE), &spent);
+        paths.for_each(|path| spent.add(1.0, &path));
+        let total: f64 = spent.0.iter().sum();
+        self.add(wall_s / total.max(f64::MIN_POSITIVE), &spent);
     }
 }
 

@@ -9,7 +9,7 @@ use denoiser::{Manifest, Precision, Solver, TemporalUnet};
 use pcc_model::{Configuration, Point, Robot, UnitRobot};
 use planning::{
     Candidate, DiffusionModel, DiffusionSettings, Failure, Goal, Guidance, Infeasible, Models,
-    Plan, Planner, PlannerError, Problem, Request, Sampler,
+    Plan, Planner, PlannerError, Problem, Request, Sampler, Stage,
 };
 use requests::request;
 use std::path::Path;
@@ -129,9 +129,9 @@ fn diffusion_books_every_stage_and_attaches_nothing_once_it_is_interrupted() {
     let whole = plan(&planner, &problem, &request(POST, 1)).unwrap();
     let stages = whole.stages;
     assert!(
-        [stages.condition, stages.sample, stages.correct]
+        [Stage::Condition, Stage::Sample, Stage::Correct]
             .iter()
-            .all(|seconds| *seconds > 0.0),
+            .all(|stage| stages[*stage] > 0.0),
         "{stages:?}"
     );
     assert!(!whole.truncated && whole.draws.len() == 10);

@@ -35,13 +35,13 @@ fn hard_requests_get_the_same_bits_however_many_workers_there_are_and_whenever()
         });
         let [alone, others @ ..] = answers;
         seen.extend(alone.iter().map(|candidate| candidate.0));
-        let is_tree = |candidate: &(Source, usize, Vec<Knot>)| candidate.0 == Source::Tree;
+        let is_tree = |candidate: &(Source, usize, Vec<Knot>)| candidate.0 == Source::Classical;
         by_trees_alone += usize::from(!alone.is_empty() && alone.iter().all(is_tree));
         for other in others {
             assert!(alone == other, "target {seed}");
         }
     }
-    for source in [Source::Learned, Source::Straight, Source::Tree] {
+    for source in [Source::Learned, Source::StraightLine, Source::Classical] {
         let count = seen.iter().filter(|seen| **seen == source).count();
         assert!(count >= 10, "{count} by {source:?}");
     }

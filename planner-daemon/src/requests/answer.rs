@@ -99,17 +99,7 @@ impl Answer {
         let report = &mut answer.report;
         report.learned_drawn = plan.learned_drawn as u32;
         report.learned_certified = plan.learned_certified as u32;
-        let stages = plan.stages;
-        for (stage, seconds) in [
-            (Stage::Condition, stages.condition),
-            (Stage::Sample, stages.sample),
-            (Stage::Correct, stages.correct),
-            (Stage::Certify, stages.certify),
-            (Stage::Time, stages.time),
-            (Stage::Select, stages.select),
-        ] {
-            report.stages_ns[stage.code() as usize] = (seconds * 1e9) as u64;
-        }
+        report.stages_ns = std::array::from_fn(|i| (plan.stages[Stage::ALL[i]] * 1e9) as u64);
         let mut kept = keep.into_iter();
         answer.candidates = plan.candidates;
         answer.candidates.retain(|_| kept.next() == Some(true));

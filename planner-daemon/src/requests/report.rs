@@ -1,7 +1,6 @@
 //! Between the planner's units (lengths in sections) and the wire's (SI).
 
-use planning::{Candidate, Goal, Infeasible, Source};
-use shared_types::codes::{self, Outcome};
+use planning::{Candidate, Goal, Infeasible};
 use shared_types::message::CandidateSummary;
 
 use super::refusal::Refusal;
@@ -17,7 +16,7 @@ pub(crate) fn summary(
     CandidateSummary {
         first_knot: first_knot as u32,
         knot_count: candidate.trajectory.knots().len() as u32,
-        source: source(candidate.source).code(),
+        source: candidate.source.code(),
         draw: candidate.draw as u32,
         duration_s: metrics.duration_s,
         tip_path_m: metrics.tip_length * section_length_m,
@@ -30,66 +29,40 @@ pub(crate) fn summary(
 /// Why a problem to this goal has no solution, with lengths in metres.
 pub(crate) fn infeasible(infeasible: &Infeasible, goal: &Goal, section_length_m: f64) -> Refusal {
     let metres = |length: f64| format!("{:.4} m", length * section_length_m);
-    match *infeasible {
-        Infeasible::StartOutOfLimits { .. } => {
-            Refusal::new(Outcome::StartOutOfLimits, infeasible.to_string())
-        }
-        Infeasible::StartInCollision { clearance } => Refusal::new(
-            Outcome::StartInCollision,
-            format!(
-                "start in collision: clearance {}, at least 0 is needed",
-                metres(clearance)
-            ),
+    let reason = match *infeasible {
+        Infeasible::StartInCollision { clearance } => format!(
+            "start in collision: clearance {}, at least 0 is needed",
+            metres(clearance)
         ),
-        Infeasible::StartTooFast { .. } | Infeasible::StartCannotStop => {
-            Refusal::new(Outcome::StartCannotStop, infeasible.to_string())
-        }
-        Infeasible::GoalOutOfReach { miss } => {
-            let reason = match goal {
-                Goal::Tip(_) => {
-                    let miss = metres(miss);
-                    format!(
-                        "the closest configuration found within the bending limit misses it by {miss}"
-                    )
-                }
-                Goal::Configuration(_) => {
-                    format!("a section is bent {miss:.4} rad beyond the limit")
-                }
-            };
-            Refusal::new(
-                Outcome::GoalOutOfReach,
-                format!("goal out of reach: {reason}"),
-            )
-        }
+        Infeasible::GoalOutOfReach { miss } => match goal {
+            Goal::Tip(_) => format!(
+                "goal out of reach: the closest configuration found within the bending limit misses it by {}",
+                metres(miss)
+            ),
+            Goal::Configuration(_) => {
+                format!("goal out of reach: a section is bent {miss:.4} rad beyond the limit")
+            }
+        },
         Infeasible::GoalInCollision {
             configurations,
             clearance,
-        } => Refusal::new(
-            Outcome::GoalInCollision,
-            format!(
-                "goal in collision: the clearest of {configurations} goal configurations has clearance {}, at least 0 is needed",
-                metres(clearance)
-            ),
+        } => format!(
+            "goal in collision: the clearest of {configurations} goal configurations has clearance {}, at least 0 is needed",
+            metres(clearance)
         ),
-    }
-}
-
-/// Who proposed a candidate.
-pub(crate) fn source(source: Source) -> codes::Source {
-    match source {
-        Source::Learned => codes::Source::Learned,
-        Source::Explored => codes::Source::Explored,
-        Source::Straight => codes::Source::StraightLine,
-        Source::Tree => codes::Source::Classical,
-        Source::Kept => codes::Source::Kept,
-    }
+        Infeasible::StartOutOfLimits { .. }
+        | Infeasible::StartTooFast { .. }
+        | Infeasible::StartCannotStop => infeasible.to_string(),
+    };
+    Refusal::new(infeasible.outcome(), reason)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use pcc_model::Configuration;
-    use planning::PathMetrics;
+    use planning::{PathMetrics, Source};
+    use shared_types::codes::Outcome;
     use trajectory::Trajectory;
 
     fn candidate() -> Candidate {
@@ -107,7 +80,7 @@ mod tests {
                 clearance: f64::INFINITY,
                 configuration_length: 0.6,
             },
-            source: Source::Tree,
+            source: Source::Classical,
             draw: 7,
         }
     }
@@ -178,14 +151,5 @@ mod tests {
                 refusal.reason
             );
         }
-    }
-
-    #[test]
-    fn every_source_has_its_code() {
-        assert_eq!(source(Source::Learned), codes::Source::Learned);
-        assert_eq!(source(Source::Explored), codes::Source::Explored);
-        assert_eq!(source(Source::Straight), codes::Source::StraightLine);
-        assert_eq!(source(Source::Tree), codes::Source::Classical);
-        assert_eq!(source(Source::Kept), codes::Source::Kept);
     }
 }

@@ -139,23 +139,12 @@ fn is_certified(draw: &Draw) -> bool {
 }
 
 fn source_code(draw: Option<&Draw>) -> u8 {
-    match draw {
-        Some(Draw {
-            path: Some(_),
-            source: Source::Learned,
-            ..
-        }) => 1,
-        Some(Draw {
-            path: Some(_),
-            source: Source::Straight | Source::Tree,
-            ..
-        }) => 2,
-        Some(Draw {
-            path: Some(_),
-            source: Source::Explored,
-            ..
-        }) => 3,
-        _ => 0,
+    let source = draw.filter(|draw| draw.path.is_some()).map(|d| d.source);
+    match source {
+        Some(Source::Learned) => 1,
+        Some(Source::StraightLine | Source::Classical) => 2,
+        Some(Source::Explored) => 3,
+        Some(Source::Kept) | None => 0,
     }
 }
 
@@ -213,8 +202,8 @@ mod tests {
         };
         for (source, code, counts) in [
             (Source::Learned, 1, true),
-            (Source::Straight, 2, true),
-            (Source::Tree, 2, true),
+            (Source::StraightLine, 2, true),
+            (Source::Classical, 2, true),
             (Source::Explored, 3, false),
         ] {
             let found = draw(source, Ok(motion_at_rest()));

@@ -6,7 +6,8 @@ use crate::planner::ModelRecords;
 use crate::sampler::name_of;
 use pcc_model::{Configuration, UnitRobot};
 use planning::{
-    Candidate, Draw, Failure, Plan, SampledVerdict, SetMetrics, Source, Waypoints, set_metrics,
+    Candidate, Draw, Failure, Plan, SampledVerdict, SetMetrics, Source, Stage, Waypoints,
+    set_metrics,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -84,7 +85,7 @@ impl Sampled {
             tip_error: Spread::of(all.map(|v| v.tip_error)),
             tip_error_of_robot_length: Spread::of(successful.map(|v| v.tip_error / length)),
             seconds_per_candidate: Spread::of(
-                plans.map(|p| p.stages.sample / arguments.candidates as f64),
+                plans.map(|p| p.stages[Stage::Sample] / arguments.candidates as f64),
             ),
         }
     }
@@ -317,15 +318,12 @@ fn before_fallback(plans: &[&Plan]) -> usize {
 }
 
 fn stages(plans: &[&Plan]) -> BTreeMap<&'static str, Spread> {
-    let stage = |of: fn(&Plan) -> f64| Spread::of(plans.iter().map(move |p| of(p)));
-    BTreeMap::from([
-        ("condition", stage(|p| p.stages.condition)),
-        ("sample", stage(|p| p.stages.sample)),
-        ("correct", stage(|p| p.stages.correct)),
-        ("time", stage(|p| p.stages.time)),
-        ("certify", stage(|p| p.stages.certify)),
-        ("select", stage(|p| p.stages.select)),
-    ])
+    let planned = |stage: &&Stage| !matches!(stage, Stage::Wait | Stage::Write);
+    let times = |stage: &Stage| {
+        let seconds = plans.iter().map(|plan| plan.stages[*stage]);
+        (stage.text(), Spread::of(seconds))
+    };
+    Stage::ALL.iter().filter(planned).map(times).collect()
 }
 
 fn count(names: impl Iterator<Item = String>) -> BTreeMap<String, usize> {

@@ -6,6 +6,7 @@ use crate::optimize::collision_correction::{Correction, CorrectionMemory, Correc
 use crate::path::waypoints::Waypoints;
 use crate::plan::{Certified, Failure};
 use crate::stage_times::{StageTimes, Stopwatch};
+use codes::Stage;
 use pcc_model::{Configuration, SECTIONS};
 use std::cell::RefCell;
 use trajectory::Trajectory;
@@ -94,21 +95,13 @@ impl MotionConstraints<'_> {
 
     /// Brings a path's tip onto a smooth curve, if the body is clear there; whether it is.
     fn straighten_tip(&self, delivered: &mut Delivered) -> bool {
-        let mut clock = Stopwatch::start();
         let margin = 0.5 * CORRECTION_MARGINS[0];
         let (scene, limits) = (self.scene, &self.limits);
-        let path = &mut delivered.path;
-        let is_clear = self
-            .tip_paths
-            .straighten_tip(self.padded, scene, margin, limits, path);
-        delivered.times.correct += clock.lap();
-        is_clear
-    }
-
-    /// Brings a path's tip onto a smooth curve beside its own path; whether there is one with room for the body.
-    fn smooth_tip(&self, path: &mut [Configuration]) -> bool {
-        self.tip_paths
-            .smooth_tip(self.padded, self.scene, SMOOTHED_MARGIN, path)
+        let Delivered { path, times, .. } = delivered;
+        times.measure(Stage::Correct, || {
+            self.tip_paths
+                .straighten_tip(self.padded, scene, margin, limits, path)
+        })
     }
 
     /// Pushes a path out of obstacles, unless that makes it surely slower than the incumbent.
@@ -118,25 +111,21 @@ impl MotionConstraints<'_> {
         delivered: &mut Delivered,
         incumbent: Option<&Incumbent>,
     ) -> Result<(), Failure> {
-        let mut clock = Stopwatch::start();
         let corrector = Corrector {
             robot: self.padded,
             scene: self.scene,
             kernel: self.kernel,
         };
-        let corrected = CORRECTION.with_borrow_mut(|memory| {
-            corrector.correct(
-                CORRECTION_MARGINS[attempt],
-                &mut delivered.path,
-                memory,
-                |path| {
-                    incumbent.is_some_and(|incumbent| {
-                        incumbent.beats_while_pushed(self.least_duration_s(path))
-                    })
-                },
-            )
+        let is_given_up = |path: &[Configuration]| {
+            incumbent
+                .is_some_and(|incumbent| incumbent.beats_while_pushed(self.least_duration_s(path)))
+        };
+        let margin = CORRECTION_MARGINS[attempt];
+        let Delivered { path, times, .. } = delivered;
+        let corrected = times.measure(Stage::Correct, || {
+            CORRECTION
+                .with_borrow_mut(|memory| corrector.correct(margin, path, memory, is_given_up))
         });
-        delivered.times.correct += clock.lap();
         match corrected {
             Correction::Clear => Ok(()),
             Correction::Touching => Err(Failure::Collision),
@@ -147,9 +136,11 @@ impl MotionConstraints<'_> {
     /// Times and certifies a corrected path with its tip on a smooth curve, or as it is where that makes no motion.
     fn smooth_and_certify(&self, delivered: &mut Delivered, incumbent: Option<&Incumbent>) {
         let corrected = delivered.path.clone();
-        let mut clock = Stopwatch::start();
-        self.smooth_tip(&mut delivered.path);
-        delivered.times.correct += clock.lap();
+        let Delivered { path, times, .. } = &mut *delivered;
+        times.measure(Stage::Correct, || {
+            self.tip_paths
+                .smooth_tip(self.padded, self.scene, SMOOTHED_MARGIN, path)
+        });
         self.time_and_certify(delivered, incumbent);
         if delivered.is_refused_beside(&corrected) {
             delivered.path = corrected;
@@ -165,9 +156,9 @@ impl MotionConstraints<'_> {
         }
         let mut clock = Stopwatch::start();
         let timed = self.time_if_faster(&delivered.path, incumbent);
-        delivered.times.time += clock.lap();
+        delivered.times[Stage::Time] += clock.lap();
         let certified = timed.and_then(|motion| Ok((self.certify(&motion)?, motion)));
-        delivered.times.certify += clock.lap();
+        delivered.times[Stage::Certify] += clock.lap();
         let loses = |motion: &Trajectory| {
             incumbent.is_some_and(|incumbent| incumbent.beats(motion.duration()))
         };
@@ -176,7 +167,7 @@ impl MotionConstraints<'_> {
             Ok((clearance, motion)) => Ok(self.describe(motion, clearance)),
             Err(failure) => Err(failure),
         };
-        delivered.times.select += clock.lap();
+        delivered.times[Stage::Select] += clock.lap();
     }
 
     /// Times a path, if the motion may be faster than the incumbent.

@@ -9,12 +9,11 @@ use crate::pipeline::braking::Braking;
 use crate::pipeline::context::{Drawn, RequestContext};
 use crate::pipeline::goal_set::{GoalSet, goal_set};
 use crate::pipeline::{default, fast, straight_line, trees, whole_paths};
-use crate::plan::{Candidate, Draw, Failure, Plan, Source};
+use crate::plan::{Candidate, Draw, Failure, Plan};
 use crate::problem::Problem;
 use crate::request::{Guidance, Request, StartMotion, Supervision};
 use crate::stage_times::StageTimes;
-use codes::Sampler;
-use std::time::Instant;
+use codes::{Sampler, Source, Stage};
 
 /// Knots that a motion may have at least, however many its braking needs.
 const LEAST_KNOTS: usize = 4;
@@ -53,9 +52,7 @@ fn to_goals(
     draw: impl FnOnce(&RequestContext, &GoalSet, &mut StageTimes) -> Drawn,
     times: &mut StageTimes,
 ) -> Result<Drawn, PlannerError> {
-    let clock = Instant::now();
-    let goals = goal_set(context)?;
-    times.condition += clock.elapsed().as_secs_f64();
+    let goals = times.measure(Stage::Condition, || goal_set(context))?;
     if goals.distinct.is_empty() {
         return Ok(truncated(context));
     }
@@ -65,8 +62,8 @@ fn to_goals(
 /// Draws without paths, where the interrupt left no time for goal configurations.
 fn truncated(context: &RequestContext) -> Drawn {
     let source = match context.request.sampler {
-        Sampler::Straight | Sampler::StraightDrawn => Source::Straight,
-        Sampler::RrtConnect | Sampler::RrtSmooth => Source::Tree,
+        Sampler::Straight | Sampler::StraightDrawn => Source::StraightLine,
+        Sampler::RrtConnect | Sampler::RrtSmooth => Source::Classical,
         _ => Source::Learned,
     };
     vec![Draw::unfinished(source, Failure::Truncated); context.request.candidates].into()
@@ -117,7 +114,6 @@ pub(crate) fn answer_with_paths(context: &RequestContext, paths: Vec<Waypoints>)
 
 /// The plan of what was drawn: its certified candidates.
 fn plan_of(drawn: Drawn, mut times: StageTimes) -> Plan {
-    let clock = Instant::now();
     let Drawn {
         draws,
         learned: [learned_drawn, learned_certified],
@@ -127,8 +123,7 @@ fn plan_of(drawn: Drawn, mut times: StageTimes) -> Plan {
         let motion = draw.outcome.as_ref().ok()?;
         Some(Candidate::of(index, draw.source, motion))
     });
-    let candidates: Vec<Candidate> = certified.collect();
-    times.select += clock.elapsed().as_secs_f64();
+    let candidates = times.measure(Stage::Select, || certified.collect());
     let truncated = draws
         .iter()
         .any(|d| d.outcome.as_ref().err() == Some(&Failure::Truncated));

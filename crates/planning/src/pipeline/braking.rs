@@ -6,10 +6,10 @@ use crate::motion::constraints::MotionConstraints;
 use crate::path::metrics::PathMetrics;
 use crate::plan::{Candidate, Certified, Plan};
 use crate::request::StartMotion;
+use codes::Stage;
 use pcc_model::{Configuration, TendonLimits, UnitRobot};
 use rayon::prelude::*;
 use std::sync::Arc;
-use std::time::Instant;
 use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
 
 /// Relative amount by which a limit may be exceeded: the rounding of the measure.
@@ -89,16 +89,17 @@ impl<'a> Braking<'a> {
 
     /// The plan with braking before every motion, and the figures of the whole motions.
     pub(crate) fn plan(&self, mut plan: Plan) -> Plan {
-        let clock = Instant::now();
+        let Plan {
+            candidates, stages, ..
+        } = &mut plan;
         let whole = |candidate| self.candidate(candidate);
-        plan.candidates = plan.candidates.par_iter().map(whole).collect();
+        *candidates = stages.measure(Stage::Select, || candidates.par_iter().map(whole).collect());
         for candidate in &plan.candidates {
             plan.draws[candidate.draw].outcome = Ok(Certified {
                 trajectory: Arc::clone(&candidate.trajectory),
                 metrics: candidate.metrics,
             });
         }
-        plan.stages.select += clock.elapsed().as_secs_f64();
         plan
     }
 }

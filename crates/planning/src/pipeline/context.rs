@@ -3,12 +3,13 @@
 use crate::motion::constraints::MotionConstraints;
 use crate::motion::incumbent::Incumbent;
 use crate::path::waypoints::Waypoints;
-use crate::plan::{Candidate, Draw, Failure, Source, count_learned};
+use crate::plan::{Candidate, Draw, Failure, count_learned};
 use crate::problem::Problem;
 use crate::request::{Interrupt, Request, Supervision};
 use crate::resources::Resources;
 use crate::search::edges::{RrtSettings, Search};
 use crate::stage_times::StageTimes;
+use codes::Source;
 use pcc_model::{SECTIONS, TendonLimits, UnitRobot};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;

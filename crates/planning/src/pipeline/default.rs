@@ -9,6 +9,7 @@ use crate::pipeline::straight_line::{Decision, StraightLineCandidates};
 use crate::pipeline::trees::first_motion;
 use crate::plan::{Draw, count_learned};
 use crate::stage_times::StageTimes;
+use codes::Stage;
 use std::time::Instant;
 
 /// A learned path to each goal configuration; where a straight segment is the fastest motion of all, it takes the place of the learned
@@ -27,7 +28,7 @@ pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageT
         draws[goal] = segments.swap_remove(segment);
     }
     keep(kept, &mut draws);
-    fill(context, goals, &mut draws, times);
+    times.measure(Stage::Select, || fill(context, goals, &mut draws));
     Drawn {
         draws,
         learned,
@@ -37,8 +38,7 @@ pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageT
 
 /// Reaches the goal configurations that no motion reaches yet from the motions of the others; where no draw has a motion, trees find a
 /// first one.
-fn fill(context: &RequestContext, goals: &GoalSet, draws: &mut [Draw], times: &mut StageTimes) {
-    let clock = Instant::now();
+fn fill(context: &RequestContext, goals: &GoalSet, draws: &mut [Draw]) {
     if draws.iter().all(|draw| draw.outcome.is_err()) {
         if let Some((i, draw)) = first_motion(context, goals) {
             context.report(i, &draw);
@@ -47,5 +47,4 @@ fn fill(context: &RequestContext, goals: &GoalSet, draws: &mut [Draw], times: &m
         context.note_truncation(&mut draws[0]);
     }
     reach_missing(context, &goals.of_each_draw, draws);
-    times.select += clock.elapsed().as_secs_f64();
 }

@@ -6,8 +6,9 @@ use crate::path::waypoints::Waypoints;
 use crate::pipeline::context::{Deliveries, Proposal, RequestContext, share};
 use crate::pipeline::goal_set::GoalSet;
 use crate::pipeline::learned::{FewStepSampler, candidate_input};
-use crate::plan::{Draw, Failure, Source};
+use crate::plan::{Draw, Failure};
 use crate::stage_times::{StageTimes, Stopwatch};
+use codes::{Source, Stage};
 use denoiser::CandidateInput;
 use pcc_model::Configuration;
 use rayon::prelude::*;
@@ -79,17 +80,15 @@ impl FewStepSampler<'_> {
         let Some(features) = self.features(goals) else {
             return explored;
         };
-        let mut times = StageTimes {
-            condition: clock.lap(),
-            ..StageTimes::default()
-        };
+        let mut times = StageTimes::default();
+        times[Stage::Condition] = clock.lap();
         for round in 0..ROUNDS {
             if (self.context.supervision.interrupt)() {
                 break;
             }
             let (places, paths): (Vec<usize>, Vec<Waypoints>) =
                 self.promising(goals, &features, round).into_iter().unzip();
-            times.sample += clock.lap();
+            times[Stage::Sample] += clock.lap();
             let proposals = paths
                 .into_iter()
                 .map(|path| Proposal::learned(path, Source::Explored));
@@ -103,7 +102,7 @@ impl FewStepSampler<'_> {
             }
         }
         if let Some((_, (_, first))) = explored.delivered.first_mut() {
-            first.add(&times);
+            first.add(1.0, &times);
         }
         explored
     }

@@ -8,8 +8,9 @@ use crate::pipeline::context::{Deliveries, Proposal, RequestContext};
 use crate::pipeline::goal_set::GoalSet;
 use crate::pipeline::previous_plan::kept_path;
 use crate::pipeline::straight_line::StraightLineCandidates;
-use crate::plan::{Draw, Failure, Source};
+use crate::plan::{Draw, Failure};
 use crate::stage_times::{StageTimes, Stopwatch};
+use codes::{Source, Stage};
 use denoiser::{CandidateInput, FastModel, WarmStart};
 use pcc_model::Configuration;
 use rayon::prelude::*;
@@ -86,16 +87,14 @@ impl<'a> FewStepSampler<'a> {
             let draw = Draw::unfinished(Source::Learned, Failure::Truncated);
             return vec![(draw, StageTimes::default()); ends.len()];
         };
-        let mut times = StageTimes {
-            condition: clock.lap(),
-            ..StageTimes::default()
-        };
+        let mut times = StageTimes::default();
+        times[Stage::Condition] = clock.lap();
         let proposals = self.draw(goals, first, ends, &features);
-        times.sample = clock.lap();
+        times[Stage::Sample] = clock.lap();
         let proposals = proposals.into_par_iter().with_max_len(1);
         let delivered = proposals.map(|proposal| segments.deliver(proposal));
         let mut delivered: Deliveries = delivered.collect();
-        delivered[0].1.add(&times);
+        delivered[0].1.add(1.0, &times);
         delivered
     }
 

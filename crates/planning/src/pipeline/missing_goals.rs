@@ -3,9 +3,10 @@
 use crate::path::waypoints::Waypoints;
 use crate::pipeline::context::RequestContext;
 use crate::pipeline::trees::{LEAST_MARGIN, follow_ever_shorter};
-use crate::plan::{Draw, Failure, Source};
+use crate::plan::{Draw, Failure};
 use crate::search::edges::{RrtSettings, Search};
 use crate::search::seeded_tree::SeededTree;
+use codes::Source;
 use pcc_model::{Configuration, UnitRobot};
 use rand_pcg::Pcg64;
 use rayon::Scope;
@@ -96,7 +97,7 @@ impl MissingGoals<'_> {
     }
 
     fn draw(&self, polyline: Option<Vec<Configuration>>, rng: Pcg64) -> Draw {
-        let mut draw = Draw::unfinished(Source::Tree, Failure::NoPath);
+        let mut draw = Draw::unfinished(Source::Classical, Failure::NoPath);
         if let Some(polyline) = polyline {
             follow_ever_shorter(self.context, &self.search(), polyline, rng, &mut draw);
         }

@@ -7,9 +7,10 @@ use crate::goals::inverse_kinematics::{is_solved, solve_tip};
 use crate::path::waypoints::{Waypoints, parameter, resample};
 use crate::pipeline::context::Proposal;
 use crate::pipeline::selection::is_worth_a_change;
-use crate::plan::{Draw, Source};
+use crate::plan::Draw;
 use crate::problem::{Goal, Problem};
 use crate::request::PreviousPlan;
+use codes::Source;
 use pcc_model::{Configuration, UnitRobot};
 
 /// A goal configuration that would have to move farther than this to the new goal is not kept, rad.

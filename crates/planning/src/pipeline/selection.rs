@@ -1,8 +1,8 @@
 //! Selecting one certified candidate by a rule.
 
 use crate::path::metrics::PathMetrics;
-use crate::plan::{Candidate, Source};
-use codes::Selection;
+use crate::plan::Candidate;
+use codes::{Selection, Source};
 use pcc_model::Configuration;
 
 /// Whether a motion that is followed, with the cost `followed`, is to be left for one with the cost `other`.

@@ -10,9 +10,9 @@ use crate::motion::incumbent::{Incumbent, ShortestDuration};
 use crate::path::waypoints::straight_path;
 use crate::pipeline::context::{Deliveries, Drawn, Proposal, RequestContext};
 use crate::pipeline::goal_set::GoalSet;
-use crate::plan::{Draw, Source};
+use crate::plan::Draw;
 use crate::stage_times::StageTimes;
-use codes::Sampler;
+use codes::{Sampler, Source};
 use pcc_model::Configuration;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -24,7 +24,7 @@ pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageT
     let segment = |(draw, goal)| Proposal {
         draw: Some(draw),
         smooths_tip,
-        ..Proposal::of(straight_path(start, goal), Source::Straight)
+        ..Proposal::of(straight_path(start, goal), Source::StraightLine)
     };
     let segments = goals.distinct.iter().enumerate().map(segment);
     context.deliver_timed(segments.collect(), times).into()
@@ -103,7 +103,7 @@ impl<'a> StraightLineCandidates<'a> {
         }
         let path = straight_path(&self.context.problem.start, &self.goals[goal]);
         let incumbent = Incumbent::new(&self.shortest);
-        let proposal = Proposal::of(path, Source::Straight);
+        let proposal = Proposal::of(path, Source::StraightLine);
         let delivered = self.context.deliver_against(proposal, Some(&incumbent));
         let counted_s = delivered.0.duration_s().max(incumbent.longest_bound_s());
         self.shortest.note(counted_s);

@@ -4,18 +4,17 @@ use crate::motion::constraints::MotionConstraints;
 use crate::path::waypoints::resample;
 use crate::pipeline::context::{Drawn, RequestContext};
 use crate::pipeline::goal_set::GoalSet;
-use crate::plan::{Draw, Failure, Source};
+use crate::plan::{Draw, Failure};
 use crate::request::Interrupt;
 use crate::search::edges::{RrtSettings, Search};
 use crate::search::first_success::first_success;
 use crate::search::portfolio::{PORTFOLIO_BUDGET, search_portfolio};
 use crate::stage_times::StageTimes;
-use codes::Sampler;
+use codes::{Sampler, Source, Stage};
 use pcc_model::Configuration;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::iter::once_with;
-use std::time::Instant;
 
 /// Room beside the padded tubes in a tree's attempts, section lengths: rounding its corners needs some, a narrow passage may not have it.
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
@@ -26,16 +25,13 @@ const SHORTENINGS: usize = 3;
 
 /// One tree for each draw, all at once.
 pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageTimes) -> Drawn {
-    let clock = Instant::now();
     let goals = goals.of_each_draw.par_iter().with_max_len(1).enumerate();
-    let draws: Vec<Draw> = goals
-        .map(|(i, goal)| {
-            let draw = tree(context, i, goal, context.supervision.interrupt);
-            context.report(i, &draw);
-            draw
-        })
-        .collect();
-    times.sample += clock.elapsed().as_secs_f64();
+    let draws = goals.map(|(i, goal)| {
+        let draw = tree(context, i, goal, context.supervision.interrupt);
+        context.report(i, &draw);
+        draw
+    });
+    let draws: Vec<Draw> = times.measure(Stage::Sample, || draws.collect());
     draws.into()
 }
 
@@ -62,7 +58,7 @@ fn motion_to_any(context: &RequestContext, goals: &[Configuration]) -> Option<(u
         .iter()
         .position(|goal| Some(goal) == polyline.last())?;
     let polyline = search.shorten(polyline, &mut rng);
-    let mut draw = Draw::unfinished(Source::Tree, Failure::NoPath);
+    let mut draw = Draw::unfinished(Source::Classical, Failure::NoPath);
     follow_ever_shorter(context, &search, polyline, rng, &mut draw).then_some((reached, draw))
 }
 
@@ -73,7 +69,7 @@ fn tree(
     goal: &Configuration,
     interrupt: Interrupt,
 ) -> Draw {
-    let mut draw = Draw::unfinished(Source::Tree, Failure::NoPath);
+    let mut draw = Draw::unfinished(Source::Classical, Failure::NoPath);
     let mut rng = context.tree_rng(index);
     let settings = RrtSettings::default();
     for margin in TREE_MARGINS {

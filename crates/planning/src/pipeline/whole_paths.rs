@@ -6,11 +6,11 @@ use crate::goals::goal_configurations::check_goal;
 use crate::models::diffusion::Task;
 use crate::path::waypoints::Waypoints;
 use crate::pipeline::context::{Drawn, Proposal, RequestContext};
-use crate::plan::{Draw, Failure, Source};
+use crate::plan::{Draw, Failure};
 use crate::request::Guidance;
 use crate::stage_times::StageTimes;
+use codes::{Source, Stage};
 use rayon::prelude::*;
-use std::time::Instant;
 
 /// Paths of the diffusion model; the goal configurations are the network's, and their tips are brought to the goal.
 ///
@@ -21,11 +21,10 @@ pub(crate) fn draw(
     guidance: Guidance,
     times: &mut StageTimes,
 ) -> Result<Drawn, PlannerError> {
-    let clock = Instant::now();
     let (problem, request) = (context.problem, context.request);
-    check_goal(context.constraints.padded, problem, request.seed)?;
-    times.condition += clock.elapsed().as_secs_f64();
-    let clock = Instant::now();
+    times.measure(Stage::Condition, || {
+        check_goal(context.constraints.padded, problem, request.seed)
+    })?;
     let task = Task {
         robot: &context.resources.robot,
         problem,
@@ -34,9 +33,10 @@ pub(crate) fn draw(
     };
     let model = context.resources.models.diffusion.as_ref();
     let sampled = model.map_or_else(Vec::new, |model| {
-        model.sample(&task, request.candidates, context.supervision.interrupt)
+        times.measure(Stage::Sample, || {
+            model.sample(&task, request.candidates, context.supervision.interrupt)
+        })
     });
-    times.sample += clock.elapsed().as_secs_f64();
     Ok(deliver(context, sampled, times))
 }
 
@@ -46,7 +46,7 @@ pub(super) fn deliver(
     sampled: Vec<Option<Waypoints>>,
     times: &mut StageTimes,
 ) -> Drawn {
-    let attached = attach_all(context, &sampled, times);
+    let attached = times.measure(Stage::Correct, || attach_all(context, &sampled));
     let mut proposals = Vec::new();
     for (draw, path) in attached.iter().enumerate() {
         proposals.extend(path.as_ref().ok().map(|path| Proposal {
@@ -78,11 +78,9 @@ pub(super) fn deliver(
 fn attach_all(
     context: &RequestContext,
     sampled: &[Option<Waypoints>],
-    times: &mut StageTimes,
 ) -> Vec<Result<Waypoints, Failure>> {
     let (robot, problem) = (&context.resources.robot, context.problem);
     let interrupt = context.supervision.interrupt;
-    let clock = Instant::now();
     let bring = |sampled: &Option<Waypoints>| match sampled {
         Some(path) if !interrupt() => {
             let mut path = path.clone();
@@ -91,7 +89,5 @@ fn attach_all(
         }
         _ => Err(Failure::Truncated),
     };
-    let attached = sampled.par_iter().map(bring).collect();
-    times.correct += clock.elapsed().as_secs_f64();
-    attached
+    sampled.par_iter().map(bring).collect()
 }
