@@ -16,7 +16,8 @@ use shared_types::clock::seconds;
 /// Silence after which a latched fault is forgiven, ns.
 pub const FAULT_SILENCE_NS: i64 = 100_000_000;
 
-/// The most silence that a cycle counts for, ns: while the whole machine pauses, no set-point can be sent.
+/// The most that one cycle adds to the silence, ns: a pause of the whole machine, in which nobody can send, must not count as a lost
+/// controller.
 const LONGEST_CYCLE_NS: i64 = 5_000_000;
 
 /// A set-point may be stamped this far in the future, ns (both ends read the same clock).

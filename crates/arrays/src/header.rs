@@ -82,7 +82,7 @@ fn read_text(reader: &mut impl Read) -> Result<(String, u64), NpyError> {
     Ok((text, (PREAMBLE + told + length) as u64))
 }
 
-/// The three entries of a header's dictionary, as they stand there.
+/// The three values of a header's dictionary, as text.
 struct Entries<'a> {
     descr: &'a str,
     fortran_order: &'a str,

@@ -23,7 +23,7 @@ codes! {
     /// Why the controller is in fault.
     "loop fault"
     pub enum LoopFault {
-        /// It is not.
+        /// No fault.
         None = 0 "none",
         /// No newer state of the robot for too long.
         RobotLost = 1 "robot lost",
@@ -209,7 +209,7 @@ codes! {
     /// Why a command has no effect.
     "command refusal"
     pub enum CommandRefusal {
-        /// It has.
+        /// The order was accepted.
         None = 0 "none",
         /// Another version of the protocol.
         WrongVersion = 1 "wrong version",

@@ -6,13 +6,13 @@ codes! {
     /// The source of the proposed paths.
     "sampler"
     pub enum Sampler {
-        /// The daemon's own choice.
+        /// Learned few-step paths, straight segments that compete with them, and RRT-Connect for what is missing.
         Default = 0 "default",
         /// The fast learned model.
         Fast = 1 "fast",
         /// Straight segments in configuration space to the goal configurations.
         Straight = 2 "straight",
-        /// The classical planner alone.
+        /// Paths of RRT-Connect on certified edges.
         RrtConnect = 3 "rrt-connect",
         /// The paper's diffusion model.
         Diffusion = 4 "diffusion",
@@ -20,9 +20,9 @@ codes! {
         DiffusionPost = 5 "diffusion-post",
         /// The paper's diffusion model with guided prediction.
         DiffusionGuided = 6 "diffusion-guided",
-        /// Straight segments with everything that a learned path gets after sampling.
+        /// Straight segments, corrected, smoothed and timed like learned paths.
         StraightDrawn = 7 "straight-drawn",
-        /// The classical planner, whose paths get everything that a learned path gets after sampling.
+        /// Paths of RRT-Connect, corrected, smoothed and timed like learned paths.
         RrtSmooth = 8 "rrt-smooth",
     }
 }
@@ -35,7 +35,7 @@ codes! {
         ShortestTime = 0 "shortest time",
         /// The one whose tip travels least.
         ShortestTipPath = 1 "shortest tip path",
-        /// The one that stays farthest from the balls.
+        /// The candidate that stays farthest from obstacles.
         LargestClearance = 2 "largest clearance",
         /// The smoothest one.
         Smoothest = 3 "smoothest",
@@ -84,11 +84,11 @@ codes! {
         Truncated = 1 "truncated by the deadline",
         /// The start bends more than the robot may.
         StartOutOfLimits = 2 "start out of limits",
-        /// The body touches a ball at the start.
+        /// The body touches an obstacle at the start.
         StartInCollision = 3 "start in collision",
         /// No configuration within limits puts the tip there.
         GoalOutOfReach = 4 "goal out of reach",
-        /// Every configuration that reaches the goal touches a ball.
+        /// Every configuration found that reaches the goal touches an obstacle.
         GoalInCollision = 5 "goal in collision",
         /// No path was found and certified.
         NoPath = 6 "no path found",
@@ -98,7 +98,7 @@ codes! {
         SamplerNotLoaded = 8 "sampler not loaded",
         /// More requests than the daemon takes.
         Overloaded = 9 "overloaded",
-        /// The client gave up.
+        /// The daemon ends before it planned this request.
         Cancelled = 10 "cancelled",
         /// The request speaks another version of the protocol.
         WrongVersion = 11 "wrong version",

@@ -8,7 +8,7 @@ use crate::recipe::Recipe;
 use crate::row::{Check, Row};
 use crate::scenes::draw_target;
 
-/// Version of [`generate_cases`]: another one makes other rows from the same recipe.
+/// Version of [`generate_cases`]; raise it with every change that makes other rows from the same recipe.
 pub const CASES_VERSION: u32 = 1;
 
 /// One row for each start of the targets with the given indices, whether or not any planner solves it.

@@ -42,7 +42,8 @@ impl Queue {
         let _ = self.writer.set(writer);
     }
 
-    /// Puts a line in, or counts it as lost where there is no room.
+    /// Appends a line, cut to `LONGEST` bytes, and wakes the writer; counts it as lost where the queue is full or its lock is not free
+    /// soon.
     pub(crate) fn push(&self, mut line: Vec<u8>) {
         if line.len() > LONGEST {
             line.truncate(LONGEST);

@@ -111,7 +111,7 @@ pub(crate) struct Arguments {
     /// Worker threads, at most 256 (0: one a core).
     #[arg(long, default_value_t = 0, value_parser = number::threads())]
     threads: usize,
-    /// UnitRobot file; its three sections must be equally long.
+    /// Robot file; its three sections must be equally long.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
     /// Folder for the data set; finished blocks in it are not made again.

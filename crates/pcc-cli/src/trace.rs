@@ -43,7 +43,7 @@ pub(crate) struct Arguments {
     seed: u64,
     #[command(flatten)]
     models: ModelArguments,
-    /// UnitRobot file.
+    /// Robot file.
     #[arg(long, default_value = "config/robots/unit.toml")]
     robot: PathBuf,
     /// Archive to write: `paths [S+1,64,6]` (radians) and `tips [S+1,64,3]` (section lengths) before each of the S steps and

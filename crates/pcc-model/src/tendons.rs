@@ -116,7 +116,7 @@ impl TendonMap {
         &self.matrix
     }
 
-    /// A⁺: 6 × tendons.
+    /// The pseudo-inverse A⁺: 6 × tendons, rad per length unit.
     #[must_use]
     pub fn pseudo_inverse(&self) -> &DMatrix<f64> {
         &self.pseudo_inverse

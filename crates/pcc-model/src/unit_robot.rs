@@ -27,7 +27,7 @@ impl Deref for UnitRobot {
 }
 
 impl Robot {
-    /// This robot in units of its section length, if all three sections are equally long (to 1e-9 of their length).
+    /// This robot, in metres, in units of its section length, if all three sections are equally long (to 1e-9 of their length).
     #[must_use]
     pub fn to_unit(&self) -> Option<UnitRobot> {
         Some(UnitRobot(self.scaled(1.0 / self.equal_section_length()?)))

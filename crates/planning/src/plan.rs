@@ -137,7 +137,7 @@ pub struct Plan {
     pub learned_certified: usize,
     /// Learned draws made.
     pub learned_drawn: usize,
-    /// Paths drawn beyond the learned draws because none of these was certified.
+    /// Paths that the learned sampler drew from wider noise, since none of the draws asked for was certified.
     pub explored: usize,
     /// Whether the interrupt cut the work short.
     pub truncated: bool,

@@ -41,7 +41,7 @@ impl StageTimes {
         }
     }
 
-    /// Divides `wall_s` seconds among the stages of paths that went through them meanwhile, each with its time on its worker.
+    /// Adds `wall_s` seconds of wall time to the stages, in proportion to the worker time that `paths` spent in each.
     pub(crate) fn share(&mut self, wall_s: f64, paths: impl Iterator<Item = Self>) {
         let mut spent = Self::default();
         paths.for_each(|path| spent.add(1.0, &path));

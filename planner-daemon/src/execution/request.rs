@@ -8,7 +8,7 @@ use trajectory::Trajectory;
 
 use super::refusal::ExecutionRefusal;
 
-/// When a motion is to begin.
+/// When a motion was asked for, and when it is to begin, nanoseconds of `CLOCK_MONOTONIC`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Begin {
     /// As soon as possible.

@@ -16,7 +16,7 @@ pub(crate) struct ExecutionRules {
     pub(crate) section_length_m: f64,
     /// Tracking error that the certificate covers, rad in each bending pair.
     pub(crate) path_tolerance_rad: f64,
-    /// How the controller stops a motion.
+    /// The controller's law of braking, by which stopping times are predicted.
     pub(crate) rate_law: RateLaw,
     /// Least time between publishing and begin.
     pub(crate) begin_lead: Duration,

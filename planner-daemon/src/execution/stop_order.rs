@@ -87,8 +87,8 @@ impl StopOrder {
         self.service.dynamic_config().number_of_servers() > 0
     }
 
-    /// Orders a stop, unless one was ordered a moment ago and may still be answered. To be called again and again until it is
-    /// obeyed, with the active time of supervision.
+    /// Orders a stop of `trajectory_id`, unless the last order may still be answered. Call every round while the stop is wanted;
+    /// `active_ns` is the supervision thread's active time, ns.
     pub(crate) fn send(
         &mut self,
         trajectory_id: u32,

@@ -96,7 +96,7 @@ impl LiveScene {
         live
     }
 
-    /// Adds a source that the daemon before this one received.
+    /// Adds a source that the previous daemon had heard, with its scene if that is still usable.
     fn restore(&mut self, source: RetainedSource) {
         let name = source.name.to_string();
         tracing::info!("source {name:?} of the live scene was heard by the daemon before this one");

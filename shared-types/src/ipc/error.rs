@@ -37,7 +37,7 @@ pub enum IpcError {
         /// This process's user.
         user: u32,
     },
-    /// Others than its owner have a right to the root directory.
+    /// The root directory's mode is not 0700: other users could get in.
     #[error(
         "{path:?} (user {owner}) has mode {mode:04o}: only 0700 is allowed for the directory of service files (PCC_ROOT), \
          for whoever can open its lock files can block every process; name another, which is made so, or close this one \

@@ -27,18 +27,16 @@ pub struct EventListener(Listener<ipc::Service>);
 /// The only kind of event.
 const SENT: EventId = EventId::new(0);
 
-/// Opens `plan_asked`: a client sent a request.
+/// Opens the event `plan_asked`, by which a client tells the daemon that it has sent a request.
 ///
-/// # Errors
-/// Any [`IpcError`].
+/// # Errors Any [`IpcError`].
 pub fn plan_asked_event(node: &IpcNode) -> Result<EventService, IpcError> {
     event(node, "plan_asked")
 }
 
-/// Opens `plan_answered`: the daemon sent an answer.
+/// Opens the event `plan_answered`, by which the daemon tells clients that it has sent an answer.
 ///
-/// # Errors
-/// Any [`IpcError`].
+/// # Errors Any [`IpcError`].
 pub fn plan_answered_event(node: &IpcNode) -> Result<EventService, IpcError> {
     event(node, "plan_answered")
 }

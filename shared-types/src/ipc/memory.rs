@@ -26,7 +26,7 @@ pub struct ServiceMemory {
 }
 
 /// Shared memory of each service with one daemon, one controller, one robot, one source of scenes, and as many clients
-/// as the capacity allows. Payload memory only: the queues between the ports add a few per cent.
+/// as the capacity allows: its short name and bytes. Payload memory only: the queues between the ports add a few per cent.
 #[must_use]
 pub fn shared_memory(capacity: &PlanServiceCapacity) -> Vec<ServiceMemory> {
     vec![

@@ -5,7 +5,7 @@ use std::sync::mpsc::sync_channel;
 use std::thread::{Builder, JoinHandle};
 
 /// Starts a thread that makes its ports with `open` and then runs `work` with them; ports cannot be moved between threads. Returns once
-/// `open` has returned in that thread.
+/// `open` has returned in that thread, with its error where it has failed.
 ///
 /// # Errors
 /// The error of `open`, or the system's where it has no more threads.

@@ -45,7 +45,8 @@ wire_message! {
         pub tracking_error_rad: f64,
         /// Part of the measured tendon lengths that no configuration explains, metres (norm).
         pub slack_residual_m: f64,
-        /// Tendon distance between the last trajectory taken and where it was taken, metres (norm): kept as an offset.
+        /// How far the set-point was from the last trajectory's start when the loop took it, metres (norm over the tendons); kept as a
+        /// constant offset, so that nothing jumps.
         pub splice_error_m: f64,
         /// Time on the executing trajectory, seconds.
         pub trajectory_time_s: f64,

@@ -91,7 +91,7 @@ wire_message! {
         pub duration_s: f64,
         /// Length of the tip's path, metres.
         pub tip_path_m: f64,
-        /// Least distance of the body's surface to a ball, metres; infinite without balls.
+        /// Least distance of the body's surface to an obstacle, metres; infinite without obstacles.
         pub clearance_m: f64,
         /// Smoothness measure, less is smoother.
         pub smoothness: f64,
@@ -123,7 +123,7 @@ wire_message! {
         pub invalid_field: u32,
         /// Draws of the learned sampler.
         pub learned_drawn: u32,
-        /// Those of them that were certified.
+        /// Draws of the learned sampler that became certified motions.
         pub learned_certified: u32,
         /// Candidates that are not the learned sampler's.
         pub classical_certified: u32,

@@ -53,11 +53,11 @@ impl TryFrom<&message::Command> for Command {
 /// The reply to an order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CommandReply {
-    /// The command's number.
+    /// The sender's number of the command that this answers.
     pub command_id: u64,
     /// Whether it takes effect.
     pub accepted: bool,
-    /// Why not.
+    /// Why the order has no effect; `None` if it was accepted.
     pub reason: CommandRefusal,
     /// The controller's state when it answered.
     pub state: LoopState,

@@ -1,4 +1,4 @@
-//! Set-points and states: the wire values once they are known to be finite, next to their codes' meanings.
+//! States: the wire values once they are known to be finite, next to their codes' meanings.
 //!
 //! No allocation, so the loop may use them.
 

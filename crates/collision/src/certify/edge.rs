@@ -98,7 +98,8 @@ impl Edge<'_> {
         open.try_for_each(|interval| self.refine(interval, width, depth - level))
     }
 
-    /// Bisects an open interval of this width, the earlier half first.
+    /// Certifies an interval in which contact is not excluded, by at most `depth` bisections, the earlier half first; `width` is its share
+    /// of the edge.
     fn refine(&self, interval: &Interval, width: f64, depth: u32) -> Result<(), Verdict> {
         let half_width = 0.5 * width;
         if depth == 0 {

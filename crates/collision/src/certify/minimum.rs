@@ -28,10 +28,11 @@ pub fn minimum_clearance(
     search.least()
 }
 
-/// Certifies the executed curve for `padded`, the same robot with thicker tubes, and finds the [`minimum_clearance`] of the robot
-/// itself, in one search. None where the padded robot touches something, or comes too close to decide; +∞ in an empty scene.
+/// Certifies the executed curve for `padded`, the same robot with thicker tubes, and finds the [`minimum_clearance`] of the robot itself,
+/// in one search. None where the padded robot touches something, or comes too close to decide; +∞ in an empty scene.
 ///
-/// Distances to solids are as accurate as the clearance of the padded robot needs.
+/// Distances to solids are as accurate as the clearance of the padded robot needs. `tolerance`: by how much the result may be below the
+/// true minimum, a length.
 #[must_use]
 pub fn certified_clearance(
     robot: &Robot,

@@ -17,11 +17,12 @@ use rand_pcg::Pcg64;
 /// The tree works with this much room to spare, so that the expert starts from a clear path.
 const TREE_MARGIN: f64 = 0.02;
 
-/// Why targets and paths are missing.
+/// Why a target is dropped: no target with a start could be drawn; none of its paths kept.
 const OF_TARGETS: [&str; 2] = ["target_or_start_sampling", "zero_retained_paths"];
+/// Why a path is missing: too few starts; too few goal configurations; the expert found no certified path.
 const OF_PATHS: [&str; 3] = ["missing_starts", "missing_end_shapes", "not_certified"];
 
-/// Version of [`generate_block`]: another one makes other rows from the same recipe.
+/// Version of [`generate_block`]; raise it with every change that makes other rows from the same recipe.
 pub const EXPERT_VERSION: u32 = 1;
 
 /// Generates the rows of the targets with the given indices; the result depends on the recipe and the indices alone.

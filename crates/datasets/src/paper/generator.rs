@@ -13,12 +13,13 @@ use pcc_model::{Configuration, Point, UnitRobot};
 use planning::{WAYPOINTS, Waypoints};
 use rand_pcg::Pcg64;
 
-/// Why targets and paths are missing, by the authors' names: no ten clear and distinct terminal solutions, too few starts, no path of it
-/// kept; a straight tip path that cannot be followed, too large a step, a collision that the repair leaves.
+/// Why a target is dropped, by the authors' names: fewer than ten clear and distinct terminal solutions; too few starts; none of its paths
+/// kept.
 const OF_TARGETS: [&str; 3] = ["terminal_ik", "start_sampling", "zero_retained_paths"];
+/// Why a path is missing: its straight tip path cannot be followed; a step is too large; the repair leaves a collision.
 const OF_PATHS: [&str; 3] = ["workspace_ik", "path_constraints", "collision_repair"];
 
-/// Version of [`generate_paper_block`]: another one makes other rows from the same recipe.
+/// Version of [`generate_paper_block`]; raise it with every change that makes other rows from the same recipe.
 pub const PAPER_VERSION: u32 = 1;
 
 /// Generates the rows of the targets with the given indices; the result depends on the recipe and the indices alone.

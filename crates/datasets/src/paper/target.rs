@@ -155,7 +155,8 @@ fn shape_of<const N: usize>(shapes: &SideBySide<N>, i: usize) -> Configuration {
     Configuration::from_fn(|d, _| shapes[d][i])
 }
 
-/// One Newton step of every seed, into `next`, and the squared residuals before it.
+/// Writes each seed after one Newton step, brought inside the bending limit, into `next`, and the squared tip distance before the step
+/// (section lengths²) into `residuals`.
 #[inline(always)]
 fn step_seeds(
     robot: &UnitRobot,

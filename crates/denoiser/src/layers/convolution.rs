@@ -116,9 +116,9 @@ impl Rows {
 pub(crate) enum Kind {
     /// One frame at a time.
     Point,
-    /// Three frames around each.
+    /// Three taps around each frame (padding 1): keeps the height.
     Same,
-    /// Four frames around every other pair: halves the height (stride 2, padding 1).
+    /// Four taps (stride 2, padding 1): halves the height.
     Shrink,
     /// The transpose of `Shrink`: doubles the height.
     Grow,

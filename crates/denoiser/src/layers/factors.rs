@@ -22,7 +22,8 @@ impl Factors {
         self.precision = precision;
     }
 
-    /// The factors of values whose rows may overlap.
+    /// `x` as the factor of a product, rounded to bf16 where that is the precision; not padded, so that rows may overlap as in a
+    /// convolution.
     pub(crate) fn of<'a>(&'a mut self, x: &'a [f32]) -> Input<'a> {
         match self.precision {
             Precision::F32 => Input::F32(x),
@@ -33,7 +34,8 @@ impl Factors {
         }
     }
 
-    /// The factors of rows of `width` values that lie one behind the other.
+    /// `x`, rows of `width` values one behind the other, as the factor of a product; rounded to bf16, each row padded, where that is the
+    /// precision.
     pub(crate) fn of_rows<'a>(&'a mut self, x: &'a [f32], width: usize) -> Input<'a> {
         match self.precision {
             Precision::F32 => Input::F32(x),

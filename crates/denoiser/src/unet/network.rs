@@ -246,7 +246,7 @@ fn load_stages(
     ])
 }
 
-/// Writes the paths with the mask channel, which marks the first frame.
+/// Copies the paths into the network's input and adds the mask channel: 1 at the first frame, 0 elsewhere.
 fn enter(paths: &[f32], input: &mut Rows) {
     input.shape(paths.len() / PATH, HORIZON, INPUTS);
     for (rows, path) in input.each_mut().zip(paths.chunks_exact(PATH)) {

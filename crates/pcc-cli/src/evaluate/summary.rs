@@ -143,7 +143,7 @@ impl Spread {
 /// How many requests and candidates are certified, and how many were delivered.
 #[derive(Serialize)]
 struct Shares {
-    /// Share of the requests with at least one certified candidate.
+    /// Share of the requests with at least one certified candidate, those found by exploring left out.
     success_any: f64,
     /// Share of the requests with at least one candidate, what exploring found included.
     answered_any: f64,

@@ -212,7 +212,8 @@ impl<'a> TipLine<'a> {
         compressed(self.robot, sampled) + at_start.lerp(&at_end, parameter(h))
     }
 
-    /// Where the Newton steps begin: nearer to the straight segment where the curve is.
+    /// Where the Newton steps for waypoint `h` begin: the softened sampled configuration, moved towards the straight segment's by the
+    /// larger of `share` and the stiffness.
     fn guess(&self, h: usize, sampled: &Configuration, share: f64) -> Configuration {
         let share = share.max(self.stiffness);
         self.softened(h, sampled).lerp(&self.segment(h), share)

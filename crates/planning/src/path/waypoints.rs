@@ -25,7 +25,10 @@ pub fn parameter(h: usize) -> f64 {
     h as f64 / (WAYPOINTS - 1) as f64
 }
 
-/// Resamples a polyline to `WAYPOINTS` points equally spaced in its configuration-space length.
+/// Resamples a polyline (rad) to `WAYPOINTS` points at equal distances along it, both ends included.
+///
+/// # Panics
+/// If the polyline has fewer than two points.
 #[must_use]
 pub fn resample(polyline: &[Configuration]) -> Waypoints {
     let lengths: Vec<f64> = polyline.windows(2).map(|w| (w[1] - w[0]).norm()).collect();

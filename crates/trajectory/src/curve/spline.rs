@@ -85,7 +85,7 @@ impl Spline {
         self.point.push(point);
     }
 
-    /// Adds the nodes of the chord after `from` up to and including `to`.
+    /// Adds nodes along the chord, without `from` and with `to`, at most `spacing` (rad) apart (1000 parts at most).
     fn chord(&mut self, from: Configuration, to: Configuration, spacing: f64) {
         let length = (to - from).norm();
         let parts = (length / spacing).ceil().clamp(1.0, 1000.0);

@@ -50,7 +50,7 @@ pub fn limit_use(motion: &Trajectory, tendons: &TendonMap, limits: &TendonLimits
 }
 
 impl LimitUse {
-    /// The limit use of a motion that would use each limit exactly once all its times are multiplied by `scale`.
+    /// The limit use of a motion whose times must grow by the factor `scale` to use each limit in full.
     pub(crate) fn at_time_scale(scale: f64) -> Self {
         Self {
             velocity: scale,

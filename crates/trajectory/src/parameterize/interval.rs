@@ -171,9 +171,9 @@ pub(super) fn largest_second(interval: &Interval<'_>, x: f64) -> f64 {
 
 /// How far a pair (x_i, x_{i+1}) uses the acceleration limits.
 pub(super) struct Use {
-    /// Whether it uses one fully.
+    /// Whether the pair uses at least one acceleration limit fully.
     pub(super) is_full: bool,
-    /// Whether one that it uses fully allows more of either value for less of the other.
+    /// Whether, among the limits used fully, one lets either value grow if the other falls.
     pub(super) trades: bool,
 }
 

@@ -9,7 +9,7 @@ use crate::parameterize::jerk::TimedPath;
 use crate::parameterize::topp::SpeedProfile;
 use pcc_model::TendonLimits;
 
-/// How many widths are tried.
+/// The most widths that are tried.
 const ROUNDS: usize = 3;
 
 /// Tendon accelerations ÷ their limit at the start and the end of each piece of a motion, block by block; the first and

@@ -127,7 +127,7 @@ impl Braking {
         }
     }
 
-    /// The width that the steps of acceleration need, s.
+    /// The width of the average, s, at which the largest step of tendon acceleration, spread over it, just keeps the jerk limit.
     fn needed_width(&self, rows: &TendonRows, limits: &TendonLimits) -> f64 {
         let braking = self.velocity / -self.duration;
         let steps = [braking - self.before, braking, self.before];
