@@ -47,9 +47,9 @@ pub struct GuardState {
 /// How far a trajectory's begin may be from now.
 #[derive(Clone, Copy, Debug)]
 pub struct BeginWindow {
-    /// In the past, ns.
+    /// How far in the past a trajectory may begin, ns.
     pub past_ns: i64,
-    /// In the future, ns.
+    /// How far in the future a trajectory may begin, ns.
     pub ahead_ns: i64,
 }
 

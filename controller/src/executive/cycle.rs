@@ -13,11 +13,11 @@ pub struct RobotSample {
     pub stamp_ns: i64,
     /// State of the motors.
     pub state: MotorState,
-    /// The reference of its motors, m.
+    /// The reference of the robot's motors, m.
     pub accepted_m: TendonVector,
-    /// The reference's velocity, m/s.
+    /// Velocity of the motors' reference, m/s.
     pub accepted_velocity_m_s: TendonVector,
-    /// Measured tendons, m.
+    /// Measured tendon length changes, m.
     pub measured_m: TendonVector,
     /// Measured configuration, rad.
     pub measured_rad: Configuration,
@@ -41,7 +41,7 @@ pub struct CycleInput<'a> {
 /// One cycle's result: the set-point, and everything that is published about it.
 #[derive(Clone, Copy, Debug)]
 pub struct CycleOutput {
-    /// The instant evaluated, ns of CLOCK_MONOTONIC.
+    /// The instant for which the set-point was evaluated, ns of CLOCK_MONOTONIC.
     pub stamp_ns: i64,
     /// Whether the set-point is to be sent (not while detached).
     pub send: bool,
@@ -59,21 +59,21 @@ pub struct CycleOutput {
     pub trajectory_id: u32,
     /// Commanded configuration and its derivatives.
     pub commanded: Commanded,
-    /// Set-point, m.
+    /// Set-point of the tendon length changes, m.
     pub tendon_m: TendonVector,
     /// Velocity of the set-point, m/s.
     pub tendon_velocity_m_s: TendonVector,
     /// Acceleration of the set-point, m/s².
     pub tendon_acceleration_m_s2: TendonVector,
-    /// The newest measurement; zeros before the first.
+    /// Newest measured tendon length changes, m; zeros before the first.
     pub measured_m: TendonVector,
-    /// The newest measured configuration; zeros before the first.
+    /// Newest measured configuration, rad; zeros before the first.
     pub measured_rad: Configuration,
     /// Filtered tracking error, rad.
     pub tracking_error_rad: f64,
     /// Distance of the measured tendon lengths from those of every configuration, m.
     pub slack_residual_m: f64,
-    /// Step of the set-point where the last trajectory was taken, m (it is kept as an offset, not made).
+    /// How far the set-point was from the last trajectory's start when it was taken, m (norm over the tendons); kept as a constant offset.
     pub splice_error_m: f64,
     /// Path time, s.
     pub path_time_s: f64,

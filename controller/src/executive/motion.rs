@@ -8,11 +8,11 @@ use trajectory::Knot;
 pub struct Motion {
     /// Id of the trajectory, at least 1.
     pub id: u32,
-    /// Instance of the daemon that has published it.
+    /// Instance of the daemon that has published the trajectory.
     pub daemon_instance: u64,
     /// When the motion was requested, ns of CLOCK_MONOTONIC.
     pub requested_ns: i64,
-    /// When it begins, ns of CLOCK_MONOTONIC.
+    /// When the motion begins, ns of CLOCK_MONOTONIC.
     pub begin_ns: i64,
     /// Tracking error that the trajectory's certificate covers, rad.
     pub path_tolerance_rad: f64,

@@ -37,18 +37,18 @@ pub enum TrajectoryRefusal {
         "it was set aside before its begin: a stop, a reset, a fault or the loss of robot or daemon came first"
     )]
     SetAside,
-    /// A stop or a reset was ordered, or the controller was started, after it was requested.
+    /// A stop or a reset was ordered, or the controller was started, after the trajectory was requested.
     #[error(
         "it was requested {before_ms:.1} ms before a stop or a reset was ordered or the controller was started"
     )]
     RequestedBefore {
-        /// How long before that.
+        /// How long before the stop, the reset or the start it was requested, ms.
         before_ms: f64,
     },
     /// The request's stamp is of the future, so that no stop could be later.
     #[error("it was requested {ahead_ms:.1} ms from now: its stamp is not of CLOCK_MONOTONIC")]
     FromTheFuture {
-        /// How far in the future.
+        /// How far in the future the request is stamped, ms.
         ahead_ms: f64,
     },
     /// A field of the message is wrong.
@@ -60,17 +60,17 @@ pub enum TrajectoryRefusal {
     /// The trajectory begins in the past.
     #[error("it begins {late_ms:.1} ms in the past, {allowed_ms:.1} ms are allowed")]
     Past {
-        /// How far in the past.
+        /// How far in the past the trajectory begins, ms.
         late_ms: f64,
-        /// How far in the past a begin may be.
+        /// How far in the past a begin may be, ms.
         allowed_ms: f64,
     },
     /// The trajectory begins too far in the future.
     #[error("it begins {ahead_s:.1} s from now, {allowed_s:.1} s are allowed")]
     Ahead {
-        /// How far in the future.
+        /// How far in the future the trajectory begins, s.
         ahead_s: f64,
-        /// How far in the future a begin may be.
+        /// How far in the future a begin may be, s.
         allowed_s: f64,
     },
     /// The first knot is not the commanded configuration.
@@ -78,7 +78,7 @@ pub enum TrajectoryRefusal {
         "it starts {distance_rad:.2e} rad from the commanded configuration, {START_TOLERANCE_RAD:.0e} are allowed"
     )]
     Start {
-        /// Distance from the commanded configuration.
+        /// Distance of the first knot from the commanded configuration, rad.
         distance_rad: f64,
     },
     /// An end is not at rest.
@@ -90,9 +90,9 @@ pub enum TrajectoryRefusal {
     /// The motion exceeds a tendon limit.
     #[error("it uses {share:.6} of the tendons' {limit} limit")]
     Tendons {
-        /// Which limit.
+        /// The limit exceeded: velocity, acceleration or jerk.
         limit: &'static str,
-        /// The largest ratio to it.
+        /// The motion's largest use of the limit, ÷ the limit.
         share: f64,
     },
     /// The motion bends a section too far.
@@ -100,7 +100,7 @@ pub enum TrajectoryRefusal {
         "it bends a section {excess_rad:.4} rad over its limit, {BENDING_TOLERANCE_RAD} are allowed"
     )]
     Bending {
-        /// Excess over the limit.
+        /// Excess over the section's bending limit, rad.
         excess_rad: f64,
     },
 }

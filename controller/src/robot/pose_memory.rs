@@ -18,7 +18,7 @@ use crate::{TENDONS, TendonVector};
 pub struct RememberedPose {
     /// Tendon lengths relative to straight, m.
     pub position_m: TendonVector,
-    /// Their rates, m/s.
+    /// Rates of the tendon lengths, m/s.
     pub velocity_m_s: TendonVector,
 }
 

@@ -1,4 +1,4 @@
-//! A set-point as the robot receives it, the limits that it is checked against, and the results.
+//! The limits that set-points are checked against, and the results.
 
 use shared_types::codes::MotorState;
 
@@ -26,7 +26,7 @@ pub enum Mode {
     Following,
     /// Ramping to rest after set-points stopped coming.
     Ramping,
-    /// At rest after such a ramp.
+    /// At rest after a ramp to rest.
     AtRestAfterLoss,
     /// A set-point was refused while following: ramping to rest, or at rest.
     Fault(Refusal),
@@ -50,21 +50,21 @@ pub enum Refusal {
     /// A number is NaN or infinite.
     #[error("a number in the set-point is not finite")]
     NotFinite,
-    /// Its stamp is in the future, not after the last one, or (the first one's) older than the time for a loss.
+    /// The set-point's stamp is in the future, not after the last one, or (the first one's) older than the time for a loss.
     #[error(
         "its stamp is not between the last accepted set-point's and now, or the first one is not fresh"
     )]
     Stamp,
-    /// It is further from the reference than the velocity limit allows.
+    /// The set-point is further from the reference than the velocity limit allows.
     #[error("its position is further from the reference than the velocity limit allows")]
     PositionStep,
-    /// Its velocity is over the limit.
+    /// The set-point's velocity is over the limit.
     #[error("its velocity is over the limit")]
     Velocity,
-    /// Its velocity differs from the reference's by more than the acceleration limit allows.
+    /// The set-point's velocity differs from the reference's by more than the acceleration limit allows.
     #[error("its velocity differs from the last by more than the acceleration limit allows")]
     VelocityStep,
-    /// Its acceleration is over the limit.
+    /// The set-point's acceleration is over the limit.
     #[error("its acceleration is over the limit")]
     Acceleration,
     /// The robot is ramping to rest or in fault.

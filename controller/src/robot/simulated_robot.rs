@@ -37,7 +37,7 @@ pub struct SimulatedRobot {
 pub struct Measurement {
     /// Tendon lengths relative to straight, with noise, m.
     pub tendon_m: TendonVector,
-    /// The configuration that fits them best, rad.
+    /// The configuration that fits the measured tendon lengths best, rad.
     pub configuration_rad: Configuration,
 }
 
@@ -66,7 +66,8 @@ impl SimulatedRobot {
         &self.reference
     }
 
-    /// One cycle: takes `target` where one arrived, moves reference and motors on to `now_ns`, and measures.
+    /// One cycle: takes `target` where one arrived, moves reference and motors on to `now_ns`, and measures. The motor of the tendon
+    /// `stuck_tendon` (0-based) does not move: a fault injected from outside.
     pub fn step(
         &mut self,
         now_ns: i64,

@@ -26,9 +26,9 @@ struct PendingCommand<R> {
 
 /// A request that a reply goes to: one in shared memory, or a test's.
 pub(super) trait Request {
-    /// Whether its sender still waits for the reply.
+    /// Whether the request's sender still waits for the reply.
     fn is_awaited(&self) -> bool;
-    /// Sends the reply, if its sender still waits for it.
+    /// Sends the reply, if the request's sender still waits for it.
     fn reply(&self, reply: message::CommandReply);
 }
 
@@ -50,7 +50,7 @@ pub(super) struct Commands<R> {
     stops: VecDeque<(u64, PendingCommand<R>)>,
     /// Orders to reset and to change the speed, in order.
     orders: VecDeque<(Order, PendingCommand<R>)>,
-    /// The number under which the first of them was offered to the loop.
+    /// The number under which the first order was offered to the loop; none where it was not yet.
     offered: Option<u64>,
     last_id: u64,
 }

@@ -22,7 +22,7 @@ const LOG_WAITING_AFTER_NS: i64 = 500_000_000;
 /// Why the loop does not hold the robot.
 #[derive(Clone, Copy)]
 struct WaitingFor {
-    /// The reason; `Waiting::None` where the loop holds the robot.
+    /// The reason to wait; `Waiting::None` where the loop holds the robot.
     reason: Waiting,
     /// Stamp of the first cycle with this reason, ns of CLOCK_MONOTONIC.
     since_ns: i64,

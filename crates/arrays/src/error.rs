@@ -8,7 +8,7 @@ pub(crate) const MAX_HEADER: usize = 1024;
 /// Why an array is refused.
 #[derive(Debug, Error)]
 pub enum NpyError {
-    /// It does not begin as an array does, or its header is not understood.
+    /// The file does not begin as an array does, or its header is not understood.
     #[error(
         "not a NumPy array: {0}; `\\x93NUMPY`, version 1.0, 2.0 or 3.0, and a header of at most {MAX_HEADER} bytes with descr, fortran_order and shape are needed"
     )]
@@ -19,13 +19,13 @@ pub enum NpyError {
         u64::MAX
     )]
     Overflow {
-        /// The shape.
+        /// Shape of the array, by its header.
         shape: Vec<u64>,
     },
     /// There are fewer or more bytes than the shape needs.
     #[error("shape {shape:?} of {descr} needs {needed} bytes behind the header, there are {found}")]
     Size {
-        /// The shape.
+        /// Shape of the array, by its header.
         shape: Vec<u64>,
         /// Type of the values, as NumPy writes it.
         descr: String,
@@ -45,7 +45,7 @@ pub enum NpyError {
         "shape {shape:?} needs more memory than there is; at most as many values as fit into it are allowed"
     )]
     Memory {
-        /// The shape.
+        /// Shape of the array, by its header.
         shape: Vec<u64>,
     },
 }

@@ -7,11 +7,11 @@ use std::io::{Error, ErrorKind, Read};
 
 /// What a file begins with, before the format's version.
 const MAGIC: &[u8] = b"\x93NUMPY";
-/// Bytes of what a file begins with and of the version.
+/// Bytes of [`MAGIC`] and of the format's version.
 const PREAMBLE: usize = 8;
 /// Brackets within brackets that a header may have; that of an array of numbers has one pair in another.
 const MAX_NESTING: usize = 4;
-/// A header's bytes are a multiple of it, so that the values behind it lie as a processor wants them.
+/// A header's length is a multiple of so many bytes, so that the values behind it lie as a processor wants them.
 const ALIGNMENT: usize = 64;
 /// Digits of the first dimension for which NumPy leaves room, so that an array may grow.
 const ROOM_TO_GROW: usize = 21;

@@ -75,7 +75,7 @@ impl<R: Read> NpyArray<R> {
     }
 }
 
-/// Reads so many values behind those that are there.
+/// Reads `count` values and appends them to `values`.
 fn read_values<T: Number>(
     reader: &mut impl Read,
     count: usize,

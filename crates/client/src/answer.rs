@@ -17,9 +17,9 @@ pub struct PlanAnswer {
 /// One certified motion of an answer.
 #[derive(Clone, Copy, Debug)]
 pub struct Candidate<'answer> {
-    /// Its figures.
+    /// The motion's figures.
     pub summary: &'answer CandidateSummary,
-    /// The motion.
+    /// The motion's knots.
     pub knots: &'answer [Knot],
 }
 

@@ -22,7 +22,7 @@ pub enum ClientError {
     NoServer {
         /// The missing process.
         server: &'static str,
-        /// For how long it was waited for.
+        /// For how long the process was waited for.
         waited: Duration,
     },
     /// The server died, or dropped the request, before it answered.
@@ -49,7 +49,7 @@ pub enum ClientError {
         server: &'static str,
         /// The request's number.
         id: u64,
-        /// For how long it was waited.
+        /// For how long the answer was waited for.
         waited: Duration,
         /// Whether the request could have moved something.
         may_have_acted: bool,
@@ -60,25 +60,25 @@ pub enum ClientError {
     /// The daemon does not let a scene count; the one before of the same source does until its lifetime ends.
     #[error("scene {sequence} of source {source_name:?} is refused: {refusal}")]
     SceneRefused {
-        /// Whose scene it is.
+        /// Name of the scene's source.
         source_name: String,
-        /// The publisher's count.
+        /// The publisher's number of the scene.
         sequence: u32,
-        /// Why.
+        /// Why the scene does not count.
         refusal: SceneRefusal,
     },
     /// What came is no message of this protocol's version.
     #[error("{sender} sent something this program does not understand: {invalid}")]
     BadMessage {
-        /// Whose message it was.
+        /// Who sent the message.
         sender: &'static str,
-        /// What is wrong with it.
+        /// What is wrong with the message.
         invalid: Invalid,
     },
     /// iceoryx2 could not send or receive.
     #[error("cannot {what}: {reason}")]
     Transport {
-        /// The operation.
+        /// The operation that failed.
         what: &'static str,
         /// What iceoryx2 said.
         reason: String,

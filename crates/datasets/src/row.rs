@@ -6,11 +6,11 @@ use pcc_model::{Configuration, Point, UnitRobot};
 /// The part of a data set that a row belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
-    /// Code 0.
+    /// For training; code 0.
     Train,
-    /// Code 1.
+    /// For choosing among trained models; code 1.
     Validation,
-    /// Code 2.
+    /// For the last word; code 2.
     Test,
 }
 
@@ -37,11 +37,11 @@ pub struct Row {
     pub start_index: i16,
     /// Index of the goal configuration at its target.
     pub ik_index: i16,
-    /// The part it belongs to.
+    /// The split that the row belongs to.
     pub split: Split,
     /// Obstacles, section lengths.
     pub balls: Vec<Ball>,
-    /// How its collision was judged exactly, where it was.
+    /// The exact judgement of the path's collision, where there is one.
     pub check: Option<Check>,
 }
 

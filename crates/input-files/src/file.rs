@@ -12,7 +12,7 @@ use crate::text::shown;
 /// Why a file is not read.
 #[derive(Debug, Error)]
 pub enum InputFileError {
-    /// The system refuses to open or to read it.
+    /// The system refuses to open or to read the file.
     #[error("cannot read {}, and a file that can be read is needed: {source}", shown(.path))]
     Unreadable {
         /// The file.
@@ -20,25 +20,25 @@ pub enum InputFileError {
         /// The system's answer.
         source: io::Error,
     },
-    /// It is a folder, a pipe, a socket or a device.
+    /// The file is a folder, a pipe, a socket or a device.
     #[error("cannot read {}: it is {kind}; a regular file is needed", shown(.path))]
     Kind {
         /// The file.
         path: PathBuf,
-        /// What it is, with its article.
+        /// What the file is, with the article: `a folder`.
         kind: &'static str,
     },
-    /// It is longer than what is read of such a file.
+    /// The file is longer than what is read of such a file.
     #[error("cannot read {}: it has {size} bytes; at most {most} are allowed", shown(.path))]
     Size {
         /// The file.
         path: PathBuf,
-        /// Its size, or as much of it as was looked at.
+        /// The file's size, or as much of it as was looked at, bytes.
         size: u64,
         /// The most bytes that are read.
         most: u64,
     },
-    /// It is not text.
+    /// The file is not text.
     #[error("cannot read {}: it is not UTF-8 at byte {at}; text in UTF-8 is needed", shown(.path))]
     Text {
         /// The file.

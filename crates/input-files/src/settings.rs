@@ -18,12 +18,12 @@ pub enum SettingsError {
     /// The file is not read.
     #[error(transparent)]
     File(#[from] InputFileError),
-    /// It is not TOML, a key is missing or unknown, or a value has the wrong type.
+    /// The file is not TOML, a key is missing or unknown, or a value has the wrong type.
     #[error("{} is not understood: {}", shown(.path), readable(.fault))]
     Syntax {
         /// The file.
         path: PathBuf,
-        /// Where and what; told in the message, and so not as its source.
+        /// Place and kind of the fault; the message tells them, so that they are no source of it.
         fault: Box<toml::de::Error>,
     },
     /// A value is outside its range.
@@ -33,7 +33,7 @@ pub enum SettingsError {
         path: PathBuf,
         /// The key.
         key: Cow<'static, str>,
-        /// Its value.
+        /// The key's value.
         value: String,
         /// What is allowed.
         allowed: String,
@@ -43,7 +43,7 @@ pub enum SettingsError {
 /// A file of settings, against which single values are checked.
 #[derive(Clone, Copy, Debug)]
 pub struct SettingsFile<'a> {
-    /// Where it lies.
+    /// Path of the file.
     pub path: &'a Path,
 }
 

@@ -199,9 +199,9 @@ pub(crate) fn evaluations() -> impl TypedValueParser<Value = usize> {
 /// One part of a data set, made on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Shard {
-    /// Which part, counted from 0.
+    /// Number of the part, from 0.
     pub(crate) index: u64,
-    /// Of how many.
+    /// Number of parts of the set.
     pub(crate) count: u64,
 }
 

@@ -26,9 +26,9 @@ pub struct Robot {
     pub section_lengths: [f64; SECTIONS],
     /// Largest bending angle θ of a section, rad.
     pub bending_limit: f64,
-    /// Radius of each section's body around its backbone.
+    /// Radius of each section's body around its backbone, in the robot's length unit.
     pub tube_radii: [f64; SECTIONS],
-    /// Radius of the motors' spools.
+    /// Radius of the motors' spools, in the robot's length unit.
     pub spool_radius: f64,
     /// The tendons, and the map from configurations to their lengths.
     pub tendons: TendonMap,

@@ -44,7 +44,7 @@ pub enum RobotFileError {
     Tendons {
         /// The file.
         path: PathBuf,
-        /// What is wrong with them.
+        /// What is wrong with the tendons.
         source: TendonMapError,
     },
 }

@@ -7,7 +7,7 @@ use thiserror::Error;
 /// One tendon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tendon {
-    /// Section it ends in, 1 to 3.
+    /// Section that the tendon ends in, 1 to 3.
     pub section: usize,
     /// Distance from the backbone, in the length unit of the map.
     pub radius: f64,
@@ -23,7 +23,7 @@ pub enum TendonMapError {
     Section {
         /// Index of the tendon, from 1.
         tendon: usize,
-        /// The section it names.
+        /// The section that the tendon names.
         section: usize,
     },
     /// A tendon's radius or angle is not usable.
@@ -33,9 +33,9 @@ pub enum TendonMapError {
     Placement {
         /// Index of the tendon, from 1.
         tendon: usize,
-        /// Its radius.
+        /// The tendon's radius.
         radius: f64,
-        /// Its angle, rad.
+        /// The tendon's angle, rad.
         angle: f64,
     },
     /// The tendons do not determine the configuration.
@@ -110,7 +110,7 @@ impl TendonMap {
         self.tendons.len()
     }
 
-    /// A: tendons × 6, length unit per radian.
+    /// The map A: tendons × 6, length unit per radian.
     #[must_use]
     pub fn matrix(&self) -> &DMatrix<f64> {
         &self.matrix

@@ -30,9 +30,9 @@ pub enum Infeasible {
         "start out of limits: a section is bent {excess_rad:.4} rad beyond the allowed {limit_rad:.4} rad"
     )]
     StartOutOfLimits {
-        /// Angle above the limit, rad.
+        /// Bending angle above the limit, rad.
         excess_rad: f64,
-        /// The limit, rad.
+        /// The bending limit, rad.
         limit_rad: f64,
     },
     /// The body touches an obstacle at the start.
@@ -69,7 +69,7 @@ pub enum Infeasible {
     GoalInCollision {
         /// Number of configurations found that reach the goal.
         configurations: usize,
-        /// Their largest clearance, section lengths.
+        /// Largest clearance of the goal configurations found, section lengths.
         clearance: f64,
     },
 }

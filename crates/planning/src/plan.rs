@@ -40,7 +40,7 @@ pub enum Failure {
 pub struct Certified {
     /// The curve that is executed.
     pub trajectory: Arc<Trajectory>,
-    /// Its figures.
+    /// The motion's figures.
     pub metrics: PathMetrics,
 }
 
@@ -49,16 +49,16 @@ pub struct Certified {
 pub struct Candidate {
     /// The curve that is executed.
     pub trajectory: Arc<Trajectory>,
-    /// Its figures.
+    /// The motion's figures.
     pub metrics: PathMetrics,
-    /// Who proposed it.
+    /// What proposed the path.
     pub source: Source,
-    /// The draw it came from.
+    /// Index of the draw that the motion came from.
     pub draw: usize,
 }
 
 impl Certified {
-    /// The configuration that it ends in, radians.
+    /// The configuration that the motion ends in, radians.
     #[must_use]
     pub fn end(&self) -> Configuration {
         end_of(&self.trajectory)
@@ -76,7 +76,7 @@ impl Candidate {
         }
     }
 
-    /// The configuration that it ends in, radians.
+    /// The configuration that the motion ends in, radians.
     #[must_use]
     pub fn end(&self) -> Configuration {
         end_of(&self.trajectory)
@@ -95,7 +95,7 @@ pub struct Draw {
     pub sampled: Option<Waypoints>,
     /// The path after correction (64 waypoints), if one was produced.
     pub path: Option<Waypoints>,
-    /// Who proposed it.
+    /// What proposed the path.
     pub source: Source,
     /// The motion, or why there is none.
     pub outcome: Result<Certified, Failure>,
@@ -131,7 +131,7 @@ pub(crate) fn count_learned(draws: &[Draw]) -> [usize; 2] {
 pub struct Plan {
     /// What was drawn, in order; for [`Sampler::Default`](crate::Sampler::Default) what was delivered.
     pub draws: Vec<Draw>,
-    /// The certified ones.
+    /// The certified motions.
     pub candidates: Vec<Candidate>,
     /// Learned draws that were certified before draws without a motion were filled.
     pub learned_certified: usize,

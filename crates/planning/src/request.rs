@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// How differential kinematics refines the paths of the diffusion model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Guidance {
-    /// Not at all.
+    /// No refinement.
     Pure,
     /// Post correction: it moves the clean estimate.
     Post,
@@ -35,7 +35,7 @@ impl Guidance {
 pub struct PreviousPlan {
     /// The motions, each as waypoints equally spaced in time, radians.
     pub paths: Vec<Waypoints>,
-    /// Index of the one that is followed, if any.
+    /// Index of the motion that the robot follows, if any.
     pub followed: Option<usize>,
 }
 

@@ -60,7 +60,7 @@ pub enum RealtimeError {
         "other programs can delay this thread by some ms: the kernel does not take {what} ({error})"
     )]
     Schedule {
-        /// What it was asked for.
+        /// What the kernel was asked for.
         what: &'static str,
         /// The system's answer.
         #[source]
@@ -71,9 +71,9 @@ pub enum RealtimeError {
 /// Which pages of a process stay in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pages {
-    /// All that are mapped, and all that will be.
+    /// All pages that are mapped, and all that will be.
     All,
-    /// Each once it is touched: unused ends of the threads' stacks are not faulted in.
+    /// Each page once it is touched: unused ends of the threads' stacks are not faulted in.
     Touched,
 }
 

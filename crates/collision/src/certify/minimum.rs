@@ -80,7 +80,7 @@ struct Interval<'a> {
     segments: Segments<'a>,
     from: BodyState,
     to: BodyState,
-    /// Lower bounds of the clearance of each section during it; +∞ for a section that is not refined further.
+    /// Lower bounds of the clearance of each section during the interval; +∞ for a section that is not refined further.
     lowest: [f64; SECTIONS],
 }
 
@@ -96,7 +96,7 @@ struct Search<'a> {
     padded: &'a Robot,
     scene: &'a Scene,
     reach: [f64; SECTIONS],
-    /// How much thicker its tubes are than those whose clearance is sought.
+    /// How much thicker the padded tubes are than those whose clearance is sought, by section, a length.
     padding: [f64; SECTIONS],
     tolerance: f64,
     /// Smallest clearance that was measured.
@@ -105,7 +105,7 @@ struct Search<'a> {
     lower_bound: f64,
     /// Whether the padded robot is to be certified: the search ends where it touches something, or may after all bisections.
     must_be_free: bool,
-    /// False once it cannot be certified.
+    /// False once the padded robot cannot be certified.
     is_free: bool,
 }
 

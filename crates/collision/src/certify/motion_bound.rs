@@ -23,11 +23,11 @@ fn displacements(robot: &Robot, turns: [f64; SECTIONS]) -> [f64; SECTIONS] {
 /// Bounds on how the three bending pairs turn during an interval of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct MotionBound {
-    /// Lengths of their paths, rad.
+    /// Lengths of the bending pairs' paths, rad.
     turns: [f64; SECTIONS],
-    /// Largest rates, rad/s.
+    /// Largest rates of the bending pairs, rad/s.
     rates: [f64; SECTIONS],
-    /// Largest accelerations, rad/s²; infinite where the curve has a corner.
+    /// Largest accelerations of the bending pairs, rad/s²; infinite where the curve has a corner.
     accelerations: [f64; SECTIONS],
     /// Length of the interval, s.
     pub(crate) duration: f64,
@@ -160,7 +160,7 @@ impl MotionBound {
 /// Bounds on the paths of the body's points during an interval, by section.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Sweep {
-    /// Lengths of the paths.
+    /// Lengths of the points' paths.
     path_lengths: [f64; SECTIONS],
     /// Distances between a point's places at both ends.
     chords: [f64; SECTIONS],

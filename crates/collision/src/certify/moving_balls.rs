@@ -17,7 +17,7 @@ const GROUP: usize = 16;
 pub struct MovingBall {
     /// The ball at the trajectory's time zero.
     pub ball: Ball,
-    /// Its velocity, length/s, base frame.
+    /// The ball's velocity, length/s, base frame.
     pub velocity: Point,
 }
 

@@ -10,13 +10,14 @@ pub enum Verdict {
     Free,
     /// There is contact.
     Colliding {
-        /// Where, not necessarily first: the time of a trajectory (s), the index and fraction of a polyline's edge, the fraction
-        /// of an edge.
+        /// Where there is contact, not necessarily first: the time of a trajectory (s), the index and fraction of a polyline's edge, the
+        /// fraction of an edge.
         at: f64,
     },
     /// Too close to decide.
     Undecided {
-        /// Where: the time of a trajectory (s), the index and fraction of a polyline's edge, the fraction of an edge.
+        /// Where contact is not excluded: the time of a trajectory (s), the index and fraction of a polyline's edge, the fraction of an
+        /// edge.
         at: f64,
     },
 }

@@ -9,7 +9,7 @@ use pcc_model::{Backbone, Point, SECTIONS};
 
 /// Places on a section that balls are measured from first, fractions.
 const PLACES: [f64; 4] = [0.125, 0.375, 0.625, 0.875];
-/// How far from the nearest of them a section's points are at most, fraction.
+/// How far from the nearest of [`PLACES`] a section's points are at most, fraction.
 const AROUND: f64 = 0.125;
 
 /// A bounding-volume tree over a list of balls, which its methods are given again.

@@ -3,11 +3,11 @@
 /// How points pass an obstacle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Passage {
-    /// Bound on the length of their paths.
+    /// Bound on the length of the points' paths.
     pub(crate) path_length: f64,
     /// Bound on the distance between the ends of a path.
     pub(crate) chord: f64,
-    /// Bound on how far they stray from the chord.
+    /// Bound on how far the points stray from the chord of their path.
     pub(crate) stray: f64,
     /// Distance, from the obstacle's centre or surface, at which the clearance is zero.
     pub(crate) reach: f64,

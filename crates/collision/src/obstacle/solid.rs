@@ -24,7 +24,7 @@ enum Shape {
 pub struct Solid {
     shape: Shape,
     pose: Pose3,
-    /// Of a ball around it, base frame.
+    /// Centre of a ball around the solid, base frame.
     centre: Point,
     radius: f64,
 }
@@ -32,9 +32,9 @@ pub struct Solid {
 /// The nearest point of a solid's surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfacePoint {
-    /// Distance to it; negative inside.
+    /// Distance to the surface; negative inside.
     pub distance: f64,
-    /// The point, base frame.
+    /// The nearest point of the surface, base frame.
     pub point: Point,
     /// Unit vector that leads away from the solid, base frame.
     pub away: Point,

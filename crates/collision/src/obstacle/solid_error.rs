@@ -10,23 +10,23 @@ pub enum SolidError {
     /// A length is not usable.
     #[error("{what} is {value}; {MIN_EXTENT:e} to {MAX_EXTENT:e} section lengths are allowed")]
     Length {
-        /// Which one.
+        /// The length, as the scene file names it.
         what: &'static str,
-        /// Its value.
+        /// The refused value.
         value: f64,
     },
     /// A coordinate is not usable.
     #[error("{what} is {value}; within ±{MAX_EXTENT:e} section lengths is allowed")]
     Coordinate {
-        /// Of what.
+        /// The coordinate, as the scene file names it.
         what: &'static str,
-        /// Its value.
+        /// The refused value.
         value: f64,
     },
     /// There is no triangle, or there are too many.
     #[error("the mesh has {count} triangles; 1 to {MAX_TRIANGLES} are allowed")]
     Triangles {
-        /// How many.
+        /// Number of triangles.
         count: usize,
     },
     /// A triangle names a vertex that is not there.
@@ -36,7 +36,7 @@ pub enum SolidError {
         triangle: usize,
         /// Index of the vertex.
         vertex: u32,
-        /// How many there are.
+        /// Number of vertices.
         vertices: usize,
     },
     /// An edge does not have exactly one triangle on each side, each seeing it the other way round.
@@ -54,7 +54,7 @@ pub enum SolidError {
         "the mesh is inside out: its triangles enclose a volume of {volume}, counter-clockwise as seen from outside is needed"
     )]
     InsideOut {
-        /// Signed volume.
+        /// Signed volume that the triangles enclose.
         volume: f64,
     },
     /// The voxels do not make a solid.

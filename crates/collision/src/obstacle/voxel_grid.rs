@@ -14,7 +14,7 @@ pub struct VoxelGrid {
     pub counts: [usize; 3],
     /// Side of a cell.
     pub cell: f64,
-    /// Whether each is filled; z runs fastest, x slowest.
+    /// Whether each cell is filled; z runs fastest, x slowest.
     pub filled: Vec<bool>,
 }
 
@@ -28,7 +28,7 @@ pub enum VoxelError {
     Cells {
         /// Cells along x, y and z.
         counts: [usize; 3],
-        /// Values.
+        /// Number of values given.
         given: usize,
     },
     /// The side of a cell is not usable.
@@ -39,7 +39,7 @@ pub enum VoxelError {
     /// No cell is filled, or the surface is too large.
     #[error("the voxels have {count} faces; 1 to {} are allowed", MAX_TRIANGLES / 2)]
     Faces {
-        /// Between a filled and an empty cell.
+        /// Number of faces between a filled and an empty cell.
         count: usize,
     },
 }

@@ -15,7 +15,7 @@ pub enum SceneFileError {
     /// The file is not read, is not TOML, a key is missing or unknown, or a value has the wrong type.
     #[error("scene file: {0}")]
     Settings(#[from] SettingsError),
-    /// It names neither an obstacle nor that there is none.
+    /// The file names neither an obstacle nor that there is none.
     #[error(
         "scene file {} names no obstacle; where there is none, `balls = []` is needed, so that a file that was cut off is no empty scene",
         shown(.path)
@@ -29,9 +29,9 @@ pub enum SceneFileError {
     Entry {
         /// The scene file.
         path: PathBuf,
-        /// Which entry, as `boxes[0]`.
+        /// The refused entry, as `boxes[0]`.
         entry: String,
-        /// What is wrong with it.
+        /// What is wrong with the entry.
         source: Box<EntryError>,
     },
     /// Too many balls for a file.
@@ -39,7 +39,7 @@ pub enum SceneFileError {
     Balls {
         /// The file.
         path: PathBuf,
-        /// How many.
+        /// Number of balls in the file.
         count: usize,
     },
     /// The obstacles do not make a scene; lengths in section lengths of the robot.
@@ -47,7 +47,7 @@ pub enum SceneFileError {
     Scene {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// What is wrong with the scene.
         source: SceneError,
     },
 }
@@ -60,12 +60,12 @@ pub enum EntryError {
     Value {
         /// The key.
         key: &'static str,
-        /// Its value as the file has it.
+        /// The key's value as the file has it.
         value: f64,
         /// What is allowed.
         allowed: String,
     },
-    /// A file that it names is not read.
+    /// A file that the entry names is not read.
     #[error("`file`: {0}")]
     File(#[from] InputFileError),
     /// A file with a mesh or a grid is not understood.
@@ -76,7 +76,7 @@ pub enum EntryError {
         /// What is wrong and what is allowed.
         reason: String,
     },
-    /// A rotation is none.
+    /// The numbers of a rotation make none.
     #[error("{0}")]
     Rotation(String),
     /// The numbers do not make a solid; lengths in section lengths of the robot.
@@ -87,7 +87,7 @@ pub enum EntryError {
     SolidOfFile {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// What is wrong with the solid.
         source: SolidError,
     },
 }

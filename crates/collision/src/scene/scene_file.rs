@@ -135,7 +135,7 @@ impl Scene {
 struct Reader<'a> {
     /// The scene file.
     path: &'a Path,
-    /// Metres a unit of length.
+    /// Length of the scene's unit, m.
     unit: f64,
 }
 

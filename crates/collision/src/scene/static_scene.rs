@@ -23,13 +23,13 @@ pub enum SceneError {
     /// Too many balls.
     #[error("{count} balls; at most {MAX_BALLS} are allowed")]
     Count {
-        /// How many there were.
+        /// Number of balls.
         count: usize,
     },
     /// Too many solids.
     #[error("{count} solids; at most {MAX_SOLIDS} are allowed")]
     Solids {
-        /// How many there were.
+        /// Number of solids.
         count: usize,
     },
     /// A centre or a radius is not usable.
@@ -39,9 +39,9 @@ pub enum SceneError {
     Ball {
         /// Index of the ball.
         index: usize,
-        /// Its centre.
+        /// The ball's centre.
         centre: [f64; 3],
-        /// Its radius.
+        /// The ball's radius.
         radius: f64,
     },
 }

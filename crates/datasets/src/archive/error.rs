@@ -17,7 +17,7 @@ pub enum ArchiveError {
     Zip {
         /// The archive.
         path: PathBuf,
-        /// What is wrong.
+        /// What is wrong with the archive.
         reason: String,
     },
     /// The archive could not be written.
@@ -25,7 +25,7 @@ pub enum ArchiveError {
     Write {
         /// The archive.
         path: PathBuf,
-        /// The reason.
+        /// Why the archive could not be written.
         source: std::io::Error,
     },
     /// An array is missing, damaged, or of another type or shape.

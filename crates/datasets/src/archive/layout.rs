@@ -19,11 +19,11 @@ const LONGEST_DESCRIPTOR: u64 = 24;
 /// The record that ends a zip file.
 pub(super) struct EndRecord {
     is_there: bool,
-    /// Bytes of the directory before it; none where another record tells them (zip64).
+    /// Bytes of the directory before the record; none where another record tells them (zip64).
     directory: Option<u64>,
 }
 
-/// Reads the last bytes of a file as such a record.
+/// Reads the last bytes of a file of `size` bytes as the record that ends a zip file.
 pub(super) fn end_record(file: &mut File, size: u64) -> std::io::Result<EndRecord> {
     let mut record = [0; END_RECORD as usize];
     if size >= END_RECORD {

@@ -37,7 +37,7 @@ pub struct Case {
 pub struct Dataset {
     /// The rows, in file order.
     pub rows: Vec<Row>,
-    /// Its meta data.
+    /// The set's meta data.
     pub meta: Meta,
 }
 

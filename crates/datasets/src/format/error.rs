@@ -10,7 +10,7 @@ use thiserror::Error;
 /// Why a data set could not be read or written.
 #[derive(Debug, Error)]
 pub enum DatasetError {
-    /// The archive itself.
+    /// The archive is not read or written.
     #[error(transparent)]
     Archive(#[from] ArchiveError),
     /// A file is not read.
@@ -45,7 +45,7 @@ pub enum DatasetError {
     Scene {
         /// Index of the row.
         row: usize,
-        /// The reason.
+        /// Why the obstacles make no scene.
         source: SceneError,
     },
 }

@@ -18,9 +18,9 @@ pub struct GeneratorNotes {
     collision_policy: Option<Value>,
     /// Largest step between neighbouring waypoints, rad; null for the expert, which has no such limit.
     maximum_adjacent_configuration_step: Option<f64>,
-    /// `cpu`.
+    /// The device that computed: `cpu`.
     resolved_device: Option<&'static str>,
-    /// `float64`.
+    /// The numbers that were computed with: `float64`.
     solver_dtype: Option<&'static str>,
     /// How the paper's generator has the tip follow a line; null for the expert.
     workspace_path_ik: Option<Value>,

@@ -16,7 +16,7 @@ use std::path::Path;
 pub(super) const META_FILE: &str = "dataset_meta.json";
 /// Version of the format that is read and written.
 const VERSION: u32 = 25;
-/// Longest such file that is read.
+/// Longest [`META_FILE`] that is read, bytes.
 const MAX_BYTES: u64 = 1 << 24;
 /// Radii of balls and of the body, section lengths.
 const RADII: RangeInclusive<f64> = 0.0..=MAX_EXTENT;
@@ -24,9 +24,9 @@ const RADII: RangeInclusive<f64> = 0.0..=MAX_EXTENT;
 /// What `dataset_meta.json` says, under the authors' keys; keys that are not known are ignored.
 #[derive(Clone, Debug, Serialize, Deserialize, PartialEq)]
 pub struct Meta {
-    /// `pcc_diffuser_npz`.
+    /// Name of the format: `pcc_diffuser_npz`.
     pub format: String,
-    /// 25.
+    /// Version of the format: 25.
     pub version: u32,
     /// Whether all of the set is there; a set that says otherwise is refused.
     #[serde(default = "complete")]
@@ -71,9 +71,9 @@ fn complete() -> bool {
 /// Units of a data set.
 #[derive(Clone, Debug, Serialize, Deserialize, PartialEq, Eq)]
 pub struct Units {
-    /// `normalised`: in section lengths.
+    /// Unit of lengths: `normalised`, in section lengths.
     pub length: String,
-    /// `radian`.
+    /// Unit of configurations: `radian`.
     pub configuration: String,
 }
 
@@ -89,11 +89,11 @@ impl Default for Units {
 /// A number for each split; by default their codes.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize, PartialEq, Eq)]
 pub struct BySplit {
-    /// For training.
+    /// The training split's.
     pub train: usize,
-    /// For choosing among trained models.
+    /// The validation split's, by which trained models are chosen.
     pub validation: usize,
-    /// For the last word.
+    /// The test split's, which has the last word.
     pub test: usize,
 }
 
@@ -212,7 +212,7 @@ impl Meta {
         Ok(())
     }
 
-    /// Checks what it says of the rows.
+    /// Checks what the meta data say of the rows.
     pub(super) fn check_rows(&self, rows: &[Row]) -> Result<(), String> {
         let found = BySplit::count(rows);
         if self.split_counts.is_some_and(|counts| counts != found) {
@@ -231,7 +231,7 @@ impl Meta {
         }
     }
 
-    /// With the number of rows of each split.
+    /// These meta data with the number of rows of each split.
     pub(super) fn counting(&self, rows: &[Row]) -> Self {
         Self {
             split_counts: Some(BySplit::count(rows)),

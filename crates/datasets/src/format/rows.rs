@@ -81,7 +81,7 @@ pub(super) fn read_rows(
 struct Columns {
     paths: Vec<f32>,
     tips: Vec<f32>,
-    /// As [`INDICES`] names them.
+    /// Values of the arrays that [`INDICES`] names.
     indices: [Vec<i64>; 4],
     obstacles: Obstacles,
     /// Clearances, and whether each path is certified.

@@ -12,11 +12,11 @@ const POINTS: usize = SECTIONS * FRACTIONS.len();
 /// The deepest of the nine points of each of N shapes.
 pub(super) struct Samples<const N: usize> {
     points: [[[f64; N]; 3]; POINTS],
-    /// Its distance to the ball's surface; +∞ without balls.
+    /// Distance of each shape's deepest point to its ball's surface; +∞ without balls.
     pub(super) distances: [f64; N],
-    /// Its number, from the base on.
+    /// Number of each shape's deepest point, from the base on.
     points_of: [f64; N],
-    /// The index of its ball.
+    /// Index of the ball of each shape's deepest point.
     balls_of: [f64; N],
 }
 

@@ -55,7 +55,7 @@ impl fmt::Display for Solver {
 
 /// What is done to the clean estimate in the last 40 % of the steps (the paper, section IV-D); in one at least.
 pub enum Refinement<'a> {
-    /// Nothing.
+    /// No refinement.
     None,
     /// Post correction: the estimate (normalised) is moved.
     Correct(&'a mut dyn FnMut(&mut [f32])),

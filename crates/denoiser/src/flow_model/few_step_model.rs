@@ -33,7 +33,7 @@ pub enum FeatureFrame {
 }
 
 impl FeatureFrame {
-    /// What the metadata says: canonical where it says nothing.
+    /// The frame that the metadata names; canonical where it names none.
     fn load(file: &WeightsFile) -> Result<Self, WeightsError> {
         match file.metadata("frame") {
             None | Some("canonical") => Ok(Self::Canonical),
@@ -54,7 +54,7 @@ pub struct CandidateInput<'a> {
     pub ends: &'a [f32],
     /// 28 numbers for each ball, any number of balls.
     pub balls: &'a [f32],
-    /// Without it the flow begins from noise alone.
+    /// Coefficients near which the candidate is sought; without them the flow begins from noise alone.
     pub warm_start: Option<WarmStart<'a>>,
 }
 

@@ -8,9 +8,9 @@ pub(super) const PANEL: usize = 32;
 /// Distances between rows in a buffer, in values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Strides {
-    /// From a row of a candidate to its next row.
+    /// Values from a row of a candidate to its next row.
     pub row: usize,
-    /// From the first row of a candidate to that of the next candidate.
+    /// Values from the first row of a candidate to that of the next candidate.
     pub candidate: usize,
 }
 

@@ -18,7 +18,7 @@ const CHUNK: usize = 4 * PAGE;
 /// Bytes of a cache line, on which every buffer starts.
 const LINE: usize = 64;
 
-/// What is impossible.
+/// The message of a panic over a buffer that is too large.
 const TOO_LARGE: &str = "no buffer is near the size of the address space";
 
 /// Memory that buffers share; each has its own part of it.
@@ -55,7 +55,7 @@ impl Drop for Chunk {
     }
 }
 
-/// The chunk that is being handed out, and how many bytes of it are.
+/// The chunk whose memory is being handed out, and how many of its bytes are taken.
 static FILLING: Mutex<Option<(Arc<Chunk>, usize)>> = Mutex::new(None);
 
 /// Memory of its own for a layout in a chunk, from a cache line on.
@@ -78,7 +78,7 @@ fn take(layout: Layout) -> (Arc<Chunk>, NonNull<u8>) {
 pub(crate) struct Paged<T> {
     first: NonNull<T>,
     length: usize,
-    /// Keeps the memory.
+    /// Keeps the chunk's memory while the buffer lives.
     _chunk: Option<Arc<Chunk>>,
 }
 

@@ -33,7 +33,7 @@ pub(crate) fn has_bf16() -> bool {
     precisions().contains(&Precision::Bf16)
 }
 
-/// Those of [`NEEDED`] that /proc/cpuinfo does not list; none where there is no such list.
+/// The flags of [`NEEDED`] that /proc/cpuinfo does not list; none where there is no such list.
 fn missing_flags() -> Option<Vec<&'static str>> {
     if !cfg!(target_arch = "x86_64") {
         return None;

@@ -231,7 +231,7 @@ impl Kernel for Backward<'_> {
 /// One candidate's input of a normalisation, with its means and scales.
 struct Normalised<'a> {
     x: &'a [f32],
-    /// From here to the next candidate's, which has long left the near caches when it is needed.
+    /// Values from this candidate's input to the next one's, which has long left the near caches when it is needed.
     pitch: usize,
     mean: &'a [f32],
     scale: &'a [f32],

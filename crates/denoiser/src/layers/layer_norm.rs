@@ -13,6 +13,7 @@ const LANES: usize = 16;
 pub(crate) struct LayerNorm {
     weight: Vec<f32>,
     /// Loads `name`.weight and `name`.bias.
+    /// Loads `name`.weight and `name`.bias.
     bias: Vec<f32>,
 }
 

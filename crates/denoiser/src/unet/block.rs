@@ -16,7 +16,7 @@ pub(super) struct ResidualBlock {
     film: Linear,
     norm2: Affine,
     conv2: Convolution,
-    /// Where the numbers of channels differ.
+    /// The convolution beside the block, where input and output differ in channels.
     skip: Option<Convolution>,
 }
 

@@ -19,7 +19,7 @@ pub enum WeightsError {
         name: String,
         /// The key.
         key: &'static str,
-        /// Its value.
+        /// The key's value.
         found: String,
         /// What is allowed.
         allowed: &'static str,
@@ -35,7 +35,7 @@ pub enum WeightsError {
         path: PathBuf,
         /// The name asked for.
         name: String,
-        /// The names there are.
+        /// The names that the manifest has.
         known: Vec<String>,
     },
     /// The file that the manifest names is not read.
@@ -45,7 +45,7 @@ pub enum WeightsError {
         manifest: PathBuf,
         /// The name of the weights.
         name: String,
-        /// The reason.
+        /// Why the file is not read.
         source: InputFileError,
     },
     /// The file is not what the manifest says of it.
@@ -58,9 +58,9 @@ pub enum WeightsError {
         path: PathBuf,
         /// The manifest's key.
         key: &'static str,
-        /// What the file has.
+        /// The key's value by the file.
         found: String,
-        /// What the manifest says.
+        /// The key's value by the manifest.
         expected: String,
     },
     /// Not a safetensors file.
@@ -95,7 +95,7 @@ pub enum ContentError {
     Shape {
         /// The tensor.
         tensor: String,
-        /// What it has.
+        /// Shape or type that the tensor has.
         found: String,
         /// The shape needed.
         expected: Vec<usize>,
@@ -115,7 +115,7 @@ pub enum ContentError {
     Value {
         /// The tensor.
         tensor: &'static str,
-        /// What it has.
+        /// What the tensor has.
         found: String,
         /// What is needed.
         expected: &'static str,
@@ -125,7 +125,7 @@ pub enum ContentError {
     Metadata {
         /// The key.
         key: &'static str,
-        /// Its value, if there is one.
+        /// The key's value, if there is one.
         found: Option<String>,
         /// What is needed.
         expected: String,
@@ -137,7 +137,7 @@ pub enum ContentError {
     Robot {
         /// The metadata's key.
         key: &'static str,
-        /// What differs.
+        /// The quantity that differs.
         quantity: &'static str,
         /// The weights' value.
         found: f64,

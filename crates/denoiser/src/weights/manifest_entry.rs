@@ -16,19 +16,19 @@ const MAX_NAME: usize = 255;
 pub struct ManifestEntry {
     /// File name in the manifest's folder.
     pub file: String,
-    /// SHA-256 of its content, in hexadecimal.
+    /// SHA-256 of the file, hexadecimal.
     pub sha256: String,
     /// The size of the file, bytes.
     pub bytes: u64,
-    /// Which network it holds.
+    /// The network that the weights are of.
     pub architecture: String,
-    /// How its data was made.
+    /// How the training data was made.
     pub description: String,
     /// Seconds of training.
     pub training_seconds: u64,
     /// Updates of training.
     pub updates: u64,
-    /// Figures measured with it, and the command that measured them.
+    /// Figures measured with the weights, and the command that measured them.
     #[serde(default, deserialize_with = "table")]
     pub measured: toml::Table,
 }

@@ -47,9 +47,9 @@ pub(super) struct Report {
 
 /// How an execution ended.
 pub(super) enum Execution {
-    /// At the end of the trajectory.
+    /// The trajectory was executed to its end.
     Done(Report),
-    /// Before its end: the controller stopped the robot along its path.
+    /// The controller stopped the robot along its path, before the trajectory's end.
     Stopped {
         trajectory_id: u32,
         fault: LoopFault,

@@ -39,7 +39,7 @@ pub(super) fn solve_tips(
 /// A configuration that Newton steps move from a seed towards the target.
 #[derive(Clone, Copy)]
 struct Seeker {
-    /// Which of the seeds.
+    /// Index of the seed.
     number: usize,
     configuration: Configuration,
     distance: f64,

@@ -47,7 +47,7 @@ impl SampledVerdict {
     }
 }
 
-/// The smaller one, or NaN where there is one: `f64::min` would drop it.
+/// The smaller of two numbers, or NaN where one is NaN, which `f64::min` would drop.
 fn smaller(a: f64, b: f64) -> f64 {
     if b < a || b.is_nan() { b } else { a }
 }
@@ -59,7 +59,7 @@ pub(crate) struct Deepest<'a> {
     pub(crate) fraction: f64,
     pub(crate) point: Point,
     pub(crate) ball: &'a Ball,
-    /// Distance to the ball's surface.
+    /// Distance of the deepest point to the ball's surface, section lengths.
     pub(crate) distance: f64,
 }
 

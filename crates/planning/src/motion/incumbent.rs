@@ -18,7 +18,7 @@ impl ShortestDuration {
         Self(AtomicU64::new(f64::INFINITY.to_bits()))
     }
 
-    /// In seconds; infinite where there is no motion.
+    /// The shortest duration of any motion so far, s; infinite where there is none.
     pub(crate) fn duration_s(&self) -> f64 {
         f64::from_bits(self.0.load(Ordering::Relaxed))
     }

@@ -54,7 +54,8 @@ impl Pushes {
         self.rows.clear();
     }
 
-    /// Wants waypoint `waypoint` to move by `distance` along `gradient`.
+    /// Asks for a change of waypoint `waypoint`, rad, whose product with `gradient` is `distance`: a clearance, section lengths, or an
+    /// angle, rad.
     pub(crate) fn add(&mut self, waypoint: usize, gradient: Configuration, distance: f64) {
         self.rows.push(Push {
             waypoint,

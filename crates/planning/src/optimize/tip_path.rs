@@ -156,10 +156,10 @@ fn straight(
 struct TipLine<'a> {
     robot: &'a UnitRobot,
     ends: [Configuration; 2],
-    /// The change that compressing would make at each end.
+    /// The change that compressing would make at each end, rad.
     compressions: [Configuration; 2],
     first_tip: Point,
-    /// From the first tip to the last.
+    /// Vector from the first tip to the last, section lengths.
     line: Point,
     /// Bend of the tip's line at its middle, times 4, that spares the directions in which the tip is stiff.
     bend: Point,

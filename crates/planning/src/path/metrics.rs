@@ -18,9 +18,9 @@ const MODE_SEPARATION_RAD: f64 = 0.5;
 pub struct PathMetrics {
     /// Duration, s.
     pub duration_s: f64,
-    /// Length of the tip path.
+    /// Length of the tip path, section lengths.
     pub tip_length: f64,
-    /// Straight distance between the tip's two ends.
+    /// Straight distance between the tip's two ends, section lengths.
     pub tip_distance: f64,
     /// ∫‖p‴‖² over the normalised arc length of the tip path, in squared section lengths.
     pub tip_smoothness: f64,

@@ -3,7 +3,7 @@
 use crate::path::waypoints::WAYPOINTS;
 use nalgebra::{DMatrix, SVector};
 
-/// Third differences.
+/// Weights of a third difference.
 const DIFFERENCE: [f64; 4] = [-1.0, 3.0, -3.0, 1.0];
 
 /// The smoothing spline with the penalty λ ∫ (d³x/dh³)² on the waypoints h = 0, …, 63 (Reinsch 1967, with third derivatives):
@@ -14,7 +14,7 @@ pub(crate) struct Smoother {
 }
 
 impl Smoother {
-    /// With the penalty `strength` = λ, positive.
+    /// The smoother with the penalty `strength` = λ, positive.
     pub(crate) fn new(strength: f64) -> Self {
         let differences = DMatrix::from_fn(WAYPOINTS - 3, WAYPOINTS, |row, column| {
             let place = column.checked_sub(row);

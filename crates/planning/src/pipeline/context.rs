@@ -26,12 +26,12 @@ pub(crate) struct RequestContext<'a> {
 
 /// A path that is to become a motion.
 pub(super) struct Proposal {
-    /// 64 waypoints, radians.
+    /// The path: 64 waypoints, radians.
     pub(crate) path: Waypoints,
     pub(crate) source: Source,
-    /// The number of the draw that it is, unless it only competes with one.
+    /// Index of the draw that the path is, unless it only competes with one.
     pub(crate) draw: Option<usize>,
-    /// Whether its tip is brought onto a smooth curve.
+    /// Whether the path's tip is brought onto a smooth curve.
     pub(crate) smooths_tip: bool,
 }
 
@@ -43,7 +43,7 @@ pub(super) struct Drawn {
     pub(crate) draws: Vec<Draw>,
     /// Learned draws, and how many of them are certified, before anything took the place of one.
     pub(crate) learned: [usize; 2],
-    /// Paths drawn beyond the candidates because none of these was certified.
+    /// Paths that exploring drew, since none of the draws asked for was certified.
     pub(crate) explored: usize,
 }
 
@@ -78,7 +78,7 @@ impl From<Vec<Draw>> for Drawn {
 }
 
 impl<'a> RequestContext<'a> {
-    /// For a robot whose tubes are `padded` by what the request demands.
+    /// The context of a request for a robot whose tubes are `padded` by what it demands.
     pub(crate) fn new(
         resources: &'a Resources,
         padded: &'a UnitRobot,

@@ -21,9 +21,9 @@ const WIDE: f32 = 4.0;
 const ROUNDS: usize = 30;
 /// Paths that a round draws.
 const DRAWN: usize = PARTS * DRAWN_AT_ONCE;
-/// Parts in which they are drawn: between them an interrupt is heeded.
+/// Parts in which a round's paths are drawn: between parts an interrupt is heeded.
 const PARTS: usize = 8;
-/// Paths of a part.
+/// Paths that are drawn in a part.
 const DRAWN_AT_ONCE: usize = 8;
 /// Paths of a round that motions are made of.
 const TRIED: usize = 8;

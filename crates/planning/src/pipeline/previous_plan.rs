@@ -22,7 +22,7 @@ const SEPARATION_RAD: f64 = 0.1;
 #[derive(Clone, Debug)]
 pub(super) struct RemainingPath {
     pub(crate) path: Waypoints,
-    /// Whether the robot follows it.
+    /// Whether the robot follows the path.
     pub(crate) followed: bool,
 }
 

@@ -32,7 +32,7 @@ pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageT
 
 /// A segment that was tried.
 struct StraightLineCandidate {
-    /// Its place in the order of least durations.
+    /// The segment's place in the order of least durations.
     place: usize,
     /// The shortest duration of an incumbent that does not stop it, s; infinite where it makes no motion.
     counted_s: f64,
@@ -43,7 +43,7 @@ struct StraightLineCandidate {
 pub(super) struct StraightLineCandidates<'a> {
     context: &'a RequestContext<'a>,
     goals: &'a [Configuration],
-    /// Goals, and the least duration of the segment to each, s.
+    /// Goals by index, with the least duration of the segment to each, s.
     order: Vec<(usize, f64)>,
     /// Paths that are to be drawn, or drawn, and not yet taken by a worker.
     waiting: AtomicUsize,
@@ -54,7 +54,7 @@ pub(super) struct StraightLineCandidates<'a> {
 
 /// Which segment is faster than all other motions of a request.
 pub(super) struct Decision {
-    /// Its goal, and its index in `segments`; none where a drawn path is as fast.
+    /// The fastest segment's goal, and its index in `segments`; none where a drawn path is as fast.
     pub(super) winner: Option<(usize, usize)>,
     /// The segments that were tried.
     pub(crate) segments: Deliveries,

@@ -18,16 +18,16 @@ pub(crate) struct TimedPath {
     /// When each piece begins, and when the last one ends, s; the path begins at 0.
     time: Vec<f64>,
     piece: Vec<TimedPiece>,
-    /// How much s̈ changes at each of these times on the path.
+    /// How much s̈ changes at each time at which a piece begins or the last one ends, rad/s².
     path_acceleration_step: Vec<f64>,
 }
 
 /// A piece of the path on which ζ is cubic in s and s is quadratic in time.
 #[derive(Clone, Copy, Debug)]
 struct TimedPiece {
-    /// ṡ at its start.
+    /// ṡ at the piece's start, rad/s.
     speed: f64,
-    /// s̈.
+    /// s̈ on the piece, rad/s².
     path_acceleration: f64,
     start: PathPoint,
     /// ∫ (ζ − ζ at the start) dt over the piece.

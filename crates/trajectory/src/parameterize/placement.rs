@@ -50,11 +50,11 @@ struct Segment {
     from: usize,
     to: usize,
     duration: f64,
-    /// The factor by which its times must grow: see [`time_scale_bounds`].
+    /// Bounds of the factor by which the segment's times must grow: see [`time_scale_bounds`].
     time_scale: [f64; 2],
-    /// Upper bound of the distance of its middle from the motion, rad.
+    /// Upper bound of the distance of the segment's middle from the motion, rad.
     distance: f64,
-    /// The larger of its excess time and its distance, each ÷ its tolerance.
+    /// The larger of the segment's excess time and distance, each ÷ its tolerance.
     badness: f64,
 }
 
