@@ -48,7 +48,7 @@ codes! {
     /// Why the controller's loop does not hold the robot: what it waits for while it is starting, or in fault and let go.
     "reason to wait"
     pub enum Waiting {
-        /// It holds the robot.
+        /// The loop holds the robot.
         None = 0 "none",
         /// No state of the robot arrives.
         NoRobotState = 1 "no robot state",
@@ -79,37 +79,37 @@ codes! {
     /// Why the controller refused a trajectory; the one before goes on.
     "refusal"
     pub enum Refusal {
-        /// It did not.
+        /// No refusal.
         None = 0 "none",
         /// Another version of the protocol.
         WrongVersion = 1 "wrong version",
         /// Malformed: counts, times, values that are not finite.
         Malformed = 2 "malformed",
-        /// It exceeds a limit of the robot.
+        /// The trajectory exceeds a limit of the robot.
         OutOfLimits = 3 "out of limits",
-        /// It does not start at the commanded state.
+        /// The trajectory does not start at the commanded state.
         StartsElsewhere = 4 "starts elsewhere",
-        /// It begins in the past.
+        /// The trajectory begins in the past.
         BeginsInThePast = 5 "begins in the past",
-        /// It begins too far in the future.
+        /// The trajectory begins too far in the future.
         BeginsTooLate = 6 "begins too late",
-        /// It does not end at rest.
+        /// The trajectory does not end at rest.
         EndsInMotion = 7 "ends in motion",
         /// The controller is in fault.
         Faulted = 8 "in fault",
         /// The controller has no robot yet.
         NotReady = 9 "not ready",
-        /// The controller executes, stops, or has another one waiting.
+        /// The controller executes, stops, or has another trajectory waiting.
         Busy = 10 "busy",
-        /// It has the id and the begin of the last one taken.
+        /// The trajectory has the id and the begin of the last one taken.
         OldId = 11 "old trajectory id",
-        /// It names another controller than this one: one that was killed since, or has ended.
+        /// The trajectory names another controller than this one: one that was killed since, or has ended.
         OtherController = 12 "meant for another controller",
-        /// It was published by another daemon than the one that sends heartbeats, so nothing supervises it.
+        /// The trajectory was published by another daemon than the one that sends heartbeats, so nothing supervises it.
         OtherDaemon = 13 "published by another daemon",
-        /// A stop or a reset was ordered, or the controller was started, after it was requested.
+        /// A stop or a reset was ordered, or the controller was started, after the trajectory was requested.
         RequestedBefore = 14 "requested before a stop, a reset or the controller's start",
-        /// It was taken, and a stop, a reset, a fault or the loss of robot or daemon came before its begin.
+        /// The trajectory was taken, and a stop, a reset, a fault or the loss of robot or daemon came before its begin.
         SetAside = 15 "set aside before its begin",
     }
 }
@@ -118,7 +118,7 @@ codes! {
     /// Why a scene does not count; the one before of the same source stays until its lifetime ends.
     "scene refusal"
     pub enum SceneRefusal {
-        /// It does.
+        /// The scene counts.
         None = 0 "none",
         /// Another version of the protocol.
         WrongVersion = 1 "wrong version",
@@ -128,7 +128,7 @@ codes! {
         OtherClock = 3 "stamped by the wall clock, not by CLOCK_MONOTONIC",
         /// The stamp is later than now.
         InTheFuture = 4 "stamped in the future",
-        /// The stamp and the lifetime are over.
+        /// The scene's lifetime, counted from its stamp, is over.
         TooOld = 5 "too old: its lifetime is over",
         /// The same publisher has sent a newer one before.
         Superseded = 6 "older than the one before",
@@ -147,15 +147,15 @@ codes! {
     /// State of the motor end.
     "motor state"
     pub enum MotorState {
-        /// It was never commanded.
+        /// The motor end was never commanded.
         Idle = 0 "idle",
-        /// It follows set-points.
+        /// The motor end follows set-points.
         Following = 1 "following",
-        /// Set-points stay away: it ramps to rest.
+        /// Set-points stay away: the motor end ramps to rest.
         RampingToRest = 2 "ramping to rest",
-        /// It is at rest after such a loss.
+        /// The motor end is at rest after set-points stayed away.
         AtRestAfterLoss = 3 "at rest after loss",
-        /// It does not move.
+        /// The motor end does not move.
         Fault = 4 "fault",
     }
 }
@@ -164,7 +164,7 @@ codes! {
     /// Fault of the motor end.
     "motor fault"
     pub enum MotorFault {
-        /// Nothing.
+        /// No fault.
         None = 0 "none",
         /// A motor reports an error or does not move.
         Motor = 1 "motor",
@@ -213,7 +213,7 @@ codes! {
         None = 0 "none",
         /// Another version of the protocol.
         WrongVersion = 1 "wrong version",
-        /// No known kind.
+        /// The command's kind is unknown.
         UnknownKind = 2 "unknown kind",
         /// The speed is not in 0..=1.
         InvalidSpeed = 3 "invalid speed",
@@ -221,7 +221,7 @@ codes! {
         FaultPersists = 4 "fault persists",
         /// There is nothing to stop or to reset.
         NothingToDo = 5 "nothing to do",
-        /// The loop did not take it in time; it was withdrawn, and is not carried out later.
+        /// The loop did not take the command in time; it was withdrawn, and is not carried out later.
         LoopBusy = 6 "loop busy",
         /// The loop did not take a stop in time; it stays in force, and is obeyed as soon as the loop goes on.
         StopPending = 7 "stop pending: the loop has not taken it yet, and will",

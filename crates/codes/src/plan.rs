@@ -31,17 +31,17 @@ codes! {
     /// Which candidate is selected.
     "selection"
     pub enum Selection {
-        /// The one of least duration.
+        /// The candidate of least duration.
         ShortestTime = 0 "shortest time",
-        /// The one whose tip travels least.
+        /// The candidate whose tip travels least.
         ShortestTipPath = 1 "shortest tip path",
         /// The candidate that stays farthest from obstacles.
         LargestClearance = 2 "largest clearance",
-        /// The smoothest one.
+        /// The smoothest candidate.
         Smoothest = 3 "smoothest",
-        /// The one whose goal configuration is nearest to the start's.
+        /// The candidate whose goal configuration is nearest to the start's.
         NearestGoalConfiguration = 4 "nearest goal configuration",
-        /// The one that the request names.
+        /// The candidate that the request names by its index.
         ByIndex = 5 "by index",
     }
 }
@@ -86,7 +86,7 @@ codes! {
         StartOutOfLimits = 2 "start out of limits",
         /// The body touches an obstacle at the start.
         StartInCollision = 3 "start in collision",
-        /// No configuration within limits puts the tip there.
+        /// No configuration found within limits puts the tip at the goal.
         GoalOutOfReach = 4 "goal out of reach",
         /// Every configuration found that reaches the goal touches an obstacle.
         GoalInCollision = 5 "goal in collision",
@@ -152,7 +152,7 @@ codes! {
     /// A field of a plan request that can be wrong.
     "plan field"
     pub enum PlanField {
-        /// None.
+        /// No field is wrong.
         None = 0 "none",
         /// `protocol_version`.
         ProtocolVersion = 1 "protocol_version",

@@ -10,10 +10,10 @@ pub(crate) enum ExecutionRefusal {
     /// There is no candidate to execute.
     #[error("no candidate is selected")]
     NothingSelected,
-    /// No controller is alive to execute it.
+    /// No controller is alive to execute the motion.
     #[error("no controller: its state is missing or older than 200 ms")]
     ControllerAbsent,
-    /// No controller would receive an order to stop it.
+    /// No controller would receive an order to stop the motion.
     #[error("nobody serves `command`: an order to stop would be lost")]
     CommandUnserved,
     /// The controller is not at rest.
@@ -42,7 +42,7 @@ pub(crate) enum ExecutionRefusal {
          stopped along its path"
     )]
     SupervisionStalled,
-    /// iceoryx2 could not send it.
+    /// iceoryx2 could not send the trajectory.
     #[error("the trajectory could not be published")]
     NotPublished,
 }

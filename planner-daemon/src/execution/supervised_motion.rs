@@ -14,7 +14,7 @@ const START_TIMEOUT_NS: i64 = 300_000_000;
 /// Why a motion is stopped.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum StopReason {
-    /// It is not certified free of the live scene.
+    /// The motion is not certified free of the live scene.
     #[error("the live scene is in the way at {at_s:.3} s of it")]
     SceneInTheWay { at_s: f64 },
     /// The live scene is missing.
@@ -23,13 +23,13 @@ pub(crate) enum StopReason {
     /// The controller has sent no fresh state for 200 ms.
     #[error("the controller has not said for 200 ms what it does")]
     ControllerSilent,
-    /// The controller has not started it 300 ms after its begin, and may still do so.
+    /// The controller has not started the motion 300 ms after its begin, and may still do so.
     #[error("the controller has not taken it up 300 ms after its begin")]
     NotStarted,
-    /// It was published after its request had been refused for a time-out.
+    /// The motion was published after its request had been refused for a time-out.
     #[error("nobody waits for it any more: supervision was held while it published it")]
     CallerGone,
-    /// It executes and is not this daemon's own.
+    /// The motion executes and is not this daemon's own.
     #[error("it is executed and nobody watches over it")]
     Unsupervised,
     /// The daemon ends.
@@ -43,7 +43,7 @@ pub(crate) struct SupervisedMotion {
     pub(crate) id: u32,
     pub(crate) motion: Trajectory,
     pub(crate) certificates: Certificates,
-    /// The controller that it was published for.
+    /// Instance of the controller that the motion was published for.
     controller_instance: u64,
     begin_mono_ns: i64,
     /// Longest duration of a stop on its path, the delay until braking begins included, s.
@@ -51,20 +51,20 @@ pub(crate) struct SupervisedMotion {
     status: MotionStatus,
     /// Stamp of the newest state received, nanoseconds of `CLOCK_MONOTONIC`.
     state_mono_ns: i64,
-    /// The first reason to stop it.
+    /// The first reason to stop the motion, if there is one.
     stop: Option<StopReason>,
 }
 
 /// Status of a published motion at the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum MotionStatus {
-    /// The controller has not begun it yet.
+    /// The controller has not begun the motion yet.
     Pending,
-    /// The controller executes it: it was at this path time, s, at its state's stamp.
+    /// The controller executes the motion, which was at this path time, s, at its state's stamp.
     Executing { time_s: f64, rate: f64 },
     /// The controller brakes.
     Stopping,
-    /// It has ended, for this reason.
+    /// The motion has ended, for this reason.
     Over(&'static str),
 }
 
@@ -133,7 +133,7 @@ impl SupervisedMotion {
             && self.state_mono_ns >= self.begin_mono_ns.saturating_add(START_TIMEOUT_NS)
     }
 
-    /// Its status by the last fresh state.
+    /// The motion's status by the last fresh state.
     pub(crate) fn status(&self) -> MotionStatus {
         self.status
     }
@@ -167,7 +167,7 @@ impl SupervisedMotion {
         self.stop.get_or_insert(reason);
     }
 
-    /// Why it is to be stopped, if it is.
+    /// Why the motion is to be stopped, if it is.
     pub(crate) fn stop_reason(&self) -> Option<StopReason> {
         self.stop
     }

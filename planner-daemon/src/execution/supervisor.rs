@@ -44,7 +44,7 @@ const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(5);
 /// Publishers and state of the thread.
 pub(crate) struct Supervisor {
     rules: ExecutionRules,
-    /// The daemon's, as in its heartbeat.
+    /// The daemon's instance, as in its heartbeat.
     instance: u64,
     publisher: Publisher<TrajectoryMessage>,
     states: Subscriber<ControllerState>,

@@ -17,13 +17,13 @@ pub(crate) enum SceneAbsence {
         source_name = .source_name.to_string()
     )]
     Ended {
-        /// Which.
+        /// The source's name.
         source_name: SourceName,
     },
     /// A live publisher, which may know of obstacles, has sent no scene.
     #[error("a publisher of scenes has not been heard (process {pid}): it must publish, or end")]
     Unheard {
-        /// Its process.
+        /// Process id of the publisher.
         pid: u32,
     },
     /// The scenes of a live publisher are refused.
@@ -32,9 +32,9 @@ pub(crate) enum SceneAbsence {
         what_helps(*.refusal)
     )]
     Refused {
-        /// Its process.
+        /// Process id of the publisher.
         pid: u32,
-        /// Why.
+        /// Why the publisher's scenes are refused.
         refusal: SceneRefusal,
     },
 }

@@ -17,7 +17,7 @@ pub(super) enum RateAssumption {
 /// A certificate of the rest of a motion: the version of the scene and the timed stretch of path for which it holds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Certificate {
-    /// Of the scene.
+    /// Version of the scene.
     pub(super) version: u64,
     pub(super) rate: RateAssumption,
     pub(super) stretch: Stretch,
@@ -34,7 +34,7 @@ impl Certificate {
 pub(crate) struct Certificates(Vec<Certificate>);
 
 impl Certificates {
-    /// Forgets those for scenes that are no longer kept.
+    /// Forgets the certificates for scenes that are no longer kept.
     pub(super) fn keep_only(&mut self, is_kept: impl Fn(u64) -> bool) {
         self.0.retain(|certificate| is_kept(certificate.version));
     }
@@ -52,7 +52,7 @@ impl Certificates {
         })
     }
 
-    /// Keeps this one in place of the one before.
+    /// Keeps `certificate` in place of the one for the same scene and rate.
     pub(super) fn renew(&mut self, certificate: Certificate) {
         self.0.retain(|kept| !kept.is_for_same_scene(&certificate));
         self.0.push(certificate);
@@ -62,14 +62,14 @@ impl Certificates {
 /// The rest of a motion, to be certified.
 #[derive(Clone, Copy)]
 pub(crate) struct RemainingMotion<'a> {
-    /// In units of the section length, its tubes padded by what covers the path tolerance.
+    /// The robot in units of its section length, its tubes padded by what covers the path tolerance.
     pub(crate) padded: &'a UnitRobot,
     pub(crate) motion: &'a Trajectory,
     /// Path time that has passed for certain, s.
     pub(crate) from_s: f64,
-    /// Its timing at the last reported rate.
+    /// The motion's timing at the last reported rate.
     pub(crate) timing: Timing,
-    /// The stretch that it may pass at full rate.
+    /// The stretch that the motion may pass at full rate.
     pub(crate) at_full_rate: Option<Stretch>,
     /// Longest stop, with the time until it begins, s.
     pub(crate) stopping_s: f64,
@@ -78,7 +78,7 @@ pub(crate) struct RemainingMotion<'a> {
 }
 
 impl RemainingMotion<'_> {
-    /// All of it, at this timing.
+    /// The whole rest of the motion, at `timing`.
     fn whole(&self, timing: Timing) -> Stretch {
         Stretch {
             timing,

@@ -39,11 +39,11 @@ struct PendingScene {
     scene: Box<SceneMessage>,
     /// Since when a scene waits to be looked at, nanoseconds; a newer one in its place has waited as long. None: it was looked at.
     new_since_mono_ns: Option<i64>,
-    /// When it may be looked at, nanoseconds.
+    /// When the scene may be looked at, nanoseconds.
     not_before_mono_ns: i64,
     /// A scene that came under another name while this one waited: both names are of one publisher, which is refused for it.
     other: Option<SceneId>,
-    /// What was said of the last one, and logged.
+    /// The last verdict that was published and logged.
     said: SceneRefusal,
 }
 

@@ -66,7 +66,7 @@ impl Timing {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stretch {
     pub(crate) timing: Timing,
-    /// Path time at its end, s.
+    /// Path time at the stretch's end, s.
     pub(crate) until_s: f64,
 }
 
@@ -82,7 +82,7 @@ pub(crate) struct MovingBallCover {
 }
 
 impl MovingBallCover {
-    /// Balls that cover them all while the motion is between these path times, those left out that the robot cannot reach.
+    /// Balls that cover all of `balls` while the motion is between these path times, those left out that the robot cannot reach.
     pub(crate) fn cover_all(
         &self,
         balls: &[MovingBall],

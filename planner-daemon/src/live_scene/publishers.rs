@@ -14,11 +14,11 @@ pub(super) const FIRST_SCENE_TIMEOUT_NS: i64 = 200_000_000;
 /// Status of a publisher.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum PublisherStatus {
-    /// Nothing yet.
+    /// The publisher has sent nothing yet.
     Nothing,
-    /// A scene that is kept under no name.
+    /// The publisher has sent a scene that is kept under no name.
     Refused(SceneRefusal),
-    /// Its source tells what it knows, or it is signed off.
+    /// The publisher's source tells what it knows, or it is signed off.
     Known,
 }
 
@@ -26,9 +26,9 @@ pub(super) enum PublisherStatus {
 #[derive(Debug)]
 struct KnownPublisher {
     publisher: PresentPublisher,
-    /// When it was there first, nanoseconds.
+    /// When the publisher was there first, nanoseconds.
     since_mono_ns: i64,
-    /// The first readable one under which it has sent.
+    /// The first readable name under which the publisher has sent.
     name: Option<SourceName>,
     heard: PublisherStatus,
 }

@@ -17,14 +17,14 @@ const AHEAD_S: f64 = 0.1;
 pub(super) struct RetainedScene {
     pub(super) scene: valid::Scene,
     resting: Scene,
-    /// At the stamp of the message.
+    /// The balls that move, where they are at the stamp of the message.
     moving: Vec<MovingBall>,
-    /// Number of its content, another one for each.
+    /// Number of the scene's content, another one for each.
     pub(super) version: u64,
 }
 
 impl RetainedScene {
-    /// Of a message in metres; the version is the next number of a content.
+    /// The scene of a message in metres; `version` is the next number of a content.
     pub(super) fn new(
         scene: valid::Scene,
         section_length_m: f64,

@@ -65,7 +65,7 @@ pub(super) struct RetainedSource {
     pub(super) name: SourceName,
     pub(super) publisher: u128,
     pub(super) leaves: bool,
-    /// None where no scene of it counted, or the daemon was killed while it wrote one.
+    /// The source's scene; none where none of it counted, or the daemon was killed while it wrote one.
     pub(super) scene: Option<valid::Scene>,
 }
 
@@ -75,7 +75,7 @@ pub(super) struct SourceRecord {
     pub(super) name: SourceName,
     pub(super) publisher: u128,
     pub(super) leaves: bool,
-    /// Stamp and lifetime, nanoseconds, and version of its scene.
+    /// Stamp and lifetime, nanoseconds, and version of the source's scene.
     pub(super) scene: Option<(i64, i64, u64)>,
 }
 
@@ -107,7 +107,7 @@ impl SceneMemory {
         Self::map(&path).map_err(|source| SceneMemoryError { path, source })
     }
 
-    /// In a file of this root directory's own.
+    /// The memory in a file of this root directory's own in [`SHARED_MEMORY`].
     fn in_shared_memory(options: &IpcOptions) -> io::Result<Self> {
         let root = fs::metadata(&options.root)?;
         let (prefix, device, inode) = (&options.prefix, root.dev(), root.ino());

@@ -25,9 +25,9 @@ pub(crate) struct Arrival {
 struct Source {
     name: SourceName,
     publisher: u128,
-    /// Its newest accepted scene; none where all were refused.
+    /// The source's newest accepted scene; none where all were refused.
     latest: Option<RetainedScene>,
-    /// It is signed off: it is forgotten once its lifetime is over.
+    /// Whether the source is signed off: it is forgotten once its scene's lifetime is over.
     leaves: bool,
 }
 
@@ -37,7 +37,7 @@ impl Source {
         latest.is_some_and(|latest| now_mono_ns < latest.scene.end_mono_ns())
     }
 
-    /// Its record and scene for [`SceneMemory::keep`].
+    /// The source's record and scene for [`SceneMemory::keep`].
     fn for_memory(&self) -> (SourceRecord, Option<&valid::Scene>) {
         let latest = self.latest.as_ref();
         let record = SourceRecord {
@@ -64,9 +64,9 @@ pub(crate) struct LiveScene {
     publishers: Publishers,
     section_length_m: f64,
     expected: bool,
-    /// What was sent before may have been meant for another daemon, nanoseconds.
+    /// When this daemon began, nanoseconds: what was sent before may have been meant for another one.
     begun_mono_ns: i64,
-    /// Scenes that tell of a time before the machine was last suspended do not count, nanoseconds.
+    /// When the machine last resumed after a suspension, nanoseconds: scenes of a time before do not count.
     resumed_mono_ns: i64,
     versions: u64,
 }

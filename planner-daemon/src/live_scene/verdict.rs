@@ -7,9 +7,9 @@ use shared_types::valid::Invalid;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SceneVerdict {
     pub(crate) refusal: SceneRefusal,
-    /// What is wrong with a malformed one.
+    /// What is wrong with a malformed scene.
     pub(crate) invalid: Option<Invalid>,
-    /// Balls of it that count.
+    /// Balls of the scene that count.
     pub(crate) balls: usize,
 }
 

@@ -27,10 +27,10 @@ pub(crate) struct Answer {
 /// Why an answer did not reach its client.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum AnswerError {
-    /// No shared memory for it.
+    /// There is no shared memory for the answer.
     #[error("no shared memory for the answer: {0:?}")]
     Loan(LoanError),
-    /// It was written but not delivered.
+    /// The answer was written but not delivered.
     #[error("the answer was not delivered: {0:?}")]
     Send(SendError),
 }

@@ -21,7 +21,7 @@ pub(crate) struct Job {
     pub(crate) problem: Arc<Problem>,
     pub(crate) request: Request,
     pub(crate) deadline: Instant,
-    /// What is wanted before the plan, if anything.
+    /// The early answer that is wanted, if any.
     pub(crate) early: Option<Early>,
     /// Set when the client has cancelled the request.
     pub(crate) cancelled: Arc<AtomicBool>,
@@ -29,16 +29,16 @@ pub(crate) struct Job {
 
 /// The early answer that a client asked for: its number of candidates, as soon as they are certified.
 pub(crate) struct Early {
-    /// How many.
+    /// Number of candidates.
     pub(crate) count: usize,
-    /// Whether one can be delivered.
+    /// Whether a candidate can be delivered.
     pub(crate) is_deliverable: Box<dyn Fn(&Candidate) -> bool + Send + Sync>,
 }
 
 /// Why there is no plan.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum PlanError {
-    /// The planner says why.
+    /// The planner's own error.
     #[error(transparent)]
     Planner(#[from] PlannerError),
     /// A defect of the planner; the daemon goes on.

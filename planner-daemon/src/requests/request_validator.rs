@@ -37,11 +37,11 @@ pub(crate) struct RequestValidator {
 /// A validated request in the planner's units.
 #[derive(Clone, Debug)]
 pub(crate) struct PlanTask {
-    /// The client's number.
+    /// The client's number of the request.
     pub(crate) request_id: u64,
-    /// In units of the section length.
+    /// The problem in units of the section length.
     pub(crate) problem: Arc<Problem>,
-    /// What to deliver.
+    /// The planner's request: what to deliver.
     pub(crate) request: Request,
     /// Time that the answer may take.
     pub(crate) deadline: Duration,

@@ -45,11 +45,11 @@ pub enum StartError {
     /// The learned model is refused.
     #[error("{key}, in {}: {source}", shown(.folder))]
     Weights {
-        /// The key that asks for it.
+        /// The key that asks for the model.
         key: String,
-        /// The folder.
+        /// The weights' folder.
         folder: PathBuf,
-        /// What is wrong with them.
+        /// What is wrong with the weights.
         source: Box<WeightsError>,
     },
     /// The diffusion model cannot be computed as configured.
@@ -76,11 +76,11 @@ pub enum StartError {
         .capacity.clients, .capacity.active_requests_per_client, .capacity.candidates, .capacity.knots_per_candidate
     )]
     SharedMemory {
-        /// The plan service's.
+        /// The plan service's capacity.
         capacity: PlanServiceCapacity,
         /// What the services take, 10^6 bytes.
         needed_mb: f64,
-        /// What is declared.
+        /// Declared shared memory, 10^6 bytes.
         allowed_mb: f64,
     },
     /// The process takes more memory than is declared.
@@ -89,9 +89,9 @@ pub enum StartError {
          lower threads or the plan service's capacity, or declare more"
     )]
     ResidentMemory {
-        /// What it takes, 10^6 bytes.
+        /// What the process takes, 10^6 bytes.
         needed_mb: f64,
-        /// What is declared.
+        /// Declared resident memory, 10^6 bytes.
         allowed_mb: f64,
     },
     /// The processors asked for are not available.

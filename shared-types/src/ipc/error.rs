@@ -32,7 +32,7 @@ pub enum IpcError {
     ForeignRoot {
         /// The directory.
         path: PathBuf,
-        /// Its owner.
+        /// The directory's owner.
         owner: u32,
         /// This process's user.
         user: u32,
@@ -46,9 +46,9 @@ pub enum IpcError {
     OpenRoot {
         /// The directory.
         path: PathBuf,
-        /// Its permission bits.
+        /// The directory's permission bits.
         mode: u32,
-        /// Its owner.
+        /// The directory's owner.
         owner: u32,
     },
     /// Somebody else can put another directory in the root directory's place.
@@ -62,9 +62,9 @@ pub enum IpcError {
         path: PathBuf,
         /// The directory that it lies in, at whatever depth.
         parent: PathBuf,
-        /// That one's permission bits.
+        /// The outer directory's permission bits.
         mode: u32,
-        /// That one's owner.
+        /// The outer directory's owner.
         owner: u32,
     },
     /// Shared memory cannot be made.
@@ -98,7 +98,7 @@ pub enum IpcError {
         role: &'static str,
         /// Process id that the holder wrote, empty if it has not yet.
         pid: String,
-        /// The lock that it holds.
+        /// The lock file that the other process holds.
         lock_file: PathBuf,
     },
     /// Another process is opening services and does not come to an end.
@@ -106,7 +106,7 @@ pub enum IpcError {
         "another process holds {lock_file:?} for longer than opening services takes; is one of them stopped?"
     )]
     Busy {
-        /// The lock that it holds.
+        /// The lock file that the other process holds.
         lock_file: PathBuf,
     },
     /// A lock file cannot be used.
@@ -124,7 +124,7 @@ pub enum IpcError {
     Missing {
         /// The service's name.
         service: String,
-        /// Who creates it.
+        /// The process that creates the service.
         creator: &'static str,
     },
     /// The service exists with other messages or qualities.
@@ -155,15 +155,15 @@ pub enum IpcError {
         service: String,
         /// The kind of port.
         port: &'static str,
-        /// The programs that have it open, with their processes; empty where none is known.
+        /// The programs that have the service open, with their processes; empty where none is known.
         users: Vec<String>,
     },
-    /// Anything else.
+    /// A service cannot be opened for another reason.
     #[error("cannot open service {service} ({what}): {reason}")]
     Failed {
         /// The service's name.
         service: String,
-        /// Of what: the service as a whole, its name, or a kind of port.
+        /// What cannot be opened: the service as a whole, its name, or a kind of port.
         what: &'static str,
         /// What iceoryx2 said.
         reason: String,

@@ -106,13 +106,13 @@ impl IpcNode {
         unsafe { self.node.force_remove_service(name, pattern) }.unwrap_or(false)
     }
 
-    /// Its id in iceoryx2.
+    /// The node's id in iceoryx2.
     #[cfg(test)]
     pub(super) fn id(&self) -> u128 {
         self.node.id().value()
     }
 
-    /// Its configuration of iceoryx2.
+    /// The node's configuration of iceoryx2.
     pub(super) fn config(&self) -> &Config {
         self.node.config()
     }

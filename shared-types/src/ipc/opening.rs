@@ -40,17 +40,17 @@ pub(super) trait OpeningError: Debug {
 /// Why a service was not opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Cause {
-    /// It was begun and is not finished.
+    /// The service was begun and is not finished.
     HalfMade,
-    /// It is being made or removed.
+    /// The service is being made or removed.
     InFlux,
-    /// It is damaged; it may also be about to be made or removed.
+    /// The service is damaged; it may also be about to be made or removed.
     Corrupted,
-    /// Processes hold all of its places; some of them may be dead.
+    /// Processes hold all of the service's places; some of them may be dead.
     Full,
-    /// Another version of iceoryx2 made it.
+    /// Another version of iceoryx2 made the service.
     OtherVersion,
-    /// It exists with other types or qualities.
+    /// The service exists with other types or qualities.
     Incompatible,
     /// Any other cause.
     Other,

@@ -152,9 +152,9 @@ pub struct Topic<T: Debug + IceoryxSend + ?Sized> {
 /// A publisher that was not dropped; where its process was killed, it is listed until it is cleaned up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PresentPublisher {
-    /// What its samples name as their origin ([`iceoryx2::sample::Sample::origin`]).
+    /// What the publisher's samples name as their origin ([`iceoryx2::sample::Sample::origin`]).
     pub id: u128,
-    /// Its process; 0 where iceoryx2 does not say.
+    /// The publisher's process id; 0 where iceoryx2 does not say.
     pub pid: u32,
 }
 

@@ -21,15 +21,15 @@ wire_message! {
 wire_message! {
     /// The reply to an order.
     pub struct CommandReply: "pcc.v3.CommandReply", 24 bytes {
-        /// The command's own number.
+        /// The sender's number of the command that this answers.
         pub command_id: u64,
         /// [`crate::PROTOCOL_VERSION`] of the controller.
         pub protocol_version: u32,
         /// 1: the command takes effect; 0: it does not.
         pub accepted: u32,
-        /// [`crate::codes::CommandRefusal`]: why not.
+        /// [`crate::codes::CommandRefusal`]: why the command has no effect; none: it has.
         pub reason: u32,
-        /// [`crate::codes::LoopState`] when it was answered.
+        /// [`crate::codes::LoopState`] when the command was answered.
         pub state: u32,
     }
 }

@@ -8,7 +8,7 @@ use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
 wire_message! {
     /// State of the controller (service `controller_state`, one publisher: its relay thread, about 50 Hz).
     pub struct ControllerState: "pcc.v3.ControllerState", 632 bytes {
-        /// Time of the cycle it describes, nanoseconds of `CLOCK_MONOTONIC`.
+        /// Time of the cycle that the message describes, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// Identifies the process among all that had this role since the machine was booted: its start time, nanoseconds of
         /// `CLOCK_MONOTONIC`. Trajectories name their controller by it.
@@ -25,7 +25,7 @@ wire_message! {
         pub trajectory_id: u32,
         /// The last trajectory refused; 0: none yet.
         pub refused_trajectory_id: u32,
-        /// [`crate::codes::Refusal`]: why.
+        /// [`crate::codes::Refusal`]: why `refused_trajectory_id` was refused.
         pub refusal: u32,
         /// Cycles that began more than one and a half periods after the one before.
         pub late_cycles: u32,
@@ -35,7 +35,7 @@ wire_message! {
         pub loop_thread_id: u32,
         /// Commanded configuration, radians.
         pub commanded_configuration_rad: [f64; DOF],
-        /// Its velocity, rad/s.
+        /// Velocity of the commanded configuration, rad/s.
         pub commanded_velocity_rad_s: [f64; DOF],
         /// Commanded tendon length changes, metres.
         pub commanded_tendon_m: [f64; TENDONS],
@@ -50,7 +50,7 @@ wire_message! {
         pub splice_error_m: f64,
         /// Time on the executing trajectory, seconds.
         pub trajectory_time_s: f64,
-        /// Rate at which that time runs, 0..=1.
+        /// Rate at which the time on the trajectory runs, 0..=1.
         pub rate: f64,
         /// Share of their own rate at which trajectories are followed, 0..=1, as last ordered; 1 when the process starts.
         pub speed: f64,
@@ -84,9 +84,9 @@ wire_message! {
         pub stamp_mono_ns: i64,
         /// Set-point: tendon length changes, metres.
         pub setpoint_m: [f64; TENDONS],
-        /// Their velocities, m/s.
+        /// Set-point: velocities of the tendons, m/s.
         pub setpoint_velocity_m_s: [f64; TENDONS],
-        /// Their accelerations, m/s².
+        /// Set-point: accelerations of the tendons, m/s².
         pub setpoint_acceleration_m_s2: [f64; TENDONS],
         /// Measured tendon length changes, metres.
         pub measured_tendon_m: [f64; TENDONS],

@@ -54,9 +54,9 @@ wire_message! {
         pub previous_plan_id: u64,
         /// Configuration at the begin, radians.
         pub start_configuration_rad: [f64; DOF],
-        /// Its velocity, rad/s.
+        /// Velocity at the begin, rad/s.
         pub start_velocity_rad_s: [f64; DOF],
-        /// Its acceleration, rad/s².
+        /// Acceleration at the begin, rad/s².
         pub start_acceleration_rad_s2: [f64; DOF],
         /// The tip to reach in the base frame, metres, if the goal is a tip.
         pub goal_tip_m: [f64; 3],
@@ -68,8 +68,8 @@ wire_message! {
         pub limits_scale: f64,
         /// When the motion is to begin if executed, nanoseconds of `CLOCK_MONOTONIC`; 0: as soon as possible.
         pub begin_mono_ns: i64,
-        /// When its sender was asked for it, nanoseconds of `CLOCK_MONOTONIC`; only a request to execute needs one. The motion is not
-        /// executed where a stop or a reset was ordered, or the controller was started, after it.
+        /// When the request's sender was asked for it, nanoseconds of `CLOCK_MONOTONIC`; only a request to execute needs one. The motion is
+        /// not executed where a stop or a reset was ordered, or the controller was started, after it.
         pub requested_mono_ns: i64,
         /// The first `ball_count` are obstacles; the others are not read.
         pub balls: [Ball; MAX_BALLS],
@@ -79,13 +79,13 @@ wire_message! {
 wire_message! {
     /// One certified candidate of a plan.
     pub struct CandidateSummary: "pcc.v3.CandidateSummary", 56 bytes {
-        /// Where its knots begin in the answer's slice.
+        /// Index in the answer's slice at which the candidate's knots begin.
         pub first_knot: u32,
-        /// How many they are.
+        /// Number of the candidate's knots.
         pub knot_count: u32,
         /// [`crate::codes::Source`].
         pub source: u32,
-        /// The random draw it came from; the same for the same request and seed.
+        /// Index of the random draw that the candidate came from; the same for the same request and seed.
         pub draw: u32,
         /// Duration of the motion, seconds.
         pub duration_s: f64,
@@ -107,7 +107,7 @@ wire_message! {
         pub protocol_version: u32,
         /// [`crate::codes::Outcome`].
         pub outcome: u32,
-        /// The request's own number.
+        /// The request's number, as its sender gave it.
         pub request_id: u64,
         /// The daemon's number of this plan.
         pub plan_id: u64,
@@ -115,9 +115,9 @@ wire_message! {
         pub plan_hash: u64,
         /// Candidates in the answer, 0..=64.
         pub candidate_count: u32,
-        /// The selected one, or [`NONE_SELECTED`].
+        /// Index of the selected candidate, or [`NONE_SELECTED`].
         pub selected: u32,
-        /// Id under which the selected one was published for execution; 0: it was not.
+        /// Id under which the selected candidate was published for execution; 0: it was not.
         pub trajectory_id: u32,
         /// [`crate::codes::PlanField`] that was wrong, if the outcome is an invalid request.
         pub invalid_field: u32,

@@ -20,15 +20,15 @@ wire_message! {
         pub fault: u32,
         /// The robot's own reference, metres: the last accepted set-point, or where its ramp to rest has led since.
         pub accepted_setpoint_m: [f64; TENDONS],
-        /// Velocity of that reference, m/s.
+        /// Velocity of the robot's own reference, m/s.
         pub accepted_velocity_m_s: [f64; TENDONS],
         /// Measured tendon length changes, metres.
         pub measured_tendon_m: [f64; TENDONS],
         /// Configuration that the measured tendons mean, radians.
         pub measured_configuration_rad: [f64; DOF],
-        /// Times it ramped to rest because set-points stayed away.
+        /// Times that the robot ramped to rest because set-points stayed away.
         pub ramps_to_rest: u32,
-        /// Set-points it refused.
+        /// Set-points that the robot refused.
         pub rejected_setpoints: u32,
     }
 }

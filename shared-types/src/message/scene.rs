@@ -49,7 +49,7 @@ wire_message! {
     /// The verdict on a scene (service `scene_status`, publisher: the daemon). Scenes that a newer one of the same publisher
     /// replaced before they were examined get no verdict.
     pub struct SceneStatus: "pcc.v3.SceneStatus", 64 bytes {
-        /// When it was judged, nanoseconds of `CLOCK_MONOTONIC`.
+        /// When the scene was judged, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// `stamp_mono_ns` of the scene.
         pub scene_stamp_mono_ns: i64,
@@ -59,7 +59,7 @@ wire_message! {
         pub sequence: u32,
         /// [`crate::PROTOCOL_VERSION`] of the daemon.
         pub protocol_version: u32,
-        /// [`crate::codes::SceneRefusal`]: why it does not count; none: it does.
+        /// [`crate::codes::SceneRefusal`]: why the scene does not count; none: it does.
         pub refusal: u32,
         /// Balls of the scene that count.
         pub ball_count: u32,

@@ -18,9 +18,9 @@ wire_message! {
         pub state: u32,
         /// Tendon length changes against the straight robot, metres.
         pub position_m: [f64; TENDONS],
-        /// Their velocities, m/s.
+        /// Velocities of the tendons, m/s.
         pub velocity_m_s: [f64; TENDONS],
-        /// Their accelerations, m/s².
+        /// Accelerations of the tendons, m/s².
         pub acceleration_m_s2: [f64; TENDONS],
     }
 }

@@ -12,9 +12,9 @@ wire_message! {
         pub time_s: f64,
         /// Configuration ζ, radians: (x, y) bending components of sections 1, 2, 3.
         pub configuration_rad: [f64; DOF],
-        /// Its first derivative by time, rad/s.
+        /// First derivative of the configuration by time, rad/s.
         pub velocity_rad_s: [f64; DOF],
-        /// Its second derivative by time, rad/s².
+        /// Second derivative of the configuration by time, rad/s².
         pub acceleration_rad_s2: [f64; DOF],
     }
 }
@@ -26,7 +26,7 @@ wire_message! {
         pub protocol_version: u32,
         /// Names this trajectory in the controller's state; at least 1, and none that was used in the 497 days before.
         pub trajectory_id: u32,
-        /// The plan it was selected from.
+        /// The plan that the motion was selected from.
         pub plan_id: u64,
         /// [`super::ControllerState::instance`] of the controller that is to execute it; every other one refuses it.
         pub controller_instance: u64,
@@ -40,7 +40,7 @@ wire_message! {
         pub begin_mono_ns: i64,
         /// Knots in use, 2..=256.
         pub knot_count: u32,
-        /// Which of the plan's candidates this is.
+        /// Index of the motion among the plan's candidates.
         pub candidate_index: u32,
         /// Tracking error that the certificate covers, radians (Euclidean norm of the configuration error).
         pub path_tolerance_rad: f64,

@@ -3,13 +3,13 @@
 /// Where a field lies in its message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// Its name.
+    /// The field's name.
     pub name: &'static str,
-    /// Its type as Rust writes it.
+    /// The field's type as Rust writes it.
     pub rust_type: &'static str,
-    /// Bytes before it.
+    /// Bytes before the field.
     pub offset: usize,
-    /// Bytes of it.
+    /// Bytes of the field.
     pub bytes: usize,
 }
 

@@ -55,7 +55,7 @@ impl TryFrom<&message::Command> for Command {
 pub struct CommandReply {
     /// The sender's number of the command that this answers.
     pub command_id: u64,
-    /// Whether it takes effect.
+    /// Whether the order takes effect.
     pub accepted: bool,
     /// Why the order has no effect; `None` if it was accepted.
     pub reason: CommandRefusal,

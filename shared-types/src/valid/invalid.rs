@@ -11,7 +11,7 @@ pub struct Invalid {
     pub field: &'static str,
     /// Index, from 0, of the element that is wrong, where the field is an array; `None` where the whole field is.
     pub index: Option<usize>,
-    /// What is wrong with it.
+    /// What is wrong with the field.
     pub reason: Reason,
 }
 
@@ -27,12 +27,12 @@ pub enum Reason {
     OutOfRange {
         /// The value.
         value: f64,
-        /// The range.
+        /// The range allowed.
         allowed: &'static str,
     },
     /// A number of things outside its range.
     Count {
-        /// The number.
+        /// The number found.
         count: u64,
         /// The least allowed.
         least: u64,
@@ -48,19 +48,19 @@ pub enum Reason {
     },
     /// A time that is not later than the one before.
     NotIncreasing {
-        /// The one before, seconds.
+        /// The time before it, seconds.
         previous: f64,
         /// The value, seconds.
         value: f64,
     },
     /// Another version of the protocol.
     WrongVersion {
-        /// The sender's.
+        /// The sender's version.
         found: u32,
     },
     /// Well formed, but not served by this version.
     NotServed {
-        /// What is not.
+        /// What is not served.
         what: &'static str,
     },
 }

@@ -17,7 +17,7 @@ const MAX_DEADLINE_NS: u64 = 60_000_000_000;
 /// Where the motion is to end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
-    /// Any configuration that puts the tip there.
+    /// Any configuration that puts the tip at a position.
     Tip {
         /// Position in the base frame, metres.
         position_m: [f64; 3],
@@ -31,16 +31,16 @@ pub enum Goal {
 /// Which candidate is selected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SelectionRule {
-    /// The best by a measure; never [`Selection::ByIndex`] in a validated request.
+    /// The best candidate by a measure; never [`Selection::ByIndex`] in a validated request.
     Best(Selection),
-    /// This one.
+    /// The candidate with this index.
     Index(usize),
 }
 
 /// The plan that a request goes on from, and which of its motions is being followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PreviousPlan {
-    /// [`message::PlanReport::plan_id`] of its answer.
+    /// [`message::PlanReport::plan_id`] of the previous plan's answer.
     pub plan_id: u64,
     /// Index of the candidate; none: the one that was selected.
     pub candidate: Option<usize>,
@@ -49,7 +49,7 @@ pub struct PreviousPlan {
 /// A plan request without contradictions; lengths metres, angles radians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PlanRequest {
-    /// The sender's number.
+    /// The sender's number of the request.
     pub request_id: u64,
     /// Seed of all random draws.
     pub seed: u64,
@@ -61,13 +61,13 @@ pub struct PlanRequest {
     pub sampler: Sampler,
     /// Which candidate is selected.
     pub selection: SelectionRule,
-    /// Whether the selected one is to be published for execution.
+    /// Whether the selected candidate is to be published for execution.
     pub execute: bool,
     /// Configuration at the begin, radians.
     pub start_configuration_rad: [f64; DOF],
-    /// Its velocity, rad/s; a plan that begins in motion is not executed.
+    /// Velocity at the begin, rad/s; a plan that begins in motion is not executed.
     pub start_velocity_rad_s: [f64; DOF],
-    /// Its acceleration, rad/s².
+    /// Acceleration at the begin, rad/s².
     pub start_acceleration_rad_s2: [f64; DOF],
     /// The goal.
     pub goal: Goal,

@@ -19,13 +19,13 @@ pub struct PlanReport {
     pub plan_hash: u64,
     /// What became of the request.
     pub outcome: Outcome,
-    /// The text that explains it.
+    /// The text that explains the outcome.
     pub reason: String,
     /// The field that was wrong, if the request was invalid.
     pub invalid_field: PlanField,
-    /// The selected candidate.
+    /// Index of the selected candidate, if one is.
     pub selected: Option<usize>,
-    /// Id under which it was published for execution.
+    /// Id under which the selected candidate was published for execution, if it was.
     pub trajectory_id: Option<u32>,
     /// Draws of the learned sampler.
     pub learned_drawn: u32,

@@ -78,17 +78,17 @@ impl fmt::Display for SourceName {
 /// All obstacles that one source knows of at one time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// Whose scene it is.
+    /// Name of the scene's source.
     pub source: SourceName,
-    /// The publisher's count.
+    /// The publisher's number of the scene.
     pub sequence: u32,
     /// Time for which the centres hold, nanoseconds of `CLOCK_MONOTONIC`.
     pub stamp_mono_ns: i64,
-    /// For how long from the stamp on it counts, nanoseconds, 1 ms to an hour.
+    /// For how long from the stamp on the scene counts, nanoseconds, 1 ms to an hour.
     pub lifetime_ns: i64,
     /// Whether the source takes its leave; the obstacles then mean nothing.
     pub takes_leave: bool,
-    /// At most 1024, all finite, radii not negative.
+    /// The obstacles: at most 1024, all finite, radii not negative.
     pub balls: Vec<MovingBall>,
 }
 
@@ -182,13 +182,13 @@ impl Scene {
 /// The daemon's verdict on a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneStatus {
-    /// `source` of the scene as it came: it may be what is wrong with it.
+    /// `source` of the scene as it came: it may be what is wrong with the scene.
     pub source: [u8; SOURCE_NAME_BYTES],
     /// The scene's sequence.
     pub sequence: u32,
     /// The scene's stamp.
     pub scene_stamp_mono_ns: i64,
-    /// Why it does not count; none: it does.
+    /// Why the scene does not count; none: it does.
     pub refusal: SceneRefusal,
 }
 
@@ -209,9 +209,9 @@ impl TryFrom<&message::SceneStatus> for SceneStatus {
 /// A heartbeat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Heartbeat {
-    /// When it was sent, nanoseconds of `CLOCK_MONOTONIC`.
+    /// When the heartbeat was sent, nanoseconds of `CLOCK_MONOTONIC`.
     pub stamp_mono_ns: i64,
-    /// Another number for each process of this kind.
+    /// Identifies the sender among all processes of its kind.
     pub instance: u64,
     /// Counts the sender's heartbeats.
     pub sequence: u64,

@@ -46,7 +46,7 @@ impl TryFrom<&message::Setpoint> for Setpoint {
 pub struct RobotState {
     /// What the motor end does.
     pub state: MotorState,
-    /// What is wrong with it.
+    /// What is wrong with the motor end.
     pub fault: MotorFault,
     /// The values, all finite.
     pub values: message::RobotState,
@@ -81,11 +81,11 @@ impl TryFrom<&message::RobotState> for RobotState {
 pub struct ControllerState {
     /// What the loop does.
     pub state: LoopState,
-    /// Why it is in fault.
+    /// Why the loop is in fault.
     pub fault: LoopFault,
-    /// Why it does not hold the robot.
+    /// Why the loop does not hold the robot.
     pub waiting: Waiting,
-    /// Why it refused the last trajectory that it refused.
+    /// Why the last refused trajectory was refused.
     pub refusal: Refusal,
     /// The values, all finite.
     pub values: message::ControllerState,

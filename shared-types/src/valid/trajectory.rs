@@ -8,7 +8,7 @@ use crate::message::{Knot, TrajectoryMessage};
 /// A well-formed trajectory; whether it starts where the robot is and keeps its limits is for the controller to check.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Trajectory {
-    /// Its id, at least 1.
+    /// Id of the trajectory, at least 1.
     pub id: u32,
     /// The plan it was selected from.
     pub plan_id: u64,
@@ -16,7 +16,7 @@ pub struct Trajectory {
     pub candidate_index: usize,
     /// The controller that is to execute it.
     pub controller_instance: u64,
-    /// The daemon that has published it.
+    /// Instance of the daemon that has published the trajectory.
     pub daemon_instance: u64,
     /// When the daemon received the request for it, nanoseconds of `CLOCK_MONOTONIC`.
     pub requested_mono_ns: i64,

@@ -14,6 +14,7 @@ pub(crate) struct LayerNorm {
     weight: Vec<f32>,
     /// Loads `name`.weight and `name`.bias.
     /// Loads `name`.weight and `name`.bias.
+    /// Loads `name`.weight and `name`.bias.
     bias: Vec<f32>,
 }
 

@@ -18,7 +18,7 @@ pub(crate) struct TimedPath {
     /// When each piece begins, and when the last one ends, s; the path begins at 0.
     time: Vec<f64>,
     piece: Vec<TimedPiece>,
-    /// How much s̈ changes at each time at which a piece begins or the last one ends, rad/s².
+    /// How much s̈ changes at the begin of each piece of the path and at the path's end, rad/s².
     path_acceleration_step: Vec<f64>,
 }
 
