@@ -23,7 +23,7 @@ pub enum SettingsError {
     Syntax {
         /// The file.
         path: PathBuf,
-        /// Place and kind of the fault; the message tells them, so that they are no source of it.
+        /// TOML's own error: place and fault. The message tells it, so that it is not the error's source.
         fault: Box<toml::de::Error>,
     },
     /// A value is outside its range.

@@ -121,7 +121,7 @@ impl MovingBallCover {
     }
 }
 
-/// Whether a ball comes within `reach` of the base between two times; where that is not a number, it does.
+/// Whether a ball comes within `reach`, a length, of the base between two times, s; where that is not a number, it does.
 fn comes_within(moving: &MovingBall, reach: f64, [from, to]: [f64; 2]) -> bool {
     let (begin, way) = (
         moving.at(from).centre,

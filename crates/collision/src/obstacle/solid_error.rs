@@ -10,7 +10,7 @@ pub enum SolidError {
     /// A length is not usable.
     #[error("{what} is {value}; {MIN_EXTENT:e} to {MAX_EXTENT:e} section lengths are allowed")]
     Length {
-        /// The length, as the scene file names it.
+        /// Name of the length: `a side`.
         what: &'static str,
         /// The refused value.
         value: f64,
@@ -18,7 +18,7 @@ pub enum SolidError {
     /// A coordinate is not usable.
     #[error("{what} is {value}; within ±{MAX_EXTENT:e} section lengths is allowed")]
     Coordinate {
-        /// The coordinate, as the scene file names it.
+        /// What has the coordinate: `a vertex`.
         what: &'static str,
         /// The refused value.
         value: f64,

@@ -42,7 +42,7 @@ fn least_s(limits: &TendonLimits, travel: f64) -> f64 {
     }
 }
 
-/// Lower bound of a tendon's time from rest to rest with any jerk, s: its velocity is a trapezoid.
+/// Lower bound of the time, s, in which a tendon moves by `travel`, a length, from rest to rest with any jerk: its velocity is a trapezoid.
 fn least_with_any_jerk_s(limits: &TendonLimits, travel: f64) -> f64 {
     let (speed, acceleration) = (limits.velocity, limits.acceleration);
     if travel * acceleration <= speed * speed {

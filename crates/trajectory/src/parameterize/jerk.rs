@@ -35,7 +35,7 @@ struct TimedPiece {
 }
 
 impl TimedPiece {
-    /// A rest at `position`.
+    /// A rest at `position`, rad.
     fn resting(position: Configuration) -> Self {
         let zero = Configuration::zeros();
         Self {
@@ -162,14 +162,14 @@ impl TimedPath {
             .unwrap_or_default()
     }
 
-    /// s̈ of each piece of the path.
+    /// s̈ of each piece of the path, rad/s².
     pub(crate) fn path_accelerations(&self) -> impl Iterator<Item = f64> + '_ {
         self.piece[1..self.piece.len() - 1]
             .iter()
             .map(|piece| piece.path_acceleration)
     }
 
-    /// The times at which s̈ changes, before averaging, s, with the changes.
+    /// The times at which s̈ changes, before averaging, s, with the changes, rad/s².
     pub(crate) fn path_acceleration_steps(&self) -> impl Iterator<Item = (f64, f64)> + '_ {
         let times = self.times().iter().copied();
         times.zip(self.path_acceleration_step.iter().copied())
@@ -184,13 +184,13 @@ impl TimedPath {
         starts.fold(0.0, f64::max).sqrt()
     }
 
-    /// The piece that holds `time`.
+    /// The piece that holds `time`, s.
     fn index(&self, time: f64) -> usize {
         let after = self.time.partition_point(|&start| start <= time);
         after.clamp(1, self.piece.len()) - 1
     }
 
-    /// The pieces that hold the first and the last instant that the average at `time` is over.
+    /// The pieces that hold the first and the last instant that the average at `time`, s, is over.
     fn span(&self, time: f64) -> [usize; 2] {
         let first = self.index(time - self.width);
         let later = &self.time[first + 1..self.piece.len()];
@@ -198,7 +198,7 @@ impl TimedPath {
         [first, first + passed]
     }
 
-    /// Position and velocity at `time` in piece `i`.
+    /// Position, rad, and velocity, rad/s, at `time`, s, in piece `i`.
     fn state(&self, i: usize, time: f64) -> (Configuration, Configuration) {
         let elapsed = time - self.time[i];
         (
@@ -235,7 +235,7 @@ impl TimedPath {
         reference + area / self.width
     }
 
-    /// The averaged motion, of length duration + width, at `time`.
+    /// The averaged motion, which lasts duration + width, at `time`, s.
     pub(crate) fn averaged(&self, time: f64) -> Knot {
         let [early, late] = self.span(time);
         let (late_position, late_velocity) = self.state(late, time);

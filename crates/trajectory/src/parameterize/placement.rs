@@ -221,7 +221,7 @@ impl Placement {
         true
     }
 
-    /// Where to divide between two times: at the largest jerk step, else in the middle; nowhere if that is too near.
+    /// Where to divide between two times, s: at the largest jerk step, else in the middle; nowhere if that is too near.
     fn divide_at(&self, from: f64, to: f64) -> Option<f64> {
         let (earliest, latest) = (from + self.shortest_at_step, to - self.shortest_at_step);
         let first = self.steps.partition_point(|step| step.time < earliest);

@@ -103,7 +103,7 @@ impl WidthSearch {
         &self.force[piece * self.blocks..(piece + 1) * self.blocks]
     }
 
-    /// The place at `time` in the motion's piece `piece`; at rest before the first and after the last piece.
+    /// The place at `time`, s, in the motion's piece `piece`; at rest before the first and after the last piece.
     fn at(&self, times: &[f64], piece: usize, time: f64) -> Mixture<'_> {
         let (from, to) = (times[piece], times[piece + 1]);
         let part = (time - from) / (to - from);

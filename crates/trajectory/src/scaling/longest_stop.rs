@@ -64,7 +64,7 @@ impl RateLaw {
     }
 }
 
-/// The time at a rate between those of the table.
+/// The time, s, that a stop takes from a rate between those of the table.
 fn between(times: &Times, rate: f64) -> f64 {
     let place = (rate * RATES as f64).clamp(0.0, RATES as f64);
     let below = (place as usize).min(RATES - 1);

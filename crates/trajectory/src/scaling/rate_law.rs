@@ -195,7 +195,7 @@ impl RateLaw {
 }
 
 impl Cycle<'_> {
-    /// Motion time that passes when the rate changes by `change`, s.
+    /// Motion time, s, that passes in the cycle when the rate changes by `change` during it.
     fn advance(&self, change: f64) -> f64 {
         (self.playback.rate + 0.5 * change) * self.seconds
     }

@@ -81,9 +81,9 @@ pub fn stopping_motion(
 struct Braking {
     /// Width of the average, s.
     width: f64,
-    /// Velocity at time 0.
+    /// Velocity at time 0, rad/s.
     velocity: Configuration,
-    /// Acceleration before time 0.
+    /// Acceleration before time 0, rad/s².
     before: Configuration,
     /// Duration of the deceleration, s.
     duration: f64,
@@ -160,7 +160,7 @@ impl Braking {
         }
     }
 
-    /// Acceleration before time 0 or after it.
+    /// Acceleration at `time`, s, before 0 or after it, rad/s².
     fn acceleration(&self, time: f64) -> Configuration {
         if time < 0.0 {
             self.before
@@ -179,7 +179,7 @@ impl Braking {
         (self.velocity + self.acceleration(time) * (0.5 * time)) * time
     }
 
-    /// ∫ position dt from `early` to `late`.
+    /// ∫ position dt from `early` to `late`, s; rad s.
     fn area(&self, late: f64, early: f64) -> Configuration {
         let until = |time: f64| {
             let moving = time.min(self.duration);
