@@ -29,14 +29,16 @@ const SENT: EventId = EventId::new(0);
 
 /// Opens the event `plan_asked`, by which a client tells the daemon that it has sent a request.
 ///
-/// # Errors Any [`IpcError`].
+/// # Errors
+/// Any [`IpcError`].
 pub fn plan_asked_event(node: &IpcNode) -> Result<EventService, IpcError> {
     event(node, "plan_asked")
 }
 
 /// Opens the event `plan_answered`, by which the daemon tells clients that it has sent an answer.
 ///
-/// # Errors Any [`IpcError`].
+/// # Errors
+/// Any [`IpcError`].
 pub fn plan_answered_event(node: &IpcNode) -> Result<EventService, IpcError> {
     event(node, "plan_answered")
 }

@@ -16,6 +16,7 @@ pub(crate) struct LayerNorm {
     /// Loads `name`.weight and `name`.bias.
     /// Loads `name`.weight and `name`.bias.
     /// Loads `name`.weight and `name`.bias.
+    /// Loads `name`.weight and `name`.bias.
     bias: Vec<f32>,
 }
 
