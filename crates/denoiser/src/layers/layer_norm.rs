@@ -12,11 +12,6 @@ const LANES: usize = 16;
 /// y = (x − mean) / √(variance + ε) · weight + bias, row by row.
 pub(crate) struct LayerNorm {
     weight: Vec<f32>,
-    /// Loads `name`.weight and `name`.bias.
-    /// Loads `name`.weight and `name`.bias.
-    /// Loads `name`.weight and `name`.bias.
-    /// Loads `name`.weight and `name`.bias.
-    /// Loads `name`.weight and `name`.bias.
     bias: Vec<f32>,
 }
 
