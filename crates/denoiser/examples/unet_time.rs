@@ -35,7 +35,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     for line in stdin().lock().lines() {
         let line = line?;
         let (precision, threads) = line.split_once(' ').ok_or("PRECISION THREADS")?;
-        let precision: Precision = precision.parse()?;
+        let precision = match precision {
+            "f32" => Precision::F32,
+            "bf16" => Precision::Bf16,
+            _ => return Err("f32 and bf16 are the precisions".into()),
+        };
         if !precision.available() {
             return Err("this processor has no products of 16 bits".into());
         }

@@ -4,6 +4,6 @@ mod reverse_process;
 mod schedule;
 
 pub use reverse_process::{
-    Denoiser, Held, Refinement, ReverseProcess, ReverseProcessScratch, Solver, UnknownSolver,
+    Denoiser, Held, Refinement, ReverseProcess, ReverseProcessScratch, Solver,
 };
 pub(crate) use schedule::STEPS;

@@ -34,4 +34,4 @@ pub use bf16_unit::{AmxBf16, Avx512Bf16, Bf16Unit};
 pub use input::Input;
 pub use job::{Batch, Store, Strides};
 pub use packed::Packed;
-pub use precision::{Precision, UnknownPrecision};
+pub use precision::Precision;

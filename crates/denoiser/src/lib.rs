@@ -14,9 +14,7 @@ mod simd;
 mod unet;
 mod weights;
 
-pub use diffusion::{
-    Denoiser, Held, Refinement, ReverseProcess, ReverseProcessScratch, Solver, UnknownSolver,
-};
+pub use diffusion::{Denoiser, Held, Refinement, ReverseProcess, ReverseProcessScratch, Solver};
 pub use flow_model::{
     CandidateInput, EvaluationsRefused, FastModel, FastScratch, FeatureFrame, WarmStart,
 };

@@ -2,13 +2,12 @@
 
 use std::fmt::{self, Display, Formatter};
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::time::Duration;
 
 use denoiser::{Precision, Solver};
 use input_files::{MAX_SETTINGS_BYTES, SettingsError, SettingsFile, read_text};
 use planning::DiffusionSettings;
-use serde::{Deserialize, Deserializer, de};
+use serde::Deserialize;
 use shared_types::capacity::{MAX_CANDIDATES, MAX_KNOTS};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::valid::LEAST_PATH_TOLERANCE_RAD;
@@ -120,23 +119,11 @@ pub struct DiffusionConfig {
     /// Name of the weights in the manifest.
     pub model: String,
     /// How noise is removed.
-    #[serde(deserialize_with = "named")]
     pub solver: Solver,
     /// Evaluations of the network.
     pub steps: usize,
-    /// Arithmetic of its products.
-    #[serde(deserialize_with = "named")]
+    /// Arithmetic of the network's products.
     pub precision: Precision,
-}
-
-/// A choice by its name.
-fn named<'de, D, T>(deserializer: D) -> Result<T, D::Error>
-where
-    D: Deserializer<'de>,
-    T: FromStr<Err: Display>,
-{
-    let name = String::deserialize(deserializer)?;
-    name.parse().map_err(de::Error::custom)
 }
 
 impl Display for DiffusionConfig {

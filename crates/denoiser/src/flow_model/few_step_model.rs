@@ -13,7 +13,7 @@ use crate::layers::factors::Factors;
 use crate::layers::layer_norm::LayerNorm;
 use crate::layers::linear::Linear;
 use crate::simd::dispatch::{Level, detected};
-use crate::weights::error::{ContentError, WeightsError};
+use crate::weights::error::WeightsError;
 use crate::weights::file::WeightsFile;
 
 const ARCHITECTURE: &str = "both-ends-flow-v1";
@@ -38,11 +38,7 @@ impl FeatureFrame {
         match file.metadata("frame") {
             None | Some("canonical") => Ok(Self::Canonical),
             Some("base") => Ok(Self::Base),
-            Some(found) => Err(file.refused(ContentError::Metadata {
-                key: "frame",
-                found: Some(found.into()),
-                expected: "`canonical` or `base`".into(),
-            })),
+            Some(_) => Err(file.refused_entry("frame", "`canonical` or `base`")),
         }
     }
 }
@@ -119,11 +115,10 @@ fn count_of_blocks(file: &WeightsFile) -> Result<usize, WeightsError> {
     if !file.has_tensors(&format!("blocks.{count}.")) {
         return Ok(count);
     }
-    Err(file.refused(ContentError::Metadata {
-        key: "blocks",
-        found: Some(count.to_string()),
-        expected: "the count of all blocks that the file has tensors of".into(),
-    }))
+    Err(file.refused_entry(
+        "blocks",
+        "the count of all blocks that the file has tensors of",
+    ))
 }
 
 impl FastModel {
@@ -155,7 +150,7 @@ impl FastModel {
             frame: FeatureFrame::load(file)?,
             end_scale: Scale::load(file, "end", END_FEATURES)?,
             ball_scale: Scale::load(file, "ball", BALL_FEATURES)?,
-            coefficient_deviation: file.tensor("coefficient_std", &[COEFFICIENTS])?.to_vec(),
+            coefficient_deviation: file.vector("coefficient_std", COEFFICIENTS)?,
             ball_inner: Linear::load(file, "ball_inner", BALL_FEATURES, BALL_WIDTH)?,
             ball_outer: Linear::load(file, "ball_outer", BALL_WIDTH, BALL_WIDTH)?,
             context: Linear::load(file, "context", 2 * BALL_WIDTH + END_FEATURES, width)?,
@@ -373,13 +368,9 @@ impl Block {
 
 impl Scale {
     fn load(file: &WeightsFile, name: &str, width: usize) -> Result<Self, WeightsError> {
-        let part = |suffix: &str| {
-            file.tensor(&format!("{name}_{suffix}"), &[width])
-                .map(<[f32]>::to_vec)
-        };
         Ok(Self {
-            mean: part("mean")?,
-            deviation: part("std")?,
+            mean: file.vector(&format!("{name}_mean"), width)?,
+            deviation: file.vector(&format!("{name}_std"), width)?,
         })
     }
 

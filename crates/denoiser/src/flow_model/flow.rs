@@ -1,7 +1,7 @@
 //! The Euler steps of the flow: their times, and what the network is given of them.
 
 use crate::layers::linear::Linear;
-use crate::weights::error::{ContentError, WeightsError};
+use crate::weights::error::WeightsError;
 use crate::weights::file::WeightsFile;
 use std::f32::consts::TAU;
 use thiserror::Error;
@@ -33,13 +33,8 @@ impl Flow {
             times: Vec::new(),
         };
         let evaluations = file.count("evaluations")?;
-        flow.set_evaluations(evaluations).map_err(|_| {
-            file.refused(ContentError::Metadata {
-                key: "evaluations",
-                found: Some(evaluations.to_string()),
-                expected: format!("one of {ALLOWED:?}"),
-            })
-        })?;
+        flow.set_evaluations(evaluations)
+            .map_err(|_| file.refused_entry("evaluations", format!("one of {ALLOWED:?}")))?;
         Ok(flow)
     }
 

@@ -1,34 +1,17 @@
 //! The number format of the factors of a product.
 
 use super::bf16_unit::Bf16Unit;
+use serde::Deserialize;
 use std::fmt;
-use std::str::FromStr;
-use thiserror::Error;
 
 /// The number format of the factors of a product; sums are always f32.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq)]
+#[serde(rename_all = "lowercase")]
 pub enum Precision {
     /// f32: 24 significant bits.
     F32,
     /// bf16: the range of f32 with 8 significant bits.
     Bf16,
-}
-
-/// A precision's name that is neither `f32` nor `bf16`.
-#[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("precision {0:?} is unknown: f32 and bf16 are allowed")]
-pub struct UnknownPrecision(String);
-
-impl FromStr for Precision {
-    type Err = UnknownPrecision;
-
-    fn from_str(name: &str) -> Result<Self, UnknownPrecision> {
-        match name {
-            "f32" => Ok(Self::F32),
-            "bf16" => Ok(Self::Bf16),
-            _ => Err(UnknownPrecision(name.to_owned())),
-        }
-    }
 }
 
 impl fmt::Display for Precision {

@@ -162,8 +162,9 @@ impl Kind {
 
 /// A convolution and its gradient with respect to the input.
 pub(crate) struct Convolution {
-    forward: Products,
-    backward: Products,
+    pub(crate) forward: Products,
+    /// From the gradient with respect to the output to that with respect to the input.
+    pub(crate) backward: Products,
 }
 
 impl Convolution {
@@ -203,36 +204,10 @@ impl Convolution {
             product.prepare(precision);
         }
     }
-
-    /// Writes the convolution of `x` into `out`, which takes its shape.
-    pub(crate) fn apply(&self, x: &Rows, factors: &mut Factors, out: &mut Rows) {
-        self.forward.shape(x, out);
-        self.forward.run(x, factors, out, Store::Replace);
-    }
-
-    /// Writes the convolution of `x` into the first channels of `out`, which has its height and at least its channels.
-    pub(crate) fn apply_within(&self, x: &Rows, factors: &mut Factors, out: &mut Rows) {
-        self.forward.run(x, factors, out, Store::Replace);
-    }
-
-    /// Adds the convolution of `x` to `out`.
-    pub(crate) fn accumulate(&self, x: &Rows, factors: &mut Factors, out: &mut Rows) {
-        self.forward.run(x, factors, out, Store::Add);
-    }
-
-    /// Writes the gradient with respect to the input, given that with respect to the output.
-    pub(crate) fn pull_back(&self, output: &Rows, factors: &mut Factors, input: &mut Rows) {
-        self.backward.shape(output, input);
-        self.backward.run(output, factors, input, Store::Replace);
-    }
-
-    /// Adds the gradient with respect to the input to `input`, given that with respect to the output.
-    pub(crate) fn pull_back_onto(&self, output: &Rows, factors: &mut Factors, input: &mut Rows) {
-        self.backward.run(output, factors, input, Store::Add);
-    }
 }
 
-struct Products {
+/// The products of a convolution, or of its gradient with respect to the input.
+pub(crate) struct Products {
     kind: Kind,
     outputs: usize,
     products: Vec<Packed>,
@@ -264,11 +239,15 @@ impl Products {
         }
     }
 
-    fn shape(&self, x: &Rows, out: &mut Rows) {
+    /// Writes the result for `x` into `out`, which takes the result's shape.
+    pub(crate) fn apply(&self, x: &Rows, factors: &mut Factors, out: &mut Rows) {
         out.shape(x.candidates, self.kind.height(x.height), self.outputs);
+        self.run(x, factors, out, Store::Replace);
     }
 
-    fn run(&self, x: &Rows, factors: &mut Factors, out: &mut Rows, store: Store) {
+    /// Writes the result for `x` into the first channels of `out`, or adds it to them; the height of `out` must be the result's, its
+    /// channels may be more.
+    pub(crate) fn run(&self, x: &Rows, factors: &mut Factors, out: &mut Rows, store: Store) {
         assert_eq!(out.height, self.kind.height(x.height), "height");
         assert_eq!(out.candidates, x.candidates, "candidates");
         assert!(out.channels >= self.outputs, "channels");

@@ -29,13 +29,9 @@ impl Affine {
         name: &str,
         channels: usize,
     ) -> Result<Self, WeightsError> {
-        let part = |suffix: &str| {
-            file.tensor(&format!("{name}.{suffix}"), &[channels])
-                .map(<[f32]>::to_vec)
-        };
         Ok(Self {
-            gain: part("weight")?,
-            offset: part("bias")?,
+            gain: file.vector(&format!("{name}.weight"), channels)?,
+            offset: file.vector(&format!("{name}.bias"), channels)?,
         })
     }
 }

@@ -1,36 +1,26 @@
 //! Layer normalisation.
 
+use crate::layers::group_norm::Affine;
 use crate::simd::dispatch::{Kernel, dispatch};
-use crate::simd::lanes::Lanes;
+use crate::simd::lanes::{LANES, Lanes};
 use crate::weights::error::WeightsError;
 use crate::weights::file::WeightsFile;
 
 /// The ε that keeps the divisor from zero: PyTorch's default.
 const EPSILON: f32 = 1e-5;
-const LANES: usize = 16;
-
 /// y = (x − mean) / √(variance + ε) · weight + bias, row by row.
-pub(crate) struct LayerNorm {
-    weight: Vec<f32>,
-    bias: Vec<f32>,
-}
+pub(crate) struct LayerNorm(Affine);
 
 impl LayerNorm {
+    /// Loads `name`.weight and `name`.bias.
     pub(crate) fn load(file: &WeightsFile, name: &str, width: usize) -> Result<Self, WeightsError> {
-        let part = |suffix: &str| {
-            file.tensor(&format!("{name}.{suffix}"), &[width])
-                .map(<[f32]>::to_vec)
-        };
-        Ok(Self {
-            weight: part("weight")?,
-            bias: part("bias")?,
-        })
+        Affine::load(file, name, width).map(Self)
     }
 
     /// Normalises `rows` (rows × width) into `out`.
     pub(crate) fn apply(&self, rows: &[f32], out: &mut [f32]) {
         dispatch(Normalise {
-            norm: self,
+            affine: &self.0,
             rows,
             out,
         });
@@ -38,7 +28,7 @@ impl LayerNorm {
 }
 
 struct Normalise<'a> {
-    norm: &'a LayerNorm,
+    affine: &'a Affine,
     rows: &'a [f32],
     out: &'a mut [f32],
 }
@@ -46,14 +36,14 @@ struct Normalise<'a> {
 impl Kernel for Normalise<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, _: L) {
-        let LayerNorm { weight, bias } = self.norm;
-        let width = weight.len();
+        let Affine { gain, offset } = self.affine;
+        let width = gain.len();
         let rows = self.rows.chunks_exact(width);
         for (x, y) in rows.zip(self.out.chunks_exact_mut(width)) {
             let mean = sum(x, |v| v) / width as f32;
             let variance = sum(x, |v| (v - mean) * (v - mean)) / width as f32;
             let scale = 1.0 / (variance + EPSILON).sqrt();
-            let affine = weight.iter().zip(bias);
+            let affine = gain.iter().zip(offset);
             for ((y, x), (w, b)) in y.iter_mut().zip(x).zip(affine) {
                 *y = (x - mean) * scale * w + b;
             }

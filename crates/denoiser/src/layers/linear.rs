@@ -39,11 +39,6 @@ impl Linear {
         self.multiply(x, &mut Factors::default(), out, Store::Replace);
     }
 
-    /// Adds W x + b in f32 for each row of `x` to `out`.
-    pub(crate) fn accumulate(&self, x: &[f32], out: &mut [f32]) {
-        self.multiply(x, &mut Factors::default(), out, Store::Add);
-    }
-
     /// Writes or adds W x + b for each row of `x` (rows × inputs) in the precision of the factors.
     pub(crate) fn multiply(&self, x: &[f32], factors: &mut Factors, out: &mut [f32], store: Store) {
         let (inputs, outputs) = (self.product.inputs(), self.product.outputs());

@@ -1,6 +1,6 @@
 //! Residual blocks, and the stages of two blocks that the network consists of.
 
-use crate::gemm::Precision;
+use crate::gemm::{Precision, Store};
 use crate::layers::convolution::{Convolution, Kind, Rows};
 use crate::layers::factors::Factors;
 use crate::layers::group_norm::{self, Affine, Statistics};
@@ -91,12 +91,16 @@ impl ResidualBlock {
         let [first, second] = &mut tape.statistics;
         let straight = self.skip.is_none().then_some(&mut tape.out);
         group_norm::apply(x, &self.norm1, first, activated, straight);
-        self.conv1.apply(activated, factors, &mut tape.hidden);
+        self.conv1
+            .forward
+            .apply(activated, factors, &mut tape.hidden);
         group_norm::apply(&tape.hidden, film, second, activated, None);
         if let Some(skip) = &self.skip {
-            skip.apply(x, factors, &mut tape.out);
+            skip.forward.apply(x, factors, &mut tape.out);
         }
-        self.conv2.accumulate(activated, factors, &mut tape.out);
+        self.conv2
+            .forward
+            .run(activated, factors, &mut tape.out, Store::Add);
     }
 
     /// Turns the gradient with respect to the output, in place, into that with respect to the input `x`.
@@ -111,13 +115,13 @@ impl ResidualBlock {
     ) {
         let GradientWork { inner, outer, sums } = work;
         let [first, second] = &tape.statistics;
-        self.conv2.pull_back(gradient, factors, inner);
+        self.conv2.backward.apply(gradient, factors, inner);
         group_norm::pull_back(&tape.hidden, film, second, inner, None, sums);
-        self.conv1.pull_back(inner, factors, outer);
+        self.conv1.backward.apply(inner, factors, outer);
         let straight = self.skip.is_none().then_some(&*gradient);
         group_norm::pull_back(x, &self.norm1, first, outer, straight, sums);
         if let Some(skip) = &self.skip {
-            skip.pull_back_onto(gradient, factors, outer);
+            skip.backward.run(gradient, factors, outer, Store::Add);
         }
         std::mem::swap(outer, gradient);
     }
@@ -192,8 +196,8 @@ impl Stage {
         let previous = before.last().map(StageTape::out);
         let previous = || previous.expect("only a stem has nothing before it");
         match &self.entrance {
-            Entrance::Stem(convolution) => convolution.apply(input, factors, entry),
-            Entrance::Shrink(convolution) => convolution.apply(previous(), factors, entry),
+            Entrance::Stem(convolution) => convolution.forward.apply(input, factors, entry),
+            Entrance::Shrink(convolution) => convolution.forward.apply(previous(), factors, entry),
             Entrance::Straight => entry.copy(previous()),
             Entrance::Grow {
                 convolution,
@@ -202,7 +206,9 @@ impl Stage {
                 let beside = before[*beside].out();
                 let channels = beside.channels();
                 entry.shape(beside.candidates(), beside.height(), 2 * channels);
-                convolution.apply_within(previous(), factors, entry);
+                convolution
+                    .forward
+                    .run(previous(), factors, entry, Store::Replace);
                 entry.copy_channels(channels, beside, 0, channels);
             }
         }

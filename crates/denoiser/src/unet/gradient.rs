@@ -3,6 +3,7 @@
 use super::block::Entrance;
 use super::dimensions::{FRAME, PATH, STAGES};
 use super::network::{TemporalUnet, UnetScratch};
+use crate::gemm::Store;
 use crate::layers::convolution::Rows;
 use crate::layers::factors::Factors;
 use crate::layers::group_norm;
@@ -55,7 +56,8 @@ impl TemporalUnet {
         }
         let last = &mut g.stages[STAGES - 1];
         self.final_convolution
-            .pull_back(&g.cotangent, &mut s.work.factors, last);
+            .backward
+            .apply(&g.cotangent, &mut s.work.factors, last);
         let out = s.tapes[STAGES - 1].out();
         group_norm::pull_back(
             out,
@@ -77,10 +79,11 @@ fn pull_back_entrance(
     (grown, input): (&mut Rows, &mut Rows),
 ) {
     match entrance {
-        Entrance::Stem(convolution) => convolution.pull_back(entry, factors, input),
+        Entrance::Stem(convolution) => convolution.backward.apply(entry, factors, input),
         // the stage before has a gradient already, from where its output was taken beside
         Entrance::Shrink(convolution) => {
-            convolution.pull_back_onto(entry, factors, &mut before[before.len() - 1]);
+            let output = &mut before[before.len() - 1];
+            convolution.backward.run(entry, factors, output, Store::Add);
         }
         Entrance::Straight => before[before.len() - 1].copy(entry),
         Entrance::Grow {
@@ -92,7 +95,9 @@ fn pull_back_entrance(
                 rows.shape(entry.candidates(), entry.height(), channels);
                 rows.copy_channels(0, entry, first, channels);
             }
-            convolution.pull_back(grown, factors, &mut before[before.len() - 1]);
+            convolution
+                .backward
+                .apply(grown, factors, &mut before[before.len() - 1]);
         }
     }
 }

@@ -4,7 +4,9 @@
 //! layer; so both are computed per ball, and only the activation between them per pair.
 
 use super::embedding::Perceptron;
+use crate::gemm::Store;
 use crate::layers::activation::silu;
+use crate::layers::factors::Factors;
 use crate::layers::layer_norm::LayerNorm;
 use crate::layers::linear::Linear;
 use crate::weights::error::WeightsError;
@@ -47,7 +49,7 @@ impl ObstacleGraph {
             node: Perceptron::load(file, "graph.node", [4, hidden, hidden])?,
             layers: [layer(0)?, layer(1)?],
             pool: Perceptron::load(file, "graph.pool", pooled)?,
-            empty: file.tensor("graph.empty", &[2 * hidden])?.to_vec(),
+            empty: file.vector("graph.empty", 2 * hidden)?,
         })
     }
 
@@ -101,7 +103,7 @@ impl Layer {
         let inner = file.tensor(&format!("{name}.message.0.weight"), &[hidden, inputs])?;
         let bias = file.tensor(&format!("{name}.message.0.bias"), &[hidden])?;
         let outer = file.tensor(&format!("{name}.message.2.weight"), &[hidden, hidden])?;
-        let outer_bias = file.tensor(&format!("{name}.message.2.bias"), &[hidden])?;
+        let outer_bias = file.vector(&format!("{name}.message.2.bias"), hidden)?;
         let none = vec![0.0; hidden];
         let columns = |first: usize, count: usize, bias: &[f32]| {
             let rows = inner.chunks_exact(inputs);
@@ -114,7 +116,7 @@ impl Layer {
             sender: columns(hidden, hidden, &none),
             pair: columns(2 * hidden, PAIR_FEATURES, &none),
             outer_weight: Linear::pack(outer, &none),
-            outer_bias: outer_bias.to_vec(),
+            outer_bias,
             update: Perceptron::load(
                 file,
                 &format!("{name}.update"),
@@ -155,7 +157,8 @@ impl Layer {
                 let own = &to[receiver * width..][..width];
                 message.iter_mut().zip(own).for_each(|(m, t)| *m += t);
             }
-            self.pair.accumulate(&pairs, &mut messages);
+            self.pair
+                .multiply(&pairs, &mut Factors::default(), &mut messages, Store::Add);
             silu(&mut messages);
             for (sender, message) in messages.chunks_exact(width).enumerate() {
                 if sender != receiver {

@@ -11,7 +11,7 @@ use crate::gemm::Precision;
 use crate::layers::convolution::{Convolution, Kind, Rows};
 use crate::layers::group_norm::{self, Affine, Statistics};
 use crate::simd::lanes::LANES;
-use crate::weights::error::{ContentError, WeightsError};
+use crate::weights::error::WeightsError;
 use crate::weights::file::WeightsFile;
 
 /// Start, goal and balls of a request, embedded once for all its diffusion steps.
@@ -74,11 +74,7 @@ impl TemporalUnet {
         file.expect_robot(bending_limit)?;
         let width = file.count("width")?;
         if width % LANES != 0 {
-            return Err(file.refused(ContentError::Metadata {
-                key: "width",
-                found: Some(width.to_string()),
-                expected: format!("a multiple of {LANES}"),
-            }));
+            return Err(file.refused_entry("width", format!("a multiple of {LANES}")));
         }
         let context = file.count("context")?;
         Ok(Self {
@@ -163,6 +159,7 @@ impl TemporalUnet {
         let Work { factors, activated } = &mut s.work;
         group_norm::apply(out, &self.final_norm, &mut s.statistics, activated, None);
         self.final_convolution
+            .forward
             .apply(activated, factors, &mut s.noise);
         for (noise, rows) in noise.chunks_exact_mut(PATH).zip(s.noise.each()) {
             noise.copy_from_slice(rows);

@@ -38,33 +38,25 @@ impl Normalisation {
             position_centre: [x, y, z],
             position_scale: scale,
         };
-        match found.check() {
-            Ok(()) => Ok(found),
-            Err(reason) => Err(file.refused(reason)),
-        }
+        found.check().map_err(|reason| file.refused(reason))?;
+        Ok(found)
     }
 
     fn check(&self) -> Result<(), ContentError> {
-        let wrong = |tensor, found, expected| ContentError::Value {
-            tensor,
-            found,
-            expected,
-        };
         let mut ranges = self.configuration_low.iter().zip(&self.configuration_high);
         if let Some((low, high)) = ranges.find(|(low, high)| low >= high) {
-            let (tensor, expected) = ("normalisation.configuration_high", "more than the low end");
-            return Err(wrong(
-                tensor,
-                format!("{high} where the low end is {low}"),
-                expected,
-            ));
+            return Err(ContentError::Value {
+                tensor: "normalisation.configuration_high",
+                found: format!("{high} where the low end is {low}"),
+                expected: "more than the low end",
+            });
         }
         if self.position_scale <= 0.0 {
-            let (tensor, found) = (
-                "normalisation.position_scale",
-                self.position_scale.to_string(),
-            );
-            return Err(wrong(tensor, found, "more than 0"));
+            return Err(ContentError::Value {
+                tensor: "normalisation.position_scale",
+                found: self.position_scale.to_string(),
+                expected: "more than 0",
+            });
         }
         Ok(())
     }

@@ -105,6 +105,19 @@ impl WeightsFile {
         }
     }
 
+    /// The error that says that a metadata entry does not fit, and what is needed.
+    pub(crate) fn refused_entry(
+        &self,
+        key: &'static str,
+        expected: impl Into<String>,
+    ) -> WeightsError {
+        self.refused(ContentError::Metadata {
+            key,
+            found: self.metadata.get(key).cloned(),
+            expected: expected.into(),
+        })
+    }
+
     /// The values of a tensor, row-major, if it has the shape.
     ///
     /// # Errors
@@ -124,6 +137,11 @@ impl WeightsFile {
         Ok(&known.values)
     }
 
+    /// The values of a tensor of one dimension, if it has this length.
+    pub(crate) fn vector(&self, name: &str, length: usize) -> Result<Vec<f32>, WeightsError> {
+        Ok(self.tensor(name, &[length])?.to_vec())
+    }
+
     /// Checks that a metadata entry has a value.
     ///
     /// # Errors
@@ -131,11 +149,7 @@ impl WeightsFile {
     pub fn expect(&self, key: &'static str, expected: &str) -> Result<(), WeightsError> {
         match self.metadata.get(key) {
             Some(found) if found == expected => Ok(()),
-            found => Err(self.refused(ContentError::Metadata {
-                key,
-                found: found.cloned(),
-                expected: format!("`{expected}`"),
-            })),
+            _ => Err(self.refused_entry(key, format!("`{expected}`"))),
         }
     }
 
@@ -180,11 +194,7 @@ impl WeightsFile {
     /// [`ContentError::Metadata`].
     pub fn count(&self, key: &'static str) -> Result<usize, WeightsError> {
         match self.number(key)? {
-            0 => Err(self.refused(ContentError::Metadata {
-                key,
-                found: Some("0".into()),
-                expected: "a count of at least 1".into(),
-            })),
+            0 => Err(self.refused_entry(key, "a count of at least 1")),
             count => Ok(count),
         }
     }
@@ -194,14 +204,7 @@ impl WeightsFile {
     /// # Errors
     /// [`ContentError::Metadata`].
     pub fn number<T: std::str::FromStr>(&self, key: &'static str) -> Result<T, WeightsError> {
-        let found = self.metadata.get(key);
-        let missing = || {
-            self.refused(ContentError::Metadata {
-                key,
-                found: found.cloned(),
-                expected: "a number".into(),
-            })
-        };
-        found.and_then(|text| text.parse().ok()).ok_or_else(missing)
+        let number = self.metadata(key).and_then(|text| text.parse().ok());
+        number.ok_or_else(|| self.refused_entry(key, "a number"))
     }
 }

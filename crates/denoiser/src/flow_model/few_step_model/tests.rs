@@ -3,6 +3,7 @@
 use super::*;
 use crate::Manifest;
 use crate::gemm::presence::{has_bf16, precisions};
+use crate::weights::error::ContentError;
 use std::f64::consts::FRAC_PI_2;
 use std::path::PathBuf;
 
