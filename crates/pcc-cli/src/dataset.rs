@@ -5,7 +5,7 @@ use crate::output_files::{make_writable, write_whole};
 use crate::robot::unit_robot;
 use anyhow::{Context, bail, ensure};
 use clap::{Args, ValueEnum};
-use datasets::scenes::Setting;
+use datasets::scenes::{STARTS, Setting};
 use datasets::{
     CASES_VERSION, Counts, Dataset, EXPERT_VERSION, GeneratorNotes, Meta, PAPER_VERSION, Recipe,
     Row, TERMINALS, generate_block, generate_cases, generate_paper_block,
@@ -21,6 +21,10 @@ use std::thread::Builder;
 
 /// Targets of one block: the unit of work, of resuming and of sharding.
 const BLOCK: u64 = 32;
+/// Most balls of a generated scene, goal configurations of a start, and trees of a search.
+const MOST_OF_A_SET: usize = 64;
+/// Most targets of a set: weeks of work of a large machine.
+const MOST_TARGETS: u64 = 10_000_000;
 /// Longest recipe that is read, bytes.
 const MAX_RECIPE_BYTES: u64 = 1 << 16;
 /// Lines of progress that are printed where there is no terminal to draw a bar on.
@@ -85,19 +89,19 @@ pub(crate) struct Arguments {
     #[arg(long, value_enum, default_value = "expert")]
     method: Method,
     /// Number of balls in every general scene, instead of the cycle (0 to 64).
-    #[arg(long, value_parser = number::balls())]
+    #[arg(long, value_parser = number::whole(0, MOST_OF_A_SET))]
     balls: Option<usize>,
     /// Targets to draw (1 to 10000000).
-    #[arg(long, default_value_t = 320, value_parser = number::targets())]
+    #[arg(long, default_value_t = 320, value_parser = number::whole(1, MOST_TARGETS))]
     targets: u64,
     /// Starts of each target (1 to 5).
-    #[arg(long, default_value_t = 5, value_parser = number::starts())]
+    #[arg(long, default_value_t = 5, value_parser = number::whole(1, STARTS))]
     starts: usize,
     /// Goal configurations of each start, as many of them as there are (1 to 64, else 10; the paper's generator: 1 to 10; cases: 1).
-    #[arg(long, value_parser = number::of_a_set())]
+    #[arg(long, value_parser = number::whole(1, MOST_OF_A_SET))]
     ends: Option<usize>,
     /// Trees that the expert looks at where a straight segment leads it nowhere, to keep the shortest path (1 to 64; the paper's generator and cases: 1).
-    #[arg(long, default_value_t = 1, value_parser = number::of_a_set())]
+    #[arg(long, default_value_t = 1, value_parser = number::whole(1, MOST_OF_A_SET))]
     trees: usize,
     /// Seed (0 to 2^64 - 1); the same seed gives the same rows whatever the shards and threads.
     #[arg(long, default_value_t = 0, value_parser = number::any())]

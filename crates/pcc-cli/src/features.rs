@@ -1,6 +1,6 @@
 //! `pcc features`: the training arrays of the few-step model.
 
-use crate::number::group;
+use crate::number::whole;
 use crate::output_files::make_writable_for;
 use crate::robot::unit_robot;
 use anyhow::Context;
@@ -24,7 +24,7 @@ pub(crate) struct Arguments {
     #[arg(long)]
     dataset: PathBuf,
     /// Added to the target indices (0 to 2^32 - 1), so that the targets of several data sets stay apart.
-    #[arg(long, default_value_t = 0, value_parser = group())]
+    #[arg(long, default_value_t = 0, value_parser = whole(0, u32::MAX))]
     first_group: u32,
     /// Frame of the arrays.
     #[arg(long, value_enum, default_value = "canonical")]

@@ -2,12 +2,9 @@
 
 use crate::command_line::shown_value;
 use anyhow::ensure;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
 use clap::error::ErrorKind;
 use clap::{Arg, Command, Error};
-use collision::MAX_EXTENT;
-use datasets::scenes::STARTS;
-use planning::MOST_CORRECTIONS;
 use shared_types::capacity::{MAX_BALLS, MAX_CANDIDATES};
 use shared_types::valid::{LEAST_LIMITS_SCALE, MAX_LENGTH_M};
 use std::f64::consts::PI;
@@ -16,14 +13,6 @@ use std::str::FromStr;
 
 /// Most worker threads.
 const MOST_THREADS: usize = 256;
-/// Most balls of a generated scene, goal configurations of a start, and trees of a search.
-const MOST_OF_A_SET: usize = 64;
-/// Most targets of a set: weeks of work of a large machine.
-const MOST_TARGETS: u64 = 10_000_000;
-/// Longest deadline, milliseconds.
-const LONGEST_DEADLINE_MS: u64 = 60_000;
-/// Most evaluations of a diffusion planner's network: the noise levels that it was trained with.
-const MOST_STEPS: usize = 1000;
 
 /// Reads a number of a closed range.
 #[derive(Clone)]
@@ -61,7 +50,8 @@ pub(crate) fn refused(
     Error::raw(ErrorKind::ValueValidation, message).format(&mut command.clone())
 }
 
-fn whole<T: ToString>(least: T, most: T) -> Number<T> {
+/// Reads a whole number of a closed range.
+pub(crate) fn whole<T: ToString>(least: T, most: T) -> Number<T> {
     let allowed = format!(
         "a whole number from {} to {}",
         least.to_string(),
@@ -74,7 +64,8 @@ fn whole<T: ToString>(least: T, most: T) -> Number<T> {
     }
 }
 
-fn real(least: f64, most: f64, unit: &str) -> Number<f64> {
+/// Reads a real number of a closed range; `unit` is what follows it in the message.
+pub(crate) fn real(least: f64, most: f64, unit: &str) -> Number<f64> {
     let allowed = format!("a number from {least} to {most}{unit}");
     Number {
         least,
@@ -86,16 +77,6 @@ fn real(least: f64, most: f64, unit: &str) -> Number<f64> {
 /// A coordinate of a tip in metres.
 pub(crate) fn metres() -> Number<f64> {
     real(-MAX_LENGTH_M, MAX_LENGTH_M, " m")
-}
-
-/// A coordinate of a tip in section lengths.
-pub(crate) fn section_lengths() -> Number<f64> {
-    real(-MAX_LENGTH_M, MAX_LENGTH_M, " section lengths")
-}
-
-/// A coordinate or the radius of a ball in section lengths.
-pub(crate) fn extents() -> Number<f64> {
-    real(-MAX_EXTENT, MAX_EXTENT, " section lengths")
 }
 
 /// A bending component in radians: no robot bends farther.
@@ -116,24 +97,9 @@ pub(crate) fn limits_scale() -> Number<f64> {
     }
 }
 
-/// The rate of path time.
-pub(crate) fn rate() -> Number<f64> {
-    real(0.0, 1.0, "")
-}
-
-/// How often the state is shown, Hz.
-pub(crate) fn shown_hz() -> Number<f64> {
-    real(0.1, 100.0, " Hz")
-}
-
 /// A number of candidates.
 pub(crate) fn candidates() -> Number<usize> {
     whole(1, MAX_CANDIDATES)
-}
-
-/// A place in the table of candidates.
-pub(crate) fn candidate_index() -> Number<usize> {
-    whole(0, MAX_CANDIDATES - 1)
 }
 
 /// A number of worker threads; 0 stands for one a core.
@@ -141,59 +107,9 @@ pub(crate) fn threads() -> Number<usize> {
     whole(0, MOST_THREADS)
 }
 
-/// A deadline in milliseconds; 0 stands for the daemon's default.
-pub(crate) fn deadline_ms() -> Number<u64> {
-    whole(0, LONGEST_DEADLINE_MS)
-}
-
 /// A seed, or a count whose 0 stands for no end.
 pub(crate) fn any() -> Number<u64> {
     whole(0, u64::MAX)
-}
-
-/// What is added to the target indices of a data set.
-pub(crate) fn group() -> Number<u32> {
-    whole(0, u32::MAX)
-}
-
-/// A number of cases.
-pub(crate) fn cases() -> Number<usize> {
-    whole(1, usize::MAX)
-}
-
-/// A number of corrections of a drawn path.
-pub(crate) fn corrections() -> Number<usize> {
-    whole(0, MOST_CORRECTIONS)
-}
-
-/// Evaluations of a diffusion planner's network.
-pub(crate) fn steps() -> Number<usize> {
-    whole(1, MOST_STEPS)
-}
-
-/// A number of targets of a data set.
-pub(crate) fn targets() -> Number<u64> {
-    whole(1, MOST_TARGETS)
-}
-
-/// A number of starts of each target.
-pub(crate) fn starts() -> Number<usize> {
-    whole(1, STARTS)
-}
-
-/// A number of balls of a general scene.
-pub(crate) fn balls() -> Number<usize> {
-    whole(0, MOST_OF_A_SET)
-}
-
-/// A number of goal configurations or of trees.
-pub(crate) fn of_a_set() -> Number<usize> {
-    whole(1, MOST_OF_A_SET)
-}
-
-/// A number of evaluations of the few-step network, of those that it was trained for.
-pub(crate) fn evaluations() -> impl TypedValueParser<Value = usize> {
-    PossibleValuesParser::new(["1", "2", "4", "8"]).try_map(|text| text.parse::<usize>())
 }
 
 /// One part of a data set, made on its own.

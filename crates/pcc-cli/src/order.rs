@@ -14,7 +14,7 @@ use shared_types::codes::{CommandRefusal, LoopState};
 use shared_types::ipc::{IpcOptions, Role, RoleLock};
 use shared_types::valid::Command;
 
-use crate::number::rate;
+use crate::number::real;
 
 /// Longest wait for a reply of the controller.
 const TIMEOUT: Duration = Duration::from_secs(5);
@@ -29,7 +29,7 @@ pub(crate) const STANDS_STILL: &str =
 #[derive(Args)]
 pub(crate) struct SpeedArguments {
     /// Share of a motion's own rate, 0 (stand still on the path) to 1.
-    #[arg(value_parser = rate())]
+    #[arg(value_parser = real(0.0, 1.0, ""))]
     rate: f64,
 }
 

@@ -12,13 +12,16 @@ use crate::sampler::{samplers, selections};
 use anyhow::bail;
 use clap::{ArgAction, Args};
 use client::{Client, ControllerView};
-use shared_types::capacity::DOF;
+use shared_types::capacity::{DOF, MAX_CANDIDATES};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{Outcome, Sampler, Selection};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
 use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
 use std::time::{Duration, Instant};
+
+/// Longest deadline, milliseconds.
+const LONGEST_DEADLINE_MS: u64 = 60_000;
 
 /// Arguments of `pcc plan`.
 #[derive(Args)]
@@ -55,10 +58,10 @@ pub(crate) struct Arguments {
     #[arg(long, value_parser = selections(), default_value = "shortest-time")]
     select: Selection,
     /// Select the candidate with this index (as the table shows, below --candidates) instead.
-    #[arg(long, conflicts_with = "select", value_parser = number::candidate_index())]
+    #[arg(long, conflicts_with = "select", value_parser = number::whole(0, MAX_CANDIDATES - 1))]
     index: Option<usize>,
     /// Deadline, milliseconds, at most 60000 (0: the daemon's default).
-    #[arg(long, default_value_t = 0, value_parser = number::deadline_ms())]
+    #[arg(long, default_value_t = 0, value_parser = number::whole(0, LONGEST_DEADLINE_MS))]
     deadline_ms: u64,
     /// Share of the tendon limits to use (1e-9 to 1).
     #[arg(long, default_value_t = 1.0, value_parser = number::limits_scale())]

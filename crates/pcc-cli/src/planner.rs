@@ -1,17 +1,15 @@
 //! The options that name a planner's models, and the planner made with them.
 
-use crate::number::{evaluations, steps};
-use crate::sampler::{PlannerName, name_of};
+use crate::number::whole;
+use crate::sampler::{PlannerName, choice, name_of};
 use anyhow::{Context, bail};
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
 use denoiser::{FastModel, Manifest, Precision, Solver, TemporalUnet, WeightsFile};
 use pcc_model::UnitRobot;
 use planning::{DiffusionModel, DiffusionSettings, Guidance, Models, Planner, Sampler};
 use serde::Serialize;
 use std::error::Error;
 use std::path::PathBuf;
-use std::str::FromStr;
 
 /// Weights that `fast` and `default` use where none are named.
 const FAST_WEIGHTS: &str = "fast";
@@ -20,6 +18,8 @@ const DIFFUSION_WEIGHTS: &str = "mixed";
 /// The paper's steps.
 const STEPS: usize = 50;
 
+/// Most evaluations of a diffusion planner's network: the noise levels that it was trained with.
+const MOST_STEPS: usize = 1000;
 /// Longest name of weights, bytes.
 const LONGEST_NAME: usize = 64;
 
@@ -28,14 +28,6 @@ fn model_name(text: &str) -> Result<String, String> {
     is_name
         .then(|| text.to_owned())
         .ok_or_else(|| format!("a name of 1 to {LONGEST_NAME} bytes is needed"))
-}
-
-/// Reads one of some names.
-fn one_of<T>(names: [&'static str; 2]) -> impl TypedValueParser<Value = T>
-where
-    T: FromStr<Err: Error + Send + Sync + 'static> + Clone + Send + Sync + 'static,
-{
-    PossibleValuesParser::new(names).try_map(|name| name.parse::<T>())
 }
 
 /// Which weights are used, and how the diffusion model is sampled.
@@ -49,17 +41,17 @@ pub(crate) struct ModelArguments {
     #[arg(long, value_parser = model_name)]
     model: Option<String>,
     /// Evaluations of the network by `fast` and `default` (1, 2, 4 or 8); without it as many as the weights say.
-    #[arg(long, value_parser = evaluations())]
+    #[arg(long, value_parser = choice([("1", 1), ("2", 2), ("4", 4), ("8", 8)]))]
     evaluations: Option<usize>,
     /// Evaluations of the diffusion planners' network (1 to 1000); without it the paper's 50.
-    #[arg(long, value_parser = steps())]
+    #[arg(long, value_parser = whole(1, MOST_STEPS))]
     steps: Option<usize>,
     /// Solver of the diffusion planners: `ddim`, the paper's, which it is without this, or `dpm-solver` (DPM-Solver++(2M)).
-    #[arg(long, value_parser = one_of::<Solver>(["ddim", "dpm-solver"]))]
+    #[arg(long, value_parser = choice([("ddim", Solver::Ddim), ("dpm-solver", Solver::DpmSolver)]))]
     solver: Option<Solver>,
     /// Arithmetic of the diffusion planners' network: `f32`, which it is without this, or `bf16` where the processor has
     /// products of 16 bits.
-    #[arg(long, value_parser = one_of::<Precision>(["f32", "bf16"]))]
+    #[arg(long, value_parser = choice([("f32", Precision::F32), ("bf16", Precision::Bf16)]))]
     precision: Option<Precision>,
 }
 

@@ -38,14 +38,27 @@ impl PlannerName {
     }
 }
 
+/// Reads one of some values by its name.
+pub(crate) fn choice<T: Clone + Send + Sync + 'static>(
+    choices: impl IntoIterator<Item = (impl Into<PossibleValue>, T)>,
+) -> impl TypedValueParser<Value = T> {
+    let named = choices
+        .into_iter()
+        .map(|(name, value)| (name.into(), value));
+    let (names, values): (Vec<PossibleValue>, Vec<T>) = named.unzip();
+    let known = names.clone();
+    PossibleValuesParser::new(names).try_map(move |given| {
+        let place = known.iter().position(|name| name.get_name() == given);
+        place
+            .map(|place| values[place].clone())
+            .ok_or("no such choice")
+    })
+}
+
 /// Reads a sampler of a request by its name: that of every planner but `proposed`.
 pub(crate) fn samplers() -> impl TypedValueParser<Value = Sampler> {
-    let code = |name: &str| Sampler::ALL.iter().find(|code| code.text() == name);
-    let planners = PlannerName::value_variants().iter();
-    let names = planners.filter_map(ValueEnum::to_possible_value);
-    let names = names.filter(|name| code(name.get_name()).is_some());
-    PossibleValuesParser::new(names)
-        .try_map(move |name| code(&name).copied().ok_or("no such sampler"))
+    let named = |planner: &PlannerName| Some((planner.to_possible_value()?, planner.sampler()?));
+    choice(PlannerName::value_variants().iter().filter_map(named))
 }
 
 /// Selection rules with their names and a line of help.
@@ -80,11 +93,7 @@ const SELECTIONS: [(&str, Selection, &str); 5] = {
 
 /// Reads a rule for selecting a candidate by its name.
 pub(crate) fn selections() -> impl TypedValueParser<Value = Selection> {
-    let names = SELECTIONS.map(|(name, _, help)| PossibleValue::new(name).help(help));
-    PossibleValuesParser::new(names).try_map(|given| {
-        let rule = SELECTIONS.into_iter().find(|(name, ..)| *name == given);
-        rule.map(|(_, rule, _)| rule).ok_or("no such selection")
-    })
+    choice(SELECTIONS.map(|(name, rule, help)| (PossibleValue::new(name).help(help), rule)))
 }
 
 /// The name of a choice on the command line.

@@ -15,6 +15,7 @@ use planning::random_configuration;
 use planning::{Goal, Guidance, PlannerError, Problem, WAYPOINTS, Waypoints};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
+use shared_types::valid::MAX_LENGTH_M;
 use std::path::{Path, PathBuf};
 
 /// Random configurations that are tried for a start that is clear.
@@ -24,7 +25,7 @@ const START_DRAWS: usize = 1000;
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Tip position to reach, section lengths (-1000 to 1000), base frame.
-    #[arg(long, required = true, num_args = 3, action = ArgAction::Set, value_parser = number::section_lengths(), value_names = ["X", "Y", "Z"])]
+    #[arg(long, required = true, num_args = 3, action = ArgAction::Set, value_parser = number::real(-MAX_LENGTH_M, MAX_LENGTH_M, " section lengths"), value_names = ["X", "Y", "Z"])]
     tip: Vec<f64>,
     /// Start configuration, radians (-π to π, and within the robot's bending limit); without it the straight one.
     #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = number::radians(), value_name = "RAD")]
@@ -33,7 +34,7 @@ pub(crate) struct Arguments {
     #[arg(long, conflicts_with = "start")]
     random_start: bool,
     /// An obstacle, section lengths (coordinates from -1e7 to 1e7, a radius from 0 to 1e7); may be given up to 64 times.
-    #[arg(long, num_args = 4, action = ArgAction::Append, value_parser = number::extents(), value_names = ["X", "Y", "Z", "RADIUS"])]
+    #[arg(long, num_args = 4, action = ArgAction::Append, value_parser = number::real(-MAX_EXTENT, MAX_EXTENT, " section lengths"), value_names = ["X", "Y", "Z", "RADIUS"])]
     ball: Vec<f64>,
     /// Which of the diffusion planners.
     #[arg(long, value_enum, default_value = "diffusion-post")]

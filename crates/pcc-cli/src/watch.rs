@@ -1,6 +1,6 @@
 //! `pcc watch`: the live state of controller and robot in the terminal.
 
-use crate::number::{any, shown_hz};
+use crate::number::{any, real};
 use clap::Args;
 use client::{ControllerView, RobotView};
 use shared_types::clock::mono_now_ns;
@@ -18,7 +18,7 @@ use std::time::Duration;
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Times a second, 0.1 to 100.
-    #[arg(long, default_value_t = 5.0, value_parser = shown_hz())]
+    #[arg(long, default_value_t = 5.0, value_parser = real(0.1, 100.0, " Hz"))]
     rate_hz: f64,
     /// Show the state this many times (0 to 2^64 - 1), then end (0: until interrupted).
     #[arg(long, default_value_t = 0, value_parser = any())]

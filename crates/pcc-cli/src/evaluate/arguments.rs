@@ -40,13 +40,13 @@ pub(crate) struct Arguments {
     #[arg(long, default_value_t = 0, value_parser = number::any())]
     pub(super) seed: u64,
     /// Only the first N cases, at least 1.
-    #[arg(long, value_parser = number::cases())]
+    #[arg(long, value_parser = number::whole(1, usize::MAX))]
     cases: Option<usize>,
     /// Worker threads of the planner, at most 256 (0: one a core).
     #[arg(long, default_value_t = 0, value_parser = number::threads())]
     pub(super) threads: usize,
     /// Corrections that a drawn path gets before it is given up (0 to 2).
-    #[arg(long, default_value_t = MOST_CORRECTIONS, value_parser = number::corrections())]
+    #[arg(long, default_value_t = MOST_CORRECTIONS, value_parser = number::whole(0, MOST_CORRECTIONS))]
     pub(super) corrections: usize,
     /// Robot file.
     #[arg(long, default_value = "config/robots/unit.toml")]
