@@ -4,12 +4,13 @@ use std::path::Path;
 
 use pcc_model::{Configuration, Robot};
 use shared_types::codes::MotorState;
+use shared_types::message::Setpoint;
 use trajectory::{Knot, ParameterizationOptions, Trajectory, limit_use, parameterize};
 
 use crate::{
     TENDONS, TendonVector,
     executive::{CycleInput, CycleOutput, Executive, ExecutiveSettings, Motion, RobotSample},
-    robot::{InjectedFaults, RememberedPose, RobotConfig, SimulatedRobot, Target},
+    robot::{RememberedPose, RobotConfig, SimulatedRobot},
 };
 
 pub(crate) const MS: i64 = 1_000_000;
@@ -106,7 +107,7 @@ pub(crate) struct World {
     pub(crate) stamp_offset_ns: i64,
     /// The guard makes no rounds.
     pub(crate) guard_held_up: bool,
-    pub(crate) faults: InjectedFaults,
+    pub(crate) stuck_tendon: Option<usize>,
     pub(crate) last: Option<CycleOutput>,
     sample: Option<RobotSample>,
     settings: ExecutiveSettings,
@@ -138,7 +139,7 @@ impl World {
             repeats_state: false,
             stamp_offset_ns: 0,
             guard_held_up: false,
-            faults: InjectedFaults::default(),
+            stuck_tendon: None,
             last: None,
             sample: None,
             settings,
@@ -243,12 +244,13 @@ impl World {
             "{most}"
         );
         self.sequence += 1;
-        let target = Target {
+        let target = Setpoint {
             sequence: self.sequence,
-            stamp_ns: output.stamp_ns,
+            stamp_mono_ns: output.stamp_ns,
             position_m: output.tendon_m,
             velocity_m_s: output.tendon_velocity_m_s,
             acceleration_m_s2: output.tendon_acceleration_m_s2,
+            ..Setpoint::ZEROED
         };
         self.move_robot(output.send.then_some(&target));
         self.last = Some(output);
@@ -271,8 +273,8 @@ impl World {
         self.sample.unwrap()
     }
 
-    fn move_robot(&mut self, target: Option<&Target>) {
-        let measured = self.simulated.step(self.now_ns, target, self.faults);
+    fn move_robot(&mut self, target: Option<&Setpoint>) {
+        let measured = self.simulated.step(self.now_ns, target, self.stuck_tendon);
         let reference = self.simulated.reference();
         if self.repeats_state {
             return;

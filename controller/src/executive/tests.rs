@@ -8,6 +8,7 @@ use rand_pcg::{
     rand_core::{Rng, SeedableRng},
 };
 use shared_types::codes::{CommandRefusal, LoopFault, LoopState, MotorState};
+use shared_types::message::Setpoint;
 
 use crate::{
     fixtures::{MS, World, curved_motion, target_configuration},
@@ -237,7 +238,7 @@ fn a_stuck_motor_is_a_tracking_error_before_it_is_twice_the_tolerance() {
     let mut world = World::holding();
     world.begin_motion(1);
     world.run(800);
-    world.faults.stuck_tendon = Some(4);
+    world.stuck_tendon = Some(4);
     let mut error_rad = 0.0;
     while state(&world) == LoopState::Executing {
         let output = world.cycle(MS);
@@ -249,7 +250,7 @@ fn a_stuck_motor_is_a_tracking_error_before_it_is_twice_the_tolerance() {
     // Latched while the cause is there, and after a reset at once again.
     world.executive.reset().unwrap();
     run_until(&mut world, 100, |world| state(world) == LoopState::Fault);
-    world.faults.stuck_tendon = None;
+    world.stuck_tendon = None;
     world.run(2_000);
     world.executive.reset().unwrap();
     world.run(100);
@@ -451,17 +452,17 @@ fn a_robot_in_fault_is_detached_until_reset() {
     world.run(1_500);
     // A foreign set-point makes the robot latch a fault.
     let reference_m = world.reference_m();
-    let foreign = crate::robot::Target {
+    let foreign = Setpoint {
         sequence: 1,
-        stamp_ns: world.now_ns,
+        stamp_mono_ns: world.now_ns,
         position_m: reference_m,
         velocity_m_s: [9.0; 9],
-        acceleration_m_s2: [0.0; 9],
+        ..Setpoint::ZEROED
     };
     world.now_ns += MS;
     world
         .simulated
-        .step(world.now_ns, Some(&foreign), world.faults);
+        .step(world.now_ns, Some(&foreign), world.stuck_tendon);
     assert_eq!(
         MotorState::from(world.simulated.reference().mode()),
         MotorState::Fault

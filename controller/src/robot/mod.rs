@@ -13,5 +13,5 @@ pub use motor::{Motor, MotorLimits, MotorTarget};
 pub use pose_memory::{PoseMemory, RememberedPose};
 pub use reference::{FAULT_SILENCE_NS, Reference};
 pub use service::{Switches, run};
-pub use setpoint::{Mode, ReferenceLimits, Refusal, Target};
-pub use simulated_robot::{InjectedFaults, Measurement, SimulatedRobot};
+pub use setpoint::{Mode, ReferenceLimits, Refusal};
+pub use simulated_robot::{Measurement, SimulatedRobot};

@@ -9,9 +9,10 @@
 //! rest. The fault lasts until the line has been silent for [`FAULT_SILENCE_NS`]: a controller goes silent only when
 //! it starts or is reset.
 
-use super::{Mode, ReferenceLimits, Refusal, Target};
+use super::{Mode, ReferenceLimits, Refusal};
 use crate::{TENDONS, TendonVector};
 use shared_types::clock::seconds;
+use shared_types::message::Setpoint;
 
 /// Silence after which a latched fault is forgiven, ns.
 pub const FAULT_SILENCE_NS: i64 = 100_000_000;
@@ -32,7 +33,7 @@ pub struct Reference {
     limits: ReferenceLimits,
     mode: Mode,
     /// The last accepted set-point, or the reference at the begin of a ramp.
-    anchor: Target,
+    anchor: Setpoint,
     /// Factor on the anchor's velocity: 1 while following, falling to 0 in a ramp.
     ramp: f64,
     position_m: TendonVector,
@@ -56,12 +57,11 @@ impl Reference {
         Self {
             limits,
             mode: if moving { Mode::Ramping } else { Mode::Idle },
-            anchor: Target {
-                sequence: 0,
-                stamp_ns: now_ns,
+            anchor: Setpoint {
+                stamp_mono_ns: now_ns,
                 position_m,
                 velocity_m_s,
-                acceleration_m_s2: [0.0; TENDONS],
+                ..Setpoint::ZEROED
             },
             ramp: if moving { 1.0 } else { 0.0 },
             position_m,
@@ -151,7 +151,7 @@ impl Reference {
     ///
     /// # Errors
     /// The first rule of [`Refusal`] that it breaks. While following, that rule is latched as a fault.
-    pub fn offer(&mut self, now_ns: i64, target: &Target) -> Result<(), Refusal> {
+    pub fn offer(&mut self, now_ns: i64, target: &Setpoint) -> Result<(), Refusal> {
         self.silent_ns = 0;
         let checked = self.check(now_ns, target);
         match checked {
@@ -166,14 +166,14 @@ impl Reference {
         checked
     }
 
-    fn accept(&mut self, now_ns: i64, target: &Target) {
+    fn accept(&mut self, now_ns: i64, target: &Setpoint) {
         self.mode = Mode::Following;
         self.anchor = *target;
         self.ramp = 1.0;
         self.extrapolate(now_ns);
     }
 
-    fn check(&self, now_ns: i64, target: &Target) -> Result<(), Refusal> {
+    fn check(&self, now_ns: i64, target: &Setpoint) -> Result<(), Refusal> {
         let numbers = [
             &target.position_m,
             &target.velocity_m_s,
@@ -188,23 +188,23 @@ impl Reference {
         let elapsed_s = match self.mode {
             Mode::Ramping | Mode::Fault(_) => return Err(Refusal::NotAtRest),
             Mode::Idle | Mode::AtRestAfterLoss
-                if target.stamp_ns < now_ns - self.limits.lost_after_ns =>
+                if target.stamp_mono_ns < now_ns - self.limits.lost_after_ns =>
             {
                 return Err(Refusal::Stamp);
             }
             Mode::Idle | Mode::AtRestAfterLoss => 0.0,
-            Mode::Following if target.stamp_ns <= self.anchor.stamp_ns => {
+            Mode::Following if target.stamp_mono_ns <= self.anchor.stamp_mono_ns => {
                 return Err(Refusal::Stamp);
             }
-            Mode::Following => seconds(target.stamp_ns - self.anchor.stamp_ns),
+            Mode::Following => seconds(target.stamp_mono_ns - self.anchor.stamp_mono_ns),
         };
-        if target.stamp_ns > now_ns + STAMP_ALLOWANCE_NS {
+        if target.stamp_mono_ns > now_ns + STAMP_ALLOWANCE_NS {
             return Err(Refusal::Stamp);
         }
         self.check_steps(elapsed_s, target)
     }
 
-    fn check_steps(&self, elapsed_s: f64, target: &Target) -> Result<(), Refusal> {
+    fn check_steps(&self, elapsed_s: f64, target: &Setpoint) -> Result<(), Refusal> {
         let velocity_m_s = self.limits.velocity_m_s * self.limits.allowance;
         let acceleration_m_s2 = self.limits.acceleration_m_s2 * self.limits.allowance;
         let (position_m, current_m_s) = match self.mode {
@@ -228,7 +228,8 @@ impl Reference {
     }
 
     fn extrapolate(&mut self, now_ns: i64) {
-        let age_s = seconds((now_ns - self.anchor.stamp_ns).clamp(0, self.limits.lost_after_ns));
+        let age_s =
+            seconds((now_ns - self.anchor.stamp_mono_ns).clamp(0, self.limits.lost_after_ns));
         for (tendon, position_m) in self.position_m.iter_mut().enumerate() {
             *position_m = self.anchor.position_m[tendon] + self.anchor.velocity_m_s[tendon] * age_s;
         }
@@ -302,16 +303,17 @@ mod tests {
     }
 
     /// Accelerates all tendons (the first fastest) at half the limit until `end_ms`; returns the last target.
-    fn speed_up(reference: &mut Reference, end_ms: i64) -> Target {
+    fn speed_up(reference: &mut Reference, end_ms: i64) -> Setpoint {
         let mut last = None;
         for ms in 1..=end_ms {
             let t = seconds((ms - 1) * MS);
-            let target = Target {
+            let target = Setpoint {
                 sequence: ms.unsigned_abs(),
-                stamp_ns: ms * MS,
+                stamp_mono_ns: ms * MS,
                 position_m: std::array::from_fn(|i| 0.1 * t * t / (1.0 + i as f64)),
                 velocity_m_s: std::array::from_fn(|i| 0.2 * t / (1.0 + i as f64)),
                 acceleration_m_s2: std::array::from_fn(|i| 0.2 / (1.0 + i as f64)),
+                ..Setpoint::ZEROED
             };
             reference.advance(ms * MS);
             reference.offer(ms * MS, &target).unwrap();
@@ -353,14 +355,14 @@ mod tests {
         let last = speed_up(&mut reference, 300);
         (301..=330).for_each(|ms| reference.advance(ms * MS));
         let mut late = last;
-        late.stamp_ns = 330 * MS;
+        late.stamp_mono_ns = 330 * MS;
         assert_eq!(reference.offer(330 * MS, &late), Err(Refusal::NotAtRest));
         assert_eq!(reference.mode(), Mode::Ramping);
         (331..600).for_each(|ms| reference.advance(ms * MS));
-        late.stamp_ns = 600 * MS;
+        late.stamp_mono_ns = 600 * MS;
         assert_eq!(reference.offer(600 * MS, &late), Err(Refusal::PositionStep));
-        let here = Target {
-            stamp_ns: 601 * MS,
+        let here = Setpoint {
+            stamp_mono_ns: 601 * MS,
             position_m: *reference.position_m(),
             velocity_m_s: [0.0; TENDONS],
             acceleration_m_s2: [0.0; TENDONS],
@@ -376,12 +378,11 @@ mod tests {
 
     #[test]
     fn a_first_set_point_must_be_fresh_or_the_next_one_might_be_anywhere() {
-        let target = |stamp_ns, position| Target {
+        let target = |stamp_mono_ns, position| Setpoint {
             sequence: 1,
-            stamp_ns,
+            stamp_mono_ns,
             position_m: [position; TENDONS],
-            velocity_m_s: [0.0; TENDONS],
-            acceleration_m_s2: [0.0; TENDONS],
+            ..Setpoint::ZEROED
         };
         let now_ns = 60_000 * MS;
         let mut reference = Reference::new(LIMITS, now_ns, [0.0; TENDONS], [0.0; TENDONS]);
@@ -399,10 +400,10 @@ mod tests {
 
     #[test]
     fn every_broken_rule_is_named_latched_and_changes_nothing() {
-        type Spoil = fn(&mut Target);
+        type Spoil = fn(&mut Setpoint);
         let cases: [(Refusal, Spoil); 6] = [
             (Refusal::NotFinite, |t| t.position_m[3] = f64::NAN),
-            (Refusal::Stamp, |t| t.stamp_ns = 300 * MS),
+            (Refusal::Stamp, |t| t.stamp_mono_ns = 300 * MS),
             (Refusal::PositionStep, |t| t.position_m[1] += 2e-4),
             (Refusal::Velocity, |t| t.velocity_m_s[2] = -0.09),
             (Refusal::VelocityStep, |t| t.velocity_m_s[2] += 6e-4),
@@ -411,7 +412,7 @@ mod tests {
         for (expected, spoil) in cases {
             let mut reference = at_rest();
             let mut target = speed_up(&mut reference, 300);
-            target.stamp_ns += MS;
+            target.stamp_mono_ns += MS;
             spoil(&mut target);
             reference.advance(301 * MS);
             let (position, velocity) = (*reference.position_m(), reference.velocity_m_s());

@@ -14,10 +14,7 @@ use shared_types::{
 };
 use tracing::{debug, info, warn};
 
-use super::{
-    InjectedFaults, Measurement, Mode, PoseMemory, RememberedPose, RobotConfig, SimulatedRobot,
-    Target,
-};
+use super::{Measurement, Mode, PoseMemory, RememberedPose, RobotConfig, SimulatedRobot};
 
 /// Time between two heartbeats, ns.
 const HEARTBEAT_PERIOD_NS: i64 = 20_000_000;
@@ -49,16 +46,6 @@ impl Ports {
             state: ipc::publisher(&node, &ipc::robot_state_service(&node)?)?,
             heartbeats: Heartbeats::open(&node, ProcessKind::Robot)?,
             _node: node,
-        })
-    }
-
-    fn newest_setpoint(&self) -> Option<Target> {
-        ipc::newest(&self.setpoint).map(|setpoint: Setpoint| Target {
-            sequence: setpoint.sequence,
-            stamp_ns: setpoint.stamp_mono_ns,
-            position_m: setpoint.position_m,
-            velocity_m_s: setpoint.velocity_m_s,
-            acceleration_m_s2: setpoint.acceleration_m_s2,
         })
     }
 }
@@ -151,14 +138,12 @@ impl Process<'_> {
     }
 
     fn cycle(&mut self) {
-        let target = self.ports.newest_setpoint();
+        let target = ipc::newest(&self.ports.setpoint);
         // The clock is read after the set-point, whose stamp must not lie in the future because of a stall in between.
         let now_ns = mono_now_ns();
         let stuck = self.switches.stuck.load(Ordering::Relaxed);
-        let faults = InjectedFaults {
-            stuck_tendon: stuck.then_some(self.config.stuck_tendon),
-        };
-        let measured = self.robot.step(now_ns, target.as_ref(), faults);
+        let stuck_tendon = stuck.then_some(self.config.stuck_tendon);
+        let measured = self.robot.step(now_ns, target.as_ref(), stuck_tendon);
         self.remember();
         self.log_mode();
         self.sequence += 1;

@@ -2,8 +2,6 @@
 
 use shared_types::codes::MotorState;
 
-use crate::TendonVector;
-
 /// Limits of the reference, for each tendon.
 #[derive(Clone, Copy, Debug)]
 pub struct ReferenceLimits {
@@ -70,19 +68,4 @@ pub enum Refusal {
     /// The robot is ramping to rest or in fault.
     #[error("the robot is not at rest yet after a loss or a fault")]
     NotAtRest,
-}
-
-/// A set-point as received.
-#[derive(Clone, Copy, Debug)]
-pub struct Target {
-    /// The sender's count.
-    pub sequence: u64,
-    /// Time for which it was evaluated, ns of CLOCK_MONOTONIC.
-    pub stamp_ns: i64,
-    /// Tendon lengths relative to straight, m.
-    pub position_m: TendonVector,
-    /// Their rates, m/s.
-    pub velocity_m_s: TendonVector,
-    /// Their second derivatives, m/s².
-    pub acceleration_m_s2: TendonVector,
 }

@@ -4,19 +4,13 @@ use pcc_model::{Configuration, TendonMap};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::{Pcg64, rand_core::SeedableRng};
 use shared_types::clock::seconds;
+use shared_types::message::Setpoint;
 
-use super::{Motor, MotorLimits, MotorTarget, Reference, RememberedPose, RobotConfig, Target};
+use super::{Motor, MotorLimits, MotorTarget, Reference, RememberedPose, RobotConfig};
 use crate::{TENDONS, TendonVector};
 
 /// Longest step of the motor model, s; longer cycles are cut into such steps.
 const MOTOR_STEP_S: f64 = 1e-3;
-
-/// Faults injected from outside while the robot runs.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct InjectedFaults {
-    /// This tendon's motor (0-based) does not move.
-    pub stuck_tendon: Option<usize>,
-}
 
 /// Reference, motors and sensors of all tendons, driven cycle by cycle.
 #[derive(Clone)]
@@ -71,19 +65,19 @@ impl SimulatedRobot {
     pub fn step(
         &mut self,
         now_ns: i64,
-        target: Option<&Target>,
-        faults: InjectedFaults,
+        target: Option<&Setpoint>,
+        stuck_tendon: Option<usize>,
     ) -> Measurement {
         if let Some(target) = target {
             // A refusal is kept in the reference's mode and counter.
             let _ = self.reference.offer(now_ns, target);
         }
         self.reference.advance(now_ns);
-        self.move_motors(now_ns, faults);
+        self.move_motors(now_ns, stuck_tendon);
         self.measure()
     }
 
-    fn move_motors(&mut self, now_ns: i64, faults: InjectedFaults) {
+    fn move_motors(&mut self, now_ns: i64, stuck_tendon: Option<usize>) {
         let elapsed_s = seconds((now_ns - self.stepped_ns).max(0));
         self.stepped_ns = now_ns;
         let mut left_s = elapsed_s.min(self.longest_catch_up_s);
@@ -93,7 +87,7 @@ impl SimulatedRobot {
             let step_s = left_s.min(MOTOR_STEP_S);
             left_s -= step_s;
             for (tendon, motor) in self.motors.iter_mut().enumerate() {
-                if faults.stuck_tendon == Some(tendon) {
+                if stuck_tendon == Some(tendon) {
                     motor.stick();
                     continue;
                 }

@@ -113,7 +113,9 @@ impl<R: Request> Commands<R> {
     pub(super) fn attend(&mut self, now_ns: i64) {
         while let Ok(answer) = self.link.answers.pop() {
             match answer {
-                Answer::Stops { up_to, outcome } => self.answer_stops(up_to, outcome),
+                Answer::Stops { up_to, outcome } => {
+                    self.answer_stops(outcome, |number, _| number <= up_to);
+                }
                 Answer::Order { id, outcome } if self.offered == Some(id) => {
                     self.offered = None;
                     self.answer_first_order(outcome);
@@ -126,15 +128,8 @@ impl<R: Request> Commands<R> {
         self.offer_next();
     }
 
-    fn answer_stops(&mut self, up_to: u64, outcome: Outcome) {
-        self.answer_stops_while(outcome, |number, _| number <= up_to);
-    }
-
-    fn answer_stops_while(
-        &mut self,
-        outcome: Outcome,
-        wanted: impl Fn(u64, &PendingCommand<R>) -> bool,
-    ) {
+    /// Replies to the first stops for which `wanted` is true.
+    fn answer_stops(&mut self, outcome: Outcome, wanted: impl Fn(u64, &PendingCommand<R>) -> bool) {
         let is_wanted = |(number, pending): &(u64, PendingCommand<R>)| wanted(*number, pending);
         while self.stops.front().is_some_and(is_wanted) {
             if let Some((_, pending)) = self.stops.pop_front() {
@@ -151,7 +146,7 @@ impl<R: Request> Commands<R> {
 
     fn give_up_late(&mut self, now_ns: i64) {
         let late = |pending: &PendingCommand<R>| now_ns - pending.received_ns > COMMAND_TIMEOUT_NS;
-        self.answer_stops_while(self.not_taken(CommandRefusal::StopPending), |_, pending| {
+        self.answer_stops(self.not_taken(CommandRefusal::StopPending), |_, pending| {
             late(pending)
         });
         while self

@@ -45,11 +45,6 @@ impl Ports {
             _node: node,
         })
     }
-
-    /// The newest robot state that has arrived, if any.
-    fn newest_robot_state(&self) -> Option<RobotState> {
-        ipc::newest(&self.robot_state)
-    }
 }
 
 /// The loop with everything it needs a cycle.
@@ -153,7 +148,7 @@ impl HardLoop {
         if let Err(error) = self.ports.setpoint.update_connections() {
             warn!(?error, "cannot connect the set-points yet");
         }
-        self.ports.newest_robot_state();
+        let _ = ipc::newest(&self.ports.robot_state);
     }
 
     fn cycle(&mut self, deadline_ns: i64) {
@@ -162,7 +157,7 @@ impl HardLoop {
         self.take_orders();
         self.take_stops();
         self.refuse_due_motion(now_ns);
-        let message = self.ports.newest_robot_state();
+        let message = ipc::newest(&self.ports.robot_state);
         let robot = message.as_ref().and_then(wire::robot_sample);
         let output = self.executive.step(&CycleInput {
             now_ns,

@@ -18,19 +18,20 @@ pub use config::ControllerConfig;
 pub use guard::Signals;
 
 use std::{
-    sync::{Arc, atomic::Ordering, mpsc::sync_channel},
+    io,
+    sync::{Arc, atomic::Ordering},
     thread::{self, JoinHandle},
     time::{Duration, Instant},
 };
 
-use shared_types::ipc::{IpcError, IpcOptions, Role, RoleLock};
+use shared_types::ipc::{IpcError, IpcOptions, Role, RoleLock, spawn_with_ports};
 use tracing::{info, warn};
 
 use crate::shared_memory;
 
 use guard::{Guard, GuardSettings};
 use hard_loop::LoopThread;
-use link::{GuardEnd, LoopEnd, RelayEnd, Shared};
+use link::Shared;
 use relay::Relay;
 
 /// Longest wait for the other threads to end once the robot is at rest: one that is held up ends with the process.
@@ -58,15 +59,17 @@ pub fn run(
         realtime_priority: config.realtime_priority.map(guard_priority),
         signals,
     };
-    let controller = Controller {
-        config: Arc::new(config),
-        options: options.clone(),
-    };
+    let config = Arc::new(config);
+    let (relay_config, relay_options) = (Arc::clone(&config), options.clone());
+    let (guard_options, loop_options) = (options.clone(), options.clone());
+    let open_relay = move || Relay::open(relay_config, &relay_options, relay_end);
+    let open_guard = move || Guard::open(guard, &guard_options, guard_end);
+    let open_loop = move || LoopThread::open(config, &loop_options, loop_end);
     let mut threads = Vec::new();
     let started = (|| {
-        threads.push(controller.start_relay(relay_end)?);
-        threads.push(controller.start_guard(guard, guard_end)?);
-        threads.push(controller.start_loop(loop_end)?);
+        threads.push(start("relay", open_relay, Relay::serve)?);
+        threads.push(start("guard", open_guard, Guard::serve)?);
+        threads.push(start("hard-loop", open_loop, LoopThread::run)?);
         shared_memory::claim(options)
     })();
     if started.is_err() {
@@ -107,63 +110,16 @@ fn wait_for_end(threads: &[JoinHandle<()>], shared: &Shared) {
     }
 }
 
-/// Configuration and services of the threads.
-struct Controller {
-    config: Arc<ControllerConfig>,
-    options: IpcOptions,
-}
-
-impl Controller {
-    fn start_relay(&self, link: RelayEnd) -> Result<JoinHandle<()>, IpcError> {
-        let (config, options) = (Arc::clone(&self.config), self.options.clone());
-        let open = move || Relay::open(config, &options, link);
-        start("relay", open, Relay::serve)
-    }
-
-    fn start_guard(
-        &self,
-        settings: GuardSettings,
-        link: GuardEnd,
-    ) -> Result<JoinHandle<()>, IpcError> {
-        let options = self.options.clone();
-        let open = move || Guard::open(settings, &options, link);
-        start("guard", open, Guard::serve)
-    }
-
-    fn start_loop(&self, link: LoopEnd) -> Result<JoinHandle<()>, IpcError> {
-        let (config, options) = (Arc::clone(&self.config), self.options.clone());
-        let open = move || LoopThread::open(config, &options, link);
-        start("hard-loop", open, LoopThread::run)
-    }
-}
-
 /// Starts a thread that opens what it works with (ports stay in their thread), and returns once that is open.
 fn start<T: 'static>(
     name: &'static str,
     open: impl FnOnce() -> Result<T, IpcError> + Send + 'static,
     work: impl FnOnce(T) + Send + 'static,
 ) -> Result<JoinHandle<()>, IpcError> {
-    let failed = |reason: String| IpcError::Failed {
+    let failed = |error: io::Error| IpcError::Failed {
         service: "controller".to_owned(),
         what: name,
-        reason,
+        reason: error.to_string(),
     };
-    let (report, opened_or_failed) = sync_channel(1);
-    let begin = move || {
-        let (opened, result) = match open() {
-            Ok(opened) => (Some(opened), Ok(())),
-            Err(error) => (None, Err(error)),
-        };
-        // The receiver waits for it.
-        let _ = report.send(result);
-        if let Some(opened) = opened {
-            work(opened);
-        }
-    };
-    let thread = thread::Builder::new().name(name.to_owned()).spawn(begin);
-    let thread = thread.map_err(|error| failed(error.to_string()))?;
-    opened_or_failed
-        .recv()
-        .map_err(|error| failed(error.to_string()))??;
-    Ok(thread)
+    spawn_with_ports(name, open, work).map_err(failed)?
 }

@@ -81,7 +81,7 @@ impl ScenePublisher {
             "pcc-scene",
             move || Ports::join(node, source),
             move |mut ports| ports.serve(&outgoing, &shared),
-        )?;
+        )??;
         Ok(Self {
             source,
             last_sequence: 0,

@@ -8,12 +8,12 @@ use std::thread::{Builder, JoinHandle};
 /// `open` has returned in that thread, with its error where it has failed.
 ///
 /// # Errors
-/// The error of `open`, or the system's where it has no more threads.
-pub fn spawn_with_ports<Ports, E: From<io::Error> + Send + 'static>(
+/// The system's where it has no more threads.
+pub fn spawn_with_ports<Ports, E: Send + 'static>(
     name: &str,
     open: impl FnOnce() -> Result<Ports, E> + Send + 'static,
     work: impl FnOnce(Ports) + Send + 'static,
-) -> Result<JoinHandle<()>, E> {
+) -> io::Result<Result<JoinHandle<()>, E>> {
     let (sender, opened) = sync_channel(1);
     let thread = Builder::new().name(name.to_owned()).spawn(move || {
         let (ports, result) = match open() {
@@ -24,6 +24,6 @@ pub fn spawn_with_ports<Ports, E: From<io::Error> + Send + 'static>(
         let _ = sender.send(result);
         ports.map(work);
     })?;
-    opened.recv().map_err(io::Error::other)??;
-    Ok(thread)
+    let opened = opened.recv().map_err(io::Error::other)?;
+    Ok(opened.map(|()| thread))
 }
