@@ -16,8 +16,12 @@ use std::io;
 use std::num::NonZeroU64;
 use std::time::Duration;
 
+use rustix::io::Errno;
 use rustix::mm::{MlockAllFlags, mlockall};
-use rustix::thread::{CpuSet, sched_setaffinity, set_current_timer_slack};
+use rustix::thread::{
+    ClockId, CpuSet, clock_nanosleep_absolute, sched_setaffinity, set_current_timer_slack,
+};
+use rustix::time::Timespec;
 
 /// Timer slack, by which a sleep may end late, ns; the default of Linux is 50 µs.
 const SLACK_NS: u64 = 1_000;
@@ -186,20 +190,12 @@ pub fn thread_id() -> u32 {
 
 /// Sleeps until `deadline_mono_ns` on CLOCK_MONOTONIC; returns at once where it is past.
 pub fn sleep_until(deadline_mono_ns: i64) {
-    let deadline = libc::timespec {
+    let deadline = Timespec {
         tv_sec: deadline_mono_ns.div_euclid(1_000_000_000),
         tv_nsec: deadline_mono_ns.rem_euclid(1_000_000_000),
     };
-    // SAFETY: the pointer is valid for the call; no remainder is asked for. A signal ends the sleep early: go on.
-    while unsafe {
-        libc::clock_nanosleep(
-            libc::CLOCK_MONOTONIC,
-            libc::TIMER_ABSTIME,
-            &raw const deadline,
-            std::ptr::null_mut(),
-        )
-    } == libc::EINTR
-    {}
+    // A signal ends the sleep early: go on.
+    while clock_nanosleep_absolute(ClockId::Monotonic, &deadline) == Err(Errno::INTR) {}
 }
 
 fn checked(result: libc::c_long) -> io::Result<()> {
