@@ -437,8 +437,8 @@ fn the_budget_is_what_the_segments_take() {
     let cycle_publisher = cycle_publisher(&node, &cycle).unwrap();
     let expected: usize = shared_memory(&capacity)
         .iter()
-        .filter(|service| service.service == "scene" || service.service == "cycle")
-        .map(|service| service.bytes)
+        .filter(|(service, _)| *service == "scene" || *service == "cycle")
+        .map(|(_, bytes)| bytes)
         .sum();
     let real = segment_bytes(&world.options, ".data");
     assert!(

@@ -16,28 +16,13 @@ use crate::message::{
     RobotState, SceneMessage, SceneStatus, Setpoint, TrajectoryMessage,
 };
 
-/// Shared memory of one service.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ServiceMemory {
-    /// The service's short name.
-    pub service: &'static str,
-    /// Payload memory of the processes that are normally at work, bytes.
-    pub bytes: usize,
-}
-
 /// Shared memory of each service with one daemon, one controller, one robot, one source of scenes, and as many clients
 /// as the capacity allows: its short name and bytes. Payload memory only: the queues between the ports add a few per cent.
 #[must_use]
-pub fn shared_memory(capacity: &PlanServiceCapacity) -> Vec<ServiceMemory> {
-    vec![
-        ServiceMemory {
-            service: "plan",
-            bytes: plan_bytes(capacity),
-        },
-        ServiceMemory {
-            service: "command",
-            bytes: command_bytes(),
-        },
+pub fn shared_memory(capacity: &PlanServiceCapacity) -> [(&'static str, usize); 10] {
+    [
+        ("plan", plan_bytes(capacity)),
+        ("command", command_bytes()),
         topic::<TrajectoryMessage>(&TRAJECTORY, 1),
         topic::<Setpoint>(&SETPOINT, 1),
         topic::<RobotState>(&ROBOT_STATE, 1),
@@ -90,13 +75,10 @@ fn exchange_bytes(
     answers * answer + clients * client_chunks * request
 }
 
-fn topic<T>(settings: &TopicSettings, publishers: usize) -> ServiceMemory {
+fn topic<T>(settings: &TopicSettings, publishers: usize) -> (&'static str, usize) {
     let chunks = settings.subscribers * (settings.buffer + LOANS) + settings.history + LOANS;
     let chunk = chunk_bytes::<publish_subscribe::Header, (), T>(settings.slice);
-    ServiceMemory {
-        service: settings.name,
-        bytes: publishers * chunks * chunk,
-    }
+    (settings.name, publishers * chunks * chunk)
 }
 
 /// A chunk: iceoryx2's header, ours, the payload, each at its alignment.
@@ -117,9 +99,9 @@ mod tests {
     #[test]
     fn the_defaults_stay_within_48_megabytes() {
         let services = shared_memory(&PlanServiceCapacity::default());
-        let total: usize = services.iter().map(|service| service.bytes).sum();
+        let total: usize = services.iter().map(|(_, bytes)| bytes).sum();
         assert!(total < 48_000_000, "{total}: {services:?}");
-        assert!(services.iter().all(|service| service.bytes > 0));
+        assert!(services.iter().all(|(_, bytes)| *bytes > 0));
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub use event::{
     EventListener, EventNotifier, EventService, event_listener, event_notifier,
     plan_answered_event, plan_asked_event,
 };
-pub use memory::{ServiceMemory, plan_bytes, shared_memory};
+pub use memory::{plan_bytes, shared_memory};
 pub use node::IpcNode;
 pub use options::{IpcOptions, LONGEST_ROOT_AND_PREFIX};
 pub use port_thread::spawn_with_ports;

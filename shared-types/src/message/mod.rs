@@ -20,10 +20,11 @@ pub use robot_state::RobotState;
 pub use scene::{MovingBall, SceneMessage, SceneStatus};
 pub use setpoint::Setpoint;
 pub use trajectory::{Knot, TrajectoryMessage};
-pub use wire::{Field, Zeroed};
+pub use wire::Zeroed;
 
 #[cfg(test)]
 mod tests {
+    use super::wire::Field;
     use super::*;
     use crate::PROTOCOL_VERSION;
     use iceoryx2::prelude::ZeroCopySend;

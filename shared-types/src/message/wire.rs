@@ -1,6 +1,7 @@
 //! How a wire message is declared.
 
 /// Where a field lies in its message.
+#[cfg(test)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Field {
     /// The field's name.
@@ -46,6 +47,7 @@ macro_rules! wire_message {
             pub const ZEROED: Self = Self { $($field: <$field_type as $crate::message::wire::Zeroed>::ZEROED,)* };
 
             /// The fields in order: what another language has to declare.
+            #[cfg(test)]
             pub const FIELDS: &[$crate::message::wire::Field] = &[$($crate::message::wire::Field {
                 name: stringify!($field),
                 rust_type: stringify!($field_type),

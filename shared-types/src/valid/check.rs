@@ -31,11 +31,17 @@ pub(super) fn check_count(
     least: usize,
     most: usize,
 ) -> Result<usize, Invalid> {
-    let (least, most, count) = (least as u64, most as u64, u64::from(count));
+    check_within(u64::from(count), least as u64, most as u64)
+        .map(|count| count as usize)
+        .map_err(|reason| invalid(field, reason))
+}
+
+/// A number of things in a range, both ends included.
+pub(super) fn check_within(count: u64, least: u64, most: u64) -> Result<u64, Reason> {
     if (least..=most).contains(&count) {
-        Ok(count as usize)
+        Ok(count)
     } else {
-        Err(invalid(field, Reason::Count { count, least, most }))
+        Err(Reason::Count { count, least, most })
     }
 }
 

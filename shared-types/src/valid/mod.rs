@@ -25,7 +25,7 @@ pub use invalid::{Invalid, Reason};
 pub use plan::{Goal, PlanRequest, PreviousPlan, SelectionRule};
 pub use report::PlanReport;
 pub use scene::{Heartbeat, MOST_SCENE_LIFETIME_NS, Scene, SceneStatus, SourceName, stamp_refusal};
-pub use state::{ControllerState, Cycle, RobotState, Setpoint};
+pub use state::{ControllerState, Cycle, RobotState};
 pub use trajectory::{Trajectory, check_knots};
 
 /// A change to a good message, and how the error that it must cause begins.

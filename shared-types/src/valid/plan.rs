@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::check::{
     LEAST_LIMITS_SCALE, Quantity, check_array, check_code, check_count, check_distance, check_flag,
-    check_radius, check_range, check_stamp, check_version,
+    check_radius, check_range, check_stamp, check_version, check_within,
 };
 use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES};
@@ -166,14 +166,8 @@ fn check_requested(request: &PlanRequest) -> Result<(), Invalid> {
 }
 
 fn deadline(deadline_ns: u64) -> Result<Option<Duration>, Invalid> {
-    if deadline_ns > MAX_DEADLINE_NS {
-        let reason = Reason::Count {
-            count: deadline_ns,
-            least: 0,
-            most: MAX_DEADLINE_NS,
-        };
-        return Err(invalid("deadline_ns", reason));
-    }
+    check_within(deadline_ns, 0, MAX_DEADLINE_NS)
+        .map_err(|reason| invalid("deadline_ns", reason))?;
     Ok((deadline_ns != 0).then(|| Duration::from_nanos(deadline_ns)))
 }
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::check::{check_code, check_count, check_version};
+use super::check::{check_code, check_count, check_version, check_within};
 use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::capacity::{MAX_CANDIDATES, MAX_KNOTS, STAGES};
 use crate::codes::{Outcome, PlanField, Source, Stage};
@@ -107,20 +107,8 @@ fn check_candidate(candidate: &CandidateSummary, knot_total: usize) -> Result<()
         u64::from(candidate.first_knot),
         u64::from(candidate.knot_count),
     );
-    if !(2..=MAX_KNOTS as u64).contains(&count) {
-        return Err(Reason::Count {
-            count,
-            least: 2,
-            most: MAX_KNOTS as u64,
-        });
-    }
-    if first + count > knot_total as u64 {
-        return Err(Reason::Count {
-            count: first + count,
-            least: 2,
-            most: knot_total as u64,
-        });
-    }
+    check_within(count, 2, MAX_KNOTS as u64)?;
+    check_within(first + count, 2, knot_total as u64)?;
     // The clearance may be infinite, so only NaN is wrong.
     let figures = [
         candidate.duration_s,

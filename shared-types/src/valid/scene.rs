@@ -213,12 +213,8 @@ pub struct Heartbeat {
     pub stamp_mono_ns: i64,
     /// Identifies the sender among all processes of its kind.
     pub instance: u64,
-    /// Counts the sender's heartbeats.
-    pub sequence: u64,
     /// The kind of process that sent it.
     pub kind: ProcessKind,
-    /// Its process id.
-    pub pid: u32,
 }
 
 impl TryFrom<&message::Heartbeat> for Heartbeat {
@@ -228,9 +224,7 @@ impl TryFrom<&message::Heartbeat> for Heartbeat {
         Ok(Self {
             stamp_mono_ns: check_stamp("stamp_mono_ns", wire.stamp_mono_ns)?,
             instance: wire.instance,
-            sequence: wire.sequence,
             kind: check_code("kind", wire.kind)?,
-            pid: wire.pid,
         })
     }
 }

@@ -14,34 +14,7 @@ macro_rules! check_arrays {
     };
 }
 
-/// A set-point that a motor may consider.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Setpoint {
-    /// The controller's state.
-    pub state: LoopState,
-    /// The values, all finite.
-    pub values: message::Setpoint,
-}
-
-impl TryFrom<&message::Setpoint> for Setpoint {
-    type Error = Invalid;
-
-    fn try_from(wire: &message::Setpoint) -> Result<Self, Invalid> {
-        let values = *wire;
-        check_stamp("stamp_mono_ns", values.stamp_mono_ns)?;
-        check_arrays!(values {
-            position_m: Length,
-            velocity_m_s: Rate,
-            acceleration_m_s2: Rate,
-        });
-        Ok(Self {
-            state: check_code("state", values.state)?,
-            values,
-        })
-    }
-}
-
-/// A robot's state that a controller may use.
+/// A robot's state with known codes and finite numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RobotState {
     /// What the motor end does.
@@ -187,28 +160,6 @@ mod tests {
                 "{error} does not begin with {text:?}"
             );
         }
-    }
-
-    #[test]
-    fn setpoints_are_checked() {
-        assert_refused(
-            message::Setpoint::ZEROED,
-            |wire| Setpoint::try_from(wire),
-            &[
-                (|s| s.stamp_mono_ns = -1, "stamp_mono_ns"),
-                (|s| s.state = 5, "state: 5"),
-                (|s| s.position_m[8] = f64::NAN, "position_m[8] is NaN"),
-                (|s| s.position_m[0] = 1001.0, "position_m[0] is 1001"),
-                (
-                    |s| s.velocity_m_s[1] = f64::INFINITY,
-                    "velocity_m_s[1] is inf",
-                ),
-                (
-                    |s| s.acceleration_m_s2[2] = f64::NAN,
-                    "acceleration_m_s2[2] is NaN",
-                ),
-            ],
-        );
     }
 
     #[test]
