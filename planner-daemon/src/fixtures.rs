@@ -14,9 +14,14 @@ use crate::requests::PlanTask;
 
 /// The shipped unit robot.
 pub(crate) fn unit_robot() -> UnitRobot {
+    robot_of_sections(1.0)
+}
+
+/// A robot whose sections are this long, m.
+pub(crate) fn robot_of_sections(section_length_m: f64) -> UnitRobot {
     let text = include_str!("../../config/robots/unit.toml");
     let robot = Robot::from_toml_str(text, Path::new("unit.toml")).unwrap();
-    robot.to_unit().unwrap()
+    robot.scaled(section_length_m).to_unit().unwrap()
 }
 
 /// From the straight shape to a bent one, nothing in the way.

@@ -42,20 +42,7 @@ pub enum BackgroundError {
     SceneMemory(#[from] SceneMemoryError),
 }
 
-/// Counter of the rounds of supervision; heartbeats stop while it stands still.
-#[derive(Debug, Default)]
-pub(crate) struct ProgressCounter {
-    rounds: AtomicU64,
-}
-
-impl ProgressCounter {
-    /// States that supervision goes on.
-    pub(crate) fn increment(&self) {
-        self.rounds.fetch_add(1, Ordering::Relaxed);
-    }
-}
-
-/// Detects that the progress counter stands still. Time is counted in heartbeats, so that a pause of the whole machine is no stall.
+/// Detects that the count of the rounds of supervision stands still. Time is counted in heartbeats, so that a pause of the whole machine is no stall.
 #[derive(Debug, Default)]
 struct StallWatch {
     seen_rounds: u64,
@@ -64,8 +51,8 @@ struct StallWatch {
 
 impl StallWatch {
     /// Whether supervision goes on.
-    fn sees(&mut self, progress: &ProgressCounter) -> bool {
-        let rounds = progress.rounds.load(Ordering::Relaxed);
+    fn sees(&mut self, progress: &AtomicU64) -> bool {
+        let rounds = progress.load(Ordering::Relaxed);
         if rounds == self.seen_rounds {
             self.beats_without = self.beats_without.saturating_add(1);
         } else {
@@ -87,7 +74,7 @@ impl BackgroundThreads {
     pub(crate) fn start(
         options: &IpcOptions,
         instance: u64,
-        progress: &Arc<ProgressCounter>,
+        progress: &Arc<AtomicU64>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
         let mut background = Self {
@@ -100,7 +87,7 @@ impl BackgroundThreads {
             "heartbeat",
             move || heartbeat_port(&node, realtime_priority),
             move |publisher| beat(&publisher, instance, &progress, &ended),
-        )?);
+        )??);
         let node = IpcNode::create(options, "planner-daemon cleaning")?;
         let ended = Arc::clone(&background.ended);
         let cleaning = Builder::new().name("cleaning".to_owned());
@@ -130,12 +117,7 @@ fn heartbeat_port(
     Ok(publisher(node, &heartbeat_service(node)?)?)
 }
 
-fn beat(
-    publisher: &Publisher<Heartbeat>,
-    instance: u64,
-    progress: &ProgressCounter,
-    ended: &AtomicBool,
-) {
+fn beat(publisher: &Publisher<Heartbeat>, instance: u64, progress: &AtomicU64, ended: &AtomicBool) {
     let (mut sequence, mut failing) = (0, false);
     let mut stall_watch = StallWatch::default();
     while !ended.load(Ordering::Relaxed) {
@@ -179,11 +161,11 @@ mod tests {
 
     #[test]
     fn the_heart_stops_when_supervision_does_and_beats_again_when_it_goes_on() {
-        let (progress, mut stall_watch) = (ProgressCounter::default(), StallWatch::default());
-        progress.increment();
+        let (progress, mut stall_watch) = (AtomicU64::new(0), StallWatch::default());
+        progress.fetch_add(1, Ordering::Relaxed);
         assert!((0..STALL_BEATS).all(|_| stall_watch.sees(&progress)));
         assert!(!stall_watch.sees(&progress));
-        progress.increment();
+        progress.fetch_add(1, Ordering::Relaxed);
         assert!(stall_watch.sees(&progress));
     }
 }

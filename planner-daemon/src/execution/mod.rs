@@ -14,8 +14,8 @@ mod supervisor;
 mod trajectory_id;
 
 pub use heartbeat::BackgroundError;
-pub(crate) use heartbeat::{BackgroundThreads, ProgressCounter};
+pub(crate) use heartbeat::BackgroundThreads;
 pub(crate) use refusal::ExecutionRefusal;
-pub(crate) use request::{Begin, SelectedMotion};
+pub(crate) use request::{ExecutionTiming, SelectedMotion};
 pub(crate) use rules::ExecutionRules;
 pub(crate) use supervision_thread::Execution;

@@ -10,11 +10,11 @@ use super::refusal::ExecutionRefusal;
 
 /// When a motion was asked for, and when it is to begin, nanoseconds of `CLOCK_MONOTONIC`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Begin {
-    /// As soon as possible.
-    Earliest,
-    /// Not before this time, nanoseconds of `CLOCK_MONOTONIC`.
-    NotBefore(i64),
+pub(crate) struct ExecutionTiming {
+    /// When the sender of the request was asked for it.
+    pub(crate) requested_mono_ns: i64,
+    /// The earliest begin; none: as soon as possible.
+    pub(crate) begin_mono_ns: Option<i64>,
 }
 
 /// The selected candidate's motion, to be executed.
@@ -22,9 +22,7 @@ pub(crate) struct SelectedMotion {
     pub(crate) motion: Trajectory,
     pub(crate) candidate_index: usize,
     pub(crate) plan_id: u64,
-    /// When the sender of the request was asked for it, nanoseconds of `CLOCK_MONOTONIC`.
-    pub(crate) requested_mono_ns: i64,
-    pub(crate) begin: Begin,
+    pub(crate) timing: ExecutionTiming,
 }
 
 /// A reply that is either delivered or abandoned, never both: the caller that stops waiting learns whether its motion was published.

@@ -13,7 +13,6 @@ const ORDER_DELAY_S: f64 = 0.05;
 pub(crate) struct ExecutionRules {
     /// The robot in units of its section length, its tubes padded by what covers the path tolerance.
     pub(crate) padded: UnitRobot,
-    pub(crate) section_length_m: f64,
     /// Tracking error that the certificate covers, rad in each bending pair.
     pub(crate) path_tolerance_rad: f64,
     /// The controller's law of braking, by which stopping times are predicted.

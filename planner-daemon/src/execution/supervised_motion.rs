@@ -5,8 +5,7 @@ use shared_types::codes::LoopState;
 use shared_types::valid::ControllerState;
 use trajectory::Trajectory;
 
-use crate::live_scene::{Certificates, SceneAbsence};
-use crate::live_scene::{Stretch, Timing, UNSUPERVISED_S};
+use crate::live_scene::{Certificates, SceneAbsence, Stretch, Timing, UNSUPERVISED_S};
 
 /// Time after a motion's begin within which the controller must have started it, nanoseconds; else it is stopped.
 const START_TIMEOUT_NS: i64 = 300_000_000;

@@ -1,6 +1,7 @@
 //! The handle of the supervision thread.
 
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -8,7 +9,7 @@ use std::time::Duration;
 use shared_types::clock::mono_now_ns;
 use shared_types::ipc::{IpcNode, IpcOptions, spawn_with_ports};
 
-use super::heartbeat::{BackgroundError, ProgressCounter};
+use super::heartbeat::BackgroundError;
 use super::refusal::ExecutionRefusal;
 use super::request::{ExecutionRequest, ReplySlot, SelectedMotion};
 use super::rules::ExecutionRules;
@@ -30,7 +31,7 @@ impl Execution {
         options: &IpcOptions,
         rules: ExecutionRules,
         instance: u64,
-        progress: &Arc<ProgressCounter>,
+        progress: &Arc<AtomicU64>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
         let node = IpcNode::create(options, "planner-daemon supervision")?;
@@ -40,7 +41,7 @@ impl Execution {
         let open =
             move || Supervisor::open(&node, memory, rules, instance, progress, realtime_priority);
         let work = move |mut supervisor: Supervisor| supervisor.run(&requests);
-        let thread = spawn_with_ports("supervision", open, work)?;
+        let thread = spawn_with_ports("supervision", open, work)??;
         Ok(Self {
             to_supervision: Some(to_supervision),
             thread: Some(thread),

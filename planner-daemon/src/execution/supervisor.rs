@@ -2,6 +2,7 @@
 //! under way up to date and orders stops. It never plans. The daemon's heartbeats end when its rounds do.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
@@ -20,18 +21,16 @@ use shared_types::valid;
 
 use super::active_time::ActiveTime;
 use super::controller_check::check_controller;
-use super::heartbeat::{BackgroundError, ProgressCounter};
+use super::heartbeat::BackgroundError;
 use super::refusal::ExecutionRefusal;
-use super::request::{Begin, ExecutionRequest, SelectedMotion};
+use super::request::{ExecutionRequest, SelectedMotion};
 use super::rules::ExecutionRules;
 use super::stop_order::StopOrder;
 use super::supervised_motion::{MotionStatus, StopReason, SupervisedMotion, is_fresh};
 use super::trajectory_id::next_id;
 use crate::knots;
-use crate::live_scene::SceneInbox;
-use crate::live_scene::Timing;
 use crate::live_scene::{
-    Arrival, Certificates, LiveScene, MAX_SOURCES, RemainingMotion, SceneMemory,
+    Arrival, Certificates, LiveScene, MAX_SOURCES, RemainingMotion, SceneInbox, SceneMemory, Timing,
 };
 
 /// Period of the supervision loop.
@@ -50,7 +49,8 @@ pub(crate) struct Supervisor {
     states: Subscriber<ControllerState>,
     inbox: SceneInbox,
     stop_order: StopOrder,
-    progress: Arc<ProgressCounter>,
+    /// Counts the rounds of supervision, which the heartbeat thread watches.
+    progress: Arc<AtomicU64>,
     state: Option<valid::ControllerState>,
     awake: ActiveTime,
     suspension: Suspension,
@@ -73,7 +73,7 @@ impl Supervisor {
         memory: SceneMemory,
         rules: ExecutionRules,
         instance: u64,
-        progress: Arc<ProgressCounter>,
+        progress: Arc<AtomicU64>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
         if let Err(error) = reduce_wakeup_latency() {
@@ -82,8 +82,8 @@ impl Supervisor {
         if let Some(priority) = realtime_priority {
             use_fifo_priority(priority)?;
         }
-        let (length_m, expected) = (rules.section_length_m, rules.scene_expected);
-        let live = LiveScene::recall(memory, length_m, expected, mono_now_ns());
+        let (robot, expected) = (rules.padded.clone(), rules.scene_expected);
+        let live = LiveScene::recall(memory, robot, expected, mono_now_ns());
         Ok(Self {
             rules,
             instance,
@@ -249,7 +249,7 @@ impl Supervisor {
             None => self.stop_order.end(),
         }
         if !self.stop_order.is_ignored() {
-            self.progress.increment();
+            self.progress.fetch_add(1, Ordering::Relaxed);
         }
     }
 
@@ -333,7 +333,12 @@ impl Supervisor {
         if let Some(absence) = self.live.absence(now) {
             return Err(absence.into());
         }
-        let begin_mono_ns = self.begin(selected.begin, now);
+        let soonest = now + self.rules.begin_lead.as_nanos() as i64;
+        let begin_mono_ns = selected
+            .timing
+            .begin_mono_ns
+            .unwrap_or(soonest)
+            .max(soonest);
         let stopping_s = self.rules.stopping_s(&selected.motion);
         let certificates = self.certify(&selected, begin_mono_ns, stopping_s)?;
         if mono_now_ns() > until_mono_ns {
@@ -355,14 +360,6 @@ impl Supervisor {
             stopping_s,
         ));
         Ok(id)
-    }
-
-    fn begin(&self, begin: Begin, now_mono_ns: i64) -> i64 {
-        let soonest = now_mono_ns + self.rules.begin_lead.as_nanos() as i64;
-        match begin {
-            Begin::Earliest => soonest,
-            Begin::NotBefore(time) => time.max(soonest),
-        }
     }
 
     fn certify(
@@ -403,7 +400,7 @@ impl Supervisor {
             plan_id: selected.plan_id,
             controller_instance,
             daemon_instance: self.instance,
-            requested_mono_ns: selected.requested_mono_ns,
+            requested_mono_ns: selected.timing.requested_mono_ns,
             begin_mono_ns,
             knot_count: knots.len() as u32,
             candidate_index: selected.candidate_index as u32,

@@ -1,7 +1,7 @@
 //! The newest accepted scene of a source in the planner's units, and its certification.
 
 use collision::{Ball, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory};
-use pcc_model::Point;
+use pcc_model::{Point, UnitRobot};
 use shared_types::message;
 use shared_types::valid;
 
@@ -27,12 +27,12 @@ impl RetainedScene {
     /// The scene of a message in metres; `version` is the next number of a content.
     pub(super) fn new(
         scene: valid::Scene,
-        section_length_m: f64,
+        robot: &UnitRobot,
         version: u64,
     ) -> Result<Self, SceneError> {
         let (mut resting, mut moving) = (Vec::new(), Vec::new());
         for ball in &scene.balls {
-            let ball = moving_ball(ball, section_length_m);
+            let ball = moving_ball(ball, robot);
             if ball.velocity == Point::zeros() {
                 resting.push(ball.ball);
             } else {
@@ -92,12 +92,12 @@ impl RetainedScene {
     }
 }
 
-fn moving_ball(ball: &message::MovingBall, section_length_m: f64) -> MovingBall {
+fn moving_ball(ball: &message::MovingBall, robot: &UnitRobot) -> MovingBall {
     MovingBall {
         ball: Ball {
-            centre: Point::from(ball.centre_m) / section_length_m,
-            radius: ball.radius_m / section_length_m,
+            centre: robot.point_in_section_lengths(ball.centre_m),
+            radius: robot.in_section_lengths(ball.radius_m),
         },
-        velocity: Point::from(ball.velocity_m_s) / section_length_m,
+        velocity: robot.point_in_section_lengths(ball.velocity_m_s),
     }
 }

@@ -1,6 +1,7 @@
 //! The live scene: the newest scene of each source, and whether a motion keeps clear of all.
 
 use collision::Verdict;
+use pcc_model::UnitRobot;
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::PresentPublisher;
 use shared_types::message::SceneMessage;
@@ -62,7 +63,8 @@ pub(crate) struct LiveScene {
     sources: Vec<Source>,
     memory: SceneMemory,
     publishers: Publishers,
-    section_length_m: f64,
+    /// The robot, whose section length is the planner's unit.
+    robot: UnitRobot,
     expected: bool,
     /// When this daemon began, nanoseconds: what was sent before may have been meant for another one.
     begun_mono_ns: i64,
@@ -75,7 +77,7 @@ impl LiveScene {
     /// The scenes that the daemon before this one has left in `memory`; `expected`: nothing may be executed without a scene.
     pub(crate) fn recall(
         mut memory: SceneMemory,
-        section_length_m: f64,
+        robot: UnitRobot,
         expected: bool,
         begun_mono_ns: i64,
     ) -> Self {
@@ -84,7 +86,7 @@ impl LiveScene {
             sources: Vec::with_capacity(MAX_SOURCES),
             memory,
             publishers: Publishers::default(),
-            section_length_m,
+            robot,
             expected,
             begun_mono_ns,
             resumed_mono_ns: i64::MIN,
@@ -102,7 +104,7 @@ impl LiveScene {
         tracing::info!("source {name:?} of the live scene was heard by the daemon before this one");
         self.versions += 1;
         let latest = source.scene.and_then(|scene| {
-            RetainedScene::new(scene, self.section_length_m, self.versions)
+            RetainedScene::new(scene, &self.robot, self.versions)
                 .inspect_err(|error| tracing::error!("a scene of source {name:?}: {error}"))
                 .ok()
         });
@@ -323,7 +325,7 @@ impl LiveScene {
             }
         }
         self.versions += 1;
-        match RetainedScene::new(scene, self.section_length_m, self.versions) {
+        match RetainedScene::new(scene, &self.robot, self.versions) {
             Ok(latest) => source.latest = Some(latest),
             Err(error) => {
                 // Nobody knows its obstacles: it has no living scene.

@@ -20,8 +20,9 @@ use crate::knots::{self, KnotHash};
 
 /// One answer, complete but for its time of writing and the hash.
 pub(crate) struct Answer {
-    report: PlanReport,
-    candidates: Vec<Candidate>,
+    pub(super) report: PlanReport,
+    /// The candidates that are delivered.
+    pub(super) candidates: Vec<Candidate>,
 }
 
 /// Why an answer did not reach its client.
@@ -54,28 +55,18 @@ impl Answer {
     }
 
     /// The answer to a plan, or to the reason why there is none; lengths in metres.
-    pub(crate) fn of_plan(
-        task: &PlanTask,
-        planned: Planned,
-        robot: &UnitRobot,
-        section_length_m: f64,
-    ) -> Self {
+    pub(crate) fn of_plan(task: &PlanTask, planned: Planned, robot: &UnitRobot) -> Self {
         match planned {
-            Ok(plan) => Self::certified(task, plan, robot, section_length_m),
+            Ok(plan) => Self::certified(task, plan, robot),
             Err(fault) => {
-                let refusal = fault_refusal(&fault, &task.problem.goal, section_length_m);
+                let refusal = fault_refusal(&fault, &task.problem.goal, robot);
                 Self::refused(task.request_id, &refusal)
             }
         }
     }
 
     /// An answer with the candidates that certified first.
-    pub(crate) fn early(
-        task: &PlanTask,
-        candidates: Vec<Candidate>,
-        robot: &UnitRobot,
-        section_length_m: f64,
-    ) -> Self {
+    pub(crate) fn early(task: &PlanTask, candidates: Vec<Candidate>, robot: &UnitRobot) -> Self {
         let reason = format!(
             "{} of {} candidates so far; the whole answer follows",
             candidates.len(),
@@ -84,11 +75,11 @@ impl Answer {
         let refusal = Refusal::new(Outcome::Early, reason);
         let mut answer = Self::refused(task.request_id, &refusal);
         answer.candidates = candidates;
-        answer.summarise(task, robot, section_length_m);
+        answer.summarise(task, robot);
         answer
     }
 
-    fn certified(task: &PlanTask, plan: Plan, robot: &UnitRobot, section_length_m: f64) -> Self {
+    fn certified(task: &PlanTask, plan: Plan, robot: &UnitRobot) -> Self {
         let keep: Vec<bool> = plan
             .candidates
             .iter()
@@ -103,12 +94,12 @@ impl Answer {
         let mut kept = keep.into_iter();
         answer.candidates = plan.candidates;
         answer.candidates.retain(|_| kept.next() == Some(true));
-        answer.summarise(task, robot, section_length_m);
+        answer.summarise(task, robot);
         answer
     }
 
     /// Selects among the candidates and fills in their part of the report.
-    fn summarise(&mut self, task: &PlanTask, robot: &UnitRobot, section_length_m: f64) {
+    fn summarise(&mut self, task: &PlanTask, robot: &UnitRobot) {
         let selected = match task.selection {
             SelectionRule::Index(index) => (index < self.candidates.len()).then_some(index),
             SelectionRule::Best(rule) => select(&self.candidates, &task.problem.start, rule),
@@ -119,7 +110,7 @@ impl Answer {
         let mut first = 0;
         for (summary, candidate) in self.report.candidates.iter_mut().zip(&self.candidates) {
             let tip_error = (robot.tip(&candidate.end()) - goal_tip).norm();
-            *summary = report::summary(candidate, first, tip_error, section_length_m);
+            *summary = report::summary(candidate, first, tip_error, robot);
             first += candidate.trajectory.knots().len();
         }
         let learned =
@@ -140,25 +131,10 @@ impl Answer {
         Outcome::try_from(self.report.outcome).ok()
     }
 
-    /// The text that explains it.
-    pub(crate) fn reason(&self) -> String {
-        self.report.reason_text().into_owned()
-    }
-
-    /// What is delivered.
-    pub(crate) fn candidates(&self) -> &[Candidate] {
-        &self.candidates
-    }
-
     /// Sets the id of the plan, and how long its request waited in the queue.
     pub(crate) fn set_plan(&mut self, plan_id: u64, wait: Duration) {
         self.report.plan_id = plan_id;
         self.report.stages_ns[Stage::Wait.code() as usize] = nanoseconds(wait);
-    }
-
-    /// States that the selected motion was published under an id.
-    pub(crate) fn set_executed(&mut self, trajectory_id: u32) {
-        self.report.trajectory_id = trajectory_id;
     }
 
     /// States why the selected motion was not published.
@@ -263,10 +239,10 @@ fn failures(plan: &Plan, undeliverable: usize) -> String {
     }
 }
 
-fn fault_refusal(fault: &PlanError, goal: &Goal, section_length_m: f64) -> Refusal {
+fn fault_refusal(fault: &PlanError, goal: &Goal, robot: &UnitRobot) -> Refusal {
     let outcome = match fault {
         PlanError::Planner(PlannerError::Infeasible(infeasible)) => {
-            return report::infeasible(infeasible, goal, section_length_m);
+            return report::infeasible(infeasible, goal, robot);
         }
         PlanError::Planner(PlannerError::ModelNotLoaded(_)) => Outcome::SamplerNotLoaded,
         PlanError::Planner(_) | PlanError::Panic(_) => Outcome::NoPath,
@@ -289,7 +265,7 @@ mod tests {
     }
 
     fn answer(task: &PlanTask, plan: Plan) -> Answer {
-        Answer::of_plan(task, Ok(plan), &unit_robot(), 1.0)
+        Answer::of_plan(task, Ok(plan), &unit_robot())
     }
 
     #[test]
@@ -297,7 +273,7 @@ mod tests {
         let task = task();
         let answer = answer(&task, plan(&task, false));
         assert_eq!(answer.outcome(), Some(Outcome::Ok));
-        assert_eq!(answer.reason(), "");
+        assert_eq!(answer.report.reason_text(), "");
         let (index, motion) = answer.selected().unwrap();
         assert_eq!(index, 0);
         assert_eq!(motion.knots().len(), answer.knots().count());
@@ -311,9 +287,10 @@ mod tests {
         let answer = answer(&task, plan(&task, true));
         assert_eq!(answer.outcome(), Some(Outcome::Truncated));
         assert!(
-            answer.reason().contains("0 of 1") && answer.reason().contains("20 ms"),
+            answer.report.reason_text().contains("0 of 1")
+                && answer.report.reason_text().contains("20 ms"),
             "{}",
-            answer.reason()
+            answer.report.reason_text()
         );
         assert!(answer.selected().is_none());
         assert_eq!(answer.report.selected, NONE_SELECTED);
@@ -325,7 +302,12 @@ mod tests {
             let mut task = task();
             task.request.limits_scale = scale;
             let answer = answer(&task, plan(&task, false));
-            assert_eq!(answer.outcome(), Some(outcome), "{}", answer.reason());
+            assert_eq!(
+                answer.outcome(),
+                Some(outcome),
+                "{}",
+                answer.report.reason_text()
+            );
         }
     }
 
@@ -340,13 +322,13 @@ mod tests {
             let answer = answer(&task, plan.clone());
             assert_eq!(answer.outcome(), Some(Outcome::NoPath));
             assert_eq!(
-                (answer.candidates().len(), answer.selected().is_some()),
+                (answer.candidates.len(), answer.selected().is_some()),
                 (0, false)
             );
             assert!(
-                answer.reason().contains("1 off the goal"),
+                answer.report.reason_text().contains("1 off the goal"),
                 "{}",
-                answer.reason()
+                answer.report.reason_text()
             );
         }
     }
@@ -357,7 +339,7 @@ mod tests {
         task.selection = SelectionRule::Index(1);
         let answer = answer(&task, plan(&task, false));
         assert_eq!(
-            (answer.candidates().len(), answer.selected().is_some()),
+            (answer.candidates.len(), answer.selected().is_some()),
             (1, false)
         );
     }
@@ -376,9 +358,9 @@ mod tests {
             ),
             (PlanError::Panic("defect".to_owned()), Outcome::NoPath),
         ] {
-            let answer = Answer::of_plan(&task(), Err(fault), &unit_robot(), 1.0);
+            let answer = Answer::of_plan(&task(), Err(fault), &unit_robot());
             assert_eq!(answer.outcome(), Some(outcome));
-            assert!(!answer.reason().is_empty());
+            assert!(!answer.report.reason_text().is_empty());
         }
     }
 
@@ -386,11 +368,9 @@ mod tests {
     fn what_happens_to_the_execution_is_stated() {
         let task = task();
         let mut answer = answer(&task, plan(&task, false));
-        answer.set_executed(5);
-        assert_eq!(answer.report.trajectory_id, 5);
         answer.set_execution_refused("no controller");
         assert_eq!(answer.outcome(), Some(Outcome::ExecutionRefused));
-        assert_eq!(answer.reason(), "no controller");
+        assert_eq!(answer.report.reason_text(), "no controller");
         assert!(answer.outcome().unwrap().has_candidates());
     }
 }

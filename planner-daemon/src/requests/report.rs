@@ -1,5 +1,6 @@
 //! Between the planner's units (lengths in sections) and the wire's (SI).
 
+use pcc_model::UnitRobot;
 use planning::{Candidate, Goal, Infeasible};
 use shared_types::message::CandidateSummary;
 
@@ -10,7 +11,7 @@ pub(crate) fn summary(
     candidate: &Candidate,
     first_knot: usize,
     tip_error: f64,
-    section_length_m: f64,
+    robot: &UnitRobot,
 ) -> CandidateSummary {
     let metrics = &candidate.metrics;
     CandidateSummary {
@@ -19,16 +20,16 @@ pub(crate) fn summary(
         source: candidate.source.code(),
         draw: candidate.draw as u32,
         duration_s: metrics.duration_s,
-        tip_path_m: metrics.tip_length * section_length_m,
-        clearance_m: metrics.clearance * section_length_m,
-        smoothness: metrics.tip_smoothness * section_length_m.powi(2),
-        tip_error_m: tip_error * section_length_m,
+        tip_path_m: robot.in_metres(metrics.tip_length),
+        clearance_m: robot.in_metres(metrics.clearance),
+        smoothness: metrics.tip_smoothness * robot.section_length_m().powi(2),
+        tip_error_m: robot.in_metres(tip_error),
     }
 }
 
 /// Why a problem to this goal has no solution, with lengths in metres.
-pub(crate) fn infeasible(infeasible: &Infeasible, goal: &Goal, section_length_m: f64) -> Refusal {
-    let metres = |length: f64| format!("{:.4} m", length * section_length_m);
+pub(crate) fn infeasible(infeasible: &Infeasible, goal: &Goal, robot: &UnitRobot) -> Refusal {
+    let metres = |length: f64| format!("{:.4} m", robot.in_metres(length));
     let reason = match *infeasible {
         Infeasible::StartInCollision { clearance } => format!(
             "start in collision: clearance {}, at least 0 is needed",
@@ -60,6 +61,7 @@ pub(crate) fn infeasible(infeasible: &Infeasible, goal: &Goal, section_length_m:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::robot_of_sections;
     use pcc_model::Configuration;
     use planning::{PathMetrics, Source};
     use shared_types::codes::Outcome;
@@ -87,7 +89,7 @@ mod tests {
 
     #[test]
     fn lengths_become_metres_and_nothing_else_changes() {
-        let summary = summary(&candidate(), 96, 0.01, 0.2);
+        let summary = summary(&candidate(), 96, 0.01, &robot_of_sections(0.2));
         let expected = CandidateSummary {
             first_knot: 96,
             knot_count: 2,
@@ -142,7 +144,7 @@ mod tests {
                 "3 goal configurations has clearance -0.0200 m",
             ),
         ] {
-            let refusal = infeasible(&reason, &goal, 0.2);
+            let refusal = infeasible(&reason, &goal, &robot_of_sections(0.2));
             assert_eq!(refusal.outcome, outcome);
             assert!(refusal.reason.contains(text), "{}", refusal.reason);
             assert!(

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use collision::{Ball, Scene};
-use pcc_model::{Configuration, Point, SECTIONS};
+use pcc_model::{Configuration, SECTIONS, UnitRobot};
 use planning::{Goal, MOST_CORRECTIONS, PreviousPlan, Problem, Request, StartMotion};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::PlanField;
@@ -14,7 +14,7 @@ use shared_types::valid::{self, PlanRequest, SelectionRule};
 
 use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
-use crate::execution::Begin;
+use crate::execution::ExecutionTiming;
 
 /// Distance from the goal that counts as reached where the request does not say, section lengths.
 const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
@@ -22,8 +22,8 @@ const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
 /// Checks plan requests against this daemon's capacity and clock, and adds its static scene and defaults.
 #[derive(Clone, Debug)]
 pub(crate) struct RequestValidator {
-    /// The robot's section length, metres.
-    pub(crate) section_length_m: f64,
+    /// The robot, whose section length is the planner's unit.
+    pub(crate) robot: UnitRobot,
     /// What the plan service holds.
     pub(crate) capacity: PlanServiceCapacity,
     /// Time that an answer may take where the request does not say.
@@ -53,15 +53,6 @@ pub(crate) struct PlanTask {
     pub(crate) execution: Option<ExecutionTiming>,
     /// Certified candidates that are answered before the whole answer.
     pub(crate) early: Option<usize>,
-}
-
-/// A motion that is to be executed once it is planned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct ExecutionTiming {
-    /// When it was asked for, nanoseconds of `CLOCK_MONOTONIC`.
-    pub(crate) requested_mono_ns: i64,
-    /// When it is to begin.
-    pub(crate) begin: Begin,
 }
 
 impl RequestValidator {
@@ -98,15 +89,15 @@ impl RequestValidator {
 
     fn problem(&self, asked: &PlanRequest) -> Result<Problem, Refusal> {
         let balls = asked.balls.iter().map(|ball| Ball {
-            centre: Point::from(ball.centre_m) / self.section_length_m,
-            radius: ball.radius_m / self.section_length_m,
+            centre: self.robot.point_in_section_lengths(ball.centre_m),
+            radius: self.robot.in_section_lengths(ball.radius_m),
         });
         let scene = self.static_scene.with_balls(balls.collect());
         Ok(Problem {
             start: Configuration::from(asked.start_configuration_rad),
             goal: match &asked.goal {
                 valid::Goal::Tip { position_m, .. } => {
-                    Goal::Tip(Point::from(*position_m) / self.section_length_m)
+                    Goal::Tip(self.robot.point_in_section_lengths(*position_m))
                 }
                 valid::Goal::Configuration(shape) => Goal::Configuration((*shape).into()),
             },
@@ -136,7 +127,7 @@ impl RequestValidator {
             valid::Goal::Tip {
                 tolerance_m: Some(tolerance_m),
                 ..
-            } => tolerance_m / self.section_length_m,
+            } => self.robot.in_section_lengths(*tolerance_m),
             _ => DEFAULT_TIP_TOLERANCE,
         }
     }
@@ -155,22 +146,22 @@ fn execution(asked: &PlanRequest, now_mono_ns: i64) -> Result<Option<ExecutionTi
     }
     Ok(Some(ExecutionTiming {
         requested_mono_ns,
-        begin: asked
-            .begin_mono_ns
-            .map_or(Begin::Earliest, Begin::NotBefore),
+        begin_mono_ns: asked.begin_mono_ns,
     }))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fixtures::robot_of_sections;
     use collision::Solid;
     use nalgebra::Isometry3;
+    use pcc_model::Point;
     use shared_types::codes::Outcome;
 
     fn validator() -> RequestValidator {
         RequestValidator {
-            section_length_m: 0.25,
+            robot: robot_of_sections(0.25),
             capacity: PlanServiceCapacity::default(),
             default_deadline: Duration::from_millis(20),
             padding: [0.0225; SECTIONS],
@@ -229,14 +220,14 @@ mod tests {
         let task = task.unwrap();
         assert_eq!(task.tip_tolerance, 0.02);
         assert_eq!(task.deadline, Duration::from_secs(1));
-        let begin = |task: &PlanTask| task.execution.map(|to_execute| to_execute.begin);
-        assert_eq!(begin(&task), Some(Begin::NotBefore(77)));
+        let begin = |task: &PlanTask| task.execution.map(|timing| timing.begin_mono_ns);
+        assert_eq!(begin(&task), Some(Some(77)));
         assert_eq!((task.request.limits_scale, task.request.seed), (0.5, 9));
         let soon = PlanRequest {
             execute: true,
             ..asked()
         };
-        assert_eq!(begin(&validate(&soon).unwrap()), Some(Begin::Earliest));
+        assert_eq!(begin(&validate(&soon).unwrap()), Some(None));
     }
 
     #[test]

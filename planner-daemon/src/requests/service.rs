@@ -272,8 +272,7 @@ impl Service {
             return;
         };
         let Queued { active, task, .. } = &in_flight.queued;
-        let length = self.validator.section_length_m;
-        let mut answer = Answer::early(task, candidates, self.runner.robot(), length);
+        let mut answer = Answer::early(task, candidates, self.runner.robot());
         answer.set_plan(in_flight.plan_id, in_flight.waited);
         self.send(&mut answer, active);
     }
@@ -287,20 +286,19 @@ impl Service {
         }
         let plan_id = in_flight.plan_id;
         let queued = in_flight.queued;
-        let length = self.validator.section_length_m;
-        let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot(), length);
+        let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot());
         answer.set_plan(plan_id, in_flight.waited);
         let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
-        if is_wanted(&queued.active) && has_candidates && !answer.candidates().is_empty() {
+        if is_wanted(&queued.active) && has_candidates && !answer.candidates.is_empty() {
             self.execute(&queued, plan_id, &mut answer);
         }
         self.send(&mut answer, &queued.active);
         let selected = answer.selected().map(|(index, _)| index);
-        self.plans.keep(plan_id, answer.candidates(), selected);
+        self.plans.keep(plan_id, &answer.candidates, selected);
     }
 
     fn execute(&mut self, queued: &Queued, plan_id: u64, answer: &mut Answer) {
-        let Some(to_execute) = queued.task.execution else {
+        let Some(timing) = queued.task.execution else {
             return;
         };
         let published = match answer.selected() {
@@ -309,15 +307,14 @@ impl Service {
                 motion: motion.clone(),
                 candidate_index,
                 plan_id,
-                requested_mono_ns: to_execute.requested_mono_ns,
-                begin: to_execute.begin,
+                timing,
             }),
             None => Err(ExecutionRefusal::NothingSelected),
         };
         match published {
             Ok(id) => {
                 tracing::info!("trajectory {id} of plan {plan_id} is published for execution");
-                answer.set_executed(id);
+                answer.report.trajectory_id = id;
             }
             Err(refusal) => {
                 tracing::info!("plan {plan_id} is not executed: {refusal}");
@@ -365,9 +362,9 @@ impl Service {
         let outcome = answer.outcome();
         tracing::debug!(
             "{} candidates, outcome {:?}: {}",
-            answer.candidates().len(),
+            answer.candidates.len(),
             outcome,
-            answer.reason()
+            answer.report.reason_text()
         );
         if let Err(error) = answer.send(active)
             && is_wanted(active)

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::thread;
 use std::time::Duration;
 
@@ -23,9 +23,7 @@ use trajectory::{BRAKING_SHARE, RateLaw};
 
 use super::config::Config;
 use super::process;
-use crate::execution::{
-    BackgroundError, BackgroundThreads, Execution, ExecutionRules, ProgressCounter,
-};
+use crate::execution::{BackgroundError, BackgroundThreads, Execution, ExecutionRules};
 use crate::requests::{PlanRunner, RequestValidator, Service};
 
 /// Time slice of a planning thread: threads that ask for shorter ones preempt it when they wake.
@@ -132,7 +130,7 @@ impl Daemon {
         let node = IpcNode::create(options, "planner-daemon")?;
         // No other daemon of this machine was started then.
         let instance = mono_now_ns().unsigned_abs();
-        let progress = Arc::new(ProgressCounter::default());
+        let progress = Arc::<AtomicU64>::default();
         let execution = Execution::start(
             options,
             execution_rules(config, &planner, &robot),
@@ -140,7 +138,7 @@ impl Daemon {
             &progress,
             priority.map(|planning| planning + 2),
         )?;
-        let service = open_service(config, &node, &robot, static_scene, planner, execution)?;
+        let service = open_service(config, &node, static_scene, planner, execution)?;
         prefault_shared_memory(config, options);
         let service_priority = priority.map(|planning| planning + 1);
         let background = BackgroundThreads::start(options, instance, &progress, service_priority)?;
@@ -363,7 +361,6 @@ fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> Executi
     let limits = &robot.tendon_limits;
     ExecutionRules {
         padded: unit_robot.with_tube_padding(&padding),
-        section_length_m: robot.section_lengths[0],
         path_tolerance_rad: config.path_tolerance_rad,
         rate_law: RateLaw::new(&robot.tendons, limits.acceleration * BRAKING_SHARE),
         begin_lead: config.begin_lead,
@@ -374,13 +371,12 @@ fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> Executi
 fn open_service(
     config: &Config,
     node: &IpcNode,
-    robot: &Robot,
     static_scene: Scene,
     planner: Planner,
     execution: Execution,
 ) -> Result<Service, StartError> {
     let validator = RequestValidator {
-        section_length_m: robot.section_lengths[0],
+        robot: planner.robot().clone(),
         capacity: config.capacity,
         default_deadline: config.default_deadline,
         padding: tracking_padding(planner.robot(), config.path_tolerance_rad),
@@ -395,9 +391,9 @@ fn open_service(
 
 fn check_shared_memory(config: &Config) -> Result<usize, StartError> {
     let services = shared_memory(&config.capacity);
-    let needed: usize = services.iter().map(|service| service.bytes).sum();
-    for service in &services {
-        tracing::debug!("{}: {:.2} MB", service.service, megabytes(service.bytes));
+    let needed: usize = services.iter().map(|(_, bytes)| bytes).sum();
+    for (service, bytes) in services {
+        tracing::debug!("{service}: {:.2} MB", megabytes(bytes));
     }
     if needed > config.shared_memory_budget {
         return Err(StartError::SharedMemory {

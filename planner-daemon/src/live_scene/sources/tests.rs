@@ -5,7 +5,7 @@ use shared_types::message;
 use shared_types::valid::Scene as ValidScene;
 
 use super::*;
-use crate::fixtures::{motion, unit_robot};
+use crate::fixtures::{motion, robot_of_sections, unit_robot};
 use crate::live_scene::Timing;
 
 mod certified;
@@ -62,7 +62,8 @@ fn after_another(folder: &tempfile::TempDir, section_length_m: f64, expected: bo
         root: folder.path().to_owned(),
     };
     let memory = SceneMemory::open(&options).unwrap();
-    LiveScene::recall(memory, section_length_m, expected, BEGUN)
+    let robot = robot_of_sections(section_length_m);
+    LiveScene::recall(memory, robot, expected, BEGUN)
 }
 
 fn live() -> LiveScene {
