@@ -22,6 +22,7 @@ mod trace;
 mod watch;
 
 use clap::{Parser, Subcommand};
+use shared_types::valid::Command as Order;
 use std::io::Write;
 use std::process::ExitCode;
 
@@ -80,8 +81,8 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Watch(arguments) => watch::run(&arguments),
         Command::Stop => order::stop(),
-        Command::Reset => order::reset(),
-        Command::Speed(arguments) => order::speed(&arguments),
+        Command::Reset => order::give(Order::ResetFault),
+        Command::Speed(arguments) => order::give(Order::SetSpeed(arguments.rate)),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Dataset(arguments) => dataset::generate(&arguments),
         Command::Features(arguments) => features::run(&arguments),

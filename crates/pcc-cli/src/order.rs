@@ -30,7 +30,7 @@ pub(crate) const STANDS_STILL: &str =
 pub(crate) struct SpeedArguments {
     /// Share of a motion's own rate, 0 (stand still on the path) to 1.
     #[arg(value_parser = real(0.0, 1.0, ""))]
-    rate: f64,
+    pub(crate) rate: f64,
 }
 
 /// Orders a stop, and by a signal as well where the controller does not reply soon: that needs no service.
@@ -40,15 +40,15 @@ pub(crate) fn stop() -> anyhow::Result<()> {
         let waited = no_reply.recv_timeout(SIGNAL_AFTER);
         matches!(waited, Err(RecvTimeoutError::Timeout)).then(signal_stop)
     });
-    let result = give(Command::Stop);
+    let result = send(Command::Stop);
     drop(replied);
     let signalled = signal.join().unwrap_or(None);
     let error = match result {
-        Ok(accepted) => {
-            let first = signalled
-                .and_then(Result::ok)
-                .map(|signalled| signalled.sent);
-            say!("{}", accepted.first_sent(first));
+        Ok(mut accepted) => {
+            if let Some(Ok(first)) = signalled {
+                accepted.sent_ns = accepted.sent_ns.min(first.sent_ns);
+            }
+            say!("{accepted}");
             return Ok(());
         }
         Err(error) => error,
@@ -60,54 +60,51 @@ pub(crate) fn stop() -> anyhow::Result<()> {
     if !may_be_stopped && !error.is::<ClientError>() {
         return Err(error);
     }
-    let Ok(signalled) = signalled.unwrap_or_else(signal_stop) else {
+    let Ok(Signalled {
+        controller,
+        sent_ns,
+    }) = signalled.unwrap_or_else(signal_stop)
+    else {
         return Err(error);
     };
-    say!("{signalled}; by the services: {error:#}");
+    say!(
+        "the controller, process {controller}, was told to stop by a signal, sent at {}, to which it does not reply; by the services: {error:#}",
+        seconds(sent_ns)
+    );
     Ok(())
 }
 
 /// A stop that was sent by a signal.
 struct Signalled {
     controller: Pid,
-    sent: Sent,
-}
-
-impl Display for Signalled {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self { controller, sent } = self;
-        write!(
-            f,
-            "the controller, process {controller}, was told to stop by a signal, {sent}, to which it does not reply"
-        )
-    }
+    /// When it was sent, nanoseconds of `CLOCK_MONOTONIC`.
+    sent_ns: i64,
 }
 
 fn signal_stop() -> anyhow::Result<Signalled> {
     let holder = RoleLock::holder(&IpcOptions::from_env(), Role::Controller);
     let controller = holder.and_then(|pid| Pid::from_raw(pid.try_into().ok()?));
     let controller = controller.context("no controller runs here")?;
-    let sent = Sent::now();
+    let sent_ns = mono_now_ns();
     kill_process(controller, Signal::USR1)?;
-    Ok(Signalled { controller, sent })
+    Ok(Signalled {
+        controller,
+        sent_ns,
+    })
 }
 
-pub(crate) fn reset() -> anyhow::Result<()> {
-    say!("{}", give(Command::ResetFault)?);
+/// Orders a reset or a speed.
+pub(crate) fn give(command: Command) -> anyhow::Result<()> {
+    say!("{}", send(command)?);
     Ok(())
 }
 
-pub(crate) fn speed(arguments: &SpeedArguments) -> anyhow::Result<()> {
-    say!("{}", give(Command::SetSpeed(arguments.rate))?);
-    Ok(())
-}
-
-fn give(command: Command) -> anyhow::Result<Accepted> {
+fn send(command: Command) -> anyhow::Result<Accepted> {
     let mut controller = ControllerView::connect(&IpcOptions::from_env())?;
     controller.prepare_to_command()?;
-    let sent = Sent::now();
+    let sent_ns = mono_now_ns();
     let reply = controller.command(command, TIMEOUT)?;
-    let took_ms = sent.elapsed_ms();
+    let replied_ns = mono_now_ns();
     if reply.reason == CommandRefusal::StopPending {
         bail!("{}; the controller was {} last", reply.reason, reply.state);
     }
@@ -116,8 +113,8 @@ fn give(command: Command) -> anyhow::Result<Accepted> {
         bail!(Refused { state, reason });
     }
     Ok(Accepted {
-        sent,
-        took_ms,
+        sent_ns,
+        replied_ns,
         state: reply.state,
     })
 }
@@ -130,57 +127,22 @@ struct Refused {
     reason: CommandRefusal,
 }
 
-/// An order that the controller has accepted.
+/// An order that the controller has accepted; times are nanoseconds of `CLOCK_MONOTONIC`, the clock of every stamp of the controller.
 struct Accepted {
-    sent: Sent,
-    took_ms: f64,
+    sent_ns: i64,
+    replied_ns: i64,
     state: LoopState,
-}
-
-impl Accepted {
-    /// The same reply, with its time counted from `before` where the order was sent earlier in another way.
-    fn first_sent(self, before: Option<Sent>) -> Self {
-        let Some(before) = before.filter(|before| before.0 < self.sent.0) else {
-            return self;
-        };
-        Self {
-            took_ms: self.took_ms + (self.sent.0 - before.0) as f64 * 1e-6,
-            sent: before,
-            state: self.state,
-        }
-    }
 }
 
 impl Display for Accepted {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let Self {
-            sent,
-            took_ms,
-            state,
-        } = self;
+        let took_ms = (self.replied_ns - self.sent_ns) as f64 * 1e-6;
         write!(
             f,
-            "accepted {took_ms:.1} ms after it was {sent}; the controller is {state}"
+            "accepted {took_ms:.1} ms after it was sent at {}; the controller is {}",
+            seconds(self.sent_ns),
+            self.state
         )
-    }
-}
-
-/// When an order was sent, nanoseconds of `CLOCK_MONOTONIC`, the clock of every stamp of the controller.
-struct Sent(i64);
-
-impl Sent {
-    fn now() -> Self {
-        Self(mono_now_ns())
-    }
-
-    fn elapsed_ms(&self) -> f64 {
-        (mono_now_ns() - self.0) as f64 * 1e-6
-    }
-}
-
-impl Display for Sent {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        write!(f, "sent at {}", seconds(self.0))
     }
 }
 
