@@ -2,7 +2,7 @@
 //!
 //! * [`message`]: the wire types: `repr(C)`, arrays and counts only, no padding, so that C and Python match byte for byte;
 //! * [`codes`]: what each `u32` code on the wire means;
-//! * [`valid`]: one checked type a message, converted in one place, which rejects and never clamps;
+//! * [`valid`]: one checked type a message (set-points have none), converted in one place, which rejects and never clamps;
 //! * [`ipc`]: the node, the services and the exclusive roles;
 //! * [`clock`], [`lateness`], [`capacity`]: the time base, the loop histogram, and the sizes of all arrays.
 //!

@@ -2,16 +2,16 @@
 
 use std::collections::VecDeque;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, SyncSender, channel, sync_channel};
-use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::thread::{self, JoinHandle};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::clock::{mono_now_ns, wall_now_ns};
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::{
-    IpcNode, IpcOptions, Publisher, Subscriber, Topic, guest_publisher, guest_subscriber,
-    publisher, scene_service, scene_status_service, spawn_with_ports, subscriber,
+    IpcNode, IpcOptions, JoinOnDrop, Publisher, Subscriber, Topic, guest_publisher,
+    guest_subscriber, publisher, scene_service, scene_status_service, spawn_with_ports, subscriber,
 };
 use shared_types::message::{self, MovingBall, SceneMessage};
 use shared_types::valid::{Scene, SceneStatus, SourceName, stamp_refusal};
@@ -38,9 +38,10 @@ const TRACKED_SCENES: usize = 256;
 pub struct ScenePublisher {
     source: SourceName,
     last_sequence: u32,
-    outbox: Option<Sender<Outgoing>>,
+    /// The thread ends once this is dropped.
+    outbox: Sender<Outgoing>,
     board: Arc<VerdictBoard>,
-    thread: Option<JoinHandle<()>>,
+    _thread: JoinOnDrop,
 }
 
 /// A scene on its way to the thread that owns the ports.
@@ -85,9 +86,9 @@ impl ScenePublisher {
         Ok(Self {
             source,
             last_sequence: 0,
-            outbox: Some(outbox),
+            outbox,
             board,
-            thread: Some(thread),
+            _thread: thread.into(),
         })
     }
 
@@ -146,8 +147,7 @@ impl ScenePublisher {
     /// # Errors
     /// [`ClientError::SceneRefused`] with its reason, or [`ClientError::NoServer`] if none has judged it in time.
     pub fn confirm(&self, timeout: Duration) -> Result<(), ClientError> {
-        let lock = self.board.latest.lock();
-        let verdicts = lock.unwrap_or_else(PoisonError::into_inner);
+        let verdicts = self.board.lock();
         let waits = |verdicts: &mut Verdicts| verdicts.judged != self.last_sequence;
         let waited = self.board.news.wait_timeout_while(verdicts, timeout, waits);
         let (mut verdicts, result) = waited.unwrap_or_else(PoisonError::into_inner);
@@ -178,15 +178,10 @@ impl ScenePublisher {
         let (sent, sent_result) = sync_channel(1);
         let outgoing = Outgoing { scene: wire, sent };
         let gone = || ClientError::transport("send a scene", "its thread has ended");
-        let outbox = self.outbox.as_ref().ok_or_else(gone)?;
-        outbox.send(outgoing).map_err(|_| gone())?;
+        self.outbox.send(outgoing).map_err(|_| gone())?;
         sent_result.recv().map_err(|_| gone())??;
         self.last_sequence = scene.sequence;
-        let lock = self.board.latest.lock();
-        let unreported = lock
-            .unwrap_or_else(PoisonError::into_inner)
-            .unreported
-            .take();
+        let unreported = self.board.lock().unreported.take();
         unreported.map_or(Ok(()), |(sequence, refusal)| {
             Err(self.refused(sequence, refusal))
         })
@@ -197,16 +192,6 @@ impl ScenePublisher {
             source_name: self.source.to_string(),
             sequence,
             refusal,
-        }
-    }
-}
-
-impl Drop for ScenePublisher {
-    fn drop(&mut self) {
-        self.outbox = None;
-        if let Some(thread) = self.thread.take() {
-            // A thread that panicked has said so already.
-            let _ = thread.join();
         }
     }
 }
@@ -309,7 +294,7 @@ impl Ports {
         let until = Instant::now() + FINAL_VERDICT_TIMEOUT;
         while self.has_listeners() && Instant::now() < until {
             self.receive_verdicts(board, sent_scenes);
-            if board.judged() == last {
+            if board.lock().judged == last {
                 return;
             }
             thread::sleep(FINAL_VERDICT_POLL_INTERVAL);
@@ -345,14 +330,12 @@ impl Ports {
 }
 
 impl VerdictBoard {
-    /// Sequence of the last scene judged; 0: none yet.
-    fn judged(&self) -> u32 {
-        let verdicts = self.latest.lock();
-        verdicts.unwrap_or_else(PoisonError::into_inner).judged
+    fn lock(&self) -> MutexGuard<'_, Verdicts> {
+        self.latest.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn take(&self, status: &SceneStatus) {
-        let mut verdicts = self.latest.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut verdicts = self.lock();
         verdicts.judged = status.sequence;
         verdicts.last = Some(status.refusal);
         if status.refusal != SceneRefusal::None {

@@ -3,14 +3,15 @@
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::thread::{Builder, JoinHandle, sleep};
+use std::thread::{Builder, sleep};
 use std::time::Duration;
 
 use realtime::{RealtimeError, use_fifo_priority, use_idle_policy};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::ProcessKind;
 use shared_types::ipc::{
-    IpcError, IpcNode, IpcOptions, Publisher, heartbeat_service, publisher, spawn_with_ports,
+    IpcError, IpcNode, IpcOptions, JoinOnDrop, Publisher, heartbeat_service, publisher,
+    spawn_with_ports,
 };
 use shared_types::message::Heartbeat;
 
@@ -65,7 +66,7 @@ impl StallWatch {
 /// The background threads; they end with this value.
 pub(crate) struct BackgroundThreads {
     ended: Arc<AtomicBool>,
-    threads: Vec<JoinHandle<()>>,
+    threads: Vec<JoinOnDrop>,
 }
 
 impl BackgroundThreads {
@@ -83,16 +84,17 @@ impl BackgroundThreads {
         };
         let node = IpcNode::create(options, "planner-daemon heartbeat")?;
         let (progress, ended) = (Arc::clone(progress), Arc::clone(&background.ended));
-        background.threads.push(spawn_with_ports(
+        let heart = spawn_with_ports(
             "heartbeat",
             move || heartbeat_port(&node, realtime_priority),
             move |publisher| beat(&publisher, instance, &progress, &ended),
-        )??);
+        )??;
+        background.threads.push(heart.into());
         let node = IpcNode::create(options, "planner-daemon cleaning")?;
         let ended = Arc::clone(&background.ended);
         let cleaning = Builder::new().name("cleaning".to_owned());
         let cleaning = cleaning.spawn(move || clean(&node, &ended))?;
-        background.threads.push(cleaning);
+        background.threads.push(cleaning.into());
         Ok(background)
     }
 }
@@ -100,10 +102,6 @@ impl BackgroundThreads {
 impl Drop for BackgroundThreads {
     fn drop(&mut self) {
         self.ended.store(true, Ordering::Relaxed);
-        for thread in self.threads.drain(..) {
-            // A thread that panicked has said so already.
-            let _ = thread.join();
-        }
     }
 }
 

@@ -3,11 +3,10 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{SyncSender, sync_channel};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use shared_types::clock::mono_now_ns;
-use shared_types::ipc::{IpcNode, IpcOptions, spawn_with_ports};
+use shared_types::ipc::{IpcNode, IpcOptions, JoinOnDrop, spawn_with_ports};
 
 use super::heartbeat::BackgroundError;
 use super::refusal::ExecutionRefusal;
@@ -21,8 +20,9 @@ const REPLY_TIMEOUT: Duration = Duration::from_millis(250);
 
 /// The handle of the supervision thread, which publishes motions and supervises them. Dropping it stops what moves and joins the thread.
 pub(crate) struct Execution {
-    to_supervision: Option<SyncSender<ExecutionRequest>>,
-    thread: Option<JoinHandle<()>>,
+    /// Supervision stops what moves, and ends, once this is dropped.
+    to_supervision: SyncSender<ExecutionRequest>,
+    _thread: JoinOnDrop,
 }
 
 impl Execution {
@@ -43,8 +43,8 @@ impl Execution {
         let work = move |mut supervisor: Supervisor| supervisor.run(&requests);
         let thread = spawn_with_ports("supervision", open, work)??;
         Ok(Self {
-            to_supervision: Some(to_supervision),
-            thread: Some(thread),
+            to_supervision,
+            _thread: thread.into(),
         })
     }
 
@@ -61,22 +61,10 @@ impl Execution {
             slot: Arc::clone(&slot),
             answer,
         };
-        let ways = self.to_supervision.as_ref();
-        if ways.is_none_or(|way| way.try_send(requests).is_err()) {
+        if self.to_supervision.try_send(requests).is_err() {
             return Err(ExecutionRefusal::SupervisionStalled);
         }
         let answered = answered.recv_timeout(2 * REPLY_TIMEOUT);
         answered.unwrap_or_else(|_| slot.abandon().ok_or(ExecutionRefusal::SupervisionStalled))
-    }
-}
-
-impl Drop for Execution {
-    /// Supervision stops what moves before it ends.
-    fn drop(&mut self) {
-        self.to_supervision = None;
-        if let Some(thread) = self.thread.take() {
-            // A thread that panicked has said so already.
-            let _ = thread.join();
-        }
     }
 }

@@ -59,15 +59,8 @@ pub struct SceneMemoryError {
     source: io::Error,
 }
 
-/// A source of obstacles as the file has it.
-#[derive(Debug, PartialEq)]
-pub(super) struct RetainedSource {
-    pub(super) name: SourceName,
-    pub(super) publisher: u128,
-    pub(super) leaves: bool,
-    /// The source's scene; none where none of it counted, or the daemon was killed while it wrote one.
-    pub(super) scene: Option<valid::Scene>,
-}
+/// A source of obstacles as the file has it, and its scene; none where none of it counted, or the daemon was killed while it wrote one.
+pub(super) type RetainedSource = (SourceRecord, Option<valid::Scene>);
 
 /// Record of a source by which the file is compared with the present; the scene is identified by stamp and version.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,7 +68,7 @@ pub(super) struct SourceRecord {
     pub(super) name: SourceName,
     pub(super) publisher: u128,
     pub(super) leaves: bool,
-    /// Stamp and lifetime, nanoseconds, and version of the source's scene.
+    /// Stamp and lifetime, nanoseconds, and version of the source's scene; none of a scene that an earlier daemon has kept.
     pub(super) scene: Option<(i64, i64, u64)>,
 }
 
@@ -154,12 +147,7 @@ impl SceneMemory {
             if source.is_none() {
                 slot.set_state(FREE);
             }
-            self.records[index] = source.as_ref().map(|source| SourceRecord {
-                name: source.name,
-                publisher: source.publisher,
-                leaves: source.leaves,
-                scene: None,
-            });
+            self.records[index] = source.as_ref().map(|(record, _)| *record);
             sources.extend(source);
         }
         sources
@@ -245,12 +233,14 @@ impl Slot<'_> {
         }
         let name = SourceName::try_from(&name).ok().filter(|_| state != FREE)?;
         let [low, high] = [0, 1].map(|half| u128::from(load(&self.0[PUBLISHER][half])));
-        Some(RetainedSource {
+        let record = SourceRecord {
             name,
             publisher: low | high << 64,
             leaves: load(&self.0[LEAVES]) != 0,
-            scene: (state == COMPLETE).then(|| self.scene(name)).flatten(),
-        })
+            scene: None,
+        };
+        let scene = (state == COMPLETE).then(|| self.scene(name)).flatten();
+        Some((record, scene))
     }
 
     /// The scene, if a source may publish such a one.
@@ -323,26 +313,24 @@ mod tests {
             takes_leave: false,
             balls: (0..balls).map(ball).collect(),
         };
-        RetainedSource {
+        let record = SourceRecord {
             name,
             publisher,
             leaves: balls == 0,
-            scene: Some(scene),
-        }
+            scene: None,
+        };
+        (record, Some(scene))
     }
 
     fn keep(memory: &mut SceneMemory, sources: &[RetainedSource], version: u64) {
-        let kept = sources.iter().map(|source| {
+        let kept = sources.iter().map(|(record, scene)| {
+            let scene = scene.as_ref();
+            let times = scene.map(|scene| (scene.stamp_mono_ns, scene.lifetime_ns, version));
             let record = SourceRecord {
-                name: source.name,
-                publisher: source.publisher,
-                leaves: source.leaves,
-                scene: source
-                    .scene
-                    .as_ref()
-                    .map(|scene| (scene.stamp_mono_ns, scene.lifetime_ns, version)),
+                scene: times,
+                ..*record
             };
-            (record, source.scene.as_ref())
+            (record, scene)
         });
         memory.keep(kept);
     }
@@ -378,7 +366,7 @@ mod tests {
         ];
         keep(&mut memory, &fewer, 2);
         let mut recalled = SceneMemory::open(&options).unwrap().recall();
-        recalled.sort_by_key(|source| source.publisher != u128::MAX - 3);
+        recalled.sort_by_key(|(record, _)| record.publisher != u128::MAX - 3);
         assert_eq!(recalled, fewer);
         keep(&mut memory, &[], 3);
         assert_eq!(SceneMemory::open(&options).unwrap().recall(), []);
@@ -397,10 +385,10 @@ mod tests {
         for spoil in spoil {
             spoil(&memory.slot(0));
             let recalled = SceneMemory::open(&options(&folder)).unwrap().recall();
-            let [recalled] = &recalled[..] else {
+            let [(record, scene)] = &recalled[..] else {
                 panic!("{recalled:?}");
             };
-            assert_eq!((recalled.publisher, &recalled.scene), (7, &None));
+            assert_eq!((record.publisher, scene), (7, &None));
             keep(&mut memory, &[], 2);
             keep(&mut memory, &[source("camera", 7, 3)], 3);
         }
@@ -415,10 +403,10 @@ mod tests {
         let known = |folder| SceneMemory::open(&options(folder)).unwrap().recall();
         assert_eq!(known(&folder), [source("camera", 7, 3)]);
         memory.suspended(suspended_ns() + 1_000_000_000);
-        let [recalled] = &known(&folder)[..] else {
+        let [(record, scene)] = &known(&folder)[..] else {
             panic!("the source is known");
         };
-        assert_eq!((recalled.publisher, &recalled.scene), (7, &None));
+        assert_eq!((record.publisher, scene), (7, &None));
     }
 
     #[test]

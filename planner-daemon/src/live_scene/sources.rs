@@ -99,20 +99,20 @@ impl LiveScene {
     }
 
     /// Adds a source that the previous daemon had heard, with its scene if that is still usable.
-    fn restore(&mut self, source: RetainedSource) {
-        let name = source.name.to_string();
+    fn restore(&mut self, (record, scene): RetainedSource) {
+        let name = record.name.to_string();
         tracing::info!("source {name:?} of the live scene was heard by the daemon before this one");
         self.versions += 1;
-        let latest = source.scene.and_then(|scene| {
+        let latest = scene.and_then(|scene| {
             RetainedScene::new(scene, &self.robot, self.versions)
                 .inspect_err(|error| tracing::error!("a scene of source {name:?}: {error}"))
                 .ok()
         });
         self.sources.push(Source {
-            name: source.name,
-            publisher: source.publisher,
+            name: record.name,
+            publisher: record.publisher,
             latest,
-            leaves: source.leaves,
+            leaves: record.leaves,
         });
     }
 

@@ -35,7 +35,7 @@ pub use event::{
 pub use memory::{plan_bytes, shared_memory};
 pub use node::IpcNode;
 pub use options::{IpcOptions, LONGEST_ROOT_AND_PREFIX};
-pub use port_thread::spawn_with_ports;
+pub use port_thread::{JoinOnDrop, spawn_with_ports};
 pub use request::{
     CommandClient, CommandRequest, CommandServer, CommandService, PlanActiveRequest, PlanClient,
     PlanPending, PlanResponse, PlanServer, PlanService, PlanServiceCapacity, command_client,

@@ -27,3 +27,22 @@ pub fn spawn_with_ports<Ports, E: Send + 'static>(
     let opened = opened.recv().map_err(io::Error::other)?;
     Ok(opened.map(|()| thread))
 }
+
+/// Waits for the end of a thread when it is dropped: declared after what lets the thread end.
+#[derive(Debug)]
+pub struct JoinOnDrop(Option<JoinHandle<()>>);
+
+impl From<JoinHandle<()>> for JoinOnDrop {
+    fn from(thread: JoinHandle<()>) -> Self {
+        Self(Some(thread))
+    }
+}
+
+impl Drop for JoinOnDrop {
+    fn drop(&mut self) {
+        if let Some(thread) = self.0.take() {
+            // A thread that panicked has said so already.
+            let _ = thread.join();
+        }
+    }
+}

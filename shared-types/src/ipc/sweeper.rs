@@ -16,16 +16,16 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::Path;
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::thread::{self, JoinHandle};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use rustix::fs::OFlags;
 use rustix::process::geteuid;
 
-use super::IpcOptions;
 use super::node_counter::is_of_one_node;
 use super::shm_override::FOLDER;
 use super::write_lease::WriteLease;
+use super::{IpcOptions, JoinOnDrop};
 
 /// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(200);
@@ -35,8 +35,9 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Looks for abandoned memory of one prefix, in a thread of its own, until dropped.
 #[derive(Debug)]
 pub(super) struct Sweeper {
-    stop: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
+    /// The thread ends once this is dropped.
+    _stop: Sender<()>,
+    _thread: JoinOnDrop,
 }
 
 impl Sweeper {
@@ -55,19 +56,9 @@ impl Sweeper {
             }
         })?;
         Ok(Self {
-            stop: Some(stop),
-            thread: Some(thread),
+            _stop: stop,
+            _thread: thread.into(),
         })
-    }
-}
-
-impl Drop for Sweeper {
-    fn drop(&mut self) {
-        self.stop = None;
-        if let Some(thread) = self.thread.take() {
-            // A sweeper that panicked has nothing to hand over.
-            let _ = thread.join();
-        }
     }
 }
 

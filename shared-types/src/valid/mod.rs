@@ -1,5 +1,5 @@
-//! The validated twin of each message: made by `TryFrom`, which rejects what is wrong, says what would be allowed, and
-//! never clamps.
+//! The validated twin of each message but set-points, which the robot checks against its own limits: made by `TryFrom`, which rejects
+//! what is wrong, says what would be allowed, and never clamps.
 //!
 //! Checked here is what needs no robot: versions, counts, codes, finiteness, magnitudes that arithmetic survives, order
 //! of times. Whether a robot can bend that far is the daemon's business. Fields that a message does not use (the goal
@@ -10,7 +10,6 @@ mod check;
 mod command;
 mod invalid;
 mod plan;
-mod plan_wire;
 mod report;
 mod scene;
 mod state;

@@ -3,11 +3,10 @@
 
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::Duration;
 
 use client::{ClientError, ScenePublisher};
-use shared_types::ipc::IpcOptions;
+use shared_types::ipc::{IpcOptions, JoinOnDrop};
 use shared_types::message::MovingBall;
 
 /// The name of the source.
@@ -22,8 +21,9 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 /// The obstacles that are shown, published again by a thread of its own; when dropped, the source signs off.
 pub(super) struct Obstacles {
     shown: Arc<Mutex<Shown>>,
-    quit: Option<Sender<()>>,
-    renewal: Option<JoinHandle<()>>,
+    /// The renewal ends once this is dropped.
+    _quit: Sender<()>,
+    _renewal: JoinOnDrop,
 }
 
 struct Shown {
@@ -47,8 +47,8 @@ impl Obstacles {
         let renewal = std::thread::spawn(move || renew(&renewed, &ended));
         Ok(Self {
             shown,
-            quit: Some(quit),
-            renewal: Some(renewal),
+            _quit: quit,
+            _renewal: renewal.into(),
         })
     }
 
@@ -76,11 +76,6 @@ impl Obstacles {
 
 impl Drop for Obstacles {
     fn drop(&mut self) {
-        self.quit = None;
-        if let Some(renewal) = self.renewal.take() {
-            // A thread that panicked has said so already.
-            let _ = renewal.join();
-        }
         // A caller that needs the error calls this before.
         let _ = self.take_leave();
     }
