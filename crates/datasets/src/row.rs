@@ -57,7 +57,7 @@ pub struct Check {
 impl Check {
     /// Judges a path of waypoints.
     pub(crate) fn of(robot: &UnitRobot, scene: &Scene, path: &[Configuration]) -> Self {
-        let clearance = |shape| scene.clearance(&robot.backbone(shape), &robot.tube_radii);
+        let clearance = |shape| scene.clearance_at(robot, shape);
         Self {
             clearance: path.iter().map(clearance).fold(f64::INFINITY, f64::min) as f32,
             is_certified: certify_polyline(robot, scene, path).is_free(),

@@ -130,7 +130,7 @@ pub(crate) fn in_workspace(tip: &Point) -> bool {
 }
 
 fn is_clear(robot: &UnitRobot, scene: &Scene, shape: &Configuration) -> bool {
-    scene.clearance(&robot.backbone(shape), &robot.tube_radii) >= ENDPOINT_CLEARANCE
+    scene.clearance_at(robot, shape) >= ENDPOINT_CLEARANCE
 }
 
 fn draw_starts(

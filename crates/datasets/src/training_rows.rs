@@ -60,14 +60,8 @@ pub fn training_rows(
 impl TrainingRows {
     /// Number of rows.
     #[must_use]
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.groups.len()
-    }
-
-    /// Whether there are none.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.groups.is_empty()
     }
 
     /// Writes the arrays `ends`, `balls`, `ball_offsets`, `coefficients`, `group`, and `frame` (0 canonical, 1 base).
@@ -76,27 +70,15 @@ impl TrainingRows {
     /// [`ArchiveError`].
     pub fn write(&self, file: &Path) -> Result<(), ArchiveError> {
         let mut archive = ArchiveWriter::create(file)?;
-        archive.write(
-            "ends",
-            &[self.len(), END_FEATURES],
-            self.ends.iter().copied(),
-        )?;
-        archive.write(
-            "balls",
-            &[self.balls.len() / BALL_FEATURES, BALL_FEATURES],
-            self.balls.iter().copied(),
-        )?;
-        archive.write(
-            "ball_offsets",
-            &[self.len() + 1],
-            self.ball_offsets.iter().copied(),
-        )?;
-        archive.write(
-            "coefficients",
-            &[self.len(), COEFFICIENTS],
-            self.coefficients.iter().copied(),
-        )?;
-        archive.write("group", &[self.len()], self.groups.iter().copied())?;
+        let (rows, balls) = (self.count(), self.balls.len() / BALL_FEATURES);
+        let (ends, offsets) = (self.ends.iter().copied(), self.ball_offsets.iter().copied());
+        archive.write("ends", &[rows, END_FEATURES], ends)?;
+        let features = self.balls.iter().copied();
+        archive.write("balls", &[balls, BALL_FEATURES], features)?;
+        archive.write("ball_offsets", &[rows + 1], offsets)?;
+        let coefficients = self.coefficients.iter().copied();
+        archive.write("coefficients", &[rows, COEFFICIENTS], coefficients)?;
+        archive.write("group", &[rows], self.groups.iter().copied())?;
         archive.write("frame", &[1], [self.frame as u8])?;
         archive.finish()
     }

@@ -48,6 +48,6 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let rows = training_rows(&robot, &dataset.rows, arguments.first_group, frame)?;
     rows.write(&arguments.out)?;
-    say!("{}: {} rows", arguments.out.display(), rows.len());
+    say!("{}: {} rows", arguments.out.display(), rows.count());
     Ok(())
 }

@@ -17,6 +17,18 @@ pub struct TendonLimits {
     pub jerk: f64,
 }
 
+impl TendonLimits {
+    /// These limits, each multiplied by `factor`.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self {
+            velocity: self.velocity * factor,
+            acceleration: self.acceleration * factor,
+            jerk: self.jerk * factor,
+        }
+    }
+}
+
 /// A three-section robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Robot {
@@ -79,7 +91,6 @@ impl Robot {
             ..*t
         };
         let tendons = TendonMap::new(self.tendons.tendons().iter().map(scale).collect());
-        let limits = &self.tendon_limits;
         Self {
             name: self.name.clone(),
             section_lengths: self.section_lengths.map(|l| l * factor),
@@ -87,11 +98,7 @@ impl Robot {
             tube_radii: self.tube_radii.map(|radius| radius * factor),
             spool_radius: self.spool_radius * factor,
             tendons: tendons.expect("a map that was valid stays valid when scaled"),
-            tendon_limits: TendonLimits {
-                velocity: limits.velocity * factor,
-                acceleration: limits.acceleration * factor,
-                jerk: limits.jerk * factor,
-            },
+            tendon_limits: self.tendon_limits.scaled(factor),
         }
     }
 

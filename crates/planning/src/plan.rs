@@ -57,14 +57,6 @@ pub struct Candidate {
     pub draw: usize,
 }
 
-impl Certified {
-    /// The configuration that the motion ends in, radians.
-    #[must_use]
-    pub fn end(&self) -> Configuration {
-        end_of(&self.trajectory)
-    }
-}
-
 impl Candidate {
     /// The certified motion of a draw with this number.
     pub(crate) fn of(draw: usize, source: Source, motion: &Certified) -> Self {
@@ -79,13 +71,8 @@ impl Candidate {
     /// The configuration that the motion ends in, radians.
     #[must_use]
     pub fn end(&self) -> Configuration {
-        end_of(&self.trajectory)
+        self.trajectory.end()
     }
-}
-
-fn end_of(trajectory: &Trajectory) -> Configuration {
-    let knots = trajectory.knots();
-    knots[knots.len() - 1].position
 }
 
 /// One draw, certified or not.

@@ -43,9 +43,7 @@ impl Problem {
                 limit_rad: robot.bending_limit,
             });
         }
-        let clearance = self
-            .scene
-            .clearance(&robot.backbone(&self.start), &robot.tube_radii);
+        let clearance = self.scene.clearance_at(robot, &self.start);
         if clearance < 0.0 {
             return Err(Infeasible::StartInCollision { clearance });
         }

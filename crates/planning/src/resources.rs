@@ -49,7 +49,7 @@ pub(crate) struct Resources {
 impl Resources {
     /// For a robot whose sections have length 1.
     pub(crate) fn new(robot: UnitRobot, models: Models) -> Self {
-        let basis = SineBasis::new();
+        let basis = SineBasis::default();
         Self {
             robot,
             models,

@@ -203,7 +203,7 @@ fn straight_drawn_gives_the_same_segments_smoother_tips() {
             assert_eq!(plain.source, drawn.source);
             assert_ne!(drawn.path, drawn.sampled, "its tip is drawn onto a curve");
             if let (Ok(plain), Ok(drawn)) = (&plain.outcome, &drawn.outcome) {
-                assert!((plain.end() - drawn.end()).norm() < 1e-9);
+                assert!((plain.trajectory.end() - drawn.trajectory.end()).norm() < 1e-9);
                 both += 1;
                 let smoothness = [plain, drawn].map(|motion| motion.metrics.tip_smoothness);
                 smoother += usize::from(smoothness[1] < smoothness[0]);
@@ -226,7 +226,7 @@ fn rrt_smooth_certifies_what_rrt_connect_does_and_is_mostly_smoother() {
         for (tree, smooth) in tree.draws.iter().zip(&smooth.draws) {
             assert_eq!(tree.outcome.is_ok(), smooth.outcome.is_ok());
             if let (Ok(tree), Ok(smooth)) = (&tree.outcome, &smooth.outcome) {
-                assert!((tree.end() - smooth.end()).norm() < 1e-9);
+                assert!((tree.trajectory.end() - smooth.trajectory.end()).norm() < 1e-9);
                 both += 1;
                 let smoothness = [tree, smooth].map(|motion| motion.metrics.tip_smoothness);
                 smoother += usize::from(smoothness[1] < smoothness[0]);

@@ -1,7 +1,5 @@
 //! Time parameterization: from waypoints to a motion within the tendons' limits.
 
-pub(crate) mod error;
-pub(crate) mod grid_point;
 pub(crate) mod interval;
 pub(crate) mod jerk;
 pub(crate) mod options;

@@ -7,7 +7,7 @@
 use crate::certify::motion_bound::MotionBound;
 use crate::certify::verdict::{DEPTH, Verdict};
 use crate::distance::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
-use pcc_model::{Backbone, Configuration, Robot};
+use pcc_model::{Configuration, Robot};
 use trajectory::{Knot, QuinticSegment};
 
 /// Pieces whose bounds are kept at once, on the stack.
@@ -22,8 +22,8 @@ pub(crate) trait Obstacles {
     /// cannot touch.
     fn clearances(
         &self,
+        robot: &Robot,
         configuration: &Configuration,
-        backbone: &Backbone,
         time: f64,
         chosen: &Chosen,
     ) -> Self::Clearances;
@@ -93,12 +93,8 @@ impl Piece {
     fn halves(&self) -> (Self, Self) {
         let (first, second) = self.curve.halves();
         let middle = self.begin + first.duration;
-        let (begin, curve) = (self.begin, first);
-        let second = Self {
-            begin: middle,
-            curve: second,
-        };
-        (Self { begin, curve }, second)
+        let part = |begin, curve| Self { begin, curve };
+        (part(self.begin, first), part(middle, second))
     }
 
     fn start(&self) -> &Configuration {
@@ -152,9 +148,8 @@ impl<O: Obstacles> Certifier<'_, O> {
         time: f64,
         chosen: &Chosen,
     ) -> O::Clearances {
-        let backbone = self.robot.backbone(configuration);
         self.obstacles
-            .clearances(configuration, &backbone, time, chosen)
+            .clearances(self.robot, configuration, time, chosen)
     }
 
     /// Certifies the pieces from index `first` on that have these bounds, between clearances at their two ends.

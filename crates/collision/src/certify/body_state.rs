@@ -3,7 +3,7 @@
 use crate::certify::motion_bound::{BackbonePose, MotionBound};
 use crate::distance::chosen_sections::Chosen;
 use crate::scene::static_scene::Scene;
-use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
+use pcc_model::{Configuration, Robot, SECTIONS};
 
 /// Where the body is at one instant, and the clearance of each chosen section; +∞ for the others.
 #[derive(Clone, Copy, Debug)]
@@ -14,15 +14,15 @@ pub(crate) struct BodyState {
 
 impl BodyState {
     pub(crate) fn new(
+        robot: &Robot,
         scene: &Scene,
         configuration: &Configuration,
-        backbone: &Backbone,
-        tube_radii: &[f64; SECTIONS],
         chosen: &Chosen,
     ) -> Self {
+        let backbone = robot.backbone(configuration);
         Self {
-            clearances: scene.clearances_of(backbone, tube_radii, chosen),
-            pose: BackbonePose::new(configuration, backbone),
+            clearances: scene.clearances_of(&backbone, &robot.tube_radii, chosen),
+            pose: BackbonePose::new(configuration, &backbone),
         }
     }
 

@@ -35,10 +35,7 @@ pub fn certify_edge(
         reach: reach(robot, scene),
         bound: MotionBound::of_edge(a, b),
     };
-    match edge.verdict(depth) {
-        Ok(()) => Verdict::Free,
-        Err(found) => found,
-    }
+    edge.verdict(depth).err().unwrap_or(Verdict::Free)
 }
 
 struct Edge<'a> {
@@ -125,9 +122,7 @@ impl Edge<'_> {
     /// The body at a fraction of the edge; contact of a chosen section there is an error.
     fn place(&self, at: f64, chosen: &Chosen) -> Result<Place, Verdict> {
         let configuration = self.a.lerp(self.b, at);
-        let backbone = self.robot.backbone(&configuration);
-        let tube_radii = &self.robot.tube_radii;
-        let body = BodyState::new(self.scene, &configuration, &backbone, tube_radii, chosen);
+        let body = BodyState::new(self.robot, self.scene, &configuration, chosen);
         if body.touches() {
             return Err(Verdict::Colliding { at });
         }

@@ -147,9 +147,7 @@ impl<'a> Search<'a> {
     }
 
     fn measure(&mut self, configuration: &Configuration, chosen: &Chosen) -> BodyState {
-        let backbone = self.padded.backbone(configuration);
-        let tubes = &self.padded.tube_radii;
-        let at = BodyState::new(self.scene, configuration, &backbone, tubes, chosen);
+        let at = BodyState::new(self.padded, self.scene, configuration, chosen);
         for (clearance, padding) in at.clearances.iter().zip(&self.padding) {
             self.attained = self.attained.min(clearance + padding);
         }

@@ -6,7 +6,7 @@ use crate::certify::remaining_pieces::RemainingPieces;
 use crate::certify::verdict::Verdict;
 use crate::distance::chosen_sections::Chosen;
 use crate::obstacle::ball::Ball;
-use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
+use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use trajectory::Trajectory;
 
 /// Balls that are certified together, with their clearances on the stack.
@@ -32,11 +32,8 @@ impl MovingBall {
     }
 }
 
-/// At most [`GROUP`] moving balls, and the tube radii of the body that they may touch.
-struct MovingGroup<'a> {
-    balls: &'a [MovingBall],
-    tube_radii: &'a [f64; SECTIONS],
-}
+/// At most [`GROUP`] moving balls.
+struct MovingGroup<'a>(&'a [MovingBall]);
 
 /// Where the body is at one instant, and the clearance of each section from each ball; +∞ where there is no ball, and for
 /// sections that were not chosen.
@@ -50,26 +47,23 @@ impl Obstacles for MovingGroup<'_> {
 
     fn clearances(
         &self,
+        robot: &Robot,
         configuration: &Configuration,
-        backbone: &Backbone,
         time: f64,
         chosen: &Chosen,
     ) -> GroupState {
+        let backbone = robot.backbone(configuration);
         let mut clearances = [[f64::INFINITY; SECTIONS]; GROUP];
-        for (clearances, moving) in clearances.iter_mut().zip(self.balls) {
+        for (clearances, moving) in clearances.iter_mut().zip(self.0) {
             let ball = moving.at(time);
-            for (k, clearance) in clearances
-                .iter_mut()
-                .enumerate()
-                .filter(|(k, _)| chosen[*k])
-            {
+            for k in (0..SECTIONS).filter(|k| chosen[*k]) {
                 let distance = backbone.distance(k, &ball.centre);
-                *clearance = distance - ball.radius - self.tube_radii[k];
+                clearances[k] = distance - ball.radius - robot.tube_radii[k];
             }
         }
         GroupState {
             clearances,
-            pose: BackbonePose::new(configuration, backbone),
+            pose: BackbonePose::new(configuration, &backbone),
         }
     }
 
@@ -88,9 +82,9 @@ impl Obstacles for MovingGroup<'_> {
         let sweep = bound.sweep(robot, &from.pose, &to.pose);
         let (from, to) = (&from.clearances, &to.clearances);
         let is_clear = |k: usize| {
-            self.balls.iter().enumerate().all(|(i, moving)| {
+            self.0.iter().enumerate().all(|(i, moving)| {
                 let path = moving.velocity.norm() * bound.duration;
-                let reach = self.tube_radii[k] + moving.ball.radius;
+                let reach = robot.tube_radii[k] + moving.ball.radius;
                 sweep.lowest(k, [from[i][k], to[i][k]], reach, path) > 0.0
             })
         };
@@ -113,10 +107,7 @@ pub fn certify_moving(
     let certify = |balls| {
         let certifier = Certifier {
             robot,
-            obstacles: MovingGroup {
-                balls,
-                tube_radii: &robot.tube_radii,
-            },
+            obstacles: MovingGroup(balls),
             has_corners: false,
         };
         certifier.chain(count, &|i| pieces.piece(i))

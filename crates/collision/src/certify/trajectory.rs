@@ -7,13 +7,12 @@ use crate::certify::remaining_pieces::RemainingPieces;
 use crate::certify::verdict::Verdict;
 use crate::distance::chosen_sections::Chosen;
 use crate::scene::static_scene::Scene;
-use pcc_model::{Backbone, Configuration, Robot, SECTIONS};
+use pcc_model::{Configuration, Robot, SECTIONS};
 use trajectory::Trajectory;
 
-/// A scene at rest, and the tube radii of the body that it may touch.
+/// A scene at rest.
 struct SceneAtRest<'a> {
     scene: &'a Scene,
-    tube_radii: &'a [f64; SECTIONS],
     /// The sum of the tube's radius and the least radius of all obstacles, by section.
     reach: [f64; SECTIONS],
 }
@@ -23,12 +22,12 @@ impl Obstacles for SceneAtRest<'_> {
 
     fn clearances(
         &self,
+        robot: &Robot,
         configuration: &Configuration,
-        backbone: &Backbone,
         _: f64,
         chosen: &Chosen,
     ) -> BodyState {
-        BodyState::new(self.scene, configuration, backbone, self.tube_radii, chosen)
+        BodyState::new(robot, self.scene, configuration, chosen)
     }
 
     fn touch(at: &BodyState) -> bool {
@@ -55,7 +54,6 @@ fn certifier<'a>(
         robot,
         obstacles: SceneAtRest {
             scene,
-            tube_radii: &robot.tube_radii,
             reach: reach(robot, scene),
         },
         has_corners,

@@ -14,7 +14,8 @@ pub struct Ball {
 
 impl Ball {
     /// Whether its coordinates are within ±[`MAX_EXTENT`] and its radius is from 0 to it.
-    pub(crate) fn is_allowed(&self) -> bool {
+    #[must_use]
+    pub fn is_allowed(&self) -> bool {
         self.centre.iter().all(|v| v.abs() <= MAX_EXTENT)
             && (0.0..=MAX_EXTENT).contains(&self.radius)
     }

@@ -3,7 +3,7 @@
 use crate::distance::arc_solid::{ArcDistance, arc_distance};
 use crate::distance::chosen_sections::{Chosen, EVERY_SECTION};
 use crate::scene::static_scene::Scene;
-use pcc_model::{Backbone, Point, SECTIONS};
+use pcc_model::{Backbone, Configuration, Point, Robot, SECTIONS};
 
 /// The body point nearest to one obstacle; of a solid, one in each section.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +28,12 @@ impl Scene {
         self.section_clearances(backbone, tube_radii)
             .into_iter()
             .fold(f64::INFINITY, f64::min)
+    }
+
+    /// Smallest clearance between the tube of a robot in this configuration (rad) and all obstacles; +∞ in an empty scene.
+    #[must_use]
+    pub fn clearance_at(&self, robot: &Robot, configuration: &Configuration) -> f64 {
+        self.clearance(&robot.backbone(configuration), &robot.tube_radii)
     }
 
     /// Smallest clearance between the tube of each section and all obstacles; allocates nothing.

@@ -5,7 +5,7 @@
 
 use pcc_model::Point;
 use std::fmt::Display;
-use std::iter::Peekable;
+use std::iter::Enumerate;
 use std::str::Lines;
 
 /// Bytes before the number of triangles of a binary STL file: text that means nothing.
@@ -44,7 +44,7 @@ pub(crate) fn stl(bytes: &[u8]) -> Result<Mesh, String> {
         return Err(format!("{size}, and one of text begins with `solid`"));
     }
     match std::str::from_utf8(bytes) {
-        Ok(text) => StlText::new(text).read(),
+        Ok(text) => NumberedLines::new(text).stl(),
         Err(error) => Err(format!(
             "{size}, and it is no text in UTF-8 at byte {}",
             error.valid_up_to()
@@ -71,14 +71,14 @@ fn unshared(vertices: Vec<Point>) -> Mesh {
 
 /// The lines of a text that are not empty, counted from 1.
 struct NumberedLines<'a> {
-    lines: Peekable<std::iter::Enumerate<Lines<'a>>>,
+    lines: Enumerate<Lines<'a>>,
     last: usize,
 }
 
 impl<'a> NumberedLines<'a> {
     fn new(text: &'a str) -> Self {
         Self {
-            lines: text.lines().enumerate().peekable(),
+            lines: text.lines().enumerate(),
             last: 0,
         }
     }
@@ -120,26 +120,14 @@ fn quoted(text: &str) -> String {
     format!("{shown:?}")
 }
 
-/// An STL file of text.
-struct StlText<'a> {
-    lines: NumberedLines<'a>,
-}
-
-impl<'a> StlText<'a> {
-    fn new(text: &'a str) -> Self {
-        Self {
-            lines: NumberedLines::new(text),
-        }
-    }
-
+/// What an STL file of text consists of.
+impl NumberedLines<'_> {
     /// Reads `solid NAME`, facets, `endsolid NAME`, once or several times.
-    fn read(mut self) -> Result<Mesh, String> {
+    fn stl(mut self) -> Result<Mesh, String> {
         let mut vertices = Vec::new();
-        while let Some(words) = self.lines.next() {
+        while let Some(words) = self.next() {
             if words[0] != "solid" {
-                return Err(self
-                    .lines
-                    .wrong(Some(&words), "`solid NAME` or the end of the file"));
+                return Err(self.wrong(Some(&words), "`solid NAME` or the end of the file"));
             }
             self.facets(&mut vertices)?;
         }
@@ -149,7 +137,7 @@ impl<'a> StlText<'a> {
     /// Reads the facets up to `endsolid`.
     fn facets(&mut self, vertices: &mut Vec<Point>) -> Result<(), String> {
         loop {
-            let words = self.lines.next();
+            let words = self.next();
             match words.as_deref() {
                 Some(["endsolid", ..]) => return Ok(()),
                 Some(["facet", "normal", normal @ ..]) if numbers::<f32>(normal).is_some() => {
@@ -161,35 +149,31 @@ impl<'a> StlText<'a> {
                     self.expect(&["endfacet"])?;
                 }
                 found => {
-                    return Err(self
-                        .lines
-                        .wrong(found, "`facet normal` with three numbers, or `endsolid`,"));
+                    return Err(
+                        self.wrong(found, "`facet normal` with three numbers, or `endsolid`,")
+                    );
                 }
             }
         }
     }
 
     fn vertex(&mut self) -> Result<Point, String> {
-        let words = self.lines.next();
+        let words = self.next();
         let found = match words.as_deref() {
             Some(["vertex", place @ ..]) => numbers::<f32>(place),
             _ => None,
         };
-        let place = found.ok_or_else(|| {
-            self.lines
-                .wrong(words.as_deref(), "`vertex` with three numbers")
-        })?;
+        let place =
+            found.ok_or_else(|| self.wrong(words.as_deref(), "`vertex` with three numbers"))?;
         Ok(Point::from(place.map(f64::from)))
     }
 
     fn expect(&mut self, needed: &[&str]) -> Result<(), String> {
-        let words = self.lines.next();
+        let words = self.next();
         if words.as_deref() == Some(needed) {
             return Ok(());
         }
-        Err(self
-            .lines
-            .wrong(words.as_deref(), format!("`{}`", needed.join(" "))))
+        Err(self.wrong(words.as_deref(), format!("`{}`", needed.join(" "))))
     }
 }
 

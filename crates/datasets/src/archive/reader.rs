@@ -5,6 +5,7 @@ use super::layout::{check_expansion, check_layout, check_versions, end_record};
 use arrays::{NpyArray, NpyError, Number};
 use input_files::{InputFile, InputFileError};
 use std::collections::BTreeMap;
+use std::fmt::Display;
 use std::fs::File;
 use std::io::{BufReader, Read, copy, sink};
 use std::path::{Path, PathBuf};
@@ -44,20 +45,14 @@ impl ArchiveReader {
             path: path.into(),
             source,
         })?;
-        let damaged = |reason: String| ArchiveError::Zip {
-            path: path.into(),
-            reason,
-        };
-        let raw = file.try_clone();
-        let mut zip =
-            ZipArchive::new(BufReader::new(file)).map_err(|error| damaged(error.to_string()))?;
+        let raw = file.try_clone().map_err(|e| damaged(path, e))?;
+        let mut zip = ZipArchive::new(BufReader::new(file)).map_err(|e| damaged(path, e))?;
         zip.validate_header_consistency()
-            .map_err(|error| damaged(error.to_string()))?;
-        raw.map_err(|error| error.to_string())
-            .and_then(|raw| check_versions(&mut zip, &raw))
-            .map_err(damaged)?;
-        check_layout(&mut zip, size, &end).map_err(damaged)?;
-        check_expansion(&mut zip, size).map_err(damaged)?;
+            .map_err(|e| damaged(path, e))?;
+        check_versions(&mut zip, &raw)
+            .and_then(|()| check_layout(&mut zip, size, &end))
+            .and_then(|()| check_expansion(&mut zip, size))
+            .map_err(|e| damaged(path, e))?;
         let mut archive = Self {
             path: path.into(),
             zip,
@@ -71,21 +66,11 @@ impl ArchiveReader {
     }
 
     fn header(&mut self, index: usize) -> Result<(String, Header), ArchiveError> {
-        let path = self.path.clone();
-        let damaged = |reason: String| ArchiveError::Zip {
-            path: path.clone(),
-            reason,
-        };
-        let member = self
-            .zip
-            .by_index(index)
-            .map_err(|e| damaged(e.to_string()))?;
-        let name = member
-            .name()
-            .map_err(|e| damaged(e.to_string()))?
-            .into_owned();
+        let refused = |reason: &dyn Display| damaged(&self.path, reason);
+        let member = self.zip.by_index(index).map_err(|e| refused(&e))?;
+        let name = member.name().map_err(|e| refused(&e))?.into_owned();
         let Some(array) = name.strip_suffix(".npy") else {
-            return Err(damaged(format!(
+            return Err(refused(&format!(
                 "member `{name}` is not an array, NAME.npy"
             )));
         };
@@ -94,10 +79,8 @@ impl ArchiveReader {
             descr: opened.descr().to_owned(),
             shape: opened.shape().to_vec(),
         });
-        match header {
-            Ok(header) => Ok((array, header)),
-            Err(error) => Err(self.wrong(&array, error.to_string())),
-        }
+        let header = header.map_err(|error| self.wrong(&array, error.to_string()))?;
+        Ok((array, header))
     }
 
     /// The archive.
@@ -191,10 +174,8 @@ impl ArchiveReader {
             .map_err(|error| NpyError::Header(error.to_string()))
             .and_then(open_member)
             .and_then(NpyArray::into_vec);
-        match values {
-            Ok(values) => Ok((values, shape)),
-            Err(error) => Err(self.wrong(array, error.to_string())),
-        }
+        let values = values.map_err(|error| self.wrong(array, error.to_string()))?;
+        Ok((values, shape))
     }
 
     /// Reads every array to its end without keeping it, so that the checksums of those that nobody reads hold, too.
@@ -207,11 +188,16 @@ impl ArchiveReader {
             let read = member
                 .map_err(std::io::Error::from)
                 .and_then(|mut member| copy(&mut member, &mut sink()));
-            if let Err(error) = read {
-                return Err(self.wrong(array, NpyError::Values(error).to_string()));
-            }
+            read.map_err(|error| self.wrong(array, NpyError::Values(error).to_string()))?;
         }
         Ok(())
+    }
+}
+
+fn damaged(path: &Path, reason: impl Display) -> ArchiveError {
+    ArchiveError::Zip {
+        path: path.into(),
+        reason: reason.to_string(),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::error::ArchiveError;
 use arrays::{Number, write_npy};
+use collision::Ball;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
@@ -67,6 +68,29 @@ impl ArchiveWriter {
             .start_file(format!("{array}.npy"), options)
             .map_err(|e| fail(e.into()))?;
         write_npy(&mut self.zip, shape, values).map_err(fail)
+    }
+
+    /// Adds the balls of each row as `obstacle_centres` and `obstacle_radii`, and as `obstacle_offsets` where those of each row begin.
+    ///
+    /// # Errors
+    /// [`ArchiveError::Array`] as [`Self::write`].
+    pub fn write_balls<'a, T: Number>(
+        &mut self,
+        rows: impl Iterator<Item = &'a [Ball]> + Clone,
+        number: impl Fn(f64) -> T,
+    ) -> Result<(), ArchiveError> {
+        let balls = rows.clone().flatten();
+        let count = balls.clone().count();
+        let centres = balls.clone().flat_map(|ball| <[f64; 3]>::from(ball.centre));
+        self.write("obstacle_centres", &[count, 3], centres.map(&number))?;
+        let radii = balls.map(|ball| number(ball.radius));
+        self.write("obstacle_radii", &[count], radii)?;
+        let ends = rows.clone().scan(0_i64, |end, balls| {
+            *end += balls.len() as i64;
+            Some(*end)
+        });
+        let offsets = std::iter::once(0).chain(ends);
+        self.write("obstacle_offsets", &[rows.count() + 1], offsets)
     }
 
     /// Ends the archive and gives it its name.

@@ -28,7 +28,7 @@ const ENOUGH: f64 = 1e-3;
 /// `guess` has 64 waypoints, radians, in the robot's own frame.
 #[must_use]
 pub(super) fn teach(robot: &UnitRobot, scene: &Scene, guess: &[Configuration]) -> Waypoints {
-    let basis = SineBasis::new();
+    let basis = SineBasis::default();
     let line = straight_path(&guess[0], &guess[WAYPOINTS - 1]);
     let mut search = Search {
         robot,
@@ -90,7 +90,7 @@ impl Search<'_> {
         let path = self.path(coefficients);
         let backbones: Vec<Backbone> = path.iter().map(|q| self.robot.backbone(q)).collect();
         let mut linear = Linear {
-            problem: SmoothLeastSquares::new(),
+            problem: SmoothLeastSquares::default(),
             cost: regular_cost(coefficients),
         };
         self.tip_rows(&backbones, &mut linear);

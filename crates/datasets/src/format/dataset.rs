@@ -1,13 +1,13 @@
 //! A data set in memory, its two files, and the cases of its rows.
 
 use super::error::DatasetError;
-use super::meta::{META_FILE, Meta};
+use super::meta::{BySplit, META_FILE, Meta};
 use super::rows::{Shapes, read_rows};
 use crate::archive::error::ArchiveError;
 use crate::archive::reader::{ArchiveReader, MAX_ARCHIVE_BYTES};
 use crate::archive::writer::ArchiveWriter;
 use crate::row::{Check, Row, Split};
-use collision::{Ball, Scene};
+use collision::Scene;
 use input_files::{InputFile, InputFileError};
 use pcc_model::{Configuration, DOF, Point};
 use planning::WAYPOINTS;
@@ -96,7 +96,8 @@ impl Dataset {
         let meta = Meta {
             arrays: Some(shapes.collect()),
             arrays_sha256: Some(sha256(&file)?),
-            ..self.meta.counting(&self.rows)
+            split_counts: Some(BySplit::count(&self.rows)),
+            ..self.meta.clone()
         };
         meta.write(folder)
     }
@@ -104,41 +105,17 @@ impl Dataset {
     fn write_arrays(&self, file: &Path) -> Result<(), ArchiveError> {
         let rows = &self.rows;
         let n = rows.len();
-        let balls: Vec<&Ball> = rows.iter().flat_map(|r| &r.balls).collect();
         let mut archive = ArchiveWriter::create(file)?;
-        archive.write(
-            "paths",
-            &[n, WAYPOINTS, DOF],
-            rows.iter()
-                .flat_map(|r| r.path.iter().flat_map(|q| q.iter().map(|v| *v as f32))),
-        )?;
-        archive.write(
-            "target_tips",
-            &[n, 3],
-            rows.iter()
-                .flat_map(|r| r.target_tip.iter().map(|v| *v as f32)),
-        )?;
+        let configurations = rows.iter().flat_map(|r| &r.path);
+        let paths = configurations.flat_map(|q| <[f64; DOF]>::from(*q));
+        archive.write("paths", &[n, WAYPOINTS, DOF], paths.map(|v| v as f32))?;
+        let tips = rows.iter().flat_map(|r| <[f64; 3]>::from(r.target_tip));
+        archive.write("target_tips", &[n, 3], tips.map(|v| v as f32))?;
         archive.write("target_indices", &[n], rows.iter().map(|r| r.target_index))?;
         archive.write("start_indices", &[n], rows.iter().map(|r| r.start_index))?;
         archive.write("ik_indices", &[n], rows.iter().map(|r| r.ik_index))?;
         archive.write("split_indices", &[n], rows.iter().map(|r| r.split.code()))?;
-        archive.write(
-            "obstacle_centres",
-            &[balls.len(), 3],
-            balls
-                .iter()
-                .flat_map(|b| b.centre.iter().map(|v| *v as f32)),
-        )?;
-        archive.write(
-            "obstacle_radii",
-            &[balls.len()],
-            balls.iter().map(|b| b.radius as f32),
-        )?;
-        let ends = rows.iter().scan(0_i64, |end, r| {
-            *end += r.balls.len() as i64;
-            Some(*end)
-        });
-        archive.write("obstacle_offsets", &[n + 1], std::iter::once(0).chain(ends))?;
+        archive.write_balls(rows.iter().map(|r| r.balls.as_slice()), |v| v as f32)?;
         self.write_checks(&mut archive)?;
         archive.finish()
     }
@@ -151,11 +128,8 @@ impl Dataset {
         };
         let shape = [checks.len()];
         archive.write("clearances", &shape, checks.iter().map(|c| c.clearance))?;
-        archive.write(
-            "certified",
-            &shape,
-            checks.iter().map(|c| u8::from(c.is_certified)),
-        )
+        let certified = checks.iter().map(|c| u8::from(c.is_certified));
+        archive.write("certified", &shape, certified)
     }
 
     /// The distinct cases of a split in file order, at most `limit`.
@@ -165,12 +139,8 @@ impl Dataset {
     pub fn cases(&self, split: Split, limit: Option<usize>) -> Result<Vec<Case>, DatasetError> {
         let mut seen = HashSet::new();
         let mut cases = Vec::new();
-        for (index, row) in self
-            .rows
-            .iter()
-            .enumerate()
-            .filter(|(_, r)| r.split == split)
-        {
+        let rows = self.rows.iter().enumerate();
+        for (index, row) in rows.filter(|(_, row)| row.split == split) {
             if limit.is_some_and(|l| cases.len() >= l) {
                 break;
             }

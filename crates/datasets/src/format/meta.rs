@@ -110,7 +110,7 @@ impl Default for BySplit {
 
 impl BySplit {
     /// Rows of each split.
-    fn count(rows: &[Row]) -> Self {
+    pub(super) fn count(rows: &[Row]) -> Self {
         let count = |split| rows.iter().filter(|row| row.split == split).count();
         Self {
             train: count(Split::Train),
@@ -228,14 +228,6 @@ impl Meta {
                 rows.len()
             )),
             _ => Ok(()),
-        }
-    }
-
-    /// These meta data with the number of rows of each split.
-    pub(super) fn counting(&self, rows: &[Row]) -> Self {
-        Self {
-            split_counts: Some(BySplit::count(rows)),
-            ..self.clone()
         }
     }
 

@@ -191,12 +191,7 @@ impl Obstacles {
             radius: f64::from(self.radii[i]),
         };
         let balls: Vec<Ball> = (first as usize..end as usize).map(ball).collect();
-        let extent = -MAX_EXTENT..=MAX_EXTENT;
-        let is_allowed = |ball: &Ball| {
-            ball.centre.iter().all(|v| extent.contains(v))
-                && (0.0..=MAX_EXTENT).contains(&ball.radius)
-        };
-        match balls.iter().find(|ball| !is_allowed(ball)) {
+        match balls.iter().find(|ball| !ball.is_allowed()) {
             None => Ok(balls),
             Some(Ball { centre, radius }) => Err(format!(
                 "an obstacle of `obstacle_centres` is at {:?}, its radius is {radius}; coordinates within ±{MAX_EXTENT:e} and a radius of 0 to {MAX_EXTENT:e} are allowed",

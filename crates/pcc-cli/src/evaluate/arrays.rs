@@ -1,10 +1,9 @@
 //! `paths.npz`: the drawn paths, the verdicts, and the executed curves (docs/evaluation.md "The command").
 
 use super::answer::Answer;
-use collision::Ball;
 use datasets::{ArchiveError, ArchiveWriter};
 use pcc_model::{Configuration, DOF};
-use planning::{Draw, Source, WAYPOINTS, Waypoints};
+use planning::{Draw, Plan, Source, WAYPOINTS, Waypoints};
 use std::path::Path;
 use trajectory::{Knot, Trajectory};
 
@@ -14,43 +13,21 @@ pub(super) fn write(file: &Path, answers: &[Answer], slots: usize) -> Result<(),
     let mut archive = ArchiveWriter::create(file)?;
     write_cases(&mut archive, answers)?;
     let draws: Vec<Option<&Draw>> = answers.iter().flat_map(|a| draws_of(a, slots)).collect();
-    archive.write(
-        "paths",
-        &[cases, slots, WAYPOINTS, DOF],
-        draws.iter().flat_map(|d| path_values(*d)),
-    )?;
-    archive.write(
-        "sampled",
-        &[cases, slots, WAYPOINTS, DOF],
-        draws
-            .iter()
-            .flat_map(|d| values_of(d.and_then(|d| d.sampled.as_ref()))),
-    )?;
-    write_verdicts(&mut archive, &draws, &[cases, slots])?;
-    archive.write(
-        "drawn",
-        &[cases],
-        answers
-            .iter()
-            .map(|a| a.plan.as_ref().map_or(0, |p| p.draws.len() + p.explored) as i64),
-    )?;
+    let shape = [cases, slots, WAYPOINTS, DOF];
+    archive.write("paths", &shape, draws.iter().flat_map(|d| path_values(*d)))?;
+    let sampled = draws.iter().map(|d| d.and_then(|d| d.sampled.as_ref()));
+    archive.write("sampled", &shape, sampled.flat_map(values_of))?;
+    write_verdicts(&mut archive, &draws, &shape[..2])?;
+    let drawn = |plan: &Plan| (plan.draws.len() + plan.explored) as i64;
+    let drawn = answers.iter().map(|a| a.plan.as_ref().map_or(0, drawn));
+    archive.write("drawn", &[cases], drawn)?;
     archive.write("seconds", &[cases], answers.iter().map(|a| a.seconds))?;
-    let knots = draws
-        .iter()
-        .filter_map(|d| motion(*d))
-        .map(|t| t.knots().len())
-        .max()
-        .unwrap_or(0);
-    archive.write(
-        "knot_time",
-        &[cases, slots, knots],
-        draws.iter().flat_map(|d| knot_times(*d, knots)),
-    )?;
-    archive.write(
-        "knots",
-        &[cases, slots, knots, 3, DOF],
-        draws.iter().flat_map(|d| knot_values(*d, knots)),
-    )?;
+    let motions = draws.iter().filter_map(|d| motion(*d));
+    let knots = motions.map(|t| t.knots().len()).max().unwrap_or(0);
+    let times = draws.iter().flat_map(|d| knot_times(*d, knots));
+    archive.write("knot_time", &[cases, slots, knots], times)?;
+    let values = draws.iter().flat_map(|d| knot_values(*d, knots));
+    archive.write("knots", &[cases, slots, knots, 3, DOF], values)?;
     archive.finish()
 }
 
@@ -68,38 +45,15 @@ fn write_verdicts(
 
 fn write_cases(archive: &mut ArchiveWriter, answers: &[Answer]) -> Result<(), ArchiveError> {
     let cases = answers.len();
-    let balls: Vec<&Ball> = answers.iter().flat_map(|a| a.case.scene.balls()).collect();
-    archive.write(
-        "starts",
-        &[cases, DOF],
-        answers.iter().flat_map(|a| a.case.start.iter().copied()),
-    )?;
-    archive.write(
-        "target_tips",
-        &[cases, 3],
-        answers
-            .iter()
-            .flat_map(|a| a.case.target_tip.iter().copied()),
-    )?;
-    archive.write(
-        "obstacle_centres",
-        &[balls.len(), 3],
-        balls.iter().flat_map(|b| b.centre.iter().copied()),
-    )?;
-    archive.write(
-        "obstacle_radii",
-        &[balls.len()],
-        balls.iter().map(|b| b.radius),
-    )?;
-    let ends = answers.iter().scan(0_i64, |end, a| {
-        *end += a.case.scene.balls().len() as i64;
-        Some(*end)
-    });
-    archive.write(
-        "obstacle_offsets",
-        &[cases + 1],
-        std::iter::once(0).chain(ends),
-    )
+    let starts = answers
+        .iter()
+        .flat_map(|a| <[f64; DOF]>::from(a.case.start));
+    archive.write("starts", &[cases, DOF], starts)?;
+    let tips = answers
+        .iter()
+        .flat_map(|a| <[f64; 3]>::from(a.case.target_tip));
+    archive.write("target_tips", &[cases, 3], tips)?;
+    archive.write_balls(answers.iter().map(|a| a.case.scene.balls()), |v| v)
 }
 
 fn draws_of(answer: &Answer, slots: usize) -> Vec<Option<&Draw>> {
@@ -114,23 +68,16 @@ fn motion(draw: Option<&Draw>) -> Option<&Trajectory> {
 
 /// The executed curve's samples where there is one, else the path that was drawn.
 fn path_values(draw: Option<&Draw>) -> Vec<f64> {
-    let sampled = motion(draw).map(|t| t.sample(WAYPOINTS));
-    values_of(
-        sampled
-            .or_else(|| draw.and_then(|d| d.path.clone()))
-            .as_ref(),
-    )
+    let executed = motion(draw).map(|t| t.sample(WAYPOINTS));
+    let drawn = || draw.and_then(|d| d.path.clone());
+    values_of(executed.or_else(drawn).as_ref())
 }
 
 fn values_of(path: Option<&Waypoints>) -> Vec<f64> {
-    path.map_or_else(
-        || vec![f64::NAN; WAYPOINTS * DOF],
-        |path| {
-            path.iter()
-                .flat_map(|q| q.iter().copied().collect::<Vec<_>>())
-                .collect()
-        },
-    )
+    match path {
+        Some(path) => path.iter().flat_map(|q| <[f64; DOF]>::from(*q)).collect(),
+        None => vec![f64::NAN; WAYPOINTS * DOF],
+    }
 }
 
 /// Whether a draw is certified and was asked for or filled in; motions found by exploring come in addition and do not count.
@@ -163,7 +110,7 @@ fn knot_values(draw: Option<&Draw>, count: usize) -> Vec<f64> {
     };
     (0..count)
         .flat_map(|i| triple(known.get(i)))
-        .flat_map(|v| v.iter().copied().collect::<Vec<_>>())
+        .flat_map(<[f64; DOF]>::from)
         .collect()
 }
 

@@ -18,18 +18,14 @@ pub(super) fn read(file: &Path, candidates: usize) -> anyhow::Result<Vec<Vec<Way
     }
     archive.expect_shape("paths", &[cases, candidates, WAYPOINTS, DOF])?;
     archive.expect_type("paths", &["<f4", "<f8"])?;
-    let values: Vec<f64> = match archive.descr("paths")? == "<f4" {
-        true => archive
-            .read::<f32>("paths")?
-            .0
-            .into_iter()
-            .map(f64::from)
-            .collect(),
-        false => archive.read::<f64>("paths")?.0,
+    let values: Vec<f64> = if archive.descr("paths")? == "<f4" {
+        let (values, _) = archive.read::<f32>("paths")?;
+        values.into_iter().map(f64::from).collect()
+    } else {
+        archive.read("paths")?.0
     };
     archive.check_all()?;
-    let wrong = values.iter().position(|v| !v.is_finite());
-    if let Some(index) = wrong {
+    if let Some(index) = values.iter().position(|v| !v.is_finite()) {
         let case = index / (candidates * WAYPOINTS * DOF);
         bail!(
             "array `paths` of {} has the value {} in case {case}; finite values are needed",

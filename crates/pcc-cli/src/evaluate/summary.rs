@@ -220,10 +220,11 @@ struct SetFigures {
 
 impl SetFigures {
     fn of(plans: &[&Plan]) -> Self {
-        let sets: Vec<SetMetrics> = plans
-            .iter()
-            .map(|plan| goal_configuration_figures(plan))
-            .collect();
+        let figures = |plan: &&Plan| {
+            let ends: Vec<Configuration> = certified(plan).map(Candidate::end).collect();
+            set_metrics(&ends)
+        };
+        let sets: Vec<SetMetrics> = plans.iter().map(figures).collect();
         Self {
             modes: Spread::of(sets.iter().map(|s| s.modes as f64)),
             mean_distance_rad: Spread::of(sets.iter().map(|s| s.mean_distance_rad)),
@@ -299,20 +300,11 @@ fn verdicts(
     answers.iter().map(case).collect()
 }
 
-/// Figures of the goal configurations of a plan's certified candidates.
-fn goal_configuration_figures(plan: &Plan) -> SetMetrics {
-    let ends: Vec<Configuration> = certified(plan).map(Candidate::end).collect();
-    set_metrics(&ends)
-}
-
 /// Certified draws before anything was filled: the learned ones where there are any, else all.
 fn before_fallback(plans: &[&Plan]) -> usize {
-    let certified = |p: &&Plan| {
-        if p.learned_drawn > 0 {
-            p.learned_certified
-        } else {
-            p.candidates.len()
-        }
+    let certified = |p: &&Plan| match p.learned_drawn {
+        0 => p.candidates.len(),
+        _ => p.learned_certified,
     };
     plans.iter().map(certified).sum()
 }

@@ -16,34 +16,14 @@ const ROUNDS: usize = 10;
 const SEEDS: usize = 32;
 /// Seeds that one worker takes between two looks at the interrupt: half of the first round, to which the start adds one.
 const SEEDS_AT_ONCE: usize = (SEEDS + 1).div_ceil(2);
-/// Wanted clearance and distance between configurations, relaxed in this order until enough are found.
-const WISHES: [Wish; 5] = [
-    Wish {
-        clearance: 0.1,
-        separation: 0.5,
-    },
-    Wish {
-        clearance: 0.04,
-        separation: 0.5,
-    },
-    Wish {
-        clearance: 0.02,
-        separation: 0.25,
-    },
-    Wish {
-        clearance: 0.0,
-        separation: 0.1,
-    },
-    Wish {
-        clearance: 0.0,
-        separation: 0.01,
-    },
+/// Wanted clearance (section lengths) and distance between configurations (rad), relaxed in this order until enough are found.
+const WISHES: [[f64; 2]; 5] = [
+    [0.1, 0.5],
+    [0.04, 0.5],
+    [0.02, 0.25],
+    [0.0, 0.1],
+    [0.0, 0.01],
 ];
-
-struct Wish {
-    clearance: f64,
-    separation: f64,
-}
 
 struct Solution {
     configuration: Configuration,
@@ -121,9 +101,7 @@ fn fixed_goal(
     if excess > 1e-6 {
         return Err(Infeasible::GoalOutOfReach { miss: excess });
     }
-    let clearance = problem
-        .scene
-        .clearance(&robot.backbone(configuration), &robot.tube_radii);
+    let clearance = problem.scene.clearance_at(robot, configuration);
     if clearance < 0.0 {
         return Err(Infeasible::GoalInCollision {
             configurations: 1,
@@ -147,18 +125,14 @@ impl Pool {
         seeds: &[Configuration],
         interrupt: Interrupt,
     ) {
-        let tube = &robot.tube_radii;
         let tried: Vec<_> = seeds
             .par_chunks(SEEDS_AT_ONCE)
             .filter(|_| !interrupt())
             .flat_map_iter(|seeds| solve_tips(robot, target, seeds))
             .filter(|_| !interrupt())
             .map(|(configuration, distance)| {
-                let clearance = is_solved(distance).then(|| {
-                    problem
-                        .scene
-                        .clearance(&robot.backbone(&configuration), tube)
-                });
+                let clearance =
+                    is_solved(distance).then(|| problem.scene.clearance_at(robot, &configuration));
                 (configuration, distance, clearance)
             })
             .collect();
@@ -173,11 +147,16 @@ impl Pool {
 
     /// Fills up to `count` places, in turn with the configuration nearest to the start and with the one farthest from all
     /// chosen so far: short motions and different ones.
-    fn choose(&self, start: &Configuration, count: usize, wishes: &[Wish]) -> Vec<Configuration> {
+    fn choose(
+        &self,
+        start: &Configuration,
+        count: usize,
+        wishes: &[[f64; 2]],
+    ) -> Vec<Configuration> {
         let mut chosen: Vec<Configuration> = Vec::with_capacity(count);
         // How far each solution is from all chosen so far.
         let mut apart_rad = vec![f64::INFINITY; self.solutions.len()];
-        for wish in wishes {
+        for &[clearance, separation] in wishes {
             while chosen.len() < count {
                 let nearest_is_next = chosen.len().is_multiple_of(2);
                 let rank = |&i: &usize| match nearest_is_next {
@@ -185,7 +164,7 @@ impl Pool {
                     false => -apart_rad[i],
                 };
                 let open = (0..self.solutions.len()).filter(|&i| {
-                    self.solutions[i].clearance >= wish.clearance && apart_rad[i] >= wish.separation
+                    self.solutions[i].clearance >= clearance && apart_rad[i] >= separation
                 });
                 let Some(next) = open.min_by(|a, b| rank(a).total_cmp(&rank(b))) else {
                     break;

@@ -191,7 +191,7 @@ pub fn residual_coefficients(
         .collect();
     (
         problem.features(robot, &start, &end),
-        SineBasis::new().analyse(&turned),
+        SineBasis::default().analyse(&turned),
     )
 }
 

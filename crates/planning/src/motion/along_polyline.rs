@@ -1,6 +1,7 @@
 //! Motions along and beside polylines that a search has certified.
 
 use crate::motion::constraints::MotionConstraints;
+use crate::motion::path_to_trajectory::Delivered;
 use crate::path::waypoints::{Waypoints, resample};
 use crate::plan::{Certified, Failure};
 use collision::certify_polyline;
@@ -27,14 +28,13 @@ impl MotionConstraints<'_> {
     pub(crate) fn beside(&self, polyline: &[Configuration]) -> Option<(Waypoints, Certified)> {
         let smoothed = self.tip_paths.smoothed(resample(polyline)).take(BESIDE);
         let mut delivered = smoothed.map(|path| self.to_trajectory(path, false, None));
-        delivered.find_map(|delivered| Some((delivered.path, delivered.outcome.ok()?)))
+        delivered.find_map(Delivered::certified)
     }
 
     /// A motion along a path that gets what a learned one gets: its tip is brought onto a smooth curve, it is corrected, smoothed after
     /// that, and taken as corrected where the smoothed one makes no motion.
     pub(crate) fn like_a_learned_path(&self, path: Waypoints) -> Option<(Waypoints, Certified)> {
-        let delivered = self.to_trajectory(path, true, None);
-        Some((delivered.path, delivered.outcome.ok()?))
+        self.to_trajectory(path, true, None).certified()
     }
 
     /// A motion along the first of these paths for which it is certified; where there is none, a motion along the certified polyline
@@ -149,7 +149,7 @@ mod tests {
             radius: 0.3,
         };
         let scene = Scene::new(vec![ball]).unwrap();
-        let (kernel, tip_paths) = (PushKernel::new(&SineBasis::new()), TipPaths::new());
+        let (kernel, tip_paths) = (PushKernel::new(&SineBasis::default()), TipPaths::new());
         let constraints = constraints(&robot, &scene, &kernel, &tip_paths);
         let polyline = [bent(-0.5, 0.0), bent(0.0, 0.6), bent(0.5, 0.0)];
         let (path, beside) = constraints.beside(&polyline).unwrap();
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn a_motion_that_is_made_is_not_lost_to_an_interrupt_after_it() {
         let (robot, scene) = (unit_robot(), Scene::default());
-        let (kernel, tip_paths) = (PushKernel::new(&SineBasis::new()), TipPaths::new());
+        let (kernel, tip_paths) = (PushKernel::new(&SineBasis::default()), TipPaths::new());
         let polyline = [0.0, 0.3].map(Configuration::repeat);
         let (asked, most) = (AtomicUsize::new(0), AtomicUsize::new(usize::MAX));
         let interrupt = || asked.fetch_add(1, Ordering::Relaxed) >= most.load(Ordering::Relaxed);
@@ -186,7 +186,7 @@ mod tests {
     #[test]
     fn a_motion_that_rests_at_its_corners_has_the_knots_of_a_motion_or_is_none() {
         let (robot, scene) = (unit_robot(), Scene::default());
-        let kernel = PushKernel::new(&SineBasis::new());
+        let kernel = PushKernel::new(&SineBasis::default());
         let tip_paths = TipPaths::new();
         let constraints = constraints(&robot, &scene, &kernel, &tip_paths);
         let zigzag = |edges: usize| -> Vec<Configuration> {

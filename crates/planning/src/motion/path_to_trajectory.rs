@@ -31,6 +31,11 @@ pub(crate) struct Delivered {
 }
 
 impl Delivered {
+    /// The path and the motion along it, where there is one.
+    pub(super) fn certified(self) -> Option<(Waypoints, Certified)> {
+        Some((self.path, self.outcome.ok()?))
+    }
+
     /// Whether this path makes no motion where another one might.
     fn is_refused_beside(&self, other: &[Configuration]) -> bool {
         let is_refused = matches!(

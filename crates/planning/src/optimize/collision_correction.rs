@@ -90,8 +90,7 @@ impl Corrector<'_> {
             }
             (pushed, clear_rounds) = (pushed + 1, 0);
         }
-        let tube = &self.robot.tube_radii;
-        let touches = |q| self.scene.clearance(&self.robot.backbone(q), tube) < 0.0;
+        let touches = |q| self.scene.clearance_at(self.robot, q) < 0.0;
         if path.iter().any(touches) {
             Correction::Touching
         } else {
@@ -196,7 +195,7 @@ mod tests {
         path: &mut [Configuration],
         is_given_up: impl Fn(&[Configuration]) -> bool,
     ) -> Correction {
-        let kernel = PushKernel::new(&SineBasis::new());
+        let kernel = PushKernel::new(&SineBasis::default());
         let corrector = Corrector {
             robot,
             scene,
@@ -218,7 +217,7 @@ mod tests {
         let mut path = straight_path(&start, &end);
         let deepest = |path: &[Configuration]| {
             path.iter()
-                .map(|q| scene.clearance(&robot.backbone(q), &robot.tube_radii))
+                .map(|q| scene.clearance_at(&robot, q))
                 .fold(f64::INFINITY, f64::min)
         };
         assert!(deepest(&path) < -0.2, "the straight path collides");

@@ -120,9 +120,9 @@ mod tests {
 
     #[test]
     fn the_dual_problem_has_the_solution_of_the_primal_one() {
-        let basis = SineBasis::new();
+        let basis = SineBasis::default();
         let kernel = PushKernel::new(&basis);
-        let (mut pushes, mut primal) = (Pushes::default(), SmoothLeastSquares::new());
+        let (mut pushes, mut primal) = (Pushes::default(), SmoothLeastSquares::default());
         for row in 0..25 {
             let gradient = Configuration::from_fn(|i, _| ((row * 7 + i) as f64).sin());
             let (waypoint, distance) = (3 + row * 13 % 58, 0.1 * (row as f64).cos());

@@ -95,14 +95,9 @@ impl TipTracker<'_> {
     ) -> Option<Four> {
         let configurations =
             dispatch!(Level::new(), simd => self.converge(simd, demand, guesses, places))?;
-        let tube = &self.robot.tube_radii;
         let serves = |(configuration, guess): (&Configuration, &Configuration)| {
             let is_near = (configuration - guess).norm() <= LARGEST_CHANGE_RAD;
-            is_near
-                && self
-                    .scene
-                    .clearance(&self.robot.backbone(configuration), tube)
-                    >= self.margin
+            is_near && self.scene.clearance_at(self.robot, configuration) >= self.margin
         };
         configurations
             .iter()

@@ -16,21 +16,16 @@ pub struct SineBasis {
 }
 
 impl Default for SineBasis {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl SineBasis {
     /// The sines of all terms at all waypoints.
-    #[must_use]
-    pub fn new() -> Self {
+    fn default() -> Self {
         let value = |h: usize, k: usize| ((k + 1) as f64 * PI * parameter(h)).sin();
         Self {
             values: std::array::from_fn(|h| std::array::from_fn(|k| value(h, k))),
         }
     }
+}
 
+impl SineBasis {
     /// Values of all terms at waypoint h.
     pub(crate) fn at(&self, h: usize) -> &[f64; TERMS] {
         &self.values[h]
@@ -74,7 +69,7 @@ mod tests {
 
     #[test]
     fn analysis_recovers_what_synthesis_put_in() {
-        let basis = SineBasis::new();
+        let basis = SineBasis::default();
         let coefficients: [f64; UNKNOWNS] =
             std::array::from_fn(|i| ((i * 37 % 11) as f64 - 5.0) / 20.0);
         let mut path = straight_path(&Configuration::repeat(0.3), &Configuration::repeat(-0.4));

@@ -23,15 +23,8 @@ pub struct SmoothLeastSquares {
 }
 
 impl Default for SmoothLeastSquares {
-    fn default() -> Self {
-        Self::new()
-    }
-}
-
-impl SmoothLeastSquares {
     /// A sum without rows.
-    #[must_use]
-    pub fn new() -> Self {
+    fn default() -> Self {
         Self {
             own: [Block::zeros(); WAYPOINTS],
             next: [Block::zeros(); WAYPOINTS],
@@ -39,7 +32,9 @@ impl SmoothLeastSquares {
             concerned: [false; WAYPOINTS],
         }
     }
+}
 
+impl SmoothLeastSquares {
     /// Adds `weight · (gradientᵀ change_h − target)²`.
     pub fn push(&mut self, h: usize, gradient: &Configuration, target: f64, weight: f64) {
         self.own[h] += gradient * gradient.transpose() * weight;
@@ -115,8 +110,8 @@ mod tests {
 
     #[test]
     fn least_squares_reaches_a_reachable_target() {
-        let basis = SineBasis::new();
-        let mut problem = SmoothLeastSquares::new();
+        let basis = SineBasis::default();
+        let mut problem = SmoothLeastSquares::default();
         let gradient = Configuration::from_fn(|i, _| i as f64 + 1.0);
         problem.push(20, &gradient, 0.7, 1.0);
         let solution = problem.solve(&basis, &[1e-9; UNKNOWNS], &[0.0; UNKNOWNS]);
@@ -125,7 +120,7 @@ mod tests {
 
     #[test]
     fn least_squares_leaves_no_slope() {
-        let basis = SineBasis::new();
+        let basis = SineBasis::default();
         let vector = |seed: usize| Configuration::from_fn(|i, _| ((seed * 7 + i * 3) as f64).sin());
         let rows: Vec<_> = (0..40)
             .map(|r| {
@@ -137,7 +132,7 @@ mod tests {
                 )
             })
             .collect();
-        let mut problem = SmoothLeastSquares::new();
+        let mut problem = SmoothLeastSquares::default();
         for (h, a, b, target) in &rows {
             problem.push_pair(*h, [a, b], *target, 2.0);
             problem.push(*h, b, 0.5, 3.0);

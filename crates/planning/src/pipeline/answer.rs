@@ -79,7 +79,7 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
     } = *context;
     let braking = Braking::new(&context.constraints, &problem.start, motion)?;
     let after = Problem {
-        start: braking.end(),
+        start: braking.motion.end(),
         ..problem.clone()
     };
     let shorter = Request {

@@ -18,7 +18,7 @@ const ROUNDING: f64 = 1e-6;
 /// A certified motion to rest, from whose end a request is planned.
 pub(super) struct Braking<'a> {
     robot: &'a UnitRobot,
-    motion: Trajectory,
+    pub(super) motion: Trajectory,
     /// Smallest clearance of the body while it brakes, section lengths.
     clearance: f64,
 }
@@ -55,12 +55,6 @@ impl<'a> Braking<'a> {
             }),
             Err(_) => Err(Infeasible::StartCannotStop),
         }
-    }
-
-    /// The configuration in which the robot comes to rest, radians.
-    pub(crate) fn end(&self) -> Configuration {
-        let knots = self.motion.knots();
-        knots[knots.len() - 1].position
     }
 
     /// Knots that braking adds to a motion.

@@ -10,7 +10,7 @@ use crate::resources::Resources;
 use crate::search::edges::{RrtSettings, Search};
 use crate::stage_times::StageTimes;
 use codes::Source;
-use pcc_model::{SECTIONS, TendonLimits, UnitRobot};
+use pcc_model::{SECTIONS, UnitRobot};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
@@ -86,12 +86,7 @@ impl<'a> RequestContext<'a> {
         request: &'a Request,
         supervision: Supervision<'a>,
     ) -> Self {
-        let full = &resources.robot.tendon_limits;
-        let limits = TendonLimits {
-            velocity: full.velocity * request.limits_scale,
-            acceleration: full.acceleration * request.limits_scale,
-            jerk: full.jerk * request.limits_scale,
-        };
+        let limits = resources.robot.tendon_limits.scaled(request.limits_scale);
         let constraints = MotionConstraints {
             robot: &resources.robot,
             padded,

@@ -5,7 +5,7 @@ use crate::pipeline::goal_set::GoalSet;
 use crate::pipeline::learned::learned_and_kept;
 use crate::pipeline::missing_goals::reach_missing;
 use crate::pipeline::previous_plan::keep;
-use crate::pipeline::straight_line::{Decision, StraightLineCandidates};
+use crate::pipeline::straight_line::StraightLineCandidates;
 use crate::pipeline::trees::first_motion;
 use crate::plan::{Draw, count_learned};
 use crate::stage_times::StageTimes;
@@ -20,7 +20,7 @@ pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageT
     let clock = Instant::now();
     let candidates = StraightLineCandidates::new(context, &goals.distinct);
     let (learned, kept) = learned_and_kept(context, goals, &candidates);
-    let Decision { winner, segments } = candidates.decide(&learned);
+    let (segments, winner) = candidates.decide(&learned);
     let wall_s = clock.elapsed().as_secs_f64();
     let [mut draws, kept, mut segments] = share(times, wall_s, [learned, kept, segments]);
     let learned = count_learned(&draws);

@@ -155,8 +155,8 @@ impl FewStepSampler<'_> {
     fn missing(&self, path: &[Configuration]) -> f64 {
         let (robot, scene) = (self.context.constraints.padded, &self.context.problem.scene);
         let lacking = |waypoint: &Configuration| {
-            let backbone = robot.backbone(&robot.project_to_limits(waypoint));
-            (-scene.clearance(&backbone, &robot.tube_radii)).max(0.0)
+            let within = robot.project_to_limits(waypoint);
+            (-scene.clearance_at(robot, &within)).max(0.0)
         };
         path.iter().skip(STRIDE).step_by(STRIDE).map(lacking).sum()
     }

@@ -75,9 +75,8 @@ fn moved_end(
             is_solved(distance).then_some(configuration)
         }
     };
-    let tube = &robot.tube_radii;
     end.filter(|end| (end - old).norm() <= SAME_CONFIGURATION_RAD)
-        .filter(|end| problem.scene.clearance(&robot.backbone(end), tube) >= 0.0)
+        .filter(|end| problem.scene.clearance_at(robot, end) >= 0.0)
 }
 
 /// The path from the waypoint nearest to `start`, its two ends moved onto `start` and `end`, what lies between with them.

@@ -52,14 +52,6 @@ pub(super) struct StraightLineCandidates<'a> {
     tried: Mutex<Vec<StraightLineCandidate>>,
 }
 
-/// Which segment is faster than all other motions of a request.
-pub(super) struct Decision {
-    /// The fastest segment's goal, and its index in `segments`; none where a drawn path is as fast.
-    pub(super) winner: Option<(usize, usize)>,
-    /// The segments that were tried.
-    pub(crate) segments: Deliveries,
-}
-
 impl<'a> StraightLineCandidates<'a> {
     /// Segments to `goals`.
     pub(crate) fn new(context: &'a RequestContext<'a>, goals: &'a [Configuration]) -> Self {
@@ -117,8 +109,12 @@ impl<'a> StraightLineCandidates<'a> {
         true
     }
 
-    /// Decides which segment is faster than all of these motions and all other segments.
-    pub(super) fn decide(self, drawn: &[(Draw, StageTimes)]) -> Decision {
+    /// The segments that were tried, and which one is faster than all of these motions and all other segments: its goal and its index
+    /// among the tried ones; none where a drawn path is as fast.
+    pub(super) fn decide(
+        self,
+        drawn: &[(Draw, StageTimes)],
+    ) -> (Deliveries, Option<(usize, usize)>) {
         let tried = self.tried.into_inner();
         let mut tried = tried.unwrap_or_else(PoisonError::into_inner);
         tried.sort_by_key(|candidate| candidate.place);
@@ -127,10 +123,7 @@ impl<'a> StraightLineCandidates<'a> {
         let winner = fastest(drawn_s.fold(f64::INFINITY, f64::min), counted_s);
         let winner = winner.map(|index| (self.order[tried[index].place].0, index));
         let segments = tried.into_iter().map(|candidate| candidate.delivered);
-        Decision {
-            winner,
-            segments: segments.collect(),
-        }
+        (segments.collect(), winner)
     }
 }
 

@@ -30,6 +30,14 @@ pub(crate) struct PathPoint {
     pub(crate) third_derivative: Configuration,
 }
 
+impl PathPoint {
+    /// The sum of the three derivatives, each multiplied by its weight.
+    #[inline]
+    pub(crate) fn weighted(&self, [slope, bend, third]: [f64; 3]) -> Configuration {
+        self.slope * slope + self.bend * bend + self.third_derivative * third
+    }
+}
+
 impl Spline {
     /// Rebuilds the spline through `waypoints`, reusing its memory; false if they do not move: none is farther
     /// from the first than `rounding` × the largest norm of a waypoint.

@@ -55,6 +55,11 @@ impl Trajectory {
         self.knots[self.knots.len() - 1].time
     }
 
+    /// The configuration in which it ends, rad.
+    pub fn end(&self) -> Configuration {
+        self.knots[self.knots.len() - 1].position
+    }
+
     /// The knots, in order of time.
     pub fn knots(&self) -> &[Knot] {
         &self.knots

@@ -60,25 +60,13 @@ impl TimedPiece {
     }
 
     fn displacement(&self, s: f64) -> Configuration {
-        let PathPoint {
-            slope,
-            bend,
-            third_derivative,
-            ..
-        } = &self.start;
-        slope * s + bend * (s * s / 2.0) + third_derivative * (s * s * s / 6.0)
+        self.start.weighted([s, s * s / 2.0, s * s * s / 6.0])
     }
 
     fn velocity(&self, elapsed: f64) -> Configuration {
         let s = self.advance(elapsed);
         let speed = self.speed + self.path_acceleration * elapsed;
-        let PathPoint {
-            slope,
-            bend,
-            third_derivative,
-            ..
-        } = &self.start;
-        slope * speed + bend * (s * speed) + third_derivative * (s * s * speed / 2.0)
+        self.start.weighted([speed, s * speed, s * s * speed / 2.0])
     }
 
     /// ∫ (ζ − ζ at the start) dt over the first `elapsed` seconds: the powers of s, integrated over time.
@@ -88,13 +76,8 @@ impl TimedPiece {
         let first = v / 2.0 + w / 3.0;
         let second = v * v / 3.0 + v * w / 2.0 + w * w / 5.0;
         let third = v * v * v / 4.0 + v * v * w * 0.6 + v * w * w / 2.0 + w * w * w / 7.0;
-        let PathPoint {
-            slope,
-            bend,
-            third_derivative,
-            ..
-        } = &self.start;
-        slope * (t * first) + bend * (t * second / 2.0) + third_derivative * (t * third / 6.0)
+        self.start
+            .weighted([t * first, t * second / 2.0, t * third / 6.0])
     }
 }
 

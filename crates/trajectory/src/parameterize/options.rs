@@ -1,5 +1,7 @@
 //! How finely waypoints become a motion.
 
+use pcc_model::TendonLimits;
+
 /// The most knots that a motion may have.
 pub const MAX_KNOTS: usize = 256;
 
@@ -24,4 +26,26 @@ impl Default for ParameterizationOptions {
             spacing: 0.1,
         }
     }
+}
+
+/// Why waypoints cannot become a motion.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum ParameterizationError {
+    /// No waypoint at all.
+    #[error("a motion needs at least one waypoint")]
+    NoWaypoints,
+    /// A waypoint with NaN or an infinity, or so large that its norm overflows.
+    #[error("waypoint {0} is not finite")]
+    WaypointNotFinite(usize),
+    /// A limit that is zero, negative or not finite.
+    #[error("tendon limits must be finite and above zero, got {0:?}")]
+    Limits(TendonLimits),
+    /// A setting out of range.
+    #[error(
+        "parameterization options out of range (knots 4..={MAX_KNOTS}, grid_intervals ≥ 1, spacing > 0): {0:?}"
+    )]
+    Options(ParameterizationOptions),
+    /// Times or their powers leave the range of f64.
+    #[error("the path cannot be timed within f64's range under {0:?}")]
+    NotTimeable(TendonLimits),
 }

@@ -4,7 +4,15 @@ use crate::curve::spline::Spline;
 use crate::limits::tendon_rows::{
     LANES, Lanes, TendonRows, combined, lanes, largest_lane, raise_to_magnitude,
 };
-use crate::parameterize::grid_point::GridPoint;
+
+/// A point of the grid that the speed is planned on.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct GridPoint {
+    /// Spline piece that the interval after this point lies in.
+    pub(crate) piece: usize,
+    /// Path parameter s.
+    pub(crate) parameter: f64,
+}
 
 /// l′ of each piece's chord and l″ at each node, both ÷ the acceleration limit, block by block.
 #[derive(Clone, Debug, Default)]

@@ -2,9 +2,8 @@
 
 use crate::curve::spline::Spline;
 use crate::limits::tendon_rows::{TendonRows, limits_are_valid};
-use crate::parameterize::error::ParameterizationError;
 use crate::parameterize::jerk::TimedPath;
-use crate::parameterize::options::{MAX_KNOTS, ParameterizationOptions};
+use crate::parameterize::options::{MAX_KNOTS, ParameterizationError, ParameterizationOptions};
 use crate::parameterize::placement::{Placement, Target};
 use crate::parameterize::topp::SpeedProfile;
 use crate::parameterize::width::WidthSearch;

@@ -10,9 +10,10 @@ use crate::curve::spline::Spline;
 use crate::limits::tendon_rows::{
     LANES, TendonRows, combined, lanes, largest_lane, raise_to_magnitude,
 };
-use crate::parameterize::grid_point::GridPoint;
 use crate::parameterize::interval::{FULL_USE, Interval, Polygon, largest_second, use_of};
-use crate::parameterize::tendon_path::{Derivatives, PieceWeights, TendonPath, largest_slope};
+use crate::parameterize::tendon_path::{
+    Derivatives, GridPoint, PieceWeights, TendonPath, largest_slope,
+};
 use pcc_model::TendonLimits;
 
 /// The solver's memory, and after [`SpeedProfile::solve`] its result: x = ṡ² at each grid point.
