@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use input_files::{SettingsError, SettingsFile};
 use pcc_model::{Configuration, DOF, Numbers, Robot};
-use serde::Deserialize;
 
 use super::{MotorLimits, ReferenceLimits, RememberedPose};
 use crate::{
@@ -12,54 +11,25 @@ use crate::{
     config::{ConfigError, check_loop, robot_of},
 };
 
-/// The settings of the file, with defaults for those that it leaves out.
-#[derive(Debug, Deserialize, PartialEq)]
-#[serde(deny_unknown_fields)]
-struct File {
-    robot: PathBuf,
-    #[serde(default = "defaults::rate_hz")]
-    rate_hz: u32,
-    #[serde(default = "defaults::realtime_priority")]
-    realtime_priority: u8,
-    #[serde(default = "defaults::lost_setpoint_ms")]
-    lost_setpoint_ms: u32,
-    #[serde(default = "defaults::limit_allowance")]
-    limit_allowance: f64,
-    #[serde(default = "defaults::motor_margin")]
-    motor_margin: f64,
-    #[serde(default = "defaults::natural_frequency_rad_s")]
-    natural_frequency_rad_s: f64,
-    #[serde(default = "defaults::backlash")]
-    backlash: f64,
-    #[serde(default = "defaults::noise")]
-    noise: f64,
-    #[serde(default = "defaults::seed")]
-    seed: u64,
-    #[serde(default = "defaults::start_configuration_rad")]
-    start_configuration_rad: Numbers<DOF>,
-    #[serde(default = "defaults::remembers_pose")]
-    remembers_pose: bool,
-    #[serde(default = "defaults::stuck_tendon")]
-    stuck_tendon: usize,
-}
-
-/// The defaults that `config/simulated-robot.toml` states.
-mod defaults {
-    use pcc_model::{DOF, Numbers};
-
-    input_files::defaults! {
-        rate_hz: u32 = 1000;
-        realtime_priority: u8 = 70;
-        lost_setpoint_ms: u32 = 20;
-        limit_allowance: f64 = 1.05;
-        motor_margin: f64 = 1.5;
-        natural_frequency_rad_s: f64 = 100.0;
-        backlash: f64 = 1e-4;
-        noise: f64 = 2e-5;
-        seed: u64 = 1;
-        start_configuration_rad: Numbers<DOF> = Numbers([0.0; DOF]);
-        remembers_pose: bool = true;
-        stuck_tendon: usize = 4;
+input_files::settings_file! {
+    /// The settings of the file, with defaults for those that it leaves out.
+    #[derive(Debug, PartialEq)]
+    struct File {
+        robot: PathBuf,
+    }
+    defaults {
+        rate_hz: u32 = 1000,
+        realtime_priority: u8 = 70,
+        lost_setpoint_ms: u32 = 20,
+        limit_allowance: f64 = 1.05,
+        motor_margin: f64 = 1.5,
+        natural_frequency_rad_s: f64 = 100.0,
+        backlash: f64 = 1e-4,
+        noise: f64 = 2e-5,
+        seed: u64 = 1,
+        start_configuration_rad: Numbers<DOF> = Numbers([0.0; DOF]),
+        remembers_pose: bool = true,
+        stuck_tendon: usize = 4,
     }
 }
 

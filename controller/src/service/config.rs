@@ -4,59 +4,31 @@ use std::path::{Path, PathBuf};
 
 use input_files::{SettingsError, SettingsFile};
 use pcc_model::Robot;
-use serde::Deserialize;
 
 use crate::{
     config::{ConfigError, check_loop, robot_of},
     executive::{BeginWindow, ExecutiveSettings},
 };
 
-/// The settings of the file, with defaults for those that it leaves out.
-#[derive(Debug, Deserialize, PartialEq)]
-#[serde(deny_unknown_fields)]
-struct File {
-    robot: PathBuf,
-    #[serde(default = "defaults::rate_hz")]
-    rate_hz: u32,
-    #[serde(default = "defaults::realtime_priority")]
-    realtime_priority: u8,
-    #[serde(default = "defaults::processor")]
-    processor: i64,
-    #[serde(default = "defaults::lock_memory")]
-    lock_memory: bool,
-    #[serde(default = "defaults::step_cap_ms")]
-    step_cap_ms: f64,
-    #[serde(default = "defaults::late_run_ms")]
-    late_run_ms: u32,
-    #[serde(default = "defaults::robot_lost_ms")]
-    robot_lost_ms: u32,
-    #[serde(default = "defaults::daemon_lost_ms")]
-    daemon_lost_ms: u32,
-    #[serde(default = "defaults::tracking_filter_ms")]
-    tracking_filter_ms: f64,
-    #[serde(default = "defaults::hold_tolerance_rad")]
-    hold_tolerance_rad: f64,
-    #[serde(default = "defaults::begin_past_ms")]
-    begin_past_ms: u32,
-    #[serde(default = "defaults::begin_ahead_s")]
-    begin_ahead_s: u32,
-}
-
-/// The defaults that `config/controller.toml` states.
-mod defaults {
-    input_files::defaults! {
-        rate_hz: u32 = 1000;
-        realtime_priority: u8 = 80;
-        processor: i64 = -1;
-        lock_memory: bool = true;
-        step_cap_ms: f64 = 20.0;
-        late_run_ms: u32 = 100;
-        robot_lost_ms: u32 = 20;
-        daemon_lost_ms: u32 = 200;
-        tracking_filter_ms: f64 = 10.0;
-        hold_tolerance_rad: f64 = 0.05;
-        begin_past_ms: u32 = 100;
-        begin_ahead_s: u32 = 60;
+input_files::settings_file! {
+    /// The settings of the file, with defaults for those that it leaves out.
+    #[derive(Debug, PartialEq)]
+    struct File {
+        robot: PathBuf,
+    }
+    defaults {
+        rate_hz: u32 = 1000,
+        realtime_priority: u8 = 80,
+        processor: i64 = -1,
+        lock_memory: bool = true,
+        step_cap_ms: f64 = 20.0,
+        late_run_ms: u32 = 100,
+        robot_lost_ms: u32 = 20,
+        daemon_lost_ms: u32 = 200,
+        tracking_filter_ms: f64 = 10.0,
+        hold_tolerance_rad: f64 = 0.05,
+        begin_past_ms: u32 = 100,
+        begin_ahead_s: u32 = 60,
     }
 }
 

@@ -104,11 +104,31 @@ impl SettingsFile<'_> {
     }
 }
 
-/// Constant functions that give the defaults of a file's keys, by their names: what serde's attribute `default` asks for.
+/// Declares the type that a file of settings is read as: keys that are needed (or optional by their type), then keys with defaults.
+/// Unknown keys are refused. The crate that calls this depends on serde.
 #[macro_export]
-macro_rules! defaults {
-    ($($name:ident: $kind:ty = $value:expr;)*) => {
-        $(pub(super) const fn $name() -> $kind { $value })*
+macro_rules! settings_file {
+    ($(#[$attribute:meta])* struct $name:ident {
+        $($needed:ident: $needed_type:ty,)*
+    } defaults {
+        $($key:ident: $type:ty = $default:expr,)*
+    }) => {
+        $(#[$attribute])*
+        struct $name { $($needed: $needed_type,)* $($key: $type,)* }
+
+        impl<'de> serde::Deserialize<'de> for $name {
+            fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                #[derive(serde::Deserialize)]
+                #[serde(deny_unknown_fields)]
+                struct $name { $($needed: $needed_type,)* $($key: Option<$type>,)* }
+
+                let given = $name::deserialize(deserializer)?;
+                Ok(Self {
+                    $($needed: given.$needed,)*
+                    $($key: given.$key.unwrap_or($default),)*
+                })
+            }
+        }
     };
 }
 
@@ -127,6 +147,63 @@ mod tests {
     use super::*;
     use std::collections::BTreeMap;
     use std::fs;
+
+    crate::settings_file! {
+        #[derive(Debug, PartialEq)]
+        struct Declared {
+            robot: String,
+            scene: Option<String>,
+        }
+        defaults {
+            rate_hz: u32 = 1000,
+            processors: Vec<usize> = vec![3],
+        }
+    }
+
+    #[test]
+    fn keys_that_are_left_out_have_their_defaults() {
+        let read: Declared = file().parse("robot = \"a\"\nprocessors = []").unwrap();
+        let expected = Declared {
+            robot: "a".to_owned(),
+            scene: None,
+            rate_hz: 1000,
+            processors: Vec::new(),
+        };
+        assert_eq!(read, expected);
+    }
+
+    #[test]
+    fn declared_settings_are_refused_like_those_of_a_derived_type() {
+        #[derive(Debug, serde::Deserialize)]
+        #[serde(deny_unknown_fields, rename = "Declared")]
+        #[expect(dead_code, reason = "only its errors count")]
+        struct Derived {
+            robot: String,
+            scene: Option<String>,
+            #[serde(default)]
+            rate_hz: u32,
+            #[serde(default)]
+            processors: Vec<usize>,
+        }
+        for text in [
+            "",
+            "rate_hz = 5",
+            "robot = 5",
+            "robot = \"a\"\nrate_hz = \"x\"",
+            "robot = \"a\"\nrate_hz = -1",
+            "robot = \"a\"\nrate_hz = [1]",
+            "robot = \"a\"\nprocessors = [1, \"x\"]",
+            "robot = \"a\"\nprocessors = 1",
+            "robot = \"a\"\nscene = 1",
+            "robot = \"a\"\nspeed = 1",
+            "robot = \"a\"\n[rate_hz]\nx = 1",
+            "robot = \"a\"\nrobot = \"b\"",
+        ] {
+            let declared = file().parse::<Declared>(text).unwrap_err().to_string();
+            let derived = file().parse::<Derived>(text).unwrap_err().to_string();
+            assert_eq!(declared, derived);
+        }
+    }
 
     fn file() -> SettingsFile<'static> {
         SettingsFile {

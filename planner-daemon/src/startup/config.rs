@@ -36,66 +36,32 @@ pub enum ConfigError {
     },
 }
 
-/// What the file says, with the defaults of what it does not.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct File {
-    robot: PathBuf,
-    weights: Option<PathBuf>,
-    diffusion: Option<DiffusionConfig>,
-    scene: Option<SceneConfig>,
-    #[serde(default)]
-    live_scene: LiveSceneConfig,
-    #[serde(default = "defaults::threads")]
-    threads: usize,
-    #[serde(default = "defaults::candidates")]
-    candidates: usize,
-    #[serde(default = "defaults::knots_per_candidate")]
-    knots_per_candidate: usize,
-    #[serde(default = "defaults::clients")]
-    clients: usize,
-    #[serde(default = "defaults::requests_per_client")]
-    requests_per_client: usize,
-    #[serde(default = "defaults::queued_per_client")]
-    queued_per_client: usize,
-    #[serde(default = "defaults::default_deadline_ms")]
-    default_deadline_ms: f64,
-    #[serde(default = "defaults::path_tolerance_rad")]
-    path_tolerance_rad: f64,
-    #[serde(default = "defaults::begin_lead_ms")]
-    begin_lead_ms: f64,
-    #[serde(default = "defaults::wait")]
-    wait: WaitMode,
-    #[serde(default)]
-    realtime_priority: i64,
-    #[serde(default)]
-    processors: Vec<usize>,
-    #[serde(default = "defaults::lock_memory")]
-    lock_memory: bool,
-    #[serde(default = "defaults::shared_memory_budget_mb")]
-    shared_memory_budget_mb: f64,
-    #[serde(default = "defaults::resident_memory_budget_mb")]
-    resident_memory_budget_mb: f64,
-}
-
-/// The defaults that `config/planner-daemon.toml` states.
-mod defaults {
-    use super::WaitMode;
-
-    input_files::defaults! {
-        threads: usize = 2;
-        candidates: usize = 16;
-        knots_per_candidate: usize = 96;
-        clients: usize = 4;
-        requests_per_client: usize = 4;
-        queued_per_client: usize = 4;
-        default_deadline_ms: f64 = 20.0;
-        path_tolerance_rad: f64 = 0.01;
-        begin_lead_ms: f64 = 50.0;
-        wait: WaitMode = WaitMode::Event;
-        lock_memory: bool = true;
-        shared_memory_budget_mb: f64 = 48.0;
-        resident_memory_budget_mb: f64 = 250.0;
+input_files::settings_file! {
+    /// What the file says, with the defaults of what it does not.
+    #[derive(Clone, Debug)]
+    struct File {
+        robot: PathBuf,
+        weights: Option<PathBuf>,
+        diffusion: Option<DiffusionConfig>,
+        scene: Option<SceneConfig>,
+    }
+    defaults {
+        live_scene: LiveSceneConfig = LiveSceneConfig::default(),
+        threads: usize = 2,
+        candidates: usize = 16,
+        knots_per_candidate: usize = 96,
+        clients: usize = 4,
+        requests_per_client: usize = 4,
+        queued_per_client: usize = 4,
+        default_deadline_ms: f64 = 20.0,
+        path_tolerance_rad: f64 = 0.01,
+        begin_lead_ms: f64 = 50.0,
+        wait: WaitMode = WaitMode::Event,
+        realtime_priority: i64 = 0,
+        processors: Vec<usize> = Vec::new(),
+        lock_memory: bool = true,
+        shared_memory_budget_mb: f64 = 48.0,
+        resident_memory_budget_mb: f64 = 250.0,
     }
 }
 
