@@ -5,7 +5,7 @@ use std::path::Path;
 use pcc_model::{Configuration, Robot};
 use shared_types::codes::MotorState;
 use shared_types::message::Setpoint;
-use trajectory::{Knot, ParameterizationOptions, Trajectory, limit_use, parameterize};
+use trajectory::{Knot, ParameterizationOptions, TimeParameterizer, Trajectory, limit_use};
 
 use crate::{
     TENDONS, TendonVector,
@@ -78,7 +78,9 @@ pub(crate) fn curved_motion(
 pub(crate) fn timed_motion(id: u32, begin_ns: i64, path: &[Configuration]) -> Motion {
     let robot = unit_robot();
     let options = ParameterizationOptions::default();
-    let timed = parameterize(path, &robot.tendons, &robot.tendon_limits, &options).unwrap();
+    let timed = TimeParameterizer::default()
+        .parameterize(path, &robot.tendons, &robot.tendon_limits, &options)
+        .unwrap();
     let mut motion = Motion::empty();
     motion.id = id;
     motion.begin_ns = begin_ns;

@@ -22,7 +22,7 @@ use shared_types::{
     message::{ControllerState, Cycle, Heartbeat, Knot, RobotState, TrajectoryMessage},
     valid::{Command, CommandReply},
 };
-use trajectory::{ParameterizationOptions, Trajectory, parameterize};
+use trajectory::{ParameterizationOptions, TimeParameterizer, Trajectory};
 
 const MS: Duration = Duration::from_millis(1);
 
@@ -210,13 +210,14 @@ impl Joined {
         let middle = (from + goal) * 0.5 + Configuration::repeat(0.1);
         let limits = &self.robot.tendon_limits;
         let options = ParameterizationOptions::default();
-        let motion = parameterize(
-            &[from, middle, *goal],
-            &self.robot.tendons,
-            limits,
-            &options,
-        )
-        .unwrap();
+        let motion = TimeParameterizer::default()
+            .parameterize(
+                &[from, middle, *goal],
+                &self.robot.tendons,
+                limits,
+                &options,
+            )
+            .unwrap();
         let id = self.next_id;
         self.next_id += 1;
         let mut sent = message(id, &motion);

@@ -41,7 +41,7 @@ pub(crate) struct ModelArguments {
     #[arg(long, value_parser = model_name)]
     model: Option<String>,
     /// Evaluations of the network by `fast` and `default` (1, 2, 4 or 8); without it as many as the weights say.
-    #[arg(long, value_parser = choice([("1", 1), ("2", 2), ("4", 4), ("8", 8)]))]
+    #[arg(long, value_parser = choice([("1", 1_usize), ("2", 2), ("4", 4), ("8", 8)]))]
     evaluations: Option<usize>,
     /// Evaluations of the diffusion planners' network (1 to 1000); without it the paper's 50.
     #[arg(long, value_parser = whole(1, MOST_STEPS))]
@@ -56,14 +56,6 @@ pub(crate) struct ModelArguments {
 }
 
 impl ModelArguments {
-    fn settings(&self) -> DiffusionSettings {
-        DiffusionSettings {
-            solver: self.solver.unwrap_or(Solver::Ddim),
-            steps: self.steps.unwrap_or(STEPS),
-            precision: self.precision.unwrap_or(Precision::F32),
-        }
-    }
-
     /// Opens the weights that are named, or `default`, and makes a model of their file.
     fn load<M, E: Error + Send + Sync + 'static>(
         &self,
@@ -216,7 +208,11 @@ fn load_diffusion(
     robot: &UnitRobot,
     arguments: &ModelArguments,
 ) -> anyhow::Result<(DiffusionModel, DiffusionRecord)> {
-    let settings = arguments.settings();
+    let settings = DiffusionSettings {
+        solver: arguments.solver.unwrap_or(Solver::Ddim),
+        steps: arguments.steps.unwrap_or(STEPS),
+        precision: arguments.precision.unwrap_or(Precision::F32),
+    };
     let make = |file: &WeightsFile| TemporalUnet::load(file, robot.bending_limit);
     let (unet, weights) = arguments.load(DIFFUSION_WEIGHTS, make)?;
     let model = DiffusionModel::new(unet, settings)?;

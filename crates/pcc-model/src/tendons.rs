@@ -127,10 +127,15 @@ impl TendonMap {
     /// Only as many tendons are written as `out` has room for; what it has beyond [`Self::count`] stays.
     pub fn lengths(&self, configuration: &Configuration, out: &mut [f64]) {
         for (j, length) in out.iter_mut().enumerate().take(self.count()) {
-            *length = (0..DOF)
-                .map(|k| self.matrix[(j, k)] * configuration[k])
-                .sum();
+            *length = self.length(j, configuration);
         }
+    }
+
+    /// The length change of one tendon.
+    fn length(&self, tendon: usize, configuration: &Configuration) -> f64 {
+        (0..DOF)
+            .map(|k| self.matrix[(tendon, k)] * configuration[k])
+            .sum()
     }
 
     /// ζ = A⁺ Δl, rad: the configuration that fits the lengths best; allocates nothing.
@@ -155,15 +160,10 @@ impl TendonMap {
     #[must_use]
     pub fn slack_residual(&self, lengths: &[f64]) -> f64 {
         let configuration = self.configuration(lengths);
-        let fitted = |j: usize| {
-            (0..DOF)
-                .map(|k| self.matrix[(j, k)] * configuration[k])
-                .sum::<f64>()
-        };
         lengths
             .iter()
             .enumerate()
-            .map(|(j, l)| (l - fitted(j)).powi(2))
+            .map(|(j, l)| (l - self.length(j, &configuration)).powi(2))
             .sum::<f64>()
             .sqrt()
     }

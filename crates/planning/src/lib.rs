@@ -35,7 +35,7 @@ pub use models::sampled_collision;
 pub use models::sampled_collision::SampledVerdict;
 pub use motion::path_to_trajectory::MOST_CORRECTIONS;
 pub use optimize::collision_correction::limit_pushes;
-pub use path::metrics::{PathMetrics, SetMetrics, modes, path_metrics, set_metrics};
+pub use path::metrics::{PathMetrics, SetMetrics, modes, set_metrics};
 pub use path::sine_basis::SineBasis;
 pub use path::smooth_least_squares::SmoothLeastSquares;
 pub use path::waypoints::{

@@ -4,11 +4,11 @@
 mod requests;
 mod shipped;
 
-use collision::{Ball, Scene, certify_trajectory};
+use collision::{Ball, Scene, certify_trajectory, minimum_clearance};
 use pcc_model::{Configuration, Point};
 use planning::{
     Candidate, Goal, Infeasible, PathMetrics, Plan, Planner, PlannerError, PreviousPlan, Problem,
-    Request, Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS, path_metrics, select,
+    Request, Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS, select,
 };
 use shipped::planner;
 use std::sync::{Arc, Mutex};
@@ -150,7 +150,8 @@ fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
         assert!(limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6);
         assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
         // Of balls alone, a clearance is within its tolerance.
-        let figures = path_metrics(robot, &moving.scene, motion);
+        let exact = minimum_clearance(robot, &moving.scene, motion, 1e-3);
+        let figures = PathMetrics::of(robot, motion, exact);
         let clearance = candidate.metrics.clearance;
         assert!((clearance - figures.clearance).abs() <= 1e-3);
         let same = PathMetrics {

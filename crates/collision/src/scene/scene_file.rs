@@ -39,13 +39,11 @@ struct File {
 
 impl File {
     fn is_silent(&self) -> bool {
-        let solids = [
-            self.capsules.len(),
-            self.boxes.len(),
-            self.meshes.len(),
-            self.voxels.len(),
-        ];
-        self.balls.is_none() && solids == [0; 4]
+        self.balls.is_none()
+            && self.capsules.is_empty()
+            && self.boxes.is_empty()
+            && self.meshes.is_empty()
+            && self.voxels.is_empty()
     }
 }
 

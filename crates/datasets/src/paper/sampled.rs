@@ -92,29 +92,23 @@ fn look_at<const N: usize>(ball: &Ball, name: f64, samples: &mut Samples<N>) {
             let (x, y, z) = (xs[i] - centre[0], ys[i] - centre[1], zs[i] - centre[2]);
             let squared = x * x + y * y + z * z;
             let is_nearer = squared < nearest[i];
-            nearest[i] = if is_nearer { squared } else { nearest[i] };
-            nearest_point[i] = if is_nearer {
-                k as f64
-            } else {
-                nearest_point[i]
-            };
+            nearest[i] = select(is_nearer, squared, nearest[i]);
+            nearest_point[i] = select(is_nearer, k as f64, nearest_point[i]);
         }
     }
     for i in 0..N {
         let distance = nearest[i].sqrt() - ball.radius;
         let is_deeper = distance < samples.distances[i];
-        samples.distances[i] = if is_deeper {
-            distance
-        } else {
-            samples.distances[i]
-        };
-        samples.points_of[i] = if is_deeper {
-            nearest_point[i]
-        } else {
-            samples.points_of[i]
-        };
-        samples.balls_of[i] = if is_deeper { name } else { samples.balls_of[i] };
+        samples.distances[i] = select(is_deeper, distance, samples.distances[i]);
+        samples.points_of[i] = select(is_deeper, nearest_point[i], samples.points_of[i]);
+        samples.balls_of[i] = select(is_deeper, name, samples.balls_of[i]);
     }
+}
+
+/// One of two values; a function, since a closure would not be compiled for the processor's vector instructions.
+#[inline(always)]
+fn select(is_first: bool, first: f64, second: f64) -> f64 {
+    if is_first { first } else { second }
 }
 
 /// The nine points of a shape, from the base on.

@@ -51,29 +51,20 @@ impl ManifestEntry {
         let is_name = Path::new(&self.file).file_name() == Some(OsStr::new(&self.file));
         let is_file = is_name && self.file.len() <= MAX_NAME && !self.file.contains('\0');
         let is_hash = self.sha256.len() == 64 && self.sha256.bytes().all(|b| b.is_ascii_hexdigit());
-        for (holds, key, found, allowed) in [
-            (
-                is_file,
-                "file",
-                &self.file,
-                "the name of a file beside it, of at most 255 bytes,",
-            ),
-            (
-                is_hash,
-                "sha256",
-                &self.sha256,
-                "a hash of 64 hexadecimal digits",
-            ),
-        ] {
-            if !holds {
-                return Err(WeightsError::Entry {
-                    path: path.into(),
-                    name: name.into(),
-                    key,
-                    found: shortened(&format!("{found:?}")),
-                    allowed,
-                });
-            }
+        let refused = |key, found: &str, allowed| WeightsError::Entry {
+            path: path.into(),
+            name: name.into(),
+            key,
+            found: shortened(&format!("{found:?}")),
+            allowed,
+        };
+        if !is_file {
+            let allowed = "the name of a file beside it, of at most 255 bytes,";
+            return Err(refused("file", &self.file, allowed));
+        }
+        if !is_hash {
+            let allowed = "a hash of 64 hexadecimal digits";
+            return Err(refused("sha256", &self.sha256, allowed));
         }
         Ok(())
     }

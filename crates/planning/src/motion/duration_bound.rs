@@ -61,7 +61,7 @@ mod tests {
     use crate::search::random_configuration::random_configuration;
     use rand::SeedableRng;
     use rand_pcg::Pcg64;
-    use trajectory::{ParameterizationOptions, parameterize};
+    use trajectory::{ParameterizationOptions, TimeParameterizer};
 
     #[test]
     fn a_straight_motion_takes_hardly_longer() {
@@ -72,7 +72,9 @@ mod tests {
             let [a, b] = [(); 2].map(|()| random_configuration(&robot, &mut random));
             let path = straight_path(&a, &b);
             let options = ParameterizationOptions::default();
-            let motion = parameterize(&path, &robot.tendons, limits, &options).unwrap();
+            let motion = TimeParameterizer::default()
+                .parameterize(&path, &robot.tendons, limits, &options)
+                .unwrap();
             let least_s = least_duration_s(&robot, limits, &[a, b]);
             let ratio = motion.duration() / least_s;
             assert!((1.0 - 1e-9..1.03).contains(&ratio), "{ratio}");
@@ -107,7 +109,9 @@ mod tests {
                 let corners: Vec<Configuration> = (0..turns).map(|_| corner()).collect();
                 let path = resample(&corners);
                 let options = ParameterizationOptions::default();
-                let motion = parameterize(&path, &robot.tendons, limits, &options).unwrap();
+                let motion = TimeParameterizer::default()
+                    .parameterize(&path, &robot.tendons, limits, &options)
+                    .unwrap();
                 let ratio = least_duration_s(&robot, limits, &path) / motion.duration();
                 assert!(ratio <= SURELY_SLOWER, "{turns} of {size}: {ratio}");
             }

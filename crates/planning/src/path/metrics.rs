@@ -1,7 +1,6 @@
 //! Figures of merit of a path and of a set of paths (docs/evaluation.md "Metrics").
 
 use crate::path::waypoints::WAYPOINTS;
-use collision::{Scene, minimum_clearance};
 use nalgebra::{DMatrix, SVector};
 use pcc_model::{Configuration, Point, UnitRobot};
 use trajectory::Trajectory;
@@ -31,16 +30,10 @@ pub struct PathMetrics {
     pub configuration_length: f64,
 }
 
-/// Computes the figures of one motion in a scene.
-#[must_use]
-pub fn path_metrics(robot: &UnitRobot, scene: &Scene, trajectory: &Trajectory) -> PathMetrics {
-    let clearance = minimum_clearance(robot, scene, trajectory, CLEARANCE_TOLERANCE);
-    PathMetrics::of(robot, trajectory, clearance)
-}
-
 impl PathMetrics {
     /// The figures of one motion whose clearance, section lengths, is known already.
-    pub(crate) fn of(robot: &UnitRobot, trajectory: &Trajectory, clearance: f64) -> Self {
+    #[must_use]
+    pub fn of(robot: &UnitRobot, trajectory: &Trajectory, clearance: f64) -> Self {
         let samples = trajectory.sample(SAMPLES);
         let tips = robot.tips(&samples);
         Self {

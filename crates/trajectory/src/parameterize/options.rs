@@ -5,7 +5,7 @@ use pcc_model::TendonLimits;
 /// The most knots that a motion may have.
 pub const MAX_KNOTS: usize = 256;
 
-/// How finely [`parameterize`](crate::parameterize) works.
+/// How finely [`TimeParameterizer::parameterize`](crate::TimeParameterizer::parameterize) works.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ParameterizationOptions {
     /// The most knots of the result, 4 to [`MAX_KNOTS`]. A quarter of them is laid evenly in time, the others where

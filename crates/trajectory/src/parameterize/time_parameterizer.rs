@@ -29,19 +29,6 @@ pub struct TimeParameterizer {
     wider: Placement,
 }
 
-/// The fastest motion along `waypoints` within the tendons' limits, from rest to rest; see [`TimeParameterizer::parameterize`].
-///
-/// # Errors
-/// See [`ParameterizationError`].
-pub fn parameterize(
-    waypoints: &[Configuration],
-    tendons: &TendonMap,
-    limits: &TendonLimits,
-    options: &ParameterizationOptions,
-) -> Result<Trajectory, ParameterizationError> {
-    TimeParameterizer::default().parameterize(waypoints, tendons, limits, options)
-}
-
 impl TimeParameterizer {
     /// The fastest motion along `waypoints` (rad) within the tendons' limits, from rest to rest.
     ///

@@ -76,7 +76,7 @@ fn between(times: &Times, rate: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::test_paths::{cornered_path, smooth_path, unit_limits, unit_tendons};
-    use crate::{BRAKING_SHARE, ParameterizationOptions, Playback, Trajectory, parameterize};
+    use crate::{BRAKING_SHARE, ParameterizationOptions, Playback, TimeParameterizer, Trajectory};
     use pcc_model::Configuration;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
@@ -87,7 +87,9 @@ mod tests {
 
     fn timed(path: &[Configuration]) -> Trajectory {
         let options = ParameterizationOptions::default();
-        parameterize(path, &unit_tendons(), &unit_limits(), &options).unwrap()
+        TimeParameterizer::default()
+            .parameterize(path, &unit_tendons(), &unit_limits(), &options)
+            .unwrap()
     }
 
     fn motions() -> Vec<Trajectory> {

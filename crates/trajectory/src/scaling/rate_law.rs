@@ -213,7 +213,7 @@ fn within_unit(rate: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::test_paths::{cornered_path, smooth_path, unit_limits, unit_tendons};
-    use crate::{ParameterizationOptions, Trajectory, parameterize};
+    use crate::{ParameterizationOptions, TimeParameterizer, Trajectory};
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
@@ -221,7 +221,9 @@ mod tests {
 
     fn timed(path: &[Configuration]) -> Trajectory {
         let options = ParameterizationOptions::default();
-        parameterize(path, &unit_tendons(), &unit_limits(), &options).unwrap()
+        TimeParameterizer::default()
+            .parameterize(path, &unit_tendons(), &unit_limits(), &options)
+            .unwrap()
     }
 
     fn motion(random: &mut Pcg64) -> Trajectory {

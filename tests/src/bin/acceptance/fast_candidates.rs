@@ -1,8 +1,9 @@
 //! What planners' candidates of the same cases are worth, by the rules by which a request can select one.
 
 use anyhow::Context;
+use collision::minimum_clearance;
 use pcc_model::{Configuration, Robot, UnitRobot};
-use planning::{modes, path_metrics};
+use planning::{PathMetrics, modes};
 use serde_json::Value;
 use tests::programs::repository;
 
@@ -38,7 +39,8 @@ fn figures(robot: &UnitRobot, motions: &Motions) -> anyhow::Result<Vec<Figures>>
         let mut figures = Figures::default();
         for slot in motions.certified(case) {
             let motion = motions.motion(slot)?;
-            let metrics = path_metrics(robot, motions.scene(case), &motion);
+            let clearance = minimum_clearance(robot, motions.scene(case), &motion, 1e-3);
+            let metrics = PathMetrics::of(robot, &motion, clearance);
             let end = motion.at(motion.duration()).position;
             figures.tip_length.push(metrics.tip_length);
             let ratio = metrics.tip_length / metrics.tip_distance;

@@ -11,13 +11,14 @@ fn point(x: f64, y: f64) -> Configuration {
 }
 
 fn allocated(waypoints: &[Configuration], limits: &TendonLimits) -> Trajectory {
-    let motion = parameterize(
-        waypoints,
-        &unit_tendons(),
-        limits,
-        &ParameterizationOptions::default(),
-    )
-    .unwrap();
+    let motion = TimeParameterizer::default()
+        .parameterize(
+            waypoints,
+            &unit_tendons(),
+            limits,
+            &ParameterizationOptions::default(),
+        )
+        .unwrap();
     assert_contract(&motion, waypoints, limits);
     motion
 }
@@ -112,7 +113,9 @@ fn cornered_paths_keep_limits_and_stay_near_their_polyline() {
         };
         for _ in 0..15 {
             let path = cornered_path(&mut random, count);
-            let motion = parameterize(&path, &unit_tendons(), &unit_limits(), &options).unwrap();
+            let motion = TimeParameterizer::default()
+                .parameterize(&path, &unit_tendons(), &unit_limits(), &options)
+                .unwrap();
             assert_contract(&motion, &path, &unit_limits());
             let deviation = motion
                 .sample(2000)
@@ -247,7 +250,9 @@ fn bad_problems_are_named() {
     let (a, b) = (point(0.0, 0.0), point(1.0, 0.0));
     let options = ParameterizationOptions::default();
     let answer = |waypoints: &[Configuration], limits: TendonLimits, options| {
-        parameterize(waypoints, &unit_tendons(), &limits, &options).unwrap_err()
+        TimeParameterizer::default()
+            .parameterize(waypoints, &unit_tendons(), &limits, &options)
+            .unwrap_err()
     };
     assert_eq!(
         answer(&[], unit_limits(), options),
