@@ -109,10 +109,8 @@ impl Arguments {
         };
         let scene = Scene::new(balls.collect())?;
         if !self.random_start {
-            let start = self.start.as_ref();
-            let start = start.map_or_else(Configuration::zeros, |s| {
-                Configuration::from_column_slice(s)
-            });
+            let start = self.start.as_deref();
+            let start = start.map_or_else(Configuration::zeros, Configuration::from_column_slice);
             return Ok(problem(start, &scene));
         }
         let mut rng = Pcg64::seed_from_u64(self.seed);

@@ -47,12 +47,11 @@ pub(super) fn explore(
         return 0;
     };
     let clock = Instant::now();
-    let Explored { drawn, delivered } = sampler.explore(&goals.of_each_draw);
+    let (drawn, places, delivered) = sampler.explore(&goals.of_each_draw);
     let wall_s = clock.elapsed().as_secs_f64();
     if (context.supervision.interrupt)() {
         draws[0].outcome = Err(Failure::Truncated);
     }
-    let (places, delivered): (Vec<usize>, Deliveries) = delivered.into_iter().unzip();
     let [delivered] = share(times, wall_s, [delivered]);
     // Those that were nearest to clear come first.
     for (place, draw) in places.into_iter().zip(delivered) {
@@ -64,21 +63,13 @@ pub(super) fn explore(
     drawn
 }
 
-/// The paths that exploring drew, and the motions that were made of some.
-#[derive(Default)]
-struct Explored {
-    /// Paths that were drawn.
-    drawn: usize,
-    /// Draws of the last round, with the places of the goal configurations to which they lead.
-    delivered: Vec<(usize, (Draw, StageTimes))>,
-}
-
 impl FewStepSampler<'_> {
-    fn explore(&self, goals: &[Configuration]) -> Explored {
+    /// How many paths were drawn; of the last round the places of the goal configurations to which its draws lead, and the draws.
+    fn explore(&self, goals: &[Configuration]) -> (usize, Vec<usize>, Deliveries) {
         let mut clock = Stopwatch::start();
-        let mut explored = Explored::default();
+        let (mut drawn, mut places, mut delivered) = (0, Vec::new(), Deliveries::new());
         let Some(features) = self.features(goals) else {
-            return explored;
+            return (drawn, places, delivered);
         };
         let mut times = StageTimes::default();
         times[Stage::Condition] = clock.lap();
@@ -86,25 +77,23 @@ impl FewStepSampler<'_> {
             if (self.context.supervision.interrupt)() {
                 break;
             }
-            let (places, paths): (Vec<usize>, Vec<Waypoints>) =
-                self.promising(goals, &features, round).into_iter().unzip();
+            let promising = self.promising(goals, &features, round).into_iter();
+            let (leads_to, paths): (Vec<usize>, Vec<Waypoints>) = promising.unzip();
             times[Stage::Sample] += clock.lap();
             let proposals = paths
                 .into_iter()
                 .map(|path| Proposal::learned(path, Source::Explored));
-            let delivered = self.context.deliver_all(proposals.collect());
+            (places, delivered) = (leads_to, self.context.deliver_all(proposals.collect()));
             clock.lap();
-            let is_found = delivered.iter().any(|(draw, _)| draw.outcome.is_ok());
-            explored.drawn += DRAWN;
-            explored.delivered = places.into_iter().zip(delivered).collect();
-            if is_found {
+            drawn += DRAWN;
+            if delivered.iter().any(|(draw, _)| draw.outcome.is_ok()) {
                 break;
             }
         }
-        if let Some((_, (_, first))) = explored.delivered.first_mut() {
+        if let Some((_, first)) = delivered.first_mut() {
             first.add(1.0, &times);
         }
-        explored
+        (drawn, places, delivered)
     }
 
     /// Those paths of a round of wide draws that are nearest to clear, and the places of the goal configurations to which they lead.
