@@ -155,7 +155,7 @@ const DAEMON: &[Bad] = &[
     (
         "unknown solver",
         |t| set_diffusion(t, |d| set(d, "solver", "euler")),
-        "ddim and dpm-solver",
+        "`ddim` or `dpm-solver`",
     ),
     (
         "diffusion without a model",
