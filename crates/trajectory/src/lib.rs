@@ -17,6 +17,7 @@ pub use curve::knot::{Knot, State};
 pub use curve::segment::QuinticSegment;
 pub use curve::trajectory::{Trajectory, TrajectoryError, evaluate};
 pub use limits::limit_use::{LimitUse, limit_use};
+pub use parameterize::in_motion::MovingStart;
 pub use parameterize::options::{MAX_KNOTS, ParameterizationError, ParameterizationOptions};
 pub use parameterize::time_parameterizer::TimeParameterizer;
 pub use scaling::rate_law::{BRAKING_SHARE, Playback, RateLaw, RateStep};

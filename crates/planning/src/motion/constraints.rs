@@ -10,7 +10,11 @@ use crate::request::Interrupt;
 use collision::{Scene, certified_clearance};
 use pcc_model::{Configuration, TendonLimits, UnitRobot};
 use std::cell::RefCell;
-use trajectory::{ParameterizationOptions, TimeParameterizer, Trajectory};
+use trajectory::{Knot, MovingStart, ParameterizationOptions, TimeParameterizer, Trajectory};
+
+/// Shares of the acceleration limit for the braking of a motion that begins in motion: of one to six shares from 0.3 to 1, these two
+/// win 0.83 of the shortest stop in the median, six 0.88 in nearly twice the time.
+const BRAKING_SHARES: [f64; 2] = [0.9, 0.5];
 
 thread_local! {
     /// Working memory of each worker, kept from request to request.
@@ -65,6 +69,29 @@ impl MotionConstraints<'_> {
             .map_err(|_| Failure::Time)
     }
 
+    /// Times a path that begins where a robot in this state can rest, from the state on: the path begins while the robot still brakes.
+    pub(crate) fn time_from(
+        &self,
+        state: &Knot,
+        path: &[Configuration],
+    ) -> Result<Trajectory, Failure> {
+        let start = MovingStart {
+            state: *state,
+            path,
+            braking_shares: &BRAKING_SHARES,
+        };
+        let options = ParameterizationOptions {
+            knots: self.knots,
+            ..ParameterizationOptions::default()
+        };
+        let tendons = &self.robot.tendons;
+        PARAMETERIZER
+            .with_borrow_mut(|parameterizer| {
+                parameterizer.parameterize_from(&start, tendons, &self.limits, &options)
+            })
+            .map_err(|_| Failure::Time)
+    }
+
     /// Certifies the executed curve: whole body, whole motion, bending; its smallest clearance, section lengths.
     pub(crate) fn certify(&self, trajectory: &Trajectory) -> Result<f64, Failure> {
         if !self.keeps_bending(trajectory) {
@@ -91,7 +118,7 @@ impl MotionConstraints<'_> {
     }
 
     /// A certified motion with its figures of merit; `clearance` in section lengths.
-    pub(super) fn describe(&self, trajectory: Trajectory, clearance: f64) -> Certified {
+    pub(crate) fn describe(&self, trajectory: Trajectory, clearance: f64) -> Certified {
         let metrics = PathMetrics::of(self.robot, &trajectory, clearance);
         Certified {
             trajectory: trajectory.into(),

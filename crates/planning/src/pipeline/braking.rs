@@ -1,23 +1,25 @@
-//! Starts in motion: the robot brakes straight ahead, and every motion begins with that.
+//! Starts in motion: the robot brakes straight ahead, and every motion begins while it does, or after that.
 
 use crate::error::Infeasible;
 use crate::motion::along_polyline::append;
 use crate::motion::constraints::MotionConstraints;
-use crate::path::metrics::PathMetrics;
+use crate::path::waypoints::{WAYPOINTS, resample};
 use crate::plan::{Candidate, Certified, Plan};
 use crate::request::StartMotion;
 use codes::Stage;
-use pcc_model::{Configuration, TendonLimits, UnitRobot};
+use pcc_model::{Configuration, TendonLimits};
 use rayon::prelude::*;
 use std::sync::Arc;
 use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
 
+/// Samples of a motion, equally spaced in time, by which its path is known.
+const SAMPLES: usize = 4 * WAYPOINTS;
 /// Relative amount by which a limit may be exceeded: the rounding of the measure.
 const ROUNDING: f64 = 1e-6;
 
 /// A certified motion to rest, from whose end a request is planned.
 pub(super) struct Braking<'a> {
-    robot: &'a UnitRobot,
+    constraints: &'a MotionConstraints<'a>,
     pub(super) motion: Trajectory,
     /// Smallest clearance of the body while it brakes, section lengths.
     clearance: f64,
@@ -26,7 +28,7 @@ pub(super) struct Braking<'a> {
 impl<'a> Braking<'a> {
     /// Brakes from a state, within the robot's whole limits.
     pub(crate) fn new(
-        constraints: &MotionConstraints<'a>,
+        constraints: &'a MotionConstraints<'a>,
         start: &Configuration,
         motion: &StartMotion,
     ) -> Result<Self, Infeasible> {
@@ -49,7 +51,7 @@ impl<'a> Braking<'a> {
         }
         match constraints.certify(&motion) {
             Ok(clearance) => Ok(Self {
-                robot,
+                constraints,
                 motion,
                 clearance,
             }),
@@ -69,19 +71,33 @@ impl<'a> Braking<'a> {
         Trajectory::new(knots).expect("two motions one after the other are one")
     }
 
-    /// The candidate with braking before its motion.
+    /// The candidate with its motion joined to the one that the robot brakes from: while it brakes where that is certified and faster,
+    /// else after it.
     pub(crate) fn candidate(&self, candidate: &Candidate) -> Candidate {
-        let trajectory = self.before(&candidate.trajectory);
-        let clearance = self.clearance.min(candidate.metrics.clearance);
-        Candidate {
-            metrics: PathMetrics::of(self.robot, &trajectory, clearance),
-            trajectory: trajectory.into(),
-            source: candidate.source,
-            draw: candidate.draw,
-        }
+        let joined = self.beside(&candidate.trajectory);
+        let motion = joined.unwrap_or_else(|| self.after(candidate));
+        Candidate::of(candidate.draw, candidate.source, &motion)
     }
 
-    /// The plan with braking before every motion, and the figures of the whole motions.
+    /// The motion to the end of this one that begins while the robot brakes, if it is certified and faster than one after the other.
+    fn beside(&self, motion: &Trajectory) -> Option<Certified> {
+        let path = resample(&motion.sample(SAMPLES));
+        let joined = self
+            .constraints
+            .time_from(&self.motion.knots()[0], &path)
+            .ok()?;
+        let is_faster = joined.duration() < self.motion.duration() + motion.duration();
+        is_faster.then(|| self.constraints.certified(joined).ok())?
+    }
+
+    /// Braking to rest, and then the candidate's motion.
+    fn after(&self, candidate: &Candidate) -> Certified {
+        let clearance = self.clearance.min(candidate.metrics.clearance);
+        self.constraints
+            .describe(self.before(&candidate.trajectory), clearance)
+    }
+
+    /// The plan with every motion joined to the braking, and the figures of the whole motions.
     pub(crate) fn plan(&self, mut plan: Plan) -> Plan {
         let Plan {
             candidates, stages, ..

@@ -30,7 +30,7 @@ impl Interval<'_> {
 
     /// Factors of (x_i, x_{i+1}) that make the uses, at the start and at the end, block by block.
     #[inline(always)]
-    fn normals(&self) -> impl Iterator<Item = [[Lanes; 2]; 2]> + '_ {
+    pub(super) fn normals(&self) -> impl Iterator<Item = [[Lanes; 2]; 2]> + '_ {
         let half = self.half;
         self.from.iter().zip(self.to).map(move |(from, to)| {
             let before = lanes(|lane| from.slope[lane] * half);

@@ -8,6 +8,7 @@
 use crate::Knot;
 use crate::curve::spline::{PathPoint, Spline};
 use crate::parameterize::topp::SpeedProfile;
+use crate::scaling::stopping::Braking;
 use pcc_model::Configuration;
 
 /// TOPP-RA's motion in time, with the width of its average: a rest of one width before its start, path pieces of constant s̈, and a rest
@@ -15,6 +16,8 @@ use pcc_model::Configuration;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct TimedPath {
     width: f64,
+    /// A braking to the path's begin, which is added to the path.
+    braking: Option<Braking>,
     /// When each piece begins, and when the last one ends, s; the path begins at 0.
     time: Vec<f64>,
     piece: Vec<TimedPiece>,
@@ -94,7 +97,9 @@ impl TimedPath {
         self.path_acceleration_step.clear();
         self.time.push(0.0);
         self.piece.push(TimedPiece::resting(first));
-        let (mut time, mut speed, mut path_acceleration_before) = (0.0, square[0].sqrt(), 0.0);
+        self.braking = None;
+        let (mut time, mut speed) = (profile.begin(), square[0].sqrt());
+        let mut path_acceleration_before = 0.0;
         for (pair, squares) in grid.windows(2).zip(square.windows(2)) {
             let step = pair[1].parameter - pair[0].parameter;
             let next_speed = squares[1].sqrt();
@@ -118,6 +123,18 @@ impl TimedPath {
         self.piece.push(TimedPiece::resting(last));
         self.path_acceleration_step.push(-path_acceleration_before);
         time.is_finite()
+    }
+
+    /// Adds a braking, averaged over its own width, that comes to rest where the path begins.
+    pub(crate) fn add_braking(&mut self, braking: &Braking) {
+        self.braking = Some(*braking);
+    }
+
+    /// When the jerk of the averaged braking steps, s; nothing where there is none.
+    pub(crate) fn braking_times(&self) -> impl Iterator<Item = f64> + '_ {
+        let duration = self.braking.map(|braking| braking.duration);
+        let times = duration.map(|duration| [self.width, duration, duration + self.width]);
+        times.into_iter().flatten()
     }
 
     /// Sets the width of the average, s.
@@ -192,7 +209,9 @@ impl TimedPath {
 
     /// Position of the averaged motion at `time`, rad.
     pub(crate) fn mean_position(&self, time: f64) -> Configuration {
-        self.mean_position_over(self.span(time), time)
+        let mean = self.mean_position_over(self.span(time), time);
+        let braking = self.braking.as_ref();
+        braking.map_or(mean, |braking| mean + braking.before_rest(time).position)
     }
 
     /// Position of the averaged motion at `time` over the pieces `first` to `last`; differences to a near position are summed, which
@@ -223,12 +242,24 @@ impl TimedPath {
         let [early, late] = self.span(time);
         let (late_position, late_velocity) = self.state(late, time);
         let (early_position, early_velocity) = self.state(early, time - self.width);
-        Knot {
+        let path = Knot {
             time,
             position: self.mean_position_over([early, late], time),
             velocity: (late_position - early_position) / self.width,
             acceleration: (late_velocity - early_velocity) / self.width,
-        }
+        };
+        let braking = self.braking.as_ref();
+        braking.map_or(path, |braking| sum(&path, &braking.before_rest(time)))
+    }
+}
+
+/// The sum of two motions at the first one's time.
+fn sum(first: &Knot, second: &Knot) -> Knot {
+    Knot {
+        time: first.time,
+        position: first.position + second.position,
+        velocity: first.velocity + second.velocity,
+        acceleration: first.acceleration + second.acceleration,
     }
 }
 
@@ -248,7 +279,7 @@ mod tests {
             let (mut spline, mut profile) = (Spline::default(), SpeedProfile::default());
             let mut timed = TimedPath::default();
             assert!(spline.rebuild(&smooth_path(&mut random, 64), 0.1, 0.0));
-            let solved = profile.solve(&spline, &rows, &unit_limits(), 128);
+            let solved = profile.solve(&spline, &rows, &unit_limits(), 128, None);
             assert!(solved);
             assert!(timed.rebuild(&spline, &profile));
             timed.set_average(WIDTH);

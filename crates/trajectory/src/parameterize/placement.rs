@@ -11,7 +11,7 @@ use crate::limits::tendon_rows::TendonRows;
 use crate::parameterize::jerk::TimedPath;
 use crate::parameterize::topp::SpeedProfile;
 use crate::{Knot, QuinticSegment};
-use pcc_model::{Configuration, TendonLimits};
+use pcc_model::TendonLimits;
 
 /// A segment that needs this part more time to keep its limits is as bad as one that is
 /// [`POSITION_TOLERANCE`] off; better ones are left as they are.
@@ -32,8 +32,8 @@ pub(crate) struct Target<'a> {
     pub(crate) motion: &'a TimedPath,
     pub(crate) rows: &'a TendonRows,
     pub(crate) limits: &'a TendonLimits,
-    /// Where the motion begins and ends, exactly and at rest, rad.
-    pub(crate) ends: [Configuration; 2],
+    /// The states in which the motion begins and ends, exactly.
+    pub(crate) ends: [Knot; 2],
     pub(crate) knots: usize,
 }
 
@@ -161,6 +161,9 @@ impl Placement {
                 ]);
             }
         }
+        for time in target.motion.braking_times() {
+            self.steps.push(JerkStep { time, size: 1.0 });
+        }
         self.steps
             .sort_unstable_by(|a, b| a.time.total_cmp(&b.time));
     }
@@ -173,12 +176,12 @@ impl Placement {
         self.knots.clear();
         self.tendon_knots.clear();
         let [start, end] = target.ends;
-        self.push_knot(target, Knot::resting(0.0, start));
+        self.push_knot(target, start);
         for i in 1..count {
             let time = total * (i as f64 / count as f64);
             self.push_knot(target, target.motion.averaged(time));
         }
-        self.push_knot(target, Knot::resting(total, end));
+        self.push_knot(target, end);
         self.segments.clear();
         for i in 0..count {
             let ends = [i, i + 1];

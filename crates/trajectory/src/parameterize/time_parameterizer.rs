@@ -15,17 +15,17 @@ const REST_DURATION: f64 = 1e-3;
 /// Knots whose times must grow by more than this are compared with those of the widest average.
 const POOR_FIT: f64 = 1.03;
 /// A path shorter than this part of its largest position is within rounding of a straight line.
-const ROUNDING: f64 = 1e-11;
+pub(super) const ROUNDING: f64 = 1e-11;
 
 /// The memory of a time parameterization, kept between calls: after the first ones only the result is allocated.
 #[derive(Clone, Debug, Default)]
 pub struct TimeParameterizer {
-    rows: TendonRows,
-    spline: Spline,
-    profile: SpeedProfile,
-    timed: TimedPath,
-    search: WidthSearch,
-    placement: Placement,
+    pub(super) rows: TendonRows,
+    pub(super) spline: Spline,
+    pub(super) profile: SpeedProfile,
+    pub(super) timed: TimedPath,
+    pub(super) search: WidthSearch,
+    pub(super) placement: Placement,
     wider: Placement,
 }
 
@@ -94,7 +94,9 @@ impl TimeParameterizer {
         options: &ParameterizationOptions,
     ) -> Result<(), ParameterizationError> {
         let (spline, intervals) = (&self.spline, options.grid_intervals);
-        let is_solved = self.profile.solve(spline, &self.rows, limits, intervals);
+        let is_solved = self
+            .profile
+            .solve(spline, &self.rows, limits, intervals, None);
         if !is_solved || !self.timed.rebuild(spline, &self.profile) {
             return Err(ParameterizationError::NotTimeable(*limits));
         }
@@ -115,7 +117,6 @@ impl TimeParameterizer {
         let width = self
             .search
             .find(&self.profile, &self.timed, limits, [narrowest, widest]);
-        let ends = [waypoints[0], waypoints[waypoints.len() - 1]];
         let place = |placement: &mut Placement, timed: &mut TimedPath, width| {
             timed.set_average(width);
             let target = Target {
@@ -123,7 +124,10 @@ impl TimeParameterizer {
                 motion: timed,
                 rows: &self.rows,
                 limits,
-                ends,
+                ends: [
+                    Knot::resting(0.0, waypoints[0]),
+                    Knot::resting(duration + width, waypoints[waypoints.len() - 1]),
+                ],
                 knots: options.knots,
             };
             placement.place(&target)
@@ -139,7 +143,7 @@ impl TimeParameterizer {
     }
 }
 
-fn check(
+pub(super) fn check(
     waypoints: &[Configuration],
     limits: &TendonLimits,
     options: &ParameterizationOptions,

@@ -11,6 +11,7 @@ use crate::limits::tendon_rows::{
     LANES, TendonRows, combined, lanes, largest_lane, raise_to_magnitude,
 };
 use crate::parameterize::interval::{FULL_USE, Interval, Polygon, largest_second, use_of};
+use crate::parameterize::overlap::{Overlap, Step};
 use crate::parameterize::tendon_path::{
     Derivatives, GridPoint, PieceWeights, TendonPath, largest_slope,
 };
@@ -31,6 +32,8 @@ pub(crate) struct SpeedProfile {
     /// The largest x at each grid point from which the end can be reached; the least is 0.
     reachable: Vec<f64>,
     square_speed: Vec<f64>,
+    /// When the path begins, s: while a robot brakes that may be later than the braking.
+    begin: f64,
     polygon: Polygon,
 }
 
@@ -44,14 +47,15 @@ const PARTS_WHERE_NOT_OPTIMAL: u32 = 4;
 const REFINEMENTS: usize = 2;
 
 impl SpeedProfile {
-    /// Finds the fastest x from rest to rest along `spline` on about `intervals` grid intervals; false where numbers leave
-    /// f64's range.
+    /// Finds the fastest x from rest to rest along `spline` on about `intervals` grid intervals, beside a braking that uses
+    /// the limits too; false where numbers leave f64's range, or where the path leaves the braking no room.
     pub(crate) fn solve(
         &mut self,
         spline: &Spline,
         rows: &TendonRows,
         limits: &TendonLimits,
         intervals: usize,
+        braking: Option<&Overlap>,
     ) -> bool {
         self.path.rebuild(spline, rows, limits.acceleration);
         let largest_speed = limits.velocity / limits.acceleration;
@@ -61,7 +65,14 @@ impl SpeedProfile {
             if !self.backward() {
                 return false;
             }
-            self.forward();
+            match braking {
+                None => {
+                    self.begin = 0.0;
+                    self.forward(0, 0.0);
+                }
+                Some(braking) if self.forward_beside(braking, largest_speed) => {}
+                Some(_) => return false,
+            }
             if round == REFINEMENTS || !self.refine(largest_speed) {
                 break;
             }
@@ -71,6 +82,11 @@ impl SpeedProfile {
 
     pub(crate) fn grid(&self) -> &[GridPoint] {
         &self.grid
+    }
+
+    /// When the path begins, s after the braking does.
+    pub(crate) fn begin(&self) -> f64 {
+        self.begin
     }
 
     pub(crate) fn square_speeds(&self) -> &[f64] {
@@ -149,12 +165,11 @@ impl SpeedProfile {
         true
     }
 
-    /// From rest at the start, the largest x at each next point.
-    fn forward(&mut self) {
-        let mut x = 0.0;
-        self.square_speed.clear();
+    /// From x at the grid point `first`, the largest x at each next point.
+    fn forward(&mut self, first: usize, mut x: f64) {
+        self.square_speed.truncate(first);
         self.square_speed.push(x);
-        for i in 0..self.grid.len() - 1 {
+        for i in first..self.grid.len() - 1 {
             let most = self.reachable[i + 1];
             let interval = self.interval(i);
             // Rounding may bring it below 0, which is reachable from every x of the controllable set.
@@ -165,6 +180,42 @@ impl SpeedProfile {
             };
             self.square_speed.push(x);
         }
+    }
+
+    /// From rest at the start, the largest x at each next point that leave the braking what it uses of the limits; where it leaves
+    /// nothing to begin with, the path begins after it. False where the path bends too much for the speed that it has meanwhile.
+    fn forward_beside(&mut self, braking: &Overlap, largest_speed: f64) -> bool {
+        (self.begin, self.square_speed) = (0.0, vec![0.0]);
+        let (mut time, mut x) = (0.0, 0.0);
+        for i in 0..self.grid.len() - 1 {
+            if time >= braking.duration() {
+                self.forward(i, x);
+                return true;
+            }
+            let interval = self.interval(i);
+            let step = Step {
+                interval,
+                time,
+                length: self.grid[i + 1].parameter - self.grid[i].parameter,
+                x,
+                largest_speed,
+            };
+            let most = self.reachable[i + 1];
+            match braking.largest_second(&step, most) {
+                Some(next) if next > 0.0 => {
+                    time += step.duration(next);
+                    x = next;
+                }
+                Some(_) | None if i == 0 => {
+                    self.begin = braking.duration();
+                    self.forward(0, 0.0);
+                    return true;
+                }
+                _ => return false,
+            }
+            self.square_speed.push(x);
+        }
+        true
     }
 
     /// Divides intervals; false if all are fine enough, or as fine as numbers allow.
@@ -239,7 +290,7 @@ mod tests {
         let (mut spline, mut profile) = (Spline::default(), SpeedProfile::default());
         assert!(spline.rebuild(path, 0.1, 0.0));
         let rows = TendonRows::of(&unit_tendons());
-        let is_solved = profile.solve(&spline, &rows, &unit_limits(), intervals);
+        let is_solved = profile.solve(&spline, &rows, &unit_limits(), intervals, None);
         (spline, profile, is_solved)
     }
 

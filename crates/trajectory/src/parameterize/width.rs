@@ -6,6 +6,7 @@
 
 use crate::limits::tendon_rows::{LANES, Lanes, combined, lanes, largest_lane};
 use crate::parameterize::jerk::TimedPath;
+use crate::parameterize::overlap::Overlap;
 use crate::parameterize::topp::SpeedProfile;
 use pcc_model::TendonLimits;
 
@@ -53,6 +54,57 @@ impl WidthSearch {
             };
         }
         best[1]
+    }
+
+    /// The width, s, that the jerk limit needs where a braking is added to the motion, seen with an average of `width`.
+    pub(crate) fn needed_beside(
+        &mut self,
+        profile: &SpeedProfile,
+        motion: &TimedPath,
+        braking: &Overlap,
+        limits: &TendonLimits,
+        width: f64,
+    ) -> f64 {
+        self.collect(profile, motion);
+        let times = self.add(braking, motion.times());
+        limits.acceleration / limits.jerk * self.largest_difference(&times, width)
+    }
+
+    /// Adds a braking to the collected accelerations of a motion whose pieces begin and end at `times`; the times of the sum's.
+    fn add(&mut self, braking: &Overlap, times: &[f64]) -> Vec<f64> {
+        let blocks = self.blocks;
+        let path = std::mem::take(&mut self.force);
+        let path = |piece: usize, block: usize| path[piece * blocks + block];
+        let mut all = vec![0.0];
+        self.force
+            .extend((0..blocks).map(|block| [braking.force_before(block); 2]));
+        let mut from = 0.0;
+        // Piece 0 is the rest before the path, which lasts from the braking's begin to the path's.
+        for (piece, &to) in times.iter().enumerate() {
+            let begin = if piece == 0 { 0.0 } else { times[piece - 1] };
+            while from < to {
+                let until = if from < braking.duration() {
+                    to.min(braking.duration())
+                } else {
+                    to
+                };
+                let parts = [from, until].map(|time| (time - begin) / (to - begin));
+                for block in 0..blocks {
+                    let [first, last] = path(piece, block);
+                    let force = braking.force(block);
+                    self.force.push(parts.map(|part| {
+                        let here = combined(&first, 1.0 - part, &last, part);
+                        let more = if from < braking.duration() { 1.0 } else { 0.0 };
+                        combined(&here, 1.0, &force, more)
+                    }));
+                }
+                all.push(until);
+                from = until;
+            }
+        }
+        self.force
+            .extend(std::iter::repeat_n([[0.0; LANES]; 2], blocks));
+        all
     }
 
     fn collect(&mut self, profile: &SpeedProfile, motion: &TimedPath) {
@@ -103,17 +155,20 @@ impl WidthSearch {
         &self.force[piece * self.blocks..(piece + 1) * self.blocks]
     }
 
-    /// The place at `time`, s, in the motion's piece `piece`; at rest before the first and after the last piece.
+    /// The place at `time` in the motion's piece `piece`; as before the motion before its first piece, and at rest after the last one.
     fn at(&self, times: &[f64], piece: usize, time: f64) -> Mixture<'_> {
         let (from, to) = (times[piece], times[piece + 1]);
         let part = (time - from) / (to - from);
+        let (piece, parts) = if time < from {
+            (0, [1.0, 0.0])
+        } else if time > to {
+            (piece + 1, [0.0; 2])
+        } else {
+            (piece + 1, [1.0 - part, part])
+        };
         Mixture {
-            ends: self.piece(piece + 1),
-            parts: if time < from || time > to {
-                [0.0; 2]
-            } else {
-                [1.0 - part, part]
-            },
+            ends: self.piece(piece),
+            parts,
         }
     }
 }

@@ -77,16 +77,16 @@ pub fn stopping_motion(
 }
 
 /// The motion that is averaged: positions are relative to the one at time 0.
-#[derive(Clone, Copy)]
-struct Braking {
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Braking {
     /// Width of the average, s.
     width: f64,
     /// Velocity at time 0, rad/s.
-    velocity: Configuration,
+    pub(crate) velocity: Configuration,
     /// Acceleration before time 0, rad/s².
-    before: Configuration,
+    pub(crate) before: Configuration,
     /// Duration of the deceleration, s.
-    duration: f64,
+    pub(crate) duration: f64,
 }
 
 impl Braking {
@@ -107,7 +107,13 @@ impl Braking {
         best
     }
 
-    fn with_width(width: f64, state: &Knot, rows: &TendonRows, limits: &TendonLimits) -> Self {
+    /// The braking whose average over `width` seconds begins in a state, as strong as the acceleration limit allows.
+    pub(crate) fn with_width(
+        width: f64,
+        state: &Knot,
+        rows: &TendonRows,
+        limits: &TendonLimits,
+    ) -> Self {
         let velocity = state.velocity + state.acceleration * (0.5 * width);
         let shortest = rows.largest(&velocity) / limits.acceleration;
         let gap = SHORTEST_PART * width;
@@ -148,6 +154,16 @@ impl Braking {
         }
         knots.push(Knot::resting(end, origin + self.position(duration)));
         knots
+    }
+
+    /// The average's displacement from where it comes to rest, with its derivatives.
+    pub(crate) fn before_rest(&self, time: f64) -> Knot {
+        self.averaged(-self.position(self.duration), time)
+    }
+
+    /// Where the average comes to rest that begins at `start`.
+    pub(crate) fn rest_of(&self, start: &Configuration) -> Configuration {
+        start - self.area(0.0, -self.width) / self.width + self.position(self.duration)
     }
 
     fn averaged(&self, origin: Configuration, time: f64) -> Knot {

@@ -1,0 +1,212 @@
+//! The fastest motion to rest that begins in a moving state: the path begins while the robot still brakes.
+//!
+//! The sum ζ(t) = b(t) + n(t) − ζ_b of a braking b straight ahead, which comes to rest in ζ_b, and of a motion n along a path from ζ_b
+//! keeps every limit that the time parameterization of n leaves to b. Both are averaged over the same width, so the sum
+//! begins with exactly the state that b begins with.
+
+use crate::parameterize::options::{ParameterizationError, ParameterizationOptions};
+use crate::parameterize::overlap::Overlap;
+use crate::parameterize::placement::Target;
+use crate::parameterize::time_parameterizer::{ROUNDING, TimeParameterizer, check};
+use crate::scaling::stopping::Braking;
+use crate::{Knot, LimitUse, Trajectory};
+use pcc_model::{Configuration, TendonLimits, TendonMap};
+
+/// Rounds in which the motion is made slower by what its knots exceed of the limits.
+const ROUNDS: usize = 4;
+/// Rounds in which the width of the average is fitted.
+const WIDTHS: usize = 2;
+/// An average may be narrower than the jerk needs by this part of itself.
+const WIDTH_TOLERANCE: f64 = 1e-3;
+/// A limit may be exceeded by this part of itself, which is rounding.
+const TOLERANCE: f64 = 5e-10;
+/// Width of the average that is tried first, ÷ (acceleration limit ÷ jerk limit).
+const USUAL_WIDTH: f64 = 1.4;
+/// Time added to what the excess of a round asks for, ÷ that time.
+const SLOWER: f64 = 1e-4;
+
+/// A motion that is to begin in a state and to end with a path.
+#[derive(Clone, Copy, Debug)]
+pub struct MovingStart<'a> {
+    /// The state; its time is not read.
+    pub state: Knot,
+    /// Where the robot would rest about soonest, and the path from there on, rad.
+    pub path: &'a [Configuration],
+    /// Shares of the acceleration limit that the braking may use, each above 0 to 1: the path gets the rest. The share with the
+    /// shortest motion is taken.
+    pub braking_shares: &'a [f64],
+}
+
+/// How hard the robot brakes, and the width of the average.
+#[derive(Clone, Copy)]
+struct Lead {
+    share: f64,
+    width: f64,
+}
+
+impl TimeParameterizer {
+    /// A fast motion from a moving state to rest at a path's end, beside the path at its begin.
+    ///
+    /// It begins with exactly the state's position, velocity and acceleration; every tendon keeps its limits × (1 + 5e-10).
+    ///
+    /// # Errors
+    /// See [`ParameterizationError`]; [`ParameterizationError::NotTimeable`] also where the path leaves the braking no room.
+    pub fn parameterize_from(
+        &mut self,
+        start: &MovingStart<'_>,
+        tendons: &TendonMap,
+        limits: &TendonLimits,
+        options: &ParameterizationOptions,
+    ) -> Result<Trajectory, ParameterizationError> {
+        check(start.path, limits, options)?;
+        self.rows.rebuild(tendons);
+        let mut slower = *limits;
+        let mut lead = self.fastest_lead(start, limits, options)?;
+        for _ in 0..ROUNDS {
+            let knots = self.knots_in_motion(start, &lead, &slower, options)?;
+            let motion =
+                Trajectory::new(knots).map_err(|_| ParameterizationError::NotTimeable(*limits))?;
+            let most = LimitUse::default().raised_by_motion(&motion, &self.rows, limits);
+            if most.largest() <= 1.0 + TOLERANCE {
+                return Ok(motion);
+            }
+            let scale = most.time_scale() * (1.0 + SLOWER);
+            slower = slowed(&slower, scale);
+            lead.width *= scale;
+        }
+        Err(ParameterizationError::NotTimeable(*limits))
+    }
+
+    fn knots_in_motion(
+        &mut self,
+        start: &MovingStart<'_>,
+        lead: &Lead,
+        limits: &TendonLimits,
+        options: &ParameterizationOptions,
+    ) -> Result<Vec<Knot>, ParameterizationError> {
+        self.needed_width(start, lead, limits, options)?;
+        let width = lead.width;
+        self.timed.set_average(width);
+        let total = self.timed.duration() + width;
+        let state = Knot {
+            time: 0.0,
+            ..start.state
+        };
+        let end = start.path[start.path.len() - 1];
+        self.placement.place(&Target {
+            profile: &self.profile,
+            motion: &self.timed,
+            rows: &self.rows,
+            limits,
+            ends: [state, Knot::resting(total, end)],
+            knots: options.knots,
+        });
+        Ok(self.placement.knots())
+    }
+
+    /// The share of braking with the shortest motion, and an average as narrow as the jerk limit allows for it.
+    fn fastest_lead(
+        &mut self,
+        start: &MovingStart<'_>,
+        limits: &TendonLimits,
+        options: &ParameterizationOptions,
+    ) -> Result<Lead, ParameterizationError> {
+        let guess = USUAL_WIDTH * limits.acceleration / limits.jerk;
+        let mut fastest = Err(ParameterizationError::NotTimeable(*limits));
+        let mut least_s = f64::INFINITY;
+        for &share in start.braking_shares {
+            let lead = Lead {
+                share,
+                width: guess,
+            };
+            let Ok(needed) = self.needed_width(start, &lead, limits, options) else {
+                continue;
+            };
+            let duration_s = self.timed.duration() + needed;
+            if duration_s < least_s {
+                least_s = duration_s;
+                fastest = Ok((lead, needed));
+            }
+        }
+        let (lead, needed) = fastest?;
+        self.fit_width(start, lead, needed, limits, options)
+    }
+
+    /// An average as narrow as the jerk limit allows, from one that needs to be `needed` seconds wide.
+    fn fit_width(
+        &mut self,
+        start: &MovingStart<'_>,
+        mut lead: Lead,
+        mut needed: f64,
+        limits: &TendonLimits,
+        options: &ParameterizationOptions,
+    ) -> Result<Lead, ParameterizationError> {
+        let widest = 2.0 * limits.acceleration / limits.jerk;
+        for _ in 0..WIDTHS {
+            let is_wide_enough = needed <= lead.width * (1.0 + WIDTH_TOLERANCE);
+            if is_wide_enough && needed >= lead.width * (1.0 - WIDTH_TOLERANCE) {
+                return Ok(lead);
+            }
+            lead.width = if is_wide_enough || needed < widest {
+                needed.min(widest)
+            } else {
+                widest
+            };
+            needed = self.needed_width(start, &lead, limits, options)?;
+        }
+        if needed > lead.width * (1.0 + WIDTH_TOLERANCE) {
+            lead.width = widest;
+        }
+        Ok(lead)
+    }
+
+    /// Times the path; the width of the average that the jerk limit needs, s.
+    fn needed_width(
+        &mut self,
+        start: &MovingStart<'_>,
+        lead: &Lead,
+        limits: &TendonLimits,
+        options: &ParameterizationOptions,
+    ) -> Result<f64, ParameterizationError> {
+        let not_timeable = ParameterizationError::NotTimeable(*limits);
+        let gentler = TendonLimits {
+            acceleration: limits.acceleration * lead.share,
+            ..*limits
+        };
+        let braking = Braking::with_width(lead.width, &start.state, &self.rows, &gentler);
+        let path = moved(start.path, &braking.rest_of(&start.state.position));
+        if !self.spline.rebuild(&path, options.spacing, ROUNDING) {
+            return Err(not_timeable);
+        }
+        let overlap = Overlap::of(braking, &self.rows, limits.acceleration);
+        let intervals = options.grid_intervals;
+        let is_solved =
+            self.profile
+                .solve(&self.spline, &self.rows, limits, intervals, Some(&overlap));
+        if !is_solved || !self.timed.rebuild(&self.spline, &self.profile) {
+            return Err(not_timeable);
+        }
+        self.timed.add_braking(&braking);
+        let (profile, timed) = (&self.profile, &self.timed);
+        Ok(self
+            .search
+            .needed_beside(profile, timed, &overlap, limits, lead.width))
+    }
+}
+
+/// The path moved to another start, its end where it was.
+fn moved(path: &[Configuration], start: &Configuration) -> Vec<Configuration> {
+    let off = start - path[0];
+    let last = (path.len() - 1).max(1) as f64;
+    let point = |(i, point): (usize, &Configuration)| point + off * (1.0 - i as f64 / last);
+    path.iter().enumerate().map(point).collect()
+}
+
+/// Limits under which a motion takes `scale` times as long.
+fn slowed(limits: &TendonLimits, scale: f64) -> TendonLimits {
+    TendonLimits {
+        velocity: limits.velocity / scale,
+        acceleration: limits.acceleration / (scale * scale),
+        jerk: limits.jerk / (scale * scale * scale),
+    }
+}
