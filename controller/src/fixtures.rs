@@ -5,11 +5,16 @@ use std::path::Path;
 use pcc_model::{Configuration, Robot};
 use shared_types::codes::MotorState;
 use shared_types::message::Setpoint;
-use trajectory::{Knot, ParameterizationOptions, TimeParameterizer, Trajectory, limit_use};
+use trajectory::{
+    Knot, MovingStart, ParameterizationOptions, TimeParameterizer, Trajectory, evaluate, limit_use,
+    stopping_motion,
+};
 
 use crate::{
     TENDONS, TendonVector,
-    executive::{CycleInput, CycleOutput, Executive, ExecutiveSettings, Motion, RobotSample},
+    executive::{
+        CycleInput, CycleOutput, Departure, Executive, ExecutiveSettings, Motion, RobotSample,
+    },
     robot::{RememberedPose, RobotConfig, SimulatedRobot},
 };
 
@@ -86,6 +91,39 @@ pub(crate) fn timed_motion(id: u32, begin_ns: i64, path: &[Configuration]) -> Mo
     motion.begin_ns = begin_ns;
     motion.path_tolerance_rad = 0.02;
     motion.knots.extend(timed.knots());
+    motion
+}
+
+/// A motion to rest in `to` that leaves another one at a path time of that, s.
+pub(crate) fn joined_motion(id: u32, left: &Motion, switch_s: f64, to: Configuration) -> Motion {
+    let robot = unit_robot();
+    let (tendons, limits) = (&robot.tendons, &robot.tendon_limits);
+    let at = evaluate(&left.knots, &mut 0, switch_s);
+    let state = Knot {
+        time: 0.0,
+        position: at.position,
+        velocity: at.velocity,
+        acceleration: at.acceleration,
+    };
+    let stop = stopping_motion(&state, tendons, limits).unwrap();
+    let start = MovingStart {
+        state,
+        path: &[stop.end(), to],
+        braking_shares: &[0.9, 0.5],
+    };
+    let options = ParameterizationOptions::default();
+    let mut parameterizer = TimeParameterizer::default();
+    let joined = parameterizer
+        .parameterize_from(&start, tendons, limits, &options)
+        .unwrap();
+    let mut motion = Motion::empty();
+    motion.id = id;
+    motion.path_tolerance_rad = 0.02;
+    motion.leaves = Some(Departure {
+        trajectory_id: left.id,
+        path_time_s: switch_s,
+    });
+    motion.knots.extend(joined.knots());
     motion
 }
 

@@ -26,12 +26,14 @@ pub struct AcceptanceContext {
     pub state: LoopState,
     /// Commanded configuration of the loop, rad.
     pub commanded_rad: Configuration,
+    /// The trajectory that the loop follows, 0 for none.
+    pub trajectory_id: u32,
+    /// Path time of the loop on that trajectory, s.
+    pub path_time_s: f64,
     /// Now, ns of CLOCK_MONOTONIC.
     pub now_ns: i64,
     /// Orders and daemon as the guard knows them.
     pub guard: GuardState,
-    /// Id and begin of the last trajectory taken, which the service's history delivers again.
-    pub last_taken: Option<(u32, i64)>,
 }
 
 /// What the guard knows of orders and of the daemon, for which trajectories are refused.
@@ -64,24 +66,36 @@ impl BeginWindow {
     }
 }
 
-/// Checks a trajectory completely; not for the loop (it allocates and solves polynomials).
+/// Checks a trajectory completely; not for the loop (it allocates and solves polynomials). `last` is the trajectory that was taken
+/// last: one that leaves it gets its knots ahead of the loop before its own.
 ///
 /// # Errors
 /// The first rule of [`TrajectoryRefusal`] that it breaks.
 pub fn check(
-    motion: &Motion,
+    motion: &mut Motion,
+    last: &Motion,
     context: &AcceptanceContext,
     robot: &Robot,
     window: &BeginWindow,
 ) -> Result<(), TrajectoryRefusal> {
-    if context.last_taken == Some((motion.id, motion.begin_ns)) {
+    if (last.id, last.begin_ns) == (motion.id, motion.begin_ns) {
         return Err(TrajectoryRefusal::OldId(motion.id));
     }
     let path = Trajectory::new(motion.knots.clone())?;
     check_still_valid(motion, context.now_ns, &context.guard, window)?;
     check_ends(motion)?;
     check_limits(&path, robot)?;
-    check_start(motion, context.state, &context.commanded_rad)
+    match (motion.leaves, context.state) {
+        (None, state) => check_start(motion, state, &context.commanded_rad),
+        // The last one is still to be begun: where the loop is on it is not known yet.
+        (Some(departure), LoopState::Executing)
+            if departure.trajectory_id == last.id && context.trajectory_id != last.id =>
+        {
+            Err(TrajectoryRefusal::Waiting)
+        }
+        (Some(_), LoopState::Executing) => motion.lead_in_from(last, context.path_time_s),
+        (Some(_), state) => Err(TrajectoryRefusal::State(state)),
+    }
 }
 
 /// Checks that no order since a trajectory was requested, no other daemon, and no time that has passed forbids it. The loop checks
@@ -108,7 +122,11 @@ pub fn check_still_valid(
         let before_ms = milliseconds(guard.wanted_from_ns - motion.requested_ns);
         return Err(TrajectoryRefusal::RequestedBefore { before_ms });
     }
-    check_begin(motion.begin_ns - now_ns, window)
+    match motion.leaves {
+        None => check_begin(motion.begin_ns - now_ns, window),
+        // It begins by path time.
+        Some(_) => Ok(()),
+    }
 }
 
 /// Checks that the loop holds the robot where a trajectory starts; the loop checks again when it takes the trajectory.
@@ -158,7 +176,7 @@ fn check_ends(motion: &Motion) -> Result<(), TrajectoryRefusal> {
     let rests = |knot: Option<&Knot>| {
         knot.is_some_and(|knot| knot.velocity.amax() <= REST && knot.acceleration.amax() <= REST)
     };
-    if !rests(motion.knots.first()) {
+    if motion.leaves.is_none() && !rests(motion.knots.first()) {
         return Err(TrajectoryRefusal::InMotion("begin"));
     }
     if !rests(motion.knots.last()) {
@@ -219,8 +237,22 @@ mod tests {
                 wanted_from_ns: NOW_NS - 100 * MS,
                 daemon_instance: Some(DAEMON),
             },
-            last_taken: Some((6, NOW_NS)),
+            trajectory_id: 0,
+            path_time_s: 0.0,
         }
+    }
+
+    fn last() -> Motion {
+        let mut last = Motion::empty();
+        (last.id, last.begin_ns) = (6, NOW_NS);
+        last
+    }
+
+    fn check_motion(
+        mut motion: Motion,
+        context: &AcceptanceContext,
+    ) -> Result<(), TrajectoryRefusal> {
+        check(&mut motion, &last(), context, &unit_robot(), &WINDOW)
     }
 
     fn motion() -> Motion {
@@ -234,7 +266,7 @@ mod tests {
         for offset_ms in [-20, 0, 60_000] {
             let mut motion = motion();
             motion.begin_ns += offset_ms * MS;
-            check(&motion, &context(), &unit_robot(), &WINDOW).unwrap();
+            check_motion(motion, &context()).unwrap();
         }
     }
 
@@ -300,7 +332,7 @@ mod tests {
         for (code, text, spoil) in cases {
             let mut motion = motion();
             spoil(&mut motion);
-            let reason = check(&motion, &context(), &unit_robot(), &WINDOW).unwrap_err();
+            let reason = check_motion(motion, &context()).unwrap_err();
             assert!(reason.to_string().contains(text), "{reason} for {text}");
             assert_eq!(reason.code(), code, "{reason}");
         }
@@ -316,7 +348,7 @@ mod tests {
         ];
         for (state, code) in cases {
             let context = AcceptanceContext { state, ..context() };
-            let reason = check(&motion(), &context, &unit_robot(), &WINDOW).unwrap_err();
+            let reason = check_motion(motion(), &context).unwrap_err();
             assert_eq!(reason.code(), code);
         }
     }

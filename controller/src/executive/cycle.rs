@@ -57,6 +57,8 @@ pub struct CycleOutput {
     pub refused_robot_states: u32,
     /// The trajectory being followed, 0 for none.
     pub trajectory_id: u32,
+    /// The trajectory that is joined at its switch, 0 for none.
+    pub pending_trajectory_id: u32,
     /// Commanded configuration and its derivatives.
     pub commanded: Commanded,
     /// Set-point of the tendon length changes, m.
@@ -81,6 +83,8 @@ pub struct CycleOutput {
     pub rate: f64,
     /// The ordered rate, 0 to 1.
     pub speed: f64,
+    /// Whether a pause holds the robot on its path.
+    pub paused: bool,
     /// Whether this cycle came late.
     pub late: bool,
 }

@@ -17,6 +17,7 @@
 
 mod acceptance;
 mod cycle;
+mod joining;
 mod motion;
 mod pace;
 mod refusal;
@@ -30,12 +31,13 @@ pub use acceptance::{
     AcceptanceContext, BeginWindow, GuardState, check, check_start, check_still_valid,
 };
 pub use cycle::{CycleInput, CycleOutput, RobotSample};
-pub use motion::Motion;
+pub use motion::{Departure, Motion};
 pub use pace::{Commanded, Pace, PaceLimits};
 pub use refusal::{START_TOLERANCE_RAD, TrajectoryRefusal};
 pub use settings::{CONSISTENCY_M, ExecutiveSettings};
 pub use tracking::Tracking;
 
+use arrayvec::ArrayVec;
 use pcc_model::{Configuration, Robot, TendonMap};
 use shared_types::clock::seconds;
 use shared_types::codes::{CommandRefusal, LoopFault, LoopState, Waiting};
@@ -69,11 +71,15 @@ pub struct Executive {
     tendons: Tendons,
     /// The trajectory that waits for its begin while holding, and is followed while executing and stopping.
     motion: Option<Motion>,
-    /// A trajectory that is over, to be given back outside the cycle.
-    finished: Option<Motion>,
+    /// The trajectory that the followed one leaves, until it has done so.
+    left: Option<Motion>,
+    /// Trajectories that are over, to be given back outside the cycle.
+    finished: ArrayVec<Motion, 3>,
     pace: Pace,
     splice: Splice,
     speed: f64,
+    /// Whether the motion waits on its path until it is resumed.
+    paused: bool,
     path_tolerance_rad: f64,
     tracking: Tracking,
     /// Whether set-points are sent to a robot that takes them.
@@ -114,13 +120,15 @@ impl Executive {
                 acceleration_m_s2: zero,
             },
             motion: None,
-            finished: None,
+            left: None,
+            finished: ArrayVec::new(),
             pace: Pace::beginning(1.0),
             splice: Splice {
                 configuration_rad: Configuration::zeros(),
                 tendon_m: zero,
             },
             speed: 1.0,
+            paused: false,
             path_tolerance_rad: settings.hold_tolerance_rad,
             tracking: Tracking::new(settings.tracking_filter_s),
             attached: false,
@@ -144,7 +152,7 @@ impl Executive {
         self.state
     }
 
-    /// Takes a trajectory to follow from its begin on.
+    /// Takes a trajectory to follow from its begin on, or from where it leaves the one that is followed.
     ///
     /// # Errors
     /// The trajectory back, and why it cannot start from here.
@@ -153,6 +161,9 @@ impl Executive {
         reason = "the trajectory goes back by value: boxing it would allocate in the loop"
     )]
     pub fn execute(&mut self, motion: Motion) -> Result<(), (TrajectoryRefusal, Motion)> {
+        if motion.leaves.is_some() {
+            return self.join(motion);
+        }
         if self.motion.is_some() && self.state == LoopState::Holding {
             return Err((TrajectoryRefusal::Waiting, motion));
         }
@@ -182,9 +193,9 @@ impl Executive {
         Some((reason, self.motion.take()?))
     }
 
-    /// Gives the trajectory back that is over, if there is one.
+    /// Gives a trajectory back that is over, if there is one.
     pub fn take_finished(&mut self) -> Option<Motion> {
-        self.finished.take()
+        self.finished.pop()
     }
 
     /// Brakes along the trajectory and holds; forgets one that waits for its begin.
@@ -193,7 +204,10 @@ impl Executive {
     /// [`CommandRefusal::NothingToDo`] where nothing moves or is about to.
     pub fn stop(&mut self) -> Result<(), CommandRefusal> {
         match self.state {
-            LoopState::Executing => self.state = LoopState::Stopping,
+            LoopState::Executing => {
+                self.give_up_join();
+                self.state = LoopState::Stopping;
+            }
             LoopState::Stopping => {}
             LoopState::Holding if self.motion.is_some() => self.put_motion_aside(),
             _ => return Err(CommandRefusal::NothingToDo),
@@ -239,6 +253,30 @@ impl Executive {
             return Err(CommandRefusal::InvalidSpeed);
         }
         self.speed = speed;
+        Ok(())
+    }
+
+    /// Brakes along the trajectory and stays on it, until [`Executive::resume`].
+    ///
+    /// # Errors
+    /// [`CommandRefusal::NothingToDo`] where nothing is executed, or it waits already.
+    pub fn pause(&mut self) -> Result<(), CommandRefusal> {
+        self.set_paused(true)
+    }
+
+    /// Goes on after a pause.
+    ///
+    /// # Errors
+    /// [`CommandRefusal::NothingToDo`] where nothing waits.
+    pub fn resume(&mut self) -> Result<(), CommandRefusal> {
+        self.set_paused(false)
+    }
+
+    fn set_paused(&mut self, paused: bool) -> Result<(), CommandRefusal> {
+        if self.state != LoopState::Executing || self.paused == paused {
+            return Err(CommandRefusal::NothingToDo);
+        }
+        self.paused = paused;
         Ok(())
     }
 
@@ -303,16 +341,19 @@ impl Executive {
         self.robot_silence_ns > self.settings.robot_lost_ns
     }
 
-    /// Ends the trajectory; the loop gives it back in the same cycle, so that there is never more than one.
+    /// Ends the trajectory, and one that it was about to leave; the loop gives them back in the same cycle.
     fn put_motion_aside(&mut self) {
-        if let Some(motion) = self.motion.take() {
-            self.finished = Some(motion);
-        }
+        self.give_up_join();
+        self.finished.extend(self.motion.take());
     }
 
     fn follow(&mut self, step_s: f64) {
         let stopping = self.state == LoopState::Stopping;
-        let target = if stopping { 0.0 } else { self.speed };
+        let target = if stopping || self.paused {
+            0.0
+        } else {
+            self.speed
+        };
         let Some(motion) = &self.motion else {
             return self.rest();
         };
@@ -328,6 +369,7 @@ impl Executive {
         self.commanded = commanded;
         let ended = self.pace.time_s >= motion.duration_s();
         self.pace.time_s = self.pace.time_s.min(motion.duration_s());
+        self.finish_join();
         if ended || (stopping && self.pace.rate == 0.0) {
             self.rest();
         }
@@ -336,6 +378,7 @@ impl Executive {
     /// Ends the motion and holds where the robot is commanded to be, or stays in fault.
     fn rest(&mut self) {
         self.put_motion_aside();
+        self.paused = false;
         self.commanded = Commanded::resting(self.commanded.position);
         self.tendons.velocity_m_s = [0.0; TENDONS];
         self.tendons.acceleration_m_s2 = [0.0; TENDONS];
@@ -366,6 +409,7 @@ impl Executive {
 
     fn output(&self, now_ns: i64, late: bool) -> CycleOutput {
         let robot = self.robot.as_ref();
+        let followed = self.followed_motion();
         CycleOutput {
             stamp_ns: now_ns,
             send: self.attached,
@@ -374,11 +418,8 @@ impl Executive {
             waiting: self.waiting(),
             accepted_residual_m: robot.map_or(0.0, |robot| self.accepted_residual_m(robot)),
             refused_robot_states: self.refused_robot_states,
-            trajectory_id: self
-                .motion
-                .as_ref()
-                .filter(|_| self.is_moving())
-                .map_or(0, |motion| motion.id),
+            trajectory_id: followed.trajectory_id,
+            pending_trajectory_id: followed.pending_trajectory_id,
             commanded: self.commanded,
             tendon_m: self.tendons.position_m,
             tendon_velocity_m_s: self.tendons.velocity_m_s,
@@ -394,9 +435,10 @@ impl Executive {
                 .map(|x| x * x)
                 .sum::<f64>()
                 .sqrt(),
-            path_time_s: self.pace.time_s,
+            path_time_s: followed.path_time_s,
             rate: self.pace.rate,
             speed: self.speed,
+            paused: self.paused,
             late,
         }
     }

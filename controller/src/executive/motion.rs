@@ -16,8 +16,20 @@ pub struct Motion {
     pub begin_ns: i64,
     /// Tracking error that the trajectory's certificate covers, rad.
     pub path_tolerance_rad: f64,
-    /// The knots of the motion, at most [`MAX_KNOTS`].
+    /// The motion that it leaves, and where; `None` where it begins at rest.
+    pub leaves: Option<Departure>,
+    /// The knots of the motion. Where it leaves another one, those of that motion come first that are ahead of the loop, at times
+    /// below 0.
     pub knots: Vec<Knot>,
+}
+
+/// The place at which one motion goes over into another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Departure {
+    /// Id of the motion that is left.
+    pub trajectory_id: u32,
+    /// Its path time there, s; the path time of the other one is 0.
+    pub path_time_s: f64,
 }
 
 impl Motion {
@@ -30,7 +42,8 @@ impl Motion {
             requested_ns: 0,
             begin_ns: 0,
             path_tolerance_rad: 0.0,
-            knots: Vec::with_capacity(MAX_KNOTS),
+            leaves: None,
+            knots: Vec::with_capacity(2 * MAX_KNOTS),
         }
     }
 

@@ -111,6 +111,11 @@ impl Pace {
         }
     }
 
+    /// Goes on at another path time, of another trajectory, at the same rate.
+    pub fn change_over(&mut self, time_s: f64) {
+        (self.time_s, self.hint) = (time_s, 0);
+    }
+
     /// Moves on by `elapsed_s`, the rate changing towards `target` as fast as the limits allow.
     pub fn advance(
         &mut self,

@@ -15,12 +15,39 @@ pub(super) const BENDING_TOLERANCE_RAD: f64 = 5e-3;
 /// Why a trajectory is not executed.
 #[derive(Debug, thiserror::Error, PartialEq)]
 pub enum TrajectoryRefusal {
-    /// The loop is not holding.
-    #[error("the controller is {0}, a trajectory is taken only while it is holding")]
+    /// The loop is not holding, or for a motion that leaves another one not executing.
+    #[error(
+        "the controller is {0}; a trajectory that begins at rest is taken only while it is holding, one that leaves another only while \
+         it is executing"
+    )]
     State(LoopState),
     /// Another trajectory is waiting for its begin.
     #[error("another trajectory is waiting for its begin")]
     Waiting,
+    /// It leaves a trajectory that is not the one that is executed.
+    #[error("it leaves another trajectory than the one that is executed")]
+    LeavesAnother,
+    /// The place where it leaves the other trajectory is passed.
+    #[error(
+        "the place where it leaves the trajectory that is executed was passed {late_s:.4} s ago"
+    )]
+    SwitchMissed {
+        /// How much path time ago.
+        late_s: f64,
+    },
+    /// The place where it leaves the other trajectory is too near to a knot of that, or not on it.
+    #[error(
+        "the place where it leaves the trajectory that is executed is at one of its knots or not on it"
+    )]
+    SwitchAtKnot,
+    /// It does not begin in the state in which the other trajectory is where it leaves it.
+    #[error(
+        "it is {error:.1e} away from the trajectory that it leaves, in rad, rad/s or rad/s²; 1e-9 are allowed"
+    )]
+    Discontinuous {
+        /// The largest difference of position, velocity or acceleration.
+        error: f64,
+    },
     /// The daemon gives no sign of life.
     #[error("the daemon that sent it gives no sign of life")]
     DaemonSilent,
@@ -121,6 +148,10 @@ impl TrajectoryRefusal {
             Self::OldId(_) => Refusal::OldId,
             Self::Past { .. } => Refusal::BeginsInThePast,
             Self::Ahead { .. } => Refusal::BeginsTooLate,
+            Self::LeavesAnother => Refusal::LeavesAnother,
+            Self::SwitchMissed { .. } => Refusal::SwitchMissed,
+            Self::SwitchAtKnot => Refusal::SwitchAtKnot,
+            Self::Discontinuous { .. } => Refusal::Discontinuous,
             Self::Start { .. } | Self::InMotion("begin") => Refusal::StartsElsewhere,
             Self::InMotion(_) => Refusal::EndsInMotion,
             Self::Invalid(_) | Self::NoMotion(_) | Self::FromTheFuture { .. } => Refusal::Malformed,

@@ -48,7 +48,10 @@ impl Executive {
             self.fault = fault;
         }
         self.state = match self.state {
-            LoopState::Executing | LoopState::Stopping => LoopState::Stopping,
+            LoopState::Executing | LoopState::Stopping => {
+                self.give_up_join();
+                LoopState::Stopping
+            }
             LoopState::Starting | LoopState::Holding | LoopState::Fault => {
                 self.put_motion_aside();
                 LoopState::Fault
@@ -205,6 +208,7 @@ impl Executive {
     pub(super) fn detach(&mut self, fault: Option<LoopFault>) {
         self.attached = false;
         self.followed = false;
+        self.paused = false;
         self.put_motion_aside();
         if let Some(fault) = fault
             && self.fault == LoopFault::None

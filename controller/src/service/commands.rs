@@ -95,7 +95,8 @@ impl<R: Request> Commands<R> {
         };
         match command {
             // The sender has given up or has ended.
-            Command::ResetFault | Command::SetSpeed(_) if !pending.request.is_awaited() => {}
+            Command::ResetFault | Command::SetSpeed(_) | Command::Pause | Command::Resume
+                if !pending.request.is_awaited() => {}
             Command::Stop => {
                 let number = self.stop();
                 self.stops.push_back((number, pending));
@@ -106,6 +107,8 @@ impl<R: Request> Commands<R> {
                 self.orders.push_back((Order::Reset, pending));
             }
             Command::SetSpeed(speed) => self.orders.push_back((Order::Speed(speed), pending)),
+            Command::Pause => self.orders.push_back((Order::Pause, pending)),
+            Command::Resume => self.orders.push_back((Order::Resume, pending)),
         }
     }
 

@@ -234,6 +234,8 @@ impl HardLoop {
             let result = match order {
                 Order::Reset => self.executive.reset(),
                 Order::Speed(speed) => self.executive.set_speed(speed),
+                Order::Pause => self.executive.pause(),
+                Order::Resume => self.executive.resume(),
             };
             let outcome = self.outcome(result);
             self.answer(Answer::Order { id, outcome });
@@ -277,7 +279,7 @@ impl HardLoop {
     }
 
     fn give_back(&mut self) {
-        if let Some(motion) = self.executive.take_finished() {
+        while let Some(motion) = self.executive.take_finished() {
             self.put_back(Return::Finished(motion));
         }
     }

@@ -39,6 +39,8 @@ const EVENTS: usize = 256;
 pub(super) enum Order {
     Reset,
     Speed(f64),
+    Pause,
+    Resume,
 }
 
 /// An order with its number, which is in [`Offer`] for as long as it is to be carried out.

@@ -36,8 +36,8 @@ const TIDY_PERIOD_NS: i64 = 100_000_000;
 /// Time after the relay's start in which trajectories arrive that were meant for a controller before this one.
 const STALE_TRAJECTORY_WINDOW: Duration = Duration::from_millis(100);
 
-/// Trajectories in the process: one executing, one waiting or on its way, one being checked.
-const MOTIONS: usize = 3;
+/// Trajectories in the process: one executing, one that it joins or that waits, one on its way, one being checked.
+const MOTIONS: usize = 4;
 
 /// A timer that is due again after each period.
 struct PeriodicTimer {
@@ -71,7 +71,12 @@ pub(super) struct Relay {
     spare: Vec<Motion>,
     incoming: Box<TrajectoryMessage>,
     batch: Vec<Cycle>,
-    last_taken: Option<(u32, i64)>,
+    /// A copy of the trajectory that was handed to the loop last: what comes again is refused, and what leaves it begins with its knots.
+    last_taken: Motion,
+    /// A copy of the one that was handed to it before, which goes on where the last one is refused or set aside before its switch.
+    taken_before: Motion,
+    /// Whether `incoming` waits until the loop has begun the last one.
+    is_held: bool,
     /// When the last trajectory was handed to the loop, ns of CLOCK_MONOTONIC.
     handed_over_ns: i64,
 }
@@ -95,7 +100,9 @@ impl Relay {
             spare: (0..MOTIONS).map(|_| Motion::empty()).collect(),
             incoming: Box::new(TrajectoryMessage::ZEROED),
             batch: Vec::with_capacity(CYCLES_PER_BATCH),
-            last_taken: None,
+            last_taken: Motion::empty(),
+            taken_before: Motion::empty(),
+            is_held: false,
             handed_over_ns: i64::MIN,
         };
         relay.ports.tidy();
@@ -189,16 +196,24 @@ impl Relay {
             match returned {
                 Return::Finished(motion) => {
                     if !self.view.has_executed(motion.id) {
-                        self.refuse(motion.id, &TrajectoryRefusal::SetAside);
+                        self.not_begun(motion.id, &TrajectoryRefusal::SetAside);
                     }
                     self.spare.push(motion);
                 }
                 Return::Refused(reason, motion) => {
-                    self.refuse(motion.id, &reason);
+                    self.not_begun(motion.id, &reason);
                     self.spare.push(motion);
                 }
             }
         }
+    }
+
+    /// Notes that the loop does not begin a trajectory that it was handed: one that was to be left goes on.
+    fn not_begun(&mut self, id: u32, reason: &TrajectoryRefusal) {
+        if self.last_taken.id == id && self.last_taken.leaves.is_some() {
+            std::mem::swap(&mut self.last_taken, &mut self.taken_before);
+        }
+        self.refuse(id, reason);
     }
 
     fn take_events(&mut self) {
@@ -212,7 +227,8 @@ impl Relay {
     }
 
     fn take_trajectories(&mut self) {
-        while self.ports.next_trajectory(&mut self.incoming) {
+        while self.is_held || self.ports.next_trajectory(&mut self.incoming) {
+            self.is_held = false;
             let id = self.incoming.trajectory_id;
             let Some(mut motion) = self.spare.pop() else {
                 self.refuse(id, &TrajectoryRefusal::Waiting);
@@ -220,6 +236,11 @@ impl Relay {
             };
             match self.accept(&mut motion) {
                 Ok(()) => self.execute(motion),
+                Err(TrajectoryRefusal::Waiting) => {
+                    self.is_held = true;
+                    self.spare.push(motion);
+                    return;
+                }
                 Err(reason) => {
                     self.refuse(id, &reason);
                     self.spare.push(motion);
@@ -239,29 +260,29 @@ impl Relay {
         }
         let context = self
             .view
-            .acceptance_context(self.link.shared.guard_state(), self.last_taken)
+            .acceptance_context(self.link.shared.guard_state())
             .ok_or(TrajectoryRefusal::State(LoopState::Starting))?;
-        check(motion, &context, &self.config.robot, &self.config.begin)
+        let (robot, window) = (&self.config.robot, &self.config.begin);
+        check(motion, &self.last_taken, &context, robot, window)
     }
 
     fn execute(&mut self, motion: Motion) {
-        let (id, begin_ns) = (motion.id, motion.begin_ns);
+        let id = motion.id;
         info!(
             id,
             knots = motion.knots.len(),
             duration_s = motion.duration_s(),
             "trajectory accepted"
         );
-        match self.link.motions.push(motion) {
-            Ok(()) => {
-                self.last_taken = Some((id, begin_ns));
-                self.handed_over_ns = mono_now_ns();
-            }
-            Err(rtrb::PushError::Full(motion)) => {
-                self.refuse(id, &TrajectoryRefusal::Waiting);
-                self.spare.push(motion);
-            }
+        if self.link.motions.is_full() {
+            self.refuse(id, &TrajectoryRefusal::Waiting);
+            return self.spare.push(motion);
         }
+        std::mem::swap(&mut self.last_taken, &mut self.taken_before);
+        self.last_taken.clone_from(&motion);
+        // There is room, and nobody else sends.
+        let _ = self.link.motions.push(motion);
+        self.handed_over_ns = mono_now_ns();
     }
 
     fn refuse(&mut self, id: u32, reason: &TrajectoryRefusal) {

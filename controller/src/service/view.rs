@@ -69,18 +69,15 @@ impl LoopView {
     }
 
     /// The context that a trajectory is checked against; `None` before the first cycle.
-    pub(super) fn acceptance_context(
-        &self,
-        guard: GuardState,
-        last_taken: Option<(u32, i64)>,
-    ) -> Option<AcceptanceContext> {
+    pub(super) fn acceptance_context(&self, guard: GuardState) -> Option<AcceptanceContext> {
         let output = &self.latest.as_ref()?.output;
         Some(AcceptanceContext {
             state: output.state,
             commanded_rad: output.commanded.position,
+            trajectory_id: output.trajectory_id,
+            path_time_s: output.path_time_s,
             now_ns: mono_now_ns(),
             guard,
-            last_taken,
         })
     }
 
@@ -188,6 +185,8 @@ impl LoopView {
         message.trajectory_time_s = output.path_time_s;
         message.rate = output.rate;
         message.speed = output.speed;
+        message.pending_trajectory_id = output.pending_trajectory_id;
+        message.paused = u32::from(output.paused);
         message.setpoints_sent = report.setpoints_sent;
         message.loop_arena_allocations = report.memory.arena_allocations;
         message.loop_system_allocations = report.memory.system_operations;

@@ -10,7 +10,7 @@ use shared_types::{
 use trajectory::Knot;
 
 use super::link::Report;
-use crate::executive::{CycleOutput, Motion, RobotSample, TrajectoryRefusal};
+use crate::executive::{CycleOutput, Departure, Motion, RobotSample, TrajectoryRefusal};
 
 /// Fills `motion` with a message's content; everything but its form is checked later.
 ///
@@ -26,6 +26,10 @@ pub(super) fn fill(
     motion.requested_ns = checked.requested_mono_ns;
     motion.begin_ns = checked.begin_mono_ns;
     motion.path_tolerance_rad = checked.path_tolerance_rad;
+    motion.leaves = checked.leaves.map(|departure| Departure {
+        trajectory_id: departure.trajectory_id,
+        path_time_s: departure.path_time_s,
+    });
     motion.knots.clear();
     motion.knots.extend(checked.knots.iter().map(|knot| Knot {
         time: knot.time_s,

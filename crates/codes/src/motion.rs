@@ -76,6 +76,17 @@ codes! {
 }
 
 codes! {
+    /// How a trajectory begins.
+    "motion start"
+    pub enum MotionStart {
+        /// At rest, where the robot holds.
+        AtRest = 0 "at rest",
+        /// In motion, where it leaves the trajectory that is executed.
+        InMotion = 1 "in motion",
+    }
+}
+
+codes! {
     /// Why the controller refused a trajectory; the one before goes on.
     "refusal"
     pub enum Refusal {
@@ -109,8 +120,17 @@ codes! {
         OtherDaemon = 13 "published by another daemon",
         /// A stop or a reset was ordered, or the controller was started, after the trajectory was requested.
         RequestedBefore = 14 "requested before a stop, a reset or the controller's start",
-        /// The trajectory was taken, and a stop, a reset, a fault or the loss of robot or daemon came before its begin.
+        /// The trajectory was taken, and a stop, a reset, a fault or the loss of robot or daemon came before its begin or its
+        /// switch.
         SetAside = 15 "set aside before its begin",
+        /// The trajectory leaves another one than the one that is executed.
+        LeavesAnother = 16 "leaves another trajectory than the executing one",
+        /// The place where the trajectory leaves the one that is executed was passed before it came.
+        SwitchMissed = 17 "came after its switch",
+        /// The place where the trajectory leaves the one that is executed is at a knot of that, or not on it.
+        SwitchAtKnot = 18 "switch at a knot",
+        /// The trajectory does not begin in the state in which the one that it leaves is there.
+        Discontinuous = 19 "discontinuous at its switch",
     }
 }
 
@@ -202,6 +222,10 @@ codes! {
         ResetFault = 2 "reset fault",
         /// Run at another rate, reached by a ramp.
         SetSpeed = 3 "set speed",
+        /// Brake along the path and stay on it, the motion kept.
+        Pause = 4 "pause",
+        /// Go on after a pause, at the speed that was ordered last.
+        Resume = 5 "resume",
     }
 }
 

@@ -149,6 +149,17 @@ codes! {
 }
 
 codes! {
+    /// Where the motion of a plan request begins.
+    "start"
+    pub enum StartKind {
+        /// In the state that the request states.
+        Given = 0 "given",
+        /// Where the robot is: where it holds, or on its motion, which the new one joins as soon as it is planned.
+        Robot = 1 "robot",
+    }
+}
+
+codes! {
     /// A field of a plan request that can be wrong.
     "plan field"
     pub enum PlanField {
@@ -198,5 +209,9 @@ codes! {
         PreviousCandidate = 21 "previous_candidate",
         /// `requested_mono_ns`.
         Requested = 22 "requested_mono_ns",
+        /// `start`.
+        Start = 23 "start",
+        /// `ignores_live_scene`.
+        IgnoresLiveScene = 24 "ignores_live_scene",
     }
 }

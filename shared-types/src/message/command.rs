@@ -6,7 +6,7 @@ use super::wire::wire_message;
 
 wire_message! {
     /// An order (service `command`, server: the controller's guard thread).
-    pub struct Command: "pcc.v3.Command", 24 bytes {
+    pub struct Command: "pcc.v4.Command", 24 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// [`crate::codes::CommandKind`].
@@ -20,7 +20,7 @@ wire_message! {
 
 wire_message! {
     /// The reply to an order.
-    pub struct CommandReply: "pcc.v3.CommandReply", 24 bytes {
+    pub struct CommandReply: "pcc.v4.CommandReply", 24 bytes {
         /// The sender's number of the command that this answers.
         pub command_id: u64,
         /// [`crate::PROTOCOL_VERSION`] of the controller.

@@ -7,7 +7,7 @@ use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
 
 wire_message! {
     /// State of the controller (service `controller_state`, one publisher: its relay thread, about 50 Hz).
-    pub struct ControllerState: "pcc.v3.ControllerState", 632 bytes {
+    pub struct ControllerState: "pcc.v4.ControllerState", 640 bytes {
         /// Time of the cycle that the message describes, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// Identifies the process among all that had this role since the machine was booted: its start time, nanoseconds of
@@ -27,6 +27,10 @@ wire_message! {
         pub refused_trajectory_id: u32,
         /// [`crate::codes::Refusal`]: why `refused_trajectory_id` was refused.
         pub refusal: u32,
+        /// The trajectory that will be joined at its switch; 0: none.
+        pub pending_trajectory_id: u32,
+        /// 1: a pause holds the robot on its path; 0: none does.
+        pub paused: u32,
         /// Cycles that began more than one and a half periods after the one before.
         pub late_cycles: u32,
         /// Most late cycles that came one after the other.
@@ -77,7 +81,7 @@ wire_message! {
 
 wire_message! {
     /// One cycle of the loop (service `cycle`: slices of them, every cycle exactly once).
-    pub struct Cycle: "pcc.v3.Cycle", 408 bytes {
+    pub struct Cycle: "pcc.v4.Cycle", 408 bytes {
         /// Counts the loop's cycles.
         pub sequence: u64,
         /// Time at which the trajectory was evaluated, nanoseconds of `CLOCK_MONOTONIC`.

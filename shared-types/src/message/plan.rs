@@ -10,7 +10,7 @@ pub const NONE_SELECTED: u32 = u32::MAX;
 
 wire_message! {
     /// An obstacle at rest.
-    pub struct Ball: "pcc.v3.Ball", 32 bytes {
+    pub struct Ball: "pcc.v4.Ball", 32 bytes {
         /// Centre in the base frame, metres.
         pub centre_m: [f64; 3],
         /// Radius, metres, not negative.
@@ -20,7 +20,7 @@ wire_message! {
 
 wire_message! {
     /// A plan request (service `plan`).
-    pub struct PlanRequest: "pcc.v3.PlanRequest", 2368 bytes {
+    pub struct PlanRequest: "pcc.v4.PlanRequest", 2376 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Candidates wanted, 1..=64; the daemon's own limit may be lower.
@@ -52,7 +52,12 @@ wire_message! {
         /// The plan to go on from: [`PlanReport::plan_id`] of one of the last [`crate::capacity::RECENT_PLANS`] whole answers with
         /// candidates; 0: none.
         pub previous_plan_id: u64,
-        /// Configuration at the begin, radians.
+        /// [`crate::codes::StartKind`].
+        pub start: u32,
+        /// 1: the live scene's obstacles are left out of planning (what is executed is certified against them all the same); 0: they
+        /// belong to the request.
+        pub ignores_live_scene: u32,
+        /// Configuration at the begin, radians; not read where the start is the robot's, nor are the next two.
         pub start_configuration_rad: [f64; DOF],
         /// Velocity at the begin, rad/s.
         pub start_velocity_rad_s: [f64; DOF],
@@ -78,7 +83,7 @@ wire_message! {
 
 wire_message! {
     /// One certified candidate of a plan.
-    pub struct CandidateSummary: "pcc.v3.CandidateSummary", 56 bytes {
+    pub struct CandidateSummary: "pcc.v4.CandidateSummary", 56 bytes {
         /// Index in the answer's slice at which the candidate's knots begin.
         pub first_knot: u32,
         /// Number of the candidate's knots.
@@ -102,7 +107,7 @@ wire_message! {
 
 wire_message! {
     /// The answer's user header: what happened, how long it took, and where each candidate's knots are.
-    pub struct PlanReport: "pcc.v3.PlanReport", 3872 bytes {
+    pub struct PlanReport: "pcc.v4.PlanReport", 3872 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the daemon.
         pub protocol_version: u32,
         /// [`crate::codes::Outcome`].

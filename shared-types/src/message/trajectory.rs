@@ -7,7 +7,7 @@ use crate::capacity::{DOF, MAX_KNOTS};
 
 wire_message! {
     /// One knot of a motion; neighbours are joined by quintic Hermite segments.
-    pub struct Knot: "pcc.v3.Knot", 152 bytes {
+    pub struct Knot: "pcc.v4.Knot", 152 bytes {
         /// Time since the motion's begin, seconds.
         pub time_s: f64,
         /// Configuration ζ, radians: (x, y) bending components of sections 1, 2, 3.
@@ -21,7 +21,7 @@ wire_message! {
 
 wire_message! {
     /// What the controller is to execute (service `trajectory`, history 1).
-    pub struct TrajectoryMessage: "pcc.v3.TrajectoryMessage", 38976 bytes {
+    pub struct TrajectoryMessage: "pcc.v4.TrajectoryMessage", 38992 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Names this trajectory in the controller's state; at least 1, and none that was used in the 497 days before.
@@ -36,8 +36,15 @@ wire_message! {
         /// When the sender of the request was asked for it, nanoseconds of `CLOCK_MONOTONIC`. What was requested before the last stop,
         /// the last reset or the controller's start is refused.
         pub requested_mono_ns: i64,
-        /// When the motion begins, nanoseconds of `CLOCK_MONOTONIC`.
+        /// When the motion begins, nanoseconds of `CLOCK_MONOTONIC`; where it leaves another one, when that is expected.
         pub begin_mono_ns: i64,
+        /// [`crate::codes::MotionStart`].
+        pub start: u32,
+        /// The trajectory that it leaves, where it begins in motion; else 0. It is refused unless that one is executed.
+        pub leaves_trajectory_id: u32,
+        /// Path time of that trajectory at which it is left, seconds; there this one's path time is 0, and both have the same
+        /// position, velocity and acceleration by path time, to 1e-9.
+        pub leaves_at_s: f64,
         /// Knots in use, 2..=256.
         pub knot_count: u32,
         /// Index of the motion among the plan's candidates.

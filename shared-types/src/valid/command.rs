@@ -15,6 +15,10 @@ pub enum Command {
     ResetFault,
     /// Run at this rate, 0..=1.
     SetSpeed(f64),
+    /// Brake along the path and stay on it.
+    Pause,
+    /// Go on after a pause.
+    Resume,
 }
 
 impl Command {
@@ -25,6 +29,8 @@ impl Command {
             Self::Stop => (CommandKind::Stop, 0.0),
             Self::ResetFault => (CommandKind::ResetFault, 0.0),
             Self::SetSpeed(speed) => (CommandKind::SetSpeed, speed),
+            Self::Pause => (CommandKind::Pause, 0.0),
+            Self::Resume => (CommandKind::Resume, 0.0),
         };
         message::Command {
             protocol_version: PROTOCOL_VERSION,
@@ -43,6 +49,8 @@ impl TryFrom<&message::Command> for Command {
         match check_code("kind", wire.kind)? {
             CommandKind::Stop => Ok(Self::Stop),
             CommandKind::ResetFault => Ok(Self::ResetFault),
+            CommandKind::Pause => Ok(Self::Pause),
+            CommandKind::Resume => Ok(Self::Resume),
             CommandKind::SetSpeed => check_range(wire.speed, 0.0, 1.0, "0..=1")
                 .map(Self::SetSpeed)
                 .map_err(|reason| invalid("speed", reason)),
@@ -88,6 +96,8 @@ mod tests {
             Command::ResetFault,
             Command::SetSpeed(0.0),
             Command::SetSpeed(1.0),
+            Command::Pause,
+            Command::Resume,
         ] {
             assert_eq!(Command::try_from(&command.to_wire(3)), Ok(command));
         }
@@ -109,8 +119,8 @@ mod tests {
                 "kind: 0 is no command kind",
             ),
             (
-                message::Command { kind: 4, ..speed },
-                "kind: 4 is no command kind",
+                message::Command { kind: 6, ..speed },
+                "kind: 6 is no command kind",
             ),
             (
                 message::Command {

@@ -10,7 +10,7 @@ use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::PROTOCOL_VERSION;
 use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES};
 use crate::clock::mono_now_ns;
-use crate::codes::{GoalKind, Sampler, Selection};
+use crate::codes::{GoalKind, Sampler, Selection, StartKind};
 use crate::message::{self, Ball, NONE_SELECTED};
 
 /// The longest deadline, nanoseconds.
@@ -65,9 +65,13 @@ pub struct PlanRequest {
     pub selection: SelectionRule,
     /// Whether the selected candidate is to be published for execution.
     pub execute: bool,
-    /// Configuration at the begin, radians.
+    /// Where the motion begins.
+    pub start: StartKind,
+    /// Whether the live scene's obstacles are left out of planning.
+    pub ignores_live_scene: bool,
+    /// Configuration at the begin, radians; where the start is the robot's it does not matter, nor do velocity and acceleration.
     pub start_configuration_rad: [f64; DOF],
-    /// Velocity at the begin, rad/s; a plan that begins in motion is not executed.
+    /// Velocity at the begin, rad/s; a plan from a given start in motion is not executed.
     pub start_velocity_rad_s: [f64; DOF],
     /// Acceleration at the begin, rad/s².
     pub start_acceleration_rad_s2: [f64; DOF],
@@ -89,7 +93,16 @@ pub struct PlanRequest {
 }
 
 impl PlanRequest {
-    /// A request for one candidate to a goal, with the daemon's defaults, no balls, not executed.
+    /// A request for one candidate from where the robot is to a goal, with the daemon's defaults, no balls, not executed.
+    #[must_use]
+    pub fn from_robot(goal: Goal) -> Self {
+        Self {
+            start: StartKind::Robot,
+            ..Self::new([0.0; DOF], goal)
+        }
+    }
+
+    /// A request for one candidate from a configuration to a goal, with the daemon's defaults, no balls, not executed.
     #[must_use]
     pub fn new(start_configuration_rad: [f64; DOF], goal: Goal) -> Self {
         Self {
@@ -100,6 +113,8 @@ impl PlanRequest {
             sampler: Sampler::Default,
             selection: SelectionRule::Best(Selection::ShortestTime),
             execute: false,
+            start: StartKind::Given,
+            ignores_live_scene: false,
             start_configuration_rad,
             start_velocity_rad_s: [0.0; DOF],
             start_acceleration_rad_s2: [0.0; DOF],
@@ -137,6 +152,8 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
             sampler,
             selection: selection(wire, candidate_count)?,
             execute: check_flag("execute", wire.execute)?,
+            start: check_code("start", wire.start)?,
+            ignores_live_scene: check_flag("ignores_live_scene", wire.ignores_live_scene)?,
             start_configuration_rad: wire.start_configuration_rad,
             start_velocity_rad_s: wire.start_velocity_rad_s,
             start_acceleration_rad_s2: wire.start_acceleration_rad_s2,
@@ -288,6 +305,8 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
             deadline_ns: request.deadline.map_or(0, wire_deadline_ns),
             sampler: request.sampler.code(),
             execute: u32::from(request.execute),
+            start: request.start.code(),
+            ignores_live_scene: u32::from(request.ignores_live_scene),
             ball_count: wire_count(request.balls.len()),
             start_configuration_rad: request.start_configuration_rad,
             start_velocity_rad_s: request.start_velocity_rad_s,

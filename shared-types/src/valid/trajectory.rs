@@ -1,8 +1,9 @@
 //! The validated trajectory.
 
-use super::check::{Quantity, check_count, check_range, check_stamp, check_version};
+use super::check::{Quantity, check_code, check_count, check_range, check_stamp, check_version};
 use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::capacity::{MAX_CANDIDATES, MAX_KNOTS};
+use crate::codes::MotionStart;
 use crate::message::{Knot, TrajectoryMessage};
 
 /// A well-formed trajectory; whether it starts where the robot is and keeps its limits is for the controller to check.
@@ -20,12 +21,23 @@ pub struct Trajectory {
     pub daemon_instance: u64,
     /// When the daemon received the request for it, nanoseconds of `CLOCK_MONOTONIC`.
     pub requested_mono_ns: i64,
-    /// When the motion begins, nanoseconds of `CLOCK_MONOTONIC`.
+    /// When the motion begins, or is expected to where it leaves another one, nanoseconds of `CLOCK_MONOTONIC`.
     pub begin_mono_ns: i64,
+    /// The trajectory that it leaves; none where it begins at rest.
+    pub leaves: Option<Departure>,
     /// Tracking error that the certificate covers, radians.
     pub path_tolerance_rad: f64,
     /// 2..=256 knots, times from 0 and strictly increasing, all values finite.
     pub knots: Vec<Knot>,
+}
+
+/// The place at which one trajectory goes over into another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Departure {
+    /// Id of the trajectory that is left, at least 1.
+    pub trajectory_id: u32,
+    /// Path time of that trajectory at which it is left, above 0, seconds; the path time of the other one is 0 there.
+    pub path_time_s: f64,
 }
 
 impl TryFrom<&TrajectoryMessage> for Trajectory {
@@ -56,11 +68,31 @@ impl TryFrom<&TrajectoryMessage> for Trajectory {
             daemon_instance: wire.daemon_instance,
             requested_mono_ns: check_stamp("requested_mono_ns", wire.requested_mono_ns)?,
             begin_mono_ns: check_stamp("begin_mono_ns", wire.begin_mono_ns)?,
+            leaves: departure(wire)?,
             path_tolerance_rad: tolerance
                 .map_err(|reason| invalid("path_tolerance_rad", reason))?,
             knots,
         })
     }
+}
+
+fn departure(wire: &TrajectoryMessage) -> Result<Option<Departure>, Invalid> {
+    if check_code::<MotionStart>("start", wire.start)? == MotionStart::AtRest {
+        return Ok(None);
+    }
+    check_count(
+        "leaves_trajectory_id",
+        wire.leaves_trajectory_id,
+        1,
+        u32::MAX as usize,
+    )?;
+    let (least, most) = (f64::MIN_POSITIVE, super::MAX_DURATION_S);
+    check_range(wire.leaves_at_s, least, most, "above 0 to 1e6 s")
+        .map_err(|reason| invalid("leaves_at_s", reason))?;
+    Ok(Some(Departure {
+        trajectory_id: wire.leaves_trajectory_id,
+        path_time_s: wire.leaves_at_s,
+    }))
 }
 
 /// Checks that times begin at 0 and strictly increase and that all values are finite and of sane magnitude.

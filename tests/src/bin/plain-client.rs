@@ -26,10 +26,10 @@ const LOOK: Duration = Duration::from_millis(1);
 /// Nodes of every service, as `shared-types/layout.txt` has it for what follows.
 const NODES: usize = 80;
 
-/// `pcc.v3.Heartbeat`.
+/// `pcc.v4.Heartbeat`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
-#[type_name("pcc.v3.Heartbeat")]
+#[type_name("pcc.v4.Heartbeat")]
 struct Heartbeat {
     stamp_mono_ns: i64,
     instance: u64,
@@ -38,10 +38,10 @@ struct Heartbeat {
     pid: u32,
 }
 
-/// `pcc.v3.Command`.
+/// `pcc.v4.Command`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
-#[type_name("pcc.v3.Command")]
+#[type_name("pcc.v4.Command")]
 struct Command {
     protocol_version: u32,
     kind: u32,
@@ -49,10 +49,10 @@ struct Command {
     command_id: u64,
 }
 
-/// `pcc.v3.CommandReply`.
+/// `pcc.v4.CommandReply`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
-#[type_name("pcc.v3.CommandReply")]
+#[type_name("pcc.v4.CommandReply")]
 struct CommandReply {
     command_id: u64,
     protocol_version: u32,
