@@ -54,6 +54,7 @@ pub(crate) fn task() -> PlanTask {
         request_id: 3,
         problem: Arc::new(straight_problem()),
         request: request(),
+        starts_at_robot: false,
         deadline: Duration::from_millis(20),
         tip_tolerance: 0.01,
         selection: valid::SelectionRule::Best(Selection::ShortestTime),

@@ -46,8 +46,7 @@ impl Motion {
             return Err(TrajectoryRefusal::SwitchAtKnot);
         }
         let error = self.discontinuity(left, switch_s);
-        // Written so that NaN is refused.
-        if !(error <= CONTINUITY) {
+        if error.is_nan() || error > CONTINUITY {
             return Err(TrajectoryRefusal::Discontinuous { error });
         }
         let lead_in = left.knots[first - 1..ahead].iter().map(|knot| Knot {

@@ -14,7 +14,7 @@ use shared_types::{
     clock::mono_now_ns,
     codes::LoopState,
     ipc::{CYCLES_PER_BATCH, IpcError, IpcOptions},
-    message::{Cycle, TrajectoryMessage},
+    message::{ControllerState, Cycle, TrajectoryMessage},
 };
 use tracing::{debug, info, warn};
 
@@ -27,8 +27,8 @@ use super::{
 };
 use crate::executive::{Motion, TrajectoryRefusal, check};
 
-/// Sleep between two rounds of the relay.
-const ROUND_INTERVAL: Duration = Duration::from_millis(2);
+/// Sleep between two rounds of the relay: the least that a motion which leaves another one waits.
+const ROUND_INTERVAL: Duration = Duration::from_micros(500);
 const BATCH_PERIOD_NS: i64 = 10_000_000;
 const STATE_PERIOD_NS: i64 = 20_000_000;
 const TIDY_PERIOD_NS: i64 = 100_000_000;
@@ -75,6 +75,8 @@ pub(super) struct Relay {
     last_taken: Motion,
     /// A copy of the one that was handed to it before, which goes on where the last one is refused or set aside before its switch.
     taken_before: Motion,
+    /// The state that was published last.
+    told: ControllerState,
     /// Whether `incoming` waits until the loop has begun the last one.
     is_held: bool,
     /// When the last trajectory was handed to the loop, ns of CLOCK_MONOTONIC.
@@ -102,6 +104,7 @@ impl Relay {
             batch: Vec::with_capacity(CYCLES_PER_BATCH),
             last_taken: Motion::empty(),
             taken_before: Motion::empty(),
+            told: ControllerState::ZEROED,
             is_held: false,
             handed_over_ns: i64::MIN,
         };
@@ -137,7 +140,8 @@ impl Relay {
             if batch.is_due(now_ns) {
                 self.send_batch();
             }
-            if self.has_seen_last_trajectory() && state.is_due(now_ns) {
+            let is_due = state.is_due(now_ns) || self.view.differs_from(&self.told);
+            if self.has_seen_last_trajectory() && is_due {
                 self.send_state();
             }
             if beat.is_due(now_ns) {
@@ -163,8 +167,8 @@ impl Relay {
     }
 
     fn send_state(&mut self) {
-        let message = self.view.message(&self.link.shared);
-        self.ports.send_state(&message);
+        self.told = self.view.message(&self.link.shared);
+        self.ports.send_state(&self.told);
     }
 
     fn take_reports(&mut self) {

@@ -151,6 +151,27 @@ impl LoopView {
         self.published.longest_late_run = self.published.longest_late_run.max(self.late_run);
     }
 
+    /// Whether another trajectory is followed or about to be joined, or the loop is in another state, than a state told that was
+    /// published.
+    pub(super) fn differs_from(&self, told: &ControllerState) -> bool {
+        self.latest.as_ref().is_some_and(|latest| {
+            let output = &latest.output;
+            let now = [
+                output.state.code(),
+                output.pending_trajectory_id,
+                self.published.trajectory_id,
+                self.published.refused_trajectory_id,
+            ];
+            let then = [
+                told.state,
+                told.pending_trajectory_id,
+                told.trajectory_id,
+                told.refused_trajectory_id,
+            ];
+            now != then
+        })
+    }
+
     /// Whether a trajectory has begun.
     pub(super) fn has_executed(&self, trajectory_id: u32) -> bool {
         self.published.trajectory_id == trajectory_id

@@ -108,6 +108,8 @@ codes! {
         Early = 13 "early",
         /// The start moves faster than the robot may, or cannot brake without contact.
         StartCannotStop = 14 "start cannot stop",
+        /// The motion is to begin where the robot is, and the controller is not there, stops, or is in fault.
+        RobotNotReady = 15 "robot not ready",
     }
 }
 

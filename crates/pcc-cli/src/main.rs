@@ -46,6 +46,10 @@ enum Command {
     Stop,
     /// Clear the controller's latched fault; it then holds where the robot is.
     Reset,
+    /// Stop on the path and keep the motion, until resume.
+    Pause,
+    /// Go on after a pause.
+    Resume,
     /// Set the speed at which motions are followed; a controller that is restarted begins at 1.
     Speed(order::SpeedArguments),
     /// Sign off sources of live scenes.
@@ -82,6 +86,8 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Watch(arguments) => watch::run(&arguments),
         Command::Stop => order::stop(),
         Command::Reset => order::give(Order::ResetFault),
+        Command::Pause => order::give(Order::Pause),
+        Command::Resume => order::give(Order::Resume),
         Command::Speed(arguments) => order::give(Order::SetSpeed(arguments.rate)),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Dataset(arguments) => dataset::generate(&arguments),

@@ -1,9 +1,7 @@
 //! `pcc plan`: asks the daemon for candidates, shows them, and can have one executed.
 
-mod held_state;
 mod table;
 
-use self::held_state::{TIMEOUT, held_state};
 use self::table::print_answer;
 use crate::number::{self, balls_of};
 use crate::option_faults::MotionOptions;
@@ -11,7 +9,7 @@ use crate::order::STANDS_STILL;
 use crate::sampler::{samplers, selections};
 use anyhow::bail;
 use clap::{ArgAction, Args};
-use client::{Client, ControllerView};
+use client::{Client, ControllerView, PlanAnswer};
 use shared_types::capacity::{DOF, MAX_CANDIDATES};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{Outcome, Sampler, Selection};
@@ -20,6 +18,8 @@ use shared_types::message::Ball;
 use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
 use std::time::{Duration, Instant};
 
+/// How long a running daemon and controller may take to show up or to reply.
+const TIMEOUT: Duration = Duration::from_secs(5);
 /// Longest deadline, milliseconds.
 const LONGEST_DEADLINE_MS: u64 = 60_000;
 
@@ -39,7 +39,7 @@ pub(crate) struct Arguments {
         conflicts_with = "tip"
     )]
     configuration: Option<Vec<f64>>,
-    /// Start configuration, radians (as --configuration); without it, where the controller holds the robot.
+    /// Start configuration, radians (as --configuration); without it, where the robot is: where it holds, or on its motion.
     #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = number::radians(), value_name = "RAD")]
     start: Option<Vec<f64>>,
     /// An obstacle, metres (coordinates from -1000 to 1000, a radius from 0 to 1000); may be given up to 64 times.
@@ -74,12 +74,12 @@ pub(crate) struct Arguments {
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let begun_ns = mono_now_ns();
     let options = IpcOptions::from_env();
-    let request = arguments.request(&options, begun_ns)?;
+    let request = arguments.request(begun_ns)?;
     let mut client = Client::connect(&options)?;
     let controller = arguments.execute.then(|| ControllerView::connect(&options));
     let mut controller = controller.transpose()?;
     let clock = Instant::now();
-    let answer = client.plan(&request, TIMEOUT + request.deadline.unwrap_or_default())?;
+    let answer = plan(&mut client, &request)?;
     let round_trip = clock.elapsed();
     let report = answer.report();
     if !report.outcome.has_candidates() || report.candidates.is_empty() {
@@ -95,13 +95,31 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
 }
 
-/// Waits until the controller says that it executes a trajectory.
+/// Has a plan made; while the robot is not ready yet, as after a start of its controller, asks again.
+fn plan(client: &mut Client, request: &PlanRequest) -> anyhow::Result<PlanAnswer> {
+    let until = Instant::now() + TIMEOUT;
+    loop {
+        let answer = client.plan(request, TIMEOUT + request.deadline.unwrap_or_default())?;
+        if answer.report().outcome != Outcome::RobotNotReady || Instant::now() >= until {
+            return Ok(answer);
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Waits until the controller says that it executes a trajectory, or is about to change over to it.
 fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<()> {
     let until = Instant::now() + TIMEOUT;
     while Instant::now() < until {
         let state = controller.latest_state()?;
         match state {
-            Some(state) if state.values.trajectory_id == id => {
+            Some(state)
+                if [
+                    state.values.trajectory_id,
+                    state.values.pending_trajectory_id,
+                ]
+                .contains(&id) =>
+            {
                 say!("the controller executes it");
                 if let Some(note) = speed_note(state.values.speed) {
                     say!("{note}");
@@ -131,7 +149,7 @@ fn speed_note(speed: f64) -> Option<String> {
 impl Arguments {
     /// The request that the options describe; a stop that is ordered after `begun_ns` (nanoseconds of `CLOCK_MONOTONIC`) holds for it,
     /// too.
-    fn request(&self, options: &IpcOptions, begun_ns: i64) -> anyhow::Result<PlanRequest> {
+    fn request(&self, begun_ns: i64) -> anyhow::Result<PlanRequest> {
         if let Some(index) = self.index.filter(|index| *index >= self.candidates) {
             bail!(
                 "--index {index}: 0 to {}, below --candidates, are allowed",
@@ -143,12 +161,10 @@ impl Arguments {
             centre_m: [x, y, z],
             radius_m,
         });
-        let (start, requested_mono_ns) = match &self.start {
-            Some(values) => (six(values), begun_ns),
-            None => {
-                let held = held_state(options, begun_ns)?.values;
-                (held.commanded_configuration_rad, held.stamp_mono_ns)
-            }
+        let goal = self.goal()?;
+        let request = match &self.start {
+            Some(values) => PlanRequest::new(six(values), goal),
+            None => PlanRequest::from_robot(goal),
         };
         Ok(PlanRequest {
             seed: self.seed,
@@ -159,10 +175,10 @@ impl Arguments {
                 .index
                 .map_or(SelectionRule::Best(self.select), SelectionRule::Index),
             execute: self.execute,
-            requested_mono_ns: self.execute.then_some(requested_mono_ns),
+            requested_mono_ns: self.execute.then_some(begun_ns),
             limits_scale: self.limits_scale,
             balls: balls.collect(),
-            ..PlanRequest::new(start, self.goal()?)
+            ..request
         })
     }
 
@@ -226,11 +242,7 @@ mod tests {
         }
         let words = "pcc --start 0 0 0 0 0 0 --tip 0 0 1 --execute".split(' ');
         let line = <Line as clap::Parser>::parse_from(words);
-        let options = IpcOptions {
-            prefix: "plan-start".into(),
-            root: "/nowhere".into(),
-        };
-        let request = line.arguments.request(&options, 17).unwrap();
+        let request = line.arguments.request(17).unwrap();
         assert_eq!(request.requested_mono_ns, Some(17));
     }
 }

@@ -20,9 +20,7 @@ pub(crate) fn check_controller(
     busy: Option<u32>,
     now_mono_ns: i64,
 ) -> Result<u64, ExecutionRefusal> {
-    let state = state
-        .filter(|state| is_fresh(state, now_mono_ns))
-        .ok_or(ExecutionRefusal::ControllerAbsent)?;
+    let state = controller_there(state, now_mono_ns)?;
     if let Some(id) = busy {
         return Err(ExecutionRefusal::Busy { id });
     }
@@ -38,6 +36,19 @@ pub(crate) fn check_controller(
         return Err(ExecutionRefusal::StartsElsewhere { distance_rad });
     }
     Ok(state.values.instance)
+}
+
+/// The state of a controller that is there: at most 200 ms old.
+///
+/// # Errors
+/// [`ExecutionRefusal::ControllerAbsent`].
+pub(super) fn controller_there(
+    state: Option<&valid::ControllerState>,
+    now_mono_ns: i64,
+) -> Result<&valid::ControllerState, ExecutionRefusal> {
+    state
+        .filter(|state| is_fresh(state, now_mono_ns))
+        .ok_or(ExecutionRefusal::ControllerAbsent)
 }
 
 #[cfg(test)]

@@ -4,8 +4,11 @@
 mod active_time;
 mod controller_check;
 mod heartbeat;
+mod joining;
+mod publication;
 mod refusal;
 mod request;
+mod robot_motion;
 mod rules;
 mod stop_order;
 mod supervised_motion;
@@ -17,5 +20,6 @@ pub use heartbeat::BackgroundError;
 pub(crate) use heartbeat::BackgroundThreads;
 pub(crate) use refusal::ExecutionRefusal;
 pub(crate) use request::{ExecutionTiming, SelectedMotion};
+pub(crate) use robot_motion::{RobotMotion, Switch};
 pub(crate) use rules::ExecutionRules;
 pub(crate) use supervision_thread::Execution;

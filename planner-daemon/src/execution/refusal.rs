@@ -22,6 +22,14 @@ pub(crate) enum ExecutionRefusal {
     /// The motion published before is not over.
     #[error("trajectory {id} is still to be executed")]
     Busy { id: u32 },
+    /// The motion that it leaves is not followed any more, or is being stopped.
+    #[error("trajectory {id}, which it leaves, is not followed any more")]
+    NotFollowed { id: u32 },
+    /// The place where it leaves the motion that is followed is too near or passed.
+    #[error(
+        "the place where it leaves trajectory {id} is {ahead_s:.4} s ahead: too near for it to arrive in time"
+    )]
+    SwitchMissed { id: u32, ahead_s: f64 },
     /// The motion would begin with a jump.
     #[error(
         "the start is {distance_rad:.3e} rad away from the commanded configuration; at most 1e-6 rad is allowed"

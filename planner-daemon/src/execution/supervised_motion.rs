@@ -1,10 +1,13 @@
 //! The motion that was published last: its status at the controller, its place on its path, and the reason to stop it.
 
+use std::sync::Arc;
+
 use shared_types::clock::STATE_LIFETIME_NS;
 use shared_types::codes::LoopState;
 use shared_types::valid::ControllerState;
 use trajectory::Trajectory;
 
+use super::robot_motion::Switch;
 use crate::live_scene::{Certificates, SceneAbsence, Stretch, Timing, UNSUPERVISED_S};
 
 /// Time after a motion's begin within which the controller must have started it, nanoseconds; else it is stopped.
@@ -40,7 +43,9 @@ pub(crate) enum StopReason {
 #[derive(Debug)]
 pub(crate) struct SupervisedMotion {
     pub(crate) id: u32,
-    pub(crate) motion: Trajectory,
+    pub(crate) motion: Arc<Trajectory>,
+    /// Where it leaves the motion before it; none where it begins at rest.
+    pub(crate) leaves: Option<Switch>,
     pub(crate) certificates: Certificates,
     /// Instance of the controller that the motion was published for.
     controller_instance: u64,
@@ -71,7 +76,8 @@ impl SupervisedMotion {
     /// A motion that was just published for the controller of this instance.
     pub(crate) fn new(
         id: u32,
-        motion: Trajectory,
+        motion: Arc<Trajectory>,
+        leaves: Option<Switch>,
         begin_mono_ns: i64,
         controller_instance: u64,
         certificates: Certificates,
@@ -80,6 +86,7 @@ impl SupervisedMotion {
         Self {
             id,
             motion,
+            leaves,
             certificates,
             controller_instance,
             begin_mono_ns,
@@ -130,6 +137,16 @@ impl SupervisedMotion {
     pub(crate) fn is_overdue(&self) -> bool {
         self.status == MotionStatus::Pending
             && self.state_mono_ns >= self.begin_mono_ns.saturating_add(START_TIMEOUT_NS)
+    }
+
+    /// The timing of the motion that leaves this one at a switch.
+    pub(crate) fn timing_after(&self, switch: &Switch, now_mono_ns: i64) -> Timing {
+        match self.status {
+            MotionStatus::Executing { time_s, rate } => {
+                Timing::passing(time_s - switch.path_time_s, self.state_mono_ns, rate)
+            }
+            _ => Timing::from_begin(now_mono_ns),
+        }
     }
 
     /// The motion's status by the last fresh state.
@@ -190,7 +207,8 @@ mod tests {
     fn supervised() -> SupervisedMotion {
         SupervisedMotion::new(
             7,
-            motion(),
+            Arc::new(motion()),
+            None,
             BEGIN,
             CONTROLLER,
             Certificates::default(),

@@ -11,6 +11,7 @@ use shared_types::ipc::{IpcNode, IpcOptions, JoinOnDrop, spawn_with_ports};
 use super::heartbeat::BackgroundError;
 use super::refusal::ExecutionRefusal;
 use super::request::{ExecutionRequest, ReplySlot, SelectedMotion};
+use super::robot_motion::{RobotMotion, SharedRobotMotion};
 use super::rules::ExecutionRules;
 use super::supervisor::Supervisor;
 use crate::live_scene::SceneMemory;
@@ -22,6 +23,7 @@ const REPLY_TIMEOUT: Duration = Duration::from_millis(250);
 pub(crate) struct Execution {
     /// Supervision stops what moves, and ends, once this is dropped.
     to_supervision: SyncSender<ExecutionRequest>,
+    robot_motion: SharedRobotMotion,
     _thread: JoinOnDrop,
 }
 
@@ -38,14 +40,24 @@ impl Execution {
         let (to_supervision, requests) = sync_channel(1);
         let progress = Arc::clone(progress);
         let memory = SceneMemory::open(options)?;
-        let open =
-            move || Supervisor::open(&node, memory, rules, instance, progress, realtime_priority);
+        let robot_motion = SharedRobotMotion::default();
+        let shared = robot_motion.clone();
+        let open = move || {
+            let priority = realtime_priority;
+            Supervisor::open(&node, memory, rules, instance, progress, priority, shared)
+        };
         let work = move |mut supervisor: Supervisor| supervisor.run(&requests);
         let thread = spawn_with_ports("supervision", open, work)??;
         Ok(Self {
             to_supervision,
+            robot_motion,
             _thread: thread.into(),
         })
+    }
+
+    /// What the robot does, as supervision heard last.
+    pub(crate) fn robot_motion(&self) -> RobotMotion {
+        self.robot_motion.get()
     }
 
     /// Has the supervision thread check a motion against the controller and the live scene, publish it and supervise it; returns its id.

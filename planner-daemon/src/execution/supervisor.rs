@@ -9,9 +9,8 @@ use std::time::{Duration, Instant};
 use collision::Verdict;
 use iceoryx2::port::update_connections::UpdateConnections;
 use realtime::{reduce_wakeup_latency, use_fifo_priority};
-use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::{STATE_LIFETIME_NS, Suspension, mono_now_ns, suspended_ns, wall_now_ns};
-use shared_types::codes::LoopState;
+use shared_types::codes::{LoopFault, LoopState};
 use shared_types::ipc::{
     IpcNode, Publisher, Subscriber, controller_state_service, newest, publisher, subscriber,
     trajectory_service,
@@ -20,45 +19,43 @@ use shared_types::message::{ControllerState, TrajectoryMessage};
 use shared_types::valid;
 
 use super::active_time::ActiveTime;
-use super::controller_check::check_controller;
 use super::heartbeat::BackgroundError;
-use super::refusal::ExecutionRefusal;
-use super::request::{ExecutionRequest, SelectedMotion};
+use super::request::ExecutionRequest;
+use super::robot_motion::{FollowedMotion, RobotMotion, SharedRobotMotion};
 use super::rules::ExecutionRules;
 use super::stop_order::StopOrder;
 use super::supervised_motion::{MotionStatus, StopReason, SupervisedMotion, is_fresh};
-use super::trajectory_id::next_id;
-use crate::knots;
 use crate::live_scene::{
-    Arrival, Certificates, LiveScene, MAX_SOURCES, RemainingMotion, SceneInbox, SceneMemory, Timing,
+    Arrival, LiveScene, MAX_SOURCES, RemainingMotion, SceneInbox, SceneMemory,
 };
 
 /// Period of the supervision loop.
 const ROUND_PERIOD: Duration = Duration::from_millis(1);
-/// Delay of a motion behind its schedule that its certificate at publication includes, s: shorter pauses need no stop.
-const LAG_ALLOWANCE_S: f64 = 0.2;
 /// Time beyond the longest stop for which the ending daemon waits until the motion under way has ended.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// Publishers and state of the thread.
 pub(crate) struct Supervisor {
-    rules: ExecutionRules,
+    pub(super) rules: ExecutionRules,
     /// The daemon's instance, as in its heartbeat.
-    instance: u64,
-    publisher: Publisher<TrajectoryMessage>,
+    pub(super) instance: u64,
+    pub(super) publisher: Publisher<TrajectoryMessage>,
     states: Subscriber<ControllerState>,
     inbox: SceneInbox,
-    stop_order: StopOrder,
+    pub(super) stop_order: StopOrder,
     /// Counts the rounds of supervision, which the heartbeat thread watches.
     progress: Arc<AtomicU64>,
-    state: Option<valid::ControllerState>,
+    pub(super) state: Option<valid::ControllerState>,
     awake: ActiveTime,
     suspension: Suspension,
     /// Active time at which the last fresh state came, nanoseconds.
     last_state_active_ns: i64,
-    live: LiveScene,
-    supervised: Option<SupervisedMotion>,
-    last_id: u32,
+    pub(super) live: LiveScene,
+    pub(super) supervised: Option<SupervisedMotion>,
+    /// The motion that is to leave the supervised one, until it has done so.
+    pub(super) joining: Option<SupervisedMotion>,
+    robot_motion: SharedRobotMotion,
+    pub(super) last_id: u32,
     state_refused: bool,
     late_controllers_fail: bool,
 }
@@ -75,6 +72,7 @@ impl Supervisor {
         instance: u64,
         progress: Arc<AtomicU64>,
         realtime_priority: Option<u8>,
+        robot_motion: SharedRobotMotion,
     ) -> Result<Self, BackgroundError> {
         if let Err(error) = reduce_wakeup_latency() {
             tracing::warn!("orders to stop: {error}");
@@ -98,6 +96,8 @@ impl Supervisor {
             last_state_active_ns: 0,
             live,
             supervised: None,
+            joining: None,
+            robot_motion,
             last_id: 0,
             state_refused: false,
             late_controllers_fail: false,
@@ -109,7 +109,7 @@ impl Supervisor {
         loop {
             self.round();
             match requests.recv_timeout(ROUND_PERIOD) {
-                Ok(requests) => self.answer(requests),
+                Ok(requests) => self.answer(&requests),
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
@@ -128,8 +128,8 @@ impl Supervisor {
         }
     }
 
-    fn answer(&mut self, requests: ExecutionRequest) {
-        let answer = self.take(requests.selected, requests.until_mono_ns);
+    fn answer(&mut self, requests: &ExecutionRequest) {
+        let answer = self.take(&requests.selected, requests.until_mono_ns);
         if let Ok(id) = answer
             && !requests.slot.deliver(id)
             && let Some(supervised) = &mut self.supervised
@@ -146,7 +146,7 @@ impl Supervisor {
 
     /// One round of supervision: receives states and scenes, and checks the motion under way after each scene, so that many large scenes
     /// delay a small one by no more than the work on one of them.
-    fn round(&mut self) {
+    pub(super) fn round(&mut self) {
         self.connect();
         self.receive_controller_state();
         self.watch_suspension(suspended_ns());
@@ -235,6 +235,7 @@ impl Supervisor {
     fn supervise(&mut self) {
         let now = mono_now_ns();
         let at_rest = self.stop_order.poll_reply(now);
+        self.watch_joining(now);
         if let Some(reason) = self.end_reason(now, at_rest) {
             if let Some(supervised) = self.supervised.take() {
                 tracing::info!("trajectory {} is over: {reason}", supervised.id);
@@ -248,6 +249,7 @@ impl Supervisor {
             None if self.supervised.is_some() => self.stop_order.pause(),
             None => self.stop_order.end(),
         }
+        self.share_robot_motion(now);
         if !self.stop_order.is_ignored() {
             self.progress.fetch_add(1, Ordering::Relaxed);
         }
@@ -258,11 +260,14 @@ impl Supervisor {
         let own = self.supervised.as_ref();
         let state = self.state.as_ref();
         let state = state.filter(|state| is_fresh(state, now_mono_ns));
-        if let Some(id) = unsupervised(state, own.map(|own| own.id)) {
+        let joining = self.joining.as_ref();
+        let ids = [own, joining].map(|motion| motion.map(|motion| motion.id));
+        if let Some(id) = unsupervised(state, ids) {
             return Some((id, StopReason::Unsupervised));
         }
         let own = own.filter(|own| own.status() != MotionStatus::Stopping)?;
-        Some((own.id, own.stop_reason()?))
+        let joined = || joining.and_then(SupervisedMotion::stop_reason);
+        Some((own.id, own.stop_reason().or_else(joined)?))
     }
 
     /// Why the motion under way has ended, where a fresh state or the reply to an order says that it has.
@@ -308,123 +313,72 @@ impl Supervisor {
             stopping_s: supervised.stopping_s,
             lag_allowance_s: 0.0,
         };
-        match self.live.certify(&rest, &mut supervised.certificates) {
-            Verdict::Free => {}
-            Verdict::Colliding { at } | Verdict::Undecided { at } => {
-                supervised.request_stop(StopReason::SceneInTheWay { at_s: at });
-            }
+        if let Some(reason) = blocked(self.live.certify(&rest, &mut supervised.certificates)) {
+            supervised.request_stop(reason);
         }
+        self.check_joining(now_mono_ns);
     }
 
-    /// Publishes a motion after checking it against the controller and the live scene as they are now; returns its id.
-    fn take(
-        &mut self,
-        selected: SelectedMotion,
-        until_mono_ns: i64,
-    ) -> Result<u32, ExecutionRefusal> {
-        self.round();
-        let now = mono_now_ns();
-        let busy = self.supervised.as_ref().map(|supervised| supervised.id);
-        let start = selected.motion.knots()[0].position;
-        let controller = check_controller(self.state.as_ref(), &start, busy, now)?;
-        if !self.stop_order.can_be_given() {
-            return Err(ExecutionRefusal::CommandUnserved);
-        }
-        if let Some(absence) = self.live.absence(now) {
-            return Err(absence.into());
-        }
-        let soonest = now + self.rules.begin_lead.as_nanos() as i64;
-        let begin_mono_ns = selected
-            .timing
-            .begin_mono_ns
-            .unwrap_or(soonest)
-            .max(soonest);
-        let stopping_s = self.rules.stopping_s(&selected.motion);
-        let certificates = self.certify(&selected, begin_mono_ns, stopping_s)?;
-        if mono_now_ns() > until_mono_ns {
-            return Err(ExecutionRefusal::SupervisionStalled);
-        }
-        let values = self.state.as_ref().map(|state| &state.values);
-        let spoken_of = values.map_or([0; 2], |values| {
-            [values.trajectory_id, values.refused_trajectory_id]
-        });
-        let id = next_id(self.last_id, spoken_of, now);
-        self.send(&selected, id, begin_mono_ns, controller)?;
-        self.last_id = id;
-        self.supervised = Some(SupervisedMotion::new(
-            id,
-            selected.motion,
-            begin_mono_ns,
-            controller,
-            certificates,
-            stopping_s,
-        ));
-        Ok(id)
+    /// Tells the service what the robot does.
+    fn share_robot_motion(&self, now_mono_ns: i64) {
+        let fresh = self.state.as_ref();
+        let fresh = fresh.filter(|state| is_fresh(state, now_mono_ns));
+        self.robot_motion
+            .set(fresh.map_or_else(RobotMotion::default, |state| {
+                robot_motion(state, self.supervised.as_ref(), self.joining.is_some())
+            }));
     }
+}
 
-    fn certify(
-        &self,
-        selected: &SelectedMotion,
-        begin_mono_ns: i64,
-        stopping_s: f64,
-    ) -> Result<Certificates, ExecutionRefusal> {
-        let mut certificates = Certificates::default();
-        let rest = RemainingMotion {
-            padded: &self.rules.padded,
-            motion: &selected.motion,
-            from_s: 0.0,
-            timing: Timing::from_begin(begin_mono_ns),
-            at_full_rate: None,
-            stopping_s,
-            lag_allowance_s: LAG_ALLOWANCE_S,
-        };
-        match self.live.certify(&rest, &mut certificates) {
-            Verdict::Free => Ok(certificates),
-            Verdict::Colliding { at } | Verdict::Undecided { at } => {
-                Err(ExecutionRefusal::SceneInTheWay { at_s: at })
-            }
+/// What a robot does by a fresh state of its controller, while this daemon supervises `own`, which another motion `is_left` by.
+pub(super) fn robot_motion(
+    state: &valid::ControllerState,
+    own: Option<&SupervisedMotion>,
+    is_left: bool,
+) -> RobotMotion {
+    let values = &state.values;
+    let followed = own.filter(|own| own.id == values.trajectory_id && own.stop_reason().is_none());
+    match (state.state, followed) {
+        (LoopState::Holding, _) if own.is_none() && state.fault == LoopFault::None => {
+            RobotMotion::Holding(values.commanded_configuration_rad.into())
         }
+        (LoopState::Executing, Some(own)) if !is_left => {
+            let ordered = if values.paused == 0 {
+                values.speed
+            } else {
+                0.0
+            };
+            RobotMotion::Following(FollowedMotion {
+                trajectory_id: own.id,
+                motion: Arc::clone(&own.motion),
+                time_s: values.trajectory_time_s,
+                fastest_rate: values.rate.max(ordered),
+                state_mono_ns: values.stamp_mono_ns,
+            })
+        }
+        (state_now, _) => RobotMotion::Busy {
+            state: state_now,
+            fault: state.fault,
+            passes: own.is_some(),
+        },
     }
+}
 
-    fn send(
-        &self,
-        selected: &SelectedMotion,
-        id: u32,
-        begin_mono_ns: i64,
-        controller_instance: u64,
-    ) -> Result<(), ExecutionRefusal> {
-        let knots = selected.motion.knots();
-        let mut message = TrajectoryMessage {
-            protocol_version: PROTOCOL_VERSION,
-            trajectory_id: id,
-            plan_id: selected.plan_id,
-            controller_instance,
-            daemon_instance: self.instance,
-            requested_mono_ns: selected.timing.requested_mono_ns,
-            begin_mono_ns,
-            knot_count: knots.len() as u32,
-            candidate_index: selected.candidate_index as u32,
-            path_tolerance_rad: self.rules.path_tolerance_rad,
-            ..TrajectoryMessage::ZEROED
-        };
-        for (slot, knot) in message.knots.iter_mut().zip(knots) {
-            *slot = knots::to_wire(knot);
-        }
-        match self.publisher.send_copy(message) {
-            Ok(_) => Ok(()),
-            Err(error) => {
-                tracing::error!("trajectory {id} could not be published: {error:?}");
-                Err(ExecutionRefusal::NotPublished)
-            }
+/// Why a motion is stopped that has this verdict, if it is.
+pub(super) fn blocked(verdict: Verdict) -> Option<StopReason> {
+    match verdict {
+        Verdict::Free => None,
+        Verdict::Colliding { at } | Verdict::Undecided { at } => {
+            Some(StopReason::SceneInTheWay { at_s: at })
         }
     }
 }
 
 /// The trajectory that a fresh state reports as executing and that this daemon does not supervise: nobody would stop it for an obstacle.
-fn unsupervised(fresh: Option<&valid::ControllerState>, own: Option<u32>) -> Option<u32> {
+fn unsupervised(fresh: Option<&valid::ControllerState>, own: [Option<u32>; 2]) -> Option<u32> {
     let state = fresh.filter(|state| state.state == LoopState::Executing)?;
     let id = state.values.trajectory_id;
-    (own != Some(id)).then_some(id)
+    (!own.contains(&Some(id))).then_some(id)
 }
 
 #[cfg(test)]
@@ -440,12 +394,14 @@ mod tests {
             })
         };
         let executing = state(LoopState::Executing);
-        assert_eq!(unsupervised(Some(&executing), None), Some(7));
-        assert_eq!(unsupervised(Some(&executing), Some(8)), Some(7));
-        assert_eq!(unsupervised(Some(&executing), Some(7)), None);
-        assert_eq!(unsupervised(None, None), None);
+        assert_eq!(unsupervised(Some(&executing), [None; 2]), Some(7));
+        assert_eq!(unsupervised(Some(&executing), [Some(8), Some(9)]), Some(7));
+        for own in [[Some(7), None], [Some(6), Some(7)]] {
+            assert_eq!(unsupervised(Some(&executing), own), None);
+        }
+        assert_eq!(unsupervised(None, [None; 2]), None);
         for other in [LoopState::Holding, LoopState::Stopping, LoopState::Fault] {
-            assert_eq!(unsupervised(Some(&state(other)), None), None);
+            assert_eq!(unsupervised(Some(&state(other)), [None; 2]), None);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! The answer to a plan request: report and candidates' knots, written into the shared memory that the client reads.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::{LoanError, SendError};
@@ -120,7 +121,7 @@ impl Answer {
     }
 
     /// The selected candidate's motion and index.
-    pub(crate) fn selected(&self) -> Option<(usize, &Trajectory)> {
+    pub(crate) fn selected(&self) -> Option<(usize, &Arc<Trajectory>)> {
         let index = self.report.selected as usize;
         let candidate = self.candidates.get(index)?;
         Some((index, &candidate.trajectory))

@@ -3,10 +3,12 @@
 mod answer;
 mod fair_queue;
 mod plan_runner;
+mod planning_turn;
 mod recent_plans;
 mod refusal;
 mod report;
 mod request_validator;
+mod robot_start;
 mod service;
 mod wait_mode;
 

@@ -7,7 +7,7 @@ use collision::{Ball, Scene};
 use pcc_model::{Configuration, SECTIONS, UnitRobot};
 use planning::{Goal, MOST_CORRECTIONS, PreviousPlan, Problem, Request, StartMotion};
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::PlanField;
+use shared_types::codes::{PlanField, StartKind};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::message;
 use shared_types::valid::{self, PlanRequest, SelectionRule};
@@ -43,6 +43,8 @@ pub(crate) struct PlanTask {
     pub(crate) problem: Arc<Problem>,
     /// The planner's request: what to deliver.
     pub(crate) request: Request,
+    /// Whether it begins where the robot is when planning begins; `problem` and `request` hold no start until then.
+    pub(crate) starts_at_robot: bool,
     /// Time that the answer may take.
     pub(crate) deadline: Duration,
     /// Distance from the goal that counts as reached, section lengths.
@@ -79,6 +81,7 @@ impl RequestValidator {
             request_id: asked.request_id,
             problem: Arc::new(self.problem(&asked)?),
             request: self.request(&asked, previous),
+            starts_at_robot: asked.start == StartKind::Robot,
             deadline: asked.deadline.unwrap_or(self.default_deadline),
             tip_tolerance: self.tip_tolerance(&asked.goal),
             selection: asked.selection,
@@ -114,7 +117,7 @@ impl RequestValidator {
             padding: self.padding,
             knots: self.capacity.knots_per_candidate,
             corrections: MOST_CORRECTIONS,
-            start_motion: (!asked.starts_at_rest()).then(|| StartMotion {
+            start_motion: asked.starts_in_motion().then(|| StartMotion {
                 velocity: asked.start_velocity_rad_s.into(),
                 acceleration: asked.start_acceleration_rad_s2.into(),
             }),

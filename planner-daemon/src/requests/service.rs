@@ -1,14 +1,12 @@
 //! The service thread's loop: receives plan requests, validates and queues them, has them planned, answers, and has motions executed.
 
 use std::mem;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use iceoryx2::identifiers::UniqueClientId;
 use iceoryx2::port::ReceiveError;
-use planning::Candidate;
 use realtime::reduce_timer_slack;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::Outcome;
@@ -17,14 +15,16 @@ use shared_types::ipc::{
     event_notifier, plan_answered_event, plan_asked_event, plan_server, plan_service,
 };
 
-use super::answer::{Answer, is_deliverable};
+use super::answer::Answer;
 use super::fair_queue::FairQueue;
-use super::plan_runner::{Early, Job, PlanOutput, PlanRunner, Planned};
+use super::plan_runner::PlanRunner;
+use super::planning_turn::InFlight;
 use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
 use super::request_validator::{PlanTask, RequestValidator};
+use super::robot_start::LeadTimes;
 use super::wait_mode::WaitMode;
-use crate::execution::{Execution, ExecutionRefusal, SelectedMotion};
+use crate::execution::Execution;
 
 /// Longest time between two rounds: requests without an event, and clients that cancelled, are found by then.
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
@@ -36,26 +36,18 @@ const DELIVERY_MARGIN_PER_CANDIDATE: Duration = Duration::from_micros(20);
 const SHUTDOWN_GRACE_PERIOD: Duration = Duration::from_millis(500);
 
 /// A request that waits for its turn.
-struct Queued {
-    active: PlanActiveRequest,
-    task: PlanTask,
-    received: Instant,
+pub(super) struct Queued {
+    pub(super) active: PlanActiveRequest,
+    pub(super) task: PlanTask,
+    pub(super) received: Instant,
 }
 
 impl Queued {
     /// When planning must end, so that the answer arrives by the deadline.
-    fn deadline(&self) -> Instant {
+    pub(super) fn deadline(&self) -> Instant {
         let whole = self.task.deadline;
         self.received + (whole - delivery_margin(self.task.request.candidates, whole))
     }
-}
-
-/// The request that is being planned.
-struct InFlight {
-    queued: Queued,
-    waited: Duration,
-    plan_id: u64,
-    cancelled: Arc<AtomicBool>,
 }
 
 /// The service: its ports, queue, planner and handle of execution.
@@ -65,17 +57,20 @@ pub(crate) struct Service {
     received: Vec<PlanActiveRequest>,
     asked: EventListener,
     answered: EventNotifier,
-    execution: Execution,
-    runner: PlanRunner,
+    pub(super) execution: Execution,
+    pub(super) runner: PlanRunner,
     validator: RequestValidator,
     wait: WaitMode,
-    queue: FairQueue<UniqueClientId, Queued>,
-    in_flight: Option<InFlight>,
-    plans: RecentPlans,
-    next_plan_id: u64,
+    pub(super) queue: FairQueue<UniqueClientId, Queued>,
+    pub(super) in_flight: Option<InFlight>,
+    /// A request whose start is not known yet: the robot's motion is about to end or to be left.
+    pub(super) deferred: Option<Queued>,
+    pub(super) lead_times: LeadTimes,
+    pub(super) plans: RecentPlans,
+    pub(super) next_plan_id: u64,
     receiving_fails: bool,
     waiting_fails: bool,
-    ends: bool,
+    pub(super) ends: bool,
 }
 
 impl Service {
@@ -103,6 +98,8 @@ impl Service {
             wait,
             queue: FairQueue::new(queued_per_client),
             in_flight: None,
+            deferred: None,
+            lead_times: LeadTimes::default(),
             plans: RecentPlans::default(),
             // Larger than the ids of every earlier daemon since the machine was booted.
             next_plan_id: mono_now_ns().unsigned_abs(),
@@ -217,112 +214,6 @@ impl Service {
         }
     }
 
-    /// Hands the next request over to planning, if that is idle.
-    fn begin_next(&mut self) -> bool {
-        if self.in_flight.is_some() {
-            return false;
-        }
-        let Some(queued) = self.queue.pop() else {
-            return false;
-        };
-        let waited = queued.received.elapsed();
-        let cancelled = Arc::new(AtomicBool::new(false));
-        self.runner.begin(Job {
-            problem: Arc::clone(&queued.task.problem),
-            request: queued.task.request.clone(),
-            deadline: queued.deadline(),
-            early: self.early(&queued.task),
-            cancelled: Arc::clone(&cancelled),
-        });
-        let plan_id = self.next_plan_id;
-        self.next_plan_id += 1;
-        self.in_flight = Some(InFlight {
-            queued,
-            waited,
-            plan_id,
-            cancelled,
-        });
-        true
-    }
-
-    fn early(&self, task: &PlanTask) -> Option<Early> {
-        let (count, task, robot) = (task.early?, task.clone(), self.runner.robot().clone());
-        Some(Early {
-            count,
-            is_deliverable: Box::new(move |candidate| is_deliverable(&task, candidate, &robot)),
-        })
-    }
-
-    /// Takes the next output of the running plan and answers it; returns whether there was one.
-    fn take_output(&mut self) -> bool {
-        if self.in_flight.is_none() {
-            return false;
-        }
-        match self.runner.take() {
-            Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
-            Some(PlanOutput::Plan(planned)) => self.answer(planned),
-            None => return false,
-        }
-        true
-    }
-
-    /// Answers the first certified candidates; the plan goes on.
-    fn answer_early(&self, candidates: Vec<Candidate>) {
-        let Some(in_flight) = &self.in_flight else {
-            return;
-        };
-        let Queued { active, task, .. } = &in_flight.queued;
-        let mut answer = Answer::early(task, candidates, self.runner.robot());
-        answer.set_plan(in_flight.plan_id, in_flight.waited);
-        self.send(&mut answer, active);
-    }
-
-    fn answer(&mut self, planned: Planned) {
-        let Some(in_flight) = self.in_flight.take() else {
-            return;
-        };
-        if let Err(fault) = &planned {
-            tracing::debug!("no plan: {fault}");
-        }
-        let plan_id = in_flight.plan_id;
-        let queued = in_flight.queued;
-        let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot());
-        answer.set_plan(plan_id, in_flight.waited);
-        let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
-        if is_wanted(&queued.active) && has_candidates && !answer.candidates.is_empty() {
-            self.execute(&queued, plan_id, &mut answer);
-        }
-        self.send(&mut answer, &queued.active);
-        let selected = answer.selected().map(|(index, _)| index);
-        self.plans.keep(plan_id, &answer.candidates, selected);
-    }
-
-    fn execute(&mut self, queued: &Queued, plan_id: u64, answer: &mut Answer) {
-        let Some(timing) = queued.task.execution else {
-            return;
-        };
-        let published = match answer.selected() {
-            _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
-            Some((candidate_index, motion)) => self.execution.publish(SelectedMotion {
-                motion: motion.clone(),
-                candidate_index,
-                plan_id,
-                timing,
-            }),
-            None => Err(ExecutionRefusal::NothingSelected),
-        };
-        match published {
-            Ok(id) => {
-                tracing::info!("trajectory {id} of plan {plan_id} is published for execution");
-                answer.report.trajectory_id = id;
-            }
-            Err(refusal) => {
-                tracing::info!("plan {plan_id} is not executed: {refusal}");
-                answer.set_execution_refused(&refusal.to_string());
-            }
-        }
-    }
-
     /// Sleeps until a request arrives, the planner has an output, or the poll interval or a queued deadline ends. The wake descriptor is
     /// polled only while a plan runs: before, it may still be readable for an output that was taken.
     fn pause(&mut self) {
@@ -353,12 +244,12 @@ impl Service {
         }
     }
 
-    fn refuse(&self, active: &PlanActiveRequest, request_id: u64, refusal: &Refusal) {
+    pub(super) fn refuse(&self, active: &PlanActiveRequest, request_id: u64, refusal: &Refusal) {
         self.send(&mut Answer::refused(request_id, refusal), active);
     }
 
     /// Sends an answer and notifies the waiting clients; a failure is logged, and the client sees its request end.
-    fn send(&self, answer: &mut Answer, active: &PlanActiveRequest) {
+    pub(super) fn send(&self, answer: &mut Answer, active: &PlanActiveRequest) {
         let outcome = answer.outcome();
         tracing::debug!(
             "{} candidates, outcome {:?}: {}",
@@ -402,7 +293,7 @@ fn delivery_margin(candidates: usize, whole: Duration) -> Duration {
     (DELIVERY_MARGIN + of_candidates).min(whole / 2)
 }
 
-fn is_wanted(active: &PlanActiveRequest) -> bool {
+pub(super) fn is_wanted(active: &PlanActiveRequest) -> bool {
     active.is_connected() && !active.has_disconnect_hint()
 }
 

@@ -128,11 +128,12 @@ impl PlanRequest {
         }
     }
 
-    /// Whether the motion begins at rest.
+    /// Whether the request states a start in motion.
     #[must_use]
-    pub fn starts_at_rest(&self) -> bool {
+    pub fn starts_in_motion(&self) -> bool {
         let rates = [self.start_velocity_rad_s, self.start_acceleration_rad_s2];
-        rates.as_flattened().iter().all(|&rate| rate == 0.0)
+        let rests = rates.as_flattened().iter().all(|&rate| rate == 0.0);
+        self.start == StartKind::Given && !rests
     }
 }
 
@@ -209,6 +210,9 @@ fn selection(
 }
 
 fn check_start(request: &PlanRequest) -> Result<(), Invalid> {
+    if request.start == StartKind::Robot {
+        return Ok(());
+    }
     let start = &request.start_configuration_rad;
     check_array("start_configuration_rad", start, Quantity::Angle)?;
     for (field, rates) in [

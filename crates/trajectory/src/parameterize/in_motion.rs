@@ -210,3 +210,102 @@ fn slowed(limits: &TendonLimits, scale: f64) -> TendonLimits {
         jerk: limits.jerk / (scale * scale * scale),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::test_paths::{smooth_path, unit_limits, unit_tendons};
+    use crate::{limit_use, stopping_motion};
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64;
+
+    /// A random instant of a random motion.
+    fn moving_state(random: &mut Pcg64) -> Knot {
+        let options = ParameterizationOptions::default();
+        let motion = TimeParameterizer::default()
+            .parameterize(
+                &smooth_path(random, 64),
+                &unit_tendons(),
+                &unit_limits(),
+                &options,
+            )
+            .unwrap();
+        let at = motion.at(motion.duration() * random.random_range(0.0..1.0));
+        Knot {
+            time: 7.0,
+            position: at.position,
+            velocity: at.velocity,
+            acceleration: at.acceleration,
+        }
+    }
+
+    /// A path from `start` to a random configuration.
+    fn path_from(start: &Configuration, random: &mut Pcg64) -> Vec<Configuration> {
+        moved(&smooth_path(random, 64), start)
+    }
+
+    #[test]
+    fn motions_begin_in_any_state_within_limits_and_arrive_sooner_than_after_a_stop() {
+        let mut random = Pcg64::seed_from_u64(71);
+        let (tendons, limits) = (unit_tendons(), unit_limits());
+        let options = ParameterizationOptions::default();
+        let mut parameterizer = TimeParameterizer::default();
+        let mut won = Vec::new();
+        for _ in 0..300 {
+            let state = moving_state(&mut random);
+            let stop = stopping_motion(&state, &tendons, &limits).unwrap();
+            let path = path_from(&stop.end(), &mut random);
+            let start = MovingStart {
+                state,
+                path: &path,
+                braking_shares: &[0.9, 0.5],
+            };
+            let joined = parameterizer.parameterize_from(&start, &tendons, &limits, &options);
+            let Ok(joined) = joined else {
+                won.push(0.0);
+                continue;
+            };
+            assert_eq!(joined.knots()[0], Knot { time: 0.0, ..state });
+            let last = joined.knots()[joined.knots().len() - 1];
+            assert_eq!(last, Knot::resting(last.time, path[63]));
+            let most = limit_use(&joined, &tendons, &limits).largest();
+            assert!(most <= 1.0 + 1e-9, "{most}");
+            let after = parameterizer.parameterize(&path, &tendons, &limits, &options);
+            let stop_then_go = stop.duration() + after.unwrap().duration();
+            won.push((stop_then_go - joined.duration()) / stop.duration());
+        }
+        won.sort_by(f64::total_cmp);
+        let none = won.iter().filter(|won| **won <= 0.0).count();
+        assert!(none < 15, "{none} of 300 win nothing");
+        assert!(won[150] > 0.75, "in the median {} of a stop", won[150]);
+    }
+
+    #[test]
+    fn a_state_beyond_the_limits_and_a_path_that_goes_nowhere_are_errors() {
+        let (tendons, limits) = (unit_tendons(), unit_limits());
+        let options = ParameterizationOptions::default();
+        let try_from = |state: Knot, path: &[Configuration]| {
+            let start = MovingStart {
+                state,
+                path,
+                braking_shares: &[0.9, 0.5],
+            };
+            TimeParameterizer::default().parameterize_from(&start, &tendons, &limits, &options)
+        };
+        let rest = Knot::resting(0.0, Configuration::zeros());
+        let fast = Knot {
+            velocity: Configuration::repeat(9.0),
+            ..rest
+        };
+        let line = [Configuration::zeros(), Configuration::repeat(0.4)];
+        assert!(try_from(fast, &line).is_err());
+        let unsteady = Knot {
+            acceleration: Configuration::repeat(f64::NAN),
+            ..rest
+        };
+        assert!(try_from(unsteady, &line).is_err());
+        assert!(try_from(rest, &[]).is_err());
+        let still = try_from(rest, &line[..1]);
+        assert!(still.is_err(), "{still:?}");
+    }
+}

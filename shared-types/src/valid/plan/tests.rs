@@ -256,7 +256,7 @@ fn a_request_survives_the_wire() {
         }),
         ..tip.clone()
     };
-    assert!(tip.starts_at_rest() && !goes_on.starts_at_rest());
+    assert!(!tip.starts_in_motion() && goes_on.starts_in_motion());
     for request in [tip, by_index, goes_on] {
         let wire = message::PlanRequest::try_from(&request).unwrap();
         assert_eq!(PlanRequest::try_from(&wire), Ok(request));

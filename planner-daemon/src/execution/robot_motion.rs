@@ -1,0 +1,160 @@
+//! What the robot does, as far as supervision knows: where a motion that is planned now can begin.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use pcc_model::Configuration;
+use shared_types::clock::seconds;
+use shared_types::codes::{LoopFault, LoopState};
+use trajectory::{Knot, Trajectory};
+
+/// Least path time between a switch and a knot of the motion that is left, s; the controller wants 0.4 ms.
+const SWITCH_GAP_S: f64 = 6e-4;
+
+/// What the robot does by the controller's last fresh state.
+#[derive(Clone, Debug, Default)]
+pub(crate) enum RobotMotion {
+    /// No controller has spoken for 200 ms.
+    #[default]
+    Unknown,
+    /// It rests in this configuration, radians.
+    Holding(Configuration),
+    /// It follows a motion of this daemon.
+    Following(FollowedMotion),
+    /// It stops, is in fault, or follows a motion that is about to be left or stopped.
+    Busy {
+        /// The controller's state.
+        state: LoopState,
+        /// The fault that is latched.
+        fault: LoopFault,
+        /// Whether this is over within some milliseconds.
+        passes: bool,
+    },
+}
+
+/// A motion of this daemon that the controller follows.
+#[derive(Clone, Debug)]
+pub(crate) struct FollowedMotion {
+    pub(crate) trajectory_id: u32,
+    pub(crate) motion: Arc<Trajectory>,
+    /// Path time at the state's stamp, s.
+    pub(crate) time_s: f64,
+    /// The highest path time per time that it can have by now.
+    pub(crate) fastest_rate: f64,
+    /// Stamp of the state, nanoseconds of `CLOCK_MONOTONIC`.
+    pub(crate) state_mono_ns: i64,
+}
+
+/// Where a motion leaves the one that is followed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Switch {
+    /// Id of the motion that is left.
+    pub(crate) trajectory_id: u32,
+    /// Its path time there, s.
+    pub(crate) path_time_s: f64,
+    /// Its state there, with which the other motion begins.
+    pub(crate) state: Knot,
+}
+
+impl FollowedMotion {
+    /// The largest path time that it can have reached by a time, s.
+    pub(crate) fn latest_s(&self, mono_ns: i64) -> f64 {
+        self.time_s + seconds((mono_ns - self.state_mono_ns).max(0)) * self.fastest_rate
+    }
+
+    /// The first place at which the motion can be left by one that is published `lead` from now; none where it ends before that.
+    pub(crate) fn switch_after(&self, lead: Duration, now_mono_ns: i64) -> Option<Switch> {
+        let earliest_s = self.latest_s(now_mono_ns) + lead.as_secs_f64() * self.fastest_rate;
+        let path_time_s = clear_of_knots(self.motion.knots(), earliest_s)?;
+        let state = self.motion.at(path_time_s);
+        Some(Switch {
+            trajectory_id: self.trajectory_id,
+            path_time_s,
+            state: Knot {
+                time: 0.0,
+                position: state.position,
+                velocity: state.velocity,
+                acceleration: state.acceleration,
+            },
+        })
+    }
+}
+
+/// The first time from `earliest_s` on that is not near a knot, s; none beyond the last one.
+fn clear_of_knots(knots: &[Knot], earliest_s: f64) -> Option<f64> {
+    let next = knots.partition_point(|knot| knot.time + SWITCH_GAP_S <= earliest_s);
+    let mut ahead = knots.get(next..)?.iter().map(|knot| knot.time);
+    let mut time_s = earliest_s;
+    loop {
+        let knot_s = ahead.next()?;
+        if time_s + SWITCH_GAP_S <= knot_s {
+            return Some(time_s);
+        }
+        time_s = time_s.max(knot_s + SWITCH_GAP_S);
+    }
+}
+
+/// The robot's motion, written by supervision and read by the service.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct SharedRobotMotion(Arc<Mutex<RobotMotion>>);
+
+impl SharedRobotMotion {
+    pub(crate) fn set(&self, motion: RobotMotion) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = motion;
+    }
+
+    pub(crate) fn get(&self) -> RobotMotion {
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::motion;
+
+    const NOW: i64 = 5_000_000_000;
+
+    fn followed() -> FollowedMotion {
+        FollowedMotion {
+            trajectory_id: 7,
+            motion: Arc::new(motion()),
+            time_s: 0.1,
+            fastest_rate: 1.0,
+            state_mono_ns: NOW - 10_000_000,
+        }
+    }
+
+    #[test]
+    fn a_switch_is_ahead_of_where_the_robot_can_be_and_off_the_knots() {
+        let followed = followed();
+        let switch = followed
+            .switch_after(Duration::from_millis(5), NOW)
+            .unwrap();
+        assert!((0.115..0.13).contains(&switch.path_time_s), "{switch:?}");
+        let at = followed.motion.at(switch.path_time_s);
+        assert_eq!(switch.state.velocity, at.velocity);
+        let end = followed.motion.duration();
+        let at_end = FollowedMotion {
+            time_s: end - 0.01,
+            ..followed
+        };
+        assert_eq!(at_end.switch_after(Duration::from_millis(5), NOW), None);
+    }
+
+    #[test]
+    fn places_near_knots_are_passed_over() {
+        let at = |time: f64| Knot::resting(time, Configuration::zeros());
+        let knots = [0.0, 0.1, 0.1008, 0.1016, 0.2].map(at);
+        let clear = |earliest_s| clear_of_knots(&knots, earliest_s);
+        assert_eq!(clear(0.05), Some(0.05));
+        assert_eq!(clear(0.0998), Some(0.1016 + SWITCH_GAP_S));
+        assert_eq!(clear(0.1012), Some(0.1016 + SWITCH_GAP_S));
+        assert_eq!(clear(0.15), Some(0.15));
+        assert_eq!(clear(0.1995), None);
+        assert_eq!(clear(0.5), None);
+    }
+}

@@ -1,0 +1,196 @@
+//! The turn of one request: its start, planning, execution, the answer.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use planning::Candidate;
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::Outcome;
+
+use super::answer::{Answer, is_deliverable};
+use super::plan_runner::{Early, Job, PlanOutput, Planned};
+use super::request_validator::PlanTask;
+use super::robot_start::{NotReady, begin_at_robot};
+use super::service::{Queued, Service, is_wanted};
+use crate::execution::{ExecutionRefusal, SelectedMotion, Switch};
+
+/// Longest wait for a motion that ends or is left in a moment, before a request that begins where the robot is is refused.
+const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
+/// Times that a request is planned whose plan comes too late for its switch.
+const ATTEMPTS: u32 = 3;
+
+/// The request that is being planned.
+pub(super) struct InFlight {
+    pub(super) queued: Queued,
+    begun: Instant,
+    waited: Duration,
+    plan_id: u64,
+    /// Where it leaves the motion that is followed, if it begins in motion there.
+    leaves: Option<Switch>,
+    /// How often it has been planned, this time included.
+    attempt: u32,
+    pub(super) cancelled: Arc<AtomicBool>,
+}
+
+impl Service {
+    /// Hands the next request over to planning, if that is idle and the request's start is known.
+    pub(super) fn begin_next(&mut self) -> bool {
+        if self.in_flight.is_some() {
+            return false;
+        }
+        let Some(queued) = self.deferred.take().or_else(|| self.queue.pop()) else {
+            return false;
+        };
+        self.begin(queued, 1)
+    }
+
+    /// Begins to plan a request; false where that is deferred.
+    fn begin(&mut self, mut queued: Queued, attempt: u32) -> bool {
+        let begun = Instant::now();
+        let waited = begun - queued.received;
+        let leaves = match self.start(&mut queued.task, attempt) {
+            Ok(leaves) => leaves,
+            Err(NotReady::Passes(_)) if waited < LONGEST_DEFERRAL => {
+                self.deferred = Some(queued);
+                return false;
+            }
+            Err(NotReady::Passes(refusal) | NotReady::Stays(refusal)) => {
+                self.refuse(&queued.active, queued.task.request_id, &refusal);
+                return true;
+            }
+        };
+        let cancelled = Arc::new(AtomicBool::new(false));
+        self.runner.begin(Job {
+            problem: Arc::clone(&queued.task.problem),
+            request: queued.task.request.clone(),
+            deadline: queued.deadline(),
+            early: self.early(&queued.task),
+            cancelled: Arc::clone(&cancelled),
+        });
+        let plan_id = self.next_plan_id;
+        self.next_plan_id += 1;
+        self.in_flight = Some(InFlight {
+            queued,
+            begun,
+            waited,
+            plan_id,
+            leaves,
+            attempt,
+            cancelled,
+        });
+        true
+    }
+
+    /// Sets the start of a task that begins where the robot is; returns where it leaves the motion that is followed, if it does.
+    fn start(&self, task: &mut PlanTask, attempt: u32) -> Result<Option<Switch>, NotReady> {
+        if !task.starts_at_robot {
+            return Ok(None);
+        }
+        let lead = self.lead_times.lead(task.request.sampler) * attempt;
+        begin_at_robot(task, &self.execution.robot_motion(), lead, mono_now_ns())
+    }
+
+    fn early(&self, task: &PlanTask) -> Option<Early> {
+        let (count, task, robot) = (task.early?, task.clone(), self.runner.robot().clone());
+        Some(Early {
+            count,
+            is_deliverable: Box::new(move |candidate| is_deliverable(&task, candidate, &robot)),
+        })
+    }
+
+    /// Takes the next output of the running plan and answers it; returns whether there was one.
+    pub(super) fn take_output(&mut self) -> bool {
+        if self.in_flight.is_none() {
+            return false;
+        }
+        match self.runner.take() {
+            Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
+            Some(PlanOutput::Plan(planned)) => self.answer(planned),
+            None => return false,
+        }
+        true
+    }
+
+    /// Answers the first certified candidates; the plan goes on.
+    fn answer_early(&self, candidates: Vec<Candidate>) {
+        let Some(in_flight) = &self.in_flight else {
+            return;
+        };
+        let Queued { active, task, .. } = &in_flight.queued;
+        let mut answer = Answer::early(task, candidates, self.runner.robot());
+        answer.set_plan(in_flight.plan_id, in_flight.waited);
+        self.send(&mut answer, active);
+    }
+
+    fn answer(&mut self, planned: Planned) {
+        let Some(in_flight) = self.in_flight.take() else {
+            return;
+        };
+        if let Err(fault) = &planned {
+            tracing::debug!("no plan: {fault}");
+        }
+        let plan_id = in_flight.plan_id;
+        let InFlight { queued, .. } = &in_flight;
+        let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot());
+        answer.set_plan(plan_id, in_flight.waited);
+        let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
+        if is_wanted(&queued.active) && has_candidates && !answer.candidates.is_empty() {
+            let published = self.execute(&in_flight, &answer);
+            if matches!(published, Some(Err(ExecutionRefusal::SwitchMissed { .. })))
+                && in_flight.attempt < ATTEMPTS
+                && Instant::now() < in_flight.queued.deadline()
+            {
+                tracing::info!("plan {plan_id} came too late for its switch and is planned again");
+                self.begin(in_flight.queued, in_flight.attempt + 1);
+                return;
+            }
+            report_execution(&mut answer, plan_id, published);
+        }
+        self.send(&mut answer, &in_flight.queued.active);
+        let selected = answer.selected().map(|(index, _)| index);
+        self.plans.keep(plan_id, &answer.candidates, selected);
+    }
+
+    /// Publishes the selected motion, if it is to be executed.
+    fn execute(
+        &mut self,
+        in_flight: &InFlight,
+        answer: &Answer,
+    ) -> Option<Result<u32, ExecutionRefusal>> {
+        let task = &in_flight.queued.task;
+        let timing = task.execution?;
+        self.lead_times
+            .note(task.request.sampler, in_flight.begun.elapsed());
+        Some(match answer.selected() {
+            _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
+            Some((candidate_index, motion)) => self.execution.publish(SelectedMotion {
+                motion: Arc::clone(motion),
+                leaves: in_flight.leaves,
+                candidate_index,
+                plan_id: in_flight.plan_id,
+                timing,
+            }),
+            None => Err(ExecutionRefusal::NothingSelected),
+        })
+    }
+}
+
+/// States in the answer what became of the execution, where one was asked for.
+fn report_execution(
+    answer: &mut Answer,
+    plan_id: u64,
+    published: Option<Result<u32, ExecutionRefusal>>,
+) {
+    match published {
+        Some(Ok(id)) => {
+            tracing::info!("trajectory {id} of plan {plan_id} is published for execution");
+            answer.report.trajectory_id = id;
+        }
+        Some(Err(refusal)) => {
+            tracing::info!("plan {plan_id} is not executed: {refusal}");
+            answer.set_execution_refused(&refusal.to_string());
+        }
+        None => {}
+    }
+}
