@@ -132,9 +132,9 @@ impl Supervisor {
         let answer = self.take(&requests.selected, requests.until_mono_ns);
         if let Ok(id) = answer
             && !requests.slot.deliver(id)
-            && let Some(supervised) = &mut self.supervised
+            && let Some(published) = self.joining.as_mut().or(self.supervised.as_mut())
         {
-            supervised.request_stop(StopReason::CallerGone);
+            published.request_stop(StopReason::CallerGone);
         }
         let _ = requests.answer.send(answer);
     }
