@@ -79,6 +79,21 @@ fn segments(knots: &[Knot]) -> impl Iterator<Item = Segment> {
         .map(|pair| Segment::between(&pair[0], &pair[1]))
 }
 
+/// Configuration, velocity and acceleration at a time of the motion; none outside it.
+#[must_use]
+pub fn state_at(knots: &[Knot], time_s: f64) -> Option<[Configuration; 3]> {
+    let pair = knots
+        .windows(2)
+        .find(|pair| (pair[0].time_s..=pair[1].time_s).contains(&time_s))?;
+    let mut curve = Segment::between(&pair[0], &pair[1]);
+    let fraction = (time_s - pair[0].time_s) / curve.duration_s;
+    Some(std::array::from_fn(|_| {
+        let value = curve.at(fraction);
+        curve = curve.derivative();
+        value
+    }))
+}
+
 /// Largest tendon velocity, acceleration and jerk that are found, over their limits.
 #[must_use]
 pub fn limit_use(body: &Body, knots: &[Knot], limits: &Limits) -> Limits {

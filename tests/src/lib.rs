@@ -27,6 +27,7 @@ pub mod raw;
 pub mod raw_daemon;
 pub mod raw_scene;
 pub mod recording;
+pub mod replans;
 pub mod retries;
 pub mod rounds;
 pub mod stack;

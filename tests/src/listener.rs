@@ -6,13 +6,17 @@ use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
 use realtime::use_fifo_priority;
-use shared_types::codes::ProcessKind;
+use shared_types::codes::{MotionStart, ProcessKind};
 use shared_types::ipc::{
     CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber, controller_state_service,
     cycle_service, heartbeat_service, robot_state_service, setpoint_service, subscriber,
+    trajectory_service,
 };
-use shared_types::message::{ControllerState, Cycle, Heartbeat, RobotState, Setpoint};
+use shared_types::message::{
+    ControllerState, Cycle, Heartbeat, RobotState, Setpoint, TrajectoryMessage,
+};
 
+use crate::knots::Knot;
 use crate::priority::OF_A_WATCH;
 
 /// What was heard, in order of arrival.
@@ -28,6 +32,40 @@ pub struct Heard {
     pub controller: Vec<ControllerState>,
     /// The daemons' heartbeats.
     pub daemon: Vec<Heartbeat>,
+    /// The motions that the daemon publishes.
+    pub motions: Vec<Published>,
+}
+
+/// A motion as the daemon publishes it.
+#[derive(Clone, Debug)]
+pub struct Published {
+    /// Its id.
+    pub id: u32,
+    /// The motion that it leaves, with the path time of that, s; none where it begins at rest.
+    pub leaves: Option<(u32, f64)>,
+    /// Its knots, s and rad.
+    pub knots: Vec<Knot>,
+}
+
+impl From<&TrajectoryMessage> for Published {
+    fn from(message: &TrajectoryMessage) -> Self {
+        let in_motion = message.start == MotionStart::InMotion.code();
+        let knots = message.knots[..message.knot_count as usize].iter();
+        Self {
+            id: message.trajectory_id,
+            leaves: in_motion.then_some((message.leaves_trajectory_id, message.leaves_at_s)),
+            knots: knots
+                .map(|knot| Knot {
+                    time_s: knot.time_s,
+                    values: [
+                        knot.configuration_rad,
+                        knot.velocity_rad_s,
+                        knot.acceleration_rad_s2,
+                    ],
+                })
+                .collect(),
+        }
+    }
 }
 
 impl Heard {
@@ -37,6 +75,7 @@ impl Heard {
         self.cycles.append(&mut fresh.cycles);
         self.controller.append(&mut fresh.controller);
         self.daemon.append(&mut fresh.daemon);
+        self.motions.append(&mut fresh.motions);
     }
 }
 
@@ -90,6 +129,7 @@ struct Ports {
     cycles: CycleSubscriber,
     controller: Subscriber<ControllerState>,
     heart: Subscriber<Heartbeat>,
+    motions: Subscriber<TrajectoryMessage>,
     _node: IpcNode,
 }
 
@@ -102,6 +142,7 @@ impl Ports {
             cycles: subscriber(&node, &cycle_service(&node)?)?,
             controller: subscriber(&node, &controller_state_service(&node)?)?,
             heart: subscriber(&node, &heartbeat_service(&node)?)?,
+            motions: subscriber(&node, &trajectory_service(&node)?)?,
             _node: node,
         })
     }
@@ -119,6 +160,9 @@ impl Ports {
         }
         while let Ok(Some(sample)) = self.controller.receive() {
             into.controller.push(*sample);
+        }
+        while let Ok(Some(message)) = self.motions.receive() {
+            into.motions.push(Published::from(&*message));
         }
         while let Ok(Some(beat)) = self.heart.receive() {
             if beat.kind == ProcessKind::Daemon.code() {

@@ -221,8 +221,7 @@ mod tests {
             cycles: (0..1400).map(cycle).collect(),
             robot: (0..1400).map(robot).collect(),
             controller: [400, 1010, 1030].map(state).to_vec(),
-            setpoints: Vec::new(),
-            daemon: Vec::new(),
+            ..Heard::default()
         }
     }
 

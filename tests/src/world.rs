@@ -17,6 +17,8 @@ use crate::programs::repository;
 pub struct Settings {
     /// The tendon limits are the unit robot's times this, if given: bulk tests use 10.
     pub limits_factor: Option<f64>,
+    /// Everything happens so many times as fast, if given: velocity limits × this, acceleration × its square, jerk × its cube.
+    pub time_factor: Option<f64>,
     /// Keys of the daemon's configuration.
     pub daemon: Vec<(&'static str, Value)>,
     /// Whether no process asks for a real-time priority, as if the system refused them.
@@ -26,6 +28,16 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Everything ten times as fast; the step and the tracking error that are allowed are as much larger.
+    #[must_use]
+    pub fn ten_times_as_fast() -> Self {
+        Self {
+            limits_factor: None,
+            time_factor: Some(10.0),
+            ..Self::fast_robot()
+        }
+    }
+
     /// Limits ten times higher, so that motions are short.
     ///
     /// Whatever makes the robot late makes a tracking error ten times as large too: so is the tolerance, nearly twice over.
@@ -185,6 +197,17 @@ pub fn shipped_number(name: &str, key: &str) -> f64 {
 fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) -> Robot {
     fs::create_dir_all(folder.join("robots")).unwrap();
     let mut robot = shipped("robots/unit.toml");
+    if let Some(factor) = settings.time_factor {
+        let limits = robot["tendon_limits"].as_table_mut().unwrap();
+        for (key, power) in [
+            ("velocity_m_s", 1),
+            ("acceleration_m_s2", 2),
+            ("jerk_m_s3", 3),
+        ] {
+            let faster = limits[key].as_float().unwrap() * factor.powi(power);
+            limits.insert(key.to_owned(), Value::Float(faster));
+        }
+    }
     if let Some(factor) = settings.limits_factor {
         for (_, limit) in robot["tendon_limits"].as_table_mut().unwrap() {
             *limit = Value::Float(limit.as_float().unwrap() * factor);
@@ -199,7 +222,8 @@ fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) ->
     let mut motors = shipped("simulated-robot.toml");
     // The lag behind an acceleration a is a/ω²: motors that keep up with faster motions as well as the shipped ones.
     let frequency = motors["natural_frequency_rad_s"].as_float().unwrap()
-        * settings.limits_factor.unwrap_or(1.0).sqrt();
+        * settings.limits_factor.unwrap_or(1.0).sqrt()
+        * settings.time_factor.unwrap_or(1.0);
     motors.insert("natural_frequency_rad_s".into(), frequency.into());
     if settings.without_priorities {
         motors.insert(PRIORITY.to_owned(), Value::Integer(0));

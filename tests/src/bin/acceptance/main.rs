@@ -20,6 +20,7 @@ mod fast_soak;
 mod fast_timing;
 mod geometry;
 mod machine;
+mod motion;
 mod paper_ablation;
 mod paper_data;
 mod paper_parity;
@@ -54,7 +55,7 @@ struct Suite {
     groups: &'static [fn(&mut Report, Scale)],
 }
 
-const SUITES: [Suite; 4] = [
+const SUITES: [Suite; 5] = [
     Suite {
         name: "chain",
         weights: String::new,
@@ -95,6 +96,11 @@ const SUITES: [Suite; 4] = [
         name: "safe",
         weights: String::new,
         groups: safe::GROUPS,
+    },
+    Suite {
+        name: "motion",
+        weights: runs::weights_in_use,
+        groups: motion::GROUPS,
     },
 ];
 

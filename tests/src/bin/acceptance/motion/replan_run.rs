@@ -1,0 +1,158 @@
+//! Replans at random instants of motion, one after the other, and everything that was heard meanwhile.
+
+use std::thread::sleep;
+use std::time::Duration;
+
+use anyhow::Context;
+use rand_pcg::Pcg64;
+use shared_types::codes::{LoopState, Outcome};
+use tests::brute_force::{Ball, Body};
+use tests::geometry::seeded;
+use tests::judge::Judge;
+use tests::listener::{Heard, Listener, Published};
+use tests::replans::{ReplanScene, random_pause, replan, stop_then_go};
+use tests::stack::{PATIENCE, Stack};
+use tests::world::Settings;
+
+use super::joins::Figures;
+
+/// Seed of scenes, tips and pauses: nothing was trained with it.
+const SEED: u64 = 9_101;
+/// Replans in one scene.
+const IN_A_SCENE: usize = 25;
+/// Shortest and longest pause between two replans at the shipped limits.
+const PAUSES: [Duration; 2] = [Duration::from_millis(60), Duration::from_millis(900)];
+
+/// How replans are made.
+pub(super) struct Population {
+    pub(super) settings: Settings,
+    /// How many times as fast as shipped everything happens.
+    pub(super) time_factor: f64,
+    pub(super) replans: usize,
+    /// What happens beside them, before each, by its number.
+    pub(super) disturb: fn(&mut Stack, usize),
+}
+
+/// Replans until so many have begun in motion or were refused there.
+pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
+    let mut stack = Stack::running(&population.settings)?;
+    let file = std::fs::read_to_string(stack.world.config("robots/unit.toml"))?;
+    let body = Body::from_robot_file(&file);
+    let robot = stack.world.unit_robot();
+    let listener = Listener::start(&stack.world.options);
+    let mut judge = Judge::new(stack.world.robot.tendon_limits);
+    let mut figures = Figures::of(&stack.world.robot.tendon_limits);
+    let mut random = seeded(SEED);
+    let mut index = 0;
+    while figures.in_motion < population.replans {
+        wait_until_held(&mut stack)?;
+        let standing = stack.commanded();
+        let (scene, passed_over) = ReplanScene::around(&robot, &standing, SEED, index);
+        index += 1 + passed_over as u64;
+        figures.scenes_passed_over += passed_over;
+        let count = IN_A_SCENE.min(population.replans.div_ceil(8)).min(population.replans - figures.in_motion);
+        replans(
+            &mut stack,
+            population,
+            &scene,
+            count,
+            &mut figures,
+            &mut random,
+        )?;
+        wait_until_held(&mut stack)?;
+        sleep(Duration::from_millis(50));
+        let heard = listener.take();
+        judge.look(&heard);
+        figures.look(&body, &heard, &balls(&scene));
+        references(&mut stack, &scene, &heard, &mut figures)?;
+        println!("  {} of {} replans", figures.in_motion, population.replans);
+    }
+    figures.sent = judge.verdict().clone();
+    Ok(figures)
+}
+
+fn balls(scene: &ReplanScene) -> Vec<Ball> {
+    let ball = |ball: &shared_types::message::Ball| Ball::resting(ball.centre_m, ball.radius_m);
+    scene.balls.iter().map(ball).collect()
+}
+
+fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
+    let view = &mut stack.controller;
+    let held = tests::process::wait_for("the robot rests", PATIENCE, || {
+        let state = view.latest_state().ok().flatten()?;
+        (state.state == LoopState::Holding).then_some(())
+    });
+    held.context("after replans")
+}
+
+/// Asks for tips one after the other; those that find the robot at rest are counted, and are no replans.
+fn replans(
+    stack: &mut Stack,
+    population: &Population,
+    scene: &ReplanScene,
+    count: usize,
+    figures: &mut Figures,
+    random: &mut Pcg64,
+) -> anyhow::Result<()> {
+    let robot = stack.world.unit_robot();
+    let until = figures.in_motion + count;
+    let [shortest, longest] = PAUSES.map(|pause| pause.div_f64(population.time_factor));
+    while figures.in_motion < until {
+        (population.disturb)(stack, figures.in_motion);
+        let tip = scene.tip(&robot, random);
+        let was_moving = stack.controller_state().state == LoopState::Executing;
+        let request = replan(tip.into(), &scene.balls, figures.requests as u64);
+        let answer = stack.client.plan(&request, PATIENCE)?;
+        let report = answer.report();
+        figures.requests += 1;
+        figures.in_motion += usize::from(was_moving);
+        if let Some(id) = report.trajectory_id {
+            figures.published.insert(id, request.seed);
+        } else {
+            let refusals = if was_moving {
+                &mut figures.refusals
+            } else {
+                &mut figures.refused_at_rest
+            };
+            let cause = refusal(report.outcome, &report.reason);
+            *refusals.entry(cause).or_default() += 1;
+        }
+        drop(answer);
+        sleep(random_pause(shortest, longest, random));
+    }
+    Ok(())
+}
+
+/// A refusal without the numbers that differ from one to the next.
+fn refusal(outcome: Outcome, reason: &str) -> String {
+    let words = reason.split_whitespace();
+    let words = words.filter(|word| !word.chars().any(|c| c.is_ascii_digit()));
+    format!("{outcome}: {}", words.collect::<Vec<_>>().join(" "))
+}
+
+/// What each motion that was joined would have taken with a stop before it.
+fn references(
+    stack: &mut Stack,
+    scene: &ReplanScene,
+    heard: &Heard,
+    figures: &mut Figures,
+) -> anyhow::Result<()> {
+    let joined = heard
+        .motions
+        .iter()
+        .filter(|motion| motion.leaves.is_some());
+    for motion in joined {
+        let (Some(first), Some(last)) = (motion.knots.first(), motion.knots.last()) else {
+            continue;
+        };
+        let seed = figures.published.get(&motion.id).copied().unwrap_or(0);
+        let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
+        figures.compare(motion, &reference);
+    }
+    Ok(())
+}
+
+/// The motion with this id.
+pub(super) fn motion_of(motions: &[Published], id: u32) -> Option<&Published> {
+    motions.iter().rev().find(|motion| motion.id == id)
+}
