@@ -12,7 +12,7 @@ use shared_types::message::Ball;
 use shared_types::valid::{Goal, PlanRequest};
 use trajectory::{Knot, stopping_motion};
 
-use crate::stack::{NO_DEADLINE, PATIENCE, Stack};
+use crate::stack::{PATIENCE, Stack};
 
 /// Room of targets and starts beside the tube, section lengths, as in the data sets.
 const ROOM: f64 = 0.1;
@@ -103,7 +103,7 @@ pub struct StopThenGo {
     pub go_s: Option<f64>,
 }
 
-/// Stops in the state of a knot straight ahead, then goes to a configuration by the fastest of ten candidates.
+/// Stops in the state of a knot straight ahead, then goes to a configuration by the fastest of ten candidates, planned like every request.
 ///
 /// # Errors
 /// [`ClientError`].
@@ -127,7 +127,6 @@ pub fn stop_then_go(
     let request = PlanRequest {
         candidate_count: CANDIDATES,
         seed,
-        deadline: Some(NO_DEADLINE),
         balls: balls.to_vec(),
         ..PlanRequest::new(stop.end().into(), Goal::Configuration(end))
     };

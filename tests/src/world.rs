@@ -170,6 +170,9 @@ fn folder_bytes(folder: &Path) -> u64 {
 /// The key of the real-time priority in every configuration file.
 pub const PRIORITY: &str = "realtime_priority";
 
+/// Highest natural frequency of the simulated motors that the robot's program takes, rad/s.
+const HIGHEST_FREQUENCY_RAD_S: f64 = 500.0;
+
 /// A shipped configuration file as a table.
 #[must_use]
 pub fn shipped(name: &str) -> Table {
@@ -224,6 +227,7 @@ fn write_configuration(folder: &Path, settings: &Settings, has_weights: bool) ->
     let frequency = motors["natural_frequency_rad_s"].as_float().unwrap()
         * settings.limits_factor.unwrap_or(1.0).sqrt()
         * settings.time_factor.unwrap_or(1.0);
+    let frequency = frequency.min(HIGHEST_FREQUENCY_RAD_S);
     motors.insert("natural_frequency_rad_s".into(), frequency.into());
     if settings.without_priorities {
         motors.insert(PRIORITY.to_owned(), Value::Integer(0));

@@ -5,13 +5,13 @@ use std::time::Duration;
 
 use anyhow::Context;
 use rand_pcg::Pcg64;
-use shared_types::codes::{LoopState, Outcome};
+use shared_types::codes::{LoopFault, LoopState, Outcome};
 use tests::brute_force::{Ball, Body};
 use tests::geometry::seeded;
 use tests::judge::Judge;
 use tests::listener::{Heard, Listener, Published};
 use tests::replans::{ReplanScene, random_pause, replan, stop_then_go};
-use tests::stack::{PATIENCE, Stack};
+use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
 use super::joins::Figures;
@@ -100,7 +100,15 @@ fn replans(
     while figures.in_motion < until {
         (population.disturb)(stack, figures.in_motion);
         let tip = scene.tip(&robot, random);
-        let was_moving = stack.controller_state().state == LoopState::Executing;
+        let state = stack.controller_state();
+        anyhow::ensure!(
+            state.fault == LoopFault::None,
+            "the controller is in fault ({}) after {} replans: {}",
+            state.fault,
+            figures.in_motion,
+            stack.process(Part::Controller).log()
+        );
+        let was_moving = state.state == LoopState::Executing;
         let request = replan(tip.into(), &scene.balls, figures.requests as u64);
         let answer = stack.client.plan(&request, PATIENCE)?;
         let report = answer.report();
