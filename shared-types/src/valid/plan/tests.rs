@@ -168,6 +168,12 @@ const BAD: &[(Change, PlanField, &str)] = &[
         PlanField::PreviousCandidate,
         "0..=63",
     ),
+    (|r| r.start = 2, PlanField::Start, "2 is no start"),
+    (
+        |r| r.ignores_live_scene = 2,
+        PlanField::IgnoresLiveScene,
+        "allowed are 0 (no) and 1",
+    ),
 ];
 
 #[test]
