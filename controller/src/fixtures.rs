@@ -13,7 +13,8 @@ use trajectory::{
 use crate::{
     TENDONS, TendonVector,
     executive::{
-        CycleInput, CycleOutput, Departure, Executive, ExecutiveSettings, Motion, RobotSample,
+        CycleInput, CycleOutput, Departure, Ending, Executive, ExecutiveSettings, Motion,
+        RobotSample,
     },
     robot::{RememberedPose, RobotConfig, SimulatedRobot},
 };
@@ -149,6 +150,8 @@ pub(crate) struct World {
     pub(crate) guard_held_up: bool,
     pub(crate) stuck_tendon: Option<usize>,
     pub(crate) last: Option<CycleOutput>,
+    /// The motions that ended in a cycle: their ids, and how they ended.
+    pub(crate) ended: Vec<(u32, Ending)>,
     sample: Option<RobotSample>,
     settings: ExecutiveSettings,
     sequence: u64,
@@ -181,6 +184,7 @@ impl World {
             guard_held_up: false,
             stuck_tendon: None,
             last: None,
+            ended: Vec::new(),
             sample: None,
             settings,
             sequence: 0,
@@ -273,7 +277,9 @@ impl World {
             robot: sample.as_ref(),
             ..self.input()
         });
-        self.executive.take_finished();
+        while let Some(ended) = self.executive.take_finished() {
+            self.ended.push((ended.motion.id, ended.ending));
+        }
         if let Some(before) = self.last.filter(|before| before.send && output.send) {
             let state = |output: &CycleOutput| (output.tendon_m, output.tendon_velocity_m_s);
             assert_step(&self.robot, elapsed_ns, &state(&before), &state(&output));

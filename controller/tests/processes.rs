@@ -7,9 +7,12 @@ use joined::{Joined, Seen};
 use pcc_model::{Configuration, Robot};
 use shared_types::{
     clock::mono_now_ns,
-    codes::{CommandRefusal, LoopFault, LoopState, MotorState, Refusal},
+    codes::{
+        CommandRefusal, CommandSender, LoopFault, LoopState, MotionOutcome, MotorState, Refusal,
+        StopCause,
+    },
     message::{Cycle, RobotState},
-    valid::Command,
+    valid::{Command, MotionResult},
 };
 
 fn goal(sign: f64) -> Configuration {
@@ -86,7 +89,8 @@ fn robot_is(state: MotorState) -> impl Fn(&Seen) -> bool {
     }
 }
 
-fn run_into_motion(joined: &mut Joined, goal: &Configuration) {
+/// Sends a motion, and returns its id once it is well on its way.
+fn run_into_motion(joined: &mut Joined, goal: &Configuration) -> u32 {
     joined.wait_for(LoopState::Holding);
     let id = joined.send_motion(goal);
     joined.wait_until("well on its way", |seen| {
@@ -96,6 +100,7 @@ fn run_into_motion(joined: &mut Joined, goal: &Configuration) {
                 && now.trajectory_time_s > 0.3
         })
     });
+    id
 }
 
 #[test]
@@ -179,7 +184,7 @@ fn a_motion_of_another_daemon_or_from_before_a_stop_is_refused_by_name() {
     joined.wait_for_refusal(id, Refusal::OtherDaemon);
     let before_ns = mono_now_ns();
     let stop = joined.command(Command::Stop);
-    assert_eq!(stop.reason, CommandRefusal::NothingToDo);
+    assert_eq!(stop.refusal, CommandRefusal::NothingToDo);
     let id = joined.send_motion_of(before_ns, &goal(1.0));
     joined.wait_for_refusal(id, Refusal::RequestedBefore);
     let id = joined.send_motion_of(mono_now_ns() + 1_000_000_000, &goal(1.0));
@@ -215,11 +220,11 @@ fn a_lost_daemon_a_stop_and_a_shutdown_brake_along_the_path() {
     assert!(joined.command(Command::Stop).accepted);
     joined.wait_for(LoopState::Holding);
     assert_eq!(
-        joined.command(Command::Stop).reason,
+        joined.command(Command::Stop).refusal,
         CommandRefusal::NothingToDo
     );
     assert_eq!(
-        joined.command(Command::SetSpeed(1.5)).reason,
+        joined.command(Command::SetSpeed(1.5)).refusal,
         CommandRefusal::InvalidSpeed
     );
     assert!(joined.command(Command::SetSpeed(1.0)).accepted);
@@ -329,7 +334,7 @@ fn a_reset_sets_a_motion_aside_that_waits_and_a_controllers_start_is_no_later_th
     assert_eq!((reset.accepted, reset.state), (true, LoopState::Holding));
     joined.wait_for_refusal(id, Refusal::SetAside);
     assert_eq!(
-        joined.command(Command::ResetFault).reason,
+        joined.command(Command::ResetFault).refusal,
         CommandRefusal::NothingToDo
     );
     assert_eq!(joined.controller().trajectory_id, 0, "nothing has moved");
@@ -353,4 +358,83 @@ fn a_motion_that_waits_does_not_begin_after_a_long_pause_and_that_is_no_fault() 
     let now = joined.controller();
     assert_eq!((now.trajectory_id, now.fault), (0, LoopFault::None.code()));
     run_into_motion(&mut joined, &goal(1.0));
+}
+
+fn assert_stopped(result: &MotionResult, cause: StopCause, reason: &str) {
+    let values = &result.values;
+    assert_eq!(
+        (result.outcome, result.cause),
+        (MotionOutcome::Stopped, cause),
+        "{result}"
+    );
+    assert!(
+        0.3 < values.path_time_s && values.path_time_s < values.duration_s,
+        "{values:?}"
+    );
+    assert_eq!(result.to_string(), format!("stopped: {reason}"));
+}
+
+#[test]
+fn every_motion_has_one_result_that_says_how_it_ended_and_who_ended_it() {
+    let mut joined = Joined::new();
+    let _robot = joined.start("simulated-robot");
+    let mut controller = joined.start("controller");
+    joined.wait_for(LoopState::Holding);
+    let id = joined.send_motion(&goal(1.0));
+    let reached = joined.wait_for_result(id);
+    let values = &reached.values;
+    assert_eq!(reached.outcome, MotionOutcome::Reached, "{reached}");
+    assert_eq!(values.path_time_s, values.duration_s);
+    assert_eq!(values.plan_id, u64::from(id));
+    assert_eq!(values.instance, joined.controller().instance);
+
+    let id = run_into_motion(&mut joined, &goal(-1.0));
+    let reply = joined.command(Command::Stop.because("the ball comes nearer"));
+    assert_eq!(reply.reason.text(), "the robot brakes along its path");
+    let stopped = joined.wait_for_result(id);
+    assert_stopped(&stopped, StopCause::Command, "the ball comes nearer");
+    let (sender, pid) = (stopped.sender, stopped.values.sender_pid);
+    assert_eq!((sender, pid), (CommandSender::Program, std::process::id()));
+
+    let id = let_motion_wait(&mut joined, 10_000_000_000);
+    joined.command(Command::ResetFault);
+    let aside = joined.wait_for_result(id);
+    assert_eq!(
+        (aside.outcome, aside.cause, aside.values.path_time_s),
+        (MotionOutcome::SetAside, StopCause::Reset, 0.0)
+    );
+    let id = joined.send_motion_of_another_daemon(&goal(1.0));
+    let refused = joined.wait_for_result(id);
+    assert_eq!(refused.refusal, Refusal::OtherDaemon, "{refused}");
+    assert!(
+        refused
+            .to_string()
+            .starts_with("refused: it was published by another daemon")
+    );
+
+    let id = run_into_motion(&mut joined, &goal(1.0));
+    joined.set_daemon_alive(false);
+    let stopped = joined.wait_for_result(id);
+    assert_stopped(&stopped, StopCause::DaemonLost, "the daemon was lost");
+    joined.set_daemon_alive(true);
+    std::thread::sleep(std::time::Duration::from_millis(50));
+    let id = run_into_motion(&mut joined, &goal(-1.0));
+    controller.signal("TERM");
+    assert!(controller.wait().success());
+    let stopped = joined.wait_for_result(id);
+    assert_stopped(&stopped, StopCause::Shutdown, "the controller ends");
+
+    joined.with_seen(|seen| {
+        let sequences: Vec<u64> = seen.results.iter().map(|result| result.sequence).collect();
+        let all: Vec<u64> = (1..=sequences.len() as u64).collect();
+        assert_eq!(sequences, all, "each result once, in order");
+        let mut ids: Vec<u32> = seen
+            .results
+            .iter()
+            .map(|result| result.trajectory_id)
+            .collect();
+        ids.sort_unstable();
+        let sent: Vec<u32> = (1..=id).collect();
+        assert_eq!(ids, sent, "a result for each motion");
+    });
 }

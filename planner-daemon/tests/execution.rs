@@ -62,8 +62,8 @@ impl PlayedController {
                 command_id: command.command_id,
                 protocol_version: PROTOCOL_VERSION,
                 accepted: 1,
-                reason: 0,
                 state: self.state.state,
+                ..CommandReply::ZEROED
             };
             request.send_copy(reply).unwrap();
         }

@@ -18,7 +18,7 @@ pub const MAX_KNOTS: usize = 256;
 pub const HISTOGRAM_BINS: usize = 64;
 /// Stages of planning that a response times ([`crate::codes::Stage`]).
 pub const STAGES: usize = crate::codes::Stage::ALL.len();
-/// Bytes of UTF-8 text that explain an outcome.
-pub const REASON_BYTES: usize = 160;
+/// Bytes of a [`crate::message::ReasonText`].
+pub const REASON_BYTES: usize = 164;
 /// Plans that the daemon retains, from which a request can go on.
 pub const RECENT_PLANS: usize = 16;

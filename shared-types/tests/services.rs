@@ -69,6 +69,13 @@ fn every_message_arrives_as_it_was_sent() {
             ..ControllerState::ZEROED
         },
     );
+    round_trip(
+        motion_result_service,
+        MotionResult {
+            reason: ReasonText::new("the ball comes nearer"),
+            ..MotionResult::ZEROED
+        },
+    );
     let mut scene = SceneMessage {
         ball_count: 1024,
         ..SceneMessage::ZEROED
@@ -233,7 +240,7 @@ fn a_plan_is_written_in_place_and_read_in_place() {
         candidate_count: 16,
         ..PlanReport::ZEROED
     };
-    report.set_reason("done");
+    report.reason = ReasonText::new("done");
     let response = response.write_from_fn(|index| Knot {
         time_s: index as f64,
         ..Knot::ZEROED
@@ -244,7 +251,7 @@ fn a_plan_is_written_in_place_and_read_in_place() {
     let answer = pending.receive().unwrap().unwrap();
     drop(pending);
     assert_eq!(answer.user_header().request_id, 42);
-    assert_eq!(answer.user_header().reason_text(), "done");
+    assert_eq!(answer.user_header().reason.text(), "done");
     assert_eq!(answer.payload().len(), knots);
     assert!(
         answer

@@ -138,7 +138,7 @@ pub fn send_malformed(client: &RawClient, has_weights: bool) -> Result<Refusals,
         (bad.change)(&mut request);
         let report = client.ask(&request, PATIENCE)?.report;
         refusals.sent += 1;
-        let text = report.reason_text();
+        let text = report.reason.text();
         let is_named = report.outcome == bad.outcome.code()
             && report.invalid_field == bad.field.code()
             && report.candidate_count == 0

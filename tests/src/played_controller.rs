@@ -80,8 +80,8 @@ impl PlayedController {
                 command_id: request.command_id,
                 protocol_version: PROTOCOL_VERSION,
                 accepted: 1,
-                reason: 0,
                 state: LoopState::Stopping.code(),
+                ..CommandReply::ZEROED
             };
             let _ = request.send_copy(reply);
         }

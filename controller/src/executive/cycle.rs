@@ -73,6 +73,8 @@ pub struct CycleOutput {
     pub measured_rad: Configuration,
     /// Filtered tracking error, rad.
     pub tracking_error_rad: f64,
+    /// The tracking error that is allowed, rad.
+    pub path_tolerance_rad: f64,
     /// Distance of the measured tendon lengths from those of every configuration, m.
     pub slack_residual_m: f64,
     /// How far the set-point was from the last trajectory's start when it was taken, m (norm over the tendons); kept as a constant offset.

@@ -9,7 +9,7 @@ use shared_types::codes::LoopState;
 use trajectory::{Knot, evaluate};
 
 use super::refusal::TrajectoryRefusal;
-use super::{Executive, Motion};
+use super::{Ending, Executive, Motion, StopOrigin};
 
 /// Two motions agree where position, rad, velocity, rad/s, and acceleration, rad/s², differ by no more.
 const CONTINUITY: f64 = 1e-9;
@@ -137,23 +137,23 @@ impl Executive {
     pub(super) fn finish_join(&mut self) {
         if self.pace.time_s >= 0.0
             && let Some(left) = self.left.take()
+            && let Some(motion) = &self.motion
         {
-            self.finished.push(left);
-            if let Some(motion) = &self.motion {
-                self.path_tolerance_rad = motion.path_tolerance_rad;
-            }
+            self.path_tolerance_rad = motion.path_tolerance_rad;
+            let (joined_by, switch_s) = (motion.id, motion.switch_s().unwrap_or(0.0));
+            self.note_end(left, Ending::Joined(joined_by), switch_s);
         }
     }
 
     /// Goes on with the motion that was to be left, if the switch is still ahead; the one that was to be joined is set aside.
-    pub(super) fn give_up_join(&mut self) {
+    pub(super) fn give_up_join(&mut self, origin: StopOrigin) {
         let Some(left) = self.left.take() else {
             return;
         };
         if let Some(joined) = self.motion.replace(left) {
             let switch_s = joined.switch_s().unwrap_or(0.0);
             self.pace.change_over(self.pace.time_s + switch_s);
-            self.finished.push(joined);
+            self.note_end(joined, Ending::SetAside(origin), 0.0);
         }
     }
 }
@@ -265,9 +265,9 @@ mod tests {
         let (mut world, left) = executing(400);
         join(&mut world, &left, 5, 0.05).unwrap();
         world.run(10);
-        assert_eq!(world.executive.stop(), Ok(()));
+        assert_eq!(world.executive.stop(StopOrigin::Signal), Ok(()));
         assert_eq!(
-            world.executive.take_finished().map(|motion| motion.id),
+            world.executive.take_finished().map(|ended| ended.motion.id),
             Some(5)
         );
         while world.executive.state() != LoopState::Holding {
@@ -284,7 +284,7 @@ mod tests {
         let joined = join(&mut world, &left, 5, 0.01).unwrap();
         world.run(40);
         assert_eq!(world.last.unwrap().trajectory_id, 5);
-        world.executive.stop().unwrap();
+        world.executive.stop(StopOrigin::Signal).unwrap();
         world.run(1_000);
         let last = world.last.unwrap();
         assert_eq!(last.state, LoopState::Holding);
@@ -320,7 +320,7 @@ mod tests {
             .unwrap();
         let at_knot = joined_motion(5, &left, knot.time + 1e-4, to);
         refused(&mut world, at_knot, Refusal::SwitchAtKnot);
-        world.executive.stop().unwrap();
+        world.executive.stop(StopOrigin::Signal).unwrap();
         world.cycle(MS);
         refused(&mut world, good, Refusal::Busy);
         world.run(1_000);

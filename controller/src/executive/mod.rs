@@ -17,6 +17,7 @@
 
 mod acceptance;
 mod cycle;
+mod ending;
 mod joining;
 mod motion;
 mod pace;
@@ -31,6 +32,7 @@ pub use acceptance::{
     AcceptanceContext, BeginWindow, GuardState, check, check_start, check_still_valid,
 };
 pub use cycle::{CycleInput, CycleOutput, RobotSample};
+pub use ending::{EndedMotion, Ending, StopOrigin};
 pub use motion::{Departure, Motion};
 pub use pace::{Commanded, Pace, PaceLimits};
 pub use refusal::{START_TOLERANCE_RAD, TrajectoryRefusal};
@@ -41,6 +43,7 @@ use arrayvec::ArrayVec;
 use pcc_model::{Configuration, Robot, TendonMap};
 use shared_types::clock::seconds;
 use shared_types::codes::{CommandRefusal, LoopFault, LoopState, Waiting};
+use shared_types::valid::Signature;
 
 use crate::{TENDONS, TendonVector};
 
@@ -74,7 +77,9 @@ pub struct Executive {
     /// The trajectory that the followed one leaves, until it has done so.
     left: Option<Motion>,
     /// Trajectories that are over, to be given back outside the cycle.
-    finished: ArrayVec<Motion, 3>,
+    finished: ArrayVec<EndedMotion, 3>,
+    /// What the robot brakes for while it stops.
+    stop_origin: Option<StopOrigin>,
     pace: Pace,
     splice: Splice,
     speed: f64,
@@ -122,6 +127,7 @@ impl Executive {
             motion: None,
             left: None,
             finished: ArrayVec::new(),
+            stop_origin: None,
             pace: Pace::beginning(1.0),
             splice: Splice {
                 configuration_rad: Configuration::zeros(),
@@ -193,23 +199,24 @@ impl Executive {
         Some((reason, self.motion.take()?))
     }
 
-    /// Gives a trajectory back that is over, if there is one.
-    pub fn take_finished(&mut self) -> Option<Motion> {
-        self.finished.pop()
+    /// Gives a trajectory back that is over, the one that ended first, if there is one.
+    pub fn take_finished(&mut self) -> Option<EndedMotion> {
+        self.finished.pop_at(0)
     }
 
     /// Brakes along the trajectory and holds; forgets one that waits for its begin.
     ///
     /// # Errors
     /// [`CommandRefusal::NothingToDo`] where nothing moves or is about to.
-    pub fn stop(&mut self) -> Result<(), CommandRefusal> {
+    pub fn stop(&mut self, origin: StopOrigin) -> Result<(), CommandRefusal> {
         match self.state {
             LoopState::Executing => {
-                self.give_up_join();
+                self.give_up_join(origin);
+                self.note_stop(origin);
                 self.state = LoopState::Stopping;
             }
             LoopState::Stopping => {}
-            LoopState::Holding if self.motion.is_some() => self.put_motion_aside(),
+            LoopState::Holding if self.motion.is_some() => self.break_off(origin),
             _ => return Err(CommandRefusal::NothingToDo),
         }
         Ok(())
@@ -220,10 +227,10 @@ impl Executive {
     ///
     /// # Errors
     /// [`CommandRefusal::NothingToDo`] without a fault or such a trajectory, [`CommandRefusal::FaultPersists`] while it still brakes.
-    pub fn reset(&mut self) -> Result<(), CommandRefusal> {
+    pub fn reset(&mut self, ordered: Signature) -> Result<(), CommandRefusal> {
         match (self.state, self.fault) {
             (LoopState::Holding, LoopFault::None) if self.motion.is_some() => {
-                self.put_motion_aside();
+                self.break_off(StopOrigin::Reset(ordered));
                 self.path_tolerance_rad = self.settings.hold_tolerance_rad;
                 return Ok(());
             }
@@ -307,6 +314,7 @@ impl Executive {
             }
             self.path_tolerance_rad = motion.path_tolerance_rad;
             self.state = LoopState::Executing;
+            self.stop_origin = None;
             self.pace = Pace::beginning(self.speed);
             step_ns = step_ns.min(begun_ns);
         }
@@ -341,12 +349,6 @@ impl Executive {
         self.robot_silence_ns > self.settings.robot_lost_ns
     }
 
-    /// Ends the trajectory, and one that it was about to leave; the loop gives them back in the same cycle.
-    fn put_motion_aside(&mut self) {
-        self.give_up_join();
-        self.finished.extend(self.motion.take());
-    }
-
     fn follow(&mut self, step_s: f64) {
         let stopping = self.state == LoopState::Stopping;
         let target = if stopping || self.paused {
@@ -377,7 +379,7 @@ impl Executive {
 
     /// Ends the motion and holds where the robot is commanded to be, or stays in fault.
     fn rest(&mut self) {
-        self.put_motion_aside();
+        self.end_at_rest();
         self.paused = false;
         self.commanded = Commanded::resting(self.commanded.position);
         self.tendons.velocity_m_s = [0.0; TENDONS];
@@ -427,6 +429,7 @@ impl Executive {
             measured_m: robot.map_or([0.0; TENDONS], |robot| robot.measured_m),
             measured_rad: robot.map_or_else(Configuration::zeros, |robot| robot.measured_rad),
             tracking_error_rad: self.tracking.norm_rad(),
+            path_tolerance_rad: self.path_tolerance_rad,
             slack_residual_m: self.slack_residual_m,
             splice_error_m: self
                 .splice

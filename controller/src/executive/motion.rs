@@ -8,6 +8,8 @@ use trajectory::Knot;
 pub struct Motion {
     /// Id of the trajectory, at least 1.
     pub id: u32,
+    /// The plan that the trajectory was selected from.
+    pub plan_id: u64,
     /// Instance of the daemon that has published the trajectory.
     pub daemon_instance: u64,
     /// When the motion was requested, ns of CLOCK_MONOTONIC.
@@ -38,6 +40,7 @@ impl Motion {
     pub fn empty() -> Self {
         Self {
             id: 0,
+            plan_id: 0,
             daemon_instance: 0,
             requested_ns: 0,
             begin_ns: 0,

@@ -3,7 +3,7 @@
 use shared_types::clock::seconds;
 use shared_types::codes::{LoopFault, LoopState, MotorState, Waiting};
 
-use super::{CONSISTENCY_M, CycleInput, Executive, RobotSample};
+use super::{CONSISTENCY_M, CycleInput, Executive, RobotSample, StopOrigin};
 
 /// A robot state may be stamped this far in the future, ns: robot and loop read the same clock.
 const STAMP_ALLOWANCE_NS: i64 = 1_000_000;
@@ -36,7 +36,7 @@ impl Executive {
         self.watch_robot(input.now_ns);
         if !input.daemon_alive {
             // An error says that there is nothing to stop.
-            let _ = self.stop();
+            let _ = self.stop(StopOrigin::DaemonLost);
         }
         self.watch_guard(input.guard_rounds, elapsed_ns);
         self.watch_punctuality(elapsed_ns)
@@ -47,13 +47,15 @@ impl Executive {
         if self.fault == LoopFault::None {
             self.fault = fault;
         }
+        let origin = StopOrigin::Fault(fault);
         self.state = match self.state {
             LoopState::Executing | LoopState::Stopping => {
-                self.give_up_join();
+                self.give_up_join(origin);
+                self.note_stop(origin);
                 LoopState::Stopping
             }
             LoopState::Starting | LoopState::Holding | LoopState::Fault => {
-                self.put_motion_aside();
+                self.break_off(origin);
                 LoopState::Fault
             }
         };
@@ -209,7 +211,8 @@ impl Executive {
         self.attached = false;
         self.followed = false;
         self.paused = false;
-        self.put_motion_aside();
+        self.break_off(fault.map_or(StopOrigin::RobotGone, StopOrigin::Fault));
+        self.stop_origin = None;
         if let Some(fault) = fault
             && self.fault == LoopFault::None
         {
@@ -253,6 +256,8 @@ impl Executive {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use shared_types::valid::Signature;
+
     use crate::fixtures::{MS, World, curved_motion, target_configuration};
 
     #[test]
@@ -293,7 +298,7 @@ mod tests {
         assert_eq!(world.last.unwrap().state, LoopState::Fault);
         world.guard_held_up = false;
         world.run(1);
-        assert_eq!(world.executive.reset(), Ok(()));
+        assert_eq!(world.executive.reset(Signature::UNSIGNED), Ok(()));
     }
 
     #[test]

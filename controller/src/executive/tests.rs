@@ -1,3 +1,4 @@
+mod endings;
 mod robot_states;
 mod stops;
 mod waiting;
@@ -9,8 +10,10 @@ use rand_pcg::{
 };
 use shared_types::codes::{CommandRefusal, LoopFault, LoopState, MotorState};
 use shared_types::message::Setpoint;
+use shared_types::valid::Signature;
 
 use crate::{
+    executive::StopOrigin,
     fixtures::{MS, World, curved_motion, target_configuration},
     robot::Mode,
 };
@@ -72,7 +75,7 @@ fn stops_at_random_instants_keep_every_limit_and_stay_on_the_path() {
             world.executive.set_speed(0.4).unwrap();
             world.run(50);
         }
-        if world.executive.stop().is_err() {
+        if world.executive.stop(StopOrigin::Signal).is_err() {
             assert_eq!(
                 state(&world),
                 LoopState::Holding,
@@ -100,7 +103,7 @@ fn a_stop_is_as_fast_as_the_limits_allow() {
     run_until(&mut world, 5_000, |world| {
         world.last.as_ref().unwrap().path_time_s > 2.0
     });
-    world.executive.stop().unwrap();
+    world.executive.stop(StopOrigin::Signal).unwrap();
     let limit = world.robot.tendon_limits.acceleration;
     let (mut braking, mut at_limit) = (0, 0);
     while state(&world) != LoopState::Holding {
@@ -216,7 +219,10 @@ fn a_robot_that_says_nothing_stops_the_motion_and_latches_a_fault() {
     assert_eq!(state(&world), LoopState::Executing);
     world.run(3);
     assert_eq!(state(&world), LoopState::Stopping);
-    assert_eq!(world.executive.reset(), Err(CommandRefusal::FaultPersists));
+    assert_eq!(
+        world.executive.reset(Signature::UNSIGNED),
+        Err(CommandRefusal::FaultPersists)
+    );
     run_until(&mut world, 1_000, |world| state(world) == LoopState::Fault);
     assert_eq!(world.last.as_ref().unwrap().fault, LoopFault::RobotLost);
     world.cycle(MS);
@@ -225,7 +231,7 @@ fn a_robot_that_says_nothing_stops_the_motion_and_latches_a_fault() {
     world.robot_silent = false;
     world.run(300);
     assert_eq!(state(&world), LoopState::Fault);
-    world.executive.reset().unwrap();
+    world.executive.reset(Signature::UNSIGNED).unwrap();
     run_until(&mut world, 300, |world| state(world) == LoopState::Holding);
     world.begin_motion(2);
     run_until(&mut world, 20_000, |world| {
@@ -248,11 +254,11 @@ fn a_stuck_motor_is_a_tracking_error_before_it_is_twice_the_tolerance() {
     assert!(error_rad > 0.015 && error_rad < 0.04, "{error_rad}");
     run_until(&mut world, 1_000, |world| state(world) == LoopState::Fault);
     // Latched while the cause is there, and after a reset at once again.
-    world.executive.reset().unwrap();
+    world.executive.reset(Signature::UNSIGNED).unwrap();
     run_until(&mut world, 100, |world| state(world) == LoopState::Fault);
     world.stuck_tendon = None;
     world.run(2_000);
-    world.executive.reset().unwrap();
+    world.executive.reset(Signature::UNSIGNED).unwrap();
     world.run(100);
     assert_eq!(state(&world), LoopState::Holding);
 }
@@ -336,7 +342,7 @@ fn a_stalled_loop_finds_the_robot_at_rest_and_never_pulls_it_back() {
         );
         assert!(!output.send);
         world.run(600);
-        world.executive.reset().unwrap();
+        world.executive.reset(Signature::UNSIGNED).unwrap();
         run_until(&mut world, 300, |world| state(world) == LoopState::Holding);
         assert_eq!(world.simulated.reference().refused(), 0);
     }
@@ -471,7 +477,7 @@ fn a_robot_in_fault_is_detached_until_reset() {
     world.run(5);
     assert_eq!(world.last.as_ref().unwrap().fault, LoopFault::RobotFault);
     world.run(800);
-    world.executive.reset().unwrap();
+    world.executive.reset(Signature::UNSIGNED).unwrap();
     run_until(&mut world, 300, |world| state(world) == LoopState::Holding);
     world.begin_motion(2);
     run_until(&mut world, 20, |world| state(world) == LoopState::Executing);

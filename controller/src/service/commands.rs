@@ -7,11 +7,17 @@
 use std::{collections::VecDeque, sync::atomic::Ordering};
 
 use shared_types::{
-    PROTOCOL_VERSION, clock::mono_now_ns, codes::CommandRefusal, ipc::CommandRequest, message,
-    valid::Command,
+    PROTOCOL_VERSION,
+    clock::mono_now_ns,
+    codes::CommandRefusal,
+    ipc::CommandRequest,
+    message::{self, ReasonText},
+    valid::{Command, SignedCommand},
 };
 
-use super::link::{Answer, GuardEnd, GuardEvent, NumberedOrder, Order, Outcome};
+use super::explain;
+use super::link::{Answer, GuardEnd, GuardEvent, NumberedOrder, NumberedOrigin, Order, Outcome};
+use crate::executive::StopOrigin;
 
 /// Longest wait for the loop to take a command, ns.
 const COMMAND_TIMEOUT_NS: i64 = 50_000_000;
@@ -20,7 +26,7 @@ const COMMAND_TIMEOUT_NS: i64 = 50_000_000;
 struct PendingCommand<R> {
     request: R,
     command_id: u64,
-    command: Command,
+    signed: SignedCommand,
     received_ns: i64,
 }
 
@@ -67,7 +73,13 @@ impl<R: Request> Commands<R> {
     }
 
     /// Orders a stop whose outcome nobody waits for; returns its number.
-    pub(super) fn stop(&self) -> u64 {
+    pub(super) fn stop(&mut self, origin: StopOrigin) -> u64 {
+        let number = self.link.shared.stops() + 1;
+        // Before the stop: the loop must find it. Where the ring is full the loop has not obeyed the first of so many stops yet.
+        let _ = self
+            .link
+            .stop_origins
+            .push(NumberedOrigin { number, origin });
         // The clock is read now, so that the stop is later than its cause.
         self.link.shared.order_stop(mono_now_ns())
     }
@@ -75,36 +87,37 @@ impl<R: Request> Commands<R> {
     /// Orders what a command asks for, or replies to one that is invalid.
     pub(super) fn take(&mut self, request: R, wire: &message::Command, now_ns: i64) {
         let command_id = wire.command_id;
-        let command = match Command::try_from(wire) {
-            Ok(command) => command,
+        let signed = match SignedCommand::try_from(wire) {
+            Ok(signed) => signed,
             Err(invalid) => {
-                let reason = match invalid.field {
+                let refusal = match invalid.field {
                     "protocol_version" => CommandRefusal::WrongVersion,
                     "speed" => CommandRefusal::InvalidSpeed,
                     _ => CommandRefusal::UnknownKind,
                 };
-                let outcome = self.not_taken(reason);
-                return request.reply(reply(command_id, outcome));
+                let outcome = self.not_taken(refusal);
+                return request.reply(reply(command_id, outcome, &invalid.to_string()));
             }
         };
         let pending = PendingCommand {
             request,
             command_id,
-            command,
+            signed,
             received_ns: now_ns,
         };
+        let SignedCommand { command, signature } = signed;
         match command {
             // The sender has given up or has ended.
             Command::ResetFault | Command::SetSpeed(_) | Command::Pause | Command::Resume
                 if !pending.request.is_awaited() => {}
             Command::Stop => {
-                let number = self.stop();
+                let number = self.stop(StopOrigin::Command(signature));
                 self.stops.push_back((number, pending));
             }
             Command::ResetFault => {
                 // A reset is for the robot as it is now: trajectories that were requested before the fault must not begin.
                 self.link.shared.forget_requests(mono_now_ns());
-                self.orders.push_back((Order::Reset, pending));
+                self.orders.push_back((Order::Reset(signature), pending));
             }
             Command::SetSpeed(speed) => self.orders.push_back((Order::Speed(speed), pending)),
             Command::Pause => self.orders.push_back((Order::Pause, pending)),
@@ -190,8 +203,10 @@ impl<R: Request> Commands<R> {
     }
 
     fn answer(&mut self, pending: &PendingCommand<R>, outcome: Outcome) {
-        pending.request.reply(reply(pending.command_id, outcome));
-        self.report_event(GuardEvent::Commanded(pending.command, outcome));
+        let reason = explain::outcome(pending.signed.command, &outcome);
+        let reply = reply(pending.command_id, outcome, &reason);
+        pending.request.reply(reply);
+        self.report_event(GuardEvent::Commanded(pending.signed, outcome));
     }
 
     pub(super) fn report_event(&mut self, event: GuardEvent) {
@@ -201,13 +216,14 @@ impl<R: Request> Commands<R> {
     }
 }
 
-fn reply(command_id: u64, outcome: Outcome) -> message::CommandReply {
+fn reply(command_id: u64, outcome: Outcome, reason: &str) -> message::CommandReply {
     message::CommandReply {
         command_id,
         protocol_version: PROTOCOL_VERSION,
         accepted: u32::from(outcome.result.is_ok()),
-        reason: outcome.result.err().unwrap_or(CommandRefusal::None).code(),
+        refusal: outcome.result.err().unwrap_or(CommandRefusal::None).code(),
         state: outcome.state.code(),
+        reason: ReasonText::new(reason),
     }
 }
 

@@ -24,6 +24,7 @@ use shared_types::{
 
 use super::commands::Commands;
 use super::link::{GuardEnd, GuardEvent};
+use crate::executive::StopOrigin;
 
 /// Sleep between two rounds of the guard.
 const ROUND_INTERVAL: Duration = Duration::from_millis(1);
@@ -183,7 +184,7 @@ impl Guard {
             self.receive(now_ns);
             self.commands.attend(now_ns);
             if self.settings.signals.stop.swap(false, Ordering::Relaxed) {
-                self.commands.stop();
+                self.commands.stop(StopOrigin::Signal);
                 self.commands.report_event(GuardEvent::Signalled);
             }
             if self.settings.signals.shutdown.load(Ordering::Relaxed) && self.may_quit(now_ns) {
@@ -226,7 +227,7 @@ impl Guard {
         self.ending = Some(Ending { cycles, since_ns });
         let is_held = now_ns - since_ns > SHUTDOWN_TIMEOUT_NS;
         if state == LoopState::Executing {
-            self.commands.stop();
+            self.commands.stop(StopOrigin::Shutdown);
         }
         let moving = matches!(state, LoopState::Executing | LoopState::Stopping);
         shared
@@ -253,7 +254,7 @@ impl Guard {
     /// Orders a stop after a suspension of the machine: no clock of the programs counts it, and obstacles may have moved meanwhile.
     fn watch_suspension(&mut self, suspended_ns: i64) {
         if self.suspension.is_longer(suspended_ns) {
-            self.commands.stop();
+            self.commands.stop(StopOrigin::Suspension);
             self.commands.report_event(GuardEvent::Suspended);
         }
     }
@@ -266,7 +267,7 @@ impl Guard {
         let another = last.is_some_and(|last| last.instance != beat.instance);
         self.commands.link.shared.set_daemon(beat.instance);
         if another && self.settings.daemon_lost_ns.is_some() {
-            self.commands.stop();
+            self.commands.stop(StopOrigin::OtherDaemon);
             self.commands.report_event(GuardEvent::DaemonReplaced);
         }
         Some(beat.stamp_mono_ns)

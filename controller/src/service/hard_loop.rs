@@ -13,6 +13,7 @@ use shared_types::{
     codes::CommandRefusal,
     ipc::{self, IpcError, IpcNode, IpcOptions, Publisher, Subscriber},
     message::{RobotState, Setpoint},
+    valid::Signature,
 };
 use tracing::{info, warn};
 
@@ -23,7 +24,10 @@ use super::{
 };
 use crate::{
     arena::LoopMemory,
-    executive::{BeginWindow, CycleInput, Executive, Motion, TrajectoryRefusal, check_still_valid},
+    executive::{
+        BeginWindow, CycleInput, Executive, Motion, StopOrigin, TrajectoryRefusal,
+        check_still_valid,
+    },
 };
 
 /// The loop's ports: only these, so that tools that come and go never touch the loop.
@@ -112,6 +116,8 @@ impl LoopThread {
             self.memory.cycle(|| hard_loop.cycle(deadline_ns));
             deadline_ns = next_deadline(deadline_ns, mono_now_ns(), period_ns);
         }
+        let ended = &hard_loop.link.shared.loop_has_ended;
+        ended.store(true, Ordering::Release);
     }
 }
 
@@ -232,7 +238,7 @@ impl HardLoop {
                 continue;
             }
             let result = match order {
-                Order::Reset => self.executive.reset(),
+                Order::Reset(ordered) => self.executive.reset(ordered),
                 Order::Speed(speed) => self.executive.set_speed(speed),
                 Order::Pause => self.executive.pause(),
                 Order::Resume => self.executive.resume(),
@@ -250,10 +256,24 @@ impl HardLoop {
             return;
         }
         self.stops_seen = up_to;
-        let result = self.executive.stop();
+        let origin = self.take_stop_origin(up_to);
+        let result = self.executive.stop(origin);
         let outcome = self.outcome(result);
         self.answer(Answer::Stops { up_to, outcome });
         self.give_back();
+    }
+
+    /// What has ordered the first of the stops up to this number that were not obeyed yet.
+    fn take_stop_origin(&mut self, up_to: u64) -> StopOrigin {
+        let mut first = None;
+        while let Ok(noted) = self.link.stop_origins.peek()
+            && noted.number <= up_to
+        {
+            first.get_or_insert(noted.origin);
+            let _ = self.link.stop_origins.pop();
+        }
+        // Where the ring was full.
+        first.unwrap_or(StopOrigin::Command(Signature::UNSIGNED))
     }
 
     /// Refuses a trajectory that is to begin now and is no longer valid: too late after a pause, or requested before a stop or reset.
@@ -279,8 +299,8 @@ impl HardLoop {
     }
 
     fn give_back(&mut self) {
-        while let Some(motion) = self.executive.take_finished() {
-            self.put_back(Return::Finished(motion));
+        while let Some(ended) = self.executive.take_finished() {
+            self.put_back(Return::Ended(ended));
         }
     }
 

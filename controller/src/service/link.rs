@@ -16,12 +16,12 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use shared_types::{
     clock::mono_now_ns,
     codes::{CommandRefusal, LoopState},
-    valid::Command,
+    valid::{Signature, SignedCommand},
 };
 
 use crate::{
     arena::MemoryCounts,
-    executive::{CycleOutput, GuardState, Motion, TrajectoryRefusal},
+    executive::{CycleOutput, EndedMotion, GuardState, Motion, StopOrigin, TrajectoryRefusal},
 };
 
 /// Cycles that fit while the relay thread is kept from running: a second at 4 kHz.
@@ -31,13 +31,16 @@ const REPORTS: usize = 4096;
 /// ring until the loop runs again.
 const ORDERS: usize = 16;
 
+/// Origins of stops that fit until the loop obeys them: where more come the first ones are known, and the first one counts.
+const STOP_ORIGINS: usize = 64;
+
 /// Events that fit while the relay thread is kept from running.
 const EVENTS: usize = 256;
 
 /// An order of the guard to the loop that may be withdrawn. (A stop cannot be withdrawn, and is a number instead.)
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Order {
-    Reset,
+    Reset(Signature),
     Speed(f64),
     Pause,
     Resume,
@@ -47,6 +50,12 @@ pub(super) enum Order {
 pub(super) struct NumberedOrder {
     pub(super) id: u64,
     pub(super) order: Order,
+}
+
+/// What has ordered the stop with this number.
+pub(super) struct NumberedOrigin {
+    pub(super) number: u64,
+    pub(super) origin: StopOrigin,
 }
 
 /// The result of an order or of a stop, and the state of the loop after it.
@@ -67,7 +76,7 @@ pub(super) enum Answer {
 /// A trajectory that the loop gives back to the relay.
 pub(super) enum Return {
     Refused(TrajectoryRefusal, Motion),
-    Finished(Motion),
+    Ended(EndedMotion),
 }
 
 /// The report of one cycle, for the relay.
@@ -83,7 +92,7 @@ pub(super) struct Report {
 /// An event that the guard reports, for the log.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum GuardEvent {
-    Commanded(Command, Outcome),
+    Commanded(SignedCommand, Outcome),
     DaemonLost(LoopState),
     DaemonFound,
     DaemonReplaced,
@@ -132,6 +141,8 @@ pub(super) struct Shared {
     loop_state: AtomicU32,
     /// Cycles of the loop (written by the loop).
     pub(super) cycles: AtomicU64,
+    /// The loop makes no cycle any more, and has given everything back (written by the loop thread).
+    pub(super) loop_has_ended: AtomicBool,
     /// The process ends although the robot moves: the loop makes no cycles (written by the guard).
     pub(super) is_abandoned: AtomicBool,
     /// Linux thread id of the loop, 0 before it runs.
@@ -191,6 +202,7 @@ impl Shared {
 /// The loop's ends.
 pub(super) struct LoopEnd {
     pub(super) orders: Consumer<NumberedOrder>,
+    pub(super) stop_origins: Consumer<NumberedOrigin>,
     pub(super) answers: Producer<Answer>,
     pub(super) motions: Consumer<Motion>,
     pub(super) returns: Producer<Return>,
@@ -201,6 +213,7 @@ pub(super) struct LoopEnd {
 /// The guard's ends.
 pub(super) struct GuardEnd {
     pub(super) orders: Producer<NumberedOrder>,
+    pub(super) stop_origins: Producer<NumberedOrigin>,
     pub(super) answers: Consumer<Answer>,
     pub(super) events: Producer<GuardEvent>,
     pub(super) shared: Arc<Shared>,
@@ -218,6 +231,7 @@ pub(super) struct RelayEnd {
 /// Makes a link; returns the ends of loop, guard and relay.
 pub(super) fn link() -> (LoopEnd, GuardEnd, RelayEnd) {
     let (send_order, orders) = RingBuffer::new(ORDERS);
+    let (send_origin, stop_origins) = RingBuffer::new(STOP_ORIGINS);
     let (answers, take_answer) = RingBuffer::new(ORDERS);
     let (send_motion, motions) = RingBuffer::new(ORDERS);
     let (returns, take_return) = RingBuffer::new(ORDERS);
@@ -227,6 +241,7 @@ pub(super) fn link() -> (LoopEnd, GuardEnd, RelayEnd) {
     shared.forget_requests(mono_now_ns());
     let for_loop = LoopEnd {
         orders,
+        stop_origins,
         answers,
         motions,
         returns,
@@ -235,6 +250,7 @@ pub(super) fn link() -> (LoopEnd, GuardEnd, RelayEnd) {
     };
     let for_guard = GuardEnd {
         orders: send_order,
+        stop_origins: send_origin,
         answers: take_answer,
         events,
         shared: Arc::clone(&shared),

@@ -6,11 +6,13 @@
 
 mod commands;
 mod config;
+mod explain;
 mod guard;
 mod hard_loop;
 mod link;
 mod ports;
 mod relay;
+mod results;
 mod view;
 mod wire;
 

@@ -4,7 +4,7 @@ use iceoryx2::port::update_connections::UpdateConnections;
 use shared_types::{
     codes::ProcessKind,
     ipc::{self, CyclePublisher, IpcError, IpcNode, IpcOptions, Publisher, Subscriber},
-    message::{ControllerState, Cycle, TrajectoryMessage},
+    message::{ControllerState, Cycle, MotionResult, TrajectoryMessage},
 };
 use tracing::debug;
 
@@ -15,6 +15,7 @@ pub(super) struct Ports {
     trajectory: Subscriber<TrajectoryMessage>,
     pub(super) heartbeats: Heartbeats,
     state: Publisher<ControllerState>,
+    results: Publisher<MotionResult>,
     cycles: CyclePublisher,
     // Declared last: the node outlives its ports.
     node: IpcNode,
@@ -27,6 +28,7 @@ impl Ports {
             trajectory: ipc::subscriber(&node, &ipc::trajectory_service(&node)?)?,
             heartbeats: Heartbeats::open(&node, ProcessKind::Controller)?,
             state: ipc::publisher(&node, &ipc::controller_state_service(&node)?)?,
+            results: ipc::publisher(&node, &ipc::motion_result_service(&node)?)?,
             cycles: ipc::cycle_publisher(&node, &ipc::cycle_service(&node)?)?,
             node,
         })
@@ -55,6 +57,15 @@ impl Ports {
         }
     }
 
+    /// Sends the result of a motion; false where it cannot be sent now.
+    pub(super) fn send_result(&self, result: &MotionResult) -> bool {
+        let sent = self.results.send_copy(*result);
+        if let Err(error) = &sent {
+            debug!(?error, "cannot send the result of a motion");
+        }
+        sent.is_ok()
+    }
+
     /// Sends `cycles`, at most [`ipc::CYCLES_PER_BATCH`] of them.
     pub(super) fn send_cycles(&self, cycles: &[Cycle]) {
         let sent = self
@@ -76,6 +87,7 @@ impl Ports {
         self.node.clean_dead_nodes();
         // A peer that cannot be connected now is tried again next time.
         let _ = self.state.update_connections();
+        let _ = self.results.update_connections();
         let _ = self.cycles.update_connections();
         let _ = self.heartbeats.port.update_connections();
     }

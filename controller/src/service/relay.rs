@@ -15,6 +15,7 @@ use shared_types::{
     codes::LoopState,
     ipc::{CYCLES_PER_BATCH, IpcError, IpcOptions},
     message::{ControllerState, Cycle, TrajectoryMessage},
+    valid::SignedCommand,
 };
 use tracing::{debug, info, warn};
 
@@ -22,10 +23,11 @@ use super::{
     config::ControllerConfig,
     link::{GuardEvent, RelayEnd, Return},
     ports::Ports,
+    results::{Results, Subject},
     view::LoopView,
     wire,
 };
-use crate::executive::{Motion, TrajectoryRefusal, check};
+use crate::executive::{EndedMotion, Ending, Motion, TrajectoryRefusal, check};
 
 /// Sleep between two rounds of the relay: the least that a motion which leaves another one waits.
 const ROUND_INTERVAL: Duration = Duration::from_micros(500);
@@ -35,6 +37,9 @@ const TIDY_PERIOD_NS: i64 = 100_000_000;
 
 /// Time after the relay's start in which trajectories arrive that were meant for a controller before this one.
 const STALE_TRAJECTORY_WINDOW: Duration = Duration::from_millis(100);
+
+/// Longest wait for the loop thread to give back what it has when the process ends, ns.
+const LOOP_END_TIMEOUT_NS: i64 = 200_000_000;
 
 /// Trajectories in the process: one executing, one that it joins or that waits, one on its way, one being checked.
 const MOTIONS: usize = 4;
@@ -68,6 +73,7 @@ pub(super) struct Relay {
     ports: Ports,
     link: RelayEnd,
     view: LoopView,
+    results: Results,
     spare: Vec<Motion>,
     incoming: Box<TrajectoryMessage>,
     batch: Vec<Cycle>,
@@ -94,8 +100,10 @@ impl Relay {
         options: &IpcOptions,
         link: RelayEnd,
     ) -> Result<Self, IpcError> {
+        let view = LoopView::new(config.executive);
         let mut relay = Self {
-            view: LoopView::new(config.executive.period_ns),
+            results: Results::new(view.instance()),
+            view,
             config,
             ports: Ports::open(options)?,
             link,
@@ -133,10 +141,7 @@ impl Relay {
         );
         while !self.link.shared.is_quitting() {
             let now_ns = mono_now_ns();
-            self.take_reports();
-            self.take_returns();
-            self.take_events();
-            self.take_trajectories();
+            self.round();
             if batch.is_due(now_ns) {
                 self.send_batch();
             }
@@ -152,8 +157,36 @@ impl Relay {
             }
             thread::sleep(ROUND_INTERVAL);
         }
+        self.end();
+    }
+
+    /// Takes in what has come from loop, guard and daemon, and tells how motions ended.
+    fn round(&mut self) {
         self.take_reports();
+        self.take_returns();
         self.take_events();
+        self.take_trajectories();
+        self.results.send(|result| self.ports.send_result(result));
+    }
+
+    /// Tells what the loop did last, and of every motion how it ended: also of one that the process's end sets aside.
+    fn end(&mut self) {
+        let until_ns = mono_now_ns() + LOOP_END_TIMEOUT_NS;
+        let has_ended = &self.link.shared.loop_has_ended;
+        while self.results.are_open() && !has_ended.load(Ordering::Acquire) {
+            if mono_now_ns() > until_ns {
+                break;
+            }
+            thread::sleep(ROUND_INTERVAL);
+        }
+        self.take_reports();
+        self.take_returns();
+        self.take_events();
+        if std::mem::take(&mut self.is_held) {
+            self.refuse_incoming(0.0, &TrajectoryRefusal::Waiting);
+        }
+        self.results.give_up(|id| self.view.path_time_s(id));
+        self.results.send(|result| self.ports.send_result(result));
         self.send_batch();
         if self.has_seen_last_trajectory() {
             self.send_state();
@@ -198,13 +231,12 @@ impl Relay {
     fn take_returns(&mut self) {
         while let Ok(returned) = self.link.returns.pop() {
             match returned {
-                Return::Finished(motion) => {
-                    if !self.view.has_executed(motion.id) {
-                        self.not_begun(motion.id, &TrajectoryRefusal::SetAside);
-                    }
-                    self.spare.push(motion);
+                Return::Ended(ended) => {
+                    self.note_ended(&ended);
+                    self.spare.push(ended.motion);
                 }
                 Return::Refused(reason, motion) => {
+                    self.results.refused(&Subject::from(&motion), &reason);
                     self.not_begun(motion.id, &reason);
                     self.spare.push(motion);
                 }
@@ -212,12 +244,23 @@ impl Relay {
         }
     }
 
+    fn note_ended(&mut self, ended: &EndedMotion) {
+        let (id, path_time_s) = (ended.motion.id, ended.path_time_s);
+        let outcome = ended.ending.code();
+        let origin = ended.ending.origin().map(ToString::to_string);
+        info!(id, path_time_s, origin, "motion {outcome}");
+        if matches!(ended.ending, Ending::SetAside(_)) {
+            self.not_begun(id, &TrajectoryRefusal::SetAside);
+        }
+        self.results.ended(ended, self.view.fault_reason());
+    }
+
     /// Notes that the loop does not begin a trajectory that it was handed: one that was to be left goes on.
     fn not_begun(&mut self, id: u32, reason: &TrajectoryRefusal) {
         if self.last_taken.id == id && self.last_taken.leaves.is_some() {
             std::mem::swap(&mut self.last_taken, &mut self.taken_before);
         }
-        self.refuse(id, reason);
+        self.note_refused(id, reason);
     }
 
     fn take_events(&mut self) {
@@ -233,9 +276,8 @@ impl Relay {
     fn take_trajectories(&mut self) {
         while self.is_held || self.ports.next_trajectory(&mut self.incoming) {
             self.is_held = false;
-            let id = self.incoming.trajectory_id;
             let Some(mut motion) = self.spare.pop() else {
-                self.refuse(id, &TrajectoryRefusal::Waiting);
+                self.refuse_incoming(0.0, &TrajectoryRefusal::Waiting);
                 continue;
             };
             match self.accept(&mut motion) {
@@ -246,7 +288,10 @@ impl Relay {
                     return;
                 }
                 Err(reason) => {
-                    self.refuse(id, &reason);
+                    // A malformed one has not filled the motion.
+                    let is_malformed = matches!(reason, TrajectoryRefusal::Invalid(_));
+                    let duration_s = Subject::from(&motion).duration_s;
+                    self.refuse_incoming(if is_malformed { 0.0 } else { duration_s }, &reason);
                     self.spare.push(motion);
                 }
             }
@@ -279,9 +324,10 @@ impl Relay {
             "trajectory accepted"
         );
         if self.link.motions.is_full() {
-            self.refuse(id, &TrajectoryRefusal::Waiting);
+            self.refuse_incoming(motion.duration_s(), &TrajectoryRefusal::Waiting);
             return self.spare.push(motion);
         }
+        self.results.handed_over(&motion);
         std::mem::swap(&mut self.last_taken, &mut self.taken_before);
         self.last_taken.clone_from(&motion);
         // There is room, and nobody else sends.
@@ -289,7 +335,22 @@ impl Relay {
         self.handed_over_ns = mono_now_ns();
     }
 
-    fn refuse(&mut self, id: u32, reason: &TrajectoryRefusal) {
+    /// Refuses the trajectory that has arrived, of a motion of this duration. What repeats the id of a motion that is under way, or
+    /// comes again, is none of its own: it has no result.
+    fn refuse_incoming(&mut self, duration_s: f64, reason: &TrajectoryRefusal) {
+        let subject = Subject {
+            trajectory_id: self.incoming.trajectory_id,
+            plan_id: self.incoming.plan_id,
+            duration_s,
+        };
+        let is_repeated = matches!(reason, TrajectoryRefusal::OldId(_));
+        if !is_repeated && !self.results.is_at_loop(subject.trajectory_id) {
+            self.results.refused(&subject, reason);
+        }
+        self.note_refused(subject.trajectory_id, reason);
+    }
+
+    fn note_refused(&mut self, id: u32, reason: &TrajectoryRefusal) {
         warn!(id, %reason, "trajectory refused");
         self.view.refused(id, reason.code());
     }
@@ -297,9 +358,10 @@ impl Relay {
 
 fn log(event: GuardEvent) {
     match event {
-        GuardEvent::Commanded(command, outcome) => {
+        GuardEvent::Commanded(SignedCommand { command, signature }, outcome) => {
             let (result, state) = (outcome.result, outcome.state);
-            info!(?command, ?result, %state, "command");
+            let (sender, pid, reason) = (signature.sender, signature.sender_pid, signature.reason);
+            info!(?command, %sender, pid, %reason, ?result, %state, "command");
         }
         GuardEvent::DaemonLost(state) => {
             warn!(%state, "the daemon's heart has stopped: a motion is stopped along its path");
@@ -323,3 +385,6 @@ fn log(event: GuardEvent) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

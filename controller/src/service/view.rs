@@ -6,14 +6,15 @@ use shared_types::{
     clock::mono_now_ns,
     codes::{LoopFault, LoopState, Refusal, Waiting},
     lateness,
-    message::ControllerState,
+    message::{ControllerState, ReasonText},
 };
 use tracing::{error, info, warn};
 
+use super::explain;
 use super::link::{Report, Shared};
 use crate::{
     arena::MemoryCounts,
-    executive::{AcceptanceContext, CONSISTENCY_M, CycleOutput, GuardState},
+    executive::{AcceptanceContext, CONSISTENCY_M, CycleOutput, ExecutiveSettings, GuardState},
 };
 
 /// Time after which a reason to wait is logged, ns: at a start each reason lasts for some cycles.
@@ -32,9 +33,12 @@ struct WaitingFor {
 
 /// The loop as seen from outside.
 pub(super) struct LoopView {
+    settings: ExecutiveSettings,
     published: ControllerState,
     state: LoopState,
     fault: LoopFault,
+    /// What happened when the fault was latched; empty without one.
+    fault_reason: String,
     waiting: WaitingFor,
     late_run: u32,
     memory: MemoryCounts,
@@ -42,15 +46,17 @@ pub(super) struct LoopView {
 }
 
 impl LoopView {
-    pub(super) fn new(period_ns: i64) -> Self {
+    pub(super) fn new(settings: ExecutiveSettings) -> Self {
         let mut published = ControllerState::ZEROED;
         published.speed = 1.0;
-        published.period_ns = period_ns.unsigned_abs();
+        published.period_ns = settings.period_ns.unsigned_abs();
         published.instance = mono_now_ns().unsigned_abs();
         Self {
+            settings,
             published,
             state: LoopState::Starting,
             fault: LoopFault::None,
+            fault_reason: String::new(),
             waiting: WaitingFor {
                 reason: Waiting::None,
                 since_ns: 0,
@@ -95,14 +101,7 @@ impl LoopView {
             self.state = output.state;
         }
         if output.fault != self.fault {
-            match output.fault {
-                LoopFault::None => info!("fault cleared"),
-                fault => {
-                    let tracking_error_rad = output.tracking_error_rad;
-                    error!(%fault, tracking_error_rad, "fault latched until reset");
-                }
-            }
-            self.fault = output.fault;
+            self.note_fault(output);
         }
         self.log_waiting(output);
         if report.memory.system_operations != self.memory.system_operations {
@@ -115,6 +114,37 @@ impl LoopView {
             self.published.trajectory_id = output.trajectory_id;
         }
         self.latest = Some(report);
+    }
+
+    fn note_fault(&mut self, output: &CycleOutput) {
+        self.fault = output.fault;
+        self.fault_reason.clear();
+        if output.fault == LoopFault::None {
+            return info!("fault cleared");
+        }
+        self.fault_reason = explain::fault(output, &self.settings);
+        let (fault, reason) = (output.fault, &self.fault_reason);
+        error!(%fault, reason, "fault latched until reset");
+    }
+
+    /// What happened when the latched fault was latched; empty without one.
+    pub(super) fn fault_reason(&self) -> &str {
+        &self.fault_reason
+    }
+
+    /// The path time of the loop on a trajectory, s; none where it does not follow it.
+    pub(super) fn path_time_s(&self, trajectory_id: u32) -> Option<f64> {
+        let output = &self.latest.as_ref()?.output;
+        (output.trajectory_id == trajectory_id).then_some(output.path_time_s)
+    }
+
+    /// What happened where a fault is latched, and what the loop waits for where it does not hold the robot.
+    fn reason(&self, output: &CycleOutput) -> String {
+        match (self.fault_reason.as_str(), output.waiting) {
+            (fault, Waiting::None) => fault.to_owned(),
+            ("", _) => explain::waiting(output),
+            (fault, _) => format!("{fault}; not held: {}", explain::waiting(output)),
+        }
     }
 
     fn log_waiting(&mut self, output: &CycleOutput) {
@@ -172,11 +202,6 @@ impl LoopView {
         })
     }
 
-    /// Whether a trajectory has begun.
-    pub(super) fn has_executed(&self, trajectory_id: u32) -> bool {
-        self.published.trajectory_id == trajectory_id
-    }
-
     pub(super) fn refused(&mut self, trajectory_id: u32, refusal: Refusal) {
         self.published.refused_trajectory_id = trajectory_id;
         self.published.refusal = refusal.code();
@@ -214,6 +239,7 @@ impl LoopView {
         message.waiting = output.waiting.code();
         message.refused_robot_states = output.refused_robot_states;
         message.accepted_residual_m = output.accepted_residual_m;
+        message.reason = ReasonText::new(&self.reason(output));
         message
     }
 }

@@ -22,6 +22,7 @@ pub(super) fn fill(
 ) -> Result<(), TrajectoryRefusal> {
     let checked = valid::Trajectory::try_from(message)?;
     motion.id = checked.id;
+    motion.plan_id = checked.plan_id;
     motion.daemon_instance = checked.daemon_instance;
     motion.requested_ns = checked.requested_mono_ns;
     motion.begin_ns = checked.begin_mono_ns;

@@ -19,8 +19,10 @@ use shared_types::{
     clock::mono_now_ns,
     codes::{LoopState, ProcessKind, Refusal},
     ipc::{self, CommandClient, IpcNode, IpcOptions, Publisher},
-    message::{ControllerState, Cycle, Heartbeat, Knot, RobotState, TrajectoryMessage},
-    valid::{Command, CommandReply},
+    message::{
+        ControllerState, Cycle, Heartbeat, Knot, MotionResult, RobotState, TrajectoryMessage,
+    },
+    valid::{self, CommandReply, SignedCommand},
 };
 use trajectory::{ParameterizationOptions, TimeParameterizer, Trajectory};
 
@@ -35,6 +37,8 @@ pub(crate) struct Seen {
     pub(crate) robot: Vec<RobotState>,
     pub(crate) cycles: Vec<Cycle>,
     pub(crate) controller: Option<ControllerState>,
+    /// The results of all motions so far.
+    pub(crate) results: Vec<MotionResult>,
 }
 
 /// The processes and everything the test says and hears.
@@ -253,7 +257,19 @@ impl Joined {
         });
     }
 
-    pub(crate) fn command(&self, command: Command) -> CommandReply {
+    /// Waits until the controller says how a motion ended.
+    pub(crate) fn wait_for_result(&self, id: u32) -> valid::MotionResult {
+        let of_motion = |seen: &Seen| {
+            let mut results = seen.results.iter();
+            results.find(|result| result.trajectory_id == id).copied()
+        };
+        self.wait_until("a result", |seen| of_motion(seen).is_some());
+        let result = self.with_seen(of_motion).unwrap();
+        valid::MotionResult::try_from(&result).unwrap()
+    }
+
+    pub(crate) fn command(&self, command: impl Into<SignedCommand>) -> CommandReply {
+        let command = command.into();
         let pending = self.commands.send_copy(command.to_wire(7)).unwrap();
         for _ in 0..PATIENCE {
             if let Some(reply) = pending.receive().unwrap() {
@@ -341,6 +357,7 @@ fn listen(options: &IpcOptions, seen: &Arc<Mutex<Seen>>, quit: &Arc<AtomicBool>)
         let robot = ipc::subscriber(&node, &ipc::robot_state_service(&node).unwrap()).unwrap();
         let cycles = ipc::subscriber(&node, &ipc::cycle_service(&node).unwrap()).unwrap();
         let state = ipc::subscriber(&node, &ipc::controller_state_service(&node).unwrap()).unwrap();
+        let results = ipc::subscriber(&node, &ipc::motion_result_service(&node).unwrap()).unwrap();
         while !quit.load(Ordering::Relaxed) {
             {
                 let mut seen = seen.lock().unwrap();
@@ -349,6 +366,9 @@ fn listen(options: &IpcOptions, seen: &Arc<Mutex<Seen>>, quit: &Arc<AtomicBool>)
                 }
                 while let Ok(Some(batch)) = cycles.receive() {
                     seen.cycles.extend_from_slice(&batch);
+                }
+                while let Ok(Some(sample)) = results.receive() {
+                    seen.results.push(*sample);
                 }
                 while let Ok(Some(sample)) = state.receive() {
                     seen.controller = Some(*sample);

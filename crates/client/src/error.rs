@@ -58,7 +58,10 @@ pub enum ClientError {
     #[error("too many requests of this client at once; wait for an answer or drop a pending one")]
     TooManyRequests,
     /// The daemon does not let a scene count; the one before of the same source does until its lifetime ends.
-    #[error("scene {sequence} of source {source_name:?} is refused: {refusal}")]
+    #[error(
+        "scene {sequence} of source {source_name:?} is refused: {refusal}{}",
+        if reason.is_empty() || reason == refusal.text() { String::new() } else { format!(" ({reason})") }
+    )]
     SceneRefused {
         /// Name of the scene's source.
         source_name: String,
@@ -66,6 +69,8 @@ pub enum ClientError {
         sequence: u32,
         /// Why the scene does not count.
         refusal: SceneRefusal,
+        /// What the daemon says is wrong with it; empty where it was not asked.
+        reason: String,
     },
     /// What came is no message of this protocol's version.
     #[error("{sender} sent something this program does not understand: {invalid}")]

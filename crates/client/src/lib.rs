@@ -2,6 +2,7 @@
 //!
 //! * [`Client`]: asks for plans; answers stay in shared memory ([`PlanAnswer`]);
 //! * [`ControllerView`]: the controller's state, and commands to it;
+//! * [`ResultView`]: how each motion ended, and why;
 //! * [`RobotView`], [`CycleRecorder`]: what the robot does, and every cycle of the loop;
 //! * [`ScenePublisher`]: publishes the obstacles that a source knows.
 //!
@@ -12,6 +13,7 @@
 mod answer;
 mod error;
 mod plan;
+mod result_view;
 mod scene;
 mod view;
 mod waiting;
@@ -19,5 +21,6 @@ mod waiting;
 pub use answer::{Candidate, PlanAnswer};
 pub use error::ClientError;
 pub use plan::{Client, Pending};
+pub use result_view::ResultView;
 pub use scene::ScenePublisher;
 pub use view::{ControllerView, CycleRecorder, RobotView};

@@ -61,9 +61,9 @@ struct VerdictBoard {
 struct Verdicts {
     /// Sequence of the last scene judged; 0: none yet.
     judged: u32,
-    last: Option<SceneRefusal>,
+    last: Option<SceneStatus>,
     /// The first refusal not returned to the caller yet.
-    unreported: Option<(u32, SceneRefusal)>,
+    unreported: Option<SceneStatus>,
 }
 
 impl ScenePublisher {
@@ -158,10 +158,8 @@ impl ScenePublisher {
             });
         }
         verdicts.unreported = None;
-        match verdicts.last {
-            Some(refusal) if refusal != SceneRefusal::None => {
-                Err(self.refused(self.last_sequence, refusal))
-            }
+        match &verdicts.last {
+            Some(last) if last.refusal != SceneRefusal::None => Err(self.refused_by_daemon(last)),
             _ => Ok(()),
         }
     }
@@ -173,7 +171,7 @@ impl ScenePublisher {
             .write(&mut wire)
             .map_err(ClientError::InvalidRequest)?;
         if let Some(refusal) = stamp_refusal(stamp, lifetime, mono_now_ns(), wall_now_ns()) {
-            return Err(self.refused(scene.sequence, refusal));
+            return Err(self.refused(scene.sequence, refusal, String::new()));
         }
         let (sent, sent_result) = sync_channel(1);
         let outgoing = Outgoing { scene: wire, sent };
@@ -182,16 +180,19 @@ impl ScenePublisher {
         sent_result.recv().map_err(|_| gone())??;
         self.last_sequence = scene.sequence;
         let unreported = self.board.lock().unreported.take();
-        unreported.map_or(Ok(()), |(sequence, refusal)| {
-            Err(self.refused(sequence, refusal))
-        })
+        unreported.map_or(Ok(()), |status| Err(self.refused_by_daemon(&status)))
     }
 
-    fn refused(&self, sequence: u32, refusal: SceneRefusal) -> ClientError {
+    fn refused_by_daemon(&self, status: &SceneStatus) -> ClientError {
+        self.refused(status.sequence, status.refusal, status.reason.to_string())
+    }
+
+    fn refused(&self, sequence: u32, refusal: SceneRefusal, reason: String) -> ClientError {
         ClientError::SceneRefused {
             source_name: self.source.to_string(),
             sequence,
             refusal,
+            reason,
         }
     }
 }
@@ -337,10 +338,9 @@ impl VerdictBoard {
     fn take(&self, status: &SceneStatus) {
         let mut verdicts = self.lock();
         verdicts.judged = status.sequence;
-        verdicts.last = Some(status.refusal);
+        verdicts.last = Some(*status);
         if status.refusal != SceneRefusal::None {
-            let first = (status.sequence, status.refusal);
-            verdicts.unreported.get_or_insert(first);
+            verdicts.unreported.get_or_insert(*status);
         }
         self.news.notify_all();
     }

@@ -11,15 +11,17 @@ use shared_types::ipc::{
     guest_subscriber, observer_subscriber, robot_state_service, subscriber,
 };
 use shared_types::message;
-use shared_types::valid::{Command, CommandReply, ControllerState, Cycle, Invalid, RobotState};
+use shared_types::valid::{
+    CommandReply, ControllerState, Cycle, Invalid, RobotState, SignedCommand,
+};
 
 use crate::ClientError;
 use crate::waiting::{Cleaner, POLL_INTERVAL, TimeLimit, wait};
 
 /// A constructor of a subscriber of `T`.
-type Subscribe<T> = fn(&IpcNode, &Topic<T>) -> Result<Subscriber<T>, IpcError>;
+pub(crate) type Subscribe<T> = fn(&IpcNode, &Topic<T>) -> Result<Subscriber<T>, IpcError>;
 
-const CONTROLLER: &str = "controller";
+pub(crate) const CONTROLLER: &str = "controller";
 const ROBOT: &str = "robot";
 
 /// The controller's state, and commands to it. The place among the commanding programs is taken by the first command, or earlier by
@@ -95,20 +97,21 @@ impl ControllerView {
         Ok(())
     }
 
-    /// Gives an order and waits for the reply; a refused order is no error.
+    /// Gives an order, with the reason where one is given ([`shared_types::valid::Command::because`]), and waits for the reply; a
+    /// refused order is no error.
     ///
     /// # Errors
     /// [`ClientError::InvalidRequest`], [`ClientError::Ipc`] (no place left), [`ClientError::NoServer`],
     /// [`ClientError::ServerLost`], [`ClientError::TimedOut`], [`ClientError::BadMessage`] or [`ClientError::Transport`].
     pub fn command(
         &mut self,
-        command: Command,
+        command: impl Into<SignedCommand>,
         timeout: Duration,
     ) -> Result<CommandReply, ClientError> {
         self.last_command_id += 1;
         let (id, limit) = (self.last_command_id, TimeLimit::new(timeout));
-        let wire = command.to_wire(id);
-        Command::try_from(&wire).map_err(ClientError::InvalidRequest)?;
+        let wire = command.into().to_wire(id);
+        SignedCommand::try_from(&wire).map_err(ClientError::InvalidRequest)?;
         self.prepare_to_command()?;
         let (node, cleaner, commands) = (&self.node, &mut self.cleaner, self.commands.as_ref());
         let pause = |left: Duration| thread::sleep(POLL_INTERVAL.min(left));
@@ -252,7 +255,9 @@ impl CycleRecorder {
     }
 }
 
-fn receive<T, E: Debug>(receive: impl FnOnce() -> Result<T, E>) -> Result<T, ClientError> {
+pub(crate) fn receive<T, E: Debug>(
+    receive: impl FnOnce() -> Result<T, E>,
+) -> Result<T, ClientError> {
     receive().map_err(|reason| ClientError::transport("receive a state", reason))
 }
 
@@ -267,6 +272,9 @@ fn newest<T: Debug + ZeroCopySend + Copy>(
     Ok(newest)
 }
 
-fn checked<T>(sender: &'static str, result: Result<T, Invalid>) -> Result<T, ClientError> {
+pub(crate) fn checked<T>(
+    sender: &'static str,
+    result: Result<T, Invalid>,
+) -> Result<T, ClientError> {
     result.map_err(|invalid| ClientError::BadMessage { sender, invalid })
 }

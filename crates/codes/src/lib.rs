@@ -61,6 +61,10 @@ mod tests {
         assert_one_meaning_a_code(ProcessKind::ALL, ProcessKind::code);
         assert_one_meaning_a_code(CommandKind::ALL, CommandKind::code);
         assert_one_meaning_a_code(CommandRefusal::ALL, CommandRefusal::code);
+        assert_one_meaning_a_code(CommandSender::ALL, CommandSender::code);
+        assert_one_meaning_a_code(MotionStart::ALL, MotionStart::code);
+        assert_one_meaning_a_code(MotionOutcome::ALL, MotionOutcome::code);
+        assert_one_meaning_a_code(StopCause::ALL, StopCause::code);
     }
 
     #[test]

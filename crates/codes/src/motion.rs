@@ -251,3 +251,60 @@ codes! {
         StopPending = 7 "stop pending: the loop has not taken it yet, and will",
     }
 }
+
+codes! {
+    /// Who gives the controller a command.
+    "sender of a command"
+    pub enum CommandSender {
+        /// A person, or a program that acts for one.
+        Program = 0 "a person or a program",
+        /// The daemon's supervision of motions.
+        Supervision = 1 "the daemon's supervision",
+        /// The daemon, which keeps the robot on its way to a goal.
+        GoalKeeper = 2 "the daemon's goal keeper",
+    }
+}
+
+codes! {
+    /// How a trajectory ended that the controller has received.
+    "outcome of a motion"
+    pub enum MotionOutcome {
+        /// The robot was commanded along it to its end.
+        Reached = 1 "reached",
+        /// Another trajectory left it at its switch.
+        Joined = 2 "joined by another trajectory",
+        /// The robot was stopped before its end.
+        Stopped = 3 "stopped",
+        /// It was taken, and given up before its begin or its switch.
+        SetAside = 4 "set aside before its begin",
+        /// It was never taken, or no longer valid at its begin.
+        Refused = 5 "refused",
+    }
+}
+
+codes! {
+    /// What stopped a motion, or set it aside.
+    "cause of a stop"
+    pub enum StopCause {
+        /// Nothing did.
+        None = 0 "none",
+        /// A command to stop.
+        Command = 1 "a command to stop",
+        /// A command to reset.
+        Reset = 2 "a reset",
+        /// The daemon's heartbeats stayed away.
+        DaemonLost = 3 "the daemon was lost",
+        /// Another daemon took the place of the one that had published it.
+        OtherDaemon = 4 "another daemon took over",
+        /// A signal to the controller's process.
+        Signal = 5 "a signal",
+        /// The controller's process ends.
+        Shutdown = 6 "the controller ends",
+        /// The machine was suspended.
+        Suspension = 7 "the machine was suspended",
+        /// A fault of the loop.
+        Fault = 8 "a fault",
+        /// The robot took no set-points any more while it was at rest.
+        RobotGone = 9 "the robot was let go of",
+    }
+}

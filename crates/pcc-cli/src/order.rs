@@ -56,7 +56,7 @@ pub(crate) fn stop() -> anyhow::Result<()> {
     let was_signalled = signalled.as_ref().is_some_and(Result::is_ok);
     let may_be_stopped = error
         .downcast_ref::<Refused>()
-        .is_some_and(|refused| refused.reason == CommandRefusal::NothingToDo && was_signalled);
+        .is_some_and(|refused| refused.refusal == CommandRefusal::NothingToDo && was_signalled);
     if !may_be_stopped && !error.is::<ClientError>() {
         return Err(error);
     }
@@ -103,28 +103,31 @@ fn send(command: Command) -> anyhow::Result<Accepted> {
     let mut controller = ControllerView::connect(&IpcOptions::from_env())?;
     controller.prepare_to_command()?;
     let sent_ns = mono_now_ns();
-    let reply = controller.command(command, TIMEOUT)?;
+    let reply = controller.command(command.because("ordered by pcc"), TIMEOUT)?;
     let replied_ns = mono_now_ns();
-    if reply.reason == CommandRefusal::StopPending {
-        bail!("{}; the controller was {} last", reply.reason, reply.state);
+    if reply.refusal == CommandRefusal::StopPending {
+        bail!("{}; the controller was {} last", reply.refusal, reply.state);
     }
     if !reply.accepted {
-        let (state, reason) = (reply.state, reply.reason);
-        bail!(Refused { state, reason });
+        bail!(Refused {
+            refusal: reply.refusal,
+            reason: reply.reason.to_string(),
+        });
     }
     Ok(Accepted {
         sent_ns,
         replied_ns,
         state: reply.state,
+        reason: reply.reason.to_string(),
     })
 }
 
 /// An order that the controller has refused.
 #[derive(Debug, thiserror::Error)]
-#[error("the controller, which is {state}, refuses: {reason}")]
+#[error("{refusal}: {reason}")]
 struct Refused {
-    state: LoopState,
-    reason: CommandRefusal,
+    refusal: CommandRefusal,
+    reason: String,
 }
 
 /// An order that the controller has accepted; times are nanoseconds of `CLOCK_MONOTONIC`, the clock of every stamp of the controller.
@@ -132,6 +135,7 @@ struct Accepted {
     sent_ns: i64,
     replied_ns: i64,
     state: LoopState,
+    reason: String,
 }
 
 impl Display for Accepted {
@@ -139,9 +143,10 @@ impl Display for Accepted {
         let took_ms = (self.replied_ns - self.sent_ns) as f64 * 1e-6;
         write!(
             f,
-            "accepted {took_ms:.1} ms after it was sent at {}; the controller is {}",
+            "accepted {took_ms:.1} ms after it was sent at {}; the controller is {}: {}",
             seconds(self.sent_ns),
-            self.state
+            self.state,
+            self.reason
         )
     }
 }

@@ -9,10 +9,10 @@ use crate::order::STANDS_STILL;
 use crate::sampler::{samplers, selections};
 use anyhow::bail;
 use clap::{ArgAction, Args};
-use client::{Client, ControllerView, PlanAnswer};
+use client::{Client, ControllerView, PlanAnswer, ResultView};
 use shared_types::capacity::{DOF, MAX_CANDIDATES};
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{Outcome, Sampler, Selection};
+use shared_types::codes::{MotionOutcome, Outcome, Sampler, Selection};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
 use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
@@ -20,6 +20,8 @@ use std::time::{Duration, Instant};
 
 /// How long a running daemon and controller may take to show up or to reply.
 const TIMEOUT: Duration = Duration::from_secs(5);
+/// Time between two looks whether the controller is there while the end of a motion is waited for.
+const LOOK_INTERVAL: Duration = Duration::from_millis(200);
 /// Longest deadline, milliseconds.
 const LONGEST_DEADLINE_MS: u64 = 60_000;
 
@@ -69,6 +71,9 @@ pub(crate) struct Arguments {
     /// Have the selected candidate executed.
     #[arg(long)]
     execute: bool,
+    /// Wait until the motion has ended, and tell how; fails where it is not reached. Only with --execute.
+    #[arg(long, requires = "execute")]
+    wait: bool,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
@@ -78,6 +83,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let mut client = Client::connect(&options)?;
     let controller = arguments.execute.then(|| ControllerView::connect(&options));
     let mut controller = controller.transpose()?;
+    let results = arguments.wait.then(|| ResultView::connect(&options));
+    let mut results = results.transpose()?;
     let clock = Instant::now();
     let answer = plan(&mut client, &request)?;
     let round_trip = clock.elapsed();
@@ -90,8 +97,38 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         bail!("not executed: {}", report.reason);
     }
     match (&mut controller, report.trajectory_id) {
-        (Some(controller), Some(id)) => wait_until_taken(controller, id),
+        (Some(controller), Some(id)) => {
+            wait_until_taken(controller, id)?;
+            results
+                .as_mut()
+                .map_or(Ok(()), |results| wait_until_ended(results, controller, id))
+        }
         _ => Ok(()),
+    }
+}
+
+/// Waits until a motion has ended, however long it pauses, and tells how; an error where its end was not reached.
+fn wait_until_ended(
+    results: &mut ResultView,
+    controller: &mut ControllerView,
+    id: u32,
+) -> anyhow::Result<()> {
+    loop {
+        match results.wait_for(id, LOOK_INTERVAL)? {
+            Some(result) if result.outcome == MotionOutcome::Reached => {
+                say!("reached after {:.3} s", result.values.path_time_s);
+                return Ok(());
+            }
+            Some(result) => bail!("trajectory {id} was not reached: {result}"),
+            None => {}
+        }
+        let state = controller.latest_state()?;
+        let stamp_ns = state.map_or(0, |state| state.values.stamp_mono_ns);
+        if mono_now_ns() - stamp_ns > TIMEOUT.as_nanos() as i64 {
+            bail!(
+                "the controller has not said for {TIMEOUT:?} what it does: trajectory {id} may be under way"
+            );
+        }
     }
 }
 

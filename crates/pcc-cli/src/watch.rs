@@ -2,12 +2,12 @@
 
 use crate::number::{any, real};
 use clap::Args;
-use client::{ControllerView, RobotView};
+use client::{ControllerView, ResultView, RobotView};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, MotorFault, Refusal, Waiting};
 use shared_types::ipc::IpcOptions;
 use shared_types::lateness::quantile_ns;
-use shared_types::valid::{ControllerState, RobotState};
+use shared_types::valid::{ControllerState, MotionResult, RobotState};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::Arc;
@@ -27,9 +27,10 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let options = IpcOptions::from_env();
-    let (mut controller, mut robot) = (
+    let (mut controller, mut robot, mut results) = (
         ControllerView::watch(&options)?,
         RobotView::watch(&options)?,
+        ResultView::watch(&options)?,
     );
     let pause = Duration::from_secs_f64(1.0 / arguments.rate_hz);
     let mut out = std::io::stdout();
@@ -49,6 +50,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         let lines = [
             describe_controller(controller.latest_state()?),
             describe_robot(robot.latest()?),
+            describe_result(results.latest()?),
         ]
         .join("\n");
         let written = writeln!(out, "{clear}{lines}").and_then(|()| out.flush());
@@ -107,12 +109,12 @@ fn describe_controller(state: Option<ControllerState>) -> String {
         ),
     ];
     if state.fault != LoopFault::None {
-        lines.push(format!("FAULT          {}", state.fault));
+        lines.push(format!("FAULT          {}: {}", state.fault, v.reason));
     }
     if state.waiting != Waiting::None {
         lines.push(format!(
-            "waiting        {} (accepted set-point {:.2e} m off the tendon map, {} robot states refused)",
-            state.waiting, v.accepted_residual_m, v.refused_robot_states
+            "waiting        {}: {} (accepted set-point {:.2e} m off the tendon map, {} robot states refused)",
+            state.waiting, v.reason, v.accepted_residual_m, v.refused_robot_states
         ));
     }
     if state.refusal != Refusal::None {
@@ -134,6 +136,17 @@ fn lateness(histogram: &[u32; shared_types::capacity::HISTOGRAM_BINS]) -> String
         at(0.5),
         at(0.99),
         at(0.999)
+    )
+}
+
+fn describe_result(result: Option<MotionResult>) -> String {
+    let Some(result) = result else {
+        return "last motion    none ended yet".into();
+    };
+    let v = &result.values;
+    format!(
+        "last motion    trajectory {} of plan {}, {:.2} of {:.2} s: {result}",
+        v.trajectory_id, v.plan_id, v.path_time_s, v.duration_s
     )
 }
 

@@ -2,12 +2,12 @@
 
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::prelude::{PortFactory, ipc};
-use shared_types::codes::{CommandRefusal, LoopState};
+use shared_types::codes::{CommandRefusal, CommandSender, LoopState};
 use shared_types::ipc::{
     CommandClient, CommandService, IpcError, IpcNode, command_client, command_service,
 };
-use shared_types::message;
-use shared_types::valid::{Command, CommandReply};
+use shared_types::message::{self, ReasonText};
+use shared_types::valid::{Command, CommandReply, Signature, SignedCommand};
 
 use super::heartbeat::STALL_NS;
 use super::supervised_motion::StopReason;
@@ -107,7 +107,15 @@ impl StopOrder {
         }
         self.again_mono_ns = now_mono_ns.saturating_add(REPEAT_NS);
         self.count += 1;
-        let sent = self.client.send_copy(Command::Stop.to_wire(self.count));
+        let order = SignedCommand {
+            command: Command::Stop,
+            signature: Signature {
+                sender: CommandSender::Supervision,
+                sender_pid: std::process::id(),
+                reason: ReasonText::new(&reason.to_string()),
+            },
+        };
+        let sent = self.client.send_copy(order.to_wire(self.count));
         if is_first {
             tracing::warn!(
                 "{reason}: the controller is ordered to stop trajectory {trajectory_id}"
@@ -166,7 +174,7 @@ impl StopOrder {
                 tracing::info!("the controller obeys the order to stop");
                 return is_at_rest(&reply);
             }
-            Ok(reply) if reply.reason == CommandRefusal::NothingToDo && is_at_rest(&reply) => {
+            Ok(reply) if reply.refusal == CommandRefusal::NothingToDo && is_at_rest(&reply) => {
                 tracing::info!("the controller has nothing to stop");
                 self.again_mono_ns = now_mono_ns.saturating_add(REPEAT_AFTER_REFUSAL_NS);
                 return true;

@@ -214,6 +214,7 @@ impl SceneInbox {
             protocol_version: PROTOCOL_VERSION,
             refusal: judged.refusal.code(),
             ball_count: judged.balls as u32,
+            reason: judged.reason(),
         };
         // Who has only just come hears of what it has sent before.
         let _ = self.statuses.update_connections();
@@ -224,10 +225,7 @@ impl SceneInbox {
         if judged.refusal != SceneRefusal::None && waiting.said != judged.refusal {
             let name = String::from_utf8_lossy(&scene.source);
             let name = name.trim_end_matches('\0');
-            let detail = judged.invalid.map(|invalid| format!(" ({invalid})"));
-            let detail = detail.unwrap_or_default();
-            let refusal = judged.refusal;
-            tracing::warn!("a scene of source {name:?} is refused: {refusal}{detail}");
+            tracing::warn!("a scene of source {name:?} is refused: {}", status.reason);
         }
         // Who sends under two names would be told of again and again.
         if waiting.said != SceneRefusal::SeveralNames {

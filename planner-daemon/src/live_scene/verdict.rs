@@ -1,6 +1,7 @@
 //! The verdict on a scene that arrived.
 
 use shared_types::codes::SceneRefusal;
+use shared_types::message::ReasonText;
 use shared_types::valid::Invalid;
 
 /// What became of a scene.
@@ -19,6 +20,15 @@ impl SceneVerdict {
             refusal,
             invalid,
             balls: 0,
+        }
+    }
+
+    /// What is wrong with the scene, in words; empty where it counts.
+    pub(crate) fn reason(&self) -> ReasonText {
+        match (self.refusal, &self.invalid) {
+            (SceneRefusal::None, _) => ReasonText::ZEROED,
+            (refusal, None) => ReasonText::new(refusal.text()),
+            (_, Some(invalid)) => ReasonText::new(&invalid.to_string()),
         }
     }
 

@@ -7,9 +7,9 @@ use iceoryx2::port::{LoanError, SendError};
 use pcc_model::UnitRobot;
 use planning::{Candidate, Failure, Goal, Plan, PlannerError, Source, select};
 use shared_types::PROTOCOL_VERSION;
-use shared_types::codes::{Outcome, Stage};
+use shared_types::codes::{MotionStart, Outcome, Stage};
 use shared_types::ipc::PlanActiveRequest;
-use shared_types::message::{Knot, NONE_SELECTED, PlanReport};
+use shared_types::message::{Knot, NONE_SELECTED, PlanReport, ReasonText};
 use shared_types::valid::{MAX_DURATION_S, SelectionRule};
 use trajectory::Trajectory;
 
@@ -48,7 +48,7 @@ impl Answer {
             invalid_field: refusal.field.code(),
             ..PlanReport::ZEROED
         };
-        report.set_reason(&refusal.reason);
+        report.reason = ReasonText::new(&refusal.reason);
         Self {
             report,
             candidates: Vec::new(),
@@ -132,16 +132,17 @@ impl Answer {
         Outcome::try_from(self.report.outcome).ok()
     }
 
-    /// Sets the id of the plan, and how long its request waited in the queue.
-    pub(crate) fn set_plan(&mut self, plan_id: u64, wait: Duration) {
+    /// Sets the id of the plan, how its candidates begin, and how long its request waited in the queue.
+    pub(crate) fn set_plan(&mut self, plan_id: u64, start: MotionStart, wait: Duration) {
         self.report.plan_id = plan_id;
+        self.report.start = start.code();
         self.report.stages_ns[Stage::Wait.code() as usize] = nanoseconds(wait);
     }
 
     /// States why the selected motion was not published.
     pub(crate) fn set_execution_refused(&mut self, reason: &str) {
         self.report.outcome = Outcome::ExecutionRefused.code();
-        self.report.set_reason(reason);
+        self.report.reason = ReasonText::new(reason);
     }
 
     /// Writes the answer into shared memory and sends it.
@@ -274,7 +275,7 @@ mod tests {
         let task = task();
         let answer = answer(&task, plan(&task, false));
         assert_eq!(answer.outcome(), Some(Outcome::Ok));
-        assert_eq!(answer.report.reason_text(), "");
+        assert_eq!(answer.report.reason.text(), "");
         let (index, motion) = answer.selected().unwrap();
         assert_eq!(index, 0);
         assert_eq!(motion.knots().len(), answer.knots().count());
@@ -288,10 +289,10 @@ mod tests {
         let answer = answer(&task, plan(&task, true));
         assert_eq!(answer.outcome(), Some(Outcome::Truncated));
         assert!(
-            answer.report.reason_text().contains("0 of 1")
-                && answer.report.reason_text().contains("20 ms"),
+            answer.report.reason.text().contains("0 of 1")
+                && answer.report.reason.text().contains("20 ms"),
             "{}",
-            answer.report.reason_text()
+            answer.report.reason.text()
         );
         assert!(answer.selected().is_none());
         assert_eq!(answer.report.selected, NONE_SELECTED);
@@ -307,7 +308,7 @@ mod tests {
                 answer.outcome(),
                 Some(outcome),
                 "{}",
-                answer.report.reason_text()
+                answer.report.reason.text()
             );
         }
     }
@@ -327,9 +328,9 @@ mod tests {
                 (0, false)
             );
             assert!(
-                answer.report.reason_text().contains("1 off the goal"),
+                answer.report.reason.text().contains("1 off the goal"),
                 "{}",
-                answer.report.reason_text()
+                answer.report.reason.text()
             );
         }
     }
@@ -361,7 +362,7 @@ mod tests {
         ] {
             let answer = Answer::of_plan(&task(), Err(fault), &unit_robot());
             assert_eq!(answer.outcome(), Some(outcome));
-            assert!(!answer.report.reason_text().is_empty());
+            assert!(!answer.report.reason.text().is_empty());
         }
     }
 
@@ -371,7 +372,7 @@ mod tests {
         let mut answer = answer(&task, plan(&task, false));
         answer.set_execution_refused("no controller");
         assert_eq!(answer.outcome(), Some(Outcome::ExecutionRefused));
-        assert_eq!(answer.report.reason_text(), "no controller");
+        assert_eq!(answer.report.reason.text(), "no controller");
         assert!(answer.outcome().unwrap().has_candidates());
     }
 }

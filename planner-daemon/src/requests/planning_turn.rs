@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use planning::Candidate;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::Outcome;
+use shared_types::codes::{MotionStart, Outcome};
 
 use super::answer::{Answer, is_deliverable};
 use super::plan_runner::{Early, Job, PlanOutput, Planned};
@@ -31,6 +31,16 @@ pub(super) struct InFlight {
     /// How often it has been planned, this time included.
     attempt: u32,
     pub(super) cancelled: Arc<AtomicBool>,
+}
+
+impl InFlight {
+    /// How the candidates begin.
+    fn motion_start(&self) -> MotionStart {
+        match self.leaves {
+            Some(_) => MotionStart::InMotion,
+            None => MotionStart::AtRest,
+        }
+    }
 }
 
 impl Service {
@@ -119,7 +129,11 @@ impl Service {
         };
         let Queued { active, task, .. } = &in_flight.queued;
         let mut answer = Answer::early(task, candidates, self.runner.robot());
-        answer.set_plan(in_flight.plan_id, in_flight.waited);
+        answer.set_plan(
+            in_flight.plan_id,
+            in_flight.motion_start(),
+            in_flight.waited,
+        );
         self.send(&mut answer, active);
     }
 
@@ -133,7 +147,7 @@ impl Service {
         let plan_id = in_flight.plan_id;
         let InFlight { queued, .. } = &in_flight;
         let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot());
-        answer.set_plan(plan_id, in_flight.waited);
+        answer.set_plan(plan_id, in_flight.motion_start(), in_flight.waited);
         let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
         if is_wanted(&queued.active) && has_candidates && !answer.candidates.is_empty() {
             let published = self.execute(&in_flight, &answer);

@@ -9,7 +9,7 @@ use iceoryx2::identifiers::UniqueClientId;
 use iceoryx2::port::ReceiveError;
 use realtime::reduce_timer_slack;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::Outcome;
+use shared_types::codes::{MotionStart, Outcome};
 use shared_types::ipc::{
     EventListener, EventNotifier, IpcError, IpcNode, PlanActiveRequest, PlanServer, event_listener,
     event_notifier, plan_answered_event, plan_asked_event, plan_server, plan_service,
@@ -209,7 +209,7 @@ impl Service {
         let now = Instant::now();
         for late in self.queue.take_out(|queued| now >= queued.deadline()) {
             let mut answer = Answer::refused(late.task.request_id, &too_late(&late.task));
-            answer.set_plan(0, now - late.received);
+            answer.set_plan(0, MotionStart::AtRest, now - late.received);
             self.send(&mut answer, &late.active);
         }
     }
@@ -255,7 +255,7 @@ impl Service {
             "{} candidates, outcome {:?}: {}",
             answer.candidates.len(),
             outcome,
-            answer.report.reason_text()
+            answer.report.reason.text()
         );
         if let Err(error) = answer.send(active)
             && is_wanted(active)

@@ -17,8 +17,8 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
 use crate::message::{
-    ControllerState, Cycle, Heartbeat, RobotState, SceneMessage, SceneStatus, Setpoint,
-    TrajectoryMessage,
+    ControllerState, Cycle, Heartbeat, MotionResult, RobotState, SceneMessage, SceneStatus,
+    Setpoint, TrajectoryMessage,
 };
 
 /// Most cycles in one batch of the service `cycle`: 16 ms at 4 kHz.
@@ -105,6 +105,13 @@ pub(super) const ROBOT_STATE: TopicSettings = TopicSettings {
 /// `controller_state`: one publisher.
 pub(super) const CONTROLLER_STATE: TopicSettings = TopicSettings {
     name: "controller_state",
+    ..ROBOT_STATE
+};
+/// `motion_result`: one publisher; who comes late gets the last eight.
+pub(super) const MOTION_RESULT: TopicSettings = TopicSettings {
+    name: "motion_result",
+    history: 8,
+    buffer: 16,
     ..ROBOT_STATE
 };
 /// `cycle`: one publisher; the buffer holds 0.64 s of batches every 10 ms.
@@ -205,6 +212,8 @@ topic_functions! {
     robot_state_service: RobotState = ROBOT_STATE;
     /// Opens `controller_state`; publisher: the controller's relay thread.
     controller_state_service: ControllerState = CONTROLLER_STATE;
+    /// Opens `motion_result`: how each trajectory ended; publisher: the controller's relay thread.
+    motion_result_service: MotionResult = MOTION_RESULT;
     /// Opens `cycle`: batches of at most [`CYCLES_PER_BATCH`]; publisher: the controller's relay thread.
     cycle_service: [Cycle] = CYCLE;
     /// Opens `scene`: all obstacles that a source knows of; publishers: the sources.

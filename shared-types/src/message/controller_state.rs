@@ -2,12 +2,13 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
+use super::reason::ReasonText;
 use super::wire::wire_message;
 use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
 
 wire_message! {
     /// State of the controller (service `controller_state`, one publisher: its relay thread, about 50 Hz).
-    pub struct ControllerState: "pcc.v4.ControllerState", 640 bytes {
+    pub struct ControllerState: "pcc.v4.ControllerState", 808 bytes {
         /// Time of the cycle that the message describes, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// Identifies the process among all that had this role since the machine was booted: its start time, nanoseconds of
@@ -76,6 +77,8 @@ wire_message! {
         pub accepted_residual_m: f64,
         /// Wake-ups by lateness ([`crate::lateness`]).
         pub lateness_histogram: [u32; HISTOGRAM_BINS],
+        /// What happened where a fault is latched, and what the loop waits for where it does not hold the robot.
+        pub reason: ReasonText,
     }
 }
 

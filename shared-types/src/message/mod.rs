@@ -5,7 +5,9 @@
 mod command;
 mod controller_state;
 mod heartbeat;
+mod motion_result;
 mod plan;
+mod reason;
 mod robot_state;
 mod scene;
 mod setpoint;
@@ -15,7 +17,9 @@ mod wire;
 pub use command::{Command, CommandReply};
 pub use controller_state::{ControllerState, Cycle};
 pub use heartbeat::Heartbeat;
+pub use motion_result::MotionResult;
 pub use plan::{Ball, CandidateSummary, NONE_SELECTED, PlanReport, PlanRequest};
+pub use reason::ReasonText;
 pub use robot_state::RobotState;
 pub use scene::{MovingBall, SceneMessage, SceneStatus};
 pub use setpoint::Setpoint;
@@ -55,6 +59,7 @@ mod tests {
             )* };
         }
         describe!(
+            ReasonText,
             Knot,
             Ball,
             PlanRequest,
@@ -67,6 +72,7 @@ mod tests {
         describe!(
             ControllerState,
             Cycle,
+            MotionResult,
             MovingBall,
             SceneMessage,
             SceneStatus,

@@ -2,8 +2,9 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
+use super::reason::ReasonText;
 use super::wire::wire_message;
-use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES, REASON_BYTES, STAGES};
+use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES, STAGES};
 
 /// [`PlanReport::selected`] when no candidate is.
 pub const NONE_SELECTED: u32 = u32::MAX;
@@ -107,7 +108,7 @@ wire_message! {
 
 wire_message! {
     /// The answer's user header: what happened, how long it took, and where each candidate's knots are.
-    pub struct PlanReport: "pcc.v4.PlanReport", 3872 bytes {
+    pub struct PlanReport: "pcc.v4.PlanReport", 3880 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the daemon.
         pub protocol_version: u32,
         /// [`crate::codes::Outcome`].
@@ -132,62 +133,13 @@ wire_message! {
         pub learned_certified: u32,
         /// Candidates that are not the learned sampler's.
         pub classical_certified: u32,
-        /// Bytes of `reason` in use.
-        pub reason_len: u32,
+        /// [`crate::codes::MotionStart`]: how the candidates begin.
+        pub start: u32,
         /// Time of each [`crate::codes::Stage`], nanoseconds.
         pub stages_ns: [u64; STAGES],
-        /// UTF-8 text that explains the outcome.
-        pub reason: [u8; REASON_BYTES],
+        /// Why the outcome is what it is.
+        pub reason: ReasonText,
         /// The first `candidate_count` are candidates; the others are not read.
         pub candidates: [CandidateSummary; MAX_CANDIDATES],
-    }
-}
-
-impl PlanReport {
-    /// Sets the explaining text, cut at the last whole character that fits.
-    pub fn set_reason(&mut self, text: &str) {
-        let mut length = text.len().min(REASON_BYTES);
-        while !text.is_char_boundary(length) {
-            length -= 1;
-        }
-        self.reason = [0; REASON_BYTES];
-        self.reason[..length].copy_from_slice(&text.as_bytes()[..length]);
-        self.reason_len = length as u32;
-    }
-
-    /// The explaining text; bytes that are no UTF-8 are replaced, lengths beyond the array are cut.
-    #[must_use]
-    pub fn reason_text(&self) -> std::borrow::Cow<'_, str> {
-        let length = (self.reason_len as usize).min(REASON_BYTES);
-        String::from_utf8_lossy(&self.reason[..length])
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_long_reason_is_cut_between_characters() {
-        let mut report = PlanReport::ZEROED;
-        let text = "ζ".repeat(REASON_BYTES);
-        assert!(text.len() > REASON_BYTES);
-        report.set_reason(&format!("a{text}"));
-        assert_eq!(report.reason_text(), format!("a{}", "ζ".repeat(79)));
-        report.set_reason("short");
-        assert_eq!(report.reason_text(), "short");
-    }
-
-    #[test]
-    fn a_reason_of_any_bytes_and_any_length_is_readable() {
-        let mut report = PlanReport::ZEROED;
-        report.reason = [0xff; REASON_BYTES];
-        report.reason_len = u32::MAX;
-        assert!(
-            report
-                .reason_text()
-                .chars()
-                .all(|character| character == '\u{fffd}')
-        );
     }
 }

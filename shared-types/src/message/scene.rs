@@ -2,6 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
+use super::reason::ReasonText;
 use super::wire::wire_message;
 use crate::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
 
@@ -48,7 +49,7 @@ wire_message! {
 wire_message! {
     /// The verdict on a scene (service `scene_status`, publisher: the daemon). Scenes that a newer one of the same publisher
     /// replaced before they were examined get no verdict.
-    pub struct SceneStatus: "pcc.v4.SceneStatus", 64 bytes {
+    pub struct SceneStatus: "pcc.v4.SceneStatus", 232 bytes {
         /// When the scene was judged, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// `stamp_mono_ns` of the scene.
@@ -63,5 +64,7 @@ wire_message! {
         pub refusal: u32,
         /// Balls of the scene that count.
         pub ball_count: u32,
+        /// What is wrong with the scene, in words.
+        pub reason: ReasonText,
     }
 }

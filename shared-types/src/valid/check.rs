@@ -76,6 +76,13 @@ pub(super) fn check_range(
     }
 }
 
+/// A time on a trajectory, or its duration.
+pub(super) fn check_time(field: &'static str, value: f64) -> Result<(), Invalid> {
+    check_range(value, 0.0, MAX_DURATION_S, "0..=1e6 s")
+        .map(drop)
+        .map_err(|reason| invalid(field, reason))
+}
+
 /// A quantity whose magnitude is limited only so that arithmetic on it stays finite.
 #[derive(Clone, Copy)]
 pub(super) enum Quantity {

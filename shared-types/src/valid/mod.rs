@@ -9,6 +9,7 @@
 mod check;
 mod command;
 mod invalid;
+mod motion_result;
 mod plan;
 mod report;
 mod scene;
@@ -19,8 +20,9 @@ pub use check::{
     LEAST_LIMITS_SCALE, LEAST_PATH_TOLERANCE_RAD, MAX_ANGLE_RAD, MAX_DURATION_S, MAX_LENGTH_M,
     MAX_RATE,
 };
-pub use command::{Command, CommandReply};
+pub use command::{Command, CommandReply, Signature, SignedCommand};
 pub use invalid::{Invalid, Reason};
+pub use motion_result::MotionResult;
 pub use plan::{Goal, PlanRequest, PreviousPlan, SelectionRule};
 pub use report::PlanReport;
 pub use scene::{Heartbeat, MOST_SCENE_LIFETIME_NS, Scene, SceneStatus, SourceName, stamp_refusal};

@@ -5,7 +5,7 @@ use std::ops::Range;
 use super::check::{check_code, check_count, check_version, check_within};
 use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::capacity::{MAX_CANDIDATES, MAX_KNOTS, STAGES};
-use crate::codes::{Outcome, PlanField, Source, Stage};
+use crate::codes::{MotionStart, Outcome, PlanField, Source, Stage};
 use crate::message::{self, CandidateSummary, NONE_SELECTED};
 
 /// A plan's report whose counts and ranges fit its knots.
@@ -21,6 +21,8 @@ pub struct PlanReport {
     pub outcome: Outcome,
     /// The text that explains the outcome.
     pub reason: String,
+    /// How the candidates begin.
+    pub start: MotionStart,
     /// The field that was wrong, if the request was invalid.
     pub invalid_field: PlanField,
     /// Index of the selected candidate, if one is.
@@ -57,7 +59,8 @@ impl PlanReport {
             plan_id: wire.plan_id,
             plan_hash: wire.plan_hash,
             outcome: check_code("outcome", wire.outcome)?,
-            reason: wire.reason_text().into_owned(),
+            reason: wire.reason.to_string(),
+            start: check_code("start", wire.start)?,
             invalid_field: check_code("invalid_field", wire.invalid_field)?,
             selected: selected(wire.selected, count)?,
             trajectory_id: (wire.trajectory_id != 0).then_some(wire.trajectory_id),
@@ -170,6 +173,7 @@ mod tests {
             (|r| r.candidate_count = 65, "candidate_count"),
             (|r| r.outcome = 99, "outcome"),
             (|r| r.invalid_field = 99, "invalid_field"),
+            (|r| r.start = 2, "start"),
             (|r| r.selected = 2, "selected"),
             (|r| r.candidates[1].first_knot = 11, "candidates[1]"),
             (|r| r.candidates[0].first_knot = u32::MAX, "candidates[0]"),

@@ -9,7 +9,7 @@ use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::PROTOCOL_VERSION;
 use crate::capacity::{MAX_SCENE_BALLS, SOURCE_NAME_BYTES};
 use crate::codes::{ProcessKind, SceneRefusal};
-use crate::message::{self, MovingBall, SceneMessage};
+use crate::message::{self, MovingBall, ReasonText, SceneMessage};
 
 /// Shortest lifetime of a scene, nanoseconds: 1 ms.
 const LEAST_SCENE_LIFETIME_NS: i64 = 1_000_000;
@@ -180,7 +180,7 @@ impl Scene {
 }
 
 /// The daemon's verdict on a scene.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneStatus {
     /// `source` of the scene as it came: it may be what is wrong with the scene.
     pub source: [u8; SOURCE_NAME_BYTES],
@@ -190,6 +190,8 @@ pub struct SceneStatus {
     pub scene_stamp_mono_ns: i64,
     /// Why the scene does not count; none: it does.
     pub refusal: SceneRefusal,
+    /// What is wrong with the scene, in words.
+    pub reason: ReasonText,
 }
 
 impl TryFrom<&message::SceneStatus> for SceneStatus {
@@ -202,6 +204,7 @@ impl TryFrom<&message::SceneStatus> for SceneStatus {
             sequence: wire.sequence,
             scene_stamp_mono_ns: wire.scene_stamp_mono_ns,
             refusal: check_code("refusal", wire.refusal)?,
+            reason: wire.reason,
         })
     }
 }

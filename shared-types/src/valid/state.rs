@@ -2,7 +2,7 @@
 //!
 //! No allocation, so the loop may use them.
 
-use super::check::{MAX_DURATION_S, Quantity, check_array, check_code, check_range, check_stamp};
+use super::check::{Quantity, check_array, check_code, check_range, check_stamp, check_time};
 use super::invalid::{Invalid, Reason, invalid};
 use crate::codes::{LoopFault, LoopState, MotorFault, MotorState, Refusal, Waiting};
 use crate::message;
@@ -122,13 +122,6 @@ impl TryFrom<&message::Cycle> for Cycle {
             values,
         })
     }
-}
-
-/// A time on a trajectory.
-fn check_time(field: &'static str, value: f64) -> Result<(), Invalid> {
-    check_range(value, 0.0, MAX_DURATION_S, "0..=1e6 s")
-        .map(drop)
-        .map_err(|reason| invalid(field, reason))
 }
 
 fn check_finite(field: &'static str, value: f64) -> Result<(), Invalid> {

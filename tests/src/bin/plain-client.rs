@@ -40,25 +40,38 @@ struct Heartbeat {
 
 /// `pcc.v4.Command`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[type_name("pcc.v4.Command")]
 struct Command {
     protocol_version: u32,
     kind: u32,
     speed: f64,
     command_id: u64,
+    sender: u32,
+    sender_pid: u32,
+    reason: ReasonText,
+}
+
+/// `pcc.v4.ReasonText`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, ZeroCopySend)]
+#[type_name("pcc.v4.ReasonText")]
+struct ReasonText {
+    length: u32,
+    utf8: [u8; 164],
 }
 
 /// `pcc.v4.CommandReply`.
 #[repr(C)]
-#[derive(Clone, Copy, Debug, Default, ZeroCopySend)]
+#[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[type_name("pcc.v4.CommandReply")]
 struct CommandReply {
     command_id: u64,
     protocol_version: u32,
     accepted: u32,
-    reason: u32,
+    refusal: u32,
     state: u32,
+    reason: ReasonText,
 }
 
 fn main() -> Outcome {

@@ -1,4 +1,5 @@
 use shared_types::codes::{LoopFault, LoopState, Waiting};
+use shared_types::valid::Signature;
 
 use super::{run_until, state};
 use crate::{
@@ -175,7 +176,7 @@ fn a_reset_brings_back_the_tolerance_of_the_settings() {
     assert!(world.executive.execute(motion).is_ok());
     run_until(&mut world, 1_000, |world| state(world) == LoopState::Fault);
     assert_eq!(world.last.as_ref().unwrap().fault, LoopFault::TrackingError);
-    world.executive.reset().unwrap();
+    world.executive.reset(Signature::UNSIGNED).unwrap();
     world.run(500);
     assert_eq!(state(&world), LoopState::Holding);
 }
@@ -211,7 +212,7 @@ fn a_killed_robot_that_comes_back_is_found_where_it_stands() {
         for _ in 0..1_000 {
             world.cycle(MS);
             if state(&world) == LoopState::Fault && refused.is_none() {
-                refused = Some(world.executive.reset());
+                refused = Some(world.executive.reset(Signature::UNSIGNED));
             }
         }
         assert_eq!(

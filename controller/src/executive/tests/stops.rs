@@ -7,6 +7,7 @@ use rand_pcg::{
 };
 use shared_types::codes::{LoopFault, LoopState};
 
+use crate::executive::StopOrigin;
 use crate::fixtures::{MS, World, target_configuration, timed_motion};
 
 /// A straight line and a path with corners, from where the world holds.
@@ -44,7 +45,7 @@ fn a_stop_in_any_cycle_of_a_motion_with_steps_of_jerk_holds_the_robot() {
 
 /// The world itself checks the limits of everything that is sent.
 fn stop(mut world: World, period_ns: i64) {
-    if world.executive.stop().is_err() {
+    if world.executive.stop(StopOrigin::Signal).is_err() {
         return;
     }
     for _ in 0..4_000 {
@@ -65,7 +66,7 @@ fn a_late_cycle_in_a_stop_sends_the_acceleration_of_its_end() {
         let motion = timed_motion(1, world.now_ns, path);
         assert!(world.executive.execute(motion).is_ok());
         world.run(900);
-        world.executive.stop().unwrap();
+        world.executive.stop(StopOrigin::Signal).unwrap();
         world.run(20);
         let before = *world.last.as_ref().unwrap();
         assert!(before.rate > 0.0, "the premise: it brakes");

@@ -2,6 +2,8 @@
 
 use shared_types::codes::{CommandRefusal, LoopFault, LoopState, Refusal};
 
+use shared_types::valid::Signature;
+
 use super::state;
 use crate::{
     executive::{BeginWindow, GuardState, check_still_valid},
@@ -39,15 +41,21 @@ fn cycle(world: &mut World, elapsed_ns: i64, heard: &GuardState) -> Option<Refus
 #[test]
 fn a_reset_puts_a_trajectory_aside_that_waits_and_leaves_one_that_has_begun() {
     let mut world = waiting();
-    assert_eq!(world.executive.reset(), Ok(()));
-    let aside = world.executive.take_finished().map(|motion| motion.id);
+    assert_eq!(world.executive.reset(Signature::UNSIGNED), Ok(()));
+    let aside = world.executive.take_finished().map(|ended| ended.motion.id);
     assert_eq!(aside, Some(4));
-    assert_eq!(world.executive.reset(), Err(CommandRefusal::NothingToDo));
+    assert_eq!(
+        world.executive.reset(Signature::UNSIGNED),
+        Err(CommandRefusal::NothingToDo)
+    );
     world.run(100);
     assert_eq!(state(&world), LoopState::Holding);
     world.begin_motion(5);
     world.run(100);
-    assert_eq!(world.executive.reset(), Err(CommandRefusal::NothingToDo));
+    assert_eq!(
+        world.executive.reset(Signature::UNSIGNED),
+        Err(CommandRefusal::NothingToDo)
+    );
     world.run(1);
     assert_eq!(state(&world), LoopState::Executing);
 }

@@ -3,13 +3,13 @@
 use std::thread;
 use std::time::Duration;
 
-use client::{ClientError, ControllerView, CycleRecorder, RobotView, ScenePublisher};
+use client::{ClientError, ControllerView, CycleRecorder, ResultView, RobotView, ScenePublisher};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::{mono_now_ns, wall_now_ns};
-use shared_types::codes::{CommandRefusal, LoopState, MotorState, SceneRefusal};
+use shared_types::codes::{CommandRefusal, LoopState, MotionOutcome, MotorState, SceneRefusal};
 use shared_types::ipc::*;
-use shared_types::message::{self, MovingBall};
-use shared_types::valid::{Command, Scene, SourceName};
+use shared_types::message::{self, MovingBall, ReasonText};
+use shared_types::valid::{Command, Scene, SignedCommand, SourceName};
 
 use crate::support::{LONG, World};
 
@@ -109,7 +109,7 @@ fn commands_reach_the_controller_and_its_refusals_come_back() {
         assert!(view.command(Command::SetSpeed(0.5), LONG).unwrap().accepted);
         let reply = view.command(Command::ResetFault, LONG).unwrap();
         assert_eq!(
-            (reply.accepted, reply.reason),
+            (reply.accepted, reply.refusal),
             (false, CommandRefusal::NothingToDo)
         );
     });
@@ -125,11 +125,9 @@ fn answer_commands(world: &World, count: usize) {
             thread::sleep(Duration::from_millis(1));
             continue;
         };
-        let accepted = matches!(
-            Command::try_from(active.payload()),
-            Ok(Command::SetSpeed(_))
-        );
-        let reason = if accepted {
+        let command = SignedCommand::try_from(active.payload()).unwrap().command;
+        let accepted = matches!(command, Command::SetSpeed(_));
+        let refusal = if accepted {
             CommandRefusal::None
         } else {
             CommandRefusal::NothingToDo
@@ -138,8 +136,9 @@ fn answer_commands(world: &World, count: usize) {
             command_id: active.command_id,
             protocol_version: PROTOCOL_VERSION,
             accepted: u32::from(accepted),
-            reason: reason.code(),
+            refusal: refusal.code(),
             state: LoopState::Holding.code(),
+            ..message::CommandReply::ZEROED
         };
         active.send_copy(reply).unwrap();
         answered += 1;
@@ -288,6 +287,7 @@ fn what_a_daemon_says_of_a_scene_is_told_to_its_publisher() {
                 sequence,
                 scene_stamp_mono_ns,
                 refusal: said.code(),
+                reason: ReasonText::new(if is_ours { "four others are there" } else { "" }),
                 ..message::SceneStatus::ZEROED
             };
             statuses.send_copy(status).unwrap();
@@ -297,7 +297,8 @@ fn what_a_daemon_says_of_a_scene_is_told_to_its_publisher() {
             SceneRefusal::None => confirmed.unwrap(),
             refusal => {
                 let error = confirmed.unwrap_err().to_string();
-                assert!(error.contains(refusal.text()), "{error}");
+                let told = format!("{refusal} (four others are there)");
+                assert!(error.contains(&told), "{error}");
             }
         }
     }
@@ -330,4 +331,34 @@ fn a_killed_publisher_leaves_its_place_and_its_subscribers_hear_the_next_one() {
             .unwrap();
         assert_eq!(subscriber.receive().unwrap().unwrap().sequence, 77);
     }
+}
+
+/// Publishes that a trajectory was reached.
+fn tell_reached(results: &Publisher<message::MotionResult>, trajectory_id: u32) {
+    let result = message::MotionResult {
+        trajectory_id,
+        outcome: MotionOutcome::Reached.code(),
+        ..message::MotionResult::ZEROED
+    };
+    results.send_copy(result).unwrap();
+}
+
+#[test]
+fn the_result_of_a_motion_is_found_that_came_before_who_waits_for_it() {
+    let world = World::new();
+    let node = node(&world);
+    let results = publisher(&node, &motion_result_service(&node).unwrap()).unwrap();
+    for id in 1..=9 {
+        tell_reached(&results, id);
+    }
+    let mut view = ResultView::connect(&world.options).unwrap();
+    tell_reached(&results, 10);
+    let mut find = |id| view.wait_for(id, Duration::from_millis(20)).unwrap();
+    assert_eq!(find(1), None, "the last eight are kept");
+    assert_eq!(find(5).unwrap().outcome, MotionOutcome::Reached);
+    assert_eq!(find(10).unwrap().values.trajectory_id, 10);
+    assert_eq!(find(11), None);
+    tell_reached(&results, 11);
+    let ended = view.wait_for(11, LONG).unwrap().unwrap();
+    assert_eq!(view.latest().unwrap(), Some(ended));
 }

@@ -7,7 +7,7 @@ use super::session::{MotionOrder, Session};
 use crate::foreign_orders::{ForeignOrders, Overruled};
 use crate::output_files::write_whole;
 use anyhow::{Context, bail};
-use client::{Client, ControllerView};
+use client::{Client, ControllerView, ResultView};
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point, Robot, SECTIONS};
 use serde_json::json;
@@ -70,6 +70,7 @@ impl<'a> Mission<'a> {
                 robot,
                 client,
                 controller: ControllerView::connect(options)?,
+                results: ResultView::connect(options)?,
                 interrupted: termination_flag()?,
                 seed,
                 foreign_orders,

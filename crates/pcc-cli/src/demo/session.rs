@@ -4,7 +4,7 @@ use super::controller_state::{SpeedOrder, TIMEOUT, fresh_state, is_under_way};
 use crate::foreign_orders::ForeignOrders;
 use crate::order::STANDS_STILL;
 use anyhow::{Context, bail};
-use client::{Client, ControllerView};
+use client::{Client, ControllerView, ResultView};
 use pcc_model::Robot;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{CommandRefusal, LoopState, Refusal};
@@ -15,6 +15,9 @@ use std::time::{Duration, Instant};
 
 /// Longest time to wait for the end of a motion at a low speed, seconds.
 const LONGEST_MOTION_S: f64 = 86_400.0;
+/// The reason that the demonstration gives for its orders.
+const OF_DEMO: &str = "ordered by pcc demo";
+
 /// An order that the demonstration gives during a motion.
 #[derive(Clone, Copy)]
 pub(super) enum MotionOrder {
@@ -31,6 +34,8 @@ pub(super) struct Session<'a> {
     pub(super) robot: &'a Robot,
     pub(super) client: Client,
     pub(super) controller: ControllerView,
+    /// How the motions end, as the controller tells it.
+    pub(super) results: ResultView,
     /// Whether the demonstration is to end now.
     pub(super) interrupted: Arc<AtomicBool>,
     pub(super) seed: u64,
@@ -90,7 +95,7 @@ impl Session<'_> {
 
     /// Gives an order; an error where the controller does not obey.
     fn command(&mut self, command: Command) -> anyhow::Result<()> {
-        let reply = self.controller.command(command, TIMEOUT)?;
+        let reply = self.controller.command(command.because(OF_DEMO), TIMEOUT)?;
         if !reply.accepted {
             bail!("the controller does not obey: {}", reply.reason);
         }
@@ -121,15 +126,23 @@ impl Session<'_> {
         if taken.values.refused_trajectory_id == id && taken.refusal != Refusal::None {
             bail!("the controller refused the trajectory: {}", taken.refusal);
         }
-        self.wait(timeout, "the motion ends", |s| {
+        let ended = self.wait(timeout, "the motion ends", |s| {
             matches!(s.state, LoopState::Holding | LoopState::Fault)
-        })
+        })?;
+        match self.results.wait_for(id, TIMEOUT)? {
+            Some(result) => say!("  trajectory {id} {result}"),
+            None => say!("  the controller does not tell how trajectory {id} ended"),
+        }
+        Ok(ended)
     }
 
     /// Stops what moves, if something does.
     pub(super) fn stop(&mut self) {
-        match self.controller.command(Command::Stop, TIMEOUT) {
-            Ok(reply) if reply.accepted || reply.reason == CommandRefusal::NothingToDo => {}
+        match self
+            .controller
+            .command(Command::Stop.because(OF_DEMO), TIMEOUT)
+        {
+            Ok(reply) if reply.accepted || reply.refusal == CommandRefusal::NothingToDo => {}
             Ok(reply) => say!(
                 "the robot may move on: the stop was answered with `{}`",
                 reply.reason

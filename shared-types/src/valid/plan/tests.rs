@@ -172,7 +172,7 @@ const BAD: &[(Change, PlanField, &str)] = &[
     (
         |r| r.ignores_live_scene = 2,
         PlanField::IgnoresLiveScene,
-        "0..=1",
+        "allowed are 0 (no) and 1",
     ),
 ];
 

@@ -381,7 +381,7 @@ impl<'a> Asker<'a> {
             && answer.invalid_field != 0;
         findings.refused_as_spoiled += usize::from(is_refused);
         if !is_refused {
-            let text = format!("outcome {}: {}", answer.outcome, answer.reason_text());
+            let text = format!("outcome {}: {}", answer.outcome, answer.reason.text());
             findings.unexpected.push(text);
         }
         Ok(())

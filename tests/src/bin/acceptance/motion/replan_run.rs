@@ -50,7 +50,9 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
         let (scene, passed_over) = ReplanScene::around(&robot, &standing, SEED, index);
         index += 1 + passed_over as u64;
         figures.scenes_passed_over += passed_over;
-        let count = IN_A_SCENE.min(population.replans.div_ceil(8)).min(population.replans - figures.in_motion);
+        let count = IN_A_SCENE
+            .min(population.replans.div_ceil(8))
+            .min(population.replans - figures.in_motion);
         replans(
             &mut stack,
             population,

@@ -161,8 +161,8 @@ fn tried(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
                 continue;
             }
         };
-        if reply.accepted || reply.reason != CommandRefusal::StopPending {
-            untold.push(format!("try {turn}: {}", reply.reason));
+        if reply.accepted || reply.refusal != CommandRefusal::StopPending {
+            untold.push(format!("try {turn}: {}", reply.refusal));
         }
         match course.rest_ms {
             Some(ms) if course.driven_on <= DRIVEN_ON => longest_ms = longest_ms.max(ms),

@@ -83,6 +83,7 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--deadline-ms", Wanted::Whole([0, 60_000], 60_000)),
             ("--limits-scale", Wanted::Real([1e-9, 1.0])),
             ("--execute", Wanted::Flag),
+            ("--wait", Wanted::Flag),
         ],
     },
     Command {

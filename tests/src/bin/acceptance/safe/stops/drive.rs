@@ -3,7 +3,7 @@
 use std::sync::LazyLock;
 
 use controller::executive::{
-    CycleInput, CycleOutput, Executive, ExecutiveSettings, Motion, RobotSample,
+    CycleInput, CycleOutput, Executive, ExecutiveSettings, Motion, RobotSample, StopOrigin,
 };
 use controller::service::ControllerConfig;
 use pcc_model::{Configuration, Robot};
@@ -280,7 +280,10 @@ impl Trial<'_> {
                 }
             }
         }
-        match (driven.is_executing(), driven.executive.stop()) {
+        match (
+            driven.is_executing(),
+            driven.executive.stop(StopOrigin::Signal),
+        ) {
             (true, Ok(())) => {
                 run.stops += 1;
                 self.stop(&mut driven, &mut judge, before, run);

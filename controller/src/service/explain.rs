@@ -1,0 +1,87 @@
+//! What the controller does and why, in words: the texts beside the codes of its messages.
+
+use shared_types::codes::{CommandRefusal, LoopFault, LoopState, Waiting};
+use shared_types::valid::Command;
+
+use super::link::Outcome;
+use crate::executive::{CONSISTENCY_M, CycleOutput, ExecutiveSettings};
+
+/// What became of a command.
+pub(super) fn outcome(command: Command, outcome: &Outcome) -> String {
+    let state = outcome.state;
+    match outcome.result {
+        Ok(()) => carried_out(command, state),
+        Err(CommandRefusal::NothingToDo) => format!("the controller is {state}: {}", idle(command)),
+        Err(CommandRefusal::FaultPersists) => {
+            format!("the controller is {state}: a fault is reset once the robot is at rest")
+        }
+        Err(refusal) => refusal.to_string(),
+    }
+}
+
+fn carried_out(command: Command, state: LoopState) -> String {
+    match (command, state) {
+        (Command::Stop, LoopState::Stopping) => "the robot brakes along its path".to_owned(),
+        (Command::Stop, _) => "the motion that waited for its begin is set aside".to_owned(),
+        (Command::ResetFault, LoopState::Starting) => {
+            "the fault is cleared; the robot is not held yet".to_owned()
+        }
+        (Command::ResetFault, _) => "nothing that was requested before it begins".to_owned(),
+        (Command::SetSpeed(speed), _) => format!("motions are followed at speed {speed}"),
+        (Command::Pause, _) => "the robot brakes along its path, and the motion is kept".to_owned(),
+        (Command::Resume, _) => "the motion goes on".to_owned(),
+    }
+}
+
+fn idle(command: Command) -> &'static str {
+    match command {
+        Command::Stop => "nothing moves or waits for its begin",
+        Command::ResetFault => "there is no fault, and nothing waits for its begin",
+        Command::SetSpeed(_) => "its speed cannot be set",
+        Command::Pause => "no motion is executed that could pause",
+        Command::Resume => "no motion is paused",
+    }
+}
+
+/// What happened when a fault was latched, by the cycle that reports it first.
+pub(super) fn fault(output: &CycleOutput, settings: &ExecutiveSettings) -> String {
+    let milliseconds = |ns: i64| ns / 1_000_000;
+    let what = match output.fault {
+        LoopFault::RobotLost => {
+            let limit_ms = milliseconds(settings.robot_lost_ns);
+            format!("no newer state of the robot for over {limit_ms} ms")
+        }
+        LoopFault::TooLate => {
+            let limit_ms = milliseconds(settings.late_run_ns);
+            format!("late cycles one after the other for over {limit_ms} ms")
+        }
+        LoopFault::TrackingError => {
+            let error_rad = output.tracking_error_rad;
+            let allowed_rad = output.path_tolerance_rad;
+            format!("the robot is {error_rad:.4} rad off its path, {allowed_rad:.4} are allowed")
+        }
+        fault => fault.to_string(),
+    };
+    match output.trajectory_id {
+        0 => what,
+        id => format!("{what}; trajectory {id} at {:.3} s", output.path_time_s),
+    }
+}
+
+/// What the loop waits for, where it does not hold the robot.
+pub(super) fn waiting(output: &CycleOutput) -> String {
+    match output.waiting {
+        Waiting::OffTendonMap => format!(
+            "the accepted set-point is {:.1e} m off the tendon lengths of every configuration, {CONSISTENCY_M:.0e} m are allowed",
+            output.accepted_residual_m
+        ),
+        reason @ (Waiting::InvalidRobotState
+        | Waiting::RepeatedRobotState
+        | Waiting::OldRobotState
+        | Waiting::FutureRobotState) => {
+            let refused = output.refused_robot_states;
+            format!("{reason}: {refused} robot states refused so far")
+        }
+        reason => reason.to_string(),
+    }
+}

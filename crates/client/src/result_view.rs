@@ -1,0 +1,113 @@
+//! How motions ended.
+
+use std::collections::VecDeque;
+use std::thread;
+use std::time::Duration;
+
+use shared_types::ipc::{
+    IpcNode, IpcOptions, Subscriber, guest_subscriber, motion_result_service, observer_subscriber,
+};
+use shared_types::message;
+use shared_types::valid::MotionResult;
+
+use crate::ClientError;
+use crate::view::{CONTROLLER, Subscribe, checked, receive};
+use crate::waiting::{Cleaner, TimeLimit, wait};
+
+/// Results that are kept.
+const KEPT: usize = 64;
+/// Time between two looks for a result.
+const LOOK_INTERVAL: Duration = Duration::from_millis(1);
+
+/// The results of motions: one of each trajectory that a controller has received. It knows those that came since it connected, and the
+/// last eight before.
+#[derive(Debug)]
+pub struct ResultView {
+    results: Subscriber<message::MotionResult>,
+    recent: VecDeque<MotionResult>,
+    cleaner: Cleaner,
+    node: IpcNode,
+}
+
+impl ResultView {
+    /// Joins the service; the controller need not run yet.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`].
+    pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
+        Self::join(options, guest_subscriber)
+    }
+
+    /// Joins like [`connect`](Self::connect) for a program that only watches: it leaves places free for those that act.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`].
+    pub fn watch(options: &IpcOptions) -> Result<Self, ClientError> {
+        Self::join(options, observer_subscriber)
+    }
+
+    fn join(
+        options: &IpcOptions,
+        subscribe: Subscribe<message::MotionResult>,
+    ) -> Result<Self, ClientError> {
+        let node = IpcNode::create(options, "pcc-result-view")?;
+        let results = subscribe(&node, &motion_result_service(&node)?)?;
+        Ok(Self {
+            results,
+            recent: VecDeque::with_capacity(KEPT),
+            cleaner: Cleaner::new(),
+            node,
+        })
+    }
+
+    /// The newest result; none if no motion has ended yet.
+    ///
+    /// # Errors
+    /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn latest(&mut self) -> Result<Option<MotionResult>, ClientError> {
+        take_in(&self.results, &mut self.recent)?;
+        Ok(self.recent.back().copied())
+    }
+
+    /// Waits until a trajectory has ended, at most for `timeout`; none where it has not, or has before the last results. Call it at least
+    /// once in the time of sixteen motions.
+    ///
+    /// # Errors
+    /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn wait_for(
+        &mut self,
+        trajectory_id: u32,
+        timeout: Duration,
+    ) -> Result<Option<MotionResult>, ClientError> {
+        let pause = |left: Duration| thread::sleep(LOOK_INTERVAL.min(left));
+        let (results, recent) = (&self.results, &mut self.recent);
+        wait(
+            &TimeLimit::new(timeout),
+            &mut self.cleaner,
+            &self.node,
+            pause,
+            || {
+                take_in(results, recent)?;
+                let mut ended = recent.iter().rev();
+                Ok(ended
+                    .find(|result| result.values.trajectory_id == trajectory_id)
+                    .copied())
+            },
+        )
+    }
+}
+
+/// Appends the results that have arrived, and lets go of the oldest where there are too many.
+fn take_in(
+    results: &Subscriber<message::MotionResult>,
+    recent: &mut VecDeque<MotionResult>,
+) -> Result<(), ClientError> {
+    while let Some(sample) = receive(|| results.receive())? {
+        let copy = *sample;
+        if recent.len() == KEPT {
+            recent.pop_front();
+        }
+        recent.push_back(checked(CONTROLLER, MotionResult::try_from(&copy))?);
+    }
+    Ok(())
+}
