@@ -1,6 +1,7 @@
 //! Replans at random instants: continuity, limits, contacts, and what they win over stopping first.
 
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 use pcc_model::TendonLimits;
 use shared_types::codes::LoopState;
@@ -17,6 +18,16 @@ use super::replan_run::{Population, motion_of, run as replan};
 use crate::report::Report;
 use crate::scale::Scale;
 
+/// A request whose motion was published.
+#[derive(Clone, Copy)]
+pub(super) struct Asked {
+    pub(super) seed: u64,
+    /// When the goal was given to the client.
+    pub(super) at: Instant,
+    /// The same by the clock of the messages, nanoseconds.
+    pub(super) mono_ns: i64,
+}
+
 /// What replans showed.
 #[derive(Default)]
 pub(super) struct Figures {
@@ -24,17 +35,19 @@ pub(super) struct Figures {
     pub(super) requests: usize,
     /// Requests that found the robot in motion.
     pub(super) in_motion: usize,
-    /// Ids of what was published, with the request's seed.
-    pub(super) published: BTreeMap<u32, u64>,
+    /// What was published, by id.
+    pub(super) published: BTreeMap<u32, Asked>,
+    /// From a request to the first set-point of the motion that joins another, ms, with the time at which it was asked for.
+    pub(super) to_setpoint_ms: Vec<(Instant, f64)>,
     /// Refusals in motion by cause.
     pub(super) refusals: BTreeMap<String, usize>,
     /// Refusals at rest by cause: no replans.
     pub(super) refused_at_rest: BTreeMap<String, usize>,
     pub(super) scenes_passed_over: usize,
     /// Motions that left another one.
-    joined: usize,
+    pub(super) joined: usize,
     /// Of these, motions whose switch the loop passed.
-    switched: usize,
+    pub(super) switched: usize,
     /// Largest difference at a switch, rad, rad/s, rad/s².
     discontinuity: [f64; 3],
     limits_of_file: [f64; 3],
@@ -66,11 +79,16 @@ impl Figures {
         for motion in &heard.motions {
             self.look_at_motion(body, motion, &heard.motions, balls);
         }
-        self.switched += heard
-            .motions
-            .iter()
-            .filter(|motion| motion.leaves.is_some() && is_followed(&heard.cycles, motion.id))
-            .count();
+        for motion in heard.motions.iter().filter(|it| it.leaves.is_some()) {
+            let Some(first_ns) = first_followed(&heard.cycles, motion.id) else {
+                continue;
+            };
+            self.switched += 1;
+            if let Some(asked) = self.published.get(&motion.id) {
+                let took_ms = (first_ns - asked.mono_ns) as f64 * 1e-6;
+                self.to_setpoint_ms.push((asked.at, took_ms));
+            }
+        }
         let setpoints: Vec<(i64, Tendons)> = heard
             .cycles
             .iter()
@@ -134,8 +152,10 @@ fn lower(figure: &mut f64, value: f64) {
     }
 }
 
-fn is_followed(cycles: &[Cycle], id: u32) -> bool {
-    cycles.iter().any(|cycle| cycle.trajectory_id == id)
+/// Stamp of the first cycle that follows a motion, nanoseconds.
+fn first_followed(cycles: &[Cycle], id: u32) -> Option<i64> {
+    let first = cycles.iter().find(|cycle| cycle.trajectory_id == id)?;
+    Some(first.stamp_mono_ns)
 }
 
 /// Bulk replans ten times as fast, and real ones.

@@ -1,10 +1,11 @@
 //! Replans at random instants of motion, one after the other, and everything that was heard meanwhile.
 
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use rand_pcg::Pcg64;
+use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState, Outcome};
 use tests::brute_force::{Ball, Body};
 use tests::geometry::seeded;
@@ -14,7 +15,7 @@ use tests::replans::{ReplanScene, random_pause, replan, stop_then_go};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
-use super::joins::Figures;
+use super::joins::{Asked, Figures};
 
 /// Seed of scenes, tips and pauses: nothing was trained with it.
 const SEED: u64 = 9_101;
@@ -112,12 +113,15 @@ fn replans(
         );
         let was_moving = state.state == LoopState::Executing;
         let request = replan(tip.into(), &scene.balls, figures.requests as u64);
+        let (at, mono_ns) = (Instant::now(), mono_now_ns());
         let answer = stack.client.plan(&request, PATIENCE)?;
         let report = answer.report();
         figures.requests += 1;
         figures.in_motion += usize::from(was_moving);
         if let Some(id) = report.trajectory_id {
-            figures.published.insert(id, request.seed);
+            let seed = request.seed;
+            let asked = Asked { seed, at, mono_ns };
+            figures.published.insert(id, asked);
         } else {
             let refusals = if was_moving {
                 &mut figures.refusals
@@ -155,7 +159,10 @@ fn references(
         let (Some(first), Some(last)) = (motion.knots.first(), motion.knots.last()) else {
             continue;
         };
-        let seed = figures.published.get(&motion.id).copied().unwrap_or(0);
+        let seed = figures
+            .published
+            .get(&motion.id)
+            .map_or(0, |asked| asked.seed);
         let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
         figures.compare(motion, &reference);
     }

@@ -1,0 +1,105 @@
+//! From a changed goal to the first set-point of the joined motion.
+
+use std::time::Instant;
+
+use tests::world::Settings;
+
+use super::joins::Figures;
+use super::replan_run::{Population, run as replan};
+use crate::report::Report;
+use crate::scale::Scale;
+use crate::stolen::StolenTimes;
+
+/// Windows of which the one with the least stolen time counts.
+const WINDOWS: usize = 5;
+
+/// One window's replans, in order.
+struct Window {
+    took_ms: Vec<f64>,
+    stolen_ms: f64,
+    lasted_s: f64,
+}
+
+impl Window {
+    fn at(&self, share: f64) -> f64 {
+        let mut sorted = self.took_ms.clone();
+        sorted.sort_by(f64::total_cmp);
+        let index = (share * sorted.len() as f64) as usize;
+        sorted
+            .get(index.min(sorted.len().saturating_sub(1)))
+            .copied()
+            .unwrap_or(f64::NAN)
+    }
+
+    fn text(&self) -> String {
+        format!(
+            "median {:.2}, p90 {:.2}, p99 {:.2} ms of {} replans, {:.1} ms stolen in {:.0} s",
+            self.at(0.5),
+            self.at(0.9),
+            self.at(0.99),
+            self.took_ms.len(),
+            self.stolen_ms,
+            self.lasted_s
+        )
+    }
+}
+
+/// Replans in general scenes with ten candidates, at the shipped limits.
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    let command = "requests to planner-daemon from a moving robot";
+    report.group("replans, latency", command, |report| {
+        let stolen = StolenTimes::watch()?;
+        let population = Population {
+            settings: Settings::default(),
+            time_factor: 1.0,
+            replans: WINDOWS * scale.pick(20, 200),
+            disturb: |_, _| (),
+        };
+        let figures = replan(&population)?;
+        show(report, &figures, &stolen);
+        Ok(())
+    });
+}
+
+fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
+    let all = &figures.to_setpoint_ms;
+    let length = all.len().div_ceil(WINDOWS).max(1);
+    let windows: Vec<Window> = all
+        .chunks(length)
+        .map(|part| window(part, stolen))
+        .collect();
+    let line = |what: &str| format!("replans, general scenes, ten candidates: {what}");
+    for (index, window) in windows.iter().enumerate() {
+        report.shown(
+            &line(&format!("window {index}, goal to first set-point")),
+            window.text(),
+        );
+    }
+    let quietest = windows
+        .iter()
+        .min_by(|a, b| a.stolen_ms.total_cmp(&b.stolen_ms));
+    if let Some(quietest) = quietest {
+        let what = "goal to first set-point in the window with the least stolen time, median ms";
+        report.at_most(&line(what), quietest.at(0.5), 6.0);
+        let what = "goal to first set-point in the window with the least stolen time, p99 ms";
+        report.at_most(&line(what), quietest.at(0.99), 15.0);
+    }
+    let missed: usize =
+        figures.refusals.values().sum::<usize>() + figures.joined - figures.switched;
+    let share = 100.0 * missed as f64 / figures.in_motion.max(1) as f64;
+    let figure = format!(
+        "{share:.2} % of {}: {:?}",
+        figures.in_motion, figures.refusals
+    );
+    let what = "refused, or published and not begun (switches missed and made again count their whole time above)";
+    report.check(&line(what), figure, "<= 2 %", share <= 2.0);
+}
+
+fn window(part: &[(Instant, f64)], stolen: &StolenTimes) -> Window {
+    let (begin, end) = (part[0].0, part[part.len() - 1].0);
+    Window {
+        took_ms: part.iter().map(|(_, took_ms)| *took_ms).collect(),
+        stolen_ms: stolen.between(begin, end).as_secs_f64() * 1e3,
+        lasted_s: (end - begin).as_secs_f64(),
+    }
+}
