@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use collision::Scene;
 use pcc_model::{Configuration, Robot, SECTIONS, UnitRobot};
-use planning::{Candidate, Goal, Models, Planner, Problem, Request, Sampler, Selection};
+use planning::{
+    Candidate, Goal, Models, MovingObstacles, Planner, Problem, Request, Sampler, Selection,
+};
 use shared_types::{message, valid};
 use trajectory::Trajectory;
 
@@ -30,6 +32,7 @@ pub(crate) fn straight_problem() -> Problem {
         start: Configuration::zeros(),
         goal: Goal::Configuration(Configuration::new(0.4, 0.1, -0.3, 0.2, 0.1, 0.5)),
         scene: Scene::default(),
+        moving: MovingObstacles::default(),
     }
 }
 
@@ -55,6 +58,7 @@ pub(crate) fn task() -> PlanTask {
         problem: Arc::new(straight_problem()),
         request: request(),
         starts_at_robot: false,
+        ignores_live_scene: false,
         deadline: Duration::from_millis(20),
         tip_tolerance: 0.01,
         selection: valid::SelectionRule::Best(Selection::ShortestTime),

@@ -160,8 +160,14 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
 
     // It has stopped somewhere; a motion from there onto the ball is planned and not published.
     controller.state.state = LoopState::Holding.code();
-    let refused = plan(&mut client, &mut controller, &executed());
+    let unaware = PlanRequest {
+        ignores_live_scene: true,
+        ..executed()
+    };
+    let refused = plan(&mut client, &mut controller, &unaware);
     assert_refused(refused.report(), "the live scene is in the way");
+    let refused = plan(&mut client, &mut controller, &executed());
+    assert_eq!(refused.report().outcome, Outcome::GoalInCollision);
     scenes.publish(&[], PATIENCE).unwrap();
     controller.state.commanded_configuration_rad = end.configuration_rad;
     let refused = plan(&mut client, &mut controller, &executed());
@@ -171,6 +177,73 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
         daemon.said().contains("ordered to stop"),
         "{}",
         daemon.said()
+    );
+}
+
+/// A ball that crosses the straight way of [`request`], in its middle at a time, where it is now.
+fn crossing(in_the_middle_mono_ns: i64) -> MovingBall {
+    let velocity_m_s = [0.0, -0.8, 0.0];
+    let early_s = (in_the_middle_mono_ns - mono_now_ns()) as f64 * 1e-9;
+    MovingBall {
+        centre_m: [0.75, 0.15 - velocity_m_s[1] * early_s, 2.7],
+        radius_m: 0.15,
+        velocity_m_s,
+    }
+}
+
+#[test]
+fn a_ball_that_crosses_the_way_is_waited_for_or_passed_by_without_a_stop() {
+    let world = World::new();
+    let daemon = world.start(&world.configuration(""));
+    let mut client = Client::connect(&world.options).unwrap();
+    client.wait_for_daemon(PATIENCE).unwrap();
+    let mut controller = PlayedController::start(&world.options);
+    let mut scenes = ScenePublisher::connect(&world.options, "test").unwrap();
+    let middle_mono_ns = mono_now_ns() + 2_000_000_000;
+    let lifetime = std::time::Duration::from_millis(300);
+    let unaware = PlanRequest {
+        ignores_live_scene: true,
+        ..executed()
+    };
+    scenes
+        .publish(&[crossing(middle_mono_ns)], lifetime)
+        .unwrap();
+    scenes.confirm(PATIENCE).unwrap();
+    let refused = plan(&mut client, &mut controller, &unaware);
+    assert_refused(refused.report(), "the live scene is in the way");
+
+    scenes
+        .publish(&[crossing(middle_mono_ns)], lifetime)
+        .unwrap();
+    scenes.confirm(PATIENCE).unwrap();
+    let answer = plan(&mut client, &mut controller, &executed());
+    let report = answer.report();
+    assert_eq!(report.outcome, Outcome::Ok, "{}", report.reason);
+    let trajectory = until(|| controller.trajectory());
+    let duration_s = trajectory.knots[trajectory.knots.len() - 1].time_s;
+    // A sensor of 50 Hz goes on to tell of the ball, while the controller does what it was told to.
+    for round in 0.. {
+        if round % 10 == 0 {
+            scenes
+                .publish(&[crossing(middle_mono_ns)], lifetime)
+                .unwrap();
+        }
+        let passed_s = (mono_now_ns() - trajectory.begin_mono_ns) as f64 * 1e-9;
+        if passed_s >= 0.0 {
+            controller.state.state = LoopState::Executing.code();
+            controller.state.trajectory_id = trajectory.id;
+            controller.state.trajectory_time_s = passed_s;
+        }
+        if passed_s > duration_s {
+            break;
+        }
+        controller.cycle();
+        assert_eq!(controller.stops, 0, "at {passed_s} s: {}", daemon.said());
+        std::thread::sleep(std::time::Duration::from_millis(2));
+    }
+    assert!(
+        mono_now_ns() > middle_mono_ns,
+        "the ball has passed while the motion was under way"
     );
 }
 

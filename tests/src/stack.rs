@@ -295,6 +295,8 @@ impl Stack {
             let request = PlanRequest {
                 sampler: self.world.sampler(),
                 deadline: Some(Duration::from_secs(10)),
+                // Checks of publication and supervision: nothing of the live scene is planned around.
+                ignores_live_scene: true,
                 execute: true,
                 seed: 3,
                 ..PlanRequest::new(self.commanded().into(), goal)

@@ -6,7 +6,9 @@ use std::fs;
 use datasets::scenes::{Setting, draw_target};
 use denoiser::{FastModel, Manifest};
 use pcc_model::{Robot, UnitRobot};
-use planning::{Goal, MOST_CORRECTIONS, Models, Planner, Problem, Request, Sampler, Source};
+use planning::{
+    Goal, MOST_CORRECTIONS, Models, MovingObstacles, Planner, Problem, Request, Sampler, Source,
+};
 use tests::brute_force::{Ball, Body, Configuration};
 use tests::programs::repository;
 use trajectory::Knot;
@@ -112,6 +114,7 @@ fn delivered_candidates_keep_every_promise() {
             start: target.starts[0],
             goal: Goal::Tip(target.tip),
             scene: target.scene.clone(),
+            moving: MovingObstacles::default(),
         };
         let ball = |ball: &collision::Ball| Ball::resting(ball.centre.into(), ball.radius);
         let balls: Vec<Ball> = problem.scene.balls().iter().map(ball).collect();

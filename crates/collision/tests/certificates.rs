@@ -358,7 +358,7 @@ fn a_motion_is_certified_for_thicker_tubes_together_with_its_clearance() {
     for i in 0..300 {
         let scene = scene(&mut random, [1, 4, 40][i % 3], 0.05..0.4);
         let motion = motion(&mut random);
-        let clearance = certified_clearance(&robot, &padded, &scene, &motion, 1e-3);
+        let clearance = certified_clearance(&robot, &padded, (&scene, &[]), &motion, 1e-3);
         // The two divide a motion otherwise, so they could differ where there is hardly any room.
         let is_free = certify_trajectory(&padded, &scene, &motion, 0.0).is_free();
         assert_eq!(clearance.is_some(), is_free);
@@ -373,7 +373,7 @@ fn a_motion_is_certified_for_thicker_tubes_together_with_its_clearance() {
     }
     assert!(free > 20 && refused > 20, "{free} {refused}");
     let motion = motion(&mut random);
-    let empty = certified_clearance(&robot, &padded, &Scene::default(), &motion, 1e-3);
+    let empty = certified_clearance(&robot, &padded, (&Scene::default(), &[]), &motion, 1e-3);
     assert_eq!(empty, Some(f64::INFINITY));
 }
 
@@ -386,7 +386,7 @@ fn a_motion_that_grazes_is_not_certified_though_its_clearance_is_found() {
     let radius = 0.2;
     let touching = ball(robot.tube_radii[1] + radius, 0.0, 1.5, radius);
     let scene = Scene::new(vec![touching]).unwrap();
-    let none = certified_clearance(&robot, &robot, &scene, &motion, 1e-3);
+    let none = certified_clearance(&robot, &robot, (&scene, &[]), &motion, 1e-3);
     assert_eq!(none, None);
     let minimum = minimum_clearance(&robot, &scene, &motion, 1e-3);
     assert!(minimum.abs() <= 1e-3, "{minimum}");

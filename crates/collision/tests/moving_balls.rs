@@ -3,7 +3,9 @@
 
 mod motions;
 
-use collision::{Ball, MovingBall, Scene, Verdict, certify_moving, certify_trajectory};
+use collision::{
+    Ball, MovingBall, Scene, Verdict, certified_clearance, certify_moving, certify_trajectory,
+};
 use motions::{ball, motion, random, uneven_robot};
 use pcc_model::{Configuration, Point, Robot};
 use rand::RngExt;
@@ -146,4 +148,36 @@ fn no_balls_are_no_danger_and_unknown_ones_are() {
         lost.ball.centre.y = f64::NAN;
         assert!(!certify_moving(&robot, &[far, lost], &motion, [0.0, f64::INFINITY]).is_free());
     }
+}
+
+#[test]
+fn the_smallest_clearance_is_that_of_dense_sampling_from_moving_balls_too() {
+    let (robot, mut random) = (uneven_robot(), random(3));
+    let mut free = 0;
+    for i in 0..400 {
+        let balls = moving_balls(&mut random, [1, 3, 20][i % 3]);
+        let scene = Scene::new(vec![ball(&mut random, 0.02..0.1)]).unwrap();
+        let motion = motion(&mut random);
+        let padded = robot.with_tube_padding(&[0.01, 0.02, 0.03]);
+        let found = certified_clearance(&robot, &padded, (&scene, &balls), &motion, 1e-3);
+        let moved = certify_moving(&padded, &balls, &motion, [0.0, f64::INFINITY]);
+        let at_rest = certify_trajectory(&padded, &scene, &motion, 0.0);
+        assert_eq!(
+            found.is_some(),
+            moved.is_free() && at_rest.is_free(),
+            "motion {i}"
+        );
+        let Some(found) = found else { continue };
+        free += 1;
+        let least = (0..=2_000).map(|k| {
+            let time = motion.duration() * f64::from(k) / 2_000.0;
+            let backbone = robot.backbone(&motion.at(time).position);
+            let at_rest = scene.clearance(&backbone, &robot.tube_radii);
+            at_rest.min(clearance_at(&robot, &balls, &motion, time))
+        });
+        let least = least.fold(f64::INFINITY, f64::min);
+        assert!(found <= least + 1e-9, "motion {i}: {found} of {least}");
+        assert!(found >= least - 2e-3, "motion {i}: {found} of {least}");
+    }
+    assert!(free > 50, "{free}");
 }

@@ -3,8 +3,8 @@
 use collision::{Ball, Scene, certify_polyline};
 use pcc_model::{Configuration, Point, UnitRobot};
 use planning::{
-    Goal, Problem, RrtSettings, goal_configurations, random_configuration, rrt_connect,
-    straight_path,
+    Goal, MovingObstacles, Problem, RrtSettings, goal_configurations, random_configuration,
+    rrt_connect, straight_path,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -170,6 +170,7 @@ fn is_hard(
         start: *start,
         goal: Goal::Tip(*tip),
         scene: scene.clone(),
+        moving: MovingObstacles::default(),
     };
     let Ok(ends) = goal_configurations(robot, &problem, 10, rng) else {
         return false;

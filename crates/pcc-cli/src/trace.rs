@@ -12,7 +12,7 @@ use collision::{Ball, MAX_EXTENT, Scene};
 use datasets::ArchiveWriter;
 use pcc_model::{Configuration, DOF, Point, UnitRobot};
 use planning::random_configuration;
-use planning::{Goal, Guidance, PlannerError, Problem, WAYPOINTS, Waypoints};
+use planning::{Goal, Guidance, MovingObstacles, PlannerError, Problem, WAYPOINTS, Waypoints};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use shared_types::valid::MAX_LENGTH_M;
@@ -106,6 +106,7 @@ impl Arguments {
             start,
             goal: Goal::Tip(Point::from_column_slice(&self.tip)),
             scene: scene.clone(),
+            moving: MovingObstacles::default(),
         };
         let scene = Scene::new(balls.collect())?;
         if !self.random_start {

@@ -6,7 +6,7 @@
 use collision::{Ball, Scene, tracking_padding};
 use denoiser::{FastModel, Manifest};
 use pcc_model::{Configuration, Point, Robot};
-use planning::{Goal, Models, Planner, Problem, Request, Sampler, Stage};
+use planning::{Goal, Models, MovingObstacles, Planner, Problem, Request, Sampler, Stage};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use std::path::Path;
@@ -69,6 +69,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             start: Configuration::from_row_slice(&[0.0, -0.3, 0.0, -0.3, 0.0, -0.3]),
             goal: Goal::Tip(Point::new(0.9, 0.5, 2.5)),
             scene: Scene::new(cloud[..count].to_vec())?,
+            moving: MovingObstacles::default(),
         };
         let (mut times, mut stages, mut candidates) = (Vec::new(), Vec::new(), 0);
         for _ in 0..REPETITIONS {

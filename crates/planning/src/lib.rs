@@ -12,6 +12,7 @@ mod fixtures;
 mod goals;
 mod models;
 mod motion;
+mod moving_obstacles;
 mod optimize;
 mod path;
 mod pipeline;
@@ -34,6 +35,7 @@ pub use models::features::{
 pub use models::sampled_collision;
 pub use models::sampled_collision::SampledVerdict;
 pub use motion::path_to_trajectory::MOST_CORRECTIONS;
+pub use moving_obstacles::{MovingBalls, MovingObstacles};
 pub use optimize::collision_correction::limit_pushes;
 pub use path::metrics::{PathMetrics, SetMetrics, modes, set_metrics};
 pub use path::sine_basis::SineBasis;

@@ -1,6 +1,7 @@
 //! From a path to a certified motion: constraints, correction and timing, and the fastest motion so far.
 
 pub(crate) mod along_polyline;
+pub(crate) mod among_moving_balls;
 pub(crate) mod constraints;
 mod duration_bound;
 pub(crate) mod incumbent;

@@ -1,6 +1,7 @@
-//! A planning problem: a start configuration, a goal, and the scene between them.
+//! A planning problem: a start configuration, a goal, and the obstacles between them.
 
 use crate::error::Infeasible;
+use crate::moving_obstacles::MovingObstacles;
 use collision::Scene;
 use pcc_model::{Configuration, Point, UnitRobot};
 
@@ -20,8 +21,10 @@ pub struct Problem {
     pub start: Configuration,
     /// Where the motion ends.
     pub goal: Goal,
-    /// The obstacles.
+    /// The obstacles at rest.
     pub scene: Scene,
+    /// The obstacles that move, at the motion's time zero.
+    pub moving: MovingObstacles,
 }
 
 /// Bending above the limit that a motion may have, its start included, rad (docs/evaluation.md "Certified").
@@ -43,7 +46,8 @@ impl Problem {
                 limit_rad: robot.bending_limit,
             });
         }
-        let clearance = self.scene.clearance_at(robot, &self.start);
+        let at_rest = self.scene.clearance_at(robot, &self.start);
+        let clearance = at_rest.min(self.moving.clearance_at(robot, &self.start));
         if clearance < 0.0 {
             return Err(Infeasible::StartInCollision { clearance });
         }

@@ -5,7 +5,9 @@ mod requests;
 mod shipped;
 
 use datasets::scenes::{Setting, draw_target};
-use planning::{Candidate, Failure, Goal, Plan, Planner, Problem, Request, Sampler, Source};
+use planning::{
+    Candidate, Failure, Goal, MovingObstacles, Plan, Planner, Problem, Request, Sampler, Source,
+};
 use shipped::planner;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -25,6 +27,7 @@ fn problems(planner: &Planner) -> impl Iterator<Item = Problem> {
         start: target.starts[0],
         goal: Goal::Tip(target.tip),
         scene: target.scene,
+        moving: MovingObstacles::default(),
     })
 }
 

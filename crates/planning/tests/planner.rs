@@ -9,7 +9,7 @@ use denoiser::{Manifest, Precision, Solver, TemporalUnet};
 use pcc_model::{Configuration, Point, Robot, UnitRobot};
 use planning::{
     Candidate, DiffusionModel, DiffusionSettings, Failure, Goal, Guidance, Infeasible, Models,
-    Plan, Planner, PlannerError, Problem, Request, Sampler, Stage,
+    MovingObstacles, Plan, Planner, PlannerError, Problem, Request, Sampler, Stage,
 };
 use requests::request;
 use std::path::Path;
@@ -29,6 +29,7 @@ fn from_straight(goal: Goal, balls: Vec<Ball>) -> Problem {
         start: Configuration::zeros(),
         goal,
         scene: Scene::new(balls).unwrap(),
+        moving: MovingObstacles::default(),
     }
 }
 
@@ -65,6 +66,7 @@ fn problems(robot: &UnitRobot, setting: Setting, count: usize) -> Vec<Problem> {
         start: target.starts[target.starts.len() - 1],
         goal: Goal::Tip(target.tip),
         scene: target.scene,
+        moving: MovingObstacles::default(),
     };
     targets.map(problem).take(count).collect()
 }
@@ -171,6 +173,7 @@ fn the_same_seed_gives_the_same_bits_with_one_thread_and_with_two() {
         start: target.starts[0],
         goal: Goal::Tip(target.tip),
         scene: target.scene,
+        moving: MovingObstacles::default(),
     };
     for sampler in CLASSICAL {
         let [one, two] = planners
@@ -313,6 +316,7 @@ fn start_and_goal_may_be_the_same_and_scenes_of_any_size_are_answered() {
             start: here,
             goal,
             scene: Scene::new(far_points.clone().collect()).unwrap(),
+            moving: MovingObstacles::default(),
         };
         for sampler in CLASSICAL {
             let answer = plan(

@@ -7,8 +7,9 @@ mod shipped;
 use collision::{Ball, Scene, certify_trajectory, minimum_clearance};
 use pcc_model::{Configuration, Point};
 use planning::{
-    Candidate, Goal, Infeasible, PathMetrics, Plan, Planner, PlannerError, PreviousPlan, Problem,
-    Request, Sampler, Selection, Source, StartMotion, Supervision, WAYPOINTS, select,
+    Candidate, Goal, Infeasible, MovingObstacles, PathMetrics, Plan, Planner, PlannerError,
+    PreviousPlan, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision,
+    WAYPOINTS, select,
 };
 use shipped::planner;
 use std::sync::{Arc, Mutex};
@@ -27,6 +28,7 @@ fn problem() -> Problem {
         start: Configuration::from_column_slice(&[0.3, -0.5, 0.2, -0.4, 0.1, -0.3]),
         goal: Goal::Tip(Point::new(1.5, 0.0, 2.4)),
         scene: Scene::new(vec![ball]).unwrap(),
+        moving: MovingObstacles::default(),
     }
 }
 

@@ -9,8 +9,8 @@ use denoiser::FeatureFrame;
 use nalgebra::Isometry3;
 use pcc_model::{Configuration, Point, Robot, SECTIONS, UnitRobot};
 use planning::{
-    BALL_FEATURES, Candidate, Goal, Infeasible, PlannerError, Problem, Request, Sampler, features,
-    residual_coefficients, straight_path,
+    BALL_FEATURES, Candidate, Goal, Infeasible, MovingObstacles, PlannerError, Problem, Request,
+    Sampler, features, residual_coefficients, straight_path,
 };
 use shipped::planner;
 use std::path::Path;
@@ -45,7 +45,12 @@ fn leaning(angle: f64) -> Configuration {
 fn problem(scene: Scene) -> Problem {
     let start = leaning(-0.35);
     let goal = Goal::Tip(robot().tip(&leaning(0.35)));
-    Problem { start, goal, scene }
+    Problem {
+        start,
+        goal,
+        scene,
+        moving: MovingObstacles::default(),
+    }
 }
 
 fn box_mesh(sides: &Point, pose: &Isometry3<f64>) -> Solid {

@@ -5,7 +5,7 @@ mod requests;
 mod shipped;
 
 use datasets::scenes::{Setting, draw_target};
-use planning::{Goal, Plan, Problem, Sampler, Source};
+use planning::{Goal, MovingObstacles, Plan, Problem, Sampler, Source};
 use requests::request;
 use shipped::planner;
 use trajectory::Knot;
@@ -28,6 +28,7 @@ fn hard_requests_get_the_same_bits_however_many_workers_there_are_and_whenever()
             start: target.starts[0],
             goal: Goal::Tip(target.tip),
             scene: target.scene,
+            moving: MovingObstacles::default(),
         };
         let answers = planners.each_ref().map(|planner| {
             let request = request(Sampler::Default, seed);

@@ -18,7 +18,7 @@ use crate::knots;
 use crate::live_scene::{Certificates, RemainingMotion, Timing};
 
 /// Delay of a motion behind its schedule that its certificate at publication includes, s: shorter pauses need no stop.
-const LAG_ALLOWANCE_S: f64 = 0.2;
+pub(super) const LAG_ALLOWANCE_S: f64 = 0.2;
 /// Time for a published motion to reach the controller's loop, s: less ahead a switch is missed.
 const ARRIVAL_S: f64 = 1.5e-3;
 

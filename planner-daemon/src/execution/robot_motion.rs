@@ -1,12 +1,14 @@
 //! What the robot does, as far as supervision knows: where a motion that is planned now can begin.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use pcc_model::Configuration;
 use shared_types::clock::seconds;
 use shared_types::codes::{LoopFault, LoopState};
 use trajectory::{Knot, Trajectory};
+
+use crate::live_scene::Timing;
 
 /// Least path time between a switch and a knot of the motion that is left, s; the controller wants 0.4 ms.
 const SWITCH_GAP_S: f64 = 6e-4;
@@ -39,6 +41,8 @@ pub(crate) struct FollowedMotion {
     pub(crate) motion: Arc<Trajectory>,
     /// Path time at the state's stamp, s.
     pub(crate) time_s: f64,
+    /// Path time per time, as the state has it.
+    pub(crate) rate: f64,
     /// The highest path time per time that it can have by now.
     pub(crate) fastest_rate: f64,
     /// Stamp of the state, nanoseconds of `CLOCK_MONOTONIC`.
@@ -60,6 +64,12 @@ impl FollowedMotion {
     /// The largest path time that it can have reached by a time, s.
     pub(crate) fn latest_s(&self, mono_ns: i64) -> f64 {
         self.time_s + seconds((mono_ns - self.state_mono_ns).max(0)) * self.fastest_rate
+    }
+
+    /// The timing of a motion that leaves it at a switch.
+    pub(crate) fn timing_after(&self, switch: &Switch) -> Timing {
+        let time_s = self.time_s - switch.path_time_s;
+        Timing::passing(time_s, self.state_mono_ns, self.rate)
     }
 
     /// The first place at which the motion can be left by one that is published `lead` from now; none where it ends before that.
@@ -94,23 +104,6 @@ fn clear_of_knots(knots: &[Knot], earliest_s: f64) -> Option<f64> {
     }
 }
 
-/// The robot's motion, written by supervision and read by the service.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct SharedRobotMotion(Arc<Mutex<RobotMotion>>);
-
-impl SharedRobotMotion {
-    pub(crate) fn set(&self, motion: RobotMotion) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = motion;
-    }
-
-    pub(crate) fn get(&self) -> RobotMotion {
-        self.0
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .clone()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -123,6 +116,7 @@ mod tests {
             trajectory_id: 7,
             motion: Arc::new(motion()),
             time_s: 0.1,
+            rate: 1.0,
             fastest_rate: 1.0,
             state_mono_ns: NOW - 10_000_000,
         }

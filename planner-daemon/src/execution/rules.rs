@@ -6,7 +6,7 @@ use pcc_model::UnitRobot;
 use trajectory::{RateLaw, Trajectory};
 
 /// Time from a reason to stop until the controller brakes, s: its state is up to 20 ms old, and the order has to arrive.
-const ORDER_DELAY_S: f64 = 0.05;
+pub(super) const ORDER_DELAY_S: f64 = 0.05;
 
 /// The settings of execution: robot, tolerance, braking, lead time.
 #[derive(Clone, Debug)]

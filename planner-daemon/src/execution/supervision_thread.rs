@@ -5,25 +5,46 @@ use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::Duration;
 
+use collision::SceneError;
+use planning::Problem;
 use shared_types::clock::mono_now_ns;
 use shared_types::ipc::{IpcNode, IpcOptions, JoinOnDrop, spawn_with_ports};
 
 use super::heartbeat::BackgroundError;
+use super::publication::LAG_ALLOWANCE_S;
 use super::refusal::ExecutionRefusal;
 use super::request::{ExecutionRequest, ReplySlot, SelectedMotion};
-use super::robot_motion::{RobotMotion, SharedRobotMotion};
-use super::rules::ExecutionRules;
-use super::supervisor::Supervisor;
-use crate::live_scene::SceneMemory;
+use super::robot_motion::{FollowedMotion, RobotMotion, Switch};
+use super::rules::{ExecutionRules, ORDER_DELAY_S};
+use super::supervisor::{Supervisor, ToldToService};
+use crate::live_scene::{ExpectedMotion, SceneMemory, Timing};
 
 /// Time within which supervision must publish a motion; later it refuses it. Heartbeats stop sooner where supervision stalls.
 const REPLY_TIMEOUT: Duration = Duration::from_millis(250);
+
+/// By how much a motion may be published earlier or later than was expected when it was planned, s.
+const BEGIN_SLACK_S: f64 = 0.03;
+
+/// When a motion is expected to begin that is planned now.
+#[derive(Clone, Copy)]
+pub(crate) enum ExpectedBegin<'a> {
+    /// At rest, as soon as it is planned, and not before a time of `CLOCK_MONOTONIC`, nanoseconds, if one is given.
+    AtRest {
+        /// The earliest begin.
+        not_before_mono_ns: Option<i64>,
+    },
+    /// In motion, as soon as it is planned.
+    InMotion,
+    /// Where it leaves the motion that is followed.
+    AtSwitch(&'a FollowedMotion, &'a Switch),
+}
 
 /// The handle of the supervision thread, which publishes motions and supervises them. Dropping it stops what moves and joins the thread.
 pub(crate) struct Execution {
     /// Supervision stops what moves, and ends, once this is dropped.
     to_supervision: SyncSender<ExecutionRequest>,
-    robot_motion: SharedRobotMotion,
+    told: ToldToService,
+    rules: ExecutionRules,
     _thread: JoinOnDrop,
 }
 
@@ -40,8 +61,8 @@ impl Execution {
         let (to_supervision, requests) = sync_channel(1);
         let progress = Arc::clone(progress);
         let memory = SceneMemory::open(options)?;
-        let robot_motion = SharedRobotMotion::default();
-        let shared = robot_motion.clone();
+        let told = ToldToService::default();
+        let (shared, own_rules) = (told.clone(), rules.clone());
         let open = move || {
             let priority = realtime_priority;
             Supervisor::open(&node, memory, rules, instance, progress, priority, shared)
@@ -50,14 +71,57 @@ impl Execution {
         let thread = spawn_with_ports("supervision", open, work)??;
         Ok(Self {
             to_supervision,
-            robot_motion,
+            told,
+            rules: own_rules,
             _thread: thread.into(),
         })
     }
 
     /// What the robot does, as supervision heard last.
     pub(crate) fn robot_motion(&self) -> RobotMotion {
-        self.robot_motion.get()
+        self.told.robot_motion.get()
+    }
+
+    /// The problem of a motion whose planning takes `planning`, with the live scene's obstacles, and its begin where that is delayed because a ball can be at its start.
+    ///
+    /// # Errors
+    /// [`SceneError`] where these are too many together with the problem's.
+    pub(crate) fn with_live_scene(
+        &self,
+        problem: &Arc<Problem>,
+        planning: Duration,
+        begin: ExpectedBegin,
+    ) -> Result<(Arc<Problem>, Option<i64>), SceneError> {
+        let now = mono_now_ns();
+        let soonest = now + (planning + self.rules.begin_lead).as_nanos() as i64;
+        let timing = match begin {
+            ExpectedBegin::AtRest { not_before_mono_ns } => {
+                Timing::from_begin(not_before_mono_ns.map_or(soonest, |begin| begin.max(soonest)))
+            }
+            ExpectedBegin::InMotion => Timing::from_begin(soonest),
+            ExpectedBegin::AtSwitch(followed, switch) => followed.timing_after(switch),
+        };
+        let expected = ExpectedMotion {
+            timing,
+            slack_s: BEGIN_SLACK_S,
+            lag_allowance_s: LAG_ALLOWANCE_S,
+            order_delay_s: ORDER_DELAY_S,
+            rate_law: &self.rules.rate_law,
+        };
+        let scenes = self.told.live_scene.get();
+        let with_scene = scenes.in_problem(problem, &expected, now)?;
+        let Some(mut with_scene) = with_scene else {
+            return Ok((Arc::clone(problem), None));
+        };
+        let moving = &with_scene.moving;
+        let rests = matches!(begin, ExpectedBegin::AtRest { .. });
+        let delay_s = moving.delay_of_begin_s(&self.rules.padded, &with_scene.start);
+        let delay_s = delay_s.filter(|delay_s| *delay_s > 0.0 && rests);
+        if let Some(delay_s) = delay_s {
+            with_scene.moving = moving.after(delay_s);
+        }
+        let begin = delay_s.map(|delay_s| timing.delayed(delay_s));
+        Ok((Arc::new(with_scene), begin))
     }
 
     /// Has the supervision thread check a motion against the controller and the live scene, publish it and supervise it; returns its id.

@@ -21,18 +21,26 @@ use shared_types::valid;
 use super::active_time::ActiveTime;
 use super::heartbeat::BackgroundError;
 use super::request::ExecutionRequest;
-use super::robot_motion::{FollowedMotion, RobotMotion, SharedRobotMotion};
+use super::robot_motion::{FollowedMotion, RobotMotion};
 use super::rules::ExecutionRules;
+use super::shared::Shared;
 use super::stop_order::StopOrder;
 use super::supervised_motion::{MotionStatus, StopReason, SupervisedMotion, is_fresh};
 use crate::live_scene::{
-    Arrival, LiveScene, MAX_SOURCES, RemainingMotion, SceneInbox, SceneMemory,
+    Arrival, LiveScene, MAX_SOURCES, RemainingMotion, SceneInbox, SceneMemory, SceneSnapshot,
 };
 
 /// Period of the supervision loop.
 const ROUND_PERIOD: Duration = Duration::from_millis(1);
 /// Time beyond the longest stop for which the ending daemon waits until the motion under way has ended.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// What supervision tells the service.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ToldToService {
+    pub(super) robot_motion: Shared<RobotMotion>,
+    pub(super) live_scene: Shared<SceneSnapshot>,
+}
 
 /// Publishers and state of the thread.
 pub(crate) struct Supervisor {
@@ -54,7 +62,7 @@ pub(crate) struct Supervisor {
     pub(super) supervised: Option<SupervisedMotion>,
     /// The motion that is to leave the supervised one, until it has done so.
     pub(super) joining: Option<SupervisedMotion>,
-    robot_motion: SharedRobotMotion,
+    told: ToldToService,
     pub(super) last_id: u32,
     state_refused: bool,
     late_controllers_fail: bool,
@@ -72,7 +80,7 @@ impl Supervisor {
         instance: u64,
         progress: Arc<AtomicU64>,
         realtime_priority: Option<u8>,
-        robot_motion: SharedRobotMotion,
+        told: ToldToService,
     ) -> Result<Self, BackgroundError> {
         if let Err(error) = reduce_wakeup_latency() {
             tracing::warn!("orders to stop: {error}");
@@ -97,7 +105,7 @@ impl Supervisor {
             live,
             supervised: None,
             joining: None,
-            robot_motion,
+            told,
             last_id: 0,
             state_refused: false,
             late_controllers_fail: false,
@@ -164,6 +172,7 @@ impl Supervisor {
             self.supervise();
             self.inbox.throttle(index, begun, mono_now_ns());
         }
+        self.told.live_scene.set(self.live.snapshot());
     }
 
     fn watch_suspension(&mut self, suspended_ns: i64) {
@@ -323,7 +332,8 @@ impl Supervisor {
     fn share_robot_motion(&self, now_mono_ns: i64) {
         let fresh = self.state.as_ref();
         let fresh = fresh.filter(|state| is_fresh(state, now_mono_ns));
-        self.robot_motion
+        self.told
+            .robot_motion
             .set(fresh.map_or_else(RobotMotion::default, |state| {
                 robot_motion(state, self.supervised.as_ref(), self.joining.is_some())
             }));
@@ -352,6 +362,7 @@ pub(super) fn robot_motion(
                 trajectory_id: own.id,
                 motion: Arc::clone(&own.motion),
                 time_s: values.trajectory_time_s,
+                rate: values.rate,
                 fastest_rate: values.rate.max(ordered),
                 state_mono_ns: values.stamp_mono_ns,
             })

@@ -1,5 +1,7 @@
 //! The newest accepted scene of a source in the planner's units, and its certification.
 
+use std::sync::Arc;
+
 use collision::{Ball, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory};
 use pcc_model::{Point, UnitRobot};
 use shared_types::message;
@@ -12,13 +14,19 @@ use super::moving_ball_cover::{MovingBallCover, Stretch};
 /// the rate it holds for some states; below, the times have shifted too far with each state, and it is made anew.
 const AHEAD_S: f64 = 0.1;
 
+/// The balls of a scene, in the planner's units (lengths in sections).
+#[derive(Debug)]
+pub(super) struct SceneBalls {
+    pub(super) resting: Scene,
+    /// The balls that move, where they are at the stamp of the message.
+    pub(super) moving: Vec<MovingBall>,
+}
+
 /// The newest scene of a source, in the planner's units (lengths in sections).
 #[derive(Debug)]
 pub(super) struct RetainedScene {
     pub(super) scene: valid::Scene,
-    resting: Scene,
-    /// The balls that move, where they are at the stamp of the message.
-    moving: Vec<MovingBall>,
+    balls: Arc<SceneBalls>,
     /// Number of the scene's content, another one for each.
     pub(super) version: u64,
 }
@@ -41,15 +49,22 @@ impl RetainedScene {
         }
         Ok(Self {
             scene,
-            resting: Scene::new(resting)?,
-            moving,
+            balls: Arc::new(SceneBalls {
+                resting: Scene::new(resting)?,
+                moving,
+            }),
             version,
         })
     }
 
+    /// The scene's balls, shared with who plans.
+    pub(super) fn balls(&self) -> &Arc<SceneBalls> {
+        &self.balls
+    }
+
     /// Whether some of its balls move.
     pub(super) fn moves(&self) -> bool {
-        !self.moving.is_empty()
+        !self.balls.moving.is_empty()
     }
 
     /// Whether what was certified for this one is certified for another one: moving balls count where they may be within the lifetime
@@ -57,7 +72,7 @@ impl RetainedScene {
     pub(super) fn has_same_meaning(&self, scene: &valid::Scene) -> bool {
         let has_same_times = self.scene.stamp_mono_ns == scene.stamp_mono_ns
             && self.scene.lifetime_ns == scene.lifetime_ns;
-        self.scene.balls == scene.balls && (self.moving.is_empty() || has_same_times)
+        self.scene.balls == scene.balls && (self.balls.moving.is_empty() || has_same_times)
     }
 
     /// The verdict, and for which stretch it holds.
@@ -68,14 +83,15 @@ impl RetainedScene {
         mut stretch: Stretch,
     ) -> (Verdict, Stretch) {
         if rate == RateAssumption::MeasuredRate {
-            let resting = certify_trajectory(rest.padded, &self.resting, rest.motion, rest.from_s);
+            let resting =
+                certify_trajectory(rest.padded, &self.balls.resting, rest.motion, rest.from_s);
             if !resting.is_free() {
                 return (resting, stretch);
             }
         } else {
             stretch.until_s = (stretch.until_s + AHEAD_S).min(rest.motion.duration());
         }
-        if self.moving.is_empty() {
+        if self.balls.moving.is_empty() {
             return (Verdict::Free, stretch);
         }
         let cover = MovingBallCover {
@@ -86,7 +102,7 @@ impl RetainedScene {
             lag_allowance_s: rest.lag_allowance_s,
         };
         let times = [rest.from_s, stretch.until_s];
-        let balls = cover.cover_all(&self.moving, rest.padded, times);
+        let balls = cover.cover_all(&self.balls.moving, rest.padded, times);
         let verdict = certify_moving(rest.padded, &balls, rest.motion, times);
         (verdict, stretch)
     }

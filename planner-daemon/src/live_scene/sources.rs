@@ -1,5 +1,7 @@
 //! The live scene: the newest scene of each source, and whether a motion keeps clear of all.
 
+use std::sync::Arc;
+
 use collision::Verdict;
 use pcc_model::UnitRobot;
 use shared_types::codes::SceneRefusal;
@@ -9,6 +11,7 @@ use shared_types::valid::{self, Invalid, SourceName, stamp_refusal};
 
 use super::absence::SceneAbsence;
 use super::certificates::{Certificate, Certificates, RemainingMotion};
+use super::planned_scene::{SceneSnapshot, SourceSnapshot};
 use super::publishers::{FIRST_SCENE_TIMEOUT_NS, PublisherStatus, Publishers};
 use super::retained_scene::RetainedScene;
 use super::scene_memory::{MAX_SOURCES, RetainedSource, SceneMemory, SourceRecord};
@@ -339,6 +342,20 @@ impl LiveScene {
         self.sources
             .retain(|other| other.name != name || other.publisher == publisher);
         SceneVerdict::accepted(count)
+    }
+
+    /// The newest scene of each source, for planning.
+    pub(crate) fn snapshot(&self) -> SceneSnapshot {
+        let latest = self
+            .sources
+            .iter()
+            .filter_map(|source| source.latest.as_ref());
+        let snapshot = |latest: &RetainedScene| SourceSnapshot {
+            balls: Arc::clone(latest.balls()),
+            stamp_mono_ns: latest.scene.stamp_mono_ns,
+            end_mono_ns: latest.scene.end_mono_ns(),
+        };
+        SceneSnapshot(latest.map(snapshot).collect())
     }
 
     /// Why no motion may be published now; none where one may.

@@ -4,20 +4,24 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use planning::Candidate;
+use collision::SceneError;
+use planning::{Candidate, Problem};
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{MotionStart, Outcome};
+use shared_types::codes::{MotionStart, Outcome, PlanField};
 
 use super::answer::{Answer, is_deliverable};
 use super::plan_runner::{Early, Job, PlanOutput, Planned};
+use super::refusal::Refusal;
 use super::request_validator::PlanTask;
 use super::robot_start::{NotReady, begin_at_robot};
 use super::service::{Queued, Service, is_wanted};
-use crate::execution::{ExecutionRefusal, SelectedMotion, Switch};
+use crate::execution::{
+    ExecutionRefusal, ExecutionTiming, ExpectedBegin, RobotMotion, SelectedMotion, Switch,
+};
 
 /// Longest wait for a motion that ends or is left in a moment, before a request that begins where the robot is is refused.
 const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
-/// Times that a request is planned whose plan comes too late for its switch.
+/// Times that a request is planned whose plan comes too late for its switch or for the live scene.
 const ATTEMPTS: u32 = 3;
 
 /// The request that is being planned.
@@ -28,6 +32,8 @@ pub(super) struct InFlight {
     plan_id: u64,
     /// Where it leaves the motion that is followed, if it begins in motion there.
     leaves: Option<Switch>,
+    /// The begin that it is planned for, where that is later than it could be.
+    delayed_begin_mono_ns: Option<i64>,
     /// How often it has been planned, this time included.
     attempt: u32,
     pub(super) cancelled: Arc<AtomicBool>,
@@ -41,6 +47,16 @@ impl InFlight {
             None => MotionStart::AtRest,
         }
     }
+}
+
+/// Where and when a request begins.
+struct Start {
+    /// Where it leaves the motion that is followed, if it does.
+    leaves: Option<Switch>,
+    /// What is planned.
+    problem: Arc<Problem>,
+    /// The begin, where that is delayed until no ball can be at the start.
+    delayed_begin_mono_ns: Option<i64>,
 }
 
 impl Service {
@@ -59,8 +75,12 @@ impl Service {
     fn begin(&mut self, mut queued: Queued, attempt: u32) -> bool {
         let begun = Instant::now();
         let waited = begun - queued.received;
-        let leaves = match self.start(&mut queued.task, attempt) {
-            Ok(leaves) => leaves,
+        let Start {
+            leaves,
+            problem,
+            delayed_begin_mono_ns,
+        } = match self.start(&mut queued.task, attempt) {
+            Ok(start) => start,
             Err(NotReady::Passes(_)) if waited < LONGEST_DEFERRAL => {
                 self.deferred = Some(queued);
                 return false;
@@ -72,7 +92,7 @@ impl Service {
         };
         let cancelled = Arc::new(AtomicBool::new(false));
         self.runner.begin(Job {
-            problem: Arc::clone(&queued.task.problem),
+            problem,
             request: queued.task.request.clone(),
             deadline: queued.deadline(),
             early: self.early(&queued.task),
@@ -86,19 +106,49 @@ impl Service {
             waited,
             plan_id,
             leaves,
+            delayed_begin_mono_ns,
             attempt,
             cancelled,
         });
         true
     }
 
-    /// Sets the start of a task that begins where the robot is; returns where it leaves the motion that is followed, if it does.
-    fn start(&self, task: &mut PlanTask, attempt: u32) -> Result<Option<Switch>, NotReady> {
-        if !task.starts_at_robot {
-            return Ok(None);
-        }
+    /// Sets the start of a task that begins where the robot is; returns where and when it begins, and the problem to be planned, with the
+    /// live scene unless the request ignores that.
+    fn start(&self, task: &mut PlanTask, attempt: u32) -> Result<Start, NotReady> {
         let lead = self.lead_times.lead(task.request.sampler) * attempt;
-        begin_at_robot(task, &self.execution.robot_motion(), lead, mono_now_ns())
+        let robot = self.execution.robot_motion();
+        let leaves = match task.starts_at_robot {
+            true => begin_at_robot(task, &robot, lead, mono_now_ns())?,
+            false => None,
+        };
+        if task.ignores_live_scene {
+            return Ok(Start {
+                leaves,
+                problem: Arc::clone(&task.problem),
+                delayed_begin_mono_ns: None,
+            });
+        }
+        let begin = match (&robot, &leaves) {
+            (RobotMotion::Following(followed), Some(switch)) => {
+                ExpectedBegin::AtSwitch(followed, switch)
+            }
+            _ if task.request.start_motion.is_some() => ExpectedBegin::InMotion,
+            _ => ExpectedBegin::AtRest {
+                not_before_mono_ns: task.execution.and_then(|timing| timing.begin_mono_ns),
+            },
+        };
+        let problem = self.execution.with_live_scene(&task.problem, lead, begin);
+        let too_many = |error: SceneError| {
+            let reason = format!("with the obstacles of the live scene: {error}");
+            NotReady::Stays(Refusal::field(PlanField::Balls, reason))
+        };
+        let (problem, delayed_begin_mono_ns) = problem.map_err(too_many)?;
+        Ok(Start {
+            leaves,
+            problem,
+            delayed_begin_mono_ns,
+        })
     }
 
     fn early(&self, task: &PlanTask) -> Option<Early> {
@@ -151,11 +201,11 @@ impl Service {
         let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
         if is_wanted(&queued.active) && has_candidates && !answer.candidates.is_empty() {
             let published = self.execute(&in_flight, &answer);
-            if matches!(published, Some(Err(ExecutionRefusal::SwitchMissed { .. })))
+            if published.as_ref().is_some_and(is_out_of_date)
                 && in_flight.attempt < ATTEMPTS
                 && Instant::now() < in_flight.queued.deadline()
             {
-                tracing::info!("plan {plan_id} came too late for its switch and is planned again");
+                tracing::info!("plan {plan_id} is out of date and planned again");
                 self.begin(in_flight.queued, in_flight.attempt + 1);
                 return;
             }
@@ -174,6 +224,7 @@ impl Service {
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let task = &in_flight.queued.task;
         let timing = task.execution?;
+        let begin_mono_ns = in_flight.delayed_begin_mono_ns.or(timing.begin_mono_ns);
         self.lead_times
             .note(task.request.sampler, in_flight.begun.elapsed());
         Some(match answer.selected() {
@@ -183,11 +234,22 @@ impl Service {
                 leaves: in_flight.leaves,
                 candidate_index,
                 plan_id: in_flight.plan_id,
-                timing,
+                timing: ExecutionTiming {
+                    begin_mono_ns,
+                    ..timing
+                },
             }),
             None => Err(ExecutionRefusal::NothingSelected),
         })
     }
+}
+
+/// Whether a motion is refused because it came too late for its switch, or for the obstacles that it was planned among.
+fn is_out_of_date(published: &Result<u32, ExecutionRefusal>) -> bool {
+    matches!(
+        published,
+        Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay { .. })
+    )
 }
 
 /// States in the answer what became of the execution, where one was asked for.

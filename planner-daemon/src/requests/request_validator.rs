@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, SECTIONS, UnitRobot};
-use planning::{Goal, MOST_CORRECTIONS, PreviousPlan, Problem, Request, StartMotion};
+use planning::{
+    Goal, MOST_CORRECTIONS, MovingObstacles, PreviousPlan, Problem, Request, StartMotion,
+};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{PlanField, StartKind};
 use shared_types::ipc::PlanServiceCapacity;
@@ -45,6 +47,8 @@ pub(crate) struct PlanTask {
     pub(crate) request: Request,
     /// Whether it begins where the robot is when planning begins; `problem` and `request` hold no start until then.
     pub(crate) starts_at_robot: bool,
+    /// Whether the live scene's obstacles are left out of planning.
+    pub(crate) ignores_live_scene: bool,
     /// Time that the answer may take.
     pub(crate) deadline: Duration,
     /// Distance from the goal that counts as reached, section lengths.
@@ -82,6 +86,7 @@ impl RequestValidator {
             problem: Arc::new(self.problem(&asked)?),
             request: self.request(&asked, previous),
             starts_at_robot: asked.start == StartKind::Robot,
+            ignores_live_scene: asked.ignores_live_scene,
             deadline: asked.deadline.unwrap_or(self.default_deadline),
             tip_tolerance: self.tip_tolerance(&asked.goal),
             selection: asked.selection,
@@ -105,6 +110,7 @@ impl RequestValidator {
                 valid::Goal::Configuration(shape) => Goal::Configuration((*shape).into()),
             },
             scene: scene.map_err(|error| Refusal::field(PlanField::Balls, error.to_string()))?,
+            moving: MovingObstacles::default(),
         })
     }
 

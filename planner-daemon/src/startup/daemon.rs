@@ -11,8 +11,8 @@ use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
 use input_files::{shortened, shown};
 use pcc_model::{Configuration, Point, Robot, RobotFileError};
 use planning::{
-    DiffusionModel, Goal, MOST_CORRECTIONS, Models, Planner, PlannerError, PrecisionUnavailable,
-    Problem, Request, Sampler,
+    DiffusionModel, Goal, MOST_CORRECTIONS, Models, MovingObstacles, Planner, PlannerError,
+    PrecisionUnavailable, Problem, Request, Sampler,
 };
 use realtime::{Pages, RealtimeError};
 use shared_types::clock::mono_now_ns;
@@ -330,6 +330,7 @@ fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
         start: Configuration::zeros(),
         goal: Goal::Configuration(Configuration::repeat(0.05 * planner.robot().bending_limit)),
         scene: Scene::new(vec![beside_the_way]).expect("one ball near the robot is a scene"),
+        moving: MovingObstacles::default(),
     };
     let request = |sampler| Request {
         candidates: config.capacity.candidates,

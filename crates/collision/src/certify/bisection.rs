@@ -5,6 +5,7 @@
 //! undecided counts as colliding. Nothing here allocates.
 
 use crate::certify::motion_bound::MotionBound;
+use crate::certify::obstacles::{Obstacles, may_touch, touches};
 use crate::certify::verdict::{DEPTH, Verdict};
 use crate::distance::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
 use pcc_model::{Configuration, Robot};
@@ -13,38 +14,10 @@ use trajectory::{Knot, QuinticSegment};
 /// Pieces whose bounds are kept at once, on the stack.
 const BLOCK: usize = 48;
 
-/// Obstacles that a motion is certified against.
-pub(crate) trait Obstacles {
-    /// The body's clearances from the obstacles at one instant.
-    type Clearances;
-
-    /// Clearances of the chosen sections at `time`, s; +∞ for the others, which holds only within an interval in which those
-    /// cannot touch.
-    fn clearances(
-        &self,
-        robot: &Robot,
-        configuration: &Configuration,
-        time: f64,
-        chosen: &Chosen,
-    ) -> Self::Clearances;
-
-    /// Whether a section touches an obstacle.
-    fn touch(clearances: &Self::Clearances) -> bool;
-
-    /// The sections to which the clearances at both ends of an interval leave room for contact during it.
-    fn may_touch(
-        &self,
-        from: &Self::Clearances,
-        to: &Self::Clearances,
-        robot: &Robot,
-        bound: &MotionBound,
-    ) -> Chosen;
-}
-
 /// A curve and the time at which it begins.
 pub(crate) struct Piece {
-    begin: f64,
-    curve: QuinticSegment,
+    pub(crate) begin: f64,
+    pub(crate) curve: QuinticSegment,
 }
 
 impl Piece {
@@ -90,18 +63,18 @@ impl Piece {
         }
     }
 
-    fn halves(&self) -> (Self, Self) {
+    pub(crate) fn halves(&self) -> (Self, Self) {
         let (first, second) = self.curve.halves();
         let middle = self.begin + first.duration;
         let part = |begin, curve| Self { begin, curve };
         (part(self.begin, first), part(middle, second))
     }
 
-    fn start(&self) -> &Configuration {
+    pub(crate) fn start(&self) -> &Configuration {
         &self.curve.control[0]
     }
 
-    fn end(&self) -> f64 {
+    pub(crate) fn end(&self) -> f64 {
         self.begin + self.curve.duration
     }
 }
@@ -118,8 +91,8 @@ impl<O: Obstacles> Certifier<'_, O> {
     /// Certifies the pieces 0 to `count` − 1 given by `piece`, each beginning where the one before it ends.
     pub(crate) fn chain(&self, count: usize, piece: &impl Fn(usize) -> Piece) -> Verdict {
         let start = piece(0);
-        let mut from = self.clearances(start.start(), start.begin, &EVERY_SECTION);
-        if O::touch(&from) {
+        let mut from = self.state(start.start(), start.begin, &EVERY_SECTION);
+        if touches::<O>(&from) {
             return Verdict::Colliding { at: start.begin };
         }
         for first in (0..count).step_by(BLOCK) {
@@ -129,8 +102,8 @@ impl<O: Obstacles> Certifier<'_, O> {
                 *bound = MotionBound::of_curve(&piece(first + i).curve);
             }
             let last = piece(first + length - 1);
-            let to = self.clearances(&last.curve.control[5], last.end(), &EVERY_SECTION);
-            if O::touch(&to) {
+            let to = self.state(&last.curve.control[5], last.end(), &EVERY_SECTION);
+            if touches::<O>(&to) {
                 return Verdict::Colliding { at: last.end() };
             }
             let verdict = self.pieces(piece, first, &bounds[..length], [&from, &to]);
@@ -142,23 +115,18 @@ impl<O: Obstacles> Certifier<'_, O> {
         Verdict::Free
     }
 
-    fn clearances(
-        &self,
-        configuration: &Configuration,
-        time: f64,
-        chosen: &Chosen,
-    ) -> O::Clearances {
+    fn state(&self, configuration: &Configuration, time: f64, chosen: &Chosen) -> O::State {
         self.obstacles
-            .clearances(self.robot, configuration, time, chosen)
+            .state(self.robot, configuration, time, chosen)
     }
 
-    /// Certifies the pieces from index `first` on that have these bounds, between clearances at their two ends.
+    /// Certifies the pieces from index `first` on that have these bounds, between the states at their two ends.
     fn pieces(
         &self,
         piece: &impl Fn(usize) -> Piece,
         first: usize,
         bounds: &[MotionBound],
-        [from, to]: [&O::Clearances; 2],
+        [from, to]: [&O::State; 2],
     ) -> Verdict {
         if let [bound] = bounds {
             return self.piece(&piece(first), bound, [from, to], DEPTH);
@@ -167,15 +135,15 @@ impl<O: Obstacles> Certifier<'_, O> {
         if self.has_corners {
             bound = bound.with_corner();
         }
-        let open = self.obstacles.may_touch(from, to, self.robot, &bound);
+        let open = may_touch(self.obstacles.lowest(from, to, self.robot, &bound));
         if open == NO_SECTION {
             return Verdict::Free;
         }
         let (earlier, later) = bounds.split_at(bounds.len() / 2);
         let second = first + earlier.len();
         let middle = piece(second);
-        let between = self.clearances(middle.start(), middle.begin, &open);
-        if O::touch(&between) {
+        let between = self.state(middle.start(), middle.begin, &open);
+        if touches::<O>(&between) {
             return Verdict::Colliding { at: middle.begin };
         }
         match self.pieces(piece, first, earlier, [from, &between]) {
@@ -184,15 +152,15 @@ impl<O: Obstacles> Certifier<'_, O> {
         }
     }
 
-    /// Certifies one piece, between clearances at its two ends, with at most `depth` bisections.
+    /// Certifies one piece, between its states at both ends, with at most `depth` bisections.
     fn piece(
         &self,
         piece: &Piece,
         bound: &MotionBound,
-        [from, to]: [&O::Clearances; 2],
+        [from, to]: [&O::State; 2],
         depth: u32,
     ) -> Verdict {
-        let open = self.obstacles.may_touch(from, to, self.robot, bound);
+        let open = may_touch(self.obstacles.lowest(from, to, self.robot, bound));
         if open == NO_SECTION {
             return Verdict::Free;
         }
@@ -201,8 +169,8 @@ impl<O: Obstacles> Certifier<'_, O> {
         if depth == 0 {
             return Verdict::Undecided { at };
         }
-        let between = self.clearances(second.start(), at, &open);
-        if O::touch(&between) {
+        let between = self.state(second.start(), at, &open);
+        if touches::<O>(&between) {
             return Verdict::Colliding { at };
         }
         let [earlier, later] = [&first, &second].map(|half| MotionBound::of_curve(&half.curve));

@@ -47,8 +47,3 @@ pub(crate) fn lowest(
     let sweep = bound.sweep(robot, &from.pose, &to.pose);
     std::array::from_fn(|k| sweep.lowest(k, [from.clearances[k], to.clearances[k]], reach[k], 0.0))
 }
-
-/// The sections for which these lower bounds leave room for contact.
-pub(crate) fn may_touch(lowest: [f64; SECTIONS]) -> Chosen {
-    lowest.map(|clearance| clearance <= 0.0 || clearance.is_nan())
-}

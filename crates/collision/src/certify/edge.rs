@@ -1,7 +1,8 @@
 //! The certificate of a straight move in configuration space, for searches: most of their edges collide.
 
-use crate::certify::body_state::{BodyState, lowest, may_touch, reach};
+use crate::certify::body_state::{BodyState, lowest, reach};
 use crate::certify::motion_bound::MotionBound;
+use crate::certify::obstacles::may_touch;
 use crate::certify::verdict::Verdict;
 use crate::distance::chosen_sections::{Chosen, EVERY_SECTION, NO_SECTION};
 use crate::scene::static_scene::Scene;

@@ -1,7 +1,8 @@
 //! The certificate against balls that move at constant velocity.
 
-use crate::certify::bisection::{Certifier, Obstacles};
+use crate::certify::bisection::Certifier;
 use crate::certify::motion_bound::{BackbonePose, MotionBound};
+use crate::certify::obstacles::Obstacles;
 use crate::certify::remaining_pieces::RemainingPieces;
 use crate::certify::verdict::Verdict;
 use crate::distance::chosen_sections::Chosen;
@@ -33,19 +34,27 @@ impl MovingBall {
 }
 
 /// At most [`GROUP`] moving balls.
-struct MovingGroup<'a>(&'a [MovingBall]);
+pub(crate) struct MovingGroup<'a>(&'a [MovingBall]);
 
 /// Where the body is at one instant, and the clearance of each section from each ball; +∞ where there is no ball, and for
 /// sections that were not chosen.
-struct GroupState {
+#[derive(Clone, Copy)]
+pub(crate) struct GroupState {
     pose: BackbonePose,
     clearances: [[f64; SECTIONS]; GROUP],
 }
 
-impl Obstacles for MovingGroup<'_> {
-    type Clearances = GroupState;
+impl<'a> MovingGroup<'a> {
+    /// The groups that moving balls are measured in.
+    pub(crate) fn all(balls: &'a [MovingBall]) -> impl Iterator<Item = Self> {
+        balls.chunks(GROUP).map(Self)
+    }
+}
 
-    fn clearances(
+impl Obstacles for MovingGroup<'_> {
+    type State = GroupState;
+
+    fn state(
         &self,
         robot: &Robot,
         configuration: &Configuration,
@@ -67,29 +76,35 @@ impl Obstacles for MovingGroup<'_> {
         }
     }
 
-    fn touch(at: &GroupState) -> bool {
-        at.clearances.iter().flatten().any(|c| *c < 0.0)
+    fn clearances(state: &GroupState) -> [f64; SECTIONS] {
+        let of_section = |k: usize| state.clearances.iter().map(move |of_ball| of_ball[k]);
+        std::array::from_fn(|k| of_section(k).fold(f64::INFINITY, lower))
     }
 
     /// In the frame of a ball, whose centre is taken at each end, its own path between is added to the body's.
-    fn may_touch(
+    fn lowest(
         &self,
         from: &GroupState,
         to: &GroupState,
         robot: &Robot,
         bound: &MotionBound,
-    ) -> Chosen {
+    ) -> [f64; SECTIONS] {
         let sweep = bound.sweep(robot, &from.pose, &to.pose);
         let (from, to) = (&from.clearances, &to.clearances);
-        let is_clear = |k: usize| {
-            self.0.iter().enumerate().all(|(i, moving)| {
+        std::array::from_fn(|k| {
+            let of_balls = self.0.iter().enumerate().map(|(i, moving)| {
                 let path = moving.velocity.norm() * bound.duration;
                 let reach = robot.tube_radii[k] + moving.ball.radius;
-                sweep.lowest(k, [from[i][k], to[i][k]], reach, path) > 0.0
-            })
-        };
-        std::array::from_fn(|k| !is_clear(k))
+                sweep.lowest(k, [from[i][k], to[i][k]], reach, path)
+            });
+            of_balls.fold(f64::INFINITY, lower)
+        })
     }
+}
+
+/// The lower one of two clearances; NaN where one is.
+fn lower(a: f64, b: f64) -> f64 {
+    if b < a || b.is_nan() { b } else { a }
 }
 
 /// Certifies the executed curve against moving balls from `from_time` (s) to the first knot at or after `until_time`.
@@ -104,16 +119,15 @@ pub fn certify_moving(
 ) -> Verdict {
     let pieces = RemainingPieces::new(trajectory.knots(), from_time);
     let count = pieces.count_until(until_time);
-    let certify = |balls| {
+    let certify = |obstacles| {
         let certifier = Certifier {
             robot,
-            obstacles: MovingGroup(balls),
+            obstacles,
             has_corners: false,
         };
         certifier.chain(count, &|i| pieces.piece(i))
     };
-    balls
-        .chunks(GROUP)
+    MovingGroup::all(balls)
         .map(certify)
         .find(|verdict| !verdict.is_free())
         .unwrap_or(Verdict::Free)

@@ -1,49 +1,12 @@
 //! Certificates for motions in a scene at rest: polylines and executed curves.
 
-use crate::certify::bisection::{Certifier, Obstacles, Piece};
-use crate::certify::body_state::{BodyState, lowest, may_touch, reach};
-use crate::certify::motion_bound::MotionBound;
+use crate::certify::bisection::{Certifier, Piece};
 use crate::certify::remaining_pieces::RemainingPieces;
+use crate::certify::scene_at_rest::SceneAtRest;
 use crate::certify::verdict::Verdict;
-use crate::distance::chosen_sections::Chosen;
 use crate::scene::static_scene::Scene;
-use pcc_model::{Configuration, Robot, SECTIONS};
+use pcc_model::{Configuration, Robot};
 use trajectory::Trajectory;
-
-/// A scene at rest.
-struct SceneAtRest<'a> {
-    scene: &'a Scene,
-    /// The sum of the tube's radius and the least radius of all obstacles, by section.
-    reach: [f64; SECTIONS],
-}
-
-impl Obstacles for SceneAtRest<'_> {
-    type Clearances = BodyState;
-
-    fn clearances(
-        &self,
-        robot: &Robot,
-        configuration: &Configuration,
-        _: f64,
-        chosen: &Chosen,
-    ) -> BodyState {
-        BodyState::new(robot, self.scene, configuration, chosen)
-    }
-
-    fn touch(at: &BodyState) -> bool {
-        at.touches()
-    }
-
-    fn may_touch(
-        &self,
-        from: &BodyState,
-        to: &BodyState,
-        robot: &Robot,
-        bound: &MotionBound,
-    ) -> Chosen {
-        may_touch(lowest(robot, bound, from, to, &self.reach))
-    }
-}
 
 fn certifier<'a>(
     robot: &'a Robot,
@@ -52,10 +15,7 @@ fn certifier<'a>(
 ) -> Certifier<'a, SceneAtRest<'a>> {
     Certifier {
         robot,
-        obstacles: SceneAtRest {
-            scene,
-            reach: reach(robot, scene),
-        },
+        obstacles: SceneAtRest::new(robot, scene),
         has_corners,
     }
 }

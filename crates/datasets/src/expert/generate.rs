@@ -8,8 +8,8 @@ use crate::scenes::{Target, draw_target};
 use collision::certify_polyline;
 use pcc_model::{Configuration, SECTIONS, UnitRobot};
 use planning::{
-    Goal, Problem, RrtSettings, Waypoints, goal_configurations, resample, rrt_connect,
-    straight_path,
+    Goal, MovingObstacles, Problem, RrtSettings, Waypoints, goal_configurations, resample,
+    rrt_connect, straight_path,
 };
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
@@ -69,6 +69,7 @@ fn target_rows(
             start: *start,
             goal: Goal::Tip(target.tip),
             scene: target.scene.clone(),
+            moving: MovingObstacles::default(),
         };
         let Ok(mut ends) = goal_configurations(robot, &problem, 10.max(recipe.ends), &mut rng)
         else {

@@ -15,7 +15,9 @@ use crate::robot::unit_robot;
 use datasets::Case;
 use indicatif::{ProgressBar, ProgressStyle};
 use pcc_model::SECTIONS;
-use planning::{Goal, Planner, PlannerError, Problem, Request, Sampler, Waypoints};
+use planning::{
+    Goal, MovingObstacles, Planner, PlannerError, Problem, Request, Sampler, Waypoints,
+};
 use std::time::Instant;
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
@@ -73,6 +75,7 @@ fn answer(
         start: case.start,
         goal: Goal::Tip(case.target_tip),
         scene: case.scene.clone(),
+        moving: MovingObstacles::default(),
     };
     let request = Request {
         candidates: arguments.candidates,

@@ -29,6 +29,7 @@ pub(crate) fn attach(robot: &UnitRobot, problem: &Problem, path: &mut [Configura
 mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
+    use crate::moving_obstacles::MovingObstacles;
     use crate::path::waypoints::straight_path;
     use collision::Scene;
     use pcc_model::Point;
@@ -41,6 +42,7 @@ mod tests {
             start: Configuration::repeat(1e-3),
             goal: Goal::Tip(robot.tip(&near)),
             scene: Scene::default(),
+            moving: MovingObstacles::default(),
         };
         let drawn = straight_path(&Configuration::zeros(), &near.map(|v| v + 0.05));
         let mut path = drawn.clone();

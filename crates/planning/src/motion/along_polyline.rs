@@ -44,7 +44,7 @@ impl MotionConstraints<'_> {
         polyline: &[Configuration],
         paths: impl IntoIterator<Item = Waypoints>,
     ) -> Option<(Waypoints, Certified)> {
-        let motion = |path: &Waypoints| self.certified(self.time(path)?);
+        let motion = |path: &Waypoints| self.certified_or_waiting(self.time(path)?);
         let first = paths
             .into_iter()
             .take_while(|_| !(self.interrupt)())
@@ -71,7 +71,7 @@ impl MotionConstraints<'_> {
         if knots.len() > self.knots {
             return Err(Failure::Time);
         }
-        self.certified(Trajectory::new(knots).map_err(|_| Failure::Time)?)
+        self.certified_or_waiting(Trajectory::new(knots).map_err(|_| Failure::Time)?)
     }
 }
 
@@ -98,6 +98,7 @@ mod tests {
             robot,
             padded: robot,
             scene,
+            moving: &crate::moving_obstacles::NONE,
             kernel,
             tip_paths,
             limits: robot.tendon_limits,

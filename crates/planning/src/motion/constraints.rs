@@ -1,13 +1,14 @@
 //! What a motion must keep, and making one that does of a path: timing, the certificate of the executed curve, its figures.
 
 use crate::motion::duration_bound;
+use crate::moving_obstacles::{self, MovingObstacles};
 use crate::optimize::smooth_update::PushKernel;
 use crate::optimize::tip_path::TipPaths;
 use crate::path::metrics::{CLEARANCE_TOLERANCE, PathMetrics};
 use crate::plan::{Certified, Failure};
 use crate::problem::BENDING_SLACK_RAD;
 use crate::request::Interrupt;
-use collision::{Scene, certified_clearance};
+use collision::{MovingBall, Scene, certified_clearance, certify_moving};
 use pcc_model::{Configuration, TendonLimits, UnitRobot};
 use std::cell::RefCell;
 use trajectory::{Knot, MovingStart, ParameterizationOptions, TimeParameterizer, Trajectory};
@@ -16,18 +17,24 @@ use trajectory::{Knot, MovingStart, ParameterizationOptions, TimeParameterizer, 
 /// win 0.83 of the shortest stop in the median, six 0.88 in nearly twice the time.
 const BRAKING_SHARES: [f64; 2] = [0.9, 0.5];
 
+/// Shortest of the longest stops of motions that are not very short, s: the first look at moving balls is by it.
+const SHORTEST_STOP_S: f64 = 0.2;
+
 thread_local! {
     /// Working memory of each worker, kept from request to request.
     static PARAMETERIZER: RefCell<TimeParameterizer> = RefCell::default();
 }
 
 /// What a motion must keep, and how far its path may be corrected to that end.
+#[derive(Clone, Copy)]
 pub(crate) struct MotionConstraints<'a> {
     /// The robot in section lengths, as it is.
     pub(crate) robot: &'a UnitRobot,
     /// The robot with the padded tubes that must keep clear.
     pub(crate) padded: &'a UnitRobot,
     pub(crate) scene: &'a Scene,
+    /// Obstacles that move.
+    pub(crate) moving: &'a MovingObstacles,
     pub(crate) kernel: &'a PushKernel,
     pub(crate) tip_paths: &'a TipPaths,
     /// Tendon limits of the motion, scaled as the request wants.
@@ -40,15 +47,24 @@ pub(crate) struct MotionConstraints<'a> {
     pub(crate) interrupt: Interrupt<'a>,
 }
 
-impl MotionConstraints<'_> {
+impl<'a> MotionConstraints<'a> {
+    /// The same without obstacles that move.
+    pub(crate) fn among_resting(&self) -> Self {
+        Self {
+            moving: &moving_obstacles::NONE,
+            ..*self
+        }
+    }
+
     /// Lower bound of the duration of a motion along a path, s.
     pub(crate) fn least_duration_s(&self, path: &[Configuration]) -> f64 {
         duration_bound::least_duration_s(self.robot, &self.limits, path)
     }
 
-    /// Times a path of 64 waypoints from rest to rest.
+    /// Times a path of 64 waypoints from rest to rest; among moving balls one knot is left for a wait.
     pub(crate) fn time(&self, path: &[Configuration]) -> Result<Trajectory, Failure> {
-        self.parameterize(path, self.knots)
+        let of_a_wait = usize::from(!self.moving.is_empty());
+        self.parameterize(path, self.knots.saturating_sub(of_a_wait))
     }
 
     /// Times a path from rest to rest with at most so many knots.
@@ -92,14 +108,32 @@ impl MotionConstraints<'_> {
             .map_err(|_| Failure::Time)
     }
 
-    /// Certifies the executed curve: whole body, whole motion, bending; its smallest clearance, section lengths.
+    /// Certifies the executed curve: whole body, whole motion, bending; its smallest clearance, section lengths, from obstacles at rest
+    /// and from the balls that cover those that move.
     pub(crate) fn certify(&self, trajectory: &Trajectory) -> Result<f64, Failure> {
         if !self.keeps_bending(trajectory) {
             return Err(Failure::Bending);
         }
-        let (robot, padded, scene) = (self.robot, self.padded, self.scene);
-        certified_clearance(robot, padded, scene, trajectory, CLEARANCE_TOLERANCE)
+        let (robot, padded) = (self.robot, self.padded);
+        let moving = if self.moving.is_empty() {
+            Vec::new()
+        } else {
+            self.covering_for_certain(trajectory)?
+        };
+        let obstacles = (self.scene, moving.as_slice());
+        certified_clearance(robot, padded, obstacles, trajectory, CLEARANCE_TOLERANCE)
             .ok_or(Failure::Collision)
+    }
+
+    /// Balls that cover all places where those that move can be during a motion, by its longest stop; [`Failure::Collision`] where it is
+    /// not clear of those by a stop that is hardly ever shorter, which is known sooner.
+    fn covering_for_certain(&self, motion: &Trajectory) -> Result<Vec<MovingBall>, Failure> {
+        let times = [0.0, motion.duration()];
+        let covering = |stop_s| self.moving.covering(self.padded, stop_s, times);
+        if !certify_moving(self.padded, &covering(SHORTEST_STOP_S), motion, times).is_free() {
+            return Err(Failure::Collision);
+        }
+        Ok(covering(self.moving.longest_stop_s(motion)))
     }
 
     /// The Bézier control points bound the curve, since the allowed bending is convex.

@@ -12,7 +12,7 @@ use std::cell::RefCell;
 use trajectory::Trajectory;
 
 /// Clearance that corrections aim for beyond the tube, in the first and the second attempt, section lengths.
-const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
+pub(super) const CORRECTION_MARGINS: [f64; MOST_CORRECTIONS] = [0.03, 0.07];
 /// Clearance that smoothing a corrected path leaves beyond the tube, section lengths.
 const SMOOTHED_MARGIN: f64 = 0.01;
 /// Corrections that a path gets at most.
@@ -20,7 +20,7 @@ pub const MOST_CORRECTIONS: usize = 2;
 
 thread_local! {
     /// Working memory of each worker, kept from request to request.
-    static CORRECTION: RefCell<CorrectionMemory> = RefCell::default();
+    pub(super) static CORRECTION: RefCell<CorrectionMemory> = RefCell::default();
 }
 
 /// A path after correction, and the certified motion along it or why there is none.
@@ -53,14 +53,19 @@ impl MotionConstraints<'_> {
     /// With `smooths_tip`, as for learned paths, the tip is brought onto a smooth curve: a straight one without correction if the body
     /// is clear there, else one beside the corrected path.
     ///
+    /// Among moving balls the motion keeps clear of them, too, around them or after a wait.
+    ///
     /// With an incumbent, a motion that is not faster is left unfinished ([`Failure::Slower`]), and so is a path as soon as corrections
     /// have made it surely too slow.
     pub(crate) fn to_trajectory(
-        &self,
+        self,
         path: Waypoints,
         smooths_tip: bool,
         incumbent: Option<&Incumbent>,
     ) -> Delivered {
+        if !self.moving.is_empty() {
+            return self.among_moving(path, smooths_tip, incumbent);
+        }
         let mut delivered = Delivered {
             path,
             outcome: Err(Failure::Truncated),
@@ -119,6 +124,7 @@ impl MotionConstraints<'_> {
         let corrector = Corrector {
             robot: self.padded,
             scene: self.scene,
+            moving: &[],
             kernel: self.kernel,
         };
         let is_given_up = |path: &[Configuration]| {

@@ -9,6 +9,7 @@ use crate::optimize::smooth_update::{PushKernel, Pushes};
 use crate::path::waypoints::{WAYPOINTS, project_to_limits};
 use collision::{Contact, Scene};
 use pcc_model::{Configuration, SECTIONS, UnitRobot};
+use std::iter::once;
 
 /// Rounds of pushes at most: a count, so that answers do not depend on time.
 const ROUNDS: usize = 5;
@@ -40,6 +41,8 @@ pub(crate) enum Correction {
 pub(crate) struct Corrector<'a> {
     pub(crate) robot: &'a UnitRobot,
     pub(crate) scene: &'a Scene,
+    /// Obstacles of each waypoint beside the scene's, those that are there at its time; none where nothing moves.
+    pub(crate) moving: &'a [Scene],
     pub(crate) kernel: &'a PushKernel,
 }
 
@@ -90,8 +93,11 @@ impl Corrector<'_> {
             }
             (pushed, clear_rounds) = (pushed + 1, 0);
         }
-        let touches = |q| self.scene.clearance_at(self.robot, q) < 0.0;
-        if path.iter().any(touches) {
+        let touches = |(h, q)| {
+            let mut scenes = once(self.scene).chain(self.moving.get(h));
+            scenes.any(|scene| scene.clearance_at(self.robot, q) < 0.0)
+        };
+        if path.iter().enumerate().any(touches) {
             Correction::Touching
         } else {
             Correction::Clear
@@ -117,8 +123,9 @@ impl Corrector<'_> {
             let backbone = self.robot.backbone(waypoint);
             contacts.clear();
             let tube = &self.robot.tube_radii;
-            self.scene
-                .contacts_within(&backbone, tube, margin, contacts);
+            for scene in once(self.scene).chain(self.moving.get(h)) {
+                scene.contacts_within(&backbone, tube, margin, contacts);
+            }
             if contacts.len() > MOST_CONTACTS {
                 contacts.sort_by(|a, b| a.clearance.total_cmp(&b.clearance));
                 contacts.truncate(MOST_CONTACTS);
@@ -199,6 +206,7 @@ mod tests {
         let corrector = Corrector {
             robot,
             scene,
+            moving: &[],
             kernel: &kernel,
         };
         corrector.correct(0.04, path, &mut CorrectionMemory::default(), is_given_up)

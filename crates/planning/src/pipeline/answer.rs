@@ -32,6 +32,10 @@ pub(crate) fn answer(context: &RequestContext) -> Result<Plan, PlannerError> {
 /// Answers a request whose robot rests at the start.
 fn from_rest(context: &RequestContext) -> Result<Plan, PlannerError> {
     let mut times = StageTimes::default();
+    let (moving, padded) = (context.constraints.moving, context.constraints.padded);
+    if moving.may_touch_at_once(padded, &context.problem.start) {
+        return Ok(plan_of(undrawn(context, Failure::Collision), times));
+    }
     let drawn = match context.request.sampler {
         Sampler::Default => to_goals(context, default::draw, &mut times)?,
         Sampler::Fast => to_goals(context, fast::draw, &mut times)?,
@@ -54,19 +58,19 @@ fn to_goals(
 ) -> Result<Drawn, PlannerError> {
     let goals = times.measure(Stage::Condition, || goal_set(context))?;
     if goals.distinct.is_empty() {
-        return Ok(truncated(context));
+        return Ok(undrawn(context, Failure::Truncated));
     }
     Ok(draw(context, &goals, times))
 }
 
-/// Draws without paths, where the interrupt left no time for goal configurations.
-fn truncated(context: &RequestContext) -> Drawn {
+/// Draws without paths: the interrupt left no time for goal configurations, or no motion can begin.
+fn undrawn(context: &RequestContext, failure: Failure) -> Drawn {
     let source = match context.request.sampler {
         Sampler::Straight | Sampler::StraightDrawn => Source::StraightLine,
         Sampler::RrtConnect | Sampler::RrtSmooth => Source::Classical,
         _ => Source::Learned,
     };
-    vec![Draw::unfinished(source, Failure::Truncated); context.request.candidates].into()
+    vec![Draw::unfinished(source, failure); context.request.candidates].into()
 }
 
 /// Plans from the configuration in which a moving robot can rest soonest; every motion begins with braking to it.
@@ -80,6 +84,7 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
     let braking = Braking::new(&context.constraints, &problem.start, motion)?;
     let after = Problem {
         start: braking.motion.end(),
+        moving: problem.moving.after(braking.motion.duration()),
         ..problem.clone()
     };
     let shorter = Request {
@@ -91,7 +96,7 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
     };
     let report_whole = |candidate: Candidate| {
         if let Some(report) = supervision.certified {
-            report(braking.candidate(&candidate));
+            braking.candidate(&candidate).into_iter().for_each(report);
         }
     };
     let supervision = Supervision {

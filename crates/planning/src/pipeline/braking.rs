@@ -4,7 +4,7 @@ use crate::error::Infeasible;
 use crate::motion::along_polyline::append;
 use crate::motion::constraints::MotionConstraints;
 use crate::path::waypoints::{WAYPOINTS, resample};
-use crate::plan::{Candidate, Certified, Plan};
+use crate::plan::{Candidate, Certified, Failure, Plan};
 use crate::request::StartMotion;
 use codes::Stage;
 use pcc_model::{Configuration, TendonLimits};
@@ -21,7 +21,7 @@ const ROUNDING: f64 = 1e-6;
 pub(super) struct Braking<'a> {
     constraints: &'a MotionConstraints<'a>,
     pub(super) motion: Trajectory,
-    /// Smallest clearance of the body while it brakes, section lengths.
+    /// Smallest clearance of the body from obstacles at rest while it brakes, section lengths.
     clearance: f64,
 }
 
@@ -49,7 +49,7 @@ impl<'a> Braking<'a> {
         if share > 1.0 + ROUNDING {
             return Err(Infeasible::StartTooFast { share });
         }
-        match constraints.certify(&motion) {
+        match constraints.among_resting().certify(&motion) {
             Ok(clearance) => Ok(Self {
                 constraints,
                 motion,
@@ -72,11 +72,11 @@ impl<'a> Braking<'a> {
     }
 
     /// The candidate with its motion joined to the one that the robot brakes from: while it brakes where that is certified and faster,
-    /// else after it.
-    pub(crate) fn candidate(&self, candidate: &Candidate) -> Candidate {
+    /// else after it. None where a moving ball comes too near to both.
+    pub(crate) fn candidate(&self, candidate: &Candidate) -> Option<Candidate> {
         let joined = self.beside(&candidate.trajectory);
-        let motion = joined.unwrap_or_else(|| self.after(candidate));
-        Candidate::of(candidate.draw, candidate.source, &motion)
+        let motion = joined.or_else(|| self.after(candidate))?;
+        Some(Candidate::of(candidate.draw, candidate.source, &motion))
     }
 
     /// The motion to the end of this one that begins while the robot brakes, if it is certified and faster than one after the other.
@@ -90,20 +90,34 @@ impl<'a> Braking<'a> {
         is_faster.then(|| self.constraints.certified(joined).ok())?
     }
 
-    /// Braking to rest, and then the candidate's motion.
-    fn after(&self, candidate: &Candidate) -> Certified {
+    /// Braking to rest, and then the candidate's motion. Among moving balls that is certified as a whole: how far they may be from where
+    /// they are expected depends on the longest stop of all of it.
+    fn after(&self, candidate: &Candidate) -> Option<Certified> {
+        let whole = self.before(&candidate.trajectory);
+        if !self.constraints.moving.is_empty() {
+            return self.constraints.certified(whole).ok();
+        }
         let clearance = self.clearance.min(candidate.metrics.clearance);
-        self.constraints
-            .describe(self.before(&candidate.trajectory), clearance)
+        Some(self.constraints.describe(whole, clearance))
     }
 
     /// The plan with every motion joined to the braking, and the figures of the whole motions.
     pub(crate) fn plan(&self, mut plan: Plan) -> Plan {
         let Plan {
-            candidates, stages, ..
+            candidates,
+            stages,
+            draws,
+            ..
         } = &mut plan;
         let whole = |candidate| self.candidate(candidate);
-        *candidates = stages.measure(Stage::Select, || candidates.par_iter().map(whole).collect());
+        let joined: Vec<_> =
+            stages.measure(Stage::Select, || candidates.par_iter().map(whole).collect());
+        for (candidate, joined) in candidates.iter().zip(&joined) {
+            if joined.is_none() {
+                draws[candidate.draw].outcome = Err(Failure::Collision);
+            }
+        }
+        *candidates = joined.into_iter().flatten().collect();
         for candidate in &plan.candidates {
             plan.draws[candidate.draw].outcome = Ok(Certified {
                 trajectory: Arc::clone(&candidate.trajectory),

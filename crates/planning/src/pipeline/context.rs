@@ -10,18 +10,22 @@ use crate::resources::Resources;
 use crate::search::edges::{RrtSettings, Search};
 use crate::stage_times::StageTimes;
 use codes::Source;
+use collision::Scene;
 use pcc_model::{SECTIONS, UnitRobot};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
 
 /// One request: what it asks for, what the planner has for it, and what its motions must keep.
+#[derive(Clone, Copy)]
 pub(crate) struct RequestContext<'a> {
     pub(crate) resources: &'a Resources,
     pub(crate) problem: &'a Problem,
     pub(crate) request: &'a Request,
     pub(crate) supervision: Supervision<'a>,
     pub(super) constraints: MotionConstraints<'a>,
+    /// The obstacles among which trees grow.
+    pub(super) searched: &'a Scene,
 }
 
 /// A path that is to become a motion.
@@ -91,6 +95,7 @@ impl<'a> RequestContext<'a> {
             robot: &resources.robot,
             padded,
             scene: &problem.scene,
+            moving: &problem.moving,
             kernel: &resources.kernel,
             tip_paths: &resources.tip_paths,
             limits,
@@ -104,6 +109,7 @@ impl<'a> RequestContext<'a> {
             request,
             supervision,
             constraints,
+            searched: &problem.scene,
         }
     }
 
@@ -174,6 +180,11 @@ impl<'a> RequestContext<'a> {
             .with_tube_padding(&[margin; SECTIONS])
     }
 
+    /// The same, with trees that grow among these obstacles.
+    pub(super) fn among<'b>(&'b self, searched: &'b Scene) -> RequestContext<'b> {
+        RequestContext { searched, ..*self }
+    }
+
     /// A search in the request's scene that keeps `robot` clear.
     pub(crate) fn search<'b>(
         &'b self,
@@ -183,7 +194,7 @@ impl<'a> RequestContext<'a> {
     ) -> Search<'b> {
         Search {
             robot,
-            scene: &self.problem.scene,
+            scene: self.searched,
             settings,
             interrupt,
         }

@@ -36,7 +36,7 @@ pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageT
     }
 }
 
-/// Reaches the goal configurations that no motion reaches yet from the motions of the others; where no draw has a motion, trees find a
+/// Reaches the goal configurations that no motion reaches yet from the motions of the others, where nothing moves; where no draw has a motion, trees find a
 /// first one.
 fn fill(context: &RequestContext, goals: &GoalSet, draws: &mut [Draw]) {
     if draws.iter().all(|draw| draw.outcome.is_err()) {
@@ -46,5 +46,8 @@ fn fill(context: &RequestContext, goals: &GoalSet, draws: &mut [Draw]) {
         }
         context.note_truncation(&mut draws[0]);
     }
-    reach_missing(context, &goals.of_each_draw, draws);
+    // Where balls move, most of what is missing is in their way, whatever the path.
+    if context.constraints.moving.is_empty() {
+        reach_missing(context, &goals.of_each_draw, draws);
+    }
 }

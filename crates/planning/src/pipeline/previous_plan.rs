@@ -115,6 +115,7 @@ pub(super) fn keep(kept: Vec<Draw>, draws: &mut [Draw]) {
 mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
+    use crate::moving_obstacles::MovingObstacles;
     use crate::path::waypoints::straight_path;
     use collision::{Ball, Scene};
     use pcc_model::Point;
@@ -136,6 +137,7 @@ mod tests {
             start: start.lerp(&ends[1], 0.4).add_scalar(1e-3),
             goal: Goal::Tip(target + Point::new(0.0, 0.05, 0.0)),
             scene: Scene::default(),
+            moving: MovingObstacles::default(),
         };
         (previous, problem)
     }

@@ -11,6 +11,7 @@ use crate::search::first_success::first_success;
 use crate::search::portfolio::{PORTFOLIO_BUDGET, search_portfolio};
 use crate::stage_times::StageTimes;
 use codes::{Sampler, Source, Stage};
+use collision::Scene;
 use pcc_model::Configuration;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
@@ -20,24 +21,62 @@ use std::iter::once_with;
 const TREE_MARGINS: [f64; 3] = [0.04, 0.01, 0.0];
 /// Room beside the padded tubes where any path at all is sought, section lengths: more than the error of a clearance.
 pub(super) const LEAST_MARGIN: f64 = 1e-3;
+/// Time for which moving balls are avoided wherever they pass, in least durations of the longest straight segment.
+const LONGER: f64 = 1.5;
 /// Times that a path that was found is shortened again because it has too many corners for a motion.
 const SHORTENINGS: usize = 3;
 
 /// One tree for each draw, all at once.
 pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageTimes) -> Drawn {
-    let goals = goals.of_each_draw.par_iter().with_max_len(1).enumerate();
-    let draws = goals.map(|(i, goal)| {
-        let draw = tree(context, i, goal, context.supervision.interrupt);
-        context.report(i, &draw);
-        draw
+    let draws = |context: &RequestContext| -> Vec<Draw> {
+        let goals = goals.of_each_draw.par_iter().with_max_len(1).enumerate();
+        let draws = goals.map(|(i, goal)| {
+            let draw = tree(context, i, goal, context.supervision.interrupt);
+            context.report(i, &draw);
+            draw
+        });
+        draws.collect()
+    };
+    let draws = times.measure(Stage::Sample, || {
+        let mut drawn = draws(context);
+        if context.constraints.moving.is_empty() {
+            return drawn;
+        }
+        let swept = swept_scene(context, goals);
+        let beside = draws(&context.among(&swept));
+        for (draw, beside) in drawn.iter_mut().zip(beside) {
+            if beside.duration_s() < draw.duration_s() {
+                *draw = beside;
+            }
+        }
+        drawn
     });
-    let draws: Vec<Draw> = times.measure(Stage::Sample, || draws.collect());
     draws.into()
 }
 
+/// The obstacles at rest, and balls that cover all the way of those that move while a motion along the segment to the farthest goal
+/// configuration may last.
+fn swept_scene(context: &RequestContext, goals: &GoalSet) -> Scene {
+    let constraints = &context.constraints;
+    let start = context.problem.start;
+    let least_s = |goal: &Configuration| constraints.least_duration_s(&[start, *goal]);
+    let longest_s = goals.distinct.iter().map(least_s).fold(0.0, f64::max);
+    let moving = constraints.moving;
+    moving.swept_into(
+        &context.problem.scene,
+        constraints.padded,
+        LONGER * longest_s,
+    )
+}
+
 /// A first motion, and the place of the goal configuration that it reaches; where [`motion_to_any`] finds none, one of the trees of
-/// [`draw`].
+/// [`draw`]. Among moving balls [`motion_to_any`] alone seeks one, beside all of these balls' ways, then among the obstacles at rest.
 pub(super) fn first_motion(context: &RequestContext, goals: &GoalSet) -> Option<(usize, Draw)> {
+    if !context.constraints.moving.is_empty() {
+        let swept = swept_scene(context, goals);
+        return motion_to_any(&context.among(&swept), &goals.distinct)
+            .or_else(|| motion_to_any(context, &goals.distinct));
+    }
     motion_to_any(context, &goals.distinct).or_else(|| {
         let goals = &goals.of_each_draw;
         let interrupt = context.supervision.interrupt;

@@ -8,7 +8,7 @@ use anyhow::{Context, ensure};
 use datasets::scenes::{Setting, draw_target};
 use denoiser::{FastModel, Manifest};
 use pcc_model::{Configuration, Robot, SECTIONS, UnitRobot};
-use planning::{Goal, Models, Planner, Problem, Request, Sampler};
+use planning::{Goal, Models, MovingObstacles, Planner, Problem, Request, Sampler};
 use serde_json::json;
 use tests::programs::repository;
 use trajectory::{ParameterizationOptions, TimeParameterizer, Trajectory, evaluate};
@@ -104,6 +104,7 @@ impl Cases {
             start: target.starts[0],
             goal: Goal::Tip(target.tip),
             scene: target.scene,
+            moving: MovingObstacles::default(),
         };
         let request = Request {
             candidates: 2,

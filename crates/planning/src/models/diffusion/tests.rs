@@ -1,5 +1,6 @@
 use super::*;
 use crate::fixtures::unit_robot;
+use crate::moving_obstacles::MovingObstacles;
 use crate::problem::Goal;
 use collision::Ball;
 use denoiser::Manifest;
@@ -48,6 +49,7 @@ impl Fixture {
             start: Configuration::from_fn(|i, _| f64::from(start[i])),
             goal: Goal::Tip(Point::from_fn(|i, _| f64::from(target[i]))),
             scene: Scene::new(balls.collect()).unwrap(),
+            moving: MovingObstacles::default(),
         }
     }
 }

@@ -62,6 +62,8 @@ pub(super) fn request(stack: &mut Stack) -> PlanRequest {
         sampler: Sampler::Straight,
         candidate_count: 1,
         deadline: Some(Duration::from_secs(10)),
+        // Checks of publication and supervision: nothing of the live scene is planned around.
+        ignores_live_scene: true,
         execute: true,
         seed: 3,
         ..PlanRequest::new(start.into(), Goal::Configuration(goal))

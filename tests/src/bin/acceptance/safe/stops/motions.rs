@@ -2,7 +2,7 @@
 
 use datasets::scenes::{Setting, draw_target};
 use pcc_model::{Configuration, Robot};
-use planning::{Goal, Models, Planner, Problem, Request, Sampler};
+use planning::{Goal, Models, MovingObstacles, Planner, Problem, Request, Sampler};
 use trajectory::{Knot, ParameterizationOptions, Trajectory};
 
 const SEED: u64 = 1801;
@@ -68,6 +68,7 @@ fn plan(
         start: target.starts[0],
         goal: Goal::Tip(target.tip),
         scene: target.scene,
+        moving: MovingObstacles::default(),
     };
     let request = Request {
         candidates: 1,
