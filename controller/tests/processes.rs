@@ -109,6 +109,10 @@ fn any_start_order_kills_and_restarts_never_make_the_set_point_jump() {
     // The controller first, the robot later.
     let controller = joined.start("controller");
     joined.wait_for(LoopState::Starting);
+    joined.wait_until("a reason to wait", |seen| {
+        let told = seen.controller.map(|now| now.reason.to_string());
+        told.as_deref() == Some("no robot state")
+    });
     let robot = joined.start("simulated-robot");
     run_into_motion(&mut joined, &goal(1.0));
     joined.wait_for(LoopState::Holding);
@@ -268,7 +272,13 @@ fn a_stuck_motor_is_a_latched_fault_and_a_second_process_is_refused_by_name() {
     run_into_motion(&mut joined, &goal(1.0));
     robot.signal("USR1");
     joined.wait_for(LoopState::Fault);
-    assert_eq!(joined.controller().fault, LoopFault::TrackingError.code());
+    let told = joined.controller();
+    assert_eq!(told.fault, LoopFault::TrackingError.code());
+    let reason = told.reason.to_string();
+    assert!(
+        reason.contains("rad off its path, 0.1000 are allowed"),
+        "{reason}"
+    );
     let id = joined.send_motion(&goal(0.0));
     joined.wait_for_refusal(id, Refusal::Faulted);
     robot.signal("USR1");

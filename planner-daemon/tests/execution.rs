@@ -10,10 +10,10 @@ use client::{Client, PlanAnswer, ScenePublisher};
 use common::{PATIENCE, World, request, until};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{CommandKind, LoopState, Outcome, ProcessKind};
+use shared_types::codes::{CommandKind, CommandSender, LoopState, Outcome, ProcessKind};
 use shared_types::ipc::*;
 use shared_types::message::*;
-use shared_types::valid::{self, PlanReport, PlanRequest};
+use shared_types::valid::{self, PlanReport, PlanRequest, Signature, SignedCommand};
 
 /// A controller that does what it is told to have done.
 struct PlayedController {
@@ -24,6 +24,8 @@ struct PlayedController {
     state: ControllerState,
     /// Stops ordered.
     stops: usize,
+    /// Who ordered the last one, and why.
+    last_stop: Option<Signature>,
     _node: IpcNode,
 }
 
@@ -43,6 +45,7 @@ impl PlayedController {
             commands: command_server(&node, &command_service(&node).unwrap()).unwrap(),
             state,
             stops: 0,
+            last_stop: None,
             _node: node,
         }
     }
@@ -55,6 +58,8 @@ impl PlayedController {
             let command: Command = *request;
             assert_eq!(command.kind, CommandKind::Stop.code());
             self.stops += 1;
+            let signed = SignedCommand::try_from(&command).unwrap();
+            self.last_stop = Some(signed.signature);
             if self.state.state == LoopState::Executing.code() {
                 self.state.state = LoopState::Stopping.code();
             }
@@ -157,6 +162,13 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
         controller.cycle();
         (controller.stops > 0).then_some(())
     });
+    let signature = controller.last_stop.unwrap();
+    let reason = signature.reason.to_string();
+    assert_eq!(signature.sender, CommandSender::Supervision);
+    assert!(
+        reason.starts_with("the live scene is in the way at"),
+        "{reason}"
+    );
 
     // It has stopped somewhere; a motion from there onto the ball is planned and not published.
     controller.state.state = LoopState::Holding.code();

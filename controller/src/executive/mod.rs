@@ -18,6 +18,7 @@
 mod acceptance;
 mod cycle;
 mod ending;
+mod finishing;
 mod joining;
 mod motion;
 mod pace;

@@ -85,3 +85,52 @@ pub(super) fn waiting(output: &CycleOutput) -> String {
         reason => reason.to_string(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixtures::{SETTINGS, World};
+
+    #[test]
+    fn a_fault_says_by_how_much_and_where_on_which_trajectory() {
+        let mut output = World::holding().last.unwrap();
+        output.fault = LoopFault::TrackingError;
+        (output.tracking_error_rad, output.path_tolerance_rad) = (0.0612, 0.05);
+        let said = fault(&output, &SETTINGS);
+        assert_eq!(
+            said,
+            "the robot is 0.0612 rad off its path, 0.0500 are allowed"
+        );
+        output.fault = LoopFault::RobotLost;
+        (output.trajectory_id, output.path_time_s) = (7, 1.25);
+        let said = fault(&output, &SETTINGS);
+        let expected = "no newer state of the robot for over 20 ms; trajectory 7 at 1.250 s";
+        assert_eq!(said, expected);
+    }
+
+    #[test]
+    fn what_is_waited_for_says_what_is_allowed() {
+        let mut output = World::holding().last.unwrap();
+        (output.waiting, output.accepted_residual_m) = (Waiting::OffTendonMap, 3.2e-4);
+        let said = waiting(&output);
+        assert!(
+            said.contains("3.2e-4 m off") && said.contains("1e-6 m are allowed"),
+            "{said}"
+        );
+        (output.waiting, output.refused_robot_states) = (Waiting::OldRobotState, 12);
+        assert_eq!(
+            waiting(&output),
+            "robot state too old: 12 robot states refused so far"
+        );
+    }
+
+    #[test]
+    fn a_command_without_effect_says_what_the_controller_does() {
+        let refused = Outcome {
+            result: Err(CommandRefusal::NothingToDo),
+            state: LoopState::Holding,
+        };
+        let said = outcome(Command::Resume, &refused);
+        assert_eq!(said, "the controller is holding: no motion is paused");
+    }
+}
