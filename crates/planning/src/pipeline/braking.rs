@@ -3,15 +3,19 @@
 use crate::error::Infeasible;
 use crate::motion::along_polyline::append;
 use crate::motion::constraints::MotionConstraints;
+use crate::motion::through::Through;
 use crate::path::waypoints::{WAYPOINTS, resample};
 use crate::plan::{Candidate, Certified, Plan};
-use crate::request::StartMotion;
+use crate::problem::Problem;
+use crate::request::{Request, StartMotion};
 use codes::Stage;
 use pcc_model::{Configuration, TendonLimits};
 use rayon::prelude::*;
 use std::sync::Arc;
 use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
 
+/// Knots that a motion may have at least, however many its braking needs.
+const LEAST_KNOTS: usize = 4;
 /// Samples of a motion, equally spaced in time, by which its path is known.
 const SAMPLES: usize = 4 * WAYPOINTS;
 /// Relative amount by which a limit may be exceeded: the rounding of the measure.
@@ -20,7 +24,7 @@ const ROUNDING: f64 = 1e-6;
 /// A certified motion to rest, from whose end a request is planned.
 pub(super) struct Braking<'a> {
     constraints: &'a MotionConstraints<'a>,
-    pub(super) motion: Trajectory,
+    motion: Trajectory,
     /// Smallest clearance of the body while it brakes, section lengths.
     clearance: f64,
 }
@@ -59,9 +63,39 @@ impl<'a> Braking<'a> {
         }
     }
 
-    /// Knots that braking adds to a motion.
-    pub(crate) fn knots(&self) -> usize {
-        self.motion.knots().len() - 1
+    /// The problem and the request from where the robot then rests, with the knots that braking leaves of a motion.
+    pub(super) fn what_follows(&self, problem: &Problem, request: &Request) -> (Problem, Request) {
+        let braking_knots = self.motion.knots().len() - 1;
+        let problem = Problem {
+            start: self.motion.end(),
+            ..problem.clone()
+        };
+        let request = Request {
+            knots: request.knots.saturating_sub(braking_knots).max(LEAST_KNOTS),
+            ..request.clone()
+        };
+        (problem, request)
+    }
+
+    /// The state in which the robot begins to brake.
+    pub(super) fn state(&self) -> &Knot {
+        &self.motion.knots()[0]
+    }
+
+    /// Braking to rest, and then a route.
+    pub(super) fn before_route(&self, route: &Through) -> Through {
+        let clearance = self.clearance.min(route.motion.metrics.clearance);
+        let braking_s = self.motion.duration();
+        let passages = route
+            .passages
+            .iter()
+            .map(|passage| passage.later(braking_s));
+        Through {
+            motion: self
+                .constraints
+                .describe(self.before(&route.motion.trajectory), clearance),
+            passages: passages.collect(),
+        }
     }
 
     /// Braking, and then this motion.
@@ -82,10 +116,7 @@ impl<'a> Braking<'a> {
     /// The motion to the end of this one that begins while the robot brakes, if it is certified and faster than one after the other.
     fn beside(&self, motion: &Trajectory) -> Option<Certified> {
         let path = resample(&motion.sample(SAMPLES));
-        let joined = self
-            .constraints
-            .time_from(&self.motion.knots()[0], &path)
-            .ok()?;
+        let joined = self.constraints.time_from(self.state(), &path).ok()?;
         let is_faster = joined.duration() < self.motion.duration() + motion.duration();
         is_faster.then(|| self.constraints.certified(joined).ok())?
     }
