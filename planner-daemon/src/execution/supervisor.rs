@@ -351,6 +351,7 @@ pub(super) fn robot_motion(
             RobotMotion::Following(FollowedMotion {
                 trajectory_id: own.id,
                 motion: Arc::clone(&own.motion),
+                goals: Arc::clone(&own.goals),
                 time_s: values.trajectory_time_s,
                 fastest_rate: values.rate.max(ordered),
                 state_mono_ns: values.stamp_mono_ns,

@@ -13,10 +13,12 @@ use super::plan_runner::{Early, Job, PlanOutput, Planned};
 use super::request_validator::PlanTask;
 use super::robot_start::{NotReady, begin_at_robot};
 use super::service::{Queued, Service, is_wanted};
-use crate::execution::{ExecutionRefusal, SelectedMotion, Switch};
+use crate::execution::{ExecutionRefusal, SelectedMotion, Switch, TimedGoal};
 
 /// Longest wait for a motion that ends or is left in a moment, before a request that begins where the robot is is refused.
 const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
+/// The same of a request whose goals are appended: a motion that is to be joined may be joined only once it has passed a goal.
+const LONGEST_DEFERRAL_OF_GOALS: Duration = Duration::from_millis(600);
 /// Times that a request is planned whose plan comes too late for its switch.
 const ATTEMPTS: u32 = 3;
 
@@ -51,7 +53,7 @@ impl Service {
         let waited = begun - queued.received;
         let leaves = match self.start(&mut queued.task, attempt) {
             Ok(leaves) => leaves,
-            Err(NotReady::Passes(_)) if waited < LONGEST_DEFERRAL => {
+            Err(NotReady::Passes(_)) if waited < longest_deferral(&queued.task) => {
                 self.deferred = Some(queued);
                 return false;
             }
@@ -63,8 +65,9 @@ impl Service {
         let cancelled = Arc::new(AtomicBool::new(false));
         self.runner.begin(Job {
             problem: Arc::clone(&queued.task.problem),
+            via: queued.task.whole_via(),
             request: queued.task.request.clone(),
-            deadline: queued.deadline(),
+            deadline: queued.deadline() + excused(&queued.task, waited),
             early: self.early(&queued.task),
             cancelled: Arc::clone(&cancelled),
         });
@@ -87,7 +90,7 @@ impl Service {
         if !task.starts_at_robot {
             return Ok(None);
         }
-        let lead = self.lead_times.lead(task.request.sampler) * attempt;
+        let lead = self.lead_times.lead(task.kind()) * attempt;
         begin_at_robot(task, &self.execution.robot_motion(), lead, mono_now_ns())
     }
 
@@ -161,11 +164,12 @@ impl Service {
         let task = &in_flight.queued.task;
         let timing = task.execution?;
         self.lead_times
-            .note(task.request.sampler, in_flight.begun.elapsed());
+            .note(task.kind(), in_flight.begun.elapsed());
         Some(match answer.selected() {
             _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
-            Some((candidate_index, motion)) => self.execution.publish(SelectedMotion {
-                motion: Arc::clone(motion),
+            Some((candidate_index, candidate)) => self.execution.publish(SelectedMotion {
+                motion: Arc::clone(&candidate.trajectory),
+                goals: timed_goals(task, candidate),
                 leaves: in_flight.leaves,
                 candidate_index,
                 plan_id: in_flight.plan_id,
@@ -174,6 +178,34 @@ impl Service {
             None => Err(ExecutionRefusal::NothingSelected),
         })
     }
+}
+
+/// Longest wait of a task before it is refused where it cannot begin yet.
+fn longest_deferral(task: &PlanTask) -> Duration {
+    if task.appends {
+        LONGEST_DEFERRAL_OF_GOALS
+    } else {
+        LONGEST_DEFERRAL
+    }
+}
+
+/// The time that a task has waited and that does not count against its deadline: appended goals wait for a switch that is under way.
+fn excused(task: &PlanTask, waited: Duration) -> Duration {
+    if task.appends {
+        waited.min(LONGEST_DEFERRAL_OF_GOALS)
+    } else {
+        Duration::ZERO
+    }
+}
+
+/// The goals of a task, with the times at which a candidate passes them.
+fn timed_goals(task: &PlanTask, candidate: &Candidate) -> Arc<[TimedGoal]> {
+    let passed_s = candidate.passages.iter().map(|passage| passage.time_s);
+    let times_s = passed_s.chain([candidate.trajectory.duration()]);
+    let goals = task.goals().into_iter().zip(times_s);
+    goals
+        .map(|(goal, time_s)| TimedGoal { goal, time_s })
+        .collect()
 }
 
 /// States in the answer what became of the execution, where one was asked for.

@@ -15,7 +15,7 @@ mod wire;
 pub use command::{Command, CommandReply};
 pub use controller_state::{ControllerState, Cycle};
 pub use heartbeat::Heartbeat;
-pub use plan::{Ball, CandidateSummary, NONE_SELECTED, PlanReport, PlanRequest};
+pub use plan::{Ball, CandidateSummary, Goal, NONE_SELECTED, PlanReport, PlanRequest};
 pub use robot_state::RobotState;
 pub use scene::{MovingBall, SceneMessage, SceneStatus};
 pub use setpoint::Setpoint;
@@ -57,6 +57,7 @@ mod tests {
         describe!(
             Knot,
             Ball,
+            Goal,
             PlanRequest,
             CandidateSummary,
             PlanReport,
