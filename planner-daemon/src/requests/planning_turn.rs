@@ -163,8 +163,7 @@ impl Service {
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let task = &in_flight.queued.task;
         let timing = task.execution?;
-        self.lead_times
-            .note(task.kind(), in_flight.begun.elapsed());
+        self.lead_times.note(task.kind(), in_flight.begun.elapsed());
         Some(match answer.selected() {
             _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
             Some((candidate_index, candidate)) => self.execution.publish(SelectedMotion {

@@ -6,7 +6,7 @@ use std::time::Duration;
 use pcc_model::Configuration;
 use planning::{Problem, Request, StartMotion};
 use shared_types::capacity::MAX_GOALS;
-use shared_types::codes::{Outcome, Sampler};
+use shared_types::codes::Outcome;
 
 use super::refusal::Refusal;
 use super::request_validator::{PlanKind, PlanTask};
@@ -158,7 +158,7 @@ mod tests {
     use crate::execution::TimedGoal;
     use crate::fixtures::{motion, task};
     use planning::{Goal, Via};
-    use shared_types::codes::{LoopFault, LoopState};
+    use shared_types::codes::{LoopFault, LoopState, Sampler};
 
     const LEAD: Duration = Duration::from_millis(5);
 

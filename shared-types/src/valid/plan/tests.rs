@@ -185,6 +185,12 @@ const BAD: &[(Change, PlanField, &str)] = &[
         PlanField::PreviousCandidate,
         "0..=63",
     ),
+    (|r| r.start = 3, PlanField::Start, "3 is no start"),
+    (
+        |r| r.ignores_live_scene = 2,
+        PlanField::IgnoresLiveScene,
+        "0 (no) and 1 (yes)",
+    ),
 ];
 
 #[test]
