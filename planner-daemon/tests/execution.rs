@@ -10,7 +10,7 @@ use client::{Client, PlanAnswer, ScenePublisher};
 use common::{PATIENCE, World, request, until};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{CommandKind, CommandSender, LoopState, Outcome, ProcessKind};
+use shared_types::codes::{CommandKind, CommandSender, LoopState, Outcome, ProcessKind, StartKind};
 use shared_types::ipc::*;
 use shared_types::message::*;
 use shared_types::valid::{self, PlanReport, PlanRequest, Signature, SignedCommand};
@@ -22,6 +22,8 @@ struct PlayedController {
     heartbeats: Subscriber<Heartbeat>,
     commands: CommandServer,
     state: ControllerState,
+    /// When the trajectory that it executes was begun, if one is, nanoseconds of `CLOCK_MONOTONIC`.
+    begun_mono_ns: Option<i64>,
     /// Stops ordered.
     stops: usize,
     /// Who ordered the last one, and why.
@@ -44,6 +46,7 @@ impl PlayedController {
             heartbeats: subscriber(&node, &heartbeat_service(&node).unwrap()).unwrap(),
             commands: command_server(&node, &command_service(&node).unwrap()).unwrap(),
             state,
+            begun_mono_ns: None,
             stops: 0,
             last_stop: None,
             _node: node,
@@ -53,6 +56,9 @@ impl PlayedController {
     /// Publishes its state and accepts orders.
     fn cycle(&mut self) {
         self.state.stamp_mono_ns = mono_now_ns();
+        if let Some(begun) = self.begun_mono_ns {
+            self.state.trajectory_time_s = (self.state.stamp_mono_ns - begun) as f64 * 1e-9;
+        }
         self.states.send_copy(self.state).unwrap();
         while let Some(request) = self.commands.receive().unwrap() {
             let command: Command = *request;
@@ -72,6 +78,14 @@ impl PlayedController {
             };
             request.send_copy(reply).unwrap();
         }
+    }
+
+    /// Executes a trajectory from now on.
+    fn begin(&mut self, trajectory: &valid::Trajectory) {
+        self.state.trajectory_id = trajectory.id;
+        self.state.state = LoopState::Executing.code();
+        self.state.speed = 1.0;
+        self.begun_mono_ns = Some(mono_now_ns());
     }
 
     fn trajectory(&self) -> Option<valid::Trajectory> {
@@ -450,4 +464,69 @@ fn a_motion_says_who_watches_over_it_and_is_taken_back_where_it_is_not_taken_up(
     assert!(mono_now_ns() > trajectory.begin_mono_ns + 300_000_000);
     let second = plan(&mut client, &mut controller, &executed());
     assert_eq!(second.report().outcome, Outcome::Ok);
+}
+
+/// The first time from `from_s` on at which a motion is as near to a configuration as it comes within 2e-3 rad, s.
+fn passes(trajectory: &valid::Trajectory, shape: [f64; 6], from_s: f64) -> Option<f64> {
+    let knots = trajectory.knots.iter().map(|knot| trajectory::Knot {
+        time: knot.time_s,
+        position: knot.configuration_rad.into(),
+        velocity: knot.velocity_rad_s.into(),
+        acceleration: knot.acceleration_rad_s2.into(),
+    });
+    let motion = trajectory::Trajectory::new(knots.collect()).unwrap();
+    let times_s = (0..=20_000).map(|i| motion.duration() * f64::from(i) / 2e4);
+    times_s.filter(|&time_s| time_s >= from_s).find(|&time_s| {
+        (motion.at(time_s).position - pcc_model::Configuration::from(shape)).norm() < 2e-3
+    })
+}
+
+#[test]
+fn appended_goals_are_reached_after_those_ahead_until_the_queue_is_full() {
+    let world = World::new();
+    let daemon = world.start(&world.configuration(""));
+    let mut client = Client::connect(&world.options).unwrap();
+    client.wait_for_daemon(PATIENCE).unwrap();
+    let mut controller = PlayedController::start(&world.options);
+    let shape = |bend: f64| [bend, 0.2, -bend, 0.1, 0.3, 0.5 * bend];
+    let goal = |bend: f64| valid::Goal::Configuration(shape(bend));
+    let first = PlanRequest {
+        via: vec![goal(0.3), goal(0.6)],
+        goal: goal(0.9),
+        balls: Vec::new(),
+        candidate_count: 1,
+        ..executed()
+    };
+    let answer = plan(&mut client, &mut controller, &first);
+    assert_eq!(answer.report().outcome, Outcome::Ok, "{}", daemon.said());
+    let left = until(|| controller.trajectory());
+    controller.begin(&left);
+    let appended = PlanRequest {
+        start: StartKind::AfterGoals,
+        via: Vec::new(),
+        goal: goal(-0.5),
+        ..first.clone()
+    };
+    let answer = plan(&mut client, &mut controller, &appended);
+    assert_eq!(answer.report().outcome, Outcome::Ok, "{}", daemon.said());
+    let joining = until(|| controller.trajectory());
+    let leaves = joining.leaves.unwrap();
+    assert_eq!(leaves.trajectory_id, left.id);
+    let mut passed_s = 0.0;
+    for bend in [0.3, 0.6, 0.9, -0.5] {
+        if passes(&left, shape(bend), leaves.path_time_s).is_some() || bend < 0.0 {
+            let passes_s = passes(&joining, shape(bend), passed_s);
+            passed_s = passes_s.unwrap_or_else(|| panic!("{bend} is lost after {passed_s} s"));
+        }
+    }
+    assert!(passed_s > 1.0, "the premise, goals were ahead: {passed_s}");
+    controller.begin(&joining);
+    let many = PlanRequest {
+        via: vec![goal(0.4); 6],
+        ..appended
+    };
+    let refused = plan(&mut client, &mut controller, &many);
+    assert_eq!(refused.report().outcome, Outcome::Overloaded);
+    let reason = &refused.report().reason;
+    assert!(reason.contains("the queue is full"), "{reason}");
 }

@@ -190,7 +190,7 @@ const MALFORMED: &[Case] = &[
         PlanField::Execute,
     ),
     (
-        |r| r.goal_kind = 2,
+        |r| r.goals[0].kind = 2,
         Outcome::InvalidRequest,
         PlanField::GoalKind,
     ),
@@ -205,7 +205,7 @@ const MALFORMED: &[Case] = &[
         PlanField::Balls,
     ),
     (
-        |r| r.goal_tip_m[2] = f64::INFINITY,
+        |r| r.goals[0].tip_m[2] = f64::INFINITY,
         Outcome::InvalidRequest,
         PlanField::GoalTip,
     ),
@@ -256,17 +256,17 @@ const MALFORMED: &[Case] = &[
         PlanField::None,
     ),
     (
-        |r| r.goal_tip_m = [0.0, 0.0, 4.0],
+        |r| r.goals[0].tip_m = [0.0, 0.0, 4.0],
         Outcome::GoalOutOfReach,
         PlanField::None,
     ),
     (
-        |r| r.balls[0].centre_m = r.goal_tip_m,
+        |r| r.balls[0].centre_m = r.goals[0].tip_m,
         Outcome::GoalInCollision,
         PlanField::None,
     ),
     (
-        |r| r.tip_tolerance_m = 1e-300,
+        |r| r.goals[0].tip_tolerance_m = 1e-300,
         Outcome::NoPath,
         PlanField::None,
     ),

@@ -10,6 +10,8 @@ pub const MAX_BALLS: usize = 64;
 pub const MAX_SCENE_BALLS: usize = 1024;
 /// Bytes of the name of a source of live scenes.
 pub const SOURCE_NAME_BYTES: usize = 32;
+/// Goals of one plan request, and goals ahead of a motion.
+pub const MAX_GOALS: usize = 8;
 /// Candidates in one plan response.
 pub const MAX_CANDIDATES: usize = 64;
 /// Knots of one trajectory.

@@ -39,7 +39,9 @@ const INVALID: &[BadRequest] = invalid! {
     Selection "unknown selection" |r| r.selection = 6;
     SelectedIndex "index beyond the candidates" |r| (r.selection, r.selected_index) = (5, 2);
     Execute "execute = 2" |r| r.execute = 2;
-    GoalKind "unknown goal kind" |r| r.goal_kind = 2;
+    GoalCount "no goal" |r| r.goal_count = 0;
+    GoalCount "nine goals" |r| r.goal_count = 9;
+    GoalKind "unknown goal kind" |r| r.goals[0].kind = 2;
     BallCount "65 balls" |r| r.ball_count = 65;
     BallCount "all bits of balls" |r| r.ball_count = u32::MAX;
     StartConfiguration "start NaN" |r| r.start_configuration_rad[5] = f64::NAN;
@@ -52,11 +54,11 @@ const INVALID: &[BadRequest] = invalid! {
     PreviousPlan "a previous plan that is not kept" |r| (r.sampler, r.previous_plan_id) = (0, 1);
     PreviousCandidate "candidate 64 of a previous plan" |r| (r.sampler, r.previous_plan_id, r.previous_candidate) = (0, 1, 64);
     StartAcceleration "acceleration NaN" |r| r.start_acceleration_rad_s2[1] = f64::NAN;
-    GoalTip "tip -infinite" |r| r.goal_tip_m[2] = f64::NEG_INFINITY;
-    GoalTip "tip NaN" |r| r.goal_tip_m[0] = f64::NAN;
-    TipTolerance "negative tolerance" |r| r.tip_tolerance_m = -1e-9;
-    TipTolerance "tolerance NaN" |r| r.tip_tolerance_m = f64::NAN;
-    GoalConfiguration "goal NaN" |r| (r.goal_kind, r.goal_configuration_rad[3]) = (1, f64::NAN);
+    GoalTip "tip -infinite" |r| r.goals[0].tip_m[2] = f64::NEG_INFINITY;
+    GoalTip "tip NaN" |r| r.goals[0].tip_m[0] = f64::NAN;
+    TipTolerance "negative tolerance" |r| r.goals[0].tip_tolerance_m = -1e-9;
+    TipTolerance "tolerance NaN" |r| r.goals[0].tip_tolerance_m = f64::NAN;
+    GoalConfiguration "goal NaN" |r| (r.goals[0].kind, r.goals[0].configuration_rad[3]) = (1, f64::NAN);
     LimitsScale "limits times 0" |r| r.limits_scale = 0.0;
     LimitsScale "limits times -1" |r| r.limits_scale = -1.0;
     LimitsScale "limits times 2" |r| r.limits_scale = 2.0;
@@ -98,13 +100,13 @@ const POSED: &[BadRequest] = &[
         (r.ball_count, r.balls[0]) = (1, ball([0.0, 0.0, 1.5], 0.4));
     }),
     posed("goal too far", Outcome::GoalOutOfReach, |r| {
-        r.goal_tip_m = [0.0, 0.0, 3.5];
+        r.goals[0].tip_m = [0.0, 0.0, 3.5];
     }),
     posed("goal below the base", Outcome::GoalOutOfReach, |r| {
-        r.goal_tip_m = [0.0, 0.0, -3.2];
+        r.goals[0].tip_m = [0.0, 0.0, -3.2];
     }),
     posed("goal inside a ball", Outcome::GoalInCollision, |r| {
-        (r.ball_count, r.balls[0]) = (1, ball(r.goal_tip_m, 0.3));
+        (r.ball_count, r.balls[0]) = (1, ball(r.goals[0].tip_m, 0.3));
     }),
 ];
 

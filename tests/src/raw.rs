@@ -90,6 +90,8 @@ impl RawClient {
 /// A good request: from straight to a tip that every robot of the unit size reaches.
 #[must_use]
 pub fn good_request() -> PlanRequest {
+    let mut goals = PlanRequest::ZEROED.goals;
+    goals[0].tip_m = [0.0, -1.55, 2.25];
     PlanRequest {
         protocol_version: PROTOCOL_VERSION,
         candidate_count: 2,
@@ -97,7 +99,8 @@ pub fn good_request() -> PlanRequest {
         seed: 7,
         deadline_ns: 30_000_000_000,
         sampler: shared_types::codes::Sampler::Straight.code(),
-        goal_tip_m: [0.0, -1.55, 2.25],
+        goal_count: 1,
+        goals,
         limits_scale: 1.0,
         ..PlanRequest::ZEROED
     }

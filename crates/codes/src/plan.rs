@@ -158,6 +158,8 @@ codes! {
         Given = 0 "given",
         /// Where the robot is: where it holds, or on its motion, which the new one joins as soon as it is planned.
         Robot = 1 "robot",
+        /// Where the robot is, and the goals are reached after those that are still ahead of its motion.
+        AfterGoals = 2 "after the goals ahead",
     }
 }
 
@@ -181,8 +183,8 @@ codes! {
         SelectedIndex = 6 "selected_index",
         /// `execute`.
         Execute = 7 "execute",
-        /// `goal_kind`.
-        GoalKind = 8 "goal_kind",
+        /// `goals.kind`.
+        GoalKind = 8 "goals.kind",
         /// `ball_count`.
         BallCount = 9 "ball_count",
         /// `start_configuration_rad`.
@@ -191,12 +193,12 @@ codes! {
         StartVelocity = 11 "start_velocity_rad_s",
         /// `start_acceleration_rad_s2`.
         StartAcceleration = 12 "start_acceleration_rad_s2",
-        /// `goal_tip_m`.
-        GoalTip = 13 "goal_tip_m",
-        /// `goal_configuration_rad`.
-        GoalConfiguration = 14 "goal_configuration_rad",
-        /// `tip_tolerance_m`.
-        TipTolerance = 15 "tip_tolerance_m",
+        /// `goals.tip_m`.
+        GoalTip = 13 "goals.tip_m",
+        /// `goals.configuration_rad`.
+        GoalConfiguration = 14 "goals.configuration_rad",
+        /// `goals.tip_tolerance_m`.
+        TipTolerance = 15 "goals.tip_tolerance_m",
         /// `limits_scale`.
         LimitsScale = 16 "limits_scale",
         /// `begin_mono_ns`.
@@ -215,5 +217,7 @@ codes! {
         Start = 23 "start",
         /// `ignores_live_scene`.
         IgnoresLiveScene = 24 "ignores_live_scene",
+        /// `goal_count`.
+        GoalCount = 25 "goal_count",
     }
 }

@@ -11,7 +11,9 @@ const UNBENT: &str = "no section bent beyond the robot's limit";
 /// The options that describe a motion: where it begins and ends, and the balls that it must avoid.
 pub(crate) struct MotionOptions<'a> {
     pub(crate) start: Option<&'a [f64]>,
+    /// Three values a tip.
     pub(crate) tip: Option<&'a [f64]>,
+    /// Six values a configuration.
     pub(crate) configuration: Option<&'a [f64]>,
     /// Four values a ball.
     pub(crate) balls: &'a [f64],
@@ -22,9 +24,12 @@ impl MotionOptions<'_> {
     pub(crate) fn explain(&self, outcome: Outcome) -> Option<String> {
         let of = |name: &str, values: &[f64]| format!("--{name} {}", spaced(values));
         let start = self.start.map(|values| of("start", values)).into_iter();
-        let goal = (self.tip.map(|values| of("tip", values)))
-            .or_else(|| self.configuration.map(|values| of("configuration", values)))
-            .into_iter();
+        let goals = |name, values: Option<&[f64]>, each| {
+            let goals = values.unwrap_or_default().chunks(each);
+            goals.map(|values| of(name, values)).collect::<Vec<_>>()
+        };
+        let tips = goals("tip", self.tip, 3).into_iter();
+        let goal = tips.chain(goals("configuration", self.configuration, 6));
         let balls = self.balls.chunks(4).map(|values| of("ball", values));
         let (options, needed): (Vec<String>, _) = match outcome {
             Outcome::StartOutOfLimits => (start.collect(), UNBENT),

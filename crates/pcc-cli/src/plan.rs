@@ -7,12 +7,12 @@ use crate::number::{self, balls_of};
 use crate::option_faults::MotionOptions;
 use crate::order::STANDS_STILL;
 use crate::sampler::{samplers, selections};
-use anyhow::bail;
+use anyhow::{anyhow, bail};
 use clap::{ArgAction, Args};
 use client::{Client, ControllerView, PlanAnswer, ResultView};
-use shared_types::capacity::{DOF, MAX_CANDIDATES};
+use shared_types::capacity::{DOF, MAX_CANDIDATES, MAX_GOALS};
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{MotionOutcome, Outcome, Sampler, Selection};
+use shared_types::codes::{MotionOutcome, Outcome, Sampler, Selection, StartKind};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
 use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
@@ -28,14 +28,15 @@ const LONGEST_DEADLINE_MS: u64 = 60_000;
 /// Arguments of `pcc plan`.
 #[derive(Args)]
 pub(crate) struct Arguments {
-    /// Tip position to reach, metres (-1000 to 1000), base frame.
-    #[arg(long, num_args = 3, action = ArgAction::Set, value_parser = number::metres(), value_names = ["X", "Y", "Z"], required_unless_present = "configuration")]
+    /// Tip position to reach, metres (-1000 to 1000), base frame; may be given up to 8 times: the tip passes the first ones, without rest
+    /// where that is certified.
+    #[arg(long, num_args = 3, action = ArgAction::Append, value_parser = number::metres(), value_names = ["X", "Y", "Z"], required_unless_present = "configuration")]
     tip: Option<Vec<f64>>,
-    /// Configuration to reach instead, radians (-π to π, and within the robot's bending limit).
+    /// Configuration to reach instead, radians (-π to π, and within the robot's bending limit); may be given up to 8 times, as --tip.
     #[arg(
         long,
         num_args = 6,
-        action = ArgAction::Set,
+        action = ArgAction::Append,
         value_parser = number::radians(),
         value_name = "RAD",
         conflicts_with = "tip"
@@ -44,6 +45,9 @@ pub(crate) struct Arguments {
     /// Start configuration, radians (as --configuration); without it, where the robot is: where it holds, or on its motion.
     #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = number::radians(), value_name = "RAD")]
     start: Option<Vec<f64>>,
+    /// Reach the goals after those that are still ahead of the robot's motion, at most 8 in all.
+    #[arg(long, conflicts_with = "start")]
+    append: bool,
     /// An obstacle, metres (coordinates from -1000 to 1000, a radius from 0 to 1000); may be given up to 64 times.
     #[arg(long, num_args = 4, action = ArgAction::Append, value_parser = number::metres(), value_names = ["X", "Y", "Z", "RADIUS"])]
     ball: Vec<f64>,
@@ -198,12 +202,19 @@ impl Arguments {
             centre_m: [x, y, z],
             radius_m,
         });
-        let goal = self.goal()?;
+        let mut via = self.goals()?;
+        let goal = via.pop();
+        let goal = goal.ok_or_else(|| anyhow!("--tip or --configuration is needed"))?;
         let request = match &self.start {
             Some(values) => PlanRequest::new(six(values), goal),
+            None if self.append => PlanRequest {
+                start: StartKind::AfterGoals,
+                ..PlanRequest::from_robot(goal)
+            },
             None => PlanRequest::from_robot(goal),
         };
         Ok(PlanRequest {
+            via,
             seed: self.seed,
             candidate_count: self.candidates,
             deadline: (self.deadline_ms > 0).then(|| Duration::from_millis(self.deadline_ms)),
@@ -219,15 +230,27 @@ impl Arguments {
         })
     }
 
-    fn goal(&self) -> anyhow::Result<Goal> {
-        match (&self.tip, &self.configuration) {
-            (Some(tip), _) => Ok(Goal::Tip {
-                position_m: [tip[0], tip[1], tip[2]],
-                tolerance_m: None,
-            }),
-            (None, Some(values)) => Ok(Goal::Configuration(six(values))),
-            (None, None) => bail!("--tip or --configuration is needed"),
+    /// The goals, in their order.
+    fn goals(&self) -> anyhow::Result<Vec<Goal>> {
+        let tips = self.tip.iter().flat_map(|tips| tips.chunks_exact(3));
+        let tips = tips.map(|tip| Goal::Tip {
+            position_m: [tip[0], tip[1], tip[2]],
+            tolerance_m: None,
+        });
+        let shapes = self
+            .configuration
+            .iter()
+            .flat_map(|values| values.chunks_exact(6));
+        let goals: Vec<Goal> = tips
+            .chain(shapes.map(|values| Goal::Configuration(six(values))))
+            .collect();
+        if goals.len() > MAX_GOALS {
+            bail!(
+                "{} goals are given: 1 to {MAX_GOALS} are allowed",
+                goals.len()
+            );
         }
+        Ok(goals)
     }
 
     /// The outcome of a request, its reason, which may begin with the outcome's own words, and the options that are at fault.
@@ -262,6 +285,12 @@ fn six(values: &[f64]) -> [f64; DOF] {
 mod tests {
     use super::*;
 
+    #[derive(clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
     #[test]
     fn a_speed_below_one_is_said() {
         assert_eq!(speed_note(1.0), None);
@@ -271,12 +300,28 @@ mod tests {
     }
 
     #[test]
+    fn tips_become_goals_in_their_order() {
+        let line = |words: &str| <Line as clap::Parser>::try_parse_from(words.split(' '));
+        let request = |words| line(words).unwrap().arguments.request(17);
+        let several = request("pcc --tip 0 0 1 --tip 0 0 2 --tip 0 0 2.5 --append").unwrap();
+        assert_eq!(several.start, StartKind::AfterGoals);
+        let heights = several
+            .via
+            .iter()
+            .chain([&several.goal])
+            .map(|goal| match goal {
+                Goal::Tip { position_m, .. } => position_m[2],
+                Goal::Configuration(_) => f64::NAN,
+            });
+        assert_eq!(heights.collect::<Vec<_>>(), [1.0, 2.0, 2.5]);
+        let shapes = " --configuration 0 0 0 0 0 0".repeat(9);
+        let many = request(&format!("pcc{shapes}")).unwrap_err().to_string();
+        assert!(many.contains("9 goals"), "{many}");
+        assert!(line("pcc --tip 0 0 1 --start 0 0 0 0 0 0 --append").is_err());
+    }
+
+    #[test]
     fn a_motion_from_a_named_start_is_wanted_since_the_program_began() {
-        #[derive(clap::Parser)]
-        struct Line {
-            #[command(flatten)]
-            arguments: Arguments,
-        }
         let words = "pcc --start 0 0 0 0 0 0 --tip 0 0 1 --execute".split(' ');
         let line = <Line as clap::Parser>::parse_from(words);
         let request = line.arguments.request(17).unwrap();

@@ -9,6 +9,14 @@ pub enum PlannerError {
     /// The problem itself has no solution.
     #[error(transparent)]
     Infeasible(#[from] Infeasible),
+    /// A goal on the way cannot be passed.
+    #[error("goal {} of the route: {infeasible}", index + 1)]
+    InfeasibleVia {
+        /// Its index among the goals.
+        index: usize,
+        /// Why.
+        infeasible: Infeasible,
+    },
     /// A learned sampler was asked for and its model is not loaded.
     #[error(
         "sampler not loaded: the request needs the {0} model, whose weights the configuration has to name; `straight` and `rrt-connect` need none"

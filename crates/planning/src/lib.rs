@@ -44,9 +44,9 @@ pub use path::waypoints::{
     WAYPOINTS, Waypoints, parameter, project_to_limits, resample, straight_path,
 };
 pub use pipeline::selection::select;
-pub use plan::{Candidate, Certified, Draw, Failure, Plan};
+pub use plan::{Candidate, Certified, Draw, Failure, Passage, Plan};
 pub use planner::Planner;
-pub use problem::{Goal, Problem};
+pub use problem::{Goal, Problem, Via};
 pub use request::{Guidance, PreviousPlan, Request, StartMotion, Supervision};
 pub use resources::Models;
 pub use search::edges::RrtSettings;

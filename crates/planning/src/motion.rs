@@ -3,6 +3,8 @@
 pub(crate) mod along_polyline;
 pub(crate) mod among_moving_balls;
 pub(crate) mod constraints;
-mod duration_bound;
+pub(crate) mod duration_bound;
 pub(crate) mod incumbent;
 pub(crate) mod path_to_trajectory;
+pub(crate) mod route_path;
+pub(crate) mod through;

@@ -2,6 +2,7 @@
 
 pub(crate) mod answer;
 mod braking;
+mod chain;
 pub(crate) mod context;
 mod default;
 mod exploring;
@@ -10,6 +11,7 @@ mod goal_set;
 mod learned;
 mod missing_goals;
 mod previous_plan;
+pub(crate) mod route;
 pub(crate) mod selection;
 mod straight_line;
 mod trees;

@@ -44,6 +44,25 @@ pub struct Certified {
     pub metrics: PathMetrics,
 }
 
+/// A configuration that a motion passes on the way to its end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Passage {
+    /// The configuration, radians; the motion is within 1e-3 rad of it.
+    pub configuration: Configuration,
+    /// Time of the motion at which it is nearest to the configuration, s.
+    pub time_s: f64,
+}
+
+impl Passage {
+    /// The same of a motion that begins so many seconds later.
+    pub(crate) fn later(&self, by_s: f64) -> Self {
+        Self {
+            time_s: self.time_s + by_s,
+            ..*self
+        }
+    }
+}
+
 /// One certified, timed motion of a plan.
 #[derive(Clone, Debug)]
 pub struct Candidate {
@@ -55,6 +74,8 @@ pub struct Candidate {
     pub source: Source,
     /// Index of the draw that the motion came from.
     pub draw: usize,
+    /// Where it passes the goals before the last, in their order.
+    pub passages: Vec<Passage>,
 }
 
 impl Candidate {
@@ -65,6 +86,7 @@ impl Candidate {
             metrics: motion.metrics,
             source,
             draw,
+            passages: Vec::new(),
         }
     }
 

@@ -6,8 +6,9 @@ use crate::models::diffusion::Task;
 use crate::path::waypoints::Waypoints;
 use crate::pipeline::answer::{answer, answer_with_paths};
 use crate::pipeline::context::RequestContext;
+use crate::pipeline::route::answer_route;
 use crate::plan::Plan;
-use crate::problem::Problem;
+use crate::problem::{Problem, Via};
 use crate::request::{Guidance, Interrupt, Request, Supervision};
 use crate::resources::{Models, Resources};
 use pcc_model::{Robot, UnitRobot};
@@ -85,13 +86,31 @@ impl Planner {
         request: &Request,
         supervision: Supervision,
     ) -> Result<Plan, PlannerError> {
+        self.plan_route(&[], problem, request, supervision)
+    }
+
+    /// Answers one request whose motions pass goals in turn on the way to the problem's own, without rest where that is certified, and tells
+    /// of its candidates before that. The plan to go on from is not read where there are such goals.
+    ///
+    /// # Errors
+    /// As [`Planner::plan`], and [`PlannerError::InfeasibleVia`].
+    pub fn plan_route(
+        &self,
+        via: &[Via],
+        problem: &Problem,
+        request: &Request,
+        supervision: Supervision,
+    ) -> Result<Plan, PlannerError> {
         self.resources.models.check_loaded(request.sampler)?;
         problem.check_start(&self.resources.robot)?;
         let padded = self.padded(request);
         let resources = &self.resources;
         self.workers.install(|| {
             let context = RequestContext::new(resources, &padded, problem, request, supervision);
-            answer(&context)
+            match via {
+                [] => answer(&context),
+                via => answer_route(&context, via),
+            }
         })
     }
 

@@ -14,6 +14,15 @@ pub enum Goal {
     Configuration(Configuration),
 }
 
+/// A goal that a motion passes on its way to another one, without rest where that can be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Via {
+    /// What is passed.
+    pub goal: Goal,
+    /// Largest distance of the tip from where the goal wants it, section lengths.
+    pub tip_tolerance: f64,
+}
+
 /// One planning problem in units of the section length.
 #[derive(Clone, Debug)]
 pub struct Problem {

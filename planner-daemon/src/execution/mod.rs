@@ -21,6 +21,6 @@ pub use heartbeat::BackgroundError;
 pub(crate) use heartbeat::BackgroundThreads;
 pub(crate) use refusal::ExecutionRefusal;
 pub(crate) use request::{ExecutionTiming, SelectedMotion};
-pub(crate) use robot_motion::{RobotMotion, Switch};
+pub(crate) use robot_motion::{FollowedMotion, RobotMotion, Switch, TimedGoal};
 pub(crate) use rules::ExecutionRules;
 pub(crate) use supervision_thread::{Execution, ExpectedBegin};

@@ -1,7 +1,5 @@
 //! Publication of motions for the controller, after their last checks.
 
-use std::sync::Arc;
-
 use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::MotionStart;
@@ -63,8 +61,7 @@ impl Supervisor {
         self.last_id = id;
         let motion = SupervisedMotion::new(
             id,
-            Arc::clone(&selected.motion),
-            selected.leaves,
+            selected,
             schedule.begin_mono_ns,
             schedule.controller_instance,
             certificates,

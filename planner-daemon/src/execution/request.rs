@@ -7,7 +7,7 @@ use std::sync::mpsc::SyncSender;
 use trajectory::Trajectory;
 
 use super::refusal::ExecutionRefusal;
-use super::robot_motion::Switch;
+use super::robot_motion::{Switch, TimedGoal};
 
 /// When a motion was asked for, and when it is to begin, nanoseconds of `CLOCK_MONOTONIC`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +21,8 @@ pub(crate) struct ExecutionTiming {
 /// The selected candidate's motion, to be executed.
 pub(crate) struct SelectedMotion {
     pub(crate) motion: Arc<Trajectory>,
+    /// Its goals, in their order.
+    pub(crate) goals: Arc<[TimedGoal]>,
     /// Where it leaves the motion that is followed; none where it begins at rest.
     pub(crate) leaves: Option<Switch>,
     pub(crate) candidate_index: usize,

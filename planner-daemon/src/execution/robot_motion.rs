@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use pcc_model::Configuration;
+use planning::Via;
 use shared_types::clock::seconds;
 use shared_types::codes::{LoopFault, LoopState};
 use trajectory::{Knot, Trajectory};
@@ -12,6 +13,8 @@ use crate::live_scene::Timing;
 
 /// Least path time between a switch and a knot of the motion that is left, s; the controller wants 0.4 ms.
 const SWITCH_GAP_S: f64 = 6e-4;
+/// Time that a motion takes from a switch until it has braked, s: 0.3 s at the shipped robots' limits, and some more.
+const BRAKING_S: f64 = 0.4;
 
 /// What the robot does by the controller's last fresh state.
 #[derive(Clone, Debug, Default)]
@@ -34,11 +37,21 @@ pub(crate) enum RobotMotion {
     },
 }
 
+/// A goal of a motion, and when the motion passes it or ends in it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct TimedGoal {
+    pub(crate) goal: Via,
+    /// Path time, s.
+    pub(crate) time_s: f64,
+}
+
 /// A motion of this daemon that the controller follows.
 #[derive(Clone, Debug)]
 pub(crate) struct FollowedMotion {
     pub(crate) trajectory_id: u32,
     pub(crate) motion: Arc<Trajectory>,
+    /// Its goals, in their order.
+    pub(crate) goals: Arc<[TimedGoal]>,
     /// Path time at the state's stamp, s.
     pub(crate) time_s: f64,
     /// Path time per time, as the state has it.
@@ -74,7 +87,35 @@ impl FollowedMotion {
 
     /// The first place at which the motion can be left by one that is published `lead` from now; none where it ends before that.
     pub(crate) fn switch_after(&self, lead: Duration, now_mono_ns: i64) -> Option<Switch> {
-        let earliest_s = self.latest_s(now_mono_ns) + lead.as_secs_f64() * self.fastest_rate;
+        self.switch_from(self.earliest_s(lead, now_mono_ns))
+    }
+
+    /// The first such place at which none of its goals is so near ahead that a motion which brakes there would miss it, but for the last
+    /// one, and the goals from there on.
+    pub(crate) fn switch_between_goals(
+        &self,
+        lead: Duration,
+        now_mono_ns: i64,
+    ) -> Option<(Switch, Vec<Via>)> {
+        let (_, passed) = self.goals.split_last()?;
+        let mut earliest_s = self.earliest_s(lead, now_mono_ns);
+        for goal in passed {
+            let ahead_s = goal.time_s - earliest_s;
+            if (0.0..=BRAKING_S).contains(&ahead_s) {
+                earliest_s = goal.time_s;
+            }
+        }
+        let switch = self.switch_from(earliest_s)?;
+        let ahead = self.goals.iter();
+        let ahead = ahead.filter(|goal| goal.time_s > switch.path_time_s);
+        Some((switch, ahead.map(|goal| goal.goal).collect()))
+    }
+
+    fn earliest_s(&self, lead: Duration, now_mono_ns: i64) -> f64 {
+        self.latest_s(now_mono_ns) + lead.as_secs_f64() * self.fastest_rate
+    }
+
+    fn switch_from(&self, earliest_s: f64) -> Option<Switch> {
         let path_time_s = clear_of_knots(self.motion.knots(), earliest_s)?;
         let state = self.motion.at(path_time_s);
         Some(Switch {
@@ -108,6 +149,7 @@ fn clear_of_knots(knots: &[Knot], earliest_s: f64) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::fixtures::motion;
+    use planning::Goal;
 
     const NOW: i64 = 5_000_000_000;
 
@@ -115,6 +157,7 @@ mod tests {
         FollowedMotion {
             trajectory_id: 7,
             motion: Arc::new(motion()),
+            goals: Arc::default(),
             time_s: 0.1,
             rate: 1.0,
             fastest_rate: 1.0,
@@ -137,6 +180,34 @@ mod tests {
             ..followed
         };
         assert_eq!(at_end.switch_after(Duration::from_millis(5), NOW), None);
+    }
+
+    #[test]
+    fn no_goal_is_passed_while_a_motion_brakes_that_goes_on_to_it() {
+        let goal = |time_s: f64| TimedGoal {
+            goal: Via {
+                goal: Goal::Configuration(Configuration::repeat(time_s)),
+                tip_tolerance: 0.01,
+            },
+            time_s,
+        };
+        let with = |times_s: &[f64]| FollowedMotion {
+            goals: times_s.iter().map(|&time_s| goal(time_s)).collect(),
+            ..followed()
+        };
+        let lead = Duration::from_millis(5);
+        let end_s = motion().duration();
+        let switch = |times_s: &[f64]| with(times_s).switch_between_goals(lead, NOW).unwrap();
+        // The robot can be at 0.115 s when the motion is joined.
+        let (early, ahead) = switch(&[0.1, 0.9, end_s]);
+        assert!((0.115..0.13).contains(&early.path_time_s), "{early:?}");
+        assert_eq!(ahead, [goal(0.9).goal, goal(end_s).goal]);
+        let (between, ahead) = switch(&[0.3, 0.6, end_s]);
+        assert!((0.6..0.62).contains(&between.path_time_s), "{between:?}");
+        assert_eq!(ahead, [goal(end_s).goal]);
+        let (before_the_end, ahead) = switch(&[0.4]);
+        assert!((0.115..0.13).contains(&before_the_end.path_time_s));
+        assert_eq!(ahead.len(), 1);
     }
 
     #[test]

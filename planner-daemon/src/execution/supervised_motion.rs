@@ -7,7 +7,8 @@ use shared_types::codes::LoopState;
 use shared_types::valid::ControllerState;
 use trajectory::Trajectory;
 
-use super::robot_motion::Switch;
+use super::request::SelectedMotion;
+use super::robot_motion::{Switch, TimedGoal};
 use crate::live_scene::{Certificates, SceneAbsence, Stretch, Timing, UNSUPERVISED_S};
 
 /// Time after a motion's begin within which the controller must have started it, nanoseconds; else it is stopped.
@@ -44,6 +45,8 @@ pub(crate) enum StopReason {
 pub(crate) struct SupervisedMotion {
     pub(crate) id: u32,
     pub(crate) motion: Arc<Trajectory>,
+    /// Its goals, in their order.
+    pub(crate) goals: Arc<[TimedGoal]>,
     /// Where it leaves the motion before it; none where it begins at rest.
     pub(crate) leaves: Option<Switch>,
     pub(crate) certificates: Certificates,
@@ -76,8 +79,7 @@ impl SupervisedMotion {
     /// A motion that was just published for the controller of this instance.
     pub(crate) fn new(
         id: u32,
-        motion: Arc<Trajectory>,
-        leaves: Option<Switch>,
+        selected: &SelectedMotion,
         begin_mono_ns: i64,
         controller_instance: u64,
         certificates: Certificates,
@@ -85,8 +87,9 @@ impl SupervisedMotion {
     ) -> Self {
         Self {
             id,
-            motion,
-            leaves,
+            motion: Arc::clone(&selected.motion),
+            goals: Arc::clone(&selected.goals),
+            leaves: selected.leaves,
             certificates,
             controller_instance,
             begin_mono_ns,
@@ -198,6 +201,7 @@ pub(crate) fn is_fresh(state: &ControllerState, now_mono_ns: i64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::execution::ExecutionTiming;
     use crate::fixtures::{controller_state, motion};
     use shared_types::message;
 
@@ -205,10 +209,20 @@ mod tests {
     const CONTROLLER: u64 = 77;
 
     fn supervised() -> SupervisedMotion {
+        let selected = SelectedMotion {
+            motion: Arc::new(motion()),
+            goals: Arc::default(),
+            leaves: None,
+            candidate_index: 0,
+            plan_id: 1,
+            timing: ExecutionTiming {
+                requested_mono_ns: 1,
+                begin_mono_ns: None,
+            },
+        };
         SupervisedMotion::new(
             7,
-            Arc::new(motion()),
-            None,
+            &selected,
             BEGIN,
             CONTROLLER,
             Certificates::default(),

@@ -361,6 +361,7 @@ pub(super) fn robot_motion(
             RobotMotion::Following(FollowedMotion {
                 trajectory_id: own.id,
                 motion: Arc::clone(&own.motion),
+                goals: Arc::clone(&own.goals),
                 time_s: values.trajectory_time_s,
                 rate: values.rate,
                 fastest_rate: values.rate.max(ordered),

@@ -1,17 +1,15 @@
 //! The answer to a plan request: report and candidates' knots, written into the shared memory that the client reads.
 
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use iceoryx2::port::{LoanError, SendError};
 use pcc_model::UnitRobot;
-use planning::{Candidate, Failure, Goal, Plan, PlannerError, Source, select};
+use planning::{Candidate, Failure, Plan, PlannerError, Source, select};
 use shared_types::PROTOCOL_VERSION;
 use shared_types::codes::{MotionStart, Outcome, Stage};
 use shared_types::ipc::PlanActiveRequest;
 use shared_types::message::{Knot, NONE_SELECTED, PlanReport, ReasonText};
 use shared_types::valid::{MAX_DURATION_S, SelectionRule};
-use trajectory::Trajectory;
 
 use super::plan_runner::{PlanError, Planned};
 use super::refusal::Refusal;
@@ -60,7 +58,7 @@ impl Answer {
         match planned {
             Ok(plan) => Self::certified(task, plan, robot),
             Err(fault) => {
-                let refusal = fault_refusal(&fault, &task.problem.goal, robot);
+                let refusal = fault_refusal(&fault, task, robot);
                 Self::refused(task.request_id, &refusal)
             }
         }
@@ -120,11 +118,10 @@ impl Answer {
         self.report.classical_certified = (self.candidates.len() - learned) as u32;
     }
 
-    /// The selected candidate's motion and index.
-    pub(crate) fn selected(&self) -> Option<(usize, &Arc<Trajectory>)> {
+    /// The selected candidate and its index.
+    pub(crate) fn selected(&self) -> Option<(usize, &Candidate)> {
         let index = self.report.selected as usize;
-        let candidate = self.candidates.get(index)?;
-        Some((index, &candidate.trajectory))
+        Some((index, self.candidates.get(index)?))
     }
 
     /// What became of the request.
@@ -241,10 +238,16 @@ fn failures(plan: &Plan, undeliverable: usize) -> String {
     }
 }
 
-fn fault_refusal(fault: &PlanError, goal: &Goal, robot: &UnitRobot) -> Refusal {
+fn fault_refusal(fault: &PlanError, task: &PlanTask, robot: &UnitRobot) -> Refusal {
     let outcome = match fault {
         PlanError::Planner(PlannerError::Infeasible(infeasible)) => {
-            return report::infeasible(infeasible, goal, robot);
+            return report::infeasible(infeasible, &task.problem.goal, robot);
+        }
+        PlanError::Planner(PlannerError::InfeasibleVia { index, infeasible }) => {
+            let goals = task.goals();
+            let refusal = report::infeasible(infeasible, &goals[*index].goal, robot);
+            let reason = format!("{} (goal {} of {})", refusal.reason, index + 1, goals.len());
+            return Refusal { reason, ..refusal };
         }
         PlanError::Planner(PlannerError::ModelNotLoaded(_)) => Outcome::SamplerNotLoaded,
         PlanError::Planner(_) | PlanError::Panic(_) => Outcome::NoPath,
@@ -276,9 +279,9 @@ mod tests {
         let answer = answer(&task, plan(&task, false));
         assert_eq!(answer.outcome(), Some(Outcome::Ok));
         assert_eq!(answer.report.reason.text(), "");
-        let (index, motion) = answer.selected().unwrap();
+        let (index, candidate) = answer.selected().unwrap();
         assert_eq!(index, 0);
-        assert_eq!(motion.knots().len(), answer.knots().count());
+        assert_eq!(candidate.trajectory.knots().len(), answer.knots().count());
         assert_eq!(answer.report.classical_certified, 1);
         assert!(answer.report.candidates[0].tip_error_m < 1e-6);
     }

@@ -2,6 +2,7 @@
 
 mod answer;
 mod fair_queue;
+mod in_flight;
 mod plan_runner;
 mod planning_turn;
 mod recent_plans;

@@ -13,12 +13,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use pcc_model::UnitRobot;
-use planning::{Candidate, Plan, Planner, PlannerError, Problem, Request, Supervision};
+use planning::{Candidate, Plan, Planner, PlannerError, Problem, Request, Supervision, Via};
 use rustix::event::{EventfdFlags, eventfd};
 
 /// A planning job: problem, request and deadline.
 pub(crate) struct Job {
     pub(crate) problem: Arc<Problem>,
+    /// Goals that the motion passes before the problem's own.
+    pub(crate) via: Vec<Via>,
     pub(crate) request: Request,
     pub(crate) deadline: Instant,
     /// The early answer that is wanted, if any.
@@ -144,7 +146,7 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
         interrupt: &interrupt,
         certified: job.early.is_some().then_some(&collect),
     };
-    guarded(|| planner.plan_supervised(&job.problem, &job.request, supervision))
+    guarded(|| planner.plan_route(&job.via, &job.problem, &job.request, supervision))
 }
 
 /// Runs a planner; a panic in it is an answer like any other.
@@ -194,6 +196,7 @@ mod tests {
     fn job(deadline: Instant) -> Job {
         Job {
             problem: Arc::new(straight_problem()),
+            via: Vec::new(),
             request: request(),
             deadline,
             early: None,

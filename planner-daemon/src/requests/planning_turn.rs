@@ -7,47 +7,26 @@ use std::time::{Duration, Instant};
 use collision::SceneError;
 use planning::{Candidate, Problem};
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{MotionStart, Outcome, PlanField};
+use shared_types::codes::{Outcome, PlanField};
 
 use super::answer::{Answer, is_deliverable};
+use super::in_flight::{InFlight, Queued, is_wanted};
 use super::plan_runner::{Early, Job, PlanOutput, Planned};
 use super::refusal::Refusal;
 use super::request_validator::PlanTask;
 use super::robot_start::{NotReady, begin_at_robot};
-use super::service::{Queued, Service, is_wanted};
+use super::service::Service;
 use crate::execution::{
     ExecutionRefusal, ExecutionTiming, ExpectedBegin, RobotMotion, SelectedMotion, Switch,
+    TimedGoal,
 };
 
 /// Longest wait for a motion that ends or is left in a moment, before a request that begins where the robot is is refused.
 const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
+/// The same of a request whose goals are appended: a motion that is to be joined may be joined only once it has passed a goal.
+const LONGEST_DEFERRAL_OF_GOALS: Duration = Duration::from_millis(600);
 /// Times that a request is planned whose plan comes too late for its switch or for the live scene.
 const ATTEMPTS: u32 = 3;
-
-/// The request that is being planned.
-pub(super) struct InFlight {
-    pub(super) queued: Queued,
-    begun: Instant,
-    waited: Duration,
-    plan_id: u64,
-    /// Where it leaves the motion that is followed, if it begins in motion there.
-    leaves: Option<Switch>,
-    /// The begin that it is planned for, where that is later than it could be.
-    delayed_begin_mono_ns: Option<i64>,
-    /// How often it has been planned, this time included.
-    attempt: u32,
-    pub(super) cancelled: Arc<AtomicBool>,
-}
-
-impl InFlight {
-    /// How the candidates begin.
-    fn motion_start(&self) -> MotionStart {
-        match self.leaves {
-            Some(_) => MotionStart::InMotion,
-            None => MotionStart::AtRest,
-        }
-    }
-}
 
 /// Where and when a request begins.
 struct Start {
@@ -81,7 +60,7 @@ impl Service {
             delayed_begin_mono_ns,
         } = match self.start(&mut queued.task, attempt) {
             Ok(start) => start,
-            Err(NotReady::Passes(_)) if waited < LONGEST_DEFERRAL => {
+            Err(NotReady::Passes(_)) if waited < longest_deferral(&queued.task) => {
                 self.deferred = Some(queued);
                 return false;
             }
@@ -93,8 +72,9 @@ impl Service {
         let cancelled = Arc::new(AtomicBool::new(false));
         self.runner.begin(Job {
             problem,
+            via: queued.task.whole_via(),
             request: queued.task.request.clone(),
-            deadline: queued.deadline(),
+            deadline: queued.deadline() + excused(&queued.task, waited),
             early: self.early(&queued.task),
             cancelled: Arc::clone(&cancelled),
         });
@@ -116,7 +96,7 @@ impl Service {
     /// Sets the start of a task that begins where the robot is; returns where and when it begins, and the problem to be planned, with the
     /// live scene unless the request ignores that.
     fn start(&self, task: &mut PlanTask, attempt: u32) -> Result<Start, NotReady> {
-        let lead = self.lead_times.lead(task.request.sampler) * attempt;
+        let lead = self.lead_times.lead(task.kind()) * attempt;
         let robot = self.execution.robot_motion();
         let leaves = match task.starts_at_robot {
             true => begin_at_robot(task, &robot, lead, mono_now_ns())?,
@@ -225,12 +205,12 @@ impl Service {
         let task = &in_flight.queued.task;
         let timing = task.execution?;
         let begin_mono_ns = in_flight.delayed_begin_mono_ns.or(timing.begin_mono_ns);
-        self.lead_times
-            .note(task.request.sampler, in_flight.begun.elapsed());
+        self.lead_times.note(task.kind(), in_flight.begun.elapsed());
         Some(match answer.selected() {
             _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
-            Some((candidate_index, motion)) => self.execution.publish(SelectedMotion {
-                motion: Arc::clone(motion),
+            Some((candidate_index, candidate)) => self.execution.publish(SelectedMotion {
+                motion: Arc::clone(&candidate.trajectory),
+                goals: timed_goals(task, candidate),
                 leaves: in_flight.leaves,
                 candidate_index,
                 plan_id: in_flight.plan_id,
@@ -250,6 +230,34 @@ fn is_out_of_date(published: &Result<u32, ExecutionRefusal>) -> bool {
         published,
         Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay { .. })
     )
+}
+
+/// Longest wait of a task before it is refused where it cannot begin yet.
+fn longest_deferral(task: &PlanTask) -> Duration {
+    if task.appends {
+        LONGEST_DEFERRAL_OF_GOALS
+    } else {
+        LONGEST_DEFERRAL
+    }
+}
+
+/// The time that a task has waited and that does not count against its deadline: appended goals wait for a switch that is under way.
+fn excused(task: &PlanTask, waited: Duration) -> Duration {
+    if task.appends {
+        waited.min(LONGEST_DEFERRAL_OF_GOALS)
+    } else {
+        Duration::ZERO
+    }
+}
+
+/// The goals of a task, with the times at which a candidate passes them.
+fn timed_goals(task: &PlanTask, candidate: &Candidate) -> Arc<[TimedGoal]> {
+    let passed_s = candidate.passages.iter().map(|passage| passage.time_s);
+    let times_s = passed_s.chain([candidate.trajectory.duration()]);
+    let goals = task.goals().into_iter().zip(times_s);
+    goals
+        .map(|(goal, time_s)| TimedGoal { goal, time_s })
+        .collect()
 }
 
 /// States in the answer what became of the execution, where one was asked for.

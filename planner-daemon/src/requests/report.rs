@@ -84,6 +84,7 @@ mod tests {
             },
             source: Source::Classical,
             draw: 7,
+            passages: Vec::new(),
         }
     }
 

@@ -6,10 +6,11 @@ use std::time::Duration;
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, SECTIONS, UnitRobot};
 use planning::{
-    Goal, MOST_CORRECTIONS, MovingObstacles, PreviousPlan, Problem, Request, StartMotion,
+    Goal, MOST_CORRECTIONS, MovingObstacles, PreviousPlan, Problem, Request, StartMotion, Via,
 };
+use shared_types::capacity::MAX_KNOTS;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{PlanField, StartKind};
+use shared_types::codes::{PlanField, Sampler, StartKind};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::message;
 use shared_types::valid::{self, PlanRequest, SelectionRule};
@@ -36,6 +37,9 @@ pub(crate) struct RequestValidator {
     pub(crate) static_scene: Scene,
 }
 
+/// What decides how long a plan takes: the sampler, and whether it goes through several goals.
+pub(super) type PlanKind = (Sampler, bool);
+
 /// A validated request in the planner's units.
 #[derive(Clone, Debug)]
 pub(crate) struct PlanTask {
@@ -49,6 +53,12 @@ pub(crate) struct PlanTask {
     pub(crate) starts_at_robot: bool,
     /// Whether the live scene's obstacles are left out of planning.
     pub(crate) ignores_live_scene: bool,
+    /// Goals that the motion passes before the problem's own.
+    pub(crate) via: Vec<Via>,
+    /// Goals that the robot's motion still has ahead when planning begins, to be passed before `via`; none until then.
+    pub(crate) ahead: Vec<Via>,
+    /// Whether its goals are reached after those ahead.
+    pub(crate) appends: bool,
     /// Time that the answer may take.
     pub(crate) deadline: Duration,
     /// Distance from the goal that counts as reached, section lengths.
@@ -59,6 +69,27 @@ pub(crate) struct PlanTask {
     pub(crate) execution: Option<ExecutionTiming>,
     /// Certified candidates that are answered before the whole answer.
     pub(crate) early: Option<usize>,
+}
+
+impl PlanTask {
+    /// What decides how long it takes to plan.
+    pub(super) fn kind(&self) -> PlanKind {
+        (self.request.sampler, self.appends || !self.via.is_empty())
+    }
+
+    /// All goals before the problem's own, in their order.
+    pub(crate) fn whole_via(&self) -> Vec<Via> {
+        [self.ahead.as_slice(), &self.via].concat()
+    }
+
+    /// All goals, in their order.
+    pub(crate) fn goals(&self) -> Vec<Via> {
+        let last = Via {
+            goal: self.problem.goal,
+            tip_tolerance: self.tip_tolerance,
+        };
+        [self.whole_via(), vec![last]].concat()
+    }
 }
 
 impl RequestValidator {
@@ -85,8 +116,11 @@ impl RequestValidator {
             request_id: asked.request_id,
             problem: Arc::new(self.problem(&asked)?),
             request: self.request(&asked, previous),
-            starts_at_robot: asked.start == StartKind::Robot,
             ignores_live_scene: asked.ignores_live_scene,
+            starts_at_robot: asked.start != StartKind::Given,
+            via: asked.via.iter().map(|goal| self.via(goal)).collect(),
+            ahead: Vec::new(),
+            appends: asked.start == StartKind::AfterGoals,
             deadline: asked.deadline.unwrap_or(self.default_deadline),
             tip_tolerance: self.tip_tolerance(&asked.goal),
             selection: asked.selection,
@@ -103,15 +137,36 @@ impl RequestValidator {
         let scene = self.static_scene.with_balls(balls.collect());
         Ok(Problem {
             start: Configuration::from(asked.start_configuration_rad),
-            goal: match &asked.goal {
-                valid::Goal::Tip { position_m, .. } => {
-                    Goal::Tip(self.robot.point_in_section_lengths(*position_m))
-                }
-                valid::Goal::Configuration(shape) => Goal::Configuration((*shape).into()),
-            },
+            goal: self.goal(&asked.goal),
             scene: scene.map_err(|error| Refusal::field(PlanField::Balls, error.to_string()))?,
             moving: MovingObstacles::default(),
         })
+    }
+
+    fn goal(&self, goal: &valid::Goal) -> Goal {
+        match goal {
+            valid::Goal::Tip { position_m, .. } => {
+                Goal::Tip(self.robot.point_in_section_lengths(*position_m))
+            }
+            valid::Goal::Configuration(shape) => Goal::Configuration((*shape).into()),
+        }
+    }
+
+    fn via(&self, goal: &valid::Goal) -> Via {
+        Via {
+            goal: self.goal(goal),
+            tip_tolerance: self.tip_tolerance(goal),
+        }
+    }
+
+    /// Knots that a motion may have. One through several goals may have as many for each goal as one to a single goal, as far as the answer
+    /// holds so many candidates of them.
+    fn knots(&self, asked: &PlanRequest) -> usize {
+        let of_one = self.capacity.knots_per_candidate;
+        let is_route = !asked.via.is_empty() || asked.start == StartKind::AfterGoals;
+        let most = if is_route { MAX_KNOTS } else { of_one };
+        let share = self.capacity.knots_per_response() / asked.candidate_count;
+        share.clamp(of_one, most)
     }
 
     fn request(&self, asked: &PlanRequest, previous: Option<PreviousPlan>) -> Request {
@@ -121,7 +176,7 @@ impl RequestValidator {
             sampler: asked.sampler,
             limits_scale: asked.limits_scale,
             padding: self.padding,
-            knots: self.capacity.knots_per_candidate,
+            knots: self.knots(asked),
             corrections: MOST_CORRECTIONS,
             start_motion: asked.starts_in_motion().then(|| StartMotion {
                 velocity: asked.start_velocity_rad_s.into(),
@@ -291,7 +346,7 @@ mod tests {
         assert!(refusal.reason.contains("1..=16"), "{}", refusal.reason);
 
         let mut wire: message::PlanRequest = (&asked()).try_into().unwrap();
-        wire.goal_tip_m[1] = f64::NAN;
+        wire.goals[0].tip_m[1] = f64::NAN;
         let refusal = validator()
             .validate(&wire, &RecentPlans::default())
             .unwrap_err();

@@ -5,15 +5,16 @@ use std::time::Duration;
 
 use pcc_model::Configuration;
 use planning::{Problem, Request, StartMotion};
-use shared_types::codes::{Outcome, Sampler};
+use shared_types::capacity::MAX_GOALS;
+use shared_types::codes::Outcome;
 
 use super::refusal::Refusal;
-use super::request_validator::PlanTask;
-use crate::execution::{RobotMotion, Switch};
+use super::request_validator::{PlanKind, PlanTask};
+use crate::execution::{FollowedMotion, RobotMotion, Switch};
 
 /// Time from a plan until the controller's loop has it, beside the time that planning takes.
 const TO_THE_LOOP: Duration = Duration::from_micros(2_500);
-/// Lead of the first requests of a sampler, before it is known how long they take.
+/// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
 const REMEMBERED: usize = 32;
@@ -40,14 +41,12 @@ pub(super) fn begin_at_robot(
 ) -> Result<Option<Switch>, NotReady> {
     match robot {
         RobotMotion::Holding(configuration) => {
+            task.ahead.clear();
             set_start(task, *configuration, None);
             Ok(None)
         }
         RobotMotion::Following(followed) => {
-            let switch = followed.switch_after(lead, now_mono_ns).ok_or_else(|| {
-                let id = followed.trajectory_id;
-                NotReady::Passes(refusal(&format!("trajectory {id} is about to end")))
-            })?;
+            let switch = leave(task, followed, lead, now_mono_ns)?;
             let motion = StartMotion {
                 velocity: switch.state.velocity,
                 acceleration: switch.state.acceleration,
@@ -73,6 +72,39 @@ pub(super) fn begin_at_robot(
     }
 }
 
+/// Where a task leaves the motion that is followed; the goals ahead from there on become the task's first ones, if it appends its own.
+fn leave(
+    task: &mut PlanTask,
+    followed: &FollowedMotion,
+    lead: Duration,
+    now_mono_ns: i64,
+) -> Result<Switch, NotReady> {
+    let found = if task.appends {
+        followed.switch_between_goals(lead, now_mono_ns)
+    } else {
+        let switch = followed.switch_after(lead, now_mono_ns);
+        switch.map(|switch| (switch, Vec::new()))
+    };
+    let (switch, ahead) = found.ok_or_else(|| {
+        let id = followed.trajectory_id;
+        NotReady::Passes(refusal(&format!("trajectory {id} is about to end")))
+    })?;
+    check_room(ahead.len(), task.via.len() + 1)?;
+    task.ahead = ahead;
+    Ok(switch)
+}
+
+/// Checks that there are not too many goals ahead for the appended ones.
+fn check_room(ahead: usize, appended: usize) -> Result<(), NotReady> {
+    if ahead + appended <= MAX_GOALS {
+        return Ok(());
+    }
+    let reason = format!(
+        "the queue is full: {ahead} goals are still ahead, and with {appended} more there would be over {MAX_GOALS}"
+    );
+    Err(NotReady::Stays(Refusal::new(Outcome::Overloaded, reason)))
+}
+
 fn refusal(what: &str) -> Refusal {
     let reason = format!("the motion cannot begin where the robot is: {what}");
     Refusal::new(Outcome::RobotNotReady, reason)
@@ -89,18 +121,18 @@ fn set_start(task: &mut PlanTask, start: Configuration, motion: Option<StartMoti
     };
 }
 
-/// How long plans of each sampler took lately, from their begin until they were handed over for publication.
+/// How long plans of each kind took lately, from their begin until they were handed over for publication.
 #[derive(Debug, Default)]
 pub(super) struct LeadTimes {
-    recent: Vec<(Sampler, Vec<Duration>)>,
+    recent: Vec<(PlanKind, Vec<Duration>)>,
 }
 
 impl LeadTimes {
     /// Remembers how long a plan took.
-    pub(super) fn note(&mut self, sampler: Sampler, took: Duration) {
-        let known = self.recent.iter().position(|(known, _)| *known == sampler);
+    pub(super) fn note(&mut self, kind: PlanKind, took: Duration) {
+        let known = self.recent.iter().position(|(known, _)| *known == kind);
         let index = known.unwrap_or_else(|| {
-            self.recent.push((sampler, Vec::new()));
+            self.recent.push((kind, Vec::new()));
             self.recent.len() - 1
         });
         let recent = &mut self.recent[index].1;
@@ -110,9 +142,9 @@ impl LeadTimes {
         recent.push(took);
     }
 
-    /// How far ahead a plan of this sampler is to begin, so that it is in the loop by then.
-    pub(super) fn lead(&self, sampler: Sampler) -> Duration {
-        let known = self.recent.iter().find(|(known, _)| *known == sampler);
+    /// How far ahead a plan of this kind is to begin, so that it is in the loop by then.
+    pub(super) fn lead(&self, kind: PlanKind) -> Duration {
+        let known = self.recent.iter().find(|(known, _)| *known == kind);
         let mut recent = known.map(|(_, recent)| recent.clone()).unwrap_or_default();
         recent.sort_unstable();
         let foreseen = recent.iter().rev().nth(EXCEPTIONS);
@@ -123,8 +155,10 @@ impl LeadTimes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixtures::task;
-    use shared_types::codes::{LoopFault, LoopState};
+    use crate::execution::TimedGoal;
+    use crate::fixtures::{motion, task};
+    use planning::{Goal, Via};
+    use shared_types::codes::{LoopFault, LoopState, Sampler};
 
     const LEAD: Duration = Duration::from_millis(5);
 
@@ -136,6 +170,62 @@ mod tests {
         assert_eq!(switch, Ok(None));
         assert_eq!(task.problem.start, held);
         assert!(task.request.start_motion.is_none());
+    }
+
+    #[test]
+    fn appended_goals_come_after_those_ahead_until_the_queue_is_full() {
+        let motion = motion();
+        let goal = |time_s: f64| TimedGoal {
+            goal: Via {
+                goal: Goal::Configuration(Configuration::repeat(time_s)),
+                tip_tolerance: 0.01,
+            },
+            time_s,
+        };
+        let end_s = motion.duration();
+        let times_s = [0.05, 0.7 * end_s, 0.8 * end_s, end_s];
+        let robot = RobotMotion::Following(FollowedMotion {
+            trajectory_id: 7,
+            motion: Arc::new(motion),
+            goals: times_s.map(goal).into(),
+            time_s: 0.1,
+            rate: 1.0,
+            fastest_rate: 1.0,
+            state_mono_ns: 0,
+        });
+        let mut appended = task();
+        appended.appends = true;
+        appended.via = vec![goal(9.0).goal; 4];
+        assert!(
+            begin_at_robot(&mut appended, &robot, LEAD, 0)
+                .unwrap()
+                .is_some()
+        );
+        assert_eq!(
+            appended.ahead,
+            times_s[1..]
+                .iter()
+                .map(|&s| goal(s).goal)
+                .collect::<Vec<_>>()
+        );
+        assert_eq!(appended.goals().len(), MAX_GOALS);
+        assert_eq!(appended.goals()[7].goal, appended.problem.goal);
+        let mut replacing = task();
+        begin_at_robot(&mut replacing, &robot, LEAD, 0).unwrap();
+        assert!(replacing.ahead.is_empty());
+        appended.via.push(goal(9.0).goal);
+        let Err(NotReady::Stays(refusal)) = begin_at_robot(&mut appended, &robot, LEAD, 0) else {
+            panic!("more goals than the queue holds");
+        };
+        assert_eq!(refusal.outcome, Outcome::Overloaded);
+        assert!(
+            refusal.reason.contains("3 goals are still ahead"),
+            "{}",
+            refusal.reason
+        );
+        let holding = RobotMotion::Holding(Configuration::zeros());
+        begin_at_robot(&mut appended, &holding, LEAD, 0).unwrap();
+        assert!(appended.ahead.is_empty());
     }
 
     #[test]
@@ -161,17 +251,17 @@ mod tests {
     fn the_lead_follows_what_plans_took_and_forgets_single_exceptions() {
         let ms = Duration::from_millis;
         let mut times = LeadTimes::default();
-        assert_eq!(times.lead(Sampler::Default), FIRST_LEAD);
+        assert_eq!(times.lead((Sampler::Default, false)), FIRST_LEAD);
         for _ in 0..40 {
-            times.note(Sampler::Default, ms(2));
+            times.note((Sampler::Default, false), ms(2));
         }
-        times.note(Sampler::Default, ms(90));
-        times.note(Sampler::Diffusion, ms(200));
+        times.note((Sampler::Default, false), ms(90));
+        times.note((Sampler::Default, true), ms(200));
         assert_eq!(
-            times.lead(Sampler::Default),
+            times.lead((Sampler::Default, false)),
             ms(2).mul_f64(MARGIN) + TO_THE_LOOP
         );
-        times.note(Sampler::Default, ms(80));
-        assert!(times.lead(Sampler::Default) > ms(80));
+        times.note((Sampler::Default, false), ms(80));
+        assert!(times.lead((Sampler::Default, false)) > ms(80));
     }
 }

@@ -17,8 +17,8 @@ use shared_types::ipc::{
 
 use super::answer::Answer;
 use super::fair_queue::FairQueue;
+use super::in_flight::{InFlight, Queued, is_wanted};
 use super::plan_runner::PlanRunner;
-use super::planning_turn::InFlight;
 use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
 use super::request_validator::{PlanTask, RequestValidator};
@@ -28,27 +28,8 @@ use crate::execution::Execution;
 
 /// Longest time between two rounds: requests without an event, and clients that cancelled, are found by then.
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
-/// Time before the deadline at which planning ends, for the answer to be sent and received; at most half of the deadline.
-const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
-/// Addition to [`DELIVERY_MARGIN`] for each candidate, for its knots to be written and read.
-const DELIVERY_MARGIN_PER_CANDIDATE: Duration = Duration::from_micros(20);
 /// Time after which the running plan is truncated when the daemon ends.
 const SHUTDOWN_GRACE_PERIOD: Duration = Duration::from_millis(500);
-
-/// A request that waits for its turn.
-pub(super) struct Queued {
-    pub(super) active: PlanActiveRequest,
-    pub(super) task: PlanTask,
-    pub(super) received: Instant,
-}
-
-impl Queued {
-    /// When planning must end, so that the answer arrives by the deadline.
-    pub(super) fn deadline(&self) -> Instant {
-        let whole = self.task.deadline;
-        self.received + (whole - delivery_margin(self.task.request.candidates, whole))
-    }
-}
 
 /// The service: its ports, queue, planner and handle of execution.
 pub(crate) struct Service {
@@ -287,16 +268,6 @@ impl Service {
     }
 }
 
-/// Time before a deadline of `whole` at which planning of so many candidates ends.
-fn delivery_margin(candidates: usize, whole: Duration) -> Duration {
-    let of_candidates = DELIVERY_MARGIN_PER_CANDIDATE.mul_f64(candidates as f64);
-    (DELIVERY_MARGIN + of_candidates).min(whole / 2)
-}
-
-pub(super) fn is_wanted(active: &PlanActiveRequest) -> bool {
-    active.is_connected() && !active.has_disconnect_hint()
-}
-
 fn too_late(task: &PlanTask) -> Refusal {
     let milliseconds = task.deadline.as_secs_f64() * 1e3;
     let reason = format!("the deadline of {milliseconds} ms passed while the request waited");
@@ -307,16 +278,6 @@ fn too_late(task: &PlanTask) -> Refusal {
 mod tests {
     use super::*;
     use crate::fixtures::task;
-
-    #[test]
-    fn work_ends_sooner_before_a_deadline_of_many_candidates_and_halfway_to_a_short_one() {
-        let us = Duration::from_micros;
-        assert_eq!(delivery_margin(1, us(20_000)), us(520));
-        assert_eq!(delivery_margin(64, us(20_000)), us(1_780));
-        assert_eq!(delivery_margin(64, us(2_000)), us(1_000));
-        assert_eq!(delivery_margin(1, Duration::MAX), us(520));
-        assert_eq!(delivery_margin(1, Duration::ZERO), Duration::ZERO);
-    }
 
     #[test]
     fn a_request_whose_deadline_passed_in_the_queue_is_truncated() {

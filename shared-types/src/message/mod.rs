@@ -18,7 +18,7 @@ pub use command::{Command, CommandReply};
 pub use controller_state::{ControllerState, Cycle};
 pub use heartbeat::Heartbeat;
 pub use motion_result::MotionResult;
-pub use plan::{Ball, CandidateSummary, NONE_SELECTED, PlanReport, PlanRequest};
+pub use plan::{Ball, CandidateSummary, Goal, NONE_SELECTED, PlanReport, PlanRequest};
 pub use reason::ReasonText;
 pub use robot_state::RobotState;
 pub use scene::{MovingBall, SceneMessage, SceneStatus};
@@ -62,6 +62,7 @@ mod tests {
             ReasonText,
             Knot,
             Ball,
+            Goal,
             PlanRequest,
             CandidateSummary,
             PlanReport,

@@ -4,7 +4,7 @@ use iceoryx2::prelude::ZeroCopySend;
 
 use super::reason::ReasonText;
 use super::wire::wire_message;
-use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES, STAGES};
+use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES, MAX_GOALS, STAGES};
 
 /// [`PlanReport::selected`] when no candidate is.
 pub const NONE_SELECTED: u32 = u32::MAX;
@@ -20,8 +20,22 @@ wire_message! {
 }
 
 wire_message! {
+    /// A goal of a plan request.
+    pub struct Goal: "pcc.v4.Goal", 88 bytes {
+        /// [`crate::codes::GoalKind`], as wide as the numbers that follow.
+        pub kind: u64,
+        /// The tip to reach in the base frame, metres, if the goal is a tip.
+        pub tip_m: [f64; 3],
+        /// The configuration to reach, radians, if the goal is a configuration.
+        pub configuration_rad: [f64; DOF],
+        /// Distance from the goal tip that counts as reached, metres; 0: a hundredth of a section's length.
+        pub tip_tolerance_m: f64,
+    }
+}
+
+wire_message! {
     /// A plan request (service `plan`).
-    pub struct PlanRequest: "pcc.v4.PlanRequest", 2376 bytes {
+    pub struct PlanRequest: "pcc.v4.PlanRequest", 3000 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Candidates wanted, 1..=64; the daemon's own limit may be lower.
@@ -40,8 +54,8 @@ wire_message! {
         pub selected_index: u32,
         /// 1: publish the selected trajectory for execution; 0: only plan.
         pub execute: u32,
-        /// [`crate::codes::GoalKind`].
-        pub goal_kind: u32,
+        /// Goals in use, 1..=8.
+        pub goal_count: u32,
         /// Balls in use, 0..=64.
         pub ball_count: u32,
         /// As soon as so many candidates are certified they are answered (outcome early), before the whole answer; 0: no
@@ -58,18 +72,12 @@ wire_message! {
         /// 1: the live scene's obstacles are left out of planning (what is executed is certified against them all the same); 0: they
         /// belong to the request.
         pub ignores_live_scene: u32,
-        /// Configuration at the begin, radians; not read where the start is the robot's, nor are the next two.
+        /// Configuration at the begin, radians; read only where the start is given, as are the next two.
         pub start_configuration_rad: [f64; DOF],
         /// Velocity at the begin, rad/s.
         pub start_velocity_rad_s: [f64; DOF],
         /// Acceleration at the begin, rad/s².
         pub start_acceleration_rad_s2: [f64; DOF],
-        /// The tip to reach in the base frame, metres, if the goal is a tip.
-        pub goal_tip_m: [f64; 3],
-        /// The configuration to reach, radians, if the goal is a configuration.
-        pub goal_configuration_rad: [f64; DOF],
-        /// Distance from the goal tip that counts as reached, metres; 0: a hundredth of a section's length.
-        pub tip_tolerance_m: f64,
         /// Share of the tendon limits to use, 1e-9 to 1.
         pub limits_scale: f64,
         /// When the motion is to begin if executed, nanoseconds of `CLOCK_MONOTONIC`; 0: as soon as possible.
@@ -77,6 +85,8 @@ wire_message! {
         /// When the request's sender was asked for it, nanoseconds of `CLOCK_MONOTONIC`; only a request to execute needs one. The motion is
         /// not executed where a stop or a reset was ordered, or the controller was started, after it.
         pub requested_mono_ns: i64,
+        /// The first `goal_count` are the goals, in their order: the motion passes them, and ends in the last one; the others are not read.
+        pub goals: [Goal; MAX_GOALS],
         /// The first `ball_count` are obstacles; the others are not read.
         pub balls: [Ball; MAX_BALLS],
     }

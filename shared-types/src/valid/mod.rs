@@ -8,6 +8,7 @@
 
 mod check;
 mod command;
+mod goal;
 mod invalid;
 mod motion_result;
 mod plan;
@@ -21,9 +22,10 @@ pub use check::{
     MAX_RATE,
 };
 pub use command::{Command, CommandReply, Signature, SignedCommand};
+pub use goal::Goal;
 pub use invalid::{Invalid, Reason};
 pub use motion_result::MotionResult;
-pub use plan::{Goal, PlanRequest, PreviousPlan, SelectionRule};
+pub use plan::{PlanRequest, PreviousPlan, SelectionRule};
 pub use report::PlanReport;
 pub use scene::{Heartbeat, MOST_SCENE_LIFETIME_NS, Scene, SceneStatus, SourceName, stamp_refusal};
 pub use state::{ControllerState, Cycle, RobotState};

@@ -3,32 +3,19 @@
 use std::time::Duration;
 
 use super::check::{
-    LEAST_LIMITS_SCALE, Quantity, check_array, check_code, check_count, check_distance, check_flag,
-    check_radius, check_range, check_stamp, check_version, check_within,
+    LEAST_LIMITS_SCALE, Quantity, check_array, check_code, check_count, check_flag, check_radius,
+    check_range, check_stamp, check_version, check_within,
 };
+use super::goal::{Goal, goals};
 use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::PROTOCOL_VERSION;
 use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES};
 use crate::clock::mono_now_ns;
-use crate::codes::{GoalKind, Sampler, Selection, StartKind};
+use crate::codes::{Sampler, Selection, StartKind};
 use crate::message::{self, Ball, NONE_SELECTED};
 
 /// The longest deadline, nanoseconds.
 const MAX_DEADLINE_NS: u64 = 60_000_000_000;
-
-/// Where the motion is to end.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Goal {
-    /// Any configuration that puts the tip at a position.
-    Tip {
-        /// Position in the base frame, metres.
-        position_m: [f64; 3],
-        /// Distance that counts as reached, metres; none: a hundredth of a section's length.
-        tolerance_m: Option<f64>,
-    },
-    /// This configuration, radians.
-    Configuration([f64; DOF]),
-}
 
 /// Which candidate is selected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,13 +56,16 @@ pub struct PlanRequest {
     pub start: StartKind,
     /// Whether the live scene's obstacles are left out of planning.
     pub ignores_live_scene: bool,
-    /// Configuration at the begin, radians; where the start is the robot's it does not matter, nor do velocity and acceleration.
+    /// Configuration at the begin, radians; where the start is not given it does not matter, nor do velocity and acceleration.
     pub start_configuration_rad: [f64; DOF],
     /// Velocity at the begin, rad/s; a plan from a given start in motion is not executed.
     pub start_velocity_rad_s: [f64; DOF],
     /// Acceleration at the begin, rad/s².
     pub start_acceleration_rad_s2: [f64; DOF],
-    /// The goal.
+    /// Goals that the motion passes on its way, in their order, at most 7: the tip within its tolerance, configurations within 1e-3 rad,
+    /// without rest where that is certified.
+    pub via: Vec<Goal>,
+    /// The goal in which the motion ends.
     pub goal: Goal,
     /// Share of the tendon limits, [`LEAST_LIMITS_SCALE`] to 1.
     pub limits_scale: f64,
@@ -118,6 +108,7 @@ impl PlanRequest {
             start_configuration_rad,
             start_velocity_rad_s: [0.0; DOF],
             start_acceleration_rad_s2: [0.0; DOF],
+            via: Vec::new(),
             goal,
             limits_scale: 1.0,
             begin_mono_ns: None,
@@ -145,6 +136,7 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
         let candidate_count =
             check_count("candidate_count", wire.candidate_count, 1, MAX_CANDIDATES)?;
         let sampler = check_code("sampler", wire.sampler)?;
+        let (via, goal) = goals(wire)?;
         let request = Self {
             request_id: wire.request_id,
             seed: wire.seed,
@@ -158,7 +150,8 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
             start_configuration_rad: wire.start_configuration_rad,
             start_velocity_rad_s: wire.start_velocity_rad_s,
             start_acceleration_rad_s2: wire.start_acceleration_rad_s2,
-            goal: goal(wire)?,
+            via,
+            goal,
             limits_scale: limits_scale(wire.limits_scale)?,
             begin_mono_ns: Some(check_stamp("begin_mono_ns", wire.begin_mono_ns)?)
                 .filter(|&begin| begin != 0),
@@ -170,6 +163,7 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
         };
         check_start(&request)?;
         check_requested(&request)?;
+        check_previous(&request)?;
         Ok(request)
     }
 }
@@ -181,6 +175,15 @@ fn check_requested(request: &PlanRequest) -> Result<(), Invalid> {
             allowed: "the time of CLOCK_MONOTONIC at which the motion was asked for",
         };
         return Err(invalid("requested_mono_ns", reason));
+    }
+    Ok(())
+}
+
+fn check_previous(request: &PlanRequest) -> Result<(), Invalid> {
+    let is_route = !request.via.is_empty() || request.start == StartKind::AfterGoals;
+    if is_route && request.previous.is_some() {
+        let what = "going on from a previous plan with several goals";
+        return Err(invalid("previous_plan_id", Reason::NotServed { what }));
     }
     Ok(())
 }
@@ -210,7 +213,7 @@ fn selection(
 }
 
 fn check_start(request: &PlanRequest) -> Result<(), Invalid> {
-    if request.start == StartKind::Robot {
+    if request.start != StartKind::Given {
         return Ok(());
     }
     let start = &request.start_configuration_rad;
@@ -257,28 +260,6 @@ fn previous(
     }))
 }
 
-fn goal(wire: &message::PlanRequest) -> Result<Goal, Invalid> {
-    match check_code("goal_kind", wire.goal_kind)? {
-        GoalKind::Tip => {
-            check_array("goal_tip_m", &wire.goal_tip_m, Quantity::Length)?;
-            let tolerance_m = check_distance(wire.tip_tolerance_m)
-                .map_err(|reason| invalid("tip_tolerance_m", reason))?;
-            Ok(Goal::Tip {
-                position_m: wire.goal_tip_m,
-                tolerance_m: (tolerance_m > 0.0).then_some(tolerance_m),
-            })
-        }
-        GoalKind::Configuration => {
-            check_array(
-                "goal_configuration_rad",
-                &wire.goal_configuration_rad,
-                Quantity::Angle,
-            )?;
-            Ok(Goal::Configuration(wire.goal_configuration_rad))
-        }
-    }
-}
-
 fn limits_scale(scale: f64) -> Result<f64, Invalid> {
     check_range(scale, LEAST_LIMITS_SCALE, 1.0, "1e-9..=1")
         .map_err(|reason| invalid("limits_scale", reason))
@@ -311,6 +292,7 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
             execute: u32::from(request.execute),
             start: request.start.code(),
             ignores_live_scene: u32::from(request.ignores_live_scene),
+            goal_count: wire_count(request.via.len() + 1),
             ball_count: wire_count(request.balls.len()),
             start_configuration_rad: request.start_configuration_rad,
             start_velocity_rad_s: request.start_velocity_rad_s,
@@ -328,18 +310,9 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
                 wire.selected_index = wire_count(index);
             }
         }
-        match request.goal {
-            Goal::Tip {
-                position_m,
-                tolerance_m,
-            } => {
-                wire.goal_tip_m = position_m;
-                wire.tip_tolerance_m = tolerance_m.unwrap_or(0.0);
-            }
-            Goal::Configuration(configuration_rad) => {
-                wire.goal_kind = GoalKind::Configuration.code();
-                wire.goal_configuration_rad = configuration_rad;
-            }
+        let goals = request.via.iter().chain([&request.goal]);
+        for (slot, goal) in wire.goals.iter_mut().zip(goals) {
+            *slot = goal.into();
         }
         if let Some(previous) = request.previous {
             wire.previous_plan_id = previous.plan_id;

@@ -28,7 +28,7 @@ pub(crate) fn solve_tip(
 }
 
 /// Solves for a configuration and its tip distance from each of many seeds, as [`solve_tip`] does from one; four at a time.
-pub(super) fn solve_tips(
+pub(crate) fn solve_tips(
     robot: &UnitRobot,
     target: &Point,
     seeds: &[Configuration],

@@ -77,12 +77,7 @@ impl<'a> MotionConstraints<'a> {
             knots,
             ..ParameterizationOptions::default()
         };
-        let tendons = &self.robot.tendons;
-        PARAMETERIZER
-            .with_borrow_mut(|parameterizer| {
-                parameterizer.parameterize(path, tendons, &self.limits, &options)
-            })
-            .map_err(|_| Failure::Time)
+        self.timed(None, path, &options)
     }
 
     /// Times a path that begins where a robot in this state can rest, from the state on: the path begins while the robot still brakes.
@@ -91,21 +86,33 @@ impl<'a> MotionConstraints<'a> {
         state: &Knot,
         path: &[Configuration],
     ) -> Result<Trajectory, Failure> {
-        let start = MovingStart {
-            state: *state,
-            path,
-            braking_shares: &BRAKING_SHARES,
-        };
         let options = ParameterizationOptions {
             knots: self.knots,
             ..ParameterizationOptions::default()
         };
-        let tendons = &self.robot.tendons;
-        PARAMETERIZER
-            .with_borrow_mut(|parameterizer| {
-                parameterizer.parameterize_from(&start, tendons, &self.limits, &options)
-            })
-            .map_err(|_| Failure::Time)
+        self.timed(Some(state), path, &options)
+    }
+
+    /// Times a path to rest at its end: from rest, or from a state from which the robot can rest at the path's begin.
+    pub(super) fn timed(
+        &self,
+        state: Option<&Knot>,
+        path: &[Configuration],
+        options: &ParameterizationOptions,
+    ) -> Result<Trajectory, Failure> {
+        let (tendons, limits) = (&self.robot.tendons, &self.limits);
+        let timed = PARAMETERIZER.with_borrow_mut(|parameterizer| match state {
+            None => parameterizer.parameterize(path, tendons, limits, options),
+            Some(state) => {
+                let start = MovingStart {
+                    state: *state,
+                    path,
+                    braking_shares: &BRAKING_SHARES,
+                };
+                parameterizer.parameterize_from(&start, tendons, limits, options)
+            }
+        });
+        timed.map_err(|_| Failure::Time)
     }
 
     /// Certifies the executed curve: whole body, whole motion, bending; its smallest clearance, section lengths, from obstacles at rest

@@ -13,13 +13,15 @@ pub(crate) fn least_duration_s(
     limits: &TendonLimits,
     configurations: &[Configuration],
 ) -> f64 {
+    let travel = |pair: &[Configuration]| longest_travel(robot, &(pair[1] - pair[0]));
+    least_s(limits, configurations.windows(2).map(travel).sum())
+}
+
+/// The longest travel of a tendon for a change of the configuration (rad), section lengths.
+pub(crate) fn longest_travel(robot: &UnitRobot, step: &Configuration) -> f64 {
     let matrix = robot.tendons.matrix();
-    let longest_travel = |pair: &[Configuration]| {
-        let step = pair[1] - pair[0];
-        let travel = |row| matrix.fixed_view::<1, DOF>(row, 0).tr_dot(&step).abs();
-        (0..matrix.nrows()).map(travel).fold(0.0, f64::max)
-    };
-    least_s(limits, configurations.windows(2).map(longest_travel).sum())
+    let travel = |row| matrix.fixed_view::<1, DOF>(row, 0).tr_dot(step).abs();
+    (0..matrix.nrows()).map(travel).fold(0.0, f64::max)
 }
 
 /// Lower bound of a tendon's time from rest to rest, s, for a travel in one direction (length, not negative).

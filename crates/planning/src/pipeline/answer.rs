@@ -10,13 +10,9 @@ use crate::pipeline::context::{Drawn, RequestContext};
 use crate::pipeline::goal_set::{GoalSet, goal_set};
 use crate::pipeline::{default, fast, straight_line, trees, whole_paths};
 use crate::plan::{Candidate, Draw, Failure, Plan};
-use crate::problem::Problem;
-use crate::request::{Guidance, Request, StartMotion, Supervision};
+use crate::request::{Guidance, StartMotion, Supervision};
 use crate::stage_times::StageTimes;
 use codes::{Sampler, Source, Stage};
-
-/// Knots that a motion may have at least, however many its braking needs.
-const LEAST_KNOTS: usize = 4;
 
 /// Answers a request.
 ///
@@ -30,7 +26,7 @@ pub(crate) fn answer(context: &RequestContext) -> Result<Plan, PlannerError> {
 }
 
 /// Answers a request whose robot rests at the start.
-fn from_rest(context: &RequestContext) -> Result<Plan, PlannerError> {
+pub(super) fn from_rest(context: &RequestContext) -> Result<Plan, PlannerError> {
     let mut times = StageTimes::default();
     let (moving, padded) = (context.constraints.moving, context.constraints.padded);
     if moving.may_touch_at_once(padded, &context.problem.start) {
@@ -82,18 +78,7 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         ..
     } = *context;
     let braking = Braking::new(&context.constraints, &problem.start, motion)?;
-    let after = Problem {
-        start: braking.motion.end(),
-        moving: problem.moving.after(braking.motion.duration()),
-        ..problem.clone()
-    };
-    let shorter = Request {
-        knots: request
-            .knots
-            .saturating_sub(braking.knots())
-            .max(LEAST_KNOTS),
-        ..request.clone()
-    };
+    let (after, shorter) = braking.what_follows(problem, request);
     let report_whole = |candidate: Candidate| {
         if let Some(report) = supervision.certified {
             braking.candidate(&candidate).into_iter().for_each(report);

@@ -3,15 +3,19 @@
 use crate::error::Infeasible;
 use crate::motion::along_polyline::append;
 use crate::motion::constraints::MotionConstraints;
+use crate::motion::through::Through;
 use crate::path::waypoints::{WAYPOINTS, resample};
 use crate::plan::{Candidate, Certified, Failure, Plan};
-use crate::request::StartMotion;
+use crate::problem::Problem;
+use crate::request::{Request, StartMotion};
 use codes::Stage;
 use pcc_model::{Configuration, TendonLimits};
 use rayon::prelude::*;
 use std::sync::Arc;
 use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
 
+/// Knots that a motion may have at least, however many its braking needs.
+const LEAST_KNOTS: usize = 4;
 /// Samples of a motion, equally spaced in time, by which its path is known.
 const SAMPLES: usize = 4 * WAYPOINTS;
 /// Relative amount by which a limit may be exceeded: the rounding of the measure.
@@ -59,9 +63,38 @@ impl<'a> Braking<'a> {
         }
     }
 
-    /// Knots that braking adds to a motion.
-    pub(crate) fn knots(&self) -> usize {
-        self.motion.knots().len() - 1
+    /// The problem and the request from where the robot then rests, with the knots that braking leaves of a motion.
+    pub(super) fn what_follows(&self, problem: &Problem, request: &Request) -> (Problem, Request) {
+        let braking_knots = self.motion.knots().len() - 1;
+        let problem = Problem {
+            start: self.motion.end(),
+            moving: problem.moving.after(self.motion.duration()),
+            ..problem.clone()
+        };
+        let request = Request {
+            knots: request.knots.saturating_sub(braking_knots).max(LEAST_KNOTS),
+            ..request.clone()
+        };
+        (problem, request)
+    }
+
+    /// The state in which the robot begins to brake.
+    pub(super) fn state(&self) -> &Knot {
+        &self.motion.knots()[0]
+    }
+
+    /// Braking to rest, and then a route.
+    pub(super) fn before_route(&self, route: &Through) -> Result<Through, Failure> {
+        let motion = self.then(&route.motion.trajectory, route.motion.metrics.clearance)?;
+        let braking_s = self.motion.duration();
+        let passages = route
+            .passages
+            .iter()
+            .map(|passage| passage.later(braking_s));
+        Ok(Through {
+            motion,
+            passages: passages.collect(),
+        })
     }
 
     /// Braking, and then this motion.
@@ -75,30 +108,28 @@ impl<'a> Braking<'a> {
     /// else after it. None where a moving ball comes too near to both.
     pub(crate) fn candidate(&self, candidate: &Candidate) -> Option<Candidate> {
         let joined = self.beside(&candidate.trajectory);
-        let motion = joined.or_else(|| self.after(candidate))?;
+        let after = || self.then(&candidate.trajectory, candidate.metrics.clearance);
+        let motion = joined.or_else(|| after().ok())?;
         Some(Candidate::of(candidate.draw, candidate.source, &motion))
     }
 
     /// The motion to the end of this one that begins while the robot brakes, if it is certified and faster than one after the other.
     fn beside(&self, motion: &Trajectory) -> Option<Certified> {
         let path = resample(&motion.sample(SAMPLES));
-        let joined = self
-            .constraints
-            .time_from(&self.motion.knots()[0], &path)
-            .ok()?;
+        let joined = self.constraints.time_from(self.state(), &path).ok()?;
         let is_faster = joined.duration() < self.motion.duration() + motion.duration();
         is_faster.then(|| self.constraints.certified(joined).ok())?
     }
 
-    /// Braking to rest, and then the candidate's motion. Among moving balls that is certified as a whole: how far they may be from where
-    /// they are expected depends on the longest stop of all of it.
-    fn after(&self, candidate: &Candidate) -> Option<Certified> {
-        let whole = self.before(&candidate.trajectory);
+    /// Braking to rest, and then a certified motion with this clearance, section lengths. Among moving balls that is certified as a
+    /// whole: how far they may be from where they are expected depends on the longest stop of all of it.
+    fn then(&self, motion: &Trajectory, clearance: f64) -> Result<Certified, Failure> {
+        let whole = self.before(motion);
         if !self.constraints.moving.is_empty() {
-            return self.constraints.certified(whole).ok();
+            return self.constraints.certified(whole);
         }
-        let clearance = self.clearance.min(candidate.metrics.clearance);
-        Some(self.constraints.describe(whole, clearance))
+        let clearance = self.clearance.min(clearance);
+        Ok(self.constraints.describe(whole, clearance))
     }
 
     /// The plan with every motion joined to the braking, and the figures of the whole motions.

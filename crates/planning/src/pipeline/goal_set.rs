@@ -43,7 +43,7 @@ pub(crate) fn goal_set(context: &RequestContext) -> Result<GoalSet, PlannerError
 }
 
 /// Adds configurations to `goals` until they are `count`: first those that are far from all of them, then nearer ones.
-fn add_distinct(goals: &mut Vec<Configuration>, found: &[Configuration], count: usize) {
+pub(super) fn add_distinct(goals: &mut Vec<Configuration>, found: &[Configuration], count: usize) {
     for separation_rad in [0.5, 0.1, 0.01] {
         for configuration in found {
             let is_new = goals

@@ -55,7 +55,7 @@ const BAD: &[(Change, PlanField, &str)] = &[
     ),
     (|r| r.execute = 2, PlanField::Execute, "0 (no) and 1 (yes)"),
     (
-        |r| r.goal_kind = 2,
+        |r| r.goals[0].kind = 2,
         PlanField::GoalKind,
         "1 (configuration)",
     ),
@@ -91,29 +91,46 @@ const BAD: &[(Change, PlanField, &str)] = &[
         "[1] is NaN",
     ),
     (
-        |r| r.goal_tip_m[2] = f64::NEG_INFINITY,
+        |r| r.goals[0].tip_m[2] = f64::NEG_INFINITY,
         PlanField::GoalTip,
-        "[2] is -inf",
+        "goals.tip_m[0] is -inf",
     ),
     (
-        |r| r.goal_tip_m[0] = 1e4,
+        |r| r.goals[0].tip_m[0] = 1e4,
         PlanField::GoalTip,
         "-1000..=1000 m",
     ),
     (
-        |r| r.tip_tolerance_m = -1e-9,
+        |r| r.goals[0].tip_tolerance_m = -1e-9,
         PlanField::TipTolerance,
         "0..=1000 m",
     ),
     (
-        |r| r.tip_tolerance_m = f64::NAN,
+        |r| r.goals[0].tip_tolerance_m = f64::NAN,
         PlanField::TipTolerance,
         "NaN",
     ),
     (
-        |r| (r.goal_kind, r.goal_configuration_rad[3]) = (1, f64::NAN),
+        |r| (r.goals[0].kind, r.goals[0].configuration_rad[3]) = (1, f64::NAN),
         PlanField::GoalConfiguration,
-        "[3]",
+        "[0] is NaN",
+    ),
+    (
+        |r| (r.goal_count, r.goals[1].tip_m[0]) = (2, f64::NAN),
+        PlanField::GoalTip,
+        "goals.tip_m[1] is NaN",
+    ),
+    (|r| r.goal_count = 0, PlanField::GoalCount, "1..=8"),
+    (|r| r.goal_count = 9, PlanField::GoalCount, "1..=8"),
+    (
+        |r| (r.goal_count, r.previous_plan_id) = (2, 9),
+        PlanField::PreviousPlan,
+        "with several goals",
+    ),
+    (
+        |r| (r.start, r.previous_plan_id) = (2, 9),
+        PlanField::PreviousPlan,
+        "with several goals",
     ),
     (|r| r.limits_scale = 0.0, PlanField::LimitsScale, "1e-9..=1"),
     (
@@ -168,11 +185,11 @@ const BAD: &[(Change, PlanField, &str)] = &[
         PlanField::PreviousCandidate,
         "0..=63",
     ),
-    (|r| r.start = 2, PlanField::Start, "2 is no start"),
+    (|r| r.start = 3, PlanField::Start, "3 is no start"),
     (
         |r| r.ignores_live_scene = 2,
         PlanField::IgnoresLiveScene,
-        "allowed are 0 (no) and 1",
+        "0 (no) and 1 (yes)",
     ),
 ];
 
@@ -221,8 +238,11 @@ fn the_ends_of_every_range_are_accepted_and_what_is_not_used_is_not_read() {
         |r| r.balls[2].radius_m = f64::NAN,
         |r| r.balls[0].radius_m = 0.0,
         |r| r.limits_scale = 1e-9,
-        |r| r.goal_configuration_rad[0] = f64::NAN,
-        |r| (r.goal_kind, r.goal_tip_m[0]) = (1, f64::NAN),
+        |r| r.goals[0].configuration_rad[0] = f64::NAN,
+        |r| r.goals[1].tip_m[0] = f64::NAN,
+        |r| r.goal_count = 8,
+        |r| (r.start, r.start_configuration_rad[0]) = (2, f64::NAN),
+        |r| (r.goals[0].kind, r.goals[0].tip_m[0]) = (1, f64::NAN),
         |r| (r.execute, r.start_velocity_rad_s[0]) = (1, -0.0),
         |r| r.start_velocity_rad_s[0] = 0.1,
         |r| r.early_candidate_count = 16,
@@ -262,8 +282,13 @@ fn a_request_survives_the_wire() {
         }),
         ..tip.clone()
     };
+    let route = PlanRequest {
+        start: StartKind::AfterGoals,
+        via: vec![Goal::Configuration([0.2; DOF]); 7],
+        ..tip.clone()
+    };
     assert!(!tip.starts_in_motion() && goes_on.starts_in_motion());
-    for request in [tip, by_index, goes_on] {
+    for request in [tip, by_index, goes_on, route] {
         let wire = message::PlanRequest::try_from(&request).unwrap();
         assert_eq!(PlanRequest::try_from(&wire), Ok(request));
     }
@@ -274,6 +299,9 @@ fn what_does_not_fit_the_wire_is_refused_by_the_sender() {
     let balls = vec![Ball::ZEROED; MAX_BALLS + 1];
     let error = message::PlanRequest::try_from(&PlanRequest { balls, ..request() }).unwrap_err();
     assert_eq!(error.plan_field(), PlanField::BallCount);
+    let via = vec![Goal::Configuration([0.2; DOF]); 8];
+    let error = message::PlanRequest::try_from(&PlanRequest { via, ..request() }).unwrap_err();
+    assert_eq!(error.plan_field(), PlanField::GoalCount);
     let error = message::PlanRequest::try_from(&PlanRequest {
         candidate_count: 0,
         ..request()

@@ -183,12 +183,13 @@ pub(crate) fn spoil(wire: &mut message::PlanRequest, rng: &mut Pcg64) {
         .choose(rng)
         .expect("there are some");
     let component = rng.random_range(0..3);
+    let goal = &mut wire.goals[0];
     match rng.random_range(0..14) {
         0 => wire.start_configuration_rad[component] = bad,
-        1 => (wire.goal_kind, wire.goal_tip_m[component]) = (0, bad),
-        2 => (wire.goal_kind, wire.goal_configuration_rad[component]) = (1, bad),
+        1 => (goal.kind, goal.tip_m[component]) = (0, bad),
+        2 => (goal.kind, goal.configuration_rad[component]) = (1, bad),
         3 => wire.limits_scale = bad,
-        4 => (wire.goal_kind, wire.tip_tolerance_m) = (0, bad),
+        4 => (goal.kind, goal.tip_tolerance_m) = (0, bad),
         5 => {
             wire.ball_count = wire.ball_count.max(1);
             wire.balls[0].centre_m[component] = bad;

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use tests::world::Settings;
 
-use super::joins::Figures;
+use super::figures::Figures;
 use super::replan_run::{Population, run as replan};
 use crate::report::Report;
 use crate::scale::Scale;

@@ -1,5 +1,6 @@
 //! Motions that are joined while the robot moves: no stop to change its mind, nothing that steps, no limit exceeded.
 
+mod figures;
 mod joins;
 mod latency;
 mod replan_run;

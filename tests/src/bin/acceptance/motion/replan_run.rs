@@ -10,12 +10,12 @@ use shared_types::codes::{LoopFault, LoopState, Outcome};
 use tests::brute_force::{Ball, Body};
 use tests::geometry::seeded;
 use tests::judge::Judge;
-use tests::listener::{Heard, Listener, Published};
+use tests::listener::{Heard, Listener};
 use tests::replans::{ReplanScene, random_pause, replan, stop_then_go};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
-use super::joins::{Asked, Figures};
+use super::figures::{Asked, Figures};
 
 /// Seed of scenes, tips and pauses: nothing was trained with it.
 const SEED: u64 = 9_101;
@@ -130,6 +130,10 @@ fn replans(
             };
             let cause = refusal(report.outcome, &report.reason);
             *refusals.entry(cause).or_default() += 1;
+            if !was_moving {
+                // Nothing may lead away from where the robot rests: the next scene is another one.
+                return Ok(());
+            }
         }
         drop(answer);
         sleep(random_pause(shortest, longest, random));
@@ -167,9 +171,4 @@ fn references(
         figures.compare(motion, &reference);
     }
     Ok(())
-}
-
-/// The motion with this id.
-pub(super) fn motion_of(motions: &[Published], id: u32) -> Option<&Published> {
-    motions.iter().rev().find(|motion| motion.id == id)
 }

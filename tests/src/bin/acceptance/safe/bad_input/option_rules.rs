@@ -82,6 +82,7 @@ pub(super) const COMMANDS: &[Command] = &[
             // The longest deadline of a request is a minute.
             ("--deadline-ms", Wanted::Whole([0, 60_000], 60_000)),
             ("--limits-scale", Wanted::Real([1e-9, 1.0])),
+            ("--append", Wanted::Flag),
             ("--execute", Wanted::Flag),
             ("--wait", Wanted::Flag),
         ],

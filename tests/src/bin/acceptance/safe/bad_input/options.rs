@@ -250,6 +250,7 @@ impl Tried<'_> {
             ("--configuration", "--tip"),
             ("--random-start", "--start"),
             ("--index", "--select"),
+            ("--append", "--start"),
         ] {
             if option == one {
                 arguments = without(arguments, other);

@@ -1,0 +1,81 @@
+//! A request that waits for its turn, and the one that is being planned.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use shared_types::codes::MotionStart;
+use shared_types::ipc::PlanActiveRequest;
+
+use super::request_validator::PlanTask;
+use crate::execution::Switch;
+
+/// Time before the deadline at which planning ends, for the answer to be sent and received; at most half of the deadline.
+const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
+/// Addition to [`DELIVERY_MARGIN`] for each candidate, for its knots to be written and read.
+const DELIVERY_MARGIN_PER_CANDIDATE: Duration = Duration::from_micros(20);
+
+/// A request that waits for its turn.
+pub(super) struct Queued {
+    pub(super) active: PlanActiveRequest,
+    pub(super) task: PlanTask,
+    pub(super) received: Instant,
+}
+
+impl Queued {
+    /// When planning must end, so that the answer arrives by the deadline.
+    pub(super) fn deadline(&self) -> Instant {
+        let whole = self.task.deadline;
+        self.received + (whole - delivery_margin(self.task.request.candidates, whole))
+    }
+}
+
+/// The request that is being planned.
+pub(super) struct InFlight {
+    pub(super) queued: Queued,
+    pub(super) begun: Instant,
+    pub(super) waited: Duration,
+    pub(super) plan_id: u64,
+    /// Where it leaves the motion that is followed, if it begins in motion there.
+    pub(super) leaves: Option<Switch>,
+    /// The begin that it is planned for, where that is later than it could be.
+    pub(super) delayed_begin_mono_ns: Option<i64>,
+    /// How often it has been planned, this time included.
+    pub(super) attempt: u32,
+    pub(super) cancelled: Arc<AtomicBool>,
+}
+
+impl InFlight {
+    /// How the candidates begin.
+    pub(super) fn motion_start(&self) -> MotionStart {
+        match self.leaves {
+            Some(_) => MotionStart::InMotion,
+            None => MotionStart::AtRest,
+        }
+    }
+}
+
+/// Time before a deadline of `whole` at which planning of so many candidates ends.
+fn delivery_margin(candidates: usize, whole: Duration) -> Duration {
+    let of_candidates = DELIVERY_MARGIN_PER_CANDIDATE.mul_f64(candidates as f64);
+    (DELIVERY_MARGIN + of_candidates).min(whole / 2)
+}
+
+pub(super) fn is_wanted(active: &PlanActiveRequest) -> bool {
+    active.is_connected() && !active.has_disconnect_hint()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_ends_sooner_before_a_deadline_of_many_candidates_and_halfway_to_a_short_one() {
+        let us = Duration::from_micros;
+        assert_eq!(delivery_margin(1, us(20_000)), us(520));
+        assert_eq!(delivery_margin(64, us(20_000)), us(1_780));
+        assert_eq!(delivery_margin(64, us(2_000)), us(1_000));
+        assert_eq!(delivery_margin(1, Duration::MAX), us(520));
+        assert_eq!(delivery_margin(1, Duration::ZERO), Duration::ZERO);
+    }
+}

@@ -1,0 +1,159 @@
+//! What replans show: judged from what was published and sent, by geometry and curves that share no code with what made them.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use pcc_model::TendonLimits;
+use shared_types::codes::LoopState;
+use shared_types::message::Cycle;
+use tests::brute_force::{Ball, Body, Tendons};
+use tests::judge::Verdict;
+use tests::knots::{largest_bending_rad, least_clearance_m, limit_use, state_at};
+use tests::listener::{Heard, Published};
+use tests::motion::raise;
+use tests::replans::StopThenGo;
+
+/// A request whose motion was published.
+#[derive(Clone, Copy)]
+pub(super) struct Asked {
+    pub(super) seed: u64,
+    /// When the goal was given to the client.
+    pub(super) at: Instant,
+    /// The same by the clock of the messages, nanoseconds.
+    pub(super) mono_ns: i64,
+}
+
+/// What replans showed.
+#[derive(Default)]
+pub(super) struct Figures {
+    /// Requests in all.
+    pub(super) requests: usize,
+    /// Requests that found the robot in motion.
+    pub(super) in_motion: usize,
+    /// What was published, by id.
+    pub(super) published: BTreeMap<u32, Asked>,
+    /// From a request to the first set-point of the motion that joins another, ms, with the time at which it was asked for.
+    pub(super) to_setpoint_ms: Vec<(Instant, f64)>,
+    /// Refusals in motion by cause.
+    pub(super) refusals: BTreeMap<String, usize>,
+    /// Refusals at rest by cause: no replans.
+    pub(super) refused_at_rest: BTreeMap<String, usize>,
+    pub(super) scenes_passed_over: usize,
+    /// Motions that left another one.
+    pub(super) joined: usize,
+    /// Of these, motions whose switch the loop passed.
+    pub(super) switched: usize,
+    /// Largest difference at a switch, rad, rad/s, rad/s².
+    pub(super) discontinuity: [f64; 3],
+    limits_of_file: [f64; 3],
+    /// Largest use of velocity, acceleration and jerk by knots of joined motions.
+    pub(super) limits: [f64; 3],
+    pub(super) largest_bending_rad: f64,
+    /// Least clearance of joined motions and of executed set-points, m.
+    pub(super) clearance_m: [f64; 2],
+    /// (stop-then-go − joined) ÷ the shortest stop.
+    pub(super) won: Vec<f64>,
+    /// References without a motion.
+    pub(super) without_reference: usize,
+    /// What was sent to the robot and done by it.
+    pub(super) sent: Verdict,
+}
+
+impl Figures {
+    /// None yet, of a robot with these tendon limits.
+    pub(super) fn of(limits: &TendonLimits) -> Self {
+        Self {
+            limits_of_file: [limits.velocity, limits.acceleration, limits.jerk],
+            clearance_m: [f64::INFINITY; 2],
+            ..Self::default()
+        }
+    }
+
+    /// Looks at motions and cycles that were heard in a scene.
+    pub(super) fn look(&mut self, body: &Body, heard: &Heard, balls: &[Ball]) {
+        for motion in &heard.motions {
+            self.look_at_motion(body, motion, &heard.motions, balls);
+        }
+        for motion in heard.motions.iter().filter(|it| it.leaves.is_some()) {
+            let Some(first_ns) = first_followed(&heard.cycles, motion.id) else {
+                continue;
+            };
+            self.switched += 1;
+            if let Some(asked) = self.published.get(&motion.id) {
+                let took_ms = (first_ns - asked.mono_ns) as f64 * 1e-6;
+                self.to_setpoint_ms.push((asked.at, took_ms));
+            }
+        }
+        let setpoints: Vec<(i64, Tendons)> = heard
+            .cycles
+            .iter()
+            .filter(|cycle| cycle.state == LoopState::Executing.code())
+            .map(|cycle| (cycle.stamp_mono_ns, cycle.setpoint_m))
+            .collect();
+        let executed = body.least_clearance(&setpoints, |_| balls).at_least_m();
+        lower(&mut self.clearance_m[1], executed);
+    }
+
+    fn look_at_motion(
+        &mut self,
+        body: &Body,
+        motion: &Published,
+        all: &[Published],
+        balls: &[Ball],
+    ) {
+        let Some((left, at_s)) = motion.leaves else {
+            return;
+        };
+        self.joined += 1;
+        let before = motion_of(all, left).and_then(|left| state_at(&left.knots, at_s));
+        let first = motion.knots.first().map(|knot| knot.values);
+        for (order, figure) in self.discontinuity.iter_mut().enumerate() {
+            let difference = match (before, first) {
+                (Some(before), Some(first)) => (0..6)
+                    .map(|i| (before[order][i] - first[order][i]).abs())
+                    .fold(0.0, f64::max),
+                _ => f64::NAN,
+            };
+            raise(figure, difference);
+        }
+        let used = limit_use(body, &motion.knots, &self.limits_of_file);
+        for (figure, used) in self.limits.iter_mut().zip(used) {
+            raise(figure, used);
+        }
+        raise(
+            &mut self.largest_bending_rad,
+            largest_bending_rad(&motion.knots),
+        );
+        let clearance = least_clearance_m(body, &motion.knots, balls) - body.chord_error_m();
+        lower(&mut self.clearance_m[0], clearance);
+    }
+
+    /// Compares a joined motion with stopping first.
+    pub(super) fn compare(&mut self, motion: &Published, reference: &StopThenGo) {
+        let duration_s = motion.knots.last().map_or(f64::NAN, |knot| knot.time_s);
+        match reference.go_s {
+            Some(go_s) => {
+                let won = reference.stop_s + go_s - duration_s;
+                self.won.push(won / reference.stop_s);
+            }
+            None => self.without_reference += 1,
+        }
+    }
+}
+
+fn lower(figure: &mut f64, value: f64) {
+    if value.is_nan() || value < *figure {
+        *figure = value;
+    }
+}
+
+/// Stamp of the first cycle that follows a motion, nanoseconds.
+fn first_followed(cycles: &[Cycle], id: u32) -> Option<i64> {
+    let first = cycles.iter().find(|cycle| cycle.trajectory_id == id)?;
+    Some(first.stamp_mono_ns)
+}
+
+/// The motion with this id.
+fn motion_of(motions: &[Published], id: u32) -> Option<&Published> {
+    motions.iter().rev().find(|motion| motion.id == id)
+}
