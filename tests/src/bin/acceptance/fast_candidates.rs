@@ -7,10 +7,11 @@ use serde_json::Value;
 use tests::programs::repository;
 
 use crate::fast_cases::Cases;
+use crate::motions::Motions;
 use crate::report::Report;
 use crate::runs::number;
 use crate::scale::Scale;
-use crate::second_look::{Judged, Motions};
+use crate::second_look::Judged;
 use crate::spread::median;
 
 /// Accuracy of a clearance, section lengths.

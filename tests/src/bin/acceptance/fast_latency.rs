@@ -15,6 +15,7 @@ use tests::programs::repository;
 use tests::world::shipped_number;
 use toml::{Table, Value};
 
+use crate::fast_crowded::crowded;
 use crate::fast_scenes::{Served, requests_of};
 use crate::machine::{Disturbance, Pinned};
 use crate::report::Report;
@@ -83,13 +84,13 @@ const SCENES: [Scenes; 8] = [
     },
     // By their definition only what rrt-connect solves and segments do not.
     Scenes {
-        name: "hard",
+        name: "hard (rrt-connect finds a path)",
         setting: |_| Setting::Hard,
         authors: "post_4",
     },
     Scenes {
         name: "8 to 16 balls, whoever solves them",
-        setting: |index| Setting::General(Some(8 + (index % 9) as usize)),
+        setting: crowded,
         authors: "post_4",
     },
 ];

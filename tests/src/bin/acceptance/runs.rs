@@ -143,6 +143,14 @@ impl Unseen {
         Model::wanted(self.weights)
     }
 
+    /// Its name in the lines: hard scenes are drawn until a planner solves them.
+    pub(crate) fn title(&self) -> &'static str {
+        match self.setting {
+            "hard" => "hard (drawn such that segments collide and rrt-connect finds a path)",
+            _ => self.name,
+        }
+    }
+
     /// How it is made, for the lines.
     pub(crate) fn command(&self) -> String {
         let Self {
