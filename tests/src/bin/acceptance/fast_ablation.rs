@@ -67,7 +67,7 @@ fn variant(
         let cases = Cases::unseen(&unseen, count(scale))?.first(scale.pick(20, 300));
         let evaluation = change(cases.evaluation(planner));
         let (result, motions) = cases.run(report, scale, &evaluation)?;
-        judged.merge(motions.judge(&robot, scale.pick(10, 40)));
+        judged.merge(motions.judge(&robot, scale.pick(1, 4)));
         texts.push(format!(
             "{} {:.2} % certified, tip length ÷ distance {:.3}, {:.2} ms",
             cases.name,

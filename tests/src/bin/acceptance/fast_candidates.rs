@@ -92,7 +92,7 @@ impl Candidates {
             planner,
             result,
             cases: figures(&robot, motions)?,
-            judged: motions.judge(&robot, scale.pick(10, 40)),
+            judged: motions.judge(&robot, scale.pick(1, 10)),
         })
     }
 

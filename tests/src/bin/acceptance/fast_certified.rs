@@ -133,10 +133,11 @@ fn row(result: &Value, motions: &Motions) -> anyhow::Result<String> {
     ))
 }
 
-/// `straight` and `straight-drawn` draw one segment to each goal configuration, the others as many paths as are asked for.
+/// `straight` and `straight-drawn` draw one segment to each goal configuration, the others as many paths as are asked for; what
+/// `default` fills in counts as a draw.
 fn of_those_drawn(motions: &Motions) -> String {
     let (draws, share) = motions.of_those_drawn();
-    format!("{:.2} % of the {draws} draws made", 100.0 * share)
+    format!("{:.2} % of the {draws} drawn or filled in", 100.0 * share)
 }
 
 fn shares(
