@@ -99,7 +99,8 @@ fn in_turns(
 ) -> anyhow::Result<(Turns, Value)> {
     let (mut ours_ms, mut rival_ms) = (Vec::new(), Vec::new());
     let mut last = Value::Null;
-    for _ in 0..scale.pick(1, 3) {
+    // Medians of few cases differ more from one round to the next.
+    for _ in 0..scale.pick(5, 3) {
         ours_ms.push(median_ms(&ours.repeat()?)?);
         last = theirs.repeat()?;
         rival_ms.push(median_ms(&last)?);
