@@ -122,6 +122,7 @@ fn latency(report: &mut Report, scale: Scale, scenes: &Scenes) -> anyhow::Result
         &format!("latency, {name}: default selects a motion slower than straight's fastest"),
         &turns.slower,
     );
+    turns.show_missed(report, name);
     that_nobody_solves(report, name, &mut served, &turns.unsolved(&all))?;
     ratios(report, scenes, &turns)?;
     if network {

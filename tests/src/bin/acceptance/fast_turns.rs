@@ -8,6 +8,7 @@ use shared_types::valid::PlanRequest;
 
 use crate::fast_kept::Kept;
 use crate::fast_scenes::Served;
+use crate::report::Report;
 use crate::spread::{Spread, median};
 
 /// Asked in turns, each with every request.
@@ -73,6 +74,8 @@ pub(crate) struct Turns {
     pub(crate) slower: Vec<String>,
     /// Whether some sampler had a candidate for each request.
     is_solved: Vec<bool>,
+    /// Requests that default has no candidate for, and another sampler has.
+    missed: Vec<String>,
     /// The answers to one request of so many, of all samplers.
     pub(crate) kept: Vec<Kept>,
 }
@@ -83,6 +86,16 @@ impl Turns {
         let pairs = requests.iter().zip(&self.is_solved);
         let unsolved = pairs.filter(|(_, is_solved)| !**is_solved);
         unsolved.map(|(request, _)| request).collect()
+    }
+
+    /// Shows which requests default does not answer though they can be.
+    pub(crate) fn show_missed(&self, report: &mut Report, name: &str) {
+        let line = format!(
+            "latency, {name}: requests that default does not answer without a deadline and other samplers do, of {}",
+            self.is_solved.len()
+        );
+        let figure = format!("{} {}", self.missed.len(), self.missed.join("; "));
+        report.shown(&line, figure.trim().to_owned());
     }
 
     pub(crate) fn times(&self, sampler: Sampler) -> &Times {
@@ -101,6 +114,7 @@ pub(crate) fn in_turns(
         times: SAMPLERS.iter().map(|_| Times::default()).collect(),
         slower: Vec::new(),
         is_solved: Vec::new(),
+        missed: Vec::new(),
         kept: Vec::new(),
     };
     for (index, request) in requests.iter().enumerate() {
@@ -119,9 +133,16 @@ pub(crate) fn in_turns(
                 turns.kept.push(Kept::of(request, &answer));
             }
         }
-        let is_solved = durations.values().any(|(_, fastest)| fastest.is_finite());
-        turns.is_solved.push(is_solved);
-        let selected = durations[Sampler::Default.text()].0;
+        let solvers = durations
+            .iter()
+            .filter(|(_, (_, fastest))| fastest.is_finite());
+        let solvers: Vec<&str> = solvers.map(|(sampler, _)| *sampler).collect();
+        turns.is_solved.push(!solvers.is_empty());
+        let (selected, fastest) = durations[Sampler::Default.text()];
+        if fastest.is_infinite() && !solvers.is_empty() {
+            let solvers = solvers.join(", ");
+            turns.missed.push(format!("request {index}: {solvers}"));
+        }
         let straight = durations[Sampler::Straight.text()].1;
         if selected > straight + 1e-9 {
             let text = format!("request {index}: {selected:.6} s beside {straight:.6} s");

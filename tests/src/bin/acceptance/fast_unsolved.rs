@@ -83,6 +83,7 @@ pub(crate) fn infeasible(report: &mut Report, scale: Scale) -> anyhow::Result<()
     let line =
         format!("latency, {name}: default, end to end, all {wanted} requests, without a deadline");
     report.shown(&line, turns.times(Sampler::Default).text());
+    turns.show_missed(report, &name);
     let line = format!("latency, {name}: requests that no sampler solves");
     let count = unsolved.len();
     report.check(&line, format!("{count} of {wanted}"), "> 0", count > 0);
