@@ -14,9 +14,6 @@ pub enum PlannerError {
         "sampler not loaded: the request needs the {0} model, whose weights the configuration has to name; `straight` and `rrt-connect` need none"
     )]
     ModelNotLoaded(&'static str),
-    /// The robot's sections differ in length, which the unit model cannot express.
-    #[error("the planner needs three sections of one length, got {0:?}")]
-    UnequalSections([f64; 3]),
     /// The worker threads could not be started.
     #[error("the worker threads could not be started: {0}")]
     Threads(String),

@@ -257,7 +257,7 @@ mod tests {
     use planning::{Models, Planner};
 
     fn plan(task: &PlanTask, interrupted: bool) -> Plan {
-        let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
+        let planner = Planner::new(unit_robot(), Models::default(), 1).unwrap();
         let interrupt = || interrupted;
         planner
             .plan(&task.problem, &task.request, &interrupt)

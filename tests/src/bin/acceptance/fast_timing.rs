@@ -103,13 +103,14 @@ impl Cases {
     fn make(count: usize) -> anyhow::Result<Self> {
         let file = repository().join("config/robots/unit.toml");
         let robot = Robot::from_file(&file)?;
+        let robot = robot.to_unit().context("equal sections are needed")?;
         let manifest = Manifest::open(&weights_folder())?;
         let fast = FastModel::from_weights(&manifest.weights("fast")?, robot.bending_limit)?;
         let models = Models {
             fast: Some(fast),
             ..Models::default()
         };
-        let planner = Planner::new(&robot, models, 1)?;
+        let planner = Planner::new(robot, models, 1)?;
         let mut made = Self {
             robot: planner.robot().clone(),
             cases: Vec::new(),
