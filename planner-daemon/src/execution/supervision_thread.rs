@@ -31,15 +31,23 @@ impl Execution {
         options: &IpcOptions,
         rules: ExecutionRules,
         instance: u64,
-        progress: &Arc<AtomicU64>,
+        supervision_rounds: &Arc<AtomicU64>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
         let node = IpcNode::create(options, "planner-daemon supervision")?;
         let (to_supervision, requests) = sync_channel(1);
-        let progress = Arc::clone(progress);
+        let supervision_rounds = Arc::clone(supervision_rounds);
         let memory = SceneMemory::open(options)?;
-        let open =
-            move || Supervisor::open(&node, memory, rules, instance, progress, realtime_priority);
+        let open = move || {
+            Supervisor::open(
+                &node,
+                memory,
+                rules,
+                instance,
+                supervision_rounds,
+                realtime_priority,
+            )
+        };
         let work = move |mut supervisor: Supervisor| supervisor.run(&requests);
         let thread = spawn_with_ports("supervision", open, work)??;
         Ok(Self {

@@ -50,7 +50,7 @@ pub(crate) struct Supervisor {
     inbox: SceneInbox,
     stop_order: StopOrder,
     /// Counts the rounds of supervision, which the heartbeat thread watches.
-    progress: Arc<AtomicU64>,
+    supervision_rounds: Arc<AtomicU64>,
     state: Option<valid::ControllerState>,
     awake: ActiveTime,
     suspension: Suspension,
@@ -73,7 +73,7 @@ impl Supervisor {
         memory: SceneMemory,
         rules: ExecutionRules,
         instance: u64,
-        progress: Arc<AtomicU64>,
+        supervision_rounds: Arc<AtomicU64>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
         if let Err(error) = reduce_wakeup_latency() {
@@ -91,7 +91,7 @@ impl Supervisor {
             states: subscriber(node, &controller_state_service(node)?)?,
             inbox: SceneInbox::open(node)?,
             stop_order: StopOrder::open(node)?,
-            progress,
+            supervision_rounds,
             state: None,
             awake: ActiveTime::from(mono_now_ns()),
             suspension: Suspension::noticed(suspended_ns()),
@@ -249,7 +249,7 @@ impl Supervisor {
             None => self.stop_order.end(),
         }
         if !self.stop_order.is_ignored() {
-            self.progress.fetch_add(1, Ordering::Relaxed);
+            self.supervision_rounds.fetch_add(1, Ordering::Relaxed);
         }
     }
 

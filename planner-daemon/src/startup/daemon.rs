@@ -138,18 +138,19 @@ impl Daemon {
         let node = IpcNode::create(options, "planner-daemon")?;
         // No other daemon of this machine was started then.
         let instance = mono_now_ns().unsigned_abs();
-        let progress = Arc::<AtomicU64>::default();
+        let supervision_rounds = Arc::<AtomicU64>::default();
         let execution = Execution::start(
             options,
             execution_rules(config, &planner, &robot),
             instance,
-            &progress,
+            &supervision_rounds,
             priority.map(|planning| planning + 2),
         )?;
         let service = open_service(config, &node, static_scene, planner, execution)?;
         prefault_shared_memory(config, options);
         let service_priority = priority.map(|planning| planning + 1);
-        let background = BackgroundThreads::start(options, instance, &progress, service_priority)?;
+        let background =
+            BackgroundThreads::start(options, instance, &supervision_rounds, service_priority)?;
         if let Some(priority) = service_priority {
             realtime::use_fifo_priority(priority)?;
         }
