@@ -334,11 +334,8 @@ impl Supervisor {
             return Err(absence.into());
         }
         let soonest = now + self.rules.begin_lead.as_nanos() as i64;
-        let begin_mono_ns = selected
-            .timing
-            .begin_mono_ns
-            .unwrap_or(soonest)
-            .max(soonest);
+        let earliest = selected.timing.begin_mono_ns;
+        let begin_mono_ns = earliest.map_or(soonest, |earliest| earliest.max(soonest));
         let stopping_s = self.rules.stopping_s(&selected.motion);
         let certificates = self.certify(&selected, begin_mono_ns, stopping_s)?;
         if mono_now_ns() > until_mono_ns {
