@@ -20,7 +20,8 @@ const REPLY_TIMEOUT: Duration = Duration::from_millis(250);
 
 /// The handle of the supervision thread, which publishes motions and supervises them. Dropping it stops what moves and joins the thread.
 pub(crate) struct Execution {
-    /// Supervision stops what moves, and ends, once this is dropped.
+    /// Supervision stops what moves, and ends, once this is dropped: declared before the thread, which is joined when it is dropped,
+    /// because fields are dropped in the order of their declaration.
     to_supervision: SyncSender<ExecutionRequest>,
     _thread: JoinOnDrop,
 }
