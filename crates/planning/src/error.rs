@@ -53,7 +53,7 @@ pub enum Infeasible {
     StartCannotStop,
     /// No configuration within the limits puts the tip on the goal.
     #[error(
-        "goal out of reach: the closest configuration found within the bending limit misses it by {miss:.4} section lengths"
+        "goal out of reach: the closest configuration found within the bending limit misses it by {miss:.4} section lengths (a tip) or rad (a configuration)"
     )]
     GoalOutOfReach {
         /// Distance of the closest tip found, section lengths; for a configuration the angle above the limit.
