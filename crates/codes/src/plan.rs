@@ -148,6 +148,15 @@ codes! {
     }
 }
 
+// The codes of stages are their places in `Stage::ALL`, since they index arrays with a time for each.
+const _: () = {
+    let mut place = 0;
+    while place < Stage::ALL.len() {
+        assert!(Stage::ALL[place].code() as usize == place);
+        place += 1;
+    }
+};
+
 codes! {
     /// A field of a plan request that can be wrong.
     "plan field"
