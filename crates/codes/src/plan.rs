@@ -63,7 +63,7 @@ codes! {
     pub enum Source {
         /// The learned sampler.
         Learned = 1 "learned",
-        /// The classical planner.
+        /// A tree: RRT-Connect, or one seeded with the motions found.
         Classical = 2 "classical",
         /// A straight segment in configuration space.
         StraightLine = 3 "straight line",
@@ -131,11 +131,11 @@ codes! {
     pub enum Stage {
         /// From reception until work began.
         Wait = 0 "wait",
-        /// Goal configurations and features.
+        /// Goal configurations (for diffusion: whether there is one) and features.
         Condition = 1 "condition",
-        /// Drawing from the model.
+        /// Drawing from the learned sampler, or growing trees.
         Sample = 2 "sample",
-        /// Collision correction and tip paths.
+        /// Collision correction and tip paths, the ends of paths by diffusion included.
         Correct = 3 "correct",
         /// Certification of paths and motions.
         Certify = 4 "certify",
