@@ -42,7 +42,8 @@ fn figures(robot: &UnitRobot, motions: &Motions) -> anyhow::Result<Vec<Figures>>
         let mut figures = Figures::default();
         for slot in motions.certified(case) {
             let motion = motions.motion(slot)?;
-            let clearance = minimum_clearance(robot, motions.scene(case), &motion, 1e-3);
+            let clearance =
+                minimum_clearance(robot, motions.scene(case), &motion, CLEARANCE_TOLERANCE);
             let metrics = PathMetrics::of(robot, &motion, clearance);
             let end = motion.at(motion.duration()).position;
             figures.tip_length.push(metrics.tip_length);

@@ -1,7 +1,7 @@
 //! Motions that the daemon answered with, kept to be judged when nothing is measured.
 
 use client::PlanAnswer;
-use pcc_model::{DOF, Robot, TendonLimits};
+use pcc_model::{DOF, Robot};
 use shared_types::message::{Ball, Knot};
 use shared_types::valid::{Goal, PlanRequest};
 use tests::brute_force;
@@ -70,7 +70,6 @@ fn demand(robot: &Robot, request: &PlanRequest) -> Demand {
         Goal::Configuration(shape) => End::Configuration(shape),
     };
     let ball = |ball: &Ball| brute_force::Ball::resting(ball.centre_m, ball.radius_m);
-    let full = &robot.tendon_limits;
     // Who starts in motion brakes within the whole limits.
     let is_resting = request.start_velocity_rad_s == [0.0; DOF];
     let scale = if is_resting {
@@ -86,11 +85,7 @@ fn demand(robot: &Robot, request: &PlanRequest) -> Demand {
             request.start_acceleration_rad_s2,
         ],
         end,
-        limits: TendonLimits {
-            velocity: scale * full.velocity,
-            acceleration: scale * full.acceleration,
-            jerk: scale * full.jerk,
-        },
+        limits: robot.tendon_limits.scaled(scale),
     }
 }
 
