@@ -207,20 +207,21 @@ fn with_live_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
         }
     }
     scenes.take_leave()?;
-    show(
-        report,
-        "growth: balls of the live scene, ten candidates, the selected one published",
-        &curve,
-    );
-    let line = format!(
-        "growth: balls of the live scene, motions not published, of {}",
-        all.len() * curve.len() * REPETITIONS
-    );
-    report.none_of(&line, &refused);
+    let asked = all.len() * curve.len() * REPETITIONS;
+    show_live(report, &curve, asked, &refused);
     // The points lie within the request's balls.
     let line = "growth: balls of the live scene, against the balls that they lie in";
     check(report, line, &served.world.robot, &kept, 1);
     Ok(())
+}
+
+/// The curve of the live scene, and which of the motions `asked` for were not published.
+fn show_live(report: &mut Report, curve: &[(usize, Vec<f64>)], asked: usize, refused: &[String]) {
+    let name = "growth: balls of the live scene";
+    let line = format!("{name}, ten candidates, the selected one published");
+    show(report, &line, curve);
+    let line = format!("{name}, motions not published, of {asked}");
+    report.none_of(&line, refused);
 }
 
 /// A controller that is played in a thread of its own; it ends when dropped.

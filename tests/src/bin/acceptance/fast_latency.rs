@@ -126,19 +126,31 @@ fn latency(report: &mut Report, scale: Scale, scenes: &Scenes) -> anyhow::Result
     that_nobody_solves(report, name, &mut served, &turns.unsolved(&all))?;
     ratios(report, scenes, &turns)?;
     if network {
-        let count = scale.pick(2, 10);
-        let network = network_ms(&mut served, &all[..count])?;
-        let line = format!(
-            "latency, {name}: temporal U-Net ({NETWORK}, {network:.0} ms) ÷ default, medians of the same {count} requests"
-        );
-        let default = median(&turns.times(Sampler::Default).round_trip[..count]);
-        report.shown(&line, format!("{:.0}", network / default));
+        network_ratio(report, name, &mut served, &all[..scale.pick(2, 10)], &turns)?;
     }
     // Judging takes all processors.
     drop(pinned);
     let line = format!("latency, {name}: all samplers, every {kept_every}th request");
     let robot = &served.world.robot;
     check(report, &line, robot, &turns.kept, scale.pick(1, 4));
+    Ok(())
+}
+
+/// The temporal U-Net's time ÷ default's, of the first requests.
+fn network_ratio(
+    report: &mut Report,
+    name: &str,
+    served: &mut Served,
+    first: &[PlanRequest],
+    turns: &Turns,
+) -> anyhow::Result<()> {
+    let count = first.len();
+    let network = network_ms(served, first)?;
+    let line = format!(
+        "latency, {name}: temporal U-Net ({NETWORK}, {network:.0} ms) ÷ default, medians of the same {count} requests"
+    );
+    let default = median(&turns.times(Sampler::Default).round_trip[..count]);
+    report.shown(&line, format!("{:.0}", network / default));
     Ok(())
 }
 

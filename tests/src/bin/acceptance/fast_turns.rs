@@ -67,6 +67,9 @@ impl Times {
     }
 }
 
+/// Durations of the selected and of the fastest motion of each sampler's answer to one request, s; infinite where there is none.
+type Durations = BTreeMap<&'static str, (f64, f64)>;
+
 /// What came of requests that every sampler was asked.
 pub(crate) struct Turns {
     times: Vec<Times>,
@@ -76,7 +79,7 @@ pub(crate) struct Turns {
     is_solved: Vec<bool>,
     /// Requests that default has no candidate for, and another sampler has.
     missed: Vec<String>,
-    /// The answers to one request of so many, of all samplers.
+    /// All samplers' answers to every `kept_every`-th request.
     pub(crate) kept: Vec<Kept>,
 }
 
@@ -98,13 +101,59 @@ impl Turns {
         report.shown(&line, figure.trim().to_owned());
     }
 
+    /// Asks every sampler one request.
+    fn ask_all(
+        &mut self,
+        served: &mut Served,
+        index: usize,
+        request: &PlanRequest,
+        is_kept: bool,
+    ) -> anyhow::Result<Durations> {
+        let mut durations = Durations::new();
+        for turn in 0..SAMPLERS.len() {
+            let which = (index + turn) % SAMPLERS.len();
+            let sampler = SAMPLERS[which];
+            let request = PlanRequest {
+                sampler,
+                ..request.clone()
+            };
+            let (answer, seconds) = served.ask(&request)?;
+            self.times[which].add(&answer, seconds);
+            durations.insert(sampler.text(), (selected_s(&answer), fastest_s(&answer)));
+            if is_kept {
+                self.kept.push(Kept::of(request, &answer));
+            }
+        }
+        Ok(durations)
+    }
+
+    /// Notes who solved a request, and where others do better than default.
+    fn compare(&mut self, index: usize, durations: &Durations) {
+        let solvers = durations
+            .iter()
+            .filter(|(_, (_, fastest))| fastest.is_finite());
+        let solvers: Vec<&str> = solvers.map(|(sampler, _)| *sampler).collect();
+        self.is_solved.push(!solvers.is_empty());
+        let (selected, fastest) = durations[Sampler::Default.text()];
+        if fastest.is_infinite() && !solvers.is_empty() {
+            let solvers = solvers.join(", ");
+            self.missed.push(format!("request {index}: {solvers}"));
+        }
+        let straight = durations[Sampler::Straight.text()].1;
+        if selected > straight + 1e-9 {
+            let text = format!("request {index}: {selected:.6} s beside {straight:.6} s");
+            self.slower.push(text);
+        }
+    }
+
     pub(crate) fn times(&self, sampler: Sampler) -> &Times {
         let index = SAMPLERS.iter().position(|other| *other == sampler);
         &self.times[index.expect("it takes its turn")]
     }
 }
 
-/// Every sampler with every request; who begins changes from one to the next. The answers to every so many-th request are kept.
+/// Asks every sampler every request; which of them begins changes from one request to the next. The answers to every `kept_every`-th
+/// request are kept.
 pub(crate) fn in_turns(
     served: &mut Served,
     requests: &[PlanRequest],
@@ -118,36 +167,9 @@ pub(crate) fn in_turns(
         kept: Vec::new(),
     };
     for (index, request) in requests.iter().enumerate() {
-        let mut durations = BTreeMap::new();
-        for turn in 0..SAMPLERS.len() {
-            let which = (index + turn) % SAMPLERS.len();
-            let sampler = SAMPLERS[which];
-            let request = PlanRequest {
-                sampler,
-                ..request.clone()
-            };
-            let (answer, seconds) = served.ask(&request)?;
-            turns.times[which].add(&answer, seconds);
-            durations.insert(sampler.text(), (selected_s(&answer), fastest_s(&answer)));
-            if index.is_multiple_of(kept_every) {
-                turns.kept.push(Kept::of(request, &answer));
-            }
-        }
-        let solvers = durations
-            .iter()
-            .filter(|(_, (_, fastest))| fastest.is_finite());
-        let solvers: Vec<&str> = solvers.map(|(sampler, _)| *sampler).collect();
-        turns.is_solved.push(!solvers.is_empty());
-        let (selected, fastest) = durations[Sampler::Default.text()];
-        if fastest.is_infinite() && !solvers.is_empty() {
-            let solvers = solvers.join(", ");
-            turns.missed.push(format!("request {index}: {solvers}"));
-        }
-        let straight = durations[Sampler::Straight.text()].1;
-        if selected > straight + 1e-9 {
-            let text = format!("request {index}: {selected:.6} s beside {straight:.6} s");
-            turns.slower.push(text);
-        }
+        let is_kept = index.is_multiple_of(kept_every);
+        let durations = turns.ask_all(served, index, request, is_kept)?;
+        turns.compare(index, &durations);
     }
     Ok(turns)
 }
