@@ -85,7 +85,7 @@ pub fn limit_use(body: &Body, knots: &[Knot], limits: &Limits) -> Limits {
     limit_use_at(body, knots, limits, 0.0)
 }
 
-/// [`limit_use`] with at least so many looks a second.
+/// As [`limit_use`], with at least `rate_hz` looks a second at each segment.
 #[must_use]
 pub fn limit_use_at(body: &Body, knots: &[Knot], limits: &Limits, rate_hz: f64) -> Limits {
     let mut used = [0.0; 3];

@@ -36,7 +36,7 @@ pub(crate) struct Figures {
     pub(crate) ends: Vec<Configuration>,
 }
 
-/// Of every case.
+/// The figures of every case's certified candidates.
 fn figures(robot: &UnitRobot, motions: &Motions) -> anyhow::Result<Vec<Figures>> {
     let case = |case: usize| {
         let mut figures = Figures::default();
@@ -82,7 +82,7 @@ impl Candidates {
         Self::new(scale, planner, result, &motions)
     }
 
-    /// Those of a run that has come to its end.
+    /// The candidates of a run that has come to its end.
     pub(crate) fn new(
         scale: Scale,
         planner: &'static str,
@@ -99,12 +99,12 @@ impl Candidates {
         })
     }
 
-    /// Of a request.
+    /// The median time of a request, ms.
     pub(crate) fn median_ms(&self) -> anyhow::Result<f64> {
         Ok(1e3 * number(&self.result, "/seconds/median")?)
     }
 
-    /// Of a case.
+    /// The mean number of modes that a case's candidates end in.
     pub(crate) fn mean_modes(&self) -> f64 {
         let modes = self.cases.iter().map(|case| modes(&case.ends));
         modes.sum::<usize>() as f64 / self.cases.len() as f64
@@ -148,7 +148,7 @@ pub(crate) const NEAREST_END: Rule = Rule {
 /// One value for all candidates of a case; without candidates it is infinite.
 pub(crate) type Summary = fn(&[f64]) -> f64;
 
-/// The one in the middle.
+/// The value in the middle.
 pub(crate) fn middle(values: &[f64]) -> f64 {
     if values.is_empty() {
         return f64::INFINITY;
@@ -156,7 +156,7 @@ pub(crate) fn middle(values: &[f64]) -> f64 {
     median(values)
 }
 
-/// The best one.
+/// The best value.
 pub(crate) fn least(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
@@ -164,7 +164,7 @@ pub(crate) fn least(values: &[f64]) -> f64 {
 /// On how many cases a planner is ahead.
 #[derive(Clone, Copy)]
 pub(crate) struct Lead {
-    /// Of the cases that someone solves, %; where the least lead is none, half a case.
+    /// The share that it is ahead on, of the cases that someone solves, %; a case counts half where the least lead is none.
     pub(crate) percent: f64,
     cases: usize,
     /// Solved by nobody: they do not count.

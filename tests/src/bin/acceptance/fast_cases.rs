@@ -42,7 +42,7 @@ pub(crate) const HARD: Unseen = drawn("hard", 9013, 10);
 /// Cases in a folder.
 pub(crate) struct Cases {
     pub(crate) name: &'static str,
-    /// In the names of folders and files.
+    /// The part of the names of folders and files that tells them from others.
     pub(crate) label: String,
     dataset: PathBuf,
     count: usize,
@@ -59,7 +59,7 @@ impl Cases {
         })
     }
 
-    /// The authors' own, all of them.
+    /// The authors' own cases, all of them.
     pub(crate) fn sample() -> Self {
         Self {
             name: "reference sample",

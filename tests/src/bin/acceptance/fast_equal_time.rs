@@ -113,7 +113,7 @@ fn in_turns(
     Ok((turns, last))
 }
 
-/// Of a request.
+/// The median time of a request, ms.
 fn median_ms(result: &Value) -> anyhow::Result<f64> {
     Ok(1e3 * number(result, "/seconds/median")?)
 }

@@ -26,7 +26,7 @@ struct Asked {
 /// The arrays of `paths.npz` that say what would be executed, and the cases of the data set.
 pub(crate) struct Motions {
     certified: Vec<u8>,
-    /// Those that were certified in addition by exploring, too.
+    /// Slots with a motion: the certified ones, and those that exploring filled.
     delivered: Vec<u8>,
     source: Vec<u8>,
     /// Draws of each case, those of exploring included.
@@ -163,8 +163,8 @@ impl Motions {
         Ok(Trajectory::new(known.map(knot).collect())?)
     }
 
-    /// Judges every so many-th motion over its whole duration, the others where they start and end: of all slots that are said to be
-    /// certified, or to have a motion.
+    /// Judges the motions of all slots that are said to be certified or to have one: every `every`-th over its whole duration, the others
+    /// where they start and end.
     pub(crate) fn judge(&self, robot: &Robot, every: usize) -> Judged {
         let has_motion = |slot: &usize| self.certified[*slot] == 1 || self.delivered[*slot] == 1;
         let slots: Vec<usize> = (0..self.certified.len()).filter(has_motion).collect();
@@ -225,7 +225,7 @@ impl Asked {
     }
 }
 
-/// The first so many cases of a data set's test split: the first row of each target and start, in file order.
+/// The first `count` cases of a data set's test split, each of them the first row of its target and start, in file order.
 fn asked(dataset: &Path, count: usize) -> anyhow::Result<Vec<Asked>> {
     let mut known = HashSet::new();
     let rows = Dataset::read(dataset)?.rows;

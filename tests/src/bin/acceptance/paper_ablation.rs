@@ -165,9 +165,9 @@ fn authors_cases(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
 
 /// Cases that all planners are evaluated on.
 struct Population<'a> {
-    /// In the lines.
+    /// The name that the report's lines call it by.
     name: &'a str,
-    /// In the names of the folders.
+    /// The part of the folders' names that tells it from others.
     label: &'a str,
     dataset: &'a Path,
     model: &'a Model,

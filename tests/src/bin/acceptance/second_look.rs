@@ -143,20 +143,20 @@ impl End {
 pub(crate) struct Suspect {
     pub(crate) demand: Demand,
     pub(crate) motion: anyhow::Result<Trajectory>,
-    /// In the lines.
+    /// The name that the report's lines call it by.
     pub(crate) name: String,
 }
 
 /// Motions that were looked at again.
 #[derive(Default)]
 pub(crate) struct Judged {
-    /// Over their whole duration.
+    /// Motions that were judged over their whole duration.
     whole: usize,
-    /// Those that were to be judged so, had they all been motions.
+    /// Motions that were to be judged over their whole duration, had they all been motions.
     wanted: usize,
-    /// Where they start and end alone.
+    /// Motions that were judged only where they start and end.
     at_ends: usize,
-    /// What their knots contradict.
+    /// What contradicts a motion, its knots or else, a line each.
     contradicted: Vec<String>,
 }
 
