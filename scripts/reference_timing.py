@@ -13,8 +13,9 @@ Every line `WHAT PATH [INTERVALS]` on standard input is answered by one number:
     active 3        part of the time in which the given speeds use a limit fully
     duration 3 252  toppra's duration, s, on equal intervals
     seconds 3 252   wall time that toppra takes for it, s, the path's spline and projection not counted
-    whole 3 252     the same with spline and projection, from waypoints to the duration
-Both are medians of 20 in a row, after one that is not counted.
+    whole 3 252     the same with spline and projection, from the spline's nodes to the duration
+    nodes 3         wall time, s, of making these nodes of the waypoints, in a loop of this script that is not toppra's
+All three are medians of 20 in a row, after one that is not counted.
 Needs scripts/requirements-timing.txt.
 """
 
@@ -63,14 +64,21 @@ def nodes(waypoints, spacing):
 
 class Path:
     def __init__(self, path, tendons, limits, spacing):
-        self.arguments = (path, tendons, limits, spacing)
-        s, points = nodes(np.array(path["waypoints"]), spacing)
+        self.waypoints, self.spacing, self.tendons = np.array(path["waypoints"]), spacing, tendons
+        self.nodes = nodes(self.waypoints, spacing)
+        end = self.nodes[0][-1]
         self.grid, self.speed = np.array(path["s"]), np.array(path["speed"])
-        if abs(self.grid[-1] - s[-1]) > 1e-9 * s[-1]:
-            sys.exit(f"reference_timing: the path's length is {s[-1]}, its grid ends at {self.grid[-1]}")
+        if abs(self.grid[-1] - end) > 1e-9 * end:
+            sys.exit(f"reference_timing: the path's length is {end}, its grid ends at {self.grid[-1]}")
         # toppra wants the very number.
-        self.grid[-1] = s[-1]
+        self.grid[-1] = end
         self.velocity, self.acceleration = limits
+        self.project()
+
+    def project(self):
+        """The spline of tendon lengths through the nodes, and its constraints: what toppra needs before it solves."""
+        s, points = self.nodes
+        tendons = self.tendons
         self.curve = toppra.SplineInterpolator(s, points @ tendons.T, bc_type="natural")
         self.constraints = [
             toppra.constraint.JointVelocityConstraint(symmetric(self.velocity, len(tendons))),
@@ -79,6 +87,10 @@ class Path:
                 discretization_scheme=toppra.constraint.DiscretizationType.Interpolation,
             ),
         ]
+
+    def whole(self, grid):
+        self.project()
+        return self.toppra(grid)
 
     def toppra(self, grid):
         solver = toppra.algorithm.TOPPRA(self.constraints, self.curve, gridpoints=grid, solver_wrapper="seidel")
@@ -167,14 +179,16 @@ def answer(paths, order):
         return path.toppra(path.grid)
     if what == "active":
         return path.active()
+    if what == "nodes":
+        return seconds(lambda: nodes(path.waypoints, path.spacing))
     grid = np.linspace(0, path.grid[-1], int(rest[0]) + 1)
     if what == "duration":
         return path.toppra(grid)
     if what == "seconds":
         return seconds(lambda: path.toppra(grid))
     if what == "whole":
-        return seconds(lambda: Path(*path.arguments).toppra(grid))
-    sys.exit(f"reference_timing: {what}: lp, toppra, active, duration, seconds and whole are known")
+        return seconds(lambda: path.whole(grid))
+    sys.exit(f"reference_timing: {what}: lp, toppra, active, nodes, duration, seconds and whole are known")
 
 
 def main():

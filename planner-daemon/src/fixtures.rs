@@ -72,7 +72,7 @@ pub(crate) fn task() -> PlanTask {
 
 /// A candidate from the straight shape to a bent one, some seconds long.
 pub(crate) fn candidate() -> Candidate {
-    let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
+    let planner = Planner::new(unit_robot(), Models::default(), 1).unwrap();
     let plan = planner.plan(&straight_problem(), &request(), &|| false);
     plan.unwrap().candidates.remove(0)
 }

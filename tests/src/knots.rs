@@ -97,13 +97,21 @@ pub fn state_at(knots: &[Knot], time_s: f64) -> Option<[Configuration; 3]> {
 /// Largest tendon velocity, acceleration and jerk that are found, over their limits.
 #[must_use]
 pub fn limit_use(body: &Body, knots: &[Knot], limits: &Limits) -> Limits {
+    limit_use_at(body, knots, limits, 0.0)
+}
+
+/// As [`limit_use`], with at least `rate_hz` looks a second at each segment.
+#[must_use]
+pub fn limit_use_at(body: &Body, knots: &[Knot], limits: &Limits, rate_hz: f64) -> Limits {
     let mut used = [0.0; 3];
     for segment in segments(knots) {
+        let looks = (rate_hz * segment.duration_s).ceil() as usize;
+        let looks = looks.max(LOOKS_AT_LIMITS);
         let mut derivative = segment;
         for (used, limit) in used.iter_mut().zip(limits) {
             derivative = derivative.derivative();
-            for look in 0..=LOOKS_AT_LIMITS {
-                let rates = derivative.at(look as f64 / LOOKS_AT_LIMITS as f64);
+            for look in 0..=looks {
+                let rates = derivative.at(look as f64 / looks as f64);
                 for rate in body.tendons(&rates) {
                     raise(used, rate.abs() / limit);
                 }
@@ -178,7 +186,7 @@ mod tests {
     #[test]
     fn a_cubic_uses_what_it_uses() {
         let body = unit();
-        let used = limit_use(&body, &cubic(), &[1.0; 3]);
+        let used = limit_use_at(&body, &cubic(), &[1.0; 3], 1e4);
         let [most, _] = [1.0, 0.0].map(|component| {
             let tendons = body.tendons(&[component, 0.0, 0.0, 0.0, 0.0, 0.0]);
             tendons.into_iter().fold(0.0, |m: f64, x| m.max(x.abs()))

@@ -40,7 +40,7 @@ impl Judge {
             fast: Some(fast),
             ..Models::default()
         };
-        Planner::new(&self.robot, models, 2).unwrap()
+        Planner::new(self.robot.clone(), models, 2).unwrap()
     }
 
     /// Bending, clearance, and tendons' velocity and acceleration by differences.

@@ -38,7 +38,8 @@ const TRACKED_SCENES: usize = 256;
 pub struct ScenePublisher {
     source: SourceName,
     last_sequence: u32,
-    /// The thread ends once this is dropped.
+    /// The thread ends once this is dropped: declared before the thread, which is joined when it is dropped, because fields are dropped
+    /// in the order of their declaration.
     outbox: Sender<Outgoing>,
     board: Arc<VerdictBoard>,
     _thread: JoinOnDrop,

@@ -175,7 +175,7 @@ codes! {
         RampingToRest = 2 "ramping to rest",
         /// The motor end is at rest after set-points stayed away.
         AtRestAfterLoss = 3 "at rest after loss",
-        /// The motor end does not move.
+        /// The motor end refuses set-points: it ramps to rest, or is at rest.
         Fault = 4 "fault",
     }
 }
@@ -194,7 +194,7 @@ codes! {
         Bus = 3 "bus",
         /// A fault injected by a test.
         Injected = 4 "injected",
-        /// A set-point was refused: the motors could not have followed it.
+        /// The robot refused a set-point while following: not finite, badly stamped, or one that the motors could not have followed.
         Setpoint = 5 "set-point",
     }
 }

@@ -63,7 +63,7 @@ codes! {
     pub enum Source {
         /// The learned sampler.
         Learned = 1 "learned",
-        /// The classical planner.
+        /// A tree: RRT-Connect, or one seeded with the motions found.
         Classical = 2 "classical",
         /// A straight segment in configuration space.
         StraightLine = 3 "straight line",
@@ -133,11 +133,11 @@ codes! {
     pub enum Stage {
         /// From reception until work began.
         Wait = 0 "wait",
-        /// Goal configurations and features.
+        /// Goal configurations (for diffusion: whether there is one) and features.
         Condition = 1 "condition",
-        /// Drawing from the model.
+        /// Drawing from the learned sampler, or growing trees.
         Sample = 2 "sample",
-        /// Collision correction and tip paths.
+        /// Collision correction and tip paths, the ends of paths by diffusion included.
         Correct = 3 "correct",
         /// Certification of paths and motions.
         Certify = 4 "certify",
@@ -149,6 +149,15 @@ codes! {
         Write = 7 "write",
     }
 }
+
+// The codes of stages are their places in `Stage::ALL`, since they index arrays with a time for each.
+const _: () = {
+    let mut place = 0;
+    while place < Stage::ALL.len() {
+        assert!(Stage::ALL[place].code() as usize == place);
+        place += 1;
+    }
+};
 
 codes! {
     /// Where the motion of a plan request begins.

@@ -160,7 +160,7 @@ pub(crate) struct Loaded {
 /// Makes the planner, loading the weights that the sampler needs.
 pub(crate) fn load(
     name: PlannerName,
-    robot: &UnitRobot,
+    robot: UnitRobot,
     arguments: &ModelArguments,
     threads: usize,
 ) -> anyhow::Result<Loaded> {
@@ -169,11 +169,11 @@ pub(crate) fn load(
     let mut models = Models::default();
     match name.sampler() {
         Some(Sampler::Default | Sampler::Fast) => {
-            let (model, record) = load_fast(robot, arguments)?;
+            let (model, record) = load_fast(&robot, arguments)?;
             (models.fast, records.fast) = (Some(model), Some(record));
         }
         Some(Sampler::Diffusion | Sampler::DiffusionPost | Sampler::DiffusionGuided) => {
-            let (model, record) = load_diffusion(robot, arguments)?;
+            let (model, record) = load_diffusion(&robot, arguments)?;
             (models.diffusion, records.diffusion) = (Some(model), Some(record));
         }
         Some(

@@ -45,12 +45,12 @@ pub(crate) fn choice<T: Clone + Send + Sync + 'static>(
     let named = choices
         .into_iter()
         .map(|(name, value)| (name.into(), value));
-    let (names, values): (Vec<PossibleValue>, Vec<T>) = named.unzip();
-    let known = names.clone();
+    let named: Vec<(PossibleValue, T)> = named.collect();
+    let names: Vec<PossibleValue> = named.iter().map(|(name, _)| name.clone()).collect();
     PossibleValuesParser::new(names).try_map(move |given| {
-        let place = known.iter().position(|name| name.get_name() == given);
-        place
-            .map(|place| values[place].clone())
+        let chosen = named.iter().find(|(name, _)| name.get_name() == given);
+        chosen
+            .map(|(_, value)| value.clone())
             .ok_or("no such choice")
     })
 }

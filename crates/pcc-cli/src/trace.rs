@@ -62,7 +62,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     make_writable_for(&arguments.out)?;
     let robot = unit_robot(&arguments.robot)?;
-    let planner = load(arguments.planner, &robot, &arguments.models, 1)?.planner;
+    let planner = load(arguments.planner, robot, &arguments.models, 1)?.planner;
     let problem = arguments.problem(planner.robot())?;
     let trace = planner.trace(&problem, guidance, arguments.seed);
     let trace = trace.map_err(|error| arguments.explain(error))?;

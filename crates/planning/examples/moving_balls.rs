@@ -158,7 +158,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         fast: Some(FastModel::from_weights(&weights, robot.bending_limit)?),
         ..Models::default()
     };
-    let planner = Planner::new(&robot, models, 2)?;
+    let planner = Planner::new(
+        robot.to_unit().ok_or("sections of equal length")?,
+        models,
+        2,
+    )?;
     let acceleration = robot.tendon_limits.acceleration * BRAKING_SHARE;
     let law = RateLaw::new(&robot.tendons, acceleration);
     for count in 0..=4 {

@@ -43,18 +43,21 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         return Err("arguments: <weights folder> <robot file>".into());
     };
     let robot = Robot::from_file(Path::new(robot))?;
+    let robot = robot
+        .to_unit()
+        .ok_or("the three sections must be equally long")?;
     let file = Manifest::open(Path::new(weights))?.weights("fast")?;
     let models = Models {
         fast: Some(FastModel::from_weights(&file, robot.bending_limit)?),
         ..Models::default()
     };
-    let planner = Planner::new(&robot, models, 2)?;
+    let planner = Planner::new(robot, models, 2)?;
     let request = Request {
         candidates: 10,
         seed: 1,
         sampler: Sampler::Default,
         limits_scale: 1.0,
-        padding: tracking_padding(&robot, 0.01),
+        padding: tracking_padding(planner.robot(), 0.01),
         knots: 96,
         corrections: planning::MOST_CORRECTIONS,
         start_motion: None,

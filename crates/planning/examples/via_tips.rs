@@ -138,7 +138,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         fast: Some(FastModel::from_weights(&file, robot.bending_limit)?),
         ..Models::default()
     };
-    let planner = Planner::new(&robot, models, 2)?;
+    let planner = Planner::new(
+        robot.to_unit().ok_or("sections of equal length")?,
+        models,
+        2,
+    )?;
     let (mut ratios, mut times, mut rests, mut none, mut misses) = (vec![], vec![], 0, 0, 0.0_f64);
     let (mut candidates, mut stage) = (0, vec![]);
     for seed in 0..sets as u64 {

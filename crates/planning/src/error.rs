@@ -22,9 +22,6 @@ pub enum PlannerError {
         "sampler not loaded: the request needs the {0} model, whose weights the configuration has to name; `straight` and `rrt-connect` need none"
     )]
     ModelNotLoaded(&'static str),
-    /// The robot's sections differ in length, which the unit model cannot express.
-    #[error("the planner needs three sections of one length, got {0:?}")]
-    UnequalSections([f64; 3]),
     /// The worker threads could not be started.
     #[error("the worker threads could not be started: {0}")]
     Threads(String),
@@ -64,7 +61,7 @@ pub enum Infeasible {
     StartCannotStop,
     /// No configuration within the limits puts the tip on the goal.
     #[error(
-        "goal out of reach: the closest configuration found within the bending limit misses it by {miss:.4} section lengths"
+        "goal out of reach: the closest configuration found within the bending limit misses it by {miss:.4} section lengths (a tip) or rad (a configuration)"
     )]
     GoalOutOfReach {
         /// Distance of the closest tip found, section lengths; for a configuration the angle above the limit.

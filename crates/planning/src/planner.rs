@@ -11,7 +11,7 @@ use crate::plan::Plan;
 use crate::problem::{Problem, Via};
 use crate::request::{Guidance, Interrupt, Request, Supervision};
 use crate::resources::{Models, Resources};
-use pcc_model::{Robot, UnitRobot};
+use pcc_model::UnitRobot;
 
 /// The planner, resident: the unit robot, the models, and worker threads.
 pub struct Planner {
@@ -20,14 +20,11 @@ pub struct Planner {
 }
 
 impl Planner {
-    /// Makes a planner for a robot (any unit of length) with `threads` workers.
+    /// Makes a planner for a robot with `threads` workers.
     ///
     /// # Errors
-    /// [`PlannerError::UnequalSections`] or [`PlannerError::Threads`].
-    pub fn new(robot: &Robot, mut models: Models, threads: usize) -> Result<Self, PlannerError> {
-        let unit_robot = robot
-            .to_unit()
-            .ok_or(PlannerError::UnequalSections(robot.section_lengths))?;
+    /// [`PlannerError::Threads`].
+    pub fn new(robot: UnitRobot, mut models: Models, threads: usize) -> Result<Self, PlannerError> {
         let workers = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .thread_name(|_| "planning".to_owned())
@@ -37,7 +34,7 @@ impl Planner {
             diffusion.prepare(workers.current_num_threads());
         }
         Ok(Self {
-            resources: Resources::new(unit_robot, models),
+            resources: Resources::new(robot, models),
             workers,
         })
     }

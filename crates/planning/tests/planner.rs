@@ -20,6 +20,18 @@ fn robot() -> UnitRobot {
     robot.to_unit().unwrap()
 }
 
+#[test]
+fn a_planner_keeps_the_length_of_the_sections_of_its_robots_file() {
+    let file = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../config/robots/authors-42mm.toml"
+    );
+    let robot = Robot::from_file(Path::new(file)).unwrap();
+    let planner = Planner::new(robot.to_unit().unwrap(), Models::default(), 1).unwrap();
+    let kept = planner.robot().section_length_m();
+    assert_eq!(kept.to_bits(), robot.section_lengths[0].to_bits());
+}
+
 fn plan(planner: &Planner, problem: &Problem, request: &Request) -> Result<Plan, PlannerError> {
     planner.plan(problem, request, &|| false)
 }
@@ -73,7 +85,7 @@ fn problems(robot: &UnitRobot, setting: Setting, count: usize) -> Vec<Problem> {
 
 #[test]
 fn infeasible_problems_are_named() {
-    let planner = Planner::new(&robot(), diffusion(), 1).unwrap();
+    let planner = Planner::new(robot(), diffusion(), 1).unwrap();
     let tip = Goal::Tip(Point::new(1.5, 0.0, 2.4));
     let on_the_axis = from_straight(tip, reference_layout(1));
     let bent = Problem {
@@ -126,7 +138,7 @@ fn infeasible_problems_are_named() {
 
 #[test]
 fn diffusion_books_every_stage_and_attaches_nothing_once_it_is_interrupted() {
-    let planner = Planner::new(&robot(), diffusion(), 2).unwrap();
+    let planner = Planner::new(robot(), diffusion(), 2).unwrap();
     let problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
     let whole = plan(&planner, &problem, &request(POST, 1)).unwrap();
     let stages = whole.stages;
@@ -152,7 +164,7 @@ fn diffusion_books_every_stage_and_attaches_nothing_once_it_is_interrupted() {
 
 #[test]
 fn the_learned_samplers_need_a_model() {
-    let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
+    let planner = Planner::new(robot(), Models::default(), 1).unwrap();
     let problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
     for sampler in [Sampler::Default, Sampler::Fast] {
         assert_eq!(
@@ -164,8 +176,7 @@ fn the_learned_samplers_need_a_model() {
 
 #[test]
 fn the_same_seed_gives_the_same_bits_with_one_thread_and_with_two() {
-    let planners =
-        [1, 2].map(|threads| Planner::new(&robot(), Models::default(), threads).unwrap());
+    let planners = [1, 2].map(|threads| Planner::new(robot(), Models::default(), threads).unwrap());
     let target = (0..)
         .find_map(|i| draw_target(planners[0].robot(), Setting::General(Some(6)), 3, i))
         .unwrap();
@@ -195,7 +206,7 @@ fn the_same_seed_gives_the_same_bits_with_one_thread_and_with_two() {
 
 #[test]
 fn straight_drawn_gives_the_same_segments_smoother_tips() {
-    let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
+    let planner = Planner::new(robot(), Models::default(), 2).unwrap();
     let (mut both, mut smoother) = (0, 0);
     for problem in problems(planner.robot(), Setting::General(None), 20) {
         let of = |sampler| plan(&planner, &problem, &request(sampler, 1)).unwrap();
@@ -221,7 +232,7 @@ fn straight_drawn_gives_the_same_segments_smoother_tips() {
 
 #[test]
 fn rrt_smooth_certifies_what_rrt_connect_does_and_is_mostly_smoother() {
-    let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
+    let planner = Planner::new(robot(), Models::default(), 2).unwrap();
     let (mut both, mut smoother) = (0, 0);
     for problem in problems(planner.robot(), Setting::Hard, 6) {
         let of = |sampler| plan(&planner, &problem, &request(sampler, 1)).unwrap();
@@ -241,7 +252,7 @@ fn rrt_smooth_certifies_what_rrt_connect_does_and_is_mostly_smoother() {
 
 #[test]
 fn an_interrupt_truncates_and_nothing_uncertified_is_delivered() {
-    let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
+    let planner = Planner::new(robot(), Models::default(), 2).unwrap();
     let problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
     for sampler in CLASSICAL {
         let answer = planner.plan(&problem, &request(sampler, 1), &|| true);
@@ -252,7 +263,7 @@ fn an_interrupt_truncates_and_nothing_uncertified_is_delivered() {
 
 #[test]
 fn a_tree_that_is_interrupted_while_it_grows_says_so() {
-    let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
+    let planner = Planner::new(robot(), Models::default(), 1).unwrap();
     // A cage around the straight robot: its goal is clear, no way leads out.
     let cage = (0..3).flat_map(|ring| {
         (0..12).map(move |i| {
@@ -283,7 +294,7 @@ fn a_tree_that_is_interrupted_while_it_grows_says_so() {
 
 #[test]
 fn a_start_a_little_beyond_the_bending_limit_is_left_from_exactly_there() {
-    let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
+    let planner = Planner::new(robot(), Models::default(), 1).unwrap();
     let mut problem = from_straight(Goal::Tip(Point::new(1.5, 0.0, 2.4)), vec![]);
     problem.start[2] = planner.robot().bending_limit + 4e-3;
     for sampler in CLASSICAL {
@@ -298,7 +309,7 @@ fn a_start_a_little_beyond_the_bending_limit_is_left_from_exactly_there() {
 
 #[test]
 fn start_and_goal_may_be_the_same_and_scenes_of_any_size_are_answered() {
-    let planner = Planner::new(&robot(), Models::default(), 2).unwrap();
+    let planner = Planner::new(robot(), Models::default(), 2).unwrap();
     let here = Configuration::from_column_slice(&[0.2, 0.1, -0.3, 0.4, 0.0, 0.5]);
     let at_most = Request {
         candidates: 64,
@@ -341,7 +352,7 @@ fn start_and_goal_may_be_the_same_and_scenes_of_any_size_are_answered() {
 
 #[test]
 fn a_homing_request_ends_in_its_configuration() {
-    let planner = Planner::new(&robot(), Models::default(), 1).unwrap();
+    let planner = Planner::new(robot(), Models::default(), 1).unwrap();
     let home = Configuration::from_column_slice(&[0.2, 0.1, -0.3, 0.4, 0.0, 0.5]);
     let answer = plan(
         &planner,

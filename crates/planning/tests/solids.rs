@@ -116,11 +116,7 @@ fn motions_lead_around_every_kind_of_solid() {
         let scene = Scene::with_solids(Vec::new(), vec![solid.clone()]).unwrap();
         let problem = problem(scene);
         let line = straight_path(&problem.start, &leaning(0.35));
-        let clearance = |q: &Configuration| {
-            problem
-                .scene
-                .clearance(&robot.backbone(q), &robot.tube_radii)
-        };
+        let clearance = |q: &Configuration| problem.scene.clearance_at(&robot, q);
         let blocked = line.iter().map(clearance).fold(f64::INFINITY, f64::min);
         assert!(
             blocked < -0.05,

@@ -52,8 +52,8 @@ struct StallWatch {
 
 impl StallWatch {
     /// Whether supervision goes on.
-    fn sees(&mut self, progress: &AtomicU64) -> bool {
-        let rounds = progress.load(Ordering::Relaxed);
+    fn sees(&mut self, supervision_rounds: &AtomicU64) -> bool {
+        let rounds = supervision_rounds.load(Ordering::Relaxed);
         if rounds == self.seen_rounds {
             self.beats_without = self.beats_without.saturating_add(1);
         } else {
@@ -75,7 +75,7 @@ impl BackgroundThreads {
     pub(crate) fn start(
         options: &IpcOptions,
         instance: u64,
-        progress: &Arc<AtomicU64>,
+        supervision_rounds: &Arc<AtomicU64>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
         let mut background = Self {
@@ -83,11 +83,14 @@ impl BackgroundThreads {
             threads: Vec::new(),
         };
         let node = IpcNode::create(options, "planner-daemon heartbeat")?;
-        let (progress, ended) = (Arc::clone(progress), Arc::clone(&background.ended));
+        let (supervision_rounds, ended) = (
+            Arc::clone(supervision_rounds),
+            Arc::clone(&background.ended),
+        );
         let heart = spawn_with_ports(
             "heartbeat",
             move || heartbeat_port(&node, realtime_priority),
-            move |publisher| beat(&publisher, instance, &progress, &ended),
+            move |publisher| beat(&publisher, instance, &supervision_rounds, &ended),
         )??;
         background.threads.push(heart.into());
         let node = IpcNode::create(options, "planner-daemon cleaning")?;
@@ -115,11 +118,16 @@ fn heartbeat_port(
     Ok(publisher(node, &heartbeat_service(node)?)?)
 }
 
-fn beat(publisher: &Publisher<Heartbeat>, instance: u64, progress: &AtomicU64, ended: &AtomicBool) {
+fn beat(
+    publisher: &Publisher<Heartbeat>,
+    instance: u64,
+    supervision_rounds: &AtomicU64,
+    ended: &AtomicBool,
+) {
     let (mut sequence, mut failing) = (0, false);
     let mut stall_watch = StallWatch::default();
     while !ended.load(Ordering::Relaxed) {
-        if stall_watch.sees(progress) {
+        if stall_watch.sees(supervision_rounds) {
             sequence += 1;
             let sent = publisher.send_copy(Heartbeat {
                 stamp_mono_ns: mono_now_ns(),
@@ -159,11 +167,11 @@ mod tests {
 
     #[test]
     fn the_heart_stops_when_supervision_does_and_beats_again_when_it_goes_on() {
-        let (progress, mut stall_watch) = (AtomicU64::new(0), StallWatch::default());
-        progress.fetch_add(1, Ordering::Relaxed);
-        assert!((0..STALL_BEATS).all(|_| stall_watch.sees(&progress)));
-        assert!(!stall_watch.sees(&progress));
-        progress.fetch_add(1, Ordering::Relaxed);
-        assert!(stall_watch.sees(&progress));
+        let (supervision_rounds, mut stall_watch) = (AtomicU64::new(0), StallWatch::default());
+        supervision_rounds.fetch_add(1, Ordering::Relaxed);
+        assert!((0..STALL_BEATS).all(|_| stall_watch.sees(&supervision_rounds)));
+        assert!(!stall_watch.sees(&supervision_rounds));
+        supervision_rounds.fetch_add(1, Ordering::Relaxed);
+        assert!(stall_watch.sees(&supervision_rounds));
     }
 }

@@ -41,7 +41,8 @@ pub(crate) enum ExpectedBegin<'a> {
 
 /// The handle of the supervision thread, which publishes motions and supervises them. Dropping it stops what moves and joins the thread.
 pub(crate) struct Execution {
-    /// Supervision stops what moves, and ends, once this is dropped.
+    /// Supervision stops what moves, and ends, once this is dropped: declared before the thread, which is joined when it is dropped,
+    /// because fields are dropped in the order of their declaration.
     to_supervision: SyncSender<ExecutionRequest>,
     told: ToldToService,
     rules: ExecutionRules,
@@ -54,18 +55,19 @@ impl Execution {
         options: &IpcOptions,
         rules: ExecutionRules,
         instance: u64,
-        progress: &Arc<AtomicU64>,
+        supervision_rounds: &Arc<AtomicU64>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
         let node = IpcNode::create(options, "planner-daemon supervision")?;
         let (to_supervision, requests) = sync_channel(1);
-        let progress = Arc::clone(progress);
+        let supervision_rounds = Arc::clone(supervision_rounds);
         let memory = SceneMemory::open(options)?;
         let told = ToldToService::default();
         let (shared, own_rules) = (told.clone(), rules.clone());
+        let rounds = supervision_rounds;
         let open = move || {
             let priority = realtime_priority;
-            Supervisor::open(&node, memory, rules, instance, progress, priority, shared)
+            Supervisor::open(&node, memory, rules, instance, rounds, priority, shared)
         };
         let work = move |mut supervisor: Supervisor| supervisor.run(&requests);
         let thread = spawn_with_ports("supervision", open, work)??;

@@ -52,7 +52,7 @@ pub(crate) struct Supervisor {
     inbox: SceneInbox,
     pub(super) stop_order: StopOrder,
     /// Counts the rounds of supervision, which the heartbeat thread watches.
-    progress: Arc<AtomicU64>,
+    supervision_rounds: Arc<AtomicU64>,
     pub(super) state: Option<valid::ControllerState>,
     awake: ActiveTime,
     suspension: Suspension,
@@ -78,7 +78,7 @@ impl Supervisor {
         memory: SceneMemory,
         rules: ExecutionRules,
         instance: u64,
-        progress: Arc<AtomicU64>,
+        supervision_rounds: Arc<AtomicU64>,
         realtime_priority: Option<u8>,
         told: ToldToService,
     ) -> Result<Self, BackgroundError> {
@@ -97,7 +97,7 @@ impl Supervisor {
             states: subscriber(node, &controller_state_service(node)?)?,
             inbox: SceneInbox::open(node)?,
             stop_order: StopOrder::open(node)?,
-            progress,
+            supervision_rounds,
             state: None,
             awake: ActiveTime::from(mono_now_ns()),
             suspension: Suspension::noticed(suspended_ns()),
@@ -260,7 +260,7 @@ impl Supervisor {
         }
         self.share_robot_motion(now);
         if !self.stop_order.is_ignored() {
-            self.progress.fetch_add(1, Ordering::Relaxed);
+            self.supervision_rounds.fetch_add(1, Ordering::Relaxed);
         }
     }
 

@@ -101,7 +101,8 @@ impl LiveScene {
         live
     }
 
-    /// Adds a source that the previous daemon had heard, with its scene if that is still usable.
+    /// Adds a source that the previous daemon had heard, with its scene if that was written to its end and is valid; whether its lifetime
+    /// is over is looked at where scenes are counted.
     fn restore(&mut self, (record, scene): RetainedSource) {
         let name = record.name.to_string();
         tracing::info!("source {name:?} of the live scene was heard by the daemon before this one");

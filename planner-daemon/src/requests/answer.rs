@@ -89,7 +89,9 @@ impl Answer {
         let report = &mut answer.report;
         report.learned_drawn = plan.learned_drawn as u32;
         report.learned_certified = plan.learned_certified as u32;
-        report.stages_ns = std::array::from_fn(|i| (plan.stages[Stage::ALL[i]] * 1e9) as u64);
+        for &stage in Stage::ALL {
+            report.stages_ns[stage.code() as usize] = (plan.stages[stage] * 1e9) as u64;
+        }
         let mut kept = keep.into_iter();
         answer.candidates = plan.candidates;
         answer.candidates.retain(|_| kept.next() == Some(true));
@@ -262,7 +264,7 @@ mod tests {
     use planning::{Models, Planner};
 
     fn plan(task: &PlanTask, interrupted: bool) -> Plan {
-        let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
+        let planner = Planner::new(unit_robot(), Models::default(), 1).unwrap();
         let interrupt = || interrupted;
         planner
             .plan(&task.problem, &task.request, &interrupt)

@@ -172,7 +172,7 @@ mod tests {
     use std::time::Duration;
 
     fn planning() -> PlanRunner {
-        let planner = Planner::new(&unit_robot(), Models::default(), 1).unwrap();
+        let planner = Planner::new(unit_robot(), Models::default(), 1).unwrap();
         PlanRunner::new(Arc::new(planner)).unwrap()
     }
 

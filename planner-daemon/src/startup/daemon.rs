@@ -9,7 +9,7 @@ use std::time::Duration;
 use collision::{Ball, Scene, SceneFileError, tracking_padding};
 use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
 use input_files::{shortened, shown};
-use pcc_model::{Configuration, Point, Robot, RobotFileError};
+use pcc_model::{Configuration, Point, Robot, RobotFileError, SECTIONS};
 use planning::{
     DiffusionModel, Goal, MOST_CORRECTIONS, Models, MovingObstacles, Planner, PlannerError,
     PrecisionUnavailable, Problem, Request, Sampler,
@@ -53,6 +53,14 @@ pub enum StartError {
     /// The diffusion model cannot be computed as configured.
     #[error(transparent)]
     Precision(#[from] PrecisionUnavailable),
+    /// The robot's sections differ in length, which the unit model cannot express.
+    #[error("robot file {}: the planner needs three sections of one length, got {lengths:?}", shown(.robot))]
+    UnequalSections {
+        /// The robot file.
+        robot: PathBuf,
+        /// The sections' lengths, m.
+        lengths: [f64; SECTIONS],
+    },
     /// The planner cannot serve this robot.
     #[error("robot file {}: {source}", shown(.robot))]
     Planner {
@@ -130,18 +138,19 @@ impl Daemon {
         let node = IpcNode::create(options, "planner-daemon")?;
         // No other daemon of this machine was started then.
         let instance = mono_now_ns().unsigned_abs();
-        let progress = Arc::<AtomicU64>::default();
+        let supervision_rounds = Arc::<AtomicU64>::default();
         let execution = Execution::start(
             options,
             execution_rules(config, &planner, &robot),
             instance,
-            &progress,
+            &supervision_rounds,
             priority.map(|planning| planning + 2),
         )?;
         let service = open_service(config, &node, static_scene, planner, execution)?;
         prefault_shared_memory(config, options);
         let service_priority = priority.map(|planning| planning + 1);
-        let background = BackgroundThreads::start(options, instance, &progress, service_priority)?;
+        let background =
+            BackgroundThreads::start(options, instance, &supervision_rounds, service_priority)?;
         if let Some(priority) = service_priority {
             realtime::use_fifo_priority(priority)?;
         }
@@ -265,8 +274,13 @@ fn load_planner(
         .as_ref()
         .map(|folder| load_models(folder, config, robot));
     let models = models.transpose()?.unwrap_or_default();
-    let planner =
-        Planner::new(robot, models, config.threads).map_err(|source| not_served(config, source))?;
+    let unit_robot = robot.to_unit();
+    let unit_robot = unit_robot.ok_or_else(|| StartError::UnequalSections {
+        robot: config.robot.clone(),
+        lengths: robot.section_lengths,
+    })?;
+    let planner = Planner::new(unit_robot, models, config.threads)
+        .map_err(|source| not_served(config, source))?;
     planner.on_every_worker(|| {
         // A defect of the planner is an answer like any other.
         logging::do_not_abort_on_panic();

@@ -35,7 +35,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 /// Looks for abandoned memory of one prefix, in a thread of its own, until dropped.
 #[derive(Debug)]
 pub(super) struct Sweeper {
-    /// The thread ends once this is dropped.
+    /// The thread ends once this is dropped: declared before the thread, which is joined when it is dropped, because fields are dropped
+    /// in the order of their declaration.
     _stop: Sender<()>,
     _thread: JoinOnDrop,
 }

@@ -8,7 +8,8 @@ use crate::weights::file::WeightsFile;
 
 /// The ε that keeps the divisor from zero: PyTorch's default.
 const EPSILON: f32 = 1e-5;
-/// y = (x − mean) / √(variance + ε) · weight + bias, row by row.
+
+/// Normalises each row: y = (x − mean of the row) / √(variance of the row + ε) · weight + bias.
 pub(crate) struct LayerNorm(Affine);
 
 impl LayerNorm {

@@ -21,7 +21,8 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 /// The obstacles that are shown, published again by a thread of its own; when dropped, the source signs off.
 pub(super) struct Obstacles {
     shown: Arc<Mutex<Shown>>,
-    /// The renewal ends once this is dropped.
+    /// The renewal ends once this is dropped: declared before its thread, which is joined when it is dropped, because fields are dropped
+    /// in the order of their declaration.
     _quit: Sender<()>,
     _renewal: JoinOnDrop,
 }
@@ -76,6 +77,7 @@ impl Obstacles {
 
 impl Drop for Obstacles {
     fn drop(&mut self) {
+        // The renewal's thread still runs: it publishes nothing more, since leaving takes the obstacles away under the lock.
         // A caller that needs the error calls this before.
         let _ = self.take_leave();
     }

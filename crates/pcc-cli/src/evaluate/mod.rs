@@ -24,7 +24,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let robot = unit_robot(&arguments.robot)?;
     let Loaded { planner, records } = load(
         arguments.planner,
-        &robot,
+        robot,
         &arguments.models,
         arguments.threads,
     )?;

@@ -9,6 +9,7 @@ use std::path::Path;
 pub(crate) fn planner(threads: usize) -> Planner {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."));
     let robot = Robot::from_file(&root.join("config/robots/unit.toml")).unwrap();
+    let robot = robot.to_unit().unwrap();
     let file = Manifest::open(&root.join("weights"))
         .unwrap()
         .weights("fast");
@@ -16,5 +17,5 @@ pub(crate) fn planner(threads: usize) -> Planner {
         fast: Some(FastModel::from_weights(&file.unwrap(), robot.bending_limit).unwrap()),
         ..Models::default()
     };
-    Planner::new(&robot, models, threads).unwrap()
+    Planner::new(robot, models, threads).unwrap()
 }

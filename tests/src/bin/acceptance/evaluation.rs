@@ -4,15 +4,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use anyhow::Context;
-use datasets::ArchiveReader;
 use pcc_model::Robot;
 use serde_json::Value;
 use tests::programs::repository;
 
+use crate::motions::Motions;
 use crate::report::Report;
 use crate::runs::{folder, make_dataset, number, run_pcc};
 use crate::scale::Scale;
-use crate::second_look::Motions;
 
 const PLANNERS: [&str; 6] = [
     "default",
@@ -86,7 +85,7 @@ fn evaluate_all(
             "--out",
             path,
         ])?;
-        all.insert(planner, read(&out)?);
+        all.insert(planner, read(&out, dataset)?);
     }
     let evaluated = all["default"].motions.cases();
     let at_least = cases.min(30);
@@ -151,11 +150,10 @@ fn feasible(report: &mut Report, setting: &str, all: &BTreeMap<&str, Evaluation>
     report.all_of(&name, answered, feasible.len());
 }
 
-fn read(folder: &Path) -> anyhow::Result<Evaluation> {
+fn read(folder: &Path, dataset: &Path) -> anyhow::Result<Evaluation> {
     let summary = std::fs::read_to_string(folder.join("result.json"))?;
-    let mut archive = ArchiveReader::open(&folder.join("paths.npz"))?;
     Ok(Evaluation {
         summary: serde_json::from_str(&summary)?,
-        motions: Motions::read(&mut archive)?,
+        motions: Motions::read(folder, dataset)?,
     })
 }

@@ -1,9 +1,13 @@
 //! Success against the network's evaluations, and what the canonical frame, correction, data and size are worth.
 
+use pcc_model::Robot;
+use tests::programs::repository;
+
 use crate::fast_cases::{Cases, GENERAL, HARD, REFERENCE, count};
 use crate::report::Report;
 use crate::runs::{Evaluation, Model, ablation_folder, number, weights_folder};
 use crate::scale::Scale;
+use crate::second_look::Judged;
 
 const EVALUATIONS: [usize; 4] = [1, 2, 4, 8];
 /// Attempts to correct a path: none, one, and one more with a larger margin.
@@ -36,7 +40,7 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
         report.group(group, &command, |report| {
             for value in values {
                 let line = format!("ablation: {value} {what}");
-                variant(report, scale, &line, |evaluation| {
+                variant(report, scale, &line, "fast", |evaluation| {
                     evaluation.with(option, value)
                 })?;
             }
@@ -49,18 +53,21 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-/// One line: the fast planner with one thing changed in every kind of scenes.
+/// One line: a planner with one thing changed in every kind of scenes; and what it certified there is judged again.
 fn variant(
     report: &mut Report,
     scale: Scale,
     line: &str,
+    planner: &'static str,
     change: impl for<'a> Fn(Evaluation<'a>) -> Evaluation<'a>,
 ) -> anyhow::Result<()> {
-    let mut texts = Vec::new();
+    let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
+    let (mut texts, mut judged) = (Vec::new(), Judged::default());
     for unseen in [REFERENCE, GENERAL, HARD] {
         let cases = Cases::unseen(&unseen, count(scale))?.first(scale.pick(20, 300));
-        let evaluation = change(cases.evaluation("fast"));
-        let result = evaluation.run(report, scale)?;
+        let evaluation = change(cases.evaluation(planner));
+        let (result, motions) = cases.run(report, scale, &evaluation)?;
+        judged.merge(motions.judge(&robot, scale.pick(1, 4)));
         texts.push(format!(
             "{} {:.2} % certified, tip length ÷ distance {:.3}, {:.2} ms",
             cases.name,
@@ -70,6 +77,7 @@ fn variant(
         ));
     }
     report.shown(line, texts.join("; "));
+    judged.check(report, line);
     Ok(())
 }
 
@@ -78,8 +86,14 @@ fn models(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     models.extend(Model::all(&ablation_folder(), PREFIX)?);
     for model in &models {
         let line = format!("ablation: {}", model.text);
-        variant(report, scale, &line, |evaluation| evaluation.model(model))?;
+        variant(report, scale, &line, "fast", |evaluation| {
+            evaluation.model(model)
+        })?;
     }
+    let line = "ablation: without a network, straight-drawn";
+    variant(report, scale, line, "straight-drawn", |evaluation| {
+        evaluation
+    })?;
     for (what, words) in WANTED {
         let is_of_it = |model: &Model| words.iter().any(|word| model.name.contains(word));
         if !models.iter().any(is_of_it) {

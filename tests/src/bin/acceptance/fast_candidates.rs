@@ -1,5 +1,7 @@
 //! What planners' candidates of the same cases are worth, by the rules by which a request can select one.
 
+use std::fmt::{self, Display, Formatter};
+
 use anyhow::Context;
 use collision::minimum_clearance;
 use pcc_model::{Configuration, Robot, UnitRobot};
@@ -8,10 +10,11 @@ use serde_json::Value;
 use tests::programs::repository;
 
 use crate::fast_cases::Cases;
+use crate::motions::Motions;
 use crate::report::Report;
 use crate::runs::number;
 use crate::scale::Scale;
-use crate::second_look::{Judged, Motions};
+use crate::second_look::Judged;
 use crate::spread::median;
 
 /// Accuracy of a clearance, section lengths.
@@ -33,13 +36,14 @@ pub(crate) struct Figures {
     pub(crate) ends: Vec<Configuration>,
 }
 
-/// Of every case.
+/// The figures of every case's certified candidates.
 fn figures(robot: &UnitRobot, motions: &Motions) -> anyhow::Result<Vec<Figures>> {
     let case = |case: usize| {
         let mut figures = Figures::default();
         for slot in motions.certified(case) {
             let motion = motions.motion(slot)?;
-            let clearance = minimum_clearance(robot, motions.scene(case), &motion, 1e-3);
+            let clearance =
+                minimum_clearance(robot, motions.scene(case), &motion, CLEARANCE_TOLERANCE);
             let metrics = PathMetrics::of(robot, &motion, clearance);
             let end = motion.at(motion.duration()).position;
             figures.tip_length.push(metrics.tip_length);
@@ -73,24 +77,34 @@ impl Candidates {
         planner: &'static str,
         candidates: usize,
     ) -> anyhow::Result<Self> {
-        let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
-        let robot = robot.to_unit().context("equal sections are needed")?;
         let evaluation = cases.evaluation(planner).candidates(candidates);
         let (result, motions) = cases.run(report, scale, &evaluation)?;
+        Self::new(scale, planner, result, &motions)
+    }
+
+    /// The candidates of a run that has come to its end.
+    pub(crate) fn new(
+        scale: Scale,
+        planner: &'static str,
+        result: Value,
+        motions: &Motions,
+    ) -> anyhow::Result<Self> {
+        let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
+        let robot = robot.to_unit().context("equal sections are needed")?;
         Ok(Self {
             planner,
             result,
-            cases: figures(&robot, &motions)?,
-            judged: motions.judge(&robot, scale.pick(10, 40)),
+            cases: figures(&robot, motions)?,
+            judged: motions.judge(&robot, scale.pick(1, 10)),
         })
     }
 
-    /// Of a request.
+    /// The median time of a request, ms.
     pub(crate) fn median_ms(&self) -> anyhow::Result<f64> {
         Ok(1e3 * number(&self.result, "/seconds/median")?)
     }
 
-    /// Of a case.
+    /// The mean number of modes that a case's candidates end in.
     pub(crate) fn mean_modes(&self) -> f64 {
         let modes = self.cases.iter().map(|case| modes(&case.ends));
         modes.sum::<usize>() as f64 / self.cases.len() as f64
@@ -134,7 +148,7 @@ pub(crate) const NEAREST_END: Rule = Rule {
 /// One value for all candidates of a case; without candidates it is infinite.
 pub(crate) type Summary = fn(&[f64]) -> f64;
 
-/// The one in the middle.
+/// The value in the middle.
 pub(crate) fn middle(values: &[f64]) -> f64 {
     if values.is_empty() {
         return f64::INFINITY;
@@ -142,19 +156,42 @@ pub(crate) fn middle(values: &[f64]) -> f64 {
     median(values)
 }
 
-/// The best one.
+/// The best value.
 pub(crate) fn least(values: &[f64]) -> f64 {
     values.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// Share of the cases, %, on which `ours` is ahead of all rivals by all of these rules at once; where the least lead is none, half a
-/// case. Cases that nobody solves do not count.
+/// On how many cases a planner is ahead.
+#[derive(Clone, Copy)]
+pub(crate) struct Lead {
+    /// The share that it is ahead on, of the cases that someone solves, %; a case counts half where the least lead is none.
+    pub(crate) percent: f64,
+    cases: usize,
+    /// Solved by nobody: they do not count.
+    unsolved: usize,
+}
+
+impl Display for Lead {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        let Self {
+            percent,
+            cases,
+            unsolved,
+        } = self;
+        write!(
+            formatter,
+            "{percent:.1} % of {cases} cases, {unsolved} of them solved by nobody, which do not count"
+        )
+    }
+}
+
+/// How often `ours` is ahead of all rivals by all of these rules at once.
 pub(crate) fn ahead(
     ours: &Candidates,
     rivals: &[&Candidates],
     rules: &[&Rule],
     of: Summary,
-) -> f64 {
+) -> Lead {
     let is_solved = |case: &usize| {
         let mut all = rivals.iter().copied().chain([ours]);
         all.any(|candidates| !candidates.cases[*case].ends.is_empty())
@@ -167,9 +204,14 @@ pub(crate) fn ahead(
             pairs.map(|(rival, rule)| rule.score([&ours.cases[case], &rival.cases[case]], of));
         scores.fold(1.0, f64::min)
     };
-    let solved = (0..ours.cases.len()).filter(is_solved);
+    let cases = ours.cases.len();
+    let solved = (0..cases).filter(is_solved);
     let scores: Vec<f64> = solved.map(score).collect();
-    100.0 * scores.iter().sum::<f64>() / scores.len().max(1) as f64
+    Lead {
+        percent: 100.0 * scores.iter().sum::<f64>() / scores.len().max(1) as f64,
+        cases,
+        unsolved: cases - scores.len(),
+    }
 }
 
 impl Rule {
@@ -209,16 +251,18 @@ mod unit {
     fn the_share_ahead_is_of_the_cases_that_someone_solves() {
         let ours = candidates(&[&[1.0, 3.0, 3.0], &[1.0], &[], &[]]);
         let rival = candidates(&[&[2.0, 2.0, 2.0], &[], &[1.0], &[]]);
-        let share = |of| ahead(&ours, &[&rival], &[&SHORTEST_TIP_PATH, &SMOOTHEST], of);
+        let lead = |of| ahead(&ours, &[&rival], &[&SHORTEST_TIP_PATH, &SMOOTHEST], of);
+        let share = |of| lead(of).percent;
         assert!((share(middle) - 100.0 / 3.0).abs() < 1e-9);
         assert!((share(least) - 200.0 / 3.0).abs() < 1e-9);
+        assert_eq!((lead(least).cases, lead(least).unsolved), (4, 1));
     }
 
     #[test]
     fn what_is_as_good_counts_half() {
         let ours = candidates(&[&[1.0], &[f64::NEG_INFINITY], &[1.0]]);
         let rival = candidates(&[&[1.0005], &[f64::NEG_INFINITY], &[0.9]]);
-        let share = |rule| ahead(&ours, &[&rival], &[rule], least);
+        let share = |rule| ahead(&ours, &[&rival], &[rule], least).percent;
         assert!((share(&LARGEST_CLEARANCE) - 100.0 / 3.0).abs() < 1e-9);
         assert!((share(&SMOOTHEST) - 50.0).abs() < 1e-9);
     }

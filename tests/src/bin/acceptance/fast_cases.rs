@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use anyhow::ensure;
-use datasets::ArchiveReader;
 use serde_json::Value;
 use tests::programs::repository;
 
+use crate::fast_crowded;
+use crate::motions::Motions;
 use crate::report::Report;
 use crate::runs::{Evaluation, Unseen};
 use crate::scale::Scale;
-use crate::second_look::Motions;
 
 /// What the daemon serves, and what it is compared with.
 pub(crate) const PLANNERS: [&str; 6] = [
@@ -42,8 +42,8 @@ pub(crate) const HARD: Unseen = drawn("hard", 9013, 10);
 /// Cases in a folder.
 pub(crate) struct Cases {
     pub(crate) name: &'static str,
-    /// In the names of the folders.
-    label: String,
+    /// The part of the names of folders and files that tells them from others.
+    pub(crate) label: String,
     dataset: PathBuf,
     count: usize,
 }
@@ -52,14 +52,14 @@ impl Cases {
     /// Cases made on the spot.
     pub(crate) fn unseen(unseen: &Unseen, count: usize) -> anyhow::Result<Self> {
         Ok(Self {
-            name: unseen.name,
+            name: unseen.title(),
             label: format!("fast-{}", unseen.name),
             dataset: unseen.make(count)?,
             count,
         })
     }
 
-    /// The authors' own, all of them.
+    /// The authors' own cases, all of them.
     pub(crate) fn sample() -> Self {
         Self {
             name: "reference sample",
@@ -69,9 +69,29 @@ impl Cases {
         }
     }
 
+    /// Scenes of 8 to 16 balls as they are drawn, whoever solves them.
+    pub(crate) fn crowded(count: usize) -> anyhow::Result<Self> {
+        Ok(Self {
+            name: "8 to 16 balls, whoever solves them",
+            label: "fast-crowded".to_owned(),
+            dataset: fast_crowded::make(count)?,
+            count,
+        })
+    }
+
     /// Only the first ones.
     pub(crate) fn first(self, count: usize) -> Self {
         Self { count, ..self }
+    }
+
+    /// The same cases, with other names of the folders.
+    pub(crate) fn labelled(&self, label: &str) -> Self {
+        Self {
+            name: self.name,
+            label: format!("{}-{label}", self.label),
+            dataset: self.dataset.clone(),
+            count: self.count,
+        }
     }
 
     /// A run of a planner over them.
@@ -87,11 +107,15 @@ impl Cases {
         evaluation: &Evaluation,
     ) -> anyhow::Result<(Value, Motions)> {
         let result = evaluation.run(report, scale)?;
-        let mut archive = ArchiveReader::open(&evaluation.out().join("paths.npz"))?;
-        let motions = Motions::read(&mut archive)?;
+        Ok((result, self.motions(evaluation)?))
+    }
+
+    /// The motions of a run that has come to its end.
+    pub(crate) fn motions(&self, evaluation: &Evaluation) -> anyhow::Result<Motions> {
+        let motions = Motions::read(&evaluation.out(), &self.dataset)?;
         let (found, wanted) = (motions.cases(), self.count);
         ensure!(found == wanted, "{}: {found} of {wanted} cases", self.name);
-        Ok((result, motions))
+        Ok(motions)
     }
 }
 

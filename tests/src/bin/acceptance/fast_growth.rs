@@ -22,10 +22,10 @@ use tests::programs::repository;
 use tests::stack::PATIENCE;
 use toml::Value;
 
-use crate::fast_scenes::{Served, demand, motion, requests, scene};
+use crate::fast_kept::{Kept, check};
+use crate::fast_scenes::{Served, requests};
 use crate::report::Report;
 use crate::scale::Scale;
-use crate::second_look::Judged;
 use crate::spread::median;
 
 const CANDIDATES: [usize; 7] = [1, 2, 4, 8, 16, 32, 64];
@@ -75,16 +75,24 @@ fn with_candidates(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let all = requests(&robot, Setting::General(Some(4)));
     let all: Vec<PlanRequest> = all.take(scale.pick(8, 50)).collect();
     let mut curve = CANDIDATES.map(|count| (count, Vec::new()));
+    let (mut answered, mut kept) = (0, Vec::new());
     for request in &all {
         for (candidate_count, times) in &mut curve {
             let request = PlanRequest {
                 candidate_count: *candidate_count,
                 ..request.clone()
             };
-            times.push(fastest(&mut served, &request)?.1);
+            let (answer, ms) = fastest(&mut served, &request)?;
+            times.push(ms);
+            answered += usize::from(answer.candidates().len() > 0);
+            kept.push(Kept::of(request, &answer));
         }
     }
-    show(report, "growth: candidates, 4 balls", &curve);
+    let name = "growth: candidates, 4 balls";
+    show(report, name, &curve);
+    let line = format!("{name}: requests answered, whatever the number of candidates");
+    report.all_of(&line, answered, all.len() * curve.len());
+    check(report, name, &served.world.robot, &kept, 1);
     Ok(())
 }
 
@@ -140,7 +148,7 @@ fn with_balls(report: &mut Report, scale: Scale, origin: Origin) -> anyhow::Resu
     let all = requests(&robot, Setting::General(Some(8)));
     let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();
     let mut curve: Vec<_> = origin.counts().map(|count| (count, Vec::new())).collect();
-    let (mut answered, mut judged) = (0, Judged::default());
+    let (mut answered, mut kept) = (0, Vec::new());
     let folder = tempfile::tempdir()?;
     for request in &all {
         for (count, times) in &mut curve {
@@ -148,19 +156,19 @@ fn with_balls(report: &mut Report, scale: Scale, origin: Origin) -> anyhow::Resu
             let (answer, ms) = origin.ask(request, cloud.clone(), folder.path())?;
             times.push(ms);
             answered += usize::from(answer.selected().is_some());
-            let scene = scene(&cloud)?;
-            let demand = demand(&robot, &scene, request);
-            for candidate in answer.candidates() {
-                let name = || format!("seed {}, {count} balls", request.seed);
-                judged.add(&demand, motion(candidate.knots), true, name);
-            }
+            let request = PlanRequest {
+                balls: cloud,
+                ..request.clone()
+            };
+            kept.push(Kept::of(request, &answer));
         }
     }
     let name = format!("growth: {}", origin.name());
     show(report, &format!("{name}, ten candidates"), &curve);
     let line = format!("{name}: requests answered, whatever the number of balls");
     report.all_of(&line, answered, all.len() * curve.len());
-    judged.check(report, &format!("{name}, against all of them"));
+    let line = format!("{name}, against all of them");
+    check(report, &line, &robot, &kept, 1);
     Ok(())
 }
 
@@ -173,7 +181,7 @@ fn with_live_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let all = requests(&robot, Setting::General(Some(8)));
     let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();
     let mut curve = BALLS.map(|count| (count, Vec::new()));
-    let mut refused = Vec::new();
+    let (mut refused, mut kept) = (Vec::new(), Vec::new());
     let played = Played::start(&served.world.options)?;
     for request in &all {
         let request = PlanRequest {
@@ -193,22 +201,27 @@ fn with_live_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
                     None => refused.push(format!("{count} balls: {}", report.reason)),
                 }
                 fastest_ms = fastest_ms.min(1e3 * seconds);
+                kept.push(Kept::of(request.clone(), &answer));
             }
             times.push(fastest_ms);
         }
     }
     scenes.take_leave()?;
-    show(
-        report,
-        "growth: balls of the live scene, ten candidates, the selected one published",
-        &curve,
-    );
-    let line = format!(
-        "growth: balls of the live scene, motions not published, of {}",
-        all.len() * curve.len() * REPETITIONS
-    );
-    report.none_of(&line, &refused);
+    let asked = all.len() * curve.len() * REPETITIONS;
+    show_live(report, &curve, asked, &refused);
+    // The points lie within the request's balls.
+    let line = "growth: balls of the live scene, against the balls that they lie in";
+    check(report, line, &served.world.robot, &kept, 1);
     Ok(())
+}
+
+/// The curve of the live scene, and which of the motions `asked` for were not published.
+fn show_live(report: &mut Report, curve: &[(usize, Vec<f64>)], asked: usize, refused: &[String]) {
+    let name = "growth: balls of the live scene";
+    let line = format!("{name}, ten candidates, the selected one published");
+    show(report, &line, curve);
+    let line = format!("{name}, motions not published, of {asked}");
+    report.none_of(&line, refused);
 }
 
 /// A controller that is played in a thread of its own; it ends when dropped.
@@ -358,7 +371,7 @@ fn show(report: &mut Report, name: &str, curve: &[(usize, Vec<f64>)]) {
     let curve: Vec<(usize, f64)> = curve.iter().map(|(at, ms)| (*at, median(ms))).collect();
     let points = curve.iter().map(|(at, ms)| format!("{at}: {ms:.2} ms"));
     report.shown(
-        &format!("{name}, median of a request"),
+        &format!("{name}, a request's fastest of {REPETITIONS}, medians over requests"),
         points.collect::<Vec<_>>().join(", "),
     );
     let doublings = curve.windows(2).filter(|pair| pair[0].0 > 0);

@@ -1,14 +1,16 @@
 //! Tip length, tip smoothness and modes beside classical planners, at equal numbers of candidates and at equal time.
 
 use crate::fast_candidates::{
-    Candidates, LARGEST_CLEARANCE, NEAREST_END, Rule, SHORTEST_TIME, SHORTEST_TIP_PATH, SMOOTHEST,
-    Summary, ahead, least, middle,
+    Candidates, LARGEST_CLEARANCE, Lead, NEAREST_END, Rule, SHORTEST_TIME, SHORTEST_TIP_PATH,
+    SMOOTHEST, Summary, ahead, least, middle,
 };
 use crate::fast_cases::{Cases, GENERAL, HARD, PLANNERS, REFERENCE, count};
+use crate::fast_equal_time::EqualTime;
 use crate::fast_picture::{Curve, draw};
 use crate::report::Report;
 use crate::runs::{CANDIDATES, Unseen, folder};
 use crate::scale::Scale;
+use crate::second_look::Judged;
 use crate::spread::median;
 
 /// Share of the cases on which `fast` is ahead of a rival in tip length and tip smoothness at once, %.
@@ -21,8 +23,6 @@ const RIVALS: [&str; 4] = [TREE, "straight", "rrt-smooth", "straight-drawn"];
 /// What a learned path is for.
 const BOTH: [&Rule; 2] = [&SHORTEST_TIP_PATH, &SMOOTHEST];
 const OTHERS: [&Rule; 3] = [&SHORTEST_TIME, &LARGEST_CLEARANCE, &NEAREST_END];
-/// Most candidates of a request.
-const MOST_CANDIDATES: usize = 64;
 /// Candidates at the points of the picture.
 const POINTS: [usize; 5] = [1, 2, 4, 10, 32];
 
@@ -48,20 +48,22 @@ fn quality(report: &mut Report, scale: Scale, unseen: &Unseen) -> anyhow::Result
     let of = |planner| Candidates::of(report, scale, &cases, planner, CANDIDATES);
     let (default, fast) = (of("default")?, of("fast")?);
     let rivals: Vec<Candidates> = RIVALS.map(of).into_iter().collect::<anyhow::Result<_>>()?;
-    let in_its_time = rivals
-        .iter()
-        .map(|rival| in_the_time_of(report, scale, &cases, &fast, rival));
-    let in_its_time: Vec<Candidates> = in_its_time.collect::<anyhow::Result<_>>()?;
+    let mut in_its_time = Vec::new();
+    for rival in RIVALS {
+        let equal = EqualTime::of(scale, &cases, fast.planner, rival)?;
+        equal.check(report, name, fast.planner);
+        in_its_time.push(equal.rival);
+    }
     let terms = format!("{name}, {CANDIDATES} candidates each");
     for ours in [&fast, &default] {
         at_equal_number(report, &terms, ours, &rivals);
     }
-    modes_beside(report, &terms, [&default, &fast], &rivals[0]);
-    at_equal_time(report, name, &fast, &in_its_time)?;
+    modes_beside(report, &terms, [&default, &fast], &rivals);
+    at_equal_time(report, name, &fast, &in_its_time);
     // Where segments are clear, timing ten motions alone costs what RRT-Connect needs in all.
     if unseen.name == HARD.name {
-        let terms = terms_of(name, &in_its_time[0]);
-        modes_beside(report, &terms, [&default, &fast], &in_its_time[0]);
+        let terms = format!("{name}, equal time");
+        modes_beside(report, &terms, [&default, &fast], &in_its_time);
     }
     for candidates in [&default, &fast]
         .into_iter()
@@ -71,29 +73,8 @@ fn quality(report: &mut Report, scale: Scale, unseen: &Unseen) -> anyhow::Result
         let of = terms_of(name, candidates);
         candidates.judged.check(report, &of);
     }
-    durations(report, name, [&default, &fast, &rivals[0]], &rivals[1]);
+    durations(report, name, [&default, &fast], &rivals);
     Ok(())
-}
-
-/// A rival's candidates where a request takes it as long as one of ours, the number that its time for ten suggests and another one that
-/// its time for these does.
-fn in_the_time_of(
-    report: &Report,
-    scale: Scale,
-    cases: &Cases,
-    ours: &Candidates,
-    rival: &Candidates,
-) -> anyhow::Result<Candidates> {
-    let (mut count, mut ms) = (CANDIDATES, rival.median_ms()?);
-    let mut candidates = None;
-    for _ in 0..2 {
-        count = (count as f64 * ours.median_ms()? / ms).round() as usize;
-        count = count.clamp(1, MOST_CANDIDATES);
-        let found = Candidates::of(report, scale, cases, rival.planner, count)?;
-        ms = found.median_ms()?;
-        candidates = Some(found);
-    }
-    Ok(candidates.expect("two were made"))
 }
 
 fn terms_of(name: &str, rival: &Candidates) -> String {
@@ -107,12 +88,12 @@ fn at_equal_number(report: &mut Report, terms: &str, ours: &Candidates, rivals: 
     let planner = ours.planner;
     for (pair, is_judged) in rivals.chunks(2).zip([planner == "fast", false]) {
         let pair: Vec<&Candidates> = pair.iter().collect();
-        let share = ahead(ours, &pair, &BOTH, middle);
-        let [line, figure] = both_at_once(ours, &pair, share, middle);
+        let lead = ahead(ours, &pair, &BOTH, middle);
+        let [line, figure] = both_at_once(ours, &pair, lead, middle);
         let line = format!("{terms}: {line}, by the medians of a case's candidates");
         if is_judged {
             let bar = format!(">= {AHEAD_AT_LEAST} %");
-            report.check(&line, figure, &bar, share >= AHEAD_AT_LEAST);
+            report.check(&line, figure, &bar, lead.percent >= AHEAD_AT_LEAST);
         } else {
             report.shown(&line, figure);
         }
@@ -120,50 +101,35 @@ fn at_equal_number(report: &mut Report, terms: &str, ours: &Candidates, rivals: 
 }
 
 /// The best candidate of each, by every rule by which a request can select one.
-fn at_equal_time(
-    report: &mut Report,
-    name: &str,
-    ours: &Candidates,
-    rivals: &[Candidates],
-) -> anyhow::Result<()> {
+fn at_equal_time(report: &mut Report, name: &str, ours: &Candidates, rivals: &[Candidates]) {
     let terms = format!("{name}, equal time");
-    for rival in rivals {
-        let line = format!(
-            "{terms}: {}, ms beside {}",
-            terms_of(name, rival),
-            ours.planner
-        );
-        let figure = format!("{:.3} and {:.3}", rival.median_ms()?, ours.median_ms()?);
-        report.shown(&line, figure);
-    }
     for pair in rivals.chunks(2) {
         let pair: Vec<&Candidates> = pair.iter().collect();
-        let share = ahead(ours, &pair, &BOTH, least);
-        let [line, figure] = both_at_once(ours, &pair, share, least);
+        let lead = ahead(ours, &pair, &BOTH, least);
+        let [line, figure] = both_at_once(ours, &pair, lead, least);
         let line = format!("{terms}: {line}, by the best of a case's candidates");
         let bar = format!(">= {AHEAD_AT_LEAST} %");
-        report.check(&line, figure, &bar, share >= AHEAD_AT_LEAST);
+        report.check(&line, figure, &bar, lead.percent >= AHEAD_AT_LEAST);
     }
     for rule in OTHERS {
         for rival in rivals {
-            let share = ahead(ours, &[rival], &[rule], least);
+            let lead = ahead(ours, &[rival], &[rule], least);
             let line = format!(
                 "{terms}: {}'s best ahead of {}'s by {}",
                 ours.planner, rival.planner, rule.name
             );
-            let figure = format!("{share:.1} % of the cases, what is as good half");
+            let figure = format!("{lead}; what is as good half");
             let bar = format!(">= {NOT_BEHIND} %");
-            report.check(&line, figure, &bar, share >= NOT_BEHIND);
+            report.check(&line, figure, &bar, lead.percent >= NOT_BEHIND);
         }
     }
-    Ok(())
 }
 
 /// The line and the figure of a share of cases on which a planner is ahead in all that a learned path is for.
-fn both_at_once(ours: &Candidates, pair: &[&Candidates], share: f64, of: Summary) -> [String; 2] {
+fn both_at_once(ours: &Candidates, pair: &[&Candidates], lead: Lead, of: Summary) -> [String; 2] {
     let names: Vec<&str> = pair.iter().map(|rival| rival.planner).collect();
     let of_each = pair.iter().copied().map(|rival| {
-        let [length, smoothness] = BOTH.map(|rule| ahead(ours, &[rival], &[rule], of));
+        let [length, smoothness] = BOTH.map(|rule| ahead(ours, &[rival], &[rule], of).percent);
         let planner = rival.planner;
         format!("{planner}: tip length {length:.1} %, tip smoothness {smoothness:.1} %")
     });
@@ -174,49 +140,83 @@ fn both_at_once(ours: &Candidates, pair: &[&Candidates], share: f64, of: Summary
             ours.planner,
             names.join(" and ")
         ),
-        format!("{share:.1} % of the cases ({})", of_each.join("; ")),
+        format!("{lead} ({})", of_each.join("; ")),
     ]
 }
 
-/// `fast` is judged, by its certified draws.
+/// `fast` is judged beside the tree, by its certified draws.
 fn modes_beside(
     report: &mut Report,
     terms: &str,
     [default, fast]: [&Candidates; 2],
-    tree: &Candidates,
+    rivals: &[Candidates],
 ) {
-    let [default, fast, theirs] = [default, fast, tree].map(Candidates::mean_modes);
+    let [default, fast, tree] = [default, fast, &rivals[0]].map(Candidates::mean_modes);
+    let others = rivals[1..].iter().map(|rival| {
+        let count = &rival.result["candidates"];
+        format!(
+            "{} with {count} candidates {:.3}",
+            rival.planner,
+            rival.mean_modes()
+        )
+    });
+    let others: Vec<String> = others.collect();
     let line = format!("{terms}: modes of fast's certified draws, mean");
-    let figure = format!("{fast:.3} (default delivers {default:.3})");
-    let bar = format!(">= {theirs:.3} ({TREE})");
-    report.check(&line, figure, &bar, fast >= theirs);
+    let figure = format!(
+        "{fast:.3} (default delivers {default:.3}; {})",
+        others.join(", ")
+    );
+    let count = &rivals[0].result["candidates"];
+    let bar = format!(">= {tree:.3} ({TREE} with {count} candidates)");
+    report.check(&line, figure, &bar, fast >= tree);
 }
 
-/// `pcc evaluate` selects by `shortest time`: a case's fastest candidate.
-fn durations(report: &mut Report, name: &str, all: [&Candidates; 3], straight: &Candidates) {
-    let fastest = |candidates: &Candidates, case: usize| least(&candidates.cases[case].duration);
-    let cases = 0..straight.cases.len();
-    for candidates in all {
-        let ratios = cases
-            .clone()
-            .map(|case| fastest(candidates, case) / fastest(straight, case));
-        let ratios: Vec<f64> = ratios.filter(|ratio| ratio.is_finite()).collect();
+/// `pcc evaluate` selects by `shortest time`: a case's fastest candidate. Ratios are to the straight segments of the second rival.
+fn durations(
+    report: &mut Report,
+    name: &str,
+    [default, fast]: [&Candidates; 2],
+    rivals: &[Candidates],
+) {
+    let straight = &rivals[1];
+    for candidates in [default, fast].into_iter().chain(rivals) {
+        let ratios = fastest(candidates).zip(fastest(straight));
+        let ratios: Vec<f64> = ratios.map(|(a, b)| a / b).collect();
         let line = format!(
             "{name}: {}, fastest motion ÷ straight's fastest, median",
             candidates.planner
         );
-        report.shown(&line, format!("{:.3}", median(&ratios)));
+        report.shown(&line, median_of_finite(&ratios));
     }
-    let default = all[0];
-    let is_slower = |case: &usize| fastest(default, *case) > fastest(straight, *case) + 1e-9;
-    let slower = cases.filter(is_slower).map(|case| {
-        let [ours, theirs] = [default, straight].map(|candidates| fastest(candidates, case));
-        format!("case {case}: {ours:.6} s beside {theirs:.6} s")
-    });
-    let slower: Vec<String> = slower.collect();
-    let line =
-        format!("{name}: default selects by shortest time a motion slower than straight's fastest");
-    report.none_of(&line, &slower);
+    for rival in rivals {
+        let both = fastest(default).zip(fastest(rival)).enumerate();
+        let slower = both.filter(|(_, (ours, theirs))| *ours > theirs + 1e-9);
+        let slower = slower
+            .map(|(case, (ours, theirs))| format!("case {case}: {ours:.6} s beside {theirs:.6} s"));
+        let slower: Vec<String> = slower.collect();
+        let line = format!(
+            "{name}: default selects by shortest time a motion slower than {}'s fastest",
+            rival.planner
+        );
+        if rival.planner == straight.planner {
+            report.none_of(&line, &slower);
+        } else {
+            let figure = format!("{} of {} cases", slower.len(), rival.cases.len());
+            report.shown(&line, figure);
+        }
+    }
+}
+
+/// Duration of each case's fastest motion, s; infinite where there is none.
+fn fastest(candidates: &Candidates) -> impl Iterator<Item = f64> {
+    candidates.cases.iter().map(|case| least(&case.duration))
+}
+
+/// The median of figures that not every case has, and of how many.
+fn median_of_finite(all: &[f64]) -> String {
+    let finite: Vec<f64> = all.iter().copied().filter(|x| x.is_finite()).collect();
+    let (kept, cases) = (finite.len(), all.len());
+    format!("{:.3} ({kept} of {cases} cases have one)", median(&finite))
 }
 
 /// Time of a request against the shortest tip among its candidates, for more and more of them.
@@ -228,26 +228,31 @@ fn picture(report: &mut Report, scale: Scale, unseen: &Unseen) -> anyhow::Result
             name: planner,
             points: Vec::new(),
         };
-        let mut texts = Vec::new();
+        let (mut texts, mut judged) = (Vec::new(), Judged::default());
         for number in POINTS {
             let candidates = Candidates::of(report, scale, &cases, planner, number)?;
-            let solved = candidates
-                .cases
-                .iter()
-                .map(|case| least(&case.tip_length_ratio));
-            let solved: Vec<f64> = solved.filter(|ratio| ratio.is_finite()).collect();
+            let ratios = candidates.cases.iter();
+            let ratios = ratios.map(|case| least(&case.tip_length_ratio));
+            let solved: Vec<f64> = ratios.filter(|ratio| ratio.is_finite()).collect();
             let point = (candidates.median_ms()?, median(&solved));
-            texts.push(format!("{number}: {:.2} ms, {:.3}", point.0, point.1));
+            let (count, of) = (solved.len(), candidates.cases.len());
+            let (ms, ratio) = point;
+            texts.push(format!(
+                "{number}: {ms:.2} ms, {ratio:.3} of {count} solved of {of}"
+            ));
             curve.points.push(point);
+            judged.merge(candidates.judged);
         }
         let line = format!(
             "{}: {planner}, time and shortest tip length ÷ distance by candidates",
             cases.name
         );
         report.shown(&line, texts.join("; "));
+        let line = format!("{}: {planner}, of all numbers of candidates", cases.name);
+        judged.check(report, &line);
         curves.push(curve);
     }
-    let file = folder().join(format!("fast-{}.svg", cases.name));
+    let file = folder().join(format!("{}.svg", cases.label));
     draw(&file, &format!("{} scenes", cases.name), &curves)?;
     let line = format!("{}: picture of time and tip length", cases.name);
     report.shown(&line, file.display().to_string());

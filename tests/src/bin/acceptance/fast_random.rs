@@ -157,7 +157,7 @@ fn far_ball(rng: &mut Pcg64) -> Ball {
 }
 
 /// Out of reach, in collision at one end, or bent too far.
-fn make_infeasible(request: &mut PlanRequest, rng: &mut Pcg64) {
+pub(crate) fn make_infeasible(request: &mut PlanRequest, rng: &mut Pcg64) {
     let ball = |centre_m| Ball {
         centre_m,
         radius_m: 0.3,

@@ -6,17 +6,15 @@ use anyhow::Context;
 use client::{Client, PlanAnswer};
 use collision::Scene;
 use datasets::scenes::{Setting, draw_target};
-use pcc_model::{DOF, Robot, TendonLimits, UnitRobot};
-use shared_types::message::{Ball, Knot};
+use pcc_model::UnitRobot;
+use shared_types::message::Ball;
 use shared_types::valid::{Goal, PlanRequest};
 use tests::process::Process;
 use tests::stack::{NO_DEADLINE, PATIENCE, Part};
 use tests::world::{Settings, World};
 use toml::Value;
-use trajectory::Trajectory;
 
 use crate::runs::weights_folder;
-use crate::second_look::{Demand, TIP_TOLERANCE};
 
 /// Seed of the scenes that the daemon is asked about: no data set was made with it.
 const SEED: u64 = 9010;
@@ -59,56 +57,6 @@ pub(crate) fn wire_balls(scene: &Scene) -> Vec<Ball> {
         radius_m: ball.radius,
     };
     scene.balls().iter().map(ball).collect()
-}
-
-/// The scene of a request's balls.
-pub(crate) fn scene(balls: &[Ball]) -> anyhow::Result<Scene> {
-    let ball = |ball: &Ball| collision::Ball {
-        centre: ball.centre_m.into(),
-        radius: ball.radius_m,
-    };
-    Ok(Scene::new(balls.iter().map(ball).collect())?)
-}
-
-/// What every motion of an answer must keep.
-pub(crate) fn demand<'a>(robot: &Robot, scene: &'a Scene, request: &PlanRequest) -> Demand<'a> {
-    let (target, tip_tolerance) = match request.goal {
-        Goal::Tip {
-            position_m,
-            tolerance_m,
-        } => (position_m.into(), tolerance_m.unwrap_or(TIP_TOLERANCE)),
-        Goal::Configuration(shape) => (robot.tip(&shape.into()), TIP_TOLERANCE),
-    };
-    let full = &robot.tendon_limits;
-    // Who starts in motion brakes within the whole limits.
-    let is_resting = request.start_velocity_rad_s == [0.0; DOF];
-    let scale = if is_resting {
-        request.limits_scale
-    } else {
-        1.0
-    };
-    Demand {
-        scene,
-        start: request.start_configuration_rad.into(),
-        target,
-        tip_tolerance,
-        limits: TendonLimits {
-            velocity: scale * full.velocity,
-            acceleration: scale * full.acceleration,
-            jerk: scale * full.jerk,
-        },
-    }
-}
-
-/// The motion that an answer's knots are.
-pub(crate) fn motion(knots: &[Knot]) -> anyhow::Result<Trajectory> {
-    let knot = |knot: &Knot| trajectory::Knot {
-        time: knot.time_s,
-        position: knot.configuration_rad.into(),
-        velocity: knot.velocity_rad_s.into(),
-        acceleration: knot.acceleration_rad_s2.into(),
-    };
-    Ok(Trajectory::new(knots.iter().map(knot).collect())?)
 }
 
 /// A daemon of its own, with the weights in use, and a client.

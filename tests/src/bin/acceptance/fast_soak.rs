@@ -17,7 +17,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 use shared_types::capacity::MAX_CANDIDATES;
 use shared_types::codes::{Outcome, Stage};
-use shared_types::message::{self, Knot};
+use shared_types::message;
 use shared_types::valid::{PlanReport, PlanRequest};
 use tests::priority::{OF_A_CLIENT, OF_PLANNING};
 use tests::raw::RawClient;
@@ -26,8 +26,9 @@ use tests::world::World;
 use toml::Value;
 
 use crate::fast_growth::most_candidates;
+use crate::fast_kept::Kept;
 use crate::fast_random::{Pool, Treatment, spoil, treatment};
-use crate::fast_scenes::{Served, demand, motion, scene};
+use crate::fast_scenes::Served;
 use crate::machine::{Disturbance, memory_mb};
 use crate::report::Report;
 use crate::scale::Scale;
@@ -106,16 +107,10 @@ struct Findings {
     late: Vec<Late>,
     /// Requests without an answer, spoiled ones that were not refused, internal errors.
     unexpected: Vec<String>,
-    /// To be judged when nobody waits.
-    kept: Vec<Kept>,
-}
-
-/// The motions of an answer.
-struct Kept {
-    request: PlanRequest,
-    motions: Vec<Vec<Knot>>,
-    /// Whether they are judged as a whole, or at both ends.
-    wholly: bool,
+    /// To be judged when nobody waits, and whether over their whole duration, or where they start and end.
+    kept: Vec<(Kept, bool)>,
+    /// Requests to be dropped that were not taken, because those dropped before were still being let go of.
+    not_taken: usize,
 }
 
 struct Late {
@@ -161,6 +156,7 @@ impl Findings {
         self.late.extend(other.late);
         self.unexpected.extend(other.unexpected);
         self.kept.extend(other.kept);
+        self.not_taken += other.not_taken;
     }
 }
 
@@ -343,16 +339,12 @@ impl<'a> Asker<'a> {
 
     /// Keeps the motions to be judged.
     fn keep(&mut self, request: PlanRequest, answer: &PlanAnswer) {
-        let motions: Vec<Vec<Knot>> = answer.candidates().map(|c| c.knots.to_vec()).collect();
+        let kept = Kept::of(request, answer);
         let findings = &mut self.findings;
-        findings.motions += motions.len();
-        if !motions.is_empty() {
-            let wholly = answer.selected().is_some() && self.rng.random_ratio(1, JUDGED_SHARE);
-            findings.kept.push(Kept {
-                request,
-                motions,
-                wholly,
-            });
+        findings.motions += kept.motions.len();
+        if !kept.motions.is_empty() {
+            let wholly = self.rng.random_ratio(1, JUDGED_SHARE);
+            findings.kept.push((kept, wholly));
         }
     }
 
@@ -365,7 +357,10 @@ impl<'a> Asker<'a> {
                 Ok(())
             }
             // What was dropped before is still being let go of.
-            Err(ClientError::TooManyRequests) => Ok(()),
+            Err(ClientError::TooManyRequests) => {
+                self.findings.not_taken += 1;
+                Ok(())
+            }
             Err(error) => Err(error.into()),
         }
     }
@@ -390,23 +385,11 @@ impl<'a> Asker<'a> {
 
 /// Judges the motions that were kept, and lets go of them.
 fn judge(robot: &Robot, findings: &mut Findings) {
-    for kept in std::mem::take(&mut findings.kept) {
-        if let Err(error) = kept.judge(robot, &mut findings.judged) {
-            let text = format!("seed {}: {error:#}", kept.request.seed);
-            findings.unexpected.push(text);
+    for (kept, wholly) in std::mem::take(&mut findings.kept) {
+        for index in 0..kept.motions.len() {
+            let suspect = kept.suspect(robot, index);
+            findings.judged.add(&suspect, wholly);
         }
-    }
-}
-
-impl Kept {
-    fn judge(&self, robot: &Robot, judged: &mut Judged) -> anyhow::Result<()> {
-        let scene = scene(&self.request.balls)?;
-        let demand = demand(robot, &scene, &self.request);
-        for (index, knots) in self.motions.iter().enumerate() {
-            let name = || format!("seed {}, candidate {index}", self.request.seed);
-            judged.add(&demand, motion(knots), self.wholly, name);
-        }
-        Ok(())
     }
 }
 
@@ -416,8 +399,8 @@ fn show(report: &mut Report, name: &str, findings: &Findings) {
         .map(|(outcome, count)| format!("{count} {outcome}"))
         .collect();
     let line = format!(
-        "{name}: {} of {CLIENTS} clients, {} dropped before their answer: outcomes",
-        findings.sent, findings.dropped
+        "{name}: {} of {CLIENTS} clients, {} dropped before their answer, {} more not taken while those dropped before were let go of: outcomes",
+        findings.sent, findings.dropped, findings.not_taken
     );
     report.shown(&line, outcomes.join(", "));
     let line = format!(

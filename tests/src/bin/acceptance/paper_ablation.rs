@@ -1,33 +1,35 @@
 //! The paper's ablation over unseen scenes: success by its criterion, tip error, certified share, time, diversity.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use datasets::{ArchiveReader, Dataset, Row, Split};
-use pcc_model::Configuration;
+use pcc_model::{Configuration, Robot};
 use planning::modes;
 use serde_json::Value;
 use tests::programs::repository;
 
+use crate::motions::Motions;
 use crate::paper_runs::{FREE, GENERAL, HARD, MIXED, ablation_cases, evaluation};
 use crate::report::Report;
 use crate::runs::{Model, Unseen, figure, number, weights_folder};
 use crate::scale::Scale;
 use crate::spread::median;
 
-const PLANNERS: [&str; 5] = [
+const PLANNERS: [&str; 6] = [
     "diffusion",
     "diffusion-post",
     "diffusion-guided",
     "straight",
     "straight-drawn",
+    "rrt-smooth",
 ];
 const PURE: &str = PLANNERS[0];
 const POST: &str = PLANNERS[1];
 const GUIDED: &str = PLANNERS[2];
 /// Those that sample nothing, the null arms.
-const NULL_ARMS: [&str; 2] = [PLANNERS[3], PLANNERS[4]];
+const NULL_ARMS: [&str; 3] = [PLANNERS[3], PLANNERS[4], PLANNERS[5]];
 const STEPS: [usize; 8] = [1, 2, 4, 8, 10, 15, 25, 50];
 const SOLVERS: [&str; 2] = ["ddim", "dpm-solver"];
 /// Times of the pure sampler that the guided one may take.
@@ -75,8 +77,7 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
             ablation(report, scale, &unseen, paper.as_ref())
         });
     }
-    let command =
-        "pcc evaluate --dataset tests/data/reference-mixed-sample --planner diffusion-post";
+    let command = "pcc evaluate --dataset tests/data/reference-mixed-sample --planner …";
     report.group("the authors' cases", command, |report| {
         authors_cases(report, scale)
     });
@@ -103,21 +104,17 @@ fn ablation(
     unseen: &Unseen,
     paper: Option<&Paper>,
 ) -> anyhow::Result<()> {
-    let (name, wanted, model) = (unseen.name, ablation_cases(scale), unseen.model()?);
+    let (name, wanted, model) = (unseen.title(), ablation_cases(scale), unseen.model()?);
     let dataset = unseen.make(wanted)?;
     report.shown(&format!("{name}: weights"), model.text.clone());
-    let mut results = BTreeMap::new();
-    for planner in PLANNERS {
-        let evaluation = evaluation(name, &dataset, &model, planner, wanted);
-        let result = evaluation.run(report, scale)?;
-        let row = if NULL_ARMS.contains(&planner) {
-            corrected_row(&result)?
-        } else {
-            sampled_row(&result)?
-        };
-        report.shown(&format!("{name}: {planner}"), row);
-        results.insert(planner, (result, evaluation.out()));
-    }
+    let population = Population {
+        name,
+        label: unseen.name,
+        dataset: &dataset,
+        model: &model,
+        cases: wanted,
+    };
+    let results = all_planners(report, scale, &population)?;
     let evaluated = number(&results[PURE].0, "/cases")?;
     let bar = format!(">= {wanted}");
     let enough = evaluated >= wanted as f64;
@@ -154,14 +151,60 @@ fn ablation(
 
 /// The other population of the paper's setting: cases that the authors' program made.
 fn authors_cases(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
-    let (name, cases, model) = ("authors' sample", 60, MIXED.model()?);
     let dataset = repository().join("tests/data/reference-mixed-sample");
-    let result = evaluation("authors-sample", &dataset, &model, POST, cases).run(report, scale)?;
-    report.shown(
-        &format!("{name}: {POST}, {cases} cases"),
-        sampled_row(&result)?,
-    );
-    by_balls(report, name, &result)
+    let population = Population {
+        name: "authors' sample, 60 cases",
+        label: "authors-sample",
+        dataset: &dataset,
+        model: &MIXED.model()?,
+        cases: 60,
+    };
+    let results = all_planners(report, scale, &population)?;
+    by_balls(report, population.name, &results[POST].0)
+}
+
+/// Cases that all planners are evaluated on.
+struct Population<'a> {
+    /// The name that the report's lines call it by.
+    name: &'a str,
+    /// The part of the folders' names that tells it from others.
+    label: &'a str,
+    dataset: &'a Path,
+    model: &'a Model,
+    cases: usize,
+}
+
+/// Each planner's figures, what it certified being judged again, its `result.json`, and the folder of its files.
+fn all_planners<'a>(
+    report: &mut Report,
+    scale: Scale,
+    population: &Population,
+) -> anyhow::Result<BTreeMap<&'a str, (Value, PathBuf)>> {
+    let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
+    let Population {
+        name,
+        label,
+        dataset,
+        model,
+        cases,
+    } = *population;
+    let mut results = BTreeMap::new();
+    for planner in PLANNERS {
+        let evaluation = evaluation(label, dataset, model, planner, cases);
+        let result = evaluation.run(report, scale)?;
+        let motions = Motions::read(&evaluation.out(), dataset)?;
+        let row = if NULL_ARMS.contains(&planner) {
+            corrected_row(&result, &motions)?
+        } else {
+            sampled_row(&result, &motions)?
+        };
+        let line = format!("{name}: {planner}");
+        report.shown(&line, row);
+        let judged = motions.judge(&robot, scale.pick(1, 4));
+        judged.check(report, &line);
+        results.insert(planner, (result, evaluation.out()));
+    }
+    Ok(results)
 }
 
 /// Success by the paper's criterion by the number of balls.
@@ -185,7 +228,7 @@ fn by_balls(report: &mut Report, name: &str, result: &Value) -> anyhow::Result<(
 }
 
 /// What a sampler drew, by the paper's criterion; times are of sampling alone.
-fn sampled_row(result: &Value) -> anyhow::Result<String> {
+fn sampled_row(result: &Value, motions: &Motions) -> anyhow::Result<String> {
     let success = number(result, "/sampled/success")?;
     let of_length = |figure_of: &str| {
         let path = format!("/sampled/tip_error_of_robot_length/{figure_of}");
@@ -201,16 +244,18 @@ fn sampled_row(result: &Value) -> anyhow::Result<String> {
         of_length("p5")?,
         of_length("p95")?,
         ms / success,
-        corrected_row(result)?,
+        corrected_row(result, motions)?,
     ))
 }
 
 /// What is left of any planner's draws after the correction that all of them have.
-fn corrected_row(result: &Value) -> anyhow::Result<String> {
+fn corrected_row(result: &Value, motions: &Motions) -> anyhow::Result<String> {
+    let (draws, share) = motions.of_those_drawn();
     Ok(format!(
-        "corrected: success {:.2} %, certified {:.2} %, {:.2} ms a request in all",
+        "corrected: success {:.2} %, certified {:.2} % ({:.2} % of the {draws} draws made), {:.2} ms a request in all",
         100.0 * number(result, "/sampled/success_corrected")?,
         100.0 * number(result, "/share_before_fallback")?,
+        100.0 * share,
         1e3 * number(result, "/seconds/median")?,
     ))
 }

@@ -159,6 +159,11 @@ impl Report {
         self.check(name, figure, NO_BAR, true);
     }
 
+    /// Whether the figures are of a commit as it is, so that an earlier run can have measured the same.
+    pub(crate) fn is_of_a_commit(&self) -> bool {
+        !self.record.commit.ends_with(CHANGED)
+    }
+
     /// The commit and the weights that the figures are of.
     pub(crate) fn subject(&self) -> String {
         format!("{} {}", self.record.commit, self.record.weights)
@@ -327,5 +332,7 @@ mod unit {
             Ok(())
         });
         assert_eq!(at("1+changes", &file, "a").record.checks.len(), 0);
+        assert!(!at("1+changes", &file, "a").is_of_a_commit());
+        assert!(at("1", &file, "a").is_of_a_commit());
     }
 }

@@ -143,6 +143,14 @@ impl Unseen {
         Model::wanted(self.weights)
     }
 
+    /// Its name in the lines: hard scenes are drawn until a planner solves them.
+    pub(crate) fn title(&self) -> &'static str {
+        match self.setting {
+            "hard" => "hard (drawn such that segments collide and rrt-connect finds a path)",
+            _ => self.name,
+        }
+    }
+
     /// How it is made, for the lines.
     pub(crate) fn command(&self) -> String {
         let Self {
@@ -235,12 +243,13 @@ impl<'a> Evaluation<'a> {
         folder().join(name)
     }
 
-    /// Runs it and reads `result.json`; in a full run, one that was finished before an interruption is not repeated.
+    /// Runs it and reads `result.json`; in a full run, one that was finished before an interruption is not repeated, unless files differ
+    /// from the commit: what they were then is not known.
     pub(crate) fn run(&self, report: &Report, scale: Scale) -> anyhow::Result<Value> {
         let mark = format!("{}\n{}\n", report.subject(), self.arguments()?.join(" "));
         let marked = self.out().join("finished.txt");
         let is_known = fs::read_to_string(&marked).is_ok_and(|found| found == mark);
-        if scale.full && is_known {
+        if scale.full && is_known && report.is_of_a_commit() {
             return self.result();
         }
         let result = self.repeat()?;

@@ -7,6 +7,7 @@ mod live;
 mod motions;
 mod premise;
 
+use anyhow::Context;
 use drive::{Before, Run, stop_everywhere};
 use pcc_model::Robot;
 use premise::{ON_PATH_RAD, ROUNDING, have_jerk_steps};
@@ -30,7 +31,8 @@ pub(crate) fn run(report: &mut Report, scale: Scale) {
 
 fn simulated(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let robot = Robot::from_file(&repository().join("config/robots/unit.toml"))?;
-    let motions = motions::planned(&robot, scale.pick(8, 50))?;
+    let unit_robot = robot.to_unit().context("equal sections are needed")?;
+    let motions = motions::planned(unit_robot, scale.pick(8, 50))?;
     have_jerk_steps(report, "defect 1", &robot, &motions);
     let orders = scale.pick(1_000, 26_000);
     let mut all = Run::default();

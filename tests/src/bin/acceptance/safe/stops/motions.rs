@@ -1,14 +1,14 @@
 //! Motions of the planner: straight ones, and curved ones round the balls of hard scenes.
 
 use datasets::scenes::{Setting, draw_target};
-use pcc_model::{Configuration, Robot};
+use pcc_model::{Configuration, Robot, UnitRobot};
 use planning::{Goal, Models, MovingObstacles, Planner, Problem, Request, Sampler};
 use trajectory::{Knot, ParameterizationOptions, Trajectory};
 
 const SEED: u64 = 1801;
 
 /// `count` certified motions, straight and curved in turn.
-pub(super) fn planned(robot: &Robot, count: usize) -> anyhow::Result<Vec<Trajectory>> {
+pub(super) fn planned(robot: UnitRobot, count: usize) -> anyhow::Result<Vec<Trajectory>> {
     let planner = Planner::new(robot, Models::default(), 1)?;
     let mut motions = Vec::new();
     for index in 0.. {
