@@ -106,4 +106,3 @@ pub fn plan(
         client.poll(&mut pending).unwrap()
     })
 }
-
