@@ -1,7 +1,7 @@
 //! What replans show: judged from what was published and sent, by geometry and curves that share no code with what made them.
 
 use std::collections::BTreeMap;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use pcc_model::TendonLimits;
 use shared_types::codes::LoopState;
@@ -53,6 +53,8 @@ pub(super) struct Figures {
     pub(super) clearance_m: [f64; 2],
     /// (stop-then-go − joined) ÷ the shortest stop.
     pub(super) won: Vec<f64>,
+    /// Times of requests that found the robot in motion, ms: until the answer, and each stage by its name.
+    pub(super) times_ms: BTreeMap<&'static str, Vec<f64>>,
     /// References without a motion.
     pub(super) without_reference: usize,
     /// What was sent to the robot and done by it.
@@ -67,6 +69,12 @@ impl Figures {
             clearance_m: [f64::INFINITY; 2],
             ..Self::default()
         }
+    }
+
+    /// Notes how long a request took.
+    pub(super) fn note_time(&mut self, name: &'static str, took: Duration) {
+        let took_ms = took.as_secs_f64() * 1e3;
+        self.times_ms.entry(name).or_default().push(took_ms);
     }
 
     /// Looks at motions and cycles that were heard in a scene.

@@ -22,13 +22,7 @@ struct Window {
 
 impl Window {
     fn at(&self, share: f64) -> f64 {
-        let mut sorted = self.took_ms.clone();
-        sorted.sort_by(f64::total_cmp);
-        let index = (share * sorted.len() as f64) as usize;
-        sorted
-            .get(index.min(sorted.len().saturating_sub(1)))
-            .copied()
-            .unwrap_or(f64::NAN)
+        quantile(&self.took_ms, share)
     }
 
     fn text(&self) -> String {
@@ -75,6 +69,11 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
             window.text(),
         );
     }
+    for (name, times_ms) in &figures.times_ms {
+        let [median, p90, p99] = [0.5, 0.9, 0.99].map(|share| quantile(times_ms, share));
+        let figure = format!("median {median:.2}, p90 {p90:.2}, p99 {p99:.2} ms");
+        report.shown(&line(&format!("time until or of: {name}")), figure);
+    }
     let quietest = windows
         .iter()
         .min_by(|a, b| a.stolen_ms.total_cmp(&b.stolen_ms));
@@ -93,6 +92,14 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
     );
     let what = "refused, or published and not begun (switches missed and made again count their whole time above)";
     report.check(&line(what), figure, "<= 2 %", share <= 2.0);
+}
+
+fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let index = (share * sorted.len() as f64) as usize;
+    let last = sorted.len().saturating_sub(1);
+    sorted.get(index.min(last)).copied().unwrap_or(f64::NAN)
 }
 
 fn window(part: &[(Instant, f64)], stolen: &StolenTimes) -> Window {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopFault, LoopState, Outcome};
+use shared_types::codes::{LoopFault, LoopState, Outcome, Stage};
 use tests::brute_force::{Ball, Body};
 use tests::geometry::seeded;
 use tests::judge::Judge;
@@ -117,7 +117,14 @@ fn replans(
         let answer = stack.client.plan(&request, PATIENCE)?;
         let report = answer.report();
         figures.requests += 1;
-        figures.in_motion += usize::from(was_moving);
+        if was_moving {
+            figures.in_motion += 1;
+            figures.note_time("answer", at.elapsed());
+            for stage in Stage::ALL {
+                let took = report.stages_ns[stage.code() as usize];
+                figures.note_time(stage.text(), Duration::from_nanos(took));
+            }
+        }
         if let Some(id) = report.trajectory_id {
             let seed = request.seed;
             let asked = Asked { seed, at, mono_ns };
