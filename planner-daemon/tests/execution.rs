@@ -7,15 +7,14 @@
 mod common;
 mod played_controller;
 
-use client::{Client, PlanAnswer, ScenePublisher};
+use client::{Client, ScenePublisher};
 use common::{PATIENCE, World, request, until};
 use played_controller::{PlayedController, plan};
-use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{CommandKind, CommandSender, LoopState, Outcome, ProcessKind, StartKind};
+use shared_types::codes::{CommandSender, LoopState, Outcome, ProcessKind, StartKind};
 use shared_types::ipc::*;
 use shared_types::message::*;
-use shared_types::valid::{self, PlanReport, PlanRequest, Signature, SignedCommand};
+use shared_types::valid::{self, PlanReport, PlanRequest};
 
 fn executed() -> PlanRequest {
     PlanRequest {

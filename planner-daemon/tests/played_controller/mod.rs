@@ -15,7 +15,7 @@ use crate::common::until;
 pub struct PlayedController {
     states: Publisher<ControllerState>,
     trajectories: Subscriber<TrajectoryMessage>,
-    heartbeats: Subscriber<Heartbeat>,
+    pub heartbeats: Subscriber<Heartbeat>,
     commands: CommandServer,
     pub state: ControllerState,
     /// When the trajectory that it executes was begun, if one is, nanoseconds of `CLOCK_MONOTONIC`.
