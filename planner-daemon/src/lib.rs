@@ -15,6 +15,7 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod execution;
+mod goal_keeping;
 mod knots;
 mod live_scene;
 mod requests;

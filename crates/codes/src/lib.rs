@@ -65,6 +65,7 @@ mod tests {
         assert_one_meaning_a_code(MotionStart::ALL, MotionStart::code);
         assert_one_meaning_a_code(MotionOutcome::ALL, MotionOutcome::code);
         assert_one_meaning_a_code(StopCause::ALL, StopCause::code);
+        assert_one_meaning_a_code(GoalState::ALL, GoalState::code);
     }
 
     #[test]

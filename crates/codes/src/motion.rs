@@ -308,3 +308,26 @@ codes! {
         RobotGone = 9 "the robot was let go of",
     }
 }
+
+codes! {
+    /// What becomes of the goal that the daemon keeps the robot on its way to.
+    "state of a goal"
+    pub enum GoalState {
+        /// No goal was given yet.
+        None = 0 "no goal",
+        /// A motion to it is being planned, and none is under way.
+        Planning = 1 "planning",
+        /// A certified motion is under way to it, or to where it was a moment ago.
+        Underway = 2 "on the way",
+        /// The robot rests there.
+        Reached = 3 "reached",
+        /// No certified motion to it was found; the robot comes to rest, and it is tried again.
+        Unreachable = 4 "no way to it now",
+        /// The robot cannot be moved now; it is tried again.
+        RobotNotReady = 5 "robot not ready",
+        /// It was given up: withdrawn, replaced, or ended by a stop or a fault. The robot goes on only to another one.
+        Ended = 6 "ended",
+        /// The message is not acceptable; the goal before it stays.
+        Refused = 7 "refused",
+    }
+}

@@ -9,6 +9,7 @@ mod demo;
 mod evaluate;
 mod features;
 mod foreign_orders;
+mod goal;
 mod number;
 mod option_faults;
 mod order;
@@ -38,6 +39,8 @@ struct Arguments {
 enum Command {
     /// Ask the daemon for candidates; can have one executed.
     Plan(plan::Arguments),
+    /// Give the daemon a goal, to which it keeps the robot on its way, until `pcc stop` or another one.
+    Goal(goal::Arguments),
     /// Carry out the paper's three experiments on the running processes.
     Demo(demo::Arguments),
     /// Show the live state of controller and robot.
@@ -82,6 +85,7 @@ fn main() -> ExitCode {
 fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Plan(arguments) => plan::run(&arguments),
+        Command::Goal(arguments) => goal::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Watch(arguments) => watch::run(&arguments),
         Command::Stop => order::stop(),

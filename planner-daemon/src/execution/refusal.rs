@@ -41,6 +41,12 @@ pub(crate) enum ExecutionRefusal {
     /// An obstacle of the live scene is in the way.
     #[error("the live scene is in the way: not certified free at {at_s:.3} s of the motion")]
     SceneInTheWay { at_s: f64 },
+    /// The motion under way to the same goal is nearly as fast.
+    #[error("what remains of the motion under way, {remaining_s:.3} s, is not longer by a tenth")]
+    NoBetter { remaining_s: f64 },
+    /// The goal was given up or replaced while the motion was planned.
+    #[error("the goal was given up meanwhile")]
+    GoalGivenUp,
     /// The daemon ends and would not supervise the motion.
     #[error("the daemon ends")]
     DaemonEnds,

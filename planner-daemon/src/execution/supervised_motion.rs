@@ -32,6 +32,9 @@ pub(crate) enum StopReason {
     /// The motion was published after its request had been refused for a time-out.
     #[error("nobody waits for it any more: supervision was held while it published it")]
     CallerGone,
+    /// The goal that the motion leads to was given up.
+    #[error("the goal was withdrawn")]
+    GoalWithdrawn,
     /// The motion executes and is not this daemon's own.
     #[error("it is executed and nobody watches over it")]
     Unsupervised,

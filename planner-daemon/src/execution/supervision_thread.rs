@@ -1,7 +1,7 @@
 //! The handle of the supervision thread.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ use super::refusal::ExecutionRefusal;
 use super::request::{ExecutionRequest, ReplySlot, SelectedMotion};
 use super::robot_motion::{FollowedMotion, RobotMotion, Switch};
 use super::rules::{ExecutionRules, ORDER_DELAY_S};
-use super::supervisor::{Supervisor, ToldToService};
+use super::supervisor::{Supervisor, Told};
 use crate::live_scene::{ExpectedMotion, SceneMemory, Timing};
 
 /// Time within which supervision must publish a motion; later it refuses it. Heartbeats stop sooner where supervision stalls.
@@ -44,7 +44,7 @@ pub(crate) struct Execution {
     /// Supervision stops what moves, and ends, once this is dropped: declared before the thread, which is joined when it is dropped,
     /// because fields are dropped in the order of their declaration.
     to_supervision: SyncSender<ExecutionRequest>,
-    told: ToldToService,
+    told: Told,
     rules: ExecutionRules,
     _thread: JoinOnDrop,
 }
@@ -62,7 +62,7 @@ impl Execution {
         let (to_supervision, requests) = sync_channel(1);
         let supervision_rounds = Arc::clone(supervision_rounds);
         let memory = SceneMemory::open(options)?;
-        let told = ToldToService::default();
+        let told = Told::default();
         let (shared, own_rules) = (told.clone(), rules.clone());
         let rounds = supervision_rounds;
         let open = move || {
@@ -82,6 +82,13 @@ impl Execution {
     /// What the robot does, as supervision heard last.
     pub(crate) fn robot_motion(&self) -> RobotMotion {
         self.told.robot_motion.get()
+    }
+
+    /// Has the supervision thread stop a motion, or the one that it is to leave, because its goal was withdrawn.
+    pub(crate) fn stop(&self, trajectory_id: u32) {
+        self.told
+            .withdrawn_id
+            .store(trajectory_id, Ordering::Relaxed);
     }
 
     /// The problem of a motion whose planning takes `planning`, with the live scene's obstacles, and its begin where that is delayed because a ball can be at its start.

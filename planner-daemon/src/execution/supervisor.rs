@@ -2,7 +2,7 @@
 //! under way up to date and orders stops. It never plans. The daemon's heartbeats end when its rounds do.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
@@ -35,11 +35,13 @@ const ROUND_PERIOD: Duration = Duration::from_millis(1);
 /// Time beyond the longest stop for which the ending daemon waits until the motion under way has ended.
 const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// What supervision tells the service.
+/// What supervision and the service tell each other.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct ToldToService {
+pub(crate) struct Told {
     pub(super) robot_motion: Shared<RobotMotion>,
     pub(super) live_scene: Shared<SceneSnapshot>,
+    /// The motion whose goal was withdrawn last; 0: none.
+    pub(super) withdrawn_id: Arc<AtomicU32>,
 }
 
 /// Publishers and state of the thread.
@@ -62,7 +64,7 @@ pub(crate) struct Supervisor {
     pub(super) supervised: Option<SupervisedMotion>,
     /// The motion that is to leave the supervised one, until it has done so.
     pub(super) joining: Option<SupervisedMotion>,
-    told: ToldToService,
+    told: Told,
     pub(super) last_id: u32,
     state_refused: bool,
     late_controllers_fail: bool,
@@ -80,7 +82,7 @@ impl Supervisor {
         instance: u64,
         supervision_rounds: Arc<AtomicU64>,
         realtime_priority: Option<u8>,
-        told: ToldToService,
+        told: Told,
     ) -> Result<Self, BackgroundError> {
         if let Err(error) = reduce_wakeup_latency() {
             tracing::warn!("orders to stop: {error}");
@@ -306,6 +308,11 @@ impl Supervisor {
         }
         if supervised.is_overdue() {
             supervised.request_stop(StopReason::NotStarted);
+        }
+        let withdrawn_id = self.told.withdrawn_id.load(Ordering::Relaxed);
+        let joining_id = self.joining.as_ref().map(|joining| joining.id);
+        if [Some(supervised.id), joining_id].contains(&Some(withdrawn_id)) {
+            supervised.request_stop(StopReason::GoalWithdrawn);
         }
         let inbox = &self.inbox;
         let has_pending = |publisher| inbox.has_pending(publisher, now_mono_ns);

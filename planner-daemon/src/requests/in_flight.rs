@@ -5,8 +5,8 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use shared_types::codes::MotionStart;
-use shared_types::ipc::PlanActiveRequest;
 
+use super::asker::Asker;
 use super::request_validator::PlanTask;
 use crate::execution::Switch;
 
@@ -17,7 +17,7 @@ const DELIVERY_MARGIN_PER_CANDIDATE: Duration = Duration::from_micros(20);
 
 /// A request that waits for its turn.
 pub(super) struct Queued {
-    pub(super) active: PlanActiveRequest,
+    pub(super) asker: Asker,
     pub(super) task: PlanTask,
     pub(super) received: Instant,
 }
@@ -59,10 +59,6 @@ impl InFlight {
 fn delivery_margin(candidates: usize, whole: Duration) -> Duration {
     let of_candidates = DELIVERY_MARGIN_PER_CANDIDATE.mul_f64(candidates as f64);
     (DELIVERY_MARGIN + of_candidates).min(whole / 2)
-}
-
-pub(super) fn is_wanted(active: &PlanActiveRequest) -> bool {
-    active.is_connected() && !active.has_disconnect_hint()
 }
 
 #[cfg(test)]

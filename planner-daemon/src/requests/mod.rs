@@ -1,7 +1,9 @@
 //! A plan request from its reception to its answer: validation, queue, planning, report.
 
 mod answer;
+mod asker;
 mod fair_queue;
+mod goal_turn;
 mod in_flight;
 mod plan_runner;
 mod planning_turn;

@@ -10,7 +10,8 @@ use shared_types::clock::mono_now_ns;
 use shared_types::codes::{Outcome, PlanField};
 
 use super::answer::{Answer, is_deliverable};
-use super::in_flight::{InFlight, Queued, is_wanted};
+use super::asker::Asker;
+use super::in_flight::{InFlight, Queued};
 use super::plan_runner::{Early, Job, PlanOutput, Planned};
 use super::refusal::Refusal;
 use super::request_validator::PlanTask;
@@ -20,6 +21,7 @@ use crate::execution::{
     ExecutionRefusal, ExecutionTiming, ExpectedBegin, RobotMotion, SelectedMotion, Switch,
     TimedGoal,
 };
+use crate::goal_keeping::Wanted;
 
 /// Longest wait for a motion that ends or is left in a moment, before a request that begins where the robot is is refused.
 const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
@@ -65,7 +67,7 @@ impl Service {
                 return false;
             }
             Err(NotReady::Passes(refusal) | NotReady::Stays(refusal)) => {
-                self.refuse(&queued.active, queued.task.request_id, &refusal);
+                self.refuse(&queued.asker, queued.task.request_id, &refusal);
                 return true;
             }
         };
@@ -157,14 +159,17 @@ impl Service {
         let Some(in_flight) = &self.in_flight else {
             return;
         };
-        let Queued { active, task, .. } = &in_flight.queued;
+        let Queued { asker, task, .. } = &in_flight.queued;
+        let Asker::Client(active) = asker else {
+            return;
+        };
         let mut answer = Answer::early(task, candidates, self.runner.robot());
         answer.set_plan(
             in_flight.plan_id,
             in_flight.motion_start(),
             in_flight.waited,
         );
-        self.send(&mut answer, active);
+        self.send_to_client(&mut answer, active);
     }
 
     fn answer(&mut self, planned: Planned) {
@@ -179,7 +184,7 @@ impl Service {
         let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot());
         answer.set_plan(plan_id, in_flight.motion_start(), in_flight.waited);
         let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
-        if is_wanted(&queued.active) && has_candidates && !answer.candidates.is_empty() {
+        if queued.asker.is_waiting() && has_candidates && !answer.candidates.is_empty() {
             let published = self.execute(&in_flight, &answer);
             if published.as_ref().is_some_and(is_out_of_date)
                 && in_flight.attempt < ATTEMPTS
@@ -189,9 +194,10 @@ impl Service {
                 self.begin(in_flight.queued, in_flight.attempt + 1);
                 return;
             }
+            self.note_foreign_motion(&in_flight, &published);
             report_execution(&mut answer, plan_id, published);
         }
-        self.send(&mut answer, &in_flight.queued.active);
+        self.send(&mut answer, &in_flight.queued.asker);
         let selected = answer.selected().map(|(index, _)| index);
         self.plans.keep(plan_id, &answer.candidates, selected);
     }
@@ -208,19 +214,58 @@ impl Service {
         self.lead_times.note(task.kind(), in_flight.begun.elapsed());
         Some(match answer.selected() {
             _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
-            Some((candidate_index, candidate)) => self.execution.publish(SelectedMotion {
-                motion: Arc::clone(&candidate.trajectory),
-                goals: timed_goals(task, candidate),
-                leaves: in_flight.leaves,
-                candidate_index,
-                plan_id: in_flight.plan_id,
-                timing: ExecutionTiming {
-                    begin_mono_ns,
-                    ..timing
-                },
-            }),
+            Some((candidate_index, candidate)) => {
+                self.check_wanted(in_flight, candidate).and_then(|()| {
+                    self.execution.publish(SelectedMotion {
+                        motion: Arc::clone(&candidate.trajectory),
+                        goals: timed_goals(task, candidate),
+                        leaves: in_flight.leaves,
+                        candidate_index,
+                        plan_id: in_flight.plan_id,
+                        timing: ExecutionTiming {
+                            begin_mono_ns,
+                            ..timing
+                        },
+                    })
+                })
+            }
             None => Err(ExecutionRefusal::NothingSelected),
         })
+    }
+}
+
+impl Service {
+    /// Checks that a motion of a plan to the goal that stays is still wanted.
+    fn check_wanted(
+        &self,
+        in_flight: &InFlight,
+        candidate: &Candidate,
+    ) -> Result<(), ExecutionRefusal> {
+        if !matches!(in_flight.queued.asker, Asker::GoalKeeper) {
+            return Ok(());
+        }
+        let duration_s = candidate.trajectory.duration();
+        match self
+            .goal
+            .keeper
+            .wants(in_flight.leaves.as_ref(), duration_s)
+        {
+            Wanted::Yes => Ok(()),
+            Wanted::NoBetter { remaining_s } => Err(ExecutionRefusal::NoBetter { remaining_s }),
+            Wanted::GivenUp => Err(ExecutionRefusal::GoalGivenUp),
+        }
+    }
+
+    /// Gives the goal that stays up where a client's motion is executed.
+    fn note_foreign_motion(
+        &mut self,
+        in_flight: &InFlight,
+        published: &Option<Result<u32, ExecutionRefusal>>,
+    ) {
+        if let (Asker::Client(_), Some(Ok(id))) = (&in_flight.queued.asker, published) {
+            let reason = format!("a client has executed a plan of its own, trajectory {id}");
+            self.goal.keeper.end(&reason);
+        }
     }
 }
 

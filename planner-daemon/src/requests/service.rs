@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use iceoryx2::identifiers::UniqueClientId;
 use iceoryx2::port::ReceiveError;
 use realtime::reduce_timer_slack;
 use shared_types::clock::mono_now_ns;
@@ -16,8 +15,10 @@ use shared_types::ipc::{
 };
 
 use super::answer::Answer;
+use super::asker::{Asker, AskerId};
 use super::fair_queue::FairQueue;
-use super::in_flight::{InFlight, Queued, is_wanted};
+use super::goal_turn::GoalTurn;
+use super::in_flight::{InFlight, Queued};
 use super::plan_runner::PlanRunner;
 use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
@@ -40,15 +41,16 @@ pub(crate) struct Service {
     answered: EventNotifier,
     pub(super) execution: Execution,
     pub(super) runner: PlanRunner,
-    validator: RequestValidator,
+    pub(super) validator: RequestValidator,
     wait: WaitMode,
-    pub(super) queue: FairQueue<UniqueClientId, Queued>,
+    pub(super) queue: FairQueue<AskerId, Queued>,
     pub(super) in_flight: Option<InFlight>,
     /// A request whose start is not known yet: the robot's motion is about to end or to be left.
     pub(super) deferred: Option<Queued>,
     pub(super) lead_times: LeadTimes,
     pub(super) plans: RecentPlans,
     pub(super) next_plan_id: u64,
+    pub(super) goal: GoalTurn,
     receiving_fails: bool,
     waiting_fails: bool,
     pub(super) ends: bool,
@@ -68,7 +70,9 @@ impl Service {
         queued_per_client: usize,
     ) -> Result<Self, IpcError> {
         let plan = plan_service(node, &validator.capacity)?;
+        let goal = GoalTurn::open(node, runner.robot())?;
         Ok(Self {
+            goal,
             server: plan_server(node, &plan, &validator.capacity)?,
             received: Vec::new(),
             asked: event_listener(node, &plan_asked_event(node)?)?,
@@ -109,8 +113,9 @@ impl Service {
         self.drop_cancelled();
         self.answer_expired();
         let planned = self.take_output();
+        let asked = self.keep_goal();
         let begun = self.begin_next();
-        received || planned || begun
+        received || planned || asked || begun
     }
 
     /// Takes the requests that have arrived up only once all are received: as long as so many of a client's are held as it may have at
@@ -151,35 +156,38 @@ impl Service {
         let copy = *active.payload();
         let task = match self.validator.validate(&copy, &self.plans) {
             Ok(task) => task,
-            Err(refusal) => return self.refuse(&active, copy.request_id, &refusal),
+            Err(refusal) => {
+                return self.refuse(&Asker::Client(active), copy.request_id, &refusal);
+            }
         };
-        let client = active.origin();
+        let asker = Asker::Client(active);
+        let asker_id = asker.id();
         let queued = Queued {
-            active,
+            asker,
             task,
             received,
         };
-        let Err(queued) = self.queue.push(client, queued) else {
+        let Err(queued) = self.queue.push(asker_id, queued) else {
             return;
         };
         // What waits may have been cancelled meanwhile.
         self.drop_cancelled();
-        if let Err(queued) = self.queue.push(client, queued) {
+        if let Err(queued) = self.queue.push(asker_id, queued) {
             let reason = "the client has as many requests waiting as it may (queued_per_client)";
             let refusal = Refusal::new(Outcome::Overloaded, reason);
-            self.refuse(&queued.active, queued.task.request_id, &refusal);
+            self.refuse(&queued.asker, queued.task.request_id, &refusal);
         }
     }
 
     /// Forgets what waits for clients that gave up, and interrupts the plan of one.
     fn drop_cancelled(&mut self) {
-        let dropped = self.queue.take_out(|queued| !is_wanted(&queued.active));
+        let dropped = self.queue.take_out(|queued| !queued.asker.is_waiting());
         if !dropped.is_empty() {
             let count = dropped.len();
             tracing::debug!("{count} requests were cancelled while they waited");
         }
         if let Some(in_flight) = &self.in_flight
-            && !is_wanted(&in_flight.queued.active)
+            && !in_flight.queued.asker.is_waiting()
         {
             in_flight.cancelled.store(true, Ordering::Relaxed);
         }
@@ -191,7 +199,7 @@ impl Service {
         for late in self.queue.take_out(|queued| now >= queued.deadline()) {
             let mut answer = Answer::refused(late.task.request_id, &too_late(&late.task));
             answer.set_plan(0, MotionStart::AtRest, now - late.received);
-            self.send(&mut answer, &late.active);
+            self.send(&mut answer, &late.asker);
         }
     }
 
@@ -225,12 +233,12 @@ impl Service {
         }
     }
 
-    pub(super) fn refuse(&self, active: &PlanActiveRequest, request_id: u64, refusal: &Refusal) {
-        self.send(&mut Answer::refused(request_id, refusal), active);
+    pub(super) fn refuse(&mut self, asker: &Asker, request_id: u64, refusal: &Refusal) {
+        self.send(&mut Answer::refused(request_id, refusal), asker);
     }
 
-    /// Sends an answer and notifies the waiting clients; a failure is logged, and the client sees its request end.
-    pub(super) fn send(&self, answer: &mut Answer, active: &PlanActiveRequest) {
+    /// Gives an answer to who asked.
+    pub(super) fn send(&mut self, answer: &mut Answer, asker: &Asker) {
         let outcome = answer.outcome();
         tracing::debug!(
             "{} candidates, outcome {:?}: {}",
@@ -238,8 +246,16 @@ impl Service {
             outcome,
             answer.report.reason.text()
         );
+        match asker {
+            Asker::Client(active) => self.send_to_client(answer, active),
+            Asker::GoalKeeper => self.goal.hear_answer(answer),
+        }
+    }
+
+    /// Sends an answer and notifies the waiting clients; a failure is logged, and the client sees its request end.
+    pub(super) fn send_to_client(&self, answer: &mut Answer, active: &PlanActiveRequest) {
         if let Err(error) = answer.send(active)
-            && is_wanted(active)
+            && active.is_connected()
         {
             tracing::error!("{error}");
         }
@@ -254,7 +270,7 @@ impl Service {
         self.receive();
         while let Some(queued) = self.queue.pop() {
             let refusal = Refusal::new(Outcome::Cancelled, "the daemon ends");
-            self.refuse(&queued.active, queued.task.request_id, &refusal);
+            self.refuse(&queued.asker, queued.task.request_id, &refusal);
         }
         let begun = Instant::now();
         while let Some(in_flight) = &self.in_flight {

@@ -8,18 +8,19 @@ use super::request::{
     SERVERS,
 };
 use super::topic::{
-    CONTROLLER_STATE, CYCLE, HEARTBEAT, LOANS, MOTION_RESULT, ROBOT_STATE, SCENE, SCENE_STATUS,
-    SETPOINT, TRAJECTORY, TopicSettings,
+    CONTROLLER_STATE, CYCLE, GOAL, GOAL_STATUS, HEARTBEAT, LOANS, MOTION_RESULT, ROBOT_STATE,
+    SCENE, SCENE_STATUS, SETPOINT, TRAJECTORY, TopicSettings,
 };
 use crate::message::{
-    Command, CommandReply, ControllerState, Cycle, Heartbeat, Knot, MotionResult, PlanReport,
-    PlanRequest, RobotState, SceneMessage, SceneStatus, Setpoint, TrajectoryMessage,
+    Command, CommandReply, ControllerState, Cycle, GoalStatus, Heartbeat, Knot, MotionResult,
+    PlanReport, PlanRequest, RobotState, SceneMessage, SceneStatus, Setpoint, StandingGoal,
+    TrajectoryMessage,
 };
 
 /// Shared memory of each service with one daemon, one controller, one robot, one source of scenes, and as many clients
 /// as the capacity allows: its short name and bytes. Payload memory only: the queues between the ports add a few per cent.
 #[must_use]
-pub fn shared_memory(capacity: &PlanServiceCapacity) -> [(&'static str, usize); 11] {
+pub fn shared_memory(capacity: &PlanServiceCapacity) -> [(&'static str, usize); 13] {
     [
         ("plan", plan_bytes(capacity)),
         ("command", command_bytes()),
@@ -28,6 +29,8 @@ pub fn shared_memory(capacity: &PlanServiceCapacity) -> [(&'static str, usize); 
         topic::<RobotState>(&ROBOT_STATE, 1),
         topic::<ControllerState>(&CONTROLLER_STATE, 1),
         topic::<MotionResult>(&MOTION_RESULT, 1),
+        topic::<StandingGoal>(&GOAL, 1),
+        topic::<GoalStatus>(&GOAL_STATUS, 1),
         topic::<Cycle>(&CYCLE, 1),
         topic::<SceneMessage>(&SCENE, 1),
         topic::<SceneStatus>(&SCENE_STATUS, 1),

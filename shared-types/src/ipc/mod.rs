@@ -45,8 +45,8 @@ pub use request::{
 pub use role::{Role, RoleLock};
 pub use topic::{
     CYCLES_PER_BATCH, CyclePublisher, CycleSubscriber, CycleTopic, PresentPublisher, Publisher,
-    Subscriber, Topic, controller_state_service, cycle_publisher, cycle_service, guest_publisher,
-    guest_subscriber, heartbeat_service, motion_result_service, newest, observer_subscriber,
-    publisher, robot_state_service, scene_service, scene_status_service, setpoint_service,
-    subscriber, trajectory_service,
+    Subscriber, Topic, controller_state_service, cycle_publisher, cycle_service, goal_service,
+    goal_status_service, guest_publisher, guest_subscriber, heartbeat_service,
+    motion_result_service, newest, observer_subscriber, publisher, robot_state_service,
+    scene_service, scene_status_service, setpoint_service, subscriber, trajectory_service,
 };

@@ -17,8 +17,8 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
 use crate::message::{
-    ControllerState, Cycle, Heartbeat, MotionResult, RobotState, SceneMessage, SceneStatus,
-    Setpoint, TrajectoryMessage,
+    ControllerState, Cycle, GoalStatus, Heartbeat, MotionResult, RobotState, SceneMessage,
+    SceneStatus, Setpoint, StandingGoal, TrajectoryMessage,
 };
 
 /// Most cycles in one batch of the service `cycle`: 16 ms at 4 kHz.
@@ -139,6 +139,20 @@ pub(super) const SCENE_STATUS: TopicSettings = TopicSettings {
     buffer: 32,
     ..ONE_PUBLISHER
 };
+/// `goal`: up to eight senders. No history: a goal that was given to a daemon that ended does not move the robot of the next one.
+pub(super) const GOAL: TopicSettings = TopicSettings {
+    name: "goal",
+    publishers: 8,
+    buffer: 16,
+    ..ONE_PUBLISHER
+};
+/// `goal_status`: one publisher; who comes late gets the last one.
+pub(super) const GOAL_STATUS: TopicSettings = TopicSettings {
+    name: "goal_status",
+    history: 1,
+    buffer: 32,
+    ..ROBOT_STATE
+};
 /// `heartbeat`: one publisher a process.
 pub(super) const HEARTBEAT: TopicSettings = TopicSettings {
     name: "heartbeat",
@@ -220,6 +234,10 @@ topic_functions! {
     scene_service: SceneMessage = SCENE;
     /// Opens `scene_status`: what became of each scene; publisher: the daemon.
     scene_status_service: SceneStatus = SCENE_STATUS;
+    /// Opens `goal`: where the daemon is to keep the robot; publishers: programs.
+    goal_service: StandingGoal = GOAL;
+    /// Opens `goal_status`: what becomes of that goal; publisher: the daemon.
+    goal_status_service: GoalStatus = GOAL_STATUS;
     /// Opens `heartbeat`; publishers: daemon, controller, robot.
     heartbeat_service: Heartbeat = HEARTBEAT;
 }

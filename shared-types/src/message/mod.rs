@@ -11,6 +11,7 @@ mod reason;
 mod robot_state;
 mod scene;
 mod setpoint;
+mod standing_goal;
 mod trajectory;
 mod wire;
 
@@ -23,6 +24,7 @@ pub use reason::ReasonText;
 pub use robot_state::RobotState;
 pub use scene::{MovingBall, SceneMessage, SceneStatus};
 pub use setpoint::Setpoint;
+pub use standing_goal::{GoalStatus, StandingGoal};
 pub use trajectory::{Knot, TrajectoryMessage};
 pub use wire::Zeroed;
 
@@ -77,6 +79,8 @@ mod tests {
             MovingBall,
             SceneMessage,
             SceneStatus,
+            StandingGoal,
+            GoalStatus,
             Heartbeat,
             Command,
             CommandReply

@@ -1,7 +1,7 @@
 //! The validated goals of a plan request, and their wire form.
 
 use super::check::{Quantity, check_code, check_count, check_distance};
-use super::invalid::{Invalid, Reason, invalid_at};
+use super::invalid::{Invalid, invalid, invalid_at};
 use crate::capacity::{DOF, MAX_GOALS};
 use crate::codes::GoalKind;
 use crate::message;
@@ -25,23 +25,47 @@ pub(super) fn goals(wire: &message::PlanRequest) -> Result<(Vec<Goal>, Goal), In
     let count = check_count("goal_count", wire.goal_count, 1, MAX_GOALS)?;
     let goals = wire.goals[..count].iter().enumerate();
     let mut goals: Vec<Goal> = goals
-        .map(|(index, goal)| read(goal, index))
+        .map(|(index, goal)| {
+            let at_index = |Invalid { field, reason, .. }| invalid_at(field, index, reason);
+            read(goal, &OF_A_REQUEST).map_err(at_index)
+        })
         .collect::<Result<_, _>>()?;
     let last = goals.remove(count - 1);
     Ok((goals, last))
 }
 
-fn read(wire: &message::Goal, index: usize) -> Result<Goal, Invalid> {
-    let at = |field| move |reason: Reason| invalid_at(field, index, reason);
+/// How a message calls the fields of a goal.
+pub(super) struct GoalFields {
+    kind: &'static str,
+    tip: &'static str,
+    tolerance: &'static str,
+    configuration: &'static str,
+}
+
+/// The fields of [`message::PlanRequest::goals`].
+const OF_A_REQUEST: GoalFields = GoalFields {
+    kind: "goals.kind",
+    tip: "goals.tip_m",
+    tolerance: "goals.tip_tolerance_m",
+    configuration: "goals.configuration_rad",
+};
+/// The fields of [`message::StandingGoal::goal`].
+pub(super) const STANDING: GoalFields = GoalFields {
+    kind: "goal.kind",
+    tip: "goal.tip_m",
+    tolerance: "goal.tip_tolerance_m",
+    configuration: "goal.configuration_rad",
+};
+
+/// A goal on the wire.
+pub(super) fn read(wire: &message::Goal, fields: &GoalFields) -> Result<Goal, Invalid> {
     let kind = u32::try_from(wire.kind).unwrap_or(u32::MAX);
-    let kind = check_code("goals.kind", kind)
-        .map_err(|invalid: Invalid| invalid_at(invalid.field, index, invalid.reason))?;
-    match kind {
+    match check_code(fields.kind, kind)? {
         GoalKind::Tip => {
-            let length = Quantity::Length;
-            length.check_all(&wire.tip_m).map_err(at("goals.tip_m"))?;
+            let checked = Quantity::Length.check_all(&wire.tip_m);
+            checked.map_err(|reason| invalid(fields.tip, reason))?;
             let tolerance_m = check_distance(wire.tip_tolerance_m);
-            let tolerance_m = tolerance_m.map_err(at("goals.tip_tolerance_m"))?;
+            let tolerance_m = tolerance_m.map_err(|reason| invalid(fields.tolerance, reason))?;
             Ok(Goal::Tip {
                 position_m: wire.tip_m,
                 tolerance_m: (tolerance_m > 0.0).then_some(tolerance_m),
@@ -49,7 +73,7 @@ fn read(wire: &message::Goal, index: usize) -> Result<Goal, Invalid> {
         }
         GoalKind::Configuration => {
             let checked = Quantity::Angle.check_all(&wire.configuration_rad);
-            checked.map_err(at("goals.configuration_rad"))?;
+            checked.map_err(|reason| invalid(fields.configuration, reason))?;
             Ok(Goal::Configuration(wire.configuration_rad))
         }
     }

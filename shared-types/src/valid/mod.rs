@@ -14,6 +14,7 @@ mod motion_result;
 mod plan;
 mod report;
 mod scene;
+mod standing_goal;
 mod state;
 mod trajectory;
 
@@ -28,6 +29,7 @@ pub use motion_result::MotionResult;
 pub use plan::{PlanRequest, PreviousPlan, SelectionRule};
 pub use report::PlanReport;
 pub use scene::{Heartbeat, MOST_SCENE_LIFETIME_NS, Scene, SceneStatus, SourceName, stamp_refusal};
+pub use standing_goal::{GoalStatus, StandingGoal};
 pub use state::{ControllerState, Cycle, RobotState};
 pub use trajectory::{Trajectory, check_knots};
 

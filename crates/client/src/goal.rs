@@ -1,0 +1,176 @@
+//! A goal that the daemon keeps the robot on its way to.
+
+use std::thread;
+use std::time::Duration;
+
+use shared_types::clock::mono_now_ns;
+use shared_types::ipc::{
+    EventNotifier, IpcNode, IpcOptions, Publisher, Subscriber, Topic, event_notifier, goal_service,
+    goal_status_service, guest_publisher, guest_subscriber, plan_asked_event,
+};
+use shared_types::message;
+use shared_types::valid::{Goal, GoalStatus, StandingGoal};
+
+use crate::ClientError;
+use crate::view::{checked, receive};
+use crate::waiting::{Cleaner, TimeLimit};
+
+const DAEMON: &str = "planner-daemon";
+/// Time between two looks for a status.
+const LOOK_INTERVAL: Duration = Duration::from_micros(500);
+
+/// Gives the daemon a goal, moves it, and hears what becomes of it.
+///
+/// The daemon keeps the robot on its way to the goal that was given last, by whomever, until that is withdrawn, or ended by a stop, a reset,
+/// a fault, or a plan that a client executes. Dropping this value neither moves nor ends the goal.
+#[derive(Debug)]
+pub struct GoalSender {
+    goals: Publisher<message::StandingGoal>,
+    topic: Topic<message::StandingGoal>,
+    statuses: Subscriber<message::GoalStatus>,
+    asked: EventNotifier,
+    /// What was sent last.
+    sent: Option<StandingGoal>,
+    /// The newest status of the goal that was given last.
+    latest: Option<GoalStatus>,
+    cleaner: Cleaner,
+    node: IpcNode,
+}
+
+impl GoalSender {
+    /// Joins the services; the daemon need not run yet.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`].
+    pub fn connect(options: &IpcOptions) -> Result<Self, ClientError> {
+        let node = IpcNode::create(options, "pcc-goal")?;
+        let topic = goal_service(&node)?;
+        Ok(Self {
+            goals: guest_publisher(&node, &topic)?,
+            topic,
+            statuses: guest_subscriber(&node, &goal_status_service(&node)?)?,
+            asked: event_notifier(&node, &plan_asked_event(&node)?)?,
+            sent: None,
+            latest: None,
+            cleaner: Cleaner::new(),
+            node,
+        })
+    }
+
+    /// Gives another goal, to be reached with a share of the tendon limits (1e-9 to 1); it takes the place of every earlier one.
+    ///
+    /// # Errors
+    /// [`ClientError::NoServer`] where no daemon hears it, [`ClientError::InvalidRequest`] or [`ClientError::Transport`].
+    pub fn give(&mut self, goal: Goal, limits_scale: f64) -> Result<(), ClientError> {
+        let now = mono_now_ns();
+        self.latest = None;
+        self.send(StandingGoal {
+            given_mono_ns: now,
+            stamp_mono_ns: now,
+            goal,
+            limits_scale,
+            is_withdrawn: false,
+        })
+    }
+
+    /// Says where the goal that was given last is now; gives it at the whole limits where there was none.
+    ///
+    /// # Errors
+    /// As [`GoalSender::give`].
+    pub fn move_to(&mut self, goal: Goal) -> Result<(), ClientError> {
+        match self.sent {
+            None => self.give(goal, 1.0),
+            Some(sent) => self.send(StandingGoal {
+                stamp_mono_ns: mono_now_ns(),
+                goal,
+                ..sent
+            }),
+        }
+    }
+
+    /// Gives the goal up: the robot brakes along its path. Nothing to do where none was given.
+    ///
+    /// # Errors
+    /// As [`GoalSender::give`].
+    pub fn withdraw(&mut self) -> Result<(), ClientError> {
+        let Some(sent) = self.sent else {
+            return Ok(());
+        };
+        self.send(StandingGoal {
+            stamp_mono_ns: mono_now_ns(),
+            is_withdrawn: true,
+            ..sent
+        })
+    }
+
+    fn send(&mut self, goal: StandingGoal) -> Result<(), ClientError> {
+        self.cleaner.clean_if_due(&self.node);
+        if self.topic.number_of_subscribers() == 0 {
+            return Err(ClientError::NoServer {
+                server: DAEMON,
+                waited: Duration::ZERO,
+            });
+        }
+        let wire = goal.to_wire();
+        StandingGoal::try_from(&wire).map_err(ClientError::InvalidRequest)?;
+        self.goals
+            .send_copy(wire)
+            .map_err(|reason| ClientError::transport("send a goal", reason))?;
+        self.sent = Some(goal);
+        self.asked
+            .notify()
+            .map_err(|reason| ClientError::transport("tell the daemon of a goal", reason))?;
+        Ok(())
+    }
+
+    /// The newest status of the goal that was given last; none until the daemon has heard it.
+    ///
+    /// # Errors
+    /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn status(&mut self) -> Result<Option<GoalStatus>, ClientError> {
+        let given_mono_ns = self.sent.map_or(0, |sent| sent.given_mono_ns);
+        while let Some(sample) = receive(|| self.statuses.receive())? {
+            let status = checked(DAEMON, GoalStatus::try_from(&*sample))?;
+            if status.values.given_mono_ns == given_mono_ns {
+                self.latest = Some(status);
+            }
+        }
+        Ok(self.latest)
+    }
+
+    /// Waits until the goal's status is one that is waited for, at most for `timeout`; none where it was not.
+    ///
+    /// # Errors
+    /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn wait_for(
+        &mut self,
+        timeout: Duration,
+        mut is_waited_for: impl FnMut(&GoalStatus) -> bool,
+    ) -> Result<Option<GoalStatus>, ClientError> {
+        let limit = TimeLimit::new(timeout);
+        loop {
+            self.cleaner.clean_if_due(&self.node);
+            if let Some(status) = self.status()?.filter(|status| is_waited_for(status)) {
+                return Ok(Some(status));
+            }
+            if limit.is_over() {
+                return Ok(None);
+            }
+            thread::sleep(LOOK_INTERVAL);
+        }
+    }
+
+    /// Waits until the daemon has heard what was sent last, at most for `timeout`.
+    ///
+    /// # Errors
+    /// [`ClientError::NoServer`] where no daemon has, [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn confirm(&mut self, timeout: Duration) -> Result<GoalStatus, ClientError> {
+        let sent_mono_ns = self.sent.map_or(0, |sent| sent.stamp_mono_ns);
+        let is_heard = |status: &GoalStatus| status.values.goal_stamp_mono_ns >= sent_mono_ns;
+        let heard = self.wait_for(timeout, is_heard)?;
+        heard.ok_or(ClientError::NoServer {
+            server: DAEMON,
+            waited: timeout,
+        })
+    }
+}

@@ -1,0 +1,77 @@
+//! `pcc goal`: a goal that the daemon keeps the robot on its way to.
+
+use std::time::Duration;
+
+use anyhow::bail;
+use clap::{ArgAction, Args};
+use client::GoalSender;
+use shared_types::capacity::DOF;
+use shared_types::codes::GoalState;
+use shared_types::ipc::IpcOptions;
+use shared_types::valid::{Goal, GoalStatus};
+
+use crate::number;
+
+/// How long a running daemon may take to reply.
+const TIMEOUT: Duration = Duration::from_secs(5);
+/// Time between two looks while the goal is followed.
+const LOOK_INTERVAL: Duration = Duration::from_secs(1);
+
+/// Arguments of `pcc goal`.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Tip position to reach, metres (-1000 to 1000), base frame.
+    #[arg(long, num_args = 3, action = ArgAction::Set, value_parser = number::metres(), value_names = ["X", "Y", "Z"], required_unless_present = "configuration")]
+    tip: Option<Vec<f64>>,
+    /// Configuration to reach instead, radians (-π to π, and within the robot's bending limit).
+    #[arg(long, num_args = 6, action = ArgAction::Set, value_parser = number::radians(), value_name = "RAD", conflicts_with = "tip")]
+    configuration: Option<Vec<f64>>,
+    /// Share of the tendon limits to use (1e-9 to 1).
+    #[arg(long, default_value_t = 1.0, value_parser = number::limits_scale())]
+    limits_scale: f64,
+    /// Stay, tell each change of what becomes of it, and end once the robot rests there.
+    #[arg(long)]
+    wait: bool,
+}
+
+/// Gives the goal; fails where it is ended or refused, or where no way to it is known when it is not waited for.
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let mut goal = GoalSender::connect(&IpcOptions::from_env())?;
+    goal.give(arguments.goal()?, arguments.limits_scale)?;
+    goal.confirm(TIMEOUT)?;
+    let is_decided = |status: &GoalStatus| status.state != GoalState::Planning;
+    let Some(mut told) = goal.wait_for(TIMEOUT, is_decided)? else {
+        bail!("the daemon has not said within {TIMEOUT:?} what becomes of the goal");
+    };
+    say!("{told}");
+    while arguments.wait {
+        match told.state {
+            GoalState::Reached => return Ok(()),
+            GoalState::Ended | GoalState::Refused => bail!("the goal is not pursued: {told}"),
+            _ => {}
+        }
+        let text = told.to_string();
+        let is_news = |status: &GoalStatus| status.to_string() != text;
+        if let Some(status) = goal.wait_for(LOOK_INTERVAL, is_news)? {
+            say!("{status}");
+            told = status;
+        }
+    }
+    match told.state {
+        GoalState::Underway | GoalState::Reached => Ok(()),
+        _ => bail!("the goal is not under way"),
+    }
+}
+
+impl Arguments {
+    fn goal(&self) -> anyhow::Result<Goal> {
+        if let Some(tip) = &self.tip {
+            return Ok(Goal::Tip {
+                position_m: tip.as_slice().try_into()?,
+                tolerance_m: None,
+            });
+        }
+        let configuration = self.configuration.as_deref().unwrap_or(&[]);
+        Ok(Goal::Configuration(<[f64; DOF]>::try_from(configuration)?))
+    }
+}

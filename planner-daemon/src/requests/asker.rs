@@ -1,0 +1,36 @@
+//! Who asks for a plan.
+
+use iceoryx2::identifiers::UniqueClientId;
+use shared_types::ipc::PlanActiveRequest;
+
+/// Who asks for a plan, and is answered.
+pub(super) enum Asker {
+    /// A client, whose request is open until it was answered.
+    Client(PlanActiveRequest),
+    /// The keeper of the goal that stays.
+    GoalKeeper,
+}
+
+/// By what one who asks is known in the queue.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum AskerId {
+    Client(UniqueClientId),
+    GoalKeeper,
+}
+
+impl Asker {
+    pub(super) fn id(&self) -> AskerId {
+        match self {
+            Self::Client(active) => AskerId::Client(active.origin()),
+            Self::GoalKeeper => AskerId::GoalKeeper,
+        }
+    }
+
+    /// Whether it still waits for the answer.
+    pub(super) fn is_waiting(&self) -> bool {
+        match self {
+            Self::Client(active) => active.is_connected() && !active.has_disconnect_hint(),
+            Self::GoalKeeper => true,
+        }
+    }
+}
