@@ -16,6 +16,7 @@ pub mod kills;
 pub mod knots;
 pub mod listener;
 pub mod motion;
+pub mod moving_target;
 pub mod other_user;
 pub mod outside;
 pub mod plain_client;

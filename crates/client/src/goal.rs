@@ -68,24 +68,29 @@ impl GoalSender {
             given_mono_ns: now,
             stamp_mono_ns: now,
             goal,
+            tip_velocity_m_s: [0.0; 3],
             limits_scale,
             is_withdrawn: false,
         })
     }
 
-    /// Says where the goal that was given last is now; gives it at the whole limits where there was none.
+    /// Says where the goal that was given last is now, and with which velocity it moves where it is a tip (base frame, m/s; believed for
+    /// half a second): the tip then lags less behind it. Gives it at the whole limits where there was none.
     ///
     /// # Errors
     /// As [`GoalSender::give`].
-    pub fn move_to(&mut self, goal: Goal) -> Result<(), ClientError> {
-        match self.sent {
-            None => self.give(goal, 1.0),
-            Some(sent) => self.send(StandingGoal {
+    pub fn move_to(&mut self, goal: Goal, tip_velocity_m_s: [f64; 3]) -> Result<(), ClientError> {
+        if self.sent.is_none() {
+            self.give(goal, 1.0)?;
+        }
+        self.sent.map_or(Ok(()), |sent| {
+            self.send(StandingGoal {
                 stamp_mono_ns: mono_now_ns(),
                 goal,
+                tip_velocity_m_s,
                 ..sent
-            }),
-        }
+            })
+        })
     }
 
     /// Gives the goal up: the robot brakes along its path. Nothing to do where none was given.

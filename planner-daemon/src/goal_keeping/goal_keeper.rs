@@ -7,6 +7,7 @@ use shared_types::codes::{CommandSender, GoalState, MotionOutcome, Outcome, Refu
 use shared_types::message::{GoalStatus, ReasonText};
 use shared_types::valid::{Goal, MotionResult, PlanRequest, PreviousPlan, StandingGoal};
 
+use super::moving_target::aimed_at;
 use crate::execution::{RobotMotion, Switch};
 
 /// Candidates of a plan.
@@ -86,15 +87,6 @@ struct KeptGoal {
     next_plan_mono_ns: i64,
     /// No plan for the same as the last one begins before this time, nanoseconds.
     look_again_mono_ns: i64,
-}
-
-impl KeptGoal {
-    fn target(&self) -> Target {
-        Target {
-            given_mono_ns: self.newest.given_mono_ns,
-            goal: self.newest.goal,
-        }
-    }
 }
 
 /// Keeps the robot on its way to the goal that was given last.
@@ -211,16 +203,22 @@ impl GoalKeeper {
         if kept.planned_for.is_some() || now_mono_ns < kept.next_plan_mono_ns {
             return None;
         }
-        let is_new = kept.last_planned_for != Some(kept.target());
+        let target = Target {
+            given_mono_ns: kept.newest.given_mono_ns,
+            goal: aimed_at(&kept.newest, &self.robot, robot, now_mono_ns),
+        };
+        let is_new = kept.last_planned_for != Some(target);
         if !is_new && now_mono_ns < kept.look_again_mono_ns {
             return None;
         }
         match robot {
-            RobotMotion::Holding(configuration) if self.stays(kept, configuration) => {
+            RobotMotion::Holding(configuration)
+                if self.stays(kept, &target.goal, configuration) =>
+            {
                 self.tell(GoalState::Reached, "");
                 None
             }
-            RobotMotion::Holding(_) | RobotMotion::Following(_) => self.plan(now_mono_ns),
+            RobotMotion::Holding(_) | RobotMotion::Following(_) => self.plan(target, now_mono_ns),
             RobotMotion::Busy { passes: true, .. } => None,
             RobotMotion::Busy { state, fault, .. } => {
                 let reason = format!("the controller is {state} (fault: {fault})");
@@ -236,11 +234,11 @@ impl GoalKeeper {
     }
 
     /// Whether a robot at rest stays where it is.
-    fn stays(&self, kept: &KeptGoal, configuration: &Configuration) -> bool {
-        if kept.arrived_at == Some(kept.newest.goal) {
+    fn stays(&self, kept: &KeptGoal, goal: &Goal, configuration: &Configuration) -> bool {
+        if kept.arrived_at == Some(*goal) {
             return true;
         }
-        match kept.newest.goal {
+        match *goal {
             Goal::Configuration(goal) => {
                 (Configuration::from(goal) - configuration).amax() <= SAME_CONFIGURATION_RAD
             }
@@ -257,9 +255,8 @@ impl GoalKeeper {
         }
     }
 
-    fn plan(&mut self, now_mono_ns: i64) -> Option<PlanRequest> {
+    fn plan(&mut self, target: Target, now_mono_ns: i64) -> Option<PlanRequest> {
         let kept = self.kept.as_mut()?;
-        let target = kept.target();
         kept.planned_for = Some(target);
         kept.last_planned_for = Some(target);
         kept.next_plan_mono_ns = now_mono_ns + PERIOD_NS;

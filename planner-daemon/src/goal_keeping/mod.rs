@@ -9,6 +9,7 @@
 //! ```
 
 mod goal_keeper;
+mod moving_target;
 mod ports;
 
 pub(crate) use goal_keeper::{GoalKeeper, PlanResult, PublishedMotion, Wanted};

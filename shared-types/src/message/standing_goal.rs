@@ -9,7 +9,7 @@ use super::wire::wire_message;
 wire_message! {
     /// A goal that the daemon keeps the robot on its way to (service `goal`; the newest one counts, whoever sent it). Where it moves it is sent
     /// again with another stamp; a stop or a reset after it was given ends it, however often it is sent again.
-    pub struct StandingGoal: "pcc.v4.StandingGoal", 120 bytes {
+    pub struct StandingGoal: "pcc.v4.StandingGoal", 144 bytes {
         /// When the goal was first given, nanoseconds of `CLOCK_MONOTONIC`: it is known by this, and no motion to it begins after a stop or
         /// a reset that was ordered later.
         pub given_mono_ns: i64,
@@ -17,6 +17,8 @@ wire_message! {
         pub stamp_mono_ns: i64,
         /// The goal.
         pub goal: Goal,
+        /// Velocity of a tip goal, base frame, m/s; believed for half a second from the stamp on. Not read where the goal is a configuration.
+        pub tip_velocity_m_s: [f64; 3],
         /// Share of the tendon limits to use, 1e-9 to 1.
         pub limits_scale: f64,
         /// [`crate::PROTOCOL_VERSION`] of the sender.

@@ -3,7 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::check::{
-    LEAST_LIMITS_SCALE, check_code, check_flag, check_range, check_stamp, check_version,
+    LEAST_LIMITS_SCALE, Quantity, check_code, check_flag, check_range, check_stamp, check_version,
 };
 use super::goal::{Goal, STANDING, read};
 use super::invalid::{Invalid, Reason, invalid};
@@ -20,6 +20,8 @@ pub struct StandingGoal {
     pub stamp_mono_ns: i64,
     /// The goal.
     pub goal: Goal,
+    /// Velocity of a tip goal, base frame, m/s; believed for half a second from the stamp on. 0 of a configuration.
+    pub tip_velocity_m_s: [f64; 3],
     /// Share of the tendon limits to use, [`LEAST_LIMITS_SCALE`] to 1.
     pub limits_scale: f64,
     /// Whether it is given up.
@@ -34,6 +36,7 @@ impl StandingGoal {
             given_mono_ns: self.given_mono_ns,
             stamp_mono_ns: self.stamp_mono_ns,
             goal: (&self.goal).into(),
+            tip_velocity_m_s: self.tip_velocity_m_s,
             limits_scale: self.limits_scale,
             protocol_version: PROTOCOL_VERSION,
             is_withdrawn: u32::from(self.is_withdrawn),
@@ -57,13 +60,26 @@ impl TryFrom<&message::StandingGoal> for StandingGoal {
             ));
         }
         let limits_scale = check_range(wire.limits_scale, LEAST_LIMITS_SCALE, 1.0, "1e-9..=1");
+        let goal = read(&wire.goal, &STANDING)?;
         Ok(Self {
             given_mono_ns,
             stamp_mono_ns,
-            goal: read(&wire.goal, &STANDING)?,
+            goal,
+            tip_velocity_m_s: tip_velocity(wire, &goal)?,
             limits_scale: limits_scale.map_err(|reason| invalid("limits_scale", reason))?,
             is_withdrawn: check_flag("is_withdrawn", wire.is_withdrawn)?,
         })
+    }
+}
+
+fn tip_velocity(wire: &message::StandingGoal, goal: &Goal) -> Result<[f64; 3], Invalid> {
+    match goal {
+        Goal::Tip { .. } => {
+            let checked = Quantity::Rate.check_all(&wire.tip_velocity_m_s);
+            checked.map_err(|reason| invalid("tip_velocity_m_s", reason))?;
+            Ok(wire.tip_velocity_m_s)
+        }
+        Goal::Configuration(_) => Ok([0.0; 3]),
     }
 }
 
@@ -118,6 +134,7 @@ mod tests {
                 position_m: [0.1, 0.2, 0.3],
                 tolerance_m: None,
             },
+            tip_velocity_m_s: [0.1, 0.0, 0.0],
             limits_scale: 0.5,
             is_withdrawn: false,
         }

@@ -3,10 +3,17 @@
 mod figures;
 mod joins;
 mod latency;
+mod moving_goal;
 mod replan_run;
+mod unreachable_goal;
 
 use crate::report::Report;
 use crate::scale::Scale;
 
 /// The suite's groups, in this order.
-pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[joins::run, latency::run];
+pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
+    joins::run,
+    latency::run,
+    moving_goal::run,
+    unreachable_goal::run,
+];

@@ -1,0 +1,255 @@
+//! A tip goal that moves: kept on the way to it, beside an arm that stops to replan; and one that goes out of reach.
+
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use client::GoalSender;
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::LoopState;
+use shared_types::message::Cycle;
+use shared_types::valid::{Command, Goal, PlanRequest};
+use tests::brute_force::Body;
+use tests::judge::{Judge, SENT_USE};
+use tests::listener::Listener;
+use tests::moving_target::MovingTarget;
+use tests::process::wait_for;
+use tests::stack::{PATIENCE, Stack};
+use tests::world::Settings;
+
+use crate::report::Report;
+use crate::scale::Scale;
+
+/// Time between two messages on where the goal is.
+const PERIOD: Duration = Duration::from_millis(10);
+/// Cycles of which one is looked at.
+const EVERY: usize = 5;
+/// How far the goal moves before the arm that stops to replan does, m.
+const STOPS_AFTER_M: f64 = 0.1;
+
+/// How a robot follows the target.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Arm {
+    /// By the goal that stays.
+    Kept,
+    /// Goes to the target, rests, and goes to it again.
+    RestsFirst {
+        /// Whether it goes to where the target will be after as long as its last motion took.
+        aims_ahead: bool,
+    },
+    /// As that, but stops as soon as what it aims at is too far from where it goes.
+    Stops { aims_ahead: bool },
+}
+
+/// The arms that rest before they replan.
+const STOPPING: [(Arm, &str); 4] = [
+    (Arm::RestsFirst { aims_ahead: false }, "rests first"),
+    (
+        Arm::RestsFirst { aims_ahead: true },
+        "rests first, aims ahead",
+    ),
+    (Arm::Stops { aims_ahead: false }, "stops"),
+    (Arm::Stops { aims_ahead: true }, "stops, aims ahead"),
+];
+
+/// What one arm did.
+struct Followed {
+    /// Mean distance of the tip to the target, m.
+    mean_error_m: f64,
+    /// Motions begun.
+    motions: u64,
+    /// Set-points that broke a limit or stepped.
+    offences: usize,
+    largest_use: f64,
+}
+
+impl Followed {
+    fn text(&self) -> String {
+        let Self {
+            mean_error_m,
+            motions,
+            ..
+        } = self;
+        format!("mean tip error {mean_error_m:.4} m in {motions} motions")
+    }
+}
+
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    let command = "a moving goal to planner-daemon";
+    report.group("goals, moving", command, |report| {
+        let lasts = Duration::from_secs(scale.pick(8, 30));
+        let mut targets = vec![
+            MovingTarget::circle(0.5, 0.2, lasts),
+            MovingTarget::circle(0.5, 0.5, lasts),
+            MovingTarget::walk(1, 0.3, lasts),
+        ];
+        if scale.full {
+            targets.push(MovingTarget::circle(0.3, 0.1, lasts));
+            targets.push(MovingTarget::circle(0.6, 1.0, lasts));
+            let walks = (2..10).map(|seed| {
+                let speed = [0.1, 0.3, 0.6, 1.0][seed as usize % 4];
+                MovingTarget::walk(seed, speed, lasts)
+            });
+            targets.extend(walks);
+        }
+        let mut stack = Stack::running(&Settings::default())?;
+        let mut sums = [0.0; 2];
+        for target in &targets {
+            let kept = follow(&mut stack, Arm::Kept, target)?;
+            let name = format!("goals, moving: {}", target.name);
+            report.shown(&format!("{name}: kept on the way"), kept.text());
+            let mut best = f64::INFINITY;
+            for (arm, what) in STOPPING {
+                let other = follow(&mut stack, arm, target)?;
+                best = best.min(other.mean_error_m);
+                report.shown(&format!("{name}: {what}"), other.text());
+            }
+            sums[0] += kept.mean_error_m;
+            sums[1] += best;
+            let what = format!(
+                "goals, moving: {}: mean tip error ÷ that of the best arm that stops to replan",
+                target.name
+            );
+            report.at_most(&what, kept.mean_error_m / best, 0.5);
+            let what = format!("goals, moving: {}: set-points: offences", target.name);
+            report.check(&what, kept.offences.to_string(), "0", kept.offences == 0);
+            let what = format!(
+                "goals, moving: {}: set-points: largest ÷ limit",
+                target.name
+            );
+            report.at_most(&what, kept.largest_use, SENT_USE);
+        }
+        let what =
+            "goals, moving: mean tip error of all ÷ that of the best arms that stops to replan";
+        report.at_most(what, sums[0] / sums[1], 0.5);
+        Ok(())
+    });
+}
+
+fn tip(position_m: [f64; 3]) -> Goal {
+    Goal::Tip {
+        position_m,
+        tolerance_m: None,
+    }
+}
+
+/// Begins at rest where the target is, and follows it.
+fn follow(stack: &mut Stack, arm: Arm, target: &MovingTarget) -> anyhow::Result<Followed> {
+    let file = std::fs::read_to_string(stack.world.config("robots/unit.toml"))?;
+    let body = Body::from_robot_file(&file);
+    rest(stack)?;
+    stack.move_tip(target.at(0.0))?;
+    rest(stack)?;
+    let listener = Listener::start(&stack.world.options);
+    let (begun, begun_ns) = (Instant::now(), mono_now_ns());
+    let motions = match arm {
+        Arm::Kept => keep(stack, target, begun)?,
+        Arm::RestsFirst { aims_ahead } => {
+            replan_at_rest(stack, target, begun, [false, aims_ahead])?
+        }
+        Arm::Stops { aims_ahead } => replan_at_rest(stack, target, begun, [true, aims_ahead])?,
+    };
+    let heard = listener.take();
+    let mut judge = Judge::new(stack.world.robot.tendon_limits);
+    judge.look(&heard);
+    let verdict = judge.verdict();
+    Ok(Followed {
+        mean_error_m: mean_error_m(&body, &heard.cycles, target, begun_ns),
+        motions,
+        offences: verdict.offence_count,
+        largest_use: verdict.velocity.max(verdict.acceleration),
+    })
+}
+
+fn rest(stack: &mut Stack) -> anyhow::Result<()> {
+    let held = wait_for("the robot rests", PATIENCE, || {
+        (stack.controller_state().state == LoopState::Holding).then_some(())
+    });
+    held.context("before a goal")
+}
+
+fn keep(stack: &Stack, target: &MovingTarget, begun: Instant) -> anyhow::Result<u64> {
+    let mut goal = GoalSender::connect(&stack.world.options)?;
+    goal.give(tip(target.at(0.0)), 1.0)?;
+    while begun.elapsed() < target.lasts() {
+        let elapsed_s = begun.elapsed().as_secs_f64();
+        goal.move_to(tip(target.at(elapsed_s)), target.velocity_m_s(elapsed_s))?;
+        sleep(PERIOD);
+    }
+    let status = goal
+        .status()?
+        .context("the daemon says nothing of the goal")?;
+    goal.withdraw()?;
+    goal.confirm(PATIENCE)?;
+    Ok(status.values.motion_count)
+}
+
+/// Plans whenever the robot rests, and stops it where the arm does.
+fn replan_at_rest(
+    stack: &mut Stack,
+    target: &MovingTarget,
+    begun: Instant,
+    [stops, aims_ahead]: [bool; 2],
+) -> anyhow::Result<u64> {
+    let (mut motions, mut going_to, mut ahead_s) = (0, target.at(0.0), 0.3);
+    while begun.elapsed() < target.lasts() {
+        let elapsed_s = begun.elapsed().as_secs_f64();
+        let aim = |ahead_s: f64| {
+            let (now, velocity) = (target.at(elapsed_s), target.velocity_m_s(elapsed_s));
+            let ahead_s = if aims_ahead { ahead_s } else { 0.0 };
+            std::array::from_fn(|axis| now[axis] + ahead_s * velocity[axis])
+        };
+        let state = stack.controller_state();
+        match state.state {
+            LoopState::Holding => {
+                let request = PlanRequest {
+                    candidate_count: 10,
+                    execute: true,
+                    ..PlanRequest::from_robot(tip(aim(ahead_s)))
+                };
+                let answer = stack.client.plan(&request, PATIENCE)?;
+                let report = answer.report();
+                if let (Some(_), Some(selected)) = (report.trajectory_id, report.selected) {
+                    (motions, going_to) = (motions + 1, aim(ahead_s));
+                    ahead_s = report.candidates[selected].duration_s;
+                    wait_until_begun(stack);
+                }
+            }
+            LoopState::Executing if stops => {
+                let left_s = (ahead_s - state.values.trajectory_time_s).max(0.0);
+                if apart(aim(left_s), going_to) > STOPS_AFTER_M {
+                    stack.controller.command(Command::Stop, PATIENCE)?;
+                }
+            }
+            _ => sleep(Duration::from_millis(1)),
+        }
+    }
+    Ok(motions)
+}
+
+/// Waits until the controller has taken a motion up; where it does not, the next look at its state tells.
+fn wait_until_begun(stack: &mut Stack) {
+    let _ = wait_for("the motion begins", Duration::from_millis(500), || {
+        (stack.controller_state().state != LoopState::Holding).then_some(())
+    });
+}
+
+fn apart(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
+    squares.sum::<f64>().sqrt()
+}
+
+/// Mean distance of the commanded tip to the target from the first goal until the target rests, m.
+fn mean_error_m(body: &Body, cycles: &[Cycle], target: &MovingTarget, begun_ns: i64) -> f64 {
+    let errors: Vec<f64> = cycles
+        .iter()
+        .step_by(EVERY)
+        .map(|cycle| ((cycle.stamp_mono_ns - begun_ns) as f64 * 1e-9, cycle))
+        .filter(|(elapsed_s, _)| (0.0..target.lasts().as_secs_f64()).contains(elapsed_s))
+        .map(|(elapsed_s, cycle)| {
+            let configuration = body.explain(&cycle.setpoint_m).configuration;
+            apart(body.tip(&configuration), target.at(elapsed_s))
+        })
+        .collect();
+    errors.iter().sum::<f64>() / errors.len() as f64
+}

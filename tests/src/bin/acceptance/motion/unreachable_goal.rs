@@ -1,0 +1,138 @@
+//! A goal that goes out of reach: said by name, the robot at rest, and on again once it can be reached.
+
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use anyhow::Context;
+use client::GoalSender;
+use shared_types::codes::{GoalState, LoopState};
+use shared_types::valid::{Goal, GoalStatus};
+use tests::judge::{Judge, SENT_USE};
+use tests::listener::Listener;
+use tests::process::wait_for;
+use tests::stack::{PATIENCE, Stack};
+use tests::world::Settings;
+
+use crate::report::Report;
+use crate::scale::Scale;
+
+/// Bar of the time until it is said, ms.
+const SAID_WITHIN_MS: f64 = 100.0;
+/// A tip that can be reached, and one beyond the robot's length, m.
+const NEAR_M: [[f64; 3]; 2] = [[1.0, 0.6, 2.2], [1.0, -0.6, 2.2]];
+const FAR_M: [f64; 3] = [2.5, 0.5, 2.5];
+
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    let command = "goals to planner-daemon";
+    report.group("goals, out of reach", command, |report| {
+        let mut stack = Stack::running(&Settings::default())?;
+        let listener = Listener::start(&stack.world.options);
+        let mut goal = GoalSender::connect(&stack.world.options)?;
+        let mut figures = Figures::default();
+        for round in 0..scale.pick(6, 60) {
+            goal.give(tip(NEAR_M[round % 2]), 1.0)?;
+            let moving = |status: &GoalStatus| status.state == GoalState::Underway;
+            expect(&mut goal, "on the way", moving)?;
+            // At another instant of the motion each time.
+            sleep(Duration::from_millis(40 + 97 * round as u64 % 700));
+            figures.lose(&mut stack, &mut goal)?;
+            figures.find_again(&mut stack, &mut goal, NEAR_M[(round + 1) % 2])?;
+        }
+        let mut judge = Judge::new(stack.world.robot.tendon_limits);
+        judge.look(&listener.take());
+        figures.show(report, &judge);
+        Ok(())
+    });
+}
+
+fn tip(position_m: [f64; 3]) -> Goal {
+    Goal::Tip {
+        position_m,
+        tolerance_m: None,
+    }
+}
+
+fn expect(
+    goal: &mut GoalSender,
+    what: &str,
+    is_so: impl FnMut(&GoalStatus) -> bool,
+) -> anyhow::Result<GoalStatus> {
+    let status = goal.wait_for(Duration::from_secs(10), is_so)?;
+    let last = goal.status()?.map(|status| status.to_string());
+    status.with_context(|| format!("the goal was not {what} within 10 s: {last:?}"))
+}
+
+#[derive(Default)]
+struct Figures {
+    said_ms: Vec<f64>,
+    reasons: Vec<String>,
+    rested: usize,
+    went_on: usize,
+}
+
+impl Figures {
+    /// The goal goes where it cannot be reached.
+    fn lose(&mut self, stack: &mut Stack, goal: &mut GoalSender) -> anyhow::Result<()> {
+        let sent = Instant::now();
+        goal.move_to(tip(FAR_M), [0.0; 3])?;
+        let status = expect(goal, "said to be out of reach", |status| {
+            status.state == GoalState::Unreachable
+        })?;
+        self.said_ms.push(sent.elapsed().as_secs_f64() * 1e3);
+        self.reasons.push(status.to_string());
+        let rests = || (stack.controller_state().state == LoopState::Holding).then_some(());
+        wait_for("the robot rests", PATIENCE, rests)?;
+        self.rested += 1;
+        Ok(())
+    }
+
+    /// The goal comes back, without being given anew.
+    fn find_again(
+        &mut self,
+        stack: &mut Stack,
+        goal: &mut GoalSender,
+        position_m: [f64; 3],
+    ) -> anyhow::Result<()> {
+        goal.move_to(tip(position_m), [0.0; 3])?;
+        expect(goal, "reached", |status| status.state == GoalState::Reached)?;
+        let configuration = stack.commanded();
+        let robot = stack.world.robot.clone();
+        let error = tests::stack::tip_error(&robot, &configuration.into(), &position_m);
+        self.went_on += usize::from(error <= 0.01);
+        Ok(())
+    }
+
+    fn show(&mut self, report: &mut Report, judge: &Judge) {
+        let line = |what: &str| format!("goals, out of reach: {what}");
+        let rounds = self.said_ms.len();
+        let slowest = self.said_ms.iter().copied().fold(0.0, f64::max);
+        report.shown(&line("what is said"), self.reasons.join(" | "));
+        report.at_most(
+            &line("slowest time until it is said, ms"),
+            slowest,
+            SAID_WITHIN_MS,
+        );
+        let unnamed = self
+            .reasons
+            .iter()
+            .filter(|reason| !reason.contains("out of reach"));
+        let unnamed: Vec<String> = unnamed.cloned().collect();
+        report.none_of(&line("said by another name than out of reach"), &unnamed);
+        report.all_of(&line("came to rest"), self.rested, rounds);
+        report.all_of(
+            &line("went on by itself and reached it once it could"),
+            self.went_on,
+            rounds,
+        );
+        let verdict = judge.verdict();
+        let offences = verdict.offence_count;
+        report.check(
+            &line("set-points: offences"),
+            offences.to_string(),
+            "0",
+            offences == 0,
+        );
+        let largest = verdict.velocity.max(verdict.acceleration);
+        report.at_most(&line("set-points: largest ÷ limit"), largest, SENT_USE);
+    }
+}
