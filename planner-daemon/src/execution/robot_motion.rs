@@ -115,19 +115,29 @@ impl FollowedMotion {
         self.latest_s(now_mono_ns) + lead.as_secs_f64() * self.fastest_rate
     }
 
+    /// Its state at a time, if it has gone as fast as it can.
+    pub(crate) fn state_at(&self, mono_ns: i64) -> Knot {
+        self.state_after(self.latest_s(mono_ns))
+    }
+
     fn switch_from(&self, earliest_s: f64) -> Option<Switch> {
         let path_time_s = clear_of_knots(self.motion.knots(), earliest_s)?;
-        let state = self.motion.at(path_time_s);
         Some(Switch {
             trajectory_id: self.trajectory_id,
             path_time_s,
-            state: Knot {
-                time: 0.0,
-                position: state.position,
-                velocity: state.velocity,
-                acceleration: state.acceleration,
-            },
+            state: self.state_after(path_time_s),
         })
+    }
+
+    /// Its state at a path time, as the first knot of a motion that leaves it.
+    fn state_after(&self, path_time_s: f64) -> Knot {
+        let state = self.motion.at(path_time_s);
+        Knot {
+            time: 0.0,
+            position: state.position,
+            velocity: state.velocity,
+            acceleration: state.acceleration,
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use shared_types::codes::{CommandSender, GoalState, MotionOutcome, Outcome, Refu
 use shared_types::message::{GoalStatus, ReasonText};
 use shared_types::valid::{Goal, MotionResult, PlanRequest, PreviousPlan, StandingGoal};
 
-use super::moving_target::aimed_at;
+use super::moving_target::Anticipation;
 use crate::execution::{RobotMotion, Switch};
 
 /// Candidates of a plan.
@@ -83,6 +83,7 @@ struct KeptGoal {
     /// The goal at which the robot has arrived.
     arrived_at: Option<Goal>,
     previous_plan_id: Option<u64>,
+    anticipation: Anticipation,
     /// No plan begins before this time, nanoseconds.
     next_plan_mono_ns: i64,
     /// No plan for the same as the last one begins before this time, nanoseconds.
@@ -163,6 +164,7 @@ impl GoalKeeper {
             heading: before.as_ref().and_then(|before| before.heading),
             arrived_at: None,
             previous_plan_id: None,
+            anticipation: Anticipation::default(),
             next_plan_mono_ns: before.map_or(0, |before| before.next_plan_mono_ns),
             look_again_mono_ns: 0,
         });
@@ -199,21 +201,24 @@ impl GoalKeeper {
         robot: &RobotMotion,
         now_mono_ns: i64,
     ) -> Option<PlanRequest> {
-        let kept = self.kept.as_ref()?;
+        let kept = self.kept.as_mut()?;
         if kept.planned_for.is_some() || now_mono_ns < kept.next_plan_mono_ns {
             return None;
         }
         let target = Target {
             given_mono_ns: kept.newest.given_mono_ns,
-            goal: aimed_at(&kept.newest, &self.robot, robot, now_mono_ns),
+            goal: kept
+                .anticipation
+                .aim(&kept.newest, &self.robot, robot, now_mono_ns),
         };
         let is_new = kept.last_planned_for != Some(target);
         if !is_new && now_mono_ns < kept.look_again_mono_ns {
             return None;
         }
+        let arrived_at = kept.arrived_at;
         match robot {
             RobotMotion::Holding(configuration)
-                if self.stays(kept, &target.goal, configuration) =>
+                if arrived_at == Some(target.goal) || self.is_at(&target.goal, configuration) =>
             {
                 self.tell(GoalState::Reached, "");
                 None
@@ -234,10 +239,7 @@ impl GoalKeeper {
     }
 
     /// Whether a robot at rest stays where it is.
-    fn stays(&self, kept: &KeptGoal, goal: &Goal, configuration: &Configuration) -> bool {
-        if kept.arrived_at == Some(*goal) {
-            return true;
-        }
+    fn is_at(&self, goal: &Goal, configuration: &Configuration) -> bool {
         match *goal {
             Goal::Configuration(goal) => {
                 (Configuration::from(goal) - configuration).amax() <= SAME_CONFIGURATION_RAD
