@@ -7,6 +7,7 @@
 pub mod borders;
 pub mod brute_force;
 pub mod concurrency;
+pub mod crossing_balls;
 pub mod diffusion_starts;
 pub mod disturbance;
 pub mod fake_robot;

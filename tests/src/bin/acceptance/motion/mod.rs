@@ -3,8 +3,10 @@
 mod figures;
 mod joins;
 mod latency;
+mod moving_balls;
 mod moving_goal;
 mod replan_run;
+mod standing;
 mod unreachable_goal;
 
 use crate::report::Report;
@@ -16,4 +18,5 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     latency::run,
     moving_goal::run,
     unreachable_goal::run,
+    moving_balls::run,
 ];
