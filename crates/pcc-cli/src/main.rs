@@ -7,7 +7,9 @@ mod command_line;
 mod dataset;
 mod demo;
 mod evaluate;
+mod execute;
 mod features;
+mod follow;
 mod foreign_orders;
 mod number;
 mod option_faults;
@@ -38,6 +40,8 @@ struct Arguments {
 enum Command {
     /// Ask the daemon for candidates; can have one executed.
     Plan(plan::Arguments),
+    /// Have a candidate of an earlier plan executed, after it was looked at.
+    Execute(execute::Arguments),
     /// Carry out the paper's three experiments on the running processes.
     Demo(demo::Arguments),
     /// Show the live state of controller and robot.
@@ -82,6 +86,7 @@ fn main() -> ExitCode {
 fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Plan(arguments) => plan::run(&arguments),
+        Command::Execute(arguments) => execute::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Watch(arguments) => watch::run(&arguments),
         Command::Stop => order::stop(),

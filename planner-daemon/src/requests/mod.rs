@@ -4,6 +4,7 @@ mod answer;
 mod fair_queue;
 mod in_flight;
 mod plan_runner;
+mod planned_execution;
 mod planning_turn;
 mod recent_plans;
 mod refusal;

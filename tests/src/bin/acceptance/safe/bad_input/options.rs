@@ -114,11 +114,11 @@ fn listed_options(command: &str) -> Vec<Listed> {
     for line in help(command).lines() {
         let text = line.trim_start();
         let is_option =
-            line.starts_with("      --") || (line.starts_with("  <") && !line.starts_with("   "));
+            line.starts_with("      --") || ["  <", "  ["].iter().any(|it| line.starts_with(it));
         if is_option {
             let words: Vec<&str> = text
                 .split_whitespace()
-                .take_while(|w| w.starts_with("--") || w.starts_with('<'))
+                .take_while(|w| w.starts_with("--") || w.starts_with(['<', '[']))
                 .collect();
             let is_named = text.starts_with("--");
             listed.push(Listed {
@@ -234,7 +234,7 @@ impl Tried<'_> {
         };
         let words = self.command.name.split_whitespace();
         let mut arguments: Vec<OsString> = words.map(OsString::from).collect();
-        let is_positional = option.starts_with('<');
+        let is_positional = option.starts_with(['<', '[']);
         for (name, good) in self.command.base {
             if *name != option {
                 arguments.extend((!name.starts_with('<')).then(|| OsString::from(*name)));
@@ -291,7 +291,7 @@ fn refused(option: &Listed, value: &str) -> Expected {
 }
 
 fn fault(option: &Listed, value: &str) -> Fault {
-    let name = option.name.trim_matches(['<', '>']);
+    let name = option.name.trim_matches(['<', '>', '[', ']']);
     Fault::option(name, value)
         .or_key(name.trim_start_matches("--"))
         .or_key(&name.to_lowercase())
