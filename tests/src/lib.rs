@@ -18,6 +18,7 @@ pub mod listener;
 pub mod motion;
 pub mod other_user;
 pub mod outside;
+pub mod passages;
 pub mod plain_client;
 pub mod played_controller;
 pub mod priority;
