@@ -12,8 +12,8 @@ pub struct Passage {
     pub miss_m: f64,
 }
 
-/// Where a tip that moves along the straight lines between positions passes places in their order: each where the tip is nearest to it
-/// during the first stay within `tolerance_m` of it that is after the passage of the one before; none where there is no such stay.
+/// Where a tip that moves along the straight lines between positions passes places in their order: within `tolerance_m`, each after the one
+/// before; none where it is not within it any more. Of all times between the passages of its neighbours the nearest one is told.
 #[must_use]
 pub fn passages(
     positions: &[Position],
@@ -21,12 +21,43 @@ pub fn passages(
     tolerance_m: f64,
 ) -> Vec<Option<Passage>> {
     let mut from = 0.0;
-    let mut passed = |place: &Position| {
-        let passage = first_passage(positions, place, tolerance_m, from)?;
-        from = passage.at;
-        Some(passage)
-    };
-    places.iter().map(&mut passed).collect()
+    let mut passed: Vec<Option<Passage>> = Vec::new();
+    for place in places {
+        let passage = first_passage(positions, place, tolerance_m, from);
+        from = passage.map_or(from, |passage| passage.at);
+        passed.push(passage);
+    }
+    let (mut from, end) = (0.0, positions.len() as f64);
+    for (index, place) in places.iter().enumerate() {
+        let next = passed[index + 1..].iter().flatten().next();
+        let until = next.map_or(end, |next| next.at);
+        if let Some(passage) = &mut passed[index] {
+            *passage = nearest_between(positions, place, from, until).unwrap_or(*passage);
+            from = passage.at;
+        }
+    }
+    passed
+}
+
+/// The nearest passage of a place from one instant to another, as far as whole lines lie before that.
+fn nearest_between(
+    positions: &[Position],
+    place: &Position,
+    from: f64,
+    until: f64,
+) -> Option<Passage> {
+    let first = from as usize;
+    let lines = positions.windows(2).enumerate().skip(first);
+    let lines = lines.take_while(|(index, _)| (*index + 1) as f64 <= until.max(from.ceil()));
+    let passages = lines.map(|(index, line)| {
+        let after = if index == first { from.fract() } else { 0.0 };
+        let passage = nearest(line, place, after);
+        Passage {
+            at: index as f64 + passage.at,
+            ..passage
+        }
+    });
+    passages.min_by(|a, b| a.miss_m.total_cmp(&b.miss_m))
 }
 
 /// The nearest place of the first stay within a tolerance from `from` on.
@@ -95,6 +126,27 @@ mod tests {
         let at: Vec<f64> = passed.iter().map(|passage| passage.unwrap().at).collect();
         assert_eq!(at, [0.5, 1.25, 3.0]);
         assert!((passed[0].unwrap().miss_m - 0.005).abs() < 1e-12);
+    }
+
+    #[test]
+    fn of_two_approaches_the_nearer_one_counts_if_the_next_place_comes_after_it() {
+        let way = [
+            [0.0; 3],
+            [1.0, 0.0, 0.0],
+            [1.0, 0.005, 0.0],
+            [0.0, 0.005, 0.0],
+        ];
+        let place = [0.5, 0.005, 0.0];
+        let alone = passages(&way, &[place], 0.01)[0].unwrap();
+        assert!(
+            (alone.at - 2.5).abs() < 1e-9 && alone.miss_m < 1e-12,
+            "{alone:?}"
+        );
+        let followed = passages(&way, &[place, [0.9, 0.0, 0.0], [1.0, 0.005, 0.0]], 0.002);
+        let at: Vec<bool> = followed.iter().map(Option::is_some).collect();
+        assert_eq!(at, [true, false, false]);
+        let first = passages(&way, &[place, [1.0, 0.0, 0.0]], 0.01)[0].unwrap();
+        assert!((first.miss_m - 0.005).abs() < 1e-9, "{first:?}");
     }
 
     #[test]

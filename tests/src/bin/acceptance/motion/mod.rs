@@ -4,6 +4,7 @@
 mod figures;
 mod joins;
 mod latency;
+mod queue;
 mod queue_figures;
 mod queue_run;
 mod queues;

@@ -9,7 +9,7 @@ use tests::judge::Verdict;
 use tests::listener::{Heard, Published};
 use tests::passages::{Position, passages};
 
-use super::queue_run::{Asked, Queue};
+use super::queue::{Asked, Queue};
 use super::routes::TIP_TOLERANCE_M;
 
 /// A set-point is at a motion's end within this, m: the rounding of sums.

@@ -1,6 +1,5 @@
 //! Random queues of tips in random scenes: what was asked for, what was accepted, and everything that was heard meanwhile.
 
-use std::collections::BTreeMap;
 use std::thread::sleep;
 use std::time::Duration;
 
@@ -19,6 +18,7 @@ use tests::replans::{ReplanScene, random_pause};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
+use super::queue::{Accepted, Asked, Queue};
 use super::queue_figures::Figures;
 use super::replan_run::{balls, refusal, wait_until_held};
 
@@ -38,37 +38,6 @@ const WHOLE: f64 = 1.0 / 3.0;
 const PAUSES: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(250)];
 /// Time after which everything about a motion that is over has been heard.
 const HEARD_WITHIN: Duration = Duration::from_millis(100);
-
-/// A request whose motion was published.
-pub(super) struct Accepted {
-    pub(super) trajectory_id: u32,
-    pub(super) tips_m: Vec<Position>,
-}
-
-/// What was asked for of one queue.
-#[derive(Default)]
-pub(super) struct Queue {
-    /// In the order in which they were accepted.
-    pub(super) accepted: Vec<Accepted>,
-    /// When the first request was sent and when the robot rested after the last motion, nanoseconds of `CLOCK_MONOTONIC`.
-    pub(super) between_mono_ns: [i64; 2],
-}
-
-/// How requests came about.
-#[derive(Default)]
-pub(super) struct Asked {
-    pub(super) requests: usize,
-    /// Of these, appended while the robot moved.
-    pub(super) appended_in_motion: usize,
-    /// Refused ones by cause.
-    pub(super) refused: BTreeMap<String, usize>,
-    pub(super) tips_refused: usize,
-    /// Queues whose first request was refused: nothing of them moved.
-    pub(super) not_begun: usize,
-    /// Queues in one request.
-    pub(super) whole: usize,
-    pub(super) scenes: usize,
-}
 
 /// Carries out so many queues.
 pub(super) fn run(queues: usize) -> anyhow::Result<Figures> {

@@ -135,6 +135,24 @@ pub(super) const COMMANDS: &[Command] = &[
         options: &[],
     },
     Command {
+        name: "pause",
+        family: "options of orders",
+        is_live: true,
+        // Nothing moves, which is said and no success.
+        runs: false,
+        base: &[],
+        options: &[],
+    },
+    Command {
+        name: "resume",
+        family: "options of orders",
+        is_live: true,
+        // Nothing moves, which is said and no success.
+        runs: false,
+        base: &[],
+        options: &[],
+    },
+    Command {
         name: "reset",
         family: "options of orders",
         is_live: true,

@@ -297,6 +297,9 @@ fn fault(option: &Listed, value: &str) -> Fault {
         .or_key(&name.to_lowercase())
 }
 
+/// Options that may be given several times.
+const REPEATED: [&str; 2] = ["--ball", "--configuration"];
+
 /// One value too few, one too many, the option twice, its values joined by `=`.
 fn wrong_counts(option: &Listed, wanted: &Wanted) -> Vec<Given> {
     let good: Vec<OsString> = wanted
@@ -322,7 +325,7 @@ fn wrong_counts(option: &Listed, wanted: &Wanted) -> Vec<Given> {
         ..given([good.clone(), vec!["surplus".into()]].concat())
     };
     all.push(surplus);
-    if is_named && option.name != "--ball" {
+    if is_named && !REPEATED.contains(&option.name.as_str()) {
         let twice = [good.clone(), vec![OsString::from(&option.name)], good].concat();
         all.push(given(twice));
     }
@@ -366,6 +369,8 @@ fn wrong_values(option: &Listed, wanted: &Wanted) -> Vec<Given> {
         .map(|t| (*t).to_owned())
         .collect();
     texts.push(long);
+    // Nothing after a lone `--` is no mistake where a value may be left out.
+    texts.retain(|text| text != "--" || !option.name.starts_with('['));
     let mut all = Vec::new();
     for text in texts {
         for place in places_for(option.values) {
