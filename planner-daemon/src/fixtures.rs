@@ -65,7 +65,8 @@ pub(crate) fn task() -> PlanTask {
         deadline: Duration::from_millis(20),
         tip_tolerance: 0.01,
         selection: valid::SelectionRule::Best(Selection::ShortestTime),
-        execution: None,
+        requested_mono_ns: None,
+        begin_mono_ns: None,
         early: None,
     }
 }

@@ -185,7 +185,7 @@ const MALFORMED: &[Case] = &[
         PlanField::SelectedIndex,
     ),
     (
-        |r| r.execute = 2,
+        |r| r.execute = 3,
         Outcome::InvalidRequest,
         PlanField::Execute,
     ),
@@ -269,6 +269,14 @@ const MALFORMED: &[Case] = &[
         |r| r.goals[0].tip_tolerance_m = 1e-300,
         Outcome::NoPath,
         PlanField::None,
+    ),
+    (
+        |r| {
+            (r.execute, r.goal_count, r.ball_count) = (2, 0, 0);
+            (r.previous_plan_id, r.requested_mono_ns) = (1, mono_now_ns());
+        },
+        Outcome::InvalidRequest,
+        PlanField::PreviousPlan,
     ),
     (
         |r| r.execute = 1,

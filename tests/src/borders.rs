@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use shared_types::clock::wall_now_ns;
-use shared_types::codes::{Outcome, PlanField, Sampler};
+use shared_types::clock::{mono_now_ns, wall_now_ns};
+use shared_types::codes::{Execute, Outcome, PlanField, Sampler};
 use shared_types::message::{Ball, PlanRequest};
 
 use crate::raw::{RawClient, RawError, good_request};
@@ -28,6 +28,18 @@ macro_rules! invalid {
     };
 }
 
+/// Makes a request one to execute a candidate of a plan that no daemon has made.
+fn execute_earlier(request: &mut PlanRequest) {
+    *request = PlanRequest {
+        protocol_version: request.protocol_version,
+        request_id: request.request_id,
+        execute: Execute::Named.code(),
+        previous_plan_id: 1,
+        requested_mono_ns: mono_now_ns(),
+        ..PlanRequest::ZEROED
+    };
+}
+
 /// Each rejection at the border.
 const INVALID: &[BadRequest] = invalid! {
     CandidateCount "no candidates" |r| r.candidate_count = 0;
@@ -38,7 +50,16 @@ const INVALID: &[BadRequest] = invalid! {
     Sampler "unknown sampler" |r| r.sampler = 99;
     Selection "unknown selection" |r| r.selection = 6;
     SelectedIndex "index beyond the candidates" |r| (r.selection, r.selected_index) = (5, 2);
-    Execute "execute = 2" |r| r.execute = 2;
+    Execute "execute = 3" |r| r.execute = 3;
+    GoalCount "an earlier plan executed, with a goal" |r| { execute_earlier(r); r.goal_count = 1; };
+    BallCount "an earlier plan executed, with a ball" |r| { execute_earlier(r); r.ball_count = 1; };
+    EarlyCandidateCount "an earlier plan executed, with an early answer" |r| { execute_earlier(r); r.early_candidate_count = 1; };
+    PreviousPlan "an earlier plan executed, and none named" |r| { execute_earlier(r); r.previous_plan_id = 0; };
+    PreviousPlan "an earlier plan executed that is not kept" |r| execute_earlier(r);
+    PreviousCandidate "candidate 64 of an earlier plan executed" |r| { execute_earlier(r); r.previous_candidate = 64; };
+    Requested "an earlier plan executed, and nobody knows when it was asked for" |r| { execute_earlier(r); r.requested_mono_ns = 0; };
+    Requested "an earlier plan executed, and asked for by the wall clock" |r| { execute_earlier(r); r.requested_mono_ns = wall_now_ns(); };
+    Begin "an earlier plan executed before the machine" |r| { execute_earlier(r); r.begin_mono_ns = -1; };
     GoalCount "no goal" |r| r.goal_count = 0;
     GoalCount "nine goals" |r| r.goal_count = 9;
     GoalKind "unknown goal kind" |r| r.goals[0].kind = 2;

@@ -94,6 +94,19 @@ pub fn state_at(knots: &[Knot], time_s: f64) -> Option<[Configuration; 3]> {
     }))
 }
 
+/// Configurations and their velocities at `looks` instants of each segment, the first one at its begin, and at the end of the motion.
+pub fn states(knots: &[Knot], looks: usize) -> impl Iterator<Item = [Configuration; 2]> {
+    let within = segments(knots).flat_map(move |segment| {
+        let velocity = segment.derivative();
+        (0..looks).map(move |look| {
+            let fraction = look as f64 / looks as f64;
+            [segment.at(fraction), velocity.at(fraction)]
+        })
+    });
+    let end = knots.last().map(|knot| [knot.values[0], knot.values[1]]);
+    within.chain(end)
+}
+
 /// Largest tendon velocity, acceleration and jerk that are found, over their limits.
 #[must_use]
 pub fn limit_use(body: &Body, knots: &[Knot], limits: &Limits) -> Limits {
@@ -193,6 +206,17 @@ mod tests {
         });
         for (used, rate) in used.iter().zip([3.0 * 0.81, 6.0 * 0.9, 6.0]) {
             assert!((used - most * rate).abs() < 1e-10, "{used}");
+        }
+    }
+
+    #[test]
+    fn states_are_those_of_the_curve_in_their_order() {
+        let states: Vec<_> = states(&cubic(), 9).collect();
+        assert_eq!(states.len(), 10);
+        for (look, [position, velocity]) in states.iter().enumerate() {
+            let t = 0.1 * look as f64;
+            assert!((position[0] - (t.powi(3) - 0.3)).abs() < 1e-12);
+            assert!((velocity[0] - 3.0 * t.powi(2)).abs() < 1e-12);
         }
     }
 

@@ -20,6 +20,7 @@ pub mod motion;
 pub mod moving_target;
 pub mod other_user;
 pub mod outside;
+pub mod passages;
 pub mod plain_client;
 pub mod played_controller;
 pub mod priority;

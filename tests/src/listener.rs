@@ -9,11 +9,11 @@ use realtime::use_fifo_priority;
 use shared_types::codes::{MotionStart, ProcessKind};
 use shared_types::ipc::{
     CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber, controller_state_service,
-    cycle_service, heartbeat_service, robot_state_service, setpoint_service, subscriber,
-    trajectory_service,
+    cycle_service, heartbeat_service, motion_result_service, robot_state_service, setpoint_service,
+    subscriber, trajectory_service,
 };
 use shared_types::message::{
-    ControllerState, Cycle, Heartbeat, RobotState, Setpoint, TrajectoryMessage,
+    ControllerState, Cycle, Heartbeat, MotionResult, RobotState, Setpoint, TrajectoryMessage,
 };
 
 use crate::knots::Knot;
@@ -34,6 +34,8 @@ pub struct Heard {
     pub daemon: Vec<Heartbeat>,
     /// The motions that the daemon publishes.
     pub motions: Vec<Published>,
+    /// How motions ended, as the controller tells it.
+    pub results: Vec<MotionResult>,
 }
 
 /// A motion as the daemon publishes it.
@@ -76,6 +78,7 @@ impl Heard {
         self.controller.append(&mut fresh.controller);
         self.daemon.append(&mut fresh.daemon);
         self.motions.append(&mut fresh.motions);
+        self.results.append(&mut fresh.results);
     }
 }
 
@@ -130,6 +133,7 @@ struct Ports {
     controller: Subscriber<ControllerState>,
     heart: Subscriber<Heartbeat>,
     motions: Subscriber<TrajectoryMessage>,
+    results: Subscriber<MotionResult>,
     _node: IpcNode,
 }
 
@@ -143,6 +147,7 @@ impl Ports {
             controller: subscriber(&node, &controller_state_service(&node)?)?,
             heart: subscriber(&node, &heartbeat_service(&node)?)?,
             motions: subscriber(&node, &trajectory_service(&node)?)?,
+            results: subscriber(&node, &motion_result_service(&node)?)?,
             _node: node,
         })
     }
@@ -163,6 +168,9 @@ impl Ports {
         }
         while let Ok(Some(message)) = self.motions.receive() {
             into.motions.push(Published::from(&*message));
+        }
+        while let Ok(Some(result)) = self.results.receive() {
+            into.results.push(*result);
         }
         while let Ok(Some(beat)) = self.heart.receive() {
             if beat.kind == ProcessKind::Daemon.code() {

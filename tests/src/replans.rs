@@ -67,7 +67,8 @@ fn wire(ball: &Obstacle) -> Ball {
     }
 }
 
-fn random_configuration(robot: &UnitRobot, random: &mut Pcg64) -> Configuration {
+/// A configuration in which each section bends evenly over the disc of what it may.
+pub fn random_configuration(robot: &UnitRobot, random: &mut Pcg64) -> Configuration {
     let mut configuration = Configuration::zeros();
     for section in 0..3 {
         let bending = robot.bending_limit * random.random_range(0.0_f64..1.0).sqrt();

@@ -1,8 +1,8 @@
 //! Plans that become motions, and processes that die under them.
 #![allow(clippy::unwrap_used)]
 
-use shared_types::codes::{MotorState, Outcome};
-use shared_types::valid::Goal;
+use shared_types::codes::{MotorState, Outcome, Refusal};
+use shared_types::valid::{Command, Goal, PlanRequest, PlannedExecution};
 use tests::disturbance::Kind;
 use tests::judge::Judge;
 use tests::kills::disturb;
@@ -107,4 +107,50 @@ fn a_motion_that_does_not_start_where_the_robot_is_is_not_executed() {
         matches!(&refused, Err(MoveError::Refused { outcome: Outcome::ExecutionRefused, reason }) if !reason.is_empty()),
         "{refused:?}"
     );
+}
+
+#[test]
+fn a_plan_is_executed_after_it_was_looked_at_unless_a_stop_comes_between() {
+    let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
+    let preview = |stack: &mut Stack, tip| {
+        let goal = Goal::Tip {
+            position_m: tip,
+            tolerance_m: None,
+        };
+        let request = PlanRequest {
+            candidate_count: 3,
+            ..PlanRequest::from_robot(goal)
+        };
+        let answer = stack.client.plan(&request, PATIENCE).unwrap();
+        assert_eq!(answer.report().trajectory_id, None);
+        let last = answer.candidate(1).unwrap().knots.last().unwrap();
+        (answer.report().plan_id, last.configuration_rad)
+    };
+    let (plan_id, end) = preview(&mut stack, [1.5, 0.0, 2.4]);
+    let asked = PlannedExecution::now(plan_id, Some(1));
+    let stop = Command::Stop.because("between request and execution");
+    let _ = stack.controller.command(stop, PATIENCE).unwrap();
+    let answer = stack.client.execute_planned(&asked, PATIENCE).unwrap();
+    let refused = answer.report().trajectory_id.unwrap();
+    let state = wait_for("it is refused", PATIENCE, || {
+        let state = stack.controller.latest_state().unwrap()?;
+        (state.values.refused_trajectory_id == refused).then_some(state)
+    });
+    assert_eq!(state.unwrap().refusal, Refusal::RequestedBefore);
+    drop(answer);
+
+    let asked = PlannedExecution::now(plan_id, Some(1));
+    let answer = wait_for("supervision knows of the refusal", PATIENCE, || {
+        let asked = PlannedExecution::now(plan_id, Some(1));
+        let answer = stack.client.execute_planned(&asked, PATIENCE).unwrap();
+        answer.report().trajectory_id.is_some().then_some(answer)
+    });
+    let id = answer.unwrap().report().trajectory_id.unwrap();
+    stack.wait_for_end(id).unwrap();
+    let reached = stack.commanded();
+    assert!((reached - pcc_model::Configuration::from(end)).norm() < 1e-9);
+    let answer = stack.client.execute_planned(&asked, PATIENCE).unwrap();
+    assert_eq!(answer.report().outcome, Outcome::ExecutionRefused);
+    let reason = &answer.report().reason;
+    assert!(reason.contains("plan again"), "{reason}");
 }

@@ -13,7 +13,7 @@ use shared_types::ipc::{
     plan_asked_event, plan_client,
 };
 use shared_types::message;
-use shared_types::valid::PlanRequest;
+use shared_types::valid::{Invalid, PlanRequest, PlannedExecution};
 
 use crate::waiting::{Cleaner, POLL_INTERVAL, TimeLimit, wait};
 use crate::{ClientError, PlanAnswer};
@@ -42,6 +42,26 @@ pub struct Client {
 struct PlanPort {
     client: PlanClient,
     service: PlanService,
+}
+
+/// A request in its wire form.
+struct Outgoing {
+    wire: message::PlanRequest,
+    /// Whether a motion may be executed by it.
+    execute: bool,
+    deadline: Option<Duration>,
+}
+
+impl TryFrom<&PlanRequest> for Outgoing {
+    type Error = Invalid;
+
+    fn try_from(request: &PlanRequest) -> Result<Self, Invalid> {
+        Ok(Self {
+            wire: request.try_into()?,
+            execute: request.execute,
+            deadline: request.deadline,
+        })
+    }
 }
 
 /// A request without its whole answer yet; dropping it cancels it.
@@ -135,6 +155,29 @@ impl Client {
             }) => self.plan_once(request, &limit),
             result => result,
         }
+    }
+
+    /// Has a candidate of an earlier plan executed, exactly as it was answered, and waits for the answer, `timeout` in all.
+    ///
+    /// The answer's only candidate is what is executed; it tells the trajectory's id, or why nothing is (outcome execution refused: as for
+    /// every execution, and where the robot has gone on since the plan was made; outcome invalid request: the daemon does not have the plan
+    /// or the candidate). It is never sent twice.
+    ///
+    /// # Errors
+    /// As [`Client::plan`].
+    pub fn execute_planned(
+        &mut self,
+        execution: &PlannedExecution,
+        timeout: Duration,
+    ) -> Result<PlanAnswer, ClientError> {
+        let limit = TimeLimit::new(timeout);
+        let outgoing = Outgoing {
+            wire: execution.try_into().map_err(ClientError::InvalidRequest)?,
+            execute: true,
+            deadline: None,
+        };
+        let pending = self.send_within(&outgoing, &limit)?;
+        self.wait_within(pending, &limit)
     }
 
     /// Sends the request to the daemon that serves now and returns at once.
@@ -238,14 +281,26 @@ impl Client {
         request: &PlanRequest,
         limit: &TimeLimit,
     ) -> Result<Pending, ClientError> {
-        let mut wire =
-            message::PlanRequest::try_from(request).map_err(ClientError::InvalidRequest)?;
+        let outgoing = Outgoing::try_from(request).map_err(ClientError::InvalidRequest)?;
+        self.send_within(&outgoing, limit)
+    }
+
+    fn send_within(
+        &mut self,
+        outgoing: &Outgoing,
+        limit: &TimeLimit,
+    ) -> Result<Pending, ClientError> {
+        let Outgoing {
+            mut wire,
+            execute,
+            deadline,
+        } = *outgoing;
         if wire.request_id == 0 {
             self.last_request_id += 1;
             wire.request_id = self.last_request_id;
         }
         loop {
-            if request.execute {
+            if execute {
                 // Such a request is not sent twice: its server should live.
                 self.cleaner.clean_if_due(&self.node);
             }
@@ -259,8 +314,8 @@ impl Client {
                 return Ok(Pending {
                     response,
                     id: wire.request_id,
-                    execute: request.execute,
-                    due: request.deadline.map(|deadline| sent + deadline),
+                    execute,
+                    due: deadline.map(|deadline| sent + deadline),
                 });
             }
             // The daemon left between the look and the sending: nobody has the request.

@@ -47,6 +47,7 @@ mod tests {
         assert_one_meaning_a_code(Sampler::ALL, Sampler::code);
         assert_one_meaning_a_code(Selection::ALL, Selection::code);
         assert_one_meaning_a_code(GoalKind::ALL, GoalKind::code);
+        assert_one_meaning_a_code(Execute::ALL, Execute::code);
         assert_one_meaning_a_code(Source::ALL, Source::code);
         assert_one_meaning_a_code(Outcome::ALL, Outcome::code);
         assert_one_meaning_a_code(Stage::ALL, Stage::code);

@@ -47,6 +47,19 @@ codes! {
 }
 
 codes! {
+    /// What a plan request has executed.
+    "execution"
+    pub enum Execute {
+        /// Nothing: it only plans.
+        Nothing = 0 "nothing",
+        /// The candidate that is selected of those that it has planned.
+        Selected = 1 "the selected candidate",
+        /// A candidate of a plan that was answered before; nothing is planned.
+        Named = 2 "a candidate of an earlier plan",
+    }
+}
+
+codes! {
     /// What kind of goal a request has.
     "goal kind"
     pub enum GoalKind {

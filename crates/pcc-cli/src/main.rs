@@ -7,7 +7,9 @@ mod command_line;
 mod dataset;
 mod demo;
 mod evaluate;
+mod execute;
 mod features;
+mod follow;
 mod foreign_orders;
 mod goal;
 mod number;
@@ -41,6 +43,8 @@ enum Command {
     Plan(plan::Arguments),
     /// Give the daemon a goal, to which it keeps the robot on its way, until `pcc stop` or another one.
     Goal(goal::Arguments),
+    /// Have a candidate of an earlier plan executed, after it was looked at.
+    Execute(execute::Arguments),
     /// Carry out the paper's three experiments on the running processes.
     Demo(demo::Arguments),
     /// Show the live state of controller and robot.
@@ -86,6 +90,7 @@ fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Plan(arguments) => plan::run(&arguments),
         Command::Goal(arguments) => goal::run(&arguments),
+        Command::Execute(arguments) => execute::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Watch(arguments) => watch::run(&arguments),
         Command::Stop => order::stop(),

@@ -2,28 +2,29 @@
 
 mod table;
 
-use self::table::print_answer;
+pub(crate) use self::table::print_answer;
+use crate::follow::Follower;
 use crate::number::{self, balls_of};
 use crate::option_faults::MotionOptions;
-use crate::order::STANDS_STILL;
 use crate::sampler::{samplers, selections};
 use anyhow::{anyhow, bail};
 use clap::{ArgAction, Args};
-use client::{Client, ControllerView, PlanAnswer, ResultView};
+use client::{Client, PlanAnswer};
 use shared_types::capacity::{DOF, MAX_CANDIDATES, MAX_GOALS};
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{MotionOutcome, Outcome, Sampler, Selection, StartKind};
+use shared_types::codes::{Outcome, Sampler, Selection, StartKind};
 use shared_types::ipc::IpcOptions;
 use shared_types::message::Ball;
 use shared_types::valid::{Goal, MAX_LENGTH_M, PlanReport, PlanRequest, SelectionRule};
 use std::time::{Duration, Instant};
 
-/// How long a running daemon and controller may take to show up or to reply.
+/// How long a running daemon may take to show up or to reply.
 const TIMEOUT: Duration = Duration::from_secs(5);
-/// Time between two looks whether the controller is there while the end of a motion is waited for.
-const LOOK_INTERVAL: Duration = Duration::from_millis(200);
 /// Longest deadline, milliseconds.
 const LONGEST_DEADLINE_MS: u64 = 60_000;
+
+/// Longest time until the begin of a motion, seconds.
+const LONGEST_BEGIN_IN_S: f64 = 600.0;
 
 /// Arguments of `pcc plan`.
 #[derive(Args)]
@@ -75,6 +76,10 @@ pub(crate) struct Arguments {
     /// Have the selected candidate executed.
     #[arg(long)]
     execute: bool,
+    /// Begin, or leave the robot's motion, not before so many seconds from now (0 to 600): time to look at the plan and to have it executed
+    /// with pcc execute.
+    #[arg(long, value_parser = number::real(0.0, LONGEST_BEGIN_IN_S, " s"), value_name = "SECONDS")]
+    begin_in: Option<f64>,
     /// Wait until the motion has ended, and tell how; fails where it is not reached. Only with --execute.
     #[arg(long, requires = "execute")]
     wait: bool,
@@ -85,10 +90,10 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let options = IpcOptions::from_env();
     let request = arguments.request(begun_ns)?;
     let mut client = Client::connect(&options)?;
-    let controller = arguments.execute.then(|| ControllerView::connect(&options));
-    let mut controller = controller.transpose()?;
-    let results = arguments.wait.then(|| ResultView::connect(&options));
-    let mut results = results.transpose()?;
+    let follower = arguments
+        .execute
+        .then(|| Follower::connect(&options, arguments.wait));
+    let mut follower = follower.transpose()?;
     let clock = Instant::now();
     let answer = plan(&mut client, &request)?;
     let round_trip = clock.elapsed();
@@ -100,39 +105,9 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if report.outcome == Outcome::ExecutionRefused {
         bail!("not executed: {}", report.reason);
     }
-    match (&mut controller, report.trajectory_id) {
-        (Some(controller), Some(id)) => {
-            wait_until_taken(controller, id)?;
-            results
-                .as_mut()
-                .map_or(Ok(()), |results| wait_until_ended(results, controller, id))
-        }
+    match (&mut follower, report.trajectory_id) {
+        (Some(follower), Some(id)) => follower.follow(id),
         _ => Ok(()),
-    }
-}
-
-/// Waits until a motion has ended, however long it pauses, and tells how; an error where its end was not reached.
-fn wait_until_ended(
-    results: &mut ResultView,
-    controller: &mut ControllerView,
-    id: u32,
-) -> anyhow::Result<()> {
-    loop {
-        match results.wait_for(id, LOOK_INTERVAL)? {
-            Some(result) if result.outcome == MotionOutcome::Reached => {
-                say!("reached after {:.3} s", result.values.path_time_s);
-                return Ok(());
-            }
-            Some(result) => bail!("trajectory {id} was not reached: {result}"),
-            None => {}
-        }
-        let state = controller.latest_state()?;
-        let stamp_ns = state.map_or(0, |state| state.values.stamp_mono_ns);
-        if mono_now_ns() - stamp_ns > TIMEOUT.as_nanos() as i64 {
-            bail!(
-                "the controller has not said for {TIMEOUT:?} what it does: trajectory {id} may be under way"
-            );
-        }
     }
 }
 
@@ -146,45 +121,6 @@ fn plan(client: &mut Client, request: &PlanRequest) -> anyhow::Result<PlanAnswer
         }
         std::thread::sleep(Duration::from_millis(10));
     }
-}
-
-/// Waits until the controller says that it executes a trajectory, or is about to change over to it.
-fn wait_until_taken(controller: &mut ControllerView, id: u32) -> anyhow::Result<()> {
-    let until = Instant::now() + TIMEOUT;
-    while Instant::now() < until {
-        let state = controller.latest_state()?;
-        match state {
-            Some(state)
-                if [
-                    state.values.trajectory_id,
-                    state.values.pending_trajectory_id,
-                ]
-                .contains(&id) =>
-            {
-                say!("the controller executes it");
-                if let Some(note) = speed_note(state.values.speed) {
-                    say!("{note}");
-                }
-                return Ok(());
-            }
-            Some(state) if state.values.refused_trajectory_id == id => {
-                let refusal = state.refusal;
-                bail!("not executed: the controller refuses trajectory {id}: {refusal}");
-            }
-            _ => std::thread::sleep(Duration::from_millis(2)),
-        }
-    }
-    bail!(
-        "the controller has not said within {TIMEOUT:?} whether it executes trajectory {id}: it may have begun it (`pcc watch` shows what it does)"
-    )
-}
-
-/// A sentence about an ordered speed below 1; none where motions are followed at their own rate.
-fn speed_note(speed: f64) -> Option<String> {
-    if speed <= 0.0 {
-        return Some(STANDS_STILL.into());
-    }
-    (speed < 1.0).then(|| format!("the controller follows it at speed {speed} of its own rate"))
 }
 
 impl Arguments {
@@ -224,6 +160,9 @@ impl Arguments {
                 .map_or(SelectionRule::Best(self.select), SelectionRule::Index),
             execute: self.execute,
             requested_mono_ns: self.execute.then_some(begun_ns),
+            begin_mono_ns: self
+                .begin_in
+                .map(|delay_s| begun_ns + (delay_s * 1e9) as i64),
             limits_scale: self.limits_scale,
             balls: balls.collect(),
             ..request
@@ -292,14 +231,6 @@ mod tests {
     }
 
     #[test]
-    fn a_speed_below_one_is_said() {
-        assert_eq!(speed_note(1.0), None);
-        let half = "the controller follows it at speed 0.5 of its own rate";
-        assert_eq!(speed_note(0.5).as_deref(), Some(half));
-        assert_eq!(speed_note(0.0).as_deref(), Some(STANDS_STILL));
-    }
-
-    #[test]
     fn tips_become_goals_in_their_order() {
         let line = |words: &str| <Line as clap::Parser>::try_parse_from(words.split(' '));
         let request = |words| line(words).unwrap().arguments.request(17);
@@ -321,10 +252,11 @@ mod tests {
     }
 
     #[test]
-    fn a_motion_from_a_named_start_is_wanted_since_the_program_began() {
-        let words = "pcc --start 0 0 0 0 0 0 --tip 0 0 1 --execute".split(' ');
+    fn a_motion_is_wanted_and_begins_counted_from_when_the_program_began() {
+        let words = "pcc --start 0 0 0 0 0 0 --tip 0 0 1 --execute --begin-in 1.5".split(' ');
         let line = <Line as clap::Parser>::parse_from(words);
         let request = line.arguments.request(17).unwrap();
         assert_eq!(request.requested_mono_ns, Some(17));
+        assert_eq!(request.begin_mono_ns, Some(1_500_000_017));
     }
 }

@@ -26,10 +26,13 @@ pub(crate) enum ExecutionRefusal {
     #[error("trajectory {id}, which it leaves, is not followed any more")]
     NotFollowed { id: u32 },
     /// The place where it leaves the motion that is followed is too near or passed.
-    #[error(
-        "the place where it leaves trajectory {id} is {ahead_s:.4} s ahead: too near for it to arrive in time"
-    )]
+    #[error("switch missed: {}", place_of_leaving(*id, *ahead_s))]
     SwitchMissed { id: u32, ahead_s: f64 },
+    /// The plan begins in a state in motion that its request stated.
+    #[error(
+        "the plan begins in motion in a given state; at rest, or on the robot's motion, is allowed"
+    )]
+    BeginsInGivenMotion,
     /// The motion would begin with a jump.
     #[error(
         "the start is {distance_rad:.3e} rad away from the commanded configuration; at most 1e-6 rad is allowed"
@@ -59,4 +62,13 @@ pub(crate) enum ExecutionRefusal {
     /// iceoryx2 could not send the trajectory.
     #[error("the trajectory could not be published")]
     NotPublished,
+}
+
+/// Where a motion leaves another one, whose path time is `ahead_s` before it, or past it where that is negative.
+fn place_of_leaving(id: u32, ahead_s: f64) -> String {
+    if ahead_s < 0.0 {
+        let past_s = -ahead_s;
+        return format!("trajectory {id} was to be left {past_s:.3} s before where it is now");
+    }
+    format!("trajectory {id} is to be left in {ahead_s:.4} s: too soon for it to arrive in time")
 }

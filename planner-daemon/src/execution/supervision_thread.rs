@@ -36,7 +36,7 @@ pub(crate) enum ExpectedBegin<'a> {
     /// In motion, as soon as it is planned.
     InMotion,
     /// Where it leaves the motion that is followed.
-    AtSwitch(&'a FollowedMotion, &'a Switch),
+    AtSwitch(&'a FollowedMotion, Switch),
 }
 
 /// The handle of the supervision thread, which publishes motions and supervises them. Dropping it stops what moves and joins the thread.
@@ -108,7 +108,7 @@ impl Execution {
                 Timing::from_begin(not_before_mono_ns.map_or(soonest, |begin| begin.max(soonest)))
             }
             ExpectedBegin::InMotion => Timing::from_begin(soonest),
-            ExpectedBegin::AtSwitch(followed, switch) => followed.timing_after(switch),
+            ExpectedBegin::AtSwitch(followed, switch) => followed.timing_after(&switch),
         };
         let expected = ExpectedMotion {
             timing,

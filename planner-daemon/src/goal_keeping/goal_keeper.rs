@@ -185,6 +185,13 @@ impl GoalKeeper {
         }
     }
 
+    /// Gives the goal up where a client has had a motion of its own executed.
+    pub(crate) fn end_for_foreign(&mut self, trajectory_id: u32) {
+        self.end(&format!(
+            "a client has executed a plan of its own, trajectory {trajectory_id}"
+        ));
+    }
+
     fn heading_id(&self) -> Option<u32> {
         let heading = self.kept.as_ref()?.heading?;
         Some(heading.motion.trajectory_id)

@@ -6,12 +6,13 @@ use iceoryx2::port::{LoanError, SendError};
 use pcc_model::UnitRobot;
 use planning::{Candidate, Failure, Plan, PlannerError, Source, select};
 use shared_types::PROTOCOL_VERSION;
-use shared_types::codes::{MotionStart, Outcome, Stage};
+use shared_types::codes::{Outcome, Stage};
 use shared_types::ipc::PlanActiveRequest;
-use shared_types::message::{Knot, NONE_SELECTED, PlanReport, ReasonText};
+use shared_types::message::{CandidateSummary, Knot, NONE_SELECTED, PlanReport, ReasonText};
 use shared_types::valid::{MAX_DURATION_S, SelectionRule};
 
 use super::plan_runner::{PlanError, Planned};
+use super::recent_plans::{KeptPlan, PlanBegin};
 use super::refusal::Refusal;
 use super::report;
 use super::request_validator::PlanTask;
@@ -78,6 +79,22 @@ impl Answer {
         answer
     }
 
+    /// An answer with one candidate of an earlier plan, which is selected.
+    pub(super) fn of_kept(request_id: u64, plan: &KeptPlan, index: usize) -> Self {
+        let kept = &plan.candidates[index];
+        let mut answer = Self::refused(request_id, &Refusal::new(Outcome::Ok, ""));
+        answer.candidates = vec![kept.candidate.clone()];
+        answer.report.selected = 0;
+        answer.report.candidate_count = 1;
+        answer.report.candidates[0] = CandidateSummary {
+            first_knot: 0,
+            ..kept.summary
+        };
+        answer.report.classical_certified = answer.not_learned();
+        answer.set_plan(plan.plan_id, &plan.begin, Duration::ZERO);
+        answer
+    }
+
     fn certified(task: &PlanTask, plan: Plan, robot: &UnitRobot) -> Self {
         let keep: Vec<bool> = plan
             .candidates
@@ -114,10 +131,15 @@ impl Answer {
             *summary = report::summary(candidate, first, tip_error, robot);
             first += candidate.trajectory.knots().len();
         }
+        self.report.classical_certified = self.not_learned();
+    }
+
+    /// Number of candidates that are not the learned sampler's.
+    fn not_learned(&self) -> u32 {
         let learned =
             |candidate: &&Candidate| matches!(candidate.source, Source::Learned | Source::Explored);
         let learned = self.candidates.iter().filter(learned).count();
-        self.report.classical_certified = (self.candidates.len() - learned) as u32;
+        (self.candidates.len() - learned) as u32
     }
 
     /// The selected candidate and its index.
@@ -132,16 +154,31 @@ impl Answer {
     }
 
     /// Sets the id of the plan, how its candidates begin, and how long its request waited in the queue.
-    pub(crate) fn set_plan(&mut self, plan_id: u64, start: MotionStart, wait: Duration) {
+    pub(crate) fn set_plan(&mut self, plan_id: u64, begin: &PlanBegin, wait: Duration) {
         self.report.plan_id = plan_id;
-        self.report.start = start.code();
+        self.report.start = begin.motion_start().code();
+        self.set_wait(wait);
+    }
+
+    /// Sets how long its request waited in the queue.
+    pub(crate) fn set_wait(&mut self, wait: Duration) {
         self.report.stages_ns[Stage::Wait.code() as usize] = nanoseconds(wait);
     }
 
-    /// States why the selected motion was not published.
-    pub(crate) fn set_execution_refused(&mut self, reason: &str) {
-        self.report.outcome = Outcome::ExecutionRefused.code();
-        self.report.reason = ReasonText::new(reason);
+    /// States under which id the selected motion was published, or why it was not.
+    pub(super) fn report_execution(&mut self, published: Result<u32, String>) {
+        let plan_id = self.report.plan_id;
+        match published {
+            Ok(id) => {
+                tracing::info!("trajectory {id} of plan {plan_id} is published for execution");
+                self.report.trajectory_id = id;
+            }
+            Err(reason) => {
+                tracing::info!("plan {plan_id} is not executed: {reason}");
+                self.report.outcome = Outcome::ExecutionRefused.code();
+                self.report.reason = ReasonText::new(&reason);
+            }
+        }
     }
 
     /// Writes the answer into shared memory and sends it.
@@ -375,7 +412,7 @@ mod tests {
     fn what_happens_to_the_execution_is_stated() {
         let task = task();
         let mut answer = answer(&task, plan(&task, false));
-        answer.set_execution_refused("no controller");
+        answer.report_execution(Err("no controller".to_owned()));
         assert_eq!(answer.outcome(), Some(Outcome::ExecutionRefused));
         assert_eq!(answer.report.reason.text(), "no controller");
         assert!(answer.outcome().unwrap().has_candidates());

@@ -29,8 +29,13 @@ impl Asker {
     /// Whether it still waits for the answer.
     pub(super) fn is_waiting(&self) -> bool {
         match self {
-            Self::Client(active) => active.is_connected() && !active.has_disconnect_hint(),
+            Self::Client(active) => is_open(active),
             Self::GoalKeeper => true,
         }
     }
+}
+
+/// Whether a client still waits for the answer to its request.
+pub(super) fn is_open(active: &PlanActiveRequest) -> bool {
+    active.is_connected() && !active.has_disconnect_hint()
 }

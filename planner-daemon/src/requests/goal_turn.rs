@@ -154,11 +154,10 @@ impl Service {
         // Where other plans came since then it begins anew.
         request.previous = request
             .previous
-            .filter(|named| self.plans.find(named).is_ok());
+            .filter(|named| self.plans.previous(named).is_ok());
         request.candidate_count = request
             .candidate_count
             .min(self.validator.capacity.candidates);
-        let wire = message::PlanRequest::try_from(&request)?;
-        self.validator.validate(&wire, &self.plans)
+        self.validator.validate(&request, &self.plans)
     }
 }

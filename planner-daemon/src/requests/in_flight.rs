@@ -4,11 +4,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use shared_types::codes::MotionStart;
-
 use super::asker::Asker;
+use super::recent_plans::PlanBegin;
 use super::request_validator::PlanTask;
-use crate::execution::Switch;
 
 /// Time before the deadline at which planning ends, for the answer to be sent and received; at most half of the deadline.
 const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
@@ -36,23 +34,11 @@ pub(super) struct InFlight {
     pub(super) begun: Instant,
     pub(super) waited: Duration,
     pub(super) plan_id: u64,
-    /// Where it leaves the motion that is followed, if it begins in motion there.
-    pub(super) leaves: Option<Switch>,
-    /// The begin that it is planned for, where that is later than it could be.
-    pub(super) delayed_begin_mono_ns: Option<i64>,
+    /// How its candidates begin.
+    pub(super) begin: PlanBegin,
     /// How often it has been planned, this time included.
     pub(super) attempt: u32,
     pub(super) cancelled: Arc<AtomicBool>,
-}
-
-impl InFlight {
-    /// How the candidates begin.
-    pub(super) fn motion_start(&self) -> MotionStart {
-        match self.leaves {
-            Some(_) => MotionStart::InMotion,
-            None => MotionStart::AtRest,
-        }
-    }
 }
 
 /// Time before a deadline of `whole` at which planning of so many candidates ends.

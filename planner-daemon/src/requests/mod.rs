@@ -6,6 +6,7 @@ mod fair_queue;
 mod goal_turn;
 mod in_flight;
 mod plan_runner;
+mod planned_execution;
 mod planning_turn;
 mod recent_plans;
 mod refusal;

@@ -13,6 +13,7 @@ use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
 use super::in_flight::{InFlight, Queued};
 use super::plan_runner::{Early, Job, PlanOutput, Planned};
+use super::recent_plans::{KeptCandidate, KeptPlan, PlanBegin};
 use super::refusal::Refusal;
 use super::request_validator::PlanTask;
 use super::robot_start::{NotReady, begin_at_robot};
@@ -32,12 +33,9 @@ const ATTEMPTS: u32 = 3;
 
 /// Where and when a request begins.
 struct Start {
-    /// Where it leaves the motion that is followed, if it does.
-    leaves: Option<Switch>,
+    begin: PlanBegin,
     /// What is planned.
     problem: Arc<Problem>,
-    /// The begin, where that is delayed until no ball can be at the start.
-    delayed_begin_mono_ns: Option<i64>,
 }
 
 impl Service {
@@ -56,11 +54,7 @@ impl Service {
     fn begin(&mut self, mut queued: Queued, attempt: u32) -> bool {
         let begun = Instant::now();
         let waited = begun - queued.received;
-        let Start {
-            leaves,
-            problem,
-            delayed_begin_mono_ns,
-        } = match self.start(&mut queued.task, attempt) {
+        let Start { begin, problem } = match self.start(&mut queued.task, attempt) {
             Ok(start) => start,
             Err(NotReady::Passes(_)) if waited < longest_deferral(&queued.task) => {
                 self.deferred = Some(queued);
@@ -87,8 +81,7 @@ impl Service {
             begun,
             waited,
             plan_id,
-            leaves,
-            delayed_begin_mono_ns,
+            begin,
             attempt,
             cancelled,
         });
@@ -100,36 +93,43 @@ impl Service {
     fn start(&self, task: &mut PlanTask, attempt: u32) -> Result<Start, NotReady> {
         let lead = self.lead_times.lead(task.kind()) * attempt;
         let robot = self.execution.robot_motion();
+        let not_before_mono_ns = task.begin_mono_ns;
+        let now = mono_now_ns();
         let leaves = match task.starts_at_robot {
-            true => begin_at_robot(task, &robot, lead, mono_now_ns())?,
+            true => begin_at_robot(task, &robot, lead.max(until(not_before_mono_ns, now)), now)?,
             false => None,
         };
-        if task.ignores_live_scene {
-            return Ok(Start {
-                leaves,
-                problem: Arc::clone(&task.problem),
-                delayed_begin_mono_ns: None,
-            });
-        }
-        let begin = match (&robot, &leaves) {
-            (RobotMotion::Following(followed), Some(switch)) => {
-                ExpectedBegin::AtSwitch(followed, switch)
+        let (begin, expected) = match (&robot, leaves) {
+            (RobotMotion::Following(followed), Some(switch)) => (
+                PlanBegin::AtSwitch(switch),
+                ExpectedBegin::AtSwitch(followed, switch),
+            ),
+            _ if task.request.start_motion.is_some() => {
+                (PlanBegin::InGivenMotion, ExpectedBegin::InMotion)
             }
-            _ if task.request.start_motion.is_some() => ExpectedBegin::InMotion,
-            _ => ExpectedBegin::AtRest {
-                not_before_mono_ns: task.execution.and_then(|timing| timing.begin_mono_ns),
-            },
+            _ => (
+                PlanBegin::AtRest { not_before_mono_ns },
+                ExpectedBegin::AtRest { not_before_mono_ns },
+            ),
         };
-        let problem = self.execution.with_live_scene(&task.problem, lead, begin);
+        if task.ignores_live_scene {
+            let problem = Arc::clone(&task.problem);
+            return Ok(Start { begin, problem });
+        }
+        let problem = self
+            .execution
+            .with_live_scene(&task.problem, lead, expected);
         let too_many = |error: SceneError| {
             let reason = format!("with the obstacles of the live scene: {error}");
             NotReady::Stays(Refusal::field(PlanField::Balls, reason))
         };
         let (problem, delayed_begin_mono_ns) = problem.map_err(too_many)?;
+        let delayed = delayed_begin_mono_ns.map(|begin| PlanBegin::AtRest {
+            not_before_mono_ns: Some(begin),
+        });
         Ok(Start {
-            leaves,
+            begin: delayed.unwrap_or(begin),
             problem,
-            delayed_begin_mono_ns,
         })
     }
 
@@ -164,11 +164,7 @@ impl Service {
             return;
         };
         let mut answer = Answer::early(task, candidates, self.runner.robot());
-        answer.set_plan(
-            in_flight.plan_id,
-            in_flight.motion_start(),
-            in_flight.waited,
-        );
+        answer.set_plan(in_flight.plan_id, &in_flight.begin, in_flight.waited);
         self.send_to_client(&mut answer, active);
     }
 
@@ -182,7 +178,7 @@ impl Service {
         let plan_id = in_flight.plan_id;
         let InFlight { queued, .. } = &in_flight;
         let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot());
-        answer.set_plan(plan_id, in_flight.motion_start(), in_flight.waited);
+        answer.set_plan(plan_id, &in_flight.begin, in_flight.waited);
         let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
         if queued.asker.is_waiting() && has_candidates && !answer.candidates.is_empty() {
             let published = self.execute(&in_flight, &answer);
@@ -194,12 +190,13 @@ impl Service {
                 self.begin(in_flight.queued, in_flight.attempt + 1);
                 return;
             }
-            self.note_foreign_motion(&in_flight, &published);
-            report_execution(&mut answer, plan_id, published);
+            self.note_foreign_motion(&in_flight, published.as_ref());
+            if let Some(published) = published {
+                answer.report_execution(published.map_err(|refusal| refusal.to_string()));
+            }
         }
         self.send(&mut answer, &in_flight.queued.asker);
-        let selected = answer.selected().map(|(index, _)| index);
-        self.plans.keep(plan_id, &answer.candidates, selected);
+        self.plans.keep(kept(&in_flight, answer));
     }
 
     /// Publishes the selected motion, if it is to be executed.
@@ -209,26 +206,30 @@ impl Service {
         answer: &Answer,
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let task = &in_flight.queued.task;
-        let timing = task.execution?;
-        let begin_mono_ns = in_flight.delayed_begin_mono_ns.or(timing.begin_mono_ns);
+        let requested_mono_ns = task.requested_mono_ns?;
+        let (leaves, begin_mono_ns) = match in_flight.begin {
+            PlanBegin::AtSwitch(switch) => (Some(switch), None),
+            PlanBegin::AtRest { not_before_mono_ns } => (None, not_before_mono_ns),
+            PlanBegin::InGivenMotion => return Some(Err(ExecutionRefusal::BeginsInGivenMotion)),
+        };
         self.lead_times.note(task.kind(), in_flight.begun.elapsed());
         Some(match answer.selected() {
             _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
-            Some((candidate_index, candidate)) => {
-                self.check_wanted(in_flight, candidate).and_then(|()| {
+            Some((candidate_index, candidate)) => self
+                .check_wanted(in_flight, leaves.as_ref(), candidate)
+                .and_then(|()| {
                     self.execution.publish(SelectedMotion {
                         motion: Arc::clone(&candidate.trajectory),
                         goals: timed_goals(task, candidate),
-                        leaves: in_flight.leaves,
+                        leaves,
                         candidate_index,
                         plan_id: in_flight.plan_id,
                         timing: ExecutionTiming {
+                            requested_mono_ns,
                             begin_mono_ns,
-                            ..timing
                         },
                     })
-                })
-            }
+                }),
             None => Err(ExecutionRefusal::NothingSelected),
         })
     }
@@ -239,6 +240,7 @@ impl Service {
     fn check_wanted(
         &self,
         in_flight: &InFlight,
+        leaves: Option<&Switch>,
         candidate: &Candidate,
     ) -> Result<(), ExecutionRefusal> {
         if !matches!(in_flight.queued.asker, Asker::GoalKeeper) {
@@ -248,7 +250,7 @@ impl Service {
         match self
             .goal
             .keeper
-            .wants(in_flight.leaves.as_ref(), duration_s)
+            .wants(leaves, duration_s)
         {
             Wanted::Yes => Ok(()),
             Wanted::NoBetter { remaining_s } => Err(ExecutionRefusal::NoBetter { remaining_s }),
@@ -260,11 +262,10 @@ impl Service {
     fn note_foreign_motion(
         &mut self,
         in_flight: &InFlight,
-        published: &Option<Result<u32, ExecutionRefusal>>,
+        published: Option<&Result<u32, ExecutionRefusal>>,
     ) {
         if let (Asker::Client(_), Some(Ok(id))) = (&in_flight.queued.asker, published) {
-            let reason = format!("a client has executed a plan of its own, trajectory {id}");
-            self.goal.keeper.end(&reason);
+            self.goal.keeper.end_for_foreign(*id);
         }
     }
 }
@@ -275,6 +276,12 @@ fn is_out_of_date(published: &Result<u32, ExecutionRefusal>) -> bool {
         published,
         Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay { .. })
     )
+}
+
+/// Time until a begin that is not to be sooner.
+fn until(not_before_mono_ns: Option<i64>, now_mono_ns: i64) -> Duration {
+    let left_ns = not_before_mono_ns.map_or(0, |begin| begin.saturating_sub(now_mono_ns));
+    Duration::from_nanos(left_ns.max(0).unsigned_abs())
 }
 
 /// Longest wait of a task before it is refused where it cannot begin yet.
@@ -305,21 +312,20 @@ fn timed_goals(task: &PlanTask, candidate: &Candidate) -> Arc<[TimedGoal]> {
         .collect()
 }
 
-/// States in the answer what became of the execution, where one was asked for.
-fn report_execution(
-    answer: &mut Answer,
-    plan_id: u64,
-    published: Option<Result<u32, ExecutionRefusal>>,
-) {
-    match published {
-        Some(Ok(id)) => {
-            tracing::info!("trajectory {id} of plan {plan_id} is published for execution");
-            answer.report.trajectory_id = id;
-        }
-        Some(Err(refusal)) => {
-            tracing::info!("plan {plan_id} is not executed: {refusal}");
-            answer.set_execution_refused(&refusal.to_string());
-        }
-        None => {}
+/// A plan as it was answered.
+fn kept(in_flight: &InFlight, answer: Answer) -> KeptPlan {
+    let selected = answer.selected().map(|(index, _)| index);
+    let summaries = answer.report.candidates;
+    let candidates = answer.candidates.into_iter().zip(summaries);
+    let candidates = candidates.map(|(candidate, summary)| KeptCandidate {
+        goals: timed_goals(&in_flight.queued.task, &candidate),
+        candidate,
+        summary,
+    });
+    KeptPlan {
+        plan_id: in_flight.plan_id,
+        begin: in_flight.begin,
+        selected,
+        candidates: candidates.collect(),
     }
 }

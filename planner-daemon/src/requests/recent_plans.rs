@@ -1,61 +1,124 @@
-//! The last plans, from which a request can go on.
+//! The last plans, from which a request can go on, and whose candidates can be executed.
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
 use planning::{Candidate, PreviousPlan, WAYPOINTS};
 use shared_types::capacity::RECENT_PLANS;
-use shared_types::codes::PlanField;
+use shared_types::codes::{MotionStart, PlanField};
+use shared_types::message::CandidateSummary;
 use shared_types::valid;
 
 use super::refusal::Refusal;
+use crate::execution::{Switch, TimedGoal};
 
-/// The last [`RECENT_PLANS`] plans that had candidates, by their ids.
+/// How the candidates of a plan begin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum PlanBegin {
+    /// At rest.
+    AtRest {
+        /// The earliest begin, nanoseconds of `CLOCK_MONOTONIC`; none: as soon as possible.
+        not_before_mono_ns: Option<i64>,
+    },
+    /// Where they leave the motion that was followed when they were planned.
+    AtSwitch(Switch),
+    /// In motion, in a state that the request stated.
+    InGivenMotion,
+}
+
+impl PlanBegin {
+    /// How an answer tells it.
+    pub(super) fn motion_start(&self) -> MotionStart {
+        match self {
+            Self::AtSwitch(_) => MotionStart::InMotion,
+            Self::AtRest { .. } | Self::InGivenMotion => MotionStart::AtRest,
+        }
+    }
+}
+
+/// A candidate as it was answered.
+#[derive(Clone, Debug)]
+pub(crate) struct KeptCandidate {
+    pub(crate) candidate: Candidate,
+    /// Its figures in the answer.
+    pub(crate) summary: CandidateSummary,
+    /// The goals of its plan, and when it passes them.
+    pub(crate) goals: Arc<[TimedGoal]>,
+}
+
+/// A plan as it was answered.
+#[derive(Clone, Debug)]
+pub(crate) struct KeptPlan {
+    pub(crate) plan_id: u64,
+    pub(crate) begin: PlanBegin,
+    /// Index of the candidate that was selected, if one was.
+    pub(crate) selected: Option<usize>,
+    pub(crate) candidates: Vec<KeptCandidate>,
+}
+
+/// The last [`RECENT_PLANS`] plans that had candidates, with the paths from which a request can go on.
 #[derive(Debug, Default)]
 pub(crate) struct RecentPlans {
-    plans: VecDeque<(u64, PreviousPlan)>,
+    plans: VecDeque<(KeptPlan, PreviousPlan)>,
 }
 
 impl RecentPlans {
-    /// Keeps what was delivered under an id, and lets go of the oldest plan if there are too many.
-    pub(crate) fn keep(&mut self, plan_id: u64, candidates: &[Candidate], selected: Option<usize>) {
-        if candidates.is_empty() {
+    /// Keeps what was delivered, and lets go of the oldest plan if there are too many.
+    pub(crate) fn keep(&mut self, plan: KeptPlan) {
+        if plan.candidates.is_empty() {
             return;
         }
         if self.plans.len() == RECENT_PLANS {
             self.plans.pop_front();
         }
-        let paths = candidates.iter().map(|c| c.trajectory.sample(WAYPOINTS));
-        let plan = PreviousPlan {
-            paths: paths.collect(),
-            followed: selected,
+        let motions = plan.candidates.iter().map(|c| &c.candidate.trajectory);
+        let previous = PreviousPlan {
+            paths: motions.map(|motion| motion.sample(WAYPOINTS)).collect(),
+            followed: plan.selected,
         };
-        self.plans.push_back((plan_id, plan));
+        self.plans.push_back((plan, previous));
     }
 
-    /// The plan that a request names, with the motion that is followed.
-    pub(crate) fn find(&self, named: &valid::PreviousPlan) -> Result<PreviousPlan, Refusal> {
-        let known = self.plans.iter().find(|(id, _)| *id == named.plan_id);
-        let Some((id, plan)) = known else {
+    /// The plan that a request goes on from, with the motion that is followed.
+    pub(crate) fn previous(&self, named: &valid::PreviousPlan) -> Result<PreviousPlan, Refusal> {
+        let (_, previous) = self.find(named)?;
+        Ok(PreviousPlan {
+            paths: previous.paths.clone(),
+            followed: named.candidate.or(previous.followed),
+        })
+    }
+
+    /// The plan whose candidate a request has executed, and the candidate's index.
+    pub(crate) fn candidate(
+        &self,
+        named: &valid::PreviousPlan,
+    ) -> Result<(&KeptPlan, usize), Refusal> {
+        let (plan, _) = self.find(named)?;
+        let index = named.candidate.or(plan.selected).ok_or_else(|| {
+            let (id, last) = (plan.plan_id, plan.candidates.len() - 1);
+            let reason = format!("no candidate of plan {id} was selected; 0..={last} are allowed");
+            Refusal::field(PlanField::PreviousCandidate, reason)
+        })?;
+        Ok((plan, index))
+    }
+
+    /// The plan that is named, which has the candidate if one is named, too.
+    fn find(&self, named: &valid::PreviousPlan) -> Result<&(KeptPlan, PreviousPlan), Refusal> {
+        let id = named.plan_id;
+        let known = self.plans.iter().find(|(plan, _)| plan.plan_id == id);
+        let known = known.ok_or_else(|| {
             let reason = format!(
-                "previous_plan_id {} is none of the last {RECENT_PLANS} plans with candidates",
-                named.plan_id
+                "previous_plan_id {id} is none of the last {RECENT_PLANS} plans with candidates"
             );
-            return Err(Refusal::field(PlanField::PreviousPlan, reason));
-        };
-        let count = plan.paths.len();
-        match named.candidate {
-            Some(index) if index >= count => {
-                let reason = format!(
-                    "previous_candidate is {index}; plan {id} has 0..={}",
-                    count - 1
-                );
-                Err(Refusal::field(PlanField::PreviousCandidate, reason))
-            }
-            candidate => Ok(PreviousPlan {
-                paths: plan.paths.clone(),
-                followed: candidate.or(plan.followed),
-            }),
+            Refusal::field(PlanField::PreviousPlan, reason)
+        })?;
+        let count = known.0.candidates.len();
+        if let Some(index) = named.candidate.filter(|index| *index >= count) {
+            let last = count - 1;
+            let reason = format!("previous_candidate is {index}; plan {id} has 0..={last}");
+            return Err(Refusal::field(PlanField::PreviousCandidate, reason));
         }
+        Ok(known)
     }
 }
 
@@ -68,25 +131,74 @@ mod tests {
         valid::PreviousPlan { plan_id, candidate }
     }
 
+    fn plan(plan_id: u64, candidates: usize, selected: Option<usize>) -> KeptPlan {
+        let candidate = candidate();
+        let kept = KeptCandidate {
+            candidate,
+            summary: CandidateSummary::ZEROED,
+            goals: Arc::default(),
+        };
+        KeptPlan {
+            plan_id,
+            begin: PlanBegin::AtRest {
+                not_before_mono_ns: None,
+            },
+            selected,
+            candidates: vec![kept; candidates],
+        }
+    }
+
     #[test]
     fn the_last_plans_are_found_with_the_motion_that_is_followed() {
         let mut plans = RecentPlans::default();
         for id in 1..=RECENT_PLANS as u64 + 1 {
-            plans.keep(id, &[candidate(), candidate()], Some(1));
+            plans.keep(plan(id, 2, Some(1)));
         }
-        assert_eq!(plans.find(&named(2, None)).unwrap().followed, Some(1));
-        assert_eq!(plans.find(&named(2, Some(0))).unwrap().followed, Some(0));
-        let gone = plans.find(&named(1, None)).unwrap_err();
+        let followed = |candidate| plans.previous(&named(2, candidate)).unwrap().followed;
+        assert_eq!((followed(None), followed(Some(0))), (Some(1), Some(0)));
+        let gone = plans.previous(&named(1, None)).unwrap_err();
         assert_eq!(gone.field, PlanField::PreviousPlan);
-        let beyond = plans.find(&named(2, Some(2))).unwrap_err();
+        let beyond = plans.previous(&named(2, Some(2))).unwrap_err();
         assert_eq!(beyond.field, PlanField::PreviousCandidate);
         assert!(beyond.reason.contains("0..=1"), "{}", beyond.reason);
     }
 
     #[test]
+    fn a_candidate_is_executed_as_it_was_answered() {
+        let mut plans = RecentPlans::default();
+        let (chosen, open) = (plan(7, 2, Some(1)), plan(8, 2, None));
+        let motion = Arc::clone(&chosen.candidates[1].candidate.trajectory);
+        plans.keep(chosen);
+        plans.keep(open);
+        let index = |id, candidate| plans.candidate(&named(id, candidate)).unwrap().1;
+        assert_eq!(
+            (index(7, None), index(7, Some(0)), index(8, Some(1))),
+            (1, 0, 1)
+        );
+        let (kept, index) = plans.candidate(&named(7, None)).unwrap();
+        assert!(Arc::ptr_eq(
+            &kept.candidates[index].candidate.trajectory,
+            &motion
+        ));
+        for (named, field, text) in [
+            (
+                named(9, None),
+                PlanField::PreviousPlan,
+                "none of the last 16",
+            ),
+            (named(7, Some(2)), PlanField::PreviousCandidate, "0..=1"),
+            (named(8, None), PlanField::PreviousCandidate, "0..=1"),
+        ] {
+            let refusal = plans.candidate(&named).unwrap_err();
+            assert_eq!(refusal.field, field);
+            assert!(refusal.reason.contains(text), "{}", refusal.reason);
+        }
+    }
+
+    #[test]
     fn a_plan_without_candidates_takes_no_place() {
         let mut plans = RecentPlans::default();
-        plans.keep(1, &[], None);
-        assert!(plans.find(&named(1, None)).is_err());
+        plans.keep(plan(1, 0, None));
+        assert!(plans.previous(&named(1, None)).is_err());
     }
 }

@@ -12,12 +12,10 @@ use shared_types::capacity::MAX_KNOTS;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{PlanField, Sampler, StartKind};
 use shared_types::ipc::PlanServiceCapacity;
-use shared_types::message;
 use shared_types::valid::{self, PlanRequest, SelectionRule};
 
 use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
-use crate::execution::ExecutionTiming;
 
 /// Distance from the goal that counts as reached where the request does not say, section lengths.
 const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
@@ -65,8 +63,10 @@ pub(crate) struct PlanTask {
     pub(crate) tip_tolerance: f64,
     /// Which candidate is selected.
     pub(crate) selection: SelectionRule,
-    /// Whether the selected motion is to be executed, and from when.
-    pub(crate) execution: Option<ExecutionTiming>,
+    /// When it was asked for, nanoseconds of `CLOCK_MONOTONIC`, if the selected motion is to be executed.
+    pub(crate) requested_mono_ns: Option<i64>,
+    /// The earliest begin, nanoseconds of `CLOCK_MONOTONIC`; none: as soon as possible.
+    pub(crate) begin_mono_ns: Option<i64>,
     /// Certified candidates that are answered before the whole answer.
     pub(crate) early: Option<usize>,
 }
@@ -93,16 +93,15 @@ impl PlanTask {
 }
 
 impl RequestValidator {
-    /// Validates a private copy of a request; `plans` are the plans that it may go on from.
+    /// Validates a request to plan; `plans` are the plans that it may go on from.
     ///
     /// # Errors
     /// [`Refusal`]: the outcome, the field that is wrong, and what is allowed.
     pub(crate) fn validate(
         &self,
-        wire: &message::PlanRequest,
+        asked: &PlanRequest,
         plans: &RecentPlans,
     ) -> Result<PlanTask, Refusal> {
-        let asked = PlanRequest::try_from(wire)?;
         let most = self.capacity.candidates;
         if asked.candidate_count > most {
             let reason = format!(
@@ -111,11 +110,13 @@ impl RequestValidator {
             );
             return Err(Refusal::field(PlanField::CandidateCount, reason));
         }
-        let previous = asked.previous.map(|p| plans.find(&p)).transpose()?;
+        let previous = asked.previous.map(|p| plans.previous(&p)).transpose()?;
+        let requested_mono_ns = asked.requested_mono_ns.filter(|_| asked.execute);
+        requested_mono_ns.map_or(Ok(()), |at| check_requested(at, mono_now_ns()))?;
         Ok(PlanTask {
             request_id: asked.request_id,
-            problem: Arc::new(self.problem(&asked)?),
-            request: self.request(&asked, previous),
+            problem: Arc::new(self.problem(asked)?),
+            request: self.request(asked, previous),
             ignores_live_scene: asked.ignores_live_scene,
             starts_at_robot: asked.start != StartKind::Given,
             via: asked.via.iter().map(|goal| self.via(goal)).collect(),
@@ -124,7 +125,8 @@ impl RequestValidator {
             deadline: asked.deadline.unwrap_or(self.default_deadline),
             tip_tolerance: self.tip_tolerance(&asked.goal),
             selection: asked.selection,
-            execution: execution(&asked, mono_now_ns())?,
+            requested_mono_ns,
+            begin_mono_ns: asked.begin_mono_ns,
             early: asked.early_candidate_count,
         })
     }
@@ -197,10 +199,8 @@ impl RequestValidator {
     }
 }
 
-fn execution(asked: &PlanRequest, now_mono_ns: i64) -> Result<Option<ExecutionTiming>, Refusal> {
-    let Some(requested_mono_ns) = asked.requested_mono_ns.filter(|_| asked.execute) else {
-        return Ok(None);
-    };
+/// Checks that something to be executed was not asked for in the future.
+pub(super) fn check_requested(requested_mono_ns: i64, now_mono_ns: i64) -> Result<(), Refusal> {
     if requested_mono_ns > now_mono_ns {
         let reason = format!(
             "requested_mono_ns is {requested_mono_ns}, now is {now_mono_ns}: it is of another clock than this machine's \
@@ -208,10 +208,7 @@ fn execution(asked: &PlanRequest, now_mono_ns: i64) -> Result<Option<ExecutionTi
         );
         return Err(Refusal::field(PlanField::Requested, reason));
     }
-    Ok(Some(ExecutionTiming {
-        requested_mono_ns,
-        begin_mono_ns: asked.begin_mono_ns,
-    }))
+    Ok(())
 }
 
 #[cfg(test)]
@@ -222,6 +219,7 @@ mod tests {
     use nalgebra::Isometry3;
     use pcc_model::Point;
     use shared_types::codes::Outcome;
+    use shared_types::message;
 
     fn validator() -> RequestValidator {
         RequestValidator {
@@ -248,7 +246,7 @@ mod tests {
     }
 
     fn validate(asked: &PlanRequest) -> Result<PlanTask, Refusal> {
-        validator().validate(&asked.try_into().unwrap(), &RecentPlans::default())
+        validator().validate(asked, &RecentPlans::default())
     }
 
     #[test]
@@ -260,7 +258,7 @@ mod tests {
         assert_eq!(task.problem.start, Configuration::repeat(0.1));
         assert_eq!(task.deadline, Duration::from_millis(20));
         assert_eq!(task.tip_tolerance, 0.01);
-        assert_eq!(task.execution, None);
+        assert_eq!((task.requested_mono_ns, task.begin_mono_ns), (None, None));
         assert_eq!(
             (task.request.padding, task.request.knots),
             ([0.0225; SECTIONS], 96)
@@ -276,6 +274,7 @@ mod tests {
             },
             deadline: Some(Duration::from_secs(1)),
             execute: true,
+            requested_mono_ns: Some(5),
             begin_mono_ns: Some(77),
             limits_scale: 0.5,
             seed: 9,
@@ -284,14 +283,11 @@ mod tests {
         let task = task.unwrap();
         assert_eq!(task.tip_tolerance, 0.02);
         assert_eq!(task.deadline, Duration::from_secs(1));
-        let begin = |task: &PlanTask| task.execution.map(|timing| timing.begin_mono_ns);
-        assert_eq!(begin(&task), Some(Some(77)));
+        assert_eq!(
+            (task.requested_mono_ns, task.begin_mono_ns),
+            (Some(5), Some(77))
+        );
         assert_eq!((task.request.limits_scale, task.request.seed), (0.5, 9));
-        let soon = PlanRequest {
-            execute: true,
-            ..asked()
-        };
-        assert_eq!(begin(&validate(&soon).unwrap()), Some(None));
     }
 
     #[test]
@@ -303,8 +299,7 @@ mod tests {
             ..asked()
         };
         let earlier = validate(&asked_for(now_mono_ns - 5_000_000_000)).unwrap();
-        let requested_mono_ns = earlier.execution.map(|asked| asked.requested_mono_ns);
-        assert_eq!(requested_mono_ns, Some(now_mono_ns - 5_000_000_000));
+        assert_eq!(earlier.requested_mono_ns, Some(now_mono_ns - 5_000_000_000));
         let refusal = validate(&asked_for(now_mono_ns + 60_000_000_000)).unwrap_err();
         assert_eq!(refusal.field, PlanField::Requested);
         assert!(refusal.reason.contains("another clock"), "{refusal:?}");
@@ -325,7 +320,7 @@ mod tests {
             ..validator()
         };
         let scene = &validator
-            .validate(&(&asked()).try_into().unwrap(), &RecentPlans::default())
+            .validate(&asked(), &RecentPlans::default())
             .unwrap()
             .problem
             .scene;
@@ -344,17 +339,5 @@ mod tests {
         assert_eq!(refusal.outcome, Outcome::InvalidRequest);
         assert_eq!(refusal.field, PlanField::CandidateCount);
         assert!(refusal.reason.contains("1..=16"), "{}", refusal.reason);
-
-        let mut wire: message::PlanRequest = (&asked()).try_into().unwrap();
-        wire.goals[0].tip_m[1] = f64::NAN;
-        let refusal = validator()
-            .validate(&wire, &RecentPlans::default())
-            .unwrap_err();
-        assert_eq!(refusal.field, PlanField::GoalTip);
-        wire.protocol_version = 1;
-        let refusal = validator()
-            .validate(&wire, &RecentPlans::default())
-            .unwrap_err();
-        assert_eq!(refusal.outcome, Outcome::WrongVersion);
     }
 }

@@ -87,7 +87,9 @@ fn leave(
     };
     let (switch, ahead) = found.ok_or_else(|| {
         let id = followed.trajectory_id;
-        NotReady::Passes(refusal(&format!("trajectory {id} is about to end")))
+        NotReady::Passes(refusal(&format!(
+            "trajectory {id} ends before it can be left"
+        )))
     })?;
     check_room(ahead.len(), task.via.len() + 1)?;
     task.ahead = ahead;

@@ -8,11 +8,12 @@ use std::time::{Duration, Instant};
 use iceoryx2::port::ReceiveError;
 use realtime::reduce_timer_slack;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{MotionStart, Outcome};
+use shared_types::codes::Outcome;
 use shared_types::ipc::{
     EventListener, EventNotifier, IpcError, IpcNode, PlanActiveRequest, PlanServer, event_listener,
     event_notifier, plan_answered_event, plan_asked_event, plan_server, plan_service,
 };
+use shared_types::valid::Asked;
 
 use super::answer::Answer;
 use super::asker::{Asker, AskerId};
@@ -150,16 +151,24 @@ impl Service {
         self.receiving_fails = true;
     }
 
-    /// Copies a request to private memory, checks the copy, and queues or refuses it.
+    /// Copies a request to private memory, checks the copy, and queues, executes or refuses it.
     fn accept(&mut self, active: PlanActiveRequest) {
         let received = Instant::now();
         let copy = *active.payload();
-        let task = match self.validator.validate(&copy, &self.plans) {
-            Ok(task) => task,
-            Err(refusal) => {
-                return self.refuse(&Asker::Client(active), copy.request_id, &refusal);
+        match Asked::try_from(&copy) {
+            Err(invalid) => {
+                self.refuse(&Asker::Client(active), copy.request_id, &invalid.into());
             }
-        };
+            Ok(Asked::Execution(execution)) => self.execute_planned(&active, &execution),
+            Ok(Asked::Plan(asked)) => match self.validator.validate(&asked, &self.plans) {
+                Err(refusal) => self.refuse(&Asker::Client(active), copy.request_id, &refusal),
+                Ok(task) => self.enqueue(active, task, received),
+            },
+        }
+    }
+
+    /// Queues a request that is to be planned, unless its client has too many waiting.
+    fn enqueue(&mut self, active: PlanActiveRequest, task: PlanTask, received: Instant) {
         let asker = Asker::Client(active);
         let asker_id = asker.id();
         let queued = Queued {
@@ -198,7 +207,7 @@ impl Service {
         let now = Instant::now();
         for late in self.queue.take_out(|queued| now >= queued.deadline()) {
             let mut answer = Answer::refused(late.task.request_id, &too_late(&late.task));
-            answer.set_plan(0, MotionStart::AtRest, now - late.received);
+            answer.set_wait(now - late.received);
             self.send(&mut answer, &late.asker);
         }
     }

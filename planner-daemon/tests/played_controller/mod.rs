@@ -1,5 +1,9 @@
 //! A controller that a test plays, and requests while it goes on.
-#![allow(unreachable_pub, reason = "a part of a test program")]
+#![allow(
+    dead_code,
+    unreachable_pub,
+    reason = "each test program uses the part of it that it needs"
+)]
 
 use client::{Client, PlanAnswer};
 use shared_types::PROTOCOL_VERSION;

@@ -52,20 +52,22 @@ wire_message! {
         pub selection: u32,
         /// The candidate to select, if the selection is by index.
         pub selected_index: u32,
-        /// 1: publish the selected trajectory for execution; 0: only plan.
+        /// [`crate::codes::Execute`]: what is published for execution. A candidate of an earlier plan is named by `previous_plan_id` and
+        /// `previous_candidate`; nothing is planned then, goals, balls and early candidates are 0, and of the other fields only the
+        /// version, the request's number and `requested_mono_ns` and `begin_mono_ns` are read.
         pub execute: u32,
-        /// Goals in use, 1..=8.
+        /// Goals in use, 1..=8; 0 where an earlier plan is executed.
         pub goal_count: u32,
-        /// Balls in use, 0..=64.
+        /// Balls in use, 0..=64; 0 where an earlier plan is executed.
         pub ball_count: u32,
         /// As soon as so many candidates are certified they are answered (outcome early), before the whole answer; 0: no
         /// early answer.
         pub early_candidate_count: u32,
-        /// The candidate of the previous plan that is being followed, if one is named below; [`NONE_SELECTED`]: the one
-        /// that was selected.
+        /// The candidate of the previous plan that is being followed, or is to be executed, if one is named below; [`NONE_SELECTED`]: the
+        /// one that was selected.
         pub previous_candidate: u32,
-        /// The plan to go on from: [`PlanReport::plan_id`] of one of the last [`crate::capacity::RECENT_PLANS`] whole answers with
-        /// candidates; 0: none.
+        /// The plan to go on from, or whose candidate is to be executed: [`PlanReport::plan_id`] of one of the last
+        /// [`crate::capacity::RECENT_PLANS`] whole answers with candidates; 0: none.
         pub previous_plan_id: u64,
         /// [`crate::codes::StartKind`].
         pub start: u32,
@@ -80,7 +82,8 @@ wire_message! {
         pub start_acceleration_rad_s2: [f64; DOF],
         /// Share of the tendon limits to use, 1e-9 to 1.
         pub limits_scale: f64,
-        /// When the motion is to begin if executed, nanoseconds of `CLOCK_MONOTONIC`; 0: as soon as possible.
+        /// When the motion is to begin at rest, or to leave the one that the robot follows, at the earliest, nanoseconds of
+        /// `CLOCK_MONOTONIC`; 0: as soon as possible.
         pub begin_mono_ns: i64,
         /// When the request's sender was asked for it, nanoseconds of `CLOCK_MONOTONIC`; only a request to execute needs one. The motion is
         /// not executed where a stop or a reset was ordered, or the controller was started, after it.

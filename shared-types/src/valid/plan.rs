@@ -11,7 +11,7 @@ use super::invalid::{Invalid, Reason, invalid, invalid_at};
 use crate::PROTOCOL_VERSION;
 use crate::capacity::{DOF, MAX_BALLS, MAX_CANDIDATES};
 use crate::clock::mono_now_ns;
-use crate::codes::{Sampler, Selection, StartKind};
+use crate::codes::{Execute, Sampler, Selection, StartKind};
 use crate::message::{self, Ball, NONE_SELECTED};
 
 /// The longest deadline, nanoseconds.
@@ -26,10 +26,10 @@ pub enum SelectionRule {
     Index(usize),
 }
 
-/// The plan that a request goes on from, and which of its motions is being followed.
+/// An earlier plan, and one of its candidates: the one that is being followed, or is to be executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PreviousPlan {
-    /// [`message::PlanReport::plan_id`] of the previous plan's answer.
+    /// [`message::PlanReport::plan_id`] of the plan's answer.
     pub plan_id: u64,
     /// Index of the candidate; none: the one that was selected.
     pub candidate: Option<usize>,
@@ -69,7 +69,8 @@ pub struct PlanRequest {
     pub goal: Goal,
     /// Share of the tendon limits, [`LEAST_LIMITS_SCALE`] to 1.
     pub limits_scale: f64,
-    /// When the motion begins if executed, nanoseconds of `CLOCK_MONOTONIC`; none: as soon as possible.
+    /// When the motion begins at rest, or leaves the one that the robot follows, at the earliest, nanoseconds of `CLOCK_MONOTONIC`; none:
+    /// as soon as possible.
     pub begin_mono_ns: Option<i64>,
     /// When it was asked for, nanoseconds of `CLOCK_MONOTONIC`: what is asked for before a stop is not executed; none: when it is
     /// written for the wire, if it is to be executed.
@@ -133,6 +134,7 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
 
     fn try_from(wire: &message::PlanRequest) -> Result<Self, Invalid> {
         check_version(wire.protocol_version)?;
+        let execute = execute(wire)?;
         let candidate_count =
             check_count("candidate_count", wire.candidate_count, 1, MAX_CANDIDATES)?;
         let sampler = check_code("sampler", wire.sampler)?;
@@ -144,7 +146,7 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
             deadline: deadline(wire.deadline_ns)?,
             sampler,
             selection: selection(wire, candidate_count)?,
-            execute: check_flag("execute", wire.execute)?,
+            execute,
             start: check_code("start", wire.start)?,
             ignores_live_scene: check_flag("ignores_live_scene", wire.ignores_live_scene)?,
             start_configuration_rad: wire.start_configuration_rad,
@@ -162,21 +164,36 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
             previous: previous(wire, sampler)?,
         };
         check_start(&request)?;
-        check_requested(&request)?;
+        if execute {
+            check_requested(wire)?;
+        }
         check_previous(&request)?;
         Ok(request)
     }
 }
 
-fn check_requested(request: &PlanRequest) -> Result<(), Invalid> {
-    if request.execute && request.requested_mono_ns.is_none() {
-        let reason = Reason::OutOfRange {
-            value: 0.0,
-            allowed: "the time of CLOCK_MONOTONIC at which the motion was asked for",
-        };
-        return Err(invalid("requested_mono_ns", reason));
+/// Whether the selected candidate is executed.
+fn execute(wire: &message::PlanRequest) -> Result<bool, Invalid> {
+    match check_code("execute", wire.execute)? {
+        Execute::Nothing => Ok(false),
+        Execute::Selected => Ok(true),
+        Execute::Named => {
+            let what = "executing an earlier plan by a request that plans";
+            Err(invalid("execute", Reason::NotServed { what }))
+        }
     }
-    Ok(())
+}
+
+/// When something that is to be executed was asked for.
+pub(super) fn check_requested(wire: &message::PlanRequest) -> Result<i64, Invalid> {
+    let reason = Reason::OutOfRange {
+        value: 0.0,
+        allowed: "the time of CLOCK_MONOTONIC at which the motion was asked for",
+    };
+    match check_stamp("requested_mono_ns", wire.requested_mono_ns)? {
+        0 => Err(invalid("requested_mono_ns", reason)),
+        requested_mono_ns => Ok(requested_mono_ns),
+    }
 }
 
 fn check_previous(request: &PlanRequest) -> Result<(), Invalid> {
@@ -244,12 +261,18 @@ fn previous(
     wire: &message::PlanRequest,
     sampler: Sampler,
 ) -> Result<Option<PreviousPlan>, Invalid> {
-    if wire.previous_plan_id == 0 {
-        return Ok(None);
-    }
-    if !matches!(sampler, Sampler::Default | Sampler::Fast) {
+    let goes_on = matches!(sampler, Sampler::Default | Sampler::Fast);
+    if !goes_on && wire.previous_plan_id != 0 {
         let what = "going on from a previous plan with a sampler other than default and fast";
         return Err(invalid("previous_plan_id", Reason::NotServed { what }));
+    }
+    named_plan(wire)
+}
+
+/// The earlier plan that a request names, if it does.
+pub(super) fn named_plan(wire: &message::PlanRequest) -> Result<Option<PreviousPlan>, Invalid> {
+    if wire.previous_plan_id == 0 {
+        return Ok(None);
     }
     let named = (wire.previous_candidate != NONE_SELECTED).then_some(wire.previous_candidate);
     let most = MAX_CANDIDATES - 1;
@@ -289,7 +312,10 @@ impl TryFrom<&PlanRequest> for message::PlanRequest {
             seed: request.seed,
             deadline_ns: request.deadline.map_or(0, wire_deadline_ns),
             sampler: request.sampler.code(),
-            execute: u32::from(request.execute),
+            execute: match request.execute {
+                true => Execute::Selected.code(),
+                false => Execute::Nothing.code(),
+            },
             start: request.start.code(),
             ignores_live_scene: u32::from(request.ignores_live_scene),
             goal_count: wire_count(request.via.len() + 1),

@@ -5,11 +5,12 @@ use shared_types::codes::{Outcome, Source, Stage};
 use std::time::Duration;
 
 /// Prints the outcome of an answer, its candidates, and the times of its stages.
-pub(super) fn print_answer(answer: &PlanAnswer, round_trip: Duration) {
+pub(crate) fn print_answer(answer: &PlanAnswer, round_trip: Duration) {
     let report = answer.report();
     say!(
-        "{}: {} candidates, {:.2} ms round trip",
+        "{}: plan {}, {} candidates, {:.2} ms round trip",
         report.outcome,
+        report.plan_id,
         report.candidates.len(),
         1e3 * round_trip.as_secs_f64()
     );

@@ -53,7 +53,16 @@ const BAD: &[(Change, PlanField, &str)] = &[
         PlanField::SelectedIndex,
         "0..=15",
     ),
-    (|r| r.execute = 2, PlanField::Execute, "0 (no) and 1 (yes)"),
+    (
+        |r| r.execute = 3,
+        PlanField::Execute,
+        "0 (nothing), 1 (the selected candidate)",
+    ),
+    (
+        |r| r.execute = 2,
+        PlanField::Execute,
+        "by a request that plans is not served",
+    ),
     (
         |r| r.goals[0].kind = 2,
         PlanField::GoalKind,

@@ -184,7 +184,7 @@ pub(crate) fn spoil(wire: &mut message::PlanRequest, rng: &mut Pcg64) {
         .expect("there are some");
     let component = rng.random_range(0..3);
     let goal = &mut wire.goals[0];
-    match rng.random_range(0..14) {
+    match rng.random_range(0..15) {
         0 => wire.start_configuration_rad[component] = bad,
         1 => (goal.kind, goal.tip_m[component]) = (0, bad),
         2 => (goal.kind, goal.configuration_rad[component]) = (1, bad),
@@ -200,6 +200,7 @@ pub(crate) fn spoil(wire: &mut message::PlanRequest, rng: &mut Pcg64) {
         11 => wire.early_candidate_count = rng.random_range(wire.candidate_count + 1..=u32::MAX),
         12 => wire.start_velocity_rad_s[component] = bad,
         13 => (wire.sampler, wire.previous_plan_id) = (2, rng.random_range(1..=u64::MAX)),
+        14 => wire.execute = rng.random_range(2..=u32::MAX),
         9 => wire.deadline_ns = rng.random_range(60_000_000_001..=u64::MAX),
         _ => wire.begin_mono_ns = rng.random_range(i64::MIN..0),
     }

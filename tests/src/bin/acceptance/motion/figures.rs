@@ -165,3 +165,12 @@ fn first_followed(cycles: &[Cycle], id: u32) -> Option<i64> {
 fn motion_of(motions: &[Published], id: u32) -> Option<&Published> {
     motions.iter().rev().find(|motion| motion.id == id)
 }
+
+/// The value below which this share of all lies.
+pub(super) fn quantile(values: &[f64], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let index = (share * sorted.len() as f64) as usize;
+    let last = sorted.len().saturating_sub(1);
+    sorted.get(index.min(last)).copied().unwrap_or(f64::NAN)
+}

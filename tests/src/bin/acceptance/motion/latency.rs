@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use tests::world::Settings;
 
-use super::figures::Figures;
+use super::figures::{Figures, quantile};
 use super::replan_run::{Population, run as replan};
 use crate::report::Report;
 use crate::scale::Scale;
@@ -92,14 +92,6 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
     );
     let what = "refused, or published and not begun (switches missed and made again count their whole time above)";
     report.check(&line(what), figure, "<= 2 %", share <= 2.0);
-}
-
-fn quantile(values: &[f64], share: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let index = (share * sorted.len() as f64) as usize;
-    let last = sorted.len().saturating_sub(1);
-    sorted.get(index.min(last)).copied().unwrap_or(f64::NAN)
 }
 
 fn window(part: &[(Instant, f64)], stolen: &StolenTimes) -> Window {

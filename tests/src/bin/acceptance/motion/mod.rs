@@ -1,11 +1,17 @@
-//! Motions that are joined while the robot moves: no stop to change its mind, nothing that steps, no limit exceeded.
+//! Motions that are joined while the robot moves, and motions through several goals: no stop to change its mind or on the way, nothing
+//! that steps, no limit exceeded, no goal lost, and a result of every motion.
 
 mod figures;
 mod joins;
 mod latency;
 mod moving_balls;
 mod moving_goal;
+mod queue;
+mod queue_figures;
+mod queue_run;
+mod queues;
 mod replan_run;
+mod routes;
 mod standing;
 mod unreachable_goal;
 
@@ -15,6 +21,8 @@ use crate::scale::Scale;
 /// The suite's groups, in this order.
 pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     joins::run,
+    routes::run,
+    queues::run,
     latency::run,
     moving_goal::run,
     unreachable_goal::run,

@@ -74,12 +74,12 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
     Ok(figures)
 }
 
-fn balls(scene: &ReplanScene) -> Vec<Ball> {
+pub(super) fn balls(scene: &ReplanScene) -> Vec<Ball> {
     let ball = |ball: &shared_types::message::Ball| Ball::resting(ball.centre_m, ball.radius_m);
     scene.balls.iter().map(ball).collect()
 }
 
-fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
+pub(super) fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
     let view = &mut stack.controller;
     let held = tests::process::wait_for("the robot rests", PATIENCE, || {
         let state = view.latest_state().ok().flatten()?;
@@ -149,7 +149,7 @@ fn replans(
 }
 
 /// A refusal without the numbers that differ from one to the next.
-fn refusal(outcome: Outcome, reason: &str) -> String {
+pub(super) fn refusal(outcome: Outcome, reason: &str) -> String {
     let words = reason.split_whitespace();
     let words = words.filter(|word| !word.chars().any(|c| c.is_ascii_digit()));
     format!("{outcome}: {}", words.collect::<Vec<_>>().join(" "))

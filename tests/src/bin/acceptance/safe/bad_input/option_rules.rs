@@ -84,6 +84,20 @@ pub(super) const COMMANDS: &[Command] = &[
             ("--limits-scale", Wanted::Real([1e-9, 1.0])),
             ("--append", Wanted::Flag),
             ("--execute", Wanted::Flag),
+            ("--begin-in", Wanted::Real([0.0, 600.0])),
+            ("--wait", Wanted::Flag),
+        ],
+    },
+    Command {
+        name: "execute",
+        family: "options of execute",
+        is_live: true,
+        // Only a plan that the daemon has made can be executed.
+        runs: false,
+        base: &[("<PLAN_ID>", &["1"])],
+        options: &[
+            ("<PLAN_ID>", Wanted::Whole([1, u64::MAX as i128], 0)),
+            ("[CANDIDATE]", Wanted::Whole([0, 63], -1)),
             ("--wait", Wanted::Flag),
         ],
     },
@@ -116,6 +130,24 @@ pub(super) const COMMANDS: &[Command] = &[
         family: "options of orders",
         is_live: true,
         // A robot at rest has nothing to stop, which is said and no success.
+        runs: false,
+        base: &[],
+        options: &[],
+    },
+    Command {
+        name: "pause",
+        family: "options of orders",
+        is_live: true,
+        // Nothing moves, which is said and no success.
+        runs: false,
+        base: &[],
+        options: &[],
+    },
+    Command {
+        name: "resume",
+        family: "options of orders",
+        is_live: true,
+        // Nothing moves, which is said and no success.
         runs: false,
         base: &[],
         options: &[],

@@ -114,11 +114,11 @@ fn listed_options(command: &str) -> Vec<Listed> {
     for line in help(command).lines() {
         let text = line.trim_start();
         let is_option =
-            line.starts_with("      --") || (line.starts_with("  <") && !line.starts_with("   "));
+            line.starts_with("      --") || ["  <", "  ["].iter().any(|it| line.starts_with(it));
         if is_option {
             let words: Vec<&str> = text
                 .split_whitespace()
-                .take_while(|w| w.starts_with("--") || w.starts_with('<'))
+                .take_while(|w| w.starts_with("--") || w.starts_with(['<', '[']))
                 .collect();
             let is_named = text.starts_with("--");
             listed.push(Listed {
@@ -234,7 +234,7 @@ impl Tried<'_> {
         };
         let words = self.command.name.split_whitespace();
         let mut arguments: Vec<OsString> = words.map(OsString::from).collect();
-        let is_positional = option.starts_with('<');
+        let is_positional = option.starts_with(['<', '[']);
         for (name, good) in self.command.base {
             if *name != option {
                 arguments.extend((!name.starts_with('<')).then(|| OsString::from(*name)));
@@ -291,11 +291,14 @@ fn refused(option: &Listed, value: &str) -> Expected {
 }
 
 fn fault(option: &Listed, value: &str) -> Fault {
-    let name = option.name.trim_matches(['<', '>']);
+    let name = option.name.trim_matches(['<', '>', '[', ']']);
     Fault::option(name, value)
         .or_key(name.trim_start_matches("--"))
         .or_key(&name.to_lowercase())
 }
+
+/// Options that may be given several times.
+const REPEATED: [&str; 2] = ["--ball", "--configuration"];
 
 /// One value too few, one too many, the option twice, its values joined by `=`.
 fn wrong_counts(option: &Listed, wanted: &Wanted) -> Vec<Given> {
@@ -322,7 +325,7 @@ fn wrong_counts(option: &Listed, wanted: &Wanted) -> Vec<Given> {
         ..given([good.clone(), vec!["surplus".into()]].concat())
     };
     all.push(surplus);
-    if is_named && option.name != "--ball" {
+    if is_named && !REPEATED.contains(&option.name.as_str()) {
         let twice = [good.clone(), vec![OsString::from(&option.name)], good].concat();
         all.push(given(twice));
     }
@@ -366,6 +369,8 @@ fn wrong_values(option: &Listed, wanted: &Wanted) -> Vec<Given> {
         .map(|t| (*t).to_owned())
         .collect();
     texts.push(long);
+    // Nothing after a lone `--` is no mistake where a value may be left out.
+    texts.retain(|text| text != "--" || !option.name.starts_with('['));
     let mut all = Vec::new();
     for text in texts {
         for place in places_for(option.values) {

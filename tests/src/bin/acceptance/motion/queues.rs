@@ -1,0 +1,111 @@
+//! Random queues in scenes: no goal lost, none reordered; a result of every motion on the wire.
+
+use tests::judge::{ALLOWED_USE, SENT_USE};
+
+use super::figures::quantile;
+use super::queue_figures::Figures;
+use super::queue_run::run as carry_out;
+use crate::report::Report;
+use crate::scale::Scale;
+
+/// Queues ten times as fast.
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    let command = "requests with several tips, and appended ones, to planner-daemon";
+    report.group("queues, ten times as fast", command, |report| {
+        show(report, &carry_out(scale.pick(40, 1000))?);
+        Ok(())
+    });
+}
+
+fn show(report: &mut Report, figures: &Figures) {
+    let line = |what: &str| format!("random queues in scenes, ten times as fast: {what}");
+    let asked = &figures.asked;
+    let counts = format!(
+        "{} queues of 2 to 6 tips in {} scenes by {} requests, {} queues in one request, {} requests appended in motion; \
+         {} requests refused with {} tips, {} of them the first of a queue: {:?}",
+        figures.queues,
+        asked.scenes,
+        asked.requests,
+        asked.whole,
+        asked.appended_in_motion,
+        asked.refused.values().sum::<usize>(),
+        asked.tips_refused,
+        asked.not_begun,
+        asked.refused
+    );
+    report.shown(&line("what was asked for"), counts);
+    let passed = format!(
+        "{} of {}; {}",
+        figures.passed,
+        figures.tips,
+        misses(figures)
+    );
+    let name = line("accepted tips passed within 0.01 m by the set-points, in the order accepted");
+    report.check(&name, passed, "all", figures.passed == figures.tips);
+    none(report, &line("accepted tips lost"), &figures.lost);
+    none(report, &line("accepted tips reordered"), &figures.reordered);
+    let name = line("queues whose published motions are not those accepted, in their order");
+    none(report, &name, &figures.unaccounted);
+    show_sent(report, &line, figures);
+    show_results(report, figures);
+}
+
+/// How near the tips were passed.
+fn misses(figures: &Figures) -> String {
+    let distances: Vec<f64> = figures.misses.iter().map(|miss| miss.distance_m).collect();
+    let worst = figures.misses.iter();
+    let worst = worst.max_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+    format!(
+        "missed by {:.1e} m in the median, p99 {:.1e} m, {:.1e} m at most, there between set-points {:.1} ms apart",
+        quantile(&distances, 0.5),
+        quantile(&distances, 0.99),
+        quantile(&distances, 1.0),
+        worst.map_or(f64::NAN, |miss| 1e3 * miss.elapsed_s)
+    )
+}
+
+/// A check that there is none of something.
+fn none(report: &mut Report, name: &str, found: &[String]) {
+    let figure = format!("{} {:?}", found.len(), found.first());
+    report.check(name, figure, "0", found.is_empty());
+}
+
+fn show_sent(report: &mut Report, line: &dyn Fn(&str) -> String, figures: &Figures) {
+    let sent = &figures.sent;
+    let acceleration = sent.acceleration;
+    report.at_most(
+        &line("set-points: velocity ÷ limit"),
+        sent.velocity,
+        SENT_USE,
+    );
+    report.at_most(
+        &line("set-points: acceleration ÷ limit"),
+        acceleration,
+        SENT_USE,
+    );
+    let steps = sent.sent.position.max(sent.sent.velocity);
+    let name = line("set-points: steps by differences ÷ limits");
+    report.at_most(&name, steps, ALLOWED_USE);
+    let clearance_m = figures.clearance_m.unwrap_or(f64::NAN);
+    let name = line("least clearance of what was executed, dense sampling");
+    let figure = format!("{clearance_m:.5} m");
+    report.check(&name, figure, ">= 0", clearance_m >= 0.0);
+    let lost = format!("{:?} of {} set-points", sent.lost, sent.setpoints);
+    report.shown(&line("set-points, robot states and cycles not heard"), lost);
+}
+
+fn show_results(report: &mut Report, figures: &Figures) {
+    let line = |what: &str| format!("a result of every motion on the wire: {what}");
+    let all: usize = figures.outcomes.values().sum();
+    let counts = format!(
+        "{all} of {} published ({} join another): {:?}; {:?}",
+        figures.published,
+        figures.joining,
+        figures.outcomes,
+        figures.miscounted.first()
+    );
+    let is_whole = figures.miscounted.is_empty() && all == figures.published;
+    report.check(&line("exactly one each"), counts, "all", is_whole);
+    let name = line("results that contradict what was sent and published");
+    none(report, &name, &figures.contradictions);
+}
