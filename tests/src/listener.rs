@@ -9,11 +9,11 @@ use realtime::use_fifo_priority;
 use shared_types::codes::{MotionStart, ProcessKind};
 use shared_types::ipc::{
     CycleSubscriber, IpcError, IpcNode, IpcOptions, Subscriber, controller_state_service,
-    cycle_service, heartbeat_service, robot_state_service, setpoint_service, subscriber,
-    trajectory_service,
+    cycle_service, heartbeat_service, motion_result_service, robot_state_service, setpoint_service,
+    subscriber, trajectory_service,
 };
 use shared_types::message::{
-    ControllerState, Cycle, Heartbeat, RobotState, Setpoint, TrajectoryMessage,
+    ControllerState, Cycle, Heartbeat, MotionResult, RobotState, Setpoint, TrajectoryMessage,
 };
 
 use crate::knots::Knot;
@@ -34,6 +34,8 @@ pub struct Heard {
     pub daemon: Vec<Heartbeat>,
     /// The motions that the daemon publishes.
     pub motions: Vec<Published>,
+    /// How the motions ended that the controller has received.
+    pub results: Vec<MotionResult>,
 }
 
 /// A motion as the daemon publishes it.
@@ -50,7 +52,8 @@ pub struct Published {
 impl From<&TrajectoryMessage> for Published {
     fn from(message: &TrajectoryMessage) -> Self {
         let in_motion = message.start == MotionStart::InMotion.code();
-        let knots = message.knots[..message.knot_count as usize].iter();
+        // It is kept as it was published, also where that cannot be.
+        let knots = message.knots.iter().take(message.knot_count as usize);
         Self {
             id: message.trajectory_id,
             leaves: in_motion.then_some((message.leaves_trajectory_id, message.leaves_at_s)),
@@ -76,6 +79,7 @@ impl Heard {
         self.controller.append(&mut fresh.controller);
         self.daemon.append(&mut fresh.daemon);
         self.motions.append(&mut fresh.motions);
+        self.results.append(&mut fresh.results);
     }
 }
 
@@ -130,6 +134,7 @@ struct Ports {
     controller: Subscriber<ControllerState>,
     heart: Subscriber<Heartbeat>,
     motions: Subscriber<TrajectoryMessage>,
+    results: Subscriber<MotionResult>,
     _node: IpcNode,
 }
 
@@ -143,6 +148,7 @@ impl Ports {
             controller: subscriber(&node, &controller_state_service(&node)?)?,
             heart: subscriber(&node, &heartbeat_service(&node)?)?,
             motions: subscriber(&node, &trajectory_service(&node)?)?,
+            results: subscriber(&node, &motion_result_service(&node)?)?,
             _node: node,
         })
     }
@@ -163,6 +169,9 @@ impl Ports {
         }
         while let Ok(Some(message)) = self.motions.receive() {
             into.motions.push(Published::from(&*message));
+        }
+        while let Ok(Some(result)) = self.results.receive() {
+            into.results.push(*result);
         }
         while let Ok(Some(beat)) = self.heart.receive() {
             if beat.kind == ProcessKind::Daemon.code() {

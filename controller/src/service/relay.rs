@@ -335,19 +335,22 @@ impl Relay {
         self.handed_over_ns = mono_now_ns();
     }
 
-    /// Refuses the trajectory that has arrived, of a motion of this duration. What repeats the id of a motion that is under way, or
-    /// comes again, is none of its own: it has no result.
+    /// Refuses the trajectory that has arrived, of a motion of this duration. What repeats the id of a motion that is under way is none of
+    /// its own: it has no result, and nobody is told of a refusal that would be taken for that motion's. What comes again has no result.
     fn refuse_incoming(&mut self, duration_s: f64, reason: &TrajectoryRefusal) {
         let subject = Subject {
             trajectory_id: self.incoming.trajectory_id,
             plan_id: self.incoming.plan_id,
             duration_s,
         };
-        let is_repeated = matches!(reason, TrajectoryRefusal::OldId(_));
-        if !is_repeated && !self.results.is_at_loop(subject.trajectory_id) {
+        let id = subject.trajectory_id;
+        if self.results.is_at_loop(id) {
+            return warn!(id, %reason, "what repeats the id of a motion under way is refused");
+        }
+        if !matches!(reason, TrajectoryRefusal::OldId(_)) {
             self.results.refused(&subject, reason);
         }
-        self.note_refused(subject.trajectory_id, reason);
+        self.note_refused(id, reason);
     }
 
     fn note_refused(&mut self, id: u32, reason: &TrajectoryRefusal) {

@@ -30,8 +30,6 @@ pub(super) struct Population {
     /// How many times as fast as shipped everything happens.
     pub(super) time_factor: f64,
     pub(super) replans: usize,
-    /// What happens beside them, before each, by its number.
-    pub(super) disturb: fn(&mut Stack, usize),
 }
 
 /// Replans until so many have begun in motion or were refused there.
@@ -74,12 +72,14 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
     Ok(figures)
 }
 
-fn balls(scene: &ReplanScene) -> Vec<Ball> {
+/// The balls of a scene as they are looked at.
+pub(super) fn balls(scene: &ReplanScene) -> Vec<Ball> {
     let ball = |ball: &shared_types::message::Ball| Ball::resting(ball.centre_m, ball.radius_m);
     scene.balls.iter().map(ball).collect()
 }
 
-fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
+/// Waits until the robot rests.
+pub(super) fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
     let view = &mut stack.controller;
     let held = tests::process::wait_for("the robot rests", PATIENCE, || {
         let state = view.latest_state().ok().flatten()?;
@@ -101,7 +101,6 @@ fn replans(
     let until = figures.in_motion + count;
     let [shortest, longest] = PAUSES.map(|pause| pause.div_f64(population.time_factor));
     while figures.in_motion < until {
-        (population.disturb)(stack, figures.in_motion);
         let tip = scene.tip(&robot, random);
         let state = stack.controller_state();
         anyhow::ensure!(
@@ -149,7 +148,7 @@ fn replans(
 }
 
 /// A refusal without the numbers that differ from one to the next.
-fn refusal(outcome: Outcome, reason: &str) -> String {
+pub(super) fn refusal(outcome: Outcome, reason: &str) -> String {
     let words = reason.split_whitespace();
     let words = words.filter(|word| !word.chars().any(|c| c.is_ascii_digit()));
     format!("{outcome}: {}", words.collect::<Vec<_>>().join(" "))
