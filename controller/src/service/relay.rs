@@ -38,6 +38,10 @@ const TIDY_PERIOD_NS: i64 = 100_000_000;
 /// Time after the relay's start in which trajectories arrive that were meant for a controller before this one.
 const STALE_TRAJECTORY_WINDOW: Duration = Duration::from_millis(100);
 
+/// Trajectories taken in one round: as many as the service keeps for the relay. A daemon that floods it keeps neither the state nor the
+/// results of motions from being published, and its refusals do not push those results out of their readers' buffers.
+const TRAJECTORIES_A_ROUND: usize = 4;
+
 /// Longest wait for the loop thread to give back what it has when the process ends, ns.
 const LOOP_END_TIMEOUT_NS: i64 = 200_000_000;
 
@@ -274,7 +278,10 @@ impl Relay {
     }
 
     fn take_trajectories(&mut self) {
-        while self.is_held || self.ports.next_trajectory(&mut self.incoming) {
+        for _ in 0..TRAJECTORIES_A_ROUND {
+            if !self.is_held && !self.ports.next_trajectory(&mut self.incoming) {
+                return;
+            }
             self.is_held = false;
             let Some(mut motion) = self.spare.pop() else {
                 self.refuse_incoming(0.0, &TrajectoryRefusal::Waiting);

@@ -50,7 +50,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         Disturbance::Lag,
         Disturbance::MachinePause,
     ] {
-        let name = format!("replans, {}", disturbance.name());
+        let name = format!("disturbed replans, {}", disturbance.name());
         report.group(&name, command, |report| {
             let run = Run::of(disturbance, scale.pick(20, 200))?;
             run.show(report, &name);

@@ -26,18 +26,18 @@ const fn bad(
 /// All kinds.
 pub(super) const BAD_MESSAGES: &[BadMessage] = &[
     bad("another version", Refusal::WrongVersion, |m| {
-        m.protocol_version += 1
+        m.protocol_version += 1;
     }),
     bad("no knot", Refusal::Malformed, |m| m.knot_count = 0),
     bad("one knot", Refusal::Malformed, |m| m.knot_count = 1),
     bad("more knots than there is room", Refusal::Malformed, |m| {
-        m.knot_count = 257
+        m.knot_count = 257;
     }),
     bad("any number of knots", Refusal::Malformed, |m| {
-        m.knot_count = u32::MAX
+        m.knot_count = u32::MAX;
     }),
     bad("a time that is no number", Refusal::Malformed, |m| {
-        m.knots[3].time_s = f64::NAN
+        m.knots[3].time_s = f64::NAN;
     }),
     bad("a position that is no number", Refusal::Malformed, |m| {
         m.knots[3].configuration_rad[2] = f64::NAN;
@@ -49,25 +49,25 @@ pub(super) const BAD_MESSAGES: &[BadMessage] = &[
         m.knots[1].acceleration_rad_s2[0] = f64::INFINITY;
     }),
     bad("times that do not rise", Refusal::Malformed, |m| {
-        m.knots[2].time_s = m.knots[1].time_s
+        m.knots[2].time_s = m.knots[1].time_s;
     }),
     bad("a start that means nothing", Refusal::Malformed, |m| {
-        m.start = 7
+        m.start = 7;
     }),
     bad("it leaves nothing", Refusal::Malformed, |m| {
-        m.leaves_trajectory_id = 0
+        m.leaves_trajectory_id = 0;
     }),
     bad("a switch that is no number", Refusal::Malformed, |m| {
-        m.leaves_at_s = f64::NAN
+        m.leaves_at_s = f64::NAN;
     }),
     bad("a switch before the begin", Refusal::Malformed, |m| {
-        m.leaves_at_s = -1.0
+        m.leaves_at_s = -1.0;
     }),
     bad("no path tolerance", Refusal::Malformed, |m| {
-        m.path_tolerance_rad = 0.0
+        m.path_tolerance_rad = 0.0;
     }),
     bad("requested in the future", Refusal::Malformed, |m| {
-        m.requested_mono_ns += 3_600_000_000_000
+        m.requested_mono_ns += 3_600_000_000_000;
     }),
     bad(
         "requested before the controller's start",
@@ -75,17 +75,17 @@ pub(super) const BAD_MESSAGES: &[BadMessage] = &[
         |m| m.requested_mono_ns = 1,
     ),
     bad("another controller's", Refusal::OtherController, |m| {
-        m.controller_instance += 1
+        m.controller_instance += 1;
     }),
     bad("another daemon's", Refusal::OtherDaemon, |m| {
-        m.daemon_instance += 1
+        m.daemon_instance += 1;
     }),
     bad("a motion that ends in motion", Refusal::EndsInMotion, |m| {
         last(m).velocity_rad_s[0] = 1e-6;
     }),
     bad("limits exceeded by a tenth", Refusal::OutOfLimits, hurry),
     bad("it leaves another motion", Refusal::LeavesAnother, |m| {
-        m.leaves_trajectory_id += 1000
+        m.leaves_trajectory_id += 1000;
     }),
 ];
 

@@ -48,7 +48,10 @@ fn inject(report: &mut Report, row: &Row) -> anyhow::Result<()> {
     let heard = stand.settle()?;
     let outcome = Outcome::of(&stand.stack.world.robot, &heard, &joining, fault_ns);
     let recovered = (row.mend)(&mut stand).and_then(|()| stand.executes_anew());
-    show(report, row, &mut stand, &outcome, recovered);
+    if recovered.is_err() {
+        println!("{}", stand.last_words());
+    }
+    show(report, row, &mut stand, &outcome, &recovered);
     Ok(())
 }
 
@@ -57,7 +60,7 @@ fn show(
     row: &Row,
     stand: &mut Stand,
     outcome: &Outcome,
-    recovered: anyhow::Result<()>,
+    recovered: &anyhow::Result<()>,
 ) {
     let line = |what: &str| format!("faults while joining, {}: {what}", row.name);
     let told = |[left, joined]: [&str; 2]| format!("the old motion: {left}; the new one: {joined}");

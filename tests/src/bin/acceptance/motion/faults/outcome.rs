@@ -14,12 +14,17 @@ use crate::safe::on_path::Along;
 /// A set-point slower than this rests, m/s.
 const AT_REST_M_S: f64 = 1e-6;
 
+/// A controller that lives makes more than so many cycles in the first time after a fault, ns.
+const LEAST_CYCLES: usize = 50;
+const STILL_CONTROLLED_NS: i64 = 100_000_000;
+
 /// What was seen of one fault.
 #[derive(Debug, Default)]
 pub(super) struct Outcome {
     /// How the motion that was to be left ended, and the one that was to be joined.
     pub(super) ends: [String; 2],
-    /// The largest way of a tendon from the fault until rest, mm, by the robot's own reference where the robot lives.
+    /// The largest way of a tendon from the fault until rest, mm: of the set-points, or of the robot's own reference where the
+    /// controller sends none.
     pub(super) moved_mm: f64,
     /// From the fault until rest, s.
     pub(super) rests_after_s: f64,
@@ -64,24 +69,24 @@ impl Outcome {
     }
 }
 
-/// What the robot's reference did, or the set-points where the robot has told nothing since the fault.
+/// The set-points, or what the robot's own reference did where the controller has sent none since the fault.
 fn samples(heard: &Heard, fault_ns: i64) -> Vec<Sample> {
-    let robot = heard.robot.iter().map(|state| Sample {
-        stamp_ns: state.stamp_mono_ns,
-        position_m: state.accepted_setpoint_m,
-        velocity_m_s: state.accepted_velocity_m_s,
-    });
-    let robot: Vec<Sample> = robot.collect();
-    let told = robot.iter().filter(|it| it.stamp_ns > fault_ns).count();
-    if told > 10 {
-        return robot;
-    }
+    let until_ns = fault_ns + STILL_CONTROLLED_NS;
+    let soon = |cycle: &&Cycle| (fault_ns..until_ns).contains(&cycle.stamp_mono_ns);
     let of_cycle = |cycle: &Cycle| Sample {
         stamp_ns: cycle.stamp_mono_ns,
         position_m: cycle.setpoint_m,
         velocity_m_s: cycle.setpoint_velocity_m_s,
     };
-    heard.cycles.iter().map(of_cycle).collect()
+    if heard.cycles.iter().filter(soon).count() > LEAST_CYCLES {
+        return heard.cycles.iter().map(of_cycle).collect();
+    }
+    let robot = heard.robot.iter().map(|state| Sample {
+        stamp_ns: state.stamp_mono_ns,
+        position_m: state.accepted_setpoint_m,
+        velocity_m_s: state.accepted_velocity_m_s,
+    });
+    robot.collect()
 }
 
 /// The largest way of a tendon, mm, and the time until the last sample that moves, s.

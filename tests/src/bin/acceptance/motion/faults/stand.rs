@@ -201,6 +201,16 @@ impl Stand {
         Ok(())
     }
 
+    /// The last lines of daemon and controller.
+    pub(super) fn last_words(&mut self) -> String {
+        let logs = [Part::Daemon, Part::Controller].map(|part| self.stack.process(part).log());
+        let last = |log: &String| {
+            let lines: Vec<&str> = log.lines().collect();
+            lines[lines.len().saturating_sub(12)..].join("\n")
+        };
+        logs.each_ref().map(last).join("\n")
+    }
+
     /// Where the bridge has changed a motion, the listener hears another one than the daemon's: the switch is asked of either.
     fn joining_leaves(&mut self, id: u32) -> anyhow::Result<(u32, f64)> {
         let sent = self.bridge.as_ref().map(|bridge| {
