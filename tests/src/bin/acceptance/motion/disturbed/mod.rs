@@ -9,18 +9,18 @@ use std::time::Duration;
 
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopFault, LoopState, Outcome};
+use shared_types::codes::{LoopFault, LoopState};
 use shared_types::message::RobotState;
-use shared_types::valid::Command;
+use shared_types::valid::{Command, PlanRequest};
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::geometry::seeded;
 use tests::judge::Judge;
 use tests::listener::{Heard, Listener};
 use tests::replans::{ReplanScene, random_pause, replan};
-use tests::stack::Stack;
+use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
-use self::disturbance::Disturbance;
+use self::disturbance::{Disturbance, Schedule};
 use self::fates::{Fates, Replan};
 use super::figures::{Figures, lower};
 use super::joins::show_curves;
@@ -57,6 +57,14 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             Ok(())
         });
     }
+}
+
+/// A request, by what it found.
+enum Asked {
+    InMotion(Replan),
+    AtRest,
+    /// Nothing leads away from where the robot rests.
+    NoWay,
 }
 
 /// What one population showed.
@@ -115,10 +123,11 @@ impl Run {
         let mut asked = Vec::new();
         while self.figures.in_motion < until {
             self.clear_fault(stack)?;
-            let Some(replan) = self.one(stack, scene, random)? else {
-                break;
-            };
-            asked.extend(replan);
+            match self.ask(stack, scene, random)? {
+                Asked::InMotion(replan) => asked.push(replan),
+                Asked::AtRest => {}
+                Asked::NoWay => break,
+            }
             std::thread::sleep(random_pause(PAUSES[0], PAUSES[1], random));
         }
         stack.controller.command(Command::SetSpeed(1.0), PROMPT)?;
@@ -127,52 +136,24 @@ impl Run {
         Ok(asked)
     }
 
-    /// Asks once, and disturbs meanwhile; none where nothing leads away from where the robot rests, and an empty one where it rested.
-    fn one(
+    /// Asks once, and disturbs the loop meanwhile where the robot moves.
+    fn ask(
         &mut self,
         stack: &mut Stack,
         scene: &ReplanScene,
         random: &mut Pcg64,
-    ) -> anyhow::Result<Option<Option<Replan>>> {
+    ) -> anyhow::Result<Asked> {
         let tip = scene.tip(&stack.world.unit_robot(), random);
         let request = replan(tip.into(), &scene.balls, self.figures.requests as u64);
         self.figures.requests += 1;
-        let was_moving = stack.controller_state().state == LoopState::Executing;
-        if !was_moving {
-            let answer = stack.client.plan(&request, tests::stack::PATIENCE)?;
-            return Ok(answer.report().trajectory_id.map(|_| None));
+        if stack.controller_state().state != LoopState::Executing {
+            let answer = stack.client.plan(&request, PATIENCE)?;
+            let begins = answer.report().trajectory_id.is_some();
+            return Ok(if begins { Asked::AtRest } else { Asked::NoWay });
         }
-        let mut schedule = self.disturbance.begin(random);
-        let mut disturbed_ns = Vec::new();
-        while !schedule.is_request_due() {
-            disturbed_ns.extend(schedule.carry_out(stack)?);
-            disturbance::rest();
-        }
-        let asked_ns = mono_now_ns();
-        let mut pending = stack.client.submit(&request)?;
-        let mut answered = None;
-        while answered.is_none() || !schedule.is_over() {
-            disturbed_ns.extend(schedule.carry_out(stack)?);
-            if answered.is_none()
-                && let Some(answer) = stack.client.poll(&mut pending)?
-                && answer.report().outcome != Outcome::Early
-            {
-                let report = answer.report();
-                let refused = || refusal(report.outcome, &report.reason);
-                answered = Some((mono_now_ns(), report.trajectory_id.ok_or_else(refused)));
-            }
-            disturbance::rest();
-        }
-        let Some((answered_ns, answer)) = answered else {
-            unreachable!("it was waited for");
-        };
         self.figures.in_motion += 1;
-        Ok(Some(Some(Replan {
-            asked_ns,
-            answered_ns,
-            answer,
-            disturbed_ns,
-        })))
+        let mut schedule = self.disturbance.begin(random);
+        ask_in_motion(stack, &request, &mut schedule).map(Asked::InMotion)
     }
 
     /// Resets a fault that a disturbance has caused, and counts it.
@@ -241,5 +222,42 @@ impl Run {
             ">= 0",
             self.reference_clearance_m >= 0.0,
         );
+    }
+}
+
+/// Asks a robot in motion while what is scheduled happens to its loop; returns when both are over.
+fn ask_in_motion(
+    stack: &mut Stack,
+    request: &PlanRequest,
+    schedule: &mut Schedule,
+) -> anyhow::Result<Replan> {
+    let mut disturbed_ns = Vec::new();
+    while !schedule.is_request_due() {
+        disturbed_ns.extend(schedule.carry_out(stack)?);
+        disturbance::rest();
+    }
+    let asked_ns = mono_now_ns();
+    let mut pending = stack.client.submit(request)?;
+    let mut answered = None;
+    loop {
+        disturbed_ns.extend(schedule.carry_out(stack)?);
+        if answered.is_none()
+            && let Some(answer) = stack.client.poll(&mut pending)?
+        {
+            let report = answer.report();
+            let refused = || refusal(report.outcome, &report.reason);
+            answered = Some((mono_now_ns(), report.trajectory_id.ok_or_else(refused)));
+        }
+        if schedule.is_over()
+            && let Some((answered_ns, answer)) = answered.take()
+        {
+            return Ok(Replan {
+                asked_ns,
+                answered_ns,
+                answer,
+                disturbed_ns,
+            });
+        }
+        disturbance::rest();
     }
 }
