@@ -5,6 +5,7 @@
 #![allow(clippy::unwrap_used, reason = "a test harness fails by panicking")]
 
 pub mod borders;
+pub mod bridge;
 pub mod brute_force;
 pub mod concurrency;
 pub mod crossing_balls;

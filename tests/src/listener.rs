@@ -34,7 +34,7 @@ pub struct Heard {
     pub daemon: Vec<Heartbeat>,
     /// The motions that the daemon publishes.
     pub motions: Vec<Published>,
-    /// How motions ended, as the controller tells it.
+    /// How the motions ended that the controller has received.
     pub results: Vec<MotionResult>,
 }
 
@@ -52,7 +52,8 @@ pub struct Published {
 impl From<&TrajectoryMessage> for Published {
     fn from(message: &TrajectoryMessage) -> Self {
         let in_motion = message.start == MotionStart::InMotion.code();
-        let knots = message.knots[..message.knot_count as usize].iter();
+        // It is kept as it was published, also where that cannot be.
+        let knots = message.knots.iter().take(message.knot_count as usize);
         Self {
             id: message.trajectory_id,
             leaves: in_motion.then_some((message.leaves_trajectory_id, message.leaves_at_s)),

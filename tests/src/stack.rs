@@ -119,8 +119,10 @@ pub struct Stack {
     /// Watches the robot.
     pub robot: RobotView,
     processes: [Option<Process>; 3],
-    /// Where they run; dropped last.
+    /// Where controller and robot run, and the daemon, unless it has a world of its own; dropped last.
     pub world: World,
+    /// Where the daemon runs that speaks with the others over a [`crate::bridge::Bridge`].
+    daemon_world: Option<World>,
 }
 
 impl Stack {
@@ -133,14 +135,37 @@ impl Stack {
     /// Connects to a world in which nothing runs yet and that was prepared before.
     #[must_use]
     pub fn within(world: World) -> Self {
+        Self::within_worlds(world, None)
+    }
+
+    fn within_worlds(world: World, daemon_world: Option<World>) -> Self {
         let options = &world.options;
+        let of_daemon = daemon_world.as_ref().unwrap_or(&world);
         Self {
-            client: Client::connect(options).unwrap(),
+            client: Client::connect(&of_daemon.options).unwrap(),
             controller: ControllerView::connect(options).unwrap(),
             robot: RobotView::connect(options).unwrap(),
             processes: [None, None, None],
             world,
+            daemon_world,
         }
+    }
+
+    /// Connects to two worlds in which nothing runs yet: the daemon's own, and that of controller and robot. A
+    /// [`crate::bridge::Bridge`] carries what they say to each other.
+    #[must_use]
+    pub fn in_two_worlds(settings: &Settings) -> Self {
+        let [world, daemon_world] = [(); 2].map(|()| World::new(settings));
+        Self::within_worlds(world, Some(daemon_world))
+    }
+
+    /// The daemon's world, and that of controller and robot: mostly the same.
+    #[must_use]
+    pub fn worlds(&self) -> [&World; 2] {
+        [
+            self.daemon_world.as_ref().unwrap_or(&self.world),
+            &self.world,
+        ]
     }
 
     /// Starts all three and waits until they are ready.
@@ -164,7 +189,14 @@ impl Stack {
     /// Starts a part, in place of the one that ran.
     pub fn start(&mut self, part: Part) {
         self.processes[part as usize] = None;
-        self.processes[part as usize] = Some(part.start(&self.world));
+        let [of_daemon, of_others] = self.worlds();
+        let world = if part == Part::Daemon {
+            of_daemon
+        } else {
+            of_others
+        };
+        let process = part.start(world);
+        self.processes[part as usize] = Some(process);
     }
 
     /// Starts a part, in place of the one that ran, with another standard error.
@@ -194,8 +226,8 @@ impl Stack {
         self.signal_at_once(libc::SIGCONT);
     }
 
-    /// Above their own threads, so that none goes on while another still waits for its signal.
-    fn signal_at_once(&mut self, signal: libc::c_int) {
+    /// Sends a signal to all three from above their own threads, so that none goes on while another still waits for its signal.
+    pub fn signal_at_once(&mut self, signal: libc::c_int) {
         let processes: &[_] = &self.processes;
         let send = || {
             // A refusal makes them apart in time, and nothing else.

@@ -38,6 +38,10 @@ const TIDY_PERIOD_NS: i64 = 100_000_000;
 /// Time after the relay's start in which trajectories arrive that were meant for a controller before this one.
 const STALE_TRAJECTORY_WINDOW: Duration = Duration::from_millis(100);
 
+/// Trajectories taken in one round: as many as the service keeps for the relay. A daemon that floods it keeps neither the state nor the
+/// results of motions from being published, and its refusals do not push those results out of their readers' buffers.
+const TRAJECTORIES_A_ROUND: usize = 4;
+
 /// Longest wait for the loop thread to give back what it has when the process ends, ns.
 const LOOP_END_TIMEOUT_NS: i64 = 200_000_000;
 
@@ -274,7 +278,10 @@ impl Relay {
     }
 
     fn take_trajectories(&mut self) {
-        while self.is_held || self.ports.next_trajectory(&mut self.incoming) {
+        for _ in 0..TRAJECTORIES_A_ROUND {
+            if !self.is_held && !self.ports.next_trajectory(&mut self.incoming) {
+                return;
+            }
             self.is_held = false;
             let Some(mut motion) = self.spare.pop() else {
                 self.refuse_incoming(0.0, &TrajectoryRefusal::Waiting);
@@ -335,19 +342,22 @@ impl Relay {
         self.handed_over_ns = mono_now_ns();
     }
 
-    /// Refuses the trajectory that has arrived, of a motion of this duration. What repeats the id of a motion that is under way, or
-    /// comes again, is none of its own: it has no result.
+    /// Refuses the trajectory that has arrived, of a motion of this duration. What repeats the id of a motion that is under way is none of
+    /// its own: it has no result, and nobody is told of a refusal that would be taken for that motion's. What comes again has no result.
     fn refuse_incoming(&mut self, duration_s: f64, reason: &TrajectoryRefusal) {
         let subject = Subject {
             trajectory_id: self.incoming.trajectory_id,
             plan_id: self.incoming.plan_id,
             duration_s,
         };
-        let is_repeated = matches!(reason, TrajectoryRefusal::OldId(_));
-        if !is_repeated && !self.results.is_at_loop(subject.trajectory_id) {
+        let id = subject.trajectory_id;
+        if self.results.is_at_loop(id) {
+            return warn!(id, %reason, "what repeats the id of a motion under way is refused");
+        }
+        if !matches!(reason, TrajectoryRefusal::OldId(_)) {
             self.results.refused(&subject, reason);
         }
-        self.note_refused(subject.trajectory_id, reason);
+        self.note_refused(id, reason);
     }
 
     fn note_refused(&mut self, id: u32, reason: &TrajectoryRefusal) {

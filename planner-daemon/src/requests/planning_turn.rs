@@ -247,11 +247,7 @@ impl Service {
             return Ok(());
         }
         let duration_s = candidate.trajectory.duration();
-        match self
-            .goal
-            .keeper
-            .wants(leaves, duration_s)
-        {
+        match self.goal.keeper.wants(leaves, duration_s) {
             Wanted::Yes => Ok(()),
             Wanted::NoBetter { remaining_s } => Err(ExecutionRefusal::NoBetter { remaining_s }),
             Wanted::GivenUp => Err(ExecutionRefusal::GoalGivenUp),

@@ -146,11 +146,12 @@ impl Daemon {
             &supervision_rounds,
             priority.map(|planning| planning + 2),
         )?;
-        let service = open_service(config, &node, static_scene, planner, execution)?;
-        prefault_shared_memory(config, options);
         let service_priority = priority.map(|planning| planning + 1);
+        // The heart beats before requests are served: what is requested before a controller hears this daemon is refused by it.
         let background =
             BackgroundThreads::start(options, instance, &supervision_rounds, service_priority)?;
+        let service = open_service(config, &node, static_scene, planner, execution)?;
+        prefault_shared_memory(config, options);
         if let Some(priority) = service_priority {
             realtime::use_fifo_priority(priority)?;
         }

@@ -179,6 +179,11 @@ fn a_trajectory_that_comes_again_has_no_second_result() {
     bench.send(8, |wire| wire.begin_mono_ns = begin_ns - 10_000 * MS);
     bench.relay.round();
     assert_eq!(bench.results(), [], "its motion is under way");
+    let told = bench.relay.view.message(&bench.relay.link.shared);
+    assert_eq!(
+        told.refused_trajectory_id, 0,
+        "the daemon would take it for the motion's refusal"
+    );
     let motion = bench.handed_over().remove(0);
     bench.give_back(motion, Ending::SetAside(StopOrigin::Suspension));
     bench.relay.round();
@@ -188,6 +193,25 @@ fn a_trajectory_that_comes_again_has_no_second_result() {
         told[0].to_string(),
         "set aside before its begin: the machine was suspended"
     );
+}
+
+#[test]
+fn a_flood_of_trajectories_is_taken_some_at_a_time() {
+    let mut bench = Bench::new();
+    bench.report_cycle();
+    for id in 1..=3 {
+        bench.send(id, |wire| wire.knot_count = 1);
+    }
+    bench.relay.is_held = true;
+    bench.relay.incoming.trajectory_id = 99;
+    bench.relay.round();
+    let ids: Vec<u32> = bench
+        .results()
+        .iter()
+        .map(|result| result.values.trajectory_id)
+        .collect();
+    assert_eq!(ids, [99, 1, 2, 3]);
+    assert_eq!(ids.len(), TRAJECTORIES_A_ROUND);
 }
 
 #[test]

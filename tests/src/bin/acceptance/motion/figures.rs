@@ -95,7 +95,7 @@ impl Figures {
         let setpoints: Vec<(i64, Tendons)> = heard
             .cycles
             .iter()
-            .filter(|cycle| cycle.state == LoopState::Executing.code())
+            .filter(|cycle| is_on_its_way(cycle))
             .map(|cycle| (cycle.stamp_mono_ns, cycle.setpoint_m))
             .collect();
         let executed = body.least_clearance(&setpoints, |_| balls).at_least_m();
@@ -149,20 +149,26 @@ impl Figures {
     }
 }
 
-fn lower(figure: &mut f64, value: f64) {
+pub(super) fn lower(figure: &mut f64, value: f64) {
     if value.is_nan() || value < *figure {
         *figure = value;
     }
 }
 
+/// Whether a motion is followed in a cycle, or braked on.
+pub(super) fn is_on_its_way(cycle: &Cycle) -> bool {
+    let moving = [LoopState::Executing, LoopState::Stopping].map(LoopState::code);
+    moving.contains(&cycle.state)
+}
+
 /// Stamp of the first cycle that follows a motion, nanoseconds.
-fn first_followed(cycles: &[Cycle], id: u32) -> Option<i64> {
+pub(super) fn first_followed(cycles: &[Cycle], id: u32) -> Option<i64> {
     let first = cycles.iter().find(|cycle| cycle.trajectory_id == id)?;
     Some(first.stamp_mono_ns)
 }
 
 /// The motion with this id.
-fn motion_of(motions: &[Published], id: u32) -> Option<&Published> {
+pub(super) fn motion_of(motions: &[Published], id: u32) -> Option<&Published> {
     motions.iter().rev().find(|motion| motion.id == id)
 }
 

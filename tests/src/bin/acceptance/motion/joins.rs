@@ -15,7 +15,6 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         settings: Settings::ten_times_as_fast(),
         time_factor: 10.0,
         replans: scale.pick(400, 10_000),
-        disturb: |_, _| (),
     };
     report.group("replans, ten times as fast", command, |report| {
         show(report, "ten times as fast", &replan(&bulk)?);
@@ -25,7 +24,6 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         settings: Settings::default(),
         time_factor: 1.0,
         replans: scale.pick(20, 100),
-        disturb: |_, _| (),
     };
     report.group("replans, real", command, |report| {
         show(report, "real", &replan(&real)?);
@@ -48,6 +46,18 @@ pub(super) fn show(report: &mut Report, name: &str, figures: &Figures) {
         figures.scenes_passed_over
     );
     report.shown(&line("what was asked for"), counts);
+    show_curves(report, &line, figures);
+    wins(
+        report,
+        &line(
+            "time won over a stop at the switch and the fastest of ten motions to the same goal configuration",
+        ),
+        figures,
+    );
+}
+
+/// Continuity, limits and contacts.
+pub(super) fn show_curves(report: &mut Report, line: &dyn Fn(&str) -> String, figures: &Figures) {
     for (difference, unit) in figures.discontinuity.iter().zip(["rad", "rad/s", "rad/s²"]) {
         let what = format!("largest difference of both curves at the switch, {unit}");
         report.at_most(&line(&what), *difference, 1e-9);
@@ -102,13 +112,6 @@ pub(super) fn show(report: &mut Report, name: &str, figures: &Figures) {
         touch(executed),
         ">= 0",
         executed >= 0.0,
-    );
-    wins(
-        report,
-        &line(
-            "time won over a stop at the switch and the fastest of ten motions to the same goal configuration",
-        ),
-        figures,
     );
 }
 

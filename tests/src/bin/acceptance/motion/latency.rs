@@ -47,7 +47,6 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             settings: Settings::default(),
             time_factor: 1.0,
             replans: WINDOWS * scale.pick(20, 200),
-            disturb: |_, _| (),
         };
         let figures = replan(&population)?;
         show(report, &figures, &stolen);

@@ -1,11 +1,14 @@
 //! Motions that are joined while the robot moves, and motions through several goals: no stop to change its mind or on the way, nothing
 //! that steps, no limit exceeded, no goal lost, and a result of every motion.
 
+mod disturbed;
+mod faults;
 mod figures;
 mod joins;
 mod latency;
 mod moving_balls;
 mod moving_goal;
+mod paths;
 mod queue;
 mod queue_figures;
 mod queue_run;
@@ -24,6 +27,8 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     routes::run,
     queues::run,
     latency::run,
+    disturbed::run,
+    faults::run,
     moving_goal::run,
     unreachable_goal::run,
     moving_balls::run,

@@ -30,8 +30,6 @@ pub(super) struct Population {
     /// How many times as fast as shipped everything happens.
     pub(super) time_factor: f64,
     pub(super) replans: usize,
-    /// What happens beside them, before each, by its number.
-    pub(super) disturb: fn(&mut Stack, usize),
 }
 
 /// Replans until so many have begun in motion or were refused there.
@@ -74,11 +72,13 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
     Ok(figures)
 }
 
+/// The balls of a scene as they are looked at.
 pub(super) fn balls(scene: &ReplanScene) -> Vec<Ball> {
     let ball = |ball: &shared_types::message::Ball| Ball::resting(ball.centre_m, ball.radius_m);
     scene.balls.iter().map(ball).collect()
 }
 
+/// Waits until the robot rests.
 pub(super) fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
     let view = &mut stack.controller;
     let held = tests::process::wait_for("the robot rests", PATIENCE, || {
@@ -101,7 +101,6 @@ fn replans(
     let until = figures.in_motion + count;
     let [shortest, longest] = PAUSES.map(|pause| pause.div_f64(population.time_factor));
     while figures.in_motion < until {
-        (population.disturb)(stack, figures.in_motion);
         let tip = scene.tip(&robot, random);
         let state = stack.controller_state();
         anyhow::ensure!(

@@ -5,7 +5,7 @@ mod controller;
 mod half_made;
 mod input;
 pub(crate) mod kills;
-mod on_path;
+pub(crate) mod on_path;
 mod pending_stops;
 mod pressure;
 mod relay;

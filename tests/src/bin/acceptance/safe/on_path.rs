@@ -12,7 +12,7 @@ const STEPS: usize = 70;
 const ON_IT_RAD: f64 = 1e-12;
 
 /// A path that set-points are held against one after the other.
-pub(super) struct Along<'a> {
+pub(crate) struct Along<'a> {
     robot: &'a Robot,
     path: &'a Trajectory,
     /// Path time of the last set-point, s.
@@ -21,15 +21,15 @@ pub(super) struct Along<'a> {
 }
 
 /// Where a set-point is.
-pub(super) struct Nearest {
+pub(crate) struct Nearest {
     /// Path time of the nearest place, s.
-    pub(super) time_s: f64,
+    pub(crate) time_s: f64,
     /// Distance from it, rad.
-    pub(super) distance_rad: f64,
+    pub(crate) distance_rad: f64,
 }
 
 impl<'a> Along<'a> {
-    pub(super) fn new(robot: &'a Robot, path: &'a Trajectory) -> Self {
+    pub(crate) fn new(robot: &'a Robot, path: &'a Trajectory) -> Self {
         Self {
             robot,
             path,
@@ -39,7 +39,7 @@ impl<'a> Along<'a> {
     }
 
     /// The nearest place of the path that is at most about as far on as time has passed.
-    pub(super) fn nearest(&mut self, cycle: &Cycle) -> Nearest {
+    pub(crate) fn nearest(&mut self, cycle: &Cycle) -> Nearest {
         let stamp_ns = cycle.stamp_mono_ns;
         let passed_s = (stamp_ns - self.stamp_ns.unwrap_or(stamp_ns)) as f64 * 1e-9;
         self.stamp_ns = Some(stamp_ns);

@@ -1,0 +1,263 @@
+//! Replans while the loop is slowed down, held, behind its time, or paused with the whole machine: continuous, or refused by name with
+//! the old motion going on.
+
+mod disturbance;
+mod fates;
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use rand_pcg::Pcg64;
+use shared_types::clock::mono_now_ns;
+use shared_types::codes::{LoopFault, LoopState};
+use shared_types::message::RobotState;
+use shared_types::valid::{Command, PlanRequest};
+use tests::brute_force::{Ball, Body, Tendons};
+use tests::geometry::seeded;
+use tests::judge::Judge;
+use tests::listener::{Heard, Listener};
+use tests::replans::{ReplanScene, random_pause, replan};
+use tests::stack::{PATIENCE, Stack};
+use tests::world::Settings;
+
+use self::disturbance::{Disturbance, Schedule};
+use self::fates::{Fates, Replan};
+use super::figures::{Figures, lower};
+use super::joins::show_curves;
+use super::paths::OffPath;
+use super::replan_run::{balls, refusal, wait_until_held};
+use crate::report::Report;
+use crate::scale::Scale;
+
+pub(super) use self::fates::named;
+
+/// Seed of scenes, tips, pauses and disturbances.
+const SEED: u64 = 9_301;
+/// Replans in one scene.
+const IN_A_SCENE: usize = 5;
+/// Shortest and longest time between two replans.
+const PAUSES: [Duration; 2] = [Duration::from_millis(60), Duration::from_millis(900)];
+/// How far from its path rounding may bring a set-point, rad.
+const ON_PATH_RAD: f64 = 1e-9;
+const PROMPT: Duration = Duration::from_secs(2);
+
+/// A group for each disturbance.
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    let command = "requests to planner-daemon from a moving robot whose loop is disturbed";
+    for disturbance in [
+        Disturbance::Speed,
+        Disturbance::LoopHeld,
+        Disturbance::Lag,
+        Disturbance::MachinePause,
+    ] {
+        let name = format!("disturbed replans, {}", disturbance.name());
+        report.group(&name, command, |report| {
+            let run = Run::of(disturbance, scale.pick(20, 200))?;
+            run.show(report, &name);
+            Ok(())
+        });
+    }
+}
+
+/// A request, by what it found.
+enum Asked {
+    InMotion(Replan),
+    AtRest,
+    /// Nothing leads away from where the robot rests.
+    NoWay,
+}
+
+/// What one population showed.
+struct Run {
+    disturbance: Disturbance,
+    figures: Figures,
+    fates: Fates,
+    off_path: OffPath,
+    /// Faults that were latched, and what the robot was stopped for.
+    faults: BTreeMap<String, usize>,
+    /// Least clearance of what the robot's own reference did, m.
+    reference_clearance_m: f64,
+}
+
+impl Run {
+    fn of(disturbance: Disturbance, replans: usize) -> anyhow::Result<Self> {
+        let mut stack = Stack::running(&Settings::default())?;
+        let file = std::fs::read_to_string(stack.world.config("robots/unit.toml"))?;
+        let body = Body::from_robot_file(&file);
+        let listener = Listener::start(&stack.world.options);
+        let mut judge = Judge::new(stack.world.robot.tendon_limits);
+        let mut run = Self {
+            disturbance,
+            figures: Figures::of(&stack.world.robot.tendon_limits),
+            fates: Fates::default(),
+            off_path: OffPath::default(),
+            faults: BTreeMap::new(),
+            reference_clearance_m: f64::INFINITY,
+        };
+        let (mut random, mut index) = (seeded(SEED), 0);
+        while run.figures.in_motion < replans {
+            let unit = stack.world.unit_robot();
+            let (scene, passed_over) = ReplanScene::around(&unit, &stack.commanded(), SEED, index);
+            index += 1 + passed_over as u64;
+            run.figures.scenes_passed_over += passed_over;
+            let until = replans.min(run.figures.in_motion + IN_A_SCENE);
+            let asked = run.in_scene(&mut stack, &scene, until, &mut random)?;
+            std::thread::sleep(Duration::from_millis(100));
+            let heard = listener.take();
+            judge.look(&heard);
+            run.look(&stack, &body, &heard, &asked, &balls(&scene));
+            println!("  {} of {replans} replans", run.figures.in_motion);
+        }
+        run.figures.sent = judge.verdict().clone();
+        Ok(run)
+    }
+
+    /// Replans in one scene until there were so many, and lets the last motion end.
+    fn in_scene(
+        &mut self,
+        stack: &mut Stack,
+        scene: &ReplanScene,
+        until: usize,
+        random: &mut Pcg64,
+    ) -> anyhow::Result<Vec<Replan>> {
+        let mut asked = Vec::new();
+        while self.figures.in_motion < until {
+            self.clear_fault(stack)?;
+            match self.ask(stack, scene, random)? {
+                Asked::InMotion(replan) => asked.push(replan),
+                Asked::AtRest => {}
+                Asked::NoWay => break,
+            }
+            std::thread::sleep(random_pause(PAUSES[0], PAUSES[1], random));
+        }
+        stack.controller.command(Command::SetSpeed(1.0), PROMPT)?;
+        self.clear_fault(stack)?;
+        wait_until_held(stack)?;
+        Ok(asked)
+    }
+
+    /// Asks once, and disturbs the loop meanwhile where the robot moves.
+    fn ask(
+        &mut self,
+        stack: &mut Stack,
+        scene: &ReplanScene,
+        random: &mut Pcg64,
+    ) -> anyhow::Result<Asked> {
+        let tip = scene.tip(&stack.world.unit_robot(), random);
+        let request = replan(tip.into(), &scene.balls, self.figures.requests as u64);
+        self.figures.requests += 1;
+        if stack.controller_state().state != LoopState::Executing {
+            let answer = stack.client.plan(&request, PATIENCE)?;
+            let begins = answer.report().trajectory_id.is_some();
+            return Ok(if begins { Asked::AtRest } else { Asked::NoWay });
+        }
+        self.figures.in_motion += 1;
+        let mut schedule = self.disturbance.begin(random);
+        ask_in_motion(stack, &request, &mut schedule).map(Asked::InMotion)
+    }
+
+    /// Resets a fault that a disturbance has caused, and counts it.
+    fn clear_fault(&mut self, stack: &mut Stack) -> anyhow::Result<()> {
+        let fault = stack.controller_state().fault;
+        if fault != LoopFault::None {
+            *self.faults.entry(fault.to_string()).or_default() += 1;
+            stack.clear_fault()?;
+        }
+        Ok(())
+    }
+
+    fn look(
+        &mut self,
+        stack: &Stack,
+        body: &Body,
+        heard: &Heard,
+        asked: &[Replan],
+        balls: &[Ball],
+    ) {
+        self.figures.look(body, heard, balls);
+        self.fates.look(asked, heard);
+        self.off_path.look(&stack.world.robot, heard);
+        let reference = |state: &RobotState| (state.stamp_mono_ns, state.accepted_setpoint_m);
+        let references: Vec<(i64, Tendons)> = heard.robot.iter().map(reference).collect();
+        let clearance = body.least_clearance(&references, |_| balls).at_least_m();
+        lower(&mut self.reference_clearance_m, clearance);
+    }
+
+    fn show(&self, report: &mut Report, name: &str) {
+        let line = |what: &str| format!("{name}: {what}");
+        let (figures, fates) = (&self.figures, &self.fates);
+        report.shown(
+            &line("what became of the replans"),
+            format!("of {}: {:?}", figures.in_motion, fates.counts),
+        );
+        report.shown(
+            &line("faults, reset before the next"),
+            format!("{:?}", self.faults),
+        );
+        report.none_of(
+            &line("replans neither begun nor refused by name with the old motion going on, or the robot stopped by name"),
+            &fates.unaccounted,
+        );
+        let [before, planning, pending, later] = fates.disturbed;
+        report.check(
+            &line("actions before the request, until its answer, until the switch, later"),
+            format!("{before}, {planning}, {pending}, {later}"),
+            "some until the answer and until the switch",
+            planning > 0 && pending > 0,
+        );
+        report.at_most(&line("results not heard"), fates.results_missed as f64, 0.0);
+        show_curves(report, &line, figures);
+        report.check(
+            &line("distance of the set-points in motion from the path that they follow, rad"),
+            format!(
+                "{:.1e} of {} ({})",
+                self.off_path.farthest_rad, self.off_path.looked_at, self.off_path.place
+            ),
+            &format!("<= {ON_PATH_RAD}"),
+            self.off_path.farthest_rad <= ON_PATH_RAD && self.off_path.looked_at > 0,
+        );
+        report.check(
+            &line("least clearance of what the robot's own reference did"),
+            format!("{:.5} m", self.reference_clearance_m),
+            ">= 0",
+            self.reference_clearance_m >= 0.0,
+        );
+    }
+}
+
+/// Asks a robot in motion while what is scheduled happens to its loop; returns when both are over.
+fn ask_in_motion(
+    stack: &mut Stack,
+    request: &PlanRequest,
+    schedule: &mut Schedule,
+) -> anyhow::Result<Replan> {
+    let mut disturbed_ns = Vec::new();
+    while !schedule.is_request_due() {
+        disturbed_ns.extend(schedule.carry_out(stack)?);
+        disturbance::rest();
+    }
+    let asked_ns = mono_now_ns();
+    let mut pending = stack.client.submit(request)?;
+    let mut answered = None;
+    loop {
+        disturbed_ns.extend(schedule.carry_out(stack)?);
+        if answered.is_none()
+            && let Some(answer) = stack.client.poll(&mut pending)?
+        {
+            let report = answer.report();
+            let refused = || refusal(report.outcome, &report.reason);
+            answered = Some((mono_now_ns(), report.trajectory_id.ok_or_else(refused)));
+        }
+        if schedule.is_over()
+            && let Some((answered_ns, answer)) = answered.take()
+        {
+            return Ok(Replan {
+                asked_ns,
+                answered_ns,
+                answer,
+                disturbed_ns,
+            });
+        }
+        disturbance::rest();
+    }
+}

@@ -1,0 +1,108 @@
+//! Faults while a motion is about to be joined: what the controller does, how far the set-point moves, and how everything goes on.
+//!
+//! The rows are those of the table "Faults while joining" in docs/control.md.
+
+mod floods;
+mod messages;
+mod outcome;
+mod rows;
+mod stand;
+
+use self::outcome::Outcome;
+use self::rows::{ROWS, Row};
+use self::stand::Stand;
+use crate::report::Report;
+use crate::scale::Scale;
+use tests::judge::SENT_USE;
+
+/// How far from its path rounding may bring a set-point, rad.
+const ON_PATH_RAD: f64 = 1e-9;
+
+/// Every row on processes of its own.
+pub(super) fn run(report: &mut Report, scale: Scale) {
+    let command = "acceptance motion, faults while joining";
+    for row in ROWS {
+        report.group(
+            &format!("faults while joining: {}", row.name),
+            command,
+            |report| {
+                for _ in 0..scale.pick(1, 3) {
+                    inject(report, row)?;
+                }
+                Ok(())
+            },
+        );
+    }
+}
+
+fn inject(report: &mut Report, row: &Row) -> anyhow::Result<()> {
+    let mut stand = Stand::new(row.way)?;
+    if let Some(intercept) = row.intercept {
+        intercept(&mut stand);
+    }
+    let joining = stand.ask_for_joining()?;
+    if row.is_pending {
+        stand.wait_until_pending(&joining)?;
+    }
+    let fault_ns = (row.inject)(&mut stand, &joining)?;
+    let heard = stand.settle()?;
+    let outcome = Outcome::of(&stand.stack.world.robot, &heard, &joining, fault_ns);
+    let recovered = (row.mend)(&mut stand).and_then(|()| stand.executes_anew());
+    if recovered.is_err() {
+        println!("{}", stand.last_words());
+    }
+    show(report, row, &mut stand, &outcome, &recovered);
+    Ok(())
+}
+
+fn show(
+    report: &mut Report,
+    row: &Row,
+    stand: &mut Stand,
+    outcome: &Outcome,
+    recovered: &anyhow::Result<()>,
+) {
+    let line = |what: &str| format!("faults while joining, {}: {what}", row.name);
+    let told = |[left, joined]: [&str; 2]| format!("the old motion: {left}; the new one: {joined}");
+    let [left, joined] = &outcome.ends;
+    report.check(
+        &line("what the controller did"),
+        told([left, joined]),
+        &told(row.ends),
+        outcome.ends == row.ends,
+    );
+    let notes = stand.notes();
+    report.shown(
+        &line("from the fault until rest"),
+        format!(
+            "{:.2} mm, {:.3} s, on the old path {}{notes}",
+            outcome.moved_mm,
+            outcome.rests_after_s,
+            outcome
+                .path_time_s
+                .map_or("none".to_owned(), |time_s| format!("{time_s:.3} s")),
+        ),
+    );
+    report.at_most(
+        &line("distance of the set-points in motion from the path that they follow, rad"),
+        outcome.off_path_rad,
+        ON_PATH_RAD,
+    );
+    let verdict = stand.judged();
+    let used = verdict.velocity.max(verdict.acceleration);
+    report.check(
+        &line("set-points inside all limits"),
+        format!(
+            "{used:.7} of a limit at most; {} offences {:?}",
+            verdict.offence_count,
+            verdict.offences.first()
+        ),
+        "0 offences",
+        verdict.offence_count == 0 && used <= SENT_USE && verdict.setpoints > 0,
+    );
+    let what = format!("{}, and a new plan is executed to its end", row.recovery);
+    let figure = recovered
+        .as_ref()
+        .map_or_else(|error| format!("{error:#}"), |()| "reached".to_owned());
+    report.check(&line("how it recovers"), figure, &what, recovered.is_ok());
+}
