@@ -13,7 +13,7 @@ use super::request_validator::{PlanKind, PlanTask};
 use crate::execution::{FollowedMotion, RobotMotion, Switch};
 
 /// Time from a plan until the controller's loop has it, beside the time that planning takes.
-const TO_THE_LOOP: Duration = Duration::from_micros(2_500);
+const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
 /// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.

@@ -5,7 +5,7 @@ use crate::parameterize::interval::Interval;
 use crate::scaling::stopping::Braking;
 
 /// Halvings of a speed that the velocity limit does not allow.
-const BISECTIONS: usize = 24;
+const BISECTIONS: usize = 14;
 
 /// A braking in tendon space, ÷ the acceleration limit.
 #[derive(Clone, Debug)]
