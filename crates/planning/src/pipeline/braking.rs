@@ -156,12 +156,13 @@ impl<'a> Braking<'a> {
     }
 
     /// Puts the straight segment in the place of the path of the fastest motion, where its motion is faster: from rest, only segments
-    /// that could be the fastest of all were tried.
+    /// that could be the fastest of all were tried. What remains of a motion that is followed is not left for less than its worth.
     fn straighten_fastest(&self, plan: &mut Plan, straight: impl Fn(Configuration) -> Draw) {
         let duration_s = |candidate: &&mut Candidate| candidate.metrics.duration_s;
         let candidates = plan.candidates.iter_mut();
         let fastest = candidates.min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)));
-        let Some(fastest) = fastest.filter(|fastest| fastest.source != Source::StraightLine) else {
+        let stays = |it: &&mut Candidate| matches!(it.source, Source::StraightLine | Source::Kept);
+        let Some(fastest) = fastest.filter(|it| !stays(it)) else {
             return;
         };
         let mut draw = straight(fastest.end());
