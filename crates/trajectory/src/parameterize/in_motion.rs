@@ -241,7 +241,11 @@ impl Lead {
     /// Whether the braking alone keeps the velocity limit: a state that still accelerates becomes faster first, the more the gentler it
     /// brakes.
     fn keeps_velocity(&self, problem: &Problem<'_>, rows: &TendonRows) -> bool {
-        let knots = self.braking(problem, rows).knots(problem.start.state);
+        let state = Knot {
+            time: 0.0,
+            ..problem.start.state
+        };
+        let knots = self.braking(problem, rows).knots(state);
         let Ok(motion) = Trajectory::new(knots) else {
             return false;
         };
