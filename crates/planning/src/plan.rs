@@ -90,6 +90,14 @@ impl Candidate {
         }
     }
 
+    /// Its motion.
+    pub(crate) fn certified(&self) -> Certified {
+        Certified {
+            trajectory: Arc::clone(&self.trajectory),
+            metrics: self.metrics,
+        }
+    }
+
     /// The configuration that the motion ends in, radians.
     #[must_use]
     pub fn end(&self) -> Configuration {

@@ -91,7 +91,8 @@ impl Service {
     /// Sets the start of a task that begins where the robot is; returns where and when it begins, and the problem to be planned, with the
     /// live scene unless the request ignores that.
     fn start(&self, task: &mut PlanTask, attempt: u32) -> Result<Start, NotReady> {
-        let lead = self.lead_times.lead(task.kind()) * attempt;
+        // A plan that came too late mostly was an exception: the second one is foreseen like the first.
+        let lead = self.lead_times.lead(task.kind()) * attempt.div_ceil(2);
         let robot = self.execution.robot_motion();
         let not_before_mono_ns = task.begin_mono_ns;
         let now = mono_now_ns();

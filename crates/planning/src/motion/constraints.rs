@@ -81,7 +81,7 @@ impl<'a> MotionConstraints<'a> {
     }
 
     /// Times a path that begins where a robot in this state can rest, from the state on: the path begins while the robot still brakes.
-    pub(crate) fn time_from(
+    pub(super) fn time_from(
         &self,
         state: &Knot,
         path: &[Configuration],
@@ -93,6 +93,26 @@ impl<'a> MotionConstraints<'a> {
         self.timed(Some(state), path, &options)
     }
 
+    /// A certified motion along a path that begins where a robot in this state can rest, from the state on, if it takes less than
+    /// `stop_then_go_s`: the path begins while the robot still brakes, or, where that is not certified, as soon as it has braked.
+    pub(crate) fn certified_from(
+        &self,
+        state: &Knot,
+        path: &[Configuration],
+        stop_then_go_s: f64,
+    ) -> Option<Certified> {
+        let options = ParameterizationOptions {
+            knots: self.knots,
+            ..ParameterizationOptions::default()
+        };
+        let with_shares = |shares: &[f64]| {
+            let joined = self.timed_from(state, shares, path, &options).ok()?;
+            let is_faster = joined.duration() < stop_then_go_s;
+            is_faster.then(|| self.certified(joined).ok())?
+        };
+        with_shares(&BRAKING_SHARES).or_else(|| with_shares(&[]))
+    }
+
     /// Times a path to rest at its end: from rest, or from a state from which the robot can rest at the path's begin.
     pub(super) fn timed(
         &self,
@@ -100,17 +120,33 @@ impl<'a> MotionConstraints<'a> {
         path: &[Configuration],
         options: &ParameterizationOptions,
     ) -> Result<Trajectory, Failure> {
+        if let Some(state) = state {
+            return self.timed_from(state, &BRAKING_SHARES, path, options);
+        }
         let (tendons, limits) = (&self.robot.tendons, &self.limits);
-        let timed = PARAMETERIZER.with_borrow_mut(|parameterizer| match state {
-            None => parameterizer.parameterize(path, tendons, limits, options),
-            Some(state) => {
-                let start = MovingStart {
-                    state: *state,
-                    path,
-                    braking_shares: &BRAKING_SHARES,
-                };
-                parameterizer.parameterize_from(&start, tendons, limits, options)
-            }
+        let timed = PARAMETERIZER.with_borrow_mut(|parameterizer| {
+            parameterizer.parameterize(path, tendons, limits, options)
+        });
+        timed.map_err(|_| Failure::Time)
+    }
+
+    /// Times a path to rest at its end from a state from which the robot can rest at the path's begin, with these shares of the
+    /// acceleration limit for its braking beside the path, or else all of it.
+    fn timed_from(
+        &self,
+        state: &Knot,
+        braking_shares: &[f64],
+        path: &[Configuration],
+        options: &ParameterizationOptions,
+    ) -> Result<Trajectory, Failure> {
+        let (tendons, limits) = (&self.robot.tendons, &self.limits);
+        let start = MovingStart {
+            state: *state,
+            path,
+            braking_shares,
+        };
+        let timed = PARAMETERIZER.with_borrow_mut(|parameterizer| {
+            parameterizer.parameterize_from(&start, tendons, limits, options)
         });
         timed.map_err(|_| Failure::Time)
     }

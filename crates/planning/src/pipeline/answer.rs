@@ -91,7 +91,8 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
     let padded = context.constraints.padded;
     let after = RequestContext::new(context.resources, padded, &after, &shorter, supervision);
     let plan = from_rest(&after)?;
-    Ok(braking.plan(plan))
+    let straight = |end| straight_line::to(&after, &end);
+    Ok(braking.plan(plan, straight))
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.

@@ -5,13 +5,12 @@ use crate::motion::along_polyline::append;
 use crate::motion::constraints::MotionConstraints;
 use crate::motion::through::Through;
 use crate::path::waypoints::{WAYPOINTS, resample};
-use crate::plan::{Candidate, Certified, Failure, Plan};
+use crate::plan::{Candidate, Certified, Draw, Failure, Plan};
 use crate::problem::Problem;
 use crate::request::{Request, StartMotion};
-use codes::Stage;
+use codes::{Source, Stage};
 use pcc_model::{Configuration, TendonLimits};
 use rayon::prelude::*;
-use std::sync::Arc;
 use trajectory::{Knot, Trajectory, limit_use, stopping_motion};
 
 /// Knots that a motion may have at least, however many its braking needs.
@@ -116,9 +115,9 @@ impl<'a> Braking<'a> {
     /// The motion to the end of this one that begins while the robot brakes, if it is certified and faster than one after the other.
     fn beside(&self, motion: &Trajectory) -> Option<Certified> {
         let path = resample(&motion.sample(SAMPLES));
-        let joined = self.constraints.time_from(self.state(), &path).ok()?;
-        let is_faster = joined.duration() < self.motion.duration() + motion.duration();
-        is_faster.then(|| self.constraints.certified(joined).ok())?
+        let stop_then_go_s = self.motion.duration() + motion.duration();
+        self.constraints
+            .certified_from(self.state(), &path, stop_then_go_s)
     }
 
     /// Braking to rest, and then a certified motion with this clearance, section lengths. Among moving balls that is certified as a
@@ -132,29 +131,51 @@ impl<'a> Braking<'a> {
         Ok(self.constraints.describe(whole, clearance))
     }
 
-    /// The plan with every motion joined to the braking, and the figures of the whole motions.
-    pub(crate) fn plan(&self, mut plan: Plan) -> Plan {
-        let Plan {
-            candidates,
-            stages,
-            draws,
-            ..
-        } = &mut plan;
-        let whole = |candidate| self.candidate(candidate);
-        let joined: Vec<_> =
-            stages.measure(Stage::Select, || candidates.par_iter().map(whole).collect());
-        for (candidate, joined) in candidates.iter().zip(&joined) {
-            if joined.is_none() {
-                draws[candidate.draw].outcome = Err(Failure::Collision);
-            }
-        }
-        *candidates = joined.into_iter().flatten().collect();
-        for candidate in &plan.candidates {
-            plan.draws[candidate.draw].outcome = Ok(Certified {
-                trajectory: Arc::clone(&candidate.trajectory),
-                metrics: candidate.metrics,
-            });
-        }
+    /// The plan with every motion joined to the braking, and the figures of the whole motions. `straight` makes a motion from rest of
+    /// the straight segment to a configuration.
+    pub(crate) fn plan(&self, mut plan: Plan, straight: impl Fn(Configuration) -> Draw) -> Plan {
+        let mut stages = plan.stages;
+        stages.measure(Stage::Select, || {
+            self.join(&mut plan);
+            self.straighten_fastest(&mut plan, straight);
+        });
+        plan.stages = stages;
         plan
+    }
+
+    fn join(&self, plan: &mut Plan) {
+        let whole = |candidate| self.candidate(candidate);
+        let joined: Vec<_> = plan.candidates.par_iter().map(whole).collect();
+        for (candidate, joined) in plan.candidates.iter().zip(&joined) {
+            plan.draws[candidate.draw].outcome = match joined {
+                Some(joined) => Ok(joined.certified()),
+                None => Err(Failure::Collision),
+            };
+        }
+        plan.candidates = joined.into_iter().flatten().collect();
+    }
+
+    /// Puts the straight segment in the place of the path of the fastest motion, where its motion is faster: from rest, only segments
+    /// that could be the fastest of all were tried. What remains of a motion that is followed is not left for less than its worth.
+    fn straighten_fastest(&self, plan: &mut Plan, straight: impl Fn(Configuration) -> Draw) {
+        let duration_s = |candidate: &&mut Candidate| candidate.metrics.duration_s;
+        let candidates = plan.candidates.iter_mut();
+        let fastest = candidates.min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)));
+        let stays = |it: &&mut Candidate| matches!(it.source, Source::StraightLine | Source::Kept);
+        let Some(fastest) = fastest.filter(|it| !stays(it)) else {
+            return;
+        };
+        let mut draw = straight(fastest.end());
+        let Ok(motion) = &draw.outcome else {
+            return;
+        };
+        let from_rest = Candidate::of(fastest.draw, draw.source, motion);
+        let joined = self.candidate(&from_rest);
+        let Some(joined) = joined.filter(|it| it.metrics.duration_s < duration_s(&fastest)) else {
+            return;
+        };
+        draw.outcome = Ok(joined.certified());
+        plan.draws[joined.draw] = draw;
+        *fastest = joined;
     }
 }

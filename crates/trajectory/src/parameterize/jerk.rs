@@ -267,6 +267,7 @@ fn sum(first: &Knot, second: &Knot) -> Knot {
 mod tests {
     use super::*;
     use crate::limits::tendon_rows::TendonRows;
+    use crate::parameterize::topp::Grid;
     use crate::test_paths::{smooth_path, unit_limits, unit_tendons};
     use rand::SeedableRng;
 
@@ -279,7 +280,7 @@ mod tests {
             let (mut spline, mut profile) = (Spline::default(), SpeedProfile::default());
             let mut timed = TimedPath::default();
             assert!(spline.rebuild(&smooth_path(&mut random, 64), 0.1, 0.0));
-            let solved = profile.solve(&spline, &rows, &unit_limits(), 128, None);
+            let solved = profile.solve(&spline, &rows, &unit_limits(), Grid::refined(128), None);
             assert!(solved);
             assert!(timed.rebuild(&spline, &profile));
             timed.set_average(WIDTH);

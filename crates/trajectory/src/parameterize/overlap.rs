@@ -5,7 +5,7 @@ use crate::parameterize::interval::Interval;
 use crate::scaling::stopping::Braking;
 
 /// Halvings of a speed that the velocity limit does not allow.
-const BISECTIONS: usize = 24;
+const BISECTIONS: usize = 14;
 
 /// A braking in tendon space, ÷ the acceleration limit.
 #[derive(Clone, Debug)]
@@ -109,18 +109,42 @@ impl Overlap {
     /// Whether the sum of both keeps the velocity limit at the end of a step with this ṡ² there.
     fn keeps_velocity(&self, step: &Step<'_>, next: f64) -> bool {
         let time = step.time + step.duration(next);
-        let left = (1.0 - time / self.braking.duration).max(0.0);
-        let speed = next.sqrt();
-        step.interval
-            .to
-            .iter()
-            .zip(&self.velocity)
-            .all(|(to, velocity)| {
-                (0..LANES).all(|lane| {
-                    let sum = to.slope[lane] * speed + velocity[lane] * left;
-                    // Where the braking alone exceeds the limit, it must not become more.
-                    sum.abs() <= step.largest_speed.max(velocity[lane].abs())
-                })
+        let (limit, speed) = (step.largest_speed, next.sqrt());
+        step.interval.to.iter().enumerate().all(|(block, to)| {
+            (0..LANES).all(|lane| {
+                let own = to.slope[lane] * speed;
+                let from = self.velocity[block][lane];
+                let least = own + self.velocity_at(block, lane, time);
+                // Before averaging, the braking of a state that still accelerates may exceed the limit, which its average keeps.
+                let is_faster = from.abs() > limit && own * from > 0.0;
+                let most = if is_faster {
+                    own.abs() + self.largest_mean_after(block, lane, time)
+                } else {
+                    least.abs()
+                };
+                most <= limit
             })
+        })
+    }
+
+    /// Velocity of a tendon while it brakes, before averaging, s.
+    fn velocity_at(&self, block: usize, lane: usize, time: f64) -> f64 {
+        self.velocity[block][lane] * (1.0 - time / self.braking.duration).max(0.0)
+    }
+
+    /// The largest magnitude of a tendon's averaged velocity from a time on, s.
+    fn largest_mean_after(&self, block: usize, lane: usize, time: f64) -> f64 {
+        let (width, duration) = (self.braking.width(), self.braking.duration);
+        let from = self.velocity[block][lane];
+        let before = self.before[block][lane] * from.signum();
+        let braked = from.abs() / duration;
+        let peak = width * before.max(0.0) / (before + braked);
+        let time = time.max(peak).min(duration);
+        if time < width {
+            let at_begin = from.abs() - 0.5 * before * width;
+            at_begin + time * (before - (before + braked) * 0.5 * time / width)
+        } else {
+            from.abs() - braked * (time - 0.5 * width)
+        }
     }
 }

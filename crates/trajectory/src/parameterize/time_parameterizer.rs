@@ -5,7 +5,7 @@ use crate::limits::tendon_rows::{TendonRows, limits_are_valid};
 use crate::parameterize::jerk::TimedPath;
 use crate::parameterize::options::{MAX_KNOTS, ParameterizationError, ParameterizationOptions};
 use crate::parameterize::placement::{Placement, Target};
-use crate::parameterize::topp::SpeedProfile;
+use crate::parameterize::topp::{Grid, SpeedProfile};
 use crate::parameterize::width::WidthSearch;
 use crate::{Knot, LimitUse, Trajectory};
 use pcc_model::{Configuration, TendonLimits, TendonMap};
@@ -93,10 +93,8 @@ impl TimeParameterizer {
         limits: &TendonLimits,
         options: &ParameterizationOptions,
     ) -> Result<(), ParameterizationError> {
-        let (spline, intervals) = (&self.spline, options.grid_intervals);
-        let is_solved = self
-            .profile
-            .solve(spline, &self.rows, limits, intervals, None);
+        let (spline, grid) = (&self.spline, Grid::refined(options.grid_intervals));
+        let is_solved = self.profile.solve(spline, &self.rows, limits, grid, None);
         if !is_solved || !self.timed.rebuild(spline, &self.profile) {
             return Err(ParameterizationError::NotTimeable(*limits));
         }

@@ -43,24 +43,49 @@ const EXCESS_TOLERANCE: f64 = 0.02;
 const UNBOUNDED: f64 = 1e100;
 /// Into how many parts an interval is divided whose speeds are not optimal.
 const PARTS_WHERE_NOT_OPTIMAL: u32 = 4;
-/// The most times that the grid is refined.
-const REFINEMENTS: usize = 2;
+
+/// How finely the speed is planned.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Grid {
+    /// About how many intervals there are at first.
+    pub(crate) intervals: usize,
+    /// The most times that they are divided where that is needed.
+    pub(crate) refinements: usize,
+}
+
+impl Grid {
+    /// So many intervals, refined as often as pays off.
+    pub(crate) fn refined(intervals: usize) -> Self {
+        Self {
+            intervals,
+            refinements: 2,
+        }
+    }
+
+    /// So many intervals, as they are: for durations that need not be exact.
+    pub(crate) fn coarse(intervals: usize) -> Self {
+        Self {
+            intervals,
+            refinements: 0,
+        }
+    }
+}
 
 impl SpeedProfile {
-    /// Finds the fastest x from rest to rest along `spline` on about `intervals` grid intervals, beside a braking that uses
-    /// the limits too; false where numbers leave f64's range, or where the path leaves the braking no room.
+    /// Finds the fastest x from rest to rest along `spline` on a grid, beside a braking that uses
+    /// the limits too; false where numbers leave f64's range.
     pub(crate) fn solve(
         &mut self,
         spline: &Spline,
         rows: &TendonRows,
         limits: &TendonLimits,
-        intervals: usize,
+        grid: Grid,
         braking: Option<&Overlap>,
     ) -> bool {
         self.path.rebuild(spline, rows, limits.acceleration);
         let largest_speed = limits.velocity / limits.acceleration;
-        self.lay_grid(spline, intervals);
-        for round in 0..=REFINEMENTS {
+        self.lay_grid(spline, grid.intervals);
+        for round in 0..=grid.refinements {
             self.project(spline, largest_speed);
             if !self.backward() {
                 return false;
@@ -70,10 +95,9 @@ impl SpeedProfile {
                     self.begin = 0.0;
                     self.forward(0, 0.0);
                 }
-                Some(braking) if self.forward_beside(braking, largest_speed) => {}
-                Some(_) => return false,
+                Some(braking) => self.forward_beside(braking, largest_speed),
             }
-            if round == REFINEMENTS || !self.refine(largest_speed) {
+            if round == grid.refinements || !self.refine(largest_speed) {
                 break;
             }
         }
@@ -183,14 +207,14 @@ impl SpeedProfile {
     }
 
     /// From rest at the start, the largest x at each next point that leave the braking what it uses of the limits; where it leaves
-    /// nothing to begin with, the path begins after it. False where the path bends too much for the speed that it has meanwhile.
-    fn forward_beside(&mut self, braking: &Overlap, largest_speed: f64) -> bool {
+    /// too little, the path begins after it.
+    fn forward_beside(&mut self, braking: &Overlap, largest_speed: f64) {
         (self.begin, self.square_speed) = (0.0, vec![0.0]);
         let (mut time, mut x) = (0.0, 0.0);
         for i in 0..self.grid.len() - 1 {
             if time >= braking.duration() {
                 self.forward(i, x);
-                return true;
+                return;
             }
             let interval = self.interval(i);
             let step = Step {
@@ -201,21 +225,16 @@ impl SpeedProfile {
                 largest_speed,
             };
             let most = self.reachable[i + 1];
-            match braking.largest_second(&step, most) {
-                Some(next) if next > 0.0 => {
-                    time += step.duration(next);
-                    x = next;
-                }
-                Some(_) | None if i == 0 => {
-                    self.begin = braking.duration();
-                    self.forward(0, 0.0);
-                    return true;
-                }
-                _ => return false,
-            }
+            let next = braking.largest_second(&step, most);
+            let Some(next) = next.filter(|next| *next > 0.0) else {
+                self.begin = braking.duration();
+                self.forward(0, 0.0);
+                return;
+            };
+            time += step.duration(next);
+            x = next;
             self.square_speed.push(x);
         }
-        true
     }
 
     /// Divides intervals; false if all are fine enough, or as fine as numbers allow.
@@ -290,7 +309,13 @@ mod tests {
         let (mut spline, mut profile) = (Spline::default(), SpeedProfile::default());
         assert!(spline.rebuild(path, 0.1, 0.0));
         let rows = TendonRows::of(&unit_tendons());
-        let is_solved = profile.solve(&spline, &rows, &unit_limits(), intervals, None);
+        let is_solved = profile.solve(
+            &spline,
+            &rows,
+            &unit_limits(),
+            Grid::refined(intervals),
+            None,
+        );
         (spline, profile, is_solved)
     }
 

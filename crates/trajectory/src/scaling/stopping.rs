@@ -91,7 +91,7 @@ pub(crate) struct Braking {
 
 impl Braking {
     /// The narrowest average found that keeps the jerk limit; 2a/j always does.
-    fn from(state: &Knot, rows: &TendonRows, limits: &TendonLimits) -> Self {
+    pub(crate) fn from(state: &Knot, rows: &TendonRows, limits: &TendonLimits) -> Self {
         let narrowest = narrowest_width(state, rows, limits);
         let widest = narrowest.max(2.0 * limits.acceleration / limits.jerk);
         let best = Self::with_width(widest, state, rows, limits);
@@ -133,6 +133,11 @@ impl Braking {
         }
     }
 
+    /// Width of the average, s.
+    pub(crate) fn width(&self) -> f64 {
+        self.width
+    }
+
     /// The width of the average, s, at which the largest step of tendon acceleration, spread over it, just keeps the jerk limit.
     fn needed_width(&self, rows: &TendonRows, limits: &TendonLimits) -> f64 {
         let braking = self.velocity / -self.duration;
@@ -141,7 +146,8 @@ impl Braking {
         largest.fold(0.0, f64::max) / limits.jerk
     }
 
-    fn knots(&self, from: Knot) -> Vec<Knot> {
+    /// The averaged motion from a state on, its knots.
+    pub(crate) fn knots(&self, from: Knot) -> Vec<Knot> {
         let (width, duration) = (self.width, self.duration);
         let end = width + duration;
         // The mean over the history is the given position.

@@ -1,0 +1,228 @@
+//! Prints when motions that begin in motion arrive, against a stop followed by the fastest of ten motions to the same goal
+//! configuration, and how long planning takes.
+//!
+//! Chains of requests in general scenes at random instants of the fastest motion, as the acceptance program's replans; the number of replans
+//! is the first argument (400 if none is given). `cargo run --release -p planning --example replans`
+
+use collision::{Scene, tracking_padding};
+use datasets::scenes::{Setting, draw_target};
+use denoiser::{FastModel, Manifest};
+use pcc_model::{Configuration, Robot, UnitRobot};
+use planning::{
+    Candidate, Goal, MOST_CORRECTIONS, Models, MovingObstacles, Plan, Planner, Problem, Request,
+    Sampler, Stage, StartMotion, random_configuration,
+};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+use trajectory::{Knot, Trajectory, stopping_motion};
+
+/// Seed of scenes, tips and pauses.
+const SEED: u64 = 9_101;
+/// Replans in one scene.
+const IN_A_SCENE: usize = 25;
+/// Shortest and longest pause between two requests, s.
+const PAUSES_S: [f64; 2] = [0.06, 0.9];
+/// Room of starts and targets beside the tube, section lengths.
+const ROOM: f64 = 0.1;
+
+/// What replans showed.
+#[derive(Default)]
+struct Figures {
+    /// (stop-then-go − joined) ÷ the shortest stop.
+    won: Vec<f64>,
+    /// Time of a request in motion, and of joining its motions, ms.
+    planned_ms: Vec<f64>,
+    joined_ms: Vec<f64>,
+    /// Requests in motion without a motion.
+    refused: usize,
+}
+
+/// A chain of requests in one scene.
+struct Chain<'a> {
+    planner: &'a Planner,
+    scene: Scene,
+    /// The motion under way, and how far it is, s.
+    motion: Trajectory,
+    time_s: f64,
+}
+
+fn quantile(values: &mut [f64], share: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values[((values.len() - 1) as f64 * share) as usize]
+}
+
+fn fastest(plan: &Plan) -> Option<&Candidate> {
+    let duration_s = |c: &&Candidate| c.metrics.duration_s;
+    let candidates = plan.candidates.iter();
+    candidates.min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))
+}
+
+fn request(robot: &UnitRobot, seed: u64, start_motion: Option<StartMotion>) -> Request {
+    Request {
+        candidates: 10,
+        seed,
+        sampler: Sampler::Default,
+        limits_scale: 1.0,
+        padding: tracking_padding(robot, 0.01),
+        knots: 96,
+        corrections: MOST_CORRECTIONS,
+        start_motion,
+        previous: None,
+    }
+}
+
+impl Chain<'_> {
+    fn problem(&self, start: Configuration, goal: Goal) -> Problem {
+        Problem {
+            start,
+            goal,
+            scene: self.scene.clone(),
+            moving: MovingObstacles::default(),
+        }
+    }
+
+    /// A random configuration with room around it.
+    fn target(&self, random: &mut Pcg64) -> Configuration {
+        let robot = self.planner.robot();
+        loop {
+            let configuration = random_configuration(robot, random);
+            if self.scene.clearance_at(robot, &configuration) >= ROOM {
+                return configuration;
+            }
+        }
+    }
+
+    /// Asks for another goal now; compares where the robot is in motion.
+    fn replan(
+        &mut self,
+        seed: u64,
+        random: &mut Pcg64,
+        figures: &mut Figures,
+    ) -> Result<(), Box<dyn Error>> {
+        let robot = self.planner.robot();
+        let goal = Goal::Tip(robot.tip(&self.target(random)));
+        let state = self.motion.at(self.time_s);
+        let is_moving = self.time_s < self.motion.duration();
+        let start_motion = is_moving.then_some(StartMotion {
+            velocity: state.velocity,
+            acceleration: state.acceleration,
+        });
+        let problem = self.problem(state.position, goal);
+        let clock = Instant::now();
+        let request = request(robot, seed, start_motion);
+        let plan = self.planner.plan(&problem, &request, &|| false);
+        let took_ms = clock.elapsed().as_secs_f64() * 1e3;
+        let Some((plan, best)) = plan.as_ref().ok().and_then(|p| Some((p, fastest(p)?))) else {
+            figures.refused += usize::from(is_moving);
+            return Ok(());
+        };
+        if is_moving {
+            figures.planned_ms.push(took_ms);
+            figures.joined_ms.push(plan.stages[Stage::Select] * 1e3);
+            self.compare(best, seed, figures)?;
+        }
+        (self.motion, self.time_s) = (Trajectory::clone(&best.trajectory), 0.0);
+        Ok(())
+    }
+
+    /// Against a stop, and the fastest of ten motions to the same goal configuration.
+    fn compare(
+        &self,
+        best: &Candidate,
+        seed: u64,
+        figures: &mut Figures,
+    ) -> Result<(), Box<dyn Error>> {
+        let robot = self.planner.robot();
+        let first = best.trajectory.knots()[0];
+        let state = Knot { time: 0.0, ..first };
+        let stop = stopping_motion(&state, &robot.tendons, &robot.tendon_limits)?;
+        let problem = self.problem(stop.end(), Goal::Configuration(best.end()));
+        let reference = self
+            .planner
+            .plan(&problem, &request(robot, seed, None), &|| false)?;
+        if let Some(go) = fastest(&reference) {
+            let won = stop.duration() + go.metrics.duration_s - best.metrics.duration_s;
+            if won < 0.0 {
+                println!(
+                    "later: seed {seed}, {:.3} of a stop of {:.3} s; {} took {:.3} s, alone {} {:.3} s",
+                    won / stop.duration(),
+                    stop.duration(),
+                    best.source,
+                    best.metrics.duration_s,
+                    go.source,
+                    go.metrics.duration_s
+                );
+            }
+            figures.won.push(won / stop.duration());
+        }
+        Ok(())
+    }
+}
+
+fn planner() -> Result<Planner, Box<dyn Error>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let robot = Robot::from_file(&root.join("config/robots/unit.toml"))?;
+    let weights = Manifest::open(&root.join("weights"))?.weights("fast")?;
+    let models = Models {
+        fast: Some(FastModel::from_weights(&weights, robot.bending_limit)?),
+        ..Models::default()
+    };
+    let robot = robot.to_unit().ok_or("sections of equal length")?;
+    Ok(Planner::new(robot, models, 2)?)
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let count = std::env::args().nth(1);
+    let count = count.map_or(Ok(400), |count| count.parse())?;
+    let planner = planner()?;
+    let mut random = Pcg64::seed_from_u64(SEED);
+    let mut figures = Figures::default();
+    let mut scenes = (0..).filter_map(|i| {
+        draw_target(planner.robot(), Setting::General(None), SEED, i).map(|target| target.scene)
+    });
+    let mut seed = 0;
+    while figures.won.len() < count {
+        let scene = scenes.next().ok_or("scenes go on without end")?;
+        let rest = Configuration::zeros();
+        if scene.clearance_at(planner.robot(), &rest) < ROOM {
+            continue;
+        }
+        let mut chain = Chain {
+            planner: &planner,
+            scene,
+            motion: Trajectory::new(vec![Knot::resting(0.0, rest), Knot::resting(1e-3, rest)])?,
+            time_s: 1.0,
+        };
+        for _ in 0..=IN_A_SCENE {
+            chain.replan(seed, &mut random, &mut figures)?;
+            seed += 1;
+            chain.time_s += random.random_range(PAUSES_S[0]..PAUSES_S[1]);
+        }
+    }
+    let Figures {
+        won,
+        planned_ms,
+        joined_ms,
+        refused,
+    } = &mut figures;
+    let later = won.iter().filter(|won| **won < -1e-6).count();
+    println!(
+        "{} replans, {refused} refused: won {:.3} of the shortest stop in the median, p10 {:.3}, p1 {:.3}, least {:.3}; {later} later; \
+         planned in {:.2} ms, p90 {:.2}, p99 {:.2}; joined in {:.2} ms, p90 {:.2}, p99 {:.2}",
+        won.len(),
+        quantile(won, 0.5),
+        quantile(won, 0.1),
+        quantile(won, 0.01),
+        quantile(won, 0.0),
+        quantile(planned_ms, 0.5),
+        quantile(planned_ms, 0.9),
+        quantile(planned_ms, 0.99),
+        quantile(joined_ms, 0.5),
+        quantile(joined_ms, 0.9),
+        quantile(joined_ms, 0.99),
+    );
+    Ok(())
+}
