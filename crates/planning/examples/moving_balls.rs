@@ -24,6 +24,7 @@ const REQUESTS: u64 = 100;
 const SPREAD: TimeSpread = TimeSpread {
     earliest: -0.61,
     latest: 0.81,
+    seen: f64::NEG_INFINITY,
 };
 
 /// A ball that passes near a point of the workspace at some time of the first seconds.

@@ -100,22 +100,23 @@ impl MovingObstacles {
         configuration: &Configuration,
         stop_s: f64,
     ) -> f64 {
-        let covering = self.covering(robot, stop_s, [0.0; 2]);
-        let at_once = covering.iter().map(|moving| moving.ball).collect();
-        let scene = Scene::new(at_once).unwrap_or_default();
-        scene.clearance_at(robot, configuration)
+        let clearances = self.covers(robot, stop_s, [0.0; 2]).map(|covering| {
+            let at_once = covering.iter().map(|moving| moving.ball).collect();
+            let scene = Scene::new(at_once).unwrap_or_default();
+            scene.clearance_at(robot, configuration)
+        });
+        clearances.fold(f64::NEG_INFINITY, f64::max)
     }
 
     /// The same balls for a motion whose time zero is `later_s` seconds later.
     #[must_use]
     pub fn after(&self, later_s: f64) -> Self {
         let mut after = self.clone();
-        let balls = after
-            .sources
-            .iter_mut()
-            .flat_map(|source| &mut source.balls);
-        for moving in balls {
-            moving.ball = moving.at(later_s);
+        for source in &mut after.sources {
+            source.spread.seen -= later_s;
+            for moving in &mut source.balls {
+                moving.ball = moving.at(later_s);
+            }
         }
         after
     }
@@ -126,21 +127,52 @@ impl MovingObstacles {
         braking.map_or(0.0, |law| law.longest_stop(motion.knots()))
     }
 
-    /// Balls that cover all places where the balls can be between two times of a motion (s) on which a stop takes so long.
+    /// Two sets of balls, each of which covers by itself all places where the balls can be between two times of a motion (s) on which a stop
+    /// takes so long: by how much they may be late or early, and since they were seen. The second one is left out where it is not known for
+    /// all of them.
+    pub(crate) fn covers(
+        &self,
+        robot: &UnitRobot,
+        stop_s: f64,
+        times: [f64; 2],
+    ) -> impl Iterator<Item = Vec<MovingBall>> {
+        let mut sets: [Option<Vec<MovingBall>>; 2] = [Some(Vec::new()), Some(Vec::new())];
+        for source in self
+            .sources
+            .iter()
+            .filter(|source| !source.balls.is_empty())
+        {
+            let spread = TimeSpread {
+                earliest: source.spread.earliest - stop_s,
+                latest: source.spread.latest + stop_s,
+                seen: source.spread.seen,
+            };
+            let mut covers = spread.covers(&source.balls, robot, times);
+            for set in &mut sets {
+                *set = set.take().zip(covers.next()).map(|(mut all, more)| {
+                    all.extend(more);
+                    all
+                });
+            }
+        }
+        sets.into_iter().flatten()
+    }
+
+    /// Whether all balls were seen so lately that in a motion of this duration (s) they come to fewer places since then than they might
+    /// have been late for.
+    pub(crate) fn is_seen_within(&self, duration_s: f64) -> bool {
+        let mut spreads = self.sources.iter().map(|source| source.spread);
+        spreads.all(|spread| duration_s - spread.seen < -spread.earliest)
+    }
+
+    /// The first set of [`covers`](Self::covers).
     pub(crate) fn covering(
         &self,
         robot: &UnitRobot,
         stop_s: f64,
         times: [f64; 2],
     ) -> Vec<MovingBall> {
-        let covering = self.sources.iter().flat_map(|source| {
-            let spread = TimeSpread {
-                earliest: source.spread.earliest - stop_s,
-                latest: source.spread.latest + stop_s,
-            };
-            spread.cover(&source.balls, robot, times)
-        });
-        covering.collect()
+        self.covers(robot, stop_s, times).next().unwrap_or_default()
     }
 
     /// `scene` with balls at rest that cover the way of each ball until `until_s` seconds after the motion's time zero; the scene alone

@@ -16,6 +16,7 @@ use trajectory::{BRAKING_SHARE, RateLaw, Trajectory};
 const SPREAD: TimeSpread = TimeSpread {
     earliest: -0.5,
     latest: 0.6,
+    seen: f64::NEG_INFINITY,
 };
 
 /// A quarter turn of the whole robot, with a ball in the middle of the tip's straight way at `met_s`.

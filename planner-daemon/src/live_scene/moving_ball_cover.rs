@@ -9,7 +9,6 @@
 //! certificate. That piece of its way is covered by balls that move along with it.
 
 use collision::{MovingBall, TimeSpread};
-use pcc_model::UnitRobot;
 
 /// Slowest rate of a motion that the positions of moving balls are computed for.
 const MIN_RATE: f64 = 0.05;
@@ -83,21 +82,14 @@ pub(crate) struct MovingBallCover {
 }
 
 impl MovingBallCover {
-    /// Balls that cover all of `balls`, which are where they were at the stamp, while the motion is between these path times, those left
-    /// out that the robot cannot reach.
-    pub(crate) fn cover_all(
-        &self,
-        balls: &[MovingBall],
-        padded: &UnitRobot,
-        path_times_s: [f64; 2],
-    ) -> Vec<MovingBall> {
-        self.spread()
-            .cover(&self.by_path_time(balls), padded, path_times_s)
+    /// Age of the scene when the motion's own time is zero, s.
+    fn age_s(&self) -> f64 {
+        (self.timing.zero_mono_ns - self.stamp_mono_ns) as f64 * 1e-9
     }
 
     /// The balls where they are when the motion's own time is zero, with their velocities by that time.
     pub(crate) fn by_path_time(&self, balls: &[MovingBall]) -> Vec<MovingBall> {
-        let age_s = (self.timing.zero_mono_ns - self.stamp_mono_ns) as f64 * 1e-9;
+        let age_s = self.age_s();
         let by_path_time = |moving: &MovingBall| MovingBall {
             ball: moving.at(age_s),
             velocity: moving.velocity / self.timing.rate,
@@ -111,6 +103,7 @@ impl MovingBallCover {
         TimeSpread {
             earliest: -either_side_s * self.timing.rate,
             latest: (either_side_s + self.lag_allowance_s) * self.timing.rate,
+            seen: -self.age_s() * self.timing.rate,
         }
     }
 }
@@ -134,6 +127,12 @@ mod tests {
         }
     }
 
+    fn covers(cover: &MovingBallCover, ball: MovingBall, times: [f64; 2]) -> Vec<Vec<MovingBall>> {
+        let balls = cover.by_path_time(&[ball]);
+        let covers = cover.spread().covers(&balls, &unit_robot(), times);
+        covers.collect()
+    }
+
     fn moving(speed: f64, radius: f64) -> MovingBall {
         MovingBall {
             ball: Ball {
@@ -154,7 +153,8 @@ mod tests {
             (30.0, 0.1),
         ] {
             let (ball, cover) = (moving(speed, radius), cover(0.3));
-            let covering = cover.cover_all(&[ball], &unit_robot(), [0.0, 0.7]);
+            let covers = covers(&cover, ball, [0.0, 0.7]);
+            assert_eq!(covers.len(), 2);
             for path_s in [0.0, 0.7] {
                 for step in 0..=100 {
                     // From a lifetime, an unsupervised time and a stop before to as much and the allowance after the time at which the
@@ -169,7 +169,7 @@ mod tests {
                             let other = other.at(path_s);
                             (surface - other.centre).norm() <= other.radius + 1e-12
                         };
-                        let is_covered = covering.iter().any(inside);
+                        let is_covered = covers.iter().all(|set| set.iter().any(inside));
                         let is_reached = surface.norm() < 3.0;
                         assert!(is_covered || !is_reached, "{speed} {radius} {off_s}");
                     }
@@ -180,7 +180,6 @@ mod tests {
 
     #[test]
     fn balls_out_of_reach_are_left_out() {
-        let robot = unit_robot();
         let count = |centre: Point, velocity: Point| {
             let ball = MovingBall {
                 ball: Ball {
@@ -189,7 +188,8 @@ mod tests {
                 },
                 velocity,
             };
-            cover(0.1).cover_all(&[ball], &robot, [0.0, 3.0]).len()
+            let covers = covers(&cover(0.1), ball, [0.0, 3.0]);
+            covers.iter().map(Vec::len).max().unwrap()
         };
         assert_eq!(
             count(Point::new(9.0, 0.0, 0.0), Point::new(-0.1, 0.0, 0.0)),

@@ -102,10 +102,20 @@ impl RetainedScene {
             lag_allowance_s: rest.lag_allowance_s,
         };
         let times = [rest.from_s, stretch.until_s];
-        let balls = cover.cover_all(&self.balls.moving, rest.padded, times);
-        let verdict = certify_moving(rest.padded, &balls, rest.motion, times);
-        (verdict, stretch)
+        let balls = cover.by_path_time(&self.balls.moving);
+        let covers = cover.spread().covers(&balls, rest.padded, times);
+        let verdicts = covers.map(|balls| certify_moving(rest.padded, &balls, rest.motion, times));
+        (free_or_first(verdicts), stretch)
     }
+}
+
+/// The verdict that a motion is free, if one says so; else the first one.
+fn free_or_first(mut verdicts: impl Iterator<Item = Verdict>) -> Verdict {
+    let first = verdicts.next().unwrap_or(Verdict::Free);
+    if first.is_free() || verdicts.any(|verdict| verdict.is_free()) {
+        return Verdict::Free;
+    }
+    first
 }
 
 fn moving_ball(ball: &message::MovingBall, robot: &UnitRobot) -> MovingBall {

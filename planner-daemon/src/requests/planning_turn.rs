@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use collision::SceneError;
 use planning::{Candidate, Problem};
-use shared_types::clock::mono_now_ns;
+use shared_types::clock::{mono_now_ns, seconds};
 use shared_types::codes::{Outcome, PlanField};
 
 use super::answer::{Answer, is_deliverable};
@@ -28,6 +28,8 @@ use crate::goal_keeping::Wanted;
 const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
 /// The same of a request whose goals are appended: a motion that is to be joined may be joined only once it has passed a goal.
 const LONGEST_DEFERRAL_OF_GOALS: Duration = Duration::from_millis(600);
+/// Longest delay of the begin of a motion to the goal that stays, s: the next plan is made sooner.
+const LONGEST_DELAY_TO_GOAL_S: f64 = 0.05;
 /// Times that a request is planned whose plan comes too late for its switch or for the live scene.
 const ATTEMPTS: u32 = 3;
 
@@ -65,6 +67,10 @@ impl Service {
                 return true;
             }
         };
+        if let Some(refusal) = begins_too_late(&queued.asker, &begin) {
+            self.refuse(&queued.asker, queued.task.request_id, &refusal);
+            return true;
+        }
         let cancelled = Arc::new(AtomicBool::new(false));
         self.runner.begin(Job {
             problem,
@@ -265,6 +271,20 @@ impl Service {
             self.goal.keeper.end_for_foreign(*id);
         }
     }
+}
+
+/// Why a motion to the goal that stays is not planned yet: it would begin so much later that it is planned again until then.
+fn begins_too_late(asker: &Asker, begin: &PlanBegin) -> Option<Refusal> {
+    let PlanBegin::AtRest { not_before_mono_ns } = begin else {
+        return None;
+    };
+    let delay_s = seconds((*not_before_mono_ns)? - mono_now_ns());
+    if !matches!(asker, Asker::GoalKeeper) || delay_s <= LONGEST_DELAY_TO_GOAL_S {
+        return None;
+    }
+    let reason =
+        format!("a moving obstacle may be where the robot rests for another {delay_s:.1} s");
+    Some(Refusal::new(Outcome::NoPath, reason))
 }
 
 /// Whether a motion is refused because it came too late for its switch, or for the obstacles that it was planned among.

@@ -17,36 +17,84 @@ pub struct TimeSpread {
     pub earliest: f64,
     /// Time from the expected place to the latest one, s, at least 0.
     pub latest: f64,
+    /// When it was seen where it is told to have been, s of the trajectory's time: it comes to no place again that it had passed then. −∞
+    /// where that is not known.
+    pub seen: f64,
 }
 
 impl TimeSpread {
-    /// Balls that cover all of `balls` during `times` (s of the trajectory), at most eight for each; those that the robot cannot reach
-    /// are left out. They move along with the ball that they cover.
-    #[must_use]
-    pub fn cover(self, balls: &[MovingBall], robot: &Robot, times: [f64; 2]) -> Vec<MovingBall> {
+    /// Two sets of balls, each of which covers all of `balls` during `times` (s of the trajectory) by itself, at most eight for each; those
+    /// that the robot cannot reach are left out. The balls of the first set move along with the ball that they cover; the second one reaches
+    /// from where it was seen to the latest place, and is left out where that is not known.
+    pub fn covers(
+        self,
+        balls: &[MovingBall],
+        robot: &Robot,
+        times: [f64; 2],
+    ) -> impl Iterator<Item = Vec<MovingBall>> {
         let length: f64 = robot.section_lengths.iter().sum();
         let reach = length + robot.largest_tube_radius();
-        let covering = balls.iter().flat_map(|ball| self.cover_one(ball));
-        covering
-            .filter(|ball| ball.comes_within(reach, times))
-            .collect()
+        let chains = [Some(self.moving_along(times)), self.from_where_seen(times)];
+        chains.into_iter().flatten().map(move |chain| {
+            let covering = balls.iter().flat_map(|ball| chain.cover(ball));
+            covering
+                .filter(|ball| ball.comes_within(reach, times))
+                .collect()
+        })
     }
 
-    fn cover_one(self, moving: &MovingBall) -> impl Iterator<Item = MovingBall> {
-        let Self { earliest, latest } = self;
+    fn moving_along(self, [from, _]: [f64; 2]) -> Chain {
+        Chain {
+            first: [from + self.earliest, 1.0],
+            last: from + self.latest,
+            from,
+            longest: self.latest - self.earliest,
+        }
+    }
+
+    fn from_where_seen(self, [from, until]: [f64; 2]) -> Option<Chain> {
+        let is_known = self.seen.is_finite();
+        is_known.then(|| Chain {
+            first: [self.seen, 0.0],
+            last: from + self.latest,
+            from,
+            longest: until + self.latest - self.seen,
+        })
+    }
+}
+
+/// Balls in a row on the path of a ball: where the first and the last one are on it, by the times at which the ball is expected there.
+#[derive(Clone, Copy)]
+struct Chain {
+    /// Time of the first one's place at `from`, and by how much that grows a second.
+    first: [f64; 2],
+    /// Time of the last one's place at `from`; it grows by a second a second.
+    last: f64,
+    /// Time of the trajectory, s.
+    from: f64,
+    /// The longest time between both, s.
+    longest: f64,
+}
+
+impl Chain {
+    /// Balls that cover all places of a ball between the first and the last one.
+    fn cover(self, moving: &MovingBall) -> impl Iterator<Item = MovingBall> {
         let MovingBall { ball, velocity } = *moving;
-        let way = velocity.norm() * (latest - earliest);
+        let way = velocity.norm() * self.longest;
         let pieces = (way / (SPACING * ball.radius)).ceil();
         let pieces = pieces.clamp(1.0, MAX_COVERING_BALLS as f64 - 1.0);
         let radius = ball.radius.hypot(0.5 * way / pieces);
         (0..=pieces as usize).map(move |i| {
-            let time_s = earliest + (latest - earliest) * (i as f64 / pieces);
+            let share = i as f64 / pieces;
+            let between = |first: f64, last: f64| first + share * (last - first);
+            let rate = between(self.first[1], 1.0);
+            let time_s = between(self.first[0], self.last) - rate * self.from;
             MovingBall {
                 ball: Ball {
                     centre: ball.centre + velocity * time_s,
                     radius,
                 },
-                velocity,
+                velocity: velocity * rate,
             }
         })
     }
@@ -80,10 +128,25 @@ mod tests {
     const SPREAD: TimeSpread = TimeSpread {
         earliest: -0.65,
         latest: 0.85,
+        seen: -0.1,
     };
+    const TIMES: [f64; 2] = [0.1, 0.7];
+
+    /// Whether the surface of a ball at a time is covered then.
+    fn is_covered(covering: &[MovingBall], ball: &Ball, time: f64) -> bool {
+        (0..8).all(|tilt| {
+            let angle = f64::from(tilt) * std::f64::consts::FRAC_PI_4;
+            let side = Point::new(angle.cos(), angle.sin(), 0.0) * ball.radius;
+            let surface = ball.centre + side;
+            covering.iter().any(|other| {
+                let other = other.at(time);
+                (surface - other.centre).norm() <= other.radius + 1e-12
+            })
+        })
+    }
 
     #[test]
-    fn all_places_within_the_spread_are_covered_and_hardly_more() {
+    fn all_places_within_the_spread_and_since_it_was_seen_are_covered_and_hardly_more() {
         for (speed, radius) in [
             (0.1, 0.3),
             (0.5, 0.1),
@@ -92,26 +155,50 @@ mod tests {
             (30.0, 0.1),
         ] {
             let ball = moving(speed, radius);
-            let covering: Vec<MovingBall> = SPREAD.cover_one(&ball).collect();
-            assert!(covering.len() <= MAX_COVERING_BALLS);
-            for time in [0.0, 0.7] {
+            let along: Vec<_> = SPREAD.moving_along(TIMES).cover(&ball).collect();
+            let since: Vec<_> = SPREAD
+                .from_where_seen(TIMES)
+                .unwrap()
+                .cover(&ball)
+                .collect();
+            assert!(along.len().max(since.len()) <= MAX_COVERING_BALLS);
+            for time in [0.1, 0.4, 0.7] {
                 for step in 0..=100 {
-                    let off_s = -0.65 + 1.5 * f64::from(step) / 100.0;
-                    let true_ball = ball.at(time + off_s);
-                    for tilt in 0..8 {
-                        let angle = f64::from(tilt) * std::f64::consts::FRAC_PI_4;
-                        let side = Point::new(angle.cos(), angle.sin(), 0.0) * radius;
-                        let surface = true_ball.centre + side;
-                        let inside = |other: &MovingBall| {
-                            let other = other.at(time);
-                            (surface - other.centre).norm() <= other.radius + 1e-12
-                        };
-                        assert!(covering.iter().any(inside), "{speed} {radius} {off_s}");
-                    }
+                    let share = f64::from(step) / 100.0;
+                    let off_s = -0.65 + 1.5 * share;
+                    let place = ball.at(time + off_s);
+                    assert!(is_covered(&along, &place, time), "{speed} {radius} {off_s}");
+                    let place_s = -0.1 + share * (time + 0.85 + 0.1);
+                    let place = ball.at(place_s);
+                    assert!(
+                        is_covered(&since, &place, time),
+                        "{speed} {radius} {place_s}"
+                    );
                 }
             }
         }
-        let slim: Vec<MovingBall> = SPREAD.cover_one(&moving(0.5, 0.1)).collect();
+        let slim: Vec<_> = SPREAD
+            .moving_along(TIMES)
+            .cover(&moving(0.5, 0.1))
+            .collect();
         assert!(slim.iter().all(|ball| ball.ball.radius <= 0.125 + 1e-12));
+    }
+
+    #[test]
+    fn where_a_ball_was_before_it_was_seen_is_not_covered() {
+        let ball = moving(1.0, 0.05);
+        let since: Vec<_> = SPREAD
+            .from_where_seen(TIMES)
+            .unwrap()
+            .cover(&ball)
+            .collect();
+        for time in [0.1, 0.4, 0.7] {
+            assert!(!is_covered(&since, &ball.at(-0.4), time));
+        }
+        let unknown = TimeSpread {
+            seen: f64::NEG_INFINITY,
+            ..SPREAD
+        };
+        assert!(unknown.from_where_seen(TIMES).is_none());
     }
 }

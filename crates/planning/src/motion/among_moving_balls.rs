@@ -120,7 +120,11 @@ impl MotionConstraints<'_> {
     /// Where the balls can be when the motion is at each of its waypoints.
     fn places(&self, path: &[Configuration], motion: &Trajectory) -> Vec<Scene> {
         let times = [0.0, motion.duration()];
-        let covering = self.moving.covering(self.padded, USUAL_STOP_S, times);
+        let covers = self.moving.covers(self.padded, USUAL_STOP_S, times);
+        // Within the time of a short motion a ball leaves fewer places than it may come back to.
+        let mut covers: Vec<_> = covers.collect();
+        let is_short = covers.len() > 1 && self.moving.is_seen_within(motion.duration());
+        let covering = covers.swap_remove(usize::from(is_short));
         let at = |time| covering.iter().map(|ball| ball.at(time)).collect();
         let times = waypoint_times(path, motion).into_iter();
         // Balls so far away that they are none of a scene are not near the robot.
@@ -134,11 +138,15 @@ impl MotionConstraints<'_> {
         if motion.knots().len() >= self.knots {
             return None;
         }
+        let until = motion.duration() + WAIT_STEP_S * f64::from(WAIT_STEPS);
+        let covers = self.moving.covers(self.padded, USUAL_STOP_S, [0.0, until]);
+        let waiting = covers.filter_map(|covering| self.waiting_for(motion, &covering));
+        waiting.min_by(|a, b| a.metrics.duration_s.total_cmp(&b.metrics.duration_s))
+    }
+
+    /// The same with what covers the balls until after the longest wait.
+    fn waiting_for(&self, motion: &Trajectory, covering: &[MovingBall]) -> Option<Certified> {
         let duration = motion.duration();
-        let until = duration + WAIT_STEP_S * f64::from(WAIT_STEPS);
-        let covering = self
-            .moving
-            .covering(self.padded, USUAL_STOP_S, [0.0, until]);
         let after = |later_s: f64| {
             let later = |ball: &MovingBall| MovingBall {
                 ball: ball.at(later_s),

@@ -168,15 +168,19 @@ impl<'a> MotionConstraints<'a> {
             .ok_or(Failure::Collision)
     }
 
-    /// Balls that cover all places where those that move can be during a motion, by its longest stop; [`Failure::Collision`] where it is
-    /// not clear of those by a stop that is hardly ever shorter, which is known sooner.
+    /// Balls that cover all places where those that move can be during a motion, by its longest stop, and of which it is clear;
+    /// [`Failure::Collision`] where it is not clear of those by a stop that is hardly ever shorter, which is known sooner.
     fn covering_for_certain(&self, motion: &Trajectory) -> Result<Vec<MovingBall>, Failure> {
         let times = [0.0, motion.duration()];
-        let covering = |stop_s| self.moving.covering(self.padded, stop_s, times);
-        if !certify_moving(self.padded, &covering(SHORTEST_STOP_S), motion, times).is_free() {
-            return Err(Failure::Collision);
-        }
-        Ok(covering(self.moving.longest_stop_s(motion)))
+        let clear_of = |stop_s| {
+            let mut covers = self.moving.covers(self.padded, stop_s, times);
+            let is_clear = |covering: &Vec<MovingBall>| {
+                certify_moving(self.padded, covering, motion, times).is_free()
+            };
+            covers.find(is_clear).ok_or(Failure::Collision)
+        };
+        clear_of(SHORTEST_STOP_S)?;
+        clear_of(self.moving.longest_stop_s(motion))
     }
 
     /// The Bézier control points bound the curve, since the allowed bending is convex.

@@ -30,6 +30,8 @@ const SCENE_PERIOD: Duration = Duration::from_millis(20);
 const SCENE_LIFETIME: Duration = Duration::from_millis(100);
 /// A run ends when the tip is there, or after this time.
 const LONGEST_RUN: Duration = Duration::from_secs(20);
+/// Time between two looks at a robot that stays where it is, nanoseconds.
+const LOOK_NS: usize = 1_000_000;
 /// In every second run the balls appear so long after the goal was given: mostly in motion.
 const APPEAR_AFTER: Duration = Duration::from_millis(350);
 
@@ -45,8 +47,10 @@ enum Arm {
 /// What came of a run.
 struct Run {
     reached_s: Option<f64>,
-    /// Least clearance while the balls were there, m.
+    /// Least clearance from the balls' appearance to the run's end, m.
     clearance_m: f64,
+    /// The same of a robot that then stays where it is until the balls are gone, m.
+    clearance_at_rest_m: f64,
     /// Whether a stop right after the balls were published, and standing still from then on, would have stayed clear.
     stop_is_clear: bool,
     replans: u64,
@@ -70,7 +74,11 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
                 run.1 = Heard::default();
                 runs.push(run.0);
             }
-            println!("  {} of {count} runs", index + 1);
+            let [own, other] = [&arms[0].1, &arms[1].1].map(|runs| runs[index as usize].reached_s);
+            println!(
+                "  {} of {count} runs, reached after {own:?} and {other:?} s",
+                index + 1
+            );
         }
         let [(_, kept), (_, stopping)] = &arms;
         show(report, kept, stopping, &judge);
@@ -114,13 +122,13 @@ fn one(
         if reached_s.is_none() && follower.step(stack)? {
             reached_s = Some(begun.elapsed().as_secs_f64());
         }
-        let since_s = appeared_ns.map_or(0.0, |ns| (mono_now_ns() - ns) as f64 * 1e-9);
-        if reached_s.is_some() && since_s > crossing.gone_s() {
+        if reached_s.is_some() && appeared_ns.is_some() {
             break;
         }
         sleep(Duration::from_micros(500));
     }
     let lasted_s = begun.elapsed().as_secs_f64();
+    let ended_ns = mono_now_ns();
     let replans = follower.end(stack)?;
     scenes.take_leave()?;
     scenes.confirm(PATIENCE)?;
@@ -132,7 +140,8 @@ fn one(
     let gone_ns = appeared_ns + (crossing.gone_s() * 1e9) as i64;
     let run = Run {
         reached_s,
-        clearance_m: clearance_m(body, &heard.cycles, &balls, [appeared_ns, gone_ns]),
+        clearance_m: clearance_m(body, &heard.cycles, &balls, [appeared_ns, ended_ns]),
+        clearance_at_rest_m: clearance_at_rest_m(body, &heard.cycles, &balls, [ended_ns, gone_ns]),
         stop_is_clear: stays_clear_after_a_stop(
             body,
             &stack.world.robot,
@@ -271,22 +280,49 @@ fn clearance_m(body: &Body, cycles: &[Cycle], balls: &[Ball], during_ns: [i64; 2
     body.least_clearance(&setpoints, |_| balls).at_least_m()
 }
 
+/// Least clearance of a robot that stays where it was commanded at the first of two times until the second, m.
+fn clearance_at_rest_m(
+    body: &Body,
+    cycles: &[Cycle],
+    balls: &[Ball],
+    [from_ns, until_ns]: [i64; 2],
+) -> f64 {
+    let Some(last) = cycles
+        .iter()
+        .rev()
+        .find(|cycle| cycle.stamp_mono_ns <= from_ns)
+    else {
+        return f64::NAN;
+    };
+    let at = &last.commanded_configuration_rad;
+    let clearances = (from_ns..=until_ns)
+        .step_by(LOOK_NS)
+        .map(|stamp_ns| body.clearance(at, balls, stamp_ns) - body.chord_error_m());
+    clearances.fold(f64::INFINITY, f64::min)
+}
+
+impl Run {
+    fn touched(&self) -> bool {
+        !(self.clearance_m >= 0.0 && self.clearance_at_rest_m >= 0.0)
+    }
+
+    fn is_avoidable(&self) -> bool {
+        self.touched() && self.stop_is_clear
+    }
+}
+
 fn show(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
     let line = |what: &str| format!("moving balls: {what}");
     for (runs, name) in [
         (kept, "kept on the way"),
         (stopping, "stop, then plan again"),
     ] {
-        let touched = |run: &&Run| run.clearance_m < 0.0;
-        let contacts = runs.iter().filter(touched).count();
-        let avoidable = runs
-            .iter()
-            .filter(touched)
-            .filter(|run| run.stop_is_clear)
-            .count();
+        let contacts = runs.iter().filter(|run| run.touched()).count();
+        let on_the_way = runs.iter().filter(|run| run.clearance_m < 0.0).count();
+        let avoidable = runs.iter().filter(|run| run.is_avoidable()).count();
         let reached = runs.iter().filter(|run| run.reached_s.is_some()).count();
         let figure = format!(
-            "{reached} of {} reached, median {:.2} s; contacts {contacts}, {avoidable} of them avoidable by a stop right after the balls \
+            "{reached} of {} reached, median {:.2} s; contacts {contacts}, {on_the_way} of them before the end and the others of a robot that stays there, {avoidable} avoidable by a stop right after the balls \
              appeared; {:.1} plans a second",
             runs.len(),
             median(runs.iter().filter_map(|run| run.reached_s).collect()),
@@ -296,8 +332,15 @@ fn show(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
         report.shown(&line(name), figure);
     }
     let avoidable: Vec<String> = (0..kept.len())
-        .filter(|&index| kept[index].clearance_m < 0.0 && kept[index].stop_is_clear)
-        .map(|index| format!("run {index}: {:.4} m", kept[index].clearance_m))
+        .filter(|&index| kept[index].is_avoidable())
+        .map(|index| {
+            let Run {
+                clearance_m,
+                clearance_at_rest_m,
+                ..
+            } = kept[index];
+            format!("run {index}: {clearance_m:.4} m, {clearance_at_rest_m:.4} m at rest")
+        })
         .collect();
     report.none_of(&line("avoidable contacts"), &avoidable);
     let reached = |runs: &[Run]| runs.iter().filter(|run| run.reached_s.is_some()).count();
