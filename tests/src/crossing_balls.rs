@@ -16,6 +16,8 @@ const REACH_M: f64 = 3.3;
 /// Where the paths of balls cross the workspace: the middle of a box, and half of its sides, m.
 const MIDDLE_M: [f64; 3] = [0.0, 0.0, 1.9];
 const HALF_SIDES_M: [f64; 3] = [1.2, 1.2, 0.9];
+/// Balls come into reach within this time, s: about what a motion takes.
+const LATEST_S: f64 = 3.0;
 /// Distance between start and goal tip, at least, m.
 const LEAST_WAY_M: f64 = 1.0;
 
@@ -28,6 +30,8 @@ pub struct Crossing {
     pub tip_m: [f64; 3],
     /// Balls where they are at the run's begin, m and m/s.
     pub balls: Vec<MovingBall>,
+    /// When each comes into reach, and is seen from then on, s.
+    pub seen_s: Vec<f64>,
 }
 
 impl Crossing {
@@ -43,10 +47,11 @@ impl Crossing {
             }
         };
         let count = random.random_range(1..=4);
-        let balls = (0..count).map(|_| ball(&mut random, fastest_m_s));
+        let (balls, seen_s) = (0..count).map(|_| ball(&mut random, fastest_m_s)).unzip();
         Self {
             start,
-            balls: balls.collect(),
+            balls,
+            seen_s,
             tip_m: robot.tip(&goal).into(),
         }
     }
@@ -63,14 +68,16 @@ impl Crossing {
         self.balls.iter().map(judged).collect()
     }
 
-    /// The balls where they are after some time, s.
+    /// The balls that were seen until after some time, s, where they are then.
     #[must_use]
-    pub fn after(&self, elapsed_s: f64) -> Vec<MovingBall> {
-        let moved = |moving: &MovingBall| MovingBall {
-            centre_m: place(moving, elapsed_s),
-            ..*moving
-        };
-        self.balls.iter().map(moved).collect()
+    pub fn seen_after(&self, elapsed_s: f64) -> Vec<MovingBall> {
+        let seen = self.balls.iter().zip(&self.seen_s);
+        seen.filter(|(_, seen_s)| elapsed_s >= **seen_s)
+            .map(|(moving, _)| MovingBall {
+                centre_m: place(moving, elapsed_s),
+                ..*moving
+            })
+            .collect()
     }
 
     /// Time after which no ball reaches the robot any more, s.
@@ -95,8 +102,8 @@ fn norm(vector: [f64; 3]) -> f64 {
     vector.iter().map(|part| part * part).sum::<f64>().sqrt()
 }
 
-/// A ball that begins out of reach and passes a random place of the workspace within some seconds.
-fn ball(random: &mut Pcg64, fastest_m_s: f64) -> MovingBall {
+/// A ball that comes into reach within the first seconds and passes a random place of the workspace, and when it comes into reach, s.
+fn ball(random: &mut Pcg64, fastest_m_s: f64) -> (MovingBall, f64) {
     let speed = fastest_m_s * random.random_range(0.3..1.0);
     let height: f64 = random.random_range(-0.6..0.6);
     let (sine, cosine) = random.random_range(0.0..TAU).sin_cos();
@@ -115,9 +122,9 @@ fn ball(random: &mut Pcg64, fastest_m_s: f64) -> MovingBall {
     let outside = (0..6_000).map(|step| -f64::from(step) * 0.01);
     let mut outside = outside.skip_while(|&time_s| norm(place(&moving, time_s)) < reach);
     let first = outside.next().unwrap_or(-60.0);
-    // It comes into reach within the first second.
-    moving.centre_m = place(&moving, first - random.random_range(0.0..1.0));
-    moving
+    let seen_s = random.random_range(0.0..LATEST_S);
+    moving.centre_m = place(&moving, first - seen_s);
+    (moving, seen_s)
 }
 
 #[cfg(test)]
@@ -138,6 +145,8 @@ mod tests {
             let crossing = Crossing::draw(&robot, seed, 0.8);
             assert!((1..=4).contains(&crossing.balls.len()));
             let gone_s = crossing.gone_s();
+            assert!(crossing.seen_after(0.0).len() <= crossing.seen_after(3.0).len());
+            assert_eq!(crossing.seen_after(3.0).len(), crossing.balls.len());
             for moving in &crossing.balls {
                 assert!(norm(moving.centre_m) >= REACH_M);
                 let least = (0..6_000).map(|step| norm(place(moving, f64::from(step) * 0.01)));

@@ -1,5 +1,6 @@
 //! A motion that is to leave the supervised one: supervised beside it until the controller has changed over, or says that it does not.
 
+use super::later_stop::has_a_later_stop;
 use super::supervised_motion::{MotionStatus, is_fresh};
 use super::supervisor::{Supervisor, blocked};
 use crate::live_scene::RemainingMotion;
@@ -54,9 +55,17 @@ impl Supervisor {
             stopping_s: joining.stopping_s,
             lag_allowance_s: 0.0,
         };
+        let timing = rest.timing;
         let verdict = self.live.certify(&rest, &mut joining.certificates);
-        if let Some(reason) = blocked(verdict) {
-            joining.request_stop(reason);
+        let reason = blocked(verdict);
+        joining.is_blocked = reason.is_some();
+        if let Some(reason) = reason {
+            let (rules, live) = (&self.rules, &self.live);
+            let goes_on = joining.is_replanned
+                && has_a_later_stop(joining, 0.0, timing, rules, live, now_mono_ns);
+            if !goes_on {
+                joining.request_stop(reason);
+            }
         }
     }
 }

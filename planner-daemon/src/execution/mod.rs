@@ -5,6 +5,7 @@ mod active_time;
 mod controller_check;
 mod heartbeat;
 mod joining;
+mod later_stop;
 mod publication;
 mod refusal;
 mod request;

@@ -27,6 +27,8 @@ pub(crate) struct SelectedMotion {
     pub(crate) leaves: Option<Switch>,
     pub(crate) candidate_index: usize,
     pub(crate) plan_id: u64,
+    /// Whether another motion is planned as soon as this one is not certified to its end any more.
+    pub(crate) is_replanned: bool,
     pub(crate) timing: ExecutionTiming,
 }
 

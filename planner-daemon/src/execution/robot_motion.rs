@@ -52,6 +52,8 @@ pub(crate) struct FollowedMotion {
     pub(crate) motion: Arc<Trajectory>,
     /// Its goals, in their order.
     pub(crate) goals: Arc<[TimedGoal]>,
+    /// Whether what is left of it is not certified to its end.
+    pub(crate) is_blocked: bool,
     /// Path time at the state's stamp, s.
     pub(crate) time_s: f64,
     /// Path time per time, as the state has it.
@@ -168,6 +170,7 @@ mod tests {
             trajectory_id: 7,
             motion: Arc::new(motion()),
             goals: Arc::default(),
+            is_blocked: false,
             time_s: 0.1,
             rate: 1.0,
             fastest_rate: 1.0,

@@ -58,6 +58,10 @@ pub(crate) struct SupervisedMotion {
     begin_mono_ns: i64,
     /// Longest duration of a stop on its path, the delay until braking begins included, s.
     pub(crate) stopping_s: f64,
+    /// Whether another motion is planned as soon as it is not certified to its end any more.
+    pub(crate) is_replanned: bool,
+    /// Whether it is not certified to its end, and a later stop is.
+    pub(crate) is_blocked: bool,
     status: MotionStatus,
     /// Stamp of the newest state received, nanoseconds of `CLOCK_MONOTONIC`.
     state_mono_ns: i64,
@@ -97,6 +101,8 @@ impl SupervisedMotion {
             controller_instance,
             begin_mono_ns,
             stopping_s,
+            is_replanned: selected.is_replanned,
+            is_blocked: false,
             status: MotionStatus::Pending,
             state_mono_ns: i64::MIN,
             stop: None,
@@ -218,6 +224,7 @@ mod tests {
             leaves: None,
             candidate_index: 0,
             plan_id: 1,
+            is_replanned: false,
             timing: ExecutionTiming {
                 requested_mono_ns: 1,
                 begin_mono_ns: None,

@@ -20,6 +20,7 @@ use shared_types::valid;
 
 use super::active_time::ActiveTime;
 use super::heartbeat::BackgroundError;
+use super::later_stop::has_a_later_stop;
 use super::request::ExecutionRequest;
 use super::robot_motion::{FollowedMotion, RobotMotion};
 use super::rules::ExecutionRules;
@@ -329,8 +330,15 @@ impl Supervisor {
             stopping_s: supervised.stopping_s,
             lag_allowance_s: 0.0,
         };
-        if let Some(reason) = blocked(self.live.certify(&rest, &mut supervised.certificates)) {
-            supervised.request_stop(reason);
+        let reason = blocked(self.live.certify(&rest, &mut supervised.certificates));
+        supervised.is_blocked = reason.is_some();
+        if let Some(reason) = reason {
+            let (rules, live) = (&self.rules, &self.live);
+            let goes_on = supervised.is_replanned
+                && has_a_later_stop(supervised, from_s, timing, rules, live, now_mono_ns);
+            if !goes_on {
+                supervised.request_stop(reason);
+            }
         }
         self.check_joining(now_mono_ns);
     }
@@ -369,6 +377,7 @@ pub(super) fn robot_motion(
                 trajectory_id: own.id,
                 motion: Arc::clone(&own.motion),
                 goals: Arc::clone(&own.goals),
+                is_blocked: own.is_blocked,
                 time_s: values.trajectory_time_s,
                 rate: values.rate,
                 fastest_rate: values.rate.max(ordered),

@@ -83,6 +83,8 @@ struct KeptGoal {
     /// The goal at which the robot has arrived.
     arrived_at: Option<Goal>,
     previous_plan_id: Option<u64>,
+    /// Whether the motion that is followed is not certified to its end any more.
+    is_blocked: bool,
     anticipation: Anticipation,
     /// No plan begins before this time, nanoseconds.
     next_plan_mono_ns: i64,
@@ -164,6 +166,7 @@ impl GoalKeeper {
             heading: before.as_ref().and_then(|before| before.heading),
             arrived_at: None,
             previous_plan_id: None,
+            is_blocked: false,
             anticipation: Anticipation::default(),
             next_plan_mono_ns: before.map_or(0, |before| before.next_plan_mono_ns),
             look_again_mono_ns: 0,
@@ -218,7 +221,9 @@ impl GoalKeeper {
                 .anticipation
                 .aim(&kept.newest, &self.robot, robot, now_mono_ns),
         };
-        let is_new = kept.last_planned_for != Some(target);
+        let is_blocked = matches!(robot, RobotMotion::Following(followed) if followed.is_blocked);
+        kept.is_blocked = is_blocked;
+        let is_new = is_blocked || kept.last_planned_for != Some(target);
         if !is_new && now_mono_ns < kept.look_again_mono_ns {
             return None;
         }
@@ -303,7 +308,7 @@ impl GoalKeeper {
         let is_same = heading.motion.trajectory_id == switch.trajectory_id
             && heading.target.goal == target.goal;
         let remaining_s = heading.motion.duration_s - switch.path_time_s;
-        if is_same && duration_s > WORTH_A_CHANGE * remaining_s {
+        if is_same && !kept.is_blocked && duration_s > WORTH_A_CHANGE * remaining_s {
             return Wanted::NoBetter { remaining_s };
         }
         Wanted::Yes

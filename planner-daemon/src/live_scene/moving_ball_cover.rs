@@ -128,9 +128,8 @@ mod tests {
     }
 
     fn covers(cover: &MovingBallCover, ball: MovingBall, times: [f64; 2]) -> Vec<Vec<MovingBall>> {
-        let balls = cover.by_path_time(&[ball]);
-        let covers = cover.spread().covers(&balls, &unit_robot(), times);
-        covers.collect()
+        let (balls, robot) = (cover.by_path_time(&[ball]), unit_robot());
+        cover.spread().covers(&balls, &robot, times).collect()
     }
 
     fn moving(speed: f64, radius: f64) -> MovingBall {

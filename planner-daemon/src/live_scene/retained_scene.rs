@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use collision::{Ball, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory};
-use pcc_model::{Point, UnitRobot};
+use pcc_model::{Configuration, Point, SECTIONS, UnitRobot};
 use shared_types::message;
 use shared_types::valid;
 
@@ -13,6 +13,12 @@ use super::moving_ball_cover::{MovingBallCover, Stretch};
 /// Path time by which the certificate of a motion that may hurry reaches farther than it must, s, so that above half
 /// the rate it holds for some states; below, the times have shifted too far with each state, and it is made anew.
 const AHEAD_S: f64 = 0.1;
+
+/// Beyond this distance from the base no part of the robot is, section lengths.
+const REACH: f64 = SECTIONS as f64 + 0.5;
+/// Least distance of two balls that cover a way, section lengths, and most of them: a small ball's way is looked at as far as that.
+const LEAST_STEP: f64 = 0.02;
+const MOST_STEPS: f64 = 1000.0;
 
 /// The balls of a scene, in the planner's units (lengths in sections).
 #[derive(Debug)]
@@ -107,6 +113,48 @@ impl RetainedScene {
         let verdicts = covers.map(|balls| certify_moving(rest.padded, &balls, rest.motion, times));
         (free_or_first(verdicts), stretch)
     }
+}
+
+impl RetainedScene {
+    /// Whether a robot that stays in a configuration, rad, keeps clear of the balls that move, as far as these keep their velocities.
+    pub(super) fn stays_clear(
+        &self,
+        padded: &UnitRobot,
+        configuration: &Configuration,
+        now_mono_ns: i64,
+    ) -> bool {
+        let age_s = (now_mono_ns - self.scene.stamp_mono_ns) as f64 * 1e-9;
+        let backbone = padded.backbone(configuration);
+        self.balls.moving.iter().all(|moving| {
+            way_ahead(moving, age_s, REACH).all(|Ball { centre, radius }| {
+                let clearance = |section: usize| {
+                    backbone.distance(section, &centre) - radius - padded.tube_radii[section]
+                };
+                (0..SECTIONS).all(|section| clearance(section) > 0.0)
+            })
+        })
+    }
+}
+
+/// Balls that cover the way of a ball from a time, s, on until it is beyond `reach` of the base for good.
+fn way_ahead(moving: &MovingBall, from_s: f64, reach: f64) -> impl Iterator<Item = Ball> {
+    let MovingBall { ball, velocity } = *moving;
+    let from = moving.at(from_s).centre;
+    let speed = velocity.norm();
+    let step = ball.radius.max(LEAST_STEP);
+    let direction = velocity / speed.max(f64::MIN_POSITIVE);
+    // The ball leaves the sphere of reach at the farther of its two places on the way; it has left where that lies behind.
+    let along = from.dot(&direction);
+    let reach = reach + ball.radius;
+    let leaves = (along * along - from.norm_squared() + reach * reach)
+        .max(0.0)
+        .sqrt()
+        - along;
+    let steps = (leaves / step).ceil().clamp(0.0, MOST_STEPS);
+    (0..=steps as usize).map(move |index| Ball {
+        centre: from + direction * (step * index as f64),
+        radius: ball.radius.hypot(0.5 * step),
+    })
 }
 
 /// The verdict that a motion is free, if one says so; else the first one.

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use collision::Verdict;
-use pcc_model::UnitRobot;
+use pcc_model::{Configuration, UnitRobot};
 use shared_types::codes::SceneRefusal;
 use shared_types::ipc::PresentPublisher;
 use shared_types::message::SceneMessage;
@@ -429,6 +429,21 @@ impl LiveScene {
             }
         }
         Verdict::Free
+    }
+
+    /// Whether a robot that stays in a configuration, rad, keeps clear of all obstacles that move, as far as these keep their velocities.
+    pub(crate) fn stays_clear(
+        &self,
+        padded: &UnitRobot,
+        configuration: &Configuration,
+        now_mono_ns: i64,
+    ) -> bool {
+        let latest = self
+            .sources
+            .iter()
+            .filter_map(|source| source.latest.as_ref());
+        let mut scenes = latest.filter(|latest| latest.moves());
+        scenes.all(|latest| latest.stays_clear(padded, configuration, now_mono_ns))
     }
 }
 

@@ -58,6 +58,7 @@ impl Service {
             leaves,
             candidate_index: index,
             plan_id: plan.plan_id,
+            is_replanned: false,
             timing: ExecutionTiming {
                 requested_mono_ns: asked.requested_mono_ns,
                 begin_mono_ns: asked.begin_mono_ns.max(planned_mono_ns),

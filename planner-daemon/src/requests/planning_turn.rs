@@ -231,6 +231,7 @@ impl Service {
                         leaves,
                         candidate_index,
                         plan_id: in_flight.plan_id,
+                        is_replanned: matches!(in_flight.queued.asker, Asker::GoalKeeper),
                         timing: ExecutionTiming {
                             requested_mono_ns,
                             begin_mono_ns,

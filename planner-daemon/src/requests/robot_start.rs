@@ -188,6 +188,7 @@ mod tests {
         let end_s = motion.duration();
         let times_s = [0.05, 0.7 * end_s, 0.8 * end_s, end_s];
         let robot = RobotMotion::Following(FollowedMotion {
+            is_blocked: false,
             trajectory_id: 7,
             motion: Arc::new(motion),
             goals: times_s.map(goal).into(),

@@ -32,9 +32,6 @@ const SCENE_LIFETIME: Duration = Duration::from_millis(100);
 const LONGEST_RUN: Duration = Duration::from_secs(20);
 /// Time between two looks at a robot that stays where it is, nanoseconds.
 const LOOK_NS: usize = 1_000_000;
-/// In every second run the balls appear so long after the goal was given: mostly in motion.
-const APPEAR_AFTER: Duration = Duration::from_millis(350);
-
 /// Who brings the tip there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Arm {
@@ -47,14 +44,26 @@ enum Arm {
 /// What came of a run.
 struct Run {
     reached_s: Option<f64>,
-    /// Least clearance from the balls' appearance to the run's end, m.
-    clearance_m: f64,
-    /// The same of a robot that then stays where it is until the balls are gone, m.
-    clearance_at_rest_m: f64,
-    /// Whether a stop right after the balls were published, and standing still from then on, would have stayed clear.
-    stop_is_clear: bool,
+    /// How near each ball came.
+    touches: Vec<Touch>,
     replans: u64,
     lasted_s: f64,
+}
+
+/// How near a ball came.
+struct Touch {
+    /// Least clearance from the run's begin to its end, m.
+    clearance_m: f64,
+    /// The same of a robot that then stays where it is until the balls are gone, m.
+    at_rest_m: f64,
+    /// Whether a stop right after the ball's first scene, and standing still from then on, would have stayed clear of it.
+    stop_is_clear: bool,
+}
+
+impl Touch {
+    fn is_contact(&self) -> bool {
+        !(self.clearance_m >= 0.0 && self.at_rest_m >= 0.0)
+    }
 }
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
@@ -99,31 +108,18 @@ fn one(
     go_to_start(stack, &crossing)?;
     drop(listener.take());
     let mut scenes = ScenePublisher::connect(&stack.world.options, "crossing")?;
-    let appear_after = if index % 2 == 0 {
-        Duration::ZERO
-    } else {
-        APPEAR_AFTER
-    };
     let mut follower = Follower::new(stack, arm, &crossing)?;
-    let begun = Instant::now();
-    let mut appeared_ns = None;
-    let mut next_scene = begun + appear_after;
-    if appear_after.is_zero() {
-        appeared_ns = Some(publish(&mut scenes, &crossing, None)?);
-        next_scene += SCENE_PERIOD;
-        sleep(Duration::from_millis(3));
-    }
-    let mut reached_s = None;
-    while begun.elapsed() < LONGEST_RUN {
+    let (begun, begun_ns) = (Instant::now(), mono_now_ns());
+    let (mut next_scene, mut reached_s) = (begun, None);
+    while reached_s.is_none() && begun.elapsed() < LONGEST_RUN {
         if Instant::now() >= next_scene {
-            appeared_ns = Some(publish(&mut scenes, &crossing, appeared_ns)?);
+            let now = mono_now_ns();
+            let balls = crossing.seen_after((now - begun_ns) as f64 * 1e-9);
+            scenes.publish_stamped(now, &balls, SCENE_LIFETIME)?;
             next_scene += SCENE_PERIOD;
         }
-        if reached_s.is_none() && follower.step(stack)? {
+        if follower.step(stack)? {
             reached_s = Some(begun.elapsed().as_secs_f64());
-        }
-        if reached_s.is_some() && appeared_ns.is_some() {
-            break;
         }
         sleep(Duration::from_micros(500));
     }
@@ -135,37 +131,35 @@ fn one(
     rest(stack)?;
     sleep(Duration::from_millis(30));
     let heard = listener.take();
-    let appeared_ns = appeared_ns.context("the balls appeared")?;
-    let balls = crossing.judged(appeared_ns);
-    let gone_ns = appeared_ns + (crossing.gone_s() * 1e9) as i64;
+    let gone_ns = begun_ns + (crossing.gone_s() * 1e9) as i64;
+    let touches = crossing
+        .judged(begun_ns)
+        .iter()
+        .zip(&crossing.seen_s)
+        .map(|(ball, seen_s)| {
+            let ball = std::slice::from_ref(ball);
+            let seen_ns = begun_ns + ((seen_s + SCENE_PERIOD.as_secs_f64()) * 1e9) as i64;
+            Touch {
+                clearance_m: clearance_m(body, &heard.cycles, ball, [begun_ns, ended_ns]),
+                at_rest_m: clearance_at_rest_m(body, &heard.cycles, ball, [ended_ns, gone_ns]),
+                stop_is_clear: seen_ns < ended_ns
+                    && stays_clear_after_a_stop(
+                        body,
+                        &stack.world.robot,
+                        &heard,
+                        ball,
+                        [seen_ns, gone_ns],
+                    ),
+            }
+        })
+        .collect();
     let run = Run {
         reached_s,
-        clearance_m: clearance_m(body, &heard.cycles, &balls, [appeared_ns, ended_ns]),
-        clearance_at_rest_m: clearance_at_rest_m(body, &heard.cycles, &balls, [ended_ns, gone_ns]),
-        stop_is_clear: stays_clear_after_a_stop(
-            body,
-            &stack.world.robot,
-            &heard,
-            &balls,
-            [appeared_ns, gone_ns],
-        ),
+        touches,
         replans,
         lasted_s,
     };
     Ok((run, heard))
-}
-
-/// Publishes the balls where they are; returns when they appeared first.
-fn publish(
-    scenes: &mut ScenePublisher,
-    crossing: &Crossing,
-    appeared_ns: Option<i64>,
-) -> anyhow::Result<i64> {
-    let now = mono_now_ns();
-    let appeared_ns = appeared_ns.unwrap_or(now);
-    let balls = crossing.after((now - appeared_ns) as f64 * 1e-9);
-    scenes.publish_stamped(now, &balls, SCENE_LIFETIME)?;
-    Ok(appeared_ns)
 }
 
 fn go_to_start(stack: &mut Stack, crossing: &Crossing) -> anyhow::Result<()> {
@@ -301,29 +295,25 @@ fn clearance_at_rest_m(
     clearances.fold(f64::INFINITY, f64::min)
 }
 
-impl Run {
-    fn touched(&self) -> bool {
-        !(self.clearance_m >= 0.0 && self.clearance_at_rest_m >= 0.0)
-    }
-
-    fn is_avoidable(&self) -> bool {
-        self.touched() && self.stop_is_clear
-    }
-}
-
 fn show(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
     let line = |what: &str| format!("moving balls: {what}");
     for (runs, name) in [
         (kept, "kept on the way"),
         (stopping, "stop, then plan again"),
     ] {
-        let contacts = runs.iter().filter(|run| run.touched()).count();
-        let on_the_way = runs.iter().filter(|run| run.clearance_m < 0.0).count();
-        let avoidable = runs.iter().filter(|run| run.is_avoidable()).count();
+        let contacts = || {
+            let touches = runs.iter().flat_map(|run| &run.touches);
+            touches.filter(|touch| touch.is_contact())
+        };
+        let on_the_way = contacts()
+            .filter(|touch| !(touch.clearance_m >= 0.0))
+            .count();
+        let avoidable = contacts().filter(|touch| touch.stop_is_clear).count();
+        let contacts = contacts().count();
         let reached = runs.iter().filter(|run| run.reached_s.is_some()).count();
         let figure = format!(
-            "{reached} of {} reached, median {:.2} s; contacts {contacts}, {on_the_way} of them before the end and the others of a robot that stays there, {avoidable} avoidable by a stop right after the balls \
-             appeared; {:.1} plans a second",
+            "{reached} of {} reached, median {:.2} s; contacts {contacts}, {on_the_way} of them before the end and the others of a robot that stays there, {avoidable} avoidable by a stop right after the ball was \
+             seen; {:.1} plans a second",
             runs.len(),
             median(runs.iter().filter_map(|run| run.reached_s).collect()),
             runs.iter().map(|run| run.replans as f64).sum::<f64>()
@@ -331,15 +321,18 @@ fn show(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
         );
         report.shown(&line(name), figure);
     }
-    let avoidable: Vec<String> = (0..kept.len())
-        .filter(|&index| kept[index].is_avoidable())
-        .map(|index| {
-            let Run {
+    let avoidable: Vec<String> = kept
+        .iter()
+        .enumerate()
+        .flat_map(|(index, run)| run.touches.iter().map(move |touch| (index, touch)))
+        .filter(|(_, touch)| touch.is_contact() && touch.stop_is_clear)
+        .map(|(index, touch)| {
+            let Touch {
                 clearance_m,
-                clearance_at_rest_m,
+                at_rest_m,
                 ..
-            } = kept[index];
-            format!("run {index}: {clearance_m:.4} m, {clearance_at_rest_m:.4} m at rest")
+            } = touch;
+            format!("run {index}: {clearance_m:.4} m, {at_rest_m:.4} m at rest")
         })
         .collect();
     report.none_of(&line("avoidable contacts"), &avoidable);

@@ -1,0 +1,66 @@
+//! Whether a motion that is not certified to its end may go on for another round: while a later stop is certified, too, another plan can be
+//! joined in time.
+
+use collision::Verdict;
+use trajectory::{Knot, Playback, Trajectory};
+
+use super::rules::{ExecutionRules, ORDER_DELAY_S};
+use super::supervised_motion::SupervisedMotion;
+use crate::live_scene::{Certificates, LiveScene, RemainingMotion, Timing, UNSUPERVISED_S};
+
+/// Time until the next round of supervision has looked, s.
+const NEXT_ROUND_S: f64 = 0.01;
+/// Length of a cycle of the controller's loop, s.
+const CYCLE_S: f64 = 1e-3;
+
+/// Whether a motion at this path time, s, is certified until it would stand if supervision ended in the next round, and would stay clear
+/// of what moves where it stands after a stop that is ordered then.
+pub(super) fn has_a_later_stop(
+    motion: &SupervisedMotion,
+    from_s: f64,
+    timing: Timing,
+    rules: &ExecutionRules,
+    live: &LiveScene,
+    now_mono_ns: i64,
+) -> bool {
+    let until_s = from_s + NEXT_ROUND_S + UNSUPERVISED_S + motion.stopping_s;
+    let Some(first_part) = until(&motion.motion, until_s) else {
+        return false;
+    };
+    let rest = RemainingMotion {
+        padded: &rules.padded,
+        motion: &first_part,
+        from_s,
+        timing,
+        at_full_rate: motion.at_full_rate(),
+        stopping_s: motion.stopping_s,
+        lag_allowance_s: 0.0,
+    };
+    let place_s = stop_place_s(&motion.motion, from_s, rules);
+    let place = motion.motion.at(place_s).position;
+    live.certify(&rest, &mut Certificates::default()) == Verdict::Free
+        && live.stays_clear(&rules.padded, &place, now_mono_ns)
+}
+
+/// The motion until the first knot at or after a time, s; none where it is over before that.
+fn until(motion: &Trajectory, until_s: f64) -> Option<Trajectory> {
+    let knots = motion.knots();
+    let last = knots.partition_point(|knot| knot.time < until_s);
+    let first: &[Knot] = knots.get(..=last)?;
+    Trajectory::new(first.to_vec()).ok()
+}
+
+/// Path time at which a stop ends that is ordered in the next round, at full rate, s.
+fn stop_place_s(motion: &Trajectory, from_s: f64, rules: &ExecutionRules) -> f64 {
+    let (mut time, mut rate, mut hint) = (from_s + NEXT_ROUND_S + ORDER_DELAY_S, 1.0, 0);
+    while rate > 0.0 && time < motion.duration() {
+        let playback = Playback {
+            knots: motion.knots(),
+            time,
+            rate,
+        };
+        let step = rules.rate_law.step(&playback, &mut hint, 0.0, CYCLE_S);
+        (time, rate) = (time + step.advance, step.rate);
+    }
+    time.min(motion.duration())
+}
