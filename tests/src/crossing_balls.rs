@@ -13,11 +13,6 @@ use crate::geometry::seeded;
 
 /// Beyond this distance from the base no ball reaches the robot of three sections of 1 m, m.
 const REACH_M: f64 = 3.3;
-/// Where the paths of balls cross the workspace: the middle of a box, and half of its sides, m.
-const MIDDLE_M: [f64; 3] = [0.0, 0.0, 1.9];
-const HALF_SIDES_M: [f64; 3] = [1.2, 1.2, 0.9];
-/// Balls come into reach within this time, s: about what a motion takes.
-const LATEST_S: f64 = 3.0;
 /// Distance between start and goal tip, at least, m.
 const LEAST_WAY_M: f64 = 1.0;
 
@@ -47,7 +42,9 @@ impl Crossing {
             }
         };
         let count = random.random_range(1..=4);
-        let (balls, seen_s) = (0..count).map(|_| ball(&mut random, fastest_m_s)).unzip();
+        let way = Way::between(robot, &start, &goal);
+        let balls = (0..count).map(|_| ball(&mut random, &way, fastest_m_s));
+        let (balls, seen_s) = balls.unzip();
         Self {
             start,
             balls,
@@ -102,29 +99,56 @@ fn norm(vector: [f64; 3]) -> f64 {
     vector.iter().map(|part| part * part).sum::<f64>().sqrt()
 }
 
-/// A ball that comes into reach within the first seconds and passes a random place of the workspace, and when it comes into reach, s.
-fn ball(random: &mut Pcg64, fastest_m_s: f64) -> (MovingBall, f64) {
+/// The straight way between two configurations at a speed that the tendons allow.
+struct Way<'a> {
+    robot: &'a UnitRobot,
+    ends: [Configuration; 2],
+    lasts_s: f64,
+}
+
+impl<'a> Way<'a> {
+    fn between(robot: &'a UnitRobot, start: &Configuration, goal: &Configuration) -> Self {
+        let mut pulled = [0.0; 9];
+        robot.tendons.lengths(&(goal - start), &mut pulled);
+        let farthest = pulled.iter().fold(0.0_f64, |most, way| most.max(way.abs()));
+        Self {
+            robot,
+            ends: [*start, *goal],
+            lasts_s: farthest / robot.tendon_limits.velocity,
+        }
+    }
+
+    /// A random place of the body at a random time of the way, and the time, s.
+    fn met(&self, random: &mut Pcg64) -> ([f64; 3], f64) {
+        let share = random.random_range(0.2..1.0);
+        let [from, to] = &self.ends;
+        let backbone = self.robot.backbone(&from.lerp(to, share));
+        let section = random.random_range(1..3);
+        let place = backbone.point(section, random.random_range(0.0..1.0));
+        (place.into(), share * self.lasts_s)
+    }
+}
+
+/// A ball that meets a robot on its straight way, and when it comes into reach, s, from the begin on.
+fn ball(random: &mut Pcg64, way: &Way, fastest_m_s: f64) -> (MovingBall, f64) {
     let speed = fastest_m_s * random.random_range(0.3..1.0);
     let height: f64 = random.random_range(-0.6..0.6);
     let (sine, cosine) = random.random_range(0.0..TAU).sin_cos();
     let level = (1.0 - height * height).sqrt();
     let velocity_m_s = [level * cosine, level * sine, height].map(|part| part * speed);
-    let passed: [f64; 3] = std::array::from_fn(|axis| {
-        MIDDLE_M[axis] + HALF_SIDES_M[axis] * random.random_range(-1.0..1.0)
-    });
     let radius_m = random.random_range(0.08..0.25);
+    let (met, met_s) = way.met(random);
     let mut moving = MovingBall {
-        centre_m: passed,
+        centre_m: met,
         radius_m,
         velocity_m_s,
     };
     let reach = REACH_M + radius_m;
     let outside = (0..6_000).map(|step| -f64::from(step) * 0.01);
     let mut outside = outside.skip_while(|&time_s| norm(place(&moving, time_s)) < reach);
-    let first = outside.next().unwrap_or(-60.0);
-    let seen_s = random.random_range(0.0..LATEST_S);
-    moving.centre_m = place(&moving, first - seen_s);
-    (moving, seen_s)
+    let comes_s = met_s + outside.next().unwrap_or(-60.0);
+    moving.centre_m = place(&moving, -met_s);
+    (moving, comes_s.max(0.0))
 }
 
 #[cfg(test)]
@@ -139,16 +163,15 @@ mod tests {
     }
 
     #[test]
-    fn balls_begin_and_end_out_of_reach_and_cross_it_in_between() {
+    fn balls_cross_the_reach_and_leave_it() {
         let robot = unit_robot();
         for seed in 0..50 {
             let crossing = Crossing::draw(&robot, seed, 0.8);
             assert!((1..=4).contains(&crossing.balls.len()));
             let gone_s = crossing.gone_s();
-            assert!(crossing.seen_after(0.0).len() <= crossing.seen_after(3.0).len());
-            assert_eq!(crossing.seen_after(3.0).len(), crossing.balls.len());
+            assert!(crossing.seen_after(0.0).len() <= crossing.seen_after(20.0).len());
+            assert_eq!(crossing.seen_after(20.0).len(), crossing.balls.len());
             for moving in &crossing.balls {
-                assert!(norm(moving.centre_m) >= REACH_M);
                 let least = (0..6_000).map(|step| norm(place(moving, f64::from(step) * 0.01)));
                 assert!(least.fold(f64::INFINITY, f64::min) < 3.3);
                 assert!(norm(place(moving, gone_s)) > REACH_M);
