@@ -9,7 +9,7 @@ use std::{collections::VecDeque, sync::atomic::Ordering};
 use shared_types::{
     PROTOCOL_VERSION,
     clock::mono_now_ns,
-    codes::CommandRefusal,
+    codes::{CommandRefusal, CommandSender},
     ipc::CommandRequest,
     message::{self, ReasonText},
     valid::{Command, SignedCommand},
@@ -81,7 +81,9 @@ impl<R: Request> Commands<R> {
             .stop_origins
             .push(NumberedOrigin { number, origin });
         // The clock is read now, so that the stop is later than its cause.
-        self.link.shared.order_stop(mono_now_ns())
+        self.link
+            .shared
+            .order_stop(mono_now_ns(), is_of_daemon(&origin))
     }
 
     /// Orders what a command asks for, or replies to one that is invalid.
@@ -214,6 +216,11 @@ impl<R: Request> Commands<R> {
             self.link.shared.events_lost.fetch_add(1, Ordering::Relaxed);
         }
     }
+}
+
+/// Whether the daemon itself stops a motion, which it may bring on its way again by itself.
+fn is_of_daemon(origin: &StopOrigin) -> bool {
+    matches!(origin, StopOrigin::Command(signature) if signature.sender != CommandSender::Program)
 }
 
 fn reply(command_id: u64, outcome: Outcome, reason: &str) -> message::CommandReply {

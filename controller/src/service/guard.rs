@@ -265,11 +265,12 @@ impl Guard {
         let beat = self.ports.newest_daemon_heartbeat()?;
         let last = self.daemon_beat.replace(beat);
         let another = last.is_some_and(|last| last.instance != beat.instance);
-        self.commands.link.shared.set_daemon(beat.instance);
         if another && self.settings.daemon_lost_ns.is_some() {
             self.commands.stop(StopOrigin::OtherDaemon);
             self.commands.report_event(GuardEvent::DaemonReplaced);
         }
+        // After the stop: a state that names this daemon tells of the stop too.
+        self.commands.link.shared.set_daemon(beat.instance);
         Some(beat.stamp_mono_ns)
     }
 }

@@ -130,6 +130,8 @@ pub(super) struct Shared {
     daemon_instance: AtomicU64,
     /// Trajectories that were requested up to this time are refused, ns of CLOCK_MONOTONIC (written by the guard).
     wanted_from_ns: AtomicI64,
+    /// Goals that were given up to this time are over, ns of CLOCK_MONOTONIC (written by the guard).
+    goals_from_ns: AtomicI64,
     /// Number of the newest stop (written by the guard); the loop carries a stop out when it sees a new number. A number cannot be
     /// lost, delayed by a full ring, or withdrawn.
     stops: AtomicU64,
@@ -164,16 +166,27 @@ impl Shared {
         LoopState::try_from(self.loop_state.load(Ordering::Relaxed)).unwrap_or(LoopState::Starting)
     }
 
-    /// Orders a stop; returns its number.
-    pub(super) fn order_stop(&self, now_ns: i64) -> u64 {
+    /// Orders a stop, which ends goals too unless the daemon itself has ordered it; returns its number.
+    pub(super) fn order_stop(&self, now_ns: i64, is_of_daemon: bool) -> u64 {
         // Before the number: a thread that sees the stop must refuse trajectories requested before it.
-        self.forget_requests(now_ns);
+        if is_of_daemon {
+            self.wanted_from_ns.store(now_ns, Ordering::Release);
+        } else {
+            self.forget_requests(now_ns);
+        }
         self.stops.fetch_add(1, Ordering::AcqRel) + 1
     }
 
-    /// Has trajectories refused that were requested up to `now_ns`.
+    /// Has trajectories refused that were requested up to `now_ns`, and goals given up that were given until then.
     pub(super) fn forget_requests(&self, now_ns: i64) {
+        // In this order: whoever reads the other one's new value after it must find this one's.
+        self.goals_from_ns.store(now_ns, Ordering::Release);
         self.wanted_from_ns.store(now_ns, Ordering::Release);
+    }
+
+    /// Goals that were given up to this time are over, ns of CLOCK_MONOTONIC; to be read after [`Self::guard_state`].
+    pub(super) fn goals_from_ns(&self) -> i64 {
+        self.goals_from_ns.load(Ordering::Acquire)
     }
 
     /// Number of the newest stop.

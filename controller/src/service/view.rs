@@ -211,7 +211,10 @@ impl LoopView {
     pub(super) fn message(&self, shared: &Shared) -> ControllerState {
         let mut message = self.published;
         message.loop_thread_id = shared.loop_thread_id.load(Ordering::Relaxed);
-        message.wanted_from_mono_ns = shared.guard_state().wanted_from_ns;
+        let guard = shared.guard_state();
+        message.wanted_from_mono_ns = guard.wanted_from_ns;
+        message.goals_from_mono_ns = shared.goals_from_ns();
+        message.daemon_instance = guard.daemon_instance.unwrap_or(0);
         let Some(report) = &self.latest else {
             message.stamp_mono_ns = mono_now_ns();
             return message;

@@ -10,7 +10,7 @@ use super::refusal::ExecutionRefusal;
 use super::request::SelectedMotion;
 use super::robot_motion::{RobotMotion, Switch};
 use super::supervised_motion::{StopReason, SupervisedMotion};
-use super::supervisor::{Supervisor, blocked, robot_motion};
+use super::supervisor::{HeardOrders, Supervisor, blocked, robot_motion};
 use super::trajectory_id::next_id;
 use crate::knots;
 use crate::live_scene::{Certificates, RemainingMotion, Timing};
@@ -41,6 +41,11 @@ impl Supervisor {
             None => self.schedule_at_rest(selected, now)?,
             Some(switch) => self.schedule_switch(switch, now)?,
         };
+        let heard = self.state.as_ref();
+        let heard = heard.map(|state| HeardOrders::from(&state.values));
+        if !heard.is_some_and(|heard| heard.is_of_daemon(self.instance)) {
+            return Err(ExecutionRefusal::DaemonUnheard);
+        }
         if !self.stop_order.can_be_given() {
             return Err(ExecutionRefusal::CommandUnserved);
         }

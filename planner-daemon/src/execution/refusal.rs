@@ -13,6 +13,9 @@ pub(crate) enum ExecutionRefusal {
     /// No controller is alive to execute the motion.
     #[error("no controller: its state is missing or older than 200 ms")]
     ControllerAbsent,
+    /// The controller takes motions of another daemon.
+    #[error("the controller has not heard this daemon's heart yet; it takes motions once it has")]
+    DaemonUnheard,
     /// No controller would receive an order to stop the motion.
     #[error("nobody serves `command`: an order to stop would be lost")]
     CommandUnserved,

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
-use std::time::Duration;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 use collision::SceneError;
 use planning::Problem;
@@ -16,11 +17,16 @@ use super::refusal::ExecutionRefusal;
 use super::request::{ExecutionRequest, ReplySlot, SelectedMotion};
 use super::robot_motion::{FollowedMotion, RobotMotion, Switch};
 use super::rules::{ExecutionRules, ORDER_DELAY_S};
-use super::supervisor::{Supervisor, Told};
+use super::supervisor::{HeardOrders, Supervisor, Told};
 use crate::live_scene::{ExpectedMotion, SceneMemory, Timing};
 
 /// Time within which supervision must publish a motion; later it refuses it. Heartbeats stop sooner where supervision stalls.
 const REPLY_TIMEOUT: Duration = Duration::from_millis(250);
+
+/// Time for which a daemon that starts looks for a controller, which publishes its state every 20 ms.
+const LOOKS_FOR_A_CONTROLLER: Duration = Duration::from_millis(60);
+/// Longest wait until a controller has heard a daemon that starts.
+const LONGEST_UNKNOWN: Duration = Duration::from_secs(1);
 
 /// By how much a motion may be published earlier or later than was expected when it was planned, s.
 const BEGIN_SLACK_S: f64 = 0.03;
@@ -46,6 +52,8 @@ pub(crate) struct Execution {
     to_supervision: SyncSender<ExecutionRequest>,
     told: Told,
     rules: ExecutionRules,
+    /// The daemon's instance, as in its heartbeat.
+    instance: u64,
     _thread: JoinOnDrop,
 }
 
@@ -75,6 +83,7 @@ impl Execution {
             to_supervision,
             told,
             rules: own_rules,
+            instance,
             _thread: thread.into(),
         })
     }
@@ -82,6 +91,27 @@ impl Execution {
     /// What the robot does, as supervision heard last.
     pub(crate) fn robot_motion(&self) -> RobotMotion {
         self.told.robot_motion.get()
+    }
+
+    /// What the controller's newest state says of orders.
+    pub(crate) fn heard_orders(&self) -> HeardOrders {
+        self.told.orders.get()
+    }
+
+    /// Waits until the controller that is there has heard this daemon's heart: it refuses what was requested before. Returns at once where
+    /// none is there, and after a second in any case.
+    pub(crate) fn wait_until_known(&self) {
+        let begun = Instant::now();
+        while begun.elapsed() < LONGEST_UNKNOWN {
+            let is_there = !matches!(self.robot_motion(), RobotMotion::Unknown);
+            if is_there && self.heard_orders().is_of_daemon(self.instance)
+                || !is_there && begun.elapsed() > LOOKS_FOR_A_CONTROLLER
+            {
+                return;
+            }
+            sleep(Duration::from_millis(1));
+        }
+        tracing::warn!("the controller does not hear this daemon, and refuses its motions");
     }
 
     /// Has the supervision thread stop a motion, or the one that it is to leave, because its goal was withdrawn.

@@ -41,8 +41,43 @@ const SHUTDOWN_TIMEOUT: Duration = Duration::from_secs(5);
 pub(crate) struct Told {
     pub(super) robot_motion: Shared<RobotMotion>,
     pub(super) live_scene: Shared<SceneSnapshot>,
-    /// The motion whose goal was withdrawn last; 0: none.
+    pub(super) orders: Shared<HeardOrders>,
+    /// The last motion of the goal that was withdrawn last, which is stopped like those before it; 0: none.
     pub(super) withdrawn_id: Arc<AtomicU32>,
+}
+
+/// What the controller's newest state says of orders and of the daemon.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct HeardOrders {
+    /// What was requested until then does not begin, nanoseconds.
+    pub(crate) wanted_from_mono_ns: i64,
+    /// Goals that were given until then are over, nanoseconds.
+    pub(crate) goals_from_mono_ns: i64,
+    /// Instance of the daemon whose motions are taken; 0: any.
+    pub(crate) daemon_instance: u64,
+}
+
+impl From<&ControllerState> for HeardOrders {
+    fn from(state: &ControllerState) -> Self {
+        Self {
+            wanted_from_mono_ns: state.wanted_from_mono_ns,
+            goals_from_mono_ns: state.goals_from_mono_ns,
+            daemon_instance: state.daemon_instance,
+        }
+    }
+}
+
+impl HeardOrders {
+    /// Whether the controller takes motions of this daemon.
+    pub(crate) fn is_of_daemon(&self, instance: u64) -> bool {
+        [0, instance].contains(&self.daemon_instance)
+    }
+}
+
+/// Whether a motion was published for a goal that was withdrawn, up to this motion of it (0: none), or is left by such a one.
+fn is_withdrawn(id: u32, withdrawn_id: u32) -> bool {
+    // Ids begin again after the largest.
+    withdrawn_id != 0 && withdrawn_id.wrapping_sub(id) < u32::MAX / 2
 }
 
 /// Publishers and state of the thread.
@@ -141,6 +176,8 @@ impl Supervisor {
 
     fn answer(&mut self, requests: &ExecutionRequest) {
         let answer = self.take(&requests.selected, requests.until_mono_ns);
+        // Who asked must not take the robot for idle any more.
+        self.share_robot_motion(mono_now_ns());
         if let Ok(id) = answer
             && !requests.slot.deliver(id)
             && let Some(published) = self.joining.as_mut().or(self.supervised.as_mut())
@@ -217,6 +254,7 @@ impl Supervisor {
                     let age_ms = (now - state.values.stamp_mono_ns) as f64 * 1e-6;
                     tracing::warn!("a controller's state says nothing of now: {age_ms:.0} ms old");
                 }
+                self.told.orders.set(HeardOrders::from(&state.values));
                 self.state = Some(state);
             }
             Err(error) if !self.state_refused => {
@@ -311,8 +349,7 @@ impl Supervisor {
             supervised.request_stop(StopReason::NotStarted);
         }
         let withdrawn_id = self.told.withdrawn_id.load(Ordering::Relaxed);
-        let joining_id = self.joining.as_ref().map(|joining| joining.id);
-        if [Some(supervised.id), joining_id].contains(&Some(withdrawn_id)) {
+        if is_withdrawn(supervised.id, withdrawn_id) {
             supervised.request_stop(StopReason::GoalWithdrawn);
         }
         let inbox = &self.inbox;
@@ -413,6 +450,15 @@ fn unsupervised(fresh: Option<&valid::ControllerState>, own: [Option<u32>; 2]) -
 mod tests {
     use super::*;
     use crate::fixtures::controller_state;
+
+    #[test]
+    fn all_motions_of_a_withdrawn_goal_are_stopped_and_no_later_one() {
+        assert!(!is_withdrawn(7, 0), "nothing was withdrawn");
+        assert!(is_withdrawn(7, 7) && is_withdrawn(6, 7));
+        assert!(!is_withdrawn(8, 7));
+        assert!(is_withdrawn(u32::MAX, 3), "ids begin again");
+        assert!(!is_withdrawn(3, u32::MAX));
+    }
 
     #[test]
     fn whatever_is_executed_and_not_its_own_is_unsupervised() {

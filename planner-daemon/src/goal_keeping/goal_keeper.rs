@@ -7,8 +7,8 @@ use shared_types::codes::{CommandSender, GoalState, MotionOutcome, Outcome, Refu
 use shared_types::message::{GoalStatus, ReasonText};
 use shared_types::valid::{Goal, MotionResult, PlanRequest, PreviousPlan, StandingGoal};
 
-use super::moving_target::Anticipation;
-use crate::execution::{RobotMotion, Switch};
+use super::kept_goal::{Heading, KeptGoal, PublishedMotion, Target};
+use crate::execution::{HeardOrders, RobotMotion, Switch};
 
 /// Candidates of a plan.
 const CANDIDATES: usize = 4;
@@ -38,13 +38,6 @@ pub(crate) struct PlanResult {
     pub(crate) published: Option<PublishedMotion>,
 }
 
-/// A motion that was published for the goal.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct PublishedMotion {
-    pub(crate) trajectory_id: u32,
-    pub(crate) duration_s: f64,
-}
-
 /// Whether a motion to the goal is to be executed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Wanted {
@@ -57,45 +50,13 @@ pub(crate) enum Wanted {
     GivenUp,
 }
 
-/// Where a goal was when a plan was made.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Target {
-    given_mono_ns: i64,
-    goal: Goal,
-}
-
-/// A motion to the goal that is under way, or about to be.
-#[derive(Clone, Copy, Debug)]
-struct Heading {
-    motion: PublishedMotion,
-    target: Target,
-}
-
-/// A goal that was not given up.
-#[derive(Clone, Debug)]
-struct KeptGoal {
-    newest: StandingGoal,
-    /// What the plan in work is made for.
-    planned_for: Option<Target>,
-    /// What the last plan was made for, where that still counts.
-    last_planned_for: Option<Target>,
-    heading: Option<Heading>,
-    /// The goal at which the robot has arrived.
-    arrived_at: Option<Goal>,
-    previous_plan_id: Option<u64>,
-    /// Whether the motion that is followed is not certified to its end any more.
-    is_blocked: bool,
-    anticipation: Anticipation,
-    /// No plan begins before this time, nanoseconds.
-    next_plan_mono_ns: i64,
-    /// No plan for the same as the last one begins before this time, nanoseconds.
-    look_again_mono_ns: i64,
-}
-
 /// Keeps the robot on its way to the goal that was given last.
 pub(crate) struct GoalKeeper {
     robot: UnitRobot,
     kept: Option<KeptGoal>,
+    /// What the plan in work is made for, whatever has become of the goal.
+    planned_for: Option<Target>,
+    orders: HeardOrders,
     /// When the last goal that was given up had been given, nanoseconds: nothing given until then counts.
     ended_given_mono_ns: i64,
     status: GoalStatus,
@@ -107,6 +68,8 @@ impl GoalKeeper {
         Self {
             robot,
             kept: None,
+            planned_for: None,
+            orders: HeardOrders::default(),
             ended_given_mono_ns: 0,
             status: GoalStatus::ZEROED,
         }
@@ -122,21 +85,18 @@ impl GoalKeeper {
         self.kept.is_some()
     }
 
-    /// Takes a goal in; returns the motion to stop where it is withdrawn.
+    /// Takes a goal in; returns the motion to stop, with those that it leaves, where it is withdrawn.
     ///
     /// # Errors
-    /// The status of a goal that was given up before: it does not count.
+    /// The status of a goal that does not count: it was given up before, or one that was given later has its place.
     pub(crate) fn give(&mut self, goal: StandingGoal) -> Result<Option<u32>, GoalStatus> {
+        let kept_given = self.kept.as_ref().map(|kept| kept.newest.given_mono_ns);
         if goal.given_mono_ns <= self.ended_given_mono_ns {
-            return Err(GoalStatus {
-                given_mono_ns: goal.given_mono_ns,
-                goal_stamp_mono_ns: goal.stamp_mono_ns,
-                state: GoalState::Ended.code(),
-                reason: ReasonText::new("it was given up before: give another one"),
-                ..GoalStatus::ZEROED
-            });
+            return Err(ended(&goal, "it was given up before: give another one"));
         }
-        let heading_id = self.heading_id();
+        if kept_given.is_some_and(|given| goal.given_mono_ns < given) {
+            return Err(ended(&goal, "another one was given later"));
+        }
         match &mut self.kept {
             Some(kept) if kept.newest.given_mono_ns == goal.given_mono_ns => {
                 if goal.stamp_mono_ns > kept.newest.stamp_mono_ns {
@@ -149,8 +109,10 @@ impl GoalKeeper {
         if !goal.is_withdrawn {
             return Ok(None);
         }
+        let heading = self.kept.as_ref().and_then(|kept| kept.headings.last());
+        let id = heading.map(|heading| heading.motion.trajectory_id);
         self.end("it was withdrawn");
-        Ok(heading_id)
+        Ok(id)
     }
 
     /// Takes another goal in; a motion to the one before goes on until it is left.
@@ -159,18 +121,7 @@ impl GoalKeeper {
         if let Some(before) = &before {
             self.ended_given_mono_ns = before.newest.given_mono_ns;
         }
-        self.kept = Some(KeptGoal {
-            newest: goal,
-            planned_for: before.as_ref().and_then(|before| before.planned_for),
-            last_planned_for: None,
-            heading: before.as_ref().and_then(|before| before.heading),
-            arrived_at: None,
-            previous_plan_id: None,
-            is_blocked: false,
-            anticipation: Anticipation::default(),
-            next_plan_mono_ns: before.map_or(0, |before| before.next_plan_mono_ns),
-            look_again_mono_ns: 0,
-        });
+        self.kept = Some(KeptGoal::after(before, goal));
         self.status = GoalStatus {
             given_mono_ns: goal.given_mono_ns,
             goal_stamp_mono_ns: goal.stamp_mono_ns,
@@ -195,14 +146,24 @@ impl GoalKeeper {
         ));
     }
 
-    fn heading_id(&self) -> Option<u32> {
-        let heading = self.kept.as_ref()?.heading?;
-        Some(heading.motion.trajectory_id)
-    }
-
     fn tell(&mut self, state: GoalState, reason: &str) {
         self.status.state = state.code();
         self.status.reason = ReasonText::new(reason);
+    }
+
+    /// Hears what the controller says of orders. A stop or a reset since the goal was given ends it; where a motion is under way its result
+    /// does, which says more.
+    pub(crate) fn hear_orders(&mut self, orders: HeardOrders) {
+        self.orders = orders;
+        let is_at_rest = self.kept.as_ref().is_some_and(|it| it.headings.is_empty());
+        if is_at_rest && self.is_over() {
+            self.end("a stop, a reset or a start of the controller came after it was given");
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        let kept = self.kept.as_ref();
+        kept.is_some_and(|kept| kept.newest.given_mono_ns <= self.orders.goals_from_mono_ns)
     }
 
     /// The plan that is to be made now, if any.
@@ -211,8 +172,9 @@ impl GoalKeeper {
         robot: &RobotMotion,
         now_mono_ns: i64,
     ) -> Option<PlanRequest> {
+        let is_planning = self.planned_for.is_some();
         let kept = self.kept.as_mut()?;
-        if kept.planned_for.is_some() || now_mono_ns < kept.next_plan_mono_ns {
+        if is_planning || now_mono_ns < kept.next_plan_mono_ns {
             return None;
         }
         let target = Target {
@@ -220,21 +182,30 @@ impl GoalKeeper {
             goal: kept
                 .anticipation
                 .aim(&kept.newest, &self.robot, robot, now_mono_ns),
+            limits_scale: kept.newest.limits_scale,
         };
         let is_blocked = matches!(robot, RobotMotion::Following(followed) if followed.is_blocked);
         kept.is_blocked = is_blocked;
+        if let RobotMotion::Holding(_) = robot {
+            if kept.awaits_result(now_mono_ns) {
+                return None;
+            }
+        } else {
+            kept.rests_since_mono_ns = None;
+        }
         let is_new = is_blocked || kept.last_planned_for != Some(target);
         if !is_new && now_mono_ns < kept.look_again_mono_ns {
             return None;
         }
-        let arrived_at = kept.arrived_at;
+        let has_arrived = kept.arrived_at == Some(target.goal);
         match robot {
             RobotMotion::Holding(configuration)
-                if arrived_at == Some(target.goal) || self.is_at(&target.goal, configuration) =>
+                if has_arrived || self.is_at(&target.goal, configuration) =>
             {
                 self.tell(GoalState::Reached, "");
                 None
             }
+            RobotMotion::Holding(_) | RobotMotion::Following(_) if self.is_over() => None,
             RobotMotion::Holding(_) | RobotMotion::Following(_) => self.plan(target, now_mono_ns),
             RobotMotion::Busy { passes: true, .. } => None,
             RobotMotion::Busy { state, fault, .. } => {
@@ -270,8 +241,9 @@ impl GoalKeeper {
     }
 
     fn plan(&mut self, target: Target, now_mono_ns: i64) -> Option<PlanRequest> {
+        let requested_mono_ns = self.requested_mono_ns(target.given_mono_ns);
         let kept = self.kept.as_mut()?;
-        kept.planned_for = Some(target);
+        self.planned_for = Some(target);
         kept.last_planned_for = Some(target);
         kept.next_plan_mono_ns = now_mono_ns + PERIOD_NS;
         kept.look_again_mono_ns = now_mono_ns + LOOK_AGAIN_NS;
@@ -281,8 +253,8 @@ impl GoalKeeper {
             candidate_count: CANDIDATES,
             deadline: Some(DEADLINE),
             execute: true,
-            limits_scale: kept.newest.limits_scale,
-            requested_mono_ns: Some(kept.newest.given_mono_ns),
+            limits_scale: target.limits_scale,
+            requested_mono_ns: Some(requested_mono_ns),
             previous: kept.previous_plan_id.map(|plan_id| PreviousPlan {
                 plan_id,
                 candidate: None,
@@ -291,35 +263,46 @@ impl GoalKeeper {
         })
     }
 
+    /// The time of the request of a motion to a goal: a stop that is ordered after the goal was given refuses the motion, unless it is one
+    /// of this daemon's own that the controller has told of.
+    fn requested_mono_ns(&self, given_mono_ns: i64) -> i64 {
+        given_mono_ns.max(self.orders.wanted_from_mono_ns + 1)
+    }
+
     /// Whether the motion of a plan to the goal is to be executed: not where the goal was given up meanwhile, and not where it leaves one
     /// to the same goal that is nearly as fast.
     pub(crate) fn wants(&self, leaves: Option<&Switch>, duration_s: f64) -> Wanted {
-        let planned_for = |kept: &KeptGoal| {
-            let target = kept.planned_for?;
-            (target.given_mono_ns == kept.newest.given_mono_ns).then_some(target)
-        };
-        let kept = self.kept.as_ref();
-        let Some((kept, target)) = kept.and_then(|kept| Some((kept, planned_for(kept)?))) else {
+        let given = |kept: &KeptGoal| kept.newest.given_mono_ns;
+        let Some((kept, target)) = self.kept.as_ref().zip(self.planned_for) else {
             return Wanted::GivenUp;
         };
-        let (Some(switch), Some(heading)) = (leaves, kept.heading) else {
-            return Wanted::Yes;
-        };
-        let is_same = heading.motion.trajectory_id == switch.trajectory_id
-            && heading.target.goal == target.goal;
-        let remaining_s = heading.motion.duration_s - switch.path_time_s;
-        if is_same && !kept.is_blocked && duration_s > WORTH_A_CHANGE * remaining_s {
-            return Wanted::NoBetter { remaining_s };
+        if target.given_mono_ns != given(kept) || self.is_over() {
+            return Wanted::GivenUp;
         }
-        Wanted::Yes
+        let there = Wanted::NoBetter { remaining_s: 0.0 };
+        let heading = kept.headings.last();
+        let heading = heading.filter(|heading| heading.target.is_same(&target));
+        match (leaves, heading) {
+            (None, None) if kept.arrived_at == Some(target.goal) => there,
+            // The motion has ended meanwhile: its result says where.
+            (None, Some(_)) => there,
+            (Some(switch), Some(heading))
+                if heading.motion.trajectory_id == switch.trajectory_id =>
+            {
+                let remaining_s = heading.motion.duration_s - switch.path_time_s;
+                if !kept.is_blocked && duration_s > WORTH_A_CHANGE * remaining_s {
+                    return Wanted::NoBetter { remaining_s };
+                }
+                Wanted::Yes
+            }
+            _ => Wanted::Yes,
+        }
     }
 
     /// Hears what came of the plan that was to be made.
     pub(crate) fn hear_plan(&mut self, result: &PlanResult) {
-        let Some(kept) = &mut self.kept else {
-            return;
-        };
-        let Some(target) = kept.planned_for.take() else {
+        let target = self.planned_for.take();
+        let Some((kept, target)) = self.kept.as_mut().zip(target) else {
             return;
         };
         if target.given_mono_ns != kept.newest.given_mono_ns {
@@ -327,20 +310,26 @@ impl GoalKeeper {
         }
         self.status.outcome = result.outcome.code();
         if let Some(motion) = result.published {
-            kept.heading = Some(Heading { motion, target });
-            kept.arrived_at = None;
+            kept.head(Heading { motion, target });
             kept.previous_plan_id = Some(result.plan_id);
             self.status.motion_count += 1;
             self.status.trajectory_id = motion.trajectory_id;
-            self.tell(GoalState::Underway, "");
+            return self.tell(GoalState::Underway, "");
+        }
+        if kept.is_headed_for(&target) {
+            return self.tell(GoalState::Underway, "");
+        }
+        let is_moving = !kept.headings.is_empty();
+        if kept.arrived_at == Some(target.goal) || is_moving && result.says_nothing_of_the_goal() {
             return;
         }
-        let is_headed_for = |heading: Heading| heading.target.goal == target.goal;
-        if kept.heading.is_some_and(is_headed_for) {
-            return;
-        }
+        self.tell_failure(result);
+    }
+
+    fn tell_failure(&mut self, result: &PlanResult) {
         let state = match result.outcome {
             Outcome::RobotNotReady => GoalState::RobotNotReady,
+            Outcome::Truncated if result.says_nothing_of_the_goal() => GoalState::Planning,
             _ => GoalState::Unreachable,
         };
         let outcome = result.outcome.text();
@@ -356,22 +345,50 @@ impl GoalKeeper {
             return;
         };
         let id = result.values.trajectory_id;
-        let heading = kept.heading;
-        let Some(heading) = heading.filter(|heading| heading.motion.trajectory_id == id) else {
+        let is_of = |heading: &Heading| heading.motion.trajectory_id == id;
+        let Some(index) = kept.headings.iter().position(is_of) else {
             return;
         };
+        let heading = kept.headings.remove(index);
         let is_for_this_goal = heading.target.given_mono_ns == kept.newest.given_mono_ns;
+        let was_refused = result.outcome == MotionOutcome::Refused;
         match result.outcome {
-            MotionOutcome::Joined => return,
+            MotionOutcome::Joined => {
+                kept.was_refused = false;
+                return;
+            }
             MotionOutcome::Reached => kept.arrived_at = Some(heading.target.goal),
             _ if is_for_this_goal && ends_the_goal(result) => {
                 return self.end(&result.to_string());
             }
             MotionOutcome::Refused | MotionOutcome::Stopped | MotionOutcome::SetAside => {}
         }
-        kept.heading = None;
-        // What was planned last does not bring the robot there any more.
-        kept.last_planned_for = None;
+        // What was planned last does not bring the robot there any more. Where the controller refuses again and again, there is no hurry.
+        if !(was_refused && kept.was_refused) {
+            kept.last_planned_for = None;
+        }
+        kept.was_refused = was_refused;
+    }
+}
+
+impl PlanResult {
+    /// Whether it leaves open if there is a way to the goal: it was not planned, or its motion came too late.
+    fn says_nothing_of_the_goal(&self) -> bool {
+        match self.outcome {
+            Outcome::Truncated => self.plan_id == 0,
+            outcome => outcome == Outcome::ExecutionRefused,
+        }
+    }
+}
+
+/// The status of a goal that does not count.
+fn ended(goal: &StandingGoal, reason: &str) -> GoalStatus {
+    GoalStatus {
+        given_mono_ns: goal.given_mono_ns,
+        goal_stamp_mono_ns: goal.stamp_mono_ns,
+        state: GoalState::Ended.code(),
+        reason: ReasonText::new(reason),
+        ..GoalStatus::ZEROED
     }
 }
 
@@ -383,3 +400,7 @@ fn ends_the_goal(result: &MotionResult) -> bool {
         _ => (result.cause, result.sender) != (StopCause::Command, CommandSender::Supervision),
     }
 }
+
+#[cfg(test)]
+#[path = "tests.rs"]
+mod tests;

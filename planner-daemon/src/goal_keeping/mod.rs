@@ -9,8 +9,10 @@
 //! ```
 
 mod goal_keeper;
+mod kept_goal;
 mod moving_target;
 mod ports;
 
-pub(crate) use goal_keeper::{GoalKeeper, PlanResult, PublishedMotion, Wanted};
+pub(crate) use goal_keeper::{GoalKeeper, PlanResult, Wanted};
+pub(crate) use kept_goal::PublishedMotion;
 pub(crate) use ports::GoalPorts;

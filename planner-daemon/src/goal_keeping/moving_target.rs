@@ -16,6 +16,8 @@ const AHEAD_S: f64 = 0.15;
 const SHARE_OF_STOP: f64 = 0.7;
 /// Time in which the lag that is left is learned, s.
 const LEARNS_IN_S: f64 = 0.8;
+/// Longest time between two looks at the lag for the later one to stand for it, s.
+const LONGEST_BETWEEN_LOOKS_S: f64 = 0.2;
 /// Largest time that is learned, s.
 const MOST_LEARNED_S: f64 = 0.5;
 /// Time until a robot at rest has caught up with its target, s.
@@ -74,8 +76,11 @@ impl Anticipation {
     }
 
     fn learn(&mut self, lag_s: f64, now_mono_ns: i64) {
-        let since_s = seconds(now_mono_ns - self.learned_mono_ns).min(LEARNS_IN_S);
+        let since_s = seconds(now_mono_ns - self.learned_mono_ns);
         self.learned_mono_ns = now_mono_ns;
+        if since_s > LONGEST_BETWEEN_LOOKS_S {
+            return;
+        }
         let learned_s = self.learned_s + lag_s * since_s / LEARNS_IN_S;
         self.learned_s = learned_s.clamp(-MOST_LEARNED_S, MOST_LEARNED_S);
     }
@@ -96,4 +101,130 @@ fn stop_s(from: &Knot, robot: &UnitRobot) -> f64 {
     let limits: &TendonLimits = &robot.tendon_limits;
     let stop = stopping_motion(from, &robot.tendons, limits);
     stop.map_or(0.0, |stop| stop.duration())
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use pcc_model::Configuration;
+
+    use super::*;
+    use crate::execution::FollowedMotion;
+    use crate::fixtures::{motion, unit_robot};
+
+    const MS: i64 = 1_000_000;
+    const STAMP: i64 = 5_000 * MS;
+    const VELOCITY: [f64; 3] = [0.2, 0.0, 0.0];
+
+    fn target(velocity: [f64; 3]) -> StandingGoal {
+        StandingGoal {
+            given_mono_ns: STAMP,
+            stamp_mono_ns: STAMP,
+            goal: Goal::Tip {
+                position_m: [1.0, 0.5, 2.0],
+                tolerance_m: Some(0.02),
+            },
+            tip_velocity_m_s: velocity,
+            limits_scale: 1.0,
+            is_withdrawn: false,
+        }
+    }
+
+    /// Time ahead of its stamp at which a target that moves along x is aimed, s.
+    fn ahead_s(aimed: Goal) -> f64 {
+        let Goal::Tip {
+            position_m,
+            tolerance_m,
+        } = aimed
+        else {
+            panic!("a tip");
+        };
+        assert_eq!(position_m[1..], [0.5, 2.0]);
+        assert_eq!(tolerance_m, Some(0.02));
+        (position_m[0] - 1.0) / VELOCITY[0]
+    }
+
+    fn following(time_s: f64) -> RobotMotion {
+        RobotMotion::Following(FollowedMotion {
+            is_blocked: false,
+            trajectory_id: 7,
+            motion: Arc::new(motion()),
+            goals: Arc::default(),
+            time_s,
+            rate: 1.0,
+            fastest_rate: 1.0,
+            state_mono_ns: i64::MAX,
+        })
+    }
+
+    fn aim(anticipation: &mut Anticipation, motion: &RobotMotion, after_ms: i64) -> f64 {
+        let now = STAMP + after_ms * MS;
+        ahead_s(anticipation.aim(&target(VELOCITY), &unit_robot(), motion, now))
+    }
+
+    #[test]
+    fn what_rests_is_aimed_at_where_it_is() {
+        let rests = target([0.0; 3]);
+        let configuration = StandingGoal {
+            goal: Goal::Configuration([0.1; 6]),
+            ..target(VELOCITY)
+        };
+        for goal in [rests, configuration] {
+            let mut anticipation = Anticipation::default();
+            let aimed = anticipation.aim(&goal, &unit_robot(), &following(0.3), STAMP + 100 * MS);
+            assert_eq!(aimed, goal.goal);
+        }
+    }
+
+    #[test]
+    fn a_moving_target_is_aimed_ahead_further_the_faster_the_robot_goes() {
+        let mut anticipation = Anticipation::default();
+        let holding = RobotMotion::Holding(Configuration::zeros());
+        let at_rest = aim(&mut anticipation, &holding, 100);
+        assert!((at_rest - 0.1 - CATCHES_UP_S).abs() < 1e-9, "{at_rest}");
+        let [slow, fast] =
+            [0.0, 0.5].map(|time_s| aim(&mut Anticipation::default(), &following(time_s), 100));
+        assert!(slow >= 0.1 + AHEAD_S - 1e-9, "{slow}");
+        assert!(fast > slow + 0.05, "{fast} against {slow}");
+    }
+
+    #[test]
+    fn a_velocity_is_believed_for_half_a_second() {
+        let mut anticipation = Anticipation::default();
+        assert!(aim(&mut anticipation, &following(0.3), 499) > 0.499 + AHEAD_S);
+        for late_ms in [500, 501, 60_000] {
+            let ahead = aim(&mut anticipation, &following(0.3), late_ms);
+            assert!((ahead - BELIEVED_S).abs() < 1e-9, "{ahead}");
+        }
+    }
+
+    #[test]
+    fn lag_is_learned_little_by_little_up_to_half_a_second_and_unlearned() {
+        let mut anticipation = Anticipation::default();
+        anticipation.learn(10.0, STAMP);
+        assert_eq!(anticipation.learned_s, 0.0, "the first look is no lag");
+        anticipation.learn(0.1, STAMP + 80 * MS);
+        assert!((anticipation.learned_s - 0.01).abs() < 1e-9);
+        anticipation.learn(10.0, STAMP + 1_000 * MS);
+        assert!((anticipation.learned_s - 0.01).abs() < 1e-9, "a gap");
+        for look in 0..100 {
+            anticipation.learn(10.0, STAMP + (1_000 + 10 * look) * MS);
+        }
+        assert_eq!(anticipation.learned_s, MOST_LEARNED_S);
+        for look in 0..400 {
+            anticipation.learn(-10.0, STAMP + (2_000 + 10 * look) * MS);
+        }
+        assert_eq!(anticipation.learned_s, -MOST_LEARNED_S);
+    }
+
+    #[test]
+    fn lag_is_the_time_behind_along_the_targets_way() {
+        let lag = |tip_m: [f64; 3]| lag_s(&[1.0, 0.0, 0.0], &VELOCITY, &tip_m);
+        assert!((lag([0.9, 0.0, 0.0]) - 0.5).abs() < 1e-9);
+        assert!((lag([1.1, 0.0, 0.0]) + 0.5).abs() < 1e-9);
+        assert!(lag([1.0, 0.7, 0.0]).abs() < 1e-9, "beside it");
+        let hardly = [0.5 * SLOWEST_M_S, 0.0, 0.0];
+        assert_eq!(lag_s(&[1.0, 0.0, 0.0], &hardly, &[0.0; 3]), 0.0);
+    }
 }

@@ -1,5 +1,6 @@
 //! The turn of the goal that stays: its messages, its plans in the queue, its status.
 
+use std::collections::VecDeque;
 use std::time::Instant;
 
 use pcc_model::UnitRobot;
@@ -19,6 +20,10 @@ use crate::goal_keeping::{GoalKeeper, GoalPorts, PlanResult, PublishedMotion};
 
 /// Time between two messages on the status of a goal that does not change, nanoseconds.
 const STATUS_PERIOD_NS: i64 = 100_000_000;
+/// Least time between two messages on the same state, and between two on goals that do not count, nanoseconds.
+const LEAST_PERIOD_NS: i64 = 5_000_000;
+/// Most goals that do not count of which is still to be told.
+const MOST_REFUSED: usize = 16;
 
 /// The keeper of the goal that stays, its ports, and what was told last.
 pub(super) struct GoalTurn {
@@ -26,6 +31,9 @@ pub(super) struct GoalTurn {
     ports: GoalPorts,
     told: GoalStatus,
     told_mono_ns: i64,
+    /// What is still to be said of goals that do not count, one for each goal.
+    refused: VecDeque<GoalStatus>,
+    refused_mono_ns: i64,
 }
 
 impl GoalTurn {
@@ -39,6 +47,8 @@ impl GoalTurn {
             ports: GoalPorts::open(node)?,
             told: GoalStatus::ZEROED,
             told_mono_ns: 0,
+            refused: VecDeque::new(),
+            refused_mono_ns: 0,
         })
     }
 
@@ -58,17 +68,21 @@ impl GoalTurn {
     }
 
     /// Hears goals and results of motions; returns the motion that is to be stopped, if any.
-    fn hear(&mut self, now_mono_ns: i64) -> Option<u32> {
+    fn hear(&mut self) -> Option<u32> {
         let mut stopped = None;
-        let mut refused = None;
         for wire in self.ports.goals() {
-            match read(&wire, now_mono_ns) {
+            // The clock is read after the message came, which may be stamped this very moment.
+            let refused = match read(&wire, mono_now_ns()) {
                 Ok(goal) => match self.keeper.give(goal) {
-                    Ok(stop) => stopped = stop.or(stopped),
-                    Err(status) => refused = Some(status),
+                    Ok(stop) => {
+                        stopped = stop.or(stopped);
+                        continue;
+                    }
+                    Err(status) => status,
                 },
-                Err(reason) => refused = Some(refused_status(&wire, &reason)),
-            }
+                Err(reason) => refused_status(&wire, &reason),
+            };
+            note_refused(&mut self.refused, refused);
         }
         for wire in self.ports.results() {
             match MotionResult::try_from(&wire) {
@@ -76,20 +90,43 @@ impl GoalTurn {
                 Err(error) => tracing::warn!("a motion's result is refused: {error}"),
             }
         }
-        if let Some(status) = refused {
-            self.ports.publish(status);
-        }
         stopped
     }
 
-    /// Publishes the status where it has changed, and now and then while there is a goal.
+    /// Publishes the status where it has changed, and now and then while there is a goal; changes of numbers alone, and words on goals that
+    /// do not count, only so often that a flood of goals makes none of statuses.
     fn tell(&mut self, now_mono_ns: i64) {
+        if now_mono_ns - self.refused_mono_ns >= LEAST_PERIOD_NS
+            && let Some(status) = self.refused.pop_front()
+        {
+            self.ports.publish(status);
+            self.refused_mono_ns = now_mono_ns;
+        }
         let status = self.keeper.status();
-        let is_due = self.keeper.has_goal() && now_mono_ns - self.told_mono_ns >= STATUS_PERIOD_NS;
-        if status != self.told || is_due {
+        let since_ns = now_mono_ns - self.told_mono_ns;
+        let is_due = self.keeper.has_goal() && since_ns >= STATUS_PERIOD_NS;
+        let may_change = since_ns >= LEAST_PERIOD_NS || is_other_state(&status, &self.told);
+        if is_due || status != self.told && may_change {
             self.ports.publish(status);
             (self.told, self.told_mono_ns) = (status, now_mono_ns);
         }
+    }
+}
+
+/// Whether a status says more than other numbers of the same state of the same goal.
+fn is_other_state(status: &GoalStatus, told: &GoalStatus) -> bool {
+    let of = |status: &GoalStatus| (status.given_mono_ns, status.state, status.trajectory_id);
+    of(status) != of(told)
+}
+
+/// Notes what is to be said of a goal that does not count; the newest of each goal, and no more than [`MOST_REFUSED`].
+fn note_refused(refused: &mut VecDeque<GoalStatus>, status: GoalStatus) {
+    let given_mono_ns = status.given_mono_ns;
+    let mut noted = refused.iter_mut();
+    if let Some(noted) = noted.find(|it| it.given_mono_ns == given_mono_ns) {
+        *noted = status;
+    } else if refused.len() < MOST_REFUSED {
+        refused.push_back(status);
     }
 }
 
@@ -119,13 +156,15 @@ fn refused_status(wire: &message::StandingGoal, reason: &str) -> GoalStatus {
 impl Service {
     /// Hears goals, has what they want planned, and tells what becomes of them; returns whether a plan was asked for.
     pub(super) fn keep_goal(&mut self) -> bool {
-        let now = mono_now_ns();
-        if let Some(id) = self.goal.hear(now) {
+        if let Some(id) = self.goal.hear() {
             self.execution.stop(id);
         }
+        // In this order: the orders are those of the robot's state, or later ones.
+        let robot = self.execution.robot_motion();
+        self.goal.keeper.hear_orders(self.execution.heard_orders());
+        let now = mono_now_ns();
         let mut is_asked = false;
         if self.goal.keeper.has_goal() {
-            let robot = self.execution.robot_motion();
             if let Some(request) = self.goal.keeper.next_plan(&robot, now) {
                 self.ask_for_goal(request);
                 is_asked = true;
@@ -146,8 +185,10 @@ impl Service {
             task,
             received: Instant::now(),
         };
-        let pushed = self.queue.push(AskerId::GoalKeeper, queued);
-        debug_assert!(pushed.is_ok(), "one plan to the goal at a time");
+        if let Err(queued) = self.queue.push(AskerId::GoalKeeper, queued) {
+            let refusal = Refusal::new(Outcome::Overloaded, "the queue is full");
+            self.refuse(&queued.asker, 0, &refusal);
+        }
     }
 
     fn goal_task(&self, mut request: PlanRequest) -> Result<PlanTask, Refusal> {

@@ -150,6 +150,7 @@ impl Daemon {
         // The heart beats before requests are served: what is requested before a controller hears this daemon is refused by it.
         let background =
             BackgroundThreads::start(options, instance, &supervision_rounds, service_priority)?;
+        execution.wait_until_known();
         let service = open_service(config, &node, static_scene, planner, execution)?;
         prefault_shared_memory(config, options);
         if let Some(priority) = service_priority {

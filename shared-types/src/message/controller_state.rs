@@ -8,7 +8,7 @@ use crate::capacity::{DOF, HISTOGRAM_BINS, TENDONS};
 
 wire_message! {
     /// State of the controller (service `controller_state`, one publisher: its relay thread, about 50 Hz).
-    pub struct ControllerState: "pcc.v4.ControllerState", 808 bytes {
+    pub struct ControllerState: "pcc.v4.ControllerState", 824 bytes {
         /// Time of the cycle that the message describes, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
         /// Identifies the process among all that had this role since the machine was booted: its start time, nanoseconds of
@@ -62,6 +62,11 @@ wire_message! {
         /// What was requested before this does not begin: the newest of the process's start (not later than `instance`), the newest stop and
         /// the newest reset, nanoseconds of `CLOCK_MONOTONIC`. It may be later than `stamp_mono_ns`.
         pub wanted_from_mono_ns: i64,
+        /// A goal that was given before this is over (service `goal`): as `wanted_from_mono_ns`, but without the stops that the daemon
+        /// itself has ordered, nanoseconds of `CLOCK_MONOTONIC`; not later than `wanted_from_mono_ns`.
+        pub goals_from_mono_ns: i64,
+        /// [`super::Heartbeat::instance`] of the daemon whose trajectories are taken; 0: none was heard yet, any is.
+        pub daemon_instance: u64,
         /// Set-points sent.
         pub setpoints_sent: u64,
         /// Allocations of the loop thread that its own arena served.

@@ -84,6 +84,7 @@ impl TryFrom<&message::ControllerState> for ControllerState {
         check_range(values.rate, 0.0, 1.0, "0..=1").map_err(|reason| invalid("rate", reason))?;
         check_range(values.speed, 0.0, 1.0, "0..=1").map_err(|reason| invalid("speed", reason))?;
         check_stamp("wanted_from_mono_ns", values.wanted_from_mono_ns)?;
+        check_stamp("goals_from_mono_ns", values.goals_from_mono_ns)?;
         Ok(Self {
             state: check_code("state", values.state)?,
             fault: check_code("fault", values.fault)?,
@@ -224,6 +225,7 @@ mod tests {
                 (|s| s.rate = 1.5, "rate is 1.5; allowed is 0..=1"),
                 (|s| s.speed = -0.5, "speed is -0.5; allowed is 0..=1"),
                 (|s| s.wanted_from_mono_ns = -1, "wanted_from_mono_ns"),
+                (|s| s.goals_from_mono_ns = -1, "goals_from_mono_ns"),
             ],
         );
     }

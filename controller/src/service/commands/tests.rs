@@ -5,6 +5,7 @@ use std::{cell::RefCell, rc::Rc};
 use super::*;
 use crate::service::link::{LoopEnd, link};
 use shared_types::codes::LoopState;
+use shared_types::valid::Signature;
 
 const MS: i64 = 1_000_000;
 
@@ -215,4 +216,42 @@ fn a_stop_counts_when_nobody_waits_for_its_reply_and_another_order_does_not() {
     bench.cycle();
     assert_eq!(bench.carried_out, []);
     assert_eq!(bench.stops_seen, 1);
+}
+
+#[test]
+fn goals_outlive_the_stops_that_the_daemon_orders_and_no_others() {
+    let mut bench = Bench::new();
+    let from_ns = |bench: &Bench| {
+        let shared = &bench.at_loop.shared;
+        [shared.guard_state().wanted_from_ns, shared.goals_from_ns()]
+    };
+    let [wanted_ns, started_ns] = from_ns(&bench);
+    assert_eq!(wanted_ns, started_ns);
+    for sender in [CommandSender::Supervision, CommandSender::GoalKeeper] {
+        let before_ns = from_ns(&bench);
+        let signature = Signature {
+            sender,
+            ..SignedCommand::from(Command::Stop).signature
+        };
+        bench.commands.stop(StopOrigin::Command(signature));
+        let [wanted_ns, goals_ns] = from_ns(&bench);
+        assert!(wanted_ns > before_ns[0]);
+        assert_eq!(goals_ns, started_ns);
+    }
+    let ended_ns = started_ns;
+    let program = SignedCommand::from(Command::Stop).signature;
+    for origin in [
+        StopOrigin::Command(program),
+        StopOrigin::Signal,
+        StopOrigin::OtherDaemon,
+        StopOrigin::Suspension,
+    ] {
+        bench.commands.stop(origin);
+        let [wanted_ns, goals_ns] = from_ns(&bench);
+        assert_eq!(wanted_ns, goals_ns);
+        assert!(goals_ns > ended_ns, "{origin:?}");
+    }
+    let stopped_ns = from_ns(&bench)[1];
+    bench.ask(Command::ResetFault, 1, 0);
+    assert!(from_ns(&bench)[1] > stopped_ns);
 }

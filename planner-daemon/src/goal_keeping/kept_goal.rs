@@ -1,0 +1,108 @@
+//! The goal that counts, and the motions to it.
+
+use shared_types::valid::{Goal, StandingGoal};
+
+use super::moving_target::Anticipation;
+
+/// Longest wait of a robot at rest for the result of its motion, which may be lost, nanoseconds.
+const RESULT_WAIT_NS: i64 = 100_000_000;
+
+/// A motion that was published for the goal.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PublishedMotion {
+    pub(crate) trajectory_id: u32,
+    pub(crate) duration_s: f64,
+}
+
+/// Where a goal was when a plan was made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Target {
+    pub(super) given_mono_ns: i64,
+    pub(super) goal: Goal,
+    pub(super) limits_scale: f64,
+}
+
+impl Target {
+    /// Whether a motion to the other one is a motion to this one.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        (self.goal, self.limits_scale) == (other.goal, other.limits_scale)
+    }
+}
+
+/// A motion to the goal that is under way, or about to be.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Heading {
+    pub(super) motion: PublishedMotion,
+    pub(super) target: Target,
+}
+
+/// A goal that was not given up.
+#[derive(Clone, Debug)]
+pub(super) struct KeptGoal {
+    pub(super) newest: StandingGoal,
+    /// What the last plan was made for, where that still counts.
+    pub(super) last_planned_for: Option<Target>,
+    /// The motions that are not known to have ended: the newest, and before it the one that it leaves.
+    pub(super) headings: Vec<Heading>,
+    /// Since when the robot rests although no result of the newest motion was heard, nanoseconds.
+    pub(super) rests_since_mono_ns: Option<i64>,
+    /// Whether the controller has refused the last motion.
+    pub(super) was_refused: bool,
+    /// The goal at which the robot has arrived.
+    pub(super) arrived_at: Option<Goal>,
+    pub(super) previous_plan_id: Option<u64>,
+    /// Whether the motion that is followed is not certified to its end any more.
+    pub(super) is_blocked: bool,
+    pub(super) anticipation: Anticipation,
+    /// No plan begins before this time, nanoseconds.
+    pub(super) next_plan_mono_ns: i64,
+    /// No plan for the same as the last one begins before this time, nanoseconds.
+    pub(super) look_again_mono_ns: i64,
+}
+
+impl KeptGoal {
+    /// A goal that takes the place of another one, whose motions go on until they are left.
+    pub(super) fn after(before: Option<Self>, newest: StandingGoal) -> Self {
+        let next_plan_mono_ns = before.as_ref().map_or(0, |it| it.next_plan_mono_ns);
+        Self {
+            newest,
+            last_planned_for: None,
+            headings: before.map(|before| before.headings).unwrap_or_default(),
+            rests_since_mono_ns: None,
+            was_refused: false,
+            arrived_at: None,
+            previous_plan_id: None,
+            is_blocked: false,
+            anticipation: Anticipation::default(),
+            next_plan_mono_ns,
+            look_again_mono_ns: 0,
+        }
+    }
+
+    pub(super) fn is_headed_for(&self, target: &Target) -> bool {
+        let heading = self.headings.last();
+        heading.is_some_and(|heading| heading.target.is_same(target))
+    }
+
+    pub(super) fn head(&mut self, heading: Heading) {
+        // What was left before this one's own was left is over.
+        let left = self.headings.pop();
+        self.headings = left.into_iter().chain([heading]).collect();
+        self.arrived_at = None;
+        self.rests_since_mono_ns = None;
+    }
+
+    /// Whether the result of a motion is awaited by a robot that rests; where it does not come the motion is over all the same.
+    pub(super) fn awaits_result(&mut self, now_mono_ns: i64) -> bool {
+        if self.headings.is_empty() {
+            return false;
+        }
+        let since = *self.rests_since_mono_ns.get_or_insert(now_mono_ns);
+        if now_mono_ns - since < RESULT_WAIT_NS {
+            return true;
+        }
+        self.headings.clear();
+        self.last_planned_for = None;
+        false
+    }
+}
