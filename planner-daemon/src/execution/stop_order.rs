@@ -28,6 +28,10 @@ const _: () = assert!(
     ESCALATION_NS + STALL_NS + HEARTBEAT_TIMEOUT_NS + ROUNDS_NS <= (UNSUPERVISED_S * 1e9) as i64
 );
 
+/// Longest time between an order and its reply for which the stop counts as the daemon's own, nanoseconds: somebody else's stop in between
+/// would count as the daemon's, too.
+const OWN_WITHIN_NS: i64 = 5_000_000;
+
 type Pending = PendingResponse<ipc::Service, message::Command, (), message::CommandReply, ()>;
 
 /// Time for which a wanted stop has had no reply: from the first order for a motion, or from the last reply, on.
@@ -65,6 +69,10 @@ pub(crate) struct StopOrder {
     trajectory_id: u32,
     unanswered: UnansweredTime,
     count: u64,
+    /// When the first order for the motion was given, nanoseconds; none once it was given again.
+    first_sent_mono_ns: Option<i64>,
+    /// When the newest reply to a first order came that came soon, nanoseconds; 0: none yet.
+    own_stop_mono_ns: i64,
 }
 
 impl StopOrder {
@@ -79,6 +87,8 @@ impl StopOrder {
             trajectory_id: 0,
             unanswered: UnansweredTime::default(),
             count: 0,
+            first_sent_mono_ns: None,
+            own_stop_mono_ns: 0,
         })
     }
 
@@ -107,6 +117,7 @@ impl StopOrder {
         }
         self.again_mono_ns = now_mono_ns.saturating_add(REPEAT_NS);
         self.count += 1;
+        self.first_sent_mono_ns = is_first.then_some(now_mono_ns);
         let order = SignedCommand {
             command: Command::Stop,
             signature: Signature {
@@ -152,6 +163,18 @@ impl StopOrder {
         self.unanswered = UnansweredTime::default();
     }
 
+    /// Until when stops that were ordered are the daemon's own, as far as is known, nanoseconds; 0: it has ordered none.
+    pub(crate) fn own_stop_mono_ns(&self) -> i64 {
+        self.own_stop_mono_ns
+    }
+
+    fn note_answer(&mut self, now_mono_ns: i64) {
+        let sent = self.first_sent_mono_ns.take();
+        if sent.is_some_and(|sent| now_mono_ns - sent <= OWN_WITHIN_NS) {
+            self.own_stop_mono_ns = now_mono_ns;
+        }
+    }
+
     /// Hears the controller's reply to the order. Returns whether a reply has come that says that the robot is at rest; nothing
     /// that was requested before the order moves it then. While a motion that had begun brakes, no reply says so.
     pub(crate) fn poll_reply(&mut self, now_mono_ns: i64) -> bool {
@@ -172,10 +195,12 @@ impl StopOrder {
         match CommandReply::try_from(&reply) {
             Ok(reply) if reply.accepted => {
                 tracing::info!("the controller obeys the order to stop");
+                self.note_answer(now_mono_ns);
                 return is_at_rest(&reply);
             }
             Ok(reply) if reply.refusal == CommandRefusal::NothingToDo && is_at_rest(&reply) => {
                 tracing::info!("the controller has nothing to stop");
+                self.note_answer(now_mono_ns);
                 self.again_mono_ns = now_mono_ns.saturating_add(REPEAT_AFTER_REFUSAL_NS);
                 return true;
             }

@@ -84,6 +84,11 @@ impl Execution {
         self.told.robot_motion.get()
     }
 
+    /// Until when stops that were ordered are the supervision thread's own, nanoseconds of `CLOCK_MONOTONIC`; 0: it has ordered none.
+    pub(crate) fn own_stop_mono_ns(&self) -> i64 {
+        self.told.own_stop_mono_ns.load(Ordering::Relaxed)
+    }
+
     /// Has the supervision thread stop a motion, or the one that it is to leave, because its goal was withdrawn.
     pub(crate) fn stop(&self, trajectory_id: u32) {
         self.told

@@ -2,7 +2,7 @@
 //! under way up to date and orders stops. It never plans. The daemon's heartbeats end when its rounds do.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicI64, AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
@@ -42,6 +42,8 @@ pub(crate) struct Told {
     pub(super) live_scene: Shared<SceneSnapshot>,
     /// The motion whose goal was withdrawn last; 0: none.
     pub(super) withdrawn_id: Arc<AtomicU32>,
+    /// Until when stops that were ordered are supervision's own, nanoseconds; 0: it has ordered none.
+    pub(super) own_stop_mono_ns: Arc<AtomicI64>,
 }
 
 /// Publishers and state of the thread.
@@ -246,6 +248,8 @@ impl Supervisor {
     fn supervise(&mut self) {
         let now = mono_now_ns();
         let at_rest = self.stop_order.poll_reply(now);
+        let own_stop = &self.told.own_stop_mono_ns;
+        own_stop.store(self.stop_order.own_stop_mono_ns(), Ordering::Relaxed);
         self.watch_joining(now);
         if let Some(reason) = self.end_reason(now, at_rest) {
             if let Some(supervised) = self.supervised.take() {

@@ -61,6 +61,8 @@ pub(crate) enum Wanted {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Target {
     given_mono_ns: i64,
+    /// Stops ordered after this time hold for the plan, nanoseconds.
+    requested_mono_ns: i64,
     goal: Goal,
 }
 
@@ -97,6 +99,10 @@ pub(crate) struct GoalKeeper {
     /// When the last goal that was given up had been given, nanoseconds: nothing given until then counts.
     ended_given_mono_ns: i64,
     status: GoalStatus,
+    /// What became of a goal whose place another one has taken, until it is told.
+    replaced: Option<GoalStatus>,
+    /// Until when stops that were ordered are this daemon's own, nanoseconds: they do not end the goal.
+    own_stop_mono_ns: i64,
 }
 
 impl GoalKeeper {
@@ -107,7 +113,14 @@ impl GoalKeeper {
             kept: None,
             ended_given_mono_ns: 0,
             status: GoalStatus::ZEROED,
+            replaced: None,
+            own_stop_mono_ns: 0,
         }
+    }
+
+    /// The end of the goal whose place another one has taken, once; its stamp is not set.
+    pub(crate) fn take_replaced(&mut self) -> Option<GoalStatus> {
+        self.replaced.take()
     }
 
     /// What becomes of the goal; its stamp is not set.
@@ -156,6 +169,11 @@ impl GoalKeeper {
         let before = self.kept.take();
         if let Some(before) = &before {
             self.ended_given_mono_ns = before.newest.given_mono_ns;
+            self.replaced = Some(GoalStatus {
+                state: GoalState::Ended.code(),
+                reason: ReasonText::new("another goal has taken its place"),
+                ..self.status
+            });
         }
         self.kept = Some(KeptGoal {
             newest: goal,
@@ -212,8 +230,10 @@ impl GoalKeeper {
         if kept.planned_for.is_some() || now_mono_ns < kept.next_plan_mono_ns {
             return None;
         }
+        let given_mono_ns = kept.newest.given_mono_ns;
         let target = Target {
-            given_mono_ns: kept.newest.given_mono_ns,
+            given_mono_ns,
+            requested_mono_ns: given_mono_ns.max(self.own_stop_mono_ns),
             goal: kept
                 .anticipation
                 .aim(&kept.newest, &self.robot, robot, now_mono_ns),
@@ -277,7 +297,7 @@ impl GoalKeeper {
             deadline: Some(DEADLINE),
             execute: true,
             limits_scale: kept.newest.limits_scale,
-            requested_mono_ns: Some(kept.newest.given_mono_ns),
+            requested_mono_ns: Some(target.requested_mono_ns),
             previous: kept.previous_plan_id.map(|plan_id| PreviousPlan {
                 plan_id,
                 candidate: None,
@@ -330,8 +350,13 @@ impl GoalKeeper {
             self.tell(GoalState::Underway, "");
             return;
         }
-        let is_headed_for = |heading: Heading| heading.target.goal == target.goal;
-        if kept.heading.is_some_and(is_headed_for) {
+        // A motion that came too late to join says nothing of the one under way, which goes on, nor of the goal.
+        let is_left_alone = |heading: Heading| {
+            let is_for_this_goal = heading.target.given_mono_ns == target.given_mono_ns;
+            let is_late = result.outcome == Outcome::ExecutionRefused && is_for_this_goal;
+            heading.target.goal == target.goal || is_late
+        };
+        if kept.heading.is_some_and(is_left_alone) {
             return;
         }
         let state = match result.outcome {
@@ -341,25 +366,32 @@ impl GoalKeeper {
         let outcome = result.outcome.text();
         match result.reason.text().as_ref() {
             "" => self.tell(state, outcome),
+            reason if reason.starts_with(outcome) => self.tell(state, reason),
             reason => self.tell(state, &format!("{outcome}: {reason}")),
         }
     }
 
+    /// Hears until when stops that were ordered are this daemon's own supervision's, nanoseconds.
+    pub(crate) fn hear_own_stop(&mut self, own_stop_mono_ns: i64) {
+        self.own_stop_mono_ns = own_stop_mono_ns;
+    }
+
     /// Hears how a motion ended.
     pub(crate) fn hear_result(&mut self, result: &MotionResult) {
-        let Some(kept) = &mut self.kept else {
+        let id = result.values.trajectory_id;
+        let heading = self.kept.as_ref().and_then(|kept| kept.heading);
+        let Some(heading) = heading.filter(|heading| heading.motion.trajectory_id == id) else {
             return;
         };
-        let id = result.values.trajectory_id;
-        let heading = kept.heading;
-        let Some(heading) = heading.filter(|heading| heading.motion.trajectory_id == id) else {
+        let ends_the_goal = self.ends_the_goal(result, heading.target);
+        let Some(kept) = &mut self.kept else {
             return;
         };
         let is_for_this_goal = heading.target.given_mono_ns == kept.newest.given_mono_ns;
         match result.outcome {
             MotionOutcome::Joined => return,
             MotionOutcome::Reached => kept.arrived_at = Some(heading.target.goal),
-            _ if is_for_this_goal && ends_the_goal(result) => {
+            _ if is_for_this_goal && ends_the_goal => {
                 return self.end(&result.to_string());
             }
             MotionOutcome::Refused | MotionOutcome::Stopped | MotionOutcome::SetAside => {}
@@ -368,13 +400,16 @@ impl GoalKeeper {
         // What was planned last does not bring the robot there any more.
         kept.last_planned_for = None;
     }
-}
 
-/// Whether the motion to a goal ended in a way after which the robot moves only to another goal: by anything but this daemon's own
-/// supervision, or a refusal that another plan can avoid.
-fn ends_the_goal(result: &MotionResult) -> bool {
-    match result.outcome {
-        MotionOutcome::Refused => result.refusal == Refusal::RequestedBefore,
-        _ => (result.cause, result.sender) != (StopCause::Command, CommandSender::Supervision),
+    /// Whether the motion to a goal ended in a way after which the robot moves only to another goal: by anything but this daemon's own
+    /// supervision, or a refusal that another plan can avoid.
+    fn ends_the_goal(&self, result: &MotionResult, target: Target) -> bool {
+        let own_stop_came_later = self.own_stop_mono_ns > target.requested_mono_ns;
+        match result.outcome {
+            MotionOutcome::Refused => {
+                result.refusal == Refusal::RequestedBefore && !own_stop_came_later
+            }
+            _ => (result.cause, result.sender) != (StopCause::Command, CommandSender::Supervision),
+        }
     }
 }

@@ -60,7 +60,7 @@ impl GoalTurn {
     /// Hears goals and results of motions; returns the motion that is to be stopped, if any.
     fn hear(&mut self, now_mono_ns: i64) -> Option<u32> {
         let mut stopped = None;
-        let mut refused = None;
+        let (mut refused, mut replaced) = (None, None);
         for wire in self.ports.goals() {
             match read(&wire, now_mono_ns) {
                 Ok(goal) => match self.keeper.give(goal) {
@@ -69,6 +69,7 @@ impl GoalTurn {
                 },
                 Err(reason) => refused = Some(refused_status(&wire, &reason)),
             }
+            replaced = self.keeper.take_replaced().or(replaced);
         }
         for wire in self.ports.results() {
             match MotionResult::try_from(&wire) {
@@ -76,7 +77,7 @@ impl GoalTurn {
                 Err(error) => tracing::warn!("a motion's result is refused: {error}"),
             }
         }
-        if let Some(status) = refused {
+        for status in [refused, replaced].into_iter().flatten() {
             self.ports.publish(status);
         }
         stopped
@@ -120,6 +121,8 @@ impl Service {
     /// Hears goals, has what they want planned, and tells what becomes of them; returns whether a plan was asked for.
     pub(super) fn keep_goal(&mut self) -> bool {
         let now = mono_now_ns();
+        let own_stop_mono_ns = self.execution.own_stop_mono_ns();
+        self.goal.keeper.hear_own_stop(own_stop_mono_ns);
         if let Some(id) = self.goal.hear(now) {
             self.execution.stop(id);
         }
