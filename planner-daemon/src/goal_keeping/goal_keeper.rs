@@ -413,3 +413,6 @@ impl GoalKeeper {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
