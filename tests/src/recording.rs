@@ -1,5 +1,6 @@
 //! A recording of the demonstration, judged from its arrays alone.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
@@ -36,7 +37,7 @@ pub enum RecordingError {
 /// One motion as `demo.json` tells it.
 #[derive(Clone, Debug, Deserialize)]
 pub struct ToldMotion {
-    /// Experiment 1 to 3.
+    /// Experiment 1 to 3; the fourth one has [`ToldFollowing`].
     pub experiment: u32,
     /// Its name.
     pub name: String,
@@ -67,6 +68,31 @@ pub struct ToldOrder {
     pub planned_s: f64,
 }
 
+/// How the target that moves was followed, as `demo.json` tells it.
+#[derive(Clone, Debug, Deserialize)]
+pub struct ToldFollowing {
+    /// From when the daemon kept the robot on its way, ns of CLOCK_MONOTONIC.
+    pub begin_ns: i64,
+    /// Until when.
+    pub end_ns: i64,
+    /// Where the target rested in the end, m.
+    pub requested_tip_m: [f64; 3],
+    /// Tip as measured there, m.
+    pub measured_tip_m: [f64; 3],
+    /// Mean distance of the commanded tip to the target while that moved, m.
+    pub mean_tip_error_m: f64,
+    /// Least clearance to the ball, m.
+    pub minimum_clearance_m: f64,
+    /// Plans made.
+    pub plans: u64,
+    /// Motions published.
+    pub motions: u64,
+    /// How many motions ended with each outcome.
+    pub outcomes: BTreeMap<String, usize>,
+    /// Results of motions that did not arrive.
+    pub missing_results: u64,
+}
+
 /// `demo.json`.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Told {
@@ -78,6 +104,8 @@ pub struct Told {
     pub orders: Vec<ToldOrder>,
     /// How the impossible form of experiment 3 was answered.
     pub impossible_outcome: Option<String>,
+    /// How the target that moves was followed.
+    pub followed: Option<ToldFollowing>,
 }
 
 #[derive(Deserialize)]
@@ -91,6 +119,20 @@ struct Limits {
 struct Event {
     stamp_ns: i64,
     balls: Vec<[f64; 4]>,
+    velocities_m_s: Vec<[f64; 3]>,
+}
+
+impl Event {
+    fn balls(&self) -> Vec<Ball> {
+        let balls = self.balls.iter().zip(&self.velocities_m_s);
+        let ball = |([x, y, z, radius], velocity): (&[f64; 4], &[f64; 3])| Ball {
+            centre_m: [*x, *y, *z],
+            radius_m: *radius,
+            velocity_m_s: *velocity,
+            stamp_ns: self.stamp_ns,
+        };
+        balls.map(ball).collect()
+    }
 }
 
 #[derive(Deserialize)]
@@ -140,10 +182,10 @@ impl Recording {
             serde_json::from_str(&fs::read_to_string(folder.join("scene.json"))?)?;
         let told = serde_json::from_str(&fs::read_to_string(folder.join("demo.json"))?)?;
         let mut archive = ArchiveReader::open(&folder.join("recording.npz"))?;
-        let scenes = scene.events.iter().map(|event| {
-            let ball = |[x, y, z, radius]: &[f64; 4]| Ball::resting([*x, *y, *z], *radius);
-            (event.stamp_ns, event.balls.iter().map(ball).collect())
-        });
+        let scenes = scene
+            .events
+            .iter()
+            .map(|event| (event.stamp_ns, event.balls()));
         Ok(Self {
             robot: scene.robot,
             limits: TendonLimits {
@@ -262,11 +304,33 @@ impl Recording {
         self.trajectory_id[index] != 0 && self.samples[index].velocity.iter().any(|v| *v != 0.0)
     }
 
-    /// The motions to their ends, in order: not those that were cut short, nor those that orders were given on.
+    /// First and last sample while the target that moves was followed; none where it was not.
+    #[must_use]
+    pub fn followed(&self) -> Option<(usize, usize)> {
+        let told = self.told.followed.as_ref()?;
+        let before = |stamp_ns: i64| {
+            let samples = &self.samples;
+            samples.partition_point(|sample| sample.stamp_ns < stamp_ns)
+        };
+        let (first, after) = (before(told.begin_ns), before(told.end_ns + 1));
+        (first < after).then(|| (first, after - 1))
+    }
+
+    /// Commanded configuration at a sample.
+    #[must_use]
+    pub fn commanded(&self, index: usize) -> Configuration {
+        self.commanded[index]
+    }
+
+    /// The motions to their ends, in order: not those that were cut short, those that orders were given on, or those to the target that
+    /// moves.
     #[must_use]
     pub fn motions(&self) -> Vec<RecordedMotion> {
         let mut ranges: Vec<(u32, usize, usize)> = Vec::new();
-        for i in (0..self.len()).filter(|&i| self.is_moving(i)) {
+        let followed = self.followed();
+        let is_following =
+            |index: usize| followed.is_some_and(|(first, last)| (first..=last).contains(&index));
+        for i in (0..self.len()).filter(|&i| self.is_moving(i) && !is_following(i)) {
             match ranges.last_mut() {
                 Some((id, _, last)) if *id == self.trajectory_id[i] => *last = i,
                 _ => ranges.push((self.trajectory_id[i], i, i)),

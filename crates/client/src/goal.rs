@@ -6,14 +6,14 @@ use std::time::Duration;
 use shared_types::clock::mono_now_ns;
 use shared_types::ipc::{
     EventNotifier, IpcNode, IpcOptions, Publisher, Subscriber, Topic, event_notifier, goal_service,
-    goal_status_service, guest_publisher, guest_subscriber, plan_asked_event,
+    goal_status_service, guest_publisher, guest_subscriber, observer_subscriber, plan_asked_event,
 };
 use shared_types::message;
 use shared_types::valid::{Goal, GoalStatus, StandingGoal};
 
 use crate::ClientError;
-use crate::view::{checked, receive};
-use crate::waiting::{Cleaner, TimeLimit};
+use crate::view::{checked, newest, receive};
+use crate::waiting::{Cleaner, TimeLimit, wait};
 
 const DAEMON: &str = "planner-daemon";
 /// Time between two looks for a status.
@@ -54,6 +54,22 @@ impl GoalSender {
             latest: None,
             cleaner: Cleaner::new(),
             node,
+        })
+    }
+
+    /// Waits until a daemon hears goals.
+    ///
+    /// # Errors
+    /// [`ClientError::NoServer`] where none does in time.
+    pub fn wait_for_daemon(&mut self, timeout: Duration) -> Result<(), ClientError> {
+        let topic = &self.topic;
+        let is_heard = || Ok::<_, ClientError>((topic.number_of_subscribers() > 0).then_some(()));
+        let pause = |left: Duration| thread::sleep(LOOK_INTERVAL.min(left));
+        let limit = TimeLimit::new(timeout);
+        let heard = wait(&limit, &mut self.cleaner, &self.node, pause, is_heard)?;
+        heard.ok_or(ClientError::NoServer {
+            server: DAEMON,
+            waited: timeout,
         })
     }
 
@@ -165,6 +181,13 @@ impl GoalSender {
         }
     }
 
+    /// Whether a status is of the goal as it was sent last, and not of where it was before.
+    #[must_use]
+    pub fn has_heard_last(&self, status: &GoalStatus) -> bool {
+        let sent_mono_ns = self.sent.map_or(0, |sent| sent.stamp_mono_ns);
+        status.values.goal_stamp_mono_ns >= sent_mono_ns
+    }
+
     /// Waits until the daemon has heard what was sent last, at most for `timeout`.
     ///
     /// # Errors
@@ -177,5 +200,40 @@ impl GoalSender {
             server: DAEMON,
             waited: timeout,
         })
+    }
+}
+
+/// What becomes of the goal that stays, for a program that only watches.
+#[derive(Debug)]
+pub struct GoalView {
+    statuses: Subscriber<message::GoalStatus>,
+    latest: Option<GoalStatus>,
+    _node: IpcNode,
+}
+
+impl GoalView {
+    /// Joins the service; the daemon need not run yet. It leaves places free for programs that act.
+    ///
+    /// # Errors
+    /// [`ClientError::Ipc`].
+    pub fn watch(options: &IpcOptions) -> Result<Self, ClientError> {
+        let node = IpcNode::create(options, "pcc-goal-view")?;
+        Ok(Self {
+            statuses: observer_subscriber(&node, &goal_status_service(&node)?)?,
+            latest: None,
+            _node: node,
+        })
+    }
+
+    /// The newest status received, however old: look at its stamp. None where the daemon has told nothing of a goal since this value was
+    /// made; it tells at each change, and every 100 ms while there is a goal.
+    ///
+    /// # Errors
+    /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn latest(&mut self) -> Result<Option<GoalStatus>, ClientError> {
+        if let Some(wire) = newest(&self.statuses)? {
+            self.latest = Some(checked(DAEMON, GoalStatus::try_from(&wire))?);
+        }
+        Ok(self.latest)
     }
 }

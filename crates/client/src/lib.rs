@@ -2,7 +2,7 @@
 //!
 //! * [`Client`]: asks for plans; answers stay in shared memory ([`PlanAnswer`]);
 //! * [`ControllerView`]: the controller's state, and commands to it;
-//! * [`GoalSender`]: a goal that may move, which the daemon keeps the robot on its way to;
+//! * [`GoalSender`]: a goal that may move, which the daemon keeps the robot on its way to; [`GoalView`]: what becomes of it, for who only watches;
 //! * [`ResultView`]: how each motion ended, and why;
 //! * [`RobotView`], [`CycleRecorder`]: what the robot does, and every cycle of the loop;
 //! * [`ScenePublisher`]: publishes the obstacles that a source knows.
@@ -22,7 +22,7 @@ mod waiting;
 
 pub use answer::{Candidate, PlanAnswer};
 pub use error::ClientError;
-pub use goal::GoalSender;
+pub use goal::{GoalSender, GoalView};
 pub use plan::{Client, Pending};
 pub use result_view::ResultView;
 pub use scene::ScenePublisher;

@@ -69,6 +69,20 @@ impl ResultView {
         Ok(self.recent.back().copied())
     }
 
+    /// Appends the results that have arrived and that no other call has taken in. Call it at least once in the time of sixteen motions; a
+    /// number that is missing in their `sequence` is a result that was missed.
+    ///
+    /// # Errors
+    /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
+    pub fn drain(&mut self, results: &mut Vec<MotionResult>) -> Result<(), ClientError> {
+        self.cleaner.clean_if_due(&self.node);
+        while let Some(result) = next(&self.results)? {
+            keep(&mut self.recent, result);
+            results.push(result);
+        }
+        Ok(())
+    }
+
     /// Waits until a trajectory has ended, at most for `timeout`; none where it has not, or has before the last results. Call it at least
     /// once in the time of sixteen motions.
     ///
@@ -97,17 +111,29 @@ impl ResultView {
     }
 }
 
-/// Appends the results that have arrived, and lets go of the oldest where there are too many.
+/// Appends the results that have arrived.
 fn take_in(
     results: &Subscriber<message::MotionResult>,
     recent: &mut VecDeque<MotionResult>,
 ) -> Result<(), ClientError> {
-    while let Some(sample) = receive(|| results.receive())? {
-        let copy = *sample;
-        if recent.len() == KEPT {
-            recent.pop_front();
-        }
-        recent.push_back(checked(CONTROLLER, MotionResult::try_from(&copy))?);
+    while let Some(result) = next(results)? {
+        keep(recent, result);
     }
     Ok(())
+}
+
+fn next(results: &Subscriber<message::MotionResult>) -> Result<Option<MotionResult>, ClientError> {
+    let Some(sample) = receive(|| results.receive())? else {
+        return Ok(None);
+    };
+    let copy = *sample;
+    checked(CONTROLLER, MotionResult::try_from(&copy)).map(Some)
+}
+
+/// Appends a result, and lets go of the oldest where there are too many.
+fn keep(recent: &mut VecDeque<MotionResult>, result: MotionResult) {
+    if recent.len() == KEPT {
+        recent.pop_front();
+    }
+    recent.push_back(result);
 }

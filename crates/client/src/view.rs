@@ -262,7 +262,7 @@ pub(crate) fn receive<T, E: Debug>(
 }
 
 /// The newest message waiting, copied to private memory.
-fn newest<T: Debug + ZeroCopySend + Copy>(
+pub(crate) fn newest<T: Debug + ZeroCopySend + Copy>(
     states: &Subscriber<T>,
 ) -> Result<Option<T>, ClientError> {
     let mut newest = None;

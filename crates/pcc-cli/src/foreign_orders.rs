@@ -23,6 +23,8 @@ pub(crate) enum Overruled {
     Ordered { at_ns: i64 },
     #[error("the controller was started anew at {}", seconds(*.at_ns))]
     Restarted { at_ns: i64 },
+    #[error("the goal is not pursued any more: {reason}")]
+    GoalEnded { reason: String },
 }
 
 impl ForeignOrders {

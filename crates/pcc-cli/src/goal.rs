@@ -11,8 +11,9 @@ use shared_types::ipc::IpcOptions;
 use shared_types::valid::{Goal, GoalStatus};
 
 use crate::number;
+use crate::option_faults::MotionOptions;
 
-/// How long a running daemon may take to reply.
+/// How long a running daemon may take to show up or to reply.
 const TIMEOUT: Duration = Duration::from_secs(5);
 /// Time between two looks while the goal is followed.
 const LOOK_INTERVAL: Duration = Duration::from_secs(1);
@@ -37,30 +38,46 @@ pub(crate) struct Arguments {
 /// Gives the goal; fails where it is ended or refused, or where no way to it is known when it is not waited for.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let mut goal = GoalSender::connect(&IpcOptions::from_env())?;
+    goal.wait_for_daemon(TIMEOUT)?;
     goal.give(arguments.goal()?, arguments.limits_scale)?;
     goal.confirm(TIMEOUT)?;
-    let is_decided = |status: &GoalStatus| status.state != GoalState::Planning;
-    let Some(mut told) = goal.wait_for(TIMEOUT, is_decided)? else {
+    // As after a start of its controller the robot may be ready in a moment.
+    let is_decided = |status: &GoalStatus| {
+        !matches!(status.state, GoalState::Planning | GoalState::RobotNotReady)
+    };
+    let decided = goal.wait_for(TIMEOUT, is_decided)?;
+    let Some(mut told) = decided.or(goal.status()?) else {
         bail!("the daemon has not said within {TIMEOUT:?} what becomes of the goal");
     };
-    say!("{told}");
-    while arguments.wait {
-        match told.state {
-            GoalState::Reached => return Ok(()),
-            GoalState::Ended | GoalState::Refused => bail!("the goal is not pursued: {told}"),
-            _ => {}
-        }
-        let text = told.to_string();
-        let is_news = |status: &GoalStatus| status.to_string() != text;
-        if let Some(status) = goal.wait_for(LOOK_INTERVAL, is_news)? {
-            say!("{status}");
-            told = status;
-        }
+    while arguments.wait && is_pursued(told.state) {
+        say!("{told}");
+        told = next_change(&mut goal, &told)?;
     }
     match told.state {
-        GoalState::Underway | GoalState::Reached => Ok(()),
-        _ => bail!("the goal is not under way"),
+        GoalState::Underway | GoalState::Reached => {
+            say!("{told}");
+            Ok(())
+        }
+        _ => bail!("{}", arguments.explain(&told)),
     }
+}
+
+/// Waits until something else becomes of the goal, however long that takes.
+fn next_change(goal: &mut GoalSender, told: &GoalStatus) -> anyhow::Result<GoalStatus> {
+    let text = told.to_string();
+    loop {
+        let is_news = |status: &GoalStatus| status.to_string() != text;
+        if let Some(status) = goal.wait_for(LOOK_INTERVAL, is_news)? {
+            return Ok(status);
+        }
+    }
+}
+
+fn is_pursued(state: GoalState) -> bool {
+    !matches!(
+        state,
+        GoalState::Reached | GoalState::Ended | GoalState::Refused
+    )
 }
 
 impl Arguments {
@@ -73,5 +90,22 @@ impl Arguments {
         }
         let configuration = self.configuration.as_deref().unwrap_or(&[]);
         Ok(Goal::Configuration(<[f64; DOF]>::try_from(configuration)?))
+    }
+
+    /// Why the goal is not pursued, and the options that are at fault.
+    fn explain(&self, status: &GoalStatus) -> String {
+        let options = MotionOptions {
+            start: None,
+            tip: self.tip.as_deref(),
+            configuration: self.configuration.as_deref(),
+            balls: &[],
+        };
+        let fault = options.explain(status.outcome);
+        let fault = fault.map_or_else(String::new, |fault| format!(" ({fault})"));
+        let again = match is_pursued(status.state) {
+            true => "; it is tried again until `pcc stop`",
+            false => "",
+        };
+        format!("the robot is not on its way to the goal: {status}{fault}{again}")
     }
 }

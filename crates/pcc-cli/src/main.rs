@@ -45,7 +45,7 @@ enum Command {
     Goal(goal::Arguments),
     /// Have a candidate of an earlier plan executed, after it was looked at.
     Execute(execute::Arguments),
-    /// Carry out the paper's three experiments on the running processes.
+    /// Carry out four experiments on the running processes: the paper's three, and a target that moves.
     Demo(demo::Arguments),
     /// Show the live state of controller and robot.
     Watch(watch::Arguments),

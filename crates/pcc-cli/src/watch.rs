@@ -1,13 +1,13 @@
-//! `pcc watch`: the live state of controller and robot in the terminal.
+//! `pcc watch`: the live state of controller and robot, and of the goal that stays, in the terminal.
 
 use crate::number::{any, real};
 use clap::Args;
-use client::{ControllerView, ResultView, RobotView};
+use client::{ControllerView, GoalView, ResultView, RobotView};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, MotorFault, Refusal, Waiting};
 use shared_types::ipc::IpcOptions;
 use shared_types::lateness::quantile_ns;
-use shared_types::valid::{ControllerState, MotionResult, RobotState};
+use shared_types::valid::{ControllerState, GoalStatus, MotionResult, RobotState};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::Arc;
@@ -27,10 +27,11 @@ pub(crate) struct Arguments {
 
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let options = IpcOptions::from_env();
-    let (mut controller, mut robot, mut results) = (
+    let (mut controller, mut robot, mut results, mut goal) = (
         ControllerView::watch(&options)?,
         RobotView::watch(&options)?,
         ResultView::watch(&options)?,
+        GoalView::watch(&options)?,
     );
     let pause = Duration::from_secs_f64(1.0 / arguments.rate_hz);
     let mut out = std::io::stdout();
@@ -51,6 +52,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
             describe_controller(controller.latest_state()?),
             describe_robot(robot.latest()?),
             describe_result(results.latest()?),
+            describe_goal(goal.latest()?),
         ]
         .join("\n");
         let written = writeln!(out, "{clear}{lines}").and_then(|()| out.flush());
@@ -147,6 +149,19 @@ fn describe_result(result: Option<MotionResult>) -> String {
     format!(
         "last motion    trajectory {} of plan {}, {:.2} of {:.2} s: {result}",
         v.trajectory_id, v.plan_id, v.path_time_s, v.duration_s
+    )
+}
+
+fn describe_goal(status: Option<GoalStatus>) -> String {
+    let Some(status) = status else {
+        return "goal           none heard of yet".into();
+    };
+    let v = &status.values;
+    format!(
+        "goal           {status}   {:.0} ms ago, {} plans, {} motions",
+        age_ms(v.stamp_mono_ns),
+        v.plan_count,
+        v.motion_count
     )
 }
 

@@ -335,6 +335,7 @@ impl GoalKeeper {
         let outcome = result.outcome.text();
         match result.reason.text().as_ref() {
             "" => self.tell(state, outcome),
+            reason if reason.starts_with(outcome) => self.tell(state, reason),
             reason => self.tell(state, &format!("{outcome}: {reason}")),
         }
     }

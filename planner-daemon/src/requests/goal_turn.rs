@@ -72,11 +72,15 @@ impl GoalTurn {
         let mut stopped = None;
         for wire in self.ports.goals() {
             // The clock is read after the message came, which may be stamped this very moment.
+            let before = self.keeper.status();
             let refused = match read(&wire, mono_now_ns()) {
                 Ok(goal) => match self.keeper.give(goal) {
                     Ok(stop) => {
                         stopped = stop.or(stopped);
-                        continue;
+                        let Some(status) = replaced_status(&before, &self.keeper.status()) else {
+                            continue;
+                        };
+                        status
                     }
                     Err(status) => status,
                 },
@@ -141,6 +145,17 @@ fn read(wire: &message::StandingGoal, now_mono_ns: i64) -> Result<StandingGoal, 
         ));
     }
     Ok(goal)
+}
+
+/// The last status of a goal whose place another one has taken.
+fn replaced_status(before: &GoalStatus, now: &GoalStatus) -> Option<GoalStatus> {
+    let was_kept = before.given_mono_ns != 0 && before.state != GoalState::Ended.code();
+    let is_replaced = was_kept && before.given_mono_ns != now.given_mono_ns;
+    is_replaced.then(|| GoalStatus {
+        state: GoalState::Ended.code(),
+        reason: ReasonText::new("another goal has taken its place"),
+        ..*before
+    })
 }
 
 fn refused_status(wire: &message::StandingGoal, reason: &str) -> GoalStatus {

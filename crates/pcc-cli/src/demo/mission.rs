@@ -1,5 +1,7 @@
-//! The paper's three experiments: consecutive planning, two solutions of one target, avoiding an obstacle.
+//! The paper's three experiments: consecutive planning, two solutions of one target, avoiding an obstacle; and a fourth one: following
+//! a target that moves while a ball crosses its way.
 
+use self::following::Followed;
 use super::motion::{Execution, Order, Proposal, Report, Task};
 use super::obstacles::Obstacles;
 use super::recording::Recording;
@@ -55,6 +57,8 @@ pub(super) struct Mission<'a> {
     interrupted: Vec<u32>,
     orders: Vec<Order>,
     impossible: Option<String>,
+    followed: Option<Followed>,
+    options: IpcOptions,
 }
 
 impl<'a> Mission<'a> {
@@ -84,6 +88,8 @@ impl<'a> Mission<'a> {
             interrupted: Vec::new(),
             orders: Vec::new(),
             impossible: None,
+            followed: None,
+            options: options.clone(),
         };
         mission.show(&[])?;
         mission.session.begin()?;
@@ -116,6 +122,8 @@ impl<'a> Mission<'a> {
         say!("experiment 3: a ball appears");
         self.home(3)?;
         self.avoid()?;
+        say!("experiment 4: a target that moves, and a ball that crosses its way");
+        self.follow_target()?;
         let missed = self.recording.end()?;
         say!(
             "{} motions, {} stopped on the way, {missed} cycles missed by the recorder",
@@ -354,6 +362,7 @@ impl<'a> Mission<'a> {
             "interrupted": self.interrupted,
             "orders": self.orders,
             "impossible_outcome": self.impossible,
+            "followed": self.followed,
         });
         write_whole(
             &folder.join("demo.json"),
@@ -422,6 +431,8 @@ fn clearest(robot: &Robot, later: &Scene, kept: f64, all: &[Proposal]) -> anyhow
     }
     Ok(best.index)
 }
+
+mod following;
 
 #[cfg(test)]
 mod tests;

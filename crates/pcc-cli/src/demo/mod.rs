@@ -1,8 +1,10 @@
-//! `pcc demo`: the paper's three hardware experiments on a running daemon, controller and robot.
+//! `pcc demo`: the paper's three hardware experiments, and one with a target that moves, on a running daemon, controller and robot.
 
 mod controller_state;
+mod kept_goal;
 mod mission;
 mod motion;
+mod moving;
 mod obstacles;
 mod recording;
 mod session;

@@ -22,7 +22,7 @@ const DEADLINE: Duration = Duration::from_millis(500);
 /// A motion that ends farther than this from its goal configuration was stopped before its end, rad.
 const SAME_CONFIGURATION_RAD: f64 = 1e-5;
 /// How long the robot holds after a motion.
-const HOLD: Duration = Duration::from_millis(1000);
+pub(super) const HOLD: Duration = Duration::from_millis(1000);
 /// The last part of a hold, over which the measured tip is averaged, ns.
 const MEASURED_OVER_NS: i64 = 300_000_000;
 
@@ -232,7 +232,7 @@ impl Session<'_> {
 }
 
 /// Mean of the measured configurations of the last [`MEASURED_OVER_NS`], rad.
-fn mean_measured(cycles: &[message::Cycle]) -> anyhow::Result<Configuration> {
+pub(super) fn mean_measured(cycles: &[message::Cycle]) -> anyhow::Result<Configuration> {
     let since_ns = mono_now_ns() - MEASURED_OVER_NS;
     let recent = cycles.iter().filter(|c| c.stamp_mono_ns > since_ns);
     let measured = recent.map(|c| Configuration::from(c.measured_configuration_rad));

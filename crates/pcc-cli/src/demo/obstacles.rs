@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use client::{ClientError, ScenePublisher};
+use shared_types::codes::SceneRefusal;
 use shared_types::ipc::{IpcOptions, JoinOnDrop};
 use shared_types::message::MovingBall;
 
@@ -15,6 +16,8 @@ const SOURCE: &str = "pcc demo";
 const LIFETIME: Duration = Duration::from_secs(5);
 /// Interval at which the scene is published again.
 const RENEWAL: Duration = Duration::from_secs(1);
+/// How long a scene with something that moves counts; it is published again by who moves it.
+const MOVING_LIFETIME: Duration = Duration::from_millis(100);
 /// Longest wait for the daemon's confirmation of a scene.
 const TIMEOUT: Duration = Duration::from_secs(5);
 
@@ -31,6 +34,8 @@ struct Shown {
     publisher: ScenePublisher,
     /// The obstacles; none before the first scene, and after signing off.
     balls: Option<Vec<MovingBall>>,
+    /// Whether they stay where they are, and are published again.
+    is_renewed: bool,
     /// The first error of publishing a scene again.
     failed: Option<ClientError>,
 }
@@ -41,6 +46,7 @@ impl Obstacles {
         let shown = Arc::new(Mutex::new(Shown {
             publisher: ScenePublisher::connect(options, SOURCE)?,
             balls: None,
+            is_renewed: true,
             failed: None,
         }));
         let (quit, ended) = channel();
@@ -60,8 +66,31 @@ impl Obstacles {
             return Err(failed);
         }
         shown.balls = Some(balls.to_vec());
+        shown.is_renewed = true;
         shown.publisher.publish(balls, LIFETIME)?;
         shown.publisher.confirm(TIMEOUT)
+    }
+
+    /// Shows where balls are that move, in place of those before, at a time in nanoseconds of `CLOCK_MONOTONIC`; to be called again
+    /// within [`MOVING_LIFETIME`], until `show` is. What a stalled machine sends too late does not count, and is no error.
+    pub(super) fn move_to(
+        &self,
+        stamp_mono_ns: i64,
+        balls: &[MovingBall],
+    ) -> Result<(), ClientError> {
+        let mut shown = locked(&self.shown);
+        shown.balls = Some(balls.to_vec());
+        shown.is_renewed = false;
+        let sent = shown
+            .publisher
+            .publish_stamped(stamp_mono_ns, balls, MOVING_LIFETIME);
+        match sent {
+            Err(ClientError::SceneRefused {
+                refusal: SceneRefusal::TooOld,
+                ..
+            }) => Ok(()),
+            sent => sent,
+        }
     }
 
     /// Removes the obstacles and signs the source off; does nothing where nothing is shown.
@@ -87,6 +116,7 @@ fn renew(shown: &Mutex<Shown>, ended: &Receiver<()>) {
     while ended.recv_timeout(RENEWAL) == Err(RecvTimeoutError::Timeout) {
         let shown = &mut *locked(shown);
         if let Some(balls) = &shown.balls
+            && shown.is_renewed
             && let Err(error) = shown.publisher.publish(balls, LIFETIME)
         {
             shown.failed.get_or_insert(error);

@@ -41,7 +41,7 @@ impl Recording {
         }
     }
 
-    /// Notes that the scene changed.
+    /// Notes that the scene changed; balls with a velocity move on from where they are then.
     pub(super) fn note_scene(&mut self, stamp_mono_ns: i64, balls: &[MovingBall]) {
         self.scenes.push((stamp_mono_ns, balls.to_vec()));
     }
@@ -67,12 +67,13 @@ impl Recording {
     pub(super) fn save(&self, folder: &Path, robot: &Robot) -> anyhow::Result<()> {
         let cycles = self.since(i64::MIN)?;
         write_cycles(&folder.join("recording.npz"), &cycles)?;
-        let event = |(stamp, balls): &(i64, Vec<MovingBall>)| {
-            let balls: Vec<[f64; 4]> = balls
+        let event = |(stamp, shown): &(i64, Vec<MovingBall>)| {
+            let balls: Vec<[f64; 4]> = shown
                 .iter()
                 .map(|b| [b.centre_m[0], b.centre_m[1], b.centre_m[2], b.radius_m])
                 .collect();
-            json!({ "stamp_ns": stamp, "balls": balls })
+            let velocities: Vec<[f64; 3]> = shown.iter().map(|b| b.velocity_m_s).collect();
+            json!({ "stamp_ns": stamp, "balls": balls, "velocities_m_s": velocities })
         };
         let limits = &robot.tendon_limits;
         let scene = json!({

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 use pcc_model::{Point, Robot};
 use tests::brute_force::Body;
 use tests::programs::repository;
@@ -126,6 +126,7 @@ fn judge(report: &mut Report, folder: &Path) -> anyhow::Result<()> {
         one_motion(report, &recording, (&robot, &body), motion, told);
     }
     two_shapes(report, &motions, told)?;
+    followed(report, &recording, (&robot, &body))?;
     let outcome = recording
         .told
         .impossible_outcome
@@ -314,6 +315,48 @@ fn two_shapes(
         format!("{apart:.3}"),
         ">= 0.5",
         apart >= 0.5,
+    );
+    Ok(())
+}
+
+/// The target that moves, and the ball that crosses its way.
+fn followed(
+    report: &mut Report,
+    recording: &Recording,
+    (robot, body): (&Robot, &Body),
+) -> anyhow::Result<()> {
+    let name = |what: &str| format!("experiment 4: {what}");
+    let told = recording.told.followed.as_ref();
+    let told = told.context("demo.json tells nothing of experiment 4")?;
+    let range = recording
+        .followed()
+        .context("nothing of experiment 4 was recorded")?;
+    let figure = format!("{:.4}", told.mean_tip_error_m);
+    report.shown(&name("mean tip error while the target moved, m"), figure);
+    let lasted_s = (told.end_ns - told.begin_ns) as f64 * 1e-9;
+    let figure = format!("{} and {} in {lasted_s:.1} s", told.plans, told.motions);
+    report.shown(&name("plans and motions"), figure);
+    let requested = Point::from(told.requested_tip_m);
+    let error = |tip: Point| (tip - requested).norm() / robot.section_lengths[0];
+    let reached = robot.tip(&recording.commanded(range.1));
+    let what = "tip error once the target rested, in section lengths";
+    report.at_most(&name(what), error(reached), 0.01);
+    let what = "tip error as measured, in section lengths";
+    report.at_most(&name(what), error(Point::from(told.measured_tip_m)), 0.03);
+    let found = recording.clearance(body, range);
+    let told_m = told.minimum_clearance_m;
+    report.check(
+        &name("least clearance to the ball, by dense sampling, m"),
+        format!("{:.4}, at most {:.1e} less", found.sampled_m, found.error_m),
+        &format!(">= 0, told: {told_m:.4}"),
+        found.at_least_m() >= 0.0 && (told_m - found.sampled_m).abs() < 0.01,
+    );
+    let reached = told.outcomes.get("reached").copied().unwrap_or(0);
+    report.check(
+        &name("how the motions ended"),
+        format!("{:?}, {} missing", told.outcomes, told.missing_results),
+        "reached at least once, none missing",
+        reached > 0 && told.missing_results == 0,
     );
     Ok(())
 }

@@ -89,6 +89,20 @@ pub(super) const COMMANDS: &[Command] = &[
         ],
     },
     Command {
+        name: "goal",
+        family: "options of goal",
+        is_live: true,
+        // A goal whose place another one takes meanwhile is told to have ended, which is no success.
+        runs: false,
+        base: &[("--tip", &["0.9", "0.3", "2.4"])],
+        options: &[
+            ("--tip", Wanted::Reals(1e3, &["goal"])),
+            ("--configuration", ANGLES),
+            ("--limits-scale", Wanted::Real([1e-9, 1.0])),
+            ("--wait", Wanted::Flag),
+        ],
+    },
+    Command {
         name: "execute",
         family: "options of execute",
         is_live: true,
