@@ -89,7 +89,7 @@ impl GoalKeeper {
     ///
     /// # Errors
     /// The status of a goal that does not count: it was given up before, or one that was given later has its place.
-    pub(crate) fn give(&mut self, goal: StandingGoal) -> Result<Option<u32>, GoalStatus> {
+    pub(crate) fn give(&mut self, goal: StandingGoal) -> Result<Option<u32>, Box<GoalStatus>> {
         let kept_given = self.kept.as_ref().map(|kept| kept.newest.given_mono_ns);
         if goal.given_mono_ns <= self.ended_given_mono_ns {
             return Err(ended(&goal, "it was given up before: give another one"));
@@ -383,14 +383,14 @@ impl PlanResult {
 }
 
 /// The status of a goal that does not count.
-fn ended(goal: &StandingGoal, reason: &str) -> GoalStatus {
-    GoalStatus {
+fn ended(goal: &StandingGoal, reason: &str) -> Box<GoalStatus> {
+    Box::new(GoalStatus {
         given_mono_ns: goal.given_mono_ns,
         goal_stamp_mono_ns: goal.stamp_mono_ns,
         state: GoalState::Ended.code(),
         reason: ReasonText::new(reason),
         ..GoalStatus::ZEROED
-    }
+    })
 }
 
 /// Whether the motion to a goal ended in a way after which the robot moves only to another goal: by anything but this daemon's own

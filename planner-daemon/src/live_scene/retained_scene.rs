@@ -160,7 +160,7 @@ fn way_ahead(moving: &MovingBall, from_s: f64, reach: f64) -> impl Iterator<Item
 /// The verdict that a motion is free, if one says so; else the first one.
 fn free_or_first(mut verdicts: impl Iterator<Item = Verdict>) -> Verdict {
     let first = verdicts.next().unwrap_or(Verdict::Free);
-    if first.is_free() || verdicts.any(|verdict| verdict.is_free()) {
+    if first.is_free() || verdicts.any(Verdict::is_free) {
         return Verdict::Free;
     }
     first

@@ -82,7 +82,7 @@ impl GoalTurn {
                         };
                         status
                     }
-                    Err(status) => status,
+                    Err(status) => *status,
                 },
                 Err(reason) => refused_status(&wire, &reason),
             };
@@ -179,11 +179,11 @@ impl Service {
         self.goal.keeper.hear_orders(self.execution.heard_orders());
         let now = mono_now_ns();
         let mut is_asked = false;
-        if self.goal.keeper.has_goal() {
-            if let Some(request) = self.goal.keeper.next_plan(&robot, now) {
-                self.ask_for_goal(request);
-                is_asked = true;
-            }
+        if self.goal.keeper.has_goal()
+            && let Some(request) = self.goal.keeper.next_plan(&robot, now)
+        {
+            self.ask_for_goal(request);
+            is_asked = true;
         }
         self.goal.tell(now);
         is_asked

@@ -34,7 +34,7 @@ impl TimeSpread {
     ) -> impl Iterator<Item = Vec<MovingBall>> {
         let length: f64 = robot.section_lengths.iter().sum();
         let reach = length + robot.largest_tube_radius();
-        let chains = [Some(self.moving_along(times)), self.from_where_seen(times)];
+        let chains = [Some(self.moving_along(times)), self.since_seen(times)];
         chains.into_iter().flatten().map(move |chain| {
             let covering = balls.iter().flat_map(|ball| chain.cover(ball));
             covering
@@ -52,9 +52,9 @@ impl TimeSpread {
         }
     }
 
-    fn from_where_seen(self, [from, until]: [f64; 2]) -> Option<Chain> {
+    fn since_seen(self, [from, until]: [f64; 2]) -> Option<Chain> {
         let is_known = self.seen.is_finite();
-        is_known.then(|| Chain {
+        is_known.then_some(Chain {
             first: [self.seen, 0.0],
             last: from + self.latest,
             from,
@@ -156,11 +156,7 @@ mod tests {
         ] {
             let ball = moving(speed, radius);
             let along: Vec<_> = SPREAD.moving_along(TIMES).cover(&ball).collect();
-            let since: Vec<_> = SPREAD
-                .from_where_seen(TIMES)
-                .unwrap()
-                .cover(&ball)
-                .collect();
+            let since: Vec<_> = SPREAD.since_seen(TIMES).unwrap().cover(&ball).collect();
             assert!(along.len().max(since.len()) <= MAX_COVERING_BALLS);
             for time in [0.1, 0.4, 0.7] {
                 for step in 0..=100 {
@@ -187,11 +183,7 @@ mod tests {
     #[test]
     fn where_a_ball_was_before_it_was_seen_is_not_covered() {
         let ball = moving(1.0, 0.05);
-        let since: Vec<_> = SPREAD
-            .from_where_seen(TIMES)
-            .unwrap()
-            .cover(&ball)
-            .collect();
+        let since: Vec<_> = SPREAD.since_seen(TIMES).unwrap().cover(&ball).collect();
         for time in [0.1, 0.4, 0.7] {
             assert!(!is_covered(&since, &ball.at(-0.4), time));
         }
@@ -199,6 +191,6 @@ mod tests {
             seen: f64::NEG_INFINITY,
             ..SPREAD
         };
-        assert!(unknown.from_where_seen(TIMES).is_none());
+        assert!(unknown.since_seen(TIMES).is_none());
     }
 }

@@ -62,7 +62,11 @@ struct Touch {
 
 impl Touch {
     fn is_contact(&self) -> bool {
-        !(self.clearance_m >= 0.0 && self.at_rest_m >= 0.0)
+        self.comes_before_the_end() || self.at_rest_m < 0.0 || self.at_rest_m.is_nan()
+    }
+
+    fn comes_before_the_end(&self) -> bool {
+        self.clearance_m < 0.0 || self.clearance_m.is_nan()
     }
 }
 
@@ -306,7 +310,7 @@ fn show(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
             touches.filter(|touch| touch.is_contact())
         };
         let on_the_way = contacts()
-            .filter(|touch| !(touch.clearance_m >= 0.0))
+            .filter(|touch| touch.comes_before_the_end())
             .count();
         let avoidable = contacts().filter(|touch| touch.stop_is_clear).count();
         let contacts = contacts().count();
