@@ -3,6 +3,7 @@
 mod answer;
 mod asker;
 mod fair_queue;
+mod goal_exchange;
 mod goal_turn;
 mod in_flight;
 mod plan_runner;

@@ -18,7 +18,7 @@ use shared_types::valid::Asked;
 use super::answer::Answer;
 use super::asker::{Asker, AskerId};
 use super::fair_queue::FairQueue;
-use super::goal_turn::GoalTurn;
+use super::goal_exchange::GoalExchange;
 use super::in_flight::{InFlight, Queued};
 use super::plan_runner::PlanRunner;
 use super::recent_plans::RecentPlans;
@@ -51,7 +51,7 @@ pub(crate) struct Service {
     pub(super) lead_times: LeadTimes,
     pub(super) plans: RecentPlans,
     pub(super) next_plan_id: u64,
-    pub(super) goal: GoalTurn,
+    pub(super) goal: GoalExchange,
     receiving_fails: bool,
     waiting_fails: bool,
     pub(super) ends: bool,
@@ -71,7 +71,7 @@ impl Service {
         queued_per_client: usize,
     ) -> Result<Self, IpcError> {
         let plan = plan_service(node, &validator.capacity)?;
-        let goal = GoalTurn::open(node, runner.robot())?;
+        let goal = GoalExchange::open(node, runner.robot())?;
         Ok(Self {
             goal,
             server: plan_server(node, &plan, &validator.capacity)?,
