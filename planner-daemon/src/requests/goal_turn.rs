@@ -78,9 +78,9 @@ impl GoalTurn {
                         stopped = stop.or(stopped);
                         continue;
                     }
-                    Err(status) => status,
+                    Err(reason) => status_of(&wire, GoalState::Ended, reason),
                 },
-                Err(reason) => refused_status(&wire, &reason),
+                Err(reason) => status_of(&wire, GoalState::Refused, &reason),
             };
             note_refused(&mut self.refused, refused);
         }
@@ -143,11 +143,12 @@ fn read(wire: &message::StandingGoal, now_mono_ns: i64) -> Result<StandingGoal, 
     Ok(goal)
 }
 
-fn refused_status(wire: &message::StandingGoal, reason: &str) -> GoalStatus {
+/// The status of a goal that does not count.
+fn status_of(wire: &message::StandingGoal, state: GoalState, reason: &str) -> GoalStatus {
     GoalStatus {
         given_mono_ns: wire.given_mono_ns,
         goal_stamp_mono_ns: wire.stamp_mono_ns,
-        state: GoalState::Refused.code(),
+        state: state.code(),
         reason: ReasonText::new(reason),
         ..GoalStatus::ZEROED
     }
@@ -164,11 +165,9 @@ impl Service {
         self.goal.keeper.hear_orders(self.execution.heard_orders());
         let now = mono_now_ns();
         let mut is_asked = false;
-        if self.goal.keeper.has_goal() {
-            if let Some(request) = self.goal.keeper.next_plan(&robot, now) {
-                self.ask_for_goal(request);
-                is_asked = true;
-            }
+        if let Some(request) = self.goal.keeper.next_plan(&robot, now) {
+            self.ask_for_goal(request);
+            is_asked = true;
         }
         self.goal.tell(now);
         is_asked
