@@ -88,14 +88,14 @@ impl GoalKeeper {
     /// Takes a goal in; returns the motion to stop, with those that it leaves, where it is withdrawn.
     ///
     /// # Errors
-    /// The status of a goal that does not count: it was given up before, or one that was given later has its place.
-    pub(crate) fn give(&mut self, goal: StandingGoal) -> Result<Option<u32>, Box<GoalStatus>> {
+    /// Why a goal is over: it was given up before, or one that was given later has its place.
+    pub(crate) fn give(&mut self, goal: StandingGoal) -> Result<Option<u32>, &'static str> {
         let kept_given = self.kept.as_ref().map(|kept| kept.newest.given_mono_ns);
         if goal.given_mono_ns <= self.ended_given_mono_ns {
-            return Err(ended(&goal, "it was given up before: give another one"));
+            return Err("it was given up before: give another one");
         }
         if kept_given.is_some_and(|given| goal.given_mono_ns < given) {
-            return Err(ended(&goal, "another one was given later"));
+            return Err("another one was given later");
         }
         match &mut self.kept {
             Some(kept) if kept.newest.given_mono_ns == goal.given_mono_ns => {
@@ -380,17 +380,6 @@ impl PlanResult {
             outcome => outcome == Outcome::ExecutionRefused,
         }
     }
-}
-
-/// The status of a goal that does not count.
-fn ended(goal: &StandingGoal, reason: &str) -> Box<GoalStatus> {
-    Box::new(GoalStatus {
-        given_mono_ns: goal.given_mono_ns,
-        goal_stamp_mono_ns: goal.stamp_mono_ns,
-        state: GoalState::Ended.code(),
-        reason: ReasonText::new(reason),
-        ..GoalStatus::ZEROED
-    })
 }
 
 /// Whether the motion to a goal ended in a way after which the robot moves only to another goal: by anything but this daemon's own

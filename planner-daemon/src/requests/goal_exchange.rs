@@ -76,9 +76,9 @@ impl GoalExchange {
                         };
                         status
                     }
-                    Err(status) => *status,
+                    Err(reason) => status_of(&wire, GoalState::Ended, reason),
                 },
-                Err(reason) => refused_status(&wire, &reason),
+                Err(reason) => status_of(&wire, GoalState::Refused, &reason),
             };
             note_refused(&mut self.refused, refused);
         }
@@ -152,11 +152,12 @@ fn replaced_status(before: &GoalStatus, now: &GoalStatus) -> Option<GoalStatus> 
     })
 }
 
-fn refused_status(wire: &message::StandingGoal, reason: &str) -> GoalStatus {
+/// The status of a goal that does not count.
+fn status_of(wire: &message::StandingGoal, state: GoalState, reason: &str) -> GoalStatus {
     GoalStatus {
         given_mono_ns: wire.given_mono_ns,
         goal_stamp_mono_ns: wire.stamp_mono_ns,
-        state: GoalState::Refused.code(),
+        state: state.code(),
         reason: ReasonText::new(reason),
         ..GoalStatus::ZEROED
     }
