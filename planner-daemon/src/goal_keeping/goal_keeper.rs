@@ -137,15 +137,15 @@ impl GoalKeeper {
     ///
     /// # Errors
     /// The status of a goal that was given up before: it does not count.
-    pub(crate) fn give(&mut self, goal: StandingGoal) -> Result<Option<u32>, GoalStatus> {
+    pub(crate) fn give(&mut self, goal: StandingGoal) -> Result<Option<u32>, Box<GoalStatus>> {
         if goal.given_mono_ns <= self.ended_given_mono_ns {
-            return Err(GoalStatus {
+            return Err(Box::new(GoalStatus {
                 given_mono_ns: goal.given_mono_ns,
                 goal_stamp_mono_ns: goal.stamp_mono_ns,
                 state: GoalState::Ended.code(),
                 reason: ReasonText::new("it was given up before: give another one"),
                 ..GoalStatus::ZEROED
-            });
+            }));
         }
         let heading_id = self.heading_id();
         match &mut self.kept {

@@ -65,7 +65,7 @@ impl GoalTurn {
             match read(&wire, now_mono_ns) {
                 Ok(goal) => match self.keeper.give(goal) {
                     Ok(stop) => stopped = stop.or(stopped),
-                    Err(status) => refused = Some(status),
+                    Err(status) => refused = Some(*status),
                 },
                 Err(reason) => refused = Some(refused_status(&wire, &reason)),
             }
