@@ -392,5 +392,4 @@ fn ends_the_goal(result: &MotionResult) -> bool {
 }
 
 #[cfg(test)]
-#[path = "tests.rs"]
 mod tests;

@@ -12,12 +12,12 @@ const HALF_AXES: [f64; 3] = [0.4, 0.5, 0.15];
 pub(super) const TURN_S: f64 = 8.0;
 /// Radius of the ball, where it is at [`PASSES_S`], and its velocity: section lengths, and section lengths/s.
 const RADIUS: f64 = 0.15;
-const PASSED: [f64; 3] = [0.35, -0.25, 2.07];
-const VELOCITY: [f64; 3] = [0.7, 0.0, 0.15];
-/// When the ball passes the circle, s: some 0.8 s before the target comes there, so that the robot must wait.
-const PASSES_S: f64 = 3.9;
+const PASSED: [f64; 3] = [0.33, -0.12, 2.06];
+const VELOCITY: [f64; 3] = [0.5, 0.0, 0.1];
+/// When the ball passes the circle, s.
+const PASSES_S: f64 = 4.4;
 /// When there is a ball, s.
-pub(super) const SEEN_S: Range<f64> = 2.4..5.4;
+pub(super) const SEEN_S: Range<f64> = 2.0..6.8;
 
 /// The target and the ball, in metres; times are seconds after the target has begun to move.
 #[derive(Clone, Copy, Debug)]
