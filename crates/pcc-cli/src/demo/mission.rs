@@ -1,8 +1,8 @@
 //! The paper's three experiments: consecutive planning, two solutions of one target, avoiding an obstacle; and a fourth one: following
 //! a target that moves while a ball crosses its way.
 
-use self::following::Followed;
-use super::motion::{Execution, Order, Proposal, Report, Task};
+use super::followed::Followed;
+use super::motion::{ALLOWED_ERROR, Execution, Order, Proposal, Report, Task};
 use super::obstacles::Obstacles;
 use super::recording::Recording;
 use super::session::{MotionOrder, Session};
@@ -44,8 +44,6 @@ const STALL_FAULTS: [LoopFault; 4] = [
     LoopFault::TooLate,
     LoopFault::GuardHeldUp,
 ];
-/// Allowed tip errors, section lengths: commanded, and as measured on the noisy robot.
-const ALLOWED_ERROR: [f64; 2] = [0.01, 0.03];
 
 /// A demonstration under way.
 pub(super) struct Mission<'a> {

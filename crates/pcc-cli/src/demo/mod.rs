@@ -1,6 +1,7 @@
 //! `pcc demo`: the paper's three hardware experiments, and one with a target that moves, on a running daemon, controller and robot.
 
 mod controller_state;
+mod followed;
 mod kept_goal;
 mod mission;
 mod motion;

@@ -21,6 +21,8 @@ const CANDIDATES: usize = 10;
 const DEADLINE: Duration = Duration::from_millis(500);
 /// A motion that ends farther than this from its goal configuration was stopped before its end, rad.
 const SAME_CONFIGURATION_RAD: f64 = 1e-5;
+/// Allowed tip errors, section lengths: commanded, and as measured on the noisy robot.
+pub(super) const ALLOWED_ERROR: [f64; 2] = [0.01, 0.03];
 /// How long the robot holds after a motion.
 pub(super) const HOLD: Duration = Duration::from_millis(1000);
 /// The last part of a hold, over which the measured tip is averaged, ns.

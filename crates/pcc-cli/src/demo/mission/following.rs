@@ -1,6 +1,5 @@
 //! The fourth experiment: the daemon keeps the robot on its way to a target that moves, while a ball crosses that.
 
-use std::collections::BTreeMap;
 use std::sync::atomic::Ordering;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -8,14 +7,14 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, bail, ensure};
 use collision::{Ball, Scene};
 use pcc_model::{Configuration, Point};
-use serde::Serialize;
 use shared_types::clock::{mono_now_ns, seconds};
 use shared_types::codes::{GoalState, LoopFault};
 use shared_types::message::Cycle;
 use shared_types::valid::{Goal, GoalStatus};
 
-use super::{ALLOWED_ERROR, ATTEMPTS, Mission, STALL_FAULTS, end_of_demonstration};
+use super::{ATTEMPTS, Mission, STALL_FAULTS, end_of_demonstration};
 use crate::demo::controller_state::fresh_state;
+use crate::demo::followed::Followed;
 use crate::demo::kept_goal::KeptGoal;
 use crate::demo::motion::{HOLD, mean_measured};
 use crate::demo::moving::{Moving, SEEN_S, TURN_S};
@@ -28,28 +27,6 @@ const PERIOD: Duration = Duration::from_millis(10);
 const SCENE_EVERY: u64 = 2;
 /// Longest time in which the target is reached at full speed where it rests, s.
 const REACHED_WITHIN_S: f64 = 10.0;
-
-/// What came of the experiment, as `demo.json` holds it.
-#[derive(Clone, Debug, Serialize)]
-pub(super) struct Followed {
-    /// From when until when the daemon kept the robot on its way, nanoseconds of `CLOCK_MONOTONIC`.
-    begin_ns: i64,
-    end_ns: i64,
-    /// Where the target rested in the end, and the tip of the commanded and of the mean measured configuration there.
-    requested_tip_m: [f64; 3],
-    reached_tip_m: [f64; 3],
-    measured_tip_m: [f64; 3],
-    /// Mean distance of the commanded tip to the target while that moved.
-    mean_tip_error_m: f64,
-    /// Least clearance of the commanded configurations to the ball.
-    minimum_clearance_m: f64,
-    plans: u64,
-    motions: u64,
-    /// How many motions ended with each outcome.
-    outcomes: BTreeMap<&'static str, usize>,
-    /// Results of motions that did not arrive.
-    missing_results: u64,
-}
 
 /// When the target was followed, nanoseconds of `CLOCK_MONOTONIC`.
 #[derive(Clone, Copy)]
@@ -302,53 +279,6 @@ impl Mission<'_> {
             least = least.min(scene.clearance_at(self.session.robot, &configuration));
         }
         Ok(least)
-    }
-}
-
-impl Followed {
-    /// Tip errors where the target rests: commanded, and as measured.
-    fn tip_errors_m(&self) -> [f64; 2] {
-        let requested = Point::from(self.requested_tip_m);
-        [self.reached_tip_m, self.measured_tip_m].map(|tip| (Point::from(tip) - requested).norm())
-    }
-
-    fn print(&self, lasted_s: f64) {
-        let [commanded, measured] = self.tip_errors_m();
-        say!(
-            "  tip error {:.4} m in the mean while the target moved, {commanded:.1e} m commanded and {measured:.4} m measured once it rested",
-            self.mean_tip_error_m
-        );
-        say!(
-            "  {} plans and {} motions in {lasted_s:.1} s: {:.0} plans a second; least clearance to the ball {:.4} m",
-            self.plans,
-            self.motions,
-            self.plans as f64 / lasted_s,
-            self.minimum_clearance_m
-        );
-    }
-
-    /// An error where the robot met the ball, did not reach the target, or where results are missing.
-    fn check(&self, length_m: f64) -> anyhow::Result<()> {
-        ensure!(
-            self.minimum_clearance_m >= 0.0,
-            "the robot met the ball: clearance {:.4} m, at least 0 is allowed",
-            self.minimum_clearance_m
-        );
-        let errors = self.tip_errors_m().map(|error| error / length_m);
-        let is_reached = errors
-            .iter()
-            .zip(ALLOWED_ERROR)
-            .all(|(error, allowed)| *error <= allowed);
-        ensure!(
-            is_reached,
-            "the target that moves: tip errors {errors:?} section lengths, {ALLOWED_ERROR:?} are allowed"
-        );
-        ensure!(
-            self.missing_results == 0,
-            "{} results of motions did not arrive",
-            self.missing_results
-        );
-        Ok(())
     }
 }
 
