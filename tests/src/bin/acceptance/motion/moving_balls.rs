@@ -91,7 +91,7 @@ fn one(
     go_to_start(stack, &crossing)?;
     drop(listener.take());
     let mut scenes = ScenePublisher::connect(&stack.world.options, "crossing")?;
-    let appear_after = if index % 2 == 0 {
+    let appear_after = if index.is_multiple_of(2) {
         Duration::ZERO
     } else {
         APPEAR_AFTER
