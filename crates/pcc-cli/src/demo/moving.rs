@@ -11,13 +11,13 @@ const HALF_AXES: [f64; 3] = [0.4, 0.5, 0.15];
 /// Time of one turn, after which the target rests, s.
 pub(super) const TURN_S: f64 = 8.0;
 /// Radius of the ball, where it is at [`PASSES_S`], and its velocity: section lengths, and section lengths/s.
-const RADIUS: f64 = 0.15;
-const PASSED: [f64; 3] = [0.33, -0.12, 2.06];
-const VELOCITY: [f64; 3] = [0.5, 0.0, 0.1];
+const RADIUS: f64 = 0.1;
+const PASSED: [f64; 3] = [0.95, -0.5, 2.2];
+const VELOCITY: [f64; 3] = [0.0, 0.0, -0.5];
 /// When the ball passes the circle, s.
-const PASSES_S: f64 = 4.4;
+const PASSES_S: f64 = 6.2;
 /// When there is a ball, s.
-pub(super) const SEEN_S: Range<f64> = 2.0..6.8;
+pub(super) const SEEN_S: Range<f64> = 2.0..7.8;
 
 /// The target and the ball, in metres; times are seconds after the target has begun to move.
 #[derive(Clone, Copy, Debug)]
