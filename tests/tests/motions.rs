@@ -8,7 +8,7 @@ use tests::judge::Judge;
 use tests::kills::disturb;
 use tests::listener::Listener;
 use tests::process::wait_for;
-use tests::stack::{MoveError, PATIENCE, Part, Stack};
+use tests::stack::{MoveError, NO_DEADLINE, PATIENCE, Part, Stack};
 use tests::world::Settings;
 
 #[test]
@@ -113,13 +113,10 @@ fn a_motion_that_does_not_start_where_the_robot_is_is_not_executed() {
 fn a_plan_is_executed_after_it_was_looked_at_unless_a_stop_comes_between() {
     let mut stack = Stack::running(&Settings::fast_robot()).unwrap();
     let preview = |stack: &mut Stack, tip| {
-        let goal = Goal::Tip {
-            position_m: tip,
-            tolerance_m: None,
-        };
         let request = PlanRequest {
             candidate_count: 3,
-            ..PlanRequest::from_robot(goal)
+            deadline: Some(NO_DEADLINE),
+            ..PlanRequest::from_robot(Goal::tip(tip))
         };
         let answer = stack.client.plan(&request, PATIENCE).unwrap();
         assert_eq!(answer.report().trajectory_id, None);
