@@ -20,6 +20,7 @@ mod knots;
 mod live_scene;
 mod requests;
 mod startup;
+mod tip_tolerance;
 
 #[cfg(test)]
 mod fixtures;

@@ -12,7 +12,7 @@ mod scene;
 pub use certify::edge::certify_edge;
 pub use certify::minimum::{certified_clearance, minimum_clearance};
 pub use certify::motion_bound::tracking_padding;
-pub use certify::moving_ball_cover::TimeSpread;
+pub use certify::moving_ball_cover::{Cover, TimeSpread};
 pub use certify::moving_balls::{MovingBall, certify_moving};
 pub use certify::trajectory::{certify_polyline, certify_trajectory};
 pub use certify::verdict::Verdict;

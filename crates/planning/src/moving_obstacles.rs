@@ -1,6 +1,6 @@
 //! Balls that move while the robot does, and where they can be when it is at a place of its motion.
 
-use collision::{Ball, MovingBall, Scene, TimeSpread};
+use collision::{Ball, Cover, MovingBall, Scene, TimeSpread};
 use pcc_model::{Configuration, UnitRobot};
 use trajectory::{RateLaw, Trajectory};
 
@@ -127,35 +127,36 @@ impl MovingObstacles {
         braking.map_or(0.0, |law| law.longest_stop(motion.knots()))
     }
 
-    /// Two sets of balls, each of which covers by itself all places where the balls can be between two times of a motion (s) on which a stop
-    /// takes so long: by how much they may be late or early, and since they were seen. The second one is left out where it is not known for
-    /// all of them.
+    /// Balls that cover all places where the balls can be between two times of a motion (s) on which a stop takes so long; none where it is not
+    /// known of all of them when they were seen, and that is asked for.
+    pub(crate) fn cover(
+        &self,
+        cover: Cover,
+        robot: &UnitRobot,
+        stop_s: f64,
+        times: [f64; 2],
+    ) -> Option<Vec<MovingBall>> {
+        let mut covering = Vec::new();
+        for source in self.sources.iter().filter(|it| !it.balls.is_empty()) {
+            let spread = TimeSpread {
+                earliest: source.spread.earliest - stop_s,
+                latest: source.spread.latest + stop_s,
+                seen: source.spread.seen,
+            };
+            covering.extend(spread.cover(cover, &source.balls, robot, times)?);
+        }
+        Some(covering)
+    }
+
+    /// The sets of balls, each of which covers by itself all places where the balls can be; each is made when it is asked for.
     pub(crate) fn covers(
         &self,
         robot: &UnitRobot,
         stop_s: f64,
         times: [f64; 2],
     ) -> impl Iterator<Item = Vec<MovingBall>> {
-        let mut sets: [Option<Vec<MovingBall>>; 2] = [Some(Vec::new()), Some(Vec::new())];
-        for source in self
-            .sources
-            .iter()
-            .filter(|source| !source.balls.is_empty())
-        {
-            let spread = TimeSpread {
-                earliest: source.spread.earliest - stop_s,
-                latest: source.spread.latest + stop_s,
-                seen: source.spread.seen,
-            };
-            let mut covers = spread.covers(&source.balls, robot, times);
-            for set in &mut sets {
-                *set = set.take().zip(covers.next()).map(|(mut all, more)| {
-                    all.extend(more);
-                    all
-                });
-            }
-        }
-        sets.into_iter().flatten()
+        let known = move |cover| self.cover(cover, robot, stop_s, times);
+        Cover::ALL.into_iter().filter_map(known)
     }
 
     /// Whether all balls were seen so lately that in a motion of this duration (s) they come to fewer places since then than they might
@@ -165,20 +166,11 @@ impl MovingObstacles {
         spreads.all(|spread| duration_s - spread.seen < -spread.earliest)
     }
 
-    /// The first set of [`covers`](Self::covers).
-    pub(crate) fn covering(
-        &self,
-        robot: &UnitRobot,
-        stop_s: f64,
-        times: [f64; 2],
-    ) -> Vec<MovingBall> {
-        self.covers(robot, stop_s, times).next().unwrap_or_default()
-    }
-
     /// `scene` with balls at rest that cover the way of each ball until `until_s` seconds after the motion's time zero; the scene alone
     /// where that makes too many balls.
     pub(crate) fn swept_into(&self, scene: &Scene, robot: &UnitRobot, until_s: f64) -> Scene {
-        let covering = self.covering(robot, 0.0, [0.0, until_s]);
+        let covering = self.cover(Cover::MovingAlong, robot, 0.0, [0.0, until_s]);
+        let covering = covering.unwrap_or_default();
         let way = |ball| covering_way(ball, until_s);
         let balls = covering.into_iter().flat_map(way).collect();
         scene.with_balls(balls).unwrap_or_else(|_| scene.clone())

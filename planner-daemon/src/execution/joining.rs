@@ -1,9 +1,8 @@
 //! A motion that is to leave the supervised one: supervised beside it until the controller has changed over, or says that it does not.
 
-use super::later_stop::has_a_later_stop;
+use super::later_stop::Surroundings;
 use super::supervised_motion::{MotionStatus, is_fresh};
-use super::supervisor::{Supervisor, blocked};
-use crate::live_scene::RemainingMotion;
+use super::supervisor::Supervisor;
 
 impl Supervisor {
     /// Takes the joining motion over as the supervised one once the controller follows it; forgets it where the controller refuses it, or
@@ -46,26 +45,12 @@ impl Supervisor {
         let Some(switch) = &joining.leaves else {
             return;
         };
-        let rest = RemainingMotion {
-            padded: &self.rules.padded,
-            motion: &joining.motion,
-            from_s: 0.0,
-            timing: left.timing_after(switch, now_mono_ns),
-            at_full_rate: None,
-            stopping_s: joining.stopping_s,
-            lag_allowance_s: 0.0,
+        let timing = left.timing_after(switch, now_mono_ns);
+        let surroundings = Surroundings {
+            rules: &self.rules,
+            live: &self.live,
+            now_mono_ns,
         };
-        let timing = rest.timing;
-        let verdict = self.live.certify(&rest, &mut joining.certificates);
-        let reason = blocked(verdict);
-        joining.is_blocked = reason.is_some();
-        if let Some(reason) = reason {
-            let (rules, live) = (&self.rules, &self.live);
-            let goes_on = joining.is_replanned
-                && has_a_later_stop(joining, 0.0, timing, rules, live, now_mono_ns);
-            if !goes_on {
-                joining.request_stop(reason);
-            }
-        }
+        surroundings.check(joining, 0.0, timing);
     }
 }

@@ -5,7 +5,7 @@ use collision::Verdict;
 use trajectory::{Knot, Playback, Trajectory};
 
 use super::rules::{ExecutionRules, ORDER_DELAY_S};
-use super::supervised_motion::SupervisedMotion;
+use super::supervised_motion::{SupervisedMotion, blocked};
 use crate::live_scene::{Certificates, LiveScene, RemainingMotion, Timing, UNSUPERVISED_S};
 
 /// Time until the next round of supervision has looked, s.
@@ -13,33 +13,61 @@ const NEXT_ROUND_S: f64 = 0.01;
 /// Length of a cycle of the controller's loop, s.
 const CYCLE_S: f64 = 1e-3;
 
-/// Whether a motion at this path time, s, is certified until it would stand if supervision ended in the next round, and would stay clear
-/// of what moves where it stands after a stop that is ordered then.
-pub(super) fn has_a_later_stop(
-    motion: &SupervisedMotion,
-    from_s: f64,
-    timing: Timing,
-    rules: &ExecutionRules,
-    live: &LiveScene,
-    now_mono_ns: i64,
-) -> bool {
-    let until_s = from_s + NEXT_ROUND_S + UNSUPERVISED_S + motion.stopping_s;
-    let Some(first_part) = until(&motion.motion, until_s) else {
-        return false;
-    };
-    let rest = RemainingMotion {
-        padded: &rules.padded,
-        motion: &first_part,
-        from_s,
-        timing,
-        at_full_rate: motion.at_full_rate(),
-        stopping_s: motion.stopping_s,
-        lag_allowance_s: 0.0,
-    };
-    let place_s = stop_place_s(&motion.motion, from_s, rules);
-    let place = motion.motion.at(place_s).position;
-    live.certify(&rest, &mut Certificates::default()) == Verdict::Free
-        && live.stays_clear(&rules.padded, &place, now_mono_ns)
+/// What a motion is certified against.
+pub(super) struct Surroundings<'a> {
+    pub(super) rules: &'a ExecutionRules,
+    pub(super) live: &'a LiveScene,
+    pub(super) now_mono_ns: i64,
+}
+
+impl Surroundings<'_> {
+    /// Certifies what is left of a motion from a path time (s) on, and requests a stop where that fails, unless the motion is replanned and a
+    /// later stop is certified.
+    pub(super) fn check(&self, motion: &mut SupervisedMotion, from_s: f64, timing: Timing) {
+        let mut certificates = std::mem::take(&mut motion.certificates);
+        let rest = self.rest(motion, &motion.motion, from_s, timing);
+        let reason = blocked(self.live.certify(&rest, &mut certificates));
+        motion.certificates = certificates;
+        motion.is_blocked = reason.is_some();
+        if let Some(reason) = reason
+            && !(motion.is_replanned && self.has_a_later_stop(motion, from_s, timing))
+        {
+            motion.request_stop(reason);
+        }
+    }
+
+    fn rest<'a>(
+        &'a self,
+        motion: &SupervisedMotion,
+        part: &'a Trajectory,
+        from_s: f64,
+        timing: Timing,
+    ) -> RemainingMotion<'a> {
+        RemainingMotion {
+            padded: &self.rules.padded,
+            motion: part,
+            from_s,
+            timing,
+            at_full_rate: motion.at_full_rate(),
+            stopping_s: motion.stopping_s,
+            lag_allowance_s: 0.0,
+        }
+    }
+
+    /// Whether a motion at this path time, s, is certified until it would stand if supervision ended in the next round, and would stay clear
+    /// of what moves where it stands after a stop that is ordered then.
+    fn has_a_later_stop(&self, motion: &SupervisedMotion, from_s: f64, timing: Timing) -> bool {
+        let until_s = from_s + NEXT_ROUND_S + UNSUPERVISED_S + motion.stopping_s;
+        let Some(first_part) = until(&motion.motion, until_s) else {
+            return false;
+        };
+        let rest = self.rest(motion, &first_part, from_s, timing);
+        let place_s = stop_place_s(&motion.motion, from_s, self.rules);
+        let place = motion.motion.at(place_s).position;
+        let padded = &self.rules.padded;
+        self.live.certify(&rest, &mut Certificates::default()) == Verdict::Free
+            && self.live.stays_clear(padded, &place, self.now_mono_ns)
+    }
 }
 
 /// The motion until the first knot at or after a time, s; none where it is over before that.

@@ -9,6 +9,7 @@ use shared_types::clock::seconds;
 use shared_types::codes::{LoopFault, LoopState};
 use trajectory::{Knot, Trajectory};
 
+use super::refusal::ExecutionRefusal;
 use crate::live_scene::Timing;
 
 /// Least path time between a switch and a knot of the motion that is left, s; the controller wants 0.4 ms.
@@ -35,6 +36,19 @@ pub(crate) enum RobotMotion {
         /// Whether this is over within some milliseconds.
         passes: bool,
     },
+}
+
+impl RobotMotion {
+    /// Why no motion can begin where the robot is, or be joined there; none where one can.
+    pub(crate) fn why_not_ready(&self) -> Option<String> {
+        match self {
+            Self::Holding(_) | Self::Following(_) => None,
+            Self::Busy { state, fault, .. } => {
+                Some(format!("the controller is {state} (fault: {fault})"))
+            }
+            Self::Unknown => Some(ExecutionRefusal::ControllerAbsent.to_string()),
+        }
+    }
 }
 
 /// A goal of a motion, and when the motion passes it or ends in it.

@@ -6,7 +6,6 @@ use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::time::{Duration, Instant};
 
-use collision::Verdict;
 use iceoryx2::port::update_connections::UpdateConnections;
 use realtime::{reduce_wakeup_latency, use_fifo_priority};
 use shared_types::clock::{STATE_LIFETIME_NS, Suspension, mono_now_ns, suspended_ns, wall_now_ns};
@@ -20,16 +19,14 @@ use shared_types::valid;
 
 use super::active_time::ActiveTime;
 use super::heartbeat::BackgroundError;
-use super::later_stop::has_a_later_stop;
+use super::later_stop::Surroundings;
 use super::request::ExecutionRequest;
 use super::robot_motion::{FollowedMotion, RobotMotion};
 use super::rules::ExecutionRules;
 use super::shared::Shared;
 use super::stop_order::StopOrder;
 use super::supervised_motion::{MotionStatus, StopReason, SupervisedMotion, is_fresh};
-use crate::live_scene::{
-    Arrival, LiveScene, MAX_SOURCES, RemainingMotion, SceneInbox, SceneMemory, SceneSnapshot,
-};
+use crate::live_scene::{Arrival, LiveScene, MAX_SOURCES, SceneInbox, SceneMemory, SceneSnapshot};
 
 /// Period of the supervision loop.
 const ROUND_PERIOD: Duration = Duration::from_millis(1);
@@ -358,25 +355,12 @@ impl Supervisor {
             supervised.request_stop(absence.into());
         }
         let (from_s, timing) = supervised.progress(now_mono_ns);
-        let rest = RemainingMotion {
-            padded: &self.rules.padded,
-            motion: &supervised.motion,
-            from_s,
-            timing,
-            at_full_rate: supervised.at_full_rate(),
-            stopping_s: supervised.stopping_s,
-            lag_allowance_s: 0.0,
+        let surroundings = Surroundings {
+            rules: &self.rules,
+            live: &self.live,
+            now_mono_ns,
         };
-        let reason = blocked(self.live.certify(&rest, &mut supervised.certificates));
-        supervised.is_blocked = reason.is_some();
-        if let Some(reason) = reason {
-            let (rules, live) = (&self.rules, &self.live);
-            let goes_on = supervised.is_replanned
-                && has_a_later_stop(supervised, from_s, timing, rules, live, now_mono_ns);
-            if !goes_on {
-                supervised.request_stop(reason);
-            }
-        }
+        surroundings.check(supervised, from_s, timing);
         self.check_joining(now_mono_ns);
     }
 
@@ -426,16 +410,6 @@ pub(super) fn robot_motion(
             fault: state.fault,
             passes: own.is_some(),
         },
-    }
-}
-
-/// Why a motion is stopped that has this verdict, if it is.
-pub(super) fn blocked(verdict: Verdict) -> Option<StopReason> {
-    match verdict {
-        Verdict::Free => None,
-        Verdict::Colliding { at } | Verdict::Undecided { at } => {
-            Some(StopReason::SceneInTheWay { at_s: at })
-        }
     }
 }
 

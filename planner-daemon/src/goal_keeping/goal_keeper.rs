@@ -9,6 +9,7 @@ use shared_types::valid::{Goal, MotionResult, PlanRequest, PreviousPlan, Standin
 
 use super::kept_goal::{Heading, KeptGoal, PublishedMotion, Target};
 use crate::execution::{HeardOrders, RobotMotion, Switch};
+use crate::tip_tolerance::tip_tolerance;
 
 /// Candidates of a plan.
 const CANDIDATES: usize = 4;
@@ -24,8 +25,6 @@ const WORTH_A_CHANGE: f64 = 0.9;
 const AT_REST_SHARE: f64 = 0.1;
 /// Difference from a goal configuration within which a robot at rest stays where it is, rad.
 const SAME_CONFIGURATION_RAD: f64 = 1e-6;
-/// Distance from the goal that counts as reached where the goal does not say, section lengths.
-const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
 
 /// What came of a plan to the goal.
 #[derive(Clone, Copy, Debug)]
@@ -131,7 +130,7 @@ impl GoalKeeper {
     }
 
     /// Gives the goal up.
-    pub(crate) fn end(&mut self, reason: &str) {
+    pub(super) fn end(&mut self, reason: &str) {
         if let Some(kept) = self.kept.take() {
             tracing::info!("the goal is given up: {reason}");
             self.ended_given_mono_ns = kept.newest.given_mono_ns;
@@ -208,14 +207,9 @@ impl GoalKeeper {
             RobotMotion::Holding(_) | RobotMotion::Following(_) if self.is_over() => None,
             RobotMotion::Holding(_) | RobotMotion::Following(_) => self.plan(target, now_mono_ns),
             RobotMotion::Busy { passes: true, .. } => None,
-            RobotMotion::Busy { state, fault, .. } => {
-                let reason = format!("the controller is {state} (fault: {fault})");
+            RobotMotion::Busy { .. } | RobotMotion::Unknown => {
+                let reason = robot.why_not_ready().unwrap_or_default();
                 self.tell(GoalState::RobotNotReady, &reason);
-                None
-            }
-            RobotMotion::Unknown => {
-                let reason = "no controller: its state is missing or older than 200 ms";
-                self.tell(GoalState::RobotNotReady, reason);
                 None
             }
         }
@@ -227,14 +221,9 @@ impl GoalKeeper {
             Goal::Configuration(goal) => {
                 (Configuration::from(goal) - configuration).amax() <= SAME_CONFIGURATION_RAD
             }
-            Goal::Tip {
-                position_m,
-                tolerance_m,
-            } => {
+            Goal::Tip { position_m, .. } => {
                 let target = self.robot.point_in_section_lengths(position_m);
-                let tolerance = tolerance_m.map_or(DEFAULT_TIP_TOLERANCE, |tolerance_m| {
-                    self.robot.in_section_lengths(tolerance_m)
-                });
+                let tolerance = tip_tolerance(goal, &self.robot);
                 (self.robot.tip(configuration) - target).norm() <= AT_REST_SHARE * tolerance
             }
         }
@@ -332,12 +321,8 @@ impl GoalKeeper {
             Outcome::Truncated if result.says_nothing_of_the_goal() => GoalState::Planning,
             _ => GoalState::Unreachable,
         };
-        let outcome = result.outcome.text();
-        match result.reason.text().as_ref() {
-            "" => self.tell(state, outcome),
-            reason if reason.starts_with(outcome) => self.tell(state, reason),
-            reason => self.tell(state, &format!("{outcome}: {reason}")),
-        }
+        let reason = result.outcome.explained(&result.reason.text());
+        self.tell(state, &reason);
     }
 
     /// Hears how a motion ended.

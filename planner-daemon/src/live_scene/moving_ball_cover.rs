@@ -112,7 +112,7 @@ impl MovingBallCover {
 mod tests {
     use super::*;
     use crate::fixtures::unit_robot;
-    use collision::Ball;
+    use collision::{Ball, Cover};
     use pcc_model::Point;
 
     const SECOND: i64 = 1_000_000_000;
@@ -129,7 +129,11 @@ mod tests {
 
     fn covers(cover: &MovingBallCover, ball: MovingBall, times: [f64; 2]) -> Vec<Vec<MovingBall>> {
         let (balls, robot) = (cover.by_path_time(&[ball]), unit_robot());
-        cover.spread().covers(&balls, &robot, times).collect()
+        let spread = cover.spread();
+        let covers = Cover::ALL.into_iter();
+        covers
+            .filter_map(|kind| spread.cover(kind, &balls, &robot, times))
+            .collect()
     }
 
     fn moving(speed: f64, radius: f64) -> MovingBall {

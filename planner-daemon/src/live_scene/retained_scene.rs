@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use collision::{Ball, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory};
+use collision::{
+    Ball, Cover, MovingBall, Scene, SceneError, Verdict, certify_moving, certify_trajectory,
+};
 use pcc_model::{Configuration, Point, SECTIONS, UnitRobot};
 use shared_types::message;
 use shared_types::valid;
@@ -109,13 +111,13 @@ impl RetainedScene {
         };
         let times = [rest.from_s, stretch.until_s];
         let balls = cover.by_path_time(&self.balls.moving);
-        let covers = cover.spread().covers(&balls, rest.padded, times);
+        let spread = cover.spread();
+        let covers = Cover::ALL.into_iter();
+        let covers = covers.filter_map(|kind| spread.cover(kind, &balls, rest.padded, times));
         let verdicts = covers.map(|balls| certify_moving(rest.padded, &balls, rest.motion, times));
         (free_or_first(verdicts), stretch)
     }
-}
 
-impl RetainedScene {
     /// Whether a robot that stays in a configuration, rad, keeps clear of the balls that move, as far as these keep their velocities.
     pub(super) fn stays_clear(
         &self,
@@ -124,14 +126,9 @@ impl RetainedScene {
         now_mono_ns: i64,
     ) -> bool {
         let age_s = (now_mono_ns - self.scene.stamp_mono_ns) as f64 * 1e-9;
-        let backbone = padded.backbone(configuration);
         self.balls.moving.iter().all(|moving| {
-            way_ahead(moving, age_s, REACH).all(|Ball { centre, radius }| {
-                let clearance = |section: usize| {
-                    backbone.distance(section, &centre) - radius - padded.tube_radii[section]
-                };
-                (0..SECTIONS).all(|section| clearance(section) > 0.0)
-            })
+            let way = Scene::new(way_ahead(moving, age_s, REACH).collect());
+            way.is_ok_and(|way| way.clearance_at(padded, configuration) > 0.0)
         })
     }
 }

@@ -52,9 +52,7 @@ impl Service {
 
     fn goal_task(&self, mut request: PlanRequest) -> Result<PlanTask, Refusal> {
         // Where other plans came since then it begins anew.
-        request.previous = request
-            .previous
-            .filter(|named| self.plans.previous(named).is_ok());
+        request.previous = request.previous.filter(|named| self.plans.has(named));
         request.candidate_count = request
             .candidate_count
             .min(self.validator.capacity.candidates);

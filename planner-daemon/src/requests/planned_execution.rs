@@ -8,7 +8,7 @@ use shared_types::valid::PlannedExecution;
 
 use super::answer::Answer;
 use super::asker::is_open;
-use super::recent_plans::{KeptPlan, PlanBegin};
+use super::recent_plans::KeptPlan;
 use super::request_validator::check_requested;
 use super::service::Service;
 use crate::execution::{ExecutionRefusal, ExecutionTiming, SelectedMotion};
@@ -46,11 +46,7 @@ impl Service {
         if self.ends {
             return Err(ExecutionRefusal::DaemonEnds);
         }
-        let (leaves, planned_mono_ns) = match plan.begin {
-            PlanBegin::AtRest { not_before_mono_ns } => (None, not_before_mono_ns),
-            PlanBegin::AtSwitch(switch) => (Some(switch), None),
-            PlanBegin::InGivenMotion => return Err(ExecutionRefusal::BeginsInGivenMotion),
-        };
+        let (leaves, planned_mono_ns) = plan.begin.to_execute()?;
         let kept = &plan.candidates[index];
         self.execution.publish(SelectedMotion {
             motion: Arc::clone(&kept.candidate.trajectory),

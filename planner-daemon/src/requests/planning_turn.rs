@@ -214,36 +214,37 @@ impl Service {
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let task = &in_flight.queued.task;
         let requested_mono_ns = task.requested_mono_ns?;
-        let (leaves, begin_mono_ns) = match in_flight.begin {
-            PlanBegin::AtSwitch(switch) => (Some(switch), None),
-            PlanBegin::AtRest { not_before_mono_ns } => (None, not_before_mono_ns),
-            PlanBegin::InGivenMotion => return Some(Err(ExecutionRefusal::BeginsInGivenMotion)),
-        };
         self.lead_times.note(task.kind(), in_flight.begun.elapsed());
-        Some(match answer.selected() {
-            _ if self.ends => Err(ExecutionRefusal::DaemonEnds),
-            Some((candidate_index, candidate)) => self
-                .check_wanted(in_flight, leaves.as_ref(), candidate)
-                .and_then(|()| {
-                    self.execution.publish(SelectedMotion {
-                        motion: Arc::clone(&candidate.trajectory),
-                        goals: timed_goals(task, candidate),
-                        leaves,
-                        candidate_index,
-                        plan_id: in_flight.plan_id,
-                        is_replanned: matches!(in_flight.queued.asker, Asker::GoalKeeper),
-                        timing: ExecutionTiming {
-                            requested_mono_ns,
-                            begin_mono_ns,
-                        },
-                    })
-                }),
-            None => Err(ExecutionRefusal::NothingSelected),
+        Some(self.publish_selected(in_flight, answer, requested_mono_ns))
+    }
+
+    fn publish_selected(
+        &self,
+        in_flight: &InFlight,
+        answer: &Answer,
+        requested_mono_ns: i64,
+    ) -> Result<u32, ExecutionRefusal> {
+        let (leaves, begin_mono_ns) = in_flight.begin.to_execute()?;
+        if self.ends {
+            return Err(ExecutionRefusal::DaemonEnds);
+        }
+        let selected = answer.selected();
+        let (candidate_index, candidate) = selected.ok_or(ExecutionRefusal::NothingSelected)?;
+        self.check_wanted(in_flight, leaves.as_ref(), candidate)?;
+        self.execution.publish(SelectedMotion {
+            motion: Arc::clone(&candidate.trajectory),
+            goals: timed_goals(&in_flight.queued.task, candidate),
+            leaves,
+            candidate_index,
+            plan_id: in_flight.plan_id,
+            is_replanned: matches!(in_flight.queued.asker, Asker::GoalKeeper),
+            timing: ExecutionTiming {
+                requested_mono_ns,
+                begin_mono_ns,
+            },
         })
     }
-}
 
-impl Service {
     /// Checks that a motion of a plan to the goal that stays is still wanted.
     fn check_wanted(
         &self,

@@ -10,7 +10,7 @@ use shared_types::message::CandidateSummary;
 use shared_types::valid;
 
 use super::refusal::Refusal;
-use crate::execution::{Switch, TimedGoal};
+use crate::execution::{ExecutionRefusal, Switch, TimedGoal};
 
 /// How the candidates of a plan begin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -27,6 +27,19 @@ pub(crate) enum PlanBegin {
 }
 
 impl PlanBegin {
+    /// Where a motion of the plan leaves the one that is followed, and its earliest begin (nanoseconds of `CLOCK_MONOTONIC`) where it begins at
+    /// rest.
+    ///
+    /// # Errors
+    /// [`ExecutionRefusal::BeginsInGivenMotion`].
+    pub(super) fn to_execute(self) -> Result<(Option<Switch>, Option<i64>), ExecutionRefusal> {
+        match self {
+            Self::AtRest { not_before_mono_ns } => Ok((None, not_before_mono_ns)),
+            Self::AtSwitch(switch) => Ok((Some(switch), None)),
+            Self::InGivenMotion => Err(ExecutionRefusal::BeginsInGivenMotion),
+        }
+    }
+
     /// How an answer tells it.
     pub(super) fn motion_start(&self) -> MotionStart {
         match self {
@@ -77,6 +90,11 @@ impl RecentPlans {
             followed: plan.selected,
         };
         self.plans.push_back((plan, previous));
+    }
+
+    /// Whether a request can go on from a plan.
+    pub(crate) fn has(&self, named: &valid::PreviousPlan) -> bool {
+        self.find(named).is_ok()
     }
 
     /// The plan that a request goes on from, with the motion that is followed.

@@ -16,9 +16,7 @@ use shared_types::valid::{self, PlanRequest, SelectionRule};
 
 use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
-
-/// Distance from the goal that counts as reached where the request does not say, section lengths.
-const DEFAULT_TIP_TOLERANCE: f64 = 0.01;
+use crate::tip_tolerance::tip_tolerance;
 
 /// Checks plan requests against this daemon's capacity and clock, and adds its static scene and defaults.
 #[derive(Clone, Debug)]
@@ -123,7 +121,7 @@ impl RequestValidator {
             ahead: Vec::new(),
             appends: asked.start == StartKind::AfterGoals,
             deadline: asked.deadline.unwrap_or(self.default_deadline),
-            tip_tolerance: self.tip_tolerance(&asked.goal),
+            tip_tolerance: tip_tolerance(&asked.goal, &self.robot),
             selection: asked.selection,
             requested_mono_ns,
             begin_mono_ns: asked.begin_mono_ns,
@@ -157,7 +155,7 @@ impl RequestValidator {
     fn via(&self, goal: &valid::Goal) -> Via {
         Via {
             goal: self.goal(goal),
-            tip_tolerance: self.tip_tolerance(goal),
+            tip_tolerance: tip_tolerance(goal, &self.robot),
         }
     }
 
@@ -185,16 +183,6 @@ impl RequestValidator {
                 acceleration: asked.start_acceleration_rad_s2.into(),
             }),
             previous: previous.map(Arc::new),
-        }
-    }
-
-    fn tip_tolerance(&self, goal: &valid::Goal) -> f64 {
-        match goal {
-            valid::Goal::Tip {
-                tolerance_m: Some(tolerance_m),
-                ..
-            } => self.robot.in_section_lengths(*tolerance_m),
-            _ => DEFAULT_TIP_TOLERANCE,
         }
     }
 }

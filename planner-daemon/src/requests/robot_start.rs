@@ -55,22 +55,13 @@ pub(super) fn begin_at_robot(
             set_start(task, switch.state.position, Some(motion));
             Ok(Some(switch))
         }
-        RobotMotion::Busy {
-            state,
-            fault,
-            passes,
-        } => {
-            let reason = refusal(&format!("the controller is {state} (fault: {fault})"));
-            Err(if *passes {
-                NotReady::Passes(reason)
-            } else {
-                NotReady::Stays(reason)
-            })
-        }
-        RobotMotion::Unknown => Err(NotReady::Stays(refusal(
-            "no controller: its state is missing or older than 200 ms",
-        ))),
+        RobotMotion::Busy { passes: true, .. } => Err(NotReady::Passes(not_ready(robot))),
+        RobotMotion::Busy { .. } | RobotMotion::Unknown => Err(NotReady::Stays(not_ready(robot))),
     }
+}
+
+fn not_ready(robot: &RobotMotion) -> Refusal {
+    refusal(&robot.why_not_ready().unwrap_or_default())
 }
 
 /// Where a task leaves the motion that is followed; the goals ahead from there on become the task's first ones, if it appends its own.

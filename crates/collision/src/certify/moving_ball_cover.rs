@@ -22,25 +22,40 @@ pub struct TimeSpread {
     pub seen: f64,
 }
 
+/// Which balls cover one that may be early or late: either suffices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cover {
+    /// From the earliest place to the latest one, moving along with the ball.
+    MovingAlong,
+    /// From where the ball was seen to the latest place.
+    SinceSeen,
+}
+
+impl Cover {
+    /// Both, the one that is always known first.
+    pub const ALL: [Self; 2] = [Self::MovingAlong, Self::SinceSeen];
+}
+
 impl TimeSpread {
-    /// Two sets of balls, each of which covers all of `balls` during `times` (s of the trajectory) by itself, at most eight for each; those
-    /// that the robot cannot reach are left out. The balls of the first set move along with the ball that they cover; the second one reaches
-    /// from where it was seen to the latest place, and is left out where that is not known.
-    pub fn covers(
+    /// Balls that cover all of `balls` during `times` (s of the trajectory), at most eight for each; those that the robot cannot reach are left
+    /// out. None where it is not known when the balls were seen, and that is asked for.
+    #[must_use]
+    pub fn cover(
         self,
+        cover: Cover,
         balls: &[MovingBall],
         robot: &Robot,
         times: [f64; 2],
-    ) -> impl Iterator<Item = Vec<MovingBall>> {
+    ) -> Option<Vec<MovingBall>> {
         let length: f64 = robot.section_lengths.iter().sum();
         let reach = length + robot.largest_tube_radius();
-        let chains = [Some(self.moving_along(times)), self.since_seen(times)];
-        chains.into_iter().flatten().map(move |chain| {
-            let covering = balls.iter().flat_map(|ball| chain.cover(ball));
-            covering
-                .filter(|ball| ball.comes_within(reach, times))
-                .collect()
-        })
+        let chain = match cover {
+            Cover::MovingAlong => self.moving_along(times),
+            Cover::SinceSeen => self.since_seen(times)?,
+        };
+        let covering = balls.iter().flat_map(|ball| chain.cover(ball));
+        let covering = covering.filter(|ball| ball.comes_within(reach, times));
+        Some(covering.collect())
     }
 
     fn moving_along(self, [from, _]: [f64; 2]) -> Chain {

@@ -9,7 +9,7 @@ use crate::optimize::collision_correction::{Correction, Corrector};
 use crate::path::waypoints::{WAYPOINTS, Waypoints};
 use crate::plan::{Certified, Failure};
 use codes::Stage;
-use collision::{MovingBall, Scene, certify_moving};
+use collision::{Cover, MovingBall, Scene, certify_moving};
 use pcc_model::{Configuration, TendonLimits};
 use std::sync::Arc;
 use trajectory::{Knot, Trajectory};
@@ -120,11 +120,15 @@ impl MotionConstraints<'_> {
     /// Where the balls can be when the motion is at each of its waypoints.
     fn places(&self, path: &[Configuration], motion: &Trajectory) -> Vec<Scene> {
         let times = [0.0, motion.duration()];
-        let covers = self.moving.covers(self.padded, USUAL_STOP_S, times);
         // Within the time of a short motion a ball leaves fewer places than it may come back to.
-        let mut covers: Vec<_> = covers.collect();
-        let is_short = covers.len() > 1 && self.moving.is_seen_within(motion.duration());
-        let covering = covers.swap_remove(usize::from(is_short));
+        let is_short = self.moving.is_seen_within(motion.duration());
+        let cover = if is_short {
+            Cover::SinceSeen
+        } else {
+            Cover::MovingAlong
+        };
+        let covering = self.moving.cover(cover, self.padded, USUAL_STOP_S, times);
+        let covering = covering.unwrap_or_default();
         let at = |time| covering.iter().map(|ball| ball.at(time)).collect();
         let times = waypoint_times(path, motion).into_iter();
         // Balls so far away that they are none of a scene are not near the robot.

@@ -73,11 +73,7 @@ impl<'a> MotionConstraints<'a> {
         path: &[Configuration],
         knots: usize,
     ) -> Result<Trajectory, Failure> {
-        let options = ParameterizationOptions {
-            knots,
-            ..ParameterizationOptions::default()
-        };
-        self.timed(None, path, &options)
+        self.timed(None, path, &with_knots(knots))
     }
 
     /// Times a path that begins where a robot in this state can rest, from the state on: the path begins while the robot still brakes.
@@ -86,11 +82,7 @@ impl<'a> MotionConstraints<'a> {
         state: &Knot,
         path: &[Configuration],
     ) -> Result<Trajectory, Failure> {
-        let options = ParameterizationOptions {
-            knots: self.knots,
-            ..ParameterizationOptions::default()
-        };
-        self.timed(Some(state), path, &options)
+        self.timed(Some(state), path, &with_knots(self.knots))
     }
 
     /// A certified motion along a path that begins where a robot in this state can rest, from the state on, if it takes less than
@@ -101,10 +93,7 @@ impl<'a> MotionConstraints<'a> {
         path: &[Configuration],
         stop_then_go_s: f64,
     ) -> Option<Certified> {
-        let options = ParameterizationOptions {
-            knots: self.knots,
-            ..ParameterizationOptions::default()
-        };
+        let options = with_knots(self.knots);
         let with_shares = |shares: &[f64]| {
             let joined = self.timed_from(state, shares, path, &options).ok()?;
             let is_faster = joined.duration() < stop_then_go_s;
@@ -205,5 +194,12 @@ impl<'a> MotionConstraints<'a> {
             trajectory: trajectory.into(),
             metrics,
         }
+    }
+}
+
+fn with_knots(knots: usize) -> ParameterizationOptions {
+    ParameterizationOptions {
+        knots,
+        ..ParameterizationOptions::default()
     }
 }
