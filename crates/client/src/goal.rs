@@ -149,14 +149,7 @@ impl GoalSender {
     /// # Errors
     /// [`ClientError::BadMessage`] or [`ClientError::Transport`].
     pub fn status(&mut self) -> Result<Option<GoalStatus>, ClientError> {
-        let given_mono_ns = self.sent.map_or(0, |sent| sent.given_mono_ns);
-        while let Some(sample) = receive(|| self.statuses.receive())? {
-            let status = checked(DAEMON, GoalStatus::try_from(&*sample))?;
-            if status.values.given_mono_ns == given_mono_ns {
-                self.latest = Some(status);
-            }
-        }
-        Ok(self.latest)
+        take_in(&self.statuses, self.sent, &mut self.latest)
     }
 
     /// Waits until the goal's status is one that is waited for, at most for `timeout`; none where it was not.
@@ -168,24 +161,19 @@ impl GoalSender {
         timeout: Duration,
         mut is_waited_for: impl FnMut(&GoalStatus) -> bool,
     ) -> Result<Option<GoalStatus>, ClientError> {
+        let pause = |left: Duration| thread::sleep(LOOK_INTERVAL.min(left));
         let limit = TimeLimit::new(timeout);
-        loop {
-            self.cleaner.clean_if_due(&self.node);
-            if let Some(status) = self.status()?.filter(|status| is_waited_for(status)) {
-                return Ok(Some(status));
-            }
-            if limit.is_over() {
-                return Ok(None);
-            }
-            thread::sleep(LOOK_INTERVAL);
-        }
+        let (statuses, sent, latest) = (&self.statuses, self.sent, &mut self.latest);
+        wait(&limit, &mut self.cleaner, &self.node, pause, || {
+            let status = take_in(statuses, sent, latest)?;
+            Ok(status.filter(|status| is_waited_for(status)))
+        })
     }
 
     /// Whether a status is of the goal as it was sent last, and not of where it was before.
     #[must_use]
     pub fn has_heard_last(&self, status: &GoalStatus) -> bool {
-        let sent_mono_ns = self.sent.map_or(0, |sent| sent.stamp_mono_ns);
-        status.values.goal_stamp_mono_ns >= sent_mono_ns
+        is_of_last(self.sent, status)
     }
 
     /// Waits until the daemon has heard what was sent last, at most for `timeout`.
@@ -193,14 +181,33 @@ impl GoalSender {
     /// # Errors
     /// [`ClientError::NoServer`] where no daemon has, [`ClientError::BadMessage`] or [`ClientError::Transport`].
     pub fn confirm(&mut self, timeout: Duration) -> Result<GoalStatus, ClientError> {
-        let sent_mono_ns = self.sent.map_or(0, |sent| sent.stamp_mono_ns);
-        let is_heard = |status: &GoalStatus| status.values.goal_stamp_mono_ns >= sent_mono_ns;
-        let heard = self.wait_for(timeout, is_heard)?;
+        let sent = self.sent;
+        let heard = self.wait_for(timeout, |status| is_of_last(sent, status))?;
         heard.ok_or(ClientError::NoServer {
             server: DAEMON,
             waited: timeout,
         })
     }
+}
+
+/// Takes in the statuses that have arrived; returns the newest one of the goal that was given last.
+fn take_in(
+    statuses: &Subscriber<message::GoalStatus>,
+    sent: Option<StandingGoal>,
+    latest: &mut Option<GoalStatus>,
+) -> Result<Option<GoalStatus>, ClientError> {
+    let given_mono_ns = sent.map_or(0, |sent| sent.given_mono_ns);
+    while let Some(sample) = receive(|| statuses.receive())? {
+        let status = checked(DAEMON, GoalStatus::try_from(&*sample))?;
+        if status.values.given_mono_ns == given_mono_ns {
+            *latest = Some(status);
+        }
+    }
+    Ok(*latest)
+}
+
+fn is_of_last(sent: Option<StandingGoal>, status: &GoalStatus) -> bool {
+    status.values.goal_stamp_mono_ns >= sent.map_or(0, |sent| sent.stamp_mono_ns)
 }
 
 /// What becomes of the goal that stays, for a program that only watches.

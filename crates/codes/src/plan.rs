@@ -127,6 +127,17 @@ codes! {
 }
 
 impl Outcome {
+    /// The outcome and a reason for it, which may begin with the outcome's own words: these are said once.
+    #[must_use]
+    pub fn explained(self, reason: &str) -> String {
+        let outcome = self.text();
+        match reason {
+            "" => outcome.to_owned(),
+            reason if reason.starts_with(outcome) => reason.to_owned(),
+            reason => format!("{outcome}: {reason}"),
+        }
+    }
+
     /// Whether the answer carries candidates that may be used.
     #[must_use]
     pub const fn has_candidates(self) -> bool {

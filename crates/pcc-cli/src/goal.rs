@@ -83,10 +83,7 @@ fn is_pursued(state: GoalState) -> bool {
 impl Arguments {
     fn goal(&self) -> anyhow::Result<Goal> {
         if let Some(tip) = &self.tip {
-            return Ok(Goal::Tip {
-                position_m: tip.as_slice().try_into()?,
-                tolerance_m: None,
-            });
+            return Ok(Goal::tip(tip.as_slice().try_into()?));
         }
         let configuration = self.configuration.as_deref().unwrap_or(&[]);
         Ok(Goal::Configuration(<[f64; DOF]>::try_from(configuration)?))

@@ -172,10 +172,7 @@ impl Arguments {
     /// The goals, in their order.
     fn goals(&self) -> anyhow::Result<Vec<Goal>> {
         let tips = self.tip.iter().flat_map(|tips| tips.chunks_exact(3));
-        let tips = tips.map(|tip| Goal::Tip {
-            position_m: [tip[0], tip[1], tip[2]],
-            tolerance_m: None,
-        });
+        let tips = tips.map(|tip| Goal::tip([tip[0], tip[1], tip[2]]));
         let shapes = self
             .configuration
             .iter()
@@ -194,12 +191,11 @@ impl Arguments {
 
     /// The outcome of a request, its reason, which may begin with the outcome's own words, and the options that are at fault.
     fn explain(&self, report: &PlanReport) -> String {
-        let outcome = report.outcome.text();
         let reason = match report.reason.as_str() {
-            "" => format!("{outcome}: no candidate"),
-            reason if reason.starts_with(outcome) => reason.to_owned(),
-            reason => format!("{outcome}: {reason}"),
+            "" => "no candidate",
+            reason => reason,
         };
+        let reason = report.outcome.explained(reason);
         let options = MotionOptions {
             start: self.start.as_deref(),
             tip: self.tip.as_deref(),

@@ -38,6 +38,19 @@ impl ReasonText {
         let length = (self.length as usize).min(REASON_BYTES);
         String::from_utf8_lossy(&self.utf8[..length])
     }
+
+    /// Writes what it is the reason for, and the text behind that where there is one.
+    pub(crate) fn write_after(
+        &self,
+        what: &dyn Display,
+        formatter: &mut Formatter<'_>,
+    ) -> fmt::Result {
+        what.fmt(formatter)?;
+        match self.text().as_ref() {
+            "" => Ok(()),
+            reason => write!(formatter, ": {reason}"),
+        }
+    }
 }
 
 impl Display for ReasonText {

@@ -76,6 +76,12 @@ pub(super) fn check_range(
     }
 }
 
+/// A share of the tendon limits.
+pub(super) fn check_limits_scale(scale: f64) -> Result<f64, Invalid> {
+    check_range(scale, LEAST_LIMITS_SCALE, 1.0, "1e-9..=1")
+        .map_err(|reason| invalid("limits_scale", reason))
+}
+
 /// A time on a trajectory, or its duration.
 pub(super) fn check_time(field: &'static str, value: f64) -> Result<(), Invalid> {
     check_range(value, 0.0, MAX_DURATION_S, "0..=1e6 s")
@@ -143,6 +149,14 @@ pub(super) fn check_stamp(field: &'static str, stamp_mono_ns: i64) -> Result<i64
         ));
     }
     Ok(stamp_mono_ns)
+}
+
+/// A stamp that need not be told; 0: it is not.
+pub(super) fn check_optional_stamp(
+    field: &'static str,
+    stamp_mono_ns: i64,
+) -> Result<Option<i64>, Invalid> {
+    Ok(Some(check_stamp(field, stamp_mono_ns)?).filter(|&stamp| stamp != 0))
 }
 
 #[cfg(test)]

@@ -20,6 +20,17 @@ pub enum Goal {
     Configuration([f64; DOF]),
 }
 
+impl Goal {
+    /// The tip at a position, metres in the base frame, within a hundredth of a section's length.
+    #[must_use]
+    pub const fn tip(position_m: [f64; 3]) -> Self {
+        Self::Tip {
+            position_m,
+            tolerance_m: None,
+        }
+    }
+}
+
 /// The goals of a request, the last one apart.
 pub(super) fn goals(wire: &message::PlanRequest) -> Result<(Vec<Goal>, Goal), Invalid> {
     let count = check_count("goal_count", wire.goal_count, 1, MAX_GOALS)?;

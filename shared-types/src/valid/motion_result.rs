@@ -53,11 +53,7 @@ impl TryFrom<&message::MotionResult> for MotionResult {
 /// As in `stopped: the live scene is in the way at 1.200 s of it`.
 impl Display for MotionResult {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        self.outcome.fmt(formatter)?;
-        match self.values.reason.text().as_ref() {
-            "" => Ok(()),
-            reason => write!(formatter, ": {reason}"),
-        }
+        self.values.reason.write_after(&self.outcome, formatter)
     }
 }
 

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use super::check::{
-    LEAST_LIMITS_SCALE, Quantity, check_array, check_code, check_count, check_flag, check_radius,
-    check_range, check_stamp, check_version, check_within,
+    Quantity, check_array, check_code, check_count, check_flag, check_limits_scale,
+    check_optional_stamp, check_radius, check_stamp, check_version, check_within,
 };
 use super::goal::{Goal, goals};
 use super::invalid::{Invalid, Reason, invalid, invalid_at};
@@ -67,7 +67,7 @@ pub struct PlanRequest {
     pub via: Vec<Goal>,
     /// The goal in which the motion ends.
     pub goal: Goal,
-    /// Share of the tendon limits, [`LEAST_LIMITS_SCALE`] to 1.
+    /// Share of the tendon limits, [`LEAST_LIMITS_SCALE`](super::LEAST_LIMITS_SCALE) to 1.
     pub limits_scale: f64,
     /// When the motion begins at rest, or leaves the one that the robot follows, at the earliest, nanoseconds of `CLOCK_MONOTONIC`; none:
     /// as soon as possible.
@@ -154,11 +154,9 @@ impl TryFrom<&message::PlanRequest> for PlanRequest {
             start_acceleration_rad_s2: wire.start_acceleration_rad_s2,
             via,
             goal,
-            limits_scale: limits_scale(wire.limits_scale)?,
-            begin_mono_ns: Some(check_stamp("begin_mono_ns", wire.begin_mono_ns)?)
-                .filter(|&begin| begin != 0),
-            requested_mono_ns: Some(check_stamp("requested_mono_ns", wire.requested_mono_ns)?)
-                .filter(|&requested| requested != 0),
+            limits_scale: check_limits_scale(wire.limits_scale)?,
+            begin_mono_ns: check_optional_stamp("begin_mono_ns", wire.begin_mono_ns)?,
+            requested_mono_ns: check_optional_stamp("requested_mono_ns", wire.requested_mono_ns)?,
             balls: balls(wire)?,
             early_candidate_count: early(wire.early_candidate_count, candidate_count)?,
             previous: previous(wire, sampler)?,
@@ -281,11 +279,6 @@ pub(super) fn named_plan(wire: &message::PlanRequest) -> Result<Option<PreviousP
         plan_id: wire.previous_plan_id,
         candidate: named.map(check).transpose()?,
     }))
-}
-
-fn limits_scale(scale: f64) -> Result<f64, Invalid> {
-    check_range(scale, LEAST_LIMITS_SCALE, 1.0, "1e-9..=1")
-        .map_err(|reason| invalid("limits_scale", reason))
 }
 
 fn balls(wire: &message::PlanRequest) -> Result<Vec<Ball>, Invalid> {

@@ -1,6 +1,6 @@
 //! The validated request to execute a candidate of an earlier plan, and its wire form.
 
-use super::check::{check_code, check_count, check_stamp, check_version};
+use super::check::{check_code, check_count, check_optional_stamp, check_version};
 use super::invalid::{Invalid, Reason, invalid};
 use super::plan::{PlanRequest, PreviousPlan, check_requested, named_plan};
 use crate::PROTOCOL_VERSION;
@@ -82,8 +82,7 @@ impl TryFrom<&message::PlanRequest> for PlannedExecution {
         Ok(Self {
             request_id: wire.request_id,
             plan: plan.ok_or(invalid("previous_plan_id", none_named))?,
-            begin_mono_ns: Some(check_stamp("begin_mono_ns", wire.begin_mono_ns)?)
-                .filter(|&begin| begin != 0),
+            begin_mono_ns: check_optional_stamp("begin_mono_ns", wire.begin_mono_ns)?,
             requested_mono_ns: check_requested(wire)?,
         })
     }

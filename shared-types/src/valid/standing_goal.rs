@@ -3,7 +3,7 @@
 use std::fmt::{self, Display, Formatter};
 
 use super::check::{
-    LEAST_LIMITS_SCALE, Quantity, check_code, check_flag, check_range, check_stamp, check_version,
+    Quantity, check_code, check_flag, check_limits_scale, check_stamp, check_version,
 };
 use super::goal::{Goal, STANDING, read};
 use super::invalid::{Invalid, Reason, invalid};
@@ -22,7 +22,7 @@ pub struct StandingGoal {
     pub goal: Goal,
     /// Velocity of a tip goal, base frame, m/s; believed for half a second from the stamp on. 0 of a configuration.
     pub tip_velocity_m_s: [f64; 3],
-    /// Share of the tendon limits to use, [`LEAST_LIMITS_SCALE`] to 1.
+    /// Share of the tendon limits to use, [`LEAST_LIMITS_SCALE`](super::LEAST_LIMITS_SCALE) to 1.
     pub limits_scale: f64,
     /// Whether it is given up.
     pub is_withdrawn: bool,
@@ -59,14 +59,13 @@ impl TryFrom<&message::StandingGoal> for StandingGoal {
                 Reason::OutOfRange { value, allowed },
             ));
         }
-        let limits_scale = check_range(wire.limits_scale, LEAST_LIMITS_SCALE, 1.0, "1e-9..=1");
         let goal = read(&wire.goal, &STANDING)?;
         Ok(Self {
             given_mono_ns,
             stamp_mono_ns,
             goal,
             tip_velocity_m_s: tip_velocity(wire, &goal)?,
-            limits_scale: limits_scale.map_err(|reason| invalid("limits_scale", reason))?,
+            limits_scale: check_limits_scale(wire.limits_scale)?,
             is_withdrawn: check_flag("is_withdrawn", wire.is_withdrawn)?,
         })
     }
@@ -112,11 +111,7 @@ impl TryFrom<&message::GoalStatus> for GoalStatus {
 /// As in `no way to it now: goal out of reach`.
 impl Display for GoalStatus {
     fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
-        self.state.fmt(formatter)?;
-        match self.values.reason.text().as_ref() {
-            "" => Ok(()),
-            reason => write!(formatter, ": {reason}"),
-        }
+        self.values.reason.write_after(&self.state, formatter)
     }
 }
 

@@ -304,10 +304,7 @@ impl<'a> Mission<'a> {
     }
 
     fn tip(&self, section_lengths: [f64; 3]) -> Goal {
-        Goal::Tip {
-            position_m: self.point(section_lengths).into(),
-            tolerance_m: None,
-        }
+        Goal::tip(self.point(section_lengths).into())
     }
 
     fn last_end(&self) -> anyhow::Result<Configuration> {

@@ -283,8 +283,5 @@ impl Mission<'_> {
 }
 
 fn tip(moving: &Moving, time_s: f64) -> Goal {
-    Goal::Tip {
-        position_m: moving.target_m(time_s),
-        tolerance_m: None,
-    }
+    Goal::tip(moving.target_m(time_s))
 }
