@@ -82,10 +82,7 @@ pub fn random_configuration(robot: &UnitRobot, random: &mut Pcg64) -> Configurat
 /// A request for a tip from where the robot is, to be executed; m.
 #[must_use]
 pub fn replan(tip_m: [f64; 3], balls: &[Ball], seed: u64) -> PlanRequest {
-    let goal = Goal::Tip {
-        position_m: tip_m,
-        tolerance_m: None,
-    };
+    let goal = Goal::tip(tip_m);
     PlanRequest {
         candidate_count: CANDIDATES,
         seed,

@@ -439,10 +439,7 @@ impl Stack {
     /// # Errors
     /// [`MoveError`].
     pub fn move_tip_once(&mut self, tip: [f64; 3]) -> Result<Motion, MoveError> {
-        let goal = Goal::Tip {
-            position_m: tip,
-            tolerance_m: None,
-        };
+        let goal = Goal::tip(tip);
         let id = self.begin_motion(goal)?;
         let end = self.wait_for_end(id)?;
         // The motors have settled and the noise of one measurement is not the figure.

@@ -10,6 +10,7 @@ use shared_types::ipc::IpcOptions;
 use tempfile::TempDir;
 use toml::{Table, Value};
 
+use crate::brute_force::Body;
 use crate::programs::repository;
 
 /// What a world has different from the shipped configuration.
@@ -73,6 +74,13 @@ impl World {
     pub fn unit_robot(&self) -> UnitRobot {
         let unit_robot = self.robot.to_unit();
         unit_robot.expect("the robots of tests have equally long sections")
+    }
+
+    /// The robot's body, by the file that its processes read.
+    #[must_use]
+    pub fn body(&self) -> Body {
+        let file = self.config("robots/unit.toml");
+        Body::from_robot_file(&std::fs::read_to_string(file).unwrap())
     }
 
     /// Makes one.

@@ -20,13 +20,6 @@ const TIPS_M: [[f64; 3]; 3] = [[1.0, 0.6, 2.2], [1.0, -0.6, 2.2], [-0.6, 0.9, 2.
 /// Longer than a plan, a period of the states and a stop: whoever was to move does within it.
 const A_WHILE: Duration = Duration::from_millis(600);
 
-fn tip(position_m: [f64; 3]) -> Goal {
-    Goal::Tip {
-        position_m,
-        tolerance_m: None,
-    }
-}
-
 fn given(goal: Goal) -> StandingGoal {
     let now = mono_now_ns();
     StandingGoal {
@@ -95,7 +88,7 @@ fn assert_at(stack: &mut Stack, position_m: [f64; 3]) {
 /// A goal whose motion is well under way.
 fn underway(stack: &mut Stack, position_m: [f64; 3]) -> GoalSender {
     let mut goal = sender(stack);
-    goal.give(tip(position_m), 1.0).unwrap();
+    goal.give(Goal::tip(position_m), 1.0).unwrap();
     let status = expect(&mut goal, GoalState::Underway);
     let id = status.values.trajectory_id;
     stack.wait_for_progress(id, 0.2).unwrap();
@@ -115,15 +108,15 @@ fn rests(stack: &mut Stack) -> [f64; 6] {
 fn a_goal_is_reached_and_one_that_moves_under_way_is_reached_without_a_stop_between() {
     let mut stack = Stack::running(&Settings::default()).unwrap();
     let mut goal = sender(&stack);
-    goal.give(tip(TIPS_M[0]), 1.0).unwrap();
+    goal.give(Goal::tip(TIPS_M[0]), 1.0).unwrap();
     expect(&mut goal, GoalState::Reached);
     assert_at(&mut stack, TIPS_M[0]);
-    goal.move_to(tip(TIPS_M[1]), [0.0; 3]).unwrap();
+    goal.move_to(Goal::tip(TIPS_M[1]), [0.0; 3]).unwrap();
     let status = expect(&mut goal, GoalState::Underway);
     let id = status.values.trajectory_id;
     stack.wait_for_progress(id, 0.2).unwrap();
     let listener = Listener::start(&stack.world.options);
-    goal.move_to(tip(TIPS_M[2]), [0.0; 3]).unwrap();
+    goal.move_to(Goal::tip(TIPS_M[2]), [0.0; 3]).unwrap();
     expect(&mut goal, GoalState::Reached);
     assert_at(&mut stack, TIPS_M[2]);
     let heard = listener.take();
@@ -153,16 +146,16 @@ fn a_stop_by_a_program_ends_a_goal_however_often_it_is_sent_again_and_only_anoth
     let status = expect(&mut goal, GoalState::Ended);
     assert!(status.to_string().contains("stop"), "{status}");
     for _ in 0..20 {
-        goal.move_to(tip(TIPS_M[1]), [0.0; 3]).unwrap();
+        goal.move_to(Goal::tip(TIPS_M[1]), [0.0; 3]).unwrap();
         sleep(A_WHILE / 20);
     }
     assert_eq!(rests(&mut stack), rested);
-    goal.give(tip(TIPS_M[1]), 1.0).unwrap();
+    goal.give(Goal::tip(TIPS_M[1]), 1.0).unwrap();
     expect(&mut goal, GoalState::Reached);
     // And at rest.
     stack.controller.command(Command::Stop, PATIENCE).unwrap();
     expect(&mut goal, GoalState::Ended);
-    goal.move_to(tip(TIPS_M[0]), [0.0; 3]).unwrap();
+    goal.move_to(Goal::tip(TIPS_M[0]), [0.0; 3]).unwrap();
     sleep(A_WHILE);
     assert_at(&mut stack, TIPS_M[1]);
 }
@@ -183,7 +176,7 @@ fn a_goal_that_is_withdrawn_brakes_the_robot_and_another_one_may_be_given_at_onc
     assert_eq!(rests(&mut stack), rested);
     let mut goal = underway(&mut stack, TIPS_M[0]);
     goal.withdraw().unwrap();
-    goal.give(tip(TIPS_M[1]), 1.0).unwrap();
+    goal.give(Goal::tip(TIPS_M[1]), 1.0).unwrap();
     expect(&mut goal, GoalState::Reached);
     assert_at(&mut stack, TIPS_M[1]);
 }
@@ -193,22 +186,22 @@ fn of_two_senders_the_later_given_goal_counts_and_a_clients_motion_ends_it() {
     let mut stack = Stack::running(&Settings::default()).unwrap();
     let mut first = underway(&mut stack, TIPS_M[0]);
     let mut second = sender(&stack);
-    second.give(tip(TIPS_M[1]), 1.0).unwrap();
+    second.give(Goal::tip(TIPS_M[1]), 1.0).unwrap();
     expect(&mut second, GoalState::Underway);
-    first.move_to(tip(TIPS_M[2]), [0.0; 3]).unwrap();
+    first.move_to(Goal::tip(TIPS_M[2]), [0.0; 3]).unwrap();
     expect(&mut first, GoalState::Ended);
     first.withdraw().unwrap();
     expect(&mut second, GoalState::Reached);
     assert_at(&mut stack, TIPS_M[1]);
     let request = PlanRequest {
         execute: true,
-        ..PlanRequest::from_robot(tip(TIPS_M[2]))
+        ..PlanRequest::from_robot(Goal::tip(TIPS_M[2]))
     };
     let id = stack.try_motion(&request).unwrap();
     let status = expect(&mut second, GoalState::Ended);
     assert!(status.to_string().contains(&id.to_string()), "{status}");
     stack.wait_for_end(id).unwrap();
-    second.move_to(tip(TIPS_M[0]), [0.0; 3]).unwrap();
+    second.move_to(Goal::tip(TIPS_M[0]), [0.0; 3]).unwrap();
     sleep(A_WHILE);
     assert_at(&mut stack, TIPS_M[2]);
 }
@@ -234,7 +227,7 @@ fn malformed_goals_are_refused_by_name_and_the_one_before_goes_on() {
         ("goal.kind", |goal| goal.goal.kind = 99),
     ];
     for (text, spoil) in cases {
-        let mut wire = given(tip(TIPS_M[1])).to_wire();
+        let mut wire = given(Goal::tip(TIPS_M[1])).to_wire();
         spoil(&mut wire);
         raw.send(wire);
         let of_it = |status: &GoalStatus| status.values.given_mono_ns == wire.given_mono_ns;
@@ -254,17 +247,17 @@ fn a_killed_daemons_goal_is_over_and_one_that_is_given_to_the_next_daemon_moves_
     let rested = rests(&mut stack);
     stack.start(Part::Daemon);
     wait_for("the next daemon hears goals", PATIENCE, || {
-        goal.move_to(tip(TIPS_M[0]), [0.0; 3]).ok()
+        goal.move_to(Goal::tip(TIPS_M[0]), [0.0; 3]).ok()
     })
     .unwrap();
     wait_for("it says that the goal is over", PATIENCE, || {
-        let _ = goal.move_to(tip(TIPS_M[0]), [0.0; 3]);
+        let _ = goal.move_to(Goal::tip(TIPS_M[0]), [0.0; 3]);
         let status = goal.status().unwrap()?;
         (status.state == GoalState::Ended).then_some(())
     })
     .unwrap();
     assert_eq!(rests(&mut stack), rested);
-    goal.give(tip(TIPS_M[0]), 1.0).unwrap();
+    goal.give(Goal::tip(TIPS_M[0]), 1.0).unwrap();
     expect(&mut goal, GoalState::Reached);
     assert_at(&mut stack, TIPS_M[0]);
 }
@@ -278,7 +271,7 @@ fn a_request_right_after_a_daemons_start_is_executed() {
         stack.client.wait_for_daemon(PATIENCE).unwrap();
         let request = PlanRequest {
             execute: true,
-            ..PlanRequest::from_robot(tip(TIPS_M[round % 3]))
+            ..PlanRequest::from_robot(Goal::tip(TIPS_M[round % 3]))
         };
         let id = stack.try_motion(&request).unwrap();
         stack.wait_for_end(id).unwrap();
@@ -292,7 +285,7 @@ fn a_controller_in_fault_is_told_by_name_and_the_goal_is_over() {
     stack.kill9(Part::Robot);
     let status = expect(&mut goal, GoalState::Ended);
     assert!(status.to_string().contains("robot lost"), "{status}");
-    goal.give(tip(TIPS_M[1]), 1.0).unwrap();
+    goal.give(Goal::tip(TIPS_M[1]), 1.0).unwrap();
     let status = expect(&mut goal, GoalState::RobotNotReady);
     assert!(status.to_string().contains("robot lost"), "{status}");
     stack.start(Part::Robot);
@@ -304,7 +297,7 @@ fn a_controller_in_fault_is_told_by_name_and_the_goal_is_over() {
     let status = expect(&mut goal, GoalState::Ended);
     assert!(status.to_string().contains("a reset"), "{status}");
     rests(&mut stack);
-    goal.give(tip(TIPS_M[1]), 1.0).unwrap();
+    goal.give(Goal::tip(TIPS_M[1]), 1.0).unwrap();
     expect(&mut goal, GoalState::Reached);
 }
 
@@ -322,13 +315,13 @@ fn assert_no_flood(statuses: &[message::GoalStatus]) {
 fn a_flood_of_goals_starves_neither_the_robot_nor_clients_and_makes_no_flood_of_statuses() {
     let mut stack = Stack::running(&Settings::default()).unwrap();
     let raw = RawSender::connect(&stack.world.options);
-    let first = given(tip(TIPS_M[0]));
+    let first = given(Goal::tip(TIPS_M[0]));
     let (mut sent, mut answered) = (0_u32, 0);
     let mut statuses: Vec<message::GoalStatus> = Vec::new();
     raw.send(first.to_wire());
     let request = PlanRequest {
         candidate_count: 1,
-        ..PlanRequest::new([0.0; 6], tip(TIPS_M[1]))
+        ..PlanRequest::new([0.0; 6], Goal::tip(TIPS_M[1]))
     };
     let mut pending = Some(stack.client.submit(&request).unwrap());
     let mut is_reached = false;

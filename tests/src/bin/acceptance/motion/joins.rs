@@ -1,10 +1,11 @@
 //! Replans at random instants: continuity, limits, contacts, and what they win over stopping first.
 
-use tests::judge::{ALLOWED_USE, SENT_USE};
+use tests::judge::SENT_USE;
 use tests::world::{Settings, shipped};
 
 use super::figures::Figures;
 use super::replan_run::{Population, run as replan};
+use super::setpoints::{no_offences, within_limits};
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -67,31 +68,8 @@ pub(super) fn show_curves(report: &mut Report, line: &dyn Fn(&str) -> String, fi
         let what = format!("largest use of the {kind} limit by joined motions, dense sampling");
         report.at_most(&line(&what), *used, SENT_USE);
     }
-    let sent = &figures.sent;
-    report.at_most(
-        &line("set-points: velocity ÷ limit"),
-        sent.velocity,
-        SENT_USE,
-    );
-    let acceleration = sent.acceleration;
-    report.at_most(
-        &line("set-points: acceleration ÷ limit"),
-        acceleration,
-        SENT_USE,
-    );
-    let steps = sent.sent.position.max(sent.sent.velocity);
-    report.at_most(
-        &line("set-points: steps by differences ÷ limits"),
-        steps,
-        ALLOWED_USE,
-    );
-    let offences = format!("{} {:?}", sent.offence_count, sent.offences.first());
-    report.check(
-        &line("set-points: offences"),
-        offences,
-        "0",
-        sent.offence_count == 0,
-    );
+    within_limits(report, &line, &figures.sent);
+    no_offences(report, &line, &figures.sent);
     let bending = bending_limit_rad() + 5e-3;
     let largest = figures.largest_bending_rad;
     report.at_most(

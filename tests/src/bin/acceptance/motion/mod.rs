@@ -15,6 +15,7 @@ mod queue_run;
 mod queues;
 mod replan_run;
 mod routes;
+mod setpoints;
 mod standing;
 mod unreachable_goal;
 

@@ -3,7 +3,6 @@
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use anyhow::Context;
 use client::{GoalSender, ScenePublisher};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{GoalState, LoopState};
@@ -11,15 +10,17 @@ use shared_types::message::Cycle;
 use shared_types::valid::{Goal, PlanRequest};
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::crossing_balls::Crossing;
-use tests::judge::{Judge, SENT_USE};
+use tests::judge::Judge;
 use tests::listener::{Heard, Listener};
-use tests::process::wait_for;
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
+use super::replan_run::wait_until_held;
+use super::setpoints::{no_offences, within_limits};
 use super::standing::stays_clear_after_a_stop;
 use crate::report::Report;
 use crate::scale::Scale;
+use crate::spread::median;
 
 /// Seed of the first run: nothing was trained with it.
 const SEED: u64 = 88_000;
@@ -75,8 +76,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
     report.group("moving balls", command, |report| {
         let count = scale.pick(10, 500);
         let mut stack = Stack::running(&Settings::default())?;
-        let file = std::fs::read_to_string(stack.world.config("robots/unit.toml"))?;
-        let body = Body::from_robot_file(&file);
+        let body = stack.world.body();
         let listener = Listener::start(&stack.world.options);
         let mut judge = Judge::new(stack.world.robot.tendon_limits);
         let mut arms = [(Arm::Kept, Vec::new()), (Arm::StopThenPlan, Vec::new())];
@@ -129,10 +129,10 @@ fn one(
     }
     let lasted_s = begun.elapsed().as_secs_f64();
     let ended_ns = mono_now_ns();
-    let replans = follower.end(stack)?;
+    let replans = follower.end()?;
     scenes.take_leave()?;
     scenes.confirm(PATIENCE)?;
-    rest(stack)?;
+    wait_until_held(stack)?;
     sleep(Duration::from_millis(30));
     let heard = listener.take();
     let gone_ns = begun_ns + (crossing.gone_s() * 1e9) as i64;
@@ -167,17 +167,10 @@ fn one(
 }
 
 fn go_to_start(stack: &mut Stack, crossing: &Crossing) -> anyhow::Result<()> {
-    rest(stack)?;
+    wait_until_held(stack)?;
     let id = stack.begin_motion(Goal::Configuration(crossing.start.into()))?;
     stack.wait_for_end(id)?;
-    rest(stack)
-}
-
-fn rest(stack: &mut Stack) -> anyhow::Result<()> {
-    let held = wait_for("the robot rests", PATIENCE, || {
-        (stack.controller_state().state == LoopState::Holding).then_some(())
-    });
-    held.context("beside a run")
+    wait_until_held(stack)
 }
 
 /// One arm at work.
@@ -185,7 +178,7 @@ enum Follower {
     Kept(Box<GoalSender>),
     StopThenPlan {
         request: Box<PlanRequest>,
-        under_way: Option<u32>,
+        tip_m: [f64; 3],
         plans: u64,
         not_before: Instant,
     },
@@ -193,10 +186,7 @@ enum Follower {
 
 impl Follower {
     fn new(stack: &Stack, arm: Arm, crossing: &Crossing) -> anyhow::Result<Self> {
-        let goal = Goal::Tip {
-            position_m: crossing.tip_m,
-            tolerance_m: None,
-        };
+        let goal = Goal::tip(crossing.tip_m);
         Ok(match arm {
             Arm::Kept => {
                 let mut sender = GoalSender::connect(&stack.world.options)?;
@@ -210,7 +200,7 @@ impl Follower {
                     execute: true,
                     ..PlanRequest::from_robot(goal)
                 }),
-                under_way: None,
+                tip_m: crossing.tip_m,
                 plans: 0,
                 not_before: Instant::now(),
             },
@@ -226,7 +216,7 @@ impl Follower {
             }
             Self::StopThenPlan {
                 request,
-                under_way,
+                tip_m,
                 plans,
                 not_before,
             } => {
@@ -234,20 +224,16 @@ impl Follower {
                 if state.state != LoopState::Holding || Instant::now() < *not_before {
                     return Ok(false);
                 }
-                let target = match request.goal {
-                    Goal::Tip { position_m, .. } => position_m,
-                    Goal::Configuration(_) => unreachable!("the goal is a tip"),
-                };
                 let at = state.values.commanded_configuration_rad;
-                if tests::stack::tip_error(&stack.world.robot, &at, &target) < 0.01 {
+                if tests::stack::tip_error(&stack.world.robot, &at, tip_m) < 0.01 {
                     return Ok(true);
                 }
                 let answer = stack.client.plan(request, PATIENCE)?;
                 *plans += 1;
                 request.seed += 1;
-                *under_way = answer.report().trajectory_id;
+                let is_under_way = answer.report().trajectory_id.is_some();
                 // The motion begins some ms later; where there is none, as often as the keeper tries again.
-                let pause = if under_way.is_some() { 30 } else { 100 };
+                let pause = if is_under_way { 30 } else { 100 };
                 *not_before = Instant::now() + Duration::from_millis(pause);
                 Ok(false)
             }
@@ -255,7 +241,7 @@ impl Follower {
     }
 
     /// Plans made.
-    fn end(self, _stack: &mut Stack) -> anyhow::Result<u64> {
+    fn end(self) -> anyhow::Result<u64> {
         match self {
             Self::Kept(mut goal) => {
                 let plans = goal.status()?.map_or(0, |status| status.values.plan_count);
@@ -319,7 +305,12 @@ fn show(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
             "{reached} of {} reached, median {:.2} s; contacts {contacts}, {on_the_way} of them before the end and the others of a robot that stays there, {avoidable} avoidable by a stop right after the ball was \
              seen; {:.1} plans a second",
             runs.len(),
-            median(runs.iter().filter_map(|run| run.reached_s).collect()),
+            median(
+                &runs
+                    .iter()
+                    .filter_map(|run| run.reached_s)
+                    .collect::<Vec<_>>()
+            ),
             runs.iter().map(|run| run.replans as f64).sum::<f64>()
                 / runs.iter().map(|run| run.lasted_s).sum::<f64>()
         );
@@ -352,20 +343,7 @@ fn show(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
     let both = both.filter_map(|(own, other)| Some((own.reached_s?, other.reached_s?)));
     let (own, others): (Vec<f64>, Vec<f64>) = both.unzip();
     let what = "median time where both arrive ÷ that of stop, then plan again";
-    report.at_most(&line(what), median(own) / median(others), 0.8);
-    let verdict = judge.verdict();
-    let offences = verdict.offence_count;
-    report.check(
-        &line("set-points: offences"),
-        offences.to_string(),
-        "0",
-        offences == 0,
-    );
-    let largest = verdict.velocity.max(verdict.acceleration);
-    report.at_most(&line("set-points: largest ÷ limit"), largest, SENT_USE);
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    report.at_most(&line(what), median(&own) / median(&others), 0.8);
+    within_limits(report, &line, judge.verdict());
+    no_offences(report, &line, judge.verdict());
 }

@@ -10,13 +10,15 @@ use shared_types::codes::LoopState;
 use shared_types::message::Cycle;
 use shared_types::valid::{Command, Goal, PlanRequest};
 use tests::brute_force::Body;
-use tests::judge::{Judge, SENT_USE};
+use tests::judge::{Judge, Verdict};
 use tests::listener::Listener;
 use tests::moving_target::MovingTarget;
 use tests::process::wait_for;
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
+use super::replan_run::wait_until_held;
+use super::setpoints::{no_offences, within_limits};
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -58,9 +60,8 @@ struct Followed {
     mean_error_m: f64,
     /// Motions begun.
     motions: u64,
-    /// Set-points that broke a limit or stepped.
-    offences: usize,
-    largest_use: f64,
+    /// What was sent to the robot.
+    sent: Verdict,
 }
 
 impl Followed {
@@ -111,13 +112,9 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
                 target.name
             );
             report.at_most(&what, kept.mean_error_m / best, 0.5);
-            let what = format!("goals, moving: {}: set-points: offences", target.name);
-            report.check(&what, kept.offences.to_string(), "0", kept.offences == 0);
-            let what = format!(
-                "goals, moving: {}: set-points: largest ÷ limit",
-                target.name
-            );
-            report.at_most(&what, kept.largest_use, SENT_USE);
+            let line = |what: &str| format!("{name}: {what}");
+            within_limits(report, &line, &kept.sent);
+            no_offences(report, &line, &kept.sent);
         }
         let what =
             "goals, moving: mean tip error of all ÷ that of the best arms that stops to replan";
@@ -126,20 +123,12 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
     });
 }
 
-fn tip(position_m: [f64; 3]) -> Goal {
-    Goal::Tip {
-        position_m,
-        tolerance_m: None,
-    }
-}
-
 /// Begins at rest where the target is, and follows it.
 fn follow(stack: &mut Stack, arm: Arm, target: &MovingTarget) -> anyhow::Result<Followed> {
-    let file = std::fs::read_to_string(stack.world.config("robots/unit.toml"))?;
-    let body = Body::from_robot_file(&file);
-    rest(stack)?;
+    let body = stack.world.body();
+    wait_until_held(stack)?;
     stack.move_tip(target.at(0.0))?;
-    rest(stack)?;
+    wait_until_held(stack)?;
     let listener = Listener::start(&stack.world.options);
     let (begun, begun_ns) = (Instant::now(), mono_now_ns());
     let motions = match arm {
@@ -152,28 +141,22 @@ fn follow(stack: &mut Stack, arm: Arm, target: &MovingTarget) -> anyhow::Result<
     let heard = listener.take();
     let mut judge = Judge::new(stack.world.robot.tendon_limits);
     judge.look(&heard);
-    let verdict = judge.verdict();
     Ok(Followed {
         mean_error_m: mean_error_m(&body, &heard.cycles, target, begun_ns),
         motions,
-        offences: verdict.offence_count,
-        largest_use: verdict.velocity.max(verdict.acceleration),
+        sent: judge.verdict().clone(),
     })
-}
-
-fn rest(stack: &mut Stack) -> anyhow::Result<()> {
-    let held = wait_for("the robot rests", PATIENCE, || {
-        (stack.controller_state().state == LoopState::Holding).then_some(())
-    });
-    held.context("before a goal")
 }
 
 fn keep(stack: &Stack, target: &MovingTarget, begun: Instant) -> anyhow::Result<u64> {
     let mut goal = GoalSender::connect(&stack.world.options)?;
-    goal.give(tip(target.at(0.0)), 1.0)?;
+    goal.give(Goal::tip(target.at(0.0)), 1.0)?;
     while begun.elapsed() < target.lasts() {
         let elapsed_s = begun.elapsed().as_secs_f64();
-        goal.move_to(tip(target.at(elapsed_s)), target.velocity_m_s(elapsed_s))?;
+        goal.move_to(
+            Goal::tip(target.at(elapsed_s)),
+            target.velocity_m_s(elapsed_s),
+        )?;
         sleep(PERIOD);
     }
     let status = goal
@@ -205,7 +188,7 @@ fn replan_at_rest(
                 let request = PlanRequest {
                     candidate_count: 10,
                     execute: true,
-                    ..PlanRequest::from_robot(tip(aim(ahead_s)))
+                    ..PlanRequest::from_robot(Goal::tip(aim(ahead_s)))
                 };
                 let answer = stack.client.plan(&request, PATIENCE)?;
                 let report = answer.report();

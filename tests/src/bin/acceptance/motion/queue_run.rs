@@ -9,7 +9,6 @@ use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState, StartKind};
 use shared_types::valid::{Goal, PlanRequest};
-use tests::brute_force::Body;
 use tests::geometry::seeded;
 use tests::judge::Judge;
 use tests::listener::Listener;
@@ -42,8 +41,7 @@ const HEARD_WITHIN: Duration = Duration::from_millis(100);
 /// Carries out so many queues.
 pub(super) fn run(queues: usize) -> anyhow::Result<Figures> {
     let mut stack = Stack::running(&Settings::ten_times_as_fast())?;
-    let file = std::fs::read_to_string(stack.world.config("robots/unit.toml"))?;
-    let body = Body::from_robot_file(&file);
+    let body = stack.world.body();
     let robot = stack.world.unit_robot();
     let listener = Listener::start(&stack.world.options);
     let mut results = ResultView::connect(&stack.world.options)?;
@@ -161,10 +159,7 @@ fn parts(tips_m: &[Position], random: &mut Pcg64) -> Vec<Vec<Position>> {
 
 /// A request for tips from where the robot is, or after those that it has ahead.
 fn request(tips_m: &[Position], scene: &ReplanScene, seed: u64, appends: bool) -> PlanRequest {
-    let tip = |position_m: &Position| Goal::Tip {
-        position_m: *position_m,
-        tolerance_m: None,
-    };
+    let tip = |position_m: &Position| Goal::tip(*position_m);
     let mut via: Vec<Goal> = tips_m.iter().map(tip).collect();
     let goal = via.pop().expect("there is a tip");
     PlanRequest {

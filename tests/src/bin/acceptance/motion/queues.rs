@@ -1,10 +1,9 @@
 //! Random queues in scenes: no goal lost, none reordered; a result of every motion on the wire.
 
-use tests::judge::{ALLOWED_USE, SENT_USE};
-
 use super::figures::quantile;
 use super::queue_figures::Figures;
 use super::queue_run::run as carry_out;
+use super::setpoints::{Line, within_limits};
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -70,22 +69,9 @@ fn none(report: &mut Report, name: &str, found: &[String]) {
     report.check(name, figure, "0", found.is_empty());
 }
 
-fn show_sent(report: &mut Report, line: &dyn Fn(&str) -> String, figures: &Figures) {
+fn show_sent(report: &mut Report, line: Line, figures: &Figures) {
     let sent = &figures.sent;
-    let acceleration = sent.acceleration;
-    report.at_most(
-        &line("set-points: velocity ÷ limit"),
-        sent.velocity,
-        SENT_USE,
-    );
-    report.at_most(
-        &line("set-points: acceleration ÷ limit"),
-        acceleration,
-        SENT_USE,
-    );
-    let steps = sent.sent.position.max(sent.sent.velocity);
-    let name = line("set-points: steps by differences ÷ limits");
-    report.at_most(&name, steps, ALLOWED_USE);
+    within_limits(report, line, sent);
     let clearance_m = figures.clearance_m.unwrap_or(f64::NAN);
     let name = line("least clearance of what was executed, dense sampling");
     let figure = format!("{clearance_m:.5} m");

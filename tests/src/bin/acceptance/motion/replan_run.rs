@@ -7,7 +7,7 @@ use anyhow::Context;
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{LoopFault, LoopState, Outcome, Stage};
-use tests::brute_force::{Ball, Body};
+use tests::brute_force::Ball;
 use tests::geometry::seeded;
 use tests::judge::Judge;
 use tests::listener::{Heard, Listener};
@@ -35,8 +35,7 @@ pub(super) struct Population {
 /// Replans until so many have begun in motion or were refused there.
 pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
     let mut stack = Stack::running(&population.settings)?;
-    let file = std::fs::read_to_string(stack.world.config("robots/unit.toml"))?;
-    let body = Body::from_robot_file(&file);
+    let body = stack.world.body();
     let robot = stack.world.unit_robot();
     let listener = Listener::start(&stack.world.options);
     let mut judge = Judge::new(stack.world.robot.tendon_limits);

@@ -73,8 +73,7 @@ fn measure(sets: usize) -> anyhow::Result<Figures> {
     let mut stack = Stack::new(&Settings::default());
     stack.start(Part::Daemon);
     stack.client.wait_for_daemon(PATIENCE)?;
-    let file = std::fs::read_to_string(stack.world.config("robots/unit.toml"))?;
-    let body = Body::from_robot_file(&file);
+    let body = stack.world.body();
     let mut random = seeded(SEED);
     let mut figures = Figures::default();
     for set in 0..sets {
@@ -115,10 +114,7 @@ impl Set {
     }
 
     fn tips(&self) -> Vec<Goal> {
-        let tip = |position_m: &Position| Goal::Tip {
-            position_m: *position_m,
-            tolerance_m: None,
-        };
+        let tip = |position_m: &Position| Goal::tip(*position_m);
         self.tips_m.iter().map(tip).collect()
     }
 

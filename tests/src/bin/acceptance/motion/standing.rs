@@ -1,11 +1,14 @@
 //! What would have happened had the robot stopped at once, and stood still.
 
-use pcc_model::{Configuration, Robot};
+use pcc_model::Robot;
 use shared_types::codes::LoopState;
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::knots::state_at;
 use tests::listener::Heard;
-use trajectory::{BRAKING_SHARE, Knot, Playback, RateLaw};
+use trajectory::{BRAKING_SHARE, Playback, RateLaw};
+
+use super::figures::motion_of;
+use super::paths::path;
 
 /// Time from the publication of balls until the stop begins: a period of supervision, nanoseconds.
 const SUPERVISION_PERIOD_NS: i64 = 1_000_000;
@@ -56,27 +59,15 @@ pub(super) fn stays_clear_after_a_stop(
 
 /// The configurations, cycle by cycle, of a stop along the motion of this id from where it commands this configuration.
 fn stop_along(robot: &Robot, heard: &Heard, id: u32, from: &[f64; 6]) -> Vec<[f64; 6]> {
-    let Some(motion) = heard.motions.iter().rev().find(|motion| motion.id == id) else {
+    let motion = motion_of(&heard.motions, id);
+    let Some((motion, (_, path))) = motion.and_then(|motion| Some((motion, path(motion)?))) else {
         return vec![*from];
     };
-    let duration_s = motion.knots.last().map_or(0.0, |knot| knot.time_s);
+    let duration_s = path.duration();
     let law = RateLaw::new(
         &robot.tendons,
         robot.tendon_limits.acceleration * BRAKING_SHARE,
     );
-    let knots: Vec<Knot> = motion
-        .knots
-        .iter()
-        .map(|knot| {
-            let [position, velocity, acceleration] = knot.values.map(Configuration::from);
-            Knot {
-                time: knot.time_s,
-                position,
-                velocity,
-                acceleration,
-            }
-        })
-        .collect();
     let at = |time_s: f64| state_at(&motion.knots, time_s).map_or(*from, |[position, ..]| position);
     let off = |time_s: f64| {
         let place = at(time_s);
@@ -91,7 +82,7 @@ fn stop_along(robot: &Robot, heard: &Heard, id: u32, from: &[f64; 6]) -> Vec<[f6
     while rate > 0.0 && time < duration_s {
         places.push(at(time));
         let playback = Playback {
-            knots: &knots,
+            knots: path.knots(),
             time,
             rate,
         };

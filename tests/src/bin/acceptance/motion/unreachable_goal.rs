@@ -7,12 +7,13 @@ use anyhow::Context;
 use client::GoalSender;
 use shared_types::codes::{GoalState, LoopState};
 use shared_types::valid::{Goal, GoalStatus};
-use tests::judge::{Judge, SENT_USE};
+use tests::judge::Judge;
 use tests::listener::Listener;
 use tests::process::wait_for;
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
+use super::setpoints::{no_offences, within_limits};
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -30,7 +31,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         let mut goal = GoalSender::connect(&stack.world.options)?;
         let mut figures = Figures::default();
         for round in 0..scale.pick(6, 60) {
-            goal.give(tip(NEAR_M[0]), 1.0)?;
+            goal.give(Goal::tip(NEAR_M[0]), 1.0)?;
             let moving = |status: &GoalStatus| status.state == GoalState::Underway;
             expect(&mut goal, "on the way", moving)?;
             // At another instant of the motion each time.
@@ -43,13 +44,6 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         figures.show(report, &judge);
         Ok(())
     });
-}
-
-fn tip(position_m: [f64; 3]) -> Goal {
-    Goal::Tip {
-        position_m,
-        tolerance_m: None,
-    }
 }
 
 fn expect(
@@ -74,7 +68,7 @@ impl Figures {
     /// The goal goes where it cannot be reached.
     fn lose(&mut self, stack: &mut Stack, goal: &mut GoalSender) -> anyhow::Result<()> {
         let sent = Instant::now();
-        goal.move_to(tip(FAR_M), [0.0; 3])?;
+        goal.move_to(Goal::tip(FAR_M), [0.0; 3])?;
         let status = expect(goal, "said to be out of reach", |status| {
             status.state == GoalState::Unreachable
         })?;
@@ -93,7 +87,7 @@ impl Figures {
         goal: &mut GoalSender,
         position_m: [f64; 3],
     ) -> anyhow::Result<()> {
-        goal.move_to(tip(position_m), [0.0; 3])?;
+        goal.move_to(Goal::tip(position_m), [0.0; 3])?;
         expect(goal, "reached", |status| status.state == GoalState::Reached)?;
         let configuration = stack.commanded();
         let robot = stack.world.robot.clone();
@@ -124,15 +118,7 @@ impl Figures {
             self.went_on,
             rounds,
         );
-        let verdict = judge.verdict();
-        let offences = verdict.offence_count;
-        report.check(
-            &line("set-points: offences"),
-            offences.to_string(),
-            "0",
-            offences == 0,
-        );
-        let largest = verdict.velocity.max(verdict.acceleration);
-        report.at_most(&line("set-points: largest ÷ limit"), largest, SENT_USE);
+        within_limits(report, &line, judge.verdict());
+        no_offences(report, &line, judge.verdict());
     }
 }

@@ -82,8 +82,7 @@ struct Run {
 impl Run {
     fn of(disturbance: Disturbance, replans: usize) -> anyhow::Result<Self> {
         let mut stack = Stack::running(&Settings::default())?;
-        let file = std::fs::read_to_string(stack.world.config("robots/unit.toml"))?;
-        let body = Body::from_robot_file(&file);
+        let body = stack.world.body();
         let listener = Listener::start(&stack.world.options);
         let mut judge = Judge::new(stack.world.robot.tendon_limits);
         let mut run = Self {

@@ -1,0 +1,26 @@
+//! What was sent to the robot, against its limits.
+
+use tests::judge::{ALLOWED_USE, SENT_USE, Verdict};
+
+use crate::report::Report;
+
+/// The name of a line, from what it shows.
+pub(super) type Line<'a> = &'a dyn Fn(&str) -> String;
+
+/// The lines on limits.
+pub(super) fn within_limits(report: &mut Report, line: Line, sent: &Verdict) {
+    let name = line("set-points: velocity ÷ limit");
+    report.at_most(&name, sent.velocity, SENT_USE);
+    let name = line("set-points: acceleration ÷ limit");
+    report.at_most(&name, sent.acceleration, SENT_USE);
+    let steps = sent.sent.position.max(sent.sent.velocity);
+    let name = line("set-points: steps by differences ÷ limits");
+    report.at_most(&name, steps, ALLOWED_USE);
+}
+
+/// The line on offences.
+pub(super) fn no_offences(report: &mut Report, line: Line, sent: &Verdict) {
+    let offences = format!("{} {:?}", sent.offence_count, sent.offences.first());
+    let name = line("set-points: offences");
+    report.check(&name, offences, "0", sent.offence_count == 0);
+}
