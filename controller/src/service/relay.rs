@@ -29,8 +29,10 @@ use super::{
 };
 use crate::executive::{EndedMotion, Ending, Motion, TrajectoryRefusal, check};
 
-/// Sleep between two rounds of the relay: the least that a motion which leaves another one waits.
+/// Sleep between two rounds of the relay.
 const ROUND_INTERVAL: Duration = Duration::from_micros(500);
+/// Sleep between two rounds while a motion is executed: the most that a motion which leaves it waits for the relay.
+const ROUND_INTERVAL_IN_MOTION: Duration = Duration::from_micros(250);
 const BATCH_PERIOD_NS: i64 = 10_000_000;
 const STATE_PERIOD_NS: i64 = 20_000_000;
 const TIDY_PERIOD_NS: i64 = 100_000_000;
@@ -159,7 +161,11 @@ impl Relay {
             if tidy.is_due(now_ns) {
                 self.ports.tidy();
             }
-            thread::sleep(ROUND_INTERVAL);
+            thread::sleep(if self.view.is_executing() {
+                ROUND_INTERVAL_IN_MOTION
+            } else {
+                ROUND_INTERVAL
+            });
         }
         self.end();
     }

@@ -74,6 +74,11 @@ impl LoopView {
         self.published.instance
     }
 
+    /// Whether a motion is executed, by the newest cycle known.
+    pub(super) fn is_executing(&self) -> bool {
+        self.state == LoopState::Executing
+    }
+
     /// The context that a trajectory is checked against; `None` before the first cycle.
     pub(super) fn acceptance_context(&self, guard: GuardState) -> Option<AcceptanceContext> {
         let output = &self.latest.as_ref()?.output;

@@ -91,6 +91,7 @@ fn route(
         Supervision {
             interrupt: &|| false,
             certified: None,
+            selected: None,
         },
     )
 }

@@ -69,6 +69,7 @@ impl Planner {
         let supervision = Supervision {
             interrupt,
             certified: None,
+            selected: None,
         };
         self.plan_supervised(problem, request, supervision)
     }
@@ -129,6 +130,7 @@ impl Planner {
         let supervision = Supervision {
             interrupt,
             certified: None,
+            selected: None,
         };
         let resources = &self.resources;
         Ok(self.workers.install(|| {

@@ -82,4 +82,8 @@ pub struct Supervision<'a> {
     /// Called with each candidate as soon as it is certified, by any worker and in any order; the answer may have better ones in their
     /// place.
     pub certified: Option<&'a (dyn Fn(Candidate) + Sync)>,
+    /// Called with the fastest candidate (what remains of a motion that is followed, where no other one is faster by a tenth) and its index
+    /// among all, before the others are complete. Only a request with one goal that begins in motion calls it, once, and only where nothing
+    /// moves. The motions that are made after that are not faster in general, which no bound proves.
+    pub selected: Option<&'a (dyn Fn(usize, Candidate) + Sync)>,
 }

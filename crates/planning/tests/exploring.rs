@@ -64,6 +64,7 @@ fn every_candidate_that_exploring_tells_of_is_in_the_answer() {
     let supervision = planning::Supervision {
         interrupt: &|| false,
         certified: Some(&|candidate| told.lock().unwrap().push(candidate)),
+        selected: None,
     };
     let plan = planner
         .plan_supervised(&problem, &request(seed), supervision)

@@ -12,6 +12,7 @@ use planning::{
     WAYPOINTS, select,
 };
 use shipped::planner;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use trajectory::limit_use;
 
@@ -165,6 +166,80 @@ fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
 }
 
 #[test]
+fn the_fastest_motion_is_told_before_the_others_are_joined_whatever_the_number_of_threads() {
+    let planners = [planner(1), planner(2)];
+    let first = plan(&planners[0], &problem(), &request());
+    for share in [0.1, 0.3, 0.6] {
+        let motion = &selected(&first).trajectory;
+        let state = motion.at(share * motion.duration());
+        let moving = Problem {
+            start: state.position,
+            ..problem()
+        };
+        let in_motion = Request {
+            start_motion: Some(StartMotion {
+                velocity: state.velocity,
+                acceleration: state.acceleration,
+            }),
+            seed: 5,
+            ..request()
+        };
+        let untold = plan(&planners[0], &moving, &in_motion);
+        for planner in &planners {
+            let told = Mutex::new(Vec::new());
+            let tell = |index, candidate| told.lock().unwrap().push((index, candidate));
+            let supervision = Supervision {
+                interrupt: &|| false,
+                certified: None,
+                selected: Some(&tell),
+            };
+            let answer = planner
+                .plan_supervised(&moving, &in_motion, supervision)
+                .unwrap();
+            let told: Vec<(usize, Candidate)> = told.into_inner().unwrap();
+            let [(index, candidate)] = told.as_slice() else {
+                panic!("told {} times", told.len());
+            };
+            assert_eq!(Some(*index), selected_index(&answer));
+            let knots = |it: &Candidate| it.trajectory.knots().to_vec();
+            assert!(knots(candidate) == knots(&answer.candidates[*index]));
+            let of_all = |plan: &Plan| plan.candidates.iter().map(knots).collect::<Vec<_>>();
+            assert!(of_all(&answer) == of_all(&untold));
+        }
+    }
+}
+
+#[test]
+fn an_interrupt_leaves_out_all_but_the_motions_that_may_be_selected() {
+    let planner = planner(2);
+    let first = plan(&planner, &problem(), &request());
+    let state = selected(&first).trajectory.at(0.3);
+    let moving = Problem {
+        start: state.position,
+        ..problem()
+    };
+    let in_motion = Request {
+        start_motion: Some(StartMotion {
+            velocity: state.velocity,
+            acceleration: state.acceleration,
+        }),
+        ..request()
+    };
+    let is_told = AtomicBool::new(false);
+    let supervision = Supervision {
+        interrupt: &|| is_told.load(Ordering::Relaxed),
+        certified: None,
+        selected: Some(&|_, _| is_told.store(true, Ordering::Relaxed)),
+    };
+    let answer = planner
+        .plan_supervised(&moving, &in_motion, supervision)
+        .unwrap();
+    assert!(is_told.into_inner() && !answer.candidates.is_empty());
+    let is_whole = answer.candidates.len() == 10;
+    assert_eq!(answer.truncated, !is_whole);
+}
+
+#[test]
 fn a_start_that_cannot_stop_is_refused_by_name() {
     let planner = planner(2);
     let rushing = |speed: f64| Request {
@@ -214,6 +289,7 @@ fn candidates_are_told_as_they_certify() {
     let supervision = Supervision {
         interrupt: &|| false,
         certified: Some(&tell),
+        selected: None,
     };
     let answer = planner
         .plan_supervised(&problem(), &request(), supervision)

@@ -41,6 +41,7 @@ fn route(
     let supervision = Supervision {
         interrupt: &|| false,
         certified: None,
+        selected: None,
     };
     planner.plan_route(via, problem, request, supervision)
 }

@@ -148,6 +148,12 @@ impl Answer {
         Some((index, self.candidates.get(index)?))
     }
 
+    /// Selects the motion of a draw, which is executed already.
+    pub(super) fn select_draw(&mut self, draw: usize) {
+        let of_draw = self.candidates.iter().position(|it| it.draw == draw);
+        self.report.selected = of_draw.map_or(NONE_SELECTED, |index| index as u32);
+    }
+
     /// What became of the request.
     pub(crate) fn outcome(&self) -> Option<Outcome> {
         Outcome::try_from(self.report.outcome).ok()

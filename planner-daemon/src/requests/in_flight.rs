@@ -4,9 +4,12 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+use shared_types::codes::Sampler;
+
 use super::asker::Asker;
 use super::recent_plans::PlanBegin;
 use super::request_validator::PlanTask;
+use crate::execution::ExecutionRefusal;
 
 /// Time before the deadline at which planning ends, for the answer to be sent and received; at most half of the deadline.
 const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
@@ -26,6 +29,31 @@ impl Queued {
         let whole = self.task.deadline;
         self.received + (whole - delivery_margin(self.task.request.candidates, whole))
     }
+
+    /// What decides how long it takes until its motion can be executed.
+    pub(super) fn kind(&self) -> PlanKind {
+        PlanKind {
+            sampler: self.task.request.sampler,
+            has_several_goals: self.task.has_several_goals(),
+            selects_early: self.selects_early(),
+        }
+    }
+
+    /// Whether its motion is executed before the plan is complete, where it begins in motion. The keeper of the goal that stays hears of a
+    /// motion with the plan, so that it can have it stopped from then on.
+    pub(super) fn selects_early(&self) -> bool {
+        let is_of_client = matches!(self.asker, Asker::Client(_));
+        is_of_client && self.task.executes_fastest() && !self.task.has_several_goals()
+    }
+}
+
+/// What decides how long it takes until a plan's motion can be executed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PlanKind {
+    pub(super) sampler: Sampler,
+    pub(super) has_several_goals: bool,
+    /// Whether the motion is selected before the plan is complete.
+    pub(super) selects_early: bool,
 }
 
 /// The request that is being planned.
@@ -39,6 +67,15 @@ pub(super) struct InFlight {
     /// How often it has been planned, this time included.
     pub(super) attempt: u32,
     pub(super) cancelled: Arc<AtomicBool>,
+    /// What became of the motion that was to be executed before the plan was complete.
+    pub(super) executed: Option<EarlyExecution>,
+}
+
+/// A motion that was handed over for publication before its plan was complete.
+pub(super) struct EarlyExecution {
+    /// The draw that the motion is of.
+    pub(super) draw: usize,
+    pub(super) published: Result<u32, ExecutionRefusal>,
 }
 
 /// Time before a deadline of `whole` at which planning of so many candidates ends.

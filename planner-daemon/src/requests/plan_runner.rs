@@ -25,6 +25,8 @@ pub(crate) struct Job {
     pub(crate) deadline: Instant,
     /// The early answer that is wanted, if any.
     pub(crate) early: Option<Early>,
+    /// Whether the fastest candidate is an output of its own as soon as it is known.
+    pub(crate) selects_early: bool,
     /// Set when the client has cancelled the request.
     pub(crate) cancelled: Arc<AtomicBool>,
 }
@@ -50,9 +52,11 @@ pub(crate) enum PlanError {
 
 pub(crate) type Planned = Result<Plan, PlanError>;
 
-/// Output of a job: early candidates where they were asked for, then the plan.
+/// Output of a job: early candidates and the fastest one where they were asked for, then the plan.
 pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
+    /// The fastest candidate, and its index among all.
+    Selected(usize, Candidate),
     Plan(Planned),
 }
 
@@ -83,8 +87,8 @@ impl PlanRunner {
     /// # Errors
     /// What the system says where there can be no more files.
     pub(crate) fn new(planner: Arc<Planner>) -> io::Result<Self> {
-        // Room for one early output and one plan, so that a worker never waits.
-        let (outgoing, outputs) = sync_channel(2);
+        // Room for one output of each kind, so that a worker never waits.
+        let (outgoing, outputs) = sync_channel(3);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
             planner,
@@ -142,9 +146,11 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
             }
         }
     };
+    let select = |index, candidate| outgoing.send(PlanOutput::Selected(index, candidate));
     let supervision = Supervision {
         interrupt: &interrupt,
         certified: job.early.is_some().then_some(&collect),
+        selected: job.selects_early.then_some(&select),
     };
     guarded(|| planner.plan_route(&job.via, &job.problem, &job.request, supervision))
 }
@@ -200,6 +206,7 @@ mod tests {
             request: request(),
             deadline,
             early: None,
+            selects_early: false,
             cancelled: Arc::default(),
         }
     }
@@ -207,7 +214,7 @@ mod tests {
     fn planned(planning: &PlanRunner) -> Planned {
         match next(planning) {
             PlanOutput::Plan(planned) => planned,
-            PlanOutput::Early(_) => panic!("no early candidates were asked for"),
+            _ => panic!("nothing early was asked for"),
         }
     }
 
@@ -240,7 +247,7 @@ mod tests {
         });
         match next(&planning) {
             PlanOutput::Early(candidates) => assert_eq!(candidates.len(), 1),
-            PlanOutput::Plan(_) => panic!("no early candidate came first"),
+            _ => panic!("no early candidate came first"),
         }
         assert_eq!(planned(&planning).unwrap().candidates.len(), 1);
     }

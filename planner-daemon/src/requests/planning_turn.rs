@@ -1,7 +1,7 @@
 //! The turn of one request: its start, planning, execution, the answer.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use collision::SceneError;
@@ -11,7 +11,7 @@ use shared_types::codes::{Outcome, PlanField};
 
 use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
-use super::in_flight::{InFlight, Queued};
+use super::in_flight::{EarlyExecution, InFlight, Queued};
 use super::plan_runner::{Early, Job, PlanOutput, Planned};
 use super::recent_plans::{KeptCandidate, KeptPlan, PlanBegin};
 use super::refusal::Refusal;
@@ -56,7 +56,9 @@ impl Service {
     fn begin(&mut self, mut queued: Queued, attempt: u32) -> bool {
         let begun = Instant::now();
         let waited = begun - queued.received;
-        let Start { begin, problem } = match self.start(&mut queued.task, attempt) {
+        // A plan that came too late mostly was an exception: the second one is foreseen like the first.
+        let lead = self.lead_times.lead(queued.kind()) * attempt.div_ceil(2);
+        let Start { begin, problem } = match self.start(&mut queued.task, lead) {
             Ok(start) => start,
             Err(NotReady::Passes(_)) if waited < longest_deferral(&queued.task) => {
                 self.deferred = Some(queued);
@@ -78,6 +80,7 @@ impl Service {
             request: queued.task.request.clone(),
             deadline: queued.deadline() + excused(&queued.task, waited),
             early: self.early(&queued.task),
+            selects_early: matches!(begin, PlanBegin::AtSwitch(_)) && queued.selects_early(),
             cancelled: Arc::clone(&cancelled),
         });
         let plan_id = self.next_plan_id;
@@ -90,15 +93,14 @@ impl Service {
             begin,
             attempt,
             cancelled,
+            executed: None,
         });
         true
     }
 
     /// Sets the start of a task that begins where the robot is; returns where and when it begins, and the problem to be planned, with the
     /// live scene unless the request ignores that.
-    fn start(&self, task: &mut PlanTask, attempt: u32) -> Result<Start, NotReady> {
-        // A plan that came too late mostly was an exception: the second one is foreseen like the first.
-        let lead = self.lead_times.lead(task.kind()) * attempt.div_ceil(2);
+    fn start(&self, task: &mut PlanTask, lead: Duration) -> Result<Start, NotReady> {
         let robot = self.execution.robot_motion();
         let not_before_mono_ns = task.begin_mono_ns;
         let now = mono_now_ns();
@@ -155,6 +157,7 @@ impl Service {
         }
         match self.runner.take() {
             Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
+            Some(PlanOutput::Selected(index, candidate)) => self.execute_early(index, &candidate),
             Some(PlanOutput::Plan(planned)) => self.answer(planned),
             None => return false,
         }
@@ -175,8 +178,31 @@ impl Service {
         self.send_to_client(&mut answer, active);
     }
 
+    /// Publishes the motion that is selected whatever the others will be; the plan goes on, unless it has to be made again.
+    fn execute_early(&mut self, index: usize, candidate: &Candidate) {
+        let Some(mut in_flight) = self.in_flight.take() else {
+            return;
+        };
+        let Queued { asker, task, .. } = &in_flight.queued;
+        if asker.is_waiting() && is_deliverable(task, candidate, self.runner.robot()) {
+            let published = self.execute(&in_flight, Some((index, candidate)));
+            self.note_foreign_motion(&in_flight, published.as_ref());
+            if published
+                .as_ref()
+                .is_some_and(|it| in_flight.is_made_again(it))
+            {
+                in_flight.cancelled.store(true, Ordering::Relaxed);
+            }
+            in_flight.executed = published.map(|published| EarlyExecution {
+                draw: candidate.draw,
+                published,
+            });
+        }
+        self.in_flight = Some(in_flight);
+    }
+
     fn answer(&mut self, planned: Planned) {
-        let Some(in_flight) = self.in_flight.take() else {
+        let Some(mut in_flight) = self.in_flight.take() else {
             return;
         };
         if let Err(fault) = &planned {
@@ -186,49 +212,64 @@ impl Service {
         let InFlight { queued, .. } = &in_flight;
         let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot());
         answer.set_plan(plan_id, &in_flight.begin, in_flight.waited);
-        let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
-        if queued.asker.is_waiting() && has_candidates && !answer.candidates.is_empty() {
-            let published = self.execute(&in_flight, &answer);
-            if published.as_ref().is_some_and(is_out_of_date)
-                && in_flight.attempt < ATTEMPTS
-                && Instant::now() < in_flight.queued.deadline()
-            {
+        let published = match in_flight.executed.take() {
+            Some(executed) => {
+                answer.select_draw(executed.draw);
+                Some(executed.published)
+            }
+            None => self.execute_answered(&in_flight, &answer),
+        };
+        if let Some(published) = published {
+            if in_flight.is_made_again(&published) {
                 tracing::info!("plan {plan_id} is out of date and planned again");
                 self.begin(in_flight.queued, in_flight.attempt + 1);
                 return;
             }
-            self.note_foreign_motion(&in_flight, published.as_ref());
-            if let Some(published) = published {
-                answer.report_execution(published.map_err(|refusal| refusal.to_string()));
-            }
+            answer.report_execution(published.map_err(|refusal| refusal.to_string()));
         }
         self.send(&mut answer, &in_flight.queued.asker);
         self.plans.keep(kept(&in_flight, answer));
+    }
+
+    /// Publishes the motion that an answer selects, if it is to be executed and wanted.
+    fn execute_answered(
+        &mut self,
+        in_flight: &InFlight,
+        answer: &Answer,
+    ) -> Option<Result<u32, ExecutionRefusal>> {
+        let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
+        let is_wanted = in_flight.queued.asker.is_waiting() && has_candidates;
+        if !is_wanted || answer.candidates.is_empty() {
+            return None;
+        }
+        let published = self.execute(in_flight, answer.selected());
+        self.note_foreign_motion(in_flight, published.as_ref());
+        published
     }
 
     /// Publishes the selected motion, if it is to be executed.
     fn execute(
         &mut self,
         in_flight: &InFlight,
-        answer: &Answer,
+        selected: Option<(usize, &Candidate)>,
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let task = &in_flight.queued.task;
         let requested_mono_ns = task.requested_mono_ns?;
-        self.lead_times.note(task.kind(), in_flight.begun.elapsed());
-        Some(self.publish_selected(in_flight, answer, requested_mono_ns))
+        self.lead_times
+            .note(in_flight.queued.kind(), in_flight.begun.elapsed());
+        Some(self.publish_selected(in_flight, selected, requested_mono_ns))
     }
 
     fn publish_selected(
         &self,
         in_flight: &InFlight,
-        answer: &Answer,
+        selected: Option<(usize, &Candidate)>,
         requested_mono_ns: i64,
     ) -> Result<u32, ExecutionRefusal> {
         let (leaves, begin_mono_ns) = in_flight.begin.to_execute()?;
         if self.ends {
             return Err(ExecutionRefusal::DaemonEnds);
         }
-        let selected = answer.selected();
         let (candidate_index, candidate) = selected.ok_or(ExecutionRefusal::NothingSelected)?;
         self.check_wanted(in_flight, leaves.as_ref(), candidate)?;
         self.execution.publish(SelectedMotion {
@@ -289,12 +330,15 @@ fn begins_too_late(asker: &Asker, begin: &PlanBegin) -> Option<Refusal> {
     Some(Refusal::new(Outcome::NoPath, reason))
 }
 
-/// Whether a motion is refused because it came too late for its switch, or for the obstacles that it was planned among.
-fn is_out_of_date(published: &Result<u32, ExecutionRefusal>) -> bool {
-    matches!(
-        published,
-        Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay { .. })
-    )
+impl InFlight {
+    /// Whether the request is planned again, since its motion came too late for its switch or for the obstacles that it was planned among.
+    fn is_made_again(&self, published: &Result<u32, ExecutionRefusal>) -> bool {
+        let is_out_of_date = matches!(
+            published,
+            Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay { .. })
+        );
+        is_out_of_date && self.attempt < ATTEMPTS && Instant::now() < self.queued.deadline()
+    }
 }
 
 /// Time until a begin that is not to be sooner.

@@ -10,7 +10,7 @@ use planning::{
 };
 use shared_types::capacity::MAX_KNOTS;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{PlanField, Sampler, StartKind};
+use shared_types::codes::{PlanField, Selection, StartKind};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::valid::{self, PlanRequest, SelectionRule};
 
@@ -32,9 +32,6 @@ pub(crate) struct RequestValidator {
     /// Obstacles of every request, in units of the section length.
     pub(crate) static_scene: Scene,
 }
-
-/// What decides how long a plan takes: the sampler, and whether it goes through several goals.
-pub(super) type PlanKind = (Sampler, bool);
 
 /// A validated request in the planner's units.
 #[derive(Clone, Debug)]
@@ -70,9 +67,15 @@ pub(crate) struct PlanTask {
 }
 
 impl PlanTask {
-    /// What decides how long it takes to plan.
-    pub(super) fn kind(&self) -> PlanKind {
-        (self.request.sampler, self.appends || !self.via.is_empty())
+    /// Whether it goes through several goals.
+    pub(super) fn has_several_goals(&self) -> bool {
+        self.appends || !self.via.is_empty()
+    }
+
+    /// Whether the fastest motion is to be executed.
+    pub(super) fn executes_fastest(&self) -> bool {
+        let rule = SelectionRule::Best(Selection::ShortestTime);
+        self.requested_mono_ns.is_some() && self.selection == rule
     }
 
     /// All goals before the problem's own, in their order.

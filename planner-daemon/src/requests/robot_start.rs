@@ -8,11 +8,12 @@ use planning::{Problem, Request, StartMotion};
 use shared_types::capacity::MAX_GOALS;
 use shared_types::codes::Outcome;
 
+use super::in_flight::PlanKind;
 use super::refusal::Refusal;
-use super::request_validator::{PlanKind, PlanTask};
+use super::request_validator::PlanTask;
 use crate::execution::{FollowedMotion, RobotMotion, Switch};
 
-/// Time from a plan until the controller's loop has it, beside the time that planning takes.
+/// Time from a motion that is ready until the controller's loop has it.
 const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
 /// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
@@ -115,7 +116,7 @@ fn set_start(task: &mut PlanTask, start: Configuration, motion: Option<StartMoti
     };
 }
 
-/// How long plans of each kind took lately, from their begin until they were handed over for publication.
+/// How long plans of each kind took lately, from their begin until their motion was handed over for publication.
 #[derive(Debug, Default)]
 pub(super) struct LeadTimes {
     recent: Vec<(PlanKind, Vec<Duration>)>,
@@ -245,20 +246,22 @@ mod tests {
     #[test]
     fn the_lead_follows_what_plans_took_and_forgets_single_exceptions() {
         let ms = Duration::from_millis;
+        let kind = |has_several_goals| PlanKind {
+            sampler: Sampler::Default,
+            has_several_goals,
+            selects_early: true,
+        };
         let mut times = LeadTimes::default();
-        assert_eq!(times.lead((Sampler::Default, false)), FIRST_LEAD);
+        assert_eq!(times.lead(kind(false)), FIRST_LEAD);
         for _ in 0..40 {
-            times.note((Sampler::Default, false), ms(2));
+            times.note(kind(false), ms(2));
         }
         for _ in 0..EXCEPTIONS {
-            times.note((Sampler::Default, false), ms(90));
+            times.note(kind(false), ms(90));
         }
-        times.note((Sampler::Default, true), ms(200));
-        assert_eq!(
-            times.lead((Sampler::Default, false)),
-            ms(2).mul_f64(MARGIN) + TO_THE_LOOP
-        );
-        times.note((Sampler::Default, false), ms(80));
-        assert!(times.lead((Sampler::Default, false)) > ms(80));
+        times.note(kind(true), ms(200));
+        assert_eq!(times.lead(kind(false)), ms(2).mul_f64(MARGIN) + TO_THE_LOOP);
+        times.note(kind(false), ms(80));
+        assert!(times.lead(kind(false)) > ms(80));
     }
 }

@@ -88,11 +88,13 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         certified: supervision.certified.is_some().then_some(&report_whole),
         ..supervision
     };
+    let among_resting = context.constraints.moving.is_empty();
+    let selected = supervision.selected.filter(|_| among_resting);
     let padded = context.constraints.padded;
     let after = RequestContext::new(context.resources, padded, &after, &shorter, supervision);
     let plan = from_rest(&after)?;
     let straight = |end| straight_line::to(&after, &end);
-    Ok(braking.plan(plan, straight))
+    Ok(braking.plan(plan, straight, selected))
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.

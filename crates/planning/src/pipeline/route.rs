@@ -200,6 +200,7 @@ impl Route<'_> {
         };
         let supervision = Supervision {
             certified: None,
+            selected: None,
             ..supervision
         };
         let padded = self.context.constraints.padded;
