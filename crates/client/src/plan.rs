@@ -9,8 +9,8 @@ use iceoryx2::prelude::PortFactory;
 use shared_types::codes::Outcome;
 use shared_types::ipc::{
     EventListener, EventNotifier, IpcError, IpcNode, IpcOptions, PlanClient, PlanPending,
-    PlanService, event_listener, event_notifier, open_plan_service, plan_answered_event,
-    plan_asked_event, plan_client,
+    PlanService, Role, RoleHolder, event_listener, event_notifier, open_plan_service,
+    plan_answered_event, plan_asked_event, plan_client,
 };
 use shared_types::message;
 use shared_types::valid::{Invalid, PlanRequest, PlannedExecution};
@@ -33,7 +33,10 @@ pub struct Client {
     asked: EventNotifier,
     answered: EventListener,
     cleaner: Cleaner,
+    /// The daemon that served last, as far as is known.
+    daemon: Option<RoleHolder>,
     last_request_id: u64,
+    options: IpcOptions,
     node: IpcNode,
 }
 
@@ -121,9 +124,21 @@ impl Client {
             asked,
             answered,
             cleaner: Cleaner::new(),
+            daemon: None,
             last_request_id: 0,
+            options: options.clone(),
             node,
         })
+    }
+
+    /// Whether the daemon that was known is known to live still; cleaning up after dead ones takes a millisecond.
+    fn daemon_lives(&mut self) -> bool {
+        let find = || RoleHolder::find(&self.options, Role::PlannerDaemon);
+        self.daemon = match self.daemon.take() {
+            Some(known) => Some(known).filter(RoleHolder::lives),
+            None => find(),
+        };
+        self.daemon.is_some()
     }
 
     /// Waits until a daemon serves.
@@ -300,8 +315,8 @@ impl Client {
             wire.request_id = self.last_request_id;
         }
         loop {
-            if execute {
-                // Such a request is not sent twice: its server should live.
+            // Such a request is not sent twice: its server should live.
+            if execute && !self.daemon_lives() {
                 self.cleaner.clean_if_due(&self.node);
             }
             let sent = Instant::now();

@@ -4,9 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use shared_types::codes::Sampler;
-
 use super::asker::Asker;
+use super::lead_times::PlanKind;
 use super::recent_plans::PlanBegin;
 use super::request_validator::PlanTask;
 use crate::execution::ExecutionRefusal;
@@ -45,15 +44,6 @@ impl Queued {
         let is_of_client = matches!(self.asker, Asker::Client(_));
         is_of_client && self.task.executes_fastest() && !self.task.has_several_goals()
     }
-}
-
-/// What decides how long it takes until a plan's motion can be executed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct PlanKind {
-    pub(super) sampler: Sampler,
-    pub(super) has_several_goals: bool,
-    /// Whether the motion is selected before the plan is complete.
-    pub(super) selects_early: bool,
 }
 
 /// The request that is being planned.

@@ -6,6 +6,7 @@ mod fair_queue;
 mod goal_exchange;
 mod goal_turn;
 mod in_flight;
+mod lead_times;
 mod plan_runner;
 mod planned_execution;
 mod planning_turn;
@@ -17,6 +18,7 @@ mod robot_start;
 mod service;
 mod wait_mode;
 
+pub(crate) use lead_times::{LeadTimes, PlanKind};
 pub(crate) use plan_runner::PlanRunner;
 #[cfg(test)]
 pub(crate) use request_validator::PlanTask;

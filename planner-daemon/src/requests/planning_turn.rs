@@ -220,8 +220,10 @@ impl Service {
             None => self.execute_answered(&in_flight, &answer),
         };
         if let Some(published) = published {
-            if in_flight.is_made_again(&published) {
-                tracing::info!("plan {plan_id} is out of date and planned again");
+            if let Err(refusal) = &published
+                && in_flight.is_made_again(&published)
+            {
+                tracing::info!("plan {plan_id} is made again: {refusal}");
                 self.begin(in_flight.queued, in_flight.attempt + 1);
                 return;
             }
@@ -255,8 +257,10 @@ impl Service {
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let task = &in_flight.queued.task;
         let requested_mono_ns = task.requested_mono_ns?;
-        self.lead_times
-            .note(in_flight.queued.kind(), in_flight.begun.elapsed());
+        if matches!(in_flight.begin, PlanBegin::AtSwitch(_)) {
+            let took = in_flight.begun.elapsed();
+            self.lead_times.note(in_flight.queued.kind(), took);
+        }
         Some(self.publish_selected(in_flight, selected, requested_mono_ns))
     }
 

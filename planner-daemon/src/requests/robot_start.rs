@@ -8,22 +8,9 @@ use planning::{Problem, Request, StartMotion};
 use shared_types::capacity::MAX_GOALS;
 use shared_types::codes::Outcome;
 
-use super::in_flight::PlanKind;
 use super::refusal::Refusal;
 use super::request_validator::PlanTask;
 use crate::execution::{FollowedMotion, RobotMotion, Switch};
-
-/// Time from a motion that is ready until the controller's loop has it.
-const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
-/// Lead of the first requests of a kind, before it is known how long they take.
-const FIRST_LEAD: Duration = Duration::from_millis(15);
-/// Plans by which the next one's duration is foreseen.
-const REMEMBERED: usize = 32;
-/// Plans that may have taken longer than what is foreseen: one that comes too late is made again, which costs less than a late switch
-/// always does.
-const EXCEPTIONS: usize = 4;
-/// Share of time that is added to what is foreseen.
-const MARGIN: f64 = 1.05;
 
 /// Why a request cannot begin where the robot is.
 #[derive(Debug, PartialEq)]
@@ -116,44 +103,13 @@ fn set_start(task: &mut PlanTask, start: Configuration, motion: Option<StartMoti
     };
 }
 
-/// How long plans of each kind took lately, from their begin until their motion was handed over for publication.
-#[derive(Debug, Default)]
-pub(super) struct LeadTimes {
-    recent: Vec<(PlanKind, Vec<Duration>)>,
-}
-
-impl LeadTimes {
-    /// Remembers how long a plan took.
-    pub(super) fn note(&mut self, kind: PlanKind, took: Duration) {
-        let known = self.recent.iter().position(|(known, _)| *known == kind);
-        let index = known.unwrap_or_else(|| {
-            self.recent.push((kind, Vec::new()));
-            self.recent.len() - 1
-        });
-        let recent = &mut self.recent[index].1;
-        if recent.len() == REMEMBERED {
-            recent.remove(0);
-        }
-        recent.push(took);
-    }
-
-    /// How far ahead a plan of this kind is to begin, so that it is in the loop by then.
-    pub(super) fn lead(&self, kind: PlanKind) -> Duration {
-        let known = self.recent.iter().find(|(known, _)| *known == kind);
-        let mut recent = known.map(|(_, recent)| recent.clone()).unwrap_or_default();
-        recent.sort_unstable();
-        let foreseen = recent.iter().rev().nth(EXCEPTIONS);
-        foreseen.map_or(FIRST_LEAD, |took| took.mul_f64(MARGIN) + TO_THE_LOOP)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::execution::TimedGoal;
     use crate::fixtures::{motion, task};
     use planning::{Goal, Via};
-    use shared_types::codes::{LoopFault, LoopState, Sampler};
+    use shared_types::codes::{LoopFault, LoopState};
 
     const LEAD: Duration = Duration::from_millis(5);
 
@@ -241,27 +197,5 @@ mod tests {
             assert_eq!(refusal.outcome, Outcome::RobotNotReady);
             assert!(refusal.reason.contains(text), "{}", refusal.reason);
         }
-    }
-
-    #[test]
-    fn the_lead_follows_what_plans_took_and_forgets_single_exceptions() {
-        let ms = Duration::from_millis;
-        let kind = |has_several_goals| PlanKind {
-            sampler: Sampler::Default,
-            has_several_goals,
-            selects_early: true,
-        };
-        let mut times = LeadTimes::default();
-        assert_eq!(times.lead(kind(false)), FIRST_LEAD);
-        for _ in 0..40 {
-            times.note(kind(false), ms(2));
-        }
-        for _ in 0..EXCEPTIONS {
-            times.note(kind(false), ms(90));
-        }
-        times.note(kind(true), ms(200));
-        assert_eq!(times.lead(kind(false)), ms(2).mul_f64(MARGIN) + TO_THE_LOOP);
-        times.note(kind(false), ms(80));
-        assert!(times.lead(kind(false)) > ms(80));
     }
 }

@@ -20,11 +20,11 @@ use super::asker::{Asker, AskerId};
 use super::fair_queue::FairQueue;
 use super::goal_exchange::GoalExchange;
 use super::in_flight::{InFlight, Queued};
+use super::lead_times::LeadTimes;
 use super::plan_runner::PlanRunner;
 use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
 use super::request_validator::{PlanTask, RequestValidator};
-use super::robot_start::LeadTimes;
 use super::wait_mode::WaitMode;
 use crate::execution::Execution;
 
@@ -67,6 +67,7 @@ impl Service {
         validator: RequestValidator,
         runner: PlanRunner,
         execution: Execution,
+        lead_times: LeadTimes,
         wait: WaitMode,
         queued_per_client: usize,
     ) -> Result<Self, IpcError> {
@@ -85,7 +86,7 @@ impl Service {
             queue: FairQueue::new(queued_per_client),
             in_flight: None,
             deferred: None,
-            lead_times: LeadTimes::default(),
+            lead_times,
             plans: RecentPlans::default(),
             // Larger than the ids of every earlier daemon since the machine was booted.
             next_plan_id: mono_now_ns().unsigned_abs(),

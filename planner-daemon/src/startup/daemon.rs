@@ -6,14 +6,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64};
 use std::thread;
 use std::time::Duration;
 
-use collision::{Ball, Scene, SceneFileError, tracking_padding};
+use collision::{Scene, SceneFileError, tracking_padding};
 use denoiser::{FastModel, Manifest, TemporalUnet, WeightsError};
 use input_files::{shortened, shown};
-use pcc_model::{Configuration, Point, Robot, RobotFileError, SECTIONS};
-use planning::{
-    DiffusionModel, Goal, MOST_CORRECTIONS, Models, MovingObstacles, Planner, PlannerError,
-    PrecisionUnavailable, Problem, Request, Sampler,
-};
+use pcc_model::{Robot, RobotFileError, SECTIONS};
+use planning::{DiffusionModel, Models, Planner, PlannerError, PrecisionUnavailable};
 use realtime::{Pages, RealtimeError};
 use shared_types::clock::mono_now_ns;
 use shared_types::ipc::{
@@ -23,8 +20,9 @@ use trajectory::{BRAKING_SHARE, RateLaw};
 
 use super::config::Config;
 use super::process;
+use super::warm_up::warm_up;
 use crate::execution::{BackgroundError, BackgroundThreads, Execution, ExecutionRules};
-use crate::requests::{PlanRunner, RequestValidator, Service};
+use crate::requests::{LeadTimes, PlanRunner, RequestValidator, Service};
 
 /// Time slice of a planning thread: threads that ask for shorter ones preempt it when they wake.
 const PLANNING_TIME_SLICE: Duration = Duration::from_millis(6);
@@ -134,7 +132,7 @@ impl Daemon {
         let priority = granted_priority(config);
         let planner = load_planner(config, &robot, priority)?;
         lock_memory(config);
-        warm_up(&planner, config)?;
+        let lead_times = warm_up(&planner, config).map_err(|source| not_served(config, source))?;
         let node = IpcNode::create(options, "planner-daemon")?;
         // No other daemon of this machine was started then.
         let instance = mono_now_ns().unsigned_abs();
@@ -151,7 +149,7 @@ impl Daemon {
         let background =
             BackgroundThreads::start(options, instance, &supervision_rounds, service_priority)?;
         execution.wait_until_known();
-        let service = open_service(config, &node, static_scene, planner, execution)?;
+        let service = open_service(config, &node, static_scene, planner, execution, lead_times)?;
         prefault_shared_memory(config, options);
         if let Some(priority) = service_priority {
             realtime::use_fifo_priority(priority)?;
@@ -334,44 +332,6 @@ fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, 
     })
 }
 
-/// Plans once with every sampler that has a model, so that the first request finds code and memory as warm as the others.
-///
-/// Of the diffusion samplers it is the guided one: it has the gradients' memory beside that of the others.
-fn warm_up(planner: &Planner, config: &Config) -> Result<(), StartError> {
-    let beside_the_way = Ball {
-        centre: Point::new(1.5 + planner.robot().largest_tube_radius(), 0.0, 1.5),
-        radius: 0.3,
-    };
-    let problem = Problem {
-        start: Configuration::zeros(),
-        goal: Goal::Configuration(Configuration::repeat(0.05 * planner.robot().bending_limit)),
-        scene: Scene::new(vec![beside_the_way]).expect("one ball near the robot is a scene"),
-        moving: MovingObstacles::default(),
-    };
-    let request = |sampler| Request {
-        candidates: config.capacity.candidates,
-        seed: 0,
-        sampler,
-        limits_scale: 1.0,
-        padding: tracking_padding(planner.robot(), config.path_tolerance_rad),
-        knots: config.capacity.knots_per_candidate,
-        corrections: MOST_CORRECTIONS,
-        start_motion: None,
-        previous: None,
-    };
-    let main = match config.weights {
-        Some(_) => Sampler::Default,
-        None => Sampler::Straight,
-    };
-    let diffusion = config.diffusion.as_ref();
-    let diffusion = diffusion.map(|_| Sampler::DiffusionGuided);
-    for sampler in std::iter::once(main).chain(diffusion) {
-        let planned = planner.plan(&problem, &request(sampler), &|| false);
-        planned.map_err(|source| not_served(config, source))?;
-    }
-    Ok(())
-}
-
 fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> ExecutionRules {
     let unit_robot = planner.robot();
     let padding = tracking_padding(unit_robot, config.path_tolerance_rad);
@@ -391,6 +351,7 @@ fn open_service(
     static_scene: Scene,
     planner: Planner,
     execution: Execution,
+    lead_times: LeadTimes,
 ) -> Result<Service, StartError> {
     let validator = RequestValidator {
         robot: planner.robot().clone(),
@@ -402,7 +363,7 @@ fn open_service(
     let runner = PlanRunner::new(Arc::new(planner))?;
     let (wait, queued) = (config.wait, config.queued_per_client);
     Ok(Service::open(
-        node, validator, runner, execution, wait, queued,
+        node, validator, runner, execution, lead_times, wait, queued,
     )?)
 }
 

@@ -3,6 +3,7 @@
 mod config;
 mod daemon;
 mod process;
+mod warm_up;
 
 pub use config::{Config, ConfigError};
 pub use daemon::{Daemon, StartError};

@@ -42,7 +42,7 @@ pub use request::{
     command_server, command_service, guest_command_client, open_plan_service, plan_client,
     plan_server, plan_service,
 };
-pub use role::{Role, RoleLock};
+pub use role::{Role, RoleHolder, RoleLock};
 pub use topic::{
     CYCLES_PER_BATCH, CyclePublisher, CycleSubscriber, CycleTopic, PresentPublisher, Publisher,
     Subscriber, Topic, controller_state_service, cycle_publisher, cycle_service, goal_service,

@@ -2,7 +2,11 @@
 
 use std::fs::{self, File, TryLockError};
 use std::io::{Read, Write};
+use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt;
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::process::{Pid, PidfdFlags, pidfd_open};
 
 use super::{IpcError, IpcOptions, root_folder};
 
@@ -89,6 +93,31 @@ impl RoleLock {
     }
 }
 
+/// A process that had a role when it was looked for.
+#[derive(Debug)]
+pub struct RoleHolder {
+    /// Readable once the process has ended.
+    process: OwnedFd,
+}
+
+impl RoleHolder {
+    /// Who has the role now; none where nobody has it, or it cannot be told.
+    #[must_use]
+    pub fn find(options: &IpcOptions, role: Role) -> Option<Self> {
+        let pid = Pid::from_raw(RoleLock::holder(options, role)?.try_into().ok()?)?;
+        let process = pidfd_open(pid, PidfdFlags::empty()).ok()?;
+        Some(Self { process })
+    }
+
+    /// Whether it has not ended, by one call of the system.
+    #[must_use]
+    pub fn lives(&self) -> bool {
+        let mut ended = [PollFd::new(&self.process, PollFlags::IN)];
+        let at_once = Timespec::default();
+        matches!(poll(&mut ended, Some(&at_once)), Ok(0))
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -103,6 +132,8 @@ mod tests {
         let first = RoleLock::acquire(&options, Role::Controller).unwrap();
         let holder = || RoleLock::holder(&options, Role::Controller);
         assert_eq!(holder(), Some(std::process::id()));
+        let found = RoleHolder::find(&options, Role::Controller);
+        assert!(found.is_some_and(|found| found.lives()));
         let error = RoleLock::acquire(&options, Role::Controller).unwrap_err();
         let text = error.to_string();
         assert!(text.contains("a controller already runs"), "{text}");
@@ -118,6 +149,7 @@ mod tests {
         .unwrap();
         drop(first);
         assert_eq!(holder(), None);
+        assert!(RoleHolder::find(&options, Role::Controller).is_none());
         RoleLock::acquire(&options, Role::Controller).unwrap();
     }
 }

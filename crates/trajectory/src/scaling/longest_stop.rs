@@ -4,6 +4,7 @@
 //! acceleration, the rate cannot fall until that is over. So the bound is computed for each motion, by dynamic programming from its end: the
 //! time that a stop takes from each of a grid of places and rates, braked as in the middle of each piece between two places.
 
+use crate::limits::tendon_rows::{LANES, Lanes};
 use crate::scaling::rate_law::RateLaw;
 use crate::{Knot, State, evaluate};
 
@@ -47,21 +48,78 @@ impl RateLaw {
     /// Times to rest from the begin of a piece of the motion, `piece` seconds of its own long, by the motion's state in its middle and
     /// the times to rest from its end.
     fn times_to_rest(&self, middle: &State, piece: f64, ahead: &Times) -> Times {
-        std::array::from_fn(|index| {
-            let rate = index as f64 / RATES as f64;
-            if rate == 0.0 {
-                return 0.0;
-            }
-            let slope = |rate| self.rate_slopes(middle, rate)[0];
-            // dr/dt is ṙ/r along the motion's own time; 0 where it comes to rest before the end of the piece.
-            let next = |slope: f64| (rate * rate + 2.0 * slope * piece).max(0.0).sqrt();
-            let slope = slope(0.5 * (rate + next(slope(rate))));
-            match next(slope) {
+        let rates: [f64; RATES] = std::array::from_fn(|index| rate_of(index + 1));
+        // dr/dt is ṙ/r along the motion's own time; 0 where it comes to rest before the end of the piece.
+        let next = |rate: f64, slope: f64| (rate * rate + 2.0 * slope * piece).max(0.0).sqrt();
+        let slopes = self.slowest_slopes(middle, &rates);
+        let half_way = |index: usize| 0.5 * (rates[index] + next(rates[index], slopes[index]));
+        let slopes = self.slowest_slopes(middle, &std::array::from_fn(half_way));
+        let mut times = [0.0; RATES + 1];
+        for ((time, rate), slope) in times[1..].iter_mut().zip(rates).zip(slopes) {
+            *time = match next(rate, slope) {
                 0.0 => rate / -slope,
                 next => 2.0 * piece / (rate + next) + between(ahead, next),
-            }
-        })
+            };
+        }
+        times
     }
+
+    /// The most negative ṙ, 1/s, that keeps every tendon within what it may use at a state of the motion (as at rate 1), for each of the
+    /// rates at which that is played: the lower ends of [`RateLaw::rate_slopes`].
+    fn slowest_slopes(&self, state: &State, rates: &[f64; RATES]) -> [f64; RATES] {
+        let mut slowest = [[f64::NEG_INFINITY; LANES]; RATES];
+        for block in self.rows.blocks() {
+            let room = Room::of(
+                block.times(&state.velocity),
+                block.times(&state.acceleration),
+                self.acceleration_limit,
+            );
+            for (slowest, rate) in slowest.iter_mut().zip(rates) {
+                room.raise_to_slowest(rate * rate, slowest);
+            }
+        }
+        slowest.map(|lanes| lanes.into_iter().fold(f64::NEG_INFINITY, f64::max).min(0.0))
+    }
+}
+
+/// What four tendons leave for a fall of the rate at a state of the motion. A tendon of speed s and acceleration b (as at rate 1) that may
+/// use a keeps |b r² + s ṙ| ≤ max(a, |b| r²).
+struct Room {
+    /// a / |s|, infinite of a tendon that rests.
+    limit: Lanes,
+    /// |b| / |s|.
+    own: Lanes,
+    /// b / s.
+    bend: Lanes,
+}
+
+impl Room {
+    fn of(speeds: Lanes, bends: Lanes, acceleration_limit: f64) -> Self {
+        let share = |lane: usize| match speeds[lane] {
+            0.0 => 0.0,
+            speed => bends[lane] / speed,
+        };
+        let bend: Lanes = std::array::from_fn(share);
+        Self {
+            limit: speeds.map(|speed| acceleration_limit / speed.abs()),
+            own: bend.map(f64::abs),
+            bend,
+        }
+    }
+
+    /// Raises each lane to the most negative ṙ that its tendon allows at a rate of this square.
+    #[inline(always)]
+    fn raise_to_slowest(&self, square: f64, slowest: &mut Lanes) {
+        for (lane, slowest) in slowest.iter_mut().enumerate() {
+            let most = self.limit[lane].max(self.own[lane] * square);
+            *slowest = slowest.max(-most - self.bend[lane] * square);
+        }
+    }
+}
+
+/// A rate of the table, from 0 to 1.
+fn rate_of(index: usize) -> f64 {
+    index as f64 / RATES as f64
 }
 
 /// The time, s, that a stop takes from a rate between those of the table.
@@ -133,6 +191,25 @@ mod tests {
                 bound <= 1.4 * longest + 0.03,
                 "{bound} for stops of at most {longest} s"
             );
+        }
+    }
+
+    #[test]
+    fn the_slopes_of_all_rates_are_those_of_each_rate() {
+        let law = law();
+        let rates: [f64; RATES] = std::array::from_fn(|index| rate_of(index + 1));
+        for motion in motions() {
+            let mut hint = 0;
+            for look in 0..=50 {
+                let time = motion.duration() * f64::from(look) / 50.0;
+                let state = evaluate(motion.knots(), &mut hint, time);
+                let slowest = law.slowest_slopes(&state, &rates);
+                for (rate, slope) in rates.iter().zip(slowest) {
+                    let alone = law.rate_slopes(&state, *rate)[0];
+                    let is_same = slope == alone || (slope - alone).abs() <= 1e-9 * alone.abs();
+                    assert!(is_same, "{slope} and {alone} at {time} s");
+                }
+            }
         }
     }
 

@@ -47,8 +47,8 @@ pub struct RateStep {
 /// Velocity limits hold by themselves while the motion keeps them and the rate is at most 1.
 #[derive(Clone, Debug)]
 pub struct RateLaw {
-    rows: TendonRows,
-    acceleration_limit: f64,
+    pub(super) rows: TendonRows,
+    pub(super) acceleration_limit: f64,
 }
 
 /// A cycle whose change of rate is to be found.

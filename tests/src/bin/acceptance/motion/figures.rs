@@ -43,6 +43,8 @@ pub(super) struct Figures {
     pub(super) joined: usize,
     /// Of these, motions whose switch the loop passed.
     pub(super) switched: usize,
+    /// Motions that came too late for their switch and were planned again, as the daemon's log tells.
+    pub(super) made_again: usize,
     /// Largest difference at a switch, rad, rad/s, rad/s².
     pub(super) discontinuity: [f64; 3],
     limits_of_file: [f64; 3],

@@ -67,6 +67,8 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
         references(&mut stack, &scene, &heard, &mut figures)?;
         println!("  {} of {} replans", figures.in_motion, population.replans);
     }
+    let log = stack.process(Part::Daemon).log();
+    figures.made_again = log.matches("is made again: switch missed").count();
     figures.sent = judge.verdict().clone();
     Ok(figures)
 }

@@ -1,0 +1,130 @@
+//! Plans before the first request: that finds code and memory as warm as the others, and it is known how long plans take that begin in motion.
+
+use std::sync::Mutex;
+use std::time::Instant;
+
+use collision::{Ball, Scene, tracking_padding};
+use pcc_model::{Configuration, Point, UnitRobot};
+use planning::{
+    Goal, MOST_CORRECTIONS, MovingObstacles, Planner, PlannerError, Problem, Request, Sampler,
+    StartMotion, Supervision,
+};
+use trajectory::Trajectory;
+
+use super::config::Config;
+use crate::requests::{LeadTimes, PlanKind};
+
+/// Plans that begin in motion, and how many of them, the last ones, are as fast as later ones.
+const IN_MOTION: u32 = 16;
+const WARM: u32 = 8;
+
+/// Plans once from rest with every sampler that has a model, and some times in motion; returns how long the latter took.
+///
+/// Of the diffusion samplers it is the guided one: it has the gradients' memory beside that of the others.
+///
+/// # Errors
+/// [`PlannerError`] of a plan from rest.
+pub(super) fn warm_up(planner: &Planner, config: &Config) -> Result<LeadTimes, PlannerError> {
+    let main = match config.weights {
+        Some(_) => Sampler::Default,
+        None => Sampler::Straight,
+    };
+    let from_rest = problem(planner.robot(), 0);
+    if config.diffusion.is_some() {
+        let request = request(planner, config, Sampler::DiffusionGuided);
+        planner.plan(&from_rest, &request, &|| false)?;
+    }
+    let request = request(planner, config, main);
+    let plan = planner.plan(&from_rest, &request, &|| false)?;
+    let mut lead_times = LeadTimes::default();
+    if let Some(candidate) = plan.candidates.first() {
+        for index in 1..=IN_MOTION {
+            if index == IN_MOTION - WARM + 1 {
+                lead_times = LeadTimes::default();
+            }
+            plan_in_motion(
+                planner,
+                &request,
+                &candidate.trajectory,
+                index,
+                &mut lead_times,
+            );
+        }
+    }
+    Ok(lead_times)
+}
+
+/// Plans from an instant of a motion, and notes how long that takes; a plan that fails says nothing.
+fn plan_in_motion(
+    planner: &Planner,
+    request: &Request,
+    motion: &Trajectory,
+    index: u32,
+    lead_times: &mut LeadTimes,
+) {
+    let state = motion.at(motion.duration() * f64::from(index) / f64::from(IN_MOTION + 2));
+    let problem = Problem {
+        start: state.position,
+        ..problem(planner.robot(), index)
+    };
+    let request = Request {
+        seed: index.into(),
+        start_motion: Some(StartMotion {
+            velocity: state.velocity,
+            acceleration: state.acceleration,
+        }),
+        ..request.clone()
+    };
+    let (begun, selected_after) = (Instant::now(), Mutex::new(None));
+    let select = |_, _| *selected_after.lock().expect("it holds a time") = Some(begun.elapsed());
+    let supervision = Supervision {
+        interrupt: &|| false,
+        certified: None,
+        selected: Some(&select),
+    };
+    if planner
+        .plan_supervised(&problem, &request, supervision)
+        .is_err()
+    {
+        return;
+    }
+    let kind = |selects_early| PlanKind {
+        sampler: request.sampler,
+        has_several_goals: false,
+        selects_early,
+    };
+    lead_times.note(kind(false), begun.elapsed());
+    if let Some(took) = *selected_after.lock().expect("it holds a time") {
+        lead_times.note(kind(true), took);
+    }
+}
+
+/// A motion from the straight robot, beside a ball.
+fn problem(robot: &UnitRobot, index: u32) -> Problem {
+    let beside_the_way = Ball {
+        centre: Point::new(1.5 + robot.largest_tube_radius(), 0.0, 1.5),
+        radius: 0.3,
+    };
+    let bending = |row: usize| (f64::from(index) + row as f64 + 1.0).sin();
+    let goal = Configuration::from_fn(|row, _| 0.5 * robot.bending_limit * bending(row));
+    Problem {
+        start: Configuration::zeros(),
+        goal: Goal::Configuration(goal),
+        scene: Scene::new(vec![beside_the_way]).expect("one ball near the robot is a scene"),
+        moving: MovingObstacles::default(),
+    }
+}
+
+fn request(planner: &Planner, config: &Config, sampler: Sampler) -> Request {
+    Request {
+        candidates: config.capacity.candidates,
+        seed: 0,
+        sampler,
+        limits_scale: 1.0,
+        padding: tracking_padding(planner.robot(), config.path_tolerance_rad),
+        knots: config.capacity.knots_per_candidate,
+        corrections: MOST_CORRECTIONS,
+        start_motion: None,
+        previous: None,
+    }
+}
