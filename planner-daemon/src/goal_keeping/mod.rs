@@ -12,6 +12,7 @@ mod goal_keeper;
 mod kept_goal;
 mod moving_target;
 mod ports;
+mod target_motion;
 
 pub(crate) use goal_keeper::{GoalKeeper, PlanResult, Wanted};
 pub(crate) use kept_goal::PublishedMotion;

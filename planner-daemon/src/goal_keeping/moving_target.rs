@@ -1,19 +1,25 @@
 //! Where a target is aimed at that moves.
 
-use pcc_model::{TendonLimits, UnitRobot};
+use pcc_model::{Point, TendonLimits, UnitRobot};
 use shared_types::clock::seconds;
 use shared_types::valid::{Goal, StandingGoal};
 use trajectory::{Knot, stopping_motion};
 
+use super::target_motion::TargetMotion;
 use crate::execution::RobotMotion;
 
 /// Longest time after its stamp for which a target's velocity is believed, s.
 const BELIEVED_S: f64 = 0.5;
 
 /// Time ahead of a target at which a robot is expected to lag no more, beside a share of the time in which it can stop, s.
-const AHEAD_S: f64 = 0.15;
+const AHEAD_S: f64 = 0.1;
 /// That share: a robot comes to rest half-way through what it would have gone on.
-const SHARE_OF_STOP: f64 = 0.7;
+const SHARE_OF_STOP: f64 = 0.5;
+/// Share of its lag by which is aimed further ahead, and the largest lag that counts, s.
+const SHARE_OF_LAG: f64 = 0.5;
+const MOST_LAG_S: f64 = 0.2;
+/// Most that is aimed beside the target's way because the tip is on its other side, m.
+const MOST_BESIDE_M: f64 = 0.05;
 /// Time in which the lag that is left is learned, s.
 const LEARNS_IN_S: f64 = 0.8;
 /// Longest time between two looks at the lag for the later one to stand for it, s.
@@ -27,8 +33,9 @@ const SLOWEST_M_S: f64 = 0.01;
 
 /// How far ahead of a moving target is aimed, so that the tip does not lag behind it: a robot comes to rest where it is sent to, and
 /// the target does not.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Anticipation {
+    target: TargetMotion,
     /// Time ahead beside the expected one, by the lag that was left, s.
     learned_s: f64,
     learned_mono_ns: i64,
@@ -50,27 +57,32 @@ impl Anticipation {
         else {
             return goal.goal;
         };
-        let velocity = goal.tip_velocity_m_s;
-        if velocity == [0.0; 3] {
+        let (position, velocity) = (position_m.into(), goal.tip_velocity_m_s.into());
+        self.target.see(goal.stamp_mono_ns, position, velocity);
+        if velocity == Point::zeros() {
             return goal.goal;
         }
         let age_s = seconds(now_mono_ns - goal.stamp_mono_ns).min(BELIEVED_S);
-        let after = |time_s: f64| -> [f64; 3] {
-            std::array::from_fn(|axis| position_m[axis] + time_s * velocity[axis])
-        };
         let is_believed = age_s < BELIEVED_S;
-        let ahead_s = match motion {
-            _ if !is_believed => 0.0,
+        let seen = position + self.target.way_after(age_s);
+        let is_believed = age_s < BELIEVED_S;
+        let (ahead_s, beside) = match motion {
+            _ if !is_believed => (0.0, Point::zeros()),
             RobotMotion::Following(followed) => {
                 let now = followed.state_at(now_mono_ns);
-                let tip_m = robot.tip(&now.position).map(|part| robot.in_metres(part));
-                self.learn(lag_s(&after(age_s), &velocity, &tip_m.into()), now_mono_ns);
-                AHEAD_S + SHARE_OF_STOP * stop_s(&now, robot) + self.learned_s
+                let tip = robot.tip(&now.position).map(|part| robot.in_metres(part));
+                let off = Off::of(&(seen - tip), &velocity);
+                self.learn(off.lag_s, now_mono_ns);
+                let lag_s = off.lag_s.clamp(-MOST_LAG_S, MOST_LAG_S);
+                let stop_s = SHARE_OF_STOP * stop_s(&now, robot);
+                let ahead_s = AHEAD_S + stop_s + self.learned_s + SHARE_OF_LAG * lag_s;
+                (ahead_s, off.beside)
             }
-            _ => CATCHES_UP_S,
+            _ => (CATCHES_UP_S, Point::zeros()),
         };
+        let aimed = position + self.target.way_after(age_s + ahead_s) + beside;
         Goal::Tip {
-            position_m: after(age_s + ahead_s),
+            position_m: aimed.into(),
             tolerance_m,
         }
     }
@@ -86,14 +98,27 @@ impl Anticipation {
     }
 }
 
-/// Time by which a tip is behind a target that moves with this velocity (m/s), s; 0 of a target that hardly moves.
-fn lag_s(target_m: &[f64; 3], velocity_m_s: &[f64; 3], tip_m: &[f64; 3]) -> f64 {
-    let squared: f64 = velocity_m_s.iter().map(|part| part * part).sum();
-    let behind = (0..3).map(|axis| (target_m[axis] - tip_m[axis]) * velocity_m_s[axis]);
-    if squared < SLOWEST_M_S * SLOWEST_M_S {
-        return 0.0;
+/// Where a tip is that follows a target.
+struct Off {
+    /// Time by which it is behind along the target's way, s; 0 of a target that hardly moves.
+    lag_s: f64,
+    /// From the tip across that way to the target, at most [`MOST_BESIDE_M`] of it.
+    beside: Point,
+}
+
+impl Off {
+    /// Of a tip from which it is so far to the target, m, which moves with this velocity, m/s.
+    fn of(to_target: &Point, velocity: &Point) -> Self {
+        let lag_s = if velocity.norm() < SLOWEST_M_S {
+            0.0
+        } else {
+            to_target.dot(velocity) / velocity.norm_squared()
+        };
+        Self {
+            lag_s,
+            beside: (to_target - lag_s * velocity).cap_magnitude(MOST_BESIDE_M),
+        }
     }
-    behind.sum::<f64>() / squared
 }
 
 /// Time in which the robot can come to rest from a state, s.
@@ -116,6 +141,8 @@ mod tests {
     const MS: i64 = 1_000_000;
     const STAMP: i64 = 5_000 * MS;
     const VELOCITY: [f64; 3] = [0.2, 0.0, 0.0];
+    /// Most by which a lag brings what is aimed at nearer or further, s.
+    const LAG_COUNTS_S: f64 = SHARE_OF_LAG * MOST_LAG_S;
 
     fn target(velocity: [f64; 3]) -> StandingGoal {
         StandingGoal {
@@ -140,7 +167,8 @@ mod tests {
         else {
             panic!("a tip");
         };
-        assert_eq!(position_m[1..], [0.5, 2.0]);
+        let beside = (position_m[1] - 0.5).hypot(position_m[2] - 2.0);
+        assert!(beside <= MOST_BESIDE_M + 1e-9, "{beside} m");
         assert_eq!(tolerance_m, Some(0.02));
         (position_m[0] - 1.0) / VELOCITY[0]
     }
@@ -185,14 +213,14 @@ mod tests {
         assert!((at_rest - 0.1 - CATCHES_UP_S).abs() < 1e-9, "{at_rest}");
         let [slow, fast] =
             [0.0, 0.5].map(|time_s| aim(&mut Anticipation::default(), &following(time_s), 100));
-        assert!(slow >= 0.1 + AHEAD_S - 1e-9, "{slow}");
+        assert!(slow >= 0.1 + AHEAD_S - LAG_COUNTS_S - 1e-9, "{slow}");
         assert!(fast > slow + 0.05, "{fast} against {slow}");
     }
 
     #[test]
     fn a_velocity_is_believed_for_half_a_second() {
         let mut anticipation = Anticipation::default();
-        assert!(aim(&mut anticipation, &following(0.3), 499) > 0.499 + AHEAD_S);
+        assert!(aim(&mut anticipation, &following(0.3), 499) > 0.499 + AHEAD_S - LAG_COUNTS_S);
         for late_ms in [500, 501, 60_000] {
             let ahead = aim(&mut anticipation, &following(0.3), late_ms);
             assert!((ahead - BELIEVED_S).abs() < 1e-9, "{ahead}");
@@ -219,12 +247,14 @@ mod tests {
     }
 
     #[test]
-    fn lag_is_the_time_behind_along_the_targets_way() {
-        let lag = |tip_m: [f64; 3]| lag_s(&[1.0, 0.0, 0.0], &VELOCITY, &tip_m);
-        assert!((lag([0.9, 0.0, 0.0]) - 0.5).abs() < 1e-9);
-        assert!((lag([1.1, 0.0, 0.0]) + 0.5).abs() < 1e-9);
-        assert!(lag([1.0, 0.7, 0.0]).abs() < 1e-9, "beside it");
-        let hardly = [0.5 * SLOWEST_M_S, 0.0, 0.0];
-        assert_eq!(lag_s(&[1.0, 0.0, 0.0], &hardly, &[0.0; 3]), 0.0);
+    fn lag_is_the_time_behind_along_the_targets_way_and_the_rest_is_beside_it() {
+        let off = |to_target: [f64; 3]| Off::of(&to_target.into(), &VELOCITY.into());
+        assert!((off([0.1, 0.0, 0.0]).lag_s - 0.5).abs() < 1e-9);
+        assert!((off([-0.1, 0.0, 0.0]).lag_s + 0.5).abs() < 1e-9);
+        let beside = off([0.1, -0.7, 0.0]);
+        assert!((beside.lag_s - 0.5).abs() < 1e-9);
+        assert!((beside.beside - Point::new(0.0, -MOST_BESIDE_M, 0.0)).norm() < 1e-9);
+        let hardly = Point::new(0.5 * SLOWEST_M_S, 0.0, 0.0);
+        assert_eq!(Off::of(&Point::new(1.0, 0.0, 0.0), &hardly).lag_s, 0.0);
     }
 }
