@@ -63,7 +63,6 @@ impl Anticipation {
             return goal.goal;
         }
         let age_s = seconds(now_mono_ns - goal.stamp_mono_ns).min(BELIEVED_S);
-        let is_believed = age_s < BELIEVED_S;
         let seen = position + self.target.way_after(age_s);
         let is_believed = age_s < BELIEVED_S;
         let (ahead_s, beside) = match motion {

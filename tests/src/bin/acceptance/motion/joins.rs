@@ -70,7 +70,7 @@ pub(super) fn show_curves(report: &mut Report, line: &dyn Fn(&str) -> String, fi
     }
     within_limits(report, &line, &figures.sent);
     no_offences(report, &line, &figures.sent);
-    let bending = bending_limit_rad() + 5e-3;
+    let bending = bending_limit_rad() + 1e-6;
     let largest = figures.largest_bending_rad;
     report.at_most(
         &line("largest bending of joined motions, rad"),

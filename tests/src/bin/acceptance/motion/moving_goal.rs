@@ -35,24 +35,68 @@ enum Arm {
     /// By the goal that stays.
     Kept,
     /// Goes to the target, rests, and goes to it again.
-    RestsFirst {
-        /// Whether it goes to where the target will be after as long as its last motion took.
-        aims_ahead: bool,
-    },
+    RestsFirst(Aim),
     /// As that, but stops as soon as what it aims at is too far from where it goes.
-    Stops { aims_ahead: bool },
+    Stops(Aim),
+}
+
+/// What an arm that stops aims at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Aim {
+    /// Where the target is.
+    There,
+    /// Where it will be after as long as the last motion took, straight ahead.
+    Ahead,
+    /// The same on the circle of its velocity and its turn in the last 0.2 s.
+    OnItsCircle,
 }
 
 /// The arms that rest before they replan.
-const STOPPING: [(Arm, &str); 4] = [
-    (Arm::RestsFirst { aims_ahead: false }, "rests first"),
+const STOPPING: [(Arm, &str); 6] = [
+    (Arm::RestsFirst(Aim::There), "rests first"),
+    (Arm::RestsFirst(Aim::Ahead), "rests first, aims ahead"),
     (
-        Arm::RestsFirst { aims_ahead: true },
-        "rests first, aims ahead",
+        Arm::RestsFirst(Aim::OnItsCircle),
+        "rests first, aims ahead on a circle",
     ),
-    (Arm::Stops { aims_ahead: false }, "stops"),
-    (Arm::Stops { aims_ahead: true }, "stops, aims ahead"),
+    (Arm::Stops(Aim::There), "stops"),
+    (Arm::Stops(Aim::Ahead), "stops, aims ahead"),
+    (
+        Arm::Stops(Aim::OnItsCircle),
+        "stops, aims ahead on a circle",
+    ),
 ];
+
+impl Aim {
+    /// Where a target is aimed at that is there after `elapsed_s`, when a motion takes `ahead_s`, m.
+    fn at(self, target: &MovingTarget, elapsed_s: f64, ahead_s: f64) -> [f64; 3] {
+        let (now, velocity) = (target.at(elapsed_s), target.velocity_m_s(elapsed_s));
+        let way: [f64; 3] = match self {
+            Self::There => [0.0; 3],
+            Self::Ahead => velocity.map(|part| part * ahead_s),
+            Self::OnItsCircle => way_on_circle(target, elapsed_s, ahead_s),
+        };
+        std::array::from_fn(|axis| now[axis] + way[axis])
+    }
+}
+
+/// Way of a target that goes on turning as it has in the last 0.2 s, m.
+fn way_on_circle(target: &MovingTarget, elapsed_s: f64, ahead_s: f64) -> [f64; 3] {
+    let [before, now] = [elapsed_s - 0.2, elapsed_s].map(|at| target.velocity_m_s(at.max(0.0)));
+    let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let change: [f64; 3] = std::array::from_fn(|axis| (now[axis] - before[axis]) / 0.2);
+    let along = dot(change, now) / dot(now, now);
+    let turn: [f64; 3] = std::array::from_fn(|axis| change[axis] - along * now[axis]);
+    let [speed, bend] = [now, turn].map(|vector| dot(vector, vector).sqrt());
+    let angle = (bend / speed * ahead_s).min(1.5);
+    if elapsed_s < 0.2 || angle.is_nan() || angle < 1e-6 {
+        return now.map(|part| part * ahead_s);
+    }
+    let radius = speed * speed / bend;
+    std::array::from_fn(|axis| {
+        radius * (now[axis] / speed * angle.sin() + turn[axis] / bend * (1.0 - angle.cos()))
+    })
+}
 
 /// What one arm did.
 struct Followed {
@@ -117,7 +161,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             no_offences(report, &line, &kept.sent);
         }
         let what =
-            "goals, moving: mean tip error of all ÷ that of the best arms that stops to replan";
+            "goals, moving: mean tip error of all ÷ that of the best arms that stop to replan";
         report.at_most(what, sums[0] / sums[1], 0.5);
         Ok(())
     });
@@ -133,10 +177,8 @@ fn follow(stack: &mut Stack, arm: Arm, target: &MovingTarget) -> anyhow::Result<
     let (begun, begun_ns) = (Instant::now(), mono_now_ns());
     let motions = match arm {
         Arm::Kept => keep(stack, target, begun)?,
-        Arm::RestsFirst { aims_ahead } => {
-            replan_at_rest(stack, target, begun, [false, aims_ahead])?
-        }
-        Arm::Stops { aims_ahead } => replan_at_rest(stack, target, begun, [true, aims_ahead])?,
+        Arm::RestsFirst(aim) => replan_at_rest(stack, target, begun, false, aim)?,
+        Arm::Stops(aim) => replan_at_rest(stack, target, begun, true, aim)?,
     };
     let heard = listener.take();
     let mut judge = Judge::new(stack.world.robot.tendon_limits);
@@ -172,16 +214,13 @@ fn replan_at_rest(
     stack: &mut Stack,
     target: &MovingTarget,
     begun: Instant,
-    [stops, aims_ahead]: [bool; 2],
+    stops: bool,
+    aim: Aim,
 ) -> anyhow::Result<u64> {
     let (mut motions, mut going_to, mut ahead_s) = (0, target.at(0.0), 0.3);
     while begun.elapsed() < target.lasts() {
         let elapsed_s = begun.elapsed().as_secs_f64();
-        let aim = |ahead_s: f64| {
-            let (now, velocity) = (target.at(elapsed_s), target.velocity_m_s(elapsed_s));
-            let ahead_s = if aims_ahead { ahead_s } else { 0.0 };
-            std::array::from_fn(|axis| now[axis] + ahead_s * velocity[axis])
-        };
+        let aim = |ahead_s: f64| aim.at(target, elapsed_s, ahead_s);
         let state = stack.controller_state();
         match state.state {
             LoopState::Holding => {
