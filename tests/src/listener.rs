@@ -45,6 +45,8 @@ pub struct Published {
     pub id: u32,
     /// The motion that it leaves, with the path time of that, s; none where it begins at rest.
     pub leaves: Option<(u32, f64)>,
+    /// When it is to begin, as published, nanoseconds.
+    pub begin_mono_ns: i64,
     /// Its knots, s and rad.
     pub knots: Vec<Knot>,
 }
@@ -56,6 +58,7 @@ impl From<&TrajectoryMessage> for Published {
         let knots = message.knots.iter().take(message.knot_count as usize);
         Self {
             id: message.trajectory_id,
+            begin_mono_ns: message.begin_mono_ns,
             leaves: in_motion.then_some((message.leaves_trajectory_id, message.leaves_at_s)),
             knots: knots
                 .map(|knot| Knot {

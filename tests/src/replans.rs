@@ -92,6 +92,9 @@ pub fn replan(tip_m: [f64; 3], balls: &[Ball], seed: u64) -> PlanRequest {
     }
 }
 
+/// Deadline of a motion that is compared with: it is never cut short.
+const REFERENCE_DEADLINE: Duration = Duration::from_secs(1);
+
 /// What stopping first costs.
 #[derive(Clone, Copy, Debug)]
 pub struct StopThenGo {
@@ -125,6 +128,7 @@ pub fn stop_then_go(
     let request = PlanRequest {
         candidate_count: CANDIDATES,
         seed,
+        deadline: Some(REFERENCE_DEADLINE),
         balls: balls.to_vec(),
         ..PlanRequest::new(stop.end().into(), Goal::Configuration(end))
     };

@@ -131,17 +131,41 @@ impl Results<'_> {
         self.0.windows(2).map(gap).sum()
     }
 
-    /// Prints how many motions had each outcome, and each one that was not joined by another.
+    /// Prints how many motions had each outcome, and the result of each; of those that follow each other, each joined by the next, in one line.
     pub(super) fn print(&self) {
         let counts = self.counts();
         let text = |(outcome, count): (&&str, &usize)| format!("{count} {outcome}");
         let counts: Vec<String> = counts.iter().map(text).collect();
         say!("  motions: {}", counts.join(", "));
-        let is_joined = |result: &&MotionResult| result.outcome == MotionOutcome::Joined;
-        for result in self.0.iter().filter(|result| !is_joined(result)) {
-            say!("    trajectory {} {result}", result.values.trajectory_id);
+        let is_next = |before: &MotionResult, after: &MotionResult| {
+            let is_joined = before.outcome == MotionOutcome::Joined;
+            is_joined && before.values.joined_by == after.values.trajectory_id
+        };
+        for chain in self.0.chunk_by(is_next) {
+            let Some((last, joined)) = chain.split_last() else {
+                continue;
+            };
+            if !joined.is_empty() {
+                let ids = joined.iter().map(|it| it.values.trajectory_id);
+                let ids: Vec<u32> = ids.collect();
+                say!(
+                    "    trajectories {}: each joined by the next one",
+                    ranges(&ids)
+                );
+            }
+            say!("    trajectory {} {last}", last.values.trajectory_id);
         }
     }
+}
+
+/// Numbers in their order, those that follow each other as a range.
+fn ranges(numbers: &[u32]) -> String {
+    let runs = numbers.chunk_by(|before, after| before + 1 == *after);
+    let text = |run: &[u32]| match run {
+        [first, .., last] => format!("{first} to {last}"),
+        run => run.iter().map(u32::to_string).collect(),
+    };
+    runs.map(text).collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]

@@ -21,6 +21,8 @@ pub(super) struct Asked {
     pub(super) at: Instant,
     /// The same by the clock of the messages, nanoseconds.
     pub(super) mono_ns: i64,
+    /// Whether it found the robot in motion.
+    pub(super) in_motion: bool,
 }
 
 /// What replans showed.
@@ -43,6 +45,8 @@ pub(super) struct Figures {
     pub(super) joined: usize,
     /// Of these, motions whose switch the loop passed.
     pub(super) switched: usize,
+    /// Motions of requests that found the robot in motion and that began at rest: it had come to rest meanwhile.
+    pub(super) began_at_rest: usize,
     /// Motions that came too late for their switch and were planned again, as the daemon's log tells.
     pub(super) made_again: usize,
     /// Largest difference at a switch, rad, rad/s, rad/s².
@@ -79,6 +83,11 @@ impl Figures {
         self.times_ms.entry(name).or_default().push(took_ms);
     }
 
+    /// Notes a replan that wins nothing: its motion joins none, or was not begun.
+    pub(super) fn wins_nothing(&mut self) {
+        self.won.push(0.0);
+    }
+
     /// Looks at motions and cycles that were heard in a scene.
     pub(super) fn look(&mut self, body: &Body, heard: &Heard, balls: &[Ball]) {
         for motion in &heard.motions {
@@ -90,8 +99,17 @@ impl Figures {
             };
             self.switched += 1;
             if let Some(asked) = self.published.get(&motion.id) {
-                let took_ms = (first_ns - asked.mono_ns) as f64 * 1e-6;
+                let ms = |from_ns: i64, to_ns: i64| (to_ns - from_ns) as f64 * 1e-6;
+                let took_ms = ms(asked.mono_ns, first_ns);
                 self.to_setpoint_ms.push((asked.at, took_ms));
+                let lead_ms = ms(asked.mono_ns, motion.begin_mono_ns);
+                let rest_ms = ms(motion.begin_mono_ns, first_ns);
+                for (name, took_ms) in [
+                    ("lead, from the goal to the switch", lead_ms),
+                    ("switch to first set-point", rest_ms),
+                ] {
+                    self.times_ms.entry(name).or_default().push(took_ms);
+                }
             }
         }
         let setpoints: Vec<(i64, Tendons)> = heard
@@ -138,7 +156,7 @@ impl Figures {
         lower(&mut self.clearance_m[0], clearance);
     }
 
-    /// Compares a joined motion with stopping first.
+    /// Compares a joined motion that was begun with stopping first.
     pub(super) fn compare(&mut self, motion: &Published, reference: &StopThenGo) {
         let duration_s = motion.knots.last().map_or(f64::NAN, |knot| knot.time_s);
         match reference.go_s {

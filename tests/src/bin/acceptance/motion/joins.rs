@@ -15,7 +15,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
     let bulk = Population {
         settings: Settings::ten_times_as_fast(),
         time_factor: 10.0,
-        replans: scale.pick(400, 10_000),
+        count: scale.pick(400, 10_000),
     };
     report.group("replans, ten times as fast", command, |report| {
         show(report, "ten times as fast", &replan(&bulk)?);
@@ -24,7 +24,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
     let real = Population {
         settings: Settings::default(),
         time_factor: 1.0,
-        replans: scale.pick(20, 100),
+        count: scale.pick(20, 100),
     };
     report.group("replans, real", command, |report| {
         show(report, "real", &replan(&real)?);
@@ -36,12 +36,15 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
 pub(super) fn show(report: &mut Report, name: &str, figures: &Figures) {
     let line = |what: &str| format!("replans, {name}: {what}");
     let counts = format!(
-        "{} requests found the robot in motion, of {} in all; {} motions joined another, {} of them were begun; refused in motion: {:?}; \
+        "{} requests found the robot in motion, of {} in all; {} motions joined another, {} of them were begun, {} began at rest, since it had come to \
+         rest meanwhile; {} were planned again for a missed switch; refused in motion: {:?}; \
          refused at rest: {:?}; {} scenes in which the robot had no room were passed over",
         figures.in_motion,
         figures.requests,
         figures.joined,
         figures.switched,
+        figures.began_at_rest,
+        figures.made_again,
         figures.refusals,
         figures.refused_at_rest,
         figures.scenes_passed_over

@@ -1,13 +1,15 @@
 //! Balls that cross the workspace: kept on the way to a tip among them, beside an arm that is stopped and plans again.
 
-use std::thread::sleep;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
 use client::{GoalSender, ScenePublisher};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{GoalState, LoopState};
 use shared_types::message::Cycle;
-use shared_types::valid::{Goal, PlanRequest};
+use shared_types::valid::{Goal, PlanRequest, PreviousPlan};
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::crossing_balls::Crossing;
 use tests::judge::Judge;
@@ -31,6 +33,8 @@ const SCENE_PERIOD: Duration = Duration::from_millis(20);
 const SCENE_LIFETIME: Duration = Duration::from_millis(100);
 /// A run ends when the tip is there, or after this time.
 const LONGEST_RUN: Duration = Duration::from_secs(20);
+/// Distance from the target within which a tip has reached it, m.
+const TOLERANCE_M: f64 = 0.01;
 /// Time between two looks at a robot that stays where it is, nanoseconds.
 const LOOK_NS: usize = 1_000_000;
 /// Who brings the tip there.
@@ -44,7 +48,10 @@ enum Arm {
 
 /// What came of a run.
 struct Run {
+    /// When the commanded tip came to rest at the target, s.
     reached_s: Option<f64>,
+    /// Whether balls may be as fast as the tip, or half as fast.
+    is_fast: bool,
     /// How near each ball came.
     touches: Vec<Touch>,
     replans: u64,
@@ -111,38 +118,31 @@ fn one(
     let crossing = Crossing::draw(&stack.world.unit_robot(), SEED + index, fastest_m_s);
     go_to_start(stack, &crossing)?;
     drop(listener.take());
-    let mut scenes = ScenePublisher::connect(&stack.world.options, "crossing")?;
     let mut follower = Follower::new(stack, arm, &crossing)?;
+    let scenes = ScenePublisher::connect(&stack.world.options, "crossing")?;
     let (begun, begun_ns) = (Instant::now(), mono_now_ns());
-    let (mut next_scene, mut reached_s) = (begun, None);
-    while reached_s.is_none() && begun.elapsed() < LONGEST_RUN {
-        if Instant::now() >= next_scene {
-            let now = mono_now_ns();
-            let balls = crossing.seen_after((now - begun_ns) as f64 * 1e-9);
-            scenes.publish_stamped(now, &balls, SCENE_LIFETIME)?;
-            next_scene += SCENE_PERIOD;
-        }
-        if follower.step(stack)? {
-            reached_s = Some(begun.elapsed().as_secs_f64());
-        }
+    let scenes = SceneFeed::start(scenes, crossing.clone(), begun_ns);
+    let mut is_there = false;
+    while !is_there && begun.elapsed() < LONGEST_RUN {
+        is_there = follower.step(stack)?;
         sleep(Duration::from_micros(500));
     }
     let lasted_s = begun.elapsed().as_secs_f64();
     let ended_ns = mono_now_ns();
     let replans = follower.end()?;
-    scenes.take_leave()?;
-    scenes.confirm(PATIENCE)?;
+    let published_ns = scenes.end()?;
     wait_until_held(stack)?;
     sleep(Duration::from_millis(30));
     let heard = listener.take();
+    let reached_s = arrival_s(body, &heard.cycles, crossing.tip_m, [begun_ns, ended_ns]);
     let gone_ns = begun_ns + (crossing.gone_s() * 1e9) as i64;
     let touches = crossing
         .judged(begun_ns)
         .iter()
-        .zip(&crossing.seen_s)
-        .map(|(ball, seen_s)| {
+        .zip(&published_ns)
+        .map(|(ball, published_ns)| {
             let ball = std::slice::from_ref(ball);
-            let seen_ns = begun_ns + ((seen_s + SCENE_PERIOD.as_secs_f64()) * 1e9) as i64;
+            let seen_ns = published_ns.unwrap_or(ended_ns);
             Touch {
                 clearance_m: clearance_m(body, &heard.cycles, ball, [begun_ns, ended_ns]),
                 at_rest_m: clearance_at_rest_m(body, &heard.cycles, ball, [ended_ns, gone_ns]),
@@ -158,12 +158,71 @@ fn one(
         })
         .collect();
     let run = Run {
-        reached_s,
+        reached_s: reached_s.filter(|_| is_there),
+        is_fast: fastest_m_s >= TIP_SPEED_M_S,
         touches,
         replans,
         lasted_s,
     };
     Ok((run, heard))
+}
+
+/// Scenes that a thread of its own publishes, whatever an arm waits for.
+struct SceneFeed {
+    ended: Arc<AtomicBool>,
+    thread: JoinHandle<anyhow::Result<Vec<Option<i64>>>>,
+}
+
+impl SceneFeed {
+    fn start(mut scenes: ScenePublisher, crossing: Crossing, begun_ns: i64) -> Self {
+        let ended = Arc::<AtomicBool>::default();
+        let is_over = Arc::clone(&ended);
+        let thread = std::thread::spawn(move || {
+            let mut first_ns = vec![None; crossing.balls.len()];
+            let mut next = Instant::now();
+            while !is_over.load(Ordering::Relaxed) {
+                let now = mono_now_ns();
+                let elapsed_s = (now - begun_ns) as f64 * 1e-9;
+                scenes.publish_stamped(now, &crossing.seen_after(elapsed_s), SCENE_LIFETIME)?;
+                for (first_ns, seen_s) in first_ns.iter_mut().zip(&crossing.seen_s) {
+                    if elapsed_s >= *seen_s {
+                        first_ns.get_or_insert(now);
+                    }
+                }
+                next += SCENE_PERIOD;
+                sleep(next.saturating_duration_since(Instant::now()));
+            }
+            scenes.take_leave()?;
+            scenes.confirm(PATIENCE)?;
+            Ok(first_ns)
+        });
+        Self { ended, thread }
+    }
+
+    /// Takes leave; returns when each ball was first published, nanoseconds.
+    fn end(self) -> anyhow::Result<Vec<Option<i64>>> {
+        self.ended.store(true, Ordering::Relaxed);
+        let first_ns = self.thread.join();
+        first_ns.map_err(|_| anyhow::anyhow!("the scenes' thread panicked"))?
+    }
+}
+
+/// When the commanded tip came to rest within its tolerance for good, s; none where it is elsewhere at the end.
+fn arrival_s(
+    body: &Body,
+    cycles: &[Cycle],
+    tip_m: [f64; 3],
+    [begun_ns, ended_ns]: [i64; 2],
+) -> Option<f64> {
+    let during = |cycle: &&Cycle| (begun_ns..=ended_ns).contains(&cycle.stamp_mono_ns);
+    let is_there = |cycle: &&Cycle| {
+        let tip = body.tip(&body.explain(&cycle.setpoint_m).configuration);
+        let squares = tip.iter().zip(tip_m).map(|(a, b)| (a - b) * (a - b));
+        cycle.state == LoopState::Holding.code() && squares.sum::<f64>().sqrt() <= TOLERANCE_M
+    };
+    let from_the_end = cycles.iter().rev().filter(during);
+    let first = from_the_end.take_while(is_there).last()?;
+    Some((first.stamp_mono_ns - begun_ns) as f64 * 1e-9)
 }
 
 fn go_to_start(stack: &mut Stack, crossing: &Crossing) -> anyhow::Result<()> {
@@ -225,13 +284,19 @@ impl Follower {
                     return Ok(false);
                 }
                 let at = state.values.commanded_configuration_rad;
-                if tests::stack::tip_error(&stack.world.robot, &at, tip_m) < 0.01 {
+                if tests::stack::tip_error(&stack.world.robot, &at, tip_m) < TOLERANCE_M {
                     return Ok(true);
                 }
                 let answer = stack.client.plan(request, PATIENCE)?;
                 *plans += 1;
                 request.seed += 1;
                 let is_under_way = answer.report().trajectory_id.is_some();
+                if is_under_way {
+                    request.previous = Some(PreviousPlan {
+                        plan_id: answer.report().plan_id,
+                        candidate: None,
+                    });
+                }
                 // The motion begins some ms later; where there is none, as often as the keeper tries again.
                 let pause = if is_under_way { 30 } else { 100 };
                 *not_before = Instant::now() + Duration::from_millis(pause);
@@ -300,10 +365,16 @@ fn show(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
             .count();
         let avoidable = contacts().filter(|touch| touch.stop_is_clear).count();
         let contacts = contacts().count();
+        let fast = runs.iter().filter(|run| run.is_fast);
+        let of_fast = fast
+            .flat_map(|run| &run.touches)
+            .filter(|touch| touch.is_contact())
+            .count();
         let reached = runs.iter().filter(|run| run.reached_s.is_some()).count();
         let figure = format!(
-            "{reached} of {} reached, median {:.2} s; contacts {contacts}, {on_the_way} of them before the end and the others of a robot that stays there, {avoidable} avoidable by a stop right after the ball was \
-             seen; {:.1} plans a second",
+            "{reached} of {} reached, median {:.2} s; contacts {contacts}, {of_fast} of them where balls are as fast as the tip and the others where they \
+             are half as fast; {on_the_way} of them before the end and the others of a robot that stays there, {avoidable} avoidable by a stop \
+             right after the ball was seen; {:.1} plans a second",
             runs.len(),
             median(
                 &runs

@@ -15,11 +15,10 @@ use tests::listener::Listener;
 use tests::passages::Position;
 use tests::replans::{ReplanScene, random_pause};
 use tests::stack::{PATIENCE, Part, Stack};
-use tests::world::Settings;
 
 use super::queue::{Accepted, Asked, Queue};
 use super::queue_figures::Figures;
-use super::replan_run::{balls, refusal, wait_until_held};
+use super::replan_run::{Population, balls, refusal, wait_until_held};
 
 /// Seed of scenes, tips, divisions and pauses: nothing was trained with it.
 const SEED: u64 = 9_301;
@@ -33,14 +32,16 @@ const DEADLINE: Duration = Duration::from_millis(500);
 const IN_A_SCENE: usize = 10;
 /// Share of queues that are asked for in one request.
 const WHOLE: f64 = 1.0 / 3.0;
-/// Shortest and longest pause before goals are appended, ten times as fast.
-const PAUSES: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(250)];
+/// Shortest and longest pause before goals are appended at the shipped limits.
+const PAUSES: [Duration; 2] = [Duration::from_millis(50), Duration::from_millis(2_500)];
 /// Time after which everything about a motion that is over has been heard.
 const HEARD_WITHIN: Duration = Duration::from_millis(100);
 
 /// Carries out so many queues.
-pub(super) fn run(queues: usize) -> anyhow::Result<Figures> {
-    let mut stack = Stack::running(&Settings::ten_times_as_fast())?;
+pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
+    let mut stack = Stack::running(&population.settings)?;
+    let queues = population.count;
+    let pauses = PAUSES.map(|pause| pause.div_f64(population.time_factor));
     let body = stack.world.body();
     let robot = stack.world.unit_robot();
     let listener = Listener::start(&stack.world.options);
@@ -59,6 +60,7 @@ pub(super) fn run(queues: usize) -> anyhow::Result<Figures> {
                 &mut stack,
                 &mut results,
                 &scene,
+                pauses,
                 &mut figures.asked,
                 &mut random,
             )?;
@@ -82,6 +84,7 @@ fn carry_out(
     stack: &mut Stack,
     results: &mut ResultView,
     scene: &ReplanScene,
+    [shortest, longest]: [Duration; 2],
     asked: &mut Asked,
     random: &mut Pcg64,
 ) -> anyhow::Result<Queue> {
@@ -91,7 +94,7 @@ fn carry_out(
     asked.whole += usize::from(parts.len() == 1);
     for (index, tips_m) in parts.into_iter().enumerate() {
         if index > 0 {
-            sleep(random_pause(PAUSES[0], PAUSES[1], random));
+            sleep(random_pause(shortest, longest, random));
         }
         let was_moving = is_moving(stack)?;
         let request = request(&tips_m, scene, asked.requests as u64, index > 0);

@@ -15,7 +15,7 @@ use tests::replans::{ReplanScene, random_pause, replan, stop_then_go};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
-use super::figures::{Asked, Figures};
+use super::figures::{Asked, Figures, first_followed};
 
 /// Seed of scenes, tips and pauses: nothing was trained with it.
 const SEED: u64 = 9_101;
@@ -24,12 +24,13 @@ const IN_A_SCENE: usize = 25;
 /// Shortest and longest pause between two replans at the shipped limits.
 const PAUSES: [Duration; 2] = [Duration::from_millis(60), Duration::from_millis(900)];
 
-/// How replans are made.
+/// How replans, or queues, are made.
 pub(super) struct Population {
     pub(super) settings: Settings,
     /// How many times as fast as shipped everything happens.
     pub(super) time_factor: f64,
-    pub(super) replans: usize,
+    /// How many of them.
+    pub(super) count: usize,
 }
 
 /// Replans until so many have begun in motion or were refused there.
@@ -42,15 +43,15 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
     let mut figures = Figures::of(&stack.world.robot.tendon_limits);
     let mut random = seeded(SEED);
     let mut index = 0;
-    while figures.in_motion < population.replans {
+    while figures.in_motion < population.count {
         wait_until_held(&mut stack)?;
         let standing = stack.commanded();
         let (scene, passed_over) = ReplanScene::around(&robot, &standing, SEED, index);
         index += 1 + passed_over as u64;
         figures.scenes_passed_over += passed_over;
         let count = IN_A_SCENE
-            .min(population.replans.div_ceil(8))
-            .min(population.replans - figures.in_motion);
+            .min(population.count.div_ceil(8))
+            .min(population.count - figures.in_motion);
         replans(
             &mut stack,
             population,
@@ -65,7 +66,7 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
         judge.look(&heard);
         figures.look(&body, &heard, &balls(&scene));
         references(&mut stack, &scene, &heard, &mut figures)?;
-        println!("  {} of {} replans", figures.in_motion, population.replans);
+        println!("  {} of {} replans", figures.in_motion, population.count);
     }
     let log = stack.process(Part::Daemon).log();
     figures.made_again = log.matches("is made again: switch missed").count();
@@ -127,7 +128,12 @@ fn replans(
         }
         if let Some(id) = report.trajectory_id {
             let seed = request.seed;
-            let asked = Asked { seed, at, mono_ns };
+            let asked = Asked {
+                seed,
+                at,
+                mono_ns,
+                in_motion: was_moving,
+            };
             figures.published.insert(id, asked);
         } else {
             let refusals = if was_moving {
@@ -162,18 +168,20 @@ fn references(
     heard: &Heard,
     figures: &mut Figures,
 ) -> anyhow::Result<()> {
-    let joined = heard
-        .motions
-        .iter()
-        .filter(|motion| motion.leaves.is_some());
-    for motion in joined {
+    for motion in &heard.motions {
+        let asked = figures.published.get(&motion.id);
+        let (seed, in_motion) = asked.map_or((0, false), |asked| (asked.seed, asked.in_motion));
+        let is_begun = first_followed(&heard.cycles, motion.id).is_some();
+        if motion.leaves.is_none() || !is_begun {
+            figures.began_at_rest += usize::from(in_motion && motion.leaves.is_none());
+            if in_motion {
+                figures.wins_nothing();
+            }
+            continue;
+        }
         let (Some(first), Some(last)) = (motion.knots.first(), motion.knots.last()) else {
             continue;
         };
-        let seed = figures
-            .published
-            .get(&motion.id)
-            .map_or(0, |asked| asked.seed);
         let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
         figures.compare(motion, &reference);
     }

@@ -4,6 +4,9 @@ use tests::judge::{ALLOWED_USE, SENT_USE, Verdict};
 
 use crate::report::Report;
 
+/// Largest rounding between a set-point and the robot's reference that follows it, m.
+const REFERENCE_ERROR_M: f64 = 1e-9;
+
 /// The name of a line, from what it shows.
 pub(super) type Line<'a> = &'a dyn Fn(&str) -> String;
 
@@ -16,6 +19,15 @@ pub(super) fn within_limits(report: &mut Report, line: Line, sent: &Verdict) {
     let steps = sent.sent.position.max(sent.sent.velocity);
     let name = line("set-points: steps by differences ÷ limits");
     report.at_most(&name, steps, ALLOWED_USE);
+    let heard = format!(
+        "{} set-points, {} robot states; not heard by the gaps in their numbers, with cycles: {:?}",
+        sent.setpoints, sent.robot_states, sent.lost
+    );
+    let name = line("what was looked at");
+    report.check(&name, heard, "> 0 set-points", sent.setpoints > 0);
+    let name =
+        line("largest distance of the robot's reference from the set-point that it follows, m");
+    report.at_most(&name, sent.reference_error_m, REFERENCE_ERROR_M);
 }
 
 /// The line on offences.

@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use client::GoalSender;
-use shared_types::codes::{GoalState, LoopState};
+use shared_types::codes::{GoalState, LoopState, MotionOutcome};
+use shared_types::message::MotionResult;
 use shared_types::valid::{Goal, GoalStatus};
 use tests::judge::Judge;
 use tests::listener::Listener;
@@ -13,6 +14,7 @@ use tests::process::wait_for;
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
+use super::disturbed::named;
 use super::setpoints::{no_offences, within_limits};
 use crate::report::Report;
 use crate::scale::Scale;
@@ -40,8 +42,9 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             figures.find_again(&mut stack, &mut goal, NEAR_M[1])?;
         }
         let mut judge = Judge::new(stack.world.robot.tendon_limits);
-        judge.look(&listener.take());
-        figures.show(report, &judge);
+        let heard = listener.take();
+        judge.look(&heard);
+        figures.show(report, &judge, &heard.results);
         Ok(())
     });
 }
@@ -60,6 +63,7 @@ fn expect(
 struct Figures {
     said_ms: Vec<f64>,
     reasons: Vec<String>,
+    lost_in_motion: usize,
     rested: usize,
     went_on: usize,
 }
@@ -68,6 +72,8 @@ impl Figures {
     /// The goal goes where it cannot be reached.
     fn lose(&mut self, stack: &mut Stack, goal: &mut GoalSender) -> anyhow::Result<()> {
         let sent = Instant::now();
+        let is_moving = stack.controller_state().state == LoopState::Executing;
+        self.lost_in_motion += usize::from(is_moving);
         goal.move_to(Goal::tip(FAR_M), [0.0; 3])?;
         let status = expect(goal, "said to be out of reach", |status| {
             status.state == GoalState::Unreachable
@@ -96,7 +102,7 @@ impl Figures {
         Ok(())
     }
 
-    fn show(&mut self, report: &mut Report, judge: &Judge) {
+    fn show(&self, report: &mut Report, judge: &Judge, results: &[MotionResult]) {
         let line = |what: &str| format!("goals, out of reach: {what}");
         let rounds = self.said_ms.len();
         let slowest = self.said_ms.iter().copied().fold(0.0, f64::max);
@@ -112,7 +118,19 @@ impl Figures {
             .filter(|reason| !reason.contains("out of reach"));
         let unnamed: Vec<String> = unnamed.cloned().collect();
         report.none_of(&line("said by another name than out of reach"), &unnamed);
+        report.all_of(
+            &line("the goal went out of reach while the robot moved"),
+            self.lost_in_motion,
+            rounds,
+        );
         report.all_of(&line("came to rest"), self.rested, rounds);
+        let names = results.iter().map(named);
+        let mut ends: Vec<String> = names.filter(|name| !is_certified_end(name)).collect();
+        ends.dedup();
+        report.none_of(
+            &line("motions that ended neither at their certified end nor joined by another"),
+            &ends,
+        );
         report.all_of(
             &line("went on by itself and reached it once it could"),
             self.went_on,
@@ -121,4 +139,10 @@ impl Figures {
         within_limits(report, &line, judge.verdict());
         no_offences(report, &line, judge.verdict());
     }
+}
+
+/// Whether a motion of this result ended where its certificate says that the robot may stand, or went over into another.
+fn is_certified_end(result: &str) -> bool {
+    let ends = [MotionOutcome::Reached, MotionOutcome::Joined];
+    ends.iter().any(|end| result == end.to_string())
 }

@@ -53,19 +53,19 @@ impl Disturbance {
         }
     }
 
-    /// Draws what happens around one request; the switch is some 10 to 40 ms behind that.
+    /// Draws what happens around one request; the switch is some 5 to 8 ms behind that.
     fn draw(self, random: &mut Pcg64) -> Vec<(f64, Action)> {
         match self {
             Self::Speed => speeds(random),
             Self::LoopHeld => {
-                let at_ms = random.random_range(-10.0..25.0);
+                let at_ms = random.random_range(-10.0..12.0);
                 // Every order of magnitude alike: some two thirds are shorter than what the robot bears.
                 let for_ms = random.random_range(0.0..60.0_f64.ln()).exp();
                 held(at_ms, for_ms, &[Part::Controller]).to_vec()
             }
             Self::Lag => late_again_and_again(random),
             Self::MachinePause => {
-                let at_ms = random.random_range(-5.0..25.0);
+                let at_ms = random.random_range(-3.0..10.0);
                 held(at_ms, random.random_range(50.0..500.0), &Part::ALL).to_vec()
             }
         }
@@ -95,12 +95,12 @@ fn speeds(random: &mut Pcg64) -> Vec<(f64, Action)> {
     let count = random.random_range(1..=3);
     let mut actions: Vec<(f64, Action)> = (0..count)
         .map(|_| {
-            let at_ms = random.random_range(-15.0..25.0);
+            let at_ms = random.random_range(-15.0..12.0);
             (at_ms, Action::Speed(random.random_range(0.1..=1.0)))
         })
         .collect();
     if random.random_range(0..3) == 0 {
-        let at_ms = random.random_range(-15.0..25.0);
+        let at_ms = random.random_range(-15.0..12.0);
         let for_ms = random.random_range(20.0..400.0);
         actions.extend([(at_ms, Action::Pause), (at_ms + for_ms, Action::Resume)]);
     }

@@ -23,8 +23,8 @@ pub(super) struct Replan {
 pub(super) struct Fates {
     /// Replans by what became of them, and of the motion that was under way where they were refused.
     pub(super) counts: BTreeMap<String, usize>,
-    /// Replans of which nothing says what became of them, or of the motion that was under way.
-    pub(super) unaccounted: Vec<String>,
+    /// Replans that were neither begun nor refused by name with the old motion going on, in words.
+    pub(super) broken: BTreeMap<String, usize>,
     /// Of what was done to the loop: before a request, until its answer, until the switch, and later.
     pub(super) disturbed: [usize; 4],
     /// Results that were not heard, by the gaps in their numbers.
@@ -42,7 +42,7 @@ impl Fates {
             self.count_disturbances(replan, &heard.cycles);
             match fate(replan, heard) {
                 Ok(fate) => *self.counts.entry(fate).or_default() += 1,
-                Err(why) => self.unaccounted.push(why),
+                Err(why) => *self.broken.entry(why).or_default() += 1,
             }
         }
     }
@@ -83,7 +83,11 @@ fn fate(replan: &Replan, heard: &Heard) -> Result<String, String> {
     };
     let old = under_way(&heard.cycles, refused_ns);
     let old = old.ok_or_else(|| format!("{why}: nothing moved before"))?;
-    Ok(format!("{why}; {}", old_motion(heard, old, refused_ns)?))
+    let became = old_motion(heard, old, refused_ns);
+    match became {
+        Ok(became) => Ok(format!("{why}; {became}")),
+        Err(became) => Err(format!("{why}; {became}")),
+    }
 }
 
 /// The motion that was followed last before an instant.
@@ -105,11 +109,11 @@ fn old_motion(heard: &Heard, id: u32, refused_ns: i64) -> Result<String, String>
     let is_whole = [MotionOutcome::Reached, MotionOutcome::Joined]
         .map(MotionOutcome::code)
         .contains(&result.outcome);
-    Ok(match (is_whole, went_on) {
-        (true, true) => "the old motion went on".to_owned(),
-        (true, false) => format!("the old motion had ended: {}", named(result)),
-        (false, _) => format!("the old motion: {}", named(result)),
-    })
+    match (is_whole, went_on) {
+        (true, true) => Ok("the old motion went on".to_owned()),
+        (true, false) => Ok(format!("the old motion had ended: {}", named(result))),
+        (false, _) => Err(format!("the old motion: {}", named(result))),
+    }
 }
 
 /// The result of a motion, the last one where an id had several.
