@@ -131,14 +131,15 @@ impl Client {
         })
     }
 
-    /// Whether the daemon that was known is known to live still; cleaning up after dead ones takes a millisecond.
-    fn daemon_lives(&mut self) -> bool {
-        let find = || RoleHolder::find(&self.options, Role::PlannerDaemon);
-        self.daemon = match self.daemon.take() {
-            Some(known) => Some(known).filter(RoleHolder::lives),
-            None => find(),
-        };
-        self.daemon.is_some()
+    /// Cleans up after dead daemons, unless the one that was known lives still: it takes a millisecond.
+    fn clean_unless_daemon_lives(&mut self) {
+        if self.daemon.as_ref().is_some_and(RoleHolder::lives) {
+            return;
+        }
+        // Whoever had the role before this one is dead by now.
+        self.daemon = RoleHolder::find(&self.options, Role::PlannerDaemon);
+        self.cleaner.make_due();
+        self.cleaner.clean_if_due(&self.node);
     }
 
     /// Waits until a daemon serves.
@@ -316,8 +317,8 @@ impl Client {
         }
         loop {
             // Such a request is not sent twice: its server should live.
-            if execute && !self.daemon_lives() {
-                self.cleaner.clean_if_due(&self.node);
+            if execute {
+                self.clean_unless_daemon_lives();
             }
             let sent = Instant::now();
             let response = self.wait_for_port(limit)?.send(&wire)?;

@@ -101,18 +101,18 @@ impl Anticipation {
 struct Off {
     /// Time by which it is behind along the target's way, s; 0 of a target that hardly moves.
     lag_s: f64,
-    /// From the tip across that way to the target, at most [`MOST_BESIDE_M`] of it.
+    /// From the tip across the target's way to the target, at most [`MOST_BESIDE_M`] of it; 0 of a target that hardly moves.
     beside: Point,
 }
 
 impl Off {
     /// Of a tip from which it is so far to the target, m, which moves with this velocity, m/s.
     fn of(to_target: &Point, velocity: &Point) -> Self {
-        let lag_s = if velocity.norm() < SLOWEST_M_S {
-            0.0
-        } else {
-            to_target.dot(velocity) / velocity.norm_squared()
-        };
+        if velocity.norm() < SLOWEST_M_S {
+            let (lag_s, beside) = (0.0, Point::zeros());
+            return Self { lag_s, beside };
+        }
+        let lag_s = to_target.dot(velocity) / velocity.norm_squared();
         Self {
             lag_s,
             beside: (to_target - lag_s * velocity).cap_magnitude(MOST_BESIDE_M),
@@ -254,6 +254,7 @@ mod tests {
         assert!((beside.lag_s - 0.5).abs() < 1e-9);
         assert!((beside.beside - Point::new(0.0, -MOST_BESIDE_M, 0.0)).norm() < 1e-9);
         let hardly = Point::new(0.5 * SLOWEST_M_S, 0.0, 0.0);
-        assert_eq!(Off::of(&Point::new(1.0, 0.0, 0.0), &hardly).lag_s, 0.0);
+        let off = Off::of(&Point::new(1.0, 0.0, 0.0), &hardly);
+        assert_eq!((off.lag_s, off.beside), (0.0, Point::zeros()));
     }
 }

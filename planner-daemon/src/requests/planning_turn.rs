@@ -341,7 +341,11 @@ impl InFlight {
             published,
             Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay { .. })
         );
-        is_out_of_date && self.attempt < ATTEMPTS && Instant::now() < self.queued.deadline()
+        let is_wanted = self.queued.asker.is_waiting();
+        is_out_of_date
+            && is_wanted
+            && self.attempt < ATTEMPTS
+            && Instant::now() < self.queued.deadline()
     }
 }
 

@@ -39,16 +39,13 @@ pub(super) fn warm_up(planner: &Planner, config: &Config) -> Result<LeadTimes, P
     let mut lead_times = LeadTimes::default();
     if let Some(candidate) = plan.candidates.first() {
         for index in 1..=IN_MOTION {
-            if index == IN_MOTION - WARM + 1 {
-                lead_times = LeadTimes::default();
-            }
-            plan_in_motion(
-                planner,
-                &request,
-                &candidate.trajectory,
-                index,
-                &mut lead_times,
-            );
+            let mut cold = LeadTimes::default();
+            let noted = if index > IN_MOTION - WARM {
+                &mut lead_times
+            } else {
+                &mut cold
+            };
+            plan_in_motion(planner, &request, &candidate.trajectory, index, noted);
         }
     }
     Ok(lead_times)

@@ -89,7 +89,8 @@ fn way_on_circle(target: &MovingTarget, elapsed_s: f64, ahead_s: f64) -> [f64; 3
     let turn: [f64; 3] = std::array::from_fn(|axis| change[axis] - along * now[axis]);
     let [speed, bend] = [now, turn].map(|vector| dot(vector, vector).sqrt());
     let angle = (bend / speed * ahead_s).min(1.5);
-    if elapsed_s < 0.2 || angle.is_nan() || angle < 1e-6 {
+    let turns = elapsed_s >= 0.2 && speed > 0.0 && bend > 0.0 && angle >= 1e-6;
+    if !turns {
         return now.map(|part| part * ahead_s);
     }
     let radius = speed * speed / bend;
