@@ -210,7 +210,7 @@ fn keep(stack: &Stack, target: &MovingTarget, begun: Instant) -> anyhow::Result<
     Ok(status.values.motion_count)
 }
 
-/// Plans whenever the robot rests, as the goal keeper plans, and stops it where the arm does.
+/// Plans whenever the robot rests, within the goal keeper's deadline, and stops it where the arm does.
 fn replan_at_rest(
     stack: &mut Stack,
     target: &MovingTarget,
@@ -226,7 +226,7 @@ fn replan_at_rest(
         match state.state {
             LoopState::Holding => {
                 let request = PlanRequest {
-                    candidate_count: 4,
+                    candidate_count: 10,
                     deadline: Some(Duration::from_millis(60)),
                     execute: true,
                     ..PlanRequest::from_robot(Goal::tip(aim(ahead_s)))
