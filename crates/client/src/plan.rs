@@ -33,10 +33,9 @@ pub struct Client {
     asked: EventNotifier,
     answered: EventListener,
     cleaner: Cleaner,
-    /// The daemon that served last, as far as is known.
+    /// Who had the daemon's role at the last look.
     daemon: Option<RoleHolder>,
     last_request_id: u64,
-    options: IpcOptions,
     node: IpcNode,
 }
 
@@ -126,19 +125,21 @@ impl Client {
             cleaner: Cleaner::new(),
             daemon: None,
             last_request_id: 0,
-            options: options.clone(),
             node,
         })
     }
 
-    /// Cleans up after dead daemons, unless the one that was known lives still: it takes a millisecond.
+    /// Cleans up after dead daemons, which takes a millisecond, unless the one that was known lives still.
     fn clean_unless_daemon_lives(&mut self) {
         if self.daemon.as_ref().is_some_and(RoleHolder::lives) {
             return;
         }
+        let ended = self.daemon.take();
+        self.daemon = RoleHolder::find(self.node.options(), Role::PlannerDaemon);
         // Whoever had the role before this one is dead by now.
-        self.daemon = RoleHolder::find(&self.options, Role::PlannerDaemon);
-        self.cleaner.make_due();
+        if ended.is_some() || self.daemon.is_some() {
+            self.cleaner.make_due();
+        }
         self.cleaner.clean_if_due(&self.node);
     }
 
