@@ -84,16 +84,7 @@ fn route(
         goal: *last,
         ..problem.clone()
     };
-    planner.plan_route(
-        &via,
-        &problem,
-        request,
-        Supervision {
-            interrupt: &|| false,
-            certified: None,
-            selected: None,
-        },
-    )
+    planner.plan_route(&via, &problem, request, Supervision::new(&|| false))
 }
 
 fn problem(planner: &Planner, seed: u64, goals: usize, balls: usize) -> (Problem, Vec<Goal>) {

@@ -66,11 +66,7 @@ impl Planner {
         request: &Request,
         interrupt: Interrupt,
     ) -> Result<Plan, PlannerError> {
-        let supervision = Supervision {
-            interrupt,
-            certified: None,
-            selected: None,
-        };
+        let supervision = Supervision::new(interrupt);
         self.plan_supervised(problem, request, supervision)
     }
 
@@ -127,11 +123,7 @@ impl Planner {
         problem.check_start(&self.resources.robot)?;
         let padded = self.padded(request);
         check_goal(&padded, problem, request.seed)?;
-        let supervision = Supervision {
-            interrupt,
-            certified: None,
-            selected: None,
-        };
+        let supervision = Supervision::new(interrupt);
         let resources = &self.resources;
         Ok(self.workers.install(|| {
             let context = RequestContext::new(resources, &padded, problem, request, supervision);

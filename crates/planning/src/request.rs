@@ -87,3 +87,15 @@ pub struct Supervision<'a> {
     /// moves. The motions that are made after that are not faster in general, which no bound proves.
     pub selected: Option<&'a (dyn Fn(usize, Candidate) + Sync)>,
 }
+
+impl<'a> Supervision<'a> {
+    /// Asks whether to truncate, and tells nobody of candidates.
+    #[must_use]
+    pub fn new(interrupt: &'a (dyn Fn() -> bool + Sync)) -> Self {
+        Self {
+            interrupt,
+            certified: None,
+            selected: None,
+        }
+    }
+}

@@ -62,9 +62,8 @@ fn every_candidate_that_exploring_tells_of_is_in_the_answer() {
     let (problem, seed, _) = explored(&planner);
     let told: Mutex<Vec<Candidate>> = Mutex::default();
     let supervision = planning::Supervision {
-        interrupt: &|| false,
         certified: Some(&|candidate| told.lock().unwrap().push(candidate)),
-        selected: None,
+        ..planning::Supervision::new(&|| false)
     };
     let plan = planner
         .plan_supervised(&problem, &request(seed), supervision)

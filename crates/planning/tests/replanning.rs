@@ -14,7 +14,7 @@ use planning::{
 use shipped::planner;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use trajectory::limit_use;
+use trajectory::{State, limit_use};
 
 fn request() -> Request {
     requests::request(Sampler::Default, 3)
@@ -122,6 +122,22 @@ fn a_motion_that_an_obstacle_took_is_not_kept() {
     }
 }
 
+/// The request of all tests from a robot in this state.
+fn leaving(state: &State) -> (Problem, Request) {
+    let problem = Problem {
+        start: state.position,
+        ..problem()
+    };
+    let request = Request {
+        start_motion: Some(StartMotion {
+            velocity: state.velocity,
+            acceleration: state.acceleration,
+        }),
+        ..request()
+    };
+    (problem, request)
+}
+
 #[test]
 fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
     let planner = planner(2);
@@ -130,17 +146,7 @@ fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
     let motion = &selected(&first).trajectory;
     let state = motion.at(0.3 * motion.duration());
     assert!(state.velocity.norm() > 0.1, "it moves");
-    let moving = Problem {
-        start: state.position,
-        ..problem()
-    };
-    let in_motion = Request {
-        start_motion: Some(StartMotion {
-            velocity: state.velocity,
-            acceleration: state.acceleration,
-        }),
-        ..request()
-    };
+    let (moving, in_motion) = leaving(&state);
     let answer = plan(&planner, &moving, &in_motion);
     assert_eq!(answer.candidates.len(), 10);
     for candidate in &answer.candidates {
@@ -172,26 +178,18 @@ fn the_fastest_motion_is_told_before_the_others_are_joined_whatever_the_number_o
     for share in [0.1, 0.3, 0.6] {
         let motion = &selected(&first).trajectory;
         let state = motion.at(share * motion.duration());
-        let moving = Problem {
-            start: state.position,
-            ..problem()
-        };
+        let (moving, in_motion) = leaving(&state);
         let in_motion = Request {
-            start_motion: Some(StartMotion {
-                velocity: state.velocity,
-                acceleration: state.acceleration,
-            }),
             seed: 5,
-            ..request()
+            ..in_motion
         };
         let untold = plan(&planners[0], &moving, &in_motion);
         for planner in &planners {
             let told = Mutex::new(Vec::new());
             let tell = |index, candidate| told.lock().unwrap().push((index, candidate));
             let supervision = Supervision {
-                interrupt: &|| false,
-                certified: None,
                 selected: Some(&tell),
+                ..Supervision::new(&|| false)
             };
             let answer = planner
                 .plan_supervised(&moving, &in_motion, supervision)
@@ -214,22 +212,12 @@ fn an_interrupt_leaves_out_all_but_the_motions_that_may_be_selected() {
     let planner = planner(2);
     let first = plan(&planner, &problem(), &request());
     let state = selected(&first).trajectory.at(0.3);
-    let moving = Problem {
-        start: state.position,
-        ..problem()
-    };
-    let in_motion = Request {
-        start_motion: Some(StartMotion {
-            velocity: state.velocity,
-            acceleration: state.acceleration,
-        }),
-        ..request()
-    };
+    let (moving, in_motion) = leaving(&state);
     let is_told = AtomicBool::new(false);
+    let is_interrupted = || is_told.load(Ordering::Relaxed);
     let supervision = Supervision {
-        interrupt: &|| is_told.load(Ordering::Relaxed),
-        certified: None,
         selected: Some(&|_, _| is_told.store(true, Ordering::Relaxed)),
+        ..Supervision::new(&is_interrupted)
     };
     let answer = planner
         .plan_supervised(&moving, &in_motion, supervision)
@@ -287,9 +275,8 @@ fn candidates_are_told_as_they_certify() {
     let told = Mutex::new(Vec::new());
     let tell = |candidate: Candidate| told.lock().unwrap().push(candidate);
     let supervision = Supervision {
-        interrupt: &|| false,
         certified: Some(&tell),
-        selected: None,
+        ..Supervision::new(&|| false)
     };
     let answer = planner
         .plan_supervised(&problem(), &request(), supervision)

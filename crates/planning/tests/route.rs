@@ -38,11 +38,7 @@ fn route(
     problem: &Problem,
     request: &Request,
 ) -> Result<Plan, PlannerError> {
-    let supervision = Supervision {
-        interrupt: &|| false,
-        certified: None,
-        selected: None,
-    };
+    let supervision = Supervision::new(&|| false);
     planner.plan_route(via, problem, request, supervision)
 }
 

@@ -1,7 +1,7 @@
 //! Plans before the first request: that finds code and memory as warm as the others, and it is known how long plans take that begin in motion.
 
-use std::sync::Mutex;
-use std::time::Instant;
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
 
 use collision::{Ball, Scene, tracking_padding};
 use pcc_model::{Configuration, Point, UnitRobot};
@@ -14,8 +14,9 @@ use trajectory::Trajectory;
 use super::config::Config;
 use crate::requests::{LeadTimes, PlanKind};
 
-/// Plans that begin in motion, and how many of them, the last ones, are as fast as later ones.
+/// Plans that begin in motion.
 const IN_MOTION: u32 = 16;
+/// The last ones of these, which are as fast as later plans.
 const WARM: u32 = 8;
 
 /// Plans once from rest with every sampler that has a model, and some times in motion; returns how long the latter took.
@@ -39,26 +40,22 @@ pub(super) fn warm_up(planner: &Planner, config: &Config) -> Result<LeadTimes, P
     let mut lead_times = LeadTimes::default();
     if let Some(candidate) = plan.candidates.first() {
         for index in 1..=IN_MOTION {
-            let mut cold = LeadTimes::default();
-            let noted = if index > IN_MOTION - WARM {
-                &mut lead_times
-            } else {
-                &mut cold
-            };
-            plan_in_motion(planner, &request, &candidate.trajectory, index, noted);
+            let took = plan_in_motion(planner, &request, &candidate.trajectory, index);
+            for (kind, took) in took.into_iter().filter(|_| index > IN_MOTION - WARM) {
+                lead_times.note(kind, took);
+            }
         }
     }
     Ok(lead_times)
 }
 
-/// Plans from an instant of a motion, and notes how long that takes; a plan that fails says nothing.
+/// Plans from an instant of a motion; returns how long it takes until the plan is whole and until its motion is selected, nothing where it fails.
 fn plan_in_motion(
     planner: &Planner,
     request: &Request,
     motion: &Trajectory,
     index: u32,
-    lead_times: &mut LeadTimes,
-) {
+) -> Vec<(PlanKind, Duration)> {
     let state = motion.at(motion.duration() * f64::from(index) / f64::from(IN_MOTION + 2));
     let problem = Problem {
         start: state.position,
@@ -72,28 +69,28 @@ fn plan_in_motion(
         }),
         ..request.clone()
     };
-    let (begun, selected_after) = (Instant::now(), Mutex::new(None));
-    let select = |_, _| *selected_after.lock().expect("it holds a time") = Some(begun.elapsed());
+    let (begun, selected_after) = (Instant::now(), OnceLock::new());
+    let select = |_, _| {
+        selected_after.get_or_init(|| begun.elapsed());
+    };
     let supervision = Supervision {
-        interrupt: &|| false,
-        certified: None,
         selected: Some(&select),
+        ..Supervision::new(&|| false)
     };
     if planner
         .plan_supervised(&problem, &request, supervision)
         .is_err()
     {
-        return;
+        return Vec::new();
     }
     let kind = |selects_early| PlanKind {
         sampler: request.sampler,
         has_several_goals: false,
         selects_early,
     };
-    lead_times.note(kind(false), begun.elapsed());
-    if let Some(took) = *selected_after.lock().expect("it holds a time") {
-        lead_times.note(kind(true), took);
-    }
+    let whole = (kind(false), begun.elapsed());
+    let selected = selected_after.get().map(|took| (kind(true), *took));
+    std::iter::once(whole).chain(selected).collect()
 }
 
 /// A motion from the straight robot, beside a ball.

@@ -160,7 +160,7 @@ impl Results<'_> {
 
 /// Numbers in their order, those that follow each other as a range.
 fn ranges(numbers: &[u32]) -> String {
-    let runs = numbers.chunk_by(|before, after| before + 1 == *after);
+    let runs = numbers.chunk_by(|before, after| before.checked_add(1) == Some(*after));
     let text = |run: &[u32]| match run {
         [first, .., last] => format!("{first} to {last}"),
         run => run.iter().map(u32::to_string).collect(),

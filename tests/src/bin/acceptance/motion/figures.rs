@@ -79,7 +79,10 @@ impl Figures {
 
     /// Notes how long a request took.
     pub(super) fn note_time(&mut self, name: &'static str, took: Duration) {
-        let took_ms = took.as_secs_f64() * 1e3;
+        self.note_ms(name, took.as_secs_f64() * 1e3);
+    }
+
+    fn note_ms(&mut self, name: &'static str, took_ms: f64) {
         self.times_ms.entry(name).or_default().push(took_ms);
     }
 
@@ -98,18 +101,14 @@ impl Figures {
                 continue;
             };
             self.switched += 1;
-            if let Some(asked) = self.published.get(&motion.id) {
+            if let Some(asked) = self.published.get(&motion.id).copied() {
                 let ms = |from_ns: i64, to_ns: i64| (to_ns - from_ns) as f64 * 1e-6;
-                let took_ms = ms(asked.mono_ns, first_ns);
-                self.to_setpoint_ms.push((asked.at, took_ms));
-                let lead_ms = ms(asked.mono_ns, motion.begin_mono_ns);
-                let rest_ms = ms(motion.begin_mono_ns, first_ns);
-                for (name, took_ms) in [
-                    ("lead, from the goal to the switch", lead_ms),
-                    ("switch to first set-point", rest_ms),
-                ] {
-                    self.times_ms.entry(name).or_default().push(took_ms);
-                }
+                let switch_ns = motion.begin_mono_ns;
+                self.to_setpoint_ms
+                    .push((asked.at, ms(asked.mono_ns, first_ns)));
+                let lead_ms = ms(asked.mono_ns, switch_ns);
+                self.note_ms("lead, from the goal to the switch", lead_ms);
+                self.note_ms("switch to first set-point", ms(switch_ns, first_ns));
             }
         }
         let setpoints: Vec<(i64, Tendons)> = heard

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use client::GoalSender;
-use shared_types::codes::{GoalState, LoopState, MotionOutcome};
+use shared_types::codes::{GoalState, LoopState};
 use shared_types::message::MotionResult;
 use shared_types::valid::{Goal, GoalStatus};
 use tests::judge::Judge;
@@ -14,7 +14,7 @@ use tests::process::wait_for;
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
-use super::disturbed::named;
+use super::disturbed::{is_whole, named};
 use super::setpoints::{no_offences, within_limits};
 use crate::report::Report;
 use crate::scale::Scale;
@@ -124,9 +124,8 @@ impl Figures {
             rounds,
         );
         report.all_of(&line("came to rest"), self.rested, rounds);
-        let names = results.iter().map(named);
-        let mut ends: Vec<String> = names.filter(|name| !is_certified_end(name)).collect();
-        ends.dedup();
+        let cut_short = results.iter().filter(|result| !is_whole(result));
+        let ends: Vec<String> = cut_short.map(named).collect();
         report.none_of(
             &line("motions that ended neither at their certified end nor joined by another"),
             &ends,
@@ -139,10 +138,4 @@ impl Figures {
         within_limits(report, &line, judge.verdict());
         no_offences(report, &line, judge.verdict());
     }
-}
-
-/// Whether a motion of this result ended where its certificate says that the robot may stand, or went over into another.
-fn is_certified_end(result: &str) -> bool {
-    let ends = [MotionOutcome::Reached, MotionOutcome::Joined];
-    ends.iter().any(|end| result == end.to_string())
 }

@@ -83,11 +83,9 @@ fn fate(replan: &Replan, heard: &Heard) -> Result<String, String> {
     };
     let old = under_way(&heard.cycles, refused_ns);
     let old = old.ok_or_else(|| format!("{why}: nothing moved before"))?;
+    let beside_why = |became| format!("{why}; {became}");
     let became = old_motion(heard, old, refused_ns);
-    match became {
-        Ok(became) => Ok(format!("{why}; {became}")),
-        Err(became) => Err(format!("{why}; {became}")),
-    }
+    became.map(beside_why).map_err(beside_why)
 }
 
 /// The motion that was followed last before an instant.
@@ -106,10 +104,7 @@ fn old_motion(heard: &Heard, id: u32, refused_ns: i64) -> Result<String, String>
         cycle.trajectory_id == id && is_on_its_way(cycle) && cycle.stamp_mono_ns > refused_ns
     };
     let went_on = heard.cycles.iter().any(goes_on);
-    let is_whole = [MotionOutcome::Reached, MotionOutcome::Joined]
-        .map(MotionOutcome::code)
-        .contains(&result.outcome);
-    match (is_whole, went_on) {
+    match (is_whole(result), went_on) {
         (true, true) => Ok("the old motion went on".to_owned()),
         (true, false) => Ok(format!("the old motion had ended: {}", named(result))),
         (false, _) => Err(format!("the old motion: {}", named(result))),
@@ -123,6 +118,13 @@ fn result_of(heard: &Heard, id: u32) -> Option<&MotionResult> {
         .iter()
         .rev()
         .find(|result| result.trajectory_id == id)
+}
+
+/// Whether a motion ended where its certificate says that the robot may stand, or went over into another.
+pub(crate) fn is_whole(result: &MotionResult) -> bool {
+    [MotionOutcome::Reached, MotionOutcome::Joined]
+        .map(MotionOutcome::code)
+        .contains(&result.outcome)
 }
 
 /// A result by its codes.

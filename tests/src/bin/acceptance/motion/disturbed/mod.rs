@@ -29,7 +29,7 @@ use super::replan_run::{balls, refusal, wait_until_held};
 use crate::report::Report;
 use crate::scale::Scale;
 
-pub(super) use self::fates::named;
+pub(super) use self::fates::{is_whole, named};
 
 /// Seed of scenes, tips, pauses and disturbances.
 const SEED: u64 = 9_301;
