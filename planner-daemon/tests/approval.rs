@@ -77,10 +77,8 @@ fn a_candidate_is_executed_exactly_as_it_was_answered_while_the_robot_is_at_its_
     assert_eq!(Some(trajectory.id), report.trajectory_id);
     assert_eq!(trajectory.knots, knots);
     assert_eq!(trajectory.requested_mono_ns, named.requested_mono_ns);
-    assert_eq!(
-        (trajectory.plan_id, trajectory.candidate_index),
-        (plan_id, 1)
-    );
+    let draw = preview.candidate(1).unwrap().summary.draw as usize;
+    assert_eq!((trajectory.plan_id, trajectory.draw), (plan_id, draw));
 
     let selected = PlannedExecution::now(plan_id, None);
     controller.begin(&trajectory);

@@ -54,8 +54,9 @@ fn a_motion_is_published_as_planned_then_stopped_when_a_ball_appears() {
     assert_eq!(report.trajectory_id, Some(trajectory.id));
     assert_eq!(trajectory.controller_instance, 5);
     assert_eq!(trajectory.plan_id, report.plan_id);
-    assert_eq!(Some(trajectory.candidate_index), report.selected);
-    assert_eq!(trajectory.knots, answer.selected().unwrap().knots);
+    let selected = answer.selected().unwrap();
+    assert_eq!(trajectory.draw, selected.summary.draw as usize);
+    assert_eq!(trajectory.knots, selected.knots);
     assert_eq!(trajectory.path_tolerance_rad, 0.01);
     assert!(trajectory.begin_mono_ns >= before + 50_000_000);
 

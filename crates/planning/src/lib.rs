@@ -47,7 +47,7 @@ pub use pipeline::selection::select;
 pub use plan::{Candidate, Certified, Draw, Failure, Passage, Plan};
 pub use planner::Planner;
 pub use problem::{Goal, Problem, Via};
-pub use request::{Guidance, PreviousPlan, Request, StartMotion, Supervision};
+pub use request::{EarlySelection, Guidance, PreviousPlan, Request, StartMotion, Supervision};
 pub use resources::Models;
 pub use search::edges::RrtSettings;
 pub use search::random_configuration::random_configuration;

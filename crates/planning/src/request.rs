@@ -5,6 +5,7 @@ use crate::plan::Candidate;
 use codes::Sampler;
 use pcc_model::{Configuration, SECTIONS};
 use std::sync::Arc;
+use trajectory::Knot;
 
 /// How differential kinematics refines the paths of the diffusion model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +49,18 @@ pub struct StartMotion {
     pub acceleration: Configuration,
 }
 
+impl StartMotion {
+    /// The state of a robot that moves so in a configuration.
+    pub(crate) fn state_in(&self, position: &Configuration) -> Knot {
+        Knot {
+            time: 0.0,
+            position: *position,
+            velocity: self.velocity,
+            acceleration: self.acceleration,
+        }
+    }
+}
+
 /// What a plan must deliver, beside its problem.
 #[derive(Clone, Debug)]
 pub struct Request {
@@ -82,10 +95,19 @@ pub struct Supervision<'a> {
     /// Called with each candidate as soon as it is certified, by any worker and in any order; the answer may have better ones in their
     /// place.
     pub certified: Option<&'a (dyn Fn(Candidate) + Sync)>,
-    /// Called with the fastest candidate (what remains of a motion that is followed, where no other one is faster by a tenth) and its index
-    /// among all, before the others are complete. Only a request with one goal that begins in motion calls it, once, and only where nothing
-    /// moves. The motions that are made after that are not faster in general, which no bound proves.
-    pub selected: Option<&'a (dyn Fn(usize, Candidate) + Sync)>,
+    /// Has the fastest candidate of a request with one goal that begins in motion before the others, where no obstacle moves.
+    pub early_selection: Option<EarlySelection<'a>>,
+}
+
+/// Has the fastest motion of a request that begins in motion before the others are joined to the motion that is left.
+#[derive(Clone, Copy)]
+pub struct EarlySelection<'a> {
+    /// Asked once, when paths are planned: the state (its time is not read) in which the motions are to begin, where that is not the
+    /// request's. Paths are moved by the way between the rests that the robot reaches from both, so that should be short.
+    pub begin: &'a (dyn Fn() -> Option<Knot> + Sync),
+    /// Called with the fastest candidate, once at most: what remains of a motion that is followed, where no other one is faster by a tenth.
+    /// The motions that are joined after that are not faster in general, which no bound proves.
+    pub selected: &'a (dyn Fn(Candidate) + Sync),
 }
 
 impl<'a> Supervision<'a> {
@@ -95,7 +117,7 @@ impl<'a> Supervision<'a> {
         Self {
             interrupt,
             certified: None,
-            selected: None,
+            early_selection: None,
         }
     }
 }

@@ -7,14 +7,14 @@ mod shipped;
 use collision::{Ball, Scene, certify_trajectory, minimum_clearance};
 use pcc_model::{Configuration, Point};
 use planning::{
-    Candidate, Goal, Infeasible, MovingObstacles, PathMetrics, Plan, Planner, PlannerError,
-    PreviousPlan, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision,
-    WAYPOINTS, select,
+    Candidate, EarlySelection, Goal, Infeasible, MovingObstacles, PathMetrics, Plan, Planner,
+    PlannerError, PreviousPlan, Problem, Request, Sampler, Selection, Source, StartMotion,
+    Supervision, WAYPOINTS, select,
 };
 use shipped::planner;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
-use trajectory::{State, limit_use};
+use trajectory::{Knot, State, limit_use};
 
 fn request() -> Request {
     requests::request(Sampler::Default, 3)
@@ -39,6 +39,16 @@ fn plan(planner: &Planner, problem: &Problem, request: &Request) -> Plan {
 
 fn selected_index(plan: &Plan) -> Option<usize> {
     select(&plan.candidates, &problem().start, Selection::ShortestTime)
+}
+
+/// A state as the first knot of a motion.
+fn knot_at(state: &State) -> Knot {
+    Knot {
+        time: 0.0,
+        position: state.position,
+        velocity: state.velocity,
+        acceleration: state.acceleration,
+    }
 }
 
 fn selected(plan: &Plan) -> &Candidate {
@@ -186,24 +196,66 @@ fn the_fastest_motion_is_told_before_the_others_are_joined_whatever_the_number_o
         let untold = plan(&planners[0], &moving, &in_motion);
         for planner in &planners {
             let told = Mutex::new(Vec::new());
-            let tell = |index, candidate| told.lock().unwrap().push((index, candidate));
+            let early_selection = EarlySelection {
+                begin: &|| None,
+                selected: &|candidate| told.lock().unwrap().push(candidate),
+            };
             let supervision = Supervision {
-                selected: Some(&tell),
+                early_selection: Some(early_selection),
                 ..Supervision::new(&|| false)
             };
             let answer = planner
                 .plan_supervised(&moving, &in_motion, supervision)
                 .unwrap();
-            let told: Vec<(usize, Candidate)> = told.into_inner().unwrap();
-            let [(index, candidate)] = told.as_slice() else {
+            let told: Vec<Candidate> = told.into_inner().unwrap();
+            let [candidate] = told.as_slice() else {
                 panic!("told {} times", told.len());
             };
-            assert_eq!(Some(*index), selected_index(&answer));
+            assert_eq!(candidate.draw, selected(&answer).draw);
             let knots = |it: &Candidate| it.trajectory.knots().to_vec();
-            assert!(knots(candidate) == knots(&answer.candidates[*index]));
+            assert!(knots(candidate) == knots(selected(&answer)));
             let of_all = |plan: &Plan| plan.candidates.iter().map(knots).collect::<Vec<_>>();
             assert!(of_all(&answer) == of_all(&untold));
         }
+    }
+}
+
+#[test]
+fn motions_begin_where_the_robot_is_once_paths_are_planned() {
+    let planner = planner(2);
+    let first = plan(&planner, &problem(), &request());
+    let motion = &selected(&first).trajectory;
+    for later_s in [0.002, 0.02] {
+        let (moving, in_motion) = leaving(&motion.at(0.3));
+        let then = motion.at(0.3 + later_s);
+        let (later, from_there) = leaving(&then);
+        let early_selection = EarlySelection {
+            begin: &|| Some(knot_at(&then)),
+            selected: &|_| (),
+        };
+        let supervision = Supervision {
+            early_selection: Some(early_selection),
+            ..Supervision::new(&|| false)
+        };
+        let answer = planner
+            .plan_supervised(&moving, &in_motion, supervision)
+            .unwrap();
+        assert_eq!(answer.candidates.len(), 10);
+        let robot = planner.robot();
+        for candidate in &answer.candidates {
+            let motion = &candidate.trajectory;
+            assert_eq!(motion.knots()[0], knot_at(&then));
+            assert!(
+                limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6
+            );
+            assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
+        }
+        let planned_there = plan(&planner, &later, &from_there);
+        let [late, there] = [&answer, &planned_there].map(|it| selected(it).metrics.duration_s);
+        assert!(
+            (late / there - 1.0).abs() < 0.02,
+            "{late} s, {there} s if planned there"
+        );
     }
 }
 
@@ -215,8 +267,12 @@ fn an_interrupt_leaves_out_all_but_the_motions_that_may_be_selected() {
     let (moving, in_motion) = leaving(&state);
     let is_told = AtomicBool::new(false);
     let is_interrupted = || is_told.load(Ordering::Relaxed);
+    let early_selection = EarlySelection {
+        begin: &|| None,
+        selected: &|_| is_told.store(true, Ordering::Relaxed),
+    };
     let supervision = Supervision {
-        selected: Some(&|_, _| is_told.store(true, Ordering::Relaxed)),
+        early_selection: Some(early_selection),
         ..Supervision::new(&is_interrupted)
     };
     let answer = planner

@@ -167,7 +167,7 @@ impl Supervisor {
             requested_mono_ns: selected.timing.requested_mono_ns,
             begin_mono_ns: schedule.begin_mono_ns,
             knot_count: knots.len() as u32,
-            candidate_index: selected.candidate_index as u32,
+            draw: selected.draw as u32,
             path_tolerance_rad: self.rules.path_tolerance_rad,
             ..TrajectoryMessage::ZEROED
         };

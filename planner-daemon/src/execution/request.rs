@@ -25,7 +25,7 @@ pub(crate) struct SelectedMotion {
     pub(crate) goals: Arc<[TimedGoal]>,
     /// Where it leaves the motion that is followed; none where it begins at rest.
     pub(crate) leaves: Option<Switch>,
-    pub(crate) candidate_index: usize,
+    pub(crate) draw: usize,
     pub(crate) plan_id: u64,
     /// Whether another motion is planned as soon as this one is not certified to its end any more.
     pub(crate) is_replanned: bool,

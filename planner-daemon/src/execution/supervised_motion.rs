@@ -233,7 +233,7 @@ mod tests {
             motion: Arc::new(motion()),
             goals: Arc::default(),
             leaves: None,
-            candidate_index: 0,
+            draw: 0,
             plan_id: 1,
             is_replanned: false,
             timing: ExecutionTiming {

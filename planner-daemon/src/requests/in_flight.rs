@@ -34,22 +34,28 @@ impl Queued {
         PlanKind {
             sampler: self.task.request.sampler,
             has_several_goals: self.task.has_several_goals(),
-            selects_early: self.selects_early(),
+            is_joining_only: self.selects_early(),
         }
     }
 
-    /// Whether its motion is executed before the plan is complete, where it begins in motion. The keeper of the goal that stays hears of a
-    /// motion with the plan, so that it can have it stopped from then on.
+    /// Whether it is chosen late where its motion begins, and that is executed before the plan is complete, where it begins in motion. Early
+    /// candidates would begin elsewhere. The keeper of the goal that stays hears of a motion with the plan, so that it can have it stopped
+    /// from then on.
     pub(super) fn selects_early(&self) -> bool {
         let is_of_client = matches!(self.asker, Asker::Client(_));
-        is_of_client && self.task.executes_fastest() && !self.task.has_several_goals()
+        let has_early_answer = self.task.early.is_some();
+        is_of_client
+            && !has_early_answer
+            && self.task.executes_fastest()
+            && !self.task.has_several_goals()
     }
 }
 
 /// The request that is being planned.
 pub(super) struct InFlight {
     pub(super) queued: Queued,
-    pub(super) begun: Instant,
+    /// When it was chosen where its motion begins.
+    pub(super) begin_chosen: Instant,
     pub(super) waited: Duration,
     pub(super) plan_id: u64,
     /// How its candidates begin.

@@ -21,11 +21,12 @@ const MARGIN: f64 = 1.05;
 pub(crate) struct PlanKind {
     pub(crate) sampler: Sampler,
     pub(crate) has_several_goals: bool,
-    /// Whether the motion is selected before the plan is complete.
-    pub(crate) selects_early: bool,
+    /// Whether only the time counts in which paths that are planned are joined to the motion that is left, until the fastest is known.
+    pub(crate) is_joining_only: bool,
 }
 
-/// How long plans of each kind that began in motion took lately, from their begin until their motion was handed over for publication.
+/// How long plans of each kind that began in motion took lately, from the choice of their switch until their motion was handed over for
+/// publication.
 #[derive(Debug, Default)]
 pub(crate) struct LeadTimes {
     recent: Vec<(PlanKind, Vec<Duration>)>,
@@ -66,7 +67,7 @@ mod tests {
         let kind = |has_several_goals| PlanKind {
             sampler: Sampler::Default,
             has_several_goals,
-            selects_early: true,
+            is_joining_only: true,
         };
         let mut times = LeadTimes::default();
         assert_eq!(times.lead(kind(false)), FIRST_LEAD);

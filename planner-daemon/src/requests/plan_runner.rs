@@ -13,7 +13,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Instant;
 
 use pcc_model::UnitRobot;
-use planning::{Candidate, Plan, Planner, PlannerError, Problem, Request, Supervision, Via};
+use planning::{
+    Candidate, EarlySelection, Plan, Planner, PlannerError, Problem, Request, Supervision, Via,
+};
+
+use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
 
 /// A planning job: problem, request and deadline.
@@ -25,11 +29,15 @@ pub(crate) struct Job {
     pub(crate) deadline: Instant,
     /// The early answer that is wanted, if any.
     pub(crate) early: Option<Early>,
-    /// Whether the fastest candidate is an output of its own as soon as it is known.
-    pub(crate) selects_early: bool,
+    /// Where the motions are to begin, asked when paths are planned; then the fastest candidate is an output of its own as soon as it is
+    /// known.
+    pub(crate) late_switch: Option<LateSwitch>,
     /// Set when the client has cancelled the request.
     pub(crate) cancelled: Arc<AtomicBool>,
 }
+
+/// Chooses where the motion that is followed is left; none where it cannot be left any more.
+pub(crate) type LateSwitch = Box<dyn Fn() -> Option<Switch> + Send + Sync>;
 
 /// The early answer that a client asked for: its number of candidates, as soon as they are certified.
 pub(crate) struct Early {
@@ -52,11 +60,13 @@ pub(crate) enum PlanError {
 
 pub(crate) type Planned = Result<Plan, PlanError>;
 
-/// Output of a job: early candidates and the fastest one where they were asked for, then the plan.
+/// Output of a job: early candidates, the late switch and the fastest candidate where they were asked for, then the plan.
 pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
-    /// The fastest candidate, and its index among all.
-    Selected(usize, Candidate),
+    /// Where all candidates begin, and when that was chosen.
+    Begins(Switch, Instant),
+    /// The fastest candidate.
+    Selected(Candidate),
     Plan(Planned),
 }
 
@@ -88,7 +98,7 @@ impl PlanRunner {
     /// What the system says where there can be no more files.
     pub(crate) fn new(planner: Arc<Planner>) -> io::Result<Self> {
         // Room for one output of each kind, so that a worker never waits.
-        let (outgoing, outputs) = sync_channel(3);
+        let (outgoing, outputs) = sync_channel(4);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
             planner,
@@ -146,11 +156,20 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
             }
         }
     };
-    let select = |index, candidate| outgoing.send(PlanOutput::Selected(index, candidate));
+    let begin = || {
+        let chosen = Instant::now();
+        let switch = job.late_switch.as_ref()?()?;
+        outgoing.send(PlanOutput::Begins(switch, chosen));
+        Some(switch.state)
+    };
+    let early_selection = EarlySelection {
+        begin: &begin,
+        selected: &|candidate| outgoing.send(PlanOutput::Selected(candidate)),
+    };
     let supervision = Supervision {
         interrupt: &interrupt,
         certified: job.early.is_some().then_some(&collect),
-        selected: job.selects_early.then_some(&select),
+        early_selection: job.late_switch.is_some().then_some(early_selection),
     };
     guarded(|| planner.plan_route(&job.via, &job.problem, &job.request, supervision))
 }
@@ -206,7 +225,7 @@ mod tests {
             request: request(),
             deadline,
             early: None,
-            selects_early: false,
+            late_switch: None,
             cancelled: Arc::default(),
         }
     }

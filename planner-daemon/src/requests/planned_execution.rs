@@ -52,7 +52,7 @@ impl Service {
             motion: Arc::clone(&kept.candidate.trajectory),
             goals: Arc::clone(&kept.goals),
             leaves,
-            candidate_index: index,
+            draw: kept.candidate.draw,
             plan_id: plan.plan_id,
             is_replanned: false,
             timing: ExecutionTiming {

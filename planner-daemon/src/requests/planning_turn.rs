@@ -12,15 +12,16 @@ use shared_types::codes::{Outcome, PlanField};
 use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
 use super::in_flight::{EarlyExecution, InFlight, Queued};
-use super::plan_runner::{Early, Job, PlanOutput, Planned};
+use super::lead_times::PlanKind;
+use super::plan_runner::{Early, Job, LateSwitch, PlanOutput, Planned};
 use super::recent_plans::{KeptCandidate, KeptPlan, PlanBegin};
 use super::refusal::Refusal;
 use super::request_validator::PlanTask;
 use super::robot_start::{NotReady, begin_at_robot};
 use super::service::Service;
 use crate::execution::{
-    ExecutionRefusal, ExecutionTiming, ExpectedBegin, RobotMotion, SelectedMotion, Switch,
-    TimedGoal,
+    ExecutionRefusal, ExecutionTiming, ExpectedBegin, FollowedMotion, RobotMotion, SelectedMotion,
+    Switch, TimedGoal,
 };
 use crate::goal_keeping::Wanted;
 
@@ -38,6 +39,8 @@ struct Start {
     begin: PlanBegin,
     /// What is planned.
     problem: Arc<Problem>,
+    /// The motion that is left, if one is.
+    leaves: Option<FollowedMotion>,
 }
 
 impl Service {
@@ -57,8 +60,17 @@ impl Service {
         let begun = Instant::now();
         let waited = begun - queued.received;
         // A plan that came too late mostly was an exception: the second one is foreseen like the first.
-        let lead = self.lead_times.lead(queued.kind()) * attempt.div_ceil(2);
-        let Start { begin, problem } = match self.start(&mut queued.task, lead) {
+        let kind = queued.kind();
+        let lead = |kind| self.lead_times.lead(kind) * attempt.div_ceil(2);
+        let whole = PlanKind {
+            is_joining_only: false,
+            ..kind
+        };
+        let Start {
+            begin,
+            problem,
+            leaves,
+        } = match self.start(&mut queued.task, lead(whole)) {
             Ok(start) => start,
             Err(NotReady::Passes(_)) if waited < longest_deferral(&queued.task) => {
                 self.deferred = Some(queued);
@@ -73,6 +85,9 @@ impl Service {
             self.refuse(&queued.asker, queued.task.request_id, &refusal);
             return true;
         }
+        let leaves = leaves.filter(|_| queued.selects_early());
+        let late_switch =
+            leaves.map(|left| late_switch(left, lead(kind), queued.task.begin_mono_ns));
         let cancelled = Arc::new(AtomicBool::new(false));
         self.runner.begin(Job {
             problem,
@@ -80,14 +95,14 @@ impl Service {
             request: queued.task.request.clone(),
             deadline: queued.deadline() + excused(&queued.task, waited),
             early: self.early(&queued.task),
-            selects_early: matches!(begin, PlanBegin::AtSwitch(_)) && queued.selects_early(),
+            late_switch,
             cancelled: Arc::clone(&cancelled),
         });
         let plan_id = self.next_plan_id;
         self.next_plan_id += 1;
         self.in_flight = Some(InFlight {
             queued,
-            begun,
+            begin_chosen: begun,
             waited,
             plan_id,
             begin,
@@ -104,11 +119,11 @@ impl Service {
         let robot = self.execution.robot_motion();
         let not_before_mono_ns = task.begin_mono_ns;
         let now = mono_now_ns();
-        let leaves = match task.starts_at_robot {
+        let switch = match task.starts_at_robot {
             true => begin_at_robot(task, &robot, lead.max(until(not_before_mono_ns, now)), now)?,
             false => None,
         };
-        let (begin, expected) = match (&robot, leaves) {
+        let (begin, expected) = match (&robot, switch) {
             (RobotMotion::Following(followed), Some(switch)) => (
                 PlanBegin::AtSwitch(switch),
                 ExpectedBegin::AtSwitch(followed, switch),
@@ -121,9 +136,17 @@ impl Service {
                 ExpectedBegin::AtRest { not_before_mono_ns },
             ),
         };
+        let leaves = match &robot {
+            RobotMotion::Following(followed) if switch.is_some() => Some(followed.clone()),
+            _ => None,
+        };
         if task.ignores_live_scene {
             let problem = Arc::clone(&task.problem);
-            return Ok(Start { begin, problem });
+            return Ok(Start {
+                begin,
+                problem,
+                leaves,
+            });
         }
         let problem = self
             .execution
@@ -139,6 +162,7 @@ impl Service {
         Ok(Start {
             begin: delayed.unwrap_or(begin),
             problem,
+            leaves,
         })
     }
 
@@ -157,7 +181,8 @@ impl Service {
         }
         match self.runner.take() {
             Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
-            Some(PlanOutput::Selected(index, candidate)) => self.execute_early(index, &candidate),
+            Some(PlanOutput::Begins(switch, chosen)) => self.begin_at(switch, chosen),
+            Some(PlanOutput::Selected(candidate)) => self.execute_early(&candidate),
             Some(PlanOutput::Plan(planned)) => self.answer(planned),
             None => return false,
         }
@@ -178,14 +203,22 @@ impl Service {
         self.send_to_client(&mut answer, active);
     }
 
+    /// Notes where the candidates of the running plan begin.
+    fn begin_at(&mut self, switch: Switch, chosen: Instant) {
+        if let Some(in_flight) = &mut self.in_flight {
+            in_flight.begin = PlanBegin::AtSwitch(switch);
+            in_flight.begin_chosen = chosen;
+        }
+    }
+
     /// Publishes the motion that is selected whatever the others will be; the plan goes on, unless it has to be made again.
-    fn execute_early(&mut self, index: usize, candidate: &Candidate) {
+    fn execute_early(&mut self, candidate: &Candidate) {
         let Some(mut in_flight) = self.in_flight.take() else {
             return;
         };
         let Queued { asker, task, .. } = &in_flight.queued;
         if asker.is_waiting() && is_deliverable(task, candidate, self.runner.robot()) {
-            let published = self.execute(&in_flight, Some((index, candidate)));
+            let published = self.execute(&in_flight, Some(candidate));
             self.note_foreign_motion(&in_flight, published.as_ref());
             if published
                 .as_ref()
@@ -244,7 +277,8 @@ impl Service {
         if !is_wanted || answer.candidates.is_empty() {
             return None;
         }
-        let published = self.execute(in_flight, answer.selected());
+        let selected = answer.selected().map(|(_, candidate)| candidate);
+        let published = self.execute(in_flight, selected);
         self.note_foreign_motion(in_flight, published.as_ref());
         published
     }
@@ -253,13 +287,14 @@ impl Service {
     fn execute(
         &mut self,
         in_flight: &InFlight,
-        selected: Option<(usize, &Candidate)>,
+        selected: Option<&Candidate>,
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let task = &in_flight.queued.task;
         let requested_mono_ns = task.requested_mono_ns?;
         if matches!(in_flight.begin, PlanBegin::AtSwitch(_)) {
-            let took = in_flight.begun.elapsed();
+            let took = in_flight.begin_chosen.elapsed();
             self.lead_times.note(in_flight.queued.kind(), took);
+            { use std::io::Write; let _ = std::fs::OpenOptions::new().create(true).append(true).open("/tmp/took.txt").map(|mut f| writeln!(f, "{:?} {:?} lead {:?}", in_flight.queued.received.elapsed(), took, self.lead_times.lead(in_flight.queued.kind()))); } // TMP
         }
         Some(self.publish_selected(in_flight, selected, requested_mono_ns))
     }
@@ -267,20 +302,20 @@ impl Service {
     fn publish_selected(
         &self,
         in_flight: &InFlight,
-        selected: Option<(usize, &Candidate)>,
+        selected: Option<&Candidate>,
         requested_mono_ns: i64,
     ) -> Result<u32, ExecutionRefusal> {
         let (leaves, begin_mono_ns) = in_flight.begin.to_execute()?;
         if self.ends {
             return Err(ExecutionRefusal::DaemonEnds);
         }
-        let (candidate_index, candidate) = selected.ok_or(ExecutionRefusal::NothingSelected)?;
+        let candidate = selected.ok_or(ExecutionRefusal::NothingSelected)?;
         self.check_wanted(in_flight, leaves.as_ref(), candidate)?;
         self.execution.publish(SelectedMotion {
             motion: Arc::clone(&candidate.trajectory),
             goals: timed_goals(&in_flight.queued.task, candidate),
             leaves,
-            candidate_index,
+            draw: candidate.draw,
             plan_id: in_flight.plan_id,
             is_replanned: matches!(in_flight.queued.asker, Asker::GoalKeeper),
             timing: ExecutionTiming {
@@ -318,6 +353,18 @@ impl Service {
             self.goal.keeper.end_for_foreign(*id);
         }
     }
+}
+
+/// Where a motion is left by one that is ready within `lead`, whenever it is asked, and not before `not_before_mono_ns`.
+fn late_switch(
+    left: FollowedMotion,
+    lead: Duration,
+    not_before_mono_ns: Option<i64>,
+) -> LateSwitch {
+    Box::new(move || {
+        let now = mono_now_ns();
+        left.switch_after(lead.max(until(not_before_mono_ns, now)), now)
+    })
 }
 
 /// Why a motion to the goal that stays is not planned yet: it would begin so much later that it is planned again until then.

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use collision::{Ball, Scene, tracking_padding};
 use pcc_model::{Configuration, Point, UnitRobot};
 use planning::{
-    Goal, MOST_CORRECTIONS, MovingObstacles, Planner, PlannerError, Problem, Request, Sampler,
-    StartMotion, Supervision,
+    EarlySelection, Goal, MOST_CORRECTIONS, MovingObstacles, Planner, PlannerError, Problem,
+    Request, Sampler, StartMotion, Supervision,
 };
 use trajectory::Trajectory;
 
@@ -49,7 +49,7 @@ pub(super) fn warm_up(planner: &Planner, config: &Config) -> Result<LeadTimes, P
     Ok(lead_times)
 }
 
-/// Plans from an instant of a motion; returns how long it takes until the plan is whole and until its motion is selected, nothing where it fails.
+/// Plans from an instant of a motion; returns how long it takes until the plan is whole, and to join its motions until one is selected, nothing where it fails.
 fn plan_in_motion(
     planner: &Planner,
     request: &Request,
@@ -69,12 +69,20 @@ fn plan_in_motion(
         }),
         ..request.clone()
     };
-    let (begun, selected_after) = (Instant::now(), OnceLock::new());
-    let select = |_, _| {
-        selected_after.get_or_init(|| begun.elapsed());
+    let (begun, joining_begun, joined_in) = (Instant::now(), OnceLock::new(), OnceLock::new());
+    let begin = || {
+        joining_begun.get_or_init(Instant::now);
+        None
+    };
+    let select = |_| {
+        joined_in.get_or_init(|| joining_begun.get().map(Instant::elapsed));
+    };
+    let early_selection = EarlySelection {
+        begin: &begin,
+        selected: &select,
     };
     let supervision = Supervision {
-        selected: Some(&select),
+        early_selection: Some(early_selection),
         ..Supervision::new(&|| false)
     };
     if planner
@@ -83,14 +91,15 @@ fn plan_in_motion(
     {
         return Vec::new();
     }
-    let kind = |selects_early| PlanKind {
+    let kind = |is_joining_only| PlanKind {
         sampler: request.sampler,
         has_several_goals: false,
-        selects_early,
+        is_joining_only,
     };
     let whole = (kind(false), begun.elapsed());
-    let selected = selected_after.get().map(|took| (kind(true), *took));
-    std::iter::once(whole).chain(selected).collect()
+    let joined_in = joined_in.get().copied().flatten();
+    let joining = joined_in.map(|took| (kind(true), took));
+    std::iter::once(whole).chain(joining).collect()
 }
 
 /// A motion from the straight robot, beside a ball.

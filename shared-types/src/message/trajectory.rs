@@ -47,8 +47,8 @@ wire_message! {
         pub leaves_at_s: f64,
         /// Knots in use, 2..=256.
         pub knot_count: u32,
-        /// Index of the motion among the plan's candidates.
-        pub candidate_index: u32,
+        /// The draw that the motion is of, as in the candidate's summary in the answer.
+        pub draw: u32,
         /// Tracking error that the certificate covers, radians (Euclidean norm of the configuration error).
         pub path_tolerance_rad: f64,
         /// The first `knot_count` are the motion; the others are not read.

@@ -14,7 +14,7 @@ pub struct Trajectory {
     /// The plan it was selected from.
     pub plan_id: u64,
     /// Which of the plan's candidates it is.
-    pub candidate_index: usize,
+    pub draw: usize,
     /// The controller that is to execute it.
     pub controller_instance: u64,
     /// Instance of the daemon that has published the trajectory.
@@ -58,12 +58,7 @@ impl TryFrom<&TrajectoryMessage> for Trajectory {
         Ok(Self {
             id: wire.trajectory_id,
             plan_id: wire.plan_id,
-            candidate_index: check_count(
-                "candidate_index",
-                wire.candidate_index,
-                0,
-                MAX_CANDIDATES - 1,
-            )?,
+            draw: check_count("draw", wire.draw, 0, MAX_CANDIDATES - 1)?,
             controller_instance: wire.controller_instance,
             daemon_instance: wire.daemon_instance,
             requested_mono_ns: check_stamp("requested_mono_ns", wire.requested_mono_ns)?,
@@ -172,10 +167,7 @@ mod tests {
                 |t| t.knot_count = 257,
                 "knot_count is 257; allowed is 2..=256",
             ),
-            (
-                |t| t.candidate_index = 64,
-                "candidate_index is 64; allowed is 0..=63",
-            ),
+            (|t| t.draw = 64, "draw is 64; allowed is 0..=63"),
             (|t| t.begin_mono_ns = i64::MIN, "begin_mono_ns is -9"),
             (
                 |t| t.path_tolerance_rad = 0.0,

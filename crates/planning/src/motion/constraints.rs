@@ -68,7 +68,7 @@ impl<'a> MotionConstraints<'a> {
     }
 
     /// Times a path from rest to rest with at most so many knots.
-    pub(super) fn parameterize(
+    pub(crate) fn parameterize(
         &self,
         path: &[Configuration],
         knots: usize,

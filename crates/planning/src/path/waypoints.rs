@@ -48,6 +48,16 @@ pub fn resample(polyline: &[Configuration]) -> Waypoints {
         .collect()
 }
 
+/// The path moved to another start, less and less towards its end, which stays.
+pub(crate) fn begun_in(start: &Configuration, mut path: Waypoints) -> Waypoints {
+    let moved = start - path[0];
+    for (h, waypoint) in path.iter_mut().enumerate() {
+        *waypoint += moved * (1.0 - parameter(h));
+    }
+    path[0] = *start;
+    path
+}
+
 /// Brings every waypoint between the ends inside the bending limit, section by section; the ends stay as they are.
 pub fn project_to_limits(robot: &UnitRobot, path: &mut [Configuration]) {
     let last = path.len().saturating_sub(1);

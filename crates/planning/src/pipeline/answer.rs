@@ -77,7 +77,7 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         supervision,
         ..
     } = *context;
-    let braking = Braking::new(&context.constraints, &problem.start, motion)?;
+    let braking = Braking::new(&context.constraints, &motion.state_in(&problem.start))?;
     let (after, shorter) = braking.what_follows(problem, request);
     let report_whole = |candidate: Candidate| {
         if let Some(report) = supervision.certified {
@@ -89,12 +89,16 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         ..supervision
     };
     let among_resting = context.constraints.moving.is_empty();
-    let selected = supervision.selected.filter(|_| among_resting);
+    let early = supervision.early_selection.filter(|_| among_resting);
     let padded = context.constraints.padded;
     let after = RequestContext::new(context.resources, padded, &after, &shorter, supervision);
     let plan = from_rest(&after)?;
     let straight = |end| straight_line::to(&after, &end);
-    Ok(braking.plan(plan, straight, selected))
+    let later = early.and_then(|early| (early.begin)());
+    let later = later.map(|state| Braking::new(&context.constraints, &state));
+    let later = later.transpose()?;
+    let braking = later.as_ref().unwrap_or(&braking);
+    Ok(braking.plan(plan, straight, early.map(|early| early.selected)))
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.

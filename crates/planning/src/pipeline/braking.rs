@@ -4,11 +4,11 @@ use crate::error::Infeasible;
 use crate::motion::along_polyline::append;
 use crate::motion::constraints::MotionConstraints;
 use crate::motion::through::Through;
-use crate::path::waypoints::{WAYPOINTS, resample};
+use crate::path::waypoints::{WAYPOINTS, Waypoints, begun_in, resample};
 use crate::pipeline::selection::select;
 use crate::plan::{Candidate, Certified, Draw, Failure, Plan};
 use crate::problem::Problem;
-use crate::request::{Request, StartMotion};
+use crate::request::Request;
 use codes::{Selection, Source, Stage};
 use pcc_model::{Configuration, TendonLimits};
 use rayon::prelude::*;
@@ -39,17 +39,14 @@ impl<'a> Braking<'a> {
     /// Brakes from a state, within the robot's whole limits.
     pub(crate) fn new(
         constraints: &'a MotionConstraints<'a>,
-        start: &Configuration,
-        motion: &StartMotion,
+        state: &Knot,
     ) -> Result<Self, Infeasible> {
         let robot = constraints.robot;
+        let limits: &TendonLimits = &robot.tendon_limits;
         let state = Knot {
             time: 0.0,
-            position: *start,
-            velocity: motion.velocity,
-            acceleration: motion.acceleration,
+            ..*state
         };
-        let limits: &TendonLimits = &robot.tendon_limits;
         let motion = stopping_motion(&state, &robot.tendons, limits).map_err(|_| {
             Infeasible::StartTooFast {
                 share: f64::INFINITY,
@@ -119,17 +116,28 @@ impl<'a> Braking<'a> {
         Some(Candidate::of(candidate.draw, candidate.source, &motion))
     }
 
+    /// The path of a motion, begun where the robot rests after braking.
+    fn path(&self, motion: &Trajectory) -> Waypoints {
+        begun_in(&self.motion.end(), resample(&motion.sample(SAMPLES)))
+    }
+
     /// The motion to the end of this one that begins while the robot brakes, if it is certified and faster than one after the other.
     fn beside(&self, motion: &Trajectory) -> Option<Certified> {
-        let path = resample(&motion.sample(SAMPLES));
+        let path = self.path(motion);
         let stop_then_go_s = self.motion.duration() + motion.duration();
         self.constraints
             .certified_from(self.state(), &path, stop_then_go_s)
     }
 
-    /// Braking to rest, and then a certified motion with this clearance, section lengths. Among moving balls that is certified as a
-    /// whole: how far they may be from where they are expected depends on the longest stop of all of it.
+    /// Braking to rest, and then a certified motion with this clearance, section lengths, or one along its path where that begins elsewhere.
+    /// Among moving balls that is certified as a whole: how far they may be from where they are expected depends on the longest stop of all
+    /// of it.
     fn then(&self, motion: &Trajectory, clearance: f64) -> Result<Certified, Failure> {
+        if motion.knots()[0].position != self.motion.end() {
+            let knots = motion.knots().len();
+            let moved = self.constraints.parameterize(&self.path(motion), knots)?;
+            return self.constraints.certified(self.before(&moved));
+        }
         let whole = self.before(motion);
         if !self.constraints.moving.is_empty() {
             return self.constraints.certified(whole);
@@ -144,7 +152,7 @@ impl<'a> Braking<'a> {
         &self,
         mut plan: Plan,
         straight: impl Fn(Configuration) -> Draw + Sync,
-        selected: Option<&(dyn Fn(usize, Candidate) + Sync)>,
+        selected: Option<&(dyn Fn(Candidate) + Sync)>,
     ) -> Plan {
         let mut stages = plan.stages;
         stages.measure(Stage::Select, || self.join(&mut plan, straight, selected));
@@ -156,7 +164,7 @@ impl<'a> Braking<'a> {
         &self,
         plan: &mut Plan,
         straight: impl Fn(Configuration) -> Draw + Sync,
-        selected: Option<&(dyn Fn(usize, Candidate) + Sync)>,
+        selected: Option<&(dyn Fn(Candidate) + Sync)>,
     ) {
         let from_rest = mem::take(&mut plan.candidates);
         let order = selection_order(&from_rest);
@@ -165,8 +173,8 @@ impl<'a> Braking<'a> {
         let (segment, others) = rayon::join(
             || {
                 let segment = self.straighten_fastest(&mut joined, &straight);
-                if let (Some(tell), Some((index, candidate))) = (selected, select_of(&joined)) {
-                    tell(index, candidate);
+                if let (Some(tell), Some(candidate)) = (selected, select_of(&joined)) {
+                    tell(candidate);
                 }
                 segment
             },
@@ -275,12 +283,11 @@ fn selection_order(from_rest: &[Candidate]) -> Vec<usize> {
     order
 }
 
-/// The joined candidate that is selected as the fastest, and its index.
-fn select_of(joined: &[Joined]) -> Option<(usize, Candidate)> {
-    let motions = joined.iter();
-    let motions = motions.filter_map(|(index, it)| Some((*index, it.as_ref().ok()?.clone())));
-    let (indices, candidates): (Vec<usize>, Vec<Candidate>) = motions.unzip();
+/// The joined candidate that is selected as the fastest.
+fn select_of(joined: &[Joined]) -> Option<Candidate> {
+    let motions = joined.iter().filter_map(|(_, it)| it.as_ref().ok());
+    let mut candidates: Vec<Candidate> = motions.cloned().collect();
     let start = candidates.first()?.trajectory.knots()[0].position;
     let selected = select(&candidates, &start, Selection::ShortestTime)?;
-    Some((indices[selected], candidates[selected].clone()))
+    Some(candidates.swap_remove(selected))
 }

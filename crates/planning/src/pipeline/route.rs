@@ -57,7 +57,8 @@ struct Route<'a> {
 pub(crate) fn answer_route(context: &RequestContext, via: &[Via]) -> Result<Plan, PlannerError> {
     let problem = context.problem;
     let motion = context.request.start_motion.as_ref();
-    let braking = motion.map(|motion| Braking::new(&context.constraints, &problem.start, motion));
+    let state = motion.map(|motion| motion.state_in(&problem.start));
+    let braking = state.map(|state| Braking::new(&context.constraints, &state));
     let braking = braking.transpose()?;
     let after = braking
         .as_ref()
@@ -200,7 +201,7 @@ impl Route<'_> {
         };
         let supervision = Supervision {
             certified: None,
-            selected: None,
+            early_selection: None,
             ..supervision
         };
         let padded = self.context.constraints.padded;
