@@ -64,7 +64,8 @@ fn build(folder: &Path) {
         cargo.args(["-p", package]);
     }
     if folder.ends_with("release") {
-        cargo.arg("--release");
+        // With the features that scripts/acceptance builds them with, so that nothing is built twice.
+        cargo.args(["--release", "-p", "tests"]);
     }
     cargo.arg("--target-dir").arg(folder.parent().unwrap());
     assert!(

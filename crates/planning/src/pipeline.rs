@@ -8,6 +8,7 @@ mod default;
 mod exploring;
 mod fast;
 mod goal_set;
+mod joining;
 mod learned;
 mod missing_goals;
 mod previous_plan;

@@ -17,9 +17,8 @@ use crate::live_scene::{Certificates, RemainingMotion, Timing};
 
 /// Delay of a motion behind its schedule that its certificate at publication includes, s: shorter pauses need no stop.
 pub(super) const LAG_ALLOWANCE_S: f64 = 0.2;
-/// Time for a published motion to reach the controller's loop, s (the relay looks every 0.25 ms, the loop every 1 ms): less ahead a switch
-/// is missed.
-const ARRIVAL_S: f64 = 1.5e-3;
+/// Time for a published motion to reach the controller's loop, s (the relay looks every 0.25 ms): less ahead a switch is missed.
+const ARRIVAL_S: f64 = 1e-3;
 
 /// When and from where on a motion is to be followed.
 struct Schedule {

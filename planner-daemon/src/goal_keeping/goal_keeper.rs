@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use pcc_model::{Configuration, UnitRobot};
-use shared_types::codes::{CommandSender, GoalState, MotionOutcome, Outcome, Refusal, StopCause};
+use shared_types::codes::{CommandSender, GoalState, MotionOutcome, Outcome, StopCause};
 use shared_types::message::{GoalStatus, ReasonText};
 use shared_types::valid::{Goal, MotionResult, PlanRequest, PreviousPlan, StandingGoal};
 
@@ -368,12 +368,10 @@ impl PlanResult {
 }
 
 /// Whether the motion to a goal ended in a way after which the robot moves only to another goal: by anything but this daemon's own
-/// supervision, or a refusal that another plan can avoid.
+/// supervision. A refusal does not say by whom the stop was ordered that a request came before: the orders do.
 fn ends_the_goal(result: &MotionResult) -> bool {
-    match result.outcome {
-        MotionOutcome::Refused => result.refusal == Refusal::RequestedBefore,
-        _ => (result.cause, result.sender) != (StopCause::Command, CommandSender::Supervision),
-    }
+    result.outcome != MotionOutcome::Refused
+        && (result.cause, result.sender) != (StopCause::Command, CommandSender::Supervision)
 }
 
 #[cfg(test)]

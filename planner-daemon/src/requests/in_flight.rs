@@ -5,10 +5,11 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use super::asker::Asker;
-use super::lead_times::PlanKind;
+use super::lead_times::{PlanKind, Work};
 use super::recent_plans::PlanBegin;
 use super::request_validator::PlanTask;
 use crate::execution::ExecutionRefusal;
+use shared_types::codes::Sampler;
 
 /// Time before the deadline at which planning ends, for the answer to be sent and received; at most half of the deadline.
 const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
@@ -34,7 +35,10 @@ impl Queued {
         PlanKind {
             sampler: self.task.request.sampler,
             has_several_goals: self.task.has_several_goals(),
-            is_joining_only: self.selects_early(),
+            work: match self.task.request.sampler {
+                Sampler::Default if self.selects_early() => Work::StraightSegments,
+                _ => Work::WholePlan,
+            },
         }
     }
 
@@ -54,7 +58,8 @@ impl Queued {
 /// The request that is being planned.
 pub(super) struct InFlight {
     pub(super) queued: Queued,
-    /// When it was chosen where its motion begins.
+    /// What is done until its motion is handed over for publication, from when it was chosen where that begins.
+    pub(super) kind: PlanKind,
     pub(super) begin_chosen: Instant,
     pub(super) waited: Duration,
     pub(super) plan_id: u64,

@@ -5,24 +5,34 @@ use std::time::Duration;
 use shared_types::codes::Sampler;
 
 /// Time from a motion that is ready until the controller's loop has it.
-const TO_THE_LOOP: Duration = Duration::from_micros(1_800);
+const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
 /// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
 const REMEMBERED: usize = 32;
 /// One in so many of these may have taken longer than what is foreseen: one that comes too late is made again, which costs less than a late
 /// switch always does.
-const EXCEPTIONAL: usize = 8;
+const EXCEPTIONAL: usize = 32;
 /// Share of time that is added to what is foreseen.
-const MARGIN: f64 = 1.05;
+const MARGIN: f64 = 1.2;
 
 /// What decides how long it takes until a plan's motion can be executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PlanKind {
     pub(crate) sampler: Sampler,
     pub(crate) has_several_goals: bool,
-    /// Whether only the time counts in which paths that are planned are joined to the motion that is left, until the fastest is known.
-    pub(crate) is_joining_only: bool,
+    pub(crate) work: Work,
+}
+
+/// What is done from the choice of a switch until a motion is handed over for publication.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Work {
+    /// The whole plan.
+    WholePlan,
+    /// Straight segments are joined to the motion that is left, of which the fastest motion mostly is one.
+    StraightSegments,
+    /// Paths that are planned are joined to the motion that is left, until the fastest is known.
+    Joining,
 }
 
 /// How long plans of each kind that began in motion took lately, from the choice of their switch until their motion was handed over for
@@ -67,7 +77,7 @@ mod tests {
         let kind = |has_several_goals| PlanKind {
             sampler: Sampler::Default,
             has_several_goals,
-            is_joining_only: true,
+            work: Work::Joining,
         };
         let mut times = LeadTimes::default();
         assert_eq!(times.lead(kind(false)), FIRST_LEAD);

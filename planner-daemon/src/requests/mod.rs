@@ -18,7 +18,7 @@ mod robot_start;
 mod service;
 mod wait_mode;
 
-pub(crate) use lead_times::{LeadTimes, PlanKind};
+pub(crate) use lead_times::{LeadTimes, PlanKind, Work};
 pub(crate) use plan_runner::PlanRunner;
 #[cfg(test)]
 pub(crate) use request_validator::PlanTask;

@@ -10,7 +10,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use pcc_model::UnitRobot;
 use planning::{
@@ -19,6 +19,9 @@ use planning::{
 
 use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
+
+/// Longest wait of a worker for what is done with a selected candidate.
+const LONGEST_WAIT: Duration = Duration::from_millis(10);
 
 /// A planning job: problem, request and deadline.
 pub(crate) struct Job {
@@ -65,8 +68,9 @@ pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
     /// Where all candidates begin, and when that was chosen.
     Begins(Switch, Instant),
-    /// The fastest candidate.
-    Selected(Candidate),
+    /// The fastest candidate; the worker that has found it waits until the other part is dropped, and leaves its processor to what is done
+    /// with the candidate.
+    Selected(Candidate, SyncSender<()>),
     Plan(Planned),
 }
 
@@ -164,7 +168,11 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
     };
     let early_selection = EarlySelection {
         begin: &begin,
-        selected: &|candidate| outgoing.send(PlanOutput::Selected(candidate)),
+        selected: &|candidate| {
+            let (in_work, is_done) = sync_channel(1);
+            outgoing.send(PlanOutput::Selected(candidate, in_work));
+            let _ = is_done.recv_timeout(LONGEST_WAIT);
+        },
     };
     let supervision = Supervision {
         interrupt: &interrupt,
@@ -194,7 +202,6 @@ mod tests {
     use crate::fixtures::{request, straight_problem, unit_robot};
     use planning::Models;
     use rustix::event::{PollFd, PollFlags, Timespec};
-    use std::time::Duration;
 
     fn planning() -> PlanRunner {
         let planner = Planner::new(unit_robot(), Models::default(), 1).unwrap();

@@ -12,7 +12,7 @@ use shared_types::codes::{Outcome, PlanField};
 use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
 use super::in_flight::{EarlyExecution, InFlight, Queued};
-use super::lead_times::PlanKind;
+use super::lead_times::{PlanKind, Work};
 use super::plan_runner::{Early, Job, LateSwitch, PlanOutput, Planned};
 use super::recent_plans::{KeptCandidate, KeptPlan, PlanBegin};
 use super::refusal::Refusal;
@@ -62,15 +62,15 @@ impl Service {
         // A plan that came too late mostly was an exception: the second one is foreseen like the first.
         let kind = queued.kind();
         let lead = |kind| self.lead_times.lead(kind) * attempt.div_ceil(2);
-        let whole = PlanKind {
-            is_joining_only: false,
+        let joining = PlanKind {
+            work: Work::Joining,
             ..kind
         };
         let Start {
             begin,
             problem,
             leaves,
-        } = match self.start(&mut queued.task, lead(whole)) {
+        } = match self.start(&mut queued.task, lead(kind)) {
             Ok(start) => start,
             Err(NotReady::Passes(_)) if waited < longest_deferral(&queued.task) => {
                 self.deferred = Some(queued);
@@ -87,7 +87,7 @@ impl Service {
         }
         let leaves = leaves.filter(|_| queued.selects_early());
         let late_switch =
-            leaves.map(|left| late_switch(left, lead(kind), queued.task.begin_mono_ns));
+            leaves.map(|left| late_switch(left, lead(joining), queued.task.begin_mono_ns));
         let cancelled = Arc::new(AtomicBool::new(false));
         self.runner.begin(Job {
             problem,
@@ -102,6 +102,7 @@ impl Service {
         self.next_plan_id += 1;
         self.in_flight = Some(InFlight {
             queued,
+            kind,
             begin_chosen: begun,
             waited,
             plan_id,
@@ -182,7 +183,7 @@ impl Service {
         match self.runner.take() {
             Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
             Some(PlanOutput::Begins(switch, chosen)) => self.begin_at(switch, chosen),
-            Some(PlanOutput::Selected(candidate)) => self.execute_early(&candidate),
+            Some(PlanOutput::Selected(candidate, _in_work)) => self.execute_early(&candidate),
             Some(PlanOutput::Plan(planned)) => self.answer(planned),
             None => return false,
         }
@@ -207,6 +208,7 @@ impl Service {
     fn begin_at(&mut self, switch: Switch, chosen: Instant) {
         if let Some(in_flight) = &mut self.in_flight {
             in_flight.begin = PlanBegin::AtSwitch(switch);
+            in_flight.kind.work = Work::Joining;
             in_flight.begin_chosen = chosen;
         }
     }
@@ -293,8 +295,7 @@ impl Service {
         let requested_mono_ns = task.requested_mono_ns?;
         if matches!(in_flight.begin, PlanBegin::AtSwitch(_)) {
             let took = in_flight.begin_chosen.elapsed();
-            self.lead_times.note(in_flight.queued.kind(), took);
-            { use std::io::Write; let _ = std::fs::OpenOptions::new().create(true).append(true).open("/tmp/took.txt").map(|mut f| writeln!(f, "{:?} {:?} lead {:?}", in_flight.queued.received.elapsed(), took, self.lead_times.lead(in_flight.queued.kind()))); } // TMP
+            self.lead_times.note(in_flight.kind, took);
         }
         Some(self.publish_selected(in_flight, selected, requested_mono_ns))
     }

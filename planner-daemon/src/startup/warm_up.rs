@@ -12,7 +12,7 @@ use planning::{
 use trajectory::Trajectory;
 
 use super::config::Config;
-use crate::requests::{LeadTimes, PlanKind};
+use crate::requests::{LeadTimes, PlanKind, Work};
 
 /// Plans that begin in motion.
 const IN_MOTION: u32 = 16;
@@ -49,7 +49,7 @@ pub(super) fn warm_up(planner: &Planner, config: &Config) -> Result<LeadTimes, P
     Ok(lead_times)
 }
 
-/// Plans from an instant of a motion; returns how long it takes until the plan is whole, and to join its motions until one is selected, nothing where it fails.
+/// Plans from an instant of a motion; returns how long it takes until the plan is whole, and until its motion is selected, nothing where it fails.
 fn plan_in_motion(
     planner: &Planner,
     request: &Request,
@@ -69,17 +69,12 @@ fn plan_in_motion(
         }),
         ..request.clone()
     };
-    let (begun, joining_begun, joined_in) = (Instant::now(), OnceLock::new(), OnceLock::new());
-    let begin = || {
-        joining_begun.get_or_init(Instant::now);
-        None
-    };
-    let select = |_| {
-        joined_in.get_or_init(|| joining_begun.get().map(Instant::elapsed));
-    };
+    let (begun, selected) = (Instant::now(), OnceLock::new());
     let early_selection = EarlySelection {
-        begin: &begin,
-        selected: &select,
+        begin: &|| None,
+        selected: &|_| {
+            selected.get_or_init(|| begun.elapsed());
+        },
     };
     let supervision = Supervision {
         early_selection: Some(early_selection),
@@ -91,15 +86,19 @@ fn plan_in_motion(
     {
         return Vec::new();
     }
-    let kind = |is_joining_only| PlanKind {
+    let kind = |work| PlanKind {
         sampler: request.sampler,
         has_several_goals: false,
-        is_joining_only,
+        work,
     };
-    let whole = (kind(false), begun.elapsed());
-    let joined_in = joined_in.get().copied().flatten();
-    let joining = joined_in.map(|took| (kind(true), took));
-    std::iter::once(whole).chain(joining).collect()
+    let whole = (kind(Work::WholePlan), begun.elapsed());
+    // Joining alone takes no longer.
+    let early = [Work::StraightSegments, Work::Joining];
+    let selected = selected.into_inner();
+    let early = selected.map(|took| early.map(|work| (kind(work), took)));
+    std::iter::once(whole)
+        .chain(early.into_iter().flatten())
+        .collect()
 }
 
 /// A motion from the straight robot, beside a ball.

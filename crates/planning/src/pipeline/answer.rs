@@ -8,6 +8,8 @@ use crate::path::waypoints::Waypoints;
 use crate::pipeline::braking::Braking;
 use crate::pipeline::context::{Drawn, RequestContext};
 use crate::pipeline::goal_set::{GoalSet, goal_set};
+use crate::pipeline::joining::{JoinedSegments, Joining};
+use crate::pipeline::previous_plan::kept_path;
 use crate::pipeline::{default, fast, straight_line, trees, whole_paths};
 use crate::plan::{Candidate, Draw, Failure, Plan};
 use crate::request::{Guidance, StartMotion, Supervision};
@@ -53,10 +55,20 @@ fn to_goals(
     times: &mut StageTimes,
 ) -> Result<Drawn, PlannerError> {
     let goals = times.measure(Stage::Condition, || goal_set(context))?;
+    Ok(to_these(context, &goals, draw, times))
+}
+
+/// Lets a sampler draw paths to these goal configurations.
+fn to_these(
+    context: &RequestContext,
+    goals: &GoalSet,
+    draw: impl FnOnce(&RequestContext, &GoalSet, &mut StageTimes) -> Drawn,
+    times: &mut StageTimes,
+) -> Drawn {
     if goals.distinct.is_empty() {
-        return Ok(undrawn(context, Failure::Truncated));
+        return undrawn(context, Failure::Truncated);
     }
-    Ok(draw(context, &goals, times))
+    draw(context, goals, times)
 }
 
 /// Draws without paths: the interrupt left no time for goal configurations, or no motion can begin.
@@ -88,17 +100,58 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         certified: supervision.certified.is_some().then_some(&report_whole),
         ..supervision
     };
-    let among_resting = context.constraints.moving.is_empty();
-    let early = supervision.early_selection.filter(|_| among_resting);
     let padded = context.constraints.padded;
     let after = RequestContext::new(context.resources, padded, &after, &shorter, supervision);
-    let plan = from_rest(&after)?;
-    let straight = |end| straight_line::to(&after, &end);
-    let later = early.and_then(|early| (early.begin)());
-    let later = later.map(|state| Braking::new(&context.constraints, &state));
-    let later = later.transpose()?;
-    let braking = later.as_ref().unwrap_or(&braking);
-    Ok(braking.plan(plan, straight, early.map(|early| early.selected)))
+    let joining = Joining {
+        braking: &braking,
+        after: &after.constraints,
+    };
+    if !context.constraints.moving.is_empty() {
+        return Ok(joining.plan(from_rest(&after)?, JoinedSegments::default(), None));
+    }
+    let early = supervision.early_selection;
+    let (plan, segments) = segments_first(&joining, &after)?;
+    let tell = early.filter(|_| segments.selected().is_none());
+    let later = tell.and_then(|early| (early.begin)());
+    let Some(state) = later else {
+        return Ok(joining.plan(plan, segments, tell.map(|early| early.selected)));
+    };
+    let joining = Joining {
+        braking: &Braking::new(&context.constraints, &state)?,
+        ..joining
+    };
+    Ok(joining.plan(
+        plan,
+        JoinedSegments::default(),
+        tell.map(|early| early.selected),
+    ))
+}
+
+/// Plans from where a robot in motion can rest among obstacles that rest; before the default sampler draws paths, straight segments are
+/// joined, of which the fastest motion mostly is one and is told as soon as it is known. What remains of a motion that is followed is to
+/// be compared with all.
+fn segments_first(
+    joining: &Joining,
+    after: &RequestContext,
+) -> Result<(Plan, JoinedSegments), PlannerError> {
+    if after.request.sampler != Sampler::Default {
+        return Ok((from_rest(after)?, JoinedSegments::default()));
+    }
+    let mut times = StageTimes::default();
+    let goals = times.measure(Stage::Condition, || goal_set(after))?;
+    let segments = match kept_path(&goals.remaining) {
+        Some(_) => JoinedSegments::default(),
+        None => times.measure(Stage::Select, || joining.segments(&goals.distinct)),
+    };
+    let tell = || {
+        let early = after.supervision.early_selection.as_ref();
+        if let Some((early, fastest)) = early.zip(segments.selected()) {
+            (early.selected)(fastest.clone());
+        }
+    };
+    let draw = || to_these(after, &goals, default::draw, &mut times);
+    let ((), drawn) = rayon::join(tell, draw);
+    Ok((plan_of(drawn, times), segments))
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use shared_types::codes::{LoopFault, LoopState};
+use shared_types::codes::{LoopFault, LoopState, Refusal};
 use shared_types::message;
 use trajectory::Knot;
 

@@ -28,7 +28,7 @@ fn whoever_stops_the_robot_ends_the_goal_but_for_the_daemons_supervision() {
 }
 
 #[test]
-fn a_refusal_for_an_earlier_request_ends_the_goal_and_no_other_does() {
+fn a_refusal_ends_the_goal_only_where_another_than_the_daemon_has_ordered_a_stop() {
     let mut bench = Bench::underway();
     bench
         .keeper
@@ -38,6 +38,20 @@ fn a_refusal_for_an_earlier_request_ends_the_goal_and_no_other_does() {
     bench
         .keeper
         .hear_result(&refused(8, Refusal::RequestedBefore));
+    let mut stopped = HeardOrders {
+        wanted_from_mono_ns: bench.now,
+        goals_from_mono_ns: GIVEN - 1,
+        daemon_instance: 1,
+    };
+    bench.keeper.hear_orders(stopped);
+    let request = bench.heads(&holding(), 9);
+    let requested = stopped.wanted_from_mono_ns + 1;
+    assert_eq!(request.requested_mono_ns, Some(requested));
+    bench
+        .keeper
+        .hear_result(&refused(9, Refusal::RequestedBefore));
+    stopped.goals_from_mono_ns = bench.now;
+    bench.keeper.hear_orders(stopped);
     assert_eq!(bench.state(), GoalState::Ended);
 }
 
