@@ -3,7 +3,7 @@
 
 mod motions;
 
-use collision::{Ball, Contact, Scene, SceneError};
+use collision::{Ball, Contact, MAX_BALLS, Scene, SceneError};
 use motions::{ball, random, scene, shape, uneven_robot, unit_robot};
 use pcc_model::{Backbone, Configuration, Point, Robot};
 use rand::RngExt;
@@ -204,10 +204,18 @@ fn scenes_that_are_not_usable_are_refused_by_name() {
         centre: Point::new(1.0, 0.0, 0.0),
         radius: 0.1,
     };
-    assert_eq!(Scene::new(vec![good; 2048]).unwrap().balls().len(), 2048);
-    let error = Scene::new(vec![good; 2049]).unwrap_err();
-    assert_eq!(error, SceneError::Count { count: 2049 });
-    assert_eq!(error.to_string(), "2049 balls; at most 2048 are allowed");
+    assert_eq!(
+        Scene::new(vec![good; MAX_BALLS]).unwrap().balls().len(),
+        MAX_BALLS
+    );
+    let error = Scene::new(vec![good; MAX_BALLS + 1]).unwrap_err();
+    assert_eq!(
+        error,
+        SceneError::Count {
+            count: MAX_BALLS + 1
+        }
+    );
+    assert_eq!(error.to_string(), "8193 balls; at most 8192 are allowed");
     for (bad, x) in [
         (-0.1, 1.0),
         (f64::NAN, 1.0),

@@ -10,8 +10,8 @@ use pcc_model::{Backbone, SECTIONS};
 use std::sync::Arc;
 use thiserror::Error;
 
-/// Balls a scene may hold: those of a static scene, and those of a request or a live scene.
-pub const MAX_BALLS: usize = 2048;
+/// Balls a scene may hold: those of a file, of a request and of four live scenes together.
+pub const MAX_BALLS: usize = 8192;
 /// Solids a scene may hold.
 pub const MAX_SOLIDS: usize = 256;
 /// Up to this many balls are all measured, in groups; of more a tree finds those that are near.

@@ -150,6 +150,19 @@ impl Schedule {
         1e3 * (since - until)
     }
 
+    /// Whether the controller alone is held for longer than the robot bears.
+    pub(super) fn outlasts_robot(&self) -> bool {
+        let of_controller = |wanted: fn(&Action) -> bool| {
+            let actions = self.actions.iter();
+            actions
+                .filter(move |(_, action)| wanted(action))
+                .map(|(at_ms, _)| *at_ms)
+        };
+        let begins = of_controller(|it| matches!(it, Action::Stop([Part::Controller])));
+        let ends = of_controller(|it| matches!(it, Action::Continue([Part::Controller])));
+        begins.zip(ends).any(|(begin, end)| end - begin > BORNE_MS)
+    }
+
     /// Whether the request is due.
     pub(super) fn is_request_due(&self) -> bool {
         self.time_ms() >= 0.0

@@ -14,6 +14,8 @@ pub(super) struct Replan {
     pub(super) answered_ns: i64,
     /// The motion that was published, or why none was.
     pub(super) answer: Result<u32, String>,
+    /// Whether the controller was held for longer than the robot bears, which then comes to rest by itself.
+    pub(super) outlasts_robot: bool,
     /// When it was disturbed.
     pub(super) disturbed_ns: Vec<i64>,
 }
@@ -84,7 +86,7 @@ fn fate(replan: &Replan, heard: &Heard) -> Result<String, String> {
     let old = under_way(&heard.cycles, refused_ns);
     let old = old.ok_or_else(|| format!("{why}: nothing moved before"))?;
     let beside_why = |became| format!("{why}; {became}");
-    let became = old_motion(heard, old, refused_ns);
+    let became = old_motion(heard, old, refused_ns, replan.outlasts_robot);
     became.map(beside_why).map_err(beside_why)
 }
 
@@ -96,15 +98,23 @@ fn under_way(cycles: &[Cycle], before_ns: i64) -> Option<u32> {
     Some(last.trajectory_id)
 }
 
-/// What became of the motion that was to be left when another one was refused.
-fn old_motion(heard: &Heard, id: u32, refused_ns: i64) -> Result<String, String> {
+/// What became of the motion that was to be left when another one was refused: it went on, or the robot, which no set-point reached for longer
+/// than it bears, brought it to rest within the limits.
+fn old_motion(
+    heard: &Heard,
+    id: u32,
+    refused_ns: i64,
+    outlasts_robot: bool,
+) -> Result<String, String> {
     let result = result_of(heard, id)
         .ok_or_else(|| format!("trajectory {id}, which was to be left, has no result"))?;
     let goes_on = |cycle: &Cycle| {
         cycle.trajectory_id == id && is_on_its_way(cycle) && cycle.stamp_mono_ns > refused_ns
     };
     let went_on = heard.cycles.iter().any(goes_on);
+    let is_ramped = outlasts_robot && result.fault == LoopFault::RobotRampedToRest.code();
     match (is_whole(result), went_on) {
+        _ if is_ramped => Ok("the robot, without set-points, came to rest by itself".to_owned()),
         (true, true) => Ok("the old motion went on".to_owned()),
         (true, false) => Ok(format!("the old motion had ended: {}", named(result))),
         (false, _) => Err(format!("the old motion: {}", named(result))),

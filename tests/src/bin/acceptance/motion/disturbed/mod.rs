@@ -195,7 +195,7 @@ impl Run {
         );
         let broken: usize = fates.broken.values().sum();
         report.check(
-            &line("replans neither begun nor refused by name with the old motion going on"),
+            &line("replans neither continuous nor refused by name with the old motion going on"),
             format!("{broken} of {}: {:?}", figures.in_motion, fates.broken),
             "0",
             broken == 0,
@@ -233,6 +233,7 @@ fn ask_in_motion(
     request: &PlanRequest,
     schedule: &mut Schedule,
 ) -> anyhow::Result<Replan> {
+    let outlasts_robot = schedule.outlasts_robot();
     let mut disturbed_ns = Vec::new();
     while !schedule.is_request_due() {
         disturbed_ns.extend(schedule.carry_out(stack)?);
@@ -257,6 +258,7 @@ fn ask_in_motion(
                 asked_ns,
                 answered_ns,
                 answer,
+                outlasts_robot,
                 disturbed_ns,
             });
         }

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use tests::programs::{program, repository};
-use tests::usage::wait_with_usage;
+use tests::usage::{give_memory_back, wait_with_usage};
 use toml::Table;
 
 /// Longer than anything here should take on a busy machine.
@@ -59,6 +59,7 @@ pub(super) fn outcome(command: &mut Command, patience: Duration) -> Outcome {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("log");
     let file = fs::File::create(&log).unwrap();
+    give_memory_back();
     let mut child = command
         .current_dir(repository())
         .env_remove("RUST_BACKTRACE")
