@@ -121,6 +121,11 @@ impl Execution {
             .store(trajectory_id, Ordering::Relaxed);
     }
 
+    /// Whether an obstacle of the live scene moves.
+    pub(crate) fn live_scene_moves(&self) -> bool {
+        self.told.live_scene.get().moves(mono_now_ns())
+    }
+
     /// The problem of a motion whose planning takes `planning`, with the live scene's obstacles, and its begin where that is delayed because a ball can be at its start.
     ///
     /// # Errors

@@ -36,6 +36,12 @@ pub(crate) struct ExpectedMotion<'a> {
 }
 
 impl SceneSnapshot {
+    /// Whether an obstacle moves in a scene whose lifetime is not over.
+    pub(crate) fn moves(&self, now_mono_ns: i64) -> bool {
+        let mut live = self.0.iter();
+        live.any(|source| now_mono_ns < source.end_mono_ns && !source.balls.moving.is_empty())
+    }
+
     /// The problem with the obstacles of all scenes, each once, whose lifetime is not over: what moves counts wherever the certificate at publication
     /// will take it to be. None where there are no obstacles.
     ///

@@ -30,22 +30,21 @@ impl Queued {
         self.received + (whole - delivery_margin(self.task.request.candidates, whole))
     }
 
-    /// What decides how long it takes until its motion can be executed.
-    pub(super) fn kind(&self) -> PlanKind {
+    /// What decides how long it takes until its motion can be executed, which may be before the plan is complete.
+    pub(super) fn kind(&self, selects_early: bool) -> PlanKind {
         PlanKind {
             sampler: self.task.request.sampler,
             has_several_goals: self.task.has_several_goals(),
             work: match self.task.request.sampler {
-                Sampler::Default if self.selects_early() => Work::StraightSegments,
+                Sampler::Default if selects_early => Work::StraightSegments,
                 _ => Work::WholePlan,
             },
         }
     }
 
-    /// Whether it is chosen late where its motion begins, and that is executed before the plan is complete, where it begins in motion. Early
-    /// candidates would begin elsewhere. The keeper of the goal that stays hears of a motion with the plan, so that it can have it stopped
-    /// from then on.
-    pub(super) fn selects_early(&self) -> bool {
+    /// Whether its motion is to be executed before the plan is complete, where it begins in motion. The candidates of an early answer would
+    /// begin elsewhere. The keeper of the goal that stays hears of a motion with the plan, so that it can have it stopped from then on.
+    pub(super) fn wants_early_selection(&self) -> bool {
         let is_of_client = matches!(self.asker, Asker::Client(_));
         let has_early_answer = self.task.early.is_some();
         is_of_client

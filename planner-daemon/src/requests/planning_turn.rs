@@ -59,8 +59,9 @@ impl Service {
     fn begin(&mut self, mut queued: Queued, attempt: u32) -> bool {
         let begun = Instant::now();
         let waited = begun - queued.received;
+        let selects_early = self.selects_early(&queued);
+        let kind = queued.kind(selects_early);
         // A plan that came too late mostly was an exception: the second one is foreseen like the first.
-        let kind = queued.kind();
         let lead = |kind| self.lead_times.lead(kind) * attempt.div_ceil(2);
         let joining = PlanKind {
             work: Work::Joining,
@@ -85,7 +86,7 @@ impl Service {
             self.refuse(&queued.asker, queued.task.request_id, &refusal);
             return true;
         }
-        let leaves = leaves.filter(|_| queued.selects_early());
+        let leaves = leaves.filter(|_| selects_early);
         let late_switch =
             leaves.map(|left| late_switch(left, lead(joining), queued.task.begin_mono_ns));
         let cancelled = Arc::new(AtomicBool::new(false));
@@ -112,6 +113,12 @@ impl Service {
             executed: None,
         });
         true
+    }
+
+    /// Whether a motion is executed before its plan is complete: planning tells of none among obstacles that move.
+    fn selects_early(&self, queued: &Queued) -> bool {
+        let among_resting = queued.task.ignores_live_scene || !self.execution.live_scene_moves();
+        among_resting && queued.wants_early_selection()
     }
 
     /// Sets the start of a task that begins where the robot is; returns where and when it begins, and the problem to be planned, with the
