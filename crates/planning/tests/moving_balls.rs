@@ -170,3 +170,62 @@ fn a_start_in_a_moving_ball_is_named() {
         other => panic!("{other:?}"),
     }
 }
+
+/// A robot whose tip a ball meets at `met_s`, and which is to go to where the ball then stays about.
+fn threatened(robot: &UnitRobot, met_s: f64) -> Problem {
+    let mut problem = problem(robot, 0.0);
+    let source = &mut problem.moving.sources[0];
+    let velocity = Point::new(0.0, 0.15, 0.0);
+    let at = |centre: Point| MovingBall {
+        ball: Ball {
+            centre,
+            radius: 0.2,
+        },
+        velocity: Point::zeros(),
+    };
+    let (tip, goal_tip) = (robot.tip(&problem.start), robot.tip(&(-problem.start)));
+    source.balls = vec![
+        MovingBall {
+            velocity,
+            ..at(tip - velocity * met_s)
+        },
+        MovingBall {
+            velocity: velocity * 1e-3,
+            ..at(goal_tip)
+        },
+    ];
+    problem
+}
+
+#[test]
+fn a_robot_at_rest_goes_out_of_the_way_to_where_it_can_stay() {
+    let planner = planner(2);
+    let robot = planner.robot();
+    let request = requests::request(Sampler::Default, 3);
+    let threatened = threatened(robot, 6.0);
+    let plan = planner.plan(&threatened, &request, &|| false);
+    assert!(
+        plan.map_or(true, |plan| plan.candidates.is_empty()),
+        "the premise"
+    );
+    let evasion = planner.evade(&threatened, &request, &|| false).unwrap();
+    let motion = &evasion.trajectory;
+    assert_eq!(motion.knots()[0].position, threatened.start);
+    let clear_until = |time_s: f64| {
+        let ball = &threatened.moving.sources[0].balls[0];
+        let times = (0..=400).map(|i| time_s * f64::from(i) / 400.0);
+        let at = |time: f64| {
+            let scene = Scene::new(vec![ball.at(time)]).unwrap();
+            let place = motion.at(time.min(motion.duration())).position;
+            scene.clearance(&robot.backbone(&place), &robot.tube_radii)
+        };
+        times.map(at).fold(f64::INFINITY, f64::min)
+    };
+    assert!(clear_until(motion.duration() + 20.0) > 0.0);
+    let again = planner.evade(&threatened, &request, &|| false).unwrap();
+    assert_eq!(motion.knots(), again.trajectory.knots());
+    assert!(planner.evade(&threatened, &request, &|| true).is_none());
+    // A ball that is there at once leaves no way.
+    let touched = self::threatened(robot, 0.5);
+    assert!(planner.evade(&touched, &request, &|| false).is_none());
+}
