@@ -27,6 +27,8 @@ const SEED: u64 = 9_101;
 const IN_A_SCENE: usize = 25;
 /// Shortest and longest pause between two requests, s.
 const PAUSES_S: [f64; 2] = [0.06, 0.9];
+/// Knots of a motion.
+const KNOTS: usize = 96;
 /// Room of starts and targets beside the tube, section lengths.
 const ROOM: f64 = 0.1;
 
@@ -71,7 +73,7 @@ fn request(robot: &UnitRobot, seed: u64, start_motion: Option<StartMotion>) -> R
         sampler: Sampler::Default,
         limits_scale: 1.0,
         padding: tracking_padding(robot, 0.01),
-        knots: 96,
+        knots: KNOTS,
         corrections: MOST_CORRECTIONS,
         start_motion,
         previous: None,
@@ -162,9 +164,12 @@ impl Chain<'_> {
         let state = Knot { time: 0.0, ..first };
         let stop = stopping_motion(&state, &robot.tendons, &robot.tendon_limits)?;
         let problem = self.problem(stop.end(), Goal::Configuration(best.end()));
-        let reference = self
-            .planner
-            .plan(&problem, &request(robot, seed, None), &|| false)?;
+        // Both have the same number of knots in all.
+        let request = Request {
+            knots: KNOTS + 1 - stop.knots().len(),
+            ..request(robot, seed, None)
+        };
+        let reference = self.planner.plan(&problem, &request, &|| false)?;
         if let Some(go) = fastest(&reference) {
             let won = stop.duration() + go.metrics.duration_s - best.metrics.duration_s;
             if won < 0.0 {

@@ -15,6 +15,7 @@ use crate::plan::{Candidate, Draw, Failure, Plan};
 use crate::request::{Guidance, StartMotion, Supervision};
 use crate::stage_times::StageTimes;
 use codes::{Sampler, Source, Stage};
+use pcc_model::Configuration;
 
 /// Answers a request.
 ///
@@ -107,24 +108,24 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         after: &after.constraints,
     };
     if !context.constraints.moving.is_empty() {
-        return Ok(joining.plan(from_rest(&after)?, JoinedSegments::default(), None));
+        let straight = |end: &Configuration| Some(straight_line::to(&after, end));
+        let plan = from_rest(&after)?;
+        return Ok(joining.plan(plan, JoinedSegments::default(), &straight, None));
     }
-    let early = supervision.early_selection;
     let (plan, segments) = segments_first(&joining, &after)?;
-    let tell = early.filter(|_| segments.selected().is_none());
-    let later = tell.and_then(|early| (early.begin)());
-    let Some(state) = later else {
-        return Ok(joining.plan(plan, segments, tell.map(|early| early.selected)));
+    let early = supervision.early_selection;
+    let late = early.filter(|_| segments.selected().is_none());
+    let selected = late.map(|early| early.selected);
+    let is_default = request.sampler == Sampler::Default;
+    let another = |end: &Configuration| is_default.then(|| fastest_to(&after, end))?;
+    let Some(state) = late.and_then(|early| (early.begin)()) else {
+        return Ok(joining.plan(plan, segments, &another, selected));
     };
     let joining = Joining {
         braking: &Braking::new(&context.constraints, &state)?,
         ..joining
     };
-    Ok(joining.plan(
-        plan,
-        JoinedSegments::default(),
-        tell.map(|early| early.selected),
-    ))
+    Ok(joining.plan(plan, JoinedSegments::default(), &another, selected))
 }
 
 /// Plans from where a robot in motion can rest among obstacles that rest; before the default sampler draws paths, straight segments are
@@ -152,6 +153,18 @@ fn segments_first(
     let draw = || to_these(after, &goals, default::draw, &mut times);
     let ((), drawn) = rayon::join(tell, draw);
     Ok((plan_of(drawn, times), segments))
+}
+
+/// The draw with the fastest motion of as many as are asked for, all to one configuration.
+fn fastest_to(context: &RequestContext, end: &Configuration) -> Option<Draw> {
+    let untold = RequestContext {
+        supervision: Supervision::new(context.supervision.interrupt),
+        ..*context
+    };
+    let goals = GoalSet::of_one(*end, context.request.candidates);
+    let draws = to_these(&untold, &goals, default::draw, &mut StageTimes::default()).draws;
+    let by_duration = |a: &Draw, b: &Draw| a.duration_s().total_cmp(&b.duration_s());
+    draws.into_iter().min_by(by_duration)
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.

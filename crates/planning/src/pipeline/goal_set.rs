@@ -18,6 +18,17 @@ pub(super) struct GoalSet {
     pub(super) remaining: Vec<RemainingPath>,
 }
 
+impl GoalSet {
+    /// One configuration for so many draws.
+    pub(super) fn of_one(configuration: Configuration, draws: usize) -> Self {
+        Self {
+            of_each_draw: vec![configuration; draws],
+            distinct: vec![configuration],
+            remaining: Vec::new(),
+        }
+    }
+}
+
 /// Finds the goal configurations of a request, at most as many as it wants candidates.
 ///
 /// # Errors
