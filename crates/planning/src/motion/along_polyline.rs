@@ -83,6 +83,7 @@ mod tests {
     use crate::optimize::smooth_update::PushKernel;
     use crate::optimize::tip_path::TipPaths;
     use crate::path::sine_basis::SineBasis;
+    use crate::problem::BENDING_SLACK_RAD;
     use collision::{Ball, Scene};
     use nalgebra::{Rotation3, Vector3};
     use pcc_model::UnitRobot;
@@ -103,6 +104,7 @@ mod tests {
             tip_paths,
             limits: robot.tendon_limits,
             knots: 96,
+            bending_slack_rad: BENDING_SLACK_RAD,
             corrections: MOST_CORRECTIONS,
             interrupt: &|| false,
         }

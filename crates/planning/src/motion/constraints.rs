@@ -6,17 +6,20 @@ use crate::optimize::smooth_update::PushKernel;
 use crate::optimize::tip_path::TipPaths;
 use crate::path::metrics::{CLEARANCE_TOLERANCE, PathMetrics};
 use crate::plan::{Certified, Failure};
-use crate::problem::BENDING_SLACK_RAD;
 use crate::request::Interrupt;
 use collision::{MovingBall, Scene, certified_clearance, certify_moving};
 use pcc_model::{Configuration, TendonLimits, UnitRobot};
 use std::cell::RefCell;
-use trajectory::{Knot, MovingStart, ParameterizationOptions, TimeParameterizer, Trajectory};
+use trajectory::{
+    Knot, MovingStart, ParameterizationOptions, QuinticSegment, TimeParameterizer, Trajectory,
+};
 
 /// Shares of the acceleration limit for the braking of a motion that begins in motion: of one to six shares from 0.3 to 1, these two
 /// win 0.83 of the shortest stop in the median, six 0.88 in nearly twice the time.
 const BRAKING_SHARES: [f64; 2] = [0.9, 0.5];
 
+/// Halvings of a segment by which its bending is bounded at most.
+const HALVINGS: usize = 4;
 /// Shortest of the longest stops of motions that are not very short, s: the first look at moving balls is by it.
 const SHORTEST_STOP_S: f64 = 0.2;
 
@@ -41,6 +44,8 @@ pub(crate) struct MotionConstraints<'a> {
     pub(crate) limits: TendonLimits,
     /// Knots that a motion may have.
     pub(crate) knots: usize,
+    /// Bending above the limit that a motion may have, rad.
+    pub(crate) bending_slack_rad: f64,
     /// Corrections that a path gets at most.
     pub(crate) corrections: usize,
     /// Asked between the steps; true truncates.
@@ -172,13 +177,26 @@ impl<'a> MotionConstraints<'a> {
         clear_of(self.moving.longest_stop_s(motion))
     }
 
-    /// The Bézier control points bound the curve, since the allowed bending is convex.
     fn keeps_bending(&self, trajectory: &Trajectory) -> bool {
-        trajectory.segments().all(|s| {
-            s.control
+        let mut segments = trajectory.segments();
+        segments.all(|segment| self.bends_within(&segment, HALVINGS))
+    }
+
+    /// The Bézier control points bound the curve, since the allowed bending is convex; those of its halves bound it more closely.
+    fn bends_within(&self, segment: &QuinticSegment, halvings: usize) -> bool {
+        let is_within = |q: &Configuration| self.robot.limit_excess(q) <= self.bending_slack_rad;
+        let [first, .., last] = &segment.control;
+        if segment.control.iter().all(is_within) {
+            return true;
+        }
+        let (former, latter) = segment.halves();
+        let halves = [former, latter];
+        halvings > 0
+            && is_within(first)
+            && is_within(last)
+            && halves
                 .iter()
-                .all(|q| self.robot.limit_excess(q) <= BENDING_SLACK_RAD)
-        })
+                .all(|half| self.bends_within(half, halvings - 1))
     }
 
     /// A motion that is certified, with its figures of merit.

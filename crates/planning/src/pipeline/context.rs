@@ -4,7 +4,7 @@ use crate::motion::constraints::MotionConstraints;
 use crate::motion::incumbent::Incumbent;
 use crate::path::waypoints::Waypoints;
 use crate::plan::{Candidate, Draw, Failure, count_learned};
-use crate::problem::Problem;
+use crate::problem::{BENDING_SLACK_RAD, Problem};
 use crate::request::{Interrupt, Request, Supervision};
 use crate::resources::Resources;
 use crate::search::edges::{RrtSettings, Search};
@@ -15,6 +15,9 @@ use pcc_model::{SECTIONS, UnitRobot};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
+
+/// Bending above a limit that is rounding, rad.
+const BENDING_ROUNDING_RAD: f64 = 1e-9;
 
 /// One request: what it asks for, what the planner has for it, and what its motions must keep.
 #[derive(Clone, Copy)]
@@ -100,6 +103,7 @@ impl<'a> RequestContext<'a> {
             tip_paths: &resources.tip_paths,
             limits,
             knots: request.knots,
+            bending_slack_rad: bending_slack_rad(&resources.robot, problem, request),
             corrections: request.corrections,
             interrupt: supervision.interrupt,
         };
@@ -204,6 +208,15 @@ impl<'a> RequestContext<'a> {
     pub(super) fn tree_rng(&self, index: usize) -> Pcg64 {
         Pcg64::new(u128::from(self.request.seed), index as u128 + 1)
     }
+}
+
+/// Bending above the limit that the motions of a request may have, rad: from rest what a start may have; in motion no more than the start has,
+/// but for rounding.
+fn bending_slack_rad(robot: &UnitRobot, problem: &Problem, request: &Request) -> f64 {
+    if request.start_motion.is_none() {
+        return BENDING_SLACK_RAD;
+    }
+    robot.limit_excess(&problem.start).max(0.0) + BENDING_ROUNDING_RAD
 }
 
 /// Divides `wall_s` seconds among the stages that these paths went through meanwhile; their draws.
