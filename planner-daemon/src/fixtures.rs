@@ -57,6 +57,7 @@ pub(crate) fn task() -> PlanTask {
         request_id: 3,
         problem: Arc::new(straight_problem()),
         request: request(),
+        knots: [request().knots; 2],
         starts_at_robot: false,
         ignores_live_scene: false,
         via: Vec::new(),

@@ -21,7 +21,7 @@ pub use parameterize::in_motion::MovingStart;
 pub use parameterize::options::{MAX_KNOTS, ParameterizationError, ParameterizationOptions};
 pub use parameterize::time_parameterizer::TimeParameterizer;
 pub use scaling::rate_law::{BRAKING_SHARE, Playback, RateLaw, RateStep};
-pub use scaling::stopping::{StoppingError, stopping_motion};
+pub use scaling::stopping::{STOPPING_KNOTS, StoppingError, stopping_motion};
 
 #[cfg(test)]
 mod test_paths;

@@ -13,6 +13,7 @@ use shared_types::clock::mono_now_ns;
 use shared_types::codes::{PlanField, Selection, StartKind};
 use shared_types::ipc::PlanServiceCapacity;
 use shared_types::valid::{self, PlanRequest, SelectionRule};
+use trajectory::STOPPING_KNOTS;
 
 use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
@@ -42,6 +43,8 @@ pub(crate) struct PlanTask {
     pub(crate) problem: Arc<Problem>,
     /// The planner's request: what to deliver.
     pub(crate) request: Request,
+    /// Knots that a motion may have which begins at rest, and one which begins in motion: that brakes, too.
+    pub(crate) knots: [usize; 2],
     /// Whether it begins where the robot is when planning begins; `problem` and `request` hold no start until then.
     pub(crate) starts_at_robot: bool,
     /// Whether the live scene's obstacles are left out of planning.
@@ -118,6 +121,7 @@ impl RequestValidator {
             request_id: asked.request_id,
             problem: Arc::new(self.problem(asked)?),
             request: self.request(asked, previous),
+            knots: self.knots(asked),
             ignores_live_scene: asked.ignores_live_scene,
             starts_at_robot: asked.start != StartKind::Given,
             via: asked.via.iter().map(|goal| self.via(goal)).collect(),
@@ -162,26 +166,29 @@ impl RequestValidator {
         }
     }
 
-    /// Knots that a motion may have. One through several goals may have as many for each goal as one to a single goal, as far as the answer
-    /// holds so many candidates of them.
-    fn knots(&self, asked: &PlanRequest) -> usize {
+    /// Knots that a motion from rest may have, and one that begins in motion, which may have those of its braking more. One through several
+    /// goals may have as many for each goal as one to a single goal. All as far as the answer holds so many candidates of them.
+    fn knots(&self, asked: &PlanRequest) -> [usize; 2] {
         let of_one = self.capacity.knots_per_candidate;
         let is_route = !asked.via.is_empty() || asked.start == StartKind::AfterGoals;
-        let most = if is_route { MAX_KNOTS } else { of_one };
+        let from_rest = if is_route { MAX_KNOTS } else { of_one };
+        let in_motion = (from_rest + STOPPING_KNOTS).min(MAX_KNOTS);
         let share = self.capacity.knots_per_response() / asked.candidate_count;
-        share.clamp(of_one, most)
+        [from_rest, in_motion].map(|most| share.clamp(of_one, most))
     }
 
     fn request(&self, asked: &PlanRequest, previous: Option<PreviousPlan>) -> Request {
+        let [from_rest, in_motion] = self.knots(asked);
+        let is_in_motion = asked.starts_in_motion();
         Request {
             candidates: asked.candidate_count,
             seed: asked.seed,
             sampler: asked.sampler,
             limits_scale: asked.limits_scale,
             padding: self.padding,
-            knots: self.knots(asked),
+            knots: if is_in_motion { in_motion } else { from_rest },
             corrections: MOST_CORRECTIONS,
-            start_motion: asked.starts_in_motion().then(|| StartMotion {
+            start_motion: is_in_motion.then(|| StartMotion {
                 velocity: asked.start_velocity_rad_s.into(),
                 acceleration: asked.start_acceleration_rad_s2.into(),
             }),

@@ -41,6 +41,9 @@ pub enum StoppingError {
     NotTimeable(TendonLimits),
 }
 
+/// Knots that a motion has more where it begins with a stop of [`stopping_motion`], at most.
+pub const STOPPING_KNOTS: usize = 3;
+
 /// A motion from `from` (its time is not read) to rest, straight ahead, within the acceleration and jerk limits.
 ///
 /// It begins with exactly this position, velocity and acceleration, in whatever directions, and has four knots at
