@@ -4,7 +4,7 @@
 //! truncates.
 
 use crate::error::PlannerError;
-use crate::path::waypoints::Waypoints;
+use crate::path::waypoints::{Waypoints, is_straight};
 use crate::pipeline::braking::Braking;
 use crate::pipeline::context::{Drawn, RequestContext};
 use crate::pipeline::goal_set::{GoalSet, goal_set};
@@ -15,7 +15,6 @@ use crate::plan::{Candidate, Draw, Failure, Plan};
 use crate::request::{Guidance, StartMotion, Supervision};
 use crate::stage_times::StageTimes;
 use codes::{Sampler, Source, Stage};
-use pcc_model::Configuration;
 
 /// Answers a request.
 ///
@@ -108,24 +107,24 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         after: &after.constraints,
     };
     if !context.constraints.moving.is_empty() {
-        let straight = |end: &Configuration| Some(straight_line::to(&after, end));
-        let plan = from_rest(&after)?;
-        return Ok(joining.plan(plan, JoinedSegments::default(), &straight, None));
+        return Ok(joining.plan(from_rest(&after)?, JoinedSegments::default(), None));
     }
-    let (plan, segments) = segments_first(&joining, &after)?;
     let early = supervision.early_selection;
-    let late = early.filter(|_| segments.selected().is_none());
-    let selected = late.map(|early| early.selected);
-    let is_default = request.sampler == Sampler::Default;
-    let another = |end: &Configuration| is_default.then(|| fastest_to(&after, end))?;
-    let Some(state) = late.and_then(|early| (early.begin)()) else {
-        return Ok(joining.plan(plan, segments, &another, selected));
+    let (plan, segments) = segments_first(&joining, &after)?;
+    let tell = early.filter(|_| segments.selected().is_none());
+    let later = tell.and_then(|early| (early.begin)());
+    let Some(state) = later else {
+        return Ok(joining.plan(plan, segments, tell.map(|early| early.selected)));
     };
     let joining = Joining {
         braking: &Braking::new(&context.constraints, &state)?,
         ..joining
     };
-    Ok(joining.plan(plan, JoinedSegments::default(), &another, selected))
+    Ok(joining.plan(
+        plan,
+        JoinedSegments::default(),
+        tell.map(|early| early.selected),
+    ))
 }
 
 /// Plans from where a robot in motion can rest among obstacles that rest; before the default sampler draws paths, straight segments are
@@ -151,20 +150,39 @@ fn segments_first(
         }
     };
     let draw = || to_these(after, &goals, default::draw, &mut times);
-    let ((), drawn) = rayon::join(tell, draw);
+    let ((), mut drawn) = rayon::join(tell, draw);
+    if segments.selected().is_none() {
+        draw_more_to_fastest(after, &mut drawn.draws, &mut times);
+    }
     Ok((plan_of(drawn, times), segments))
 }
 
-/// The draw with the fastest motion of as many as are asked for, all to one configuration.
-fn fastest_to(context: &RequestContext, end: &Configuration) -> Option<Draw> {
+/// Draws as many paths as are asked for to the goal configuration of the fastest motion alone, where its path is no straight segment: nothing
+/// says that there is no faster one. The fastest of them takes its place if it is faster.
+fn draw_more_to_fastest(context: &RequestContext, draws: &mut [Draw], times: &mut StageTimes) {
+    let by_duration = |a: &Draw, b: &Draw| a.duration_s().total_cmp(&b.duration_s());
+    let Some(fastest) = draws.iter_mut().min_by(|a, b| by_duration(a, b)) else {
+        return;
+    };
+    let is_best =
+        fastest.source == Source::Kept || fastest.path.as_deref().is_some_and(is_straight);
+    let end = fastest
+        .outcome
+        .as_ref()
+        .map(|motion| motion.trajectory.end());
+    let Some(end) = end.ok().filter(|_| !is_best) else {
+        return;
+    };
     let untold = RequestContext {
         supervision: Supervision::new(context.supervision.interrupt),
         ..*context
     };
-    let goals = GoalSet::of_one(*end, context.request.candidates);
-    let draws = to_these(&untold, &goals, default::draw, &mut StageTimes::default()).draws;
-    let by_duration = |a: &Draw, b: &Draw| a.duration_s().total_cmp(&b.duration_s());
-    draws.into_iter().min_by(by_duration)
+    let goals = GoalSet::of_one(end, context.request.candidates);
+    let more = to_these(&untold, &goals, default::draw, times).draws;
+    let more = more.into_iter().min_by(by_duration);
+    if let Some(faster) = more.filter(|more| more.duration_s() < fastest.duration_s()) {
+        *fastest = faster;
+    }
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.

@@ -1,7 +1,7 @@
 //! Motions from rest are joined to the braking of a robot in motion: the fastest first, which is told before the others are joined.
 
 use crate::motion::constraints::MotionConstraints;
-use crate::path::waypoints::{is_straight, straight_path};
+use crate::path::waypoints::straight_path;
 use crate::pipeline::braking::Braking;
 use crate::pipeline::selection::select;
 use crate::plan::{Candidate, Draw, Failure, Plan};
@@ -28,16 +28,13 @@ pub(super) struct Joining<'a> {
 /// Straight segments to goal configurations, joined to a braking before other paths are planned.
 #[derive(Default)]
 pub(super) struct JoinedSegments {
-    segments: Vec<JoinedDraw>,
+    segments: Vec<Segment>,
     /// Whether no motion to any other goal configuration is expected to be faster than the fastest of these.
     is_settled: bool,
 }
 
-/// Another draw to a configuration, if there is one.
-type Another<'a> = &'a (dyn Fn(&Configuration) -> Option<Draw> + Sync);
-
-/// A draw, its motion joined to a braking.
-struct JoinedDraw {
+/// A straight segment as a draw, its motion joined to a braking.
+struct Segment {
     draw: Draw,
     joined: Candidate,
 }
@@ -62,7 +59,7 @@ impl Joining<'_> {
         let least_s = |goal: &Configuration| self.after.least_duration_s(&[start, *goal]);
         let mut order: Vec<(usize, f64)> = goals.iter().map(least_s).enumerate().collect();
         order.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let mut segments: Vec<JoinedDraw> = Vec::new();
+        let mut segments: Vec<Segment> = Vec::new();
         // From rest, motions that take longer than this are not expected to be selected, and others than segments take at least that long.
         let (mut longest_s, mut others_s) = (f64::INFINITY, f64::INFINITY);
         for round in order.chunks(AT_ONCE) {
@@ -96,7 +93,7 @@ impl Joining<'_> {
         draw: usize,
         goal: &Configuration,
         longest_s: f64,
-    ) -> Result<JoinedDraw, Failure> {
+    ) -> Result<Segment, Failure> {
         if (self.after.interrupt)() {
             return Err(Failure::Truncated);
         }
@@ -115,7 +112,7 @@ impl Joining<'_> {
             source: Source::StraightLine,
             outcome: Ok(joined.certified()),
         };
-        Ok(JoinedDraw { draw, joined })
+        Ok(Segment { draw, joined })
     }
 
     /// The duration by which a joined motion is expected to be shorter than the motion from rest at most, s.
@@ -125,18 +122,15 @@ impl Joining<'_> {
 
     /// A plan from rest with every motion joined to the braking, and the figures of the whole motions; `segments` take the place of the
     /// paths to their goal configurations. Where these do not tell which motion is the fastest, `selected` is told before the others are
-    /// joined, once `another` way to the same configuration was asked for in place of a path that is no straight segment.
+    /// joined.
     pub(super) fn plan(
         &self,
         mut plan: Plan,
         segments: JoinedSegments,
-        another: Another,
         selected: Option<&(dyn Fn(Candidate) + Sync)>,
     ) -> Plan {
         let mut stages = plan.stages;
-        stages.measure(Stage::Select, || {
-            self.join(&mut plan, segments, another, selected);
-        });
+        stages.measure(Stage::Select, || self.join(&mut plan, segments, selected));
         plan.stages = stages;
         plan
     }
@@ -145,12 +139,11 @@ impl Joining<'_> {
         &self,
         plan: &mut Plan,
         segments: JoinedSegments,
-        another: Another,
         selected: Option<&(dyn Fn(Candidate) + Sync)>,
     ) {
         let is_settled = segments.is_settled;
         let mut joined: Vec<Joined> = Vec::with_capacity(plan.draws.len());
-        for JoinedDraw { draw, joined: it } in segments.segments {
+        for Segment { draw, joined: it } in segments.segments {
             plan.draws[it.draw] = draw;
             joined.push((it.draw, Ok(it)));
         }
@@ -162,7 +155,7 @@ impl Joining<'_> {
         } else {
             let first = self.join_fastest(&from_rest, &mut joined);
             let tell_fastest = || {
-                let segment = self.improve_fastest(&plan.draws, &mut joined, another);
+                let segment = self.straighten_fastest(&mut joined);
                 if let (Some(tell), Some(candidate)) = (selected, select_of(&joined)) {
                     tell(candidate);
                 }
@@ -220,35 +213,23 @@ impl Joining<'_> {
         (from_rest.draw, joined.ok_or(Failure::Collision))
     }
 
-    /// Puts another way to its configuration in the place of the fastest motion, where that is faster; returns it. What remains of a motion
-    /// that is followed is not left for less than its worth, and no path is faster than a straight segment.
-    fn improve_fastest(
-        &self,
-        draws: &[Draw],
-        joined: &mut [Joined],
-        another: Another,
-    ) -> Option<JoinedDraw> {
+    /// Puts the straight segment in the place of the path of the fastest motion, where its motion is faster: from rest, only segments
+    /// that could be the fastest of all were tried. What remains of a motion that is followed is not left for less than its worth.
+    /// Returns the segment.
+    fn straighten_fastest(&self, joined: &mut [Joined]) -> Option<Segment> {
         let fastest = joined
             .iter_mut()
             .min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))?;
-        let motion = fastest.1.as_ref().ok()?;
-        let path = draws[motion.draw].path.as_deref()?;
-        if motion.source == Source::Kept || is_straight(path) {
+        let path = fastest.1.as_ref().ok()?;
+        if matches!(path.source, Source::StraightLine | Source::Kept) {
             return None;
         }
-        let mut draw = another(&motion.end())?;
-        let from_rest = draw.outcome.as_ref().ok()?;
-        let from_rest = Candidate::of(motion.draw, draw.source, from_rest);
-        let other = self.braking.candidate(&from_rest)?;
-        if other.metrics.duration_s >= motion.metrics.duration_s {
+        let segment = self.segment(path.draw, &path.end(), f64::INFINITY).ok()?;
+        if segment.joined.metrics.duration_s >= path.metrics.duration_s {
             return None;
         }
-        draw.outcome = Ok(other.certified());
-        fastest.1 = Ok(other.clone());
-        Some(JoinedDraw {
-            draw,
-            joined: other,
-        })
+        fastest.1 = Ok(segment.joined.clone());
+        Some(segment)
     }
 }
 

@@ -30,13 +30,6 @@ pub(crate) fn draw(context: &RequestContext, goals: &GoalSet, times: &mut StageT
     context.deliver_timed(segments.collect(), times).into()
 }
 
-/// The motion of the straight segment to a configuration.
-pub(super) fn to(context: &RequestContext, goal: &Configuration) -> Draw {
-    let path = straight_path(&context.problem.start, goal);
-    let proposal = Proposal::of(path, Source::StraightLine);
-    context.deliver(proposal).0
-}
-
 /// A segment that was tried.
 struct StraightLineCandidate {
     /// The segment's place in the order of least durations.
