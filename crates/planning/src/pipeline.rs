@@ -5,7 +5,6 @@ mod braking;
 mod chain;
 pub(crate) mod context;
 mod default;
-pub(crate) mod evasion;
 mod exploring;
 mod fast;
 mod goal_set;

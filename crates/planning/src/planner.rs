@@ -6,9 +6,8 @@ use crate::models::diffusion::Task;
 use crate::path::waypoints::Waypoints;
 use crate::pipeline::answer::{answer, answer_with_paths};
 use crate::pipeline::context::RequestContext;
-use crate::pipeline::evasion::evade;
 use crate::pipeline::route::answer_route;
-use crate::plan::{Candidate, Plan};
+use crate::plan::Plan;
 use crate::problem::{Problem, Via};
 use crate::request::{Guidance, Interrupt, Request, Supervision};
 use crate::resources::{Models, Resources};
@@ -106,24 +105,6 @@ impl Planner {
                 [] => answer(&context),
                 via => answer_route(&context, via),
             }
-        })
-    }
-
-    /// A certified motion out of the way of obstacles that move, for a robot at rest from where no path to the goal is certified: to a place
-    /// where it can stay clear of them for 20 s, the nearer to the goal the better. None where no such place was found, or none is nearer
-    /// than where the robot can stay as well.
-    #[must_use]
-    pub fn evade(
-        &self,
-        problem: &Problem,
-        request: &Request,
-        interrupt: Interrupt,
-    ) -> Option<Candidate> {
-        let padded = self.padded(request);
-        let (resources, supervision) = (&self.resources, Supervision::new(interrupt));
-        self.workers.install(|| {
-            let context = RequestContext::new(resources, &padded, problem, request, supervision);
-            evade(&context)
         })
     }
 

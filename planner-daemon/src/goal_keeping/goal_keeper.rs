@@ -288,20 +288,6 @@ impl GoalKeeper {
         }
     }
 
-    /// Hears that the robot goes out of the way of obstacles that move, to a configuration that is not the goal; plans to the goal go on.
-    pub(crate) fn head_out_of_the_way(&mut self, motion: PublishedMotion, end: Configuration) {
-        let Some((kept, target)) = self.kept.as_mut().zip(self.planned_for) else {
-            return;
-        };
-        let goal = Goal::Configuration(end.into());
-        kept.head(Heading {
-            motion,
-            target: Target { goal, ..target },
-        });
-        self.status.motion_count += 1;
-        self.status.trajectory_id = motion.trajectory_id;
-    }
-
     /// Hears what came of the plan that was to be made.
     pub(crate) fn hear_plan(&mut self, result: &PlanResult) {
         let target = self.planned_for.take();

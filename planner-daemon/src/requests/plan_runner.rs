@@ -20,8 +20,6 @@ use planning::{
 use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
 
-/// Time beyond a plan's deadline until a motion out of the way is found.
-const EVASION: Duration = Duration::from_millis(20);
 /// Longest wait of a worker for what is done with a selected candidate.
 const LONGEST_WAIT: Duration = Duration::from_millis(10);
 
@@ -37,8 +35,6 @@ pub(crate) struct Job {
     /// Where the motions are to begin, asked when paths are planned; then the fastest candidate is an output of its own as soon as it is
     /// known.
     pub(crate) late_switch: Option<LateSwitch>,
-    /// Whether a motion out of the way of moving obstacles is wanted where none to the goal is certified.
-    pub(crate) evades: bool,
     /// Set when the client has cancelled the request.
     pub(crate) cancelled: Arc<AtomicBool>,
 }
@@ -72,8 +68,6 @@ pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
     /// Where all candidates begin, and when that was chosen.
     Begins(Switch, Instant),
-    /// A motion out of the way of moving obstacles.
-    Evasion(Candidate),
     /// The fastest candidate; the worker that has found it waits until the other part is dropped, and leaves its processor to what is done
     /// with the candidate.
     Selected(Candidate, SyncSender<()>),
@@ -108,7 +102,7 @@ impl PlanRunner {
     /// What the system says where there can be no more files.
     pub(crate) fn new(planner: Arc<Planner>) -> io::Result<Self> {
         // Room for one output of each kind, so that a worker never waits.
-        let (outgoing, outputs) = sync_channel(5);
+        let (outgoing, outputs) = sync_channel(4);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
             planner,
@@ -185,20 +179,11 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
         certified: job.early.is_some().then_some(&collect),
         early_selection: job.late_switch.is_some().then_some(early_selection),
     };
-    let planned =
-        guarded(|| planner.plan_route(&job.via, &job.problem, &job.request, supervision))?;
-    if job.evades && planned.candidates.is_empty() {
-        let interrupt = || Instant::now() >= job.deadline + EVASION;
-        let evasion = guarded(|| Ok(planner.evade(&job.problem, &job.request, &interrupt)))?;
-        evasion
-            .into_iter()
-            .for_each(|it| outgoing.send(PlanOutput::Evasion(it)));
-    }
-    Ok(planned)
+    guarded(|| planner.plan_route(&job.via, &job.problem, &job.request, supervision))
 }
 
 /// Runs a planner; a panic in it is an answer like any other.
-fn guarded<T>(plan: impl FnOnce() -> Result<T, PlannerError>) -> Result<T, PlanError> {
+fn guarded(plan: impl FnOnce() -> Result<Plan, PlannerError>) -> Planned {
     match catch_unwind(AssertUnwindSafe(plan)) {
         Ok(result) => Ok(result?),
         Err(payload) => Err(PlanError::Panic(panic_text(payload.as_ref()))),
@@ -248,7 +233,6 @@ mod tests {
             deadline,
             early: None,
             late_switch: None,
-            evades: false,
             cancelled: Arc::default(),
         }
     }
@@ -310,10 +294,10 @@ mod tests {
     fn a_panic_is_an_answer() {
         for payload in ["a defect".to_owned(), format!("{}", 7)] {
             let text = payload.clone();
-            let fault = guarded::<Plan>(|| std::panic::panic_any(payload)).unwrap_err();
+            let fault = guarded(|| std::panic::panic_any(payload)).unwrap_err();
             assert!(fault.to_string().contains(&text), "{fault}");
         }
-        let fault = guarded::<Plan>(|| panic!("static")).unwrap_err();
+        let fault = guarded(|| panic!("static")).unwrap_err();
         assert!(fault.to_string().contains("static"), "{fault}");
     }
 }

@@ -23,7 +23,7 @@ use crate::execution::{
     ExecutionRefusal, ExecutionTiming, ExpectedBegin, FollowedMotion, RobotMotion, SelectedMotion,
     Switch, TimedGoal,
 };
-use crate::goal_keeping::{PublishedMotion, Wanted};
+use crate::goal_keeping::Wanted;
 
 /// Longest wait for a motion that ends or is left in a moment, before a request that begins where the robot is is refused.
 const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
@@ -86,9 +86,6 @@ impl Service {
             self.refuse(&queued.asker, queued.task.request_id, &refusal);
             return true;
         }
-        let evades = matches!(queued.asker, Asker::GoalKeeper)
-            && matches!(begin, PlanBegin::AtRest { .. })
-            && !problem.moving.is_empty();
         let leaves = leaves.filter(|_| selects_early);
         let late_switch =
             leaves.map(|left| late_switch(left, lead(joining), queued.task.begin_mono_ns));
@@ -100,7 +97,6 @@ impl Service {
             deadline: queued.deadline() + excused(&queued.task, waited),
             early: self.early(&queued.task),
             late_switch,
-            evades,
             cancelled: Arc::clone(&cancelled),
         });
         let plan_id = self.next_plan_id;
@@ -193,7 +189,6 @@ impl Service {
         }
         match self.runner.take() {
             Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
-            Some(PlanOutput::Evasion(candidate)) => self.evade(&candidate),
             Some(PlanOutput::Begins(switch, chosen)) => self.begin_at(switch, chosen),
             Some(PlanOutput::Selected(candidate, _in_work)) => self.execute_early(&candidate),
             Some(PlanOutput::Plan(planned)) => self.answer(planned),
@@ -244,35 +239,6 @@ impl Service {
                 draw: candidate.draw,
                 published,
             });
-        }
-        self.in_flight = Some(in_flight);
-    }
-
-    /// Publishes a motion out of the way of obstacles that move, on the way to the goal that stays.
-    fn evade(&mut self, candidate: &Candidate) {
-        let Some(in_flight) = self.in_flight.take() else {
-            return;
-        };
-        let task = &in_flight.queued.task;
-        if let Some(requested_mono_ns) = task.requested_mono_ns {
-            let goals = Arc::default();
-            match self.publish_selected(&in_flight, Some(candidate), goals, requested_mono_ns) {
-                Ok(trajectory_id) => {
-                    tracing::info!(
-                        "trajectory {trajectory_id} goes out of the way of obstacles that move"
-                    );
-                    let motion = PublishedMotion {
-                        trajectory_id,
-                        duration_s: candidate.trajectory.duration(),
-                    };
-                    self.goal
-                        .keeper
-                        .head_out_of_the_way(motion, candidate.end());
-                }
-                Err(refusal) => {
-                    tracing::info!("the robot stays in the way of obstacles that move: {refusal}");
-                }
-            }
         }
         self.in_flight = Some(in_flight);
     }
@@ -338,16 +304,13 @@ impl Service {
             let took = in_flight.begin_chosen.elapsed();
             self.lead_times.note(in_flight.kind, took);
         }
-        let goals = selected.map(|candidate| timed_goals(task, candidate));
-        let goals = goals.unwrap_or_default();
-        Some(self.publish_selected(in_flight, selected, goals, requested_mono_ns))
+        Some(self.publish_selected(in_flight, selected, requested_mono_ns))
     }
 
     fn publish_selected(
         &self,
         in_flight: &InFlight,
         selected: Option<&Candidate>,
-        goals: Arc<[TimedGoal]>,
         requested_mono_ns: i64,
     ) -> Result<u32, ExecutionRefusal> {
         let (leaves, begin_mono_ns) = in_flight.begin.to_execute()?;
@@ -358,7 +321,7 @@ impl Service {
         self.check_wanted(in_flight, leaves.as_ref(), candidate)?;
         self.execution.publish(SelectedMotion {
             motion: Arc::clone(&candidate.trajectory),
-            goals,
+            goals: timed_goals(&in_flight.queued.task, candidate),
             leaves,
             draw: candidate.draw,
             plan_id: in_flight.plan_id,

@@ -192,7 +192,7 @@ impl MotionConstraints<'_> {
 }
 
 /// A rest in a configuration, rad.
-pub(crate) fn resting(at: &Configuration, duration_s: f64) -> Option<Trajectory> {
+fn resting(at: &Configuration, duration_s: f64) -> Option<Trajectory> {
     let knots = [0.0, duration_s].map(|time| Knot::resting(time, *at));
     Trajectory::new(knots.to_vec()).ok()
 }

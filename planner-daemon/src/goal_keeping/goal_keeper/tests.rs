@@ -451,31 +451,6 @@ fn the_way_to_a_former_place_goes_on_while_the_new_one_cannot_be_reached() {
 }
 
 #[test]
-fn on_a_motion_out_of_the_way_the_goal_is_planned_for_as_before() {
-    let mut bench = Bench::new();
-    bench.give(given(GIVEN, configuration(0.4)));
-    bench.after(10, &holding()).unwrap();
-    let motion = PublishedMotion {
-        trajectory_id: 7,
-        duration_s: 1.0,
-    };
-    let aside = Configuration::repeat(0.2);
-    bench.keeper.head_out_of_the_way(motion, aside);
-    bench.keeper.hear_plan(&failed(Outcome::NoPath, "balls"));
-    assert_eq!(bench.state(), GoalState::Unreachable);
-    assert!(bench.after(50, &following(7)).is_none());
-    bench.after(50, &following(7)).unwrap();
-    assert_eq!(bench.keeper.wants(Some(&switch(7, 0.2)), 9.0), Wanted::Yes);
-    bench.keeper.hear_plan(&failed(Outcome::NoPath, "balls"));
-    bench
-        .keeper
-        .hear_result(&ended_by(7, MotionOutcome::Reached));
-    let at_rest = bench.after(10, &RobotMotion::Holding(aside));
-    assert!(at_rest.is_some(), "there is not the goal");
-    assert_eq!(bench.state(), GoalState::Unreachable);
-}
-
-#[test]
 fn a_motion_that_a_client_has_executed_ends_the_goal_by_its_number() {
     let mut bench = Bench::underway();
     bench.keeper.end_for_foreign(9);
