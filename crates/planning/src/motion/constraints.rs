@@ -73,7 +73,7 @@ impl<'a> MotionConstraints<'a> {
     }
 
     /// Times a path from rest to rest with at most so many knots.
-    pub(crate) fn parameterize(
+    pub(super) fn parameterize(
         &self,
         path: &[Configuration],
         knots: usize,

@@ -99,12 +99,37 @@ impl<'a> Braking<'a> {
     }
 
     /// The candidate with its motion joined to the one that the robot brakes from: while it brakes where that is certified and faster,
-    /// else after it. None where a moving ball comes too near to both.
+    /// else after it. None where a moving ball comes too near to both, or where a path that begins elsewhere cannot be begun here.
     pub(crate) fn candidate(&self, candidate: &Candidate) -> Option<Candidate> {
-        let joined = self.beside(&candidate.trajectory);
-        let after = || self.then(&candidate.trajectory, candidate.metrics.clearance);
-        let motion = joined.or_else(|| after().ok())?;
+        let Candidate {
+            trajectory,
+            metrics,
+            ..
+        } = candidate;
+        let begins_here = trajectory.knots()[0].position == self.motion.end();
+        let motion = self.beside(trajectory).or_else(|| {
+            if begins_here {
+                self.then(trajectory, metrics.clearance).ok()
+            } else {
+                self.begun_here(trajectory)
+            }
+        })?;
         Some(Candidate::of(candidate.draw, candidate.source, &motion))
+    }
+
+    /// The motion along the path of one that begins near to where the robot rests after braking, corrected from there.
+    fn begun_here(&self, motion: &Trajectory) -> Option<Certified> {
+        let from_rest = MotionConstraints {
+            knots: motion.knots().len(),
+            ..*self.constraints
+        };
+        let delivered = from_rest.to_trajectory(self.path(motion), false, None);
+        let Certified {
+            trajectory,
+            metrics,
+        } = delivered.outcome.ok()?;
+        let joined = self.beside(&trajectory);
+        joined.or_else(|| self.then(&trajectory, metrics.clearance).ok())
     }
 
     /// The path of a motion, begun where the robot rests after braking.
@@ -120,15 +145,9 @@ impl<'a> Braking<'a> {
             .certified_from(self.state(), &path, stop_then_go_s)
     }
 
-    /// Braking to rest, and then a certified motion with this clearance, section lengths, or one along its path where that begins elsewhere.
-    /// Among moving balls that is certified as a whole: how far they may be from where they are expected depends on the longest stop of all
-    /// of it.
+    /// Braking to rest, and then a certified motion with this clearance, section lengths. Among moving balls that is certified as a
+    /// whole: how far they may be from where they are expected depends on the longest stop of all of it.
     fn then(&self, motion: &Trajectory, clearance: f64) -> Result<Certified, Failure> {
-        if motion.knots()[0].position != self.motion.end() {
-            let knots = motion.knots().len();
-            let moved = self.constraints.parameterize(&self.path(motion), knots)?;
-            return self.constraints.certified(self.before(&moved));
-        }
         let whole = self.before(motion);
         if !self.constraints.moving.is_empty() {
             return self.constraints.certified(whole);

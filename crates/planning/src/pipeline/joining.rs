@@ -213,23 +213,36 @@ impl Joining<'_> {
         (from_rest.draw, joined.ok_or(Failure::Collision))
     }
 
-    /// Puts the straight segment in the place of the path of the fastest motion, where its motion is faster: from rest, only segments
-    /// that could be the fastest of all were tried. What remains of a motion that is followed is not left for less than its worth.
-    /// Returns the segment.
+    /// Puts the straight segment, corrected where it is not clear, in the place of the path of the fastest motion, where its motion is faster:
+    /// from rest, only segments that could be the fastest of all were tried, and maybe from elsewhere. What remains of a motion that is
+    /// followed is not left for less than its worth. Returns the segment.
     fn straighten_fastest(&self, joined: &mut [Joined]) -> Option<Segment> {
         let fastest = joined
             .iter_mut()
             .min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))?;
         let path = fastest.1.as_ref().ok()?;
-        if matches!(path.source, Source::StraightLine | Source::Kept) {
+        if path.source == Source::Kept {
             return None;
         }
-        let segment = self.segment(path.draw, &path.end(), f64::INFINITY).ok()?;
-        if segment.joined.metrics.duration_s >= path.metrics.duration_s {
+        let sampled = straight_path(&self.braking.motion.end(), &path.end());
+        let delivered = self.after.to_trajectory(sampled.clone(), false, None);
+        let from_rest = delivered.outcome.ok()?;
+        let from_rest = Candidate::of(path.draw, Source::StraightLine, &from_rest);
+        let segment = self.braking.candidate(&from_rest)?;
+        if segment.metrics.duration_s >= path.metrics.duration_s {
             return None;
         }
-        fastest.1 = Ok(segment.joined.clone());
-        Some(segment)
+        fastest.1 = Ok(segment.clone());
+        let draw = Draw {
+            sampled: Some(sampled),
+            path: Some(delivered.path),
+            source: Source::StraightLine,
+            outcome: Ok(segment.certified()),
+        };
+        Some(Segment {
+            draw,
+            joined: segment,
+        })
     }
 }
 

@@ -23,6 +23,8 @@ pub(super) struct Asked {
     pub(super) mono_ns: i64,
     /// Whether it found the robot in motion.
     pub(super) in_motion: bool,
+    /// Whether its deadline cut its plan short.
+    pub(super) is_truncated: bool,
 }
 
 /// What replans showed.
@@ -59,6 +61,8 @@ pub(super) struct Figures {
     pub(super) clearance_m: [f64; 2],
     /// (stop-then-go − joined) ÷ the shortest stop.
     pub(super) won: Vec<f64>,
+    /// Arrivals later than that by a motion of a plan that its deadline cut short.
+    pub(super) later_truncated: usize,
     /// Times of requests that found the robot in motion, ms: until the answer, and each stage by its name.
     pub(super) times_ms: BTreeMap<&'static str, Vec<f64>>,
     /// References without a motion.
@@ -156,16 +160,28 @@ impl Figures {
     }
 
     /// Compares a joined motion that was begun with stopping first.
-    pub(super) fn compare(&mut self, motion: &Published, reference: &StopThenGo) {
+    pub(super) fn compare(
+        &mut self,
+        motion: &Published,
+        reference: &StopThenGo,
+        is_truncated: bool,
+    ) {
         let duration_s = motion.knots.last().map_or(f64::NAN, |knot| knot.time_s);
         match reference.go_s {
             Some(go_s) => {
                 let won = reference.stop_s + go_s - duration_s;
-                self.won.push(won / reference.stop_s);
+                let share = won / reference.stop_s;
+                self.later_truncated += usize::from(is_truncated && is_later(&share));
+                self.won.push(share);
             }
             None => self.without_reference += 1,
         }
     }
+}
+
+/// Whether a motion that won this share of the shortest stop arrived later than after stopping, by more than rounding.
+pub(super) fn is_later(won: &f64) -> bool {
+    *won < -1e-6
 }
 
 pub(super) fn lower(figure: &mut f64, value: f64) {

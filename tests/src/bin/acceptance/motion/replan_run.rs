@@ -133,6 +133,7 @@ fn replans(
                 at,
                 mono_ns,
                 in_motion: was_moving,
+                is_truncated: report.outcome == Outcome::Truncated,
             };
             figures.published.insert(id, asked);
         } else {
@@ -171,6 +172,7 @@ fn references(
     for motion in &heard.motions {
         let asked = figures.published.get(&motion.id);
         let (seed, in_motion) = asked.map_or((0, false), |asked| (asked.seed, asked.in_motion));
+        let is_truncated = asked.is_some_and(|asked| asked.is_truncated);
         let is_begun = first_followed(&heard.cycles, motion.id).is_some();
         if motion.leaves.is_none() || !is_begun {
             figures.began_at_rest += usize::from(in_motion && motion.leaves.is_none());
@@ -183,7 +185,7 @@ fn references(
             continue;
         };
         let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
-        figures.compare(motion, &reference);
+        figures.compare(motion, &reference, is_truncated);
     }
     Ok(())
 }
