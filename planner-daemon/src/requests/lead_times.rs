@@ -10,12 +10,6 @@ const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
 const REMEMBERED: usize = 32;
-/// One in so many of these may have taken longer than what is foreseen: one that comes too late is made again, which costs less than a late
-/// switch always does.
-const EXCEPTIONAL: usize = 32;
-/// Share of time that is added to what is foreseen.
-const MARGIN: f64 = 1.2;
-
 /// What decides how long it takes until a plan's motion can be executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PlanKind {
@@ -33,6 +27,17 @@ pub(crate) enum Work {
     StraightSegments,
     /// Paths that are planned are joined to the motion that is left, until the fastest is known.
     Joining,
+}
+
+impl Work {
+    /// One in so many plans may take longer than what is foreseen, and the share of time that is added to that. The goal that stays, whose plans
+    /// are whole, is followed the more closely the shorter its lead is, and planned anew all the time; any other switch is missed but rarely.
+    fn foresight(self) -> (usize, f64) {
+        match self {
+            Self::WholePlan => (8, 1.05),
+            Self::StraightSegments | Self::Joining => (32, 1.2),
+        }
+    }
 }
 
 /// How long plans of each kind that began in motion took lately, from the choice of their switch until their motion was handed over for
@@ -62,8 +67,9 @@ impl LeadTimes {
         let known = self.recent.iter().find(|(known, _)| *known == kind);
         let mut recent = known.map(|(_, recent)| recent.clone()).unwrap_or_default();
         recent.sort_unstable();
-        let foreseen = recent.iter().rev().nth(recent.len() / EXCEPTIONAL);
-        foreseen.map_or(FIRST_LEAD, |took| took.mul_f64(MARGIN) + TO_THE_LOOP)
+        let (exceptional, margin) = kind.work.foresight();
+        let foreseen = recent.iter().rev().nth(recent.len() / exceptional);
+        foreseen.map_or(FIRST_LEAD, |took| took.mul_f64(margin) + TO_THE_LOOP)
     }
 }
 
@@ -74,24 +80,28 @@ mod tests {
     #[test]
     fn the_lead_follows_what_plans_took_and_forgets_single_exceptions() {
         let ms = Duration::from_millis;
-        let kind = |has_several_goals| PlanKind {
-            sampler: Sampler::Default,
-            has_several_goals,
-            work: Work::Joining,
-        };
-        let mut times = LeadTimes::default();
-        assert_eq!(times.lead(kind(false)), FIRST_LEAD);
-        times.note(kind(false), ms(4));
-        assert_eq!(times.lead(kind(false)), ms(4).mul_f64(MARGIN) + TO_THE_LOOP);
-        for _ in 0..REMEMBERED {
-            times.note(kind(false), ms(2));
+        for work in [Work::WholePlan, Work::StraightSegments, Work::Joining] {
+            let (exceptional, margin) = work.foresight();
+            let lead_of = |took: Duration| took.mul_f64(margin) + TO_THE_LOOP;
+            let kind = |has_several_goals| PlanKind {
+                sampler: Sampler::Default,
+                has_several_goals,
+                work,
+            };
+            let mut times = LeadTimes::default();
+            assert_eq!(times.lead(kind(false)), FIRST_LEAD);
+            times.note(kind(false), ms(4));
+            assert_eq!(times.lead(kind(false)), lead_of(ms(4)));
+            for _ in 0..REMEMBERED {
+                times.note(kind(false), ms(2));
+            }
+            for _ in 0..REMEMBERED / exceptional {
+                times.note(kind(false), ms(90));
+            }
+            times.note(kind(true), ms(200));
+            assert_eq!(times.lead(kind(false)), lead_of(ms(2)));
+            times.note(kind(false), ms(80));
+            assert!(times.lead(kind(false)) > ms(80));
         }
-        for _ in 0..REMEMBERED / EXCEPTIONAL {
-            times.note(kind(false), ms(90));
-        }
-        times.note(kind(true), ms(200));
-        assert_eq!(times.lead(kind(false)), ms(2).mul_f64(MARGIN) + TO_THE_LOOP);
-        times.note(kind(false), ms(80));
-        assert!(times.lead(kind(false)) > ms(80));
     }
 }
