@@ -151,7 +151,8 @@ fn segments_first(
     };
     let draw = || to_these(after, &goals, default::draw, &mut times);
     let ((), mut drawn) = rayon::join(tell, draw);
-    if segments.selected().is_none() {
+    let goes_on = !goals.remaining.is_empty();
+    if segments.selected().is_none() && !goes_on {
         draw_more_to_fastest(after, &mut drawn.draws, &mut times);
     }
     Ok((plan_of(drawn, times), segments))

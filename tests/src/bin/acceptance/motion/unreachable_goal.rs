@@ -37,6 +37,8 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             let moving = |status: &GoalStatus| status.state == GoalState::Underway;
             expect(&mut goal, "on the way", moving)?;
             // At another instant of the motion each time.
+            let moves = || (stack.controller_state().state == LoopState::Executing).then_some(());
+            wait_for("the robot moves", PATIENCE, moves)?;
             sleep(Duration::from_millis(40 + 97 * round as u64 % 700));
             figures.lose(&mut stack, &mut goal)?;
             figures.find_again(&mut stack, &mut goal, NEAR_M[1])?;
