@@ -41,6 +41,20 @@ fn selected_index(plan: &Plan) -> Option<usize> {
     select(&plan.candidates, &problem().start, Selection::ShortestTime)
 }
 
+fn plan_selecting_early(
+    planner: &Planner,
+    problem: &Problem,
+    request: &Request,
+    early_selection: EarlySelection,
+) -> Plan {
+    let supervision = Supervision {
+        early_selection: Some(early_selection),
+        ..Supervision::new(&|| false)
+    };
+    let plan = planner.plan_supervised(problem, request, supervision);
+    plan.unwrap()
+}
+
 /// A state as the first knot of a motion.
 fn knot_at(state: &State) -> Knot {
     Knot {
@@ -200,13 +214,7 @@ fn the_fastest_motion_is_told_before_the_others_are_joined_whatever_the_number_o
                 begin: &|| None,
                 selected: &|candidate| told.lock().unwrap().push(candidate),
             };
-            let supervision = Supervision {
-                early_selection: Some(early_selection),
-                ..Supervision::new(&|| false)
-            };
-            let answer = planner
-                .plan_supervised(&moving, &in_motion, supervision)
-                .unwrap();
+            let answer = plan_selecting_early(planner, &moving, &in_motion, early_selection);
             let told: Vec<Candidate> = told.into_inner().unwrap();
             let [candidate] = told.as_slice() else {
                 panic!("told {} times", told.len());
@@ -238,13 +246,7 @@ fn motions_begin_where_the_robot_is_once_paths_are_planned() {
             begin: &|| Some(knot_at(&then)),
             selected: &|_| (),
         };
-        let supervision = Supervision {
-            early_selection: Some(early_selection),
-            ..Supervision::new(&|| false)
-        };
-        let answer = planner
-            .plan_supervised(&moving, &in_motion, supervision)
-            .unwrap();
+        let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
         assert_eq!(answer.candidates.len(), 10);
         let robot = planner.robot();
         for candidate in &answer.candidates {

@@ -109,22 +109,18 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
     if !context.constraints.moving.is_empty() {
         return Ok(joining.plan(from_rest(&after)?, JoinedSegments::default(), None));
     }
-    let early = supervision.early_selection;
     let (plan, segments) = segments_first(&joining, &after)?;
-    let tell = early.filter(|_| segments.selected().is_none());
-    let later = tell.and_then(|early| (early.begin)());
-    let Some(state) = later else {
-        return Ok(joining.plan(plan, segments, tell.map(|early| early.selected)));
+    let early = supervision.early_selection;
+    let late = early.filter(|_| segments.selected().is_none());
+    let state = late.and_then(|late| (late.begin)());
+    let later = state.map(|state| Braking::new(&context.constraints, &state));
+    let later = later.transpose()?;
+    let (braking, segments) = match &later {
+        Some(later) => (later, JoinedSegments::default()),
+        None => (&braking, segments),
     };
-    let joining = Joining {
-        braking: &Braking::new(&context.constraints, &state)?,
-        ..joining
-    };
-    Ok(joining.plan(
-        plan,
-        JoinedSegments::default(),
-        tell.map(|early| early.selected),
-    ))
+    let joining = Joining { braking, ..joining };
+    Ok(joining.plan(plan, segments, late.map(|late| late.selected)))
 }
 
 /// Plans from where a robot in motion can rest among obstacles that rest; before the default sampler draws paths, straight segments are
