@@ -122,10 +122,7 @@ impl Chain<'_> {
         let (selected_ms, is_late) = (OnceLock::new(), AtomicBool::new(false));
         let took_ms = || clock.elapsed().as_secs_f64() * 1e3;
         let early_selection = EarlySelection {
-            begin: &|| {
-                is_late.store(true, Ordering::Relaxed);
-                None
-            },
+            begin: &|_| is_late.store(true, Ordering::Relaxed),
             selected: &|_| {
                 selected_ms.get_or_init(took_ms);
             },

@@ -47,7 +47,9 @@ pub use pipeline::selection::select;
 pub use plan::{Candidate, Certified, Draw, Failure, Passage, Plan};
 pub use planner::Planner;
 pub use problem::{Goal, Problem, Via};
-pub use request::{EarlySelection, Guidance, PreviousPlan, Request, StartMotion, Supervision};
+pub use request::{
+    CanBegin, EarlySelection, Guidance, PreviousPlan, Request, StartMotion, Supervision,
+};
 pub use resources::Models;
 pub use search::edges::RrtSettings;
 pub use search::random_configuration::random_configuration;

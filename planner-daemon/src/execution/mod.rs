@@ -24,5 +24,6 @@ pub(crate) use refusal::ExecutionRefusal;
 pub(crate) use request::{ExecutionTiming, SelectedMotion};
 pub(crate) use robot_motion::{FollowedMotion, RobotMotion, Switch, TimedGoal};
 pub(crate) use rules::ExecutionRules;
+pub(crate) use shared::Shared;
 pub(crate) use supervision_thread::{Execution, ExpectedBegin};
 pub(crate) use supervisor::HeardOrders;

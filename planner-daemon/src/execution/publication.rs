@@ -57,6 +57,9 @@ impl Supervisor {
         if mono_now_ns() > until_mono_ns {
             return Err(ExecutionRefusal::SupervisionStalled);
         }
+        if let Some(switch) = &selected.leaves {
+            self.schedule_switch(switch, mono_now_ns())?;
+        }
         let values = self.state.as_ref().map(|state| &state.values);
         let spoken_of = values.map_or([0; 2], |values| {
             [values.trajectory_id, values.refused_trajectory_id]

@@ -17,6 +17,7 @@ use super::refusal::ExecutionRefusal;
 use super::request::{ExecutionRequest, ReplySlot, SelectedMotion};
 use super::robot_motion::{FollowedMotion, RobotMotion, Switch};
 use super::rules::{ExecutionRules, ORDER_DELAY_S};
+use super::shared::Shared;
 use super::supervisor::{HeardOrders, Supervisor, Told};
 use crate::live_scene::{ExpectedMotion, SceneMemory, Timing};
 
@@ -91,6 +92,11 @@ impl Execution {
     /// What the robot does, as supervision heard last.
     pub(crate) fn robot_motion(&self) -> RobotMotion {
         self.told.robot_motion.get()
+    }
+
+    /// The same for other threads.
+    pub(crate) fn shared_robot_motion(&self) -> Shared<RobotMotion> {
+        self.told.robot_motion.clone()
     }
 
     /// What the controller's newest state says of orders.

@@ -79,6 +79,20 @@ impl Answer {
         answer
     }
 
+    /// An answer with the candidate that was handed over for publication before its plan failed.
+    pub(super) fn broken_off(
+        task: &PlanTask,
+        handed_over: &Candidate,
+        fault: &PlanError,
+        robot: &UnitRobot,
+    ) -> Self {
+        let refusal = Refusal::new(Outcome::Truncated, fault.to_string());
+        let mut answer = Self::refused(task.request_id, &refusal);
+        answer.candidates = vec![handed_over.clone()];
+        answer.summarise(task, robot);
+        answer
+    }
+
     /// An answer with one candidate of an earlier plan, which is selected.
     pub(super) fn of_kept(request_id: u64, plan: &KeptPlan, index: usize) -> Self {
         let kept = &plan.candidates[index];

@@ -4,6 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
+use planning::Candidate;
+
 use super::asker::Asker;
 use super::lead_times::{PlanKind, Work};
 use super::recent_plans::PlanBegin;
@@ -73,8 +75,7 @@ pub(super) struct InFlight {
 
 /// A motion that was handed over for publication before its plan was complete.
 pub(super) struct EarlyExecution {
-    /// The draw that the motion is of.
-    pub(super) draw: usize,
+    pub(super) candidate: Candidate,
     pub(super) published: Result<u32, ExecutionRefusal>,
 }
 

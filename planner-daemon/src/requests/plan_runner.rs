@@ -14,7 +14,8 @@ use std::time::{Duration, Instant};
 
 use pcc_model::UnitRobot;
 use planning::{
-    Candidate, EarlySelection, Plan, Planner, PlannerError, Problem, Request, Supervision, Via,
+    CanBegin, Candidate, EarlySelection, Plan, Planner, PlannerError, Problem, Request,
+    Supervision, Via,
 };
 
 use crate::execution::Switch;
@@ -160,11 +161,12 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
             }
         }
     };
-    let begin = || {
+    let begin = |can_begin: &CanBegin| {
         let chosen = Instant::now();
-        let switch = job.late_switch.as_ref()?()?;
-        outgoing.send(PlanOutput::Begins(switch, chosen));
-        Some(switch.state)
+        let switch = job.late_switch.as_ref().and_then(|choose| choose());
+        if let Some(switch) = switch.filter(|switch| can_begin(&switch.state)) {
+            outgoing.send(PlanOutput::Begins(switch, chosen));
+        }
     };
     let early_selection = EarlySelection {
         begin: &begin,

@@ -20,8 +20,8 @@ use super::request_validator::PlanTask;
 use super::robot_start::{NotReady, begin_at_robot};
 use super::service::Service;
 use crate::execution::{
-    ExecutionRefusal, ExecutionTiming, ExpectedBegin, FollowedMotion, RobotMotion, SelectedMotion,
-    Switch, TimedGoal,
+    ExecutionRefusal, ExecutionTiming, ExpectedBegin, RobotMotion, SelectedMotion, Shared, Switch,
+    TimedGoal,
 };
 use crate::goal_keeping::Wanted;
 
@@ -39,8 +39,6 @@ struct Start {
     begin: PlanBegin,
     /// What is planned.
     problem: Arc<Problem>,
-    /// The motion that is left, if one is.
-    leaves: Option<FollowedMotion>,
 }
 
 impl Service {
@@ -60,18 +58,10 @@ impl Service {
         let begun = Instant::now();
         let waited = begun - queued.received;
         let selects_early = self.selects_early(&queued);
-        let kind = queued.kind(selects_early);
         // A plan that came too late mostly was an exception: the second one is foreseen like the first.
         let lead = |kind| self.lead_times.lead(kind) * attempt.div_ceil(2);
-        let joining = PlanKind {
-            work: Work::Joining,
-            ..kind
-        };
-        let Start {
-            begin,
-            problem,
-            leaves,
-        } = match self.start(&mut queued.task, lead(kind)) {
+        let foreseen = lead(queued.kind(selects_early));
+        let Start { begin, problem } = match self.start(&mut queued.task, foreseen) {
             Ok(start) => start,
             Err(NotReady::Passes(_)) if waited < longest_deferral(&queued.task) => {
                 self.deferred = Some(queued);
@@ -86,9 +76,21 @@ impl Service {
             self.refuse(&queued.asker, queued.task.request_id, &refusal);
             return true;
         }
-        let leaves = leaves.filter(|_| selects_early);
-        let late_switch =
-            leaves.map(|left| late_switch(left, lead(joining), queued.task.begin_mono_ns));
+        let selects_early = selects_early && problem.moving.is_empty();
+        let kind = queued.kind(selects_early);
+        let joining = PlanKind {
+            work: Work::Joining,
+            ..kind
+        };
+        let late_switch = match &begin {
+            PlanBegin::AtSwitch(switch) if selects_early => Some(late_switch(
+                self.execution.shared_robot_motion(),
+                switch.trajectory_id,
+                lead(joining),
+                queued.task.begin_mono_ns,
+            )),
+            _ => None,
+        };
         let cancelled = Arc::new(AtomicBool::new(false));
         self.runner.begin(Job {
             problem,
@@ -144,17 +146,9 @@ impl Service {
                 ExpectedBegin::AtRest { not_before_mono_ns },
             ),
         };
-        let leaves = match &robot {
-            RobotMotion::Following(followed) if switch.is_some() => Some(followed.clone()),
-            _ => None,
-        };
         if task.ignores_live_scene {
             let problem = Arc::clone(&task.problem);
-            return Ok(Start {
-                begin,
-                problem,
-                leaves,
-            });
+            return Ok(Start { begin, problem });
         }
         let problem = self
             .execution
@@ -170,7 +164,6 @@ impl Service {
         Ok(Start {
             begin: delayed.unwrap_or(begin),
             problem,
-            leaves,
         })
     }
 
@@ -236,7 +229,7 @@ impl Service {
                 in_flight.cancelled.store(true, Ordering::Relaxed);
             }
             in_flight.executed = published.map(|published| EarlyExecution {
-                draw: candidate.draw,
+                candidate: candidate.clone(),
                 published,
             });
         }
@@ -252,11 +245,17 @@ impl Service {
         }
         let plan_id = in_flight.plan_id;
         let InFlight { queued, .. } = &in_flight;
-        let mut answer = Answer::of_plan(&queued.task, planned, self.runner.robot());
+        let (task, robot) = (&queued.task, self.runner.robot());
+        let mut answer = match (planned, &in_flight.executed) {
+            (Err(fault), Some(executed)) => {
+                Answer::broken_off(task, &executed.candidate, &fault, robot)
+            }
+            (planned, _) => Answer::of_plan(task, planned, robot),
+        };
         answer.set_plan(plan_id, &in_flight.begin, in_flight.waited);
         let published = match in_flight.executed.take() {
             Some(executed) => {
-                answer.select_draw(executed.draw);
+                answer.select_draw(executed.candidate.draw);
                 Some(executed.published)
             }
             None => self.execute_answered(&in_flight, &answer),
@@ -365,13 +364,18 @@ impl Service {
 
 /// Where a motion is left by one that is ready within `lead`, whenever it is asked, and not before `not_before_mono_ns`.
 fn late_switch(
-    left: FollowedMotion,
+    robot: Shared<RobotMotion>,
+    leaves_trajectory_id: u32,
     lead: Duration,
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
     Box::new(move || {
+        let RobotMotion::Following(followed) = robot.get() else {
+            return None;
+        };
         let now = mono_now_ns();
-        left.switch_after(lead.max(until(not_before_mono_ns, now)), now)
+        let switch = followed.switch_after(lead.max(until(not_before_mono_ns, now)), now)?;
+        (switch.trajectory_id == leaves_trajectory_id).then_some(switch)
     })
 }
 

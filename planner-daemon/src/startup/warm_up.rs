@@ -71,7 +71,7 @@ fn plan_in_motion(
     };
     let (begun, selected) = (Instant::now(), OnceLock::new());
     let early_selection = EarlySelection {
-        begin: &|| None,
+        begin: &|_| (),
         selected: &|_| {
             selected.get_or_init(|| begun.elapsed());
         },
@@ -101,17 +101,17 @@ fn plan_in_motion(
         .collect()
 }
 
-/// A motion from the straight robot, beside a ball.
+/// A motion of the tip from the straight robot, beside a ball; the tip's place is reached in many configurations.
 fn problem(robot: &UnitRobot, index: u32) -> Problem {
     let beside_the_way = Ball {
         centre: Point::new(1.5 + robot.largest_tube_radius(), 0.0, 1.5),
         radius: 0.3,
     };
     let bending = |row: usize| (f64::from(index) + row as f64 + 1.0).sin();
-    let goal = Configuration::from_fn(|row, _| 0.5 * robot.bending_limit * bending(row));
+    let reached = Configuration::from_fn(|row, _| 0.5 * robot.bending_limit * bending(row));
     Problem {
         start: Configuration::zeros(),
-        goal: Goal::Configuration(goal),
+        goal: Goal::Tip(robot.tip(&reached)),
         scene: Scene::new(vec![beside_the_way]).expect("one ball near the robot is a scene"),
         moving: MovingObstacles::default(),
     }

@@ -28,6 +28,9 @@ thread_local! {
     static PARAMETERIZER: RefCell<TimeParameterizer> = RefCell::default();
 }
 
+/// Bending above a limit that is rounding, rad.
+const BENDING_ROUNDING_RAD: f64 = 1e-9;
+
 /// What a motion must keep, and how far its path may be corrected to that end.
 #[derive(Clone, Copy)]
 pub(crate) struct MotionConstraints<'a> {
@@ -53,6 +56,15 @@ pub(crate) struct MotionConstraints<'a> {
 }
 
 impl<'a> MotionConstraints<'a> {
+    /// The same for motions that bend no further beyond the limit than a configuration does, but for rounding.
+    pub(crate) fn bending_no_more_than(&self, configuration: &Configuration) -> Self {
+        let excess_rad = self.robot.limit_excess(configuration).max(0.0);
+        Self {
+            bending_slack_rad: excess_rad + BENDING_ROUNDING_RAD,
+            ..*self
+        }
+    }
+
     /// The same without obstacles that move.
     pub(crate) fn among_resting(&self) -> Self {
         Self {

@@ -20,18 +20,20 @@ const ROUNDING: f64 = 1e-6;
 
 /// A certified motion to rest, from whose end a request is planned.
 pub(super) struct Braking<'a> {
-    constraints: &'a MotionConstraints<'a>,
+    /// What the motions from the state on must keep.
+    constraints: MotionConstraints<'a>,
     pub(super) motion: Trajectory,
     /// Smallest clearance of the body from obstacles at rest while it brakes, section lengths.
     clearance: f64,
 }
 
 impl<'a> Braking<'a> {
-    /// Brakes from a state, within the robot's whole limits.
+    /// Brakes from a state, within the robot's whole limits, and bends no further than the state does.
     pub(crate) fn new(
-        constraints: &'a MotionConstraints<'a>,
+        constraints: &MotionConstraints<'a>,
         state: &Knot,
     ) -> Result<Self, Infeasible> {
+        let constraints = constraints.bending_no_more_than(&state.position);
         let robot = constraints.robot;
         let limits: &TendonLimits = &robot.tendon_limits;
         let state = Knot {
@@ -59,17 +61,27 @@ impl<'a> Braking<'a> {
 
     /// The problem and the request from where the robot then rests, with the knots that braking leaves of a motion.
     pub(super) fn what_follows(&self, problem: &Problem, request: &Request) -> (Problem, Request) {
-        let braking_knots = self.motion.knots().len() - 1;
         let problem = Problem {
             start: self.motion.end(),
             moving: problem.moving.after(self.motion.duration()),
             ..problem.clone()
         };
         let request = Request {
-            knots: request.knots.saturating_sub(braking_knots).max(LEAST_KNOTS),
+            knots: self.knots_after(request.knots),
             ..request.clone()
         };
         (problem, request)
+    }
+
+    /// The knots that braking leaves of those of a whole motion.
+    fn knots_after(&self, knots: usize) -> usize {
+        let of_braking = self.motion.knots().len() - 1;
+        knots.saturating_sub(of_braking).max(LEAST_KNOTS)
+    }
+
+    /// Bending above the limit that the motions from the state on may have, rad.
+    pub(super) fn bending_slack_rad(&self) -> f64 {
+        self.constraints.bending_slack_rad
     }
 
     /// The state in which the robot begins to brake.
@@ -99,37 +111,35 @@ impl<'a> Braking<'a> {
     }
 
     /// The candidate with its motion joined to the one that the robot brakes from: while it brakes where that is certified and faster,
-    /// else after it. None where a moving ball comes too near to both, or where a path that begins elsewhere cannot be begun here.
-    pub(crate) fn candidate(&self, candidate: &Candidate) -> Option<Candidate> {
+    /// else after it. Fails where a moving ball comes too near to both, or where a path that begins elsewhere cannot be begun here.
+    pub(crate) fn candidate(&self, candidate: &Candidate) -> Result<Candidate, Failure> {
         let Candidate {
             trajectory,
             metrics,
             ..
         } = candidate;
         let begins_here = trajectory.knots()[0].position == self.motion.end();
-        let motion = self.beside(trajectory).or_else(|| {
-            if begins_here {
-                self.then(trajectory, metrics.clearance).ok()
-            } else {
-                self.begun_here(trajectory)
-            }
-        })?;
-        Some(Candidate::of(candidate.draw, candidate.source, &motion))
+        let motion = match self.beside(trajectory) {
+            Some(motion) => motion,
+            None if begins_here => self.then(trajectory, metrics.clearance)?,
+            None => self.begun_here(trajectory)?,
+        };
+        Ok(Candidate::of(candidate.draw, candidate.source, &motion))
     }
 
     /// The motion along the path of one that begins near to where the robot rests after braking, corrected from there.
-    fn begun_here(&self, motion: &Trajectory) -> Option<Certified> {
+    fn begun_here(&self, motion: &Trajectory) -> Result<Certified, Failure> {
         let from_rest = MotionConstraints {
-            knots: motion.knots().len(),
-            ..*self.constraints
+            knots: self.knots_after(self.constraints.knots),
+            ..self.constraints
         };
         let delivered = from_rest.to_trajectory(self.path(motion), false, None);
         let Certified {
             trajectory,
             metrics,
-        } = delivered.outcome.ok()?;
+        } = delivered.outcome?;
         let joined = self.beside(&trajectory);
-        joined.or_else(|| self.then(&trajectory, metrics.clearance).ok())
+        joined.map_or_else(|| self.then(&trajectory, metrics.clearance), Ok)
     }
 
     /// The path of a motion, begun where the robot rests after braking.

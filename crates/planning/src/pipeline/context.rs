@@ -16,9 +16,6 @@ use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use std::time::Instant;
 
-/// Bending above a limit that is rounding, rad.
-const BENDING_ROUNDING_RAD: f64 = 1e-9;
-
 /// One request: what it asks for, what the planner has for it, and what its motions must keep.
 #[derive(Clone, Copy)]
 pub(crate) struct RequestContext<'a> {
@@ -103,7 +100,7 @@ impl<'a> RequestContext<'a> {
             tip_paths: &resources.tip_paths,
             limits,
             knots: request.knots,
-            bending_slack_rad: bending_slack_rad(&resources.robot, problem, request),
+            bending_slack_rad: BENDING_SLACK_RAD,
             corrections: request.corrections,
             interrupt: supervision.interrupt,
         };
@@ -114,6 +111,18 @@ impl<'a> RequestContext<'a> {
             supervision,
             constraints,
             searched: &problem.scene,
+        }
+    }
+
+    /// The same for motions that may bend so far beyond the limit, rad.
+    pub(super) fn with_bending_slack(self, bending_slack_rad: f64) -> Self {
+        let constraints = MotionConstraints {
+            bending_slack_rad,
+            ..self.constraints
+        };
+        Self {
+            constraints,
+            ..self
         }
     }
 
@@ -208,15 +217,6 @@ impl<'a> RequestContext<'a> {
     pub(super) fn tree_rng(&self, index: usize) -> Pcg64 {
         Pcg64::new(u128::from(self.request.seed), index as u128 + 1)
     }
-}
-
-/// Bending above the limit that the motions of a request may have, rad: from rest what a start may have; in motion no more than the start has,
-/// but for rounding.
-fn bending_slack_rad(robot: &UnitRobot, problem: &Problem, request: &Request) -> f64 {
-    if request.start_motion.is_none() {
-        return BENDING_SLACK_RAD;
-    }
-    robot.limit_excess(&problem.start).max(0.0) + BENDING_ROUNDING_RAD
 }
 
 /// Divides `wall_s` seconds among the stages that these paths went through meanwhile; their draws.

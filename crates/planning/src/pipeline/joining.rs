@@ -104,8 +104,7 @@ impl Joining<'_> {
         }
         let from_rest = self.after.certified(from_rest)?;
         let from_rest = Candidate::of(draw, Source::StraightLine, &from_rest);
-        let joined = self.braking.candidate(&from_rest);
-        let joined = joined.ok_or(Failure::Collision)?;
+        let joined = self.braking.candidate(&from_rest)?;
         let draw = Draw {
             sampled: Some(path.clone()),
             path: Some(path),
@@ -151,7 +150,7 @@ impl Joining<'_> {
         from_rest.retain(|it| joined.iter().all(|(draw, _)| *draw != it.draw));
         from_rest.sort_by(in_order_of_selection);
         let others = if is_settled {
-            self.join_all(&from_rest)
+            self.join_all(&from_rest, rayon::current_num_threads())
         } else {
             let first = self.join_fastest(&from_rest, &mut joined);
             let tell_fastest = || {
@@ -161,8 +160,10 @@ impl Joining<'_> {
                 }
                 segment
             };
-            let (segment, others) =
-                rayon::join(tell_fastest, || self.join_all(&from_rest[first..]));
+            // The selected motion is published meanwhile, and its way to the loop needs a processor.
+            let workers = rayon::current_num_threads() - 1;
+            let join_others = || self.join_all(&from_rest[first..], workers);
+            let (segment, others) = rayon::join(tell_fastest, join_others);
             if let Some(segment) = segment {
                 plan.draws[segment.joined.draw] = segment.draw;
             }
@@ -193,24 +194,21 @@ impl Joining<'_> {
         count
     }
 
-    /// Joins motions that are not selected, until the request is interrupted. One worker is left idle: the selected motion is published
-    /// meanwhile, and its way to the loop needs a processor.
-    fn join_all(&self, from_rest: &[Candidate]) -> Vec<Joined> {
+    /// Joins motions that are not selected, on so many workers, until the request is interrupted.
+    fn join_all(&self, from_rest: &[Candidate], workers: usize) -> Vec<Joined> {
         let joined = |from_rest: &Candidate| {
             if (self.after.interrupt)() {
                 return (from_rest.draw, Err(Failure::Truncated));
             }
             self.outcome(from_rest)
         };
-        let workers = rayon::current_num_threads().saturating_sub(1).max(1);
-        let of_a_worker = from_rest.len().div_ceil(workers).max(1);
+        let of_a_worker = from_rest.len().div_ceil(workers.max(1)).max(1);
         let from_rest = from_rest.par_iter().with_min_len(of_a_worker);
         from_rest.map(joined).collect()
     }
 
     fn outcome(&self, from_rest: &Candidate) -> Joined {
-        let joined = self.braking.candidate(from_rest);
-        (from_rest.draw, joined.ok_or(Failure::Collision))
+        (from_rest.draw, self.braking.candidate(from_rest))
     }
 
     /// Puts the straight segment, corrected where it is not clear, in the place of the path of the fastest motion, where its motion is faster:
@@ -228,7 +226,7 @@ impl Joining<'_> {
         let delivered = self.after.to_trajectory(sampled.clone(), false, None);
         let from_rest = delivered.outcome.ok()?;
         let from_rest = Candidate::of(path.draw, Source::StraightLine, &from_rest);
-        let segment = self.braking.candidate(&from_rest)?;
+        let segment = self.braking.candidate(&from_rest).ok()?;
         if segment.metrics.duration_s >= path.metrics.duration_s {
             return None;
         }

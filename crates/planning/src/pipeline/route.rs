@@ -10,7 +10,7 @@ use crate::pipeline::braking::Braking;
 use crate::pipeline::chain::{Chain, Chains, ForbiddenLeg};
 use crate::pipeline::context::RequestContext;
 use crate::plan::{Candidate, Draw, Failure, Passage, Plan};
-use crate::problem::{Goal, Problem, Via};
+use crate::problem::{BENDING_SLACK_RAD, Goal, Problem, Via};
 use crate::request::{Request, Supervision};
 use crate::stage_times::StageTimes;
 use codes::{Source, Stage};
@@ -66,7 +66,11 @@ pub(crate) fn answer_route(context: &RequestContext, via: &[Via]) -> Result<Plan
     let (rest, shorter) = after.unwrap_or_else(|| (problem.clone(), context.request.clone()));
     let padded = context.constraints.padded;
     let supervision = context.supervision;
-    let context = RequestContext::new(context.resources, padded, &rest, &shorter, supervision);
+    let slack_rad = braking
+        .as_ref()
+        .map_or(BENDING_SLACK_RAD, Braking::bending_slack_rad);
+    let context = RequestContext::new(context.resources, padded, &rest, &shorter, supervision)
+        .with_bending_slack(slack_rad);
     let route = Route {
         context: &context,
         via,
@@ -205,7 +209,8 @@ impl Route<'_> {
             ..supervision
         };
         let padded = self.context.constraints.padded;
-        let context = RequestContext::new(resources, padded, &problem, &request, supervision);
+        let context = RequestContext::new(resources, padded, &problem, &request, supervision)
+            .with_bending_slack(self.context.constraints.bending_slack_rad);
         let plan = from_rest(&context).ok()?;
         drawn.times.add(1.0, &plan.stages);
         let candidate = plan.candidates.first()?;

@@ -1,0 +1,367 @@
+//! Starts in motion: the state is met exactly, motions begin while the robot brakes, the fastest is told before the others.
+#![allow(clippy::unwrap_used)] // tests
+
+mod requests;
+mod shipped;
+
+use collision::{Ball, Scene, certify_trajectory, minimum_clearance};
+use pcc_model::{Configuration, Point, SECTIONS};
+use planning::{
+    Candidate, EarlySelection, Goal, Infeasible, MovingObstacles, PathMetrics, Plan, Planner,
+    PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, select,
+};
+use shipped::planner;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use trajectory::{Knot, State, Trajectory, limit_use};
+
+fn request() -> Request {
+    requests::request(Sampler::Default, 3)
+}
+
+fn problem() -> Problem {
+    let ball = Ball {
+        centre: Point::new(0.9, 0.9, 1.5),
+        radius: 0.3,
+    };
+    Problem {
+        start: Configuration::from_column_slice(&[0.3, -0.5, 0.2, -0.4, 0.1, -0.3]),
+        goal: Goal::Tip(Point::new(1.5, 0.0, 2.4)),
+        scene: Scene::new(vec![ball]).unwrap(),
+        moving: MovingObstacles::default(),
+    }
+}
+
+fn plan(planner: &Planner, problem: &Problem, request: &Request) -> Plan {
+    planner.plan(problem, request, &|| false).unwrap()
+}
+
+fn plan_selecting_early(
+    planner: &Planner,
+    problem: &Problem,
+    request: &Request,
+    early_selection: EarlySelection,
+) -> Plan {
+    let supervision = Supervision {
+        early_selection: Some(early_selection),
+        ..Supervision::new(&|| false)
+    };
+    let plan = planner.plan_supervised(problem, request, supervision);
+    plan.unwrap()
+}
+
+/// A state as the first knot of a motion.
+fn knot_at(state: &State) -> Knot {
+    Knot {
+        time: 0.0,
+        position: state.position,
+        velocity: state.velocity,
+        acceleration: state.acceleration,
+    }
+}
+
+/// The candidate that takes the shortest time.
+fn selected(plan: &Plan) -> &Candidate {
+    let start = plan.candidates[0].trajectory.knots()[0].position;
+    let selected = select(&plan.candidates, &start, Selection::ShortestTime);
+    &plan.candidates[selected.unwrap()]
+}
+
+/// The motion that the robots of these tests leave.
+fn rest_to_rest(planner: &Planner) -> Trajectory {
+    let plan = plan(planner, &problem(), &request());
+    Trajectory::clone(&selected(&plan).trajectory)
+}
+
+/// One goal configuration, with a ball in the way of the straight segment from a state to it.
+fn behind_a_ball(planner: &Planner, state: &State) -> Problem {
+    let goal = Configuration::from_column_slice(&[-0.6, 0.9, -0.2, 0.5, -0.1, 0.4]);
+    let in_the_way = Ball {
+        centre: planner.robot().tip(&(0.5 * (state.position + goal))),
+        radius: 0.15,
+    };
+    Problem {
+        goal: Goal::Configuration(goal),
+        scene: Scene::new(vec![in_the_way]).unwrap(),
+        ..problem()
+    }
+}
+
+/// The request of most tests from a robot in this state.
+fn leaving(state: &State) -> (Problem, Request) {
+    leaving_in(problem(), state)
+}
+
+/// A request for a problem's goal from a robot in this state.
+fn leaving_in(problem: Problem, state: &State) -> (Problem, Request) {
+    let problem = Problem {
+        start: state.position,
+        ..problem
+    };
+    let request = Request {
+        start_motion: Some(StartMotion {
+            velocity: state.velocity,
+            acceleration: state.acceleration,
+        }),
+        ..request()
+    };
+    (problem, request)
+}
+
+#[test]
+fn a_start_in_motion_is_met_exactly_and_left_within_the_limits() {
+    let planner = planner(2);
+    let robot = planner.robot();
+    let first = plan(&planner, &problem(), &request());
+    let motion = &selected(&first).trajectory;
+    let state = motion.at(0.3 * motion.duration());
+    assert!(state.velocity.norm() > 0.1, "it moves");
+    let (moving, in_motion) = leaving(&state);
+    let answer = plan(&planner, &moving, &in_motion);
+    assert_eq!(answer.candidates.len(), 10);
+    for candidate in &answer.candidates {
+        let motion = &candidate.trajectory;
+        let begin = &motion.knots()[0];
+        assert_eq!(begin.position, state.position);
+        assert_eq!(begin.velocity, state.velocity);
+        assert_eq!(begin.acceleration, state.acceleration);
+        assert!(motion.knots().len() <= 96);
+        assert!(limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6);
+        assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
+        // Of balls alone, a clearance is within its tolerance.
+        let exact = minimum_clearance(robot, &moving.scene, motion, 1e-3);
+        let figures = PathMetrics::of(robot, motion, exact);
+        let clearance = candidate.metrics.clearance;
+        assert!((clearance - figures.clearance).abs() <= 1e-3);
+        let same = PathMetrics {
+            clearance,
+            ..figures
+        };
+        assert_eq!(candidate.metrics, same, "of the whole motion");
+    }
+}
+
+#[test]
+fn the_fastest_motion_is_told_before_the_others_are_joined_whatever_the_number_of_threads() {
+    let planners = [planner(1), planner(2)];
+    let first = plan(&planners[0], &problem(), &request());
+    for share in [0.1, 0.3, 0.6] {
+        let motion = &selected(&first).trajectory;
+        let state = motion.at(share * motion.duration());
+        let (moving, in_motion) = leaving(&state);
+        let in_motion = Request {
+            seed: 5,
+            ..in_motion
+        };
+        let untold = plan(&planners[0], &moving, &in_motion);
+        for planner in &planners {
+            let told = Mutex::new(Vec::new());
+            let early_selection = EarlySelection {
+                begin: &|_| (),
+                selected: &|candidate| told.lock().unwrap().push(candidate),
+            };
+            let answer = plan_selecting_early(planner, &moving, &in_motion, early_selection);
+            let told: Vec<Candidate> = told.into_inner().unwrap();
+            let [candidate] = told.as_slice() else {
+                panic!("told {} times", told.len());
+            };
+            assert_eq!(candidate.draw, selected(&answer).draw);
+            let knots = |it: &Candidate| it.trajectory.knots().to_vec();
+            assert!(knots(candidate) == knots(selected(&answer)));
+            let of_all = |plan: &Plan| plan.candidates.iter().map(knots).collect::<Vec<_>>();
+            assert!(of_all(&answer) == of_all(&untold));
+        }
+    }
+}
+
+#[test]
+fn motions_begin_where_the_robot_is_once_paths_are_planned() {
+    let planner = planner(2);
+    let first = plan(&planner, &problem(), &request());
+    let motion = &selected(&first).trajectory;
+    for later_s in [0.002, 0.02] {
+        // Of the default sampler the fastest motion is known before paths are planned, mostly.
+        let fast = |(problem, request): (Problem, Request)| {
+            let sampler = Sampler::Fast;
+            (problem, Request { sampler, ..request })
+        };
+        let (moving, in_motion) = fast(leaving(&motion.at(0.3)));
+        let then = motion.at(0.3 + later_s);
+        let (later, from_there) = fast(leaving(&then));
+        let early_selection = EarlySelection {
+            begin: &|can_begin| assert!(can_begin(&knot_at(&then))),
+            selected: &|_| (),
+        };
+        let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
+        assert_eq!(answer.candidates.len(), 10);
+        let robot = planner.robot();
+        for candidate in &answer.candidates {
+            let motion = &candidate.trajectory;
+            assert_eq!(motion.knots()[0], knot_at(&then));
+            assert!(
+                limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6
+            );
+            assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
+        }
+        let planned_there = plan(&planner, &later, &from_there);
+        let [late, there] = [&answer, &planned_there].map(|it| selected(it).metrics.duration_s);
+        assert!(
+            (late / there - 1.0).abs() < 0.02,
+            "{late} s, {there} s if planned there"
+        );
+    }
+}
+
+#[test]
+fn a_plan_with_paths_tells_late_and_one_whose_segments_settle_it_tells_at_once() {
+    let planner = planner(2);
+    let state = rest_to_rest(&planner).at(0.2);
+    let problems = [problem(), behind_a_ball(&planner, &state)];
+    for (problem, is_late) in problems.into_iter().zip([false, true]) {
+        let (moving, in_motion) = leaving_in(problem, &state);
+        let (asked, told) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let early_selection = EarlySelection {
+            begin: &|_| {
+                asked.fetch_add(1, Ordering::Relaxed);
+            },
+            selected: &|_| {
+                told.fetch_add(1, Ordering::Relaxed);
+            },
+        };
+        plan_selecting_early(&planner, &moving, &in_motion, early_selection);
+        assert_eq!(asked.into_inner(), usize::from(is_late));
+        assert_eq!(told.into_inner(), 1);
+    }
+}
+
+#[test]
+fn a_later_state_that_cannot_brake_leaves_the_plan_where_it_was() {
+    let planner = planner(2);
+    let state = rest_to_rest(&planner).at(0.2);
+    let (moving, in_motion) = leaving_in(behind_a_ball(&planner, &state), &state);
+    let rushing = Knot {
+        velocity: Configuration::repeat(3.0),
+        ..knot_at(&state)
+    };
+    let early_selection = EarlySelection {
+        begin: &|can_begin| assert!(!can_begin(&rushing)),
+        selected: &|_| (),
+    };
+    let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
+    assert!(!answer.candidates.is_empty());
+    for candidate in &answer.candidates {
+        assert_eq!(candidate.trajectory.knots()[0], knot_at(&state));
+    }
+}
+
+#[test]
+fn an_interrupt_leaves_out_all_but_the_motions_that_may_be_selected() {
+    // On one thread the fastest segment is told before paths are drawn.
+    let planner = planner(1);
+    let (moving, in_motion) = leaving(&rest_to_rest(&planner).at(0.3));
+    let is_told = AtomicBool::new(false);
+    let is_interrupted = || is_told.load(Ordering::Relaxed);
+    let early_selection = EarlySelection {
+        begin: &|_| (),
+        selected: &|_| is_told.store(true, Ordering::Relaxed),
+    };
+    let supervision = Supervision {
+        early_selection: Some(early_selection),
+        ..Supervision::new(&is_interrupted)
+    };
+    let plan = planner.plan_supervised(&moving, &in_motion, supervision);
+    let answer = plan.unwrap();
+    assert!(is_told.into_inner() && answer.truncated);
+    assert!((1..10).contains(&answer.candidates.len()));
+    for candidate in &answer.candidates {
+        assert_eq!(candidate.source, Source::StraightLine);
+    }
+}
+
+#[test]
+fn a_motion_along_the_bending_limit_is_not_left_beyond_it() {
+    let planner = planner(2);
+    let limit_rad = planner.robot().bending_limit;
+    let bent = |turn: f64| {
+        let section = [turn.cos(), turn.sin()].map(|part| part * limit_rad);
+        Configuration::from_fn(|row, _| section[row % 2])
+    };
+    let mut joined = 0;
+    for turn in [0.3, 0.8, 1.3] {
+        let from_rest = Problem {
+            start: bent(0.0),
+            goal: Goal::Configuration(bent(turn)),
+            scene: Scene::default(),
+            moving: MovingObstacles::default(),
+        };
+        let first = plan(&planner, &from_rest, &request());
+        let motion = &selected(&first).trajectory;
+        for share in [0.2, 0.5, 0.8, 0.95] {
+            let state = motion.at(share * motion.duration());
+            let other = Problem {
+                goal: Goal::Configuration(bent(turn + 0.4)),
+                ..from_rest.clone()
+            };
+            let (moving, in_motion) = leaving_in(other, &state);
+            let Ok(plan) = planner.plan(&moving, &in_motion, &|| false) else {
+                continue;
+            };
+            let at_start_rad = largest_bending(&state.position);
+            for candidate in &plan.candidates {
+                let sampled = candidate.trajectory.sample(5000);
+                let largest_rad = sampled.iter().map(largest_bending).fold(0.0, f64::max);
+                assert!(largest_rad <= at_start_rad.max(limit_rad) + 1e-8);
+                joined += 1;
+            }
+        }
+    }
+    assert!(joined > 50, "{joined}");
+}
+
+/// The angle by which a configuration bends the section that it bends most, rad.
+fn largest_bending(configuration: &Configuration) -> f64 {
+    let sections = (0..SECTIONS).map(|i| configuration[2 * i].hypot(configuration[2 * i + 1]));
+    sections.fold(0.0, f64::max)
+}
+
+#[test]
+fn a_start_that_cannot_stop_is_refused_by_name() {
+    let planner = planner(2);
+    let rushing = |speed: f64| Request {
+        start_motion: Some(StartMotion {
+            velocity: Configuration::repeat(speed),
+            acceleration: Configuration::zeros(),
+        }),
+        ..request()
+    };
+    let refused = planner
+        .plan(&problem(), &rushing(3.0), &|| false)
+        .unwrap_err();
+    let PlannerError::Infeasible(Infeasible::StartTooFast { share }) = refused else {
+        panic!("{refused}");
+    };
+    assert!(share > 1.0);
+    let state = Configuration::from_column_slice(&[0.0, 0.1, 0.0, 0.0, 0.0, 0.0]);
+    let touching = planner.robot().tip(&state) + Point::new(0.206, 0.0, 0.0);
+    let at_a_wall = Problem {
+        start: state,
+        scene: Scene::new(vec![Ball {
+            centre: touching,
+            radius: 0.001,
+        }])
+        .unwrap(),
+        ..problem()
+    };
+    let towards = Request {
+        start_motion: Some(StartMotion {
+            velocity: Configuration::from_column_slice(&[0.0, 0.3, 0.0, 0.0, 0.0, 0.0]),
+            acceleration: Configuration::zeros(),
+        }),
+        ..request()
+    };
+    let refused = planner.plan(&at_a_wall, &towards, &|| false).unwrap_err();
+    assert_eq!(
+        refused,
+        PlannerError::Infeasible(Infeasible::StartCannotStop)
+    );
+}
