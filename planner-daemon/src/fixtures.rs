@@ -12,7 +12,7 @@ use planning::{
 use shared_types::{message, valid};
 use trajectory::Trajectory;
 
-use crate::requests::PlanTask;
+use crate::requests::{MostKnots, PlanTask};
 
 /// The shipped unit robot.
 pub(crate) fn unit_robot() -> UnitRobot {
@@ -57,7 +57,10 @@ pub(crate) fn task() -> PlanTask {
         request_id: 3,
         problem: Arc::new(straight_problem()),
         request: request(),
-        knots: [request().knots; 2],
+        knots: MostKnots {
+            from_rest: request().knots,
+            in_motion: request().knots,
+        },
         starts_at_robot: false,
         ignores_live_scene: false,
         via: Vec::new(),

@@ -79,6 +79,9 @@ pub fn random_configuration(robot: &UnitRobot, random: &mut Pcg64) -> Configurat
     configuration
 }
 
+/// Deadline of replans and of what they are compared with: none is cut short.
+const DEADLINE: Duration = Duration::from_secs(1);
+
 /// A request for a tip from where the robot is, to be executed; m.
 #[must_use]
 pub fn replan(tip_m: [f64; 3], balls: &[Ball], seed: u64) -> PlanRequest {
@@ -86,14 +89,12 @@ pub fn replan(tip_m: [f64; 3], balls: &[Ball], seed: u64) -> PlanRequest {
     PlanRequest {
         candidate_count: CANDIDATES,
         seed,
+        deadline: Some(DEADLINE),
         execute: true,
         balls: balls.to_vec(),
         ..PlanRequest::from_robot(goal)
     }
 }
-
-/// Deadline of a motion that is compared with: it is never cut short.
-const REFERENCE_DEADLINE: Duration = Duration::from_secs(1);
 
 /// What stopping first costs.
 #[derive(Clone, Copy, Debug)]
@@ -128,7 +129,7 @@ pub fn stop_then_go(
     let request = PlanRequest {
         candidate_count: CANDIDATES,
         seed,
-        deadline: Some(REFERENCE_DEADLINE),
+        deadline: Some(DEADLINE),
         balls: balls.to_vec(),
         ..PlanRequest::new(stop.end().into(), Goal::Configuration(end))
     };

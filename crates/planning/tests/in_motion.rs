@@ -243,11 +243,16 @@ fn a_later_state_that_cannot_brake_leaves_the_plan_where_it_was() {
         velocity: Configuration::repeat(3.0),
         ..knot_at(&state)
     };
+    let asked = AtomicUsize::new(0);
     let early_selection = EarlySelection {
-        begin: &|can_begin| assert!(!can_begin(&rushing)),
+        begin: &|can_begin| {
+            assert!(!can_begin(&rushing));
+            asked.fetch_add(1, Ordering::Relaxed);
+        },
         selected: &|_| (),
     };
     let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
+    assert_eq!(asked.into_inner(), 1);
     assert!(!answer.candidates.is_empty());
     for candidate in &answer.candidates {
         assert_eq!(candidate.trajectory.knots()[0], knot_at(&state));

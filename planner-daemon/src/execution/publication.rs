@@ -58,6 +58,7 @@ impl Supervisor {
             return Err(ExecutionRefusal::SupervisionStalled);
         }
         if let Some(switch) = &selected.leaves {
+            // The checks took time, too.
             self.schedule_switch(switch, mono_now_ns())?;
         }
         let values = self.state.as_ref().map(|state| &state.values);

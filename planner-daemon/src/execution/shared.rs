@@ -1,8 +1,8 @@
-//! A value that supervision writes and the service reads.
+//! A value that supervision writes and others read.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A value that supervision writes and the service reads.
+/// A value that supervision writes, and that the service and planning read; nobody holds it for longer than a copy takes.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shared<T>(Arc<Mutex<T>>);
 

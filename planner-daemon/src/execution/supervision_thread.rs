@@ -94,7 +94,7 @@ impl Execution {
         self.told.robot_motion.get()
     }
 
-    /// The same for other threads.
+    /// What the robot does, to be read by other threads.
     pub(crate) fn shared_robot_motion(&self) -> Shared<RobotMotion> {
         self.told.robot_motion.clone()
     }

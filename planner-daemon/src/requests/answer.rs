@@ -86,7 +86,8 @@ impl Answer {
         fault: &PlanError,
         robot: &UnitRobot,
     ) -> Self {
-        let refusal = Refusal::new(Outcome::Truncated, fault.to_string());
+        let reason = format!("1 of {} candidates: {fault}", task.request.candidates);
+        let refusal = Refusal::new(Outcome::Ok, reason);
         let mut answer = Self::refused(task.request_id, &refusal);
         answer.candidates = vec![handed_over.clone()];
         answer.summarise(task, robot);

@@ -37,9 +37,10 @@ impl Queued {
         PlanKind {
             sampler: self.task.request.sampler,
             has_several_goals: self.task.has_several_goals(),
-            work: match self.task.request.sampler {
-                Sampler::Default if selects_early => Work::StraightSegments,
-                _ => Work::WholePlan,
+            work: match (&self.asker, self.task.request.sampler) {
+                (Asker::GoalKeeper, _) => Work::WholePlanToKeptGoal,
+                (Asker::Client(_), Sampler::Default) if selects_early => Work::StraightSegments,
+                (Asker::Client(_), _) => Work::WholePlan,
             },
         }
     }
@@ -59,8 +60,9 @@ impl Queued {
 /// The request that is being planned.
 pub(super) struct InFlight {
     pub(super) queued: Queued,
-    /// What is done until its motion is handed over for publication, from when it was chosen where that begins.
-    pub(super) kind: PlanKind,
+    /// What is done until its motion is handed over for publication, from when it was chosen where that begins; none where it has become
+    /// something else, of which nothing can be learned.
+    pub(super) kind: Option<PlanKind>,
     pub(super) begin_chosen: Instant,
     pub(super) waited: Duration,
     pub(super) plan_id: u64,

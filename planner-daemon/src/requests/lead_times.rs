@@ -10,6 +10,7 @@ const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
 const REMEMBERED: usize = 32;
+
 /// What decides how long it takes until a plan's motion can be executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct PlanKind {
@@ -23,6 +24,8 @@ pub(crate) struct PlanKind {
 pub(crate) enum Work {
     /// The whole plan.
     WholePlan,
+    /// The whole plan to the goal that stays.
+    WholePlanToKeptGoal,
     /// Straight segments are joined to the motion that is left, of which the fastest motion mostly is one.
     StraightSegments,
     /// Paths that are planned are joined to the motion that is left, until the fastest is known.
@@ -30,14 +33,29 @@ pub(crate) enum Work {
 }
 
 impl Work {
-    /// One in so many plans may take longer than what is foreseen, and the share of time that is added to that. The goal that stays, whose plans
-    /// are whole, is followed the more closely the shorter its lead is, and planned anew all the time; any other switch is missed but rarely.
-    fn foresight(self) -> (usize, f64) {
+    /// How carefully the time of the work is foreseen. The goal that stays is followed the more closely the shorter its lead is, and planned
+    /// anew all the time; any other switch is to be missed but rarely.
+    fn foresight(self) -> Foresight {
         match self {
-            Self::WholePlan => (8, 1.05),
-            Self::StraightSegments | Self::Joining => (32, 1.2),
+            Self::WholePlanToKeptGoal => Foresight {
+                exceptional: 8,
+                margin: 1.05,
+            },
+            Self::WholePlan | Self::StraightSegments | Self::Joining => Foresight {
+                exceptional: 32,
+                margin: 1.2,
+            },
         }
     }
+}
+
+/// How carefully a time is foreseen.
+#[derive(Clone, Copy)]
+struct Foresight {
+    /// One in so many may take longer.
+    exceptional: usize,
+    /// Factor on the longest of the others.
+    margin: f64,
 }
 
 /// How long plans of each kind that began in motion took lately, from the choice of their switch until their motion was handed over for
@@ -67,7 +85,10 @@ impl LeadTimes {
         let known = self.recent.iter().find(|(known, _)| *known == kind);
         let mut recent = known.map(|(_, recent)| recent.clone()).unwrap_or_default();
         recent.sort_unstable();
-        let (exceptional, margin) = kind.work.foresight();
+        let Foresight {
+            exceptional,
+            margin,
+        } = kind.work.foresight();
         let foreseen = recent.iter().rev().nth(recent.len() / exceptional);
         foreseen.map_or(FIRST_LEAD, |took| took.mul_f64(margin) + TO_THE_LOOP)
     }
@@ -80,8 +101,16 @@ mod tests {
     #[test]
     fn the_lead_follows_what_plans_took_and_forgets_single_exceptions() {
         let ms = Duration::from_millis;
-        for work in [Work::WholePlan, Work::StraightSegments, Work::Joining] {
-            let (exceptional, margin) = work.foresight();
+        for work in [
+            Work::WholePlan,
+            Work::WholePlanToKeptGoal,
+            Work::StraightSegments,
+            Work::Joining,
+        ] {
+            let Foresight {
+                exceptional,
+                margin,
+            } = work.foresight();
             let lead_of = |took: Duration| took.mul_f64(margin) + TO_THE_LOOP;
             let kind = |has_several_goals| PlanKind {
                 sampler: Sampler::Default,

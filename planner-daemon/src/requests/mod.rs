@@ -20,8 +20,8 @@ mod wait_mode;
 
 pub(crate) use lead_times::{LeadTimes, PlanKind, Work};
 pub(crate) use plan_runner::PlanRunner;
-#[cfg(test)]
-pub(crate) use request_validator::PlanTask;
 pub(crate) use request_validator::RequestValidator;
+#[cfg(test)]
+pub(crate) use request_validator::{MostKnots, PlanTask};
 pub(crate) use service::Service;
 pub use wait_mode::WaitMode;

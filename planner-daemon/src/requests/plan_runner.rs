@@ -67,8 +67,8 @@ pub(crate) type Planned = Result<Plan, PlanError>;
 /// Output of a job: early candidates, the late switch and the fastest candidate where they were asked for, then the plan.
 pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
-    /// Where all candidates begin, and when that was chosen.
-    Begins(Switch, Instant),
+    /// Where all candidates begin, and when that was chosen; none: where the job says, though paths had to be planned.
+    Begins(Option<Switch>, Instant),
     /// The fastest candidate; the worker that has found it waits until the other part is dropped, and leaves its processor to what is done
     /// with the candidate.
     Selected(Candidate, SyncSender<()>),
@@ -164,9 +164,8 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
     let begin = |can_begin: &CanBegin| {
         let chosen = Instant::now();
         let switch = job.late_switch.as_ref().and_then(|choose| choose());
-        if let Some(switch) = switch.filter(|switch| can_begin(&switch.state)) {
-            outgoing.send(PlanOutput::Begins(switch, chosen));
-        }
+        let switch = switch.filter(|switch| can_begin(&switch.state));
+        outgoing.send(PlanOutput::Begins(switch, chosen));
     };
     let early_selection = EarlySelection {
         begin: &begin,

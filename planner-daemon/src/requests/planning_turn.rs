@@ -76,6 +76,7 @@ impl Service {
             self.refuse(&queued.asker, queued.task.request_id, &refusal);
             return true;
         }
+        // Something may have begun to move since it was asked for.
         let selects_early = selects_early && problem.moving.is_empty();
         let kind = queued.kind(selects_early);
         let joining = PlanKind {
@@ -105,7 +106,7 @@ impl Service {
         self.next_plan_id += 1;
         self.in_flight = Some(InFlight {
             queued,
-            kind,
+            kind: Some(kind),
             begin_chosen: begun,
             waited,
             plan_id,
@@ -204,11 +205,18 @@ impl Service {
         self.send_to_client(&mut answer, active);
     }
 
-    /// Notes where the candidates of the running plan begin.
-    fn begin_at(&mut self, switch: Switch, chosen: Instant) {
-        if let Some(in_flight) = &mut self.in_flight {
+    /// Notes where the candidates of the running plan begin; none: where it was chosen first, though paths had to be planned.
+    fn begin_at(&mut self, switch: Option<Switch>, chosen: Instant) {
+        let Some(in_flight) = &mut self.in_flight else {
+            return;
+        };
+        let kind = in_flight.kind.filter(|_| switch.is_some());
+        in_flight.kind = kind.map(|kind| PlanKind {
+            work: Work::Joining,
+            ..kind
+        });
+        if let Some(switch) = switch {
             in_flight.begin = PlanBegin::AtSwitch(switch);
-            in_flight.kind.work = Work::Joining;
             in_flight.begin_chosen = chosen;
         }
     }
@@ -299,9 +307,8 @@ impl Service {
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let task = &in_flight.queued.task;
         let requested_mono_ns = task.requested_mono_ns?;
-        if matches!(in_flight.begin, PlanBegin::AtSwitch(_)) {
-            let took = in_flight.begin_chosen.elapsed();
-            self.lead_times.note(in_flight.kind, took);
+        if let (PlanBegin::AtSwitch(_), Some(kind)) = (in_flight.begin, in_flight.kind) {
+            self.lead_times.note(kind, in_flight.begin_chosen.elapsed());
         }
         Some(self.publish_selected(in_flight, selected, requested_mono_ns))
     }

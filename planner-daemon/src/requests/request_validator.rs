@@ -43,8 +43,7 @@ pub(crate) struct PlanTask {
     pub(crate) problem: Arc<Problem>,
     /// The planner's request: what to deliver.
     pub(crate) request: Request,
-    /// Knots that a motion may have which begins at rest, and one which begins in motion: that brakes, too.
-    pub(crate) knots: [usize; 2],
+    pub(crate) knots: MostKnots,
     /// Whether it begins where the robot is when planning begins; `problem` and `request` hold no start until then.
     pub(crate) starts_at_robot: bool,
     /// Whether the live scene's obstacles are left out of planning.
@@ -67,6 +66,25 @@ pub(crate) struct PlanTask {
     pub(crate) begin_mono_ns: Option<i64>,
     /// Certified candidates that are answered before the whole answer.
     pub(crate) early: Option<usize>,
+}
+
+/// Knots that a motion of a task may have.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MostKnots {
+    pub(crate) from_rest: usize,
+    /// In motion it brakes, too.
+    pub(crate) in_motion: usize,
+}
+
+impl MostKnots {
+    /// Those of a motion that begins in motion, or at rest.
+    pub(super) fn of(self, is_in_motion: bool) -> usize {
+        if is_in_motion {
+            self.in_motion
+        } else {
+            self.from_rest
+        }
+    }
 }
 
 impl PlanTask {
@@ -168,17 +186,20 @@ impl RequestValidator {
 
     /// Knots that a motion from rest may have, and one that begins in motion, which may have those of its braking more. One through several
     /// goals may have as many for each goal as one to a single goal. All as far as the answer holds so many candidates of them.
-    fn knots(&self, asked: &PlanRequest) -> [usize; 2] {
+    fn knots(&self, asked: &PlanRequest) -> MostKnots {
         let of_one = self.capacity.knots_per_candidate;
         let is_route = !asked.via.is_empty() || asked.start == StartKind::AfterGoals;
         let from_rest = if is_route { MAX_KNOTS } else { of_one };
         let in_motion = (from_rest + STOPPING_KNOTS).min(MAX_KNOTS);
         let share = self.capacity.knots_per_response() / asked.candidate_count;
-        [from_rest, in_motion].map(|most| share.clamp(of_one, most))
+        let [from_rest, in_motion] = [from_rest, in_motion].map(|most| share.clamp(of_one, most));
+        MostKnots {
+            from_rest,
+            in_motion,
+        }
     }
 
     fn request(&self, asked: &PlanRequest, previous: Option<PreviousPlan>) -> Request {
-        let [from_rest, in_motion] = self.knots(asked);
         let is_in_motion = asked.starts_in_motion();
         Request {
             candidates: asked.candidate_count,
@@ -186,7 +207,7 @@ impl RequestValidator {
             sampler: asked.sampler,
             limits_scale: asked.limits_scale,
             padding: self.padding,
-            knots: if is_in_motion { in_motion } else { from_rest },
+            knots: self.knots(asked).of(is_in_motion),
             corrections: MOST_CORRECTIONS,
             start_motion: is_in_motion.then(|| StartMotion {
                 velocity: asked.start_velocity_rad_s.into(),

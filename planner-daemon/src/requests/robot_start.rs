@@ -97,13 +97,8 @@ fn set_start(task: &mut PlanTask, start: Configuration, motion: Option<StartMoti
         start,
         ..Problem::clone(&task.problem)
     });
-    let [from_rest, in_motion] = task.knots;
     task.request = Request {
-        knots: if motion.is_some() {
-            in_motion
-        } else {
-            from_rest
-        },
+        knots: task.knots.of(motion.is_some()),
         start_motion: motion,
         ..task.request.clone()
     };

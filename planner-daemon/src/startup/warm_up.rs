@@ -30,7 +30,7 @@ pub(super) fn warm_up(planner: &Planner, config: &Config) -> Result<LeadTimes, P
         Some(_) => Sampler::Default,
         None => Sampler::Straight,
     };
-    let from_rest = problem(planner.robot(), 0);
+    let from_rest = problem(planner.robot(), &Configuration::zeros(), 0);
     if config.diffusion.is_some() {
         let request = request(planner, config, Sampler::DiffusionGuided);
         planner.plan(&from_rest, &request, &|| false)?;
@@ -57,10 +57,7 @@ fn plan_in_motion(
     index: u32,
 ) -> Vec<(PlanKind, Duration)> {
     let state = motion.at(motion.duration() * f64::from(index) / f64::from(IN_MOTION + 2));
-    let problem = Problem {
-        start: state.position,
-        ..problem(planner.robot(), index)
-    };
+    let problem = problem(planner.robot(), &state.position, index);
     let request = Request {
         seed: index.into(),
         start_motion: Some(StartMotion {
@@ -69,11 +66,13 @@ fn plan_in_motion(
         }),
         ..request.clone()
     };
-    let (begun, selected) = (Instant::now(), OnceLock::new());
+    let (begun, late, selected) = (Instant::now(), OnceLock::new(), OnceLock::new());
     let early_selection = EarlySelection {
-        begin: &|_| (),
+        begin: &|_| {
+            late.get_or_init(Instant::now);
+        },
         selected: &|_| {
-            selected.get_or_init(|| begun.elapsed());
+            selected.get_or_init(Instant::now);
         },
     };
     let supervision = Supervision {
@@ -91,28 +90,41 @@ fn plan_in_motion(
         has_several_goals: false,
         work,
     };
-    let whole = (kind(Work::WholePlan), begun.elapsed());
-    // Joining alone takes no longer.
-    let early = [Work::StraightSegments, Work::Joining];
-    let selected = selected.into_inner();
-    let early = selected.map(|took| early.map(|work| (kind(work), took)));
-    std::iter::once(whole)
-        .chain(early.into_iter().flatten())
-        .collect()
+    let whole = [Work::WholePlan, Work::WholePlanToKeptGoal];
+    let whole = whole.map(|work| (kind(work), begun.elapsed()));
+    let early = selected.into_inner().map(|selected| match late.get() {
+        Some(late) => (kind(Work::Joining), selected - *late),
+        None => (kind(Work::StraightSegments), selected - begun),
+    });
+    whole.into_iter().chain(early).collect()
 }
 
-/// A motion of the tip from the straight robot, beside a ball; the tip's place is reached in many configurations.
-fn problem(robot: &UnitRobot, index: u32) -> Problem {
-    let beside_the_way = Ball {
-        centre: Point::new(1.5 + robot.largest_tube_radius(), 0.0, 1.5),
-        radius: 0.3,
-    };
+/// A motion of the tip; its place is reached in many configurations. A ball is beside the way, or, where the number is odd, in the way of a
+/// straight segment.
+fn problem(robot: &UnitRobot, start: &Configuration, index: u32) -> Problem {
     let bending = |row: usize| (f64::from(index) + row as f64 + 1.0).sin();
     let reached = Configuration::from_fn(|row, _| 0.5 * robot.bending_limit * bending(row));
+    let beside = Point::new(1.5 + robot.largest_tube_radius(), 0.0, 1.5);
+    let (goal, ball) = match index % 2 {
+        0 => (
+            Goal::Tip(robot.tip(&reached)),
+            Ball {
+                centre: beside,
+                radius: 0.3,
+            },
+        ),
+        _ => (
+            Goal::Configuration(reached),
+            Ball {
+                centre: robot.tip(&(0.5 * (start + reached))),
+                radius: 0.1,
+            },
+        ),
+    };
     Problem {
-        start: Configuration::zeros(),
-        goal: Goal::Tip(robot.tip(&reached)),
-        scene: Scene::new(vec![beside_the_way]).expect("one ball near the robot is a scene"),
+        start: *start,
+        goal,
+        scene: Scene::new(vec![ball]).expect("one ball near the robot is a scene"),
         moving: MovingObstacles::default(),
     }
 }

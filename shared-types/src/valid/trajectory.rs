@@ -13,7 +13,7 @@ pub struct Trajectory {
     pub id: u32,
     /// The plan it was selected from.
     pub plan_id: u64,
-    /// The draw that the motion is of.
+    /// Index of the draw of its plan that the motion is of.
     pub draw: usize,
     /// The controller that is to execute it.
     pub controller_instance: u64,

@@ -5,9 +5,6 @@ use pcc_model::{Configuration, UnitRobot};
 /// Waypoints of a path, as in the paper (H = 64).
 pub const WAYPOINTS: usize = 64;
 
-/// Distance from the straight segment within which a path is straight, rad.
-const STRAIGHT_RAD: f64 = 1e-9;
-
 /// A path: `WAYPOINTS` configurations, radians, equally spaced in its own parameter u = h / 63.
 pub type Waypoints = Vec<Configuration>;
 
@@ -20,20 +17,6 @@ pub fn straight_path(start: &Configuration, end: &Configuration) -> Waypoints {
     (0..WAYPOINTS)
         .map(|h| start.lerp(end, parameter(h)))
         .collect()
-}
-
-/// Whether a path is the straight segment between its ends, to rounding.
-pub(crate) fn is_straight(path: &[Configuration]) -> bool {
-    let (Some(start), Some(end)) = (path.first(), path.last()) else {
-        return false;
-    };
-    let straight = straight_path(start, end);
-    let off = |(point, straight): (&Configuration, &Configuration)| (point - straight).amax();
-    path.len() == WAYPOINTS
-        && path
-            .iter()
-            .zip(&straight)
-            .all(|pair| off(pair) <= STRAIGHT_RAD)
 }
 
 /// The parameter u = h / 63 of waypoint h, 0 to 1.

@@ -4,7 +4,7 @@
 //! truncates.
 
 use crate::error::PlannerError;
-use crate::path::waypoints::{Waypoints, is_straight};
+use crate::path::waypoints::Waypoints;
 use crate::pipeline::braking::Braking;
 use crate::pipeline::context::{Drawn, RequestContext};
 use crate::pipeline::goal_set::{GoalSet, goal_set};
@@ -15,6 +15,7 @@ use crate::plan::{Candidate, Draw, Failure, Plan};
 use crate::request::{EarlySelection, Guidance, StartMotion, Supervision};
 use crate::stage_times::StageTimes;
 use codes::{Sampler, Source, Stage};
+use pcc_model::Configuration;
 use std::cell::OnceCell;
 
 /// Answers a request.
@@ -106,7 +107,7 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         .with_bending_slack(braking.bending_slack_rad());
     let joining = Joining {
         braking: &braking,
-        after: &after.constraints,
+        anew: None,
     };
     if !context.constraints.moving.is_empty() {
         return Ok(joining.plan(from_rest(&after)?, JoinedSegments::default(), None));
@@ -119,8 +120,28 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         Some(later) => (later, JoinedSegments::default()),
         None => (&braking, segments),
     };
-    let joining = Joining { braking, ..joining };
+    let anew = |end: &Configuration| fastest_to(context, braking, end);
+    let is_afresh = request.sampler == Sampler::Default && request.previous.is_none();
+    let joining = Joining {
+        braking,
+        anew: is_afresh.then_some(&anew),
+    };
     Ok(joining.plan(plan, segments, late.map(|late| late.selected)))
+}
+
+/// The fastest of as many candidates as are asked for, planned by the default sampler from where a robot rests after braking to one goal
+/// configuration alone.
+fn fastest_to(context: &RequestContext, braking: &Braking, end: &Configuration) -> Option<Draw> {
+    let (after, shorter) = braking.what_follows(context.problem, context.request);
+    let padded = context.constraints.padded;
+    let untold = Supervision::new(context.supervision.interrupt);
+    let after = RequestContext::new(context.resources, padded, &after, &shorter, untold)
+        .with_bending_slack(braking.bending_slack_rad());
+    let goals = GoalSet::of_one(*end, shorter.candidates);
+    let draws = default::draw(&after, &goals, &mut StageTimes::default()).draws;
+    draws
+        .into_iter()
+        .min_by(|a, b| a.duration_s().total_cmp(&b.duration_s()))
 }
 
 /// Braking from the later state in which the motions are to begin, where the robot can brake there.
@@ -156,41 +177,8 @@ fn segments_first(
         }
     };
     let draw = || to_these(after, &goals, default::draw, &mut times);
-    let ((), mut drawn) = rayon::join(tell, draw);
-    let goes_on = !goals.remaining.is_empty();
-    if segments.selected().is_none() && !goes_on {
-        draw_more_to_fastest(after, &mut drawn.draws, &mut times);
-    }
+    let ((), drawn) = rayon::join(tell, draw);
     Ok((plan_of(drawn, times), segments))
-}
-
-/// Plans to the goal configuration of the fastest motion alone, with as many candidates, where its path is no straight segment: nothing says
-/// that there is no faster one. The fastest of them takes its place if it is faster. Paths of the few-step model alone are not enough: with
-/// the trees that replace the uncertified ones, 1 replan of 4000 is later than that plan, without them 3.
-fn draw_more_to_fastest(context: &RequestContext, draws: &mut [Draw], times: &mut StageTimes) {
-    let by_duration = |a: &Draw, b: &Draw| a.duration_s().total_cmp(&b.duration_s());
-    let Some(fastest) = draws.iter_mut().min_by(|a, b| by_duration(a, b)) else {
-        return;
-    };
-    let is_best =
-        fastest.source == Source::Kept || fastest.path.as_deref().is_some_and(is_straight);
-    let end = fastest
-        .outcome
-        .as_ref()
-        .map(|motion| motion.trajectory.end());
-    let Some(end) = end.ok().filter(|_| !is_best) else {
-        return;
-    };
-    let untold = RequestContext {
-        supervision: Supervision::new(context.supervision.interrupt),
-        ..*context
-    };
-    let goals = GoalSet::of_one(end, context.request.candidates);
-    let more = to_these(&untold, &goals, default::draw, times).draws;
-    let more = more.into_iter().min_by(by_duration);
-    if let Some(faster) = more.filter(|more| more.duration_s() < fastest.duration_s()) {
-        *fastest = faster;
-    }
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.

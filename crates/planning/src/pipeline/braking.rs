@@ -79,6 +79,14 @@ impl<'a> Braking<'a> {
         knots.saturating_sub(of_braking).max(LEAST_KNOTS)
     }
 
+    /// What motions from where the robot then rests must keep.
+    pub(super) fn after(&self) -> MotionConstraints<'a> {
+        MotionConstraints {
+            knots: self.knots_after(self.constraints.knots),
+            ..self.constraints
+        }
+    }
+
     /// Bending above the limit that the motions from the state on may have, rad.
     pub(super) fn bending_slack_rad(&self) -> f64 {
         self.constraints.bending_slack_rad
@@ -129,11 +137,7 @@ impl<'a> Braking<'a> {
 
     /// The motion along the path of one that begins near to where the robot rests after braking, corrected from there.
     fn begun_here(&self, motion: &Trajectory) -> Result<Certified, Failure> {
-        let from_rest = MotionConstraints {
-            knots: self.knots_after(self.constraints.knots),
-            ..self.constraints
-        };
-        let delivered = from_rest.to_trajectory(self.path(motion), false, None);
+        let delivered = self.after().to_trajectory(self.path(motion), false, None);
         let Certified {
             trajectory,
             metrics,

@@ -1,6 +1,5 @@
 //! Motions from rest are joined to the braking of a robot in motion: the fastest first, which is told before the others are joined.
 
-use crate::motion::constraints::MotionConstraints;
 use crate::path::waypoints::straight_path;
 use crate::pipeline::braking::Braking;
 use crate::pipeline::selection::select;
@@ -21,20 +20,23 @@ const LARGEST_GAIN: f64 = 0.25;
 #[derive(Clone, Copy)]
 pub(super) struct Joining<'a> {
     pub(super) braking: &'a Braking<'a>,
-    /// What motions from where the robot then rests must keep.
-    pub(super) after: &'a MotionConstraints<'a>,
+    /// Plans from where the robot then rests to one configuration alone; its fastest draw. None where the fastest motion is taken as it is.
+    pub(super) anew: Option<&'a PlanAnew<'a>>,
 }
+
+/// The fastest draw of a plan to a configuration.
+type PlanAnew<'a> = dyn Fn(&Configuration) -> Option<Draw> + Sync + 'a;
 
 /// Straight segments to goal configurations, joined to a braking before other paths are planned.
 #[derive(Default)]
 pub(super) struct JoinedSegments {
-    segments: Vec<Segment>,
+    segments: Vec<JoinedDraw>,
     /// Whether no motion to any other goal configuration is expected to be faster than the fastest of these.
     is_settled: bool,
 }
 
-/// A straight segment as a draw, its motion joined to a braking.
-struct Segment {
+/// A draw whose motion is joined to a braking, and that motion.
+struct JoinedDraw {
     draw: Draw,
     joined: Candidate,
 }
@@ -43,8 +45,8 @@ struct Segment {
 type Joined = (usize, Result<Candidate, Failure>);
 
 impl JoinedSegments {
-    /// The fastest motion of the request, where it is known: to the same goal configuration no path is faster than a straight segment
-    /// (docs/robot.md "Tendons").
+    /// The fastest motion of the request, where it is known: from rest to rest no path to the same goal configuration is faster than a
+    /// straight segment (decision 0012), and joined to a braking hardly any.
     pub(super) fn selected(&self) -> Option<&Candidate> {
         let joined = self.segments.iter().map(|segment| &segment.joined);
         let joined = joined.filter(|_| self.is_settled);
@@ -55,11 +57,11 @@ impl JoinedSegments {
 impl Joining<'_> {
     /// Joins straight segments to the goal configurations of the first draws, until the fastest motion is known or cannot be.
     pub(super) fn segments(&self, goals: &[Configuration]) -> JoinedSegments {
-        let start = self.braking.motion.end();
-        let least_s = |goal: &Configuration| self.after.least_duration_s(&[start, *goal]);
+        let (start, from_rest) = (self.braking.motion.end(), self.braking.after());
+        let least_s = |goal: &Configuration| from_rest.least_duration_s(&[start, *goal]);
         let mut order: Vec<(usize, f64)> = goals.iter().map(least_s).enumerate().collect();
         order.sort_by(|a, b| a.1.total_cmp(&b.1));
-        let mut segments: Vec<Segment> = Vec::new();
+        let mut segments: Vec<JoinedDraw> = Vec::new();
         // From rest, motions that take longer than this are not expected to be selected, and others than segments take at least that long.
         let (mut longest_s, mut others_s) = (f64::INFINITY, f64::INFINITY);
         for round in order.chunks(AT_ONCE) {
@@ -93,16 +95,17 @@ impl Joining<'_> {
         draw: usize,
         goal: &Configuration,
         longest_s: f64,
-    ) -> Result<Segment, Failure> {
-        if (self.after.interrupt)() {
+    ) -> Result<JoinedDraw, Failure> {
+        if self.is_interrupted() {
             return Err(Failure::Truncated);
         }
+        let constraints = self.braking.after();
         let path = straight_path(&self.braking.motion.end(), goal);
-        let from_rest = self.after.time(&path)?;
+        let from_rest = constraints.time(&path)?;
         if from_rest.duration() > longest_s {
             return Err(Failure::Slower);
         }
-        let from_rest = self.after.certified(from_rest)?;
+        let from_rest = constraints.certified(from_rest)?;
         let from_rest = Candidate::of(draw, Source::StraightLine, &from_rest);
         let joined = self.braking.candidate(&from_rest)?;
         let draw = Draw {
@@ -111,7 +114,11 @@ impl Joining<'_> {
             source: Source::StraightLine,
             outcome: Ok(joined.certified()),
         };
-        Ok(Segment { draw, joined })
+        Ok(JoinedDraw { draw, joined })
+    }
+
+    fn is_interrupted(&self) -> bool {
+        (self.braking.after().interrupt)()
     }
 
     /// The duration by which a joined motion is expected to be shorter than the motion from rest at most, s.
@@ -142,7 +149,7 @@ impl Joining<'_> {
     ) {
         let is_settled = segments.is_settled;
         let mut joined: Vec<Joined> = Vec::with_capacity(plan.draws.len());
-        for Segment { draw, joined: it } in segments.segments {
+        for JoinedDraw { draw, joined: it } in segments.segments {
             plan.draws[it.draw] = draw;
             joined.push((it.draw, Ok(it)));
         }
@@ -153,21 +160,15 @@ impl Joining<'_> {
             self.join_all(&from_rest, rayon::current_num_threads())
         } else {
             let first = self.join_fastest(&from_rest, &mut joined);
-            let tell_fastest = || {
-                let segment = self.straighten_fastest(&mut joined);
-                if let (Some(tell), Some(candidate)) = (selected, select_of(&joined)) {
-                    tell(candidate);
-                }
-                segment
-            };
+            if let Some(anew) = self.plan_fastest_anew(&mut joined) {
+                plan.draws[anew.joined.draw] = anew.draw;
+            }
+            plan.truncated |= self.is_interrupted();
+            let tell = || selected.zip(select_of(&joined)).map(|(tell, it)| tell(it));
             // The selected motion is published meanwhile, and its way to the loop needs a processor.
             let workers = rayon::current_num_threads() - 1;
             let join_others = || self.join_all(&from_rest[first..], workers);
-            let (segment, others) = rayon::join(tell_fastest, join_others);
-            if let Some(segment) = segment {
-                plan.draws[segment.joined.draw] = segment.draw;
-            }
-            others
+            rayon::join(tell, join_others).1
         };
         joined.extend(others);
         joined.sort_by_key(|(draw, _)| *draw);
@@ -197,7 +198,7 @@ impl Joining<'_> {
     /// Joins motions that are not selected, on so many workers, until the request is interrupted.
     fn join_all(&self, from_rest: &[Candidate], workers: usize) -> Vec<Joined> {
         let joined = |from_rest: &Candidate| {
-            if (self.after.interrupt)() {
+            if self.is_interrupted() {
                 return (from_rest.draw, Err(Failure::Truncated));
             }
             self.outcome(from_rest)
@@ -211,36 +212,30 @@ impl Joining<'_> {
         (from_rest.draw, self.braking.candidate(from_rest))
     }
 
-    /// Puts the straight segment, corrected where it is not clear, in the place of the path of the fastest motion, where its motion is faster:
-    /// from rest, only segments that could be the fastest of all were tried, and maybe from elsewhere. What remains of a motion that is
-    /// followed is not left for less than its worth. Returns the segment.
-    fn straighten_fastest(&self, joined: &mut [Joined]) -> Option<Segment> {
+    /// Plans anew to the goal configuration of the fastest motion alone, from where the robot now rests after braking, unless its straight
+    /// segment is certified, and puts the fastest motion of that plan in its place where it is faster: it is then no later than after a stop.
+    /// Returns that motion.
+    fn plan_fastest_anew(&self, joined: &mut [Joined]) -> Option<JoinedDraw> {
+        let anew = self.anew?;
         let fastest = joined
             .iter_mut()
             .min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))?;
-        let path = fastest.1.as_ref().ok()?;
-        if path.source == Source::Kept {
+        let end = fastest.1.as_ref().ok()?.end();
+        let segment = self.segment(fastest.0, &end, f64::INFINITY).ok();
+        let it = segment.or_else(|| self.joined(fastest.0, anew(&end)?))?;
+        if it.joined.metrics.duration_s >= duration_s(fastest) {
             return None;
         }
-        let sampled = straight_path(&self.braking.motion.end(), &path.end());
-        let delivered = self.after.to_trajectory(sampled.clone(), false, None);
-        let from_rest = delivered.outcome.ok()?;
-        let from_rest = Candidate::of(path.draw, Source::StraightLine, &from_rest);
-        let segment = self.braking.candidate(&from_rest).ok()?;
-        if segment.metrics.duration_s >= path.metrics.duration_s {
-            return None;
-        }
-        fastest.1 = Ok(segment.clone());
-        let draw = Draw {
-            sampled: Some(sampled),
-            path: Some(delivered.path),
-            source: Source::StraightLine,
-            outcome: Ok(segment.certified()),
-        };
-        Some(Segment {
-            draw,
-            joined: segment,
-        })
+        fastest.1 = Ok(it.joined.clone());
+        Some(it)
+    }
+
+    /// A draw in the place of another one with its motion joined to the braking.
+    fn joined(&self, index: usize, mut draw: Draw) -> Option<JoinedDraw> {
+        let from_rest = Candidate::of(index, draw.source, draw.outcome.as_ref().ok()?);
+        let joined = self.braking.candidate(&from_rest).ok()?;
+        draw.outcome = Ok(joined.certified());
+        Some(JoinedDraw { draw, joined })
     }
 }
 

@@ -36,7 +36,8 @@ pub(super) struct Figures {
     pub(super) in_motion: usize,
     /// What was published, by id.
     pub(super) published: BTreeMap<u32, Asked>,
-    /// From a request to the first set-point of the motion that joins another, ms, with the time at which it was asked for.
+    /// From a request to the first set-point of the motion that joins another, ms, infinite where it is not begun, with the time at which it was
+    /// asked for.
     pub(super) to_setpoint_ms: Vec<(Instant, f64)>,
     /// Refusals in motion by cause.
     pub(super) refusals: BTreeMap<String, usize>,
@@ -101,11 +102,14 @@ impl Figures {
             self.look_at_motion(body, motion, &heard.motions, balls);
         }
         for motion in heard.motions.iter().filter(|it| it.leaves.is_some()) {
+            let asked = self.published.get(&motion.id).copied();
             let Some(first_ns) = first_followed(&heard.cycles, motion.id) else {
+                let never = asked.map(|asked| (asked.at, f64::INFINITY));
+                self.to_setpoint_ms.extend(never);
                 continue;
             };
             self.switched += 1;
-            if let Some(asked) = self.published.get(&motion.id).copied() {
+            if let Some(asked) = asked {
                 let ms = |from_ns: i64, to_ns: i64| (to_ns - from_ns) as f64 * 1e-6;
                 let switch_ns = motion.begin_mono_ns;
                 self.to_setpoint_ms

@@ -1,4 +1,4 @@
-//! Balls that cross the workspace: kept on the way to a tip among them, beside an arm that is stopped and plans again.
+//! Balls that cross the workspace: kept on the way to a tip among them, beside arms that are stopped and plan again.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use client::{GoalSender, ScenePublisher};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{GoalState, LoopState};
-use shared_types::message::Cycle;
+use shared_types::message::{Ball as RestingBall, Cycle, MovingBall};
 use shared_types::valid::{Goal, PlanRequest, PreviousPlan};
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::crossing_balls::Crossing;
@@ -44,6 +44,20 @@ enum Arm {
     Kept,
     /// Executes a plan among the balls, and plans again where it was stopped.
     StopThenPlan,
+    /// The same with plans among the balls where they are, as if they stayed there: no foresight but supervision's.
+    StopThenPlanAsSeen,
+}
+
+impl Arm {
+    const ALL: [Self; 3] = [Self::Kept, Self::StopThenPlan, Self::StopThenPlanAsSeen];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Kept => "kept on the way",
+            Self::StopThenPlan => "stop, then plan again",
+            Self::StopThenPlanAsSeen => "stop, then plan again among balls as they are",
+        }
+    }
 }
 
 /// What came of a run.
@@ -86,22 +100,24 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         let body = stack.world.body();
         let listener = Listener::start(&stack.world.options);
         let mut judge = Judge::new(stack.world.robot.tendon_limits);
-        let mut arms = [(Arm::Kept, Vec::new()), (Arm::StopThenPlan, Vec::new())];
+        let mut arms = Arm::ALL.map(|_| Vec::new());
         for index in 0..count as u64 {
-            for (arm, runs) in &mut arms {
-                let mut run = one(&mut stack, *arm, index, &listener, &body)?;
-                judge.look(&run.1);
-                run.1 = Heard::default();
-                runs.push(run.0);
+            for (arm, runs) in Arm::ALL.into_iter().zip(&mut arms) {
+                let (run, heard) = one(&mut stack, arm, index, &listener, &body)?;
+                judge.look(&heard);
+                runs.push(run);
             }
-            let [own, other] = [&arms[0].1, &arms[1].1].map(|runs| runs[index as usize].reached_s);
+            let reached_s = arms.each_ref().map(|runs| runs[index as usize].reached_s);
             println!(
-                "  {} of {count} runs, reached after {own:?} and {other:?} s",
+                "  {} of {count} runs, reached after {reached_s:?} s",
                 index + 1
             );
         }
-        let [(_, kept), (_, stopping)] = &arms;
-        show(report, kept, stopping, &judge);
+        for (arm, runs) in Arm::ALL.into_iter().zip(&arms) {
+            show(report, arm, runs);
+        }
+        let [kept, stopping, _] = &arms;
+        compare(report, kept, stopping, &judge);
         Ok(())
     });
 }
@@ -122,9 +138,10 @@ fn one(
     let scenes = ScenePublisher::connect(&stack.world.options, "crossing")?;
     let (begun, begun_ns) = (Instant::now(), mono_now_ns());
     let scenes = SceneFeed::start(scenes, crossing.clone(), begun_ns);
+    follower.begin(&crossing)?;
     let mut is_there = false;
     while !is_there && begun.elapsed() < LONGEST_RUN {
-        is_there = follower.step(stack)?;
+        is_there = follower.step(stack, begun.elapsed().as_secs_f64())?;
         sleep(Duration::from_micros(500));
     }
     let lasted_s = begun.elapsed().as_secs_f64();
@@ -240,6 +257,8 @@ enum Follower {
         tip_m: [f64; 3],
         plans: u64,
         not_before: Instant,
+        /// The balls, where plans take them to stay where they are.
+        as_seen: Option<Crossing>,
     },
 }
 
@@ -247,27 +266,33 @@ impl Follower {
     fn new(stack: &Stack, arm: Arm, crossing: &Crossing) -> anyhow::Result<Self> {
         let goal = Goal::tip(crossing.tip_m);
         Ok(match arm {
-            Arm::Kept => {
-                let mut sender = GoalSender::connect(&stack.world.options)?;
-                sender.give(goal, 1.0)?;
-                Self::Kept(sender.into())
-            }
-            Arm::StopThenPlan => Self::StopThenPlan {
+            Arm::Kept => Self::Kept(GoalSender::connect(&stack.world.options)?.into()),
+            Arm::StopThenPlan | Arm::StopThenPlanAsSeen => Self::StopThenPlan {
                 request: Box::new(PlanRequest {
                     candidate_count: 4,
                     deadline: Some(Duration::from_millis(60)),
                     execute: true,
+                    ignores_live_scene: arm == Arm::StopThenPlanAsSeen,
                     ..PlanRequest::from_robot(goal)
                 }),
                 tip_m: crossing.tip_m,
                 plans: 0,
                 not_before: Instant::now(),
+                as_seen: (arm == Arm::StopThenPlanAsSeen).then(|| crossing.clone()),
             },
         })
     }
 
-    /// Whether the tip is there.
-    fn step(&mut self, stack: &mut Stack) -> anyhow::Result<bool> {
+    /// Gives the goal that stays.
+    fn begin(&mut self, crossing: &Crossing) -> anyhow::Result<()> {
+        if let Self::Kept(sender) = self {
+            sender.give(Goal::tip(crossing.tip_m), 1.0)?;
+        }
+        Ok(())
+    }
+
+    /// Whether the tip is there, so long after the run's begin.
+    fn step(&mut self, stack: &mut Stack, elapsed_s: f64) -> anyhow::Result<bool> {
         match self {
             Self::Kept(goal) => {
                 let status = goal.status()?;
@@ -278,6 +303,7 @@ impl Follower {
                 tip_m,
                 plans,
                 not_before,
+                as_seen,
             } => {
                 let state = stack.controller_state();
                 if state.state != LoopState::Holding || Instant::now() < *not_before {
@@ -286,6 +312,9 @@ impl Follower {
                 let at = state.values.commanded_configuration_rad;
                 if tests::stack::tip_error(&stack.world.robot, &at, tip_m) < TOLERANCE_M {
                     return Ok(true);
+                }
+                if let Some(crossing) = as_seen {
+                    request.balls = still(&crossing.seen_after(elapsed_s));
                 }
                 let answer = stack.client.plan(request, PATIENCE)?;
                 *plans += 1;
@@ -319,6 +348,15 @@ impl Follower {
     }
 }
 
+/// Balls that stay where these are.
+fn still(moving: &[MovingBall]) -> Vec<RestingBall> {
+    let still = moving.iter().map(|ball| RestingBall {
+        centre_m: ball.centre_m,
+        radius_m: ball.radius_m,
+    });
+    still.collect()
+}
+
 /// Least clearance of what was commanded while the balls were there, m.
 fn clearance_m(body: &Body, cycles: &[Cycle], balls: &[Ball], during_ns: [i64; 2]) -> f64 {
     let setpoints: Vec<(i64, Tendons)> = cycles
@@ -350,43 +388,42 @@ fn clearance_at_rest_m(
     clearances.fold(f64::INFINITY, f64::min)
 }
 
-fn show(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
-    let line = |what: &str| format!("moving balls: {what}");
-    for (runs, name) in [
-        (kept, "kept on the way"),
-        (stopping, "stop, then plan again"),
-    ] {
-        let contacts = || {
-            let touches = runs.iter().flat_map(|run| &run.touches);
-            touches.filter(|touch| touch.is_contact())
-        };
-        let on_the_way = contacts()
-            .filter(|touch| touch.comes_before_the_end())
-            .count();
-        let avoidable = contacts().filter(|touch| touch.stop_is_clear).count();
-        let contacts = contacts().count();
-        let fast = runs.iter().filter(|run| run.is_fast);
-        let of_fast = fast
-            .flat_map(|run| &run.touches)
-            .filter(|touch| touch.is_contact())
-            .count();
-        let reached = runs.iter().filter(|run| run.reached_s.is_some()).count();
-        let figure = format!(
-            "{reached} of {} reached, median {:.2} s; contacts {contacts}, {of_fast} of them where balls are as fast as the tip and the others where they \
-             are half as fast; {on_the_way} of them before the end and the others of a robot that stays there, {avoidable} avoidable by a stop \
-             right after the ball was seen; {:.1} plans a second",
-            runs.len(),
-            median(
-                &runs
-                    .iter()
-                    .filter_map(|run| run.reached_s)
-                    .collect::<Vec<_>>()
-            ),
-            runs.iter().map(|run| run.replans as f64).sum::<f64>()
-                / runs.iter().map(|run| run.lasted_s).sum::<f64>()
-        );
-        report.shown(&line(name), figure);
-    }
+fn line(what: &str) -> String {
+    format!("moving balls: {what}")
+}
+
+/// Shows what became of the runs of an arm.
+fn show(report: &mut Report, arm: Arm, runs: &[Run]) {
+    let contacts = || {
+        let touches = runs.iter().flat_map(|run| &run.touches);
+        touches.filter(|touch| touch.is_contact())
+    };
+    let on_the_way = contacts()
+        .filter(|touch| touch.comes_before_the_end())
+        .count();
+    let avoidable = contacts().filter(|touch| touch.stop_is_clear).count();
+    let contacts = contacts().count();
+    let fast = runs.iter().filter(|run| run.is_fast);
+    let of_fast = fast
+        .flat_map(|run| &run.touches)
+        .filter(|touch| touch.is_contact())
+        .count();
+    let reached_s: Vec<f64> = runs.iter().filter_map(|run| run.reached_s).collect();
+    let figure = format!(
+        "{} of {} reached, median {:.2} s; contacts {contacts}, {of_fast} of them where balls are as fast as the tip and the others where they \
+         are half as fast; {on_the_way} of them before the end and the others of a robot that stays there, {avoidable} avoidable by a stop \
+         right after the ball was seen; {:.1} plans a second",
+        reached_s.len(),
+        runs.len(),
+        median(&reached_s),
+        runs.iter().map(|run| run.replans as f64).sum::<f64>()
+            / runs.iter().map(|run| run.lasted_s).sum::<f64>()
+    );
+    report.shown(&line(arm.name()), figure);
+}
+
+/// Holds the arm that is kept on the way against the one that is stopped.
+fn compare(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
     let avoidable: Vec<String> = kept
         .iter()
         .enumerate()

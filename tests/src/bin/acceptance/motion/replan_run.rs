@@ -21,8 +21,8 @@ use super::figures::{Asked, Figures, first_followed};
 const SEED: u64 = 9_101;
 /// Replans in one scene.
 const IN_A_SCENE: usize = 25;
-/// Shortest and longest pause between two replans at the shipped limits.
-const PAUSES: [Duration; 2] = [Duration::from_millis(60), Duration::from_millis(900)];
+/// Shortest pause between two replans at the shipped limits; the longest is the motion that was asked for.
+const SHORTEST_PAUSE: Duration = Duration::from_millis(60);
 
 /// How replans, or queues, are made.
 pub(super) struct Population {
@@ -101,7 +101,7 @@ fn replans(
 ) -> anyhow::Result<()> {
     let robot = stack.world.unit_robot();
     let until = figures.in_motion + count;
-    let [shortest, longest] = PAUSES.map(|pause| pause.div_f64(population.time_factor));
+    let shortest = SHORTEST_PAUSE.div_f64(population.time_factor);
     while figures.in_motion < until {
         let tip = scene.tip(&robot, random);
         let state = stack.controller_state();
@@ -149,7 +149,11 @@ fn replans(
                 return Ok(());
             }
         }
+        let begun_s = report
+            .selected
+            .map(|index| report.candidates[index].duration_s);
         drop(answer);
+        let longest = Duration::from_secs_f64(begun_s.unwrap_or(0.0)).max(shortest);
         sleep(random_pause(shortest, longest, random));
     }
     Ok(())

@@ -53,7 +53,12 @@ impl Disturbance {
         }
     }
 
-    /// Draws what happens around one request; the switch is some 5 to 8 ms behind that.
+    /// Whether its actions are holds of processes and their ends, one after the other.
+    pub(super) fn holds_processes(self) -> bool {
+        self != Self::Speed
+    }
+
+    /// Draws what happens around one request; the switch is some 4 to 8 ms behind that.
     fn draw(self, random: &mut Pcg64) -> Vec<(f64, Action)> {
         match self {
             Self::Speed => speeds(random),

@@ -8,6 +8,11 @@ use tests::listener::Heard;
 
 use super::super::figures::{first_followed, is_on_its_way};
 
+/// From the begin of a hold until a motion has ended for it, at most, nanoseconds.
+const LONGEST_HELD_NS: i64 = 500_000_000;
+/// What a robot does which no set-point reaches for longer than it bears.
+const RAMPED: &str = "; the robot, without set-points, came to rest by itself";
+
 /// A request that found the robot in motion, and its answer.
 pub(super) struct Replan {
     pub(super) asked_ns: i64,
@@ -27,8 +32,10 @@ pub(super) struct Fates {
     pub(super) counts: BTreeMap<String, usize>,
     /// Replans that were neither begun nor refused by name with the old motion going on, in words.
     pub(super) broken: BTreeMap<String, usize>,
-    /// Of what was done to the loop: before a request, until its answer, until the switch, and later.
-    pub(super) disturbed: [usize; 4],
+    /// Of what was done to the loop: before a request, from it until the switch or the refusal, and later.
+    pub(super) disturbed: [usize; 3],
+    /// Holds of processes during which a motion was to be left, by the clock.
+    pub(super) held_at_switch: usize,
     /// Results that were not heard, by the gaps in their numbers.
     pub(super) results_missed: u64,
     last_result: u64,
@@ -41,31 +48,34 @@ impl Fates {
             self.last_result = result.sequence;
         }
         for replan in replans {
-            self.count_disturbances(replan, &heard.cycles);
-            match fate(replan, heard) {
+            self.count_disturbances(replan, heard);
+            match fate(replan, replans, heard) {
                 Ok(fate) => *self.counts.entry(fate).or_default() += 1,
                 Err(why) => *self.broken.entry(why).or_default() += 1,
             }
         }
     }
 
-    fn count_disturbances(&mut self, replan: &Replan, cycles: &[Cycle]) {
+    fn count_disturbances(&mut self, replan: &Replan, heard: &Heard) {
         let id = replan.answer.as_ref().ok();
-        let switched_ns = id.and_then(|id| first_followed(cycles, *id));
-        let bounds = [
-            replan.asked_ns,
-            replan.answered_ns,
-            switched_ns.unwrap_or(replan.answered_ns),
-        ];
+        let switched_ns = id.and_then(|id| first_followed(&heard.cycles, *id));
+        let bounds = [replan.asked_ns, switched_ns.unwrap_or(replan.answered_ns)];
         for instant in &replan.disturbed_ns {
             let place = bounds.iter().filter(|bound| instant > bound).count();
             self.disturbed[place] += 1;
+        }
+        let published = heard.motions.iter().find(|it| Some(&it.id) == id);
+        let switch_ns = published.filter(|it| it.leaves.is_some());
+        if let Some(switch_ns) = switch_ns.map(|it| it.begin_mono_ns) {
+            let holds = replan.disturbed_ns.chunks_exact(2);
+            let mut holds = holds.map(|hold| hold[0]..hold[1]);
+            self.held_at_switch += usize::from(holds.any(|hold| hold.contains(&switch_ns)));
         }
     }
 }
 
 /// Begun; or refused by name, and then what the motion under way did.
-fn fate(replan: &Replan, heard: &Heard) -> Result<String, String> {
+fn fate(replan: &Replan, all: &[Replan], heard: &Heard) -> Result<String, String> {
     let (refused_ns, why) = match &replan.answer {
         Ok(id) => {
             let leaves = heard.motions.iter().find(|it| it.id == *id);
@@ -75,7 +85,11 @@ fn fate(replan: &Replan, heard: &Heard) -> Result<String, String> {
                     Some(_) => "begun: joined",
                     None => "begun: the robot had come to rest",
                 };
-                return Ok(how.to_owned());
+                let became = end_of(heard, *id, all);
+                return became.map_or_else(
+                    |why| Err(format!("{how}; {why}")),
+                    |became| Ok(format!("{how}{became}")),
+                );
             }
             let result = result_of(heard, *id);
             let result = result.ok_or_else(|| format!("trajectory {id} has no result"))?;
@@ -86,8 +100,28 @@ fn fate(replan: &Replan, heard: &Heard) -> Result<String, String> {
     let old = under_way(&heard.cycles, refused_ns);
     let old = old.ok_or_else(|| format!("{why}: nothing moved before"))?;
     let beside_why = |became| format!("{why}; {became}");
-    let became = old_motion(heard, old, refused_ns, replan.outlasts_robot);
+    let became = old_motion(heard, old, refused_ns, all);
     became.map(beside_why).map_err(beside_why)
+}
+
+/// How a motion that was begun ended beside its end or its switch to another one: where no set-point reached the robot for longer than it
+/// bears, at rest.
+fn end_of(heard: &Heard, id: u32, all: &[Replan]) -> Result<&'static str, String> {
+    let result = result_of(heard, id).ok_or_else(|| format!("trajectory {id} has no result"))?;
+    match is_whole(result) {
+        true => Ok(""),
+        false if is_ramped(result, all) => Ok(RAMPED),
+        false => Err(named(result)),
+    }
+}
+
+/// Whether a motion ended since the robot ramped to rest while the controller was held for longer than it bears.
+fn is_ramped(result: &MotionResult, all: &[Replan]) -> bool {
+    let ended_ns = result.stamp_mono_ns;
+    let holds = all.iter().filter(|replan| replan.outlasts_robot);
+    let mut holds = holds.flat_map(|replan| &replan.disturbed_ns);
+    result.fault == LoopFault::RobotRampedToRest.code()
+        && holds.any(|hold_ns| (0..LONGEST_HELD_NS).contains(&(ended_ns - hold_ns)))
 }
 
 /// The motion that was followed last before an instant.
@@ -100,21 +134,15 @@ fn under_way(cycles: &[Cycle], before_ns: i64) -> Option<u32> {
 
 /// What became of the motion that was to be left when another one was refused: it went on, or the robot, which no set-point reached for longer
 /// than it bears, brought it to rest within the limits.
-fn old_motion(
-    heard: &Heard,
-    id: u32,
-    refused_ns: i64,
-    outlasts_robot: bool,
-) -> Result<String, String> {
+fn old_motion(heard: &Heard, id: u32, refused_ns: i64, all: &[Replan]) -> Result<String, String> {
     let result = result_of(heard, id)
         .ok_or_else(|| format!("trajectory {id}, which was to be left, has no result"))?;
     let goes_on = |cycle: &Cycle| {
         cycle.trajectory_id == id && is_on_its_way(cycle) && cycle.stamp_mono_ns > refused_ns
     };
     let went_on = heard.cycles.iter().any(goes_on);
-    let is_ramped = outlasts_robot && result.fault == LoopFault::RobotRampedToRest.code();
     match (is_whole(result), went_on) {
-        _ if is_ramped => Ok("the robot, without set-points, came to rest by itself".to_owned()),
+        _ if is_ramped(result, all) => Ok(format!("the old motion{RAMPED}")),
         (true, true) => Ok("the old motion went on".to_owned()),
         (true, false) => Ok(format!("the old motion had ended: {}", named(result))),
         (false, _) => Err(format!("the old motion: {}", named(result))),

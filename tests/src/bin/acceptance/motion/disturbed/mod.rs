@@ -200,13 +200,21 @@ impl Run {
             "0",
             broken == 0,
         );
-        let [before, planning, pending, later] = fates.disturbed;
+        let [before, pending, later] = fates.disturbed;
         report.check(
-            &line("actions before the request, until its answer, until the switch, later"),
-            format!("{before}, {planning}, {pending}, {later}"),
-            "some until the answer and until the switch",
-            planning > 0 && pending > 0,
+            &line("actions before the request, from it until the switch or the refusal, later"),
+            format!("{before}, {pending}, {later}"),
+            "some until the switch",
+            pending > 0,
         );
+        if self.disturbance.holds_processes() {
+            report.check(
+                &line("replans whose switch was to be passed while processes were held"),
+                fates.held_at_switch.to_string(),
+                "> 0",
+                fates.held_at_switch > 0,
+            );
+        }
         report.at_most(&line("results not heard"), fates.results_missed as f64, 0.0);
         show_curves(report, &line, figures);
         report.check(
