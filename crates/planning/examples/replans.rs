@@ -132,7 +132,7 @@ impl Chain<'_> {
             acceleration: later.acceleration,
         };
         let early_selection = EarlySelection {
-            begin: &|can_begin| {
+            begin: &|_, can_begin| {
                 can_begin(&later);
                 is_late.store(true, Ordering::Relaxed);
             },

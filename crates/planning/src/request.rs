@@ -105,10 +105,11 @@ pub type CanBegin<'a> = dyn Fn(&Knot) -> bool + 'a;
 /// Has the fastest motion of a request that begins in motion before the others are joined to the motion that is left.
 #[derive(Clone, Copy)]
 pub struct EarlySelection<'a> {
-    /// Called once at most, when paths are planned but the fastest motion is not known: it may ask once whether the motions can begin in
-    /// another state than the request's (its time is not read), and where they can, they do. Paths are moved by the way between the rests
-    /// that the robot reaches from both, so that should be short.
-    pub begin: &'a (dyn Fn(&CanBegin) + Sync),
+    /// Called once at most, when paths are planned but the fastest motion is not known, with whether it is expected that the fastest one is
+    /// planned anew, which takes some time more: it may ask once whether the motions can begin in another state than the request's (its time
+    /// is not read), and where they can, they do. Paths are moved by the way between the rests that the robot reaches from both, so that
+    /// should be short.
+    pub begin: &'a (dyn Fn(bool, &CanBegin) + Sync),
     /// Called with the fastest candidate, once at most, by any worker, which should not be held for long: what remains of a motion that is
     /// followed, where no other one is faster by a tenth. Motions that are joined later are not faster in general, which no bound proves.
     pub selected: &'a (dyn Fn(Candidate) + Sync),

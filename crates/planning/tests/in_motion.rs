@@ -157,7 +157,7 @@ fn the_fastest_motion_is_told_before_the_others_are_joined_whatever_the_number_o
         for planner in &planners {
             let told = Mutex::new(Vec::new());
             let early_selection = EarlySelection {
-                begin: &|_| (),
+                begin: &|_, _| (),
                 selected: &|candidate| told.lock().unwrap().push(candidate),
             };
             let answer = plan_selecting_early(planner, &moving, &in_motion, early_selection);
@@ -189,7 +189,7 @@ fn motions_begin_where_the_robot_is_once_paths_are_planned() {
         let then = motion.at(0.3 + later_s);
         let (later, from_there) = fast(leaving(&then));
         let early_selection = EarlySelection {
-            begin: &|can_begin| assert!(can_begin(&knot_at(&then))),
+            begin: &|_, can_begin| assert!(can_begin(&knot_at(&then))),
             selected: &|_| (),
         };
         let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
@@ -221,7 +221,7 @@ fn a_plan_with_paths_tells_late_and_one_whose_segments_settle_it_tells_at_once()
         let (moving, in_motion) = leaving_in(problem, &state);
         let (asked, told) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let early_selection = EarlySelection {
-            begin: &|_| {
+            begin: &|_, _| {
                 asked.fetch_add(1, Ordering::Relaxed);
             },
             selected: &|_| {
@@ -245,7 +245,7 @@ fn a_later_state_that_cannot_brake_leaves_the_plan_where_it_was() {
     };
     let asked = AtomicUsize::new(0);
     let early_selection = EarlySelection {
-        begin: &|can_begin| {
+        begin: &|_, can_begin| {
             assert!(!can_begin(&rushing));
             asked.fetch_add(1, Ordering::Relaxed);
         },
@@ -267,7 +267,7 @@ fn an_interrupt_leaves_out_all_but_the_motions_that_may_be_selected() {
     let is_told = AtomicBool::new(false);
     let is_interrupted = || is_told.load(Ordering::Relaxed);
     let early_selection = EarlySelection {
-        begin: &|_| (),
+        begin: &|_, _| (),
         selected: &|_| is_told.store(true, Ordering::Relaxed),
     };
     let supervision = Supervision {

@@ -10,6 +10,8 @@ const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
 const REMEMBERED: usize = 32;
+/// Of so many plans the longest is taken for an exception.
+const SOME: usize = 4;
 
 /// What decides how long it takes until a plan's motion can be executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,16 +32,22 @@ pub(crate) enum Work {
     StraightSegments,
     /// Paths that are planned are joined to the motion that is left, until the fastest is known.
     Joining,
+    /// The same, and a plan to the goal configuration of the fastest one.
+    JoiningAndPlanningAnew,
 }
 
 impl Work {
     /// How carefully the time of the work is foreseen. The goal that stays is followed the more closely the shorter its lead is, and planned
-    /// anew all the time; any other switch is to be missed but rarely.
+    /// anew all the time; planning anew is rare, and its time differs much; any other switch is to be missed but rarely.
     fn foresight(self) -> Foresight {
         match self {
             Self::WholePlanToKeptGoal => Foresight {
                 exceptional: 8,
                 margin: 1.05,
+            },
+            Self::JoiningAndPlanningAnew => Foresight {
+                exceptional: 16,
+                margin: 1.1,
             },
             Self::WholePlan | Self::StraightSegments | Self::Joining => Foresight {
                 exceptional: 32,
@@ -89,7 +97,9 @@ impl LeadTimes {
             exceptional,
             margin,
         } = kind.work.foresight();
-        let foreseen = recent.iter().rev().nth(recent.len() / exceptional);
+        // Of a few, too, one may have met a machine that was busy with something else.
+        let left_out = (recent.len() / exceptional).max(usize::from(recent.len() >= SOME));
+        let foreseen = recent.iter().rev().nth(left_out);
         foreseen.map_or(FIRST_LEAD, |took| took.mul_f64(margin) + TO_THE_LOOP)
     }
 }
@@ -106,6 +116,7 @@ mod tests {
             Work::WholePlanToKeptGoal,
             Work::StraightSegments,
             Work::Joining,
+            Work::JoiningAndPlanningAnew,
         ] {
             let Foresight {
                 exceptional,

@@ -18,6 +18,7 @@ use planning::{
     Supervision, Via,
 };
 
+use super::lead_times::Work;
 use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
 
@@ -40,8 +41,17 @@ pub(crate) struct Job {
     pub(crate) cancelled: Arc<AtomicBool>,
 }
 
-/// Chooses where the motion that is followed is left; none where it cannot be left any more.
-pub(crate) type LateSwitch = Box<dyn Fn() -> Option<Switch> + Send + Sync>;
+/// Chooses where the motion that is followed is left, with what is still to be done; none where it cannot be left any more.
+pub(crate) type LateSwitch = Box<dyn Fn(Work) -> Option<Switch> + Send + Sync>;
+
+/// Where candidates begin, as it was chosen when paths were planned.
+pub(crate) struct LateBegin {
+    pub(crate) switch: Switch,
+    /// When it was chosen.
+    pub(crate) chosen: Instant,
+    /// What was to be done from then on.
+    pub(crate) work: Work,
+}
 
 /// The early answer that a client asked for: its number of candidates, as soon as they are certified.
 pub(crate) struct Early {
@@ -67,8 +77,8 @@ pub(crate) type Planned = Result<Plan, PlanError>;
 /// Output of a job: early candidates, the late switch and the fastest candidate where they were asked for, then the plan.
 pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
-    /// Where all candidates begin, and when that was chosen; none: where the job says, though paths had to be planned.
-    Begins(Option<Switch>, Instant),
+    /// Where all candidates begin; none: where the job says, though paths had to be planned.
+    Begins(Option<LateBegin>),
     /// The fastest candidate; the worker that has found it waits until the other part is dropped, and leaves its processor to what is done
     /// with the candidate.
     Selected(Candidate, SyncSender<()>),
@@ -161,11 +171,20 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
             }
         }
     };
-    let begin = |can_begin: &CanBegin| {
+    let begin = |is_planned_anew: bool, can_begin: &CanBegin| {
         let chosen = Instant::now();
-        let switch = job.late_switch.as_ref().and_then(|choose| choose());
+        let work = match is_planned_anew {
+            true => Work::JoiningAndPlanningAnew,
+            false => Work::Joining,
+        };
+        let switch = job.late_switch.as_ref().and_then(|choose| choose(work));
         let switch = switch.filter(|switch| can_begin(&switch.state));
-        outgoing.send(PlanOutput::Begins(switch, chosen));
+        let begin = switch.map(|switch| LateBegin {
+            switch,
+            chosen,
+            work,
+        });
+        outgoing.send(PlanOutput::Begins(begin));
     };
     let early_selection = EarlySelection {
         begin: &begin,

@@ -13,7 +13,7 @@ use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
 use super::in_flight::{EarlyExecution, InFlight, Queued};
 use super::lead_times::{PlanKind, Work};
-use super::plan_runner::{Early, Job, LateSwitch, PlanOutput, Planned};
+use super::plan_runner::{Early, Job, LateBegin, LateSwitch, PlanOutput, Planned};
 use super::recent_plans::{KeptCandidate, KeptPlan, PlanBegin};
 use super::refusal::Refusal;
 use super::request_validator::PlanTask;
@@ -79,15 +79,14 @@ impl Service {
         // Something may have begun to move since it was asked for.
         let selects_early = selects_early && problem.moving.is_empty();
         let kind = queued.kind(selects_early);
-        let joining = PlanKind {
-            work: Work::Joining,
-            ..kind
-        };
+        let late_lead = |work| lead(PlanKind { work, ..kind });
+        let late_leads =
+            [Work::Joining, Work::JoiningAndPlanningAnew].map(|work| (work, late_lead(work)));
         let late_switch = match &begin {
             PlanBegin::AtSwitch(switch) if selects_early => Some(late_switch(
                 self.execution.shared_robot_motion(),
                 switch.trajectory_id,
-                lead(joining),
+                late_leads,
                 queued.task.begin_mono_ns,
             )),
             _ => None,
@@ -183,7 +182,7 @@ impl Service {
         }
         match self.runner.take() {
             Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
-            Some(PlanOutput::Begins(switch, chosen)) => self.begin_at(switch, chosen),
+            Some(PlanOutput::Begins(begin)) => self.begin_at(begin),
             Some(PlanOutput::Selected(candidate, _in_work)) => self.execute_early(&candidate),
             Some(PlanOutput::Plan(planned)) => self.answer(planned),
             None => return false,
@@ -206,18 +205,18 @@ impl Service {
     }
 
     /// Notes where the candidates of the running plan begin; none: where it was chosen first, though paths had to be planned.
-    fn begin_at(&mut self, switch: Option<Switch>, chosen: Instant) {
+    fn begin_at(&mut self, begin: Option<LateBegin>) {
         let Some(in_flight) = &mut self.in_flight else {
             return;
         };
-        let kind = in_flight.kind.filter(|_| switch.is_some());
-        in_flight.kind = kind.map(|kind| PlanKind {
-            work: Work::Joining,
+        let kind = in_flight.kind.zip(begin.as_ref());
+        in_flight.kind = kind.map(|(kind, begin)| PlanKind {
+            work: begin.work,
             ..kind
         });
-        if let Some(switch) = switch {
-            in_flight.begin = PlanBegin::AtSwitch(switch);
-            in_flight.begin_chosen = chosen;
+        if let Some(begin) = begin {
+            in_flight.begin = PlanBegin::AtSwitch(begin.switch);
+            in_flight.begin_chosen = begin.chosen;
         }
     }
 
@@ -369,14 +368,16 @@ impl Service {
     }
 }
 
-/// Where a motion is left by one that is ready within `lead`, whenever it is asked, and not before `not_before_mono_ns`.
+/// Where a motion is left by one that is ready within the lead of what is still to be done, whenever it is asked, and not before
+/// `not_before_mono_ns`.
 fn late_switch(
     robot: Shared<RobotMotion>,
     leaves_trajectory_id: u32,
-    lead: Duration,
+    leads: [(Work, Duration); 2],
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
-    Box::new(move || {
+    Box::new(move |work| {
+        let (_, lead) = leads.into_iter().find(|(of, _)| *of == work)?;
         let RobotMotion::Following(followed) = robot.get() else {
             return None;
         };

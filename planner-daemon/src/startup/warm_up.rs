@@ -68,8 +68,8 @@ fn plan_in_motion(
     };
     let (begun, late, selected) = (Instant::now(), OnceLock::new(), OnceLock::new());
     let early_selection = EarlySelection {
-        begin: &|_| {
-            late.get_or_init(Instant::now);
+        begin: &|is_planned_anew, _| {
+            late.get_or_init(|| (is_planned_anew, Instant::now()));
         },
         selected: &|_| {
             selected.get_or_init(Instant::now);
@@ -93,7 +93,8 @@ fn plan_in_motion(
     let whole = [Work::WholePlan, Work::WholePlanToKeptGoal];
     let whole = whole.map(|work| (kind(work), begun.elapsed()));
     let early = selected.into_inner().map(|selected| match late.get() {
-        Some(late) => (kind(Work::Joining), selected - *late),
+        Some((true, late)) => (kind(Work::JoiningAndPlanningAnew), selected - *late),
+        Some((false, late)) => (kind(Work::Joining), selected - *late),
         None => (kind(Work::StraightSegments), selected - begun),
     });
     whole.into_iter().chain(early).collect()

@@ -115,13 +115,14 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
     let (plan, segments) = segments_first(&joining, &after)?;
     let early = supervision.early_selection;
     let late = early.filter(|_| segments.selected().is_none());
-    let later = late.and_then(|late| braking_later(context, late));
+    let is_afresh = request.sampler == Sampler::Default && request.previous.is_none();
+    let is_planned_anew = is_afresh && late.is_some() && joining.is_planned_anew(&plan);
+    let later = late.and_then(|late| braking_later(context, late, is_planned_anew));
     let (braking, segments) = match &later {
         Some(later) => (later, JoinedSegments::default()),
         None => (&braking, segments),
     };
     let anew = |end: &Configuration| fastest_to(context, braking, end);
-    let is_afresh = request.sampler == Sampler::Default && request.previous.is_none();
     let joining = Joining {
         braking,
         anew: is_afresh.then_some(&anew),
@@ -145,9 +146,13 @@ fn fastest_to(context: &RequestContext, braking: &Braking, end: &Configuration) 
 }
 
 /// Braking from the later state in which the motions are to begin, where the robot can brake there.
-fn braking_later<'a>(context: &RequestContext<'a>, late: EarlySelection) -> Option<Braking<'a>> {
+fn braking_later<'a>(
+    context: &RequestContext<'a>,
+    late: EarlySelection,
+    is_planned_anew: bool,
+) -> Option<Braking<'a>> {
     let later = OnceCell::new();
-    (late.begin)(&|state| {
+    (late.begin)(is_planned_anew, &|state| {
         let braking = Braking::new(&context.constraints, state);
         braking.is_ok_and(|braking| later.set(braking).is_ok())
     });

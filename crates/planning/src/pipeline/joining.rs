@@ -16,6 +16,9 @@ const AT_ONCE: usize = 2;
 /// was left out by this, or by none of it, became the fastest.
 const LARGEST_GAIN: f64 = 0.25;
 
+/// Share of the braking by which a joined motion is mostly faster than after a stop, at least.
+const USUAL_GAIN: f64 = 0.5;
+
 /// Joins motions to a braking.
 #[derive(Clone, Copy)]
 pub(super) struct Joining<'a> {
@@ -212,15 +215,18 @@ impl Joining<'_> {
         (from_rest.draw, self.braking.candidate(from_rest))
     }
 
-    /// Plans anew to the goal configuration of the fastest motion alone, from where the robot now rests after braking, unless its straight
-    /// segment is certified, and puts the fastest motion of that plan in its place where it is faster: it is then no later than after a stop.
-    /// Returns that motion.
+    /// Plans anew to the goal configuration of the fastest motion alone, from where the robot now rests after braking, and puts the fastest
+    /// motion of that plan in its place where it is faster: it is then no later than after a stop. Nothing is planned where that is known, or
+    /// where the straight segment is certified. Returns the motion.
     fn plan_fastest_anew(&self, joined: &mut [Joined]) -> Option<JoinedDraw> {
         let anew = self.anew?;
         let fastest = joined
             .iter_mut()
             .min_by(|a, b| duration_s(a).total_cmp(&duration_s(b)))?;
         let end = fastest.1.as_ref().ok()?.end();
+        if duration_s(fastest) <= self.braking.motion.duration() + self.straight_s(&end)? {
+            return None;
+        }
         let segment = self.segment(fastest.0, &end, f64::INFINITY).ok();
         let it = segment.or_else(|| self.joined(fastest.0, anew(&end)?))?;
         if it.joined.metrics.duration_s >= duration_s(fastest) {
@@ -228,6 +234,24 @@ impl Joining<'_> {
         }
         fastest.1 = Ok(it.joined.clone());
         Some(it)
+    }
+
+    /// The time of a straight segment from where the robot rests after braking, s: from rest no path takes less, whether or not the segment is
+    /// clear.
+    fn straight_s(&self, end: &Configuration) -> Option<f64> {
+        let straight = straight_path(&self.braking.motion.end(), end);
+        let motion = self.braking.after().time(&straight).ok()?;
+        Some(motion.duration())
+    }
+
+    /// Whether the fastest motion of a plan from rest, joined, is expected to be planned anew.
+    pub(super) fn is_planned_anew(&self, plan: &Plan) -> bool {
+        let by_duration =
+            |a: &&Candidate, b: &&Candidate| a.metrics.duration_s.total_cmp(&b.metrics.duration_s);
+        let fastest = plan.candidates.iter().min_by(by_duration);
+        let detour_s =
+            fastest.and_then(|it| Some(it.metrics.duration_s - self.straight_s(&it.end())?));
+        detour_s.is_some_and(|detour_s| detour_s > USUAL_GAIN * self.braking.motion.duration())
     }
 
     /// A draw in the place of another one with its motion joined to the braking.

@@ -10,7 +10,7 @@ use crate::report::Report;
 use crate::scale::Scale;
 use crate::stolen::StolenTimes;
 
-/// Windows of which the one with the least stolen time counts.
+/// Windows of which the one with the least share of stolen time counts.
 const WINDOWS: usize = 5;
 
 /// One window's replans, in order.
@@ -23,6 +23,10 @@ struct Window {
 impl Window {
     fn at(&self, share: f64) -> f64 {
         quantile(&self.took_ms, share)
+    }
+
+    fn stolen_share(&self) -> f64 {
+        1e-3 * self.stolen_ms / self.lasted_s
     }
 
     fn text(&self) -> String {
@@ -75,7 +79,7 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
     }
     let quietest = windows
         .iter()
-        .min_by(|a, b| a.stolen_ms.total_cmp(&b.stolen_ms));
+        .min_by(|a, b| a.stolen_share().total_cmp(&b.stolen_share()));
     report.check(
         &line("switches that were begun"),
         figures.switched.to_string(),
@@ -83,9 +87,11 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
         figures.switched > 0,
     );
     if let Some(quietest) = quietest {
-        let what = "goal to first set-point in the window with the least stolen time, median ms";
+        let what =
+            "goal to first set-point in the window with the least share of stolen time, median ms";
         report.at_most(&line(what), quietest.at(0.5), 6.0);
-        let what = "goal to first set-point in the window with the least stolen time, p99 ms";
+        let what =
+            "goal to first set-point in the window with the least share of stolen time, p99 ms";
         report.at_most(&line(what), quietest.at(0.99), 15.0);
     }
     let refused: usize = figures.refusals.values().sum();

@@ -50,7 +50,7 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
         index += 1 + passed_over as u64;
         figures.scenes_passed_over += passed_over;
         let count = IN_A_SCENE
-            .min(population.count.div_ceil(8))
+            .min(population.count.div_ceil(20))
             .min(population.count - figures.in_motion);
         replans(
             &mut stack,
