@@ -11,7 +11,7 @@ const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
 const REMEMBERED: usize = 32;
 /// Of so many plans the longest is taken for an exception.
-const SOME: usize = 4;
+const SOME: usize = 16;
 
 /// What decides how long it takes until a plan's motion can be executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,18 +38,17 @@ pub(crate) enum Work {
 
 impl Work {
     /// How carefully the time of the work is foreseen. The goal that stays is followed the more closely the shorter its lead is, and planned
-    /// anew all the time; planning anew is rare, and its time differs much; any other switch is to be missed but rarely.
+    /// anew all the time; any other switch is to be missed but rarely.
     fn foresight(self) -> Foresight {
         match self {
             Self::WholePlanToKeptGoal => Foresight {
                 exceptional: 8,
                 margin: 1.05,
             },
-            Self::JoiningAndPlanningAnew => Foresight {
-                exceptional: 16,
-                margin: 1.1,
-            },
-            Self::WholePlan | Self::StraightSegments | Self::Joining => Foresight {
+            Self::WholePlan
+            | Self::StraightSegments
+            | Self::Joining
+            | Self::JoiningAndPlanningAnew => Foresight {
                 exceptional: 32,
                 margin: 1.2,
             },

@@ -15,9 +15,9 @@ use super::config::Config;
 use crate::requests::{LeadTimes, PlanKind, Work};
 
 /// Plans that begin in motion.
-const IN_MOTION: u32 = 16;
+const IN_MOTION: u32 = 48;
 /// The last ones of these, which are as fast as later plans.
-const WARM: u32 = 8;
+const WARM: u32 = 32;
 
 /// Plans once from rest with every sampler that has a model, and some times in motion; returns how long the latter took.
 ///

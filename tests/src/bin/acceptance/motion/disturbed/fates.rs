@@ -9,7 +9,7 @@ use tests::listener::Heard;
 use super::super::figures::{first_followed, is_on_its_way};
 
 /// From the begin of a hold until a motion has ended for it, at most, nanoseconds.
-const LONGEST_HELD_NS: i64 = 500_000_000;
+const LONGEST_HELD_NS: i64 = 1_000_000_000;
 /// What a robot does which no set-point reaches for longer than it bears.
 const RAMPED: &str = "; the robot, without set-points, came to rest by itself";
 
