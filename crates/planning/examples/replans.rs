@@ -11,7 +11,7 @@ use denoiser::{FastModel, Manifest};
 use pcc_model::{Configuration, Robot, UnitRobot};
 use planning::{
     Candidate, EarlySelection, Goal, MOST_CORRECTIONS, Models, MovingObstacles, Plan, Planner,
-    Problem, Request, Sampler, StartMotion, Supervision, random_configuration,
+    Problem, Request, Sampler, StartMotion, Supervision, ToBeDone, random_configuration,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -132,9 +132,11 @@ impl Chain<'_> {
             acceleration: later.acceleration,
         };
         let early_selection = EarlySelection {
-            begin: &|_, can_begin| {
-                can_begin(&later);
-                is_late.store(true, Ordering::Relaxed);
+            begin: &|to_be_done, can_begin| {
+                if to_be_done != ToBeDone::Nothing {
+                    can_begin(&later);
+                    is_late.store(true, Ordering::Relaxed);
+                }
             },
             selected: &|candidate| {
                 selected.get_or_init(|| (took_ms(), candidate));

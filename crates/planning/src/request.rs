@@ -99,17 +99,27 @@ pub struct Supervision<'a> {
     pub early_selection: Option<EarlySelection<'a>>,
 }
 
+/// What is to be done until the fastest motion of a request is known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ToBeDone {
+    /// Nothing, unless the motions begin in another state: straight segments are then joined again.
+    Nothing,
+    /// Paths are joined to the motion that is left.
+    Joining,
+    /// The same, and it is expected that the fastest motion is planned anew.
+    JoiningAndPlanningAnew,
+}
+
 /// Whether the motions of a request can begin in a state.
 pub type CanBegin<'a> = dyn Fn(&Knot) -> bool + 'a;
 
 /// Has the fastest motion of a request that begins in motion before the others are joined to the motion that is left.
 #[derive(Clone, Copy)]
 pub struct EarlySelection<'a> {
-    /// Called once at most, when paths are planned but the fastest motion is not known, with whether it is expected that the fastest one is
-    /// planned anew, which takes some time more: it may ask once whether the motions can begin in another state than the request's (its time
-    /// is not read), and where they can, they do. Paths are moved by the way between the rests that the robot reaches from both, so that
-    /// should be short.
-    pub begin: &'a (dyn Fn(bool, &CanBegin) + Sync),
+    /// Called before the fastest motion is told, and when paths are planned but the fastest motion is not known, with what is to be done until
+    /// it is: it may ask once whether the motions can begin in another state than the request's (its time is not read), and where they can,
+    /// they do. Paths are moved by the way between the rests that the robot reaches from both, so that should be short.
+    pub begin: &'a (dyn Fn(ToBeDone, &CanBegin) + Sync),
     /// Called with the fastest candidate, once at most, by any worker, which should not be held for long: what remains of a motion that is
     /// followed, where no other one is faster by a tenth. Motions that are joined later are not faster in general, which no bound proves.
     pub selected: &'a (dyn Fn(Candidate) + Sync),

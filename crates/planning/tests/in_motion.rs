@@ -8,7 +8,8 @@ use collision::{Ball, Scene, certify_trajectory, minimum_clearance};
 use pcc_model::{Configuration, Point, SECTIONS};
 use planning::{
     Candidate, EarlySelection, Goal, Infeasible, MovingObstacles, PathMetrics, Plan, Planner,
-    PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, select,
+    PlannerError, Problem, Request, Sampler, Selection, Source, StartMotion, Supervision, ToBeDone,
+    select,
 };
 use shipped::planner;
 use std::sync::Mutex;
@@ -213,6 +214,34 @@ fn motions_begin_where_the_robot_is_once_paths_are_planned() {
 }
 
 #[test]
+fn segments_are_joined_again_where_the_switch_was_too_near() {
+    let planner = planner(2);
+    let motion = rest_to_rest(&planner);
+    let (moving, in_motion) = leaving(&motion.at(0.3));
+    let then = motion.at(0.304);
+    let told = Mutex::new(Vec::new());
+    let early_selection = EarlySelection {
+        begin: &|to_be_done, can_begin| {
+            assert_eq!(to_be_done, ToBeDone::Nothing);
+            assert!(can_begin(&knot_at(&then)));
+        },
+        selected: &|candidate| told.lock().unwrap().push(candidate),
+    };
+    let answer = plan_selecting_early(&planner, &moving, &in_motion, early_selection);
+    let told = told.into_inner().unwrap();
+    assert_eq!(told.len(), 1);
+    assert_eq!(told[0].draw, selected(&answer).draw);
+    assert_eq!(answer.candidates.len(), 10);
+    let robot = planner.robot();
+    for candidate in answer.candidates.iter().chain(&told) {
+        let motion = &candidate.trajectory;
+        assert_eq!(motion.knots()[0], knot_at(&then));
+        assert!(limit_use(motion, &robot.tendons, &robot.tendon_limits).largest() <= 1.0 + 1e-6);
+        assert!(certify_trajectory(robot, &moving.scene, motion, 0.0).is_free());
+    }
+}
+
+#[test]
 fn a_plan_with_paths_tells_late_and_one_whose_segments_settle_it_tells_at_once() {
     let planner = planner(2);
     let state = rest_to_rest(&planner).at(0.2);
@@ -221,8 +250,9 @@ fn a_plan_with_paths_tells_late_and_one_whose_segments_settle_it_tells_at_once()
         let (moving, in_motion) = leaving_in(problem, &state);
         let (asked, told) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let early_selection = EarlySelection {
-            begin: &|_, _| {
-                asked.fetch_add(1, Ordering::Relaxed);
+            begin: &|to_be_done, _| {
+                let is_planned = to_be_done != ToBeDone::Nothing;
+                asked.fetch_add(usize::from(is_planned), Ordering::Relaxed);
             },
             selected: &|_| {
                 told.fetch_add(1, Ordering::Relaxed);

@@ -127,6 +127,11 @@ impl FollowedMotion {
         Some((switch, ahead.map(|goal| goal.goal).collect()))
     }
 
+    /// Whether it is left at a switch later than a time from now, as fast as it can go.
+    pub(crate) fn is_ahead(&self, switch: &Switch, time: Duration, now_mono_ns: i64) -> bool {
+        switch.path_time_s >= self.earliest_s(time, now_mono_ns)
+    }
+
     fn earliest_s(&self, lead: Duration, now_mono_ns: i64) -> f64 {
         self.latest_s(now_mono_ns) + lead.as_secs_f64() * self.fastest_rate
     }

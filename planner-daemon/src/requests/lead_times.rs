@@ -5,7 +5,7 @@ use std::time::Duration;
 use shared_types::codes::Sampler;
 
 /// Time from a motion that is ready until the controller's loop has it.
-const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
+pub(super) const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
 /// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.

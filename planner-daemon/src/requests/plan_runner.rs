@@ -15,10 +15,9 @@ use std::time::{Duration, Instant};
 use pcc_model::UnitRobot;
 use planning::{
     CanBegin, Candidate, EarlySelection, Plan, Planner, PlannerError, Problem, Request,
-    Supervision, Via,
+    Supervision, ToBeDone, Via,
 };
 
-use super::lead_times::Work;
 use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
 
@@ -41,16 +40,18 @@ pub(crate) struct Job {
     pub(crate) cancelled: Arc<AtomicBool>,
 }
 
-/// Chooses where the motion that is followed is left, with what is still to be done; none where it cannot be left any more.
-pub(crate) type LateSwitch = Box<dyn Fn(Work) -> Option<Switch> + Send + Sync>;
+/// Chooses where the motion that is followed is left, with what is still to be done; none where the switch that was chosen first is in time, or
+/// the motion cannot be left any more.
+pub(crate) type LateSwitch = Box<dyn Fn(ToBeDone) -> Option<Switch> + Send + Sync>;
 
-/// Where candidates begin, as it was chosen when paths were planned.
+/// Where candidates begin, as it was chosen while they were planned.
 pub(crate) struct LateBegin {
-    pub(crate) switch: Switch,
+    /// None: where the job says.
+    pub(crate) switch: Option<Switch>,
     /// When it was chosen.
     pub(crate) chosen: Instant,
-    /// What was to be done from then on.
-    pub(crate) work: Work,
+    /// What was to be done from then on until the fastest one is known.
+    pub(crate) to_be_done: ToBeDone,
 }
 
 /// The early answer that a client asked for: its number of candidates, as soon as they are certified.
@@ -77,8 +78,8 @@ pub(crate) type Planned = Result<Plan, PlanError>;
 /// Output of a job: early candidates, the late switch and the fastest candidate where they were asked for, then the plan.
 pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
-    /// Where all candidates begin; none: where the job says, though paths had to be planned.
-    Begins(Option<LateBegin>),
+    /// Where all candidates begin.
+    Begins(LateBegin),
     /// The fastest candidate; the worker that has found it waits until the other part is dropped, and leaves its processor to what is done
     /// with the candidate.
     Selected(Candidate, SyncSender<()>),
@@ -171,20 +172,18 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
             }
         }
     };
-    let begin = |is_planned_anew: bool, can_begin: &CanBegin| {
+    let begin = |to_be_done: ToBeDone, can_begin: &CanBegin| {
         let chosen = Instant::now();
-        let work = match is_planned_anew {
-            true => Work::JoiningAndPlanningAnew,
-            false => Work::Joining,
-        };
-        let switch = job.late_switch.as_ref().and_then(|choose| choose(work));
+        let choose = job.late_switch.as_ref();
+        let switch = choose.and_then(|choose| choose(to_be_done));
         let switch = switch.filter(|switch| can_begin(&switch.state));
-        let begin = switch.map(|switch| LateBegin {
-            switch,
-            chosen,
-            work,
-        });
-        outgoing.send(PlanOutput::Begins(begin));
+        if switch.is_some() || to_be_done != ToBeDone::Nothing {
+            outgoing.send(PlanOutput::Begins(LateBegin {
+                switch,
+                chosen,
+                to_be_done,
+            }));
+        }
     };
     let early_selection = EarlySelection {
         begin: &begin,

@@ -5,14 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use collision::SceneError;
-use planning::{Candidate, Problem};
+use planning::{Candidate, Problem, ToBeDone};
 use shared_types::clock::{mono_now_ns, seconds};
 use shared_types::codes::{Outcome, PlanField};
 
 use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
 use super::in_flight::{EarlyExecution, InFlight, Queued};
-use super::lead_times::{PlanKind, Work};
+use super::lead_times::{PlanKind, TO_THE_LOOP, Work};
 use super::plan_runner::{Early, Job, LateBegin, LateSwitch, PlanOutput, Planned};
 use super::recent_plans::{KeptCandidate, KeptPlan, PlanBegin};
 use super::refusal::Refusal;
@@ -31,6 +31,8 @@ const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
 const LONGEST_DEFERRAL_OF_GOALS: Duration = Duration::from_millis(600);
 /// Longest delay of the begin of a motion to the goal that stays, s: the next plan is made sooner.
 const LONGEST_DELAY_TO_GOAL_S: f64 = 0.05;
+/// Time in which straight segments are joined again.
+const JOINED_AGAIN: Duration = Duration::from_millis(1);
 /// Times that a request is planned whose plan comes too late for its switch or for the live scene.
 const ATTEMPTS: u32 = 3;
 
@@ -80,13 +82,11 @@ impl Service {
         let selects_early = selects_early && problem.moving.is_empty();
         let kind = queued.kind(selects_early);
         let late_lead = |work| lead(PlanKind { work, ..kind });
-        let late_leads =
-            [Work::Joining, Work::JoiningAndPlanningAnew].map(|work| (work, late_lead(work)));
         let late_switch = match &begin {
             PlanBegin::AtSwitch(switch) if selects_early => Some(late_switch(
                 self.execution.shared_robot_motion(),
-                switch.trajectory_id,
-                late_leads,
+                *switch,
+                [Work::Joining, Work::JoiningAndPlanningAnew].map(late_lead),
                 queued.task.begin_mono_ns,
             )),
             _ => None,
@@ -182,7 +182,7 @@ impl Service {
         }
         match self.runner.take() {
             Some(PlanOutput::Early(candidates)) => self.answer_early(candidates),
-            Some(PlanOutput::Begins(begin)) => self.begin_at(begin),
+            Some(PlanOutput::Begins(begin)) => self.begin_at(&begin),
             Some(PlanOutput::Selected(candidate, _in_work)) => self.execute_early(&candidate),
             Some(PlanOutput::Plan(planned)) => self.answer(planned),
             None => return false,
@@ -204,19 +204,26 @@ impl Service {
         self.send_to_client(&mut answer, active);
     }
 
-    /// Notes where the candidates of the running plan begin; none: where it was chosen first, though paths had to be planned.
-    fn begin_at(&mut self, begin: Option<LateBegin>) {
+    /// Notes where the candidates of the running plan begin, and what can be learned of the time that its work takes.
+    fn begin_at(&mut self, begin: &LateBegin) {
         let Some(in_flight) = &mut self.in_flight else {
             return;
         };
-        let kind = in_flight.kind.zip(begin.as_ref());
-        in_flight.kind = kind.map(|(kind, begin)| PlanKind {
-            work: begin.work,
-            ..kind
-        });
-        if let Some(begin) = begin {
-            in_flight.begin = PlanBegin::AtSwitch(begin.switch);
+        let work = match begin.to_be_done {
+            ToBeDone::Nothing => None,
+            ToBeDone::Joining => Some(Work::Joining),
+            ToBeDone::JoiningAndPlanningAnew => Some(Work::JoiningAndPlanningAnew),
+        };
+        let kind = in_flight.kind.take();
+        if let (Some(kind), None) = (kind, work) {
+            // It was too late already.
+            let took = begin.chosen - in_flight.begin_chosen;
+            self.lead_times.note(kind, took);
+        }
+        if let Some(switch) = begin.switch {
+            in_flight.begin = PlanBegin::AtSwitch(switch);
             in_flight.begin_chosen = begin.chosen;
+            in_flight.kind = kind.zip(work).map(|(kind, work)| PlanKind { work, ..kind });
         }
     }
 
@@ -368,22 +375,29 @@ impl Service {
     }
 }
 
-/// Where a motion is left by one that is ready within the lead of what is still to be done, whenever it is asked, and not before
-/// `not_before_mono_ns`.
+/// Where a motion is left by one that is ready within a lead, whenever it is asked, and not before `not_before_mono_ns`: within one of `leads`,
+/// those of joining without and with another plan, or at once, unless the switch that was chosen first is in time.
 fn late_switch(
     robot: Shared<RobotMotion>,
-    leaves_trajectory_id: u32,
-    leads: [(Work, Duration); 2],
+    first: Switch,
+    leads: [Duration; 2],
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
-    Box::new(move |work| {
-        let (_, lead) = leads.into_iter().find(|(of, _)| *of == work)?;
+    Box::new(move |to_be_done| {
         let RobotMotion::Following(followed) = robot.get() else {
             return None;
         };
         let now = mono_now_ns();
+        let lead = match to_be_done {
+            ToBeDone::Nothing if followed.is_ahead(&first, TO_THE_LOOP.mul_f64(0.75), now) => {
+                return None;
+            }
+            ToBeDone::Nothing => TO_THE_LOOP + JOINED_AGAIN,
+            ToBeDone::Joining => leads[0],
+            ToBeDone::JoiningAndPlanningAnew => leads[1],
+        };
         let switch = followed.switch_after(lead.max(until(not_before_mono_ns, now)), now)?;
-        (switch.trajectory_id == leaves_trajectory_id).then_some(switch)
+        (switch.trajectory_id == first.trajectory_id).then_some(switch)
     })
 }
 

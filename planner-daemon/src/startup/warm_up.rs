@@ -7,7 +7,7 @@ use collision::{Ball, Scene, tracking_padding};
 use pcc_model::{Configuration, Point, UnitRobot};
 use planning::{
     EarlySelection, Goal, MOST_CORRECTIONS, MovingObstacles, Planner, PlannerError, Problem,
-    Request, Sampler, StartMotion, Supervision,
+    Request, Sampler, StartMotion, Supervision, ToBeDone,
 };
 use trajectory::Trajectory;
 
@@ -68,8 +68,13 @@ fn plan_in_motion(
     };
     let (begun, late, selected) = (Instant::now(), OnceLock::new(), OnceLock::new());
     let early_selection = EarlySelection {
-        begin: &|is_planned_anew, _| {
-            late.get_or_init(|| (is_planned_anew, Instant::now()));
+        begin: &|to_be_done, _| {
+            let work = match to_be_done {
+                ToBeDone::Nothing => return,
+                ToBeDone::Joining => Work::Joining,
+                ToBeDone::JoiningAndPlanningAnew => Work::JoiningAndPlanningAnew,
+            };
+            late.get_or_init(|| (work, Instant::now()));
         },
         selected: &|_| {
             selected.get_or_init(Instant::now);
@@ -90,14 +95,12 @@ fn plan_in_motion(
         has_several_goals: false,
         work,
     };
-    let whole = [Work::WholePlan, Work::WholePlanToKeptGoal];
-    let whole = whole.map(|work| (kind(work), begun.elapsed()));
+    let whole = (kind(Work::WholePlan), begun.elapsed());
     let early = selected.into_inner().map(|selected| match late.get() {
-        Some((true, late)) => (kind(Work::JoiningAndPlanningAnew), selected - *late),
-        Some((false, late)) => (kind(Work::Joining), selected - *late),
+        Some((work, late)) => (kind(*work), selected - *late),
         None => (kind(Work::StraightSegments), selected - begun),
     });
-    whole.into_iter().chain(early).collect()
+    std::iter::once(whole).chain(early).collect()
 }
 
 /// A motion of the tip; its place is reached in many configurations. A ball is beside the way, or, where the number is odd, in the way of a

@@ -12,7 +12,7 @@ use crate::pipeline::joining::{JoinedSegments, Joining};
 use crate::pipeline::previous_plan::kept_path;
 use crate::pipeline::{default, fast, straight_line, trees, whole_paths};
 use crate::plan::{Candidate, Draw, Failure, Plan};
-use crate::request::{EarlySelection, Guidance, StartMotion, Supervision};
+use crate::request::{EarlySelection, Guidance, StartMotion, Supervision, ToBeDone};
 use crate::stage_times::StageTimes;
 use codes::{Sampler, Source, Stage};
 use pcc_model::Configuration;
@@ -112,15 +112,25 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
     if !context.constraints.moving.is_empty() {
         return Ok(joining.plan(from_rest(&after)?, JoinedSegments::default(), None));
     }
-    let (plan, segments) = segments_first(&joining, &after)?;
+    let SegmentsFirst {
+        plan,
+        segments,
+        later,
+    } = segments_first(context, &joining, &after)?;
+    let is_afresh = request.sampler == Sampler::Default && request.previous.is_none();
     let early = supervision.early_selection;
     let late = early.filter(|_| segments.selected().is_none());
-    let is_afresh = request.sampler == Sampler::Default && request.previous.is_none();
-    let is_planned_anew = is_afresh && late.is_some() && joining.is_planned_anew(&plan);
-    let later = late.and_then(|late| braking_later(context, late, is_planned_anew));
-    let (braking, segments) = match &later {
-        Some(later) => (later, JoinedSegments::default()),
-        None => (&braking, segments),
+    let latest = late.and_then(|late| {
+        let to_be_done = match is_afresh && joining.is_planned_anew(&plan) {
+            true => ToBeDone::JoiningAndPlanningAnew,
+            false => ToBeDone::Joining,
+        };
+        braking_later(context, late, to_be_done)
+    });
+    let (braking, segments) = match (&latest, &later) {
+        (Some(latest), _) => (latest, JoinedSegments::default()),
+        (None, Some(later)) => (later, segments),
+        (None, None) => (&braking, segments),
     };
     let anew = |end: &Configuration| fastest_to(context, braking, end);
     let joining = Joining {
@@ -128,6 +138,14 @@ fn from_motion(context: &RequestContext, motion: &StartMotion) -> Result<Plan, P
         anew: is_afresh.then_some(&anew),
     };
     Ok(joining.plan(plan, segments, late.map(|late| late.selected)))
+}
+
+/// A plan from rest, and straight segments that were joined before it was made.
+struct SegmentsFirst<'a> {
+    plan: Plan,
+    segments: JoinedSegments,
+    /// What the segments are joined to, where that is not what the request says.
+    later: Option<Braking<'a>>,
 }
 
 /// The fastest of as many candidates as are asked for, planned by the default sampler from where a robot rests after braking to one goal
@@ -148,11 +166,11 @@ fn fastest_to(context: &RequestContext, braking: &Braking, end: &Configuration) 
 /// Braking from the later state in which the motions are to begin, where the robot can brake there.
 fn braking_later<'a>(
     context: &RequestContext<'a>,
-    late: EarlySelection,
-    is_planned_anew: bool,
+    early: EarlySelection,
+    to_be_done: ToBeDone,
 ) -> Option<Braking<'a>> {
     let later = OnceCell::new();
-    (late.begin)(is_planned_anew, &|state| {
+    (early.begin)(to_be_done, &|state| {
         let braking = Braking::new(&context.constraints, state);
         braking.is_ok_and(|braking| later.set(braking).is_ok())
     });
@@ -162,12 +180,17 @@ fn braking_later<'a>(
 /// Plans from where a robot in motion can rest among obstacles that rest; before the default sampler draws paths, straight segments are
 /// joined, of which the fastest motion mostly is one and is told as soon as it is known. What remains of a motion that is followed is to
 /// be compared with all.
-fn segments_first(
+fn segments_first<'a>(
+    context: &RequestContext<'a>,
     joining: &Joining,
     after: &RequestContext,
-) -> Result<(Plan, JoinedSegments), PlannerError> {
+) -> Result<SegmentsFirst<'a>, PlannerError> {
     if after.request.sampler != Sampler::Default {
-        return Ok((from_rest(after)?, JoinedSegments::default()));
+        return Ok(SegmentsFirst {
+            plan: from_rest(after)?,
+            segments: JoinedSegments::default(),
+            later: None,
+        });
     }
     let mut times = StageTimes::default();
     let goals = times.measure(Stage::Condition, || goal_set(after))?;
@@ -175,15 +198,31 @@ fn segments_first(
         Some(_) => JoinedSegments::default(),
         None => times.measure(Stage::Select, || joining.segments(&goals.distinct)),
     };
+    let early = after.supervision.early_selection;
+    let settled = early.filter(|_| segments.selected().is_some());
+    let later = settled.and_then(|early| braking_later(context, early, ToBeDone::Nothing));
+    let segments = match &later {
+        None => segments,
+        Some(braking) => {
+            let joining = Joining {
+                braking,
+                ..*joining
+            };
+            times.measure(Stage::Select, || joining.segments(&goals.distinct))
+        }
+    };
     let tell = || {
-        let early = after.supervision.early_selection.as_ref();
         if let Some((early, fastest)) = early.zip(segments.selected()) {
             (early.selected)(fastest.clone());
         }
     };
     let draw = || to_these(after, &goals, default::draw, &mut times);
     let ((), drawn) = rayon::join(tell, draw);
-    Ok((plan_of(drawn, times), segments))
+    Ok(SegmentsFirst {
+        plan: plan_of(drawn, times),
+        segments,
+        later,
+    })
 }
 
 /// Answers a request with given paths (64 waypoints each, radians) in place of a sampler's.
