@@ -11,7 +11,7 @@ const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
 const REMEMBERED: usize = 32;
 /// Of so many plans the longest is taken for an exception.
-const SOME: usize = 16;
+const SOME: usize = 4;
 
 /// What decides how long it takes until a plan's motion can be executed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

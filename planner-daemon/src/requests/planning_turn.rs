@@ -31,8 +31,6 @@ const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
 const LONGEST_DEFERRAL_OF_GOALS: Duration = Duration::from_millis(600);
 /// Longest delay of the begin of a motion to the goal that stays, s: the next plan is made sooner.
 const LONGEST_DELAY_TO_GOAL_S: f64 = 0.05;
-/// Time in which straight segments are joined again.
-const JOINED_AGAIN: Duration = Duration::from_millis(1);
 /// Times that a request is planned whose plan comes too late for its switch or for the live scene.
 const ATTEMPTS: u32 = 3;
 
@@ -81,12 +79,16 @@ impl Service {
         // Something may have begun to move since it was asked for.
         let selects_early = selects_early && problem.moving.is_empty();
         let kind = queued.kind(selects_early);
-        let late_lead = |work| lead(PlanKind { work, ..kind });
+        let late_works = [
+            Work::StraightSegments,
+            Work::Joining,
+            Work::JoiningAndPlanningAnew,
+        ];
         let late_switch = match &begin {
             PlanBegin::AtSwitch(switch) if selects_early => Some(late_switch(
                 self.execution.shared_robot_motion(),
                 *switch,
-                [Work::Joining, Work::JoiningAndPlanningAnew].map(late_lead),
+                late_works.map(|work| lead(PlanKind { work, ..kind })),
                 queued.task.begin_mono_ns,
             )),
             _ => None,
@@ -376,11 +378,11 @@ impl Service {
 }
 
 /// Where a motion is left by one that is ready within a lead, whenever it is asked, and not before `not_before_mono_ns`: within one of `leads`,
-/// those of joining without and with another plan, or at once, unless the switch that was chosen first is in time.
+/// those of joining segments again, unless the switch that was chosen first is in time, and of joining paths without and with another plan.
 fn late_switch(
     robot: Shared<RobotMotion>,
     first: Switch,
-    leads: [Duration; 2],
+    leads: [Duration; 3],
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
     Box::new(move |to_be_done| {
@@ -392,9 +394,9 @@ fn late_switch(
             ToBeDone::Nothing if followed.is_ahead(&first, TO_THE_LOOP.mul_f64(0.75), now) => {
                 return None;
             }
-            ToBeDone::Nothing => TO_THE_LOOP + JOINED_AGAIN,
-            ToBeDone::Joining => leads[0],
-            ToBeDone::JoiningAndPlanningAnew => leads[1],
+            ToBeDone::Nothing => leads[0],
+            ToBeDone::Joining => leads[1],
+            ToBeDone::JoiningAndPlanningAnew => leads[2],
         };
         let switch = followed.switch_after(lead.max(until(not_before_mono_ns, now)), now)?;
         (switch.trajectory_id == first.trajectory_id).then_some(switch)
