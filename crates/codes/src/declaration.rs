@@ -26,19 +26,55 @@ impl std::fmt::Display for UnknownCode {
 
 impl std::error::Error for UnknownCode {}
 
+/// All meanings of a code, as data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CodeSet {
+    /// The Rust name of the enum.
+    pub name: &'static str,
+    /// What the code is about.
+    pub doc: &'static str,
+    /// Its numbers.
+    pub values: &'static [CodeValue],
+}
+
+/// One meaning of a code, as data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CodeValue {
+    /// The number on the wire.
+    pub code: u32,
+    /// The Rust name of the variant.
+    pub name: &'static str,
+    /// The text for people.
+    pub text: &'static str,
+    /// What it means.
+    pub doc: &'static str,
+}
+
 /// Declares a code: the enum, its numbers on the wire, and its text for people.
 macro_rules! codes {
-    ($(#[$attribute:meta])* $what:literal pub enum $name:ident {
-        $( $(#[$variant_attribute:meta])* $variant:ident = $code:literal $text:literal, )*
+    ($(#[doc = $doc:literal])* $what:literal pub enum $name:ident {
+        $( $(#[doc = $variant_doc:literal])* $variant:ident = $code:literal $text:literal, )*
     }) => {
-        $(#[$attribute])*
+        $(#[doc = $doc])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         #[repr(u32)]
-        pub enum $name { $( $(#[$variant_attribute])* $variant = $code, )* }
+        pub enum $name { $( $(#[doc = $variant_doc])* $variant = $code, )* }
 
         impl $name {
             /// All of them, by code.
             pub const ALL: &[Self] = &[$(Self::$variant,)*];
+
+            /// All of them, as data.
+            pub const SET: super::declaration::CodeSet = super::declaration::CodeSet {
+                name: stringify!($name),
+                doc: concat!($($doc, "\n",)*),
+                values: &[$(super::declaration::CodeValue {
+                    code: $code,
+                    name: stringify!($variant),
+                    text: $text,
+                    doc: concat!($($variant_doc, "\n",)*),
+                },)*],
+            };
 
             /// The number on the wire.
             #[must_use]

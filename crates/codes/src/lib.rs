@@ -4,9 +4,36 @@ mod declaration;
 mod motion;
 mod plan;
 
-pub use declaration::UnknownCode;
+pub use declaration::{CodeSet, CodeValue, UnknownCode};
 pub use motion::*;
 pub use plan::*;
+
+/// Every code, as data.
+pub const SETS: &[CodeSet] = &[
+    Sampler::SET,
+    Selection::SET,
+    GoalKind::SET,
+    Execute::SET,
+    Source::SET,
+    Outcome::SET,
+    Stage::SET,
+    PlanField::SET,
+    LoopState::SET,
+    LoopFault::SET,
+    Waiting::SET,
+    Refusal::SET,
+    SceneRefusal::SET,
+    MotorState::SET,
+    MotorFault::SET,
+    ProcessKind::SET,
+    CommandKind::SET,
+    CommandRefusal::SET,
+    CommandSender::SET,
+    MotionStart::SET,
+    MotionOutcome::SET,
+    StopCause::SET,
+    GoalState::SET,
+];
 
 #[cfg(test)]
 mod tests {
@@ -67,6 +94,18 @@ mod tests {
         assert_one_meaning_a_code(MotionOutcome::ALL, MotionOutcome::code);
         assert_one_meaning_a_code(StopCause::ALL, StopCause::code);
         assert_one_meaning_a_code(GoalState::ALL, GoalState::code);
+    }
+
+    #[test]
+    fn every_code_is_among_the_sets() {
+        let sources = [include_str!("plan.rs"), include_str!("motion.rs")];
+        let declared = sources.iter().flat_map(|source| source.lines());
+        let declared = declared.filter_map(|line| line.trim().strip_prefix("pub enum "));
+        let declared: HashSet<&str> = declared
+            .map(|line| line.trim_end_matches(" {"))
+            .collect();
+        let described: HashSet<&str> = SETS.iter().map(|set| set.name).collect();
+        assert_eq!(declared, described);
     }
 
     #[test]

@@ -21,6 +21,7 @@ mod planner;
 mod robot;
 mod sampler;
 mod scene;
+mod services;
 mod trace;
 mod watch;
 
@@ -59,6 +60,8 @@ enum Command {
     Resume,
     /// Set the speed at which motions are followed; a controller that is restarted begins at 1.
     Speed(order::SpeedArguments),
+    /// List the services that are there, who uses them, and who is daemon, controller and robot.
+    Services(services::Arguments),
     /// Sign off sources of live scenes.
     Scene(scene::Arguments),
     /// Generate paths for training or evaluation, sharded and resumable.
@@ -98,6 +101,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Pause => order::give(Order::Pause),
         Command::Resume => order::give(Order::Resume),
         Command::Speed(arguments) => order::give(Order::SetSpeed(arguments.rate)),
+        Command::Services(arguments) => services::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Dataset(arguments) => dataset::generate(&arguments),
         Command::Features(arguments) => features::run(&arguments),

@@ -117,6 +117,14 @@ pub enum IpcError {
         /// What the system said.
         source: io::Error,
     },
+    /// The services cannot be listed.
+    #[error("cannot list the services under {root:?}: {reason}")]
+    Unlisted {
+        /// The root directory.
+        root: PathBuf,
+        /// What iceoryx2 said.
+        reason: String,
+    },
     /// The service does not exist: the process that creates it has not started.
     #[error(
         "service {service} does not exist: {creator} is not running under this prefix and root"

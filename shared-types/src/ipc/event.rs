@@ -27,12 +27,47 @@ pub struct EventListener(Listener<ipc::Service>);
 /// The only kind of event.
 const SENT: EventId = EventId::new(0);
 
+/// An event service, as data. Its only event id is 0; a receiver looks for what was sent, whatever number of events came.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EventDescription {
+    /// Its name behind the prefix.
+    pub name: &'static str,
+    /// What it is for.
+    pub purpose: &'static str,
+    /// Who notifies.
+    pub from: &'static str,
+    /// Who listens.
+    pub to: &'static str,
+    /// Notifiers at once.
+    pub notifiers: usize,
+    /// Listeners at once.
+    pub listeners: usize,
+}
+
+const PLAN_ASKED: EventDescription = EventDescription {
+    name: "plan_asked",
+    purpose: "A request was sent: the daemon, which may sleep, looks for it.",
+    from: "clients",
+    to: "planner-daemon",
+    notifiers: NODES,
+    listeners: NODES,
+};
+const PLAN_ANSWERED: EventDescription = EventDescription {
+    name: "plan_answered",
+    purpose: "An answer was sent: clients that sleep look for theirs.",
+    from: "planner-daemon",
+    to: "clients",
+    ..PLAN_ASKED
+};
+/// Every event service, as data.
+pub const EVENTS: &[EventDescription] = &[PLAN_ASKED, PLAN_ANSWERED];
+
 /// Opens the event `plan_asked`, by which a client tells the daemon that it has sent a request.
 ///
 /// # Errors
 /// Any [`IpcError`].
 pub fn plan_asked_event(node: &IpcNode) -> Result<EventService, IpcError> {
-    event(node, "plan_asked")
+    event(node, &PLAN_ASKED)
 }
 
 /// Opens the event `plan_answered`, by which the daemon tells clients that it has sent an answer.
@@ -40,20 +75,20 @@ pub fn plan_asked_event(node: &IpcNode) -> Result<EventService, IpcError> {
 /// # Errors
 /// Any [`IpcError`].
 pub fn plan_answered_event(node: &IpcNode) -> Result<EventService, IpcError> {
-    event(node, "plan_answered")
+    event(node, &PLAN_ANSWERED)
 }
 
-fn event(node: &IpcNode, name: &str) -> Result<EventService, IpcError> {
+fn event(node: &IpcNode, settings: &EventDescription) -> Result<EventService, IpcError> {
     let open = |builder: Builder<ipc::Service>| {
         builder
             .event()
             .event_id_max_value(SENT.as_value())
-            .max_notifiers(NODES)
-            .max_listeners(NODES)
+            .max_notifiers(settings.notifiers)
+            .max_listeners(settings.listeners)
             .max_nodes(NODES)
             .open_or_create()
     };
-    open_service(node, name, open)
+    open_service(node, settings.name, open)
 }
 
 /// Makes a notifier, after cleaning up dead ones.

@@ -2,98 +2,69 @@
 
 use iceoryx2::service::header::{publish_subscribe, request_response};
 
-use super::PlanServiceCapacity;
 use super::request::{
-    COMMAND_CLIENTS, COMMANDS_PER_CLIENT, HELD_ANSWERS, HELD_REPLIES, REQUEST_LOANS, RESPONSES,
-    SERVERS,
+    COMMAND, PlanServiceCapacity, RequestSettings, plan_settings,
 };
-use super::topic::{
-    CONTROLLER_STATE, CYCLE, GOAL, GOAL_STATUS, HEARTBEAT, LOANS, MOTION_RESULT, ROBOT_STATE,
-    SCENE, SCENE_STATUS, SETPOINT, TRAJECTORY, TopicSettings,
-};
-use crate::message::{
-    Command, CommandReply, ControllerState, Cycle, GoalStatus, Heartbeat, Knot, MotionResult,
-    PlanReport, PlanRequest, RobotState, SceneMessage, SceneStatus, Setpoint, StandingGoal,
-    TrajectoryMessage,
-};
+use super::topic::{HEARTBEAT, LOANS, TOPICS, TopicDescription};
+use crate::message::{Command, CommandReply, Knot, Layout, Payload, PlanReport, PlanRequest};
 
 /// Shared memory of each service with one daemon, one controller, one robot, one source of scenes, and as many clients
 /// as the capacity allows: its short name and bytes. Payload memory only: the queues between the ports add a few per cent.
 #[must_use]
-pub fn shared_memory(capacity: &PlanServiceCapacity) -> [(&'static str, usize); 13] {
-    [
+pub fn shared_memory(capacity: &PlanServiceCapacity) -> Vec<(&'static str, usize)> {
+    let exchanges = [
         ("plan", plan_bytes(capacity)),
-        ("command", command_bytes()),
-        topic::<TrajectoryMessage>(&TRAJECTORY, 1),
-        topic::<Setpoint>(&SETPOINT, 1),
-        topic::<RobotState>(&ROBOT_STATE, 1),
-        topic::<ControllerState>(&CONTROLLER_STATE, 1),
-        topic::<MotionResult>(&MOTION_RESULT, 1),
-        topic::<StandingGoal>(&GOAL, 1),
-        topic::<GoalStatus>(&GOAL_STATUS, 1),
-        topic::<Cycle>(&CYCLE, 1),
-        topic::<SceneMessage>(&SCENE, 1),
-        topic::<SceneStatus>(&SCENE_STATUS, 1),
-        topic::<Heartbeat>(&HEARTBEAT, 3),
-    ]
+        (COMMAND.name, command_bytes()),
+    ];
+    let topics = TOPICS
+        .iter()
+        .map(|topic| (topic.settings.name, topic_bytes(topic)));
+    exchanges.into_iter().chain(topics).collect()
 }
 
 /// Shared memory of `plan`, bytes: the daemon's answers and every client's requests.
 #[must_use]
 pub fn plan_bytes(capacity: &PlanServiceCapacity) -> usize {
-    let answer = chunk_bytes::<request_response::ResponseHeader, PlanReport, Knot>(
+    let answer = chunk_bytes::<request_response::ResponseHeader, PlanReport>(
+        &Knot::LAYOUT,
         capacity.knots_per_response(),
     );
-    let request = chunk_bytes::<request_response::RequestHeader, (), PlanRequest>(1);
-    exchange_bytes(
-        capacity.clients,
-        capacity.active_requests_per_client,
-        HELD_ANSWERS,
-        [answer, request],
-    )
+    let request = chunk_bytes::<request_response::RequestHeader, ()>(&PlanRequest::LAYOUT, 1);
+    exchange_bytes(&plan_settings(capacity), [answer, request])
 }
 
 fn command_bytes() -> usize {
-    let answer = chunk_bytes::<request_response::ResponseHeader, (), CommandReply>(1);
-    let request = chunk_bytes::<request_response::RequestHeader, (), Command>(1);
-    exchange_bytes(
-        COMMAND_CLIENTS,
-        COMMANDS_PER_CLIENT,
-        HELD_REPLIES,
-        [answer, request],
-    )
+    let answer = chunk_bytes::<request_response::ResponseHeader, ()>(&CommandReply::LAYOUT, 1);
+    let request = chunk_bytes::<request_response::RequestHeader, ()>(&Command::LAYOUT, 1);
+    exchange_bytes(&COMMAND, [answer, request])
 }
 
 /// One server's answers and all clients' requests. A client's requests count twice: the ones at work, and the ones that
 /// it dropped and the server has not yet. Of the answers to one, some are prepared, some wait, and some are held by the
 /// client.
-fn exchange_bytes(
-    clients: usize,
-    requests_per_client: usize,
-    held: usize,
-    [answer, request]: [usize; 2],
-) -> usize {
-    let requests = 2 * requests_per_client;
-    let answers = clients * requests * (2 * RESPONSES + held);
-    let client_chunks = SERVERS * requests + REQUEST_LOANS;
-    answers * answer + clients * client_chunks * request
+fn exchange_bytes(settings: &RequestSettings, [answer, request]: [usize; 2]) -> usize {
+    let requests = 2 * settings.active_requests;
+    let answers_of_a_request = 2 * settings.response_buffer + settings.held_responses;
+    let client_chunks = settings.servers * requests + settings.request_loans;
+    settings.clients * (requests * answers_of_a_request * answer + client_chunks * request)
 }
 
-fn topic<T>(settings: &TopicSettings, publishers: usize) -> (&'static str, usize) {
+fn topic_bytes(topic: &TopicDescription) -> usize {
+    let settings = &topic.settings;
+    let publishers = if *settings == HEARTBEAT { 3 } else { 1 };
     let chunks = settings.subscribers * (settings.buffer + LOANS) + settings.history + LOANS;
-    let chunk = chunk_bytes::<publish_subscribe::Header, (), T>(settings.slice);
-    (settings.name, publishers * chunks * chunk)
+    publishers * chunks * chunk_bytes::<publish_subscribe::Header, ()>(&topic.layout, settings.slice)
 }
 
 /// A chunk: iceoryx2's header, ours, the payload, each at its alignment.
-fn chunk_bytes<Header, UserHeader, Element>(elements: usize) -> usize {
+fn chunk_bytes<Header, UserHeader>(payload: &Layout, elements: usize) -> usize {
     let user_header_begin = size_of::<Header>().next_multiple_of(align_of::<UserHeader>());
     let payload_begin =
-        (user_header_begin + size_of::<UserHeader>()).next_multiple_of(align_of::<Element>());
+        (user_header_begin + size_of::<UserHeader>()).next_multiple_of(payload.alignment);
     let alignment = align_of::<Header>()
         .max(align_of::<UserHeader>())
-        .max(align_of::<Element>());
-    (payload_begin + elements * size_of::<Element>()).next_multiple_of(alignment)
+        .max(payload.alignment);
+    (payload_begin + elements * payload.bytes).next_multiple_of(alignment)
 }
 
 #[cfg(test)]

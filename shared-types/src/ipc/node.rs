@@ -170,17 +170,7 @@ impl IpcNode {
 fn users_of(service: &impl PortFactory<Service = ipc::Service>) -> Vec<String> {
     let mut users = Vec::new();
     let listed = service.nodes(|node| {
-        if let NodeState::Alive(node) = node {
-            let name = node
-                .details()
-                .as_ref()
-                .map(|details| details.name().to_string());
-            let name = name.unwrap_or_else(|| "a program".to_owned());
-            let process = node.id().pid::<ipc::Service>();
-            let process =
-                process.map_or(String::new(), |pid| format!(" (process {})", pid.value()));
-            users.push(name + &process);
-        }
+        users.extend(user(&node));
         CallbackProgression::Continue
     });
     if listed.is_err() {
@@ -188,6 +178,19 @@ fn users_of(service: &impl PortFactory<Service = ipc::Service>) -> Vec<String> {
     }
     users.sort_unstable();
     users
+}
+
+/// A program with its process; none where that is dead.
+pub(super) fn user(node: &NodeState<ipc::Service>) -> Option<String> {
+    let NodeState::Alive(node) = node else {
+        return None;
+    };
+    let details = node.details().as_ref();
+    let name = details.map(|details| details.name().to_string());
+    let name = name.unwrap_or_else(|| "a program".to_owned());
+    let process = node.id().pid::<ipc::Service>();
+    let process = process.map_or(String::new(), |pid| format!(" (process {})", pid.value()));
+    Some(name + &process)
 }
 
 /// Makes the memory that the node takes its number from, and tells iceoryx2 of it.

@@ -22,7 +22,7 @@ use iceoryx2::service::service_hash::ServiceHash;
 use super::{IpcError, IpcNode, root_folder};
 
 /// Processes that may open one service at the same time, dead ones that nobody has cleaned up yet included.
-pub(super) const NODES: usize = 80;
+pub const NODES: usize = 80;
 /// How long another process may take to open a service: milliseconds, or somewhat over a second where it meets a dead
 /// creator's remains.
 const PATIENCE: Duration = Duration::from_secs(4);

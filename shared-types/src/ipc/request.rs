@@ -1,14 +1,16 @@
 //! Request–response services: `plan` (created by the daemon, opened by clients) and `command`.
 
+use std::fmt::Debug;
+
 use iceoryx2::active_request::ActiveRequest;
 use iceoryx2::pending_response::PendingResponse;
 use iceoryx2::port::client::Client;
 use iceoryx2::port::server::Server;
-use iceoryx2::prelude::{AllocationStrategy, PortFactory, ipc};
+use iceoryx2::prelude::{AllocationStrategy, IceoryxSend, PortFactory, ZeroCopySend, ipc};
 use iceoryx2::response::Response;
 use iceoryx2::service::builder::Builder;
 use iceoryx2::service::builder::request_response::{
-    RequestResponseOpenError, RequestResponseOpenOrCreateError,
+    Builder as RequestBuilder, RequestResponseOpenError, RequestResponseOpenOrCreateError,
 };
 use iceoryx2::service::port_factory::client::ClientCreateError;
 use iceoryx2::service::port_factory::request_response::PortFactory as RequestResponse;
@@ -39,24 +41,80 @@ pub type CommandServer = Server<ipc::Service, Command, (), CommandReply, ()>;
 /// Sends commands; create it in the thread that uses it.
 pub type CommandClient = Client<ipc::Service, Command, (), CommandReply, ()>;
 
-const PLAN: &str = "plan";
-const COMMAND: &str = "command";
 /// One live server, and one that died and was not cleaned up yet.
-pub(super) const SERVERS: usize = 2;
+const SERVERS: usize = 2;
+
+/// The settings of a request–response service, equal in every program that opens it. A full buffer loses its oldest entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RequestSettings {
+    /// Its name behind the prefix.
+    pub name: &'static str,
+    /// What it is for.
+    pub purpose: &'static str,
+    /// Who asks.
+    pub from: &'static str,
+    /// Who answers.
+    pub to: &'static str,
+    /// Servers at once.
+    pub servers: usize,
+    /// Clients at once.
+    pub clients: usize,
+    /// Places of clients that programs leave free which a person uses ([`guest_command_client`]).
+    pub reserved_clients: usize,
+    /// Requests of one client that wait for an answer at once.
+    pub active_requests: usize,
+    /// Requests that a client may prepare at once.
+    pub request_loans: usize,
+    /// Answers to one request that wait at the client.
+    pub response_buffer: usize,
+    /// Answers to one request that a client may hold at once.
+    pub held_responses: usize,
+    /// Whether a request counts whose sender waits for no answer.
+    pub fire_and_forget: bool,
+}
+
+/// The settings of `plan` in a daemon of this capacity.
+#[must_use]
+pub const fn plan_settings(capacity: &PlanServiceCapacity) -> RequestSettings {
+    RequestSettings {
+        name: "plan",
+        purpose: "A motion is asked for, or the execution of a candidate that was answered before.",
+        from: "clients",
+        to: "planner-daemon",
+        servers: SERVERS,
+        clients: capacity.clients,
+        reserved_clients: 0,
+        active_requests: capacity.active_requests_per_client,
+        request_loans: REQUEST_LOANS,
+        response_buffer: RESPONSES,
+        held_responses: HELD_ANSWERS,
+        fire_and_forget: false,
+    }
+}
+
+/// The settings of `command`.
+pub const COMMAND: RequestSettings = RequestSettings {
+    name: "command",
+    purpose: "The controller is ordered to stop, to pause, to go on, to change its speed, or to leave a fault.",
+    from: "clients, planner-daemon",
+    to: "controller's guard",
+    servers: SERVERS,
+    clients: 32,
+    reserved_clients: 8,
+    active_requests: 2,
+    request_loans: REQUEST_LOANS,
+    response_buffer: RESPONSES,
+    held_responses: 1,
+    // A stop arrives also when its sender no longer waits for the reply.
+    fire_and_forget: true,
+};
 /// Responses that one request's buffer holds (a newer one takes the place of one not read yet), and that the server
 /// prepares for it.
-pub(super) const RESPONSES: usize = 1;
+const RESPONSES: usize = 1;
 /// Answers that a client holds of one plan request: an early one, and the whole one.
-pub(super) const HELD_ANSWERS: usize = 2;
-/// Replies that a client holds of one command.
-pub(super) const HELD_REPLIES: usize = 1;
+const HELD_ANSWERS: usize = 2;
 /// Requests that a client may prepare at once.
-pub(super) const REQUEST_LOANS: usize = 2;
-/// Clients of `command` at once; programs that only watch have none.
-pub(super) const COMMAND_CLIENTS: usize = 32;
-/// Places of clients of `command` that [`guest_command_client`] leaves free: the daemon gets its own however many give orders.
-const RESERVED_COMMAND_CLIENTS: usize = 8;
-pub(super) const COMMANDS_PER_CLIENT: usize = 2;
+const REQUEST_LOANS: usize = 2;
 
 /// How much the daemon serves at once: it decides the shared memory ([`super::plan_bytes`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,23 +159,35 @@ pub fn plan_service(
     node: &IpcNode,
     capacity: &PlanServiceCapacity,
 ) -> Result<PlanService, IpcError> {
+    let settings = plan_settings(capacity);
     let open = |builder: Builder<ipc::Service>| {
-        builder
-            .request_response::<PlanRequest, [Knot]>()
-            .response_user_header::<PlanReport>()
-            .enable_safe_overflow_for_requests(true)
-            .enable_safe_overflow_for_responses(true)
-            .enable_fire_and_forget_requests(false)
-            .max_active_requests_per_client(capacity.active_requests_per_client)
-            .max_loaned_requests(REQUEST_LOANS)
-            .max_response_buffer_size(RESPONSES)
-            .max_borrowed_responses_per_pending_response(HELD_ANSWERS)
-            .max_servers(SERVERS)
-            .max_clients(capacity.clients)
-            .max_nodes(NODES)
-            .open_or_create()
+        let builder = builder.request_response::<PlanRequest, [Knot]>();
+        let builder = builder.response_user_header::<PlanReport>();
+        with_settings(builder, &settings).open_or_create()
     };
-    open_service(node, PLAN, open)
+    open_service(node, settings.name, open)
+}
+
+fn with_settings<Asked, Answer, Header>(
+    builder: RequestBuilder<Asked, (), Answer, Header, ipc::Service>,
+    settings: &RequestSettings,
+) -> RequestBuilder<Asked, (), Answer, Header, ipc::Service>
+where
+    Asked: Debug + ZeroCopySend,
+    Answer: Debug + IceoryxSend + ?Sized,
+    Header: Debug + ZeroCopySend,
+{
+    builder
+        .enable_safe_overflow_for_requests(true)
+        .enable_safe_overflow_for_responses(true)
+        .enable_fire_and_forget_requests(settings.fire_and_forget)
+        .max_active_requests_per_client(settings.active_requests)
+        .max_loaned_requests(settings.request_loans)
+        .max_response_buffer_size(settings.response_buffer)
+        .max_borrowed_responses_per_pending_response(settings.held_responses)
+        .max_servers(settings.servers)
+        .max_clients(settings.clients)
+        .max_nodes(NODES)
 }
 
 /// Opens `plan` as it is: the clients' side.
@@ -135,8 +205,9 @@ pub fn open_plan_service(node: &IpcNode) -> Result<PlanService, IpcError> {
             )),
         }
     };
-    open_service(node, PLAN, open)?.ok_or_else(|| IpcError::Missing {
-        service: node.options().service_name(PLAN),
+    let name = plan_settings(&PlanServiceCapacity::default()).name;
+    open_service(node, name, open)?.ok_or_else(|| IpcError::Missing {
+        service: node.options().service_name(name),
         creator: "the planner-daemon",
     })
 }
@@ -176,22 +247,10 @@ pub fn plan_client(node: &IpcNode, service: &PlanService) -> Result<PlanClient, 
 /// Any [`IpcError`].
 pub fn command_service(node: &IpcNode) -> Result<CommandService, IpcError> {
     let open = |builder: Builder<ipc::Service>| {
-        builder
-            .request_response::<Command, CommandReply>()
-            .enable_safe_overflow_for_requests(true)
-            .enable_safe_overflow_for_responses(true)
-            // A stop arrives also when its sender no longer waits for the reply.
-            .enable_fire_and_forget_requests(true)
-            .max_active_requests_per_client(COMMANDS_PER_CLIENT)
-            .max_loaned_requests(REQUEST_LOANS)
-            .max_response_buffer_size(RESPONSES)
-            .max_borrowed_responses_per_pending_response(HELD_REPLIES)
-            .max_servers(SERVERS)
-            .max_clients(COMMAND_CLIENTS)
-            .max_nodes(NODES)
-            .open_or_create()
+        let builder = builder.request_response::<Command, CommandReply>();
+        with_settings(builder, &COMMAND).open_or_create()
     };
-    open_service(node, COMMAND, open)
+    open_service(node, COMMAND.name, open)
 }
 
 /// Makes the controller's server of commands, after cleaning up dead ones.
@@ -215,7 +274,7 @@ pub fn command_client(node: &IpcNode, service: &CommandService) -> Result<Comman
     client(node, service, || service.client_builder().create())
 }
 
-/// Makes a client of `command` for a program that a person uses: it leaves eight places free for daemon, controller and robot.
+/// Makes a client of `command` for a program that a person uses: the daemon gets its own however many give orders.
 ///
 /// # Errors
 /// As [`plan_client`].
@@ -225,7 +284,7 @@ pub fn guest_command_client(
 ) -> Result<CommandClient, IpcError> {
     client(node, service, || {
         let taken = service.dynamic_config().number_of_clients();
-        if taken + RESERVED_COMMAND_CLIENTS >= COMMAND_CLIENTS {
+        if taken + COMMAND.reserved_clients >= COMMAND.clients {
             return Err(ClientCreateError::ExceedsMaxSupportedClients);
         }
         service.client_builder().create()

@@ -17,14 +17,14 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
 use crate::message::{
-    ControllerState, Cycle, GoalStatus, Heartbeat, MotionResult, RobotState, SceneMessage,
-    SceneStatus, Setpoint, StandingGoal, TrajectoryMessage,
+    ControllerState, Cycle, GoalStatus, Heartbeat, Layout, MotionResult, Payload, RobotState,
+    SceneMessage, SceneStatus, Setpoint, StandingGoal, TrajectoryMessage,
 };
 
 /// Most cycles in one batch of the service `cycle`: 16 ms at 4 kHz.
 pub const CYCLES_PER_BATCH: usize = 64;
 /// Samples that a publisher may prepare at once, and that a subscriber may hold at once.
-pub(super) const LOANS: usize = 2;
+pub const LOANS: usize = 2;
 
 /// Places of a service that every guest leaves free for daemon, controller and robot.
 const ROBOT_PLACES: usize = 2;
@@ -56,24 +56,34 @@ pub type CycleSubscriber = Subscriber<[Cycle]>;
 /// The service of batches of cycles.
 pub type CycleTopic = Topic<[Cycle]>;
 
-/// The settings of a publish–subscribe service, equal in every program that opens it.
+/// The settings of a publish–subscribe service, equal in every program that opens it. A full buffer loses its oldest sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct TopicSettings {
-    pub(super) name: &'static str,
-    pub(super) publishers: usize,
-    /// Places of publishers that [`guest_publisher`] leaves free.
-    pub(super) reserved_publishers: usize,
-    pub(super) subscribers: usize,
-    /// Places of subscribers that [`observer_subscriber`] leaves free: programs that act get one however many watch.
-    pub(super) reserved_subscribers: usize,
-    pub(super) history: usize,
-    pub(super) buffer: usize,
-    pub(super) slice: usize,
+pub struct TopicSettings {
+    /// Its name behind the prefix.
+    pub name: &'static str,
+    /// Who publishes.
+    pub from: &'static str,
+    /// Publishers at once.
+    pub publishers: usize,
+    /// Places of publishers that programs leave free which come and go ([`guest_publisher`]).
+    pub reserved_publishers: usize,
+    /// Subscribers at once.
+    pub subscribers: usize,
+    /// Places of subscribers that programs leave free which only watch ([`observer_subscriber`]): programs that act get one however many
+    /// watch.
+    pub reserved_subscribers: usize,
+    /// Samples that a subscriber gets which comes late.
+    pub history: usize,
+    /// Samples that wait at a subscriber.
+    pub buffer: usize,
+    /// Messages of one sample at most.
+    pub slice: usize,
 }
 
 /// One publisher; single samples without history.
 const ONE_PUBLISHER: TopicSettings = TopicSettings {
     name: "",
+    from: "",
     publishers: 1,
     reserved_publishers: 0,
     subscribers: 8,
@@ -85,6 +95,7 @@ const ONE_PUBLISHER: TopicSettings = TopicSettings {
 /// `trajectory`: one publisher, a late controller gets the last one.
 pub(super) const TRAJECTORY: TopicSettings = TopicSettings {
     name: "trajectory",
+    from: "planner-daemon",
     history: 1,
     buffer: 4,
     ..ONE_PUBLISHER
@@ -92,11 +103,13 @@ pub(super) const TRAJECTORY: TopicSettings = TopicSettings {
 /// `setpoint`: one publisher.
 pub(super) const SETPOINT: TopicSettings = TopicSettings {
     name: "setpoint",
+    from: "controller's loop",
     ..ONE_PUBLISHER
 };
 /// `robot_state`: one publisher.
 pub(super) const ROBOT_STATE: TopicSettings = TopicSettings {
     name: "robot_state",
+    from: "robot",
     subscribers: 32,
     reserved_subscribers: 8,
     history: 1,
@@ -105,11 +118,13 @@ pub(super) const ROBOT_STATE: TopicSettings = TopicSettings {
 /// `controller_state`: one publisher.
 pub(super) const CONTROLLER_STATE: TopicSettings = TopicSettings {
     name: "controller_state",
+    from: "controller's relay",
     ..ROBOT_STATE
 };
 /// `motion_result`: one publisher; who comes late gets the last eight.
 pub(super) const MOTION_RESULT: TopicSettings = TopicSettings {
     name: "motion_result",
+    from: "controller's relay",
     history: 8,
     buffer: 16,
     ..ROBOT_STATE
@@ -117,6 +132,7 @@ pub(super) const MOTION_RESULT: TopicSettings = TopicSettings {
 /// `cycle`: one publisher; the buffer holds 0.64 s of batches every 10 ms.
 pub(super) const CYCLE: TopicSettings = TopicSettings {
     name: "cycle",
+    from: "controller's relay",
     subscribers: 4,
     reserved_subscribers: 0,
     buffer: 64,
@@ -127,6 +143,7 @@ pub(super) const CYCLE: TopicSettings = TopicSettings {
 /// publisher's last scene.
 pub(super) const SCENE: TopicSettings = TopicSettings {
     name: "scene",
+    from: "sources of obstacles",
     publishers: 5,
     reserved_publishers: 1,
     history: 1,
@@ -136,12 +153,14 @@ pub(super) const SCENE: TopicSettings = TopicSettings {
 /// `scene_status`: one publisher.
 pub(super) const SCENE_STATUS: TopicSettings = TopicSettings {
     name: "scene_status",
+    from: "planner-daemon",
     buffer: 32,
     ..ONE_PUBLISHER
 };
 /// `goal`: up to eight senders. No history: a goal that was given to a daemon that ended does not move the robot of the next one.
 pub(super) const GOAL: TopicSettings = TopicSettings {
     name: "goal",
+    from: "clients",
     publishers: 8,
     buffer: 16,
     ..ONE_PUBLISHER
@@ -149,6 +168,7 @@ pub(super) const GOAL: TopicSettings = TopicSettings {
 /// `goal_status`: one publisher; who comes late gets the last one.
 pub(super) const GOAL_STATUS: TopicSettings = TopicSettings {
     name: "goal_status",
+    from: "planner-daemon",
     history: 1,
     buffer: 32,
     ..ROBOT_STATE
@@ -156,12 +176,26 @@ pub(super) const GOAL_STATUS: TopicSettings = TopicSettings {
 /// `heartbeat`: one publisher a process.
 pub(super) const HEARTBEAT: TopicSettings = TopicSettings {
     name: "heartbeat",
+    from: "planner-daemon, controller, robot",
     publishers: 8,
     subscribers: 16,
     reserved_subscribers: 4,
     buffer: 16,
     ..ONE_PUBLISHER
 };
+
+/// A publish–subscribe service, as data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TopicDescription {
+    /// What it is for.
+    pub purpose: &'static str,
+    /// Its settings.
+    pub settings: TopicSettings,
+    /// The message that it carries.
+    pub layout: Layout,
+    /// Whether a sample is a slice of these messages.
+    pub is_slice: bool,
+}
 
 /// An open publish–subscribe service: what its ports are made from.
 #[derive(Debug)]
@@ -202,7 +236,7 @@ impl<T: Debug + IceoryxSend + ?Sized> Topic<T> {
 }
 
 macro_rules! topic_functions {
-    ($($(#[$attribute:meta])* $function:ident: $message:ty = $settings:ident;)*) => { $(
+    ($($(#[$attribute:meta])* $function:ident: $message:ty = $settings:ident, $purpose:literal;)*) => { $(
         $(#[$attribute])*
         ///
         /// # Errors
@@ -214,32 +248,41 @@ macro_rules! topic_functions {
             let service = open_service(node, $settings.name, open)?;
             Ok(Topic { service, settings: $settings })
         }
-    )* };
+    )*
+
+        /// Every publish–subscribe service as data: what it is for, its settings, what it carries.
+        pub const TOPICS: &[TopicDescription] = &[$(TopicDescription {
+            purpose: $purpose,
+            settings: $settings,
+            layout: <$message as Payload>::LAYOUT,
+            is_slice: <$message as Payload>::IS_SLICE,
+        },)*];
+    };
 }
 
 topic_functions! {
-    /// Opens `trajectory`: what the controller is to execute; publisher: the daemon.
-    trajectory_service: TrajectoryMessage = TRAJECTORY;
-    /// Opens `setpoint`: what the motors are to do now; publisher: the controller's loop.
-    setpoint_service: Setpoint = SETPOINT;
-    /// Opens `robot_state`; publisher: the robot.
-    robot_state_service: RobotState = ROBOT_STATE;
-    /// Opens `controller_state`; publisher: the controller's relay thread.
-    controller_state_service: ControllerState = CONTROLLER_STATE;
-    /// Opens `motion_result`: how each trajectory ended; publisher: the controller's relay thread.
-    motion_result_service: MotionResult = MOTION_RESULT;
-    /// Opens `cycle`: batches of at most [`CYCLES_PER_BATCH`]; publisher: the controller's relay thread.
-    cycle_service: [Cycle] = CYCLE;
-    /// Opens `scene`: all obstacles that a source knows of; publishers: the sources.
-    scene_service: SceneMessage = SCENE;
-    /// Opens `scene_status`: what became of each scene; publisher: the daemon.
-    scene_status_service: SceneStatus = SCENE_STATUS;
-    /// Opens `goal`: where the daemon is to keep the robot; publishers: programs.
-    goal_service: StandingGoal = GOAL;
-    /// Opens `goal_status`: what becomes of that goal; publisher: the daemon.
-    goal_status_service: GoalStatus = GOAL_STATUS;
-    /// Opens `heartbeat`; publishers: daemon, controller, robot.
-    heartbeat_service: Heartbeat = HEARTBEAT;
+    /// Opens `trajectory`.
+    trajectory_service: TrajectoryMessage = TRAJECTORY, "What the controller is to execute; a controller that starts later gets the newest one.";
+    /// Opens `setpoint`.
+    setpoint_service: Setpoint = SETPOINT, "What the motors are to do now, every cycle of the loop.";
+    /// Opens `robot_state`.
+    robot_state_service: RobotState = ROBOT_STATE, "What the motors do and what is measured, at 1 kHz.";
+    /// Opens `controller_state`.
+    controller_state_service: ControllerState = CONTROLLER_STATE, "What the controller does, about 50 times a second.";
+    /// Opens `motion_result`.
+    motion_result_service: MotionResult = MOTION_RESULT, "How each trajectory ended that the controller has received, once each.";
+    /// Opens `cycle`: batches of at most [`CYCLES_PER_BATCH`].
+    cycle_service: [Cycle] = CYCLE, "Every cycle of the loop exactly once, in batches every 10 ms.";
+    /// Opens `scene`.
+    scene_service: SceneMessage = SCENE, "All obstacles that a source knows of.";
+    /// Opens `scene_status`.
+    scene_status_service: SceneStatus = SCENE_STATUS, "What became of each scene.";
+    /// Opens `goal`.
+    goal_service: StandingGoal = GOAL, "Where the daemon is to keep the robot; the newest one counts.";
+    /// Opens `goal_status`.
+    goal_status_service: GoalStatus = GOAL_STATUS, "What becomes of that goal, at each change and every 100 ms.";
+    /// Opens `heartbeat`.
+    heartbeat_service: Heartbeat = HEARTBEAT, "That a process lives and its work goes on, at least 50 times a second.";
 }
 
 fn with_settings<T: Debug + IceoryxSend + ?Sized>(

@@ -26,74 +26,29 @@ pub use scene::{MovingBall, SceneMessage, SceneStatus};
 pub use setpoint::Setpoint;
 pub use standing_goal::{GoalStatus, StandingGoal};
 pub use trajectory::{Knot, TrajectoryMessage};
-pub use wire::Zeroed;
+pub use wire::{Field, FieldType, Layout, Payload};
 
-#[cfg(test)]
-mod tests {
-    use super::wire::Field;
-    use super::*;
-    use crate::PROTOCOL_VERSION;
-    use iceoryx2::prelude::ZeroCopySend;
-    use std::fmt::Write;
-
-    /// The name by which iceoryx2 tells a type from others.
-    #[allow(
-        unsafe_code,
-        reason = "iceoryx2 makes reading a type name unsafe for those who rely on its layout"
-    )]
-    fn type_name<T: ZeroCopySend>() -> &'static str {
-        // SAFETY: only the text is read; nothing is assumed of the layout.
-        unsafe { <T as ZeroCopySend>::type_name() }
-    }
-
-    /// The layout of all messages as text, one line a field: offset, bytes, name, type. Every type's name must carry the protocol's
-    /// version: services of another version cannot be joined then.
-    fn layout() -> String {
-        let mut text = String::new();
-        macro_rules! describe {
-            ($($message:ident),*) => { $(
-                let name = format!("pcc.v{PROTOCOL_VERSION}.{}", stringify!($message));
-                assert_eq!(type_name::<$message>(), name);
-                writeln!(text, "{name} {} bytes", size_of::<$message>()).unwrap();
-                for Field { name, rust_type, offset, bytes } in $message::FIELDS {
-                    writeln!(text, "{offset:>6} {bytes:>6} {name}: {rust_type}").unwrap();
-                }
-            )* };
-        }
-        describe!(
-            ReasonText,
-            Knot,
-            Ball,
-            Goal,
-            PlanRequest,
-            CandidateSummary,
-            PlanReport,
-            TrajectoryMessage,
-            Setpoint,
-            RobotState
-        );
-        describe!(
-            ControllerState,
-            Cycle,
-            MotionResult,
-            MovingBall,
-            SceneMessage,
-            SceneStatus,
-            StandingGoal,
-            GoalStatus,
-            Heartbeat,
-            Command,
-            CommandReply
-        );
-        text
-    }
-
-    #[test]
-    fn the_layout_is_the_published_one_and_type_names_carry_the_version() {
-        let layout = layout();
-        assert!(
-            layout == include_str!("../../layout.txt"),
-            "layout.txt is not what the messages are now:\n{layout}"
-        );
-    }
-}
+/// Every message and what messages are made of, as data.
+pub const LAYOUTS: &[Layout] = &[
+    ReasonText::LAYOUT,
+    Knot::LAYOUT,
+    Ball::LAYOUT,
+    Goal::LAYOUT,
+    PlanRequest::LAYOUT,
+    CandidateSummary::LAYOUT,
+    PlanReport::LAYOUT,
+    TrajectoryMessage::LAYOUT,
+    Setpoint::LAYOUT,
+    RobotState::LAYOUT,
+    ControllerState::LAYOUT,
+    Cycle::LAYOUT,
+    MotionResult::LAYOUT,
+    MovingBall::LAYOUT,
+    SceneMessage::LAYOUT,
+    SceneStatus::LAYOUT,
+    StandingGoal::LAYOUT,
+    GoalStatus::LAYOUT,
+    Heartbeat::LAYOUT,
+    Command::LAYOUT,
+    CommandReply::LAYOUT,
+];

@@ -23,7 +23,7 @@ type Outcome = Result<(), Box<dyn Error>>;
 const CREATION_TIMEOUT: Duration = Duration::from_secs(60);
 /// Pause between two looks for what may have been heard.
 const LOOK: Duration = Duration::from_millis(1);
-/// Nodes of every service, as `shared-types/layout.txt` has it for what follows.
+/// Nodes of every service, as `shared-types/wire.json` has it for what follows.
 const NODES: usize = 80;
 
 /// `pcc.v4.Heartbeat`.
