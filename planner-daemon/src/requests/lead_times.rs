@@ -10,7 +10,7 @@ pub(super) const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
 const REMEMBERED: usize = 32;
-/// Of so many plans the longest is taken for an exception.
+/// Of so many plans the longest is taken for an exception, and those that were made to warm up do not count any more.
 const SOME: usize = 4;
 
 /// What decides how long it takes until a plan's motion can be executed.
@@ -69,28 +69,46 @@ struct Foresight {
 /// publication.
 #[derive(Debug, Default)]
 pub(crate) struct LeadTimes {
-    recent: Vec<(PlanKind, Vec<Duration>)>,
+    recent: Vec<(PlanKind, Times)>,
+}
+
+/// Times of plans of one kind.
+#[derive(Debug, Default)]
+struct Times {
+    /// Of plans that were made to warm up, while a machine may be busy with its start.
+    of_warm_up: Vec<Duration>,
+    /// Of the last plans that were asked for.
+    of_requests: Vec<Duration>,
 }
 
 impl LeadTimes {
     /// Remembers how long a plan took.
     pub(crate) fn note(&mut self, kind: PlanKind, took: Duration) {
-        let known = self.recent.iter().position(|(known, _)| *known == kind);
-        let index = known.unwrap_or_else(|| {
-            self.recent.push((kind, Vec::new()));
-            self.recent.len() - 1
-        });
-        let recent = &mut self.recent[index].1;
+        let recent = &mut self.times(kind).of_requests;
         if recent.len() == REMEMBERED {
             recent.remove(0);
         }
         recent.push(took);
     }
 
+    /// Remembers how long a plan took that was made to warm up: it counts until some were asked for.
+    pub(crate) fn note_warm_up(&mut self, kind: PlanKind, took: Duration) {
+        self.times(kind).of_warm_up.push(took);
+    }
+
+    fn times(&mut self, kind: PlanKind) -> &mut Times {
+        let known = self.recent.iter().position(|(known, _)| *known == kind);
+        let index = known.unwrap_or_else(|| {
+            self.recent.push((kind, Times::default()));
+            self.recent.len() - 1
+        });
+        &mut self.recent[index].1
+    }
+
     /// How far ahead a plan of this kind is to begin, so that it is in the loop by then.
     pub(super) fn lead(&self, kind: PlanKind) -> Duration {
         let known = self.recent.iter().find(|(known, _)| *known == kind);
-        let mut recent = known.map(|(_, recent)| recent.clone()).unwrap_or_default();
+        let mut recent = known.map_or_else(Vec::new, |(_, times)| times.that_count());
         recent.sort_unstable();
         let Foresight {
             exceptional,
@@ -100,6 +118,16 @@ impl LeadTimes {
         let left_out = (recent.len() / exceptional).max(usize::from(recent.len() >= SOME));
         let foreseen = recent.iter().rev().nth(left_out);
         foreseen.map_or(FIRST_LEAD, |took| took.mul_f64(margin) + TO_THE_LOOP)
+    }
+}
+
+impl Times {
+    fn that_count(&self) -> Vec<Duration> {
+        let mut counting = self.of_requests.clone();
+        if counting.len() < SOME {
+            counting.extend(&self.of_warm_up);
+        }
+        counting
     }
 }
 
@@ -129,6 +157,8 @@ mod tests {
             };
             let mut times = LeadTimes::default();
             assert_eq!(times.lead(kind(false)), FIRST_LEAD);
+            times.note_warm_up(kind(false), ms(3));
+            assert_eq!(times.lead(kind(false)), lead_of(ms(3)));
             times.note(kind(false), ms(4));
             assert_eq!(times.lead(kind(false)), lead_of(ms(4)));
             for _ in 0..REMEMBERED {

@@ -15,9 +15,9 @@ use super::config::Config;
 use crate::requests::{LeadTimes, PlanKind, Work};
 
 /// Plans that begin in motion.
-const IN_MOTION: u32 = 48;
+const IN_MOTION: u32 = 24;
 /// The last ones of these, which are as fast as later plans.
-const WARM: u32 = 32;
+const WARM: u32 = 16;
 
 /// Plans once from rest with every sampler that has a model, and some times in motion; returns how long the latter took.
 ///
@@ -42,7 +42,7 @@ pub(super) fn warm_up(planner: &Planner, config: &Config) -> Result<LeadTimes, P
         for index in 1..=IN_MOTION {
             let took = plan_in_motion(planner, &request, &candidate.trajectory, index);
             for (kind, took) in took.into_iter().filter(|_| index > IN_MOTION - WARM) {
-                lead_times.note(kind, took);
+                lead_times.note_warm_up(kind, took);
             }
         }
     }
