@@ -17,7 +17,8 @@ use shared_types::ipc::{EVENTS, TOPICS};
 use shared_types::message::{LAYOUTS, Layout};
 
 /// Behind this line `docs/wire.md` is written by this test.
-const GENERATED: &str = "<!-- Written from shared-types by its test `description`; edit there. -->\n";
+const GENERATED: &str =
+    "<!-- Written from shared-types by its test `description`; edit there. -->\n";
 
 fn layout(type_name: &str) -> Option<&'static Layout> {
     LAYOUTS.iter().find(|layout| layout.type_name == type_name)
@@ -42,10 +43,19 @@ fn the_tables_of_the_document_are_what_the_types_say() {
 fn everything_that_services_carry_is_described_whole() {
     let carried = TOPICS.iter().map(|topic| topic.layout.type_name);
     let mut reached: Vec<&str> = carried.collect();
-    reached.extend(["PlanRequest", "PlanReport", "Knot", "Command", "CommandReply"].map(|name| {
-        let with_name = |layout: &&Layout| layout.type_name.ends_with(&format!(".{name}"));
-        LAYOUTS.iter().find(with_name).unwrap().type_name
-    }));
+    reached.extend(
+        [
+            "PlanRequest",
+            "PlanReport",
+            "Knot",
+            "Command",
+            "CommandReply",
+        ]
+        .map(|name| {
+            let with_name = |layout: &&Layout| layout.type_name.ends_with(&format!(".{name}"));
+            LAYOUTS.iter().find(with_name).unwrap().type_name
+        }),
+    );
     let mut next = 0;
     while next < reached.len() {
         let layout = layout(reached[next]).expect(reached[next]);
@@ -66,12 +76,20 @@ fn everything_that_services_carry_is_described_whole() {
 #[test]
 fn layouts_have_no_gaps_and_their_names_carry_the_version() {
     for layout in LAYOUTS {
-        assert!(layout.type_name.starts_with(&format!("pcc.v{PROTOCOL_VERSION}.")));
+        assert!(
+            layout
+                .type_name
+                .starts_with(&format!("pcc.v{PROTOCOL_VERSION}."))
+        );
         let mut end = 0;
         for field in layout.fields {
             assert_eq!(field.offset, end, "{} of {}", field.name, layout.type_name);
             end += field.bytes;
-            assert!(!field.doc.trim().is_empty(), "{} is not explained", field.name);
+            assert!(
+                !field.doc.trim().is_empty(),
+                "{} is not explained",
+                field.name
+            );
         }
         assert_eq!(end, layout.bytes, "{}", layout.type_name);
     }

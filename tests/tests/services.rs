@@ -26,11 +26,18 @@ fn described() -> BTreeMap<String, String> {
     let type_name = |service: &Value| {
         let message = service.get("payload").or(service.get("request"));
         let message = message.map(|name| &wire["messages"][name.as_str().unwrap()]);
-        message.map_or("", |message| message["type_name"].as_str().unwrap()).to_owned()
+        message
+            .map_or("", |message| message["type_name"].as_str().unwrap())
+            .to_owned()
     };
     let services = wire["services"].as_array().unwrap().iter();
     services
-        .map(|service| (service["name"].as_str().unwrap().to_owned(), type_name(service)))
+        .map(|service| {
+            (
+                service["name"].as_str().unwrap().to_owned(),
+                type_name(service),
+            )
+        })
         .collect()
 }
 

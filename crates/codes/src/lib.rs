@@ -101,9 +101,7 @@ mod tests {
         let sources = [include_str!("plan.rs"), include_str!("motion.rs")];
         let declared = sources.iter().flat_map(|source| source.lines());
         let declared = declared.filter_map(|line| line.trim().strip_prefix("pub enum "));
-        let declared: HashSet<&str> = declared
-            .map(|line| line.trim_end_matches(" {"))
-            .collect();
+        let declared: HashSet<&str> = declared.map(|line| line.trim_end_matches(" {")).collect();
         let described: HashSet<&str> = SETS.iter().map(|set| set.name).collect();
         assert_eq!(declared, described);
     }

@@ -46,7 +46,7 @@ fn show(options: &IpcOptions, services: &[LiveService], holders: &[Holder]) {
         say!("no services: neither daemon nor controller nor robot was started under this prefix");
         return;
     }
-    say!();
+    say!("");
     say!("{:<18} {:<26} used by", "service", "type");
     for service in services {
         let users = service.users.join(", ");

@@ -2,9 +2,7 @@
 
 use iceoryx2::service::header::{publish_subscribe, request_response};
 
-use super::request::{
-    COMMAND, PlanServiceCapacity, RequestSettings, plan_settings,
-};
+use super::request::{COMMAND, PlanServiceCapacity, RequestSettings, plan_settings};
 use super::topic::{HEARTBEAT, LOANS, TOPICS, TopicDescription};
 use crate::message::{Command, CommandReply, Knot, Layout, Payload, PlanReport, PlanRequest};
 
@@ -53,7 +51,9 @@ fn topic_bytes(topic: &TopicDescription) -> usize {
     let settings = &topic.settings;
     let publishers = if *settings == HEARTBEAT { 3 } else { 1 };
     let chunks = settings.subscribers * (settings.buffer + LOANS) + settings.history + LOANS;
-    publishers * chunks * chunk_bytes::<publish_subscribe::Header, ()>(&topic.layout, settings.slice)
+    publishers
+        * chunks
+        * chunk_bytes::<publish_subscribe::Header, ()>(&topic.layout, settings.slice)
 }
 
 /// A chunk: iceoryx2's header, ours, the payload, each at its alignment.

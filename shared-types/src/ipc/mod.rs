@@ -30,8 +30,8 @@ mod write_lease;
 
 pub use error::IpcError;
 pub use event::{
-    EVENTS, EventDescription, EventListener, EventNotifier, EventService, event_listener, event_notifier,
-    plan_answered_event, plan_asked_event,
+    EVENTS, EventDescription, EventListener, EventNotifier, EventService, event_listener,
+    event_notifier, plan_answered_event, plan_asked_event,
 };
 pub use live::{LiveService, live_services};
 pub use memory::{plan_bytes, shared_memory};
@@ -40,16 +40,17 @@ pub use opening::NODES;
 pub use options::{IpcOptions, LONGEST_ROOT_AND_PREFIX};
 pub use port_thread::{JoinOnDrop, spawn_with_ports};
 pub use request::{
-    COMMAND, CommandClient, CommandRequest, CommandServer, CommandService, PlanActiveRequest, PlanClient,
-    PlanPending, PlanResponse, PlanServer, PlanService, PlanServiceCapacity, RequestSettings, command_client,
-    command_server, command_service, guest_command_client, open_plan_service, plan_client,
-    plan_server, plan_service, plan_settings,
+    COMMAND, CommandClient, CommandRequest, CommandServer, CommandService, PlanActiveRequest,
+    PlanClient, PlanPending, PlanResponse, PlanServer, PlanService, PlanServiceCapacity,
+    RequestSettings, command_client, command_server, command_service, guest_command_client,
+    open_plan_service, plan_client, plan_server, plan_service, plan_settings,
 };
 pub use role::{Role, RoleHolder, RoleLock};
 pub use topic::{
-    CYCLES_PER_BATCH, CyclePublisher, CycleSubscriber, CycleTopic, LOANS, PresentPublisher, Publisher,
-    Subscriber, TOPICS, Topic, TopicDescription, TopicSettings, controller_state_service, cycle_publisher, cycle_service, goal_service,
-    goal_status_service, guest_publisher, guest_subscriber, heartbeat_service,
-    motion_result_service, newest, observer_subscriber, publisher, robot_state_service,
-    scene_service, scene_status_service, setpoint_service, subscriber, trajectory_service,
+    CYCLES_PER_BATCH, CyclePublisher, CycleSubscriber, CycleTopic, LOANS, PresentPublisher,
+    Publisher, Subscriber, TOPICS, Topic, TopicDescription, TopicSettings,
+    controller_state_service, cycle_publisher, cycle_service, goal_service, goal_status_service,
+    guest_publisher, guest_subscriber, heartbeat_service, motion_result_service, newest,
+    observer_subscriber, publisher, robot_state_service, scene_service, scene_status_service,
+    setpoint_service, subscriber, trajectory_service,
 };

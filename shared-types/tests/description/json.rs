@@ -44,7 +44,11 @@ pub(crate) fn short(layout: &Layout) -> &'static str {
 }
 
 fn object<'a>(entries: impl Iterator<Item = (&'a str, Value)>) -> Value {
-    Value::Object(entries.map(|(name, value)| (name.to_owned(), value)).collect::<Map<_, _>>())
+    Value::Object(
+        entries
+            .map(|(name, value)| (name.to_owned(), value))
+            .collect::<Map<_, _>>(),
+    )
 }
 
 fn message(layout: &Layout) -> Value {
@@ -88,7 +92,10 @@ fn constants() -> Value {
         .map(|it| (it.name, json!({ "value": it.value, "doc": plain(it.doc) })))
         .collect();
     let none = "No candidate is selected or named.";
-    all.push(("NONE_SELECTED", json!({ "value": NONE_SELECTED, "doc": none })));
+    all.push((
+        "NONE_SELECTED",
+        json!({ "value": NONE_SELECTED, "doc": none }),
+    ));
     object(all.into_iter())
 }
 

@@ -24,7 +24,9 @@ fn services(text: &mut String, services: &Value) -> std::fmt::Result {
         writeln!(text, "{}\n", plain(&service["purpose"]))?;
         writeln!(text, "| setting | value |\n| --- | --- |")?;
         let settings = service.as_object().unwrap().iter();
-        for (name, value) in settings.filter(|(name, _)| !["name", "purpose"].contains(&name.as_str())) {
+        for (name, value) in
+            settings.filter(|(name, _)| !["name", "purpose"].contains(&name.as_str()))
+        {
             writeln!(text, "| {name} | {} |", plain(value))?;
         }
     }
@@ -43,7 +45,10 @@ fn messages(text: &mut String, messages: &Value) -> std::fmt::Result {
             message["alignment"],
             plain(&message["doc"])
         )?;
-        writeln!(text, "| offset | bytes | field | type | meaning |\n| --: | --: | --- | --- | --- |")?;
+        writeln!(
+            text,
+            "| offset | bytes | field | type | meaning |\n| --: | --: | --- | --- | --- |"
+        )?;
         for field in message["fields"].as_array().unwrap() {
             let of_type = plain(&field["type"]);
             let of_type = match &field["count"] {
@@ -52,7 +57,10 @@ fn messages(text: &mut String, messages: &Value) -> std::fmt::Result {
             };
             let [offset, bytes] = ["offset", "bytes"].map(|key| &field[key]);
             let [name, doc] = ["name", "doc"].map(|key| plain(&field[key]));
-            writeln!(text, "| {offset} | {bytes} | `{name}` | {of_type} | {doc} |")?;
+            writeln!(
+                text,
+                "| {offset} | {bytes} | `{name}` | {of_type} | {doc} |"
+            )?;
         }
     }
     Ok(())
@@ -62,7 +70,10 @@ fn codes(text: &mut String, codes: &Value) -> std::fmt::Result {
     writeln!(text, "\n## Codes")?;
     for (name, code) in codes.as_object().unwrap() {
         writeln!(text, "\n### {name}\n\n{}\n", plain(&code["doc"]))?;
-        writeln!(text, "| code | name | text | meaning |\n| --: | --- | --- | --- |")?;
+        writeln!(
+            text,
+            "| code | name | text | meaning |\n| --: | --- | --- | --- |"
+        )?;
         for value in code["values"].as_array().unwrap() {
             let [name, words, doc] = ["name", "text", "doc"].map(|key| plain(&value[key]));
             writeln!(text, "| {} | {name} | {words} | {doc} |", value["code"])?;
@@ -72,14 +83,24 @@ fn codes(text: &mut String, codes: &Value) -> std::fmt::Result {
 }
 
 fn constants(text: &mut String, constants: &Value) -> std::fmt::Result {
-    writeln!(text, "\n## Constants\n\n| name | value | meaning |\n| --- | --: | --- |")?;
+    writeln!(
+        text,
+        "\n## Constants\n\n| name | value | meaning |\n| --- | --: | --- |"
+    )?;
     for (name, constant) in constants.as_object().unwrap() {
-        writeln!(text, "| `{name}` | {} | {} |", constant["value"], plain(&constant["doc"]))?;
+        writeln!(
+            text,
+            "| `{name}` | {} | {} |",
+            constant["value"],
+            plain(&constant["doc"])
+        )?;
     }
     Ok(())
 }
 
 /// A value without the quotes of a string.
 fn plain(value: &Value) -> String {
-    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
+    value
+        .as_str()
+        .map_or_else(|| value.to_string(), str::to_owned)
 }

@@ -4,7 +4,13 @@
 pub(crate) fn plain(doc: &str) -> String {
     let words: Vec<&str> = doc.split_whitespace().collect();
     let mut text = words.join(" ").replace("[`", "`").replace("`]", "`");
-    for path in ["crate::codes::", "crate::capacity::", "crate::message::", "crate::", "super::"] {
+    for path in [
+        "crate::codes::",
+        "crate::capacity::",
+        "crate::message::",
+        "crate::",
+        "super::",
+    ] {
         text = text.replace(path, "");
     }
     text
