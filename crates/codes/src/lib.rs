@@ -13,6 +13,7 @@ pub const SETS: &[CodeSet] = &[
     Sampler::SET,
     Selection::SET,
     GoalKind::SET,
+    StartKind::SET,
     Execute::SET,
     Source::SET,
     Outcome::SET,
@@ -74,6 +75,7 @@ mod tests {
         assert_one_meaning_a_code(Sampler::ALL, Sampler::code);
         assert_one_meaning_a_code(Selection::ALL, Selection::code);
         assert_one_meaning_a_code(GoalKind::ALL, GoalKind::code);
+        assert_one_meaning_a_code(StartKind::ALL, StartKind::code);
         assert_one_meaning_a_code(Execute::ALL, Execute::code);
         assert_one_meaning_a_code(Source::ALL, Source::code);
         assert_one_meaning_a_code(Outcome::ALL, Outcome::code);
