@@ -1,9 +1,11 @@
 //! Starts in motion: the state is met exactly, motions begin while the robot brakes, the fastest is told before the others.
 #![allow(clippy::unwrap_used)] // tests
 
+mod beside_a_ball;
 mod requests;
 mod shipped;
 
+use beside_a_ball::{plan, problem, request};
 use collision::{Ball, Scene, certify_trajectory, minimum_clearance};
 use pcc_model::{Configuration, Point, SECTIONS};
 use planning::{
@@ -15,27 +17,6 @@ use shipped::planner;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use trajectory::{Knot, State, Trajectory, limit_use};
-
-fn request() -> Request {
-    requests::request(Sampler::Default, 3)
-}
-
-fn problem() -> Problem {
-    let ball = Ball {
-        centre: Point::new(0.9, 0.9, 1.5),
-        radius: 0.3,
-    };
-    Problem {
-        start: Configuration::from_column_slice(&[0.3, -0.5, 0.2, -0.4, 0.1, -0.3]),
-        goal: Goal::Tip(Point::new(1.5, 0.0, 2.4)),
-        scene: Scene::new(vec![ball]).unwrap(),
-        moving: MovingObstacles::default(),
-    }
-}
-
-fn plan(planner: &Planner, problem: &Problem, request: &Request) -> Plan {
-    planner.plan(problem, request, &|| false).unwrap()
-}
 
 fn plan_selecting_early(
     planner: &Planner,

@@ -1,38 +1,18 @@
 //! Planning again: from a previous plan, and with candidates before the answer.
 #![allow(clippy::unwrap_used)] // tests
 
+mod beside_a_ball;
 mod requests;
 mod shipped;
 
+use beside_a_ball::{plan, problem, request};
 use collision::{Ball, Scene, certify_trajectory};
-use pcc_model::{Configuration, Point};
 use planning::{
-    Candidate, Goal, MovingObstacles, Plan, Planner, PreviousPlan, Problem, Request, Sampler,
-    Selection, Source, Supervision, WAYPOINTS, select,
+    Candidate, Plan, PreviousPlan, Problem, Request, Sampler, Selection, Source, Supervision,
+    WAYPOINTS, select,
 };
 use shipped::planner;
 use std::sync::{Arc, Mutex};
-
-fn request() -> Request {
-    requests::request(Sampler::Default, 3)
-}
-
-fn problem() -> Problem {
-    let ball = Ball {
-        centre: Point::new(0.9, 0.9, 1.5),
-        radius: 0.3,
-    };
-    Problem {
-        start: Configuration::from_column_slice(&[0.3, -0.5, 0.2, -0.4, 0.1, -0.3]),
-        goal: Goal::Tip(Point::new(1.5, 0.0, 2.4)),
-        scene: Scene::new(vec![ball]).unwrap(),
-        moving: MovingObstacles::default(),
-    }
-}
-
-fn plan(planner: &Planner, problem: &Problem, request: &Request) -> Plan {
-    planner.plan(problem, request, &|| false).unwrap()
-}
 
 fn selected_index(plan: &Plan) -> Option<usize> {
     select(&plan.candidates, &problem().start, Selection::ShortestTime)

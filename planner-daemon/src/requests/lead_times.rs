@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use planning::ToBeDone;
 use shared_types::codes::Sampler;
 
 /// Time from a motion that is ready until the controller's loop has it.
@@ -34,6 +35,16 @@ pub(crate) enum Work {
     Joining,
     /// The same, and a plan to the goal configuration of the fastest one.
     JoiningAndPlanningAnew,
+}
+
+impl From<ToBeDone> for Work {
+    fn from(to_be_done: ToBeDone) -> Self {
+        match to_be_done {
+            ToBeDone::Nothing => Self::StraightSegments,
+            ToBeDone::Joining => Self::Joining,
+            ToBeDone::JoiningAndPlanningAnew => Self::JoiningAndPlanningAnew,
+        }
+    }
 }
 
 impl Work {

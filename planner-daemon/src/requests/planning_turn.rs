@@ -88,7 +88,7 @@ impl Service {
             PlanBegin::AtSwitch(switch) if selects_early => Some(late_switch(
                 self.execution.shared_robot_motion(),
                 *switch,
-                late_works.map(|work| lead(PlanKind { work, ..kind })),
+                late_works.map(|work| (work, lead(PlanKind { work, ..kind }))),
                 queued.task.begin_mono_ns,
             )),
             _ => None,
@@ -211,11 +211,8 @@ impl Service {
         let Some(in_flight) = &mut self.in_flight else {
             return;
         };
-        let work = match begin.to_be_done {
-            ToBeDone::Nothing => None,
-            ToBeDone::Joining => Some(Work::Joining),
-            ToBeDone::JoiningAndPlanningAnew => Some(Work::JoiningAndPlanningAnew),
-        };
+        let is_planned = begin.to_be_done != ToBeDone::Nothing;
+        let work = is_planned.then(|| Work::from(begin.to_be_done));
         let kind = in_flight.kind.take();
         if let (Some(kind), None) = (kind, work) {
             // It was too late already.
@@ -382,7 +379,7 @@ impl Service {
 fn late_switch(
     robot: Shared<RobotMotion>,
     first: Switch,
-    leads: [Duration; 3],
+    leads: [(Work, Duration); 3],
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
     Box::new(move |to_be_done| {
@@ -390,14 +387,12 @@ fn late_switch(
             return None;
         };
         let now = mono_now_ns();
-        let lead = match to_be_done {
-            ToBeDone::Nothing if followed.is_ahead(&first, TO_THE_LOOP.mul_f64(0.75), now) => {
-                return None;
-            }
-            ToBeDone::Nothing => leads[0],
-            ToBeDone::Joining => leads[1],
-            ToBeDone::JoiningAndPlanningAnew => leads[2],
-        };
+        let in_time = followed.is_ahead(&first, TO_THE_LOOP.mul_f64(0.75), now);
+        if to_be_done == ToBeDone::Nothing && in_time {
+            return None;
+        }
+        let work = Work::from(to_be_done);
+        let (_, lead) = leads.into_iter().find(|(of, _)| *of == work)?;
         let switch = followed.switch_after(lead.max(until(not_before_mono_ns, now)), now)?;
         (switch.trajectory_id == first.trajectory_id).then_some(switch)
     })

@@ -69,12 +69,9 @@ fn plan_in_motion(
     let (begun, late, selected) = (Instant::now(), OnceLock::new(), OnceLock::new());
     let early_selection = EarlySelection {
         begin: &|to_be_done, _| {
-            let work = match to_be_done {
-                ToBeDone::Nothing => return,
-                ToBeDone::Joining => Work::Joining,
-                ToBeDone::JoiningAndPlanningAnew => Work::JoiningAndPlanningAnew,
-            };
-            late.get_or_init(|| (work, Instant::now()));
+            if to_be_done != ToBeDone::Nothing {
+                late.get_or_init(|| (Work::from(to_be_done), Instant::now()));
+            }
         },
         selected: &|_| {
             selected.get_or_init(Instant::now);
