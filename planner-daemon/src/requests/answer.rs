@@ -11,7 +11,7 @@ use shared_types::ipc::PlanActiveRequest;
 use shared_types::message::{CandidateSummary, Knot, NONE_SELECTED, PlanReport, ReasonText};
 use shared_types::valid::{MAX_DURATION_S, SelectionRule};
 
-use super::plan_runner::{PlanError, Planned};
+use super::planned::{PlanError, Planned};
 use super::recent_plans::{KeptPlan, PlanBegin};
 use super::refusal::Refusal;
 use super::report;

@@ -49,17 +49,18 @@ impl From<ToBeDone> for Work {
 
 impl Work {
     /// How carefully the time of the work is foreseen. The goal that stays is followed the more closely the shorter its lead is, and planned
-    /// anew all the time; any other switch is to be missed but rarely.
+    /// anew all the time; segments that take longer are joined again; any other switch is to be missed but rarely.
     fn foresight(self) -> Foresight {
         match self {
             Self::WholePlanToKeptGoal => Foresight {
                 exceptional: 8,
                 margin: 1.05,
             },
-            Self::WholePlan
-            | Self::StraightSegments
-            | Self::Joining
-            | Self::JoiningAndPlanningAnew => Foresight {
+            Self::StraightSegments => Foresight {
+                exceptional: 4,
+                margin: 1.05,
+            },
+            Self::WholePlan | Self::Joining | Self::JoiningAndPlanningAnew => Foresight {
                 exceptional: 32,
                 margin: 1.2,
             },
@@ -130,6 +131,11 @@ impl LeadTimes {
         let foreseen = recent.iter().rev().nth(left_out);
         foreseen.map_or(FIRST_LEAD, |took| took.mul_f64(margin) + TO_THE_LOOP)
     }
+}
+
+/// How far ahead a motion is to begin for which the work that took so long is done once more.
+pub(super) fn lead_of_the_same_work(took: Duration) -> Duration {
+    took.mul_f64(1.1) + TO_THE_LOOP
 }
 
 impl Times {

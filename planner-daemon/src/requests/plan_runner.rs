@@ -3,10 +3,8 @@
 //! The service thread keeps its ports and goes on receiving, refusing and answering meanwhile. A job starts on a worker directly,
 //! without a thread in between that would have to wake.
 
-use std::any::Any;
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -14,10 +12,11 @@ use std::time::{Duration, Instant};
 
 use pcc_model::UnitRobot;
 use planning::{
-    CanBegin, Candidate, EarlySelection, Plan, Planner, PlannerError, Problem, Request,
-    Supervision, ToBeDone, Via,
+    CanBegin, Candidate, EarlySelection, Planner, Problem, Request, Supervision, ToBeDone, Via,
 };
 
+use super::planned::{Planned, guarded};
+use super::rehearsal::Rehearsal;
 use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
 
@@ -62,19 +61,6 @@ pub(crate) struct Early {
     pub(crate) is_deliverable: Box<dyn Fn(&Candidate) -> bool + Send + Sync>,
 }
 
-/// Why there is no plan.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum PlanError {
-    /// The planner's own error.
-    #[error(transparent)]
-    Planner(#[from] PlannerError),
-    /// A defect of the planner; the daemon goes on.
-    #[error("internal error of the planner: {0}")]
-    Panic(String),
-}
-
-pub(crate) type Planned = Result<Plan, PlanError>;
-
 /// Output of a job: early candidates, the late switch and the fastest candidate where they were asked for, then the plan.
 pub(crate) enum PlanOutput {
     Early(Vec<Candidate>),
@@ -89,6 +75,7 @@ pub(crate) enum PlanOutput {
 /// The planner with its output queue; it is idle or runs one job.
 pub(crate) struct PlanRunner {
     planner: Arc<Planner>,
+    rehearsal: Rehearsal,
     outgoing: OutputSender,
     outputs: Receiver<PlanOutput>,
 }
@@ -117,6 +104,7 @@ impl PlanRunner {
         let (outgoing, outputs) = sync_channel(4);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
+            rehearsal: Rehearsal::new(Arc::clone(&planner)),
             planner,
             outgoing: OutputSender {
                 outputs: outgoing,
@@ -132,12 +120,18 @@ impl PlanRunner {
     }
 
     /// Hands over a job; its plan must be taken before the next one is handed over.
-    pub(crate) fn begin(&self, job: Job) {
+    pub(crate) fn begin(&mut self, job: Job) {
+        self.rehearsal.give_way(&job.problem, &job.request);
         let (planner, outgoing) = (Arc::clone(&self.planner), self.outgoing.clone());
         self.planner.spawn(move || {
             let planned = plan(&planner, &job, &outgoing);
             outgoing.send(PlanOutput::Plan(planned));
         });
+    }
+
+    /// Keeps the workers warm for the next job, while there is none.
+    pub(crate) fn rehearse(&mut self) {
+        self.rehearsal.play();
     }
 
     /// The next output, if there is one; never waits.
@@ -201,20 +195,6 @@ fn plan(planner: &Planner, job: &Job, outgoing: &OutputSender) -> Planned {
     guarded(|| planner.plan_route(&job.via, &job.problem, &job.request, supervision))
 }
 
-/// Runs a planner; a panic in it is an answer like any other.
-fn guarded(plan: impl FnOnce() -> Result<Plan, PlannerError>) -> Planned {
-    match catch_unwind(AssertUnwindSafe(plan)) {
-        Ok(result) => Ok(result?),
-        Err(payload) => Err(PlanError::Panic(panic_text(payload.as_ref()))),
-    }
-}
-
-fn panic_text(payload: &(dyn Any + Send)) -> String {
-    let text = payload.downcast_ref::<&str>().map(ToString::to_string);
-    text.or_else(|| payload.downcast_ref::<String>().cloned())
-        .unwrap_or_else(|| "panic without text".to_owned())
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -269,7 +249,7 @@ mod tests {
 
     #[test]
     fn one_job_after_the_other_is_planned() {
-        let planning = planning();
+        let mut planning = planning();
         assert!(planning.take().is_none());
         for _ in 0..2 {
             planning.begin(job(far()));
@@ -281,7 +261,7 @@ mod tests {
 
     #[test]
     fn early_candidates_come_before_the_plan() {
-        let planning = planning();
+        let mut planning = planning();
         let early = Some(Early {
             count: 1,
             is_deliverable: Box::new(|_| true),
@@ -299,7 +279,7 @@ mod tests {
 
     #[test]
     fn a_deadline_in_the_past_and_a_cancelled_job_truncate() {
-        let planning = planning();
+        let mut planning = planning();
         planning.begin(job(Instant::now()));
         let plan = planned(&planning).unwrap();
         assert!(plan.truncated && plan.candidates.is_empty());
@@ -307,16 +287,5 @@ mod tests {
         job.cancelled.store(true, Ordering::Relaxed);
         planning.begin(job);
         assert!(planned(&planning).unwrap().truncated);
-    }
-
-    #[test]
-    fn a_panic_is_an_answer() {
-        for payload in ["a defect".to_owned(), format!("{}", 7)] {
-            let text = payload.clone();
-            let fault = guarded(|| std::panic::panic_any(payload)).unwrap_err();
-            assert!(fault.to_string().contains(&text), "{fault}");
-        }
-        let fault = guarded(|| panic!("static")).unwrap_err();
-        assert!(fault.to_string().contains("static"), "{fault}");
     }
 }

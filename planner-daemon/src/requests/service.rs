@@ -26,7 +26,7 @@ use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
 use super::request_validator::{PlanTask, RequestValidator};
 use super::wait_mode::WaitMode;
-use crate::execution::Execution;
+use crate::execution::{Execution, RobotMotion};
 
 /// Longest time between two rounds: requests without an event, and clients that cancelled, are found by then.
 const POLL_INTERVAL: Duration = Duration::from_millis(1);
@@ -103,6 +103,7 @@ impl Service {
         }
         while !terminated.load(Ordering::Relaxed) {
             if !self.round() {
+                self.rehearse();
                 self.pause();
             }
         }
@@ -118,6 +119,14 @@ impl Service {
         let asked = self.keep_goal();
         let begun = self.begin_next();
         received || planned || asked || begun
+    }
+
+    /// Keeps the workers warm while the robot moves.
+    fn rehearse(&mut self) {
+        let is_idle = self.in_flight.is_none();
+        if is_idle && matches!(self.execution.robot_motion(), RobotMotion::Following(_)) {
+            self.runner.rehearse();
+        }
     }
 
     /// Takes the requests that have arrived up only once all are received: as long as so many of a client's are held as it may have at
