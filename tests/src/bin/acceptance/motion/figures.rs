@@ -48,10 +48,12 @@ pub(super) struct Figures {
     pub(super) joined: usize,
     /// Of these, motions whose switch the loop passed.
     pub(super) switched: usize,
+    /// Why motions that left another one were not begun, as the controller says.
+    pub(super) not_begun: Vec<String>,
     /// Motions of requests that found the robot in motion and that began at rest: it had come to rest meanwhile.
     pub(super) began_at_rest: usize,
     /// Motions that came too late for their switch and were planned again, as the daemon's log tells.
-    pub(super) made_again: usize,
+    pub(super) made_again: Vec<String>,
     /// Largest difference at a switch, rad, rad/s, rad/s².
     pub(super) discontinuity: [f64; 3],
     limits_of_file: [f64; 3],
@@ -106,6 +108,13 @@ impl Figures {
             let Some(first_ns) = first_followed(&heard.cycles, motion.id) else {
                 let never = asked.map(|asked| (asked.at, f64::INFINITY));
                 self.to_setpoint_ms.extend(never);
+                let result = heard
+                    .results
+                    .iter()
+                    .find(|it| it.trajectory_id == motion.id);
+                let reason = result.map(|it| it.reason.text().into_owned());
+                let unheard = || "no result was heard".to_owned();
+                self.not_begun.push(reason.unwrap_or_else(unheard));
                 continue;
             };
             self.switched += 1;

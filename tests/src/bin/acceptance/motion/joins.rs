@@ -44,7 +44,7 @@ pub(super) fn show(report: &mut Report, name: &str, figures: &Figures) {
         figures.joined,
         figures.switched,
         figures.began_at_rest,
-        figures.made_again,
+        figures.made_again.len(),
         figures.refusals,
         figures.refused_at_rest,
         figures.scenes_passed_over

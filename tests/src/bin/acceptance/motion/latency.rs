@@ -95,13 +95,12 @@ fn show(report: &mut Report, figures: &Figures, stolen: &StolenTimes) {
         report.at_most(&line(what), quietest.at(0.99), 15.0);
     }
     let refused: usize = figures.refusals.values().sum();
-    let not_begun = figures.joined - figures.switched;
-    let missed = refused + not_begun + figures.made_again;
+    let missed = refused + figures.not_begun.len() + figures.made_again.len();
     let replans = figures.joined + refused;
     let share = 100.0 * missed as f64 / replans.max(1) as f64;
     let figure = format!(
-        "{share:.2} % of {replans}: {} made again, {not_begun} published and not begun, refused {:?}",
-        figures.made_again, figures.refusals
+        "{share:.2} % of {replans}: made again {:?}, published and not begun {:?}, refused {:?}",
+        figures.made_again, figures.not_begun, figures.refusals
     );
     let what = "switches missed (those made again count their whole time above)";
     report.check(&line(what), figure, "<= 2 %", share <= 2.0);

@@ -69,7 +69,11 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
         println!("  {} of {} replans", figures.in_motion, population.count);
     }
     let log = stack.process(Part::Daemon).log();
-    figures.made_again = log.matches("is made again: switch missed").count();
+    let made_again = log
+        .lines()
+        .filter_map(|line| line.split("is made again: ").nth(1));
+    let missed = made_again.filter(|why| why.starts_with("switch missed"));
+    figures.made_again = missed.map(str::to_owned).collect();
     figures.sent = judge.verdict().clone();
     Ok(figures)
 }
