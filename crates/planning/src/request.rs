@@ -102,7 +102,7 @@ pub struct Supervision<'a> {
 /// What is to be done until the fastest motion of a request is known.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ToBeDone {
-    /// Nothing, unless the motions begin in another state: straight segments are then joined again.
+    /// Nothing, unless the motions begin in another state: the fastest straight segment is then joined again.
     Nothing,
     /// Paths are joined to the motion that is left.
     Joining,

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use planning::Candidate;
 
 use super::asker::Asker;
-use super::lead_times::{PlanKind, Work};
+use super::lead_times::{PlanKind, Work, lead_of_the_same_work};
 use super::recent_plans::PlanBegin;
 use super::request_validator::PlanTask;
 use crate::execution::ExecutionRefusal;
@@ -17,6 +17,8 @@ use shared_types::codes::Sampler;
 const DELIVERY_MARGIN: Duration = Duration::from_micros(500);
 /// Addition to [`DELIVERY_MARGIN`] for each candidate, for its knots to be written and read.
 const DELIVERY_MARGIN_PER_CANDIDATE: Duration = Duration::from_micros(20);
+/// Times that a request is planned whose plan comes too late for its switch or for the live scene.
+const ATTEMPTS: u32 = 3;
 
 /// A request that waits for its turn.
 pub(super) struct Queued {
@@ -64,15 +66,48 @@ pub(super) struct InFlight {
     /// something else, of which nothing can be learned.
     pub(super) kind: Option<PlanKind>,
     pub(super) begin_chosen: Instant,
+    /// Time from then until its motion was handed over for publication.
+    pub(super) took: Duration,
     pub(super) waited: Duration,
     pub(super) plan_id: u64,
     /// How its candidates begin.
     pub(super) begin: PlanBegin,
-    /// How often it has been planned, this time included.
-    pub(super) attempt: u32,
+    pub(super) attempt: Attempt,
     pub(super) cancelled: Arc<AtomicBool>,
     /// What became of the motion that was to be executed before the plan was complete.
     pub(super) executed: Option<EarlyExecution>,
+}
+
+/// How often a request has been planned, this time included, since its plans came too late.
+#[derive(Clone, Copy)]
+pub(super) struct Attempt {
+    number: u32,
+    /// Time that the one before took from the choice of its switch until its motion was handed over for publication.
+    took_before: Duration,
+}
+
+impl Attempt {
+    pub(super) const FIRST: Self = Self {
+        number: 1,
+        took_before: Duration::ZERO,
+    };
+
+    /// The next one; none where it was the last.
+    pub(super) fn next(self, took: Duration) -> Option<Self> {
+        let number = self.number + 1;
+        (number <= ATTEMPTS).then_some(Self {
+            number,
+            took_before: took,
+        })
+    }
+
+    /// How far ahead it is to begin: the work may take as long as before.
+    pub(super) fn lead(self, usual: Duration) -> Duration {
+        match self.number {
+            1 => usual,
+            _ => usual.max(lead_of_the_same_work(self.took_before)),
+        }
+    }
 }
 
 /// A motion that was handed over for publication before its plan was complete.

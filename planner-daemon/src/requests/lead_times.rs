@@ -6,12 +6,12 @@ use planning::ToBeDone;
 use shared_types::codes::Sampler;
 
 /// Time from a motion that is ready until the controller's loop has it.
-pub(super) const TO_THE_LOOP: Duration = Duration::from_micros(2_000);
+pub(super) const TO_THE_LOOP: Duration = Duration::from_micros(2_500);
 /// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
 /// Plans by which the next one's duration is foreseen.
 const REMEMBERED: usize = 32;
-/// Of so many plans the longest is taken for an exception, and those that were made to warm up do not count any more.
+/// Plans from which on those that were made to warm up do not count any more.
 const SOME: usize = 4;
 
 /// What decides how long it takes until a plan's motion can be executed.
@@ -120,32 +120,40 @@ impl LeadTimes {
     /// How far ahead a plan of this kind is to begin, so that it is in the loop by then.
     pub(super) fn lead(&self, kind: PlanKind) -> Duration {
         let known = self.recent.iter().find(|(known, _)| *known == kind);
-        let mut recent = known.map_or_else(Vec::new, |(_, times)| times.that_count());
-        recent.sort_unstable();
-        let Foresight {
-            exceptional,
-            margin,
-        } = kind.work.foresight();
-        // Of a few, too, one may have met a machine that was busy with something else.
-        let left_out = (recent.len() / exceptional).max(usize::from(recent.len() >= SOME));
-        let foreseen = recent.iter().rev().nth(left_out);
-        foreseen.map_or(FIRST_LEAD, |took| took.mul_f64(margin) + TO_THE_LOOP)
+        let foresight = kind.work.foresight();
+        let foreseen = known.and_then(|(_, times)| times.longest_usual(foresight.exceptional));
+        foreseen.map_or(FIRST_LEAD, |took| {
+            took.mul_f64(foresight.margin) + TO_THE_LOOP
+        })
     }
 }
 
-/// How far ahead a motion is to begin for which the work that took so long is done once more.
+/// How far ahead a motion is to begin for which work that took so long is done once more.
 pub(super) fn lead_of_the_same_work(took: Duration) -> Duration {
-    took.mul_f64(1.1) + TO_THE_LOOP
+    took + TO_THE_LOOP
 }
 
 impl Times {
-    fn that_count(&self) -> Vec<Duration> {
-        let mut counting = self.of_requests.clone();
+    /// The longest of the times that count but for one in so many, and for one in a few, which may have met a machine that was busy with
+    /// something else.
+    fn longest_usual(&self, exceptional: usize) -> Option<Duration> {
+        let mut counting = sorted(&self.of_requests);
+        let mut left_out = (counting.len() / exceptional).max(1);
         if counting.len() < SOME {
-            counting.extend(&self.of_warm_up);
+            let of_warm_up = sorted(&self.of_warm_up);
+            let usual = of_warm_up.split_last().map_or(&[][..], |(_, usual)| usual);
+            counting.extend(usual);
+            counting.sort_unstable();
+            left_out = 0;
         }
-        counting
+        counting.into_iter().rev().nth(left_out)
     }
+}
+
+fn sorted(times: &[Duration]) -> Vec<Duration> {
+    let mut sorted = times.to_vec();
+    sorted.sort_unstable();
+    sorted
 }
 
 #[cfg(test)]
@@ -174,7 +182,9 @@ mod tests {
             };
             let mut times = LeadTimes::default();
             assert_eq!(times.lead(kind(false)), FIRST_LEAD);
-            times.note_warm_up(kind(false), ms(3));
+            for took in [3, 90] {
+                times.note_warm_up(kind(false), ms(took));
+            }
             assert_eq!(times.lead(kind(false)), lead_of(ms(3)));
             times.note(kind(false), ms(4));
             assert_eq!(times.lead(kind(false)), lead_of(ms(4)));

@@ -11,7 +11,7 @@ use shared_types::codes::{Outcome, PlanField};
 
 use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
-use super::in_flight::{EarlyExecution, InFlight, Queued};
+use super::in_flight::{Attempt, EarlyExecution, InFlight, Queued};
 use super::lead_times::{PlanKind, TO_THE_LOOP, Work, lead_of_the_same_work};
 use super::plan_runner::{Early, Job, LateBegin, LateSwitch, PlanOutput};
 use super::planned::Planned;
@@ -32,8 +32,6 @@ const LONGEST_DEFERRAL: Duration = Duration::from_millis(100);
 const LONGEST_DEFERRAL_OF_GOALS: Duration = Duration::from_millis(600);
 /// Longest delay of the begin of a motion to the goal that stays, s: the next plan is made sooner.
 const LONGEST_DELAY_TO_GOAL_S: f64 = 0.05;
-/// Times that a request is planned whose plan comes too late for its switch or for the live scene.
-const ATTEMPTS: u32 = 3;
 
 /// Where and when a request begins.
 struct Start {
@@ -51,16 +49,15 @@ impl Service {
         let Some(queued) = self.deferred.take().or_else(|| self.queue.pop()) else {
             return false;
         };
-        self.begin(queued, 1)
+        self.begin(queued, Attempt::FIRST)
     }
 
     /// Begins to plan a request; false where that is deferred.
-    fn begin(&mut self, mut queued: Queued, attempt: u32) -> bool {
+    fn begin(&mut self, mut queued: Queued, attempt: Attempt) -> bool {
         let begun = Instant::now();
         let waited = begun - queued.received;
         let selects_early = self.selects_early(&queued);
-        // A plan that came too late mostly was an exception: the second one is foreseen like the first.
-        let lead = |kind| self.lead_times.lead(kind) * attempt.div_ceil(2);
+        let lead = |kind| attempt.lead(self.lead_times.lead(kind));
         let foreseen = lead(queued.kind(selects_early));
         let Start { begin, problem } = match self.start(&mut queued.task, foreseen) {
             Ok(start) => start,
@@ -106,6 +103,7 @@ impl Service {
             queued,
             kind: Some(kind),
             begin_chosen: begun,
+            took: Duration::ZERO,
             waited,
             plan_id,
             begin,
@@ -230,12 +228,10 @@ impl Service {
         };
         let Queued { asker, task, .. } = &in_flight.queued;
         if asker.is_waiting() && is_deliverable(task, candidate, self.runner.robot()) {
-            let published = self.execute(&in_flight, Some(candidate));
+            let published = self.execute(&mut in_flight, Some(candidate));
             self.note_foreign_motion(&in_flight, published.as_ref());
-            if published
-                .as_ref()
-                .is_some_and(|it| in_flight.is_made_again(it))
-            {
+            let made_again = published.as_ref().and_then(|it| in_flight.made_again(it));
+            if made_again.is_some() {
                 in_flight.cancelled.store(true, Ordering::Relaxed);
             }
             in_flight.executed = published.map(|published| EarlyExecution {
@@ -268,14 +264,14 @@ impl Service {
                 answer.select_draw(executed.candidate.draw);
                 Some(executed.published)
             }
-            None => self.execute_answered(&in_flight, &answer),
+            None => self.execute_answered(&mut in_flight, &answer),
         };
         if let Some(published) = published {
             if let Err(refusal) = &published
-                && in_flight.is_made_again(&published)
+                && let Some(attempt) = in_flight.made_again(&published)
             {
                 tracing::info!("plan {plan_id} is made again: {refusal}");
-                self.begin(in_flight.queued, in_flight.attempt + 1);
+                self.begin(in_flight.queued, attempt);
                 return;
             }
             answer.report_execution(published.map_err(|refusal| refusal.to_string()));
@@ -287,7 +283,7 @@ impl Service {
     /// Publishes the motion that an answer selects, if it is to be executed and wanted.
     fn execute_answered(
         &mut self,
-        in_flight: &InFlight,
+        in_flight: &mut InFlight,
         answer: &Answer,
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let has_candidates = answer.outcome().is_some_and(Outcome::has_candidates);
@@ -304,13 +300,13 @@ impl Service {
     /// Publishes the selected motion, if it is to be executed.
     fn execute(
         &mut self,
-        in_flight: &InFlight,
+        in_flight: &mut InFlight,
         selected: Option<&Candidate>,
     ) -> Option<Result<u32, ExecutionRefusal>> {
-        let task = &in_flight.queued.task;
-        let requested_mono_ns = task.requested_mono_ns?;
+        let requested_mono_ns = in_flight.queued.task.requested_mono_ns?;
+        in_flight.took = in_flight.begin_chosen.elapsed();
         if let (PlanBegin::AtSwitch(_), Some(kind)) = (in_flight.begin, in_flight.kind) {
-            self.lead_times.note(kind, in_flight.begin_chosen.elapsed());
+            self.lead_times.note(kind, in_flight.took);
         }
         Some(self.publish_selected(in_flight, selected, requested_mono_ns))
     }
@@ -415,17 +411,16 @@ fn begins_too_late(asker: &Asker, begin: &PlanBegin) -> Option<Refusal> {
 }
 
 impl InFlight {
-    /// Whether the request is planned again, since its motion came too late for its switch or for the obstacles that it was planned among.
-    fn is_made_again(&self, published: &Result<u32, ExecutionRefusal>) -> bool {
+    /// The next attempt of a request whose motion came too late for its switch or for the obstacles that it was planned among, where there is one.
+    fn made_again(&self, published: &Result<u32, ExecutionRefusal>) -> Option<Attempt> {
         let is_out_of_date = matches!(
             published,
             Err(ExecutionRefusal::SwitchMissed { .. } | ExecutionRefusal::SceneInTheWay { .. })
         );
         let is_wanted = self.queued.asker.is_waiting();
-        is_out_of_date
-            && is_wanted
-            && self.attempt < ATTEMPTS
-            && Instant::now() < self.queued.deadline()
+        let is_in_time = Instant::now() < self.queued.deadline();
+        let next = self.attempt.next(self.took);
+        next.filter(|_| is_out_of_date && is_wanted && is_in_time)
     }
 }
 

@@ -208,7 +208,8 @@ fn segments_first<'a>(
                 braking,
                 ..*joining
             };
-            times.measure(Stage::Select, || joining.segments(&goals.distinct))
+            let again = || joining.fastest_again(&segments, &goals.distinct);
+            times.measure(Stage::Select, again)
         }
     };
     let tell = || {

@@ -91,6 +91,24 @@ impl Joining<'_> {
         }
     }
 
+    /// The fastest of known segments, joined to this braking, which begins a moment later: it is still the fastest; where it is not certified from
+    /// there, all segments anew.
+    pub(super) fn fastest_again(
+        &self,
+        known: &JoinedSegments,
+        goals: &[Configuration],
+    ) -> JoinedSegments {
+        let fastest = known.selected().map(|fastest| fastest.draw);
+        let again = fastest.and_then(|draw| self.segment(draw, &goals[draw], f64::INFINITY).ok());
+        match again {
+            Some(segment) => JoinedSegments {
+                segments: vec![segment],
+                is_settled: true,
+            },
+            None => self.segments(goals),
+        }
+    }
+
     /// The straight segment to a configuration as a motion joined to the braking; [`Failure::Slower`] where it takes longer than
     /// `longest_s` from rest.
     fn segment(
