@@ -31,6 +31,8 @@ pub(crate) enum Work {
     WholePlanToKeptGoal,
     /// Straight segments are joined to the motion that is left, of which the fastest motion mostly is one.
     StraightSegments,
+    /// The fastest of them alone is joined again, where the switch has come too near meanwhile.
+    FastestSegment,
     /// Paths that are planned are joined to the motion that is left, until the fastest is known.
     Joining,
     /// The same, and a plan to the goal configuration of the fastest one.
@@ -40,7 +42,7 @@ pub(crate) enum Work {
 impl From<ToBeDone> for Work {
     fn from(to_be_done: ToBeDone) -> Self {
         match to_be_done {
-            ToBeDone::Nothing => Self::StraightSegments,
+            ToBeDone::Nothing => Self::FastestSegment,
             ToBeDone::Joining => Self::Joining,
             ToBeDone::JoiningAndPlanningAnew => Self::JoiningAndPlanningAnew,
         }
@@ -48,8 +50,20 @@ impl From<ToBeDone> for Work {
 }
 
 impl Work {
+    /// Other work that takes longer, by which it is foreseen as long as it was not done itself.
+    fn takes_longer(self) -> Option<Self> {
+        match self {
+            Self::FastestSegment => Some(Self::StraightSegments),
+            Self::Joining => Some(Self::JoiningAndPlanningAnew),
+            Self::WholePlan
+            | Self::WholePlanToKeptGoal
+            | Self::StraightSegments
+            | Self::JoiningAndPlanningAnew => None,
+        }
+    }
+
     /// How carefully the time of the work is foreseen. The goal that stays is followed the more closely the shorter its lead is, and planned
-    /// anew all the time; segments that take longer are joined again; any other switch is to be missed but rarely.
+    /// anew all the time; segments that take longer are followed by the fastest once more; any other switch is to be missed but rarely.
     fn foresight(self) -> Foresight {
         match self {
             Self::WholePlanToKeptGoal => Foresight {
@@ -60,7 +74,10 @@ impl Work {
                 exceptional: 4,
                 margin: 1.05,
             },
-            Self::WholePlan | Self::Joining | Self::JoiningAndPlanningAnew => Foresight {
+            Self::WholePlan
+            | Self::FastestSegment
+            | Self::Joining
+            | Self::JoiningAndPlanningAnew => Foresight {
                 exceptional: 32,
                 margin: 1.2,
             },
@@ -119,9 +136,14 @@ impl LeadTimes {
 
     /// How far ahead a plan of this kind is to begin, so that it is in the loop by then.
     pub(super) fn lead(&self, kind: PlanKind) -> Duration {
-        let known = self.recent.iter().find(|(known, _)| *known == kind);
         let foresight = kind.work.foresight();
-        let foreseen = known.and_then(|(_, times)| times.longest_usual(foresight.exceptional));
+        let foreseen = |work| {
+            let kind = PlanKind { work, ..kind };
+            let known = self.recent.iter().find(|(known, _)| *known == kind);
+            known.and_then(|(_, times)| times.longest_usual(foresight.exceptional))
+        };
+        let takes_longer = kind.work.takes_longer();
+        let foreseen = foreseen(kind.work).or_else(|| takes_longer.and_then(foreseen));
         foreseen.map_or(FIRST_LEAD, |took| {
             took.mul_f64(foresight.margin) + TO_THE_LOOP
         })
@@ -167,6 +189,7 @@ mod tests {
             Work::WholePlan,
             Work::WholePlanToKeptGoal,
             Work::StraightSegments,
+            Work::FastestSegment,
             Work::Joining,
             Work::JoiningAndPlanningAnew,
         ] {
@@ -199,5 +222,21 @@ mod tests {
             times.note(kind(false), ms(80));
             assert!(times.lead(kind(false)) > ms(80));
         }
+    }
+
+    #[test]
+    fn work_that_was_never_done_is_foreseen_by_work_that_takes_longer() {
+        let kind = |work| PlanKind {
+            sampler: Sampler::Default,
+            has_several_goals: false,
+            work,
+        };
+        let mut times = LeadTimes::default();
+        times.note(kind(Work::JoiningAndPlanningAnew), Duration::from_millis(5));
+        let known = times.lead(kind(Work::JoiningAndPlanningAnew));
+        assert_eq!(times.lead(kind(Work::Joining)), known);
+        assert_eq!(times.lead(kind(Work::FastestSegment)), FIRST_LEAD);
+        times.note(kind(Work::Joining), Duration::from_millis(1));
+        assert!(times.lead(kind(Work::Joining)) < known);
     }
 }

@@ -12,7 +12,7 @@ use shared_types::codes::{Outcome, PlanField};
 use super::answer::{Answer, is_deliverable};
 use super::asker::Asker;
 use super::in_flight::{Attempt, EarlyExecution, InFlight, Queued};
-use super::lead_times::{PlanKind, TO_THE_LOOP, Work, lead_of_the_same_work};
+use super::lead_times::{PlanKind, TO_THE_LOOP, Work};
 use super::plan_runner::{Early, Job, LateBegin, LateSwitch, PlanOutput};
 use super::planned::Planned;
 use super::recent_plans::{KeptCandidate, KeptPlan, PlanBegin};
@@ -77,11 +77,15 @@ impl Service {
         // Something may have begun to move since it was asked for.
         let selects_early = selects_early && problem.moving.is_empty();
         let kind = queued.kind(selects_early);
-        let late_works = [Work::Joining, Work::JoiningAndPlanningAnew];
+        let late_works = [
+            Work::FastestSegment,
+            Work::Joining,
+            Work::JoiningAndPlanningAnew,
+        ];
         let late_switch = match &begin {
             PlanBegin::AtSwitch(switch) if selects_early => Some(late_switch(
                 self.execution.shared_robot_motion(),
-                (*switch, begun),
+                *switch,
                 late_works.map(|work| (work, lead(PlanKind { work, ..kind }))),
                 queued.task.begin_mono_ns,
             )),
@@ -206,18 +210,17 @@ impl Service {
         let Some(in_flight) = &mut self.in_flight else {
             return;
         };
-        let is_planned = begin.to_be_done != ToBeDone::Nothing;
-        let work = is_planned.then(|| Work::from(begin.to_be_done));
+        let work = Work::from(begin.to_be_done);
         let kind = in_flight.kind.take();
-        if let (Some(kind), None) = (kind, work) {
-            // It was too late already.
+        if let (Some(kind), Work::FastestSegment) = (kind, work) {
+            // The segments took too long for the first switch.
             let took = begin.chosen - in_flight.begin_chosen;
             self.lead_times.note(kind, took);
         }
         if let Some(switch) = begin.switch {
             in_flight.begin = PlanBegin::AtSwitch(switch);
             in_flight.begin_chosen = begin.chosen;
-            in_flight.kind = kind.zip(work).map(|(kind, work)| PlanKind { work, ..kind });
+            in_flight.kind = kind.map(|kind| PlanKind { work, ..kind });
         }
     }
 
@@ -367,30 +370,25 @@ impl Service {
     }
 }
 
-/// Where a motion is left by one that is ready within a lead, whenever it is asked, and not before `not_before_mono_ns`: within one of `leads`,
-/// where paths are joined without and with another plan; where segments are joined again, since the switch of the `first` choice has come too
-/// near, within the time that they took since then.
+/// Where a motion is left by one that is ready within the one of `leads` that is for what is to be done, whenever it is asked, and not before
+/// `not_before_mono_ns`; none where nothing is to be done and the switch that was chosen first is in time.
 fn late_switch(
     robot: Shared<RobotMotion>,
-    first: (Switch, Instant),
-    leads: [(Work, Duration); 2],
+    first: Switch,
+    leads: [(Work, Duration); 3],
     not_before_mono_ns: Option<i64>,
 ) -> LateSwitch {
-    let (first, chosen) = first;
     Box::new(move |to_be_done| {
         let RobotMotion::Following(followed) = robot.get() else {
             return None;
         };
         let now = mono_now_ns();
         let in_time = followed.is_ahead(&first, TO_THE_LOOP.mul_f64(0.75), now);
-        let lead = match to_be_done {
-            ToBeDone::Nothing if in_time => return None,
-            ToBeDone::Nothing => lead_of_the_same_work(chosen.elapsed()),
-            ToBeDone::Joining | ToBeDone::JoiningAndPlanningAnew => {
-                let work = Work::from(to_be_done);
-                leads.into_iter().find(|(of, _)| *of == work)?.1
-            }
-        };
+        if to_be_done == ToBeDone::Nothing && in_time {
+            return None;
+        }
+        let work = Work::from(to_be_done);
+        let (_, lead) = leads.into_iter().find(|(of, _)| *of == work)?;
         let switch = followed.switch_after(lead.max(until(not_before_mono_ns, now)), now)?;
         (switch.trajectory_id == first.trajectory_id).then_some(switch)
     })
