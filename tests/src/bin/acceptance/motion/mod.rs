@@ -19,6 +19,7 @@ mod setpoints;
 mod standing;
 mod unreachable_goal;
 
+use crate::demo;
 use crate::report::Report;
 use crate::scale::Scale;
 
@@ -33,4 +34,5 @@ pub(crate) const GROUPS: &[fn(&mut Report, Scale)] = &[
     moving_goal::run,
     unreachable_goal::run,
     moving_balls::run,
+    demo::run,
 ];

@@ -350,3 +350,37 @@ fn reset(stand: &mut Stand, fault: LoopFault) -> anyhow::Result<()> {
     );
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::ROWS;
+    use tests::programs::repository;
+
+    /// The words with which a row of the table in docs/control.md begins, up to its figures.
+    fn documented() -> Vec<String> {
+        let text = std::fs::read_to_string(repository().join("docs/control.md")).unwrap();
+        let (_, table) = text.split_once("### Faults while joining").unwrap();
+        let rows = table.lines().skip_while(|line| !line.starts_with("| ---"));
+        let rows = rows.skip(1).take_while(|line| line.starts_with('|'));
+        let first = |row: &str| {
+            let cell = row.trim_start_matches("| ").split(" |").next();
+            let words = cell.unwrap().split([':', '(']).next().unwrap().trim();
+            let words = words.split(" of 2e-9").next().unwrap();
+            words.trim_end_matches(" for 0.6 s").to_owned()
+        };
+        rows.map(first).collect()
+    }
+
+    #[test]
+    fn every_row_of_the_documented_table_is_injected_and_every_fault_is_documented() {
+        let documented = documented();
+        for words in &documented {
+            let is_injected = ROWS.iter().any(|row| row.name.starts_with(words.as_str()));
+            assert!(is_injected, "{words}");
+        }
+        for row in ROWS {
+            let is_documented = documented.iter().any(|words| row.name.starts_with(words));
+            assert!(is_documented, "{}", row.name);
+        }
+    }
+}
