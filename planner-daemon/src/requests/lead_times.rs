@@ -5,7 +5,7 @@ use std::time::Duration;
 use planning::ToBeDone;
 use shared_types::codes::Sampler;
 
-/// Time from a motion that is ready until the controller's loop has it.
+/// Time from a motion that is ready until the controller's loop has it, where that is not to be missed.
 pub(super) const TO_THE_LOOP: Duration = Duration::from_micros(2_500);
 /// Lead of the first requests of a kind, before it is known how long they take.
 const FIRST_LEAD: Duration = Duration::from_millis(15);
@@ -69,10 +69,12 @@ impl Work {
             Self::WholePlanToKeptGoal => Foresight {
                 exceptional: 8,
                 margin: 1.05,
+                to_the_loop: Duration::from_micros(2_000),
             },
             Self::StraightSegments => Foresight {
                 exceptional: 4,
                 margin: 1.05,
+                to_the_loop: TO_THE_LOOP,
             },
             Self::WholePlan
             | Self::FastestSegment
@@ -80,6 +82,7 @@ impl Work {
             | Self::JoiningAndPlanningAnew => Foresight {
                 exceptional: 32,
                 margin: 1.2,
+                to_the_loop: TO_THE_LOOP,
             },
         }
     }
@@ -92,6 +95,8 @@ struct Foresight {
     exceptional: usize,
     /// Factor on the longest of the others.
     margin: f64,
+    /// Time from a motion that is ready until the controller's loop has it.
+    to_the_loop: Duration,
 }
 
 /// How long plans of each kind that began in motion took lately, from the choice of their switch until their motion was handed over for
@@ -145,7 +150,7 @@ impl LeadTimes {
         let takes_longer = kind.work.takes_longer();
         let foreseen = foreseen(kind.work).or_else(|| takes_longer.and_then(foreseen));
         foreseen.map_or(FIRST_LEAD, |took| {
-            took.mul_f64(foresight.margin) + TO_THE_LOOP
+            took.mul_f64(foresight.margin) + foresight.to_the_loop
         })
     }
 }
@@ -196,8 +201,9 @@ mod tests {
             let Foresight {
                 exceptional,
                 margin,
+                to_the_loop,
             } = work.foresight();
-            let lead_of = |took: Duration| took.mul_f64(margin) + TO_THE_LOOP;
+            let lead_of = |took: Duration| took.mul_f64(margin) + to_the_loop;
             let kind = |has_several_goals| PlanKind {
                 sampler: Sampler::Default,
                 has_several_goals,
