@@ -1,26 +1,27 @@
 """A robot whose motors follow at once: takes the set-points and says what it does, until it is ended: drive.py."""
 
-import fcntl
 import os
 import time
 
-from wire import Wire, newest
+import numpy as np
+
+from wire import Wire, newest, take_role
 
 PERIOD_S = 0.001
 LOST_NS = 20_000_000
 
 wire = Wire()
-lock = open(f"{wire.root}/{wire.prefix}.robot.lock", "a+")
-fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-lock.truncate(0)
-lock.write(f"{os.getpid()}\n")
-lock.flush()
+lock = take_role(wire, "robot")
+descriptions = wire.service("robot_description").subscriber_builder().create()
+while (robot := newest(descriptions)) is None:
+    time.sleep(0.05)
+from_tendons = np.linalg.pinv(np.reshape(robot.tendon_matrix_m_rad, (9, 6))[: robot.tendon_count])
 setpoints = wire.service("setpoint").subscriber_builder().create()
 states = wire.service("robot_state").publisher_builder().create()
 hearts = wire.service("heartbeat").publisher_builder().create()
 heart = wire.new("Heartbeat", instance=time.monotonic_ns(), kind=wire.code("ProcessKind", "Robot"), pid=os.getpid())
-state = wire.new("RobotState", state=wire.code("MotorState", "Idle"))
-wanted, tendons = None, wire.new("Setpoint").position_m
+state = wire.new("RobotState", robot_hash=robot.robot_hash, state=wire.code("MotorState", "Idle"))
+wanted = None
 while True:
     wanted = newest(setpoints) or wanted
     now = time.monotonic_ns()
@@ -34,7 +35,7 @@ while True:
         state.ramps_to_rest += 1
     state.sequence, state.stamp_mono_ns = state.sequence + 1, now
     state.measured_tendon_m = state.accepted_setpoint_m
-    state.measured_configuration_rad = wire.configuration(state.measured_tendon_m)
+    state.measured_configuration_rad[:] = from_tendons @ state.measured_tendon_m[: robot.tendon_count]
     states.send_copy(state)
     if state.sequence % 10 == 0:
         heart.sequence, heart.stamp_mono_ns = heart.sequence + 1, now

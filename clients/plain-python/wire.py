@@ -7,6 +7,7 @@ A message is a ctypes structure with the fields of wire.json; units, clock and z
 """
 
 import ctypes
+import fcntl
 import json
 import os
 from pathlib import Path
@@ -117,6 +118,34 @@ def default_root():
     """Where the services are, as docs/wire.md says."""
     home = Path.home() / ".pcc-services"
     return home if home.is_dir() else Path(f"/dev/shm/pcc-{os.getuid()}")
+
+
+def take_role(wire, role):
+    """The lock of a role, `robot` or `controller`, which one process has at a time; it is held for as long as it is kept."""
+    lock = open(f"{wire.root}/{wire.prefix}.{role}.lock", "a+")
+    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    lock.truncate(0)
+    lock.write(f"{os.getpid()}\n")
+    lock.flush()
+    return lock
+
+
+def hermite(knots, time_s):
+    """Position and velocity of a motion at a time: quintic Hermite between its knots [s, rad, rad/s, rad/s²]."""
+    index = next((i for i in range(1, len(knots) - 1) if knots[i].time_s > time_s), len(knots) - 1)
+    a, b = knots[index - 1], knots[index]
+    span = b.time_s - a.time_s
+    u = (time_s - a.time_s) / span
+    weights = (
+        (1 - u) ** 3 * (1 + 3 * u + 6 * u * u), span * u * (1 - u) ** 3 * (1 + 3 * u), span**2 * u * u * (1 - u) ** 3 / 2,
+        u**3 * (10 - 15 * u + 6 * u * u), span * u**3 * (u - 1) * (4 - 3 * u), span**2 * u**3 * (1 - u) ** 2 / 2,
+    )  # fmt: skip
+    slopes = (
+        -30 * u * u * (1 - u) ** 2 / span, (1 - u) ** 2 * (1 + 2 * u - 15 * u * u), span * u * (1 - u) ** 2 * (2 - 5 * u) / 2,
+        30 * u * u * (1 - u) ** 2 / span, u * u * (-12 + 28 * u - 15 * u * u), span * u * u * (3 - 8 * u + 5 * u * u) / 2,
+    )  # fmt: skip
+    ends = [values for knot in (a, b) for values in (knot.configuration_rad, knot.velocity_rad_s, knot.acceleration_rad_s2)]
+    return [[sum(w * values[axis] for w, values in zip(row, ends)) for axis in range(6)] for row in (weights, slopes)]
 
 
 def newest(subscriber):

@@ -327,6 +327,7 @@ impl World {
         }
         self.sample = Some(RobotSample {
             stamp_ns: self.now_ns + self.stamp_offset_ns,
+            robot_hash: self.robot.hash(),
             state: MotorState::from(reference.mode()),
             accepted_m: *reference.position_m(),
             accepted_velocity_m_s: reference.velocity_m_s(),

@@ -1,6 +1,6 @@
 //! Knots on the wire, and the hash by which equal plans are known.
 
-use pcc_model::DOF;
+use pcc_model::{BitHash, DOF};
 use shared_types::message::Knot;
 
 /// A knot as it travels; knots hold seconds and radians, so nothing is scaled.
@@ -15,37 +15,32 @@ pub(crate) fn to_wire(knot: &trajectory::Knot) -> Knot {
 
 /// Hash of knots, one after the other: equal plans have equal hashes.
 ///
-/// The `FxHash` of rustc (rotate by 5, exclusive or, multiply) over the bits of every number, in a lane each for times and configurations,
-/// for velocities and for accelerations, since each step waits for the one before it in its lane; then over the lanes. The
-/// rotation keeps two changed signs from cancelling.
+/// Times and configurations, velocities, and accelerations have a lane each, since each step waits for the one before it in its lane; then
+/// the lanes are hashed.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct KnotHash([u64; 3]);
+pub(crate) struct KnotHash([BitHash; 3]);
 
 impl KnotHash {
     pub(crate) const fn new() -> Self {
-        Self([0; 3])
+        Self([BitHash::new(); 3])
     }
 
     pub(crate) fn add(&mut self, knot: &Knot) {
         let [configurations, velocities, accelerations] = &mut self.0;
-        mix(configurations, knot.time_s.to_bits());
+        configurations.add(knot.time_s.to_bits());
         for axis in 0..DOF {
-            mix(configurations, knot.configuration_rad[axis].to_bits());
-            mix(velocities, knot.velocity_rad_s[axis].to_bits());
-            mix(accelerations, knot.acceleration_rad_s2[axis].to_bits());
+            configurations.add(knot.configuration_rad[axis].to_bits());
+            velocities.add(knot.velocity_rad_s[axis].to_bits());
+            accelerations.add(knot.acceleration_rad_s2[axis].to_bits());
         }
     }
 
     pub(crate) fn value(self) -> u64 {
-        let [mut value, velocities, accelerations] = self.0;
-        mix(&mut value, velocities);
-        mix(&mut value, accelerations);
-        value
+        let [mut all, velocities, accelerations] = self.0;
+        all.add(velocities.value());
+        all.add(accelerations.value());
+        all.value()
     }
-}
-
-fn mix(lane: &mut u64, bits: u64) {
-    *lane = (lane.rotate_left(5) ^ bits).wrapping_mul(0x517c_c1b7_2722_0a95);
 }
 
 #[cfg(test)]

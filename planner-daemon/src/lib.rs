@@ -16,6 +16,7 @@
 
 mod execution;
 mod goal_keeping;
+mod identity;
 mod knots;
 mod live_scene;
 mod requests;

@@ -27,6 +27,10 @@ macro_rules! capacities {
 capacities! {
     /// Degrees of freedom: two bending components a section, three sections.
     pub const DOF: usize = 6;
+    /// Sections of the robot.
+    pub const SECTIONS: usize = 3;
+    /// Bytes of the name of a robot.
+    pub const ROBOT_NAME_BYTES: usize = 64;
     /// Tendons of the robot: three a section.
     pub const TENDONS: usize = 9;
     /// Obstacle balls in one plan request.

@@ -66,7 +66,10 @@ impl FakeRobot {
         let driver = Driver {
             robot: robot.clone(),
             shared: Arc::clone(&shared),
-            state: RobotState::ZEROED,
+            state: RobotState {
+                robot_hash: robot.hash(),
+                ..RobotState::ZEROED
+            },
             set_point_ns: 0,
         };
         let options = options.clone();

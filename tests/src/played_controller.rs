@@ -29,17 +29,18 @@ pub struct PlayedController {
 }
 
 impl PlayedController {
-    /// One that holds the straight shape.
+    /// One of the robot with this hash that holds the straight shape.
     ///
     /// # Errors
     /// [`IpcError`].
-    pub fn start(options: &IpcOptions) -> Result<Self, IpcError> {
+    pub fn start(options: &IpcOptions, robot_hash: u64) -> Result<Self, IpcError> {
         let node = IpcNode::create(options, "played-controller")?;
         Ok(Self {
             state: ControllerState {
                 state: LoopState::Holding.code(),
                 rate: 1.0,
                 instance: 5,
+                robot_hash,
                 ..ControllerState::ZEROED
             },
             stops: 0,

@@ -24,6 +24,7 @@ const AHEAD_NS: i64 = 50_000_000;
 #[derive(Debug)]
 pub struct RawDaemon {
     trajectories: Publisher<TrajectoryMessage>,
+    robot_hash: u64,
     last_id: u32,
     quit: Arc<AtomicBool>,
     heart: Option<JoinHandle<Result<(), IpcError>>>,
@@ -31,16 +32,17 @@ pub struct RawDaemon {
 }
 
 impl RawDaemon {
-    /// Joins the services of a world in which no daemon runs.
+    /// Joins the services of a world in which no daemon runs, as one of the robot with this hash.
     ///
     /// # Errors
     /// [`IpcError::Full`] where one does.
-    pub fn connect(options: &IpcOptions) -> Result<Self, IpcError> {
+    pub fn connect(options: &IpcOptions, robot_hash: u64) -> Result<Self, IpcError> {
         let node = IpcNode::create(options, "raw-daemon")?;
         let (quit, options) = (Arc::<AtomicBool>::default(), options.clone());
         let stop = Arc::clone(&quit);
         Ok(Self {
             trajectories: publisher(&node, &trajectory_service(&node)?)?,
+            robot_hash,
             last_id: 0,
             quit,
             heart: Some(thread::spawn(move || beat(&options, &stop))),
@@ -63,6 +65,7 @@ impl RawDaemon {
             plan_id: u64::from(self.last_id),
             controller_instance,
             daemon_instance: INSTANCE,
+            robot_hash: self.robot_hash,
             requested_mono_ns: mono_now_ns(),
             begin_mono_ns: mono_now_ns() + AHEAD_NS,
             knot_count: 2,

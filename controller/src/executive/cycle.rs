@@ -11,6 +11,8 @@ use crate::TendonVector;
 pub struct RobotSample {
     /// Time of the measurement, ns of CLOCK_MONOTONIC.
     pub stamp_ns: i64,
+    /// Which robot it is.
+    pub robot_hash: u64,
     /// State of the motors.
     pub state: MotorState,
     /// The reference of the robot's motors, m.

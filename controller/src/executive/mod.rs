@@ -67,6 +67,7 @@ struct Splice {
 #[derive(Clone)]
 pub struct Executive {
     settings: ExecutiveSettings,
+    robot_hash: u64,
     map: TendonMap,
     limits: PaceLimits,
     state: LoopState,
@@ -115,6 +116,7 @@ impl Executive {
         let zero = [0.0; TENDONS];
         Self {
             settings,
+            robot_hash: robot.hash(),
             map: robot.tendons.clone(),
             limits: PaceLimits::new(robot),
             state: LoopState::Starting,

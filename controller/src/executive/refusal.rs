@@ -54,6 +54,14 @@ pub enum TrajectoryRefusal {
     /// The trajectory was meant for a controller before this one.
     #[error("it is meant for another controller than this one, which was started since")]
     OtherController,
+    /// It is planned for another robot.
+    #[error("it is of the robot {found:016x}, this controller's is {expected:016x}: their robot files differ")]
+    OtherRobot {
+        /// Hash of the robot that it is planned for.
+        found: u64,
+        /// Hash of the controller's robot.
+        expected: u64,
+    },
     /// Another daemon than the one whose heart beats has published it.
     #[error(
         "it was published by another daemon than the one whose heart beats: nobody would watch over it"
@@ -142,6 +150,7 @@ impl TrajectoryRefusal {
             Self::State(_) | Self::Waiting => Refusal::Busy,
             Self::Invalid(invalid) if invalid.field == "protocol_version" => Refusal::WrongVersion,
             Self::OtherController => Refusal::OtherController,
+            Self::OtherRobot { .. } => Refusal::OtherRobot,
             Self::OtherDaemon => Refusal::OtherDaemon,
             Self::RequestedBefore { .. } => Refusal::RequestedBefore,
             Self::SetAside => Refusal::SetAside,

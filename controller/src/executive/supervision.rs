@@ -160,6 +160,7 @@ impl Executive {
             .iter()
             .any(|velocity| *velocity != 0.0);
         match robot.state {
+            _ if robot.robot_hash != self.robot_hash => Waiting::OtherRobot,
             MotorState::Fault => Waiting::RobotFault,
             MotorState::Following => Waiting::RobotFollowsAnother,
             MotorState::RampingToRest => Waiting::RobotMoves,

@@ -190,6 +190,7 @@ impl Process<'_> {
         RobotState {
             sequence: self.sequence,
             stamp_mono_ns: now_ns,
+            robot_hash: self.config.robot.hash(),
             accepted_sequence: reference.accepted_sequence(),
             state: shared_types::codes::MotorState::from(reference.mode()).code(),
             fault: fault.code(),

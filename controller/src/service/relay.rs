@@ -106,7 +106,7 @@ impl Relay {
         options: &IpcOptions,
         link: RelayEnd,
     ) -> Result<Self, IpcError> {
-        let view = LoopView::new(config.executive);
+        let view = LoopView::new(config.executive, &config.robot);
         let mut relay = Self {
             results: Results::new(view.instance()),
             view,
@@ -317,6 +317,7 @@ impl Relay {
         if self.incoming.controller_instance != self.view.instance() {
             return Err(TrajectoryRefusal::OtherController);
         }
+        self.view.check_robot(self.incoming.robot_hash)?;
         if !self.link.shared.daemon_alive.load(Ordering::Relaxed) {
             return Err(TrajectoryRefusal::DaemonSilent);
         }

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::Ordering;
 
+use pcc_model::Robot;
 use shared_types::{
     clock::mono_now_ns,
     codes::{LoopFault, LoopState, Refusal, Waiting},
@@ -14,7 +15,7 @@ use super::explain;
 use super::link::{Report, Shared};
 use crate::{
     arena::MemoryCounts,
-    executive::{AcceptanceContext, CONSISTENCY_M, CycleOutput, ExecutiveSettings, GuardState},
+    executive::{AcceptanceContext, CONSISTENCY_M, CycleOutput, ExecutiveSettings, GuardState, TrajectoryRefusal},
 };
 
 /// Time after which a reason to wait is logged, ns: at a start each reason lasts for some cycles.
@@ -46,11 +47,12 @@ pub(super) struct LoopView {
 }
 
 impl LoopView {
-    pub(super) fn new(settings: ExecutiveSettings) -> Self {
+    pub(super) fn new(settings: ExecutiveSettings, robot: &Robot) -> Self {
         let mut published = ControllerState::ZEROED;
         published.speed = 1.0;
         published.period_ns = settings.period_ns.unsigned_abs();
         published.instance = mono_now_ns().unsigned_abs();
+        published.robot_hash = robot.hash();
         Self {
             settings,
             published,
@@ -72,6 +74,18 @@ impl LoopView {
     /// from that of every other controller.
     pub(super) fn instance(&self) -> u64 {
         self.published.instance
+    }
+
+    /// Checks that a trajectory is of this controller's robot.
+    ///
+    /// # Errors
+    /// [`TrajectoryRefusal::OtherRobot`].
+    pub(super) fn check_robot(&self, found: u64) -> Result<(), TrajectoryRefusal> {
+        let expected = self.published.robot_hash;
+        match found == expected {
+            true => Ok(()),
+            false => Err(TrajectoryRefusal::OtherRobot { found, expected }),
+        }
     }
 
     /// Whether a motion is executed, by the newest cycle known.

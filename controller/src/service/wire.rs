@@ -57,6 +57,7 @@ pub(super) fn robot_sample(message: &RobotState) -> Option<RobotSample> {
     };
     Some(RobotSample {
         stamp_ns: values.stamp_mono_ns,
+        robot_hash: values.robot_hash,
         state,
         accepted_m: values.accepted_setpoint_m,
         accepted_velocity_m_s: values.accepted_velocity_m_s,

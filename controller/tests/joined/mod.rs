@@ -225,6 +225,7 @@ impl Joined {
         let id = self.next_id;
         self.next_id += 1;
         let mut sent = message(id, &motion);
+        sent.robot_hash = self.robot.hash();
         sent.controller_instance = self.controller().instance;
         sent.daemon_instance = self.daemon_instance.load(Ordering::Relaxed);
         sent.path_tolerance_rad = self.path_tolerance_rad;

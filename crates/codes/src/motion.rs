@@ -72,6 +72,8 @@ codes! {
         NotTakenUp = 10 "set-points not taken up",
         /// The robot's body is farther from its reference than half of `hold_tolerance_rad`: its motors still come, or cannot.
         OffReference = 11 "robot away from its reference",
+        /// The robot is another one than the controller's robot file says.
+        OtherRobot = 12 "another robot",
     }
 }
 
@@ -131,6 +133,8 @@ codes! {
         SwitchAtKnot = 18 "switch at a knot",
         /// The trajectory does not begin in the state in which the one that it leaves is there.
         Discontinuous = 19 "discontinuous at its switch",
+        /// The trajectory is of another robot than this controller's.
+        OtherRobot = 20 "of another robot",
     }
 }
 

@@ -7,6 +7,7 @@
 
 mod arc;
 mod backbone;
+mod bit_hash;
 mod dimensions;
 mod lanes;
 mod limits;
@@ -20,6 +21,7 @@ mod unit_robot;
 
 pub use arc::Nearest;
 pub use backbone::{Backbone, Pose};
+pub use bit_hash::BitHash;
 pub use dimensions::{Configuration, DOF, MAX_TENDONS, Point, SECTIONS};
 pub use lanes::{LANES, norms_squared, one_by_one, side_by_side};
 pub use numbers::Numbers;

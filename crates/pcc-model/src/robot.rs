@@ -2,7 +2,7 @@
 
 use crate::tendons::{Tendon, TendonMap};
 use crate::tips::{MovingTips, tips_of};
-use crate::{Backbone, Configuration, DOF, Point, SECTIONS};
+use crate::{Backbone, BitHash, Configuration, DOF, Point, SECTIONS};
 use fearless_simd::f64x4;
 use fearless_simd::prelude::*;
 
@@ -49,6 +49,22 @@ pub struct Robot {
 }
 
 impl Robot {
+    /// A number that is equal for equal robots, name included: processes that are set up for different ones know each other by it. Never 0.
+    #[must_use]
+    pub fn hash(&self) -> u64 {
+        let mut hash = BitHash::new();
+        self.name.bytes().for_each(|byte| hash.add(byte.into()));
+        let (limits, tendons) = (&self.tendon_limits, self.tendons.tendons().iter());
+        let numbers = [self.bending_limit, self.spool_radius]
+            .into_iter()
+            .chain(self.section_lengths)
+            .chain(self.tube_radii)
+            .chain([limits.velocity, limits.acceleration, limits.jerk])
+            .chain(tendons.flat_map(|it| [it.section as f64, it.radius, it.angle]));
+        numbers.for_each(|number| hash.add(number.to_bits()));
+        hash.value().max(1)
+    }
+
     /// The backbone of a configuration.
     #[must_use]
     pub fn backbone(&self, configuration: &Configuration) -> Backbone {

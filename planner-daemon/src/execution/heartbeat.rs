@@ -11,14 +11,16 @@ use shared_types::clock::mono_now_ns;
 use shared_types::codes::ProcessKind;
 use shared_types::ipc::{
     IpcError, IpcNode, IpcOptions, JoinOnDrop, Publisher, heartbeat_service, publisher,
-    spawn_with_ports,
+    robot_description_service, spawn_with_ports,
 };
-use shared_types::message::Heartbeat;
+use shared_types::message::{Heartbeat, RobotDescription};
 
 use crate::live_scene::SceneMemoryError;
 
 /// Time between two heartbeats.
 const BEAT_PERIOD: Duration = Duration::from_millis(10);
+/// Beats from one description of the robot to the next: 1 s.
+const DESCRIBED_EVERY: u64 = 100;
 /// Time between two looks for dead processes.
 const CLEANUP_PERIOD: Duration = Duration::from_millis(100);
 /// Beats without progress of supervision after which the heart stops: 100 ms.
@@ -70,11 +72,11 @@ pub(crate) struct BackgroundThreads {
 }
 
 impl BackgroundThreads {
-    /// Starts both threads, each with a node of its own; the heart beats for this `instance` of the daemon, at a real-time priority if
-    /// there is one.
+    /// Starts both threads, each with a node of its own; the heart beats for the instance of the daemon that describes its robot, at a
+    /// real-time priority if there is one.
     pub(crate) fn start(
         options: &IpcOptions,
-        instance: u64,
+        description: RobotDescription,
         supervision_rounds: &Arc<AtomicU64>,
         realtime_priority: Option<u8>,
     ) -> Result<Self, BackgroundError> {
@@ -89,8 +91,8 @@ impl BackgroundThreads {
         );
         let heart = spawn_with_ports(
             "heartbeat",
-            move || heartbeat_port(&node, realtime_priority),
-            move |publisher| beat(&publisher, instance, &supervision_rounds, &ended),
+            move || Heart::open(&node, description, realtime_priority),
+            move |mut heart| heart.beat_until(&supervision_rounds, &ended),
         )??;
         background.threads.push(heart.into());
         let node = IpcNode::create(options, "planner-daemon cleaning")?;
@@ -108,42 +110,68 @@ impl Drop for BackgroundThreads {
     }
 }
 
-fn heartbeat_port(
-    node: &IpcNode,
-    realtime_priority: Option<u8>,
-) -> Result<Publisher<Heartbeat>, BackgroundError> {
-    if let Some(priority) = realtime_priority {
-        use_fifo_priority(priority)?;
-    }
-    Ok(publisher(node, &heartbeat_service(node)?)?)
+/// The heart: its ports, and what it says.
+struct Heart {
+    heartbeats: Publisher<Heartbeat>,
+    descriptions: Publisher<RobotDescription>,
+    description: RobotDescription,
+    beats: u64,
+    is_failing: bool,
 }
 
-fn beat(
-    publisher: &Publisher<Heartbeat>,
-    instance: u64,
-    supervision_rounds: &AtomicU64,
-    ended: &AtomicBool,
-) {
-    let (mut sequence, mut failing) = (0, false);
-    let mut stall_watch = StallWatch::default();
-    while !ended.load(Ordering::Relaxed) {
-        if stall_watch.sees(supervision_rounds) {
-            sequence += 1;
-            let sent = publisher.send_copy(Heartbeat {
-                stamp_mono_ns: mono_now_ns(),
-                instance,
-                sequence,
-                kind: ProcessKind::Daemon.code(),
-                pid: std::process::id(),
-            });
-            if let Err(error) = &sent
-                && !failing
-            {
-                tracing::warn!("a heartbeat was not sent: {error:?}");
-            }
-            failing = sent.is_err();
+impl Heart {
+    fn open(
+        node: &IpcNode,
+        description: RobotDescription,
+        realtime_priority: Option<u8>,
+    ) -> Result<Self, BackgroundError> {
+        if let Some(priority) = realtime_priority {
+            use_fifo_priority(priority)?;
         }
-        sleep(BEAT_PERIOD);
+        Ok(Self {
+            heartbeats: publisher(node, &heartbeat_service(node)?)?,
+            descriptions: publisher(node, &robot_description_service(node)?)?,
+            description,
+            beats: 0,
+            is_failing: false,
+        })
+    }
+
+    fn beat_until(&mut self, supervision_rounds: &AtomicU64, ended: &AtomicBool) {
+        let mut stall_watch = StallWatch::default();
+        while !ended.load(Ordering::Relaxed) {
+            if stall_watch.sees(supervision_rounds) {
+                self.beat();
+            }
+            sleep(BEAT_PERIOD);
+        }
+    }
+
+    fn beat(&mut self) {
+        self.beats += 1;
+        let stamp_mono_ns = mono_now_ns();
+        let beat = self.heartbeats.send_copy(Heartbeat {
+            stamp_mono_ns,
+            instance: self.description.instance,
+            sequence: self.beats,
+            kind: ProcessKind::Daemon.code(),
+            pid: std::process::id(),
+        });
+        let described = if self.beats % DESCRIBED_EVERY == 1 {
+            self.description.stamp_mono_ns = stamp_mono_ns;
+            self.descriptions.send_copy(self.description).map(|_| ())
+        } else {
+            // Who comes late gets the last one.
+            let _ = self.descriptions.update_connections();
+            Ok(())
+        };
+        let sent = beat.map(|_| ()).and(described);
+        if let Err(error) = &sent
+            && !self.is_failing
+        {
+            tracing::warn!("a heartbeat was not sent: {error:?}");
+        }
+        self.is_failing = sent.is_err();
     }
 }
 

@@ -37,6 +37,7 @@ impl Supervisor {
     ) -> Result<u32, ExecutionRefusal> {
         self.round();
         let now = mono_now_ns();
+        self.check_robot()?;
         let schedule = match &selected.leaves {
             None => self.schedule_at_rest(selected, now)?,
             Some(switch) => self.schedule_switch(switch, now)?,
@@ -81,6 +82,16 @@ impl Supervisor {
             Some(_) => self.joining = Some(motion),
         }
         Ok(id)
+    }
+
+    /// Checks that the controller, where there is one, is set up for this daemon's robot.
+    fn check_robot(&self) -> Result<(), ExecutionRefusal> {
+        let expected = self.rules.robot_hash;
+        let found = self.state.as_ref().map(|state| state.values.robot_hash);
+        match found.filter(|found| *found != expected) {
+            Some(found) => Err(ExecutionRefusal::OtherRobot { found, expected }),
+            None => Ok(()),
+        }
     }
 
     /// The schedule of a motion that begins at rest.
@@ -167,6 +178,7 @@ impl Supervisor {
             plan_id: selected.plan_id,
             controller_instance: schedule.controller_instance,
             daemon_instance: self.instance,
+            robot_hash: self.rules.robot_hash,
             requested_mono_ns: selected.timing.requested_mono_ns,
             begin_mono_ns: schedule.begin_mono_ns,
             knot_count: knots.len() as u32,

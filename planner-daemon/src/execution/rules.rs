@@ -11,6 +11,8 @@ pub(super) const ORDER_DELAY_S: f64 = 0.05;
 /// The settings of execution: robot, tolerance, braking, lead time.
 #[derive(Clone, Debug)]
 pub(crate) struct ExecutionRules {
+    /// Hash of the robot file.
+    pub(crate) robot_hash: u64,
     /// The robot in units of its section length, its tubes padded by what covers the path tolerance.
     pub(crate) padded: UnitRobot,
     /// Tracking error that the certificate covers, rad in each bending pair.

@@ -16,6 +16,7 @@ use super::recent_plans::{KeptPlan, PlanBegin};
 use super::refusal::Refusal;
 use super::report;
 use super::request_validator::PlanTask;
+use crate::identity::Identity;
 use crate::knots::{self, KnotHash};
 
 /// One answer, complete but for its time of writing and the hash.
@@ -52,6 +53,12 @@ impl Answer {
             report,
             candidates: Vec::new(),
         }
+    }
+
+    /// Sets which robot is planned for, and by which weights.
+    pub(crate) fn set_identity(&mut self, identity: Identity) {
+        self.report.robot_hash = identity.robot_hash;
+        self.report.weights_hash = identity.weights_hash;
     }
 
     /// The answer to a plan, or to the reason why there is none; lengths in metres.

@@ -26,6 +26,7 @@ use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
 use super::request_validator::{PlanTask, RequestValidator};
 use super::wait_mode::WaitMode;
+use crate::identity::Identity;
 use crate::execution::{Execution, RobotMotion};
 
 /// Longest time between two rounds: requests without an event, and clients that cancelled, are found by then.
@@ -49,6 +50,7 @@ pub(crate) struct Service {
     /// A request whose start is not known yet: the robot's motion is about to end or to be left.
     pub(super) deferred: Option<Queued>,
     pub(super) lead_times: LeadTimes,
+    identity: Identity,
     pub(super) plans: RecentPlans,
     pub(super) next_plan_id: u64,
     pub(super) goal: GoalExchange,
@@ -67,7 +69,7 @@ impl Service {
         validator: RequestValidator,
         runner: PlanRunner,
         execution: Execution,
-        lead_times: LeadTimes,
+        (lead_times, identity): (LeadTimes, Identity),
         wait: WaitMode,
         queued_per_client: usize,
     ) -> Result<Self, IpcError> {
@@ -87,6 +89,7 @@ impl Service {
             in_flight: None,
             deferred: None,
             lead_times,
+            identity,
             plans: RecentPlans::default(),
             // Larger than the ids of every earlier daemon since the machine was booted.
             next_plan_id: mono_now_ns().unsigned_abs(),
@@ -273,6 +276,7 @@ impl Service {
 
     /// Sends an answer and notifies the waiting clients; a failure is logged, and the client sees its request end.
     pub(super) fn send_to_client(&self, answer: &mut Answer, active: &PlanActiveRequest) {
+        answer.set_identity(self.identity);
         if let Err(error) = answer.send(active)
             && active.is_connected()
         {

@@ -22,6 +22,7 @@ use super::config::Config;
 use super::process;
 use super::warm_up::warm_up;
 use crate::execution::{BackgroundError, BackgroundThreads, Execution, ExecutionRules};
+use crate::identity::Identity;
 use crate::requests::{LeadTimes, PlanRunner, RequestValidator, Service};
 
 /// Time slice of a planning thread: threads that ask for shorter ones preempt it when they wake.
@@ -130,7 +131,11 @@ impl Daemon {
         let robot = Robot::from_file(&config.robot).map_err(Box::new)?;
         let static_scene = load_scene(config, &robot)?;
         let priority = granted_priority(config);
-        let planner = load_planner(config, &robot, priority)?;
+        let (planner, weights_hash) = load_planner(config, &robot, priority)?;
+        let identity = Identity {
+            robot_hash: robot.hash(),
+            weights_hash,
+        };
         lock_memory(config);
         let lead_times = warm_up(&planner, config).map_err(|source| not_served(config, source))?;
         let node = IpcNode::create(options, "planner-daemon")?;
@@ -146,10 +151,21 @@ impl Daemon {
         )?;
         let service_priority = priority.map(|planning| planning + 1);
         // The heart beats before requests are served: what is requested before a controller hears this daemon is refused by it.
-        let background =
-            BackgroundThreads::start(options, instance, &supervision_rounds, service_priority)?;
+        let background = BackgroundThreads::start(
+            options,
+            identity.description(&robot, instance),
+            &supervision_rounds,
+            service_priority,
+        )?;
         execution.wait_until_known();
-        let service = open_service(config, &node, static_scene, planner, execution, lead_times)?;
+        let service = open_service(
+            config,
+            &node,
+            static_scene,
+            planner,
+            execution,
+            (lead_times, identity),
+        )?;
         prefault_shared_memory(config, options);
         if let Some(priority) = service_priority {
             realtime::use_fifo_priority(priority)?;
@@ -264,16 +280,17 @@ fn load_scene(config: &Config, robot: &Robot) -> Result<Scene, StartError> {
     Ok(scene)
 }
 
+/// The planner, and the hash of its weights.
 fn load_planner(
     config: &Config,
     robot: &Robot,
     priority: Option<u8>,
-) -> Result<Planner, StartError> {
+) -> Result<(Planner, u64), StartError> {
     let models = config
         .weights
         .as_ref()
         .map(|folder| load_models(folder, config, robot));
-    let models = models.transpose()?.unwrap_or_default();
+    let (models, weights_hash) = models.transpose()?.unwrap_or_default();
     let unit_robot = robot.to_unit();
     let unit_robot = unit_robot.ok_or_else(|| StartError::UnequalSections {
         robot: config.robot.clone(),
@@ -293,7 +310,7 @@ fn load_planner(
             tracing::warn!("answers may be a few ms late where processors are scarce: {error}");
         }
     });
-    Ok(planner)
+    Ok((planner, weights_hash))
 }
 
 fn not_served(config: &Config, source: PlannerError) -> StartError {
@@ -303,7 +320,12 @@ fn not_served(config: &Config, source: PlannerError) -> StartError {
     }
 }
 
-fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, StartError> {
+/// The models, and the hash of the few-step model's weights.
+fn load_models(
+    folder: &Path,
+    config: &Config,
+    robot: &Robot,
+) -> Result<(Models, u64), StartError> {
     let refused = |key: String| {
         move |source| StartError::Weights {
             key,
@@ -314,10 +336,8 @@ fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, 
     let by_weights = || refused("`weights`".to_owned());
     let manifest = Manifest::open(folder).map_err(by_weights())?;
     let limit = robot.bending_limit;
-    let fast = manifest
-        .weights(MODEL)
-        .and_then(|weights| FastModel::from_weights(&weights, limit))
-        .map_err(by_weights())?;
+    let weights = manifest.weights(MODEL).map_err(by_weights())?;
+    let fast = FastModel::from_weights(&weights, limit).map_err(by_weights())?;
     let diffusion = config.diffusion.as_ref().map(|diffusion| {
         let key = format!("[diffusion] model = {:?}", shortened(&diffusion.model));
         let unet = manifest
@@ -326,10 +346,11 @@ fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<Models, 
             .map_err(refused(key))?;
         Ok::<_, StartError>(DiffusionModel::new(unet, diffusion.settings())?)
     });
-    Ok(Models {
+    let models = Models {
         fast: Some(fast),
         diffusion: diffusion.transpose()?,
-    })
+    };
+    Ok((models, weights.hash()))
 }
 
 fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> ExecutionRules {
@@ -337,6 +358,7 @@ fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> Executi
     let padding = tracking_padding(unit_robot, config.path_tolerance_rad);
     let limits = &robot.tendon_limits;
     ExecutionRules {
+        robot_hash: robot.hash(),
         padded: unit_robot.with_tube_padding(&padding),
         path_tolerance_rad: config.path_tolerance_rad,
         rate_law: RateLaw::new(&robot.tendons, limits.acceleration * BRAKING_SHARE),
@@ -351,7 +373,7 @@ fn open_service(
     static_scene: Scene,
     planner: Planner,
     execution: Execution,
-    lead_times: LeadTimes,
+    (lead_times, identity): (LeadTimes, Identity),
 ) -> Result<Service, StartError> {
     let validator = RequestValidator {
         robot: planner.robot().clone(),
@@ -363,7 +385,7 @@ fn open_service(
     let runner = PlanRunner::new(Arc::new(planner))?;
     let (wait, queued) = (config.wait, config.queued_per_client);
     Ok(Service::open(
-        node, validator, runner, execution, lead_times, wait, queued,
+        node, validator, runner, execution, (lead_times, identity), wait, queued,
     )?)
 }
 

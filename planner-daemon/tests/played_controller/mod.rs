@@ -5,7 +5,10 @@
     reason = "each test program uses the part of it that it needs"
 )]
 
+use std::path::Path;
+
 use client::{Client, PlanAnswer};
+use pcc_model::Robot;
 use shared_types::PROTOCOL_VERSION;
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::{CommandKind, LoopState};
@@ -31,6 +34,12 @@ pub struct PlayedController {
     _node: IpcNode,
 }
 
+/// Of the robot file that the daemons of these tests have.
+fn robot_hash() -> u64 {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../config/robots/unit.toml");
+    Robot::from_file(&file).unwrap().hash()
+}
+
 impl PlayedController {
     pub fn start(options: &IpcOptions) -> Self {
         let node = IpcNode::create(options, "controller").unwrap();
@@ -38,6 +47,7 @@ impl PlayedController {
             state: LoopState::Holding.code(),
             rate: 1.0,
             instance: 5,
+            robot_hash: robot_hash(),
             ..ControllerState::ZEROED
         };
         Self {

@@ -17,8 +17,8 @@ use iceoryx2::service::port_factory::publish_subscribe::PortFactory;
 use super::opening::{NODES, open_service};
 use super::{IpcError, IpcNode};
 use crate::message::{
-    ControllerState, Cycle, GoalStatus, Heartbeat, Layout, MotionResult, Payload, RobotState,
-    SceneMessage, SceneStatus, Setpoint, StandingGoal, TrajectoryMessage,
+    ControllerState, Cycle, GoalStatus, Heartbeat, Layout, MotionResult, Payload, RobotDescription,
+    RobotState, SceneMessage, SceneStatus, Setpoint, StandingGoal, TrajectoryMessage,
 };
 
 /// Most cycles in one batch of the service `cycle`: 16 ms at 4 kHz.
@@ -173,6 +173,14 @@ pub(super) const GOAL_STATUS: TopicSettings = TopicSettings {
     buffer: 32,
     ..ROBOT_STATE
 };
+/// `robot_description`: one publisher; who comes late gets the last one.
+pub(super) const ROBOT_DESCRIPTION: TopicSettings = TopicSettings {
+    name: "robot_description",
+    from: "planner-daemon",
+    history: 1,
+    buffer: 2,
+    ..ROBOT_STATE
+};
 /// `heartbeat`: one publisher a process.
 pub(super) const HEARTBEAT: TopicSettings = TopicSettings {
     name: "heartbeat",
@@ -281,6 +289,8 @@ topic_functions! {
     goal_service: StandingGoal = GOAL, "Where the daemon is to keep the robot; the newest one counts.";
     /// Opens `goal_status`.
     goal_status_service: GoalStatus = GOAL_STATUS, "What becomes of that goal, at each change and every 100 ms.";
+    /// Opens `robot_description`.
+    robot_description_service: RobotDescription = ROBOT_DESCRIPTION, "Which robot the daemon plans for, and by which weights, each second.";
     /// Opens `heartbeat`.
     heartbeat_service: Heartbeat = HEARTBEAT, "That a process lives and its work goes on, at least 50 times a second.";
 }

@@ -8,6 +8,7 @@ mod heartbeat;
 mod motion_result;
 mod plan;
 mod reason;
+mod robot_description;
 mod robot_state;
 mod scene;
 mod setpoint;
@@ -21,6 +22,7 @@ pub use heartbeat::Heartbeat;
 pub use motion_result::MotionResult;
 pub use plan::{Ball, CandidateSummary, Goal, NONE_SELECTED, PlanReport, PlanRequest};
 pub use reason::ReasonText;
+pub use robot_description::RobotDescription;
 pub use robot_state::RobotState;
 pub use scene::{MovingBall, SceneMessage, SceneStatus};
 pub use setpoint::Setpoint;
@@ -39,6 +41,7 @@ pub const LAYOUTS: &[Layout] = &[
     PlanReport::LAYOUT,
     TrajectoryMessage::LAYOUT,
     Setpoint::LAYOUT,
+    RobotDescription::LAYOUT,
     RobotState::LAYOUT,
     ControllerState::LAYOUT,
     Cycle::LAYOUT,

@@ -7,11 +7,13 @@ use crate::capacity::{DOF, TENDONS};
 
 wire_message! {
     /// State of the motor end (service `robot_state`, one publisher: the robot, 1 kHz).
-    pub struct RobotState: "pcc.v4.RobotState", 304 bytes {
+    pub struct RobotState: "pcc.v5.RobotState", 312 bytes {
         /// Counts the publisher's states, from 1.
         pub sequence: u64,
         /// Time of the measurement, nanoseconds of `CLOCK_MONOTONIC`.
         pub stamp_mono_ns: i64,
+        /// [`super::RobotDescription::robot_hash`] of the robot that this is; the controller of another one does not take hold of it.
+        pub robot_hash: u64,
         /// Sequence of the last accepted set-point; 0: none yet.
         pub accepted_sequence: u64,
         /// [`crate::codes::MotorState`].

@@ -7,7 +7,7 @@ use crate::capacity::{DOF, MAX_KNOTS};
 
 wire_message! {
     /// One knot of a motion; neighbours are joined by quintic Hermite segments.
-    pub struct Knot: "pcc.v4.Knot", 152 bytes {
+    pub struct Knot: "pcc.v5.Knot", 152 bytes {
         /// Time since the motion's begin, seconds.
         pub time_s: f64,
         /// Configuration ζ, radians: (x, y) bending components of sections 1, 2, 3.
@@ -21,7 +21,7 @@ wire_message! {
 
 wire_message! {
     /// What the controller is to execute (service `trajectory`, history 1).
-    pub struct TrajectoryMessage: "pcc.v4.TrajectoryMessage", 38992 bytes {
+    pub struct TrajectoryMessage: "pcc.v5.TrajectoryMessage", 39000 bytes {
         /// [`crate::PROTOCOL_VERSION`] of the sender.
         pub protocol_version: u32,
         /// Names this trajectory in the controller's state; at least 1, and none that was used in the 497 days before.
@@ -33,6 +33,8 @@ wire_message! {
         /// [`super::Heartbeat::instance`] of the daemon that publishes and supervises it. A controller that receives
         /// another daemon's heartbeats refuses it: nothing would stop it for an obstacle.
         pub daemon_instance: u64,
+        /// [`super::RobotDescription::robot_hash`] of the robot that it is planned for; a controller of another one refuses it.
+        pub robot_hash: u64,
         /// When the sender of the request was asked for it, nanoseconds of `CLOCK_MONOTONIC`. What was requested before the last stop,
         /// the last reset or the controller's start is refused.
         pub requested_mono_ns: i64,

@@ -17,6 +17,10 @@ pub struct PlanReport {
     pub plan_id: u64,
     /// Hash of all candidates' knots.
     pub plan_hash: u64,
+    /// The robot that is planned for ([`message::RobotDescription::robot_hash`]).
+    pub robot_hash: u64,
+    /// The daemon's weights ([`message::RobotDescription::weights_hash`]).
+    pub weights_hash: u64,
     /// What became of the request.
     pub outcome: Outcome,
     /// The text that explains the outcome.
@@ -58,6 +62,8 @@ impl PlanReport {
             request_id: wire.request_id,
             plan_id: wire.plan_id,
             plan_hash: wire.plan_hash,
+            robot_hash: wire.robot_hash,
+            weights_hash: wire.weights_hash,
             outcome: check_code("outcome", wire.outcome)?,
             reason: wire.reason.to_string(),
             start: check_code("start", wire.start)?,

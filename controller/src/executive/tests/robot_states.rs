@@ -103,7 +103,7 @@ fn what_a_starting_controller_waits_for_has_a_name() {
 
     let sample = world.sample();
     type Spoil = fn(&mut RobotSample);
-    let cases: [(Waiting, Spoil); 5] = [
+    let cases: [(Waiting, Spoil); 6] = [
         (Waiting::RobotFollowsAnother, |_| {}),
         (Waiting::RobotFault, |s| {
             s.state = Mode::Fault(crate::robot::Refusal::Stamp).into();
@@ -112,6 +112,10 @@ fn what_a_starting_controller_waits_for_has_a_name() {
         (Waiting::RobotMoves, |s| {
             s.state = Mode::Idle.into();
             s.accepted_velocity_m_s[4] = 1e-6;
+        }),
+        (Waiting::OtherRobot, |s| {
+            s.state = Mode::Idle.into();
+            s.robot_hash += 1;
         }),
         (Waiting::OffTendonMap, |s| {
             s.state = Mode::Idle.into();

@@ -78,6 +78,7 @@ impl Bench {
             trajectory_id: id,
             plan_id: 100 + u64::from(id),
             controller_instance: self.relay.view.instance(),
+            robot_hash: self.relay.config.robot.hash(),
             requested_mono_ns: mono_now_ns(),
             begin_mono_ns: mono_now_ns() + 1_000 * MS,
             knot_count: motion.knots.len() as u32,

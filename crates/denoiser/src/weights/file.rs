@@ -41,9 +41,16 @@ pub struct WeightsFile {
     path: PathBuf,
     tensors: BTreeMap<String, Tensor>,
     metadata: HashMap<String, String>,
+    hash: u64,
 }
 
 impl WeightsFile {
+    /// The first 8 bytes of the file's SHA-256, the first one the highest; 0 where the file was not checked.
+    #[must_use]
+    pub fn hash(&self) -> u64 {
+        self.hash
+    }
+
     /// Checks the content of a weights file against what the manifest says of it.
     ///
     /// # Errors
@@ -66,7 +73,11 @@ impl WeightsFile {
         let digest = Sha256::digest(content);
         let hash = digest.iter().map(|b| format!("{b:02x}")).collect();
         is_same("sha256", hash, entry.sha256.clone())?;
-        let file = Self::parse(path, content)?;
+        let first: [u8; 8] = std::array::from_fn(|index| digest[index]);
+        let file = Self {
+            hash: u64::from_be_bytes(first),
+            ..Self::parse(path, content)?
+        };
         let found = file.metadata("architecture").unwrap_or("none");
         is_same("architecture", found.into(), entry.architecture.clone())?;
         Ok(file)
@@ -94,6 +105,7 @@ impl WeightsFile {
             path: path.into(),
             tensors,
             metadata: header.metadata().clone().unwrap_or_default(),
+            hash: 0,
         })
     }
 

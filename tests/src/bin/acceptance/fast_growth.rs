@@ -182,7 +182,7 @@ fn with_live_balls(report: &mut Report, scale: Scale) -> anyhow::Result<()> {
     let all: Vec<PlanRequest> = all.take(scale.pick(3, 12)).collect();
     let mut curve = BALLS.map(|count| (count, Vec::new()));
     let (mut refused, mut kept) = (Vec::new(), Vec::new());
-    let played = Played::start(&served.world.options)?;
+    let played = Played::start(&served.world.options, served.world.robot.hash())?;
     for request in &all {
         let request = PlanRequest {
             execute: true,
@@ -236,13 +236,13 @@ enum Order {
 }
 
 impl Played {
-    fn start(options: &IpcOptions) -> anyhow::Result<Self> {
+    fn start(options: &IpcOptions, robot_hash: u64) -> anyhow::Result<Self> {
         let (orders, received) = channel();
         let (started, has_started) = channel();
         let options = options.clone();
         // Ports stay in their thread.
         let play = move || {
-            let mut controller = match PlayedController::start(&options) {
+            let mut controller = match PlayedController::start(&options, robot_hash) {
                 Ok(controller) => controller,
                 Err(error) => return drop(started.send(Err(error))),
             };

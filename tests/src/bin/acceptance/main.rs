@@ -24,6 +24,7 @@ mod fast_timing;
 mod fast_turns;
 mod fast_unsolved;
 mod geometry;
+mod join;
 mod machine;
 mod motion;
 mod motions;
@@ -61,7 +62,7 @@ struct Suite {
     groups: &'static [fn(&mut Report, Scale)],
 }
 
-const SUITES: [Suite; 5] = [
+const SUITES: [Suite; 6] = [
     Suite {
         name: "chain",
         weights: String::new,
@@ -107,6 +108,11 @@ const SUITES: [Suite; 5] = [
         name: "motion",
         weights: runs::weights_in_use,
         groups: motion::GROUPS,
+    },
+    Suite {
+        name: "join",
+        weights: runs::weights_in_use,
+        groups: join::GROUPS,
     },
 ];
 

@@ -332,7 +332,7 @@ fn tolerance(report: &mut Report) -> anyhow::Result<()> {
 /// A path tolerance that cannot be, sent to the controller by something else than our daemon: refused, and no fault.
 fn raw_tolerance(report: &mut Report) -> anyhow::Result<()> {
     let mut stack = Stack::new(&Settings::default());
-    let mut daemon = RawDaemon::connect(&stack.world.options)?;
+    let mut daemon = RawDaemon::connect(&stack.world.options, stack.world.robot.hash())?;
     stack.start(Part::Controller);
     stack.start(Part::Robot);
     let holds = |state: &ControllerState| state.state == LoopState::Holding;

@@ -273,7 +273,7 @@ fn requested_before(thread: &str, forbid: Forbid) -> anyhow::Result<Published> {
 fn foreign_motions(report: &mut Report) -> anyhow::Result<()> {
     for daemon_first in [true, false] {
         let mut stack = Stack::new(&Settings::default());
-        let mut played = PlayedController::start(&stack.world.options)?;
+        let mut played = PlayedController::start(&stack.world.options, stack.world.robot.hash())?;
         played.state.trajectory_id = FOREIGN;
         if daemon_first {
             stack.start(Part::Daemon);
@@ -337,7 +337,7 @@ fn refused_and_executed(report: &mut Report) -> anyhow::Result<()> {
     let mut stack = Stack::new(&Settings::default());
     stack.start(Part::Daemon);
     stack.client.wait_for_daemon(PATIENCE)?;
-    let mut played = PlayedController::start(&stack.world.options)?;
+    let mut played = PlayedController::start(&stack.world.options, stack.world.robot.hash())?;
     let id = published_for(&mut stack, &mut played)?;
     let state = &mut played.state;
     (state.trajectory_id, state.state) = (id, LoopState::Executing.code());
@@ -368,7 +368,7 @@ fn forged_times(report: &mut Report) -> anyhow::Result<()> {
         let mut stack = Stack::new(&Settings::default());
         stack.start(Part::Daemon);
         stack.client.wait_for_daemon(PATIENCE)?;
-        let mut played = PlayedController::start(&stack.world.options)?;
+        let mut played = PlayedController::start(&stack.world.options, stack.world.robot.hash())?;
         let id = published_for(&mut stack, &mut played)?;
         let state = &mut played.state;
         (state.trajectory_id, state.state) = (id, LoopState::Executing.code());

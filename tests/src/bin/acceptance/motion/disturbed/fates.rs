@@ -20,7 +20,7 @@ pub(super) struct Replan {
     /// The motion that was published, or why none was.
     pub(super) answer: Result<u32, String>,
     /// Whether the controller was held for longer than the robot bears, which then comes to rest by itself.
-    pub(super) outlasts_robot: bool,
+    pub(super) outlasted_robot: bool,
     /// When it was disturbed.
     pub(super) disturbed_ns: Vec<i64>,
 }
@@ -118,7 +118,7 @@ fn end_of(heard: &Heard, id: u32, all: &[Replan]) -> Result<&'static str, String
 /// Whether a motion ended since the robot ramped to rest while the controller was held for longer than it bears.
 fn is_ramped(result: &MotionResult, all: &[Replan]) -> bool {
     let ended_ns = result.stamp_mono_ns;
-    let holds = all.iter().filter(|replan| replan.outlasts_robot);
+    let holds = all.iter().filter(|replan| replan.outlasted_robot);
     let mut holds = holds.flat_map(|replan| &replan.disturbed_ns);
     result.fault == LoopFault::RobotRampedToRest.code()
         && holds.any(|hold_ns| (0..LONGEST_HELD_NS).contains(&(ended_ns - hold_ns)))

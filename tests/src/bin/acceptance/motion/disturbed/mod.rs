@@ -241,7 +241,6 @@ fn ask_in_motion(
     request: &PlanRequest,
     schedule: &mut Schedule,
 ) -> anyhow::Result<Replan> {
-    let outlasts_robot = schedule.outlasts_robot();
     let mut disturbed_ns = Vec::new();
     while !schedule.is_request_due() {
         disturbed_ns.extend(schedule.carry_out(stack)?);
@@ -266,7 +265,7 @@ fn ask_in_motion(
                 asked_ns,
                 answered_ns,
                 answer,
-                outlasts_robot,
+                outlasted_robot: schedule.outlasted_robot(),
                 disturbed_ns,
             });
         }

@@ -77,6 +77,9 @@ pub(super) const BAD_MESSAGES: &[BadMessage] = &[
     bad("another controller's", Refusal::OtherController, |m| {
         m.controller_instance += 1;
     }),
+    bad("another robot's", Refusal::OtherRobot, |m| {
+        m.robot_hash += 1;
+    }),
     bad("another daemon's", Refusal::OtherDaemon, |m| {
         m.daemon_instance += 1;
     }),

@@ -1,0 +1,195 @@
+//! Every service joined, and each part played, from Python with iceoryx2's own bindings and what `wire.json` says.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, ensure};
+use client::ScenePublisher;
+use serde_json::Value;
+use shared_types::codes::LoopState;
+use shared_types::valid::{Goal, PlanRequest};
+use tests::process::{Process, wait_for};
+use tests::programs::repository;
+use tests::stack::{PATIENCE, Part, Stack};
+use tests::world::{Settings, World};
+
+use crate::paper_python::python_with;
+use crate::report::Report;
+
+/// Lines that each example may have.
+const LINES: usize = 60;
+/// A tip that the unit robot reaches from rest.
+const TIP_M: [f64; 3] = [1.0, 0.5, 2.3];
+/// How long an example may take that ends by itself.
+const LIMIT: Duration = Duration::from_secs(30);
+
+pub(super) fn run(report: &mut Report) {
+    let command = "clients/plain-python";
+    report.group("plain Python: every service", command, every_service);
+    report.group("plain Python: plan and watch", command, plan_and_watch);
+    report.group("plain Python: publish a scene", command, publish_scene);
+    report.group("plain Python: drive motors", command, drive);
+    report.group("plain Python: follow trajectories", command, follow);
+    report.group("plain Python: lines of each example", command, lines);
+}
+
+fn folder() -> PathBuf {
+    repository().join("clients/plain-python")
+}
+
+fn python() -> anyhow::Result<PathBuf> {
+    python_with("venv-plain", "clients/plain-python/requirements.txt", "iceoryx2 and numpy")
+}
+
+fn start(world: &World, script: &str, arguments: &[&str]) -> anyhow::Result<Process> {
+    let script = folder().join(script);
+    let script = script.to_str().context("the repository's path is no text")?;
+    let all: Vec<&str> = ["-u", script].into_iter().chain(arguments.iter().copied()).collect();
+    Ok(Process::start_program(world, &python()?, &all))
+}
+
+/// Runs an example to its end; what it says.
+fn said(world: &World, script: &str, arguments: &[&str]) -> anyhow::Result<String> {
+    let mut process = start(world, script, arguments)?;
+    let status = process.wait(LIMIT)?;
+    ensure!(status.success(), "{script}: {status}: {}", process.log());
+    Ok(process.log())
+}
+
+fn tip() -> [String; 3] {
+    TIP_M.map(|axis| axis.to_string())
+}
+
+fn plan(world: &World) -> anyhow::Result<String> {
+    let tip = tip();
+    said(world, "plan.py", &tip.each_ref().map(String::as_str))
+}
+
+fn every_service(report: &mut Report) -> anyhow::Result<()> {
+    let stack = Stack::running(&Settings::default())?;
+    let said = said(&stack.world, "services.py", &["2"])?;
+    let wire: Value = read_wire(&repository().join("shared-types/wire.json"))?;
+    let services = wire["services"].as_array().context("services")?;
+    let names: Vec<&str> = services.iter().filter_map(|it| it["name"].as_str()).collect();
+    let missing: Vec<String> = names
+        .iter()
+        .filter(|name| !said.lines().any(|line| line.starts_with(&format!("{name}: "))))
+        .map(|name| (*name).to_owned())
+        .collect();
+    report.none_of("services of wire.json that were not joined", &missing);
+    // What is sent all the time while the robot holds.
+    for name in ["setpoint", "robot_state", "controller_state", "cycle", "heartbeat", "robot_description"] {
+        let line = said.lines().find(|line| line.starts_with(&format!("{name}: ")));
+        let count: usize = line
+            .and_then(|line| line.split(' ').nth(1)?.parse().ok())
+            .unwrap_or(0);
+        report.check(&format!("samples of {name} in 2 s"), count.to_string(), "> 0", count > 0);
+    }
+    Ok(())
+}
+
+fn read_wire(file: &Path) -> anyhow::Result<Value> {
+    Ok(serde_json::from_str(&std::fs::read_to_string(file)?)?)
+}
+
+/// The same request from Rust has the same plan.
+fn plan_and_watch(report: &mut Report) -> anyhow::Result<()> {
+    let mut stack = Stack::running(&Settings::default())?;
+    let request = PlanRequest {
+        candidate_count: 10,
+        ..PlanRequest::from_robot(Goal::tip(TIP_M))
+    };
+    let answer = stack.client.plan(&request, PATIENCE)?;
+    let expected = format!("hash {:016x}", answer.report().plan_hash);
+    drop(answer);
+    let mut watching = start(&stack.world, "watch.py", &["12"])?;
+    let planned = plan(&stack.world)?;
+    let first = planned.lines().next().unwrap_or_default().to_owned();
+    report.check("plan_hash of the same request", first.clone(), &expected, first.contains(&expected));
+    let last = planned.lines().last().unwrap_or_default().to_owned();
+    let reached = last.contains("reached");
+    report.check("the result of the motion", last, "reached", reached);
+    let status = watching.wait(LIMIT)?;
+    ensure!(status.success(), "watch.py: {status}: {}", watching.log());
+    let watched = watching.log();
+    let sees = watched.contains("executing") && watched.contains(": reached");
+    report.check("watch.py tells of the motion and its result", sees.to_string(), "true", sees);
+    Ok(())
+}
+
+fn publish_scene(report: &mut Report) -> anyhow::Result<()> {
+    let stack = Stack::running(&Settings::default())?;
+    let ball = ["3", "0", "1", "0.1", "0.1", "0", "0", "2"];
+    let told = said(&stack.world, "scene.py", &ball)?;
+    let verdicts: Vec<&str> = told.lines().filter(|line| line.starts_with("scene ")).collect();
+    let refused: Vec<String> = verdicts
+        .iter()
+        .filter(|line| !line.contains(": none"))
+        .map(|line| (*line).to_owned())
+        .collect();
+    report.none_of("scenes that do not count", &refused);
+    let count = verdicts.len();
+    report.check("scenes that count", count.to_string(), "> 20", count > 20);
+    // It has taken its leave: another source alone decides now.
+    let mut other = ScenePublisher::connect(&stack.world.options, "other")?;
+    let verdict = other.publish(&[], Duration::from_secs(60))?;
+    report.check("a scene of another source behind it", format!("{verdict:?}"), "counts", true);
+    let planned = plan(&stack.world)?;
+    let reached = planned.contains("reached");
+    report.check("a motion behind it", planned.lines().last().unwrap_or_default().to_owned(), "reached", reached);
+    Ok(())
+}
+
+/// A driver in Python in the simulated robot's place.
+fn drive(report: &mut Report) -> anyhow::Result<()> {
+    let mut stack = Stack::new(&Settings::default());
+    stack.start(Part::Daemon);
+    stack.start(Part::Controller);
+    stack.client.wait_for_daemon(PATIENCE)?;
+    let mut driver = start(&stack.world, "drive.py", &[])?;
+    let held = wait_for("the controller holds the driver's robot", PATIENCE, || {
+        let state = stack.controller.latest_state().ok().flatten()?;
+        (state.state == LoopState::Holding).then_some(())
+    });
+    held.with_context(|| driver.log())?;
+    let planned = plan(&stack.world)?;
+    let last = planned.lines().last().unwrap_or_default().to_owned();
+    let reached = last.contains("reached");
+    report.check("a motion by a driver in Python", last, "reached", reached);
+    let state = stack.controller_state();
+    let error = tests::stack::tip_error(&stack.world.robot, &state.values.measured_configuration_rad, &TIP_M);
+    report.at_most("tip error as measured, m", error, 0.03);
+    driver.kill9();
+    Ok(())
+}
+
+/// A controller in Python in ours' place.
+fn follow(report: &mut Report) -> anyhow::Result<()> {
+    let mut stack = Stack::new(&Settings::default());
+    stack.start(Part::Daemon);
+    stack.client.wait_for_daemon(PATIENCE)?;
+    let mut follower = start(&stack.world, "follow.py", &[])?;
+    let held = wait_for("the follower's state", PATIENCE, || {
+        let state = stack.controller.latest_state().ok().flatten()?;
+        (state.state == LoopState::Holding).then_some(())
+    });
+    held.with_context(|| follower.log())?;
+    let planned = plan(&stack.world).with_context(|| follower.log())?;
+    let last = planned.lines().last().unwrap_or_default().to_owned();
+    let reached = last.contains("reached");
+    report.check("a motion followed by a controller in Python", last, "reached", reached);
+    let state = stack.controller.latest_state()?.context("no state")?;
+    let error = tests::stack::tip_error(&stack.world.robot, &state.values.commanded_configuration_rad, &TIP_M);
+    report.at_most("tip error as commanded, m", error, 0.01);
+    follower.kill9();
+    Ok(())
+}
+
+fn lines(report: &mut Report) -> anyhow::Result<()> {
+    for name in ["plan.py", "watch.py", "scene.py", "drive.py", "follow.py", "services.py"] {
+        let text = std::fs::read_to_string(folder().join(name))?;
+        let count = text.lines().count();
+        report.check(&format!("lines of {name}"), count.to_string(), "<= 60", count <= LINES);
+    }
+    Ok(())
+}

@@ -1,0 +1,71 @@
+//! Processes with different robot files refuse each other by name.
+#![allow(clippy::unwrap_used)]
+
+use std::fs;
+
+use shared_types::codes::{LoopState, Outcome, Waiting};
+use shared_types::valid::{Goal, PlanRequest};
+use tests::process::wait_for;
+use tests::stack::{PATIENCE, Part, Stack};
+use tests::world::{Settings, World};
+
+/// Gives a process a robot file that differs by its name alone.
+fn give_another_robot(world: &World, configuration: &str) {
+    let (file, other) = ("robots/unit.toml", "robots/other.toml");
+    let robot = fs::read_to_string(world.config(file)).unwrap();
+    let renamed = robot.replace("name = \"", "name = \"another ");
+    assert_ne!(renamed, robot);
+    fs::write(world.config(other), renamed).unwrap();
+    let settings = fs::read_to_string(world.config(configuration)).unwrap();
+    let changed = settings.replace(file, other);
+    assert_ne!(changed, settings);
+    fs::write(world.config(configuration), changed).unwrap();
+}
+
+fn stack(configurations: &[&str]) -> Stack {
+    let world = World::new(&Settings::default());
+    for configuration in configurations {
+        give_another_robot(&world, configuration);
+    }
+    let mut stack = Stack::within(world);
+    for part in Part::ALL {
+        stack.start(part);
+    }
+    stack.client.wait_for_daemon(PATIENCE).unwrap();
+    stack
+}
+
+#[test]
+fn a_controller_does_not_take_hold_of_another_robot() {
+    let mut stack = stack(&["simulated-robot.toml"]);
+    wait_for("the controller says what it waits for", PATIENCE, || {
+        let state = stack.controller.latest_state().ok().flatten()?;
+        assert_eq!(state.state, LoopState::Starting);
+        let reason = state.values.reason.text();
+        (state.waiting == Waiting::OtherRobot && reason.contains("another robot")).then_some(())
+    })
+    .unwrap();
+}
+
+#[test]
+fn a_daemon_publishes_nothing_for_a_controller_of_another_robot() {
+    let mut stack = stack(&["controller.toml", "simulated-robot.toml"]);
+    wait_for("the controller holds its robot", PATIENCE, || {
+        let state = stack.controller.latest_state().ok().flatten()?;
+        (state.state == LoopState::Holding).then_some(())
+    })
+    .unwrap();
+    let request = PlanRequest {
+        execute: true,
+        ..PlanRequest::from_robot(Goal::tip([1.0, 0.0, 2.4]))
+    };
+    let answer = stack.client.plan(&request, PATIENCE).unwrap();
+    let report = answer.report();
+    assert_eq!(report.robot_hash, stack.world.robot.hash());
+    assert_ne!(report.weights_hash, 0);
+    assert_eq!(report.outcome, Outcome::ExecutionRefused);
+    let own = format!("this daemon's {:016x}", stack.world.robot.hash());
+    let reason = &report.reason;
+    assert!(reason.contains("their robot files differ"), "{reason}");
+    assert!(reason.contains(&own), "{reason}");
+}
