@@ -55,7 +55,9 @@ pub enum TrajectoryRefusal {
     #[error("it is meant for another controller than this one, which was started since")]
     OtherController,
     /// It is planned for another robot.
-    #[error("it is of the robot {found:016x}, this controller's is {expected:016x}: their robot files differ")]
+    #[error(
+        "it is of the robot {found:016x}, this controller's is {expected:016x}: their robot files differ"
+    )]
     OtherRobot {
         /// Hash of the robot that it is planned for.
         found: u64,

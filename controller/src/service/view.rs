@@ -15,7 +15,10 @@ use super::explain;
 use super::link::{Report, Shared};
 use crate::{
     arena::MemoryCounts,
-    executive::{AcceptanceContext, CONSISTENCY_M, CycleOutput, ExecutiveSettings, GuardState, TrajectoryRefusal},
+    executive::{
+        AcceptanceContext, CONSISTENCY_M, CycleOutput, ExecutiveSettings, GuardState,
+        TrajectoryRefusal,
+    },
 };
 
 /// Time after which a reason to wait is logged, ns: at a start each reason lasts for some cycles.

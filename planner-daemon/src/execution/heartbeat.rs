@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{Builder, sleep};
 use std::time::Duration;
 
+use iceoryx2::port::update_connections::UpdateConnections;
 use realtime::{RealtimeError, use_fifo_priority, use_idle_policy};
 use shared_types::clock::mono_now_ns;
 use shared_types::codes::ProcessKind;

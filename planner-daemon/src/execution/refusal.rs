@@ -17,7 +17,9 @@ pub(crate) enum ExecutionRefusal {
     #[error("the controller has not heard this daemon's heart yet; it takes motions once it has")]
     DaemonUnheard,
     /// The controller is set up for another robot.
-    #[error("the controller's robot is {found:016x}, this daemon's {expected:016x}: their robot files differ")]
+    #[error(
+        "the controller's robot is {found:016x}, this daemon's {expected:016x}: their robot files differ"
+    )]
     OtherRobot { found: u64, expected: u64 },
     /// No controller would receive an order to stop the motion.
     #[error("nobody serves `command`: an order to stop would be lost")]

@@ -26,8 +26,8 @@ use super::recent_plans::RecentPlans;
 use super::refusal::Refusal;
 use super::request_validator::{PlanTask, RequestValidator};
 use super::wait_mode::WaitMode;
-use crate::identity::Identity;
 use crate::execution::{Execution, RobotMotion};
+use crate::identity::Identity;
 
 /// Longest time between two rounds: requests without an event, and clients that cancelled, are found by then.
 const POLL_INTERVAL: Duration = Duration::from_millis(1);

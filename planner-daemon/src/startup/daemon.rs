@@ -321,11 +321,7 @@ fn not_served(config: &Config, source: PlannerError) -> StartError {
 }
 
 /// The models, and the hash of the few-step model's weights.
-fn load_models(
-    folder: &Path,
-    config: &Config,
-    robot: &Robot,
-) -> Result<(Models, u64), StartError> {
+fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<(Models, u64), StartError> {
     let refused = |key: String| {
         move |source| StartError::Weights {
             key,
@@ -385,7 +381,13 @@ fn open_service(
     let runner = PlanRunner::new(Arc::new(planner))?;
     let (wait, queued) = (config.wait, config.queued_per_client);
     Ok(Service::open(
-        node, validator, runner, execution, (lead_times, identity), wait, queued,
+        node,
+        validator,
+        runner,
+        execution,
+        (lead_times, identity),
+        wait,
+        queued,
     )?)
 }
 

@@ -38,13 +38,22 @@ fn folder() -> PathBuf {
 }
 
 fn python() -> anyhow::Result<PathBuf> {
-    python_with("venv-plain", "clients/plain-python/requirements.txt", "iceoryx2 and numpy")
+    python_with(
+        "venv-plain",
+        "clients/plain-python/requirements.txt",
+        "iceoryx2 and numpy",
+    )
 }
 
 fn start(world: &World, script: &str, arguments: &[&str]) -> anyhow::Result<Process> {
     let script = folder().join(script);
-    let script = script.to_str().context("the repository's path is no text")?;
-    let all: Vec<&str> = ["-u", script].into_iter().chain(arguments.iter().copied()).collect();
+    let script = script
+        .to_str()
+        .context("the repository's path is no text")?;
+    let all: Vec<&str> = ["-u", script]
+        .into_iter()
+        .chain(arguments.iter().copied())
+        .collect();
     Ok(Process::start_program(world, &python()?, &all))
 }
 
@@ -70,20 +79,41 @@ fn every_service(report: &mut Report) -> anyhow::Result<()> {
     let said = said(&stack.world, "services.py", &["2"])?;
     let wire: Value = read_wire(&repository().join("shared-types/wire.json"))?;
     let services = wire["services"].as_array().context("services")?;
-    let names: Vec<&str> = services.iter().filter_map(|it| it["name"].as_str()).collect();
+    let names: Vec<&str> = services
+        .iter()
+        .filter_map(|it| it["name"].as_str())
+        .collect();
     let missing: Vec<String> = names
         .iter()
-        .filter(|name| !said.lines().any(|line| line.starts_with(&format!("{name}: "))))
+        .filter(|name| {
+            !said
+                .lines()
+                .any(|line| line.starts_with(&format!("{name}: ")))
+        })
         .map(|name| (*name).to_owned())
         .collect();
     report.none_of("services of wire.json that were not joined", &missing);
     // What is sent all the time while the robot holds.
-    for name in ["setpoint", "robot_state", "controller_state", "cycle", "heartbeat", "robot_description"] {
-        let line = said.lines().find(|line| line.starts_with(&format!("{name}: ")));
+    for name in [
+        "setpoint",
+        "robot_state",
+        "controller_state",
+        "cycle",
+        "heartbeat",
+        "robot_description",
+    ] {
+        let line = said
+            .lines()
+            .find(|line| line.starts_with(&format!("{name}: ")));
         let count: usize = line
             .and_then(|line| line.split(' ').nth(1)?.parse().ok())
             .unwrap_or(0);
-        report.check(&format!("samples of {name} in 2 s"), count.to_string(), "> 0", count > 0);
+        report.check(
+            &format!("samples of {name} in 2 s"),
+            count.to_string(),
+            "> 0",
+            count > 0,
+        );
     }
     Ok(())
 }
@@ -105,7 +135,12 @@ fn plan_and_watch(report: &mut Report) -> anyhow::Result<()> {
     let mut watching = start(&stack.world, "watch.py", &["12"])?;
     let planned = plan(&stack.world)?;
     let first = planned.lines().next().unwrap_or_default().to_owned();
-    report.check("plan_hash of the same request", first.clone(), &expected, first.contains(&expected));
+    report.check(
+        "plan_hash of the same request",
+        first.clone(),
+        &expected,
+        first.contains(&expected),
+    );
     let last = planned.lines().last().unwrap_or_default().to_owned();
     let reached = last.contains("reached");
     report.check("the result of the motion", last, "reached", reached);
@@ -113,7 +148,12 @@ fn plan_and_watch(report: &mut Report) -> anyhow::Result<()> {
     ensure!(status.success(), "watch.py: {status}: {}", watching.log());
     let watched = watching.log();
     let sees = watched.contains("executing") && watched.contains(": reached");
-    report.check("watch.py tells of the motion and its result", sees.to_string(), "true", sees);
+    report.check(
+        "watch.py tells of the motion and its result",
+        sees.to_string(),
+        "true",
+        sees,
+    );
     Ok(())
 }
 
@@ -121,7 +161,10 @@ fn publish_scene(report: &mut Report) -> anyhow::Result<()> {
     let stack = Stack::running(&Settings::default())?;
     let ball = ["3", "0", "1", "0.1", "0.1", "0", "0", "2"];
     let told = said(&stack.world, "scene.py", &ball)?;
-    let verdicts: Vec<&str> = told.lines().filter(|line| line.starts_with("scene ")).collect();
+    let verdicts: Vec<&str> = told
+        .lines()
+        .filter(|line| line.starts_with("scene "))
+        .collect();
     let refused: Vec<String> = verdicts
         .iter()
         .filter(|line| !line.contains(": none"))
@@ -133,10 +176,20 @@ fn publish_scene(report: &mut Report) -> anyhow::Result<()> {
     // It has taken its leave: another source alone decides now.
     let mut other = ScenePublisher::connect(&stack.world.options, "other")?;
     let verdict = other.publish(&[], Duration::from_secs(60))?;
-    report.check("a scene of another source behind it", format!("{verdict:?}"), "counts", true);
+    report.check(
+        "a scene of another source behind it",
+        format!("{verdict:?}"),
+        "counts",
+        true,
+    );
     let planned = plan(&stack.world)?;
     let reached = planned.contains("reached");
-    report.check("a motion behind it", planned.lines().last().unwrap_or_default().to_owned(), "reached", reached);
+    report.check(
+        "a motion behind it",
+        planned.lines().last().unwrap_or_default().to_owned(),
+        "reached",
+        reached,
+    );
     Ok(())
 }
 
@@ -157,7 +210,11 @@ fn drive(report: &mut Report) -> anyhow::Result<()> {
     let reached = last.contains("reached");
     report.check("a motion by a driver in Python", last, "reached", reached);
     let state = stack.controller_state();
-    let error = tests::stack::tip_error(&stack.world.robot, &state.values.measured_configuration_rad, &TIP_M);
+    let error = tests::stack::tip_error(
+        &stack.world.robot,
+        &state.values.measured_configuration_rad,
+        &TIP_M,
+    );
     report.at_most("tip error as measured, m", error, 0.03);
     driver.kill9();
     Ok(())
@@ -177,19 +234,40 @@ fn follow(report: &mut Report) -> anyhow::Result<()> {
     let planned = plan(&stack.world).with_context(|| follower.log())?;
     let last = planned.lines().last().unwrap_or_default().to_owned();
     let reached = last.contains("reached");
-    report.check("a motion followed by a controller in Python", last, "reached", reached);
+    report.check(
+        "a motion followed by a controller in Python",
+        last,
+        "reached",
+        reached,
+    );
     let state = stack.controller.latest_state()?.context("no state")?;
-    let error = tests::stack::tip_error(&stack.world.robot, &state.values.commanded_configuration_rad, &TIP_M);
+    let error = tests::stack::tip_error(
+        &stack.world.robot,
+        &state.values.commanded_configuration_rad,
+        &TIP_M,
+    );
     report.at_most("tip error as commanded, m", error, 0.01);
     follower.kill9();
     Ok(())
 }
 
 fn lines(report: &mut Report) -> anyhow::Result<()> {
-    for name in ["plan.py", "watch.py", "scene.py", "drive.py", "follow.py", "services.py"] {
+    for name in [
+        "plan.py",
+        "watch.py",
+        "scene.py",
+        "drive.py",
+        "follow.py",
+        "services.py",
+    ] {
         let text = std::fs::read_to_string(folder().join(name))?;
         let count = text.lines().count();
-        report.check(&format!("lines of {name}"), count.to_string(), "<= 60", count <= LINES);
+        report.check(
+            &format!("lines of {name}"),
+            count.to_string(),
+            "<= 60",
+            count <= LINES,
+        );
     }
     Ok(())
 }

@@ -110,6 +110,7 @@ impl Driven {
             now_ns: START_NS,
             robot: RobotSample {
                 stamp_ns: START_NS,
+                robot_hash: robot.hash(),
                 state: MotorState::Idle,
                 accepted_m: position_m,
                 accepted_velocity_m_s: [0.0; 9],
@@ -146,6 +147,7 @@ impl Driven {
         if output.send {
             self.robot = RobotSample {
                 stamp_ns: self.now_ns,
+                robot_hash: self.robot.robot_hash,
                 state: MotorState::Following,
                 accepted_m: output.tendon_m,
                 accepted_velocity_m_s: output.tendon_velocity_m_s,
