@@ -182,7 +182,7 @@ mod tests {
             ),
             (
                 Reason::WrongVersion { found: 9 },
-                "x is 9; this program speaks 4",
+                "x is 9; this program speaks 5",
             ),
             (
                 Reason::NotServed { what: "that" },

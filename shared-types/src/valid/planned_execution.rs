@@ -145,7 +145,7 @@ mod tests {
             (
                 |r| r.protocol_version = 3,
                 PlanField::ProtocolVersion,
-                "speaks 4",
+                "speaks 5",
             ),
             (
                 |r| r.execute = 3,

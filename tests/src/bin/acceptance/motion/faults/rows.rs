@@ -352,7 +352,7 @@ fn reset(stand: &mut Stand, fault: LoopFault) -> anyhow::Result<()> {
 }
 
 #[cfg(test)]
-mod tests {
+mod documentation {
     use super::ROWS;
     use tests::programs::repository;
 
