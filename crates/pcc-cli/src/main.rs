@@ -12,6 +12,7 @@ mod features;
 mod follow;
 mod foreign_orders;
 mod goal;
+mod latency;
 mod number;
 mod option_faults;
 mod order;
@@ -62,6 +63,8 @@ enum Command {
     Speed(order::SpeedArguments),
     /// List the services that are there, who uses them, and who is daemon, controller and robot.
     Services(services::Arguments),
+    /// Measure how long plans take, in a closed loop or at a fixed rate of requests, and the controller's loop beside them.
+    Latency(latency::Arguments),
     /// Sign off sources of live scenes.
     Scene(scene::Arguments),
     /// Generate paths for training or evaluation, sharded and resumable.
@@ -102,6 +105,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Resume => order::give(Order::Resume),
         Command::Speed(arguments) => order::give(Order::SetSpeed(arguments.rate)),
         Command::Services(arguments) => services::run(&arguments),
+        Command::Latency(arguments) => latency::run(&arguments),
         Command::Scene(arguments) => scene::run(&arguments),
         Command::Dataset(arguments) => dataset::generate(&arguments),
         Command::Features(arguments) => features::run(&arguments),

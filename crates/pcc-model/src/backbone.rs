@@ -159,7 +159,8 @@ impl Backbone {
     }
 
     /// Position of the tip in the base frame, the same bits as [`Self::tip`] of the whole backbone.
-    pub(crate) fn tip_of(lengths: &[f64; SECTIONS], configuration: &Configuration) -> Point {
+    #[must_use]
+    pub fn tip_of(lengths: &[f64; SECTIONS], configuration: &Configuration) -> Point {
         let (mut rotation, mut tip) = (Matrix3::identity(), Point::zeros());
         for (i, length) in lengths.iter().enumerate() {
             let arc = Arc::new(configuration[2 * i], configuration[2 * i + 1], *length);

@@ -1,0 +1,121 @@
+//! `pcc latency`: how long plans take as a client sees it, under load that N clients make, beside the controller's loop.
+
+mod compare;
+mod load;
+mod loop_lateness;
+mod machine;
+mod requests;
+mod summary;
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::Context;
+use clap::Args;
+use client::Client;
+use serde_json::json;
+use shared_types::ipc::IpcOptions;
+
+use self::load::{Load, Pace};
+use self::loop_lateness::LoopLateness;
+use self::machine::Machine;
+use self::summary::Summary;
+use crate::number;
+use crate::output_files::make_writable_for;
+
+/// How long a daemon may take to show up.
+const TIMEOUT: Duration = Duration::from_secs(5);
+
+/// Arguments of `pcc latency`.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Clients that ask at once (1 to 64); the daemon's `clients` bounds them.
+    #[arg(long, default_value_t = 1, value_parser = number::whole(1_usize, 64))]
+    clients: usize,
+    /// Requests of all clients together.
+    #[arg(long, default_value_t = 1_000, value_parser = number::whole(1_u64, 10_000_000))]
+    requests: u64,
+    /// Requests before those that count, of each client.
+    #[arg(long, default_value_t = 50, value_parser = number::whole(0_u64, 1_000_000))]
+    warm_up: u64,
+    /// Open loop: requests per second of all clients, whether or not earlier ones are answered; times count from when a request was to be
+    /// sent. Without it, closed loop: each client asks as soon as it has its answer.
+    #[arg(long, value_parser = number::real(0.1, 1e6, "requests per second"))]
+    rate: Option<f64>,
+    /// Candidates of a request.
+    #[arg(long, default_value_t = 10, value_parser = number::candidates())]
+    candidates: usize,
+    /// Deadline of a request, milliseconds.
+    #[arg(long, default_value_t = 1_000, value_parser = number::whole(1_u64, 60_000))]
+    deadline_ms: u64,
+    /// Seed of the tips that are asked for.
+    #[arg(long, default_value_t = 0, value_parser = number::any())]
+    seed: u64,
+    /// Write the figures as a JSON object.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Write each request that counts: stamp before it was sent and after its answer was read, nanoseconds of CLOCK_MONOTONIC.
+    #[arg(long, value_name = "FILE")]
+    stamps: Option<PathBuf>,
+    /// Compare with a file that `--json` wrote.
+    #[arg(long, value_name = "FILE")]
+    compare: Option<PathBuf>,
+}
+
+/// Measures, and writes what was asked for; fails where no request was answered.
+pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    for file in [&arguments.json, &arguments.stamps].into_iter().flatten() {
+        make_writable_for(file)?;
+    }
+    let before = arguments
+        .compare
+        .as_deref()
+        .map(compare::read)
+        .transpose()?;
+    let options = IpcOptions::from_env();
+    let mut first = Client::connect(&options)?;
+    first.wait_for_daemon(TIMEOUT)?;
+    let robot = requests::robot(&options)?;
+    drop(first);
+    let load = Load {
+        clients: arguments.clients,
+        requests: arguments.requests,
+        warm_up: arguments.warm_up,
+        pace: arguments.rate.map_or(Pace::Closed, Pace::Open),
+        asked: requests::draw(
+            &robot,
+            arguments.candidates,
+            arguments.deadline_ms,
+            arguments.seed,
+        ),
+    };
+    let (machine, lateness) = (Machine::watch(), LoopLateness::watch(&options)?);
+    let replies = load.run(&options)?;
+    let summary = Summary::of(&replies, load.pace);
+    let (machine, lateness) = (machine.figures(), lateness.figures()?);
+    say!("{}", load.text());
+    summary.show();
+    lateness.show();
+    machine.show();
+    if let Some(before) = &before {
+        compare::show(before, &summary);
+    }
+    let figures = json!({
+        "load": load.json(),
+        "plans": summary.json(),
+        "controller_loop": lateness.json(),
+        "machine": machine.json(),
+    });
+    if let Some(file) = &arguments.json {
+        write(file, &format!("{figures:#}\n"))?;
+    }
+    if let Some(file) = &arguments.stamps {
+        write(file, &load::stamps(&replies))?;
+    }
+    anyhow::ensure!(summary.answered() > 0, "no request was answered");
+    Ok(())
+}
+
+fn write(file: &std::path::Path, text: &str) -> anyhow::Result<()> {
+    std::fs::write(file, text).with_context(|| format!("cannot write {}", file.display()))
+}

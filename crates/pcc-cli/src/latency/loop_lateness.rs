@@ -1,0 +1,104 @@
+//! How late the controller's loop was woken meanwhile.
+
+use std::thread;
+use std::time::{Duration, Instant};
+
+use client::ControllerView;
+use serde_json::{Value, json};
+use shared_types::capacity::HISTOGRAM_BINS;
+use shared_types::ipc::IpcOptions;
+use shared_types::lateness::quantile_ns;
+use shared_types::message::ControllerState;
+
+/// How long a controller may take to be heard.
+const TIMEOUT: Duration = Duration::from_millis(300);
+
+/// The loop's histogram before the load.
+pub(super) struct LoopLateness {
+    view: ControllerView,
+    before: Option<ControllerState>,
+}
+
+/// What the loop did during the load; none where no controller runs.
+pub(super) struct Lateness(Option<Figures>);
+
+struct Figures {
+    cycles: u64,
+    late_cycles: u32,
+    histogram: [u32; HISTOGRAM_BINS],
+}
+
+impl LoopLateness {
+    pub(super) fn watch(options: &IpcOptions) -> anyhow::Result<Self> {
+        let mut view = ControllerView::connect(options)?;
+        let before = heard(&mut view)?;
+        Ok(Self { view, before })
+    }
+
+    /// The loop's figures since then.
+    pub(super) fn figures(mut self) -> anyhow::Result<Lateness> {
+        let Some(before) = self.before else {
+            return Ok(Lateness(None));
+        };
+        let now = heard(&mut self.view)?.filter(|now| now.instance == before.instance);
+        Ok(Lateness(now.map(|now| Figures {
+            cycles: now.cycle - before.cycle,
+            late_cycles: now.late_cycles - before.late_cycles,
+            histogram: std::array::from_fn(|bin| {
+                now.lateness_histogram[bin] - before.lateness_histogram[bin]
+            }),
+        })))
+    }
+}
+
+/// The newest state of a controller; none where none is heard.
+fn heard(view: &mut ControllerView) -> anyhow::Result<Option<ControllerState>> {
+    // What waits may be old.
+    view.latest_state()?;
+    let begun = Instant::now();
+    while begun.elapsed() < TIMEOUT {
+        if let Some(state) = view.latest_state()? {
+            return Ok(Some(state.values));
+        }
+        thread::sleep(Duration::from_millis(5));
+    }
+    Ok(None)
+}
+
+impl Figures {
+    fn at_us(&self, share: f64) -> f64 {
+        quantile_ns(&self.histogram, share).map_or(f64::NAN, |ns| ns as f64 * 1e-3)
+    }
+}
+
+impl Lateness {
+    pub(super) fn show(&self) {
+        match &self.0 {
+            None => say!("controller's loop: none runs"),
+            Some(figures) => say!(
+                "controller's loop: {} cycles, woken late by p50 {:.1}, p99 {:.1}, p99.9 {:.1}, at most {:.1} us; {} late cycles",
+                figures.cycles,
+                figures.at_us(0.5),
+                figures.at_us(0.99),
+                figures.at_us(0.999),
+                figures.at_us(1.0),
+                figures.late_cycles
+            ),
+        }
+    }
+
+    pub(super) fn json(&self) -> Value {
+        self.0.as_ref().map_or(Value::Null, |figures| {
+            json!({
+                "cycles": figures.cycles,
+                "late_cycles": figures.late_cycles,
+                "woken_late_us": {
+                    "p50": figures.at_us(0.5),
+                    "p99": figures.at_us(0.99),
+                    "p99.9": figures.at_us(0.999),
+                    "max": figures.at_us(1.0),
+                },
+            })
+        })
+    }
+}
