@@ -3,58 +3,58 @@
 import os
 import time
 
-from wire import Wire, hermite, newest, take_role
+from wire import Wire, every, hermite, newest, take_role
 
 wire = Wire()
 lock = take_role(wire, "controller")
-descriptions = wire.service("robot_description").subscriber_builder().create()
+descriptions, trajectories, beats = (wire.service(n).subscriber_builder().create() for n in ("robot_description", "trajectory", "heartbeat"))
 while (robot := newest(descriptions)) is None:
     time.sleep(0.05)
-trajectories = wire.service("trajectory").subscriber_builder().create()
 hearts, states, results = (wire.service(n).publisher_builder().create() for n in ("heartbeat", "controller_state", "motion_result"))
 orders = wire.service("command").server_builder().create()
 begun = time.monotonic_ns()
 state = wire.new(
     "ControllerState", instance=begun, robot_hash=robot.robot_hash, state=wire.code("LoopState", "Holding"), rate=1.0,
-    speed=1.0, wanted_from_mono_ns=begun, goals_from_mono_ns=begun, period_ns=5_000_000,
+    speed=1.0, wanted_from_mono_ns=begun, goals_from_mono_ns=begun, period_ns=5_000_000, daemon_instance=robot.instance,
 )  # fmt: skip
 heart = wire.new("Heartbeat", instance=begun, kind=wire.code("ProcessKind", "Controller"), pid=os.getpid())
-result = wire.new("MotionResult", instance=begun)
-motion = None
+result, motion, heard_ns = wire.new("MotionResult", instance=begun), None, begun
 
 
-def end(outcome, path_time_s):
-    """Tells how the motion ended, and holds where the set-point is."""
-    result.sequence, result.stamp_mono_ns, result.path_time_s = result.sequence + 1, time.monotonic_ns(), path_time_s
-    result.trajectory_id, result.plan_id, result.outcome = motion.trajectory_id, motion.plan_id, wire.code("MotionOutcome", outcome)
-    result.duration_s, state.state = motion.knots[motion.knot_count - 1].time_s, wire.code("LoopState", "Holding")
-    results.send_copy(result)
+def tell(of, outcome, path_time_s=0.0, **why):
+    """Tells how a trajectory ended; the robot rests where the set-point is."""
+    told = wire.new("MotionResult", instance=begun, sequence=result.sequence + 1, stamp_mono_ns=time.monotonic_ns(), **why)
+    result.sequence, told.trajectory_id, told.plan_id = told.sequence, of.trajectory_id, of.plan_id
+    told.outcome, told.path_time_s, told.duration_s = wire.code("MotionOutcome", outcome), path_time_s, of.knots[of.knot_count - 1].time_s
+    results.send_copy(told)
 
 
 while True:
-    now = time.monotonic_ns()
+    now, stops = time.monotonic_ns(), False
+    heard_ns = max([heard_ns, *(beat.stamp_mono_ns for beat in every(beats) if beat.instance == robot.instance)])
     while (order := orders.receive()) is not None:
-        stops = order.payload().contents.kind == wire.code("CommandKind", "Stop")
-        if stops:
-            state.wanted_from_mono_ns = now
-        accepted = int(stops and motion is not None)
-        order.send_copy(wire.new("CommandReply", command_id=order.payload().contents.command_id, accepted=accepted))
-        if stops and motion:
-            end("Stopped", state.trajectory_time_s)
-            motion = None
-    new = newest(trajectories)
-    if new and motion is None and new.controller_instance == begun and new.requested_mono_ns > state.wanted_from_mono_ns:
-        motion, state.trajectory_id = new, new.trajectory_id
+        stops |= (is_stop := order.payload().contents.kind == wire.code("CommandKind", "Stop"))
+        order.send_copy(wire.new("CommandReply", command_id=order.payload().contents.command_id, accepted=int(is_stop and motion is not None)))
+    state.wanted_from_mono_ns = state.goals_from_mono_ns = now if stops else state.wanted_from_mono_ns
+    for new in every(trajectories):
+        own = (new.controller_instance, new.daemon_instance, new.robot_hash, new.start) == (begun, robot.instance, robot.robot_hash, 0)
+        here = max(abs(a - b) for a, b in zip(new.knots[0].configuration_rad, state.commanded_configuration_rad)) < 1e-6
+        if motion is None and own and here and new.requested_mono_ns > state.wanted_from_mono_ns:
+            motion, state.trajectory_id, state.trajectory_time_s = new, new.trajectory_id, 0.0
+        else:
+            tell(new, "Refused", refusal=wire.code("Refusal", "Malformed" if motion is None else "Busy"))
+    if motion and (stops or now - heard_ns > 200_000_000):
+        tell(motion, "Stopped", state.trajectory_time_s, cause=wire.code("StopCause", "Command" if stops else "DaemonLost"))
+        motion, state.state = None, wire.code("LoopState", "Holding")
     if motion and now >= motion.begin_mono_ns:
-        knots, at_s = motion.knots[: motion.knot_count], (now - motion.begin_mono_ns) * 1e-9
-        state.state, state.trajectory_time_s = wire.code("LoopState", "Executing"), min(at_s, knots[-1].time_s)
-        position, velocity = hermite(knots, state.trajectory_time_s)
-        state.commanded_configuration_rad[:], state.commanded_velocity_rad_s[:] = position, velocity
-        if at_s >= knots[-1].time_s:
-            end("Reached", knots[-1].time_s)
-            motion = None
-    state.stamp_mono_ns = heart.stamp_mono_ns = now
-    state.cycle, heart.sequence = state.cycle + 1, heart.sequence + 1
+        knots, state.state = motion.knots[: motion.knot_count], wire.code("LoopState", "Executing")
+        state.trajectory_time_s = min((now - motion.begin_mono_ns) * 1e-9, knots[-1].time_s)
+        state.commanded_configuration_rad[:], velocity = hermite(knots, state.trajectory_time_s)
+        if state.trajectory_time_s == knots[-1].time_s:
+            tell(motion, "Reached", state.trajectory_time_s)
+            motion, state.state = None, wire.code("LoopState", "Holding")
+    state.commanded_velocity_rad_s[:] = velocity if motion and state.trajectory_time_s > 0.0 else [0.0] * 6
+    state.stamp_mono_ns, heart.stamp_mono_ns, state.cycle, heart.sequence = now, now, state.cycle + 1, heart.sequence + 1
     states.send_copy(state)
     hearts.send_copy(heart)
     time.sleep(0.005)

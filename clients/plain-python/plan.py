@@ -5,7 +5,7 @@ import time
 
 import iceoryx2 as iox2
 
-from wire import Wire, newest, reason
+from wire import Wire, every, reason
 
 wire = Wire()
 plan, answered, asked = (wire.service(name) for name in ("plan", "plan_answered", "plan_asked"))
@@ -35,9 +35,11 @@ for candidate in report.candidates[: report.candidate_count]:
     print(f"  {end.time_s:.3f} s to {[round(angle, 4) for angle in end.configuration_rad]} rad")
 identity = report.trajectory_id
 answer.delete()
-while identity:
-    result = newest(results)
-    if result and result.trajectory_id == identity:
-        print(f"trajectory {identity}: {wire.text('MotionOutcome', result.outcome)} {reason(result.reason)}")
-        break
+until = time.monotonic() + 60.0
+while identity and time.monotonic() < until:
+    for result in every(results):
+        if result.trajectory_id == identity:
+            print(f"trajectory {identity}: {wire.text('MotionOutcome', result.outcome)} {reason(result.reason)}")
+            sys.exit(0)
     time.sleep(0.005)
+sys.exit("no result came within a minute" if identity else "nothing is executed")

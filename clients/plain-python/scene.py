@@ -3,7 +3,7 @@
 import sys
 import time
 
-from wire import Wire, newest, reason
+from wire import Wire, every, reason
 
 SOURCE = b"plain-python"
 LIFETIME_NS = 200_000_000
@@ -20,16 +20,20 @@ def scene(sequence, **fields):
 
 begun = now = time.monotonic_ns()
 sequence = 0
-while now < begun + seconds * 1e9:
-    sequence, elapsed_s = sequence + 1, (now - begun) * 1e-9
-    message = scene(sequence, stamp_mono_ns=now, ball_count=1)
-    ball = message.balls[0]
-    ball.centre_m[:] = [at + speed * elapsed_s for at, speed in zip((x, y, z), velocity)]
-    ball.velocity_m_s[:], ball.radius_m = velocity, radius
-    scenes.send_copy(message)
-    time.sleep(0.03)
-    if (verdict := newest(verdicts)) and bytes(verdict.source).rstrip(b"\0") == SOURCE:
-        print(f"scene {verdict.sequence}: {wire.text('SceneRefusal', verdict.refusal)} {reason(verdict.reason)}")
-    now = time.monotonic_ns()
-scenes.send_copy(scene(sequence + 1, stamp_mono_ns=now, takes_leave=1))
-time.sleep(0.1)
+try:
+    while now < begun + seconds * 1e9:
+        sequence, elapsed_s = sequence + 1, (now - begun) * 1e-9
+        message = scene(sequence, stamp_mono_ns=now, ball_count=1)
+        ball = message.balls[0]
+        ball.centre_m[:] = [at + speed * elapsed_s for at, speed in zip((x, y, z), velocity)]
+        ball.velocity_m_s[:], ball.radius_m = velocity, radius
+        scenes.send_copy(message)
+        time.sleep(0.03)
+        for verdict in every(verdicts):
+            if bytes(verdict.source).rstrip(b"\0") == SOURCE:
+                print(f"scene {verdict.sequence}: {wire.text('SceneRefusal', verdict.refusal)} {reason(verdict.reason)}")
+        now = time.monotonic_ns()
+finally:
+    # Without it nothing is executed any more.
+    scenes.send_copy(scene(sequence + 1, stamp_mono_ns=time.monotonic_ns(), takes_leave=1))
+    time.sleep(0.1)

@@ -3,7 +3,7 @@
 import sys
 import time
 
-from wire import Wire, newest, reason
+from wire import Wire, every, newest, reason
 
 wire = Wire()
 states = wire.service("controller_state").subscriber_builder().create()
@@ -13,6 +13,6 @@ while time.monotonic() < end:
     if state := newest(states):
         configuration = [round(angle, 3) for angle in state.measured_configuration_rad]
         print(f"{wire.text('LoopState', state.state)}, trajectory {state.trajectory_id}, measured {configuration} rad")
-    if result := newest(results):
+    for result in every(results):
         print(f"trajectory {result.trajectory_id}: {wire.text('MotionOutcome', result.outcome)} {reason(result.reason)}")
     time.sleep(0.1)

@@ -148,13 +148,20 @@ def hermite(knots, time_s):
     return [[sum(w * values[axis] for w, values in zip(row, ends)) for axis in range(6)] for row in (weights, slopes)]
 
 
-def newest(subscriber):
-    """A copy of the newest message that has arrived, or None."""
-    message = None
+def every(subscriber):
+    """Copies of all messages that have arrived, the oldest first."""
     while (sample := subscriber.receive()) is not None:
         contents = sample.payload().contents
         message = type(contents).from_buffer_copy(contents)
         sample.delete()
+        yield message
+
+
+def newest(subscriber):
+    """A copy of the newest message that has arrived, or None."""
+    message = None
+    for message in every(subscriber):
+        pass
     return message
 
 

@@ -3,7 +3,6 @@
 use pcc_model::Robot;
 use shared_types::PROTOCOL_VERSION;
 use shared_types::capacity::{DOF, ROBOT_NAME_BYTES};
-use shared_types::clock::mono_now_ns;
 use shared_types::message::RobotDescription;
 
 /// Hashes of robot file and weights file, as in [`RobotDescription`].
@@ -14,14 +13,13 @@ pub(crate) struct Identity {
 }
 
 impl Identity {
-    /// The description of the robot by this `instance` of the daemon; lengths in metres.
+    /// The description of the robot by this `instance` of the daemon, without a stamp; lengths in metres.
     pub(crate) fn description(self, robot: &Robot, instance: u64) -> RobotDescription {
         let Self {
             robot_hash,
             weights_hash,
         } = self;
         let mut description = RobotDescription {
-            stamp_mono_ns: mono_now_ns(),
             instance,
             protocol_version: PROTOCOL_VERSION,
             tendon_count: robot.tendons.count() as u32,
@@ -36,9 +34,13 @@ impl Identity {
             jerk_limit_m_s3: robot.tendon_limits.jerk,
             ..RobotDescription::ZEROED
         };
-        let name = robot.name.as_bytes();
-        let length = name.len().min(ROBOT_NAME_BYTES);
-        description.name[..length].copy_from_slice(&name[..length]);
+        let longest = robot.name.len().min(ROBOT_NAME_BYTES);
+        let whole = (0..=longest).rev();
+        let length = whole
+            .into_iter()
+            .find(|&at| robot.name.is_char_boundary(at));
+        let length = length.unwrap_or(0);
+        description.name[..length].copy_from_slice(&robot.name.as_bytes()[..length]);
         let rows = description.tendon_matrix_m_rad.chunks_exact_mut(DOF);
         for (to, row) in rows.zip(robot.tendons.matrix().row_iter()) {
             to.iter_mut().zip(&row).for_each(|(to, from)| *to = *from);

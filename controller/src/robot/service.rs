@@ -61,6 +61,7 @@ struct Process<'a> {
     sequence: u64,
     /// Instance number: the time of the start, ns of CLOCK_MONOTONIC, which differs from that of every other robot.
     instance: u64,
+    robot_hash: u64,
     next_beat_ns: i64,
 }
 
@@ -99,6 +100,7 @@ pub fn run(
         mode,
         sequence: 0,
         instance: now_ns.unsigned_abs(),
+        robot_hash: config.robot.hash(),
         next_beat_ns: now_ns,
     };
     if let Some(Err(refused)) = config.realtime_priority.map(realtime::use_fifo_priority) {
@@ -190,7 +192,7 @@ impl Process<'_> {
         RobotState {
             sequence: self.sequence,
             stamp_mono_ns: now_ns,
-            robot_hash: self.config.robot.hash(),
+            robot_hash: self.robot_hash,
             accepted_sequence: reference.accepted_sequence(),
             state: shared_types::codes::MotorState::from(reference.mode()).code(),
             fault: fault.code(),

@@ -62,7 +62,7 @@ pub(crate) struct Arguments {
     compare: Option<PathBuf>,
 }
 
-/// Measures, and writes what was asked for; fails where no request was answered.
+/// Measures, and writes what was asked for; fails where no request had a candidate, and where the controller was lost meanwhile.
 pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     for file in [&arguments.json, &arguments.stamps].into_iter().flatten() {
         make_writable_for(file)?;
@@ -82,6 +82,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         requests: arguments.requests,
         warm_up: arguments.warm_up,
         pace: arguments.rate.map_or(Pace::Closed, Pace::Open),
+        seed: arguments.seed,
+        deadline_ms: arguments.deadline_ms,
         asked: requests::draw(
             &robot,
             arguments.candidates,
@@ -98,7 +100,7 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     lateness.show();
     machine.show();
     if let Some(before) = &before {
-        compare::show(before, &summary);
+        compare::show(before, &load.json(), &summary);
     }
     let figures = json!({
         "load": load.json(),
@@ -112,7 +114,8 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(file) = &arguments.stamps {
         write(file, &load::stamps(&replies))?;
     }
-    anyhow::ensure!(summary.answered() > 0, "no request was answered");
+    anyhow::ensure!(summary.planned() > 0, "no request had a candidate");
+    lateness.check()?;
     Ok(())
 }
 

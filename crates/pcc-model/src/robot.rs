@@ -49,18 +49,32 @@ pub struct Robot {
 }
 
 impl Robot {
-    /// A number that is equal for equal robots, name included: processes that are set up for different ones know each other by it. Never 0.
+    /// A number that is equal for equal robots in the same unit of length, name included, and never 0: processes that are set up for
+    /// different robot files know each other by it.
     #[must_use]
     pub fn hash(&self) -> u64 {
-        let mut hash = BitHash::new();
-        self.name.bytes().for_each(|byte| hash.add(byte.into()));
-        let (limits, tendons) = (&self.tendon_limits, self.tendons.tendons().iter());
-        let numbers = [self.bending_limit, self.spool_radius]
+        let Self {
+            name,
+            section_lengths,
+            bending_limit,
+            tube_radii,
+            spool_radius,
+            tendons,
+            tendon_limits,
+        } = self;
+        let TendonLimits {
+            velocity,
+            acceleration,
+            jerk,
+        } = *tendon_limits;
+        let of_tendon = |it: &Tendon| [it.section as f64, it.radius, it.angle];
+        let numbers = [*bending_limit, *spool_radius, velocity, acceleration, jerk]
             .into_iter()
-            .chain(self.section_lengths)
-            .chain(self.tube_radii)
-            .chain([limits.velocity, limits.acceleration, limits.jerk])
-            .chain(tendons.flat_map(|it| [it.section as f64, it.radius, it.angle]));
+            .chain(*section_lengths)
+            .chain(*tube_radii)
+            .chain(tendons.tendons().iter().flat_map(of_tendon));
+        let mut hash = BitHash::new();
+        name.bytes().for_each(|byte| hash.add(byte.into()));
         numbers.for_each(|number| hash.add(number.to_bits()));
         hash.value().max(1)
     }

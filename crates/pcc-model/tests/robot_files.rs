@@ -4,7 +4,7 @@
 mod shapes;
 
 use input_files::SettingsError;
-use pcc_model::{Robot, RobotFileError, TendonMapError};
+use pcc_model::{Robot, RobotFileError, TendonMap, TendonMapError};
 use std::path::Path;
 
 fn unit_text() -> String {
@@ -36,6 +36,32 @@ fn shipped_files_load() {
         (limits.velocity, limits.acceleration, limits.jerk),
         (0.02, 0.1, 1.0)
     );
+}
+
+#[test]
+fn robots_that_differ_in_anything_differ_in_their_hash() {
+    let unit = shapes::unit_robot();
+    assert_eq!(unit.hash(), shapes::unit_robot().hash());
+    let changes: [fn(&mut Robot); 9] = [
+        |robot| robot.name.push('2'),
+        |robot| robot.section_lengths[2] += 1e-12,
+        |robot| robot.bending_limit += 1e-12,
+        |robot| robot.tube_radii[1] += 1e-12,
+        |robot| robot.spool_radius += 1e-12,
+        |robot| robot.tendon_limits.velocity += 1e-12,
+        |robot| robot.tendon_limits.acceleration += 1e-12,
+        |robot| robot.tendon_limits.jerk += 1e-12,
+        |robot| {
+            let mut tendons = robot.tendons.tendons().to_vec();
+            tendons[8].angle += 1e-12;
+            robot.tendons = TendonMap::new(tendons).unwrap();
+        },
+    ];
+    for (index, change) in changes.into_iter().enumerate() {
+        let mut changed = unit.clone();
+        change(&mut changed);
+        assert_ne!(changed.hash(), unit.hash(), "change {index}");
+    }
 }
 
 #[test]

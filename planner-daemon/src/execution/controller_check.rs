@@ -16,11 +16,12 @@ const START_TOLERANCE_RAD: f64 = 1e-6;
 /// The first [`ExecutionRefusal`] that applies.
 pub(crate) fn check_controller(
     state: Option<&valid::ControllerState>,
+    robot_hash: u64,
     start: &Configuration,
     busy: Option<u32>,
     now_mono_ns: i64,
 ) -> Result<u64, ExecutionRefusal> {
-    let state = controller_there(state, now_mono_ns)?;
+    let state = controller_there(state, robot_hash, now_mono_ns)?;
     if let Some(id) = busy {
         return Err(ExecutionRefusal::Busy { id });
     }
@@ -38,17 +39,23 @@ pub(crate) fn check_controller(
     Ok(state.values.instance)
 }
 
-/// The state of a controller that is there: at most 200 ms old.
+/// The state of a controller that is there, at most 200 ms old, and set up for the robot with this hash.
 ///
 /// # Errors
-/// [`ExecutionRefusal::ControllerAbsent`].
+/// [`ExecutionRefusal::ControllerAbsent`] or [`ExecutionRefusal::OtherRobot`].
 pub(super) fn controller_there(
     state: Option<&valid::ControllerState>,
+    robot_hash: u64,
     now_mono_ns: i64,
 ) -> Result<&valid::ControllerState, ExecutionRefusal> {
-    state
+    let state = state
         .filter(|state| is_fresh(state, now_mono_ns))
-        .ok_or(ExecutionRefusal::ControllerAbsent)
+        .ok_or(ExecutionRefusal::ControllerAbsent)?;
+    let (found, expected) = (state.values.robot_hash, robot_hash);
+    match found == expected {
+        true => Ok(state),
+        false => Err(ExecutionRefusal::OtherRobot { found, expected }),
+    }
 }
 
 #[cfg(test)]
@@ -57,18 +64,20 @@ mod tests {
     use crate::fixtures::controller_state;
 
     const NOW: i64 = 5_000_000_000;
+    const ROBOT: u64 = 3;
 
     fn holding() -> valid::ControllerState {
         controller_state(|values| {
             values.stamp_mono_ns = NOW - 20_000_000;
             values.state = LoopState::Holding.code();
             values.instance = 8;
+            values.robot_hash = ROBOT;
             values.commanded_configuration_rad = [0.1; 6];
         })
     }
 
     fn check(state: Option<&valid::ControllerState>) -> Result<u64, ExecutionRefusal> {
-        check_controller(state, &Configuration::repeat(0.1), None, NOW)
+        check_controller(state, ROBOT, &Configuration::repeat(0.1), None, NOW)
     }
 
     #[test]
@@ -86,6 +95,13 @@ mod tests {
         let mut future = holding();
         future.values.stamp_mono_ns = NOW + 1;
         assert_eq!(check(Some(&future)), Err(Refusal::ControllerAbsent));
+        let mut other = holding();
+        other.values.robot_hash = 4;
+        let (found, expected) = (4, ROBOT);
+        let refusal = Refusal::OtherRobot { found, expected };
+        assert_eq!(check(Some(&other)), Err(refusal));
+        other.values.stamp_mono_ns = NOW + 1;
+        assert_eq!(check(Some(&other)), Err(Refusal::ControllerAbsent));
         let mut busy = holding();
         busy.state = LoopState::Executing;
         let refusal = check(Some(&busy)).unwrap_err();
@@ -95,10 +111,10 @@ mod tests {
         let refusal = check(Some(&faulty)).unwrap_err();
         assert!(refusal.to_string().contains("robot lost"), "{refusal}");
         let elsewhere = Configuration::repeat(0.1 + 1e-6);
-        let refusal = check_controller(Some(&holding()), &elsewhere, None, NOW).unwrap_err();
+        let refusal = check_controller(Some(&holding()), ROBOT, &elsewhere, None, NOW).unwrap_err();
         assert!(refusal.to_string().contains("1e-6 rad"), "{refusal}");
         let start = Configuration::repeat(0.1);
-        let refusal = check_controller(Some(&holding()), &start, Some(4), NOW).unwrap_err();
+        let refusal = check_controller(Some(&holding()), ROBOT, &start, Some(4), NOW).unwrap_err();
         assert_eq!(refusal, Refusal::Busy { id: 4 });
     }
 }

@@ -117,6 +117,7 @@ struct Heart {
     descriptions: Publisher<RobotDescription>,
     description: RobotDescription,
     beats: u64,
+    /// Whether something was not sent: that is logged once.
     is_failing: bool,
 }
 
@@ -166,13 +167,17 @@ impl Heart {
             let _ = self.descriptions.update_connections();
             Ok(())
         };
-        let sent = beat.map(|_| ()).and(described);
-        if let Err(error) = &sent
-            && !self.is_failing
-        {
-            tracing::warn!("a heartbeat was not sent: {error:?}");
+        for (what, sent) in [
+            ("heartbeat", beat.map(|_| ())),
+            ("robot description", described),
+        ] {
+            if let Err(error) = sent
+                && !self.is_failing
+            {
+                tracing::warn!("a {what} was not sent: {error:?}");
+                self.is_failing = true;
+            }
         }
-        self.is_failing = sent.is_err();
     }
 }
 

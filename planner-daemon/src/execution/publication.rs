@@ -37,7 +37,6 @@ impl Supervisor {
     ) -> Result<u32, ExecutionRefusal> {
         self.round();
         let now = mono_now_ns();
-        self.check_robot()?;
         let schedule = match &selected.leaves {
             None => self.schedule_at_rest(selected, now)?,
             Some(switch) => self.schedule_switch(switch, now)?,
@@ -84,16 +83,6 @@ impl Supervisor {
         Ok(id)
     }
 
-    /// Checks that the controller, where there is one, is set up for this daemon's robot.
-    fn check_robot(&self) -> Result<(), ExecutionRefusal> {
-        let expected = self.rules.robot_hash;
-        let found = self.state.as_ref().map(|state| state.values.robot_hash);
-        match found.filter(|found| *found != expected) {
-            Some(found) => Err(ExecutionRefusal::OtherRobot { found, expected }),
-            None => Ok(()),
-        }
-    }
-
     /// The schedule of a motion that begins at rest.
     fn schedule_at_rest(
         &self,
@@ -103,7 +92,8 @@ impl Supervisor {
         let busy = self.supervised.as_ref().map(|supervised| supervised.id);
         let start = selected.motion.knots()[0].position;
         let state = self.state.as_ref();
-        let controller_instance = check_controller(state, &start, busy, now_mono_ns)?;
+        let controller_instance =
+            check_controller(state, self.rules.robot_hash, &start, busy, now_mono_ns)?;
         let soonest = now_mono_ns + self.rules.begin_lead.as_nanos() as i64;
         let wanted = selected.timing.begin_mono_ns.unwrap_or(soonest);
         let begin_mono_ns = wanted.max(soonest);
@@ -121,7 +111,7 @@ impl Supervisor {
         now_mono_ns: i64,
     ) -> Result<Schedule, ExecutionRefusal> {
         let id = switch.trajectory_id;
-        let state = controller_there(self.state.as_ref(), now_mono_ns)?;
+        let state = controller_there(self.state.as_ref(), self.rules.robot_hash, now_mono_ns)?;
         let left = self.supervised.as_ref();
         let motion = robot_motion(state, left, self.joining.is_some());
         let (RobotMotion::Following(followed), Some(left)) = (motion, left) else {

@@ -66,7 +66,7 @@ pub(super) struct InFlight {
     /// something else, of which nothing can be learned.
     pub(super) kind: Option<PlanKind>,
     pub(super) begin_chosen: Instant,
-    /// Time from then until its motion was handed over for publication.
+    /// Time from then until its motion was published, or refused.
     pub(super) took: Duration,
     pub(super) waited: Duration,
     pub(super) plan_id: u64,
@@ -82,7 +82,7 @@ pub(super) struct InFlight {
 #[derive(Clone, Copy)]
 pub(super) struct Attempt {
     number: u32,
-    /// Time that the one before took from the choice of its switch until its motion was handed over for publication.
+    /// Time that the one before took from the choice of its switch until its motion was refused.
     took_before: Duration,
 }
 

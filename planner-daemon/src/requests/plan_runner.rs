@@ -15,8 +15,8 @@ use planning::{
     CanBegin, Candidate, EarlySelection, Planner, Problem, Request, Supervision, ToBeDone, Via,
 };
 
+use super::idle_warm_up::IdleWarmUp;
 use super::planned::{Planned, guarded};
-use super::rehearsal::Rehearsal;
 use crate::execution::Switch;
 use rustix::event::{EventfdFlags, eventfd};
 
@@ -75,7 +75,7 @@ pub(crate) enum PlanOutput {
 /// The planner with its output queue; it is idle or runs one job.
 pub(crate) struct PlanRunner {
     planner: Arc<Planner>,
-    rehearsal: Rehearsal,
+    idle: IdleWarmUp,
     outgoing: OutputSender,
     outputs: Receiver<PlanOutput>,
 }
@@ -104,7 +104,7 @@ impl PlanRunner {
         let (outgoing, outputs) = sync_channel(4);
         let wake = eventfd(0, EventfdFlags::CLOEXEC | EventfdFlags::NONBLOCK)?;
         Ok(Self {
-            rehearsal: Rehearsal::new(Arc::clone(&planner)),
+            idle: IdleWarmUp::new(Arc::clone(&planner)),
             planner,
             outgoing: OutputSender {
                 outputs: outgoing,
@@ -121,7 +121,8 @@ impl PlanRunner {
 
     /// Hands over a job; its plan must be taken before the next one is handed over.
     pub(crate) fn begin(&mut self, job: Job) {
-        self.rehearsal.give_way(&job.problem, &job.request);
+        let has_via = !job.via.is_empty();
+        self.idle.give_way(&job.problem, &job.request, has_via);
         let (planner, outgoing) = (Arc::clone(&self.planner), self.outgoing.clone());
         self.planner.spawn(move || {
             let planned = plan(&planner, &job, &outgoing);
@@ -130,8 +131,8 @@ impl PlanRunner {
     }
 
     /// Keeps the workers warm for the next job, while there is none.
-    pub(crate) fn rehearse(&mut self) {
-        self.rehearsal.play();
+    pub(crate) fn keep_warm(&mut self) {
+        self.idle.run_if_due(Instant::now());
     }
 
     /// The next output, if there is one; never waits.

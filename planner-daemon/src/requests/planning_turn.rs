@@ -46,10 +46,12 @@ impl Service {
         if self.in_flight.is_some() {
             return false;
         }
-        let Some(queued) = self.deferred.take().or_else(|| self.queue.pop()) else {
+        let first = |queued| (queued, Attempt::FIRST);
+        let deferred = self.deferred.take();
+        let Some((queued, attempt)) = deferred.or_else(|| self.queue.pop().map(first)) else {
             return false;
         };
-        self.begin(queued, Attempt::FIRST)
+        self.begin(queued, attempt)
     }
 
     /// Begins to plan a request; false where that is deferred.
@@ -62,7 +64,7 @@ impl Service {
         let Start { begin, problem } = match self.start(&mut queued.task, foreseen) {
             Ok(start) => start,
             Err(NotReady::Passes(_)) if waited < longest_deferral(&queued.task) => {
-                self.deferred = Some(queued);
+                self.deferred = Some((queued, attempt));
                 return false;
             }
             Err(NotReady::Passes(refusal) | NotReady::Stays(refusal)) => {
@@ -307,11 +309,12 @@ impl Service {
         selected: Option<&Candidate>,
     ) -> Option<Result<u32, ExecutionRefusal>> {
         let requested_mono_ns = in_flight.queued.task.requested_mono_ns?;
-        in_flight.took = in_flight.begin_chosen.elapsed();
         if let (PlanBegin::AtSwitch(_), Some(kind)) = (in_flight.begin, in_flight.kind) {
-            self.lead_times.note(kind, in_flight.took);
+            self.lead_times.note(kind, in_flight.begin_chosen.elapsed());
         }
-        Some(self.publish_selected(in_flight, selected, requested_mono_ns))
+        let published = self.publish_selected(in_flight, selected, requested_mono_ns);
+        in_flight.took = in_flight.begin_chosen.elapsed();
+        Some(published)
     }
 
     fn publish_selected(

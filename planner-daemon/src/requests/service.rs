@@ -19,7 +19,7 @@ use super::answer::Answer;
 use super::asker::{Asker, AskerId};
 use super::fair_queue::FairQueue;
 use super::goal_exchange::GoalExchange;
-use super::in_flight::{InFlight, Queued};
+use super::in_flight::{Attempt, InFlight, Queued};
 use super::lead_times::LeadTimes;
 use super::plan_runner::PlanRunner;
 use super::recent_plans::RecentPlans;
@@ -48,7 +48,7 @@ pub(crate) struct Service {
     pub(super) queue: FairQueue<AskerId, Queued>,
     pub(super) in_flight: Option<InFlight>,
     /// A request whose start is not known yet: the robot's motion is about to end or to be left.
-    pub(super) deferred: Option<Queued>,
+    pub(super) deferred: Option<(Queued, Attempt)>,
     pub(super) lead_times: LeadTimes,
     identity: Identity,
     pub(super) plans: RecentPlans,
@@ -106,7 +106,7 @@ impl Service {
         }
         while !terminated.load(Ordering::Relaxed) {
             if !self.round() {
-                self.rehearse();
+                self.keep_warm();
                 self.pause();
             }
         }
@@ -125,10 +125,10 @@ impl Service {
     }
 
     /// Keeps the workers warm while the robot moves.
-    fn rehearse(&mut self) {
+    fn keep_warm(&mut self) {
         let is_idle = self.in_flight.is_none();
         if is_idle && matches!(self.execution.robot_motion(), RobotMotion::Following(_)) {
-            self.runner.rehearse();
+            self.runner.keep_warm();
         }
     }
 
@@ -291,7 +291,12 @@ impl Service {
     fn finish(&mut self) {
         self.ends = true;
         self.receive();
-        while let Some(queued) = self.queue.pop() {
+        let deferred = self.deferred.take().map(|(queued, _)| queued);
+        let waiting = deferred.into_iter();
+        let waiting: Vec<Queued> = waiting
+            .chain(std::iter::from_fn(|| self.queue.pop()))
+            .collect();
+        for queued in waiting {
             let refusal = Refusal::new(Outcome::Cancelled, "the daemon ends");
             self.refuse(&queued.asker, queued.task.request_id, &refusal);
         }

@@ -144,7 +144,7 @@ impl Daemon {
         let supervision_rounds = Arc::<AtomicU64>::default();
         let execution = Execution::start(
             options,
-            execution_rules(config, &planner, &robot),
+            execution_rules(config, &planner, &robot, identity),
             instance,
             &supervision_rounds,
             priority.map(|planning| planning + 2),
@@ -349,12 +349,17 @@ fn load_models(folder: &Path, config: &Config, robot: &Robot) -> Result<(Models,
     Ok((models, weights.hash()))
 }
 
-fn execution_rules(config: &Config, planner: &Planner, robot: &Robot) -> ExecutionRules {
+fn execution_rules(
+    config: &Config,
+    planner: &Planner,
+    robot: &Robot,
+    identity: Identity,
+) -> ExecutionRules {
     let unit_robot = planner.robot();
     let padding = tracking_padding(unit_robot, config.path_tolerance_rad);
     let limits = &robot.tendon_limits;
     ExecutionRules {
-        robot_hash: robot.hash(),
+        robot_hash: identity.robot_hash,
         padded: unit_robot.with_tube_padding(&padding),
         path_tolerance_rad: config.path_tolerance_rad,
         rate_law: RateLaw::new(&robot.tendons, limits.acceleration * BRAKING_SHARE),

@@ -132,7 +132,7 @@ wire_message! {
         pub plan_id: u64,
         /// [`super::RobotDescription::robot_hash`] of the robot that is planned for.
         pub robot_hash: u64,
-        /// [`super::RobotDescription::weights_hash`] of the daemon.
+        /// [`super::RobotDescription::weights_hash`] of the daemon, whichever sampler was asked for.
         pub weights_hash: u64,
         /// Hash of all candidates' knots: equal plans have equal hashes.
         pub plan_hash: u64,

@@ -21,7 +21,7 @@ wire_message! {
         pub tendon_count: u32,
         /// Equal for equal robot files, and never 0: processes with different ones refuse each other.
         pub robot_hash: u64,
-        /// The first 8 bytes of the SHA-256 of the daemon's weights file, the first one the highest; 0: no weights.
+        /// The first 8 bytes of the SHA-256 of the few-step model's weights file, the first one the highest; 0: the daemon has none.
         pub weights_hash: u64,
         /// The robot's name, UTF-8, the rest zero; cut off where it is longer.
         pub name: [u8; ROBOT_NAME_BYTES],

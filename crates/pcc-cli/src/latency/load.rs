@@ -1,7 +1,7 @@
 //! The load: clients in threads of their own, in a closed loop or at a fixed rate of arrivals.
 
-use std::collections::VecDeque;
 use std::fmt::Write as _;
+use std::sync::Barrier;
 use std::thread;
 use std::time::Duration;
 
@@ -18,7 +18,9 @@ use shared_types::valid::PlanRequest;
 const PATIENCE: Duration = Duration::from_secs(70);
 /// Before a request is to be sent its thread stops sleeping: sleeps end late.
 const AWAKE_NS: i64 = 200_000;
-/// From the start of the threads until the first request of an open loop, nanoseconds.
+/// Time between two looks for answers of an open loop: so much coarser are its times.
+const LOOK: Duration = Duration::from_micros(20);
+/// From when all clients are connected until the first request of an open loop, nanoseconds.
 const SETTLING_NS: i64 = 50_000_000;
 
 /// When requests are sent.
@@ -38,6 +40,8 @@ pub(super) struct Load {
     /// Of each client, before those that count.
     pub(super) warm_up: u64,
     pub(super) pace: Pace,
+    pub(super) seed: u64,
+    pub(super) deadline_ms: u64,
     /// Asked for one after the other, again and again.
     pub(super) asked: Vec<PlanRequest>,
 }
@@ -72,10 +76,11 @@ impl Reply {
 impl Load {
     /// Makes the load; the replies that count, in the order in which each client had them.
     pub(super) fn run(&self, options: &IpcOptions) -> anyhow::Result<Vec<Reply>> {
-        let begin_ns = mono_now_ns() + SETTLING_NS;
+        let connected = Barrier::new(self.clients);
         let of_clients = thread::scope(|scope| {
+            let connected = &connected;
             let clients: Vec<_> = (0..self.clients)
-                .map(|client| scope.spawn(move || self.client(client, options, begin_ns)))
+                .map(|client| scope.spawn(move || self.client(client, options, connected)))
                 .collect();
             let joined = clients.into_iter().map(thread::ScopedJoinHandle::join);
             joined
@@ -89,89 +94,101 @@ impl Load {
         &self,
         client: usize,
         options: &IpcOptions,
-        begin_ns: i64,
+        connected: &Barrier,
     ) -> anyhow::Result<Vec<Reply>> {
-        let mut connection = Client::connect(options)?;
-        connection.wait_for_daemon(PATIENCE).with_context(|| {
+        let connection = Client::connect(options).and_then(|mut connection| {
+            connection.wait_for_daemon(PATIENCE)?;
+            Ok(connection)
+        });
+        connected.wait();
+        let mut connection = connection.with_context(|| {
             format!("client {client}: the daemon's `clients` says how many it serves")
         })?;
+        let begin_ns = mono_now_ns() + SETTLING_NS;
         let (all, clients) = (self.requests, self.clients as u64);
         let count = all / clients + u64::from((client as u64) < all % clients) + self.warm_up;
         let mut replies = match self.pace {
-            Pace::Closed => self.closed(client, &mut connection, count)?,
+            Pace::Closed => self.closed(client, &mut connection, count),
             Pace::Open(rate) => {
                 let period_ns = 1e9 * self.clients as f64 / rate;
                 let phase_ns = period_ns * client as f64 / self.clients as f64;
                 let due_ns = |index: u64| begin_ns + (phase_ns + period_ns * index as f64) as i64;
-                self.open(client, &mut connection, count, &due_ns)?
+                self.open(client, &mut connection, count, &due_ns)
             }
         };
-        Ok(replies.split_off(self.warm_up as usize))
+        let warm_up = replies.len().min(self.warm_up as usize);
+        Ok(replies.split_off(warm_up))
     }
 
     fn request(&self, client: usize, index: u64) -> &PlanRequest {
         &self.asked[(client + index as usize * self.clients) % self.asked.len()]
     }
 
-    fn closed(
-        &self,
-        client: usize,
-        connection: &mut Client,
-        count: u64,
-    ) -> anyhow::Result<Vec<Reply>> {
+    /// Ends at the first request whose daemon is gone or does not answer.
+    fn closed(&self, client: usize, connection: &mut Client, count: u64) -> Vec<Reply> {
         let mut replies = Vec::with_capacity(count as usize);
         for index in 0..count {
             let sent_ns = mono_now_ns();
             let answer = connection.plan(self.request(client, index), PATIENCE);
+            let is_over = answer.is_err();
             replies.push(Reply::of(sent_ns, sent_ns, &answer));
+            if is_over {
+                break;
+            }
         }
-        Ok(replies)
+        replies
     }
 
     /// A request that cannot be sent when it is due, because the client has as many under way as it may, is sent as soon as it can, and
-    /// its time counts from when it was due.
+    /// its time counts from when it was due. Ends at the first request whose daemon is gone or does not answer.
     fn open(
         &self,
         client: usize,
         connection: &mut Client,
         count: u64,
         due_ns: &dyn Fn(u64) -> i64,
-    ) -> anyhow::Result<Vec<Reply>> {
+    ) -> Vec<Reply> {
         let mut replies = Vec::with_capacity(count as usize);
-        let mut under_way: VecDeque<(i64, i64, Pending)> = VecDeque::new();
-        let mut next = 0;
+        let mut under_way: Vec<(i64, i64, Pending)> = Vec::new();
+        let (mut next, mut is_full) = (0, false);
         while replies.len() < count as usize {
-            let is_due = next < count && mono_now_ns() >= due_ns(next);
-            if is_due {
-                let sent_ns = mono_now_ns();
+            let sent_ns = mono_now_ns();
+            if next < count && sent_ns >= due_ns(next) && !is_full {
                 match connection.submit(self.request(client, next)) {
-                    Ok(pending) => {
-                        under_way.push_back((due_ns(next), sent_ns, pending));
-                        next += 1;
+                    Ok(pending) => under_way.push((due_ns(next), sent_ns, pending)),
+                    Err(ClientError::TooManyRequests) if !under_way.is_empty() => {
+                        is_full = true;
+                        continue;
                     }
-                    Err(ClientError::TooManyRequests) if !under_way.is_empty() => {}
                     Err(error) => {
                         replies.push(Reply::of(due_ns(next), sent_ns, &Err(error)));
-                        next += 1;
+                        break;
+                    }
+                }
+                next += 1;
+            }
+            let before = replies.len();
+            for (due, sent, mut pending) in std::mem::take(&mut under_way) {
+                let timed_out = sent_ns - sent > PATIENCE.as_nanos() as i64;
+                match connection.poll(&mut pending) {
+                    Ok(None) if !timed_out => under_way.push((due, sent, pending)),
+                    Ok(None) => return replies,
+                    Ok(Some(answer)) => replies.push(Reply::of(due, sent, &Ok(answer))),
+                    Err(error) => {
+                        replies.push(Reply::of(due, sent, &Err(error)));
+                        return replies;
                     }
                 }
             }
+            is_full &= replies.len() == before;
             let until_ns = if next < count { due_ns(next) } else { i64::MAX };
-            let Some((due, sent, mut pending)) = under_way.pop_front() else {
-                sleep_until(until_ns);
-                continue;
-            };
-            // A client's requests are answered in their order.
-            let wait_ns = (until_ns - mono_now_ns()).clamp(0, PATIENCE.as_nanos() as i64);
-            let wait = Duration::from_nanos(wait_ns.unsigned_abs()).max(MIN_WAIT);
-            match connection.next(&mut pending, wait) {
-                Err(ClientError::TimedOut { .. }) if wait < PATIENCE => {
-                    under_way.push_front((due, sent, pending));
-                }
-                answer => replies.push(Reply::of(due, sent, &answer)),
+            match under_way.is_empty() {
+                true => sleep_until(until_ns),
+                false if replies.len() == before => thread::sleep(LOOK),
+                false => {}
             }
         }
-        Ok(replies)
+        replies
     }
 
     pub(super) fn text(&self) -> String {
@@ -197,15 +214,17 @@ impl Load {
             "warm_up_each": self.warm_up,
             "requests_per_second": rate,
             "candidates": self.asked[0].candidate_count,
+            "deadline_ms": self.deadline_ms,
+            "seed": self.seed,
         })
     }
 }
 
-/// Shortest wait for an answer while the next request is due: one look.
-const MIN_WAIT: Duration = Duration::from_micros(1);
-
-/// Sleeps until shortly before an instant, and looks at the clock from then on.
+/// Sleeps until shortly before an instant, and looks at the clock from then on; not at all where there is none.
 fn sleep_until(instant_ns: i64) {
+    if instant_ns == i64::MAX {
+        return;
+    }
     let left_ns = instant_ns - mono_now_ns() - AWAKE_NS;
     if left_ns > 0 {
         thread::sleep(Duration::from_nanos(left_ns.unsigned_abs()));

@@ -19,10 +19,17 @@ pub(super) struct LoopLateness {
     before: Option<ControllerState>,
 }
 
-/// What the loop did during the load; none where no controller runs.
-pub(super) struct Lateness(Option<Figures>);
+/// What the loop did during the load.
+pub(super) enum Lateness {
+    /// No controller ran.
+    None,
+    /// The controller that ran ended, or another one took its place.
+    Lost,
+    Of(Box<Figures>),
+}
 
-struct Figures {
+/// What is told of a loop.
+pub(super) struct Figures {
     cycles: u64,
     late_cycles: u32,
     histogram: [u32; HISTOGRAM_BINS],
@@ -38,16 +45,18 @@ impl LoopLateness {
     /// The loop's figures since then.
     pub(super) fn figures(mut self) -> anyhow::Result<Lateness> {
         let Some(before) = self.before else {
-            return Ok(Lateness(None));
+            return Ok(Lateness::None);
         };
         let now = heard(&mut self.view)?.filter(|now| now.instance == before.instance);
-        Ok(Lateness(now.map(|now| Figures {
-            cycles: now.cycle - before.cycle,
-            late_cycles: now.late_cycles - before.late_cycles,
-            histogram: std::array::from_fn(|bin| {
-                now.lateness_histogram[bin] - before.lateness_histogram[bin]
-            }),
-        })))
+        Ok(now.map_or(Lateness::Lost, |now| {
+            Lateness::Of(Box::new(Figures {
+                cycles: now.cycle - before.cycle,
+                late_cycles: now.late_cycles - before.late_cycles,
+                histogram: std::array::from_fn(|bin| {
+                    now.lateness_histogram[bin] - before.lateness_histogram[bin]
+                }),
+            }))
+        }))
     }
 }
 
@@ -73,9 +82,10 @@ impl Figures {
 
 impl Lateness {
     pub(super) fn show(&self) {
-        match &self.0 {
-            None => say!("controller's loop: none runs"),
-            Some(figures) => say!(
+        match self {
+            Self::None => say!("controller's loop: none runs"),
+            Self::Lost => say!("controller's loop: lost meanwhile"),
+            Self::Of(figures) => say!(
                 "controller's loop: {} cycles, woken late by p50 {:.1}, p99 {:.1}, p99.9 {:.1}, at most {:.1} us; {} late cycles",
                 figures.cycles,
                 figures.at_us(0.5),
@@ -87,9 +97,21 @@ impl Lateness {
         }
     }
 
+    /// Fails where the controller was lost.
+    pub(super) fn check(&self) -> anyhow::Result<()> {
+        let is_lost = matches!(self, Self::Lost);
+        anyhow::ensure!(
+            !is_lost,
+            "the controller ended under the load, or another one took its place"
+        );
+        Ok(())
+    }
+
     pub(super) fn json(&self) -> Value {
-        self.0.as_ref().map_or(Value::Null, |figures| {
-            json!({
+        match self {
+            Self::None => Value::Null,
+            Self::Lost => json!("lost"),
+            Self::Of(figures) => json!({
                 "cycles": figures.cycles,
                 "late_cycles": figures.late_cycles,
                 "woken_late_us": {
@@ -98,7 +120,7 @@ impl Lateness {
                     "p99.9": figures.at_us(0.999),
                     "max": figures.at_us(1.0),
                 },
-            })
-        })
+            }),
+        }
     }
 }

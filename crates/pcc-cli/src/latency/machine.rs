@@ -1,7 +1,6 @@
 //! What the machine did meanwhile, which decides what latencies are worth.
 
 use std::fs;
-use std::thread::available_parallelism;
 use std::time::Instant;
 
 use serde_json::{Value, json};
@@ -30,7 +29,7 @@ impl Machine {
     }
 
     pub(super) fn figures(&self) -> Figures {
-        let processors = available_parallelism().map_or(1, usize::from);
+        let processors = processors();
         let stolen = stolen_s().zip(self.stolen_s).map(|(now, then)| now - then);
         let whole_s = self.begun.elapsed().as_secs_f64() * processors as f64;
         Figures {
@@ -41,6 +40,13 @@ impl Machine {
             kernel: text("/proc/sys/kernel/osrelease"),
         }
     }
+}
+
+/// Processors of the whole machine, of which the system tells the stolen time; at least one.
+fn processors() -> usize {
+    let stat = fs::read_to_string("/proc/stat").unwrap_or_default();
+    let of_one = |line: &&str| line.starts_with("cpu") && !line.starts_with("cpu ");
+    stat.lines().filter(of_one).count().max(1)
 }
 
 /// A line of the system's; `none` where it does not say.

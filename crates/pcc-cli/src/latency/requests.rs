@@ -1,5 +1,6 @@
 //! What is asked for: tips that the daemon's robot can reach, from the straight robot.
 
+use std::f64::consts::PI;
 use std::time::{Duration, Instant};
 
 use anyhow::bail;
@@ -27,6 +28,11 @@ pub(super) fn robot(options: &IpcOptions) -> anyhow::Result<RobotDescription> {
     let begun = Instant::now();
     loop {
         if let Some(robot) = newest(&descriptions) {
+            let limit = robot.bending_limit_rad;
+            anyhow::ensure!(
+                limit > 0.0 && limit <= PI,
+                "the daemon's robot bends by {limit} rad; up to π is possible"
+            );
             return Ok(robot);
         }
         if begun.elapsed() > TIMEOUT {

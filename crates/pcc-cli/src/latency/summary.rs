@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 
 use hdrhistogram::Histogram;
 use serde_json::{Map, Value, json};
-use shared_types::codes::Stage;
+use shared_types::codes::{Outcome, Stage};
 
 use super::load::{Pace, Reply};
 
 /// Digits that a histogram keeps.
 const DIGITS: u8 = 3;
+/// Times beyond this count as this, nanoseconds.
+const LONGEST_NS: u64 = 600_000_000_000;
 /// Percentiles, by their names.
 pub(super) const PERCENTILES: [(&str, f64); 5] = [
     ("p50", 50.0),
@@ -19,7 +21,7 @@ pub(super) const PERCENTILES: [(&str, f64); 5] = [
     ("max", 100.0),
 ];
 /// The time that a client sees.
-pub(super) const ROUND_TRIP: &str = "round trip";
+const ROUND_TRIP: &str = "round trip";
 /// What is none of the daemon's stages: both ways, waking up, checks.
 const TRANSPORT: &str = "transport and waking up";
 /// From when a request was due until it was sent.
@@ -33,7 +35,7 @@ pub(super) struct Summary {
 }
 
 impl Summary {
-    /// Of all answered requests; where they were sent at a fixed rate, round trips count from when they were due.
+    /// Times of all requests that had candidates, and what became of each; where they were sent at a fixed rate, round trips count from when they were due.
     pub(super) fn of(replies: &[Reply], pace: Pace) -> Self {
         let mut summary = Self {
             times: Vec::new(),
@@ -41,12 +43,13 @@ impl Summary {
             lasted_s: lasted_s(replies),
         };
         for reply in replies {
-            let outcome = match &reply.outcome {
+            let name = match &reply.outcome {
                 Ok(outcome) => outcome.to_string(),
                 Err(error) => error.clone(),
             };
-            *summary.outcomes.entry(outcome).or_default() += 1;
-            if reply.outcome.is_err() {
+            *summary.outcomes.entry(name).or_default() += 1;
+            let is_planned = |outcome: &Outcome| outcome.has_candidates();
+            if !reply.outcome.as_ref().is_ok_and(is_planned) {
                 continue;
             }
             let since = |from_ns: i64| (reply.answered_ns - from_ns).max(0).unsigned_abs();
@@ -67,15 +70,16 @@ impl Summary {
     fn note(&mut self, name: &'static str, took_ns: u64) {
         let known = self.times.iter().position(|(known, _)| *known == name);
         let index = known.unwrap_or_else(|| {
-            let histogram = Histogram::new(DIGITS).expect("3 digits are allowed");
+            let histogram = Histogram::new_with_bounds(1, LONGEST_NS, DIGITS);
+            let histogram = histogram.expect("the bounds and 3 digits are allowed");
             self.times.push((name, histogram));
             self.times.len() - 1
         });
         self.times[index].1.saturating_record(took_ns);
     }
 
-    /// Requests that had an answer.
-    pub(super) fn answered(&self) -> u64 {
+    /// Requests that had candidates.
+    pub(super) fn planned(&self) -> u64 {
         self.times.first().map_or(0, |(_, times)| times.len())
     }
 
@@ -88,10 +92,10 @@ impl Summary {
     }
 
     pub(super) fn show(&self) {
-        let per_second = self.answered() as f64 / self.lasted_s;
+        let per_second = self.planned() as f64 / self.lasted_s;
         say!(
-            "{} answers in {:.2} s, {per_second:.1} a second; ms:",
-            self.answered(),
+            "{} plans in {:.2} s, {per_second:.1} a second; ms:",
+            self.planned(),
             self.lasted_s
         );
         let names = PERCENTILES.map(|(name, _)| format!("{name:>9}")).concat();
@@ -117,7 +121,7 @@ impl Summary {
             })
             .collect();
         json!({
-            "answered": self.answered(),
+            "planned": self.planned(),
             "lasted_s": self.lasted_s,
             "times_ms": times,
             "outcomes": self.outcomes,
@@ -138,7 +142,6 @@ fn lasted_s(replies: &[Reply]) -> f64 {
 mod tests {
     use super::*;
     use shared_types::capacity::STAGES;
-    use shared_types::codes::Outcome;
 
     fn reply(index: i64, outcome: Result<Outcome, String>) -> Reply {
         let mut stages_ns = [0; STAGES];
@@ -156,8 +159,9 @@ mod tests {
     fn times_count_from_when_a_request_was_due_and_refusals_by_name() {
         let mut replies: Vec<Reply> = (0..99).map(|index| reply(index, Ok(Outcome::Ok))).collect();
         replies.push(reply(99, Err("no daemon".to_owned())));
+        replies.push(reply(100, Ok(Outcome::Overloaded)));
         let summary = Summary::of(&replies, Pace::Open(1000.0));
-        assert_eq!(summary.answered(), 99);
+        assert_eq!(summary.planned(), 99);
         let median = |wanted| {
             summary
                 .percentiles_ms()
@@ -169,6 +173,7 @@ mod tests {
         assert!((median(DELAY) - 0.1).abs() < 1e-4);
         assert!((median(TRANSPORT) - 0.5).abs() < 1e-3);
         assert_eq!(summary.outcomes["no daemon"], 1);
+        assert_eq!(summary.outcomes[&Outcome::Overloaded.to_string()], 1);
         assert_eq!(summary.outcomes[&Outcome::Ok.to_string()], 99);
     }
 }

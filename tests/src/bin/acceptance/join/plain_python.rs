@@ -1,12 +1,12 @@
 //! Every service joined, and each part played, from Python with iceoryx2's own bindings and what `wire.json` says.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::{Context, ensure};
 use client::ScenePublisher;
-use serde_json::Value;
 use shared_types::codes::LoopState;
+use shared_types::ipc::{EVENTS, TOPICS};
 use shared_types::valid::{Goal, PlanRequest};
 use tests::process::{Process, wait_for};
 use tests::programs::repository;
@@ -77,12 +77,9 @@ fn plan(world: &World) -> anyhow::Result<String> {
 fn every_service(report: &mut Report) -> anyhow::Result<()> {
     let stack = Stack::running(&Settings::default())?;
     let said = said(&stack.world, "services.py", &["2"])?;
-    let wire: Value = read_wire(&repository().join("shared-types/wire.json"))?;
-    let services = wire["services"].as_array().context("services")?;
-    let names: Vec<&str> = services
-        .iter()
-        .filter_map(|it| it["name"].as_str())
-        .collect();
+    let topics = TOPICS.iter().map(|topic| topic.settings.name);
+    let events = EVENTS.iter().map(|event| event.name);
+    let names: Vec<&str> = topics.chain(events).chain(["plan", "command"]).collect();
     let missing: Vec<String> = names
         .iter()
         .filter(|name| {
@@ -92,10 +89,7 @@ fn every_service(report: &mut Report) -> anyhow::Result<()> {
         })
         .map(|name| (*name).to_owned())
         .collect();
-    report.none_of(
-        "plain Python: services of wire.json that were not joined",
-        &missing,
-    );
+    report.none_of("plain Python: services that were not joined", &missing);
     // What is sent all the time while the robot holds.
     for name in [
         "setpoint",
@@ -119,10 +113,6 @@ fn every_service(report: &mut Report) -> anyhow::Result<()> {
         );
     }
     Ok(())
-}
-
-fn read_wire(file: &Path) -> anyhow::Result<Value> {
-    Ok(serde_json::from_str(&std::fs::read_to_string(file)?)?)
 }
 
 /// The same request from Rust has the same plan.
@@ -264,22 +254,18 @@ fn follow(report: &mut Report) -> anyhow::Result<()> {
 }
 
 fn lines(report: &mut Report) -> anyhow::Result<()> {
-    for name in [
-        "plan.py",
-        "watch.py",
-        "scene.py",
-        "drive.py",
-        "follow.py",
-        "services.py",
-    ] {
-        let text = std::fs::read_to_string(folder().join(name))?;
-        let count = text.lines().count();
-        report.check(
-            &format!("plain Python: lines of {name}"),
-            count.to_string(),
-            "<= 60",
-            count <= LINES,
-        );
+    for entry in std::fs::read_dir(folder())? {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        // What all of them share.
+        if !name.ends_with(".py") || name == "wire.py" {
+            continue;
+        }
+        let count = std::fs::read_to_string(folder().join(&name))?
+            .lines()
+            .count();
+        let bar = format!("<= {LINES}");
+        let line = format!("plain Python: lines of {name}");
+        report.check(&line, count.to_string(), &bar, count <= LINES);
     }
     Ok(())
 }

@@ -147,8 +147,13 @@ impl Schedule {
         let mut done = Vec::new();
         for action in due {
             done.push(mono_now_ns());
-            self.note_hold(action);
+            if matches!(action, Action::Stop(_)) {
+                self.note_hold(action);
+            }
             action.carry_out(stack)?;
+            if matches!(action, Action::Continue(_)) {
+                self.note_hold(action);
+            }
         }
         Ok(done)
     }
