@@ -63,7 +63,7 @@ fn figures_are_those_of_the_stamps_in_a_closed_and_in_an_open_loop() {
         ];
         arguments.extend(pace);
         let figures = measured(&stack.world, &json, &arguments);
-        assert_eq!(figures["plans"]["answered"], 41, "{figures}");
+        assert_eq!(figures["plans"]["planned"], 41, "{figures}");
         assert_eq!(figures["plans"]["outcomes"]["ok"], 41, "{figures}");
         let told_ms = figures["plans"]["times_ms"]["round trip"]["p50"]
             .as_f64()
