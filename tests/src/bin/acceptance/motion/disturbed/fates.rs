@@ -111,8 +111,26 @@ fn end_of(heard: &Heard, id: u32, all: &[Replan]) -> Result<&'static str, String
     match is_whole(result) {
         true => Ok(""),
         false if is_ramped(result, all) => Ok(RAMPED),
-        false => Err(named(result)),
+        false => Err(with_holds(result, all)),
     }
+}
+
+/// The result of a motion, and the holds of the controller shortly before its end.
+fn with_holds(result: &MotionResult, all: &[Replan]) -> String {
+    let holds = all
+        .iter()
+        .flat_map(|replan| replan.disturbed_ns.chunks_exact(2));
+    let before =
+        holds.filter(|hold| (0..2 * LONGEST_HELD_NS).contains(&(result.stamp_mono_ns - hold[0])));
+    let ms = |ns: i64| ns as f64 * 1e-6;
+    let told = before.map(|hold| {
+        format!(
+            ", held for {:.1} ms {:.0} ms before",
+            ms(hold[1] - hold[0]),
+            ms(result.stamp_mono_ns - hold[0])
+        )
+    });
+    named(result) + &told.collect::<String>()
 }
 
 /// Whether a motion ended since the robot ramped to rest while the controller was held for longer than it bears.
@@ -145,7 +163,7 @@ fn old_motion(heard: &Heard, id: u32, refused_ns: i64, all: &[Replan]) -> Result
         _ if is_ramped(result, all) => Ok(format!("the old motion{RAMPED}")),
         (true, true) => Ok("the old motion went on".to_owned()),
         (true, false) => Ok(format!("the old motion had ended: {}", named(result))),
-        (false, _) => Err(format!("the old motion: {}", named(result))),
+        (false, _) => Err(format!("the old motion: {}", with_holds(result, all))),
     }
 }
 
