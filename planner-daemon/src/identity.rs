@@ -2,7 +2,7 @@
 
 use pcc_model::Robot;
 use shared_types::PROTOCOL_VERSION;
-use shared_types::capacity::{DOF, ROBOT_NAME_BYTES};
+use shared_types::capacity::DOF;
 use shared_types::message::RobotDescription;
 
 /// Hashes of robot file and weights file, as in [`RobotDescription`].
@@ -34,13 +34,7 @@ impl Identity {
             jerk_limit_m_s3: robot.tendon_limits.jerk,
             ..RobotDescription::ZEROED
         };
-        let longest = robot.name.len().min(ROBOT_NAME_BYTES);
-        let whole = (0..=longest).rev();
-        let length = whole
-            .into_iter()
-            .find(|&at| robot.name.is_char_boundary(at));
-        let length = length.unwrap_or(0);
-        description.name[..length].copy_from_slice(&robot.name.as_bytes()[..length]);
+        description.set_name(&robot.name);
         let rows = description.tendon_matrix_m_rad.chunks_exact_mut(DOF);
         for (to, row) in rows.zip(robot.tendons.matrix().row_iter()) {
             to.iter_mut().zip(&row).for_each(|(to, from)| *to = *from);

@@ -10,7 +10,6 @@ mod summary;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use anyhow::Context;
 use clap::Args;
 use client::Client;
 use serde_json::json;
@@ -21,7 +20,7 @@ use self::loop_lateness::LoopLateness;
 use self::machine::Machine;
 use self::summary::Summary;
 use crate::number;
-use crate::output_files::make_writable_for;
+use crate::output_files::{make_writable_for, write_whole};
 
 /// How long a daemon may take to show up.
 const TIMEOUT: Duration = Duration::from_secs(5);
@@ -109,16 +108,12 @@ pub(crate) fn run(arguments: &Arguments) -> anyhow::Result<()> {
         "machine": machine.json(),
     });
     if let Some(file) = &arguments.json {
-        write(file, &format!("{figures:#}\n"))?;
+        write_whole(file, &format!("{figures:#}\n"))?;
     }
     if let Some(file) = &arguments.stamps {
-        write(file, &load::stamps(&replies))?;
+        write_whole(file, &load::stamps(&replies))?;
     }
     anyhow::ensure!(summary.planned() > 0, "no request had a candidate");
     lateness.check()?;
     Ok(())
-}
-
-fn write(file: &std::path::Path, text: &str) -> anyhow::Result<()> {
-    std::fs::write(file, text).with_context(|| format!("cannot write {}", file.display()))
 }

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::thread::{Builder, sleep};
 use std::time::Duration;
 
+use iceoryx2::port::SendError;
 use iceoryx2::port::update_connections::UpdateConnections;
 use realtime::{RealtimeError, use_fifo_priority, use_idle_policy};
 use shared_types::clock::mono_now_ns;
@@ -117,8 +118,8 @@ struct Heart {
     descriptions: Publisher<RobotDescription>,
     description: RobotDescription,
     beats: u64,
-    /// Whether something was not sent: that is logged once.
-    is_failing: bool,
+    /// Whether the last heartbeat and the last description were not sent: each is logged once, until it is sent again.
+    are_failing: [bool; 2],
 }
 
 impl Heart {
@@ -135,7 +136,7 @@ impl Heart {
             descriptions: publisher(node, &robot_description_service(node)?)?,
             description,
             beats: 0,
-            is_failing: false,
+            are_failing: [false; 2],
         })
     }
 
@@ -159,26 +160,26 @@ impl Heart {
             kind: ProcessKind::Daemon.code(),
             pid: std::process::id(),
         });
-        let described = if self.beats % DESCRIBED_EVERY == 1 {
+        note_sent("heartbeat", &beat, &mut self.are_failing[0]);
+        if self.beats % DESCRIBED_EVERY == 1 {
             self.description.stamp_mono_ns = stamp_mono_ns;
-            self.descriptions.send_copy(self.description).map(|_| ())
+            let described = self.descriptions.send_copy(self.description);
+            note_sent("robot description", &described, &mut self.are_failing[1]);
         } else {
             // Who comes late gets the last one.
             let _ = self.descriptions.update_connections();
-            Ok(())
-        };
-        for (what, sent) in [
-            ("heartbeat", beat.map(|_| ())),
-            ("robot description", described),
-        ] {
-            if let Err(error) = sent
-                && !self.is_failing
-            {
-                tracing::warn!("a {what} was not sent: {error:?}");
-                self.is_failing = true;
-            }
         }
     }
+}
+
+/// Logs what was not sent, unless that failed the last time, too.
+fn note_sent(what: &str, sent: &Result<usize, SendError>, is_failing: &mut bool) {
+    if let Err(error) = sent
+        && !*is_failing
+    {
+        tracing::warn!("a {what} was not sent: {error:?}");
+    }
+    *is_failing = sent.is_err();
 }
 
 /// Removes what dead processes left every 100 ms. One pass takes about a millisecond, so the thread has the idle policy.

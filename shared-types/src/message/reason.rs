@@ -18,17 +18,22 @@ wire_message! {
     }
 }
 
+/// Writes a text, cut at the last whole character that fits; returns its bytes.
+pub(super) fn write_text(text: &str, to: &mut [u8]) -> usize {
+    let mut length = text.len().min(to.len());
+    while !text.is_char_boundary(length) {
+        length -= 1;
+    }
+    to[..length].copy_from_slice(&text.as_bytes()[..length]);
+    length
+}
+
 impl ReasonText {
     /// The text, cut at the last whole character that fits.
     #[must_use]
     pub fn new(text: &str) -> Self {
-        let mut length = text.len().min(REASON_BYTES);
-        while !text.is_char_boundary(length) {
-            length -= 1;
-        }
         let mut reason = Self::ZEROED;
-        reason.utf8[..length].copy_from_slice(&text.as_bytes()[..length]);
-        reason.length = length as u32;
+        reason.length = write_text(text, &mut reason.utf8) as u32;
         reason
     }
 

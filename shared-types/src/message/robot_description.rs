@@ -2,6 +2,7 @@
 
 use iceoryx2::prelude::ZeroCopySend;
 
+use super::reason::write_text;
 use super::wire::wire_message;
 use crate::capacity::{DOF, ROBOT_NAME_BYTES, SECTIONS, TENDONS};
 
@@ -41,5 +42,13 @@ wire_message! {
         pub acceleration_limit_m_s2: f64,
         /// Largest tendon jerk, m/s³.
         pub jerk_limit_m_s3: f64,
+    }
+}
+
+impl RobotDescription {
+    /// Sets the name, cut at the last whole character that fits.
+    pub fn set_name(&mut self, name: &str) {
+        self.name = [0; ROBOT_NAME_BYTES];
+        write_text(name, &mut self.name);
     }
 }

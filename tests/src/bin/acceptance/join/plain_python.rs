@@ -8,7 +8,7 @@ use client::ScenePublisher;
 use shared_types::codes::LoopState;
 use shared_types::ipc::{EVENTS, TOPICS};
 use shared_types::valid::{Goal, PlanRequest};
-use tests::process::{Process, wait_for};
+use tests::process::{Process, TimedOut, wait_for};
 use tests::programs::repository;
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::{Settings, World};
@@ -74,6 +74,20 @@ fn plan(world: &World) -> anyhow::Result<String> {
     said(world, "plan.py", &tip.each_ref().map(String::as_str))
 }
 
+/// That a planned motion was reached, as its last line says.
+fn is_reached(report: &mut Report, what: &str, planned: &str) {
+    let last = planned.lines().last().unwrap_or_default().to_owned();
+    let reached = last.contains("reached");
+    report.check(what, last, "reached", reached);
+}
+
+fn wait_until_held(stack: &mut Stack) -> Result<(), TimedOut> {
+    wait_for("a controller that holds", PATIENCE, || {
+        let state = stack.controller.latest_state().ok().flatten()?;
+        (state.state == LoopState::Holding).then_some(())
+    })
+}
+
 fn every_service(report: &mut Report) -> anyhow::Result<()> {
     let stack = Stack::running(&Settings::default())?;
     let said = said(&stack.world, "services.py", &["2"])?;
@@ -134,14 +148,7 @@ fn plan_and_watch(report: &mut Report) -> anyhow::Result<()> {
         &expected,
         first.contains(&expected),
     );
-    let last = planned.lines().last().unwrap_or_default().to_owned();
-    let reached = last.contains("reached");
-    report.check(
-        "plain Python: the result of the motion",
-        last,
-        "reached",
-        reached,
-    );
+    is_reached(report, "plain Python: the result of the motion", &planned);
     let status = watching.wait(LIMIT)?;
     ensure!(status.success(), "watch.py: {status}: {}", watching.log());
     let watched = watching.log();
@@ -180,13 +187,7 @@ fn publish_scene(report: &mut Report) -> anyhow::Result<()> {
     let mut other = ScenePublisher::connect(&stack.world.options, "other")?;
     other.publish(&[], Duration::from_secs(60))?;
     let planned = plan(&stack.world)?;
-    let reached = planned.contains("reached");
-    report.check(
-        "plain Python: a motion behind it",
-        planned.lines().last().unwrap_or_default().to_owned(),
-        "reached",
-        reached,
-    );
+    is_reached(report, "plain Python: a motion behind it", &planned);
     Ok(())
 }
 
@@ -197,20 +198,9 @@ fn drive(report: &mut Report) -> anyhow::Result<()> {
     stack.start(Part::Controller);
     stack.client.wait_for_daemon(PATIENCE)?;
     let mut driver = start(&stack.world, "drive.py", &[])?;
-    let held = wait_for("the controller holds the driver's robot", PATIENCE, || {
-        let state = stack.controller.latest_state().ok().flatten()?;
-        (state.state == LoopState::Holding).then_some(())
-    });
-    held.with_context(|| driver.log())?;
+    wait_until_held(&mut stack).with_context(|| driver.log())?;
     let planned = plan(&stack.world)?;
-    let last = planned.lines().last().unwrap_or_default().to_owned();
-    let reached = last.contains("reached");
-    report.check(
-        "plain Python: a motion by a driver",
-        last,
-        "reached",
-        reached,
-    );
+    is_reached(report, "plain Python: a motion by a driver", &planned);
     let state = stack.controller_state();
     let error = tests::stack::tip_error(
         &stack.world.robot,
@@ -228,19 +218,12 @@ fn follow(report: &mut Report) -> anyhow::Result<()> {
     stack.start(Part::Daemon);
     stack.client.wait_for_daemon(PATIENCE)?;
     let mut follower = start(&stack.world, "follow.py", &[])?;
-    let held = wait_for("the follower's state", PATIENCE, || {
-        let state = stack.controller.latest_state().ok().flatten()?;
-        (state.state == LoopState::Holding).then_some(())
-    });
-    held.with_context(|| follower.log())?;
+    wait_until_held(&mut stack).with_context(|| follower.log())?;
     let planned = plan(&stack.world).with_context(|| follower.log())?;
-    let last = planned.lines().last().unwrap_or_default().to_owned();
-    let reached = last.contains("reached");
-    report.check(
+    is_reached(
+        report,
         "plain Python: a motion followed by a controller",
-        last,
-        "reached",
-        reached,
+        &planned,
     );
     let state = stack.controller.latest_state()?.context("no state")?;
     let error = tests::stack::tip_error(
