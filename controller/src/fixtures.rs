@@ -152,6 +152,8 @@ pub(crate) struct World {
     pub(crate) last: Option<CycleOutput>,
     /// The motions that ended in a cycle: their ids, and how they ended.
     pub(crate) ended: Vec<(u32, Ending)>,
+    /// When the last one of them ended, by its own stamp.
+    pub(crate) last_ended_ns: i64,
     sample: Option<RobotSample>,
     settings: ExecutiveSettings,
     sequence: u64,
@@ -185,6 +187,7 @@ impl World {
             stuck_tendon: None,
             last: None,
             ended: Vec::new(),
+            last_ended_ns: 0,
             sample: None,
             settings,
             sequence: 0,
@@ -278,6 +281,7 @@ impl World {
             ..self.input()
         });
         while let Some(ended) = self.executive.take_finished() {
+            self.last_ended_ns = ended.stamp_ns;
             self.ended.push((ended.motion.id, ended.ending));
         }
         if let Some(before) = self.last.filter(|before| before.send && output.send) {

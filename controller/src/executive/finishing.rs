@@ -11,7 +11,7 @@ impl Executive {
             motion,
             ending,
             path_time_s,
-            stamp_ns: self.last_ns.unwrap_or(0),
+            stamp_ns: self.now_ns,
         });
     }
 

@@ -105,7 +105,10 @@ pub struct Executive {
     /// Cycle time since the guard's last round.
     guard_silence_ns: i64,
     slack_residual_m: f64,
-    last_ns: Option<i64>,
+    /// Instant of the cycle under way, or of the last one, ns of CLOCK_MONOTONIC.
+    now_ns: i64,
+    /// Instant of the command, ns of CLOCK_MONOTONIC.
+    commanded_ns: Option<i64>,
     late_run_ns: i64,
 }
 
@@ -150,7 +153,8 @@ impl Executive {
             guard_rounds: 0,
             guard_silence_ns: 0,
             slack_residual_m: 0.0,
-            last_ns: None,
+            now_ns: 0,
+            commanded_ns: None,
             late_run_ns: 0,
         }
     }
@@ -292,10 +296,11 @@ impl Executive {
 
     /// One cycle.
     pub fn step(&mut self, input: &CycleInput<'_>) -> CycleOutput {
-        let elapsed_ns = input.now_ns - self.last_ns.unwrap_or(input.now_ns);
+        let elapsed_ns = input.now_ns - self.commanded_ns.unwrap_or(input.now_ns);
+        self.now_ns = input.now_ns;
         // Until the machine moves on, the command and its time are the last cycle's.
         let late = self.supervise(input, elapsed_ns);
-        self.last_ns = Some(input.now_ns);
+        self.commanded_ns = Some(input.now_ns);
         if self.attached {
             self.move_on(input.now_ns, elapsed_ns);
         } else {

@@ -102,7 +102,7 @@ impl Executive {
 
     fn watch_tracking(&mut self, sample: &RobotSample) {
         // A command is extrapolated by the step cap at most: a robot without set-points goes on for no longer.
-        let since_s = self.last_ns.map_or(0.0, |commanded_ns| {
+        let since_s = self.commanded_ns.map_or(0.0, |commanded_ns| {
             seconds((commanded_ns - sample.stamp_ns).max(-self.settings.step_cap_ns))
         });
         let expected = self.commanded.position - self.commanded.velocity * since_s;

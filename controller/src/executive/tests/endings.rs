@@ -67,6 +67,16 @@ fn the_loss_of_the_daemon_and_each_fault_are_named() {
 }
 
 #[test]
+fn a_motion_that_a_stalled_loop_finds_ended_is_stamped_with_the_cycle_that_found_it() {
+    let (mut world, _) = executing();
+    world.without_controller(60 * MS);
+    world.cycle(MS);
+    let ramped = StopOrigin::Fault(LoopFault::RobotRampedToRest);
+    assert_eq!(world.ended, [(4, Ending::Stopped(ramped))]);
+    assert_eq!(world.last_ended_ns, world.now_ns);
+}
+
+#[test]
 fn what_waits_for_its_begin_or_its_switch_is_set_aside_before_the_other_one_ends() {
     let (mut world, left) = executing();
     join(&mut world, &left);
