@@ -1,7 +1,9 @@
-//! The wire as data: `wire.json` and the tables of `docs/wire.md` are what the types say. `UPDATE_EXPECT=1` writes both anew.
+//! The wire as data: `wire.json`, the tables of `docs/wire.md` and the messages for C are what the types say. `UPDATE_EXPECT=1` writes them
+//! anew.
 #![allow(clippy::unwrap_used)] // tests
 
 mod description {
+    pub(crate) mod c_header;
     pub(crate) mod json;
     pub(crate) mod markdown;
     pub(crate) mod text;
@@ -10,7 +12,7 @@ mod description {
 use std::fs;
 use std::path::Path;
 
-use description::{json, markdown};
+use description::{c_header, json, markdown};
 use expect_test::expect_file;
 use shared_types::PROTOCOL_VERSION;
 use shared_types::ipc::{EVENTS, TOPICS};
@@ -28,6 +30,11 @@ fn layout(type_name: &str) -> Option<&'static Layout> {
 fn wire_json_is_what_the_types_say() {
     let json = serde_json::to_string_pretty(&json::wire()).unwrap();
     expect_file!["../wire.json"].assert_eq(&format!("{json}\n"));
+}
+
+#[test]
+fn the_messages_for_c_are_what_the_types_say() {
+    expect_file!["../../clients/c/include/pcc/messages.h"].assert_eq(&c_header::header());
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! An answer, read where the daemon wrote it.
 
 use shared_types::ipc::PlanResponse;
-use shared_types::message::{CandidateSummary, Knot};
+use shared_types::message::{self, CandidateSummary, Knot};
 use shared_types::valid::{Invalid, PlanReport};
 
 /// An answer to a plan request; the knots stay in shared memory until it is dropped.
@@ -33,6 +33,12 @@ impl PlanAnswer {
     #[must_use]
     pub fn report(&self) -> &PlanReport {
         &self.report
+    }
+
+    /// What happened, as the daemon wrote it: [`PlanAnswer::report`] is the checked copy.
+    #[must_use]
+    pub fn wire_report(&self) -> &message::PlanReport {
+        self.response.user_header()
     }
 
     /// A candidate by its index, below [`PlanReport::candidates`]' length.

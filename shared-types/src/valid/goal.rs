@@ -68,6 +68,22 @@ pub(super) const STANDING: GoalFields = GoalFields {
     configuration: "goal.configuration_rad",
 };
 
+/// The fields of a goal by itself.
+const ALONE: GoalFields = GoalFields {
+    kind: "kind",
+    tip: "tip_m",
+    tolerance: "tip_tolerance_m",
+    configuration: "configuration_rad",
+};
+
+impl TryFrom<&message::Goal> for Goal {
+    type Error = Invalid;
+
+    fn try_from(wire: &message::Goal) -> Result<Self, Invalid> {
+        read(wire, &ALONE)
+    }
+}
+
 /// A goal on the wire.
 pub(super) fn read(wire: &message::Goal, fields: &GoalFields) -> Result<Goal, Invalid> {
     let kind = u32::try_from(wire.kind).unwrap_or(u32::MAX);

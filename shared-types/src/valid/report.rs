@@ -1,5 +1,6 @@
 //! The validated report of an answer.
 
+use std::fmt::{self, Display, Formatter};
 use std::ops::Range;
 
 use super::check::{check_code, check_count, check_version, check_within};
@@ -89,6 +90,17 @@ impl PlanReport {
     pub fn knot_range(&self, candidate: usize) -> Range<usize> {
         let first = self.candidates[candidate].first_knot as usize;
         first..first + self.candidates[candidate].knot_count as usize
+    }
+}
+
+/// As in `no path: the goal is enclosed; hash 5f3a9c0112345678`.
+impl Display for PlanReport {
+    fn fmt(&self, formatter: &mut Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{}", self.outcome)?;
+        if !self.reason.is_empty() {
+            write!(formatter, ": {}", self.reason)?;
+        }
+        write!(formatter, "; hash {:016x}", self.plan_hash)
     }
 }
 

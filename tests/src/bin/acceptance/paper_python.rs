@@ -4,7 +4,7 @@ use std::env;
 use std::path::PathBuf;
 use std::process::Command;
 
-use anyhow::ensure;
+use anyhow::{Context, ensure};
 use tests::programs::repository;
 
 /// A Python that has what the scripts' requirements name, where it is not to be installed.
@@ -25,6 +25,19 @@ pub(crate) fn python_with(
     if let Some(python) = env::var_os(PYTHON_VARIABLE) {
         return Ok(python.into());
     }
+    let requirements = repository().join(requirements);
+    let installed = environment(folder, packages, |pip| {
+        pip.arg("-r").arg(&requirements);
+    });
+    installed.with_context(|| format!("{PYTHON_VARIABLE} may name a Python that has {packages}"))
+}
+
+/// An environment of its own in `target/`, with what pip installs, made from PyPI if it is not there yet.
+pub(crate) fn environment(
+    folder: &str,
+    packages: &str,
+    install: impl FnOnce(&mut Command),
+) -> anyhow::Result<PathBuf> {
     let folder = repository().join("target").join(folder);
     let (python, complete) = (folder.join("bin/python"), folder.join("complete"));
     if complete.exists() {
@@ -37,16 +50,13 @@ pub(crate) fn python_with(
     let run = |command: &mut Command| {
         let status = command.status();
         let done = status.as_ref().is_ok_and(std::process::ExitStatus::success);
-        ensure!(
-            done,
-            "{packages} could not be installed ({status:?}); {PYTHON_VARIABLE} may name a Python that has it"
-        );
+        ensure!(done, "{packages} could not be installed ({status:?})");
         Ok(())
     };
     run(Command::new("python3").args(["-m", "venv"]).arg(&folder))?;
-    let requirements = repository().join(requirements);
-    let install = ["-m", "pip", "install", "--quiet", "-r"];
-    run(Command::new(&python).args(install).arg(requirements))?;
+    let mut pip = Command::new(&python);
+    install(pip.args(["-m", "pip", "install", "--quiet"]));
+    run(&mut pip)?;
     std::fs::write(complete, "")?;
     Ok(python)
 }

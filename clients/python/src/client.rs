@@ -1,0 +1,74 @@
+//! Plans.
+
+use pyo3::prelude::*;
+use shared_types::valid::{PlanRequest, PlannedExecution};
+
+use crate::answer::Answer;
+use crate::error::{raised, time_limit};
+use crate::request::{balls, goal, options};
+
+/// A connection to the planner daemon that outlives the daemon's restarts.
+#[pyclass(unsendable, module = "pcc")]
+pub(crate) struct Client(::client::Client);
+
+#[pymethods]
+impl Client {
+    #[new]
+    #[pyo3(signature = (prefix=None, root=None))]
+    fn new(prefix: Option<String>, root: Option<String>) -> PyResult<Self> {
+        let client = ::client::Client::connect(&options(prefix, root));
+        client.map(Self).map_err(raised)
+    }
+
+    /// Plans to a goal (3 numbers: a tip, metres; 6: a configuration, radians), by way of others, among balls (x, y, z, radius), from
+    /// where the robot is or from `start`, and has the fastest candidate executed where `execute` says so.
+    #[pyo3(signature = (goal, *, via=vec![], start=None, balls=vec![], candidates=10, seed=0, execute=false, limits_scale=1.0, deadline=None, timeout=5.0))]
+    #[allow(clippy::too_many_arguments)] // They have names in Python.
+    fn plan(
+        &mut self,
+        goal: Vec<f64>,
+        via: Vec<Vec<f64>>,
+        start: Option<[f64; 6]>,
+        balls: Vec<[f64; 4]>,
+        candidates: usize,
+        seed: u64,
+        execute: bool,
+        limits_scale: f64,
+        deadline: Option<f64>,
+        timeout: f64,
+    ) -> PyResult<Answer> {
+        let goal = self::goal(&goal)?;
+        let from = start.map_or_else(
+            || PlanRequest::from_robot(goal),
+            |start| PlanRequest::new(start, goal),
+        );
+        let request = PlanRequest {
+            via: via
+                .iter()
+                .map(|goal| self::goal(goal))
+                .collect::<PyResult<_>>()?,
+            balls: self::balls(&balls),
+            candidate_count: candidates,
+            seed,
+            execute,
+            limits_scale,
+            deadline: deadline.map(time_limit).transpose()?,
+            ..from
+        };
+        let answer = self.0.plan(&request, time_limit(timeout)?);
+        answer.map(Answer::from).map_err(raised)
+    }
+
+    /// Has a candidate of an earlier plan executed exactly as it was answered; the selected one where none is named.
+    #[pyo3(signature = (plan_id, candidate=None, timeout=5.0))]
+    fn execute(
+        &mut self,
+        plan_id: u64,
+        candidate: Option<usize>,
+        timeout: f64,
+    ) -> PyResult<Answer> {
+        let execution = PlannedExecution::now(plan_id, candidate);
+        let answer = self.0.execute_planned(&execution, time_limit(timeout)?);
+        answer.map(Answer::from).map_err(raised)
+    }
+}

@@ -1,0 +1,28 @@
+//! The client for Python, over the crate `client`: the module `pcc`, typed in `pcc.pyi`.
+#![allow(unsafe_code)] // The buffer protocol.
+#![allow(clippy::needless_pass_by_value)] // Python hands values over.
+
+mod answer;
+mod client;
+mod controller;
+mod error;
+mod goal;
+mod request;
+mod results;
+mod scene;
+
+use pyo3::prelude::*;
+
+/// The client of the planner, its controller and the robot.
+#[pymodule]
+fn pcc(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("PccError", module.py().get_type::<error::PccError>())?;
+    module.add_class::<answer::Answer>()?;
+    module.add_class::<answer::Candidate>()?;
+    module.add_class::<client::Client>()?;
+    module.add_class::<controller::Controller>()?;
+    module.add_class::<goal::Goal>()?;
+    module.add_class::<results::Results>()?;
+    module.add_class::<scene::Scene>()?;
+    Ok(())
+}

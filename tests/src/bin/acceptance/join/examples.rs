@@ -1,0 +1,187 @@
+//! The examples of a language: each plays its part against the real processes.
+
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Context, ensure};
+use client::ScenePublisher;
+use shared_types::valid::{Goal, PlanRequest};
+use tests::process::Process;
+use tests::stack::{PATIENCE, Stack};
+use tests::world::{Settings, World};
+
+use crate::report::Report;
+
+/// A tip that the unit robot reaches from rest.
+pub(super) const TIP_M: [f64; 3] = [1.0, 0.5, 2.3];
+/// How long an example may take that ends by itself.
+pub(super) const LIMIT: Duration = Duration::from_secs(30);
+
+/// An example by its name, without its ending.
+pub(super) struct Program {
+    pub(super) path: PathBuf,
+    /// What is told to it before its own arguments.
+    pub(super) arguments: Vec<String>,
+}
+
+/// The examples of a language.
+pub(super) struct Examples {
+    pub(super) language: &'static str,
+    /// What the figures come from.
+    pub(super) command: &'static str,
+    pub(super) folder: PathBuf,
+    /// The ending of an example's file.
+    pub(super) ending: &'static str,
+    /// How a line begins that is none of the example's own: a comment, the naming of what is used, the end of a block.
+    pub(super) of_all: &'static [&'static str],
+    /// Lines of its own that each example may have.
+    pub(super) most_lines: usize,
+    /// Builds what is missing of an example.
+    pub(super) program: fn(&str) -> anyhow::Result<Program>,
+}
+
+impl Examples {
+    /// The groups of checks that all languages have.
+    pub(super) fn run(&self, report: &mut Report) {
+        let group = |part: &str| format!("{}: {part}", self.language);
+        report.group(&group("plan and watch"), self.command, |report| {
+            self.plan_and_watch(report)
+        });
+        report.group(&group("publish a scene"), self.command, |report| {
+            self.publish_scene(report)
+        });
+        report.group(&group("lines of each example"), self.command, |report| {
+            self.lines(report)
+        });
+    }
+
+    fn line(&self, what: &str) -> String {
+        format!("{}: {what}", self.language)
+    }
+
+    pub(super) fn start(
+        &self,
+        world: &World,
+        name: &str,
+        arguments: &[&str],
+    ) -> anyhow::Result<Process> {
+        let program = (self.program)(name)?;
+        let before = program.arguments.iter().map(String::as_str);
+        let all: Vec<&str> = before.chain(arguments.iter().copied()).collect();
+        Ok(Process::start_program(world, &program.path, &all))
+    }
+
+    /// Runs an example to its end; what it says.
+    pub(super) fn said(
+        &self,
+        world: &World,
+        name: &str,
+        arguments: &[&str],
+    ) -> anyhow::Result<String> {
+        let mut process = self.start(world, name, arguments)?;
+        let status = process.wait(LIMIT)?;
+        ensure!(status.success(), "{name}: {status}: {}", process.log());
+        Ok(process.log())
+    }
+
+    pub(super) fn plan(&self, world: &World) -> anyhow::Result<String> {
+        let tip = TIP_M.map(|axis| axis.to_string());
+        self.said(world, "plan", &tip.each_ref().map(String::as_str))
+    }
+
+    /// That a planned motion was reached, as its last line says.
+    pub(super) fn is_reached(&self, report: &mut Report, what: &str, planned: &str) {
+        let last = planned.lines().last().unwrap_or_default().to_owned();
+        let reached = last.contains("reached");
+        report.check(&self.line(what), last, "reached", reached);
+    }
+
+    /// The same request from Rust has the same plan.
+    fn plan_and_watch(&self, report: &mut Report) -> anyhow::Result<()> {
+        let mut stack = Stack::running(&Settings::default())?;
+        let request = PlanRequest {
+            candidate_count: 10,
+            ..PlanRequest::from_robot(Goal::tip(TIP_M))
+        };
+        let answer = stack.client.plan(&request, PATIENCE)?;
+        let expected = format!("{:x}", answer.report().plan_hash);
+        drop(answer);
+        // Built before the other one watches.
+        (self.program)("plan")?;
+        let mut watching = self.start(&stack.world, "watch", &["12"])?;
+        let planned = self.plan(&stack.world)?;
+        let first = planned.lines().next().unwrap_or_default().to_owned();
+        let hash = first.split("hash ").nth(1).unwrap_or_default();
+        let same = hash.trim_start_matches('0') == expected;
+        report.check(
+            &self.line("plan_hash of the same request"),
+            first,
+            &expected,
+            same,
+        );
+        self.is_reached(report, "the result of the motion", &planned);
+        let status = watching.wait(LIMIT)?;
+        ensure!(status.success(), "watch: {status}: {}", watching.log());
+        let watched = watching.log();
+        let sees = watched.contains("executing") && watched.contains("holding");
+        report.check(
+            &self.line("watch tells of the motion and of the rest after it"),
+            sees.to_string(),
+            "true",
+            sees,
+        );
+        Ok(())
+    }
+
+    fn publish_scene(&self, report: &mut Report) -> anyhow::Result<()> {
+        let stack = Stack::running(&Settings::default())?;
+        let ball = ["3", "0", "1", "0.1", "0.1", "0", "0", "2"];
+        (self.program)("plan")?;
+        let mut publishing = self.start(&stack.world, "scene", &ball)?;
+        // While its scenes count nothing hinders a motion.
+        let planned = self.plan(&stack.world)?;
+        self.is_reached(report, "a motion beside its ball", &planned);
+        let status = publishing.wait(LIMIT)?;
+        ensure!(status.success(), "scene: {status}: {}", publishing.log());
+        report.check(
+            &self.line("what the daemon says of its scenes"),
+            publishing.log().trim().to_owned(),
+            "every scene counted",
+            publishing.log().contains("every scene counted"),
+        );
+        // It has taken its leave: another source alone decides now, and its scene must count.
+        let mut other = ScenePublisher::connect(&stack.world.options, "other")?;
+        other.publish(&[], Duration::from_secs(60))?;
+        let planned = self.plan(&stack.world)?;
+        self.is_reached(report, "a motion behind it", &planned);
+        Ok(())
+    }
+
+    fn lines(&self, report: &mut Report) -> anyhow::Result<()> {
+        for entry in std::fs::read_dir(&self.folder)? {
+            let path = entry?.path();
+            let is_example = path.extension().is_some_and(|it| it == self.ending);
+            // What all of a language's examples share.
+            if !is_example || path.ends_with("wire.py") {
+                continue;
+            }
+            let count = self.own_lines(&path)?;
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let bar = format!("<= {}", self.most_lines);
+            let line = self.line(&format!("lines of {name}"));
+            report.check(&line, count.to_string(), &bar, count <= self.most_lines);
+        }
+        Ok(())
+    }
+
+    /// Lines that are neither blank nor what all programs have.
+    fn own_lines(&self, example: &Path) -> anyhow::Result<usize> {
+        let text = std::fs::read_to_string(example);
+        let text = text.with_context(|| example.display().to_string())?;
+        let is_own = |line: &&str| {
+            let line = line.trim();
+            !line.is_empty() && !self.of_all.iter().any(|begin| line.starts_with(begin))
+        };
+        Ok(text.lines().filter(is_own).count())
+    }
+}

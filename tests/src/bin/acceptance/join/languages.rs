@@ -1,0 +1,163 @@
+//! The languages whose clients are built here.
+
+use std::env;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Mutex, PoisonError};
+
+use anyhow::ensure;
+use tests::programs::repository;
+
+use super::examples::{Examples, Program};
+use crate::paper_python::environment;
+
+/// Lines of its own that an example of a client may have.
+const LINES: usize = 15;
+
+pub(super) fn rust() -> Examples {
+    Examples {
+        language: "Rust",
+        command: "crates/client/examples",
+        folder: repository().join("crates/client/examples"),
+        ending: "rs",
+        of_all: &["//", "use ", "}"],
+        most_lines: LINES,
+        program: |name| {
+            run(Command::new("cargo")
+                .args([
+                    "build",
+                    "--release",
+                    "--locked",
+                    "--quiet",
+                    "-p",
+                    "client",
+                    "--example",
+                ])
+                .arg(name))?;
+            Ok(built(release()?.join("examples").join(name)))
+        },
+    }
+}
+
+pub(super) fn c() -> Examples {
+    Examples {
+        language: "C",
+        command: "clients/c/examples/*.c",
+        folder: repository().join("clients/c/examples"),
+        ending: "c",
+        of_all: &["/*", "#include", "}"],
+        most_lines: LINES,
+        program: |name| compiled(name, "c", &["cc", "-std=c11"]),
+    }
+}
+
+pub(super) fn cpp() -> Examples {
+    Examples {
+        language: "C++",
+        command: "clients/c/examples/*.cpp",
+        folder: repository().join("clients/c/examples"),
+        ending: "cpp",
+        of_all: &["//", "#include", "}"],
+        most_lines: LINES,
+        program: |name| compiled(name, "cpp", &["c++", "-std=c++20"]),
+    }
+}
+
+pub(super) fn python() -> Examples {
+    Examples {
+        language: "Python",
+        command: "clients/python/examples",
+        folder: repository().join("clients/python/examples"),
+        ending: "py",
+        of_all: &["\"\"\"", "import ", "from ", "#"],
+        most_lines: LINES,
+        program: |name| {
+            let script = repository().join(format!("clients/python/examples/{name}.py"));
+            let path = python_client()?;
+            let arguments = ["-u".to_owned(), script.display().to_string()].into();
+            Ok(Program { path, arguments })
+        },
+    }
+}
+
+/// A Python with the module as it is now.
+fn python_client() -> anyhow::Result<PathBuf> {
+    static BUILT: Mutex<Option<PathBuf>> = Mutex::new(None);
+    let mut built = BUILT.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(python) = built.as_ref() {
+        return Ok(python.clone());
+    }
+    let python = environment("venv-pcc", "maturin and NumPy", |pip| {
+        pip.args(["maturin>=1.9,<2", "numpy>=1.26"]);
+    })?;
+    let of_module = ["--no-build-isolation", "--no-deps", "--force-reinstall"];
+    run(Command::new(&python)
+        .args(["-m", "pip", "install", "--quiet"])
+        .args(of_module)
+        .arg("clients/python")
+        .env("PATH", with_folder_of(&python)?))?;
+    *built = Some(python.clone());
+    Ok(python)
+}
+
+/// Where programs are looked for, first beside this one: pip calls maturin.
+fn with_folder_of(python: &Path) -> anyhow::Result<OsString> {
+    let before = env::var_os("PATH").unwrap_or_default();
+    let folder = python.parent().map(Path::to_owned);
+    Ok(env::join_paths(
+        folder.into_iter().chain(env::split_paths(&before)),
+    )?)
+}
+
+/// An example in C or C++, compiled with every warning an error.
+fn compiled(name: &str, ending: &str, compiler: &[&str]) -> anyhow::Result<Program> {
+    run(Command::new("cargo").args([
+        "build",
+        "--release",
+        "--locked",
+        "--quiet",
+        "-p",
+        "pcc-client-c",
+    ]))?;
+    let folder = repository().join("clients/c");
+    let release = release()?;
+    let program = release.join(format!("{name}-{ending}"));
+    let [compiler, standard] = compiler else {
+        unreachable!("a compiler and its standard")
+    };
+    run(Command::new(compiler)
+        .args([*standard, "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-I"])
+        .arg(folder.join("include"))
+        .arg(folder.join("examples").join(name).with_extension(ending))
+        .arg("-L")
+        .arg(&release)
+        .arg("-lpcc_client")
+        .arg(format!("-Wl,-rpath,{}", release.display()))
+        .arg("-o")
+        .arg(&program))?;
+    Ok(built(program))
+}
+
+fn built(path: PathBuf) -> Program {
+    Program {
+        path,
+        arguments: Vec::new(),
+    }
+}
+
+/// The folder of this program, into which cargo builds.
+fn release() -> anyhow::Result<PathBuf> {
+    let program = env::current_exe()?;
+    Ok(program.parent().map(Path::to_owned).unwrap_or_default())
+}
+
+fn run(command: &mut Command) -> anyhow::Result<()> {
+    let done = command.current_dir(repository()).output()?;
+    ensure!(
+        done.status.success(),
+        "{command:?}: {}",
+        String::from_utf8_lossy(&done.stderr)
+    );
+    Ok(())
+}
