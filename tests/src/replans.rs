@@ -5,7 +5,7 @@ use std::time::Duration;
 use client::ClientError;
 use collision::{Ball as Obstacle, Scene};
 use datasets::scenes::{Setting, draw_target};
-use pcc_model::{Configuration, Point, UnitRobot};
+use pcc_model::{Configuration, Point, Robot, UnitRobot};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use shared_types::message::Ball;
@@ -28,24 +28,18 @@ pub struct ReplanScene {
 }
 
 impl ReplanScene {
-    /// The first general scene from `index` on in which a robot in this configuration has room; and how many were passed over.
+    /// The first general scene from `index` on, which is moved behind it, in which a robot in this configuration has room.
     #[must_use]
-    pub fn around(
-        robot: &UnitRobot,
-        standing: &Configuration,
-        seed: u64,
-        index: u64,
-    ) -> (Self, usize) {
-        let scenes = (index..).filter_map(|index| {
-            draw_target(robot, Setting::General(None), seed, index).map(|target| target.scene)
-        });
-        for (passed_over, scene) in scenes.enumerate() {
-            if scene.clearance_at(robot, standing) >= ROOM {
+    pub fn around(robot: &UnitRobot, standing: &Configuration, seed: u64, index: &mut u64) -> Self {
+        loop {
+            let target = draw_target(robot, Setting::General(None), seed, *index);
+            *index += 1;
+            let scene = target.map(|target| target.scene);
+            if let Some(scene) = scene.filter(|it| it.clearance_at(robot, standing) >= ROOM) {
                 let balls = scene.balls().iter().map(wire).collect();
-                return (Self { scene, balls }, passed_over);
+                return Self { scene, balls };
             }
         }
-        unreachable!("scenes go on without end")
     }
 
     /// The tip of a random configuration with room, section lengths.
@@ -99,8 +93,10 @@ pub fn replan(tip_m: [f64; 3], balls: &[Ball], seed: u64) -> PlanRequest {
 /// What stopping first costs.
 #[derive(Clone, Copy, Debug)]
 pub struct StopThenGo {
-    /// The shortest stop within the limits, s.
+    /// A lower bound of every stop within the limits: the time in which the slowest tendon can come to rest, s.
     pub stop_s: f64,
+    /// The stop straight ahead that the planner knows, s.
+    pub stop_ahead_s: f64,
     /// From where it ends to the goal configuration, s; none where the planner finds no motion.
     pub go_s: Option<f64>,
 }
@@ -141,12 +137,64 @@ pub fn stop_then_go(
         .map(|candidate| candidate.duration_s);
     let fastest = durations.fold(f64::INFINITY, f64::min);
     Ok(StopThenGo {
-        stop_s: stop.duration(),
+        stop_s: shortest_stop_s(robot, state),
+        stop_ahead_s: stop.duration(),
         go_s: fastest.is_finite().then_some(fastest),
     })
+}
+
+/// The time in which the slowest tendon can come to rest from the state of a knot, s.
+fn shortest_stop_s(robot: &Robot, state: &crate::knots::Knot) -> f64 {
+    let limits = &robot.tendon_limits;
+    let [_, velocity, acceleration] = state.values.map(Configuration::from);
+    let pulled = |rates: &Configuration| {
+        let mut pulled = [0.0; 9];
+        robot
+            .tendons
+            .lengths(rates, &mut pulled[..robot.tendons.count()]);
+        pulled
+    };
+    let tendons = pulled(&velocity).into_iter().zip(pulled(&acceleration));
+    let stops = tendons.map(|(v, a)| least_stop_s([v, a], [limits.acceleration, limits.jerk]));
+    stops.fold(0.0, f64::max)
+}
+
+/// The least time from a velocity and an acceleration to none of both, at an acceleration and a jerk of at most these: the acceleration falls at
+/// the jerk limit to where it stays or turns, and rises at it to 0.
+fn least_stop_s([v, a]: [f64; 2], [most_a, most_j]: [f64; 2]) -> f64 {
+    // The velocity that is left where the acceleration alone is brought to 0.
+    let left = v + a * a.abs() / (2.0 * most_j);
+    let (v, a) = if left < 0.0 { (-v, -a) } else { (v, a) };
+    let turn = (most_j * v + 0.5 * a * a).max(0.0).sqrt();
+    if turn <= most_a {
+        return (a + 2.0 * turn) / most_j;
+    }
+    let held_s = (v + a * a / (2.0 * most_j)) / most_a - most_a / most_j;
+    (a + 2.0 * most_a) / most_j + held_s
 }
 
 /// A random time up to `longest`.
 pub fn random_pause(shortest: Duration, longest: Duration, random: &mut Pcg64) -> Duration {
     shortest + (longest - shortest).mul_f64(random.random_range(0.0..1.0))
+}
+
+#[cfg(test)]
+mod least_stops {
+    use super::least_stop_s;
+
+    /// Against small steps of jerk that end at rest.
+    #[test]
+    fn a_stop_of_the_least_time_ends_at_rest_and_is_known_in_simple_cases() {
+        // From an acceleration alone that is just braked away.
+        assert!((least_stop_s([-0.5, 1.0], [2.0, 1.0]) - 1.0).abs() < 1e-12);
+        // From a velocity alone: two ramps, and a time at the limit between them.
+        assert!((least_stop_s([1.0, 0.0], [10.0, 1.0]) - 2.0).abs() < 1e-12);
+        assert!((least_stop_s([4.0, 0.0], [1.0, 1.0]) - 5.0).abs() < 1e-12);
+        // The figures of a tendon of the unit robot that still accelerates.
+        let stop_s = least_stop_s([0.05, 0.39], [0.39, 3.9]);
+        assert!((stop_s - 0.378).abs() < 1e-3, "{stop_s}");
+        // It makes no difference in which direction.
+        let mirrored_s = least_stop_s([-0.05, -0.39], [0.39, 3.9]);
+        assert!((stop_s - mirrored_s).abs() < 1e-12);
+    }
 }

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use pcc_model::TendonLimits;
-use shared_types::codes::LoopState;
+use shared_types::capacity::STAGES;
+use shared_types::codes::{LoopState, Stage};
 use shared_types::message::Cycle;
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::judge::Verdict;
@@ -13,18 +14,34 @@ use tests::listener::{Heard, Published};
 use tests::motion::raise;
 use tests::replans::StopThenGo;
 
-/// A request whose motion was published.
-#[derive(Clone, Copy)]
+/// What came of a request.
+pub(super) enum Answered {
+    /// A motion of this id was published.
+    Published(u32),
+    /// Nothing was, for this cause.
+    Refused(String),
+}
+
+/// A request and its answer.
 pub(super) struct Asked {
     pub(super) seed: u64,
     /// When the goal was given to the client.
     pub(super) at: Instant,
     /// The same by the clock of the messages, nanoseconds.
     pub(super) mono_ns: i64,
-    /// Whether it found the robot in motion.
-    pub(super) in_motion: bool,
+    pub(super) answered: Answered,
+    /// Time until the answer.
+    pub(super) took: Duration,
+    pub(super) stages_ns: [u64; STAGES],
     /// Whether its deadline cut its plan short.
     pub(super) is_truncated: bool,
+}
+
+/// A request whose motion was published.
+pub(super) struct AskedMotion {
+    pub(super) asked: Asked,
+    /// Whether it found the robot in motion, by the cycle at that time.
+    pub(super) in_motion: bool,
 }
 
 /// What replans showed.
@@ -35,7 +52,10 @@ pub(super) struct Figures {
     /// Requests that found the robot in motion.
     pub(super) in_motion: usize,
     /// What was published, by id.
-    pub(super) published: BTreeMap<u32, Asked>,
+    pub(super) published: BTreeMap<u32, AskedMotion>,
+    /// Motions of answers in motion that were not heard.
+    pub(super) unheard: usize,
+
     /// From a request to the first set-point of the motion that joins another, ms, infinite where it is not begun, with the time at which it was
     /// asked for.
     pub(super) to_setpoint_ms: Vec<(Instant, f64)>,
@@ -43,7 +63,9 @@ pub(super) struct Figures {
     pub(super) refusals: BTreeMap<String, usize>,
     /// Refusals at rest by cause: no replans.
     pub(super) refused_at_rest: BTreeMap<String, usize>,
-    pub(super) scenes_passed_over: usize,
+    /// Scenes in which the robot had room, and those that were drawn for them.
+    pub(super) scenes: usize,
+    pub(super) scenes_drawn: u64,
     /// Motions that left another one.
     pub(super) joined: usize,
     /// Of these, motions whose switch the loop passed.
@@ -62,8 +84,10 @@ pub(super) struct Figures {
     pub(super) largest_bending_rad: f64,
     /// Least clearance of joined motions and of executed set-points, m.
     pub(super) clearance_m: [f64; 2],
-    /// (stop-then-go − joined) ÷ the shortest stop.
+    /// (stop-then-go − joined) ÷ the shortest stop, by the lower bound of every stop.
     pub(super) won: Vec<f64>,
+    /// The same by the stop straight ahead that the planner knows.
+    pub(super) won_ahead: Vec<f64>,
     /// Arrivals later than that by a motion of a plan that its deadline cut short.
     pub(super) later_truncated: usize,
     /// Times of requests that found the robot in motion, ms: until the answer, and each stage by its name.
@@ -84,9 +108,36 @@ impl Figures {
         }
     }
 
-    /// Notes how long a request took.
-    pub(super) fn note_time(&mut self, name: &'static str, took: Duration) {
-        self.note_ms(name, took.as_secs_f64() * 1e3);
+    /// Takes in the requests of a scene, in motion or at rest by the cycle at their time.
+    pub(super) fn look_at_requests(&mut self, asked: Vec<Asked>, heard: &Heard) {
+        for asked in asked {
+            let before = |cycle: &&Cycle| cycle.stamp_mono_ns <= asked.mono_ns;
+            let in_motion = heard.cycles.iter().rev().find(before);
+            let in_motion = in_motion.is_some_and(is_on_its_way);
+            if in_motion {
+                self.in_motion += 1;
+                self.note_ms("answer", asked.took.as_secs_f64() * 1e3);
+                for stage in Stage::ALL {
+                    let took_ns = asked.stages_ns[stage.code() as usize];
+                    self.note_ms(stage.text(), took_ns as f64 * 1e-6);
+                }
+            }
+            match &asked.answered {
+                Answered::Refused(cause) => {
+                    let refusals = match in_motion {
+                        true => &mut self.refusals,
+                        false => &mut self.refused_at_rest,
+                    };
+                    *refusals.entry(cause.clone()).or_default() += 1;
+                }
+                Answered::Published(id) => {
+                    let id = *id;
+                    let is_heard = motion_of(&heard.motions, id).is_some();
+                    self.unheard += usize::from(in_motion && !is_heard);
+                    self.published.insert(id, AskedMotion { asked, in_motion });
+                }
+            }
+        }
     }
 
     fn note_ms(&mut self, name: &'static str, took_ms: f64) {
@@ -104,9 +155,10 @@ impl Figures {
             self.look_at_motion(body, motion, &heard.motions, balls);
         }
         for motion in heard.motions.iter().filter(|it| it.leaves.is_some()) {
-            let asked = self.published.get(&motion.id).copied();
+            let asked = self.published.get(&motion.id);
+            let asked = asked.map(|it| (it.asked.at, it.asked.mono_ns));
             let Some(first_ns) = first_followed(&heard.cycles, motion.id) else {
-                let never = asked.map(|asked| (asked.at, f64::INFINITY));
+                let never = asked.map(|(at, _)| (at, f64::INFINITY));
                 self.to_setpoint_ms.extend(never);
                 let result = heard
                     .results
@@ -118,15 +170,14 @@ impl Figures {
                 continue;
             };
             self.switched += 1;
-            if let Some(asked) = asked {
-                let ms = |from_ns: i64, to_ns: i64| (to_ns - from_ns) as f64 * 1e-6;
-                let switch_ns = motion.begin_mono_ns;
-                self.to_setpoint_ms
-                    .push((asked.at, ms(asked.mono_ns, first_ns)));
-                let lead_ms = ms(asked.mono_ns, switch_ns);
+            let ms = |from_ns: i64, to_ns: i64| (to_ns - from_ns) as f64 * 1e-6;
+            let switch_ns = motion.begin_mono_ns;
+            if let Some((at, mono_ns)) = asked {
+                self.to_setpoint_ms.push((at, ms(mono_ns, first_ns)));
+                let lead_ms = ms(mono_ns, switch_ns);
                 self.note_ms("lead, from the goal to the switch", lead_ms);
-                self.note_ms("switch to first set-point", ms(switch_ns, first_ns));
             }
+            self.note_ms("switch to first set-point", ms(switch_ns, first_ns));
         }
         let setpoints: Vec<(i64, Tendons)> = heard
             .cycles
@@ -182,10 +233,11 @@ impl Figures {
         let duration_s = motion.knots.last().map_or(f64::NAN, |knot| knot.time_s);
         match reference.go_s {
             Some(go_s) => {
-                let won = reference.stop_s + go_s - duration_s;
-                let share = won / reference.stop_s;
-                self.later_truncated += usize::from(is_truncated && is_later(&share));
-                self.won.push(share);
+                let share = |stop_s: f64| (stop_s + go_s - duration_s) / reference.stop_s;
+                let won = share(reference.stop_s);
+                self.later_truncated += usize::from(is_truncated && is_later(&won));
+                self.won.push(won);
+                self.won_ahead.push(share(reference.stop_ahead_s));
             }
             None => self.without_reference += 1,
         }

@@ -13,7 +13,7 @@ use shared_types::valid::{Goal, PlanRequest, PreviousPlan};
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::crossing_balls::Crossing;
 use tests::judge::Judge;
-use tests::listener::{Heard, Listener};
+use tests::listener::Listener;
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
 
@@ -103,9 +103,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         let mut arms = Arm::ALL.map(|_| Vec::new());
         for index in 0..count as u64 {
             for (arm, runs) in Arm::ALL.into_iter().zip(&mut arms) {
-                let (run, heard) = one(&mut stack, arm, index, &listener, &body)?;
-                judge.look(&heard);
-                runs.push(run);
+                runs.push(one(&mut stack, arm, index, &listener, &mut judge, &body)?);
             }
             let reached_s = arms.each_ref().map(|runs| runs[index as usize].reached_s);
             println!(
@@ -116,24 +114,28 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         for (arm, runs) in Arm::ALL.into_iter().zip(&arms) {
             show(report, arm, runs);
         }
-        let [kept, stopping, _] = &arms;
-        compare(report, kept, stopping, &judge);
+        let [kept, others @ ..] = &arms;
+        for (arm, runs) in Arm::ALL[1..].iter().zip(others) {
+            compare(report, kept, arm.name(), runs);
+        }
+        show_kept(report, kept, &judge);
         Ok(())
     });
 }
 
-/// One run of an arm, and what was heard.
+/// One run of an arm; what was sent is judged.
 fn one(
     stack: &mut Stack,
     arm: Arm,
     index: u64,
     listener: &Listener,
+    judge: &mut Judge,
     body: &Body,
-) -> anyhow::Result<(Run, Heard)> {
+) -> anyhow::Result<Run> {
     let fastest_m_s = TIP_SPEED_M_S * if index % 4 < 2 { 0.5 } else { 1.0 };
     let crossing = Crossing::draw(&stack.world.unit_robot(), SEED + index, fastest_m_s);
     go_to_start(stack, &crossing)?;
-    drop(listener.take());
+    judge.look(&listener.take());
     let mut follower = Follower::new(stack, arm, &crossing)?;
     let scenes = ScenePublisher::connect(&stack.world.options, "crossing")?;
     let (begun, begun_ns) = (Instant::now(), mono_now_ns());
@@ -151,6 +153,7 @@ fn one(
     wait_until_held(stack)?;
     sleep(Duration::from_millis(30));
     let heard = listener.take();
+    judge.look(&heard);
     let reached_s = arrival_s(body, &heard.cycles, crossing.tip_m, [begun_ns, ended_ns]);
     let gone_ns = begun_ns + (crossing.gone_s() * 1e9) as i64;
     let touches = crossing
@@ -174,14 +177,13 @@ fn one(
             }
         })
         .collect();
-    let run = Run {
+    Ok(Run {
         reached_s: reached_s.filter(|_| is_there),
         is_fast: fastest_m_s >= TIP_SPEED_M_S,
         touches,
         replans,
         lasted_s,
-    };
-    Ok((run, heard))
+    })
 }
 
 /// Scenes that a thread of its own publishes, whatever an arm waits for.
@@ -306,7 +308,9 @@ impl Follower {
                 as_seen,
             } => {
                 let state = stack.controller_state();
-                if state.state != LoopState::Holding || Instant::now() < *not_before {
+                let waits_for_its_begin = state.values.pending_trajectory_id != 0;
+                let is_at_rest = state.state == LoopState::Holding && !waits_for_its_begin;
+                if !is_at_rest || Instant::now() < *not_before {
                     return Ok(false);
                 }
                 let at = state.values.commanded_configuration_rad;
@@ -422,8 +426,25 @@ fn show(report: &mut Report, arm: Arm, runs: &[Run]) {
     report.shown(&line(arm.name()), figure);
 }
 
-/// Holds the arm that is kept on the way against the one that is stopped.
-fn compare(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
+/// Holds the arm that is kept on the way against one that is stopped.
+fn compare(report: &mut Report, kept: &[Run], name: &str, stopping: &[Run]) {
+    let reached = |runs: &[Run]| runs.iter().filter(|run| run.reached_s.is_some()).count();
+    let (own, others) = (reached(kept), reached(stopping));
+    report.check(
+        &line(&format!("targets reached, beside: {name}")),
+        own.to_string(),
+        &format!(">= {others}"),
+        own >= others,
+    );
+    let both = kept.iter().zip(stopping);
+    let both = both.filter_map(|(own, other)| Some((own.reached_s?, other.reached_s?)));
+    let (own, others): (Vec<f64>, Vec<f64>) = both.unzip();
+    let what = format!("median time where both arrive ÷ that of: {name}");
+    report.at_most(&line(&what), median(&own) / median(&others), 0.8);
+}
+
+/// What the arm that is kept on the way has touched, and what all were sent.
+fn show_kept(report: &mut Report, kept: &[Run], judge: &Judge) {
     let avoidable: Vec<String> = kept
         .iter()
         .enumerate()
@@ -439,19 +460,6 @@ fn compare(report: &mut Report, kept: &[Run], stopping: &[Run], judge: &Judge) {
         })
         .collect();
     report.none_of(&line("avoidable contacts"), &avoidable);
-    let reached = |runs: &[Run]| runs.iter().filter(|run| run.reached_s.is_some()).count();
-    let (own, others) = (reached(kept), reached(stopping));
-    report.check(
-        &line("targets reached"),
-        own.to_string(),
-        &format!(">= {others} of stop, then plan again"),
-        own >= others,
-    );
-    let both = kept.iter().zip(stopping);
-    let both = both.filter_map(|(own, other)| Some((own.reached_s?, other.reached_s?)));
-    let (own, others): (Vec<f64>, Vec<f64>) = both.unzip();
-    let what = "median time where both arrive ÷ that of stop, then plan again";
-    report.at_most(&line(what), median(&own) / median(&others), 0.8);
     within_limits(report, &line, judge.verdict());
     no_offences(report, &line, judge.verdict());
 }

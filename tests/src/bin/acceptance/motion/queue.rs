@@ -32,5 +32,7 @@ pub(super) struct Asked {
     pub(super) not_begun: usize,
     /// Queues in one request.
     pub(super) whole: usize,
+    /// Scenes in which the robot had room, and those that were drawn for them.
     pub(super) scenes: usize,
+    pub(super) scenes_drawn: u64,
 }

@@ -9,6 +9,7 @@ use tests::judge::Verdict;
 use tests::listener::{Heard, Published};
 use tests::passages::{Position, passages};
 
+use super::figures::is_on_its_way;
 use super::queue::{Asked, Queue};
 use super::routes::TIP_TOLERANCE_M;
 
@@ -162,9 +163,7 @@ fn outcome(result: &MotionResult) -> String {
 }
 
 fn moving(cycles: &[Cycle]) -> impl Iterator<Item = &Cycle> {
-    cycles
-        .iter()
-        .filter(|cycle| cycle.state == LoopState::Executing.code())
+    cycles.iter().filter(|cycle| is_on_its_way(cycle))
 }
 
 fn stamped(cycle: &Cycle) -> (i64, Tendons) {

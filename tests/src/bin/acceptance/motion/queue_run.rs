@@ -52,9 +52,9 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
     let mut index = 0;
     while figures.queues < queues {
         let standing = stack.commanded();
-        let (scene, passed_over) = ReplanScene::around(&robot, &standing, SEED, index);
-        index += 1 + passed_over as u64;
+        let scene = ReplanScene::around(&robot, &standing, SEED, &mut index);
         figures.asked.scenes += 1;
+        figures.asked.scenes_drawn = index;
         for _ in 0..IN_A_SCENE.min(queues - figures.queues) {
             let queue = carry_out(
                 &mut stack,

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use rand_pcg::Pcg64;
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{LoopFault, LoopState, Outcome, Stage};
+use shared_types::codes::{LoopFault, LoopState, Outcome};
 use tests::brute_force::Ball;
 use tests::geometry::seeded;
 use tests::judge::Judge;
@@ -15,14 +15,15 @@ use tests::replans::{ReplanScene, random_pause, replan, stop_then_go};
 use tests::stack::{PATIENCE, Part, Stack};
 use tests::world::Settings;
 
-use super::figures::{Asked, Figures, first_followed};
+use super::figures::{Answered, Asked, Figures, first_followed};
 
 /// Seed of scenes, tips and pauses: nothing was trained with it.
 const SEED: u64 = 9_101;
 /// Replans in one scene.
 const IN_A_SCENE: usize = 25;
-/// Shortest pause between two replans at the shipped limits; the longest is the motion that was asked for.
-const SHORTEST_PAUSE: Duration = Duration::from_millis(60);
+/// Shortest time within which the pause between two replans is drawn, at the shipped limits, where a motion is shorter: it is drawn from none
+/// to the whole motion that was asked for.
+const SHORTEST_MOTION: Duration = Duration::from_millis(60);
 
 /// How replans, or queues, are made.
 pub(super) struct Population {
@@ -46,24 +47,25 @@ pub(super) fn run(population: &Population) -> anyhow::Result<Figures> {
     while figures.in_motion < population.count {
         wait_until_held(&mut stack)?;
         let standing = stack.commanded();
-        let (scene, passed_over) = ReplanScene::around(&robot, &standing, SEED, index);
-        index += 1 + passed_over as u64;
-        figures.scenes_passed_over += passed_over;
+        let scene = ReplanScene::around(&robot, &standing, SEED, &mut index);
+        figures.scenes += 1;
+        figures.scenes_drawn = index;
         let count = IN_A_SCENE
             .min(population.count.div_ceil(20))
             .min(population.count - figures.in_motion);
-        replans(
+        let asked = replans(
             &mut stack,
             population,
             &scene,
             count,
-            &mut figures,
+            &mut figures.requests,
             &mut random,
         )?;
         wait_until_held(&mut stack)?;
         sleep(Duration::from_millis(50));
         let heard = listener.take();
         judge.look(&heard);
+        figures.look_at_requests(asked, &heard);
         figures.look(&body, &heard, &balls(&scene));
         references(&mut stack, &scene, &heard, &mut figures)?;
         println!("  {} of {} replans", figures.in_motion, population.count);
@@ -94,73 +96,62 @@ pub(super) fn wait_until_held(stack: &mut Stack) -> anyhow::Result<()> {
     held.context("after replans")
 }
 
-/// Asks for tips one after the other; those that find the robot at rest are counted, and are no replans.
+/// Asks for tips one after the other until so many have found the robot in motion, as its states tell.
 fn replans(
     stack: &mut Stack,
     population: &Population,
     scene: &ReplanScene,
     count: usize,
-    figures: &mut Figures,
+    requests: &mut usize,
     random: &mut Pcg64,
-) -> anyhow::Result<()> {
+) -> anyhow::Result<Vec<Asked>> {
     let robot = stack.world.unit_robot();
-    let until = figures.in_motion + count;
-    let shortest = SHORTEST_PAUSE.div_f64(population.time_factor);
-    while figures.in_motion < until {
+    let shortest = SHORTEST_MOTION.div_f64(population.time_factor);
+    let (mut asked, mut in_motion) = (Vec::new(), 0);
+    while in_motion < count {
         let tip = scene.tip(&robot, random);
         let state = stack.controller_state();
         anyhow::ensure!(
             state.fault == LoopFault::None,
-            "the controller is in fault ({}) after {} replans: {}",
+            "the controller is in fault ({}) after {requests} requests: {}",
             state.fault,
-            figures.in_motion,
             stack.process(Part::Controller).log()
         );
         let was_moving = state.state == LoopState::Executing;
-        let request = replan(tip.into(), &scene.balls, figures.requests as u64);
+        let seed = *requests as u64;
+        let request = replan(tip.into(), &scene.balls, seed);
         let (at, mono_ns) = (Instant::now(), mono_now_ns());
         let answer = stack.client.plan(&request, PATIENCE)?;
+        let took = at.elapsed();
         let report = answer.report();
-        figures.requests += 1;
-        if was_moving {
-            figures.in_motion += 1;
-            figures.note_time("answer", at.elapsed());
-            for stage in Stage::ALL {
-                let took = report.stages_ns[stage.code() as usize];
-                figures.note_time(stage.text(), Duration::from_nanos(took));
-            }
-        }
-        if let Some(id) = report.trajectory_id {
-            let seed = request.seed;
-            let asked = Asked {
-                seed,
-                at,
-                mono_ns,
-                in_motion: was_moving,
-                is_truncated: report.outcome == Outcome::Truncated,
-            };
-            figures.published.insert(id, asked);
-        } else {
-            let refusals = if was_moving {
-                &mut figures.refusals
-            } else {
-                &mut figures.refused_at_rest
-            };
-            let cause = refusal(report.outcome, &report.reason);
-            *refusals.entry(cause).or_default() += 1;
-            if !was_moving {
-                // Nothing may lead away from where the robot rests: the next scene is another one.
-                return Ok(());
-            }
+        *requests += 1;
+        in_motion += usize::from(was_moving);
+        let answered = match report.trajectory_id {
+            Some(id) => Answered::Published(id),
+            None => Answered::Refused(refusal(report.outcome, &report.reason)),
+        };
+        let is_refused = matches!(answered, Answered::Refused(_));
+        asked.push(Asked {
+            seed,
+            at,
+            mono_ns,
+            answered,
+            took,
+            stages_ns: report.stages_ns,
+            is_truncated: report.outcome == Outcome::Truncated,
+        });
+        if is_refused && !was_moving {
+            // Nothing may lead away from where the robot rests: the next scene is another one.
+            break;
         }
         let begun_s = report
             .selected
             .map(|index| report.candidates[index].duration_s);
         drop(answer);
         let longest = Duration::from_secs_f64(begun_s.unwrap_or(0.0)).max(shortest);
-        sleep(random_pause(shortest, longest, random));
+        sleep(random_pause(Duration::ZERO, longest, random));
     }
-    Ok(())
+    Ok(asked)
 }
 
 /// A refusal without the numbers that differ from one to the next.
@@ -179,8 +170,8 @@ fn references(
 ) -> anyhow::Result<()> {
     for motion in &heard.motions {
         let asked = figures.published.get(&motion.id);
-        let (seed, in_motion) = asked.map_or((0, false), |asked| (asked.seed, asked.in_motion));
-        let is_truncated = asked.is_some_and(|asked| asked.is_truncated);
+        let (seed, in_motion) = asked.map_or((0, false), |it| (it.asked.seed, it.in_motion));
+        let is_truncated = asked.is_some_and(|it| it.asked.is_truncated);
         let is_begun = first_followed(&heard.cycles, motion.id).is_some();
         if motion.leaves.is_none() || !is_begun {
             figures.began_at_rest += usize::from(in_motion && motion.leaves.is_none());

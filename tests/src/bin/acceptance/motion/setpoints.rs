@@ -20,11 +20,17 @@ pub(super) fn within_limits(report: &mut Report, line: Line, sent: &Verdict) {
     let name = line("set-points: steps by differences ÷ limits");
     report.at_most(&name, steps, ALLOWED_USE);
     let heard = format!(
-        "{} set-points, {} robot states; not heard by the gaps in their numbers, with cycles: {:?}",
-        sent.setpoints, sent.robot_states, sent.lost
+        "{} set-points, {} robot states; not heard by the gaps in their numbers, with cycles: {:?} {:?}",
+        sent.setpoints,
+        sent.robot_states,
+        sent.lost,
+        sent.losses.first()
     );
     let name = line("what was looked at");
-    report.check(&name, heard, "> 0 set-points", sent.setpoints > 0);
+    let is_whole = sent.setpoints > 0 && sent.lost == [0; 3];
+    report.check(&name, heard, "> 0 set-points, every one heard", is_whole);
+    let name = line("robot states in fault, since a set-point broke a rule");
+    report.at_most(&name, sent.faults as f64, 0.0);
     let name =
         line("largest distance of the robot's reference from the set-point that it follows, m");
     report.at_most(&name, sent.reference_error_m, REFERENCE_ERROR_M);

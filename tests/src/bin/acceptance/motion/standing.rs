@@ -2,6 +2,7 @@
 
 use pcc_model::Robot;
 use shared_types::codes::LoopState;
+use shared_types::message::Cycle;
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::knots::state_at;
 use tests::listener::Heard;
@@ -27,26 +28,31 @@ pub(super) fn stays_clear_after_a_stop(
     [published_ns, gone_ns]: [i64; 2],
 ) -> bool {
     let from_ns = published_ns + SUPERVISION_PERIOD_NS;
-    let Some(cycle) = heard.cycles.iter().find(|it| it.stamp_mono_ns >= from_ns) else {
+    let later = heard
+        .cycles
+        .partition_point(|it| it.stamp_mono_ns < from_ns);
+    let later = &heard.cycles[later..];
+    let Some(cycle) = later.first() else {
         return false;
     };
     let from_ns = cycle.stamp_mono_ns;
-    let stop = if cycle.state == LoopState::Executing.code() {
-        stop_along(
+    let stop: Vec<(i64, [f64; 6])> = if cycle.state == LoopState::Executing.code() {
+        let stop = stop_along(
             robot,
             heard,
             cycle.trajectory_id,
             &cycle.commanded_configuration_rad,
-        )
+        );
+        let stamps = (from_ns..).step_by((CYCLE_S * 1e9) as usize);
+        stamps.zip(stop).collect()
     } else {
-        vec![cycle.commanded_configuration_rad]
+        until_rest(later)
     };
-    let stamped: Vec<(i64, Tendons)> = (from_ns..)
-        .step_by((CYCLE_S * 1e9) as usize)
-        .zip(&stop)
-        .map(|(stamp_ns, configuration)| (stamp_ns, body.tendons(configuration)))
+    let stamped: Vec<(i64, Tendons)> = stop
+        .iter()
+        .map(|(stamp_ns, configuration)| (*stamp_ns, body.tendons(configuration)))
         .collect();
-    let Some(((rests_ns, _), at)) = stamped.last().zip(stop.last()) else {
+    let Some((rests_ns, at)) = stop.last() else {
         return false;
     };
     let is_clear =
@@ -55,6 +61,16 @@ pub(super) fn stays_clear_after_a_stop(
         && (*rests_ns..=gone_ns)
             .step_by(LOOK_NS as usize)
             .all(is_clear)
+}
+
+/// What is commanded from the first of these cycles on until the robot rests: where it brakes already, it does as it did.
+fn until_rest(cycles: &[Cycle]) -> Vec<(i64, [f64; 6])> {
+    let brakes = |cycle: &&Cycle| cycle.state == LoopState::Stopping.code();
+    let braking = cycles.iter().take_while(brakes).count();
+    let until_rest = cycles.iter().take(braking + 1);
+    until_rest
+        .map(|cycle| (cycle.stamp_mono_ns, cycle.commanded_configuration_rad))
+        .collect()
 }
 
 /// The configurations, cycle by cycle, of a stop along the motion of this id from where it commands this configuration.

@@ -4,12 +4,14 @@ use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
-use client::{GoalSender, ScenePublisher};
+use client::{ClientError, GoalSender, ScenePublisher};
+use shared_types::clock::mono_now_ns;
 use shared_types::codes::{GoalState, LoopState};
-use shared_types::message::{MotionResult, MovingBall};
+use shared_types::message::MovingBall;
 use shared_types::valid::{Goal, GoalStatus};
+use tests::brute_force::{Ball, Body, Tendons};
 use tests::judge::Judge;
-use tests::listener::Listener;
+use tests::listener::{Heard, Listener};
 use tests::process::wait_for;
 use tests::stack::{PATIENCE, Stack};
 use tests::world::Settings;
@@ -19,6 +21,8 @@ use super::setpoints::{no_offences, within_limits};
 use crate::report::Report;
 use crate::scale::Scale;
 
+/// Lifetime of a scene that stays.
+const LONG: Duration = Duration::from_secs(3600);
 /// Bar of the time until it is said, ms.
 const SAID_WITHIN_MS: f64 = 100.0;
 /// Two tips that can be reached, m.
@@ -28,12 +32,17 @@ const LOST: [([f64; 3], &str); 2] = [
     ([2.5, 0.5, 2.5], "out of reach"),
     ([-1.4, 0.0, 2.2], "goal in collision"),
 ];
-/// An obstacle that rests.
-const OBSTACLE: MovingBall = MovingBall {
-    centre_m: [-1.4, 0.0, 2.2],
-    radius_m: 0.3,
-    velocity_m_s: [0.0; 3],
-};
+/// An obstacle that rests, and one that comes where the first tip is, and goes again.
+const OBSTACLE: MovingBall = ball([-1.4, 0.0, 2.2], 0.3);
+const COMES: MovingBall = ball(NEAR_M[0], 0.2);
+
+const fn ball(centre_m: [f64; 3], radius_m: f64) -> MovingBall {
+    MovingBall {
+        centre_m,
+        radius_m,
+        velocity_m_s: [0.0; 3],
+    }
+}
 
 pub(super) fn run(report: &mut Report, scale: Scale) {
     let command = "goals to planner-daemon";
@@ -42,7 +51,7 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
         let listener = Listener::start(&stack.world.options);
         let mut goal = GoalSender::connect(&stack.world.options)?;
         let mut scenes = ScenePublisher::connect(&stack.world.options, "obstacle")?;
-        scenes.publish(&[OBSTACLE], Duration::from_secs(3600))?;
+        scenes.publish(&[OBSTACLE], LONG)?;
         scenes.confirm(PATIENCE)?;
         let mut figures = Figures::default();
         for round in 0..scale.pick(6, 60) {
@@ -53,15 +62,38 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             wait_for("the robot moves", PATIENCE, moves)?;
             // At another instant of the motion each time.
             sleep(Duration::from_millis(40 + 97 * round as u64 % 700));
-            figures.lose(&mut stack, &mut goal, LOST[round % 2])?;
-            figures.find_again(&mut stack, &mut goal, NEAR_M[1])?;
+            match LOST.get(round % 3) {
+                Some(&(tip_m, name)) => {
+                    let goes = |goal: &mut GoalSender| goal.move_to(Goal::tip(tip_m), [0.0; 3]);
+                    figures.lose(&mut stack, &mut goal, name, goes)?;
+                    goal.move_to(Goal::tip(NEAR_M[1]), [0.0; 3])?;
+                    figures.find_again(&mut stack, &mut goal, NEAR_M[1])?;
+                }
+                None => {
+                    let from_ns = mono_now_ns();
+                    let comes = |_: &mut GoalSender| scenes.publish(&[OBSTACLE, COMES], LONG);
+                    figures.lose(&mut stack, &mut goal, "goal in collision", comes)?;
+                    figures.obstructed_ns.push([from_ns, mono_now_ns()]);
+                    scenes.publish(&[OBSTACLE], LONG)?;
+                    figures.find_again(&mut stack, &mut goal, NEAR_M[0])?;
+                    go_back(&mut goal)?;
+                }
+            }
         }
         let mut judge = Judge::new(stack.world.robot.tendon_limits);
+        sleep(Duration::from_millis(50));
         let heard = listener.take();
         judge.look(&heard);
-        figures.show(report, &judge, &heard.results);
+        figures.look(&stack.world.body(), &heard);
+        figures.show(report, &judge);
         Ok(())
     });
+}
+
+/// Goes where the next round begins.
+fn go_back(goal: &mut GoalSender) -> anyhow::Result<()> {
+    goal.give(Goal::tip(NEAR_M[1]), 1.0)?;
+    expect(goal, "reached", |status| status.state == GoalState::Reached).map(drop)
 }
 
 fn expect(
@@ -83,20 +115,28 @@ struct Figures {
     lost_in_motion: usize,
     rested: usize,
     went_on: usize,
+    /// When the obstacle that comes and goes was there, nanoseconds of `CLOCK_MONOTONIC`.
+    obstructed_ns: Vec<[i64; 2]>,
+    /// Motions that ended neither at their certified end nor joined by another.
+    cut_short: Vec<String>,
+    /// Motions without exactly one result.
+    miscounted: Vec<String>,
+    clearance_m: f64,
 }
 
 impl Figures {
-    /// The goal goes where it cannot be reached.
+    /// The goal cannot be reached any more, which is said by this name.
     fn lose(
         &mut self,
         stack: &mut Stack,
         goal: &mut GoalSender,
-        (tip_m, name): ([f64; 3], &str),
+        name: &str,
+        happens: impl FnOnce(&mut GoalSender) -> Result<(), ClientError>,
     ) -> anyhow::Result<()> {
         let sent = Instant::now();
         let is_moving = stack.controller_state().state == LoopState::Executing;
         self.lost_in_motion += usize::from(is_moving);
-        goal.move_to(Goal::tip(tip_m), [0.0; 3])?;
+        happens(goal)?;
         let status = expect(goal, "said to be lost", |status| {
             status.state == GoalState::Unreachable
         })?;
@@ -112,14 +152,13 @@ impl Figures {
         Ok(())
     }
 
-    /// The goal comes back, without being given anew.
+    /// The goal can be reached again, without being given anew.
     fn find_again(
         &mut self,
         stack: &mut Stack,
         goal: &mut GoalSender,
         position_m: [f64; 3],
     ) -> anyhow::Result<()> {
-        goal.move_to(Goal::tip(position_m), [0.0; 3])?;
         expect(goal, "reached", |status| status.state == GoalState::Reached)?;
         let configuration = stack.commanded();
         let robot = stack.world.robot.clone();
@@ -128,7 +167,39 @@ impl Figures {
         Ok(())
     }
 
-    fn show(&self, report: &mut Report, judge: &Judge, results: &[MotionResult]) {
+    /// Looks at everything that was heard.
+    fn look(&mut self, body: &Body, heard: &Heard) {
+        let cut_short = heard.results.iter().filter(|result| !is_whole(result));
+        self.cut_short = cut_short.map(named).collect();
+        let results = |id: u32| {
+            let of_it = heard.results.iter().filter(|it| it.trajectory_id == id);
+            of_it.count()
+        };
+        let ids = heard.motions.iter().map(|motion| motion.id);
+        let miscounted = ids.filter(|id| results(*id) != 1);
+        self.miscounted = miscounted.map(|id| format!("trajectory {id}")).collect();
+        let resting = |ball: &MovingBall| Ball::resting(ball.centre_m, ball.radius_m);
+        let both = [OBSTACLE, COMES].map(|ball| resting(&ball));
+        let is_there = |stamp_ns: i64| {
+            let mut times = self.obstructed_ns.iter();
+            times.any(|[from, to]| (*from..*to).contains(&stamp_ns))
+        };
+        let balls = |stamp_ns: i64| {
+            if is_there(stamp_ns) {
+                &both[..]
+            } else {
+                &both[..1]
+            }
+        };
+        let setpoints: Vec<(i64, Tendons)> = heard
+            .cycles
+            .iter()
+            .map(|cycle| (cycle.stamp_mono_ns, cycle.setpoint_m))
+            .collect();
+        self.clearance_m = body.least_clearance(&setpoints, balls).at_least_m();
+    }
+
+    fn show(&self, report: &mut Report, judge: &Judge) {
         let line = |what: &str| format!("goals, out of reach: {what}");
         let rounds = self.said_ms.len();
         let slowest = self.said_ms.iter().copied().fold(0.0, f64::max);
@@ -145,11 +216,19 @@ impl Figures {
             rounds,
         );
         report.all_of(&line("came to rest"), self.rested, rounds);
-        let cut_short = results.iter().filter(|result| !is_whole(result));
-        let ends: Vec<String> = cut_short.map(named).collect();
         report.none_of(
             &line("motions that ended neither at their certified end nor joined by another"),
-            &ends,
+            &self.cut_short,
+        );
+        report.none_of(
+            &line("motions without exactly one result"),
+            &self.miscounted,
+        );
+        report.check(
+            &line("least clearance of what was executed from the obstacles that were there, dense sampling"),
+            format!("{:.5} m", self.clearance_m),
+            ">= 0",
+            (0.0..f64::INFINITY).contains(&self.clearance_m),
         );
         report.all_of(
             &line("went on by itself and reached it once it could"),

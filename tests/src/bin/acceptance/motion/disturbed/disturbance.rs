@@ -43,7 +43,9 @@ pub(super) struct Schedule {
     begin: Instant,
     /// Since when the controller alone is held, nanoseconds by the clock of the messages.
     held_from_ns: Option<i64>,
-    longest_hold_ms: f64,
+    /// Holds of the controller alone that were longer than the robot bears, nanoseconds by the clock of the messages.
+    long_holds_ns: Vec<[i64; 2]>,
+    orders_taken: usize,
 }
 
 impl Disturbance {
@@ -89,7 +91,8 @@ impl Disturbance {
             actions,
             begin: Instant::now() + before,
             held_from_ns: None,
-            longest_hold_ms: 0.0,
+            long_holds_ns: Vec::new(),
+            orders_taken: 0,
         }
     }
 }
@@ -150,7 +153,7 @@ impl Schedule {
             if matches!(action, Action::Stop(_)) {
                 self.note_hold(action);
             }
-            action.carry_out(stack)?;
+            self.orders_taken += usize::from(action.carry_out(stack)?);
             if matches!(action, Action::Continue(_)) {
                 self.note_hold(action);
             }
@@ -166,10 +169,17 @@ impl Schedule {
             Action::Continue([Part::Controller]) => {
                 let from_ns = self.held_from_ns.take().unwrap_or(now_ns);
                 let held_ms = (now_ns - from_ns) as f64 * 1e-6;
-                self.longest_hold_ms = self.longest_hold_ms.max(held_ms);
+                if held_ms > BORNE_MS {
+                    self.long_holds_ns.push([from_ns, now_ns]);
+                }
             }
             _ => {}
         }
+    }
+
+    /// Orders that the controller took.
+    pub(super) fn orders_taken(&self) -> usize {
+        self.orders_taken
     }
 
     /// Time since the request is due, ms; below 0: until it is.
@@ -180,9 +190,9 @@ impl Schedule {
         1e3 * (since - until)
     }
 
-    /// Whether the controller alone was held for longer than the robot bears, as it happened.
-    pub(super) fn outlasted_robot(&self) -> bool {
-        self.longest_hold_ms > BORNE_MS
+    /// Holds of the controller alone that were longer than the robot bears, as they happened, nanoseconds by the clock of the messages.
+    pub(super) fn long_holds_ns(&self) -> &[[i64; 2]] {
+        &self.long_holds_ns
     }
 
     /// Whether the request is due.
@@ -196,27 +206,27 @@ impl Schedule {
 }
 
 impl Action {
-    fn carry_out(self, stack: &mut Stack) -> anyhow::Result<()> {
+    /// Whether it was an order that the controller took.
+    fn carry_out(self, stack: &mut Stack) -> anyhow::Result<bool> {
         match self {
             Self::Speed(speed) => order(stack, Command::SetSpeed(speed)),
             Self::Pause => order(stack, Command::Pause),
             Self::Resume => order(stack, Command::Resume),
             Self::Stop(parts) => {
                 signal(stack, parts, libc::SIGSTOP);
-                Ok(())
+                Ok(false)
             }
             Self::Continue(parts) => {
                 signal(stack, parts, libc::SIGCONT);
-                Ok(())
+                Ok(false)
             }
         }
     }
 }
 
-/// What is refused, as where nothing moves any more, changes nothing.
-fn order(stack: &mut Stack, command: Command) -> anyhow::Result<()> {
-    stack.controller.command(command, PROMPT)?;
-    Ok(())
+/// Whether the controller takes an order: what is refused, as where nothing moves any more, changes nothing.
+fn order(stack: &mut Stack, command: Command) -> anyhow::Result<bool> {
+    Ok(stack.controller.command(command, PROMPT)?.accepted)
 }
 
 fn signal(stack: &mut Stack, parts: &[Part], signal: libc::c_int) {

@@ -8,10 +8,10 @@ use tests::listener::Heard;
 
 use super::super::figures::{first_followed, is_on_its_way};
 
-/// From the begin of a hold until a motion has ended for it, at most, nanoseconds.
-const LONGEST_HELD_NS: i64 = 1_000_000_000;
-/// What a robot does which no set-point reaches for longer than it bears.
-const RAMPED: &str = "; the robot, without set-points, came to rest by itself";
+/// From the end of a hold until the loop has found that the robot came to rest, at most, nanoseconds.
+const FOUND_WITHIN_NS: i64 = 20_000_000;
+/// Holds of the controller that are told beside the end of a motion began so long before at most, nanoseconds.
+const TOLD_NS: i64 = 2_000_000_000;
 
 /// A request that found the robot in motion, and its answer.
 pub(super) struct Replan {
@@ -19,8 +19,8 @@ pub(super) struct Replan {
     pub(super) answered_ns: i64,
     /// The motion that was published, or why none was.
     pub(super) answer: Result<u32, String>,
-    /// Whether the controller was held for longer than the robot bears, which then comes to rest by itself.
-    pub(super) outlasted_robot: bool,
+    /// Holds of the controller for longer than the robot bears, which then comes to rest by itself, nanoseconds.
+    pub(super) long_holds_ns: Vec<[i64; 2]>,
     /// When it was disturbed.
     pub(super) disturbed_ns: Vec<i64>,
 }
@@ -30,6 +30,9 @@ pub(super) struct Replan {
 pub(super) struct Fates {
     /// Replans by what became of them, and of the motion that was under way where they were refused.
     pub(super) counts: BTreeMap<String, usize>,
+    /// Replans whose motion, or the one that was to be left, ended since the controller was held for longer than the robot bears, by what became
+    /// of them.
+    pub(super) ramped: BTreeMap<String, usize>,
     /// Replans that were neither begun nor refused by name with the old motion going on, in words.
     pub(super) broken: BTreeMap<String, usize>,
     /// Of what was done to the loop: before a request, from it until the switch or the refusal, and later.
@@ -50,7 +53,8 @@ impl Fates {
         for replan in replans {
             self.count_disturbances(replan, heard);
             match fate(replan, replans, heard) {
-                Ok(fate) => *self.counts.entry(fate).or_default() += 1,
+                Ok(Fate::GoesOn(what)) => *self.counts.entry(what).or_default() += 1,
+                Ok(Fate::Ramped(what)) => *self.ramped.entry(what).or_default() += 1,
                 Err(why) => *self.broken.entry(why).or_default() += 1,
             }
         }
@@ -74,8 +78,16 @@ impl Fates {
     }
 }
 
+/// What became of a replan, in words.
+enum Fate {
+    /// A motion went on.
+    GoesOn(String),
+    /// The robot, which no set-point reached for longer than it bears, came to rest by itself.
+    Ramped(String),
+}
+
 /// Begun; or refused by name, and then what the motion under way did.
-fn fate(replan: &Replan, all: &[Replan], heard: &Heard) -> Result<String, String> {
+fn fate(replan: &Replan, all: &[Replan], heard: &Heard) -> Result<Fate, String> {
     let (refused_ns, why) = match &replan.answer {
         Ok(id) => {
             let leaves = heard.motions.iter().find(|it| it.id == *id);
@@ -85,11 +97,7 @@ fn fate(replan: &Replan, all: &[Replan], heard: &Heard) -> Result<String, String
                     Some(_) => "begun: joined",
                     None => "begun: the robot had come to rest",
                 };
-                let became = end_of(heard, *id, all);
-                return became.map_or_else(
-                    |why| Err(format!("{how}; {why}")),
-                    |became| Ok(format!("{how}{became}")),
-                );
+                return end_of(heard, *id, all, how);
             }
             let result = result_of(heard, *id);
             let result = result.ok_or_else(|| format!("trajectory {id} has no result"))?;
@@ -99,19 +107,16 @@ fn fate(replan: &Replan, all: &[Replan], heard: &Heard) -> Result<String, String
     };
     let old = under_way(&heard.cycles, refused_ns);
     let old = old.ok_or_else(|| format!("{why}: nothing moved before"))?;
-    let beside_why = |became| format!("{why}; {became}");
-    let became = old_motion(heard, old, refused_ns, all);
-    became.map(beside_why).map_err(beside_why)
+    old_motion(heard, old, refused_ns, all, &why)
 }
 
-/// How a motion that was begun ended beside its end or its switch to another one: where no set-point reached the robot for longer than it
-/// bears, at rest.
-fn end_of(heard: &Heard, id: u32, all: &[Replan]) -> Result<&'static str, String> {
+/// How a motion that was begun in this way ended.
+fn end_of(heard: &Heard, id: u32, all: &[Replan], how: &str) -> Result<Fate, String> {
     let result = result_of(heard, id).ok_or_else(|| format!("trajectory {id} has no result"))?;
     match is_whole(result) {
-        true => Ok(""),
-        false if is_ramped(result, all) => Ok(RAMPED),
-        false => Err(with_holds(result, all)),
+        true => Ok(Fate::GoesOn(how.to_owned())),
+        false if is_ramped(result, all) => Ok(Fate::Ramped(how.to_owned())),
+        false => Err(format!("{how}; {}", with_holds(result, all))),
     }
 }
 
@@ -120,8 +125,7 @@ fn with_holds(result: &MotionResult, all: &[Replan]) -> String {
     let holds = all
         .iter()
         .flat_map(|replan| replan.disturbed_ns.chunks_exact(2));
-    let before =
-        holds.filter(|hold| (0..2 * LONGEST_HELD_NS).contains(&(result.stamp_mono_ns - hold[0])));
+    let before = holds.filter(|hold| (0..TOLD_NS).contains(&(result.stamp_mono_ns - hold[0])));
     let ms = |ns: i64| ns as f64 * 1e-6;
     let told = before.map(|hold| {
         format!(
@@ -135,11 +139,10 @@ fn with_holds(result: &MotionResult, all: &[Replan]) -> String {
 
 /// Whether a motion ended since the robot ramped to rest while the controller was held for longer than it bears.
 fn is_ramped(result: &MotionResult, all: &[Replan]) -> bool {
-    let ended_ns = result.stamp_mono_ns;
-    let holds = all.iter().filter(|replan| replan.outlasted_robot);
-    let mut holds = holds.flat_map(|replan| &replan.disturbed_ns);
+    let mut holds = all.iter().flat_map(|replan| &replan.long_holds_ns);
+    let found = |[from, to]: &[i64; 2]| *from..to + FOUND_WITHIN_NS;
     result.fault == LoopFault::RobotRampedToRest.code()
-        && holds.any(|hold_ns| (0..LONGEST_HELD_NS).contains(&(ended_ns - hold_ns)))
+        && holds.any(|hold| found(hold).contains(&result.stamp_mono_ns))
 }
 
 /// The motion that was followed last before an instant.
@@ -150,20 +153,33 @@ fn under_way(cycles: &[Cycle], before_ns: i64) -> Option<u32> {
     Some(last.trajectory_id)
 }
 
-/// What became of the motion that was to be left when another one was refused: it went on, or the robot, which no set-point reached for longer
-/// than it bears, brought it to rest within the limits.
-fn old_motion(heard: &Heard, id: u32, refused_ns: i64, all: &[Replan]) -> Result<String, String> {
-    let result = result_of(heard, id)
-        .ok_or_else(|| format!("trajectory {id}, which was to be left, has no result"))?;
+/// What became of the motion that was to be left when another one was refused for this reason.
+fn old_motion(
+    heard: &Heard,
+    id: u32,
+    refused_ns: i64,
+    all: &[Replan],
+    why: &str,
+) -> Result<Fate, String> {
+    let missing = || format!("{why}; trajectory {id}, which was to be left, has no result");
+    let result = result_of(heard, id).ok_or_else(missing)?;
     let goes_on = |cycle: &Cycle| {
         cycle.trajectory_id == id && is_on_its_way(cycle) && cycle.stamp_mono_ns > refused_ns
     };
     let went_on = heard.cycles.iter().any(goes_on);
     match (is_whole(result), went_on) {
-        _ if is_ramped(result, all) => Ok(format!("the old motion{RAMPED}")),
-        (true, true) => Ok("the old motion went on".to_owned()),
-        (true, false) => Ok(format!("the old motion had ended: {}", named(result))),
-        (false, _) => Err(format!("the old motion: {}", with_holds(result, all))),
+        _ if is_ramped(result, all) => Ok(Fate::Ramped(why.to_owned())),
+        (true, true) => Ok(Fate::GoesOn(format!("{why}; the old motion went on"))),
+        (true, false) => {
+            let named = named(result);
+            Ok(Fate::GoesOn(format!(
+                "{why}; the old motion had ended: {named}"
+            )))
+        }
+        (false, _) => Err(format!(
+            "{why}; the old motion: {}",
+            with_holds(result, all)
+        )),
     }
 }
 

@@ -22,7 +22,7 @@ use tests::world::Settings;
 
 use self::disturbance::{Disturbance, Schedule};
 use self::fates::{Fates, Replan};
-use super::figures::{Figures, lower};
+use super::figures::{Figures, lower, quantile};
 use super::joins::show_curves;
 use super::paths::OffPath;
 use super::replan_run::{balls, refusal, wait_until_held};
@@ -40,6 +40,8 @@ const PAUSES: [Duration; 2] = [Duration::from_millis(60), Duration::from_millis(
 /// How far from its path rounding may bring a set-point, rad.
 const ON_PATH_RAD: f64 = 1e-9;
 const PROMPT: Duration = Duration::from_secs(2);
+/// A switch that is passed so much later than foreseen was passed by a loop that was disturbed, ms.
+const LATE_MS: f64 = 2.0;
 
 /// A group for each disturbance.
 pub(super) fn run(report: &mut Report, scale: Scale) {
@@ -73,6 +75,8 @@ struct Run {
     figures: Figures,
     fates: Fates,
     off_path: OffPath,
+    /// Orders of speed, pauses and their ends that the controller took.
+    orders_taken: usize,
     /// Faults that were latched, and what the robot was stopped for.
     faults: BTreeMap<String, usize>,
     /// Least clearance of what the robot's own reference did, m.
@@ -90,15 +94,16 @@ impl Run {
             figures: Figures::of(&stack.world.robot.tendon_limits),
             fates: Fates::default(),
             off_path: OffPath::default(),
+            orders_taken: 0,
             faults: BTreeMap::new(),
             reference_clearance_m: f64::INFINITY,
         };
         let (mut random, mut index) = (seeded(SEED), 0);
         while run.figures.in_motion < replans {
             let unit = stack.world.unit_robot();
-            let (scene, passed_over) = ReplanScene::around(&unit, &stack.commanded(), SEED, index);
-            index += 1 + passed_over as u64;
-            run.figures.scenes_passed_over += passed_over;
+            let scene = ReplanScene::around(&unit, &stack.commanded(), SEED, &mut index);
+            run.figures.scenes += 1;
+            run.figures.scenes_drawn = index;
             let until = replans.min(run.figures.in_motion + IN_A_SCENE);
             let asked = run.in_scene(&mut stack, &scene, until, &mut random)?;
             std::thread::sleep(Duration::from_millis(100));
@@ -152,7 +157,9 @@ impl Run {
         }
         self.figures.in_motion += 1;
         let mut schedule = self.disturbance.begin(random);
-        ask_in_motion(stack, &request, &mut schedule).map(Asked::InMotion)
+        let replan = ask_in_motion(stack, &request, &mut schedule)?;
+        self.orders_taken += schedule.orders_taken();
+        Ok(Asked::InMotion(replan))
     }
 
     /// Resets a fault that a disturbance has caused, and counts it.
@@ -193,6 +200,18 @@ impl Run {
             &line("faults, reset before the next"),
             format!("{:?}", self.faults),
         );
+        let ramped: usize = fates.ramped.values().sum();
+        report.shown(
+            &line("replans of a controller that was held for longer than the robot bears, which came to rest by itself, within its limits"),
+            format!("{ramped} of {}: {:?}", figures.in_motion, fates.ramped),
+        );
+        report.check(
+            &line("joined motions that were begun"),
+            figures.switched.to_string(),
+            &format!("> a third of {}", figures.in_motion),
+            3 * figures.switched > figures.in_motion,
+        );
+        self.show_effects(report, &line);
         let broken: usize = fates.broken.values().sum();
         report.check(
             &line("replans neither continuous nor refused by name with the old motion going on"),
@@ -235,6 +254,29 @@ impl Run {
     }
 }
 
+impl Run {
+    /// Whether the loop was disturbed at all: what orders it took, and how late it came to switches.
+    fn show_effects(&self, report: &mut Report, line: &dyn Fn(&str) -> String) {
+        let orders = self.orders_taken;
+        let late_ms = self.figures.times_ms.get("switch to first set-point");
+        let late_ms = late_ms.map_or(&[] as &[f64], Vec::as_slice);
+        let [median, most] = [0.5, 1.0].map(|share| quantile(late_ms, share));
+        let late = late_ms.iter().filter(|it| **it > LATE_MS).count();
+        let figure = format!(
+            "{orders} orders of speed and pauses were taken; from the switch, as foreseen, to the first set-point {median:.1} ms in the median, {most:.1} \
+             ms at most, later than {LATE_MS} ms {late} times of {}",
+            late_ms.len()
+        );
+        let effects = match self.disturbance {
+            Disturbance::Speed => orders,
+            _ => late,
+        };
+        let bar = format!("> a tenth of {}", self.figures.in_motion);
+        let is_disturbed = 10 * effects > self.figures.in_motion;
+        report.check(&line("what it did to the loop"), figure, &bar, is_disturbed);
+    }
+}
+
 /// Asks a robot in motion while what is scheduled happens to its loop; returns when both are over.
 fn ask_in_motion(
     stack: &mut Stack,
@@ -265,7 +307,7 @@ fn ask_in_motion(
                 asked_ns,
                 answered_ns,
                 answer,
-                outlasted_robot: schedule.outlasted_robot(),
+                long_holds_ns: schedule.long_holds_ns().to_vec(),
                 disturbed_ns,
             });
         }
