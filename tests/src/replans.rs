@@ -12,6 +12,7 @@ use shared_types::message::Ball;
 use shared_types::valid::{Goal, PlanRequest};
 use trajectory::{Knot, stopping_motion};
 
+use crate::shortest_stop::shortest_stop_s;
 use crate::stack::{PATIENCE, Stack};
 
 /// Room of targets and starts beside the tube, section lengths, as in the data sets.
@@ -94,9 +95,11 @@ pub fn replan(tip_m: [f64; 3], balls: &[Ball], seed: u64) -> PlanRequest {
 #[derive(Clone, Copy, Debug)]
 pub struct StopThenGo {
     /// A lower bound of every stop within the limits: the time in which the slowest tendon can come to rest, s.
-    pub stop_s: f64,
+    pub least_stop_s: f64,
     /// The stop straight ahead that the planner knows, s.
     pub stop_ahead_s: f64,
+    /// Velocity and acceleration to stop from, rad/s and rad/s².
+    rates: [Configuration; 2],
     /// From where it ends to the goal configuration, s; none where the planner finds no motion.
     pub go_s: Option<f64>,
 }
@@ -137,14 +140,25 @@ pub fn stop_then_go(
         .map(|candidate| candidate.duration_s);
     let fastest = durations.fold(f64::INFINITY, f64::min);
     Ok(StopThenGo {
-        stop_s: shortest_stop_s(robot, state),
+        least_stop_s: least_stop_of_tendons_s(&stack.world.robot, state),
         stop_ahead_s: stop.duration(),
+        rates: [velocity, acceleration],
         go_s: fastest.is_finite().then_some(fastest),
     })
 }
 
+impl StopThenGo {
+    /// The shortest stop within the limits, s.
+    #[must_use]
+    pub fn shortest_stop_s(&self, robot: &Robot) -> f64 {
+        let [velocity, acceleration] = &self.rates;
+        let between_s = [self.least_stop_s, self.stop_ahead_s];
+        shortest_stop_s(robot, velocity, acceleration, between_s)
+    }
+}
+
 /// The time in which the slowest tendon can come to rest from the state of a knot, s.
-fn shortest_stop_s(robot: &Robot, state: &crate::knots::Knot) -> f64 {
+fn least_stop_of_tendons_s(robot: &Robot, state: &crate::knots::Knot) -> f64 {
     let limits = &robot.tendon_limits;
     let [_, velocity, acceleration] = state.values.map(Configuration::from);
     let pulled = |rates: &Configuration| {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use pcc_model::TendonLimits;
+use pcc_model::{Robot, TendonLimits};
 use shared_types::capacity::STAGES;
 use shared_types::codes::{LoopState, Stage};
 use shared_types::message::Cycle;
@@ -84,8 +84,10 @@ pub(super) struct Figures {
     pub(super) largest_bending_rad: f64,
     /// Least clearance of joined motions and of executed set-points, m.
     pub(super) clearance_m: [f64; 2],
-    /// (stop-then-go − joined) ÷ the shortest stop, by the lower bound of every stop.
+    /// (stop-then-go − joined) ÷ the shortest stop, by a lower bound of it unless that says that the motion is later.
     pub(super) won: Vec<f64>,
+    /// The shortest stops that were solved for, between their lower bound and the planner's own, and what is won beside them.
+    pub(super) stops_solved: Vec<String>,
     /// The same by the stop straight ahead that the planner knows.
     pub(super) won_ahead: Vec<f64>,
     /// Arrivals later than that by a motion of a plan that its deadline cut short.
@@ -223,24 +225,35 @@ impl Figures {
         lower(&mut self.clearance_m[0], clearance);
     }
 
-    /// Compares a joined motion that was begun with stopping first.
+    /// Compares a joined motion that was begun with stopping first: by a lower bound of every stop, and where it is later than that, by the
+    /// shortest stop.
     pub(super) fn compare(
         &mut self,
+        robot: &Robot,
         motion: &Published,
         reference: &StopThenGo,
         is_truncated: bool,
     ) {
+        let Some(go_s) = reference.go_s else {
+            self.without_reference += 1;
+            return;
+        };
         let duration_s = motion.knots.last().map_or(f64::NAN, |knot| knot.time_s);
-        match reference.go_s {
-            Some(go_s) => {
-                let share = |stop_s: f64| (stop_s + go_s - duration_s) / reference.stop_s;
-                let won = share(reference.stop_s);
-                self.later_truncated += usize::from(is_truncated && is_later(&won));
-                self.won.push(won);
-                self.won_ahead.push(share(reference.stop_ahead_s));
-            }
-            None => self.without_reference += 1,
+        let share = |stop_s: f64| (stop_s + go_s - duration_s) / stop_s;
+        let mut won = share(reference.least_stop_s);
+        if is_later(&won) {
+            let shortest_s = reference.shortest_stop_s(robot);
+            won = share(shortest_s);
+            self.stops_solved.push(format!(
+                "stop {:.4}, {shortest_s:.4}, {:.4} s: won {:.1} ms",
+                reference.least_stop_s,
+                reference.stop_ahead_s,
+                1e3 * (shortest_s + go_s - duration_s)
+            ));
         }
+        self.later_truncated += usize::from(is_truncated && is_later(&won));
+        self.won.push(won);
+        self.won_ahead.push(share(reference.stop_ahead_s));
     }
 }
 

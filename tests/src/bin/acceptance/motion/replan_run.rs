@@ -184,7 +184,7 @@ fn references(
             continue;
         };
         let reference = stop_then_go(stack, first, last.values[0], &scene.balls, seed)?;
-        figures.compare(motion, &reference, is_truncated);
+        figures.compare(&stack.world.robot, motion, &reference, is_truncated);
     }
     Ok(())
 }

@@ -1,0 +1,190 @@
+//! The shortest stop of a robot within the acceleration and jerk limits of its tendons: by a linear program for each duration, which shares
+//! no code with the planner's.
+
+use clarabel::algebra::CscMatrix;
+use clarabel::solver::SupportedConeT::{NonnegativeConeT, ZeroConeT};
+use clarabel::solver::{DefaultSettingsBuilder, DefaultSolver, IPSolver, SolverStatus};
+use pcc_model::{Configuration, Robot};
+
+/// Steps of constant jerk into which a stop is divided.
+const STEPS: usize = 48;
+/// Halvings of the interval in which the shortest duration lies.
+const HALVINGS: usize = 12;
+const DOF: usize = 6;
+
+/// The duration of the shortest stop from a velocity (rad/s) and an acceleration (rad/s²), s, where it lies between two durations; the longer one
+/// where it does not.
+#[must_use]
+pub fn shortest_stop_s(
+    robot: &Robot,
+    velocity: &Configuration,
+    acceleration: &Configuration,
+    between_s: [f64; 2],
+) -> f64 {
+    let rows = tendon_rows(robot);
+    let [mut least_s, mut most_s] = between_s;
+    for _ in 0..HALVINGS {
+        let middle_s = 0.5 * (least_s + most_s);
+        match can_stop(robot, &rows, velocity, acceleration, middle_s) {
+            true => most_s = middle_s,
+            false => least_s = middle_s,
+        }
+    }
+    most_s
+}
+
+/// How each tendon moves with each angle, m/rad.
+fn tendon_rows(robot: &Robot) -> Vec<[f64; DOF]> {
+    let count = robot.tendons.count();
+    let mut rows = vec![[0.0; DOF]; count];
+    for angle in 0..DOF {
+        let mut unit = Configuration::zeros();
+        unit[angle] = 1.0;
+        let mut pulled = vec![0.0; count];
+        robot.tendons.lengths(&unit, &mut pulled);
+        for (row, pulled) in rows.iter_mut().zip(pulled) {
+            row[angle] = pulled;
+        }
+    }
+    rows
+}
+
+/// Whether a stop of this duration keeps the limits: the least share of both limits that one needs is at most 1.
+fn can_stop(
+    robot: &Robot,
+    rows: &[[f64; DOF]],
+    velocity: &Configuration,
+    acceleration: &Configuration,
+    duration_s: f64,
+) -> bool {
+    let step_s = duration_s / STEPS as f64;
+    let share = STEPS * DOF;
+    let mut program = Program::default();
+    // The jerks of all steps take the velocity and the acceleration away.
+    for angle in 0..DOF {
+        let jerks = (0..STEPS).map(|step| step * DOF + angle);
+        program.is_zero(
+            jerks.clone().map(|jerk| (jerk, step_s)),
+            acceleration[angle],
+        );
+        let gains = (0..STEPS).map(|step| {
+            let after_s = (STEPS - step) as f64 * step_s;
+            step_s * (after_s - 0.5 * step_s)
+        });
+        let velocity = velocity[angle] + acceleration[angle] * duration_s;
+        program.is_zero(jerks.zip(gains), velocity);
+    }
+    let limits = &robot.tendon_limits;
+    for row in rows {
+        let now: f64 = (0..DOF).map(|angle| row[angle] * acceleration[angle]).sum();
+        for step in 0..STEPS {
+            let of_step = |step: usize| (0..DOF).map(move |angle| (step * DOF + angle, row[angle]));
+            program.is_within(
+                &of_step(step).collect::<Vec<_>>(),
+                0.0,
+                (share, limits.jerk),
+            );
+            let after = (0..=step).flat_map(of_step);
+            let after = after.map(|(variable, factor)| (variable, factor * step_s));
+            program.is_within(
+                &after.collect::<Vec<_>>(),
+                now,
+                (share, limits.acceleration),
+            );
+        }
+    }
+    program
+        .least(share)
+        .is_some_and(|needed| needed <= 1.0 + 1e-6)
+}
+
+/// A linear program in sparse rows: equations first, then inequalities, `row · x + slack = bound`.
+#[derive(Default)]
+struct Program {
+    equations: Vec<(Vec<(usize, f64)>, f64)>,
+    inequalities: Vec<(Vec<(usize, f64)>, f64)>,
+}
+
+impl Program {
+    /// `terms · x + constant = 0`.
+    fn is_zero(&mut self, terms: impl Iterator<Item = (usize, f64)>, constant: f64) {
+        self.equations.push((terms.collect(), -constant));
+    }
+
+    /// |`terms · x + constant`| ≤ `limit` × the variable `share`.
+    fn is_within(&mut self, terms: &[(usize, f64)], constant: f64, (share, limit): (usize, f64)) {
+        for sign in [1.0, -1.0] {
+            let signed = terms
+                .iter()
+                .map(|(variable, factor)| (*variable, sign * factor));
+            let row = signed.chain([(share, -limit)]).collect();
+            self.inequalities.push((row, -sign * constant));
+        }
+    }
+
+    /// The least value of a variable, the last one; none where there is no solution.
+    fn least(self, variable: usize) -> Option<f64> {
+        let count = variable + 1;
+        let cones = [
+            ZeroConeT(self.equations.len()),
+            NonnegativeConeT(self.inequalities.len()),
+        ];
+        let all: Vec<_> = self
+            .equations
+            .into_iter()
+            .chain(self.inequalities)
+            .collect();
+        let (mut rows, mut columns, mut values) = (Vec::new(), Vec::new(), Vec::new());
+        for (row, (terms, _)) in all.iter().enumerate() {
+            for (column, value) in terms {
+                rows.push(row);
+                columns.push(*column);
+                values.push(*value);
+            }
+        }
+        let matrix = CscMatrix::new_from_triplets(all.len(), count, rows, columns, values);
+        let bounds: Vec<f64> = all.iter().map(|(_, bound)| *bound).collect();
+        let mut cost = vec![0.0; count];
+        cost[variable] = 1.0;
+        let settings = DefaultSettingsBuilder::default()
+            .verbose(false)
+            .build()
+            .ok()?;
+        let quadratic = CscMatrix::zeros((count, count));
+        let mut solver =
+            DefaultSolver::new(&quadratic, &cost, &matrix, &bounds, &cones, settings).ok()?;
+        solver.solve();
+        let is_solved = matches!(
+            solver.solution.status,
+            SolverStatus::Solved | SolverStatus::AlmostSolved
+        );
+        is_solved.then(|| solver.solution.x[variable])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::programs::repository;
+
+    #[test]
+    fn a_stop_from_a_velocity_alone_takes_two_ramps_and_the_time_between() {
+        let file = repository().join("config/robots/unit.toml");
+        let robot = Robot::from_file(&file).unwrap();
+        let limits = &robot.tendon_limits;
+        let mut velocity = Configuration::zeros();
+        velocity[0] = 1.0;
+        let rows = tendon_rows(&robot);
+        let fastest = rows.iter().map(|row| row[0].abs()).fold(0.0, f64::max);
+        velocity[0] = 0.5 * limits.velocity / fastest;
+        let expected_s =
+            0.5 * limits.velocity / limits.acceleration + limits.acceleration / limits.jerk;
+        let least = Configuration::zeros();
+        let found_s = shortest_stop_s(&robot, &velocity, &least, [0.0, 3.0 * expected_s]);
+        let excess = found_s / expected_s - 1.0;
+        assert!(
+            (-1e-3..0.02).contains(&excess),
+            "{found_s} for {expected_s}"
+        );
+    }
+}
