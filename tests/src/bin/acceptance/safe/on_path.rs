@@ -6,6 +6,8 @@ use trajectory::{Knot, Trajectory};
 
 /// How far the path time of a cycle may be from where the one before was found, s: a bracket that the nearest place is in.
 const AROUND_S: f64 = 0.05;
+/// Parts of the bracket of which the nearest one is searched.
+const PARTS: usize = 32;
 /// Steps of the search: 0.618 to this power is beyond the resolution of the numbers.
 const STEPS: usize = 70;
 /// Nearer than this is on the path, rad.
@@ -46,7 +48,7 @@ impl<'a> Along<'a> {
         // Beyond its ends the path rests: a search there cannot tell which way to go.
         let within = |time_s: f64| time_s.clamp(0.0, self.path.duration());
         let around = [self.time_s - AROUND_S, self.time_s + passed_s + AROUND_S];
-        let mut bracket = around.map(within);
+        let mut bracket = self.bracket(cycle, around.map(within));
         let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
         for _ in 0..STEPS {
             let [from, to] = bracket;
@@ -67,6 +69,20 @@ impl<'a> Along<'a> {
             time_s: self.time_s,
             distance_rad: self.distance_at(cycle, self.time_s),
         }
+    }
+
+    /// The part around the nearest of some places between two path times: a path that turns back has more than one that is nearer than those
+    /// beside it.
+    fn bracket(&self, cycle: &Cycle, [from, to]: [f64; 2]) -> [f64; 2] {
+        let step_s = (to - from) / PARTS as f64;
+        let time = |part: usize| from + step_s * part as f64;
+        let distance = |part: &usize| self.distance_at(cycle, time(*part));
+        let nearest = (0..=PARTS).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let nearest = nearest.unwrap_or(0);
+        [
+            time(nearest.saturating_sub(1)),
+            time((nearest + 1).min(PARTS)),
+        ]
     }
 
     /// Of all tendons, each in the angle that turns it by as much.
