@@ -2,4 +2,5 @@
 
 pub(crate) mod longest_stop;
 pub(crate) mod rate_law;
+mod short_stop;
 pub(crate) mod stopping;

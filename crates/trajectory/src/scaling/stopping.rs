@@ -5,6 +5,7 @@
 //! then rest. Such an average is cubic in time between a few instants, so four knots are the whole of it.
 
 use crate::limits::tendon_rows::{TendonRows, limits_are_valid};
+use crate::scaling::short_stop::shorter_stop;
 use crate::{Knot, Trajectory};
 use pcc_model::{Configuration, TendonLimits, TendonMap};
 
@@ -44,7 +45,8 @@ pub enum StoppingError {
 /// Knots that a motion has more where it begins with a stop of [`stopping_motion`], at most.
 pub const STOPPING_KNOTS: usize = 3;
 
-/// A motion from `from` (its time is not read) to rest, straight ahead, within the acceleration and jerk limits.
+/// A motion from `from` (its time is not read) to rest, straight ahead, within the acceleration and jerk limits: the shortest of an averaged
+/// deceleration, a parabola and a swing of the acceleration.
 ///
 /// It begins with exactly this position, velocity and acceleration, in whatever directions, and has four knots at
 /// most. Velocity falls as soon as the limits allow; a state that still accelerates becomes faster first, by as much
@@ -71,12 +73,14 @@ pub fn stopping_motion(
         return Err(StoppingError::Acceleration { use_of_limit });
     }
     let rests = from.velocity.norm() == 0.0 && from.acceleration.norm() == 0.0;
-    let knots = if rests {
-        vec![from, Knot::resting(REST_DURATION, from.position)]
-    } else {
-        Braking::from(&from, &rows, limits).knots(from)
-    };
-    Trajectory::new(knots).map_err(|_| StoppingError::NotTimeable(*limits))
+    if rests {
+        let knots = vec![from, Knot::resting(REST_DURATION, from.position)];
+        return Trajectory::new(knots).map_err(|_| StoppingError::NotTimeable(*limits));
+    }
+    let averaged = Trajectory::new(Braking::from(&from, &rows, limits).knots(from))
+        .map_err(|_| StoppingError::NotTimeable(*limits))?;
+    let shorter = shorter_stop(&from, &rows, limits, averaged.duration());
+    Ok(shorter.unwrap_or(averaged))
 }
 
 /// The motion that is averaged: positions are relative to the one at time 0.

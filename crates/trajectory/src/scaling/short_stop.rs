@@ -1,0 +1,205 @@
+//! Stops of a state whose acceleration matters more than its velocity, as near the ends of motions: there the averaged stop of
+//! [`super::stopping`] takes up to four times as long as the limits ask for.
+//!
+//! * A ramp, where the state brakes already: the acceleration falls to 0 as the velocity does. Other parabolas: it falls as a quadratic of time.
+//! * A swing: along the velocity the fastest stop there is, the acceleration falling at the jerk limit to where it stays or turns, and rising at
+//!   it to 0; what of the acceleration points aside falls as a parabola beside it.
+
+use crate::limits::tendon_rows::TendonRows;
+use crate::{Knot, LimitUse, Trajectory};
+use pcc_model::TendonLimits;
+
+/// A limit that is exceeded by this part of itself or less is kept: that much is rounding.
+const ROUNDING: f64 = 1e-9;
+/// Halvings of the interval in which the shortest parabola's duration lies.
+const HALVINGS: usize = 12;
+/// Rounds in which the duration of a swing and the share of the jerk limit that what points aside needs are fitted to each other.
+const ROUNDS: usize = 4;
+/// The parts of a swing are at least this share of it, so that knots keep apart.
+const SHORTEST_PART: f64 = 0.01;
+/// Stops are at least so long, in times in which the acceleration rises to its limit: less is nothing to win, and knots keep apart.
+const SHORTEST_STOP: f64 = 0.02;
+
+/// The shortest of the stops of this file from a state that keeps the acceleration and jerk limits, if one is shorter than `longest_s`.
+pub(super) fn shorter_stop(
+    from: &Knot,
+    rows: &TendonRows,
+    limits: &TendonLimits,
+    longest_s: f64,
+) -> Option<Trajectory> {
+    let keeps = |motion: &Trajectory| {
+        let most = LimitUse::default().raised_by_motion(motion, rows, limits);
+        most.acceleration.max(most.jerk) <= 1.0 + ROUNDING
+    };
+    let least_s = SHORTEST_STOP * limits.acceleration / limits.jerk;
+    let swing = swing(from, rows, limits).filter(keeps);
+    let ramp_s = -2.0 * from.velocity.dot(&from.acceleration) / from.acceleration.norm_squared();
+    let ramp = Some(ramp_s).filter(|ramp_s| *ramp_s > least_s);
+    let ramp = ramp.and_then(|ramp_s| parabola(from, ramp_s).filter(keeps));
+    let others = [swing, ramp].into_iter().flatten();
+    let stops = others.filter(|it| (least_s..longest_s).contains(&it.duration()));
+    let fastest = stops.min_by(|a, b| a.duration().total_cmp(&b.duration()));
+    let bound_s = fastest.as_ref().map_or(longest_s, Trajectory::duration);
+    let parabola = shortest([least_s, bound_s], |duration_s| {
+        parabola(from, duration_s).filter(keeps)
+    });
+    parabola.filter(|it| it.duration() < bound_s).or(fastest)
+}
+
+/// The motion of the shortest duration found between two of which there is a motion; none where there is none of the longer one.
+fn shortest(
+    [mut too_short_s, longest_s]: [f64; 2],
+    of: impl Fn(f64) -> Option<Trajectory>,
+) -> Option<Trajectory> {
+    let mut found = of(longest_s)?;
+    for _ in 0..HALVINGS {
+        let middle_s = 0.5 * (too_short_s + found.duration());
+        match of(middle_s) {
+            Some(shorter) => found = shorter,
+            None => too_short_s = middle_s,
+        }
+    }
+    Some(found)
+}
+
+/// The stop in this time whose acceleration is a quadratic of time.
+fn parabola(from: &Knot, duration_s: f64) -> Option<Trajectory> {
+    let way =
+        from.velocity * (0.5 * duration_s) + from.acceleration * (duration_s * duration_s / 12.0);
+    let end = Knot::resting(duration_s, from.position + way);
+    Trajectory::new(vec![*from, end]).ok()
+}
+
+/// Part of a stop in one dimension, with constant jerk.
+#[derive(Clone, Copy)]
+struct Part {
+    lasts_s: f64,
+    jerk: f64,
+}
+
+fn swing(from: &Knot, rows: &TendonRows, limits: &TendonLimits) -> Option<Trajectory> {
+    let along = if from.velocity.norm() > 0.0 {
+        from.velocity.normalize()
+    } else {
+        from.acceleration.normalize()
+    };
+    let state = [from.velocity.dot(&along), from.acceleration.dot(&along)];
+    let aside = from.acceleration - along * state[1];
+    let (gain, of_aside) = (rows.largest(&along), rows.largest(&aside));
+    let acceleration = (limits.acceleration - of_aside / 3.0) / gain;
+    let mut jerk = limits.jerk / gain;
+    let mut parts = fastest(state, [acceleration, jerk])?;
+    for _ in 0..ROUNDS {
+        let duration_s: f64 = parts.iter().map(|part| part.lasts_s).sum();
+        jerk = (limits.jerk - 4.0 * of_aside / duration_s) / gain;
+        parts = fastest(state, [acceleration, jerk])?;
+    }
+    let duration_s: f64 = parts.iter().map(|part| part.lasts_s).sum();
+    let is_whole = |part: &Part| part.lasts_s == 0.0 || part.lasts_s > SHORTEST_PART * duration_s;
+    if !parts.iter().all(is_whole) {
+        return None;
+    }
+    let mut knots = vec![*from];
+    let (mut time, mut place, [mut speed, mut rate]) = (0.0, 0.0, state);
+    for Part { lasts_s, jerk } in parts.into_iter().filter(|part| part.lasts_s > 0.0) {
+        let h = lasts_s;
+        place += h * (speed + h * (rate / 2.0 + h * jerk / 6.0));
+        speed += h * (rate + h * jerk / 2.0);
+        rate += h * jerk;
+        time += h;
+        let s = (time / duration_s).min(1.0);
+        let falls = [
+            s * s * (0.5 + s * (s / 4.0 - 2.0 / 3.0)),
+            s * (1.0 + s * (s - 2.0)),
+            1.0 + s * (3.0 * s - 4.0),
+        ];
+        knots.push(Knot {
+            time,
+            position: from.position + along * place + aside * (falls[0] * duration_s * duration_s),
+            velocity: along * speed + aside * (falls[1] * duration_s),
+            acceleration: along * rate + aside * falls[2],
+        });
+    }
+    let end = knots.last_mut()?;
+    *end = Knot::resting(end.time, end.position);
+    Trajectory::new(knots).ok()
+}
+
+/// The fastest stop of a velocity and an acceleration in one dimension, at an acceleration and a jerk of at most these.
+fn fastest([v, a]: [f64; 2], [most_a, most_j]: [f64; 2]) -> Option<[Part; 3]> {
+    if most_j <= 0.0 || most_a <= 0.0 {
+        return None;
+    }
+    // The velocity that is left where the acceleration alone is brought to 0.
+    let left = v + a * a.abs() / (2.0 * most_j);
+    let sign = if left < 0.0 { -1.0 } else { 1.0 };
+    let (v, a) = (sign * v, sign * a);
+    let turn = (most_j * v + 0.5 * a * a).max(0.0).sqrt();
+    let least = turn.min(most_a.max(-a));
+    let fallen = (a * a - 2.0 * least * least) / (2.0 * most_j);
+    let part = |lasts_s: f64, jerk: f64| Part {
+        lasts_s: lasts_s.max(0.0),
+        jerk: sign * jerk,
+    };
+    let held_s = if least < turn {
+        (v + fallen) / least
+    } else {
+        0.0
+    };
+    Some([
+        part((a + least) / most_j, -most_j),
+        part(held_s, 0.0),
+        part(least / most_j, most_j),
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::limit_use;
+    use crate::test_paths::{unit_limits, unit_tendons};
+    use pcc_model::Configuration;
+
+    /// States along one direction: velocity and acceleration as shares of the limits.
+    fn stop(velocity: f64, acceleration: f64) -> Option<Trajectory> {
+        let (tendons, limits) = (unit_tendons(), unit_limits());
+        let rows = TendonRows::of(&tendons);
+        let along = Configuration::from([0.3, -0.5, 0.2, 0.4, -0.1, 0.6]);
+        let unit = along / rows.largest(&along);
+        let from = Knot {
+            time: 0.0,
+            position: along,
+            velocity: unit * (velocity * limits.velocity),
+            acceleration: unit * (acceleration * limits.acceleration),
+        };
+        let motion = shorter_stop(&from, &rows, &limits, 2.0)?;
+        let most = limit_use(&motion, &tendons, &limits);
+        assert!(most.acceleration.max(most.jerk) <= 1.0 + 1e-6, "{most:?}");
+        assert_eq!(motion.knots()[0], from);
+        Some(motion)
+    }
+
+    #[test]
+    fn a_state_that_only_accelerates_swings_to_rest_as_fast_as_the_limits_allow() {
+        let limits = unit_limits();
+        let ramp_s = limits.acceleration / limits.jerk;
+        let motion = stop(0.0, 0.7).unwrap();
+        let expected_s = 0.7 * (1.0 + 2.0_f64.sqrt()) * ramp_s;
+        assert!((motion.duration() - expected_s).abs() < 1e-9 * expected_s);
+        assert!(motion.knots().len() <= 4);
+    }
+
+    #[test]
+    fn the_end_of_a_motion_that_brakes_at_the_jerk_limit_is_its_own_stop() {
+        let limits = unit_limits();
+        let share = 0.6;
+        let ramp_s = share * limits.acceleration / limits.jerk;
+        let velocity = 0.5 * share * limits.acceleration * ramp_s / limits.velocity;
+        let motion = stop(velocity, -share).unwrap();
+        assert!(
+            (motion.duration() / ramp_s - 1.0).abs() < 2e-3,
+            "{} for {ramp_s}",
+            motion.duration()
+        );
+    }
+}
