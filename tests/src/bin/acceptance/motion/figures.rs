@@ -245,7 +245,7 @@ impl Figures {
             let shortest_s = reference.shortest_stop_s(robot);
             won = share(shortest_s);
             self.stops_solved.push(format!(
-                "stop {:.4}, {shortest_s:.4}, {:.4} s: won {:.1} ms",
+                "stop {:.5}, {shortest_s:.5}, {:.5} s: won {:.3} ms",
                 reference.least_stop_s,
                 reference.stop_ahead_s,
                 1e3 * (shortest_s + go_s - duration_s)

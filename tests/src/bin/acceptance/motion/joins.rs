@@ -162,11 +162,13 @@ fn wins(report: &mut Report, name: &str, figures: &Figures) {
     );
     let worst = won.first().copied().unwrap_or(f64::NAN);
     let truncated = figures.later_truncated;
-    let ahead = figures.won_ahead.iter().filter(|won| is_later(won));
+    let ahead: Vec<f64> = figures.won_ahead.iter().copied().filter(is_later).collect();
     let figure = format!(
-        "{later} of {}, the worst {worst:.3}; {truncated} of them of plans that their deadline cut short; {} by the planner's own stop straight ahead",
+        "{later} of {}, the worst {worst:.3}; {truncated} of them of plans that their deadline cut short; by the planner's own stop straight ahead {}, \
+         the worst {:.5}",
         won.len(),
-        ahead.count()
+        ahead.len(),
+        ahead.iter().copied().fold(0.0, f64::min)
     );
     report.check(&format!("{name}: arrivals later"), figure, "0", later == 0);
 }
