@@ -4,11 +4,6 @@
 #ifndef PCC_CLIENT_H
 #define PCC_CLIENT_H
 
-#include <stdarg.h>
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-#include <stdlib.h>
 #include <stddef.h>
 #include <stdint.h>
 #include "messages.h"
