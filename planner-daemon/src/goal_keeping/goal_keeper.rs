@@ -305,7 +305,8 @@ impl GoalKeeper {
             self.status.trajectory_id = motion.trajectory_id;
             return self.tell(GoalState::Underway, "");
         }
-        if kept.is_headed_for(&target) {
+        let is_barred = kept.is_blocked && !result.says_nothing_of_the_goal();
+        if kept.is_headed_for(&target) && !is_barred {
             return self.tell(GoalState::Underway, "");
         }
         let is_moving = !kept.headings.is_empty();

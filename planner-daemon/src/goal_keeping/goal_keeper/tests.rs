@@ -451,6 +451,26 @@ fn the_way_to_a_former_place_goes_on_while_the_new_one_cannot_be_reached() {
 }
 
 #[test]
+fn a_goal_that_an_obstacle_has_come_to_is_told_while_the_motion_to_it_still_goes_on() {
+    let mut bench = Bench::underway();
+    let RobotMotion::Following(mut barred) = following(7) else {
+        unreachable!("it follows")
+    };
+    barred.is_blocked = true;
+    let barred = RobotMotion::Following(barred);
+    bench.after(10, &barred).unwrap();
+    let failure = failed(Outcome::GoalInCollision, "the obstacle is there");
+    bench.keeper.hear_plan(&failure);
+    assert_eq!(bench.state(), GoalState::Unreachable);
+    // The motion is certified to its end again.
+    bench.after(100, &following(7)).unwrap();
+    bench
+        .keeper
+        .hear_plan(&failed(Outcome::ExecutionRefused, "no better"));
+    assert_eq!(bench.state(), GoalState::Underway);
+}
+
+#[test]
 fn a_motion_that_a_client_has_executed_ends_the_goal_by_its_number() {
     let mut bench = Bench::underway();
     bench.keeper.end_for_foreign(9);

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use client::{ClientError, GoalSender, ScenePublisher};
 use shared_types::clock::mono_now_ns;
-use shared_types::codes::{GoalState, LoopState};
-use shared_types::message::MovingBall;
+use shared_types::codes::{CommandSender, GoalState, LoopState, StopCause};
+use shared_types::message::{MotionResult, MovingBall};
 use shared_types::valid::{Goal, GoalStatus};
 use tests::brute_force::{Ball, Body, Tendons};
 use tests::judge::Judge;
@@ -117,7 +117,7 @@ struct Figures {
     went_on: usize,
     /// When the obstacle that comes and goes was there, nanoseconds of `CLOCK_MONOTONIC`.
     obstructed_ns: Vec<[i64; 2]>,
-    /// Motions that ended neither at their certified end nor joined by another.
+    /// Motions that ended neither at their certified end, nor joined by another, nor stopped by the daemon's supervision.
     cut_short: Vec<String>,
     /// Motions without exactly one result.
     miscounted: Vec<String>,
@@ -169,7 +169,12 @@ impl Figures {
 
     /// Looks at everything that was heard.
     fn look(&mut self, body: &Body, heard: &Heard) {
-        let cut_short = heard.results.iter().filter(|result| !is_whole(result));
+        let ends_certified = |result: &&MotionResult| {
+            let by_supervision = result.cause == StopCause::Command.code()
+                && result.sender == CommandSender::Supervision.code();
+            is_whole(result) || by_supervision
+        };
+        let cut_short = heard.results.iter().filter(|it| !ends_certified(it));
         self.cut_short = cut_short.map(named).collect();
         let results = |id: u32| {
             let of_it = heard.results.iter().filter(|it| it.trajectory_id == id);
@@ -217,7 +222,7 @@ impl Figures {
         );
         report.all_of(&line("came to rest"), self.rested, rounds);
         report.none_of(
-            &line("motions that ended neither at their certified end nor joined by another"),
+            &line("motions that ended neither at their certified end, nor joined by another, nor stopped by the daemon's supervision"),
             &self.cut_short,
         );
         report.none_of(
