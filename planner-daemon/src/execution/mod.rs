@@ -25,5 +25,6 @@ pub(crate) use request::{ExecutionTiming, SelectedMotion};
 pub(crate) use robot_motion::{FollowedMotion, RobotMotion, Switch, TimedGoal};
 pub(crate) use rules::ExecutionRules;
 pub(crate) use shared::Shared;
+pub(crate) use supervised_motion::StopReason;
 pub(crate) use supervision_thread::{Execution, ExpectedBegin};
 pub(crate) use supervisor::HeardOrders;

@@ -10,6 +10,7 @@ use shared_types::codes::{LoopFault, LoopState};
 use trajectory::{Knot, Trajectory};
 
 use super::refusal::ExecutionRefusal;
+use super::supervised_motion::StopReason;
 use crate::live_scene::Timing;
 
 /// Least path time between a switch and a knot of the motion that is left, s; the controller wants 0.4 ms.
@@ -35,6 +36,8 @@ pub(crate) enum RobotMotion {
         fault: LoopFault,
         /// Whether this is over within some milliseconds.
         passes: bool,
+        /// Why this daemon has its motion stopped, if it has.
+        stopped_for: Option<StopReason>,
     },
 }
 

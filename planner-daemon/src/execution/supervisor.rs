@@ -409,6 +409,7 @@ pub(super) fn robot_motion(
             state: state_now,
             fault: state.fault,
             passes: own.is_some(),
+            stopped_for: own.and_then(SupervisedMotion::stop_reason),
         },
     }
 }

@@ -8,7 +8,7 @@ use shared_types::message::{GoalStatus, ReasonText};
 use shared_types::valid::{Goal, MotionResult, PlanRequest, PreviousPlan, StandingGoal};
 
 use super::kept_goal::{Heading, KeptGoal, PublishedMotion, Target};
-use crate::execution::{HeardOrders, RobotMotion, Switch};
+use crate::execution::{HeardOrders, RobotMotion, StopReason, Switch};
 use crate::tip_tolerance::tip_tolerance;
 
 /// Candidates of a plan.
@@ -172,6 +172,14 @@ impl GoalKeeper {
         now_mono_ns: i64,
     ) -> Option<PlanRequest> {
         let is_planning = self.planned_for.is_some();
+        if let RobotMotion::Busy {
+            stopped_for: Some(reason),
+            ..
+        } = robot
+        {
+            self.tell_stop(*reason);
+            return None;
+        }
         let kept = self.kept.as_mut()?;
         if is_planning || now_mono_ns < kept.next_plan_mono_ns {
             return None;
@@ -314,6 +322,17 @@ impl GoalKeeper {
             return;
         }
         self.tell_failure(result);
+    }
+
+    /// Tells that supervision has the motion to the goal stopped: another one is planned once the robot rests.
+    fn tell_stop(&mut self, reason: StopReason) {
+        if self.kept.as_ref().is_some_and(|it| !it.headings.is_empty()) {
+            self.status.outcome = Outcome::NoPath.code();
+            self.tell(
+                GoalState::Unreachable,
+                &format!("the robot is stopped on its way: {reason}"),
+            );
+        }
     }
 
     fn tell_failure(&mut self, result: &PlanResult) {

@@ -187,6 +187,7 @@ mod tests {
             state,
             fault: LoopFault::None,
             passes,
+            stopped_for: None,
         };
         for (robot, text) in [
             (busy(LoopState::Stopping, false), "stopping"),

@@ -52,6 +52,7 @@ fn busy(state: LoopState, fault: LoopFault, passes: bool) -> RobotMotion {
         state,
         fault,
         passes,
+        stopped_for: None,
     }
 }
 

@@ -192,3 +192,17 @@ fn of_two_updates_the_one_with_the_later_stamp_counts() {
     );
     assert_eq!(bench.keeper.status().goal_stamp_mono_ns, GIVEN + 9);
 }
+
+#[test]
+fn a_goal_to_which_the_motion_is_stopped_is_told_while_the_robot_still_brakes() {
+    let mut bench = Bench::underway();
+    let stopping = RobotMotion::Busy {
+        state: LoopState::Stopping,
+        fault: LoopFault::None,
+        passes: true,
+        stopped_for: Some(StopReason::SceneInTheWay { at_s: 0.5 }),
+    };
+    assert!(bench.after(1, &stopping).is_none());
+    assert_eq!(bench.state(), GoalState::Unreachable);
+    assert!(bench.reason().contains("0.5"), "{}", bench.reason());
+}

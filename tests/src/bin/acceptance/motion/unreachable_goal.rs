@@ -32,6 +32,8 @@ const LOST: [([f64; 3], &str); 2] = [
     ([2.5, 0.5, 2.5], "out of reach"),
     ([-1.4, 0.0, 2.2], "goal in collision"),
 ];
+/// What is said of a tip to which an obstacle comes: that it is there, or, so near to it that the robot must stop at once, that it is in the way.
+const BARRED: [&str; 2] = ["goal in collision", "the live scene is in the way"];
 /// An obstacle that rests, and one that comes where the first tip is, and goes again.
 const OBSTACLE: MovingBall = ball([-1.4, 0.0, 2.2], 0.3);
 const COMES: MovingBall = ball(NEAR_M[0], 0.2);
@@ -65,14 +67,14 @@ pub(super) fn run(report: &mut Report, scale: Scale) {
             match LOST.get(round % 3) {
                 Some(&(tip_m, name)) => {
                     let goes = |goal: &mut GoalSender| goal.move_to(Goal::tip(tip_m), [0.0; 3]);
-                    figures.lose(&mut stack, &mut goal, name, goes)?;
+                    figures.lose(&mut stack, &mut goal, [name, name], goes)?;
                     goal.move_to(Goal::tip(NEAR_M[1]), [0.0; 3])?;
                     figures.find_again(&mut stack, &mut goal, NEAR_M[1])?;
                 }
                 None => {
                     let from_ns = mono_now_ns();
                     let comes = |_: &mut GoalSender| scenes.publish(&[OBSTACLE, COMES], LONG);
-                    figures.lose(&mut stack, &mut goal, "goal in collision", comes)?;
+                    figures.lose(&mut stack, &mut goal, BARRED, comes)?;
                     figures.obstructed_ns.push([from_ns, mono_now_ns()]);
                     scenes.publish(&[OBSTACLE], LONG)?;
                     figures.find_again(&mut stack, &mut goal, NEAR_M[0])?;
@@ -125,12 +127,12 @@ struct Figures {
 }
 
 impl Figures {
-    /// The goal cannot be reached any more, which is said by this name.
+    /// The goal cannot be reached any more, which is said by one of these names.
     fn lose(
         &mut self,
         stack: &mut Stack,
         goal: &mut GoalSender,
-        name: &str,
+        names: [&str; 2],
         happens: impl FnOnce(&mut GoalSender) -> Result<(), ClientError>,
     ) -> anyhow::Result<()> {
         let sent = Instant::now();
@@ -142,7 +144,7 @@ impl Figures {
         })?;
         self.said_ms.push(sent.elapsed().as_secs_f64() * 1e3);
         let said = status.to_string();
-        if !said.contains(name) {
+        if !names.iter().any(|name| said.contains(name)) {
             self.unnamed.push(said.clone());
         }
         self.reasons.push(said);
