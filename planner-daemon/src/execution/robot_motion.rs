@@ -10,7 +10,7 @@ use shared_types::codes::{LoopFault, LoopState};
 use trajectory::{Knot, Trajectory};
 
 use super::refusal::ExecutionRefusal;
-use super::supervised_motion::StopReason;
+use super::stop_reason::StopReason;
 use crate::live_scene::Timing;
 
 /// Least path time between a switch and a knot of the motion that is left, s; the controller wants 0.4 ms.

@@ -10,7 +10,7 @@ use shared_types::message::{self, ReasonText};
 use shared_types::valid::{Command, CommandReply, Signature, SignedCommand};
 
 use super::heartbeat::STALL_NS;
-use super::supervised_motion::StopReason;
+use super::stop_reason::StopReason;
 use crate::live_scene::{HEARTBEAT_TIMEOUT_NS, UNSUPERVISED_S};
 
 /// Time after which an order is given again while a stop is still wanted, nanoseconds: a controller whose loop is held answers after

@@ -25,7 +25,8 @@ use super::robot_motion::{FollowedMotion, RobotMotion};
 use super::rules::ExecutionRules;
 use super::shared::Shared;
 use super::stop_order::StopOrder;
-use super::supervised_motion::{MotionStatus, StopReason, SupervisedMotion, is_fresh};
+use super::stop_reason::StopReason;
+use super::supervised_motion::{MotionStatus, SupervisedMotion, is_fresh};
 use crate::live_scene::{Arrival, LiveScene, MAX_SOURCES, SceneInbox, SceneMemory, SceneSnapshot};
 
 /// Period of the supervision loop.
