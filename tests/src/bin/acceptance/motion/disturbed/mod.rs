@@ -264,12 +264,13 @@ impl Run {
         let late = late_ms.iter().filter(|it| **it > LATE_MS).count();
         let figure = format!(
             "{orders} orders of speed and pauses were taken; from the switch, as foreseen, to the first set-point {median:.1} ms in the median, {most:.1} \
-             ms at most, later than {LATE_MS} ms {late} times of {}",
+             ms at most, later than {LATE_MS} ms {late} times of {}; the other replans were refused, or the robot had come to rest",
             late_ms.len()
         );
+        let not_begun = self.figures.in_motion.saturating_sub(late_ms.len());
         let effects = match self.disturbance {
             Disturbance::Speed => orders,
-            _ => late,
+            _ => late + not_begun,
         };
         let bar = format!("> a tenth of {}", self.figures.in_motion);
         let is_disturbed = 10 * effects > self.figures.in_motion;
