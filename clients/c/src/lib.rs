@@ -6,8 +6,6 @@
 //!   [`pcc_last_error_kind`] by a code.
 //! * Times that a call may take are seconds.
 #![allow(unsafe_code)] // Pointers come from C.
-// The contract of all pointers is told once, in `pointer`.
-#![allow(clippy::missing_safety_doc)]
 
 mod controller;
 mod error;

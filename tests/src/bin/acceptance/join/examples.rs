@@ -24,6 +24,16 @@ pub(super) struct Program {
     pub(super) arguments: Vec<String>,
 }
 
+impl Program {
+    /// A script for a Python.
+    pub(super) fn script(python: PathBuf, script: &Path) -> Self {
+        Self {
+            path: python,
+            arguments: vec!["-u".to_owned(), script.display().to_string()],
+        }
+    }
+}
+
 /// The examples of a language.
 pub(super) struct Examples {
     pub(super) language: &'static str,
@@ -32,10 +42,13 @@ pub(super) struct Examples {
     pub(super) folder: PathBuf,
     /// The ending of an example's file.
     pub(super) ending: &'static str,
-    /// How a line begins that is none of the example's own: a comment, the naming of what is used, the end of a block.
+    /// How a line begins that is none of the example's own: a comment, the naming of what is used, the end of a block. Where none is named
+    /// every line counts.
     pub(super) of_all: &'static [&'static str],
     /// Lines of its own that each example may have.
     pub(super) most_lines: usize,
+    /// What `watch` tells of a motion and of its end.
+    pub(super) watched: [&'static str; 2],
     /// Builds what is missing of an example.
     pub(super) program: fn(&str) -> anyhow::Result<Program>,
 }
@@ -123,9 +136,9 @@ impl Examples {
         let status = watching.wait(LIMIT)?;
         ensure!(status.success(), "watch: {status}: {}", watching.log());
         let watched = watching.log();
-        let sees = watched.contains("executing") && watched.contains("holding");
+        let sees = self.watched.iter().all(|told| watched.contains(told));
         report.check(
-            &self.line("watch tells of the motion and of the rest after it"),
+            &self.line("watch tells of the motion and of its end"),
             sees.to_string(),
             "true",
             sees,
@@ -143,12 +156,11 @@ impl Examples {
         self.is_reached(report, "a motion beside its ball", &planned);
         let status = publishing.wait(LIMIT)?;
         ensure!(status.success(), "scene: {status}: {}", publishing.log());
-        report.check(
-            &self.line("what the daemon says of its scenes"),
-            publishing.log().trim().to_owned(),
-            "every scene counted",
-            publishing.log().contains("every scene counted"),
-        );
+        let said = publishing.log();
+        let last = said.lines().last().unwrap_or_default().to_owned();
+        let counted = last == "every scene counted";
+        let line = self.line("what the daemon says of its scenes");
+        report.check(&line, last, "every scene counted", counted);
         // It has taken its leave: another source alone decides now, and its scene must count.
         let mut other = ScenePublisher::connect(&stack.world.options, "other")?;
         other.publish(&[], Duration::from_secs(60))?;
@@ -174,13 +186,14 @@ impl Examples {
         Ok(())
     }
 
-    /// Lines that are neither blank nor what all programs have.
+    /// Lines that are neither blank nor what all programs have; all lines where nothing is named that these have.
     fn own_lines(&self, example: &Path) -> anyhow::Result<usize> {
         let text = std::fs::read_to_string(example);
         let text = text.with_context(|| example.display().to_string())?;
         let is_own = |line: &&str| {
             let line = line.trim();
-            !line.is_empty() && !self.of_all.iter().any(|begin| line.starts_with(begin))
+            self.of_all.is_empty()
+                || !line.is_empty() && !self.of_all.iter().any(|begin| line.starts_with(begin))
         };
         Ok(text.lines().filter(is_own).count())
     }

@@ -23,6 +23,7 @@ pub(super) fn rust() -> Examples {
         ending: "rs",
         of_all: &["//", "use ", "}"],
         most_lines: LINES,
+        watched: ["executing", "holding"],
         program: |name| {
             run(Command::new("cargo")
                 .args([
@@ -48,6 +49,7 @@ pub(super) fn c() -> Examples {
         ending: "c",
         of_all: &["/*", "#include", "}"],
         most_lines: LINES,
+        watched: ["executing", "holding"],
         program: |name| compiled(name, "c", &["cc", "-std=c11"]),
     }
 }
@@ -60,6 +62,7 @@ pub(super) fn cpp() -> Examples {
         ending: "cpp",
         of_all: &["//", "#include", "}"],
         most_lines: LINES,
+        watched: ["executing", "holding"],
         program: |name| compiled(name, "cpp", &["c++", "-std=c++20"]),
     }
 }
@@ -72,11 +75,10 @@ pub(super) fn python() -> Examples {
         ending: "py",
         of_all: &["\"\"\"", "import ", "from ", "#"],
         most_lines: LINES,
+        watched: ["executing", "holding"],
         program: |name| {
             let script = repository().join(format!("clients/python/examples/{name}.py"));
-            let path = python_client()?;
-            let arguments = ["-u".to_owned(), script.display().to_string()].into();
-            Ok(Program { path, arguments })
+            Ok(Program::script(python_client()?, &script))
         },
     }
 }

@@ -20,6 +20,9 @@ pub(super) fn run(report: &mut Report) {
         every_service(&examples, report)
     });
     examples.run(report);
+    report.group(&group("verdicts on scenes"), command, |report| {
+        verdicts(&examples, report)
+    });
     report.group(&group("drive motors"), command, |report| {
         drive(&examples, report)
     });
@@ -34,17 +37,17 @@ fn examples() -> Examples {
         command: "clients/plain-python",
         folder: repository().join("clients/plain-python"),
         ending: "py",
-        of_all: &["\"\"\"", "import ", "from ", "#"],
+        of_all: &[],
         most_lines: 60,
+        watched: ["executing", ": reached"],
         program: |name| {
             let script = repository().join(format!("clients/plain-python/{name}.py"));
-            let path = python_with(
+            let python = python_with(
                 "venv-plain",
                 "clients/plain-python/requirements.txt",
                 "iceoryx2 and numpy",
             )?;
-            let arguments = ["-u".to_owned(), script.display().to_string()].into();
-            Ok(Program { path, arguments })
+            Ok(Program::script(python, &script))
         },
     }
 }
@@ -94,6 +97,25 @@ fn every_service(examples: &Examples, report: &mut Report) -> anyhow::Result<()>
             count > 0,
         );
     }
+    Ok(())
+}
+
+/// What the daemon says of each scene, as the example hears it.
+fn verdicts(examples: &Examples, report: &mut Report) -> anyhow::Result<()> {
+    let stack = Stack::running(&Settings::default())?;
+    let ball = ["3", "0", "1", "0.1", "0.1", "0", "0", "2"];
+    let told = examples.said(&stack.world, "scene", &ball)?;
+    let verdicts = told.lines().filter(|line| line.starts_with("scene "));
+    let refused = verdicts.clone().filter(|line| !line.contains(": none"));
+    let refused: Vec<String> = refused.map(str::to_owned).collect();
+    report.none_of("plain Python: scenes that do not count", &refused);
+    let count = verdicts.count();
+    report.check(
+        "plain Python: scenes that count",
+        count.to_string(),
+        "> 20",
+        count > 20,
+    );
     Ok(())
 }
 

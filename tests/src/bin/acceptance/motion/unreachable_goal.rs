@@ -119,7 +119,7 @@ struct Figures {
     went_on: usize,
     /// When the obstacle that comes and goes was there, nanoseconds of `CLOCK_MONOTONIC`.
     obstructed_ns: Vec<[i64; 2]>,
-    /// Motions that ended neither at their certified end, nor joined by another, nor stopped by the daemon's supervision.
+    /// Motions that ended neither at their certified end, nor joined by another, nor stopped by supervision for the obstacle that came.
     cut_short: Vec<String>,
     /// Motions without exactly one result.
     miscounted: Vec<String>,
@@ -171,13 +171,6 @@ impl Figures {
 
     /// Looks at everything that was heard.
     fn look(&mut self, body: &Body, heard: &Heard) {
-        let ends_certified = |result: &&MotionResult| {
-            let by_supervision = result.cause == StopCause::Command.code()
-                && result.sender == CommandSender::Supervision.code();
-            is_whole(result) || by_supervision
-        };
-        let cut_short = heard.results.iter().filter(|it| !ends_certified(it));
-        self.cut_short = cut_short.map(named).collect();
         let results = |id: u32| {
             let of_it = heard.results.iter().filter(|it| it.trajectory_id == id);
             of_it.count()
@@ -191,6 +184,13 @@ impl Figures {
             let mut times = self.obstructed_ns.iter();
             times.any(|[from, to]| (*from..*to).contains(&stamp_ns))
         };
+        let ends_certified = |result: &&MotionResult| {
+            let by_supervision = result.cause == StopCause::Command.code()
+                && result.sender == CommandSender::Supervision.code();
+            is_whole(result) || by_supervision && is_there(result.stamp_mono_ns)
+        };
+        let cut_short = heard.results.iter().filter(|it| !ends_certified(it));
+        self.cut_short = cut_short.map(named).collect();
         let balls = |stamp_ns: i64| {
             if is_there(stamp_ns) {
                 &both[..]
@@ -224,7 +224,7 @@ impl Figures {
         );
         report.all_of(&line("came to rest"), self.rested, rounds);
         report.none_of(
-            &line("motions that ended neither at their certified end, nor joined by another, nor stopped by the daemon's supervision"),
+            &line("motions that ended neither at their certified end, nor joined by another, nor stopped by supervision for the obstacle that came"),
             &self.cut_short,
         );
         report.none_of(
